@@ -25,7 +25,7 @@ from flighttune.campaign.engine.progress import CampaignObserver
 from flighttune.campaign.flying.rows import fly_group
 from flighttune.campaign.turn_back import room_of
 from flighttune.claims.band import ROOM, Band, Residual, TurnBack, read_counted
-from flighttune.claims.count import fresh_flights
+from flighttune.claims.count import allowed_outside, fresh_flights
 from flighttune.claims.counted import (
     DOUBLED,
     About,
@@ -456,6 +456,17 @@ def load_counted(path: str | Path) -> Band | Residual | TurnBack:
         return flights_of(plan, about.of, len(about.signals), first)
 
     counted = read_counted(path, of_plan)
+    if len(counted.scores) < counted.first:  # it ended early, which only a certain no may
+        allowed = allowed_outside(counted.first, counted.about.epsilon, counted.about.confidence)
+        outside = [counted.not_completed]
+        if isinstance(counted, Band):
+            outside += [counted.inside(areas).outside for areas in counted.about.fences]
+        if max(outside) <= allowed:
+            raise InputError(
+                f"{path}: `plan.runs` must be the flights learned from and counted, "
+                f"{counted.about.learned + len(counted.scores)}, where no answer was certain "
+                f"before, got {counted.about.learned + counted.first}."
+            )
     if counted.about.fences:
         check_one_path(plan_in(counted.about), counted.draws.tolist())
     return counted
