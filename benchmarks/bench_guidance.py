@@ -101,7 +101,8 @@ def flown(
 ):
     """Signals of a flight, which begins `aside` m to the right of the path."""
     (V_a, scale), tables = SCALES[aircraft], ft.load_scenario("circuit").as_dict()
-    tables |= {"law": law, "expect": [], "tuning": {"identified": aircraft}}
+    tables |= {"law": law, "gains": ["tuned_identified"], "expect": []}
+    tables["tuning"] = {"identified": aircraft}
     tables["plant"] = [{"kind": "jsbsim", "aircraft": aircraft, "airframe": airframe}]
     tables["flight"] |= {"V_a_mps": V_a, "duration_s": 2000.0}
     if wind is not None:

@@ -13,7 +13,7 @@ from flighttune.theory.indicators import indicators
 from flighttune.tuning.problem import search_space
 from flighttune.tuning.robust import FINE, Peaks, channels
 
-IDENTIFIED = {"tuning.model": "identified"}
+IDENTIFIED = {"law": "paper", "tuning.model": "identified"}
 SCENARIOS = "level_turn", "gust_in_turn", "turbulent_climb", "crosswind_course", "paper_identified"
 
 

@@ -14,7 +14,7 @@ from flighttune.control.sampled_loop import MAX_SAMPLED
 TARGET = 0.99
 
 # Of rates behind lags, of two ways to take the delay: exactly and by a Pade section.
-PADE = 0.02
+PADE = 0.03
 
 IDENTIFIED = {"tuning.model": "identified"}
 

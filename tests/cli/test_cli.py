@@ -92,7 +92,7 @@ def test_infeasible_gains_are_not_flown_and_say_so(tmp_path):
         ("identify aerosonde --out model.txt", "model.txt: --out must end in .json"),
         ("adopt concorde9 --out x", "Concorde"),
         ("adopt nowhere/x8.xml --out x", "nowhere/x8.xml"),
-        ("export paper --gains exact:paper --format c --out x", "got the law 'exact'"),
+        ("export speed_change_in_turn --gains exact:speed --format c --out x", "`V_mps` of [ref"),
         ("export crosswind_course --gains paper --out x", "`wind.level` must be absent"),
         ("export oscillating_wind --gains paper --out x", "`disturbance.as_wind` must be absent"),
         ("export paper_as_printed --gains paper --out x", "`plant` must"),

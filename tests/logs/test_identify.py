@@ -128,7 +128,7 @@ def test_a_model_from_logs_is_an_aircraft_without_an_airframe(model):
     flown = ft.fly(folder / "mine.toml")
     certification = ft.certify(folder / "mine.toml")
     c = ft.export(folder / "mine.toml", form="c", out=folder / "c")
-    meeting = ft.meet(folder / "mine.toml", budget=4)
+    meeting = ft.meet(folder / "mine.toml", budget=6)
 
     assert [run.status for run in flown.runs] == ["completed"] * 2
     table = flown.scenario.plant_table("point_mass_lag")
