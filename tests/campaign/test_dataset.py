@@ -58,6 +58,7 @@ def written(url, ours, *tables, versions=None):
     return url
 
 
+@pytest.mark.counts
 def test_pandas_and_duckdb_read_a_campaign_while_it_runs(tmp_path, monkeypatch):
     monkeypatch.setattr(dataset_module, "KEEP_MAX_S", 0.0)  # rows are written as they come
     ours = plan(tmp_path, runs=120)

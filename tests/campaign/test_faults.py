@@ -105,7 +105,10 @@ def check(out, ours, poison, status, reason):
 @pytest.mark.parametrize(
     ("functions", "limit", "status", "reason"),
     [
-        (CIRCULAR, 60.0, "crashed", "the flight ended the process that flew it: SIGSEGV"),
+        pytest.param(
+            *(CIRCULAR, 60.0, "crashed", "the flight ended the process that flew it: SIGSEGV"),
+            marks=pytest.mark.counts,
+        ),
         (DOUBLING, 2.0, "timed_out", "the flight must end within 2 s of wall time"),
     ],
     ids=["overflows JSBSim's stack", "stays in JSBSim for ever"],
@@ -166,6 +169,7 @@ def test_a_worker_that_lacks_the_law_of_a_campaign_refuses_it_by_name(
     assert ft.run_campaign(ours, tmp_path / "out", scheduler=address, resume=True).completed == 4
 
 
+@pytest.mark.counts
 def test_a_law_whose_file_changes_meanwhile_ends_the_count_at_once(tmp_path):
     file = write_campaign(tmp_path, runs=RUNS, wind="")
     law = with_own_law(tmp_path / "short_turn_in_wind.toml")
@@ -309,6 +313,7 @@ def test_a_flight_that_never_ends_outlives_a_killed_command_by_its_time_limit_at
         wait_until(lambda: gone(below))
 
 
+@pytest.mark.counts
 def test_a_file_that_may_not_grow_is_one_line(tmp_path, file, ours, undisturbed, address):
     out = tmp_path / "out"
     limit = (FILE_LIMIT, FILE_LIMIT)
@@ -379,6 +384,7 @@ def test_an_aircraft_that_always_ends_the_process_is_one_line(tmp_path, address)
         ft.run_campaign(ours, tmp_path / "out", scheduler=address)
 
 
+@pytest.mark.counts
 def test_an_undispersed_flight_that_never_ends_waits_for_the_time_limit(tmp_path):
     endless = aircraft_with(tmp_path / "aircraft", DOUBLING.replace("24.9", "0.1"))
     ours = plan(tmp_path, runs=4, law=False, aircraft=(endless,), top="time_limit_s = 1.0")
@@ -389,6 +395,7 @@ def test_an_undispersed_flight_that_never_ends_waits_for_the_time_limit(tmp_path
     assert time.monotonic() - began < 60.0  # 11 s and the start of a process; was twice 120 s
 
 
+@pytest.mark.counts
 def test_a_process_killed_in_a_flight_and_again_while_it_starts_costs_no_run(tmp_path, monkeypatch):
     ours = plan(tmp_path, runs=4, law=False)
     calls, receive = itertools.count(), Flyer._receive

@@ -9,6 +9,7 @@ from unittest import mock
 import numpy as np
 import pytest
 from commands import answer, flighttune
+from fuzzing import first_or_all
 from made_up import scenario_file
 
 import flighttune as ft
@@ -194,10 +195,7 @@ NEAREST = 1.1
 
 
 # of 600 flights of the lagged law each
-LONG = (pytest.param(name, marks=pytest.mark.counts) for name in LAGGED_SETS)
-
-
-@pytest.mark.parametrize("name", [*SETS, *LONG])
+@pytest.mark.parametrize("name", first_or_all([*SETS, *LAGGED_SETS]))
 def test_a_no_is_within_a_tenth_of_a_long_independent_search(name):
     required, best = (SETS | LAGGED_SETS)[name]
 

@@ -67,6 +67,7 @@ def test_a_closed_standard_output_is_no_failure():
     assert (done.returncode, done.stderr) == (0, b"")
 
 
+@pytest.mark.counts
 def test_a_campaign_goes_on_where_nobody_reads_its_progress(tmp_path):
     file = write_campaign(tmp_path, runs=4, wind="", aircraft=())
     command = [sys.executable, "-m", "flighttune", "campaign", file]

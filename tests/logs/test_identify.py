@@ -168,7 +168,7 @@ def test_commands_of_a_log_fly_on_the_model_identified_from_it(log, model):
     assert np.hypot(factors["wind_north"], factors["wind_east"]) < 0.2  # m/s: the noise of airspeed
 
 
-@pytest.mark.slow
+@pytest.mark.counts
 def test_the_tube_of_a_model_from_logs_is_of_the_residual_rates_that_they_show(model, tmp_path):
     """They are those of a known disturbance, a swing of the course rate of 0.02 rad/s in 10 s."""
     run = ft.load_log(model.with_name("flight.csv"))

@@ -410,7 +410,7 @@ def test_a_fence_is_kept_with_its_band_and_shares_its_confidence_and_page(band, 
     assert text.count("fence</span>") == text.count("Map</") == 1
 
 
-@pytest.mark.slow
+@pytest.mark.counts
 def test_flights_that_start_the_other_way_are_not_counted_inside_a_wall_behind_them(tmp_path):
     """A wall is 30 m behind the start; at 25 m/s and 45 deg a turn takes 65 m of radius."""
     wall = fence_file(tmp_path / "wall.geojson", [(-30, -500), (-30, 500), (900, 500), (900, -500)])

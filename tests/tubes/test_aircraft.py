@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from campaigns import flown_here
 from dispersed import uniform
+from fuzzing import first_or_all
 from made_up import scenario_file
 
 import flighttune as ft
@@ -29,7 +30,7 @@ def flight(**changes):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("feed_forward", [False, True])
+@pytest.mark.parametrize("feed_forward", first_or_all([True, False]))
 def test_the_aircraft_flies_inside_its_tube_which_is_proven_again(tmp_path, feed_forward):
     scenario = flight(feed_forward=feed_forward)
 
