@@ -315,6 +315,11 @@ def gain_set(scenario: Scenario, name: str, tuning: TuningResult | None = None) 
         if gains != TUNED:
             settings = scenario.tuning
             if gains == TUNED_FED_BACK:
+                if law.inputs != RATES:
+                    raise InputError(
+                        f'`gains` {TUNED_FED_BACK} must be flown with law = "exact", got the law '
+                        f"{law.name!r}."
+                    )
                 settings = settings.model_copy(update=FED_BACK)
             asked = scenario.model_copy(update={"tuning": settings})
             tuning = tune_scenario(asked, "identified", law=law)

@@ -137,7 +137,7 @@ def test_the_named_gains_are_those_of_the_exact_law_alone():
 
     assert gains.inputs == RATES
     assert min(gains.feedback) > 0.1
-    with pytest.raises(ft.InputError, match=r"`feedback` of .tuning. must be false"):
+    with pytest.raises(ft.InputError, match=r"tuned_fed_back must be flown with law"):
         ft.fly(ft.load_scenario("mission", changes={"law": "paper"}))
 
 
