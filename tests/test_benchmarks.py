@@ -13,7 +13,10 @@ def run(file, *options):
     return subprocess.run([sys.executable, file, *options], capture_output=True, text=True)
 
 
-LONG = "bench_batch", "bench_campaign", "bench_campaign_scaling"
+LONG = {
+    f"bench_{name}"
+    for name in ("batch", "campaign", "campaign_scaling", "commands", "laws", "tube")
+}
 """Benchmarks that take half a minute even so."""
 
 

@@ -166,7 +166,7 @@ def test_the_law_flies_a_leg_and_a_turn_within_a_metre():
     assert min(distances) > 0.0
 
 
-@pytest.mark.soak
+@pytest.mark.counts
 def test_the_law_flies_a_leg_and_a_turn_within_a_metre_in_a_hundred_draws():
     assert max(largest_distances(range(100))) < CORRIDOR_M
 

@@ -38,7 +38,10 @@ def test_the_table_of_campaigns_says_what_their_headers_say():
 
 @pytest.mark.parametrize(
     "name",
-    [pytest.param(name, marks=pytest.mark.soak if name in LONG else ()) for name in CAMPAIGN_NAMES],
+    [
+        pytest.param(name, marks=pytest.mark.counts if name in LONG else ())
+        for name in CAMPAIGN_NAMES
+    ],
 )
 def test_the_first_flights_of_every_campaign_are_flown(name):
     flown = 1 if name in LONG else ON_CIRCUITS if name.startswith("circuit") else FLOWN

@@ -5,7 +5,6 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from fuzzing import first_or_all
 from scipy.signal import periodogram
 
 import flighttune as ft
@@ -81,8 +80,8 @@ def gusts(h):
     return found
 
 
-@pytest.mark.soak
-@pytest.mark.parametrize("h", first_or_all(AIR))
+@pytest.mark.counts
+@pytest.mark.parametrize("h", AIR)
 def test_the_spectra_of_turbulence_are_drydens_over_two_decades(h):
     L_u, L_w, sigma_u, sigma_w = (value * FPS for value in AIR[h])
     found = gusts(h)
