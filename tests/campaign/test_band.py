@@ -288,7 +288,7 @@ def test_residual_signals_have_shorter_windows_than_recorded_ones():
 
 
 def test_residual_signals_need_an_aircraft():
-    with pytest.raises(ft.InputError, match="`plant` must be an aircraft to have residual"):
+    with pytest.raises(ft.InputError, match=r"`plant` must be an aircraft"):
         count(kind=ft.residual)
 
 

@@ -37,5 +37,5 @@ def test_a_proof_of_a_model_whose_file_has_changed_says_so(tmp_path):
     page = tmp_path / "proof.html"
     ft.report(tmp_path / "proof.json", page)
     assert "no longer those that it was made with" in page.read_text()
-    with pytest.raises(ft.InputError, match="must be those that it was proven with"):
+    with pytest.raises(ft.InputError, match=r"must be those .* proven"):
         flown.within(ft.load(tube_file))

@@ -71,9 +71,9 @@ def test_limits_are_those_seen(model):
 
 
 def test_a_value_that_a_source_does_not_take_is_refused(log):
-    with pytest.raises(ft.InputError, match="`V_a` and `gamma` must be absent with a log"):
+    with pytest.raises(ft.InputError, match=r"`V_a` and `gamma` must"):
         ft.identify(log, V_a=[25.0])
-    with pytest.raises(ft.InputError, match="`assume` must be absent with an aircraft"):
+    with pytest.raises(ft.InputError, match=r"`assume` must be absent"):
         ft.identify("aerosonde", assume={"n_z": 5.0})
 
 

@@ -310,7 +310,7 @@ def test_fences_of_mission_planner_are_read_in_both_forms(tmp_path):
     short = planner_fence(tmp_path / "s.waypoints", (5001, 5, BOX))
     with pytest.raises(ft.InputError, match=r"must have its 5 corners, got 4"):
         fence_tables([short])
-    with pytest.raises(ft.InputError, match=r"must be a plan, waypoints or a fence .* got \.xml"):
+    with pytest.raises(ft.InputError, match=r"must be a plan, .*\.xml"):
         fence_tables([tmp_path / "f.xml"])
 
 

@@ -74,7 +74,7 @@ def test_a_home_position_of_zeros_far_from_the_route_is_no_place(tmp_path):
     assert "the route begins at item 2, and heights above home count from 0 m above" in said
     with pytest.raises(ft.InputError, match=r"`plannedHomePosition` .* near the route"):
         read_route(plan_file(tmp_path / "a.plan", *PATROL, home=(0, 0, 0)))
-    with pytest.raises(ft.InputError, match="home, where the route would begin, has no place"):
+    with pytest.raises(ft.InputError, match=r"home, .* has no place"):
         read_route(plan_file(tmp_path / "c.plan", PATROL[2], PATROL[1], home=(0, 0, 0)))
 
 
@@ -561,7 +561,7 @@ def test_a_waypoint_at_the_height_of_home_is_refused_by_its_item_and_the_key_of_
 def test_sentences_count_items_as_the_file_does_and_points_of_a_line(tmp_path):
     """What is not flown counts too: the climb of 300 m over 1.5 km is to item 5."""
     high = waypoint(47.41, 8.52, 360)
-    with pytest.raises(ft.InputError, match=r"the height of item 5 must .* that of item 4"):
+    with pytest.raises(ft.InputError, match=r"of item 5 .*item 4"):
         ft.route(plan_file(tmp_path / "m.plan", PATROL[0], SPEED, CAMERA, PATROL[1], high))
     file = tmp_path / "m.kml"
     file.write_text(KML.format("absolute").replace("47.42,560", "47.40001,560"))

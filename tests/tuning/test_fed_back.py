@@ -137,7 +137,7 @@ def test_the_named_gains_are_those_of_the_exact_law_alone():
 
     assert gains.inputs == RATES
     assert min(gains.feedback) > 0.1
-    with pytest.raises(ft.InputError, match=r"tuned_fed_back must be flown with law"):
+    with pytest.raises(ft.InputError, match=r"must be flown with law"):
         ft.fly(ft.load_scenario("mission", changes={"law": "paper"}))
 
 
@@ -146,5 +146,5 @@ def test_calm_air_has_no_spectrum_and_other_aims_no_feedback():
         scenario(turbulence=None, objective="rms")
     with pytest.raises(ft.ScenarioError, match="`feedback` must be absent"):
         scenario(objective="E_K", feedback=True)
-    with pytest.raises(ft.InputError, match=r"`feedback` of .tuning. must be false"):
+    with pytest.raises(ft.InputError, match=r"`feedback` .* must be false"):
         ft.tune(scenario("paper", objective="decay", feedback=True))
