@@ -71,7 +71,7 @@ EPSILON, CONFIDENCE, LEARN = 0.01, 0.999, 500
 # bounded by nearly its quantile.
 HEIGHT_ROOM = np.array([1.0, 2.0])
 
-# Flights counted before it is looked whether the answer is certain: then twice, four times as many.
+# Flights counted before the answer is first judged; then twice, four times ... as many.
 BATCH = 24
 
 # Numbers of flights named in the refusal of another one.
@@ -141,8 +141,7 @@ def band(  # noqa: PLR0913 - each is a choice of the user, and has a default
         Confidence of the claim, 0 to 1, by default 0.999, or the file's.
     flights : int, optional
         Flights to count in all, by default as many as the claim needs with five of them outside
-        (1640). The count in a file grows to 2, 4, 8 ... times
-        as many as were planned.
+        (1640). The count in a file grows to 2, 4, 8 ... times as many as were planned.
     learn : int, optional
         Flights to learn the shape from, by default 500.
     predicted_from : {"wind"}, optional

@@ -137,11 +137,11 @@ def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
     epsilon : float, 1, optional
         Accepted probability of each claim, by default 0.05, or the file's.
     confidence : float, 1, optional
-        Confidence of all that is said together, 0 to 1, by default 0.95; of a file each claim has
+        Confidence of all that is said together, 0 to 1, by default 0.95; each claim in a file has
         its own.
     flights : int, optional
         Flights to count, by default as many as the claim needs with one of them outside (110 with a
-        fence); fewer where the answer is no before.
+        fence); fewer where the answer is a certain no sooner.
     aircraft : str, optional
         Aircraft that flies a mission, at an airspeed at which it is identified, by default
         aerosonde.

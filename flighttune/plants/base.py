@@ -168,6 +168,7 @@ class WrappedPlant:
         self.kind, self.signals = plant.kind, plant.signals + further
         # Bound once: it is called at every sample.
         self._plant, self._observe = plant, plant.observe
+        # Only aircraft with an inner loop have it, for laws that feed the load factor back.
         self.n_z_followed = getattr(plant, "n_z_followed", None)
 
     @property

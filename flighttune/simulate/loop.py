@@ -286,14 +286,14 @@ def _measured(
     h = signals.index("h") if "h" in signals else None
     n_x = signals.index(N_X_SIGNALS[0]) if N_X_SIGNALS[0] in signals else None
     air = signals.index(WIND[0]) if windy else None
-    body = {"theta", "elevator"} <= {*signals}
-    nose = itemgetter(*map(signals.index, ("theta", "elevator"))) if body else _no_body
+    has_body = {"theta", "elevator"} <= {*signals}
+    pitched = itemgetter(*map(signals.index, ("theta", "elevator"))) if has_body else _no_body
 
     def measured(seen: tuple[float, ...]) -> Measured:
         height = h_0 - seen[_DOWN] if h is None else seen[h]
         wind = None if air is None else seen[air : air + len(WIND)]
         along = None if n_x is None else seen[n_x : n_x + len(N_X_SIGNALS)]
-        return new(Measured, (*angles(seen), height, seen[_POSITION], wind, along, *nose(seen)))
+        return new(Measured, (*angles(seen), height, seen[_POSITION], wind, along, *pitched(seen)))
 
     return measured
 
