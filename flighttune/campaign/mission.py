@@ -128,7 +128,7 @@ def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
         A mission (.plan, .waypoints, .kml, .geojson), a scenario or campaign with a route, or the
         band file of one: its flights are not flown again.
     fences : sequence of str or Path
-        Plans, KML or GeoJSON with the areas to stay in and out of, by default that of a .plan.
+        Plans, KML or GeoJSON with the areas to stay in and out of, by default that of the mission.
     turn_back : str or float, deg, optional
         Count the room to turn back too, and its volumes: flight geography, contingency volume and
         ground risk buffer. Flights turn back at any place of the route, by 180 deg of course at
@@ -137,11 +137,10 @@ def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
     epsilon : float, 1, optional
         Accepted probability of each claim, by default 0.05, or the file's.
     confidence : float, 1, optional
-        Confidence of all that is said together, 0 to 1, by default 0.95; each claim in a file has
-        its own.
+        Confidence of all that is said together, 0 to 1, by default 0.95, or the file's.
     flights : int, optional
         Flights to count, by default as many as the claim needs with one of them outside (110 with a
-        fence); fewer where the answer is a certain no sooner.
+        fence). The count ends sooner where the answer is certainly no.
     aircraft : str, optional
         Aircraft that flies a mission, at an airspeed at which it is identified, by default
         aerosonde.

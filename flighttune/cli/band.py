@@ -94,8 +94,8 @@ def mission(
     """Plan a mission, fly it, and count whether it stays inside its fence.
 
     The answer has the corridor of its flights, the probability that a new one leaves the fence and
-    where they come nearest to it. Exit status 1 if the count does not support a probability of at
-    most epsilon; 2 if the mission cannot be flown.
+    where they come nearest to it. Exit status 1 if the planned path leaves the fence, or the count
+    does not support a probability of at most epsilon; 2 if the mission cannot be flown.
     """
     from flighttune.campaign.mission import mission_plan
     from flighttune.files.load import BAND, written
