@@ -141,7 +141,7 @@ def test_the_widget_of_a_kernel_gets_a_recording_that_the_viewer_draws(kernel, t
 @pytest.mark.parametrize(
     "file",
     [
-        pytest.param(file, marks=[pytest.mark.counts] * (file.stem == "agent"))  # it learns long
+        pytest.param(file, marks=[pytest.mark.counts] * (file.stem in ("agent", "requirement")))
         for file in NOTEBOOKS
     ],
     ids=lambda file: file.stem,

@@ -124,6 +124,7 @@ def test_a_campaign_that_is_stopped_is_flown_on_from_where_it_was(tmp_path, addr
 
 
 @pytest.mark.soak
+@pytest.mark.counts
 def test_a_million_runs_wait_nowhere(tmp_path, address):
     ours = plan(tmp_path, runs=10**6, wind="", aircraft=(), duration=0.5)
     sizes = []

@@ -129,9 +129,9 @@ def test_no_view_is_empty_and_nothing_is_complained_of(viewer, flown):
 @pytest.mark.parametrize(
     ("flight", "tab"),
     [
-        ("in_turbulence", "Overview"),
+        pytest.param("in_turbulence", "Overview", marks=pytest.mark.counts),
         ("in_turbulence", "Aircraft and air"),
-        ("on_a_ladder", "Tracking"),
+        pytest.param("on_a_ladder", "Tracking", marks=pytest.mark.counts),
         ("on_a_ladder", "Law"),
         ("on_a_route", "Overview"),
     ],
