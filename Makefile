@@ -15,6 +15,10 @@ PYTEST := $(PYTHON) -m pytest -n 3 --dist loadfile --no-loadscope-reorder
 demo: $(STAMP)
 	$(VENV)/bin/flighttune fly scenarios/paper.toml --out runs/paper
 
+# Images of containers often set it: each of some hundred processes of the tests would then compile
+# all that it imports anew, which takes half of the time of a short command.
+unexport PYTHONDONTWRITEBYTECODE
+
 # With two workers on two cores, threads of BLAS would spend their time waiting for each other.
 check test soak counts: export OPENBLAS_NUM_THREADS = 1
 
