@@ -15,15 +15,15 @@ from flighttune.cli.app import app
 PAGE = Path(__file__).parents[1] / "commands.md"
 HEAD = """# Commands
 
+Which command does what you want, and how does it say no? `flighttune COMMAND --help` explains a command and its
+options; the built site has all of that help below (made by `python docs/figures/commands.py`).
+
 Exit status: 0 fine; 1 the answer is no (infeasible, unstable, refused, ended
 early); 2 the command could not run: one line on stderr names the file and the key. With
 `--json` a command prints one object on stdout and nothing else (with status 2, nothing on stdout).
 `-q` prints failures only. A gains file is JSON or TOML with `K_P` and `K_I`; the output of
 `tune --json` is one. In a pipe tables are 120 characters wide, or as wide as `COLUMNS` says.
 `flighttune --install-completion` sets up completion in the shell.
-
-`flighttune COMMAND --help` explains the options of a command; the built site has all of it below
-(made by `python docs/figures/commands.py`).
 """
 
 
@@ -45,17 +45,12 @@ def help_of(*words: str) -> str:
 
 
 def page() -> str:
-    """The page in the repository, as Markdown: what each command does."""
+    """The page in the repository, as Markdown: the commands of each part of the help."""
     under: dict[str, list[str]] = {}
     for heading, words in commands(typer.main.get_command(app)):
-        row = f"| `flighttune {' '.join(words)}` | {first_sentence(help_of(*words))} |"
-        under.setdefault(heading, [f"| {heading} | |", "|---|---|"]).append(row)
-    return "\n".join([HEAD, *("\n".join([*rows, ""]) for rows in under.values())])
-
-
-def first_sentence(shown: str) -> str:
-    """The paragraph below the usage in the help of a command, which says what it does."""
-    return " ".join(shown.split("\n\n")[1].split()).replace("|", "\\|")
+        under.setdefault(heading, []).append(f"`{' '.join(words)}`")
+    rows = (f"| {heading} | {', '.join(named)} |" for heading, named in under.items())
+    return "\n".join([HEAD, "| to | flighttune ... |", "|---|---|", *rows, ""])
 
 
 def helps() -> str:

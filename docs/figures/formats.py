@@ -22,13 +22,17 @@ PAGE = Path(__file__).parents[1] / "formats.md"
 KEYS = Path(__file__).parents[2] / "tests" / "docs" / "json_keys.md"
 HEAD = """# File formats and JSON
 
-Made by `python docs/figures/formats.py` from what the commands print and write; the built site has
-the keys of `--json` of each command besides. `[]` stands for the entries of a list, `*` for names
-that depend on what was given (gains, plants, runs), `null` for what may be absent. Below
-`plan.campaign` of a campaign are the [keys](keys.md) of a campaign, below `plan.nominal` and
-`plan.central` those of a scenario. Keys hold numbers unless their kind stands before them. Angles
+What do the files and the output of `--json` hold? A run is a Parquet file with the columns below;
+the built site has, below them, the keys of every JSON file and of `--json` of each command, which
+in a checkout are in `tests/docs/json_keys.md`. Both are made by
+`python docs/figures/formats.py` from what the commands write.
+
+Keys hold numbers unless their kind stands before them; `[]` stands for the entries of a list, `*`
+for names that depend on what was given (gains, plants, runs), `null` for what may be absent. Angles
 are in rad, rates in rad/s, all else in SI unless the name ends in a unit; numbers that are not
-finite are null. Columns of campaigns are on [their page](campaigns.md#the-dataset).
+finite are null. Below `plan.campaign` of a campaign are the [keys](keys.md) of a campaign, below
+`plan.nominal` and `plan.central` those of a scenario. Columns of campaigns are on [their
+page](campaigns.md#the-dataset).
 """
 OF_SCHEMAS = ("plan.campaign", "plan.nominal", "plan.central")
 """Beginnings of places that hold the keys of a scenario or a campaign."""
@@ -157,14 +161,15 @@ def pages(commands: Sequence[str] = COMMANDS) -> tuple[str, str]:
     lines = [HEAD]
     with tempfile.TemporaryDirectory() as folder, chdir(folder):
         said = {command: answer(command) for command in commands}
-        lines += ["## Parquet: signals of a run\n", *columns(Path("fly")), "", "## Files of JSON\n"]
+        lines += ["## Parquet: signals of a run\n", *columns(Path("fly"))]
+        printed = ["## Files of JSON\n"]
         for title, name in FILES:
-            lines += [f"### {title}\n", *table(json.loads(Path(name).read_text())), ""]
-    printed = ["## What commands print with `--json`\n"]
+            printed += [f"### {title}\n", *table(json.loads(Path(name).read_text())), ""]
+    printed += ["## What commands print with `--json`\n"]
     for command, value in said.items():
         words = re.split(r" --(?!frontier)", command)[0]
         printed += [f"### flighttune {words}\n", *table(value), ""]
-    return "\n".join(lines), "\n".join(printed)
+    return "\n".join(lines) + "\n", "\n".join(printed)
 
 
 if __name__ == "__main__":

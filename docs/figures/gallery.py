@@ -37,9 +37,9 @@ POINTS = 160
 HEIGHT = 230.0
 HEAD = """# Gallery
 
-Each picture is what the command below it flies, and each sentence is the claim that its scenario or
-campaign states; `flighttune fly` says whether its flights meet it. `flighttune list` names all. The
-page and its pictures are made by `python docs/figures/gallery.py`.
+What can be flown? Each picture is what the command above it flies, and each sentence is the claim
+that its scenario or campaign states; `flighttune fly` says whether its flights meet it, and
+`flighttune list` names all. `python docs/figures/gallery.py` makes the page and its pictures.
 """
 
 
@@ -126,8 +126,8 @@ def page() -> str:
         known.append((name, ft.load_campaign(name), command))
     for name, source, command in known:
         claim = source.verifies[0].upper() + source.verifies[1:]
-        lines += [f"## {source.title}\n", f"{claim}.\n"]
-        lines += [f"![Flights of {name}](gallery/{name}.svg)\n", f"```sh\n{command}\n```\n"]
+        lines += [f"## `{command}`\n", f"{claim}.\n"]
+        lines += [f"![{source.title}](gallery/{name}.svg)\n"]
     return "\n".join(lines)
 
 
