@@ -18,7 +18,6 @@ GAINS = "paper"
 TURNED = 5.0 / DEG_PER_RAD
 COLUMNS = {
     "ITAE": ("ITAE", "rad s²", 1.0),
-    "MO_rad": ("MO", "deg", DEG_PER_RAD),
     "ST_rad": ("ST", "deg", DEG_PER_RAD),
 }
 
@@ -70,7 +69,6 @@ def reading(gap: Gap) -> str:
     waits = [f"{first_turn(run):.1f} s on `{run.provenance.plant}`" for run in gap.runs]
     return "\n".join(
         [
-            *gap.causes,
             f"The first {TURNED * DEG_PER_RAD:.0f} deg of turn "
             f"take {', '.join(waits)}. The {gap.lag_source} lag accounts for "
             f"{phi:.1f} % of the variance of φ in this flight and for "
