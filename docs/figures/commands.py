@@ -15,8 +15,9 @@ from flighttune.cli.app import app
 PAGE = Path(__file__).parents[1] / "commands.md"
 HEAD = """# Commands
 
-Which command does what you want, and how does it say no? `flighttune COMMAND --help` explains a command and its
-options; the built site has all of that help below (made by `python docs/figures/commands.py`).
+Which command does what you want, and how does it say no? `flighttune COMMAND --help` explains a
+command and its options; the built site has all of that help below. The page is made by
+`python docs/figures/commands.py`.
 
 Exit status: 0 fine; 1 the answer is no (infeasible, unstable, refused, ended
 early); 2 the command could not run: one line on stderr names the file and the key. With
