@@ -28,11 +28,11 @@ FIRST_S, FIRST_ERROR = 1.0, 1.0 * DEG
 NO_ROLL, NO_GAIN = math.pi, 20.0
 
 
-def advice(scenario: Scenario, runs: Sequence[Run], source: str) -> str:
+def advice(scenario: Scenario, runs: Sequence[Run], source: str, slopes: Sequence[str] = ()) -> str:
     """One line with what may help the runs that miss an upper bound; empty if nothing is known to.
 
     It begins with likely mistakes in laws of the user. `source` is the scenario as the commands in
-    the line name it.
+    the line name it, `slopes` are sentences on those of the reference that cannot be held.
     """
     lines, sound = dict[str, None](), list[Run]()
     for run in runs:
@@ -42,7 +42,7 @@ def advice(scenario: Scenario, runs: Sequence[Run], source: str) -> str:
             lines[f"{name}: {doubt}"] = None
         else:
             sound.append(run)
-    ways = dict.fromkeys(way for run in sound for way in _ways(scenario, run, runs, source))
+    ways = dict.fromkeys(way for run in sound for way in _ways(scenario, run, runs, source, slopes))
     return " ".join([*lines, *([f"To try next: {'; '.join(ways)}."] if ways else [])])
 
 
@@ -70,7 +70,9 @@ def mistake(run: Run) -> str:
     return ""
 
 
-def _ways(scenario: Scenario, run: Run, runs: Sequence[Run], source: str) -> Iterator[str]:
+def _ways(
+    scenario: Scenario, run: Run, runs: Sequence[Run], source: str, slopes: Sequence[str]
+) -> Iterator[str]:
     made_by, reference, V_a = run.provenance, scenario.reference, scenario.flight.V_a_mps
     tables = scenario.expected(made_by.plant, made_by.gains_name)
     ends = [table.status for table in tables if table.status] or ["completed"]
@@ -100,5 +102,7 @@ def _ways(scenario: Scenario, run: Run, runs: Sequence[Run], source: str) -> Ite
     if better and gains in paper_family() and abs(V_a / PAPER_SPEED - 1.0) > OTHER_AIRSPEED:
         yield f"`{TUNED_IDENTIFIED}` in `gains`, as {gains} is meant for {PAPER_SPEED:g} m/s"
     strayed = (run.signals["V_a"] / V_a - 1.0).abs().max() > OTHER_AIRSPEED
-    if strayed and not (scenario.controller.schedule or made_by.law.same_everywhere):
+    if strayed and slopes:
+        yield "a path that is less steep, as its airspeed cannot be held on this one"
+    elif strayed and not (scenario.controller.schedule or made_by.law.same_everywhere):
         yield "`schedule = true` in [controller], as the airspeed changes in flight"

@@ -23,6 +23,9 @@ from flighttune.units import DEG
 # Share of every limit that a reference of shape feasible leaves to the feedback by default.
 MARGIN = 0.2
 
+# Times at which a reference is looked at for its steepest slopes.
+REFERENCE_SAMPLES = 401
+
 # Roll short of 90 deg, rad: beyond it no turn rate is out of reach.
 STEEPEST_ROLL = math.pi / 2.0 - 1e-6
 
@@ -115,6 +118,35 @@ def reference_of(scenario: Scenario) -> Reference | FeasibleReference | RouteRef
         chi_deg=f.chi_deg, gamma_deg=f.gamma_deg, V_mps=f.V_a_mps
     )
     return replace(reference, g=f.g_mps2)
+
+
+def slopes_not_held(scenario: Scenario) -> tuple[str, ...]:
+    """A sentence for the steepest climb and the steepest descent that an aircraft cannot hold.
+
+    Where its airspeed cannot be held on that slope, it says which slope it can hold, and why.
+    """
+    from flighttune.plants.jsbsim.trim import steepest  # where only the law flies, no JSBSim
+
+    reference, f = reference_of(scenario), scenario.flight
+    if isinstance(reference, RouteReference):
+        path = reference.path
+        slopes = [
+            (x.gamma, float(np.interp(x.start + 0.5 * x.length, path.s, reference.V)), x.words)
+            for x in path.stretches
+        ]
+    else:
+        _, gamma = reference.sampled(np.linspace(0.0, f.duration_s, REFERENCE_SAMPLES))
+        slopes = [(x, f.V_a_mps, "reference") for x in (float(gamma.min()), float(gamma.max()))]
+    notes = []
+    for (gamma, V_a, where), way in ((min(slopes), "descends"), (max(slopes), "climbs")):
+        for plant in scenario.plant if gamma and (way == "climbs") == (gamma > 0.0) else ():
+            condition = FlightCondition(V_a=V_a, h=f.h_m, gamma=gamma)
+            if plant.aircraft and (held := steepest(plant.config, condition)):
+                notes.append(
+                    f"The {where} {way} at {abs(gamma) / DEG:.1f} deg; {plant.label} holds "
+                    f"{V_a:g} m/s up to {abs(held[0]) / DEG:.1f} deg, as beyond it {held[1]}."
+                )
+    return tuple(notes)
 
 
 def _ability(scenario: Scenario) -> Ability:

@@ -9,6 +9,7 @@ from typing import Any
 import pandas as pd
 
 from flighttune.flight.advice import advice
+from flighttune.flight.conditions import slopes_not_held
 from flighttune.flight.expectations import ClaimCheck, check_claim
 from flighttune.metrics import AIRSPEED, airspeed_metrics, metric_tables
 from flighttune.present.answer import Answer, Answering, Table, pick
@@ -124,7 +125,8 @@ class FlownScenario(Answering):
         notes += priority_notes(self.runs)
         around = claimed(self.runs)
         claim, missed = self.claim, self.claim.missed
-        next_step = advice(self.scenario, self.runs, self.source)
+        slopes = slopes_not_held(self.scenario)
+        next_step = advice(self.scenario, self.runs, self.source, slopes)
         failed = any(run.status in ("law_failed", "plant_failed") for run in self.runs)
         if not failed and any(run.provenance.aircraft for run in self.runs):
             notes.append(f"Why aircraft and law differ: flighttune gap {self.source}")
@@ -157,7 +159,7 @@ class FlownScenario(Answering):
                     loop,
                 ),
             ],
-            notes=[*self.scenario.notes, *around.notes, *notes],
+            notes=[*self.scenario.notes, *slopes, *around.notes, *notes],
             verdict=f"{sentence}. {next_step}" if next_step else sentence,
             failure=around.failure or (f"{missed[0]}{more}" if missed else ""),
         )

@@ -11,7 +11,7 @@ import numpy as np
 from flighttune.errors import InputError
 from flighttune.files.load import kind_of
 from flighttune.files.whole import write_text
-from flighttune.flight.conditions import reference_of
+from flighttune.flight.conditions import reference_of, slopes_not_held
 from flighttune.flight.load import as_scenario, route_scenario
 from flighttune.present.answer import Answer, Answering, Column, Table, pick, printable
 from flighttune.references.follow import RouteReference
@@ -142,17 +142,19 @@ class PlannedRoute(Answering):
                     f"The circle at {stretch.name} has {stretch.radius:.0f} m in "
                     f"place of {radius:g} m, the smallest radius that can be flown."
                 )
-        return [*dict.fromkeys(notes)]
+        return [*dict.fromkeys(notes), *slopes_not_held(self.scenario)]
 
     def answer(self) -> Answer:
         """The stretches, the length and the time in still air and in wind."""
         path, slowest, time = self.reference.path, float(self.reference.V.min()), self.time
         stretches, in_wind = self.stretches, f"a wind of {self.wind:.3g} m/s"
-        if self.wind < slowest:
-            in_wind = f"at most {path.length / (slowest - self.wind):.0f} s in {in_wind}"
+        if not self.wind:
+            in_wind = ""
+        elif self.wind < slowest:
+            in_wind = f", at most {path.length / (slowest - self.wind):.0f} s in {in_wind}"
         else:
-            in_wind = f"without an end against {in_wind}, which is faster than the aircraft"
-        verdict = f"{path.length:.0f} m, {time:.0f} s in still air, {in_wind}"
+            in_wind = f", without an end against {in_wind}, which is faster than the aircraft"
+        verdict = f"{path.length:.0f} m, {time:.0f} s in still air{in_wind}"
         plants = ", ".join(table.label for table in self.scenario.plant)
         return Answer(
             summary=[f"The path can be flown: {verdict}.", f"For {plants}: {self.conditions}."],

@@ -1,6 +1,7 @@
 """What is said to try next where a requirement is missed: only what would help."""
 
 import math
+import re
 
 import pytest
 from made_up import made_up_scenario
@@ -55,6 +56,37 @@ def test_a_schedule_is_advised_to_laws_that_it_changes(law, said):
     scenario = ft.scenario_from(tables | {"plant": [{"kind": "kinematic"}]})
 
     assert (SCHEDULE in advice(scenario, ft.fly(scenario).runs, "x.toml")) == said
+
+
+# deg and m/s: to both sides of the steepest descent, and airspeeds that are held and that are not
+BESIDE, HELD, LOST = 0.5, 0.3, 0.6
+
+
+@pytest.mark.slow
+def test_the_steepest_descent_that_can_be_held_is_that_of_flights():
+    def descent(gamma):
+        return made_up_scenario(
+            gains=["paper"],
+            flight={"V_a_mps": 25.0, "h_m": 900.0, "duration_s": 90.0},
+            reference={"chi_deg": 0.0, "gamma_deg": gamma},
+            plant=[{"kind": "jsbsim", "aircraft": "aerosonde"}],
+            expect=[{"at_most": {"flight": {"V_a_dev_mps": 0.1}}}],
+        )
+
+    def strays(gamma):
+        (run,) = ft.fly(descent(gamma)).runs
+        return abs(run.signals["V_a"].iloc[-1] - 25.0)
+
+    told = ft.fly(descent(-9.5)).answer()
+
+    (note,) = (x for x in told.notes if "descends at 9.5 deg" in x)
+    assert "speeds up with the throttle closed" in note
+    steepest = float(re.search(r"up to ([\d.]+) deg", note)[1])
+    assert strays(-steepest + BESIDE) < HELD
+    assert strays(-steepest - BESIDE) > LOST
+    assert "less steep" in told.verdict
+    assert SCHEDULE not in told.verdict
+    assert not [x for x in ft.fly(descent(-2.0)).answer().notes if "descends" in x]
 
 
 SIGN = "mine:paper: the law turns away from the reference: is the sign of its output right?"

@@ -156,6 +156,9 @@ _MAX_EVALUATIONS = 60
 # Path angles searched where there is no engine, and how far a condition may be off the glide found.
 _GLIDES, _OFF_GLIDE = (-60.0 * DEG, 0.0), 0.1 * DEG
 
+# Resolution of the steepest path, rad.
+_SLOPES = 0.1 * DEG
+
 _TOO_LITTLE = "full throttle has too little thrust"
 
 # Share of its interval within which a trim variable counts as lying at the end of it.
@@ -212,6 +215,29 @@ def level(config: AircraftConfig, V_a: float, h: float) -> FlightCondition:
     if x is None:
         raise TrimError(f"{config.file}: no steady glide at V_a {V_a:g} m/s, h {h:g} m.")
     return replace(condition, gamma=problem.gamma(x))
+
+
+def steepest(config: AircraftConfig, condition: FlightCondition) -> tuple[float, str] | None:
+    """Path angle (rad) nearest to that of `condition` that can be held, and what is against more.
+
+    It lies between level flight and that of `condition`, to 0.1 deg, wings level at its airspeed.
+    None if the aircraft can hold that of `condition`, or if there is no level flight.
+    """
+
+    def against(gamma: float) -> str:
+        flight = replace(condition, gamma=gamma, phi=0.0)
+        return _trimmed(Fdm(config), flight, thrust_short=False, near=None)[-1]
+
+    reason, held, lost = against(condition.gamma), 0.0, condition.gamma
+    if not reason or against(0.0):
+        return None
+    while abs(lost - held) > _SLOPES:
+        middle = 0.5 * (lost + held)
+        if why := against(middle):
+            lost, reason = middle, why
+        else:
+            held = middle
+    return held, reason
 
 
 class _TrimProblem:
