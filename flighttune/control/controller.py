@@ -138,6 +138,10 @@ class ReferenceSample(NamedTuple):
         Airspeed to fly; None where the plant holds its own.
     V_dot : float, m/s^2
         Its rate from this sample on.
+    path : tuple of five floats or None
+        The nearest point of a route: its course (rad), the distance of the aircraft to the right of
+        it and below it (m), curvature (1/m, right positive) and slope (height per distance); None
+        without a route.
 
     Examples
     --------
@@ -152,6 +156,7 @@ class ReferenceSample(NamedTuple):
     planned: tuple[float, float] | None = None
     V: float | None = None
     V_dot: float = 0.0
+    path: tuple[float, ...] | None = None
 
 
 class Controller(Protocol):

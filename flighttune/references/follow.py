@@ -243,6 +243,7 @@ class Follower:
             self._plan(m, turn_rate, climb_rate, gamma_ref),
             V,
             V_dot,
+            (course, e_y, e_h, curvature, slope),
         )
         # Behind the start the distance from the route is that from the start.
         off = e_y if abs(ahead) < SAME_PLACE else math.copysign(math.hypot(e_y, ahead), e_y)

@@ -501,9 +501,10 @@ def flown_aircraft(plants: Iterable[PlantTable]) -> list[str]:
 class LawTable(OwnTable):
     """``[[law]]``: what turns errors into commands.
 
-    ``paper`` is the paper's law, ``exact`` the inversion of the point mass, ``python`` a class of
-    the user's: ``class`` in the file ``module``, made with ``parameters``. ``sha256`` is that of
-    the file as it was when the scenario was read.
+    ``paper`` is the paper's law, ``exact`` the inversion of the point mass, ``autopilot`` the
+    guidance of PX4 or ArduPilot with the ``parameters`` of those names, ``python`` a class of the
+    user's: ``class`` in the file ``module``, made with ``parameters``. ``sha256`` is that of the
+    file as it was when the scenario was read.
     """
 
     name: Name

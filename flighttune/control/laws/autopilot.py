@@ -1,0 +1,476 @@
+"""The guidance of PX4 and of ArduPilot: NPFG or L1 for the course, TECS's balance for the height.
+
+The equations are those of published sources, named where they stand: [N] is
+``src/lib/npfg/DirectionalGuidance.cpp`` of PX4 1.17 (up to 1.16 ``npfg.cpp``), [E]
+``src/lib/l1/ECL_L1_Pos_Controller.cpp`` of PX4 1.13, [T] ``src/lib/tecs/TECS.cpp`` of PX4 1.14,
+[L] and [A] ``AP_L1_Control.cpp`` and ``AP_TECS.cpp`` of ArduPilot 4.5.
+"""
+
+import math
+import tomllib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cache
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, ClassVar, NamedTuple
+
+from flighttune.control.controller import FlightCondition, LawSetup, Measured, ReferenceSample
+from flighttune.control.exact_law import rate_model
+from flighttune.control.gains import RATES
+from flighttune.control.law import Law, Trim
+from flighttune.control.linear_model import LinearModel
+from flighttune.errors import InputError
+from flighttune.files.shipped import nearest_name
+from flighttune.units import DEG, wrap_angle
+
+RIGHT_ANGLE = 0.5 * math.pi
+
+# Roll beyond which the lift is not divided by its cosine, and pitch beyond which L1's roll is not
+# ([L] nav_roll_cd), rad.
+STEEPEST, STEEPEST_PITCH = 1.2, 60.0 * DEG
+
+# [N]: airspeed over the crosswind within which a bearing becomes feasible (m/s), least radius (m),
+# and what counts as zero.
+AIRSPEED_BUFFER, MIN_RADIUS, TINY = 1.5, 0.5, 1e-6
+
+# [L] update_waypoint: largest angle up to which the integral goes on, and largest integral, rad.
+SMALL_ANGLE, LARGEST_INTEGRAL = 5.0 * DEG, 0.1
+
+# Ends of the roles of parameters that must be positive, as they divide.
+POSITIVE = ("period", "damping", "tc", "std", "acceleration")
+
+
+class Motion(NamedTuple):
+    """Motion of an aircraft as the estimator of an autopilot has it."""
+
+    chi: float  # rad: course
+    V_g: float  # m/s: level speed over ground
+    air: tuple[float, float]  # m/s: level velocity through the air, north and east
+    wind: tuple[float, float]  # m/s: level velocity of the air, north and east
+    V_a: float  # m/s: airspeed
+    V_dot: float  # m/s^2: acceleration along the path through the air
+    climb: float  # m/s
+    h: float  # m
+    theta: float  # rad: pitch, nose up
+
+
+class Track(NamedTuple):
+    """The track to fly at its point nearest to the aircraft."""
+
+    course: float  # rad
+    right: float  # m: distance of the aircraft to its right
+    h: float | None  # m: height above sea level; None where only a rate of climb is asked for
+    curvature: float  # 1/m: right positive
+    slope: float  # height per distance
+
+
+def limited(value: float, low: float, high: float) -> float:
+    """The value, as far as the limits go."""
+    return min(max(value, low), high)
+
+
+class Npfg:
+    """NPFG: a bearing from the distance to the track, a heading from bearing and wind."""
+
+    def __init__(self, x: Any, _dt: float) -> None:
+        self.x = x
+
+    def acceleration(self, m: Motion, track: Track, V_sp: float) -> float:
+        """Lateral acceleration, m/s^2: [N] guideToPath."""
+        V = math.hypot(*m.air)
+        along, across = _parts(m.wind, track.course)
+        on_track = _feasibility(along, across, V, m.wind)
+        late = self.x.damping * self.period(m, track, on_track)  # timeConst
+        proximity, look_ahead = _proximity(track.right, m.V_g, late)
+        bearing = track.course - math.copysign(RIGHT_ANGLE - look_ahead, track.right)
+        feasible = on_track * _feasibility(*_parts(m.wind, bearing), V, m.wind)
+        error = wrap_angle(_heading(bearing, m.wind, V_sp) - math.atan2(m.air[1], m.air[0]))
+        # AirspeedDirectionController::controlHeading holds it beyond a right angle.
+        part = math.sin(error) if abs(error) < RIGHT_ANGLE else math.copysign(1.0, error)
+        # lateralAccelFF
+        spread = 1.0 - track.curvature * track.right
+        turn = track.curvature / max(spread, abs(track.curvature) * MIN_RADIUS, TINY)
+        turn *= max(m.V_g * math.cos(m.chi - track.course), 0.0)
+        ratio = 1.0 + along / max(math.sqrt(max(V * V - across * across, 0.0)), TINY)
+        return self.gain(late) * V * part + feasible * proximity * V * ratio * turn
+
+    def gain(self, late: float) -> float:
+        """Rate of the heading per error of it, 1/s: [N] pGain, 4 pi damping / period."""
+        return 4.0 * math.pi * self.x.damping**2 / late
+
+    def period(self, m: Motion, track: Track, feasible: float) -> float:
+        """The period within its bounds, s: [N] adaptPeriod."""
+        x, V, wind = self.x, math.hypot(*m.air), math.hypot(*m.wind)
+        if not (x.bounds_below and x.roll_tc > TINY):
+            return x.period
+        factor = 2.0 if wind >= V else 2.0 * (1.0 - math.sqrt(1.0 - wind / V))  # windFactor
+        turn = abs(track.curvature * V) * factor
+        straight = lowest = math.pi * x.roll_tc / x.damping  # periodLowerBound
+        if turn >= TINY and x.damping >= 0.5:
+            lowest += feasible * (4.0 * math.pi * x.roll_tc * x.damping - straight)
+        near, _ = _proximity(track.right, m.V_g, x.damping * straight * x.safety)
+        lowest = x.safety * (straight + near * (lowest - straight))
+        period = max(lowest, x.period)
+        if x.bounds_above and turn * feasible >= TINY:  # periodUpperBound
+            highest = max(4.0 * math.pi * x.damping / (turn * feasible), lowest)
+            period += near * min(highest - period, 0.0)
+        return period
+
+    def linear(self, V_a: float) -> tuple[float, float]:
+        """Rate of the course per error of it (1/s) and per distance over the airspeed (1/s^2)."""
+        m = Motion(0.0, V_a, (V_a, 0.0), (0.0, 0.0), V_a, 0.0, 0.0, 0.0, 0.0)
+        late = self.x.damping * self.period(m, Track(0.0, 0.0, 0.0, 0.0, 0.0), 1.0)
+        return self.gain(late), self.gain(late) * math.pi / late
+
+
+def _parts(wind: tuple[float, float], bearing: float) -> tuple[float, float]:
+    """The wind along a bearing, and its cross product with the bearing, m/s."""
+    c, s = math.cos(bearing), math.sin(bearing)
+    return wind[0] * c + wind[1] * s, wind[0] * s - wind[1] * c
+
+
+def _feasibility(along: float, across: float, V: float, wind: tuple[float, float]) -> float:
+    """How far a bearing can be flown, 0 to 1: [N] bearingFeasibility."""
+    crosswind = math.hypot(*wind) if along < 0.0 else abs(across)
+    return math.sin(RIGHT_ANGLE * limited((V - crosswind) / AIRSPEED_BUFFER, 0.0, 1.0)) ** 2
+
+
+def _proximity(right: float, V_g: float, late: float) -> tuple[float, float]:
+    """Nearness of the track, 0 to 1, and the look-ahead angle, rad."""
+    bound = late * (V_g if V_g > 1.0 else 0.5 * (V_g * V_g + 1.0))  # [N] trackErrorBound
+    look_ahead = RIGHT_ANGLE * (min(abs(right) / bound, 1.0) - 1.0) ** 2  # [N] lookAheadAngle
+    return math.sin(look_ahead) ** 2, look_ahead  # [N] trackProximity
+
+
+def _heading(bearing: float, wind: tuple[float, float], V: float) -> float:
+    """Heading that flies a bearing: CourseToAirspeedRefMapper."""
+    c, s = math.cos(bearing), math.sin(bearing)
+    (along, across), speed = _parts(wind, bearing), math.hypot(*wind)
+    if abs(across) < V and (along > 0.0 or speed < V):  # solveWindTriangle
+        ahead = math.sqrt(V * V - across * across)
+        return math.atan2(across * c + ahead * s, ahead * c - across * s)
+    left = math.sqrt(max(speed * speed - V * V, 0.0))  # infeasibleAirVelRef
+    return math.atan2(left * s - wind[1], left * c - wind[0])
+
+
+class L1:
+    """L1 along a leg, and about a circle where the track is curved, as [L] update_path has it."""
+
+    def __init__(self, x: Any, dt: float) -> None:
+        self.x, self.dt, self.integral = x, dt, 0.0
+        self.per_distance = getattr(x, "distance_integral", 0.0)  # [E] has no such integral
+
+    def acceleration(self, m: Motion, track: Track, _V_sp: float) -> float:
+        """Lateral acceleration, m/s^2."""
+        x, V_g, off = self.x, max(m.V_g, 0.1), wrap_angle(m.chi - track.course)
+        distance = x.damping * x.period * V_g / math.pi  # L1
+        per_sine = 4.0 * x.damping**2 * V_g * V_g / distance  # K_L1 V^2 / L1
+        if not track.curvature:  # [L] update_waypoint, [E] navigate_waypoints
+            capture = math.sqrt(0.5) if hasattr(x, "distance_integral") else 1.0
+            angle = math.asin(limited(-track.right / distance, -capture, capture))
+            if abs(angle) < SMALL_ANGLE:
+                more = self.integral + angle * self.per_distance * self.dt
+                self.integral = limited(more, -LARGEST_INTEGRAL, LARGEST_INTEGRAL)
+            angle += self.integral - off
+            return per_sine * math.sin(limited(angle, -RIGHT_ANGLE, RIGHT_ANGLE))
+        # [L] update_loiter, [E] navigate_loiter
+        omega, side = math.tau / x.period, math.copysign(1.0, track.curvature)
+        radius, outside = 1.0 / abs(track.curvature), -side * track.right
+        outward, tangent = -side * V_g * math.sin(off), V_g * math.cos(off)
+        back = outside * omega**2 + outward * 2.0 * x.damping * omega
+        if outward > 0.0 and tangent < 0.0:
+            back = max(back, 0.0)
+        circle = back + tangent**2 / max(0.5 * radius, radius + outside)
+        centre = limited(math.atan2(tangent, -outward), -RIGHT_ANGLE, RIGHT_ANGLE)
+        capture = per_sine * math.sin(centre)
+        return side * (capture if outside > 0.0 and capture < circle else circle)
+
+    def linear(self, _V_a: float) -> tuple[float, float]:
+        """Rate of the course per error of it (1/s) and per distance over the airspeed (1/s^2)."""
+        omega = math.tau / self.x.period
+        return 2.0 * self.x.damping * omega, omega**2
+
+
+class Tecs:
+    """What the balance of both autopilots has."""
+
+    def __init__(self, x: Any, dt: float, g: float) -> None:
+        self.x, self.dt, self.g = x, dt, g
+        # [T] _updateSpeedAltitudeWeights, [A] _update_pitch
+        self.shares = limited(2.0 - x.weight, 0.0, 1.0), limited(x.weight, 0.0, 1.0)
+
+    def start(self, m: Motion, V_sp: float) -> None:
+        """Begin in steady flight."""
+        self.V_sp, self.V, self.V_dot = V_sp, m.V_a, 0.0
+        self.h, self.h_dot, self.integral = m.h, m.climb, 0.0
+        self.angle = math.asin(limited(m.climb / m.V_a, -1.0, 1.0))
+
+    def slewed(self, angle: float, lower: float, upper: float) -> float:
+        """An angle within limits, no faster than the vertical acceleration allows."""
+        step = self.dt * self.x.acceleration / self.V
+        self.angle = limited(limited(angle, lower, upper), self.angle - step, self.angle + step)
+        return self.angle
+
+
+class TecsOfPx4(Tecs):
+    """The balance of PX4's TECS."""
+
+    def climb_angle(self, m: Motion, track: Track, lower: float, upper: float) -> float:
+        """The pitch over its trim (rad), within limits: [T] TECSControl::update."""
+        x, dt, g = self.x, self.dt, self.g
+        self._filter(m)
+        V = self.V
+        if track.h is None:  # TECSReferenceModel::update with a rate
+            wanted = track.slope * m.V_g
+        else:
+            self._smooth(track.h)
+            wanted = (self.h - m.h) / x.height_tc + x.height_ahead * self.h_dot
+        wanted = limited(wanted, -x.sink, x.climb)  # _calcAltitudeControlOutput
+        most, least = (0.5 * g * rate / V for rate in (x.climb, -x.sink_idle))
+        faster = limited((self.V_sp - V) / x.speed_tc, least, most)  # _calcAirspeedControlOutput
+        height, kinetic = self.shares
+        asked = g * wanted * height - V * faster * kinetic  # _calcPitchControlSebRate
+        error = asked - (g * m.climb * height - V * self.V_dot * kinetic)
+        more = error * x.integral / (V * g) * dt  # _calcPitchControlUpdate
+        more = min(more, 0.0) if self.angle >= upper else more
+        self.integral += max(more, 0.0) if self.angle <= lower else more
+        angle = (error * x.damp + x.ahead * asked) / (V * g)  # _calcPitchControlOutput
+        return self.slewed(angle + self.integral, lower, upper)
+
+    def _filter(self, m: Motion) -> None:
+        """Airspeed and its rate: the steady Kalman filter of TECSAirspeedFilter::update."""
+        x, dt = self.x, self.dt
+        speed, rate = 1.0 / x.speed_std, x.drift_std / x.rate_std**2
+        both, root = speed + rate, math.sqrt(x.drift_std * (2.0 * speed + rate))
+        off, rate_off = m.V_a - self.V - dt * self.V_dot, m.V_dot - self.V_dot
+        change = self.V_dot + (speed * root * off + rate * rate_off) / both
+        self.V = max(self.V + dt * change, 1.0)
+        self.V_dot += dt * (speed**2 * x.drift_std * off + rate * root * rate_off) / both
+
+    def _smooth(self, h: float) -> None:
+        """Move the reference of the height: TECSReferenceModel::update without its jerk limit."""
+        x, off = self.x, h - self.h
+        rate = min(math.sqrt(2.0 * x.acceleration * abs(off)), abs(off) / self.dt)
+        rate = math.copysign(rate, off)
+        rate = limited(rate, -min(x.sink_asked, x.sink), min(x.climb_asked, x.climb))
+        step = x.acceleration * self.dt
+        self.h_dot = limited(rate, self.h_dot - step, self.h_dot + step)
+        self.h += self.h_dot * self.dt
+
+
+class TecsOfArduPilot(Tecs):
+    """The balance of ArduPilot's TECS."""
+
+    def start(self, m: Motion, V_sp: float) -> None:
+        """Begin in steady flight."""
+        super().start(m, V_sp)
+        self.drift = self.of_speed = 0.0
+        self.h_asked = self.h_slow = m.h
+
+    def climb_angle(self, m: Motion, track: Track, lower: float, upper: float) -> float:
+        """The pitch over its trim (rad), within limits: [A] _update_pitch."""
+        x, dt, g, late = self.x, self.dt, self.g, self.x.height_tc
+        off = m.V_a - self.V  # _update_speed: complementary filter
+        self.drift += off * x.speed_omega**2 * dt
+        rate = self.drift + m.V_dot + off * x.speed_omega * math.sqrt(2.0)
+        V = self.V = max(self.V + rate * dt, 3.0)
+        part = dt / (dt + late)
+        self.V_dot += part * (m.V_dot - self.V_dot)
+        # _update_height_demand; a rate of climb that is asked for moves the height
+        self.h = self.h + track.slope * m.V_g * dt if track.h is None else track.h
+        self.h_asked += limited(self.h - self.h_asked, -x.sink * dt, x.climb * dt)
+        rate = (self.h_asked - self.h_slow) / x.demand_tc
+        self.h_slow += dt / (dt + x.demand_tc) * (self.h_asked - self.h_slow)
+        height, kinetic = self.shares
+        fast = 0.5 * (V * V - self.V_sp**2) * kinetic  # _SKE_est - _SKE_dem
+        asked = rate * g * height + ((self.h_slow - m.h) * g * height + fast) / late
+        asked = limited(asked, -x.sink * g, x.climb * g)
+        error = asked - (m.climb * g * height - V * (m.V_dot - self.V_dot) * kinetic)
+        total, scale = asked + error * x.damp, V * g
+        more = error * x.integral * dt
+        free = (total + self.integral + more + self.of_speed) / scale
+        if (free > upper and more > 0.0) or (free < lower and more < 0.0):
+            self.integral *= 1.0 - part
+            self.of_speed *= 1.0 - part
+        else:
+            self.integral += more
+            self.of_speed += fast * dt / late
+        ends = (scale * end - total for end in (lower - SMALL_ANGLE, upper + SMALL_ANGLE))
+        self.integral = limited(self.integral, *ends)
+        most = 0.25 * (upper - lower) * scale
+        self.of_speed = limited(self.of_speed, -most, most)
+        return self.slewed((total + self.integral + self.of_speed) / scale, lower, upper)
+
+
+class Guidance:
+    """Course and height by the guidance of an autopilot, above the inner loop of the aircraft.
+
+    On a route it follows the path itself: its nearest point, tangent and curvature. A reference
+    over time is a track through the aircraft with the course and turn that are asked for. The pitch
+    that TECS wants becomes a load factor by the rate ``(wanted - pitch) / time constant``, and the
+    pitch at the start counts as trimmed. The throttle is that of the plant.
+    """
+
+    def __init__(self, setup: LawSetup, of: "Autopilot") -> None:
+        x = SimpleNamespace(**of.roles)
+        self.dt, self.g, self.signals = setup.dt, setup.g, {"climb_angle": "rad"}
+        self.roll_limit, self.roll_rate = x.roll_limit * DEG, getattr(x, "roll_rate", 0.0) * DEG
+        self.pitch_tc, self.lower, self.upper = x.pitch_tc, x.pitch_min * DEG, x.pitch_max * DEG
+        self.ardupilot = of.period == "NAVL1_PERIOD"
+        if self.ardupilot:  # [A] update_pitch_throttle: limits of TECS where they are set
+            low, high = x.tecs_pitch_min * DEG, x.tecs_pitch_max * DEG
+            self.lower = max(low, self.lower) if low < 0.0 else self.lower
+            self.upper = min(high, self.upper) if high else self.upper
+            x.ahead = 1.0
+        self.course = (Npfg if of.period == "NPFG_PERIOD" else L1)(x, setup.dt)
+        self.height = (TecsOfArduPilot if self.ardupilot else TecsOfPx4)(x, setup.dt, setup.g)
+
+    def start(self, condition: FlightCondition, /) -> None:
+        """Prepare for a flight."""
+        self.V_sp, self.phi = condition.V_a, condition.phi
+        self.before: tuple[float, ...] | None = None
+        self.velocity: tuple[float, ...] | None = None
+        self.trim: float | None = None
+
+    def step(self, m: Measured, r: ReferenceSample, _t: float, /) -> tuple[float, float, float]:
+        """Roll and load factor, and the angle of climb that TECS wants (rad)."""
+        motion = self._motion(m)
+        if r.path is None:
+            bend = r.chi_dot / max(motion.V_g, 1.0)
+            track = Track(r.chi, 0.0, None, bend, math.tan(r.gamma))
+        else:
+            course, right, below, curvature, slope = r.path
+            track = Track(course, right, m.h + below, curvature, slope)
+        if self.trim is None:
+            self.height.start(motion, self.V_sp)
+            self.trim = motion.theta - self.height.angle
+        tangent = self.course.acceleration(motion, track, self.V_sp) / self.g
+        if self.ardupilot:
+            tangent /= math.cos(limited(motion.theta, -STEEPEST_PITCH, STEEPEST_PITCH))
+        phi = limited(math.atan(tangent), -self.roll_limit, self.roll_limit)
+        if step := self.roll_rate * self.dt:
+            phi = limited(phi, self.phi - step, self.phi + step)
+        self.phi = phi
+        limits = self.lower - self.trim, self.upper - self.trim
+        angle = self.height.climb_angle(motion, track, *limits)
+        rate = (angle + self.trim - motion.theta) / self.pitch_tc
+        lift = math.cos(m.gamma) + m.V_a * rate / self.g
+        return phi, lift / math.cos(limited(m.phi, -STEEPEST, STEEPEST)), angle
+
+    def _motion(self, m: Measured) -> Motion:
+        """What an estimator would know; velocity and acceleration from positions."""
+        wind = (0.0, 0.0, 0.0) if m.wind is None else m.wind
+        if self.before is None:
+            along, across = _parts((wind[0], wind[1]), m.chi)
+            level = m.V_a * math.cos(m.gamma)
+            V_g = along + math.sqrt(max(level * level - across * across, 0.0))
+            climb = V_g * math.tan(m.gamma)
+        else:
+            moved = [x - y for x, y in zip(m.position, self.before, strict=True)]
+            V_g, climb = math.hypot(*moved[:2]) / self.dt, -moved[2] / self.dt
+        velocity = V_g * math.cos(m.chi), V_g * math.sin(m.chi), -climb
+        air = [x - y for x, y in zip(velocity, wind, strict=True)]
+        change = zip(velocity, self.velocity or velocity, air, strict=True)
+        V_dot = sum((x - y) * z for x, y, z in change) / (self.dt * max(math.hypot(*air), 1.0))
+        self.before, self.velocity = m.position, velocity
+        theta = m.gamma if m.theta is None else m.theta
+        level, steady = (air[0], air[1]), (wind[0], wind[1])
+        return Motion(m.chi, V_g, level, steady, m.V_a, V_dot, climb, m.h, theta)
+
+    def linear(self, V_a: float) -> tuple[list[float], list[float], list[float], list[float]]:
+        """Gains of the linear loops about a straight level leg in still air, course and path angle.
+
+        With e the error of a channel and ``y' = e``, the distance off the path over the airspeed
+        `V_a` (m/s), its rate is ``a e + b y + integral of (c e + d y)``. Returned are a (1/s), b
+        and c (1/s^2) and d (1/s^3). The integral of L1, which is slower, is left out.
+        """
+        x, (course, distance) = self.height.x, self.course.linear(V_a)
+        share = self.height.shares[0] / self.pitch_tc
+        a = 1.0 / self.pitch_tc + share * x.damp
+        b, c = share * (x.ahead + x.damp) / x.height_tc, share * x.integral
+        return [course, a], [distance, b], [0.0, c], [0.0, c / x.height_tc]
+
+
+@cache
+def guidance() -> Mapping[str, Mapping[str, Any]]:
+    """The guidance of autopilots by the parameter of its period, as ``autopilot.toml`` has it."""
+    return tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
+
+
+def period_among(parameters: Mapping[str, Any]) -> str:
+    """The period that says which guidance flies; empty if there is none.
+
+    PX4 1.13 has two, and flies L1 unless FW_USE_NPFG is set.
+    """
+    names = [name for name in guidance() if name in parameters]
+    if "FW_L1_PERIOD" in names and not parameters.get("FW_USE_NPFG"):
+        return "FW_L1_PERIOD"
+    return names[0] if names else ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Autopilot(Law):
+    """See `Guidance`; which one flies follows from the names of the parameters.
+
+    Attributes
+    ----------
+    parameters : mapping of str to float
+        Parameters by the names of the autopilot, NPFG_PERIOD, FW_L1_PERIOD or NAVL1_PERIOD among
+        them. Others have the defaults of ``autopilot.toml``.
+    """
+
+    parameters: Mapping[str, Any] = field(default_factory=dict)
+
+    kind: ClassVar[str] = "autopilot"
+    keys: ClassVar[frozenset[str]] = frozenset({"parameters"})
+    required: ClassVar[tuple[str, ...]] = ("parameters",)
+    named_alone: ClassVar[bool] = False
+    inputs: ClassVar[tuple[str, str]] = RATES
+    by_gains: ClassVar[bool] = False
+
+    @property
+    def period(self) -> str:
+        """The parameter of its period; InputError if there is none."""
+        if not (period := period_among(self.parameters)):
+            raise InputError(
+                f"`parameters` must have one of {', '.join(guidance())}, got "
+                f"{', '.join(self.parameters) or 'none'}."
+            )
+        return period
+
+    @property
+    def roles(self) -> dict[str, float]:
+        """Every parameter by its role; InputError if one is not of the guidance, or impossible."""
+        table = guidance()[self.period]
+        roles = {name: role for name, _, role in table["parameters"]}
+        for name, value in self.parameters.items():
+            if name not in roles:
+                near = nearest_name(name, roles)
+                raise InputError(f"`parameters` must be of {table['law']}, got {name}{near}")
+            divides = roles[name].endswith(POSITIVE)
+            number = isinstance(value, int | float) and math.isfinite(value)
+            if not number or (divides and value <= 0.0):
+                wanted = "a positive number" if divides else "a number"
+                raise InputError(f"`{name}` must be {wanted}, got {value!r}.")
+        return {role: self.parameters.get(name, x) for name, x, role in table["parameters"]}
+
+    def make(self, setup: LawSetup, /) -> Guidance:
+        """Make the controller of a flight."""
+        return Guidance(setup, self)
+
+    def names_of(self, gains: Sequence[str]) -> tuple[str, ...]:
+        """Names of its flights: one, with the first gain set."""
+        return super().names_of(gains[:1])
+
+    def linear_model(self, trim: Trim, /) -> LinearModel:
+        """Error dynamics of the gains of the scenario, which it does not fly: the exact law's."""
+        return rate_model(airspeed=trim.airspeed)
+
+    def loop(self, *_: Any) -> None:
+        """No loop of the gains of the scenario."""
+
+    @property
+    def tuned_as(self) -> str:
+        """The exact law."""
+        return "exact"
