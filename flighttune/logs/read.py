@@ -8,6 +8,8 @@ import math
 import os
 from collections import defaultdict
 from collections.abc import Callable, Collection, Iterator, Mapping
+from functools import partial
+from itertools import chain
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -30,6 +32,9 @@ MAX_MEMORY = 900_000_000
 
 # Time in which nothing comes back after which a log is given up, s, and more for each byte.
 PATIENCE_S, PATIENCE_PER_BYTE = 10.0, 1e-5
+
+# Stages of a version of PX4 by their least number: version.h.
+STAGES = ((255, ""), (192, "rc"), (128, "beta"), (64, "alpha"), (0, "dev"))
 
 MAX_CELLS = 50_000_000  # numbers of a table, rows times columns
 
@@ -61,14 +66,35 @@ def read_log(
         )
     need(f"a log of kind {kind}", *({"ULog": ["pyulog"], "csv": []}.get(kind, ["pymavlink"])))
 
-    def read(_: object) -> Read:
-        _confine()
+    def read() -> Read:
         columns = _columns(path) if kind == "csv" else []
         return *_READERS[kind](path, wanted(kind, columns)), columns
 
+    return kind, *_confined(path, kind, read)
+
+
+def read_parameters(path: Path) -> tuple[dict[str, float], str, str] | None:
+    """Last values of the parameters in a log, vehicle and version; None for a file without them.
+
+    Raises RecordingError if the log cannot be read.
+    """
+    kind = _kind_of(path)
+    if kind not in _PARAMETERS:
+        return None
+    need(f"a log of kind {kind}", "pyulog" if kind == "ULog" else "pymavlink")
+    return _confined(path, kind, partial(_PARAMETERS[kind], path))
+
+
+def _confined(path: Path, kind: str, read: Callable[[], Any]) -> Any:
+    """What a reader returns in a copy of this process; a RecordingError says why it does not."""
+
+    def confined(_: object) -> Any:
+        _confine()
+        return read()
+
     patience = PATIENCE_S + PATIENCE_PER_BYTE * path.stat().st_size
     try:
-        result, ended, _ = apart(read, patience)
+        result, ended, _ = apart(confined, patience)
     except InputError:
         raise
     except MemoryError as error:
@@ -80,7 +106,7 @@ def read_log(
         raise RecordingError(f"{path}: must be a {kind} log, got a damaged one ({got}).") from error
     if ended:
         raise RecordingError(f"{path}: must be a {kind} log, got one whose reader {ended}.")
-    return kind, *result
+    return result
 
 
 def _confine() -> None:
@@ -190,6 +216,31 @@ def _read_csv(path: Path, wanted: Fields) -> tuple[dict[str, Stream], str]:
         streams[f".{field}"] = t, values
     return streams, ""
 
+
+def _ulog_parameters(path: Path) -> tuple[dict[str, float], str, str]:
+    from pyulog import ULog
+
+    log = ULog(str(path), [], True)
+    changed = ((name, value) for _, name, value in log.changed_parameters)
+    *numbers, kind = log.get_version_info() or ("", 255)
+    stage = next(name for least, name in STAGES if kind >= least)
+    version = f"{'.'.join(map(str, numbers))} {stage}".strip()
+    return dict(chain(log.initial_parameters.items(), changed)), "", version
+
+
+def _dataflash_parameters(path: Path) -> tuple[dict[str, float], str, str]:
+    from pymavlink.DFReader import DFReader_binary
+
+    log, values, vehicle = DFReader_binary(str(path), zero_time_base=True), {}, ("", "")
+    while (message := log.recv_match(type=["PARM", "MSG"])) is not None:
+        if message.get_type() == "PARM":
+            values[str(message.Name)] = float(message.Value)
+        elif str(message.Message).startswith("Ardu"):
+            vehicle = (*str(message.Message).split(), "")[:2]
+    return values, vehicle[0], vehicle[1].removeprefix("V")
+
+
+_PARAMETERS = {"ULog": _ulog_parameters, "DataFlash": _dataflash_parameters}
 
 _READERS = {
     "ULog": _read_ulog,

@@ -1,0 +1,137 @@
+"""Parameters of an autopilot as ground stations and logs write them."""
+
+import struct
+
+import pytest
+from log_files import _format, _message
+
+import flighttune as ft
+from flighttune.logs.parameters import flown_now
+
+HEAD = """# Onboard parameters for Vehicle 1
+#
+# Stack: PX4 Pro
+# Vehicle: {vehicle}
+# Version: {version}
+# Git Revision: 0123456789abcdef
+#
+# Vehicle-Id Component-Id Name Value Type
+"""
+
+
+def write_params(path, values, *, vehicle="Fixed Wing", version="1.15.4 "):
+    """A file as QGroundControl writes it."""
+    rows = "".join(f"1\t1\t{name}\t{value:.18f}\t9\n" for name, value in values.items())
+    path.write_text(HEAD.format(vehicle=vehicle, version=version) + rows)
+    return path
+
+
+def write_ulog(path, values, version=(1, 15, 4, 255)):
+    """A ULog with parameters and the version of PX4, and no flight."""
+    release = int.from_bytes(bytes(version), "big")
+    key = b"uint32_t ver_sw_release"
+    out = [b"ULog\x01\x12\x35\x01" + struct.pack("<Q", 0), _message("B", bytes(40))]
+    out.append(_message("I", struct.pack("<B", len(key)) + key + struct.pack("<I", release)))
+    for name, value in values.items():
+        key = f"float {name}".encode()
+        out.append(_message("P", struct.pack("<B", len(key)) + key + struct.pack("<f", value)))
+    out.append(_message("F", b"vehicle_status:uint64_t timestamp;"))
+    out.append(_message("A", struct.pack("<BH", 0, 0) + b"vehicle_status"))
+    out.append(_message("D", struct.pack("<HQ", 0, 10**6)))
+    path.write_bytes(b"".join(out))
+    return path
+
+
+def write_dataflash(path, values, vehicle="ArduPlane V4.5.7 (0123abcd)"):
+    """A DataFlash log with parameters and the vehicle, and no flight."""
+    out = [_format(128, 89, "FMT", "BBnNZ", "Type,Length,Name,Format,Columns")]
+    out.append(_format(129, 75, "MSG", "QZ", "TimeUS,Message"))
+    out.append(_format(130, 31, "PARM", "QNf", "TimeUS,Name,Value"))
+    out.append(b"\xa3\x95" + struct.pack("<BQ64s", 129, 10**6, vehicle.encode()))
+    for name, value in values.items():
+        out.append(b"\xa3\x95" + struct.pack("<BQ16sf", 130, 10**6, name.encode(), value))
+    path.write_bytes(b"".join(out))
+    return path
+
+
+PX4 = {"NPFG_PERIOD": 12.5, "FW_AIRSPD_TRIM": 21.0, "NPFG_GSP_MAX_TK": 5.0, "RC1_MIN": 1000.0}
+PLANE = {"NAVL1_PERIOD": 14.0, "LIM_ROLL_CD": 5500.0, "TECS_THR_DAMP": 0.5, "RC1_MIN": 1000.0}
+
+
+@pytest.mark.parametrize("write", [write_params, write_ulog])
+def test_parameters_of_px4_are_read_by_their_names(tmp_path, write):
+    now = flown_now(write(tmp_path / "px4.ulg", PX4))
+
+    assert now.law.parameters == {"NPFG_PERIOD": 12.5}
+    assert now.name == "NPFG and TECS of PX4 1.15.4"
+    assert now.unused == ["FW_AIRSPD_TRIM", "NPFG_GSP_MAX_TK"]
+    assert now.rest == 1
+    rows = {row["name"]: row for row in now.rows}
+    assert rows["NPFG_PERIOD"] == {"name": "NPFG_PERIOD", "value": 12.5, "from": "px4.ulg"}
+    assert rows["FW_R_LIM"]["value"] == 50.0
+    assert rows["FW_R_LIM"]["from"] == "default of PX4 1.14"
+
+
+@pytest.mark.parametrize("separator", [",", " ", "\t"])
+def test_mission_planner_separates_as_it_likes(tmp_path, separator):
+    file = tmp_path / "plane.param"
+    lines = [f"{name}{separator}{value}" for name, value in PLANE.items()]
+    file.write_text("#NOTE: 1/2/2024 Plane: mine\n" + "\n".join(lines) + "  # comment\n")
+    now = flown_now(file)
+
+    assert now.law.parameters == {"NAVL1_PERIOD": 14.0, "ROLL_LIMIT_DEG": 55.0}
+    assert now.name == "L1 and TECS of ArduPilot as in 4.5"
+    assert (now.unused, now.rest) == (["TECS_THR_DAMP"], 1)
+
+
+def test_a_log_of_ardupilot_has_its_parameters_and_version(tmp_path):
+    now = flown_now(write_dataflash(tmp_path / "plane.bin", PLANE))
+
+    assert now.law.parameters == {"NAVL1_PERIOD": 14.0, "ROLL_LIMIT_DEG": 55.0}
+    assert now.name == "L1 and TECS of ArduPilot 4.5.7"
+
+
+def test_px4_of_before_npfg_flies_l1_unless_it_is_told_otherwise(tmp_path):
+    both = {"FW_L1_PERIOD": 15.0, "NPFG_PERIOD": 11.0}
+    file = tmp_path / "px4.params"
+    assert flown_now(write_params(file, both, version="1.13.3")).law.parameters == {
+        "FW_L1_PERIOD": 15.0
+    }
+    write_params(file, {**both, "FW_USE_NPFG": 1.0}, version="1.13.3")
+    assert flown_now(file).law.parameters == {"NPFG_PERIOD": 11.0}
+    write_params(file, {"FW_L1_PERIOD": 15.0}, version="1.12.3")
+    assert "has an older TECS" in " ".join(flown_now(file).notes)
+
+
+def test_builds_of_px4_that_do_not_use_the_period_are_flown_without_it(tmp_path):
+    file = write_params(tmp_path / "px4.params", PX4, version="1.17.0 beta")
+    held = {"NPFG_PERIOD": 10.0, "NPFG_DAMPING": 0.7071}
+    assert flown_now(file).law.parameters == held
+    assert "do not use NPFG_PERIOD" in " ".join(flown_now(file).notes)
+    assert flown_now(file, "1.17.0").law.parameters == {"NPFG_PERIOD": 12.5}
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("ATC_RAT_RLL_P,0.1\nPSC_POSXY_P,1", "got none of .* in 2 parameters as of a copter"),
+        (HEAD.format(vehicle="Multi-Rotor", version="1.15.4"), "got Multi-Rotor"),
+        ("NPFG_PERIOD,8\nMAV_TYPE,2", "got MAV_TYPE 2"),
+        ("NPFG_PERIOD 8", "`version` must be given, such as 1.15"),
+        ("NAVL1_PERIOD,-3", "x.param: `NAVL1_PERIOD` must be a positive number, got -3"),
+        ("NAVL1_PERIOD\n", "x.param, line 1: must be NAME,VALUE or"),
+        ("NAVL1_PERIOD,fast", "x.param, line 1: must be NAME,VALUE or"),
+        ("RC1_MIN,1000", "got none of NAVL1_PERIOD, NPFG_PERIOD, FW_L1_PERIOD in 1 parameters"),
+    ],
+)
+def test_what_is_no_guidance_of_an_aeroplane_is_refused_in_a_line(tmp_path, text, words):
+    file = tmp_path / "x.param"
+    file.write_text(text)
+    with pytest.raises(ft.InputError, match=words):
+        flown_now(file)
+
+
+def test_a_copter_s_log_is_refused(tmp_path):
+    file = write_dataflash(tmp_path / "copter.bin", PLANE, vehicle="ArduCopter V4.5.7")
+    with pytest.raises(ft.InputError, match="parameters of an aeroplane, got ArduCopter"):
+        flown_now(file)
