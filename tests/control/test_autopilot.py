@@ -1,11 +1,12 @@
 """The guidance of autopilots against their published equations and the numbers that they print."""
 
 import math
+from collections.abc import Sequence
 
 import pytest
 
 import flighttune as ft
-from flighttune.control.laws.autopilot import _heading
+from flighttune.control.laws.autopilot import Autopilot, _heading
 
 DT, G = 0.02, 9.81
 ROUNDED = 2e-6  # rad: the expected angles have six digits
@@ -33,6 +34,7 @@ def commanded(parameters, *, V=20.0, wind=(0.0, 0.0), samples=3, path=(0.0,) * 5
         (wind[1] * math.cos(chi) - wind[0] * math.sin(chi)),
     )
     V_g = along + math.sqrt(V * V - across * across)
+    answer: Sequence[float] = [0.0, 0.0, 0.0]
     law.start(ft.loop.FlightCondition(V_a=V, chi=chi))
     for k in range(samples):
         place = V_g * k * DT * math.cos(chi), V_g * k * DT * math.sin(chi), 0.0
@@ -41,6 +43,11 @@ def commanded(parameters, *, V=20.0, wind=(0.0, 0.0), samples=3, path=(0.0,) * 5
         )
         answer = law.step(measured, ft.loop.ReferenceSample(0.0, 0.0, path=path), k * DT)
     return answer
+
+
+def slopes(law):
+    assert isinstance(law, Autopilot)
+    return law.make(ft.loop.LawSetup(dt=DT, limits=ft.loop.Limits.none(2))).linear(20.0)
 
 
 def test_npfg_turns_by_4_pi_damping_over_period_and_the_sine_of_the_error():
@@ -80,8 +87,7 @@ def test_npfg_on_its_track_in_a_crosswind_keeps_its_wings_level():
 
 def test_npfg_of_the_default_period_has_the_gain_that_px4_prints():
     law = scenario({"NPFG_PERIOD": 10.0, "NPFG_DAMPING": 0.7071}).laws[0]
-    setup = ft.loop.LawSetup(dt=DT, limits=ft.loop.Limits.none(2))
-    (course, _), *_ = law.make(setup).linear(20.0)
+    (course, _), *_ = slopes(law)
     assert course == pytest.approx(0.8885, abs=1e-4)  # AirspeedDirectionController.hpp
 
 
@@ -141,8 +147,7 @@ def test_tecs_pitches_for_the_height_that_is_missing_over_its_time_constant(
 @pytest.mark.parametrize("parameters", [NPFG, L1, {"FW_L1_PERIOD": 12.0}])
 def test_the_linear_loop_has_the_slopes_of_the_commands(parameters):
     law = scenario(parameters).laws[0]
-    setup = ft.loop.LawSetup(dt=DT, limits=ft.loop.Limits.none(2))
-    (a, _), (b, _), *_ = law.make(setup).linear(20.0)
+    (a, _), (b, _), *_ = slopes(law)
     small = 1e-4
     turned = math.tan(commanded(parameters, chi=-small)[0]) * G / 20.0
     moved = math.tan(commanded(parameters, path=(0.0, -20.0 * small, 0.0, 0.0, 0.0))[0]) * G / 20.0
