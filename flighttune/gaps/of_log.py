@@ -55,8 +55,10 @@ LOST = 30.0
 
 TURNED = 60.0 * DEG  # a wind shows in courses that differ by more
 
-MAX_STEPS = 8  # of the search; differences are nearly linear in the factors
+# Of the search, and of one from a fit with one factor more: differences are nearly linear in them.
+MAX_STEPS, MAX_REFIT_STEPS = 8, 3
 STEP = 0.2  # share of its size by which a factor is changed for a slope
+AT_END = 0.02  # share of a factor's range from an end within which a fit is at that end
 
 # Names that models give to the damping of roll and of pitch.
 DAMPING = (("Clp", "Cl_p"), ("Cmq", "Cm_q"))
@@ -70,15 +72,29 @@ class Factor(NamedTuple):
     unit: str
     nominal: float
     size: float  # a change that matters
+    low: float  # ends of the range in which the fit looks
+    high: float
+
+    def untold(self, value: float, low: float, high: float) -> str:
+        """Why a log cannot tell the factor, from the best value and its interval; or nothing."""
+        if not math.isfinite(high - low):
+            return "changes of it change nothing that the others do not"
+        unit = "" if self.unit == "1" else f" {self.unit}"
+        if min(value - self.low, self.high - value) < AT_END * (self.high - self.low):
+            return f"the best fit is at an end of its range, {self.low:g} to {self.high:g}{unit}"
+        if low < self.nominal < high and high - low > 2.0 * self.size:
+            ends = f"{max(low, self.low):.2g} to {min(high, self.high):.2g}{unit}"
+            return f"its interval at 95 %, {ends}, holds {self.nominal:g} and is too wide"
+        return ""
 
 
 FACTORS = {
-    "phi_late": Factor("lag", "roll later than the model's", "s", 0.0, 0.1),
-    "n_z_late": Factor("lag", "load factor later than the model's", "s", 0.0, 0.1),
-    "mass": Factor("mass", "mass over the model's", "1", 1.0, 0.2),
-    "damping": Factor("damping", "damping over the model's", "1", 1.0, 0.4),
-    "wind_north": Factor("wind", "air moving north", "m/s", 0.0, 5.0),
-    "wind_east": Factor("wind", "air moving east", "m/s", 0.0, 5.0),
+    "phi_late": Factor("lag", "roll later than the model's", "s", 0.0, 0.1, -1.0, 2.0),
+    "n_z_late": Factor("lag", "load factor later than the model's", "s", 0.0, 0.1, -1.0, 2.0),
+    "mass": Factor("mass", "mass over the model's", "1", 1.0, 0.2, 0.3, 3.0),
+    "damping": Factor("damping", "damping over the model's", "1", 1.0, 0.4, 0.1, 5.0),
+    "wind_north": Factor("wind", "air moving north", "m/s", 0.0, 5.0, -50.0, 50.0),
+    "wind_east": Factor("wind", "air moving east", "m/s", 0.0, 5.0, -50.0, 50.0),
 }
 
 LOGGED = ("chi", "gamma", "V_g", "phi", "n_z", "phi_cmd", "n_z_cmd")
@@ -130,14 +146,15 @@ class LogGap(Answering):
         identified lag, the aircraft, and the aircraft as it explains most. NaN where a flight
         ended.
     factors : mapping of str to tuple of three floats
-        Value of each factor that explains most, and the ends of its interval at 95 %.
+        Value of each factor that explains most, and the ends of its interval at 95 %; without
+        those that the log cannot tell.
     causes : mapping of str to tuple of two floats
         Share of the aircraft's difference that each cause explains alone, and that is left
         without it; squares are summed over all signals, each over its size in `SCALES`.
     explained : float
         Share that all factors explain.
     notes : tuple of str
-        Sentences on what the log cannot tell.
+        Sentences on what the log cannot tell, and why.
     """
 
     log: str
@@ -179,10 +196,14 @@ class LogGap(Answering):
         ]
         chi, t = np.abs(np.nan_to_num(apart[self.aircraft]["chi"])), _compared(self.t, self.t)
         worst = np.unravel_index(np.argmax(chi), chi.shape)
+        causes_named = (
+            f"{', '.join(self.causes)} together explain {100.0 * self.explained:.1f} %"
+            if self.causes
+            else "the log can tell no cause"
+        )
         verdict = (
-            f"Of the difference between {self.log} and {self.aircraft}, {', '.join(self.causes)} "
-            f"together explain {100.0 * self.explained:.1f} %; the course parts most at "
-            f"{t[worst]:.1f} s, by {chi[worst] * DEG_PER_RAD:.1f} deg."
+            f"Of the difference between {self.log} and {self.aircraft}, {causes_named}; the course "
+            f"parts most at {t[worst]:.1f} s, by {chi[worst] * DEG_PER_RAD:.1f} deg."
         )
         values = {"explained_percent": 100.0 * self.explained}
         ended = [
@@ -292,6 +313,13 @@ class _Flights:
             self._leave("wind_north", "wind_east", why=why)
         self._keep_flyable()
 
+    def leave_untold(self, name: str, why: str) -> None:
+        """Hold a factor that the log cannot tell at its nominal value."""
+        factor = FACTORS[name]
+        self.notes.append(
+            f"The log cannot tell {factor.title}: {why}; it is taken as {self.nominal.pop(name):g}."
+        )
+
     def _leave(self, *names: str, why: str) -> None:
         for name in names:
             del self.nominal[name]
@@ -391,8 +419,8 @@ def _airframe(
 ) -> Plant:
     """The aircraft with its mass and damping changed, in wind."""
     off = OffNominal(
-        mass_factor=factors["mass"],
-        coefficient_factors=dict.fromkeys(damping, factors["damping"]),
+        mass_factor=factors.get("mass", 1.0),
+        coefficient_factors=dict.fromkeys(damping, factors.get("damping", 1.0)),
     )
     weather = Weather(wind=WindProfile(((0.0, (*_wind(factors), 0.0)),)))
     return JSBSimPlant(config, off_nominal=off, weather=weather, ground=-DEEPEST_GROUND)
@@ -472,23 +500,54 @@ def _rms(values: FloatArray) -> float:
 
 
 def _fitted(flights: _Flights) -> dict[str, tuple[float, float, float]]:
-    """Factors of the least difference, and the ends of their intervals."""
+    """Factors of the least difference and their intervals, of those that the log can tell.
+
+    The factor that the log tells least is left out, and the others are fitted again without it.
+    """
+    fitted: dict[str, tuple[float, float, float]] = {}
+    while flights.nominal:
+        start = [fitted.get(name, (x,))[0] for name, x in flights.nominal.items()]
+        fitted = _least(flights, start, MAX_REFIT_STEPS if fitted else MAX_STEPS)
+        widths = {
+            name: (high - low) / FACTORS[name].size
+            for name, (value, low, high) in fitted.items()
+            if FACTORS[name].untold(value, low, high)
+        }
+        if not widths:
+            return fitted
+        name = max(widths, key=lambda name: widths[name])
+        flights.leave_untold(name, FACTORS[name].untold(*fitted[name]))
+    return {}
+
+
+def _least(
+    flights: _Flights, start: Sequence[float], steps: int
+) -> dict[str, tuple[float, float, float]]:
+    """Factors of the least difference within their ranges, and the ends of their intervals."""
     from scipy.optimize import least_squares
 
     names = [*flights.nominal]
-    nominal, sizes = (
-        np.array([getattr(FACTORS[name], key) for name in names]) for key in ("nominal", "size")
-    )
+    nominal, sizes, low, high = np.array([FACTORS[name][3:] for name in names]).T
+
+    def scaled(values: FloatArray) -> FloatArray:
+        return 1.0 + (values - nominal) / sizes  # 1 is nominal: the steps are relative
 
     def factors(x: FloatArray) -> FloatArray:
-        return nominal + sizes * (x - 1.0)  # 1 is nominal: steps of `least_squares` are relative
+        return nominal + sizes * (x - 1.0)
 
     def residual(x: FloatArray) -> FloatArray:
         values = dict(zip(names, factors(x).tolist(), strict=True))
         return flights.difference(flights.fly(values)).ravel()
 
-    start = np.ones(len(names))
-    fit = least_squares(residual, start, diff_step=STEP, max_nfev=MAX_STEPS, xtol=1e-3, ftol=1e-4)
+    fit = least_squares(
+        residual,
+        scaled(np.array(start)),
+        bounds=(scaled(low), scaled(high)),
+        diff_step=STEP,
+        max_nfev=steps,
+        xtol=1e-3,
+        ftol=1e-4,
+    )
     jacobian = fit.jac.reshape(len(flights.t), -1, len(names))
     normal = np.einsum("smi,smj->sij", jacobian, jacobian)
     slope = np.einsum("smi,sm->si", jacobian, fit.fun.reshape(len(flights.t), -1))

@@ -60,6 +60,7 @@ CONFIDENCE = 0.95
 CLEAR = 1.5  # standard errors by which an order must fit better than the other to count as distinct
 COARSE = 1.0  # rad: of a lag's frequency over a sample, from which on samples do not show it
 WIDEST = 3.0  # ratio of the ends of an interval of the frequency that tells nothing
+ALIKE = 1e-6  # share of its effect that a parameter must have apart from the others, squared
 STEP = 1e-4  # of the parameters, for the slopes of the response
 
 BOUNDS: Bounds = (
@@ -428,9 +429,15 @@ def _channel(runs: Sequence[Run], name: Channel) -> ChannelOfLogs | str:
         shares.append((float(np.sum(missed**2)), _variation(part)))
     used = [section.measured[np.isfinite(section.stretch)] for section in sections]
     total = sum(map(_variation, used))
+    if not total > 0.0:
+        return f"{NAMES[name]} rests while its commands change"
     low, high = _interval(sections, lag, count, carried)
     dt, reason = max(section.dt for section in sections), ""
-    if dt * lag.natural_frequency > COARSE:
+    at_end = np.isclose(lag.natural_frequency, np.exp([edge[0] for edge in BOUNDS]), rtol=0.01)
+    if at_end.any() or lag.delay > 0.99 * BOUNDS[1][1]:
+        ends = f"{lag.natural_frequency:.3g} rad/s behind {lag.delay:.2g} s"
+        reason = f"the best fit, {ends}, is at an end of its range"
+    elif dt * lag.natural_frequency > COARSE:
         reason = f"a sample every {dt:.2g} s is too coarse for {lag.natural_frequency:.3g} rad/s"
     elif not distinct:
         reason = "first and second order fit alike"
@@ -532,20 +539,25 @@ def interval_of(
     step of Gauss and Newton from the `fit` to all stretches but one, and Student's t for as many
     stretches as share the information. `normal` and `slope`, shapes (stretches, n, n) and
     (stretches, n): sums over a stretch. `late`, shape (n,): change of each parameter with commands
-    that come a second later.
+    that come a second later. Infinite for a parameter without an effect of its own.
     """
     from scipy.stats import t as student
 
     count, whole = len(normal), normal.sum(axis=0)
-    rest = whole - normal + 1e-12 * np.trace(whole) * np.eye(len(whole))
+    tiny = np.finfo(float).tiny
+    size = np.sqrt(np.maximum(np.diagonal(whole), tiny))
+    effects, ways = np.linalg.eigh(whole / np.outer(size, size))
+    alike = (np.abs(ways[:, effects < ALIKE]) > 0.1).any(axis=1)
+    rest = whole - normal + (1e-12 * np.trace(whole) + tiny) * np.eye(len(whole))
     steps = np.linalg.solve(rest, (slope.sum(axis=0) - slope)[..., None])[..., 0]
     error = np.sqrt(count - 1) * steps.std(axis=0)
     information = np.diagonal(normal, axis1=1, axis2=2)
-    shares = information / np.maximum(information.sum(axis=0), np.finfo(float).tiny)
+    shares = information / np.maximum(information.sum(axis=0), tiny)
     freedom = np.maximum(1.0, 1.0 / np.maximum((shares**2).sum(axis=0), 1.0 / count) - 1.0)
     # The age of the samples of a command is one number, alike anywhere up to `HELD_S`.
     aged = 0.5 * CONFIDENCE * HELD_S * late
     width = np.hypot(student.ppf(0.5 + 0.5 * CONFIDENCE, freedom) * error, aged)
+    width = np.where(alike, np.inf, width)
     return np.array([fit - width, fit + width])
 
 

@@ -8,6 +8,8 @@ from commands import answer, flighttune
 from log_files import sampled, write_csv
 
 import flighttune as ft
+from flighttune.gaps.of_log import FACTORS
+from flighttune.logs.identify import interval_of
 
 MASS, LATE, WIND = 1.2, 0.15, (3.0, 3.0 * math.sqrt(3.0))
 """Of the flight: mass over the model's; s; m/s to the north and to the east."""
@@ -65,6 +67,49 @@ def test_mass_lag_and_wind_of_a_flight_come_back(log):
     assert (law["flown"], aircraft["flown"]) == ("kinematic", "c172p")
     assert explained["phi"] < 0.2 * aircraft["phi"] < aircraft["phi"] < law["phi"]
     assert (log.parent / "gap" / "gap.svg").stat().st_size > 10_000
+
+
+def of_two_parameters(second):
+    """Ends of the intervals of two parameters that fit four stretches of noise, shape (2, 2)."""
+    random = np.random.default_rng(3)
+    jacobian = random.standard_normal((4, 50, 2))
+    jacobian[..., 1] = second(jacobian)
+    normal = np.einsum("smi,smj->sij", jacobian, jacobian)
+    slope = np.einsum("smi,sm->si", jacobian, random.standard_normal((4, 50)))
+    return interval_of(np.ones(2), normal, slope, np.zeros(2))
+
+
+def test_a_factor_without_an_effect_of_its_own_has_no_interval():
+    apart, alike, without, nothing = (
+        np.isfinite(of_two_parameters(second)).all(axis=0).tolist()
+        for second in (
+            lambda jacobian: jacobian[..., 1],
+            lambda jacobian: 2.0 * jacobian[..., 0],
+            lambda jacobian: 0.0,
+            lambda jacobian: np.multiply(jacobian, 0.0, out=jacobian)[..., 1],
+        )
+    )
+
+    assert apart == [True, True]
+    assert alike == nothing == [False, False]
+    assert without == [True, False]
+
+
+@pytest.mark.parametrize(
+    ("name", "fitted", "says"),
+    [
+        ("mass", (1.2, 1.1, 1.3), ""),
+        ("mass", (1.0, 0.9, 1.1), ""),
+        ("mass", (0.7, 0.1, 1.3), "its interval at 95 %, 0.3 to 1.3, holds 1 and is too wide"),
+        ("phi_late", (1.98, 1.9, 2.1), "the best fit is at an end of its range, -1 to 2 s"),
+        ("damping", (1.0, -math.inf, math.inf), "changes of it change nothing"),
+    ],
+)
+def test_what_a_log_cannot_tell_of_a_factor_has_its_reason(name, fitted, says):
+    said = FACTORS[name].untold(*fitted)
+
+    assert said.startswith(says)
+    assert bool(said) == bool(says)
 
 
 def test_a_log_that_an_aircraft_cannot_fly_is_one_line(log):

@@ -1,6 +1,9 @@
 """Lags from logs written by the tests are those of the plant flown; a model from logs flies."""
 
+import math
+
 import numpy as np
+import pandas as pd
 import pytest
 from commands import answer, flighttune
 from log_files import (
@@ -190,3 +193,20 @@ def test_the_tube_of_a_model_from_logs_is_of_the_residual_rates_that_they_show(m
     assert tube.status == "bounded"
     assert tube.problem.disturbance == max(found.log.residual_rad_s.values())
     assert "no claim about other flights" in " ".join(tube.answer().notes)
+
+
+@pytest.mark.parametrize(
+    ("late", "says"),
+    [(1.5, "is at an end of its range"), (math.inf, "roll rests while its commands change")],
+)
+def test_a_lag_beyond_the_range_of_the_fit_is_said(tmp_path, late, says):
+    t = np.arange(2000) / 25.0
+    command = 20.0 * np.sign(np.sin(0.5 * t))
+    phi = np.interp(t - late, t, command) if late < math.inf else 0.0 * t
+    table = {"t_s": t, "phi_deg": phi, "phi_cmd_deg": command, "v_north": 20.0, "v_east": 0.0}
+    pd.DataFrame(table).to_csv(tmp_path / "flight.csv", index=False)
+
+    found = ft.identify(tmp_path / "flight.csv", assume={"n_z": 5.0})
+
+    reasons = [channel.reason for channel in found.channels.values()]
+    assert says in " ".join([*reasons, *found.untold.values()])
