@@ -69,8 +69,22 @@ FLIGHT_METRICS = {
 # course and path angle that is allowed there whatever the change, rad.
 FOLLOWED, ALWAYS_ALLOWED = 0.2, DEG
 
+# Rounding of a time at which an envelope has a new bound, s.
+ROUNDING_S = 1e-9
+
 # Measures that say why a response does not settle; see `settling_measures`.
 UNSETTLED = ("settling_band_rad", "late_rad")
+
+# Signal and unit of what an envelope over time can bound, by its subject in ``[[expect]]``.
+ENVELOPES = {
+    "chi": ("chi_err", "deg"),
+    "gamma": ("gamma_err", "deg"),
+    AIRSPEED: ("V_err", "m/s"),
+    **{signal: (signal, "m") for signal in OFF_ROUTE},
+}
+
+# Beginning of the name of such a measure: ``error within 90 deg, 6 deg from 4 s``.
+ENVELOPE = "error within "
 
 # Measures of a linear loop and their units; see `loop_measures` of `flighttune.flight.models`.
 LOOP_METRICS = {
@@ -87,6 +101,8 @@ LOOP_METRICS = {
 
 def unit_of(subject: str, name: str) -> str:
     """Unit of a measure of ``chi``, ``gamma`` or ``flight``, as `measures` names them."""
+    if name.startswith(ENVELOPE):
+        return "1"
     if subject == "flight":
         return FLIGHT_METRICS[name]
     if subject == AIRSPEED:
@@ -180,35 +196,61 @@ def measures(run: Run) -> dict[str, dict[str, float]]:
     error, and ``end_error``, the mean error at the end, with the largest that counts as followed,
     ``end_allowed``; ``flight``: `flight_metrics`; and where the airspeed is a channel ``V``, of
     which ``min_mps`` is the lowest airspeed; its step measures count from the first change of its
-    reference. A channel whose settling time the scenario bounds has its
-    `settling_measures` too. Empty for a run of fewer than two samples, and for a log.
+    reference. What only a requirement asks for is there too: `settling_measures`, and
+    the largest ratio of an error to its envelope (see `envelope_bounds`), for which ``cross_track``
+    and ``height_err`` have entries. Empty for a run of fewer than two samples, and for a log.
     """
     if len(run.signals) < 2 or run.provenance.log:
         return {}
-    settling = settling_names(run.provenance.scenario.get("expect", ()))
-    return measures_of(run.t, signal_arrays(run, MEASURED), settling)
+    required = required_names(run.provenance.scenario.get("expect", ()))
+    return measures_of(run.t, signal_arrays(run, MEASURED), required)
 
 
 def measures_of(
     t: FloatArray,
     columns: Mapping[str, FloatArray],
-    settling: Mapping[str, Sequence[str]],
+    required: Mapping[str, Sequence[str]],
     measure: Measure = error_measures,
 ) -> dict[str, dict[str, float]]:
-    """`measures` of two or more samples of signals; `settling` are `settling_names`."""
+    """`measures` of two or more samples of signals; `required` are `required_names`."""
     channels = {
         channel: _channel_measures(t, columns, channel, measure)
         | {"peak_rad": float(np.max(np.abs(columns[f"{channel}_err"])))}
         | _end_errors(t, columns, channel)
         | settling_measures(
-            t, columns[f"{channel}_ref"], columns[f"{channel}_err"], settling.get(channel, ())
+            t, columns[f"{channel}_ref"], columns[f"{channel}_err"], required.get(channel, ())
         )
         for channel in CHANNELS
     }
     measured = {**channels, "flight": _flight_measures(columns)}
     if "V_err" in columns:
         measured[AIRSPEED] = _airspeed_measures(t, columns, measure)
+    for subject, names in required.items():
+        for name in names:
+            if name.startswith(ENVELOPE):
+                ratios = columns[ENVELOPES[subject][0]] / envelope_bounds(name, t, subject, columns)
+                measured.setdefault(subject, {})[name] = float(np.max(np.abs(ratios)))
     return measured
+
+
+def envelope_bounds(
+    name: str, t: FloatArray, subject: str, columns: Mapping[str, FloatArray]
+) -> FloatArray:
+    """Bound of an error at each sample, shape of `t`, SI, of the measure `name` of a `subject`.
+
+    Its times count from the end of the last change of the reference of that channel, from the start
+    of the flight before the first: while the reference changes, the first bound holds. Along a
+    route, whose guidance changes it all the time, they count from the start.
+    """
+    parts = [part.split() for part in name.removeprefix(ENVELOPE).split(", ")]
+    times = [float(part[3]) if len(part) > 2 else 0.0 for part in parts]
+    bounds = np.array([float(size) * (DEG if unit == "deg" else 1.0) for size, unit, *_ in parts])
+    changed = np.zeros_like(t)
+    if OFF_ROUTE[0] not in columns:
+        moved = moves(columns[f"{subject}_ref"])
+        changed[moved] = t[moved]
+    since = t - np.maximum.accumulate(changed)
+    return bounds[np.searchsorted(times, since + ROUNDING_S, side="right") - 1]
 
 
 def airspeed_metrics(run: Run) -> dict[str, float]:
@@ -254,25 +296,34 @@ def _end_errors(t: FloatArray, columns: Mapping[str, FloatArray], channel: str) 
     return {"end_error": mean, "end_allowed": max(FOLLOWED * change, least)}
 
 
-def stated_bounds(limits: Mapping[str, float]) -> dict[str, float]:
-    """Bounds of a channel by measure; ``settling_s`` beside a ``band_deg`` is named for both."""
-    band = f"settling_s within {limits.get('band_deg', 0.0):.12g} deg"
-    return {
-        band if name == "settling_s" and "band_deg" in limits else name: bound
-        for name, bound in limits.items()
-        if name != "band_deg"
-    }
+def stated_bounds(subject: str, limits: Mapping[str, Any]) -> dict[str, float]:
+    """Bounds of a subject by measure.
+
+    ``settling_s`` beside a ``band_deg`` is named for both; ``within``, rows of time (s) and bound,
+    is a measure with its bounds in the name, which must be at most 1.
+    """
+    bounds = {name: bound for name, bound in limits.items() if name not in ("band_deg", "within")}
+    if "band_deg" in limits:
+        bounds[f"settling_s within {limits['band_deg']:.12g} deg"] = bounds.pop("settling_s")
+    if "within" in limits:
+        unit = ENVELOPES[subject][1]
+        rows = [f"{bound:.12g} {unit} from {time:.12g} s" for time, bound in limits["within"]]
+        bounds[ENVELOPE + ", ".join(rows).replace(" from 0 s", "")] = 1.0
+    return bounds
 
 
-def settling_names(expect: Iterable[Mapping[str, Any]]) -> dict[str, list[str]]:
-    """Names of `settling_measures` by channel, where ``[[expect]]`` bounds its settling time."""
+def required_names(expect: Iterable[Mapping[str, Any]]) -> dict[str, list[str]]:
+    """Names of the measures that only ``[[expect]]`` asks for, by subject.
+
+    They are `settling_measures` where it bounds a settling time, and envelopes.
+    """
     names: dict[str, list[str]] = {}
     for table in expect:
         bounds = (*table.get("at_most", {}).items(), *table.get("at_least", {}).items())
         for subject, limits in bounds:
-            if "settling_s" in limits:
-                banded = filter(settling_band, stated_bounds(limits))
-                names[subject] = [*dict.fromkeys([*names.get(subject, UNSETTLED), *banded])]
+            own = [name for name in stated_bounds(subject, limits) if " within " in name]
+            settling = UNSETTLED if "settling_s" in limits else ()
+            names[subject] = [*dict.fromkeys([*names.get(subject, ()), *settling, *own])]
     return names
 
 
@@ -288,9 +339,9 @@ def settling_measures(
 
     ``settling_band_rad`` is 5 % of the commanded change, ``late_rad`` the largest error over the
     last quarter of the time. Times count as for ``settling_s``, without a change from t = 0. Empty
-    without `names`.
+    without `names` of any.
     """
-    if not names:
+    if all(name.startswith(ENVELOPE) for name in names):
         return {}
     bands = {name: band for name in names if (band := settling_band(name)) is not None}
     return {

@@ -8,7 +8,7 @@ import pytest
 from made_up import made_up_run
 
 import flighttune as ft
-from flighttune.metrics import measures, settling_measures
+from flighttune.metrics import measures, measures_of, required_names, settling_measures
 from flighttune.simulate import kernel
 from flighttune.simulate.measures import error_measures
 
@@ -69,6 +69,44 @@ def test_settling_within_a_band_of_its_own_is_the_last_time_an_error_leaves_it()
     assert math.isnan(wavy[name])
     assert wavy["late_rad"] == pytest.approx(math.radians(6.0))
     assert wavy["settling_band_rad"] == pytest.approx(0.05 * math.radians(6.0))
+
+
+CHANGED_S, RATE = 3.0, 0.8
+AFTER = np.clip(T - CHANGED_S, 0.0, None)
+STEP = (T >= CHANGED_S).astype(float)
+
+
+@pytest.mark.parametrize(
+    ("subject", "within", "error", "more", "ratio"),
+    [
+        # The error is largest at the change, then as the bounds of 2 and 6 s after it begin.
+        ("chi", [[0, 90], [2, 8], [6, 1]], np.deg2rad(60.0 * STEP * np.exp(-RATE * AFTER)),
+         {"chi_ref": np.deg2rad(60.0 * STEP)}, 60.0 * math.exp(-2.0 * RATE) / 8.0),
+        ("gamma", [[0, 90], [1, 0.2]], np.deg2rad(1.0 - STEP), {"gamma_ref": 0.1 * STEP}, 5.0),
+        # While a ramp lasts, the first bound holds: its error is 2 deg, its end at 8 s.
+        ("chi", [[0, 4], [1.5, 1]], np.deg2rad(2.0) * ((T > 3.0) & (T < 9.0)),
+         {"chi_ref": np.clip(T - 3.0, 0.0, 5.0)}, 0.5),
+        ("V", [[0, 3], [4, 0.1]], 2.0 * STEP * np.exp(-RATE * AFTER),
+         {"V_ref": 20.0 + 2.0 * STEP, "n_x_cmd": 0.0, "n_x_limited": 0.0},
+         20.0 * math.exp(-4.0 * RATE)),
+        # On a route all count from the start, whatever its guidance commands.
+        ("cross_track", [[0, 20], [5, 3]], -10.0 * np.exp(-0.1 * T),
+         {"chi_ref": 0.1 * T}, 10.0 * math.exp(-0.5) / 3.0),
+        ("chi", [[0, 90], [5, 0.5]], np.deg2rad(1.0),
+         {"chi_ref": 0.1 * T, "cross_track": 0.0}, 2.0),
+    ],
+)  # fmt: skip
+def test_the_largest_ratio_of_an_error_to_its_envelope_is_that_of_the_formula(
+    subject, within, error, more, ratio
+):
+    (names,) = required_names([{"at_most": {subject: {"within": within}}}]).values()
+    signal = subject if subject == "cross_track" else f"{subject}_err"
+    signals = run_of(**{"chi_err": 0.0, **more, signal: error}).signals
+    columns = {name: signals[name].to_numpy() for name in signals}
+
+    found = measures_of(T, columns, {subject: names})
+
+    assert found[subject][names[0]] == pytest.approx(ratio, rel=2.0 * SAMPLING)
 
 
 def test_what_does_not_happen_has_no_time():

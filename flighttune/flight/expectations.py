@@ -5,9 +5,21 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple, TypeAlias, get_args
 
+from flighttune.arrays import FloatArray
 from flighttune.control.gains import PIGains
 from flighttune.flight.models import loop_measures
-from flighttune.metrics import AIRSPEED, CHANNELS, measures, settling_band, stated_bounds
+from flighttune.metrics import (
+    AIRSPEED,
+    CHANNELS,
+    ENVELOPE,
+    ENVELOPES,
+    MEASURED,
+    envelope_bounds,
+    measures,
+    settling_band,
+    signal_arrays,
+    stated_bounds,
+)
 from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import ExpectTable, in_rad
 from flighttune.simulate.measures import SETTLING_BAND, SMALLEST_STEP
@@ -251,7 +263,7 @@ def bound_checks(
     for table in tables:
         for sense in get_args(Sense):
             for subject, limits in getattr(table, sense).items():
-                for name, bound in stated_bounds(limits).items():
+                for name, bound in stated_bounds(subject, limits).items():
                     own, of_subject = in_rad(name), measured.get(subject, {})
                     value = of_subject.get(own, math.nan)
                     yield BoundCheck(
@@ -263,6 +275,19 @@ def bound_checks(
                         value=value if own == name else value / DEG,
                         why=_unsettled(name, of_subject),
                     )
+
+
+def envelopes(run: Run, signal: str) -> Iterator[FloatArray]:
+    """Bound of an error at each sample, SI, of every envelope that is required of a run."""
+    origin = run.provenance
+    for table in (ExpectTable(**tables) for tables in origin.scenario.get("expect", ())):
+        for subject, limits in table.at_most.items():
+            own, _ = ENVELOPES.get(subject, ("", ""))
+            if own == signal and table.meant(origin.plant, origin.gains_name):
+                columns = signal_arrays(run, MEASURED)
+                for name in stated_bounds(subject, limits):
+                    if name.startswith(ENVELOPE):
+                        yield envelope_bounds(name, run.t, subject, columns)
 
 
 def _unsettled(name: str, measured: Mapping[str, float]) -> str:

@@ -67,9 +67,11 @@ def _shared(texts: Sequence[str]) -> str:
 
 
 CHANNEL_SYMBOLS = {"chi": "χ", "gamma": "γ"}
-SYMBOLS = {**CHANNEL_SYMBOLS, "V": "V", "phi": "φ", "n_z": "n_z"}
+OTHER_SYMBOLS = {"V": "V", "phi": "φ", "n_z": "n_z", "cross_track": "e_y", "height_err": "e_h"}
+SYMBOLS = CHANNEL_SYMBOLS | OTHER_SYMBOLS
 CHANNEL_NAMES = {"chi": "course", "gamma": "path angle"}
-CHANNEL_WORDS = {**CHANNEL_NAMES, "V": "airspeed"}
+OTHER_WORDS = {"V": "airspeed", "cross_track": "cross track", "height_err": "height"}
+CHANNEL_WORDS = CHANNEL_NAMES | OTHER_WORDS
 
 
 # Column of each metric of a channel or of the flight (SI), by its key.
@@ -82,6 +84,7 @@ METRIC_LABELS = {
         Column("PT_s", "peak time", "s", "z.2f"),
         Column("rise_s", "rise time", "s", "z.2f"),
         Column("settling_s", "settling time (5\u00a0%)", "s", "z.2f"),
+        Column("error", "largest error over envelope", "1", "z.3f"),
         Column("MS_rad", "mean error, last quarter", "deg", "z.3f", DEG_PER_RAD),
         Column("ST_rad", "standard deviation, last quarter", "deg", "z.3f", DEG_PER_RAD),
         Column("effort_rms", "effort rms", "", "z.3f"),

@@ -20,7 +20,7 @@ from flighttune.present.names import CHANNEL_NAMES, CHANNEL_SYMBOLS, SYMBOLS
 from flighttune.present.palette import HUES, INK, LIMIT, NEUTRAL
 from flighttune.references.follow import RouteReference
 from flighttune.references.path import Path
-from flighttune.reports.panels import Drawn, draw_claims, most_points
+from flighttune.reports.panels import Drawn, draw_bounds, most_points
 from flighttune.scenario.load import scenario_of
 from flighttune.scenario.schema import Scenario
 from flighttune.simulate.bounds import claims_around
@@ -145,7 +145,7 @@ def _errors(flights: Drawn, path: Path) -> list[Chart]:
         chart.level(0.0, NEUTRAL, dash="")
         for run, style in flights:
             along = run.signals["along"].to_numpy() / KM
-            draw_claims(chart, run, along, signal, style.colour)
+            draw_bounds(chart, run, along, signal, style.colour)
             values, most = run.signals[signal].to_numpy(), most_points(len(flights))
             chart.run_line(along, values, style, run.label, most=most)
         charts.append(chart)

@@ -7,14 +7,15 @@ import numpy as np
 
 from flighttune.arrays import FloatArray
 from flighttune.claims.linear_loop import LinearBound
+from flighttune.flight.expectations import envelopes
 from flighttune.present.chart import DASHED, DOTTED, Chart
 from flighttune.present.names import shown_unit
-from flighttune.present.palette import NEUTRAL, LineStyle
+from flighttune.present.palette import LIMIT, NEUTRAL, LineStyle
 from flighttune.present.thinning import MAX_DRAWN
 from flighttune.recording.plots import displayed, limits_of
 from flighttune.references.follow import ROUTE_SIGNALS
 from flighttune.simulate.bounds import claims_around
-from flighttune.simulate.run import Run
+from flighttune.simulate.run import SIGNAL_UNITS, Run
 
 ANGLES = (
     ("chi", "Course; reference grey", "χ [deg]"),
@@ -37,6 +38,9 @@ FLOWN = (("phi", "Roll", "φ [deg]"), ("n_z", "Load factor", "n_z [1]"))
 LANE = 0.035
 
 FEW_RUNS = 4
+
+# An envelope is drawn where its bound is at most so many times the largest error.
+FAR = 2.0
 
 # Lower end of the logarithmic axis of ``||s||``.
 FLOOR = 1e-4
@@ -80,7 +84,7 @@ def errors(flights: Drawn) -> list[Chart]:
         chart = over_time(flights, title, unit)
         chart.level(0.0, NEUTRAL, dash="")
         for run, style in flights:
-            draw_claims(chart, run, run.t, signal, style.colour)
+            draw_bounds(chart, run, run.t, signal, style.colour)
         charts.append(_with_runs(chart, flights, signal))
     with_charts = {*ROUTE_SIGNALS, *(signal for signal, *_ in ERRORS)}
     claimed = {
@@ -94,19 +98,28 @@ def errors(flights: Drawn) -> list[Chart]:
         bounded = [(run, style) for run, style in flights if any(claims_around(run.claims, signal))]
         chart = over_time(bounded, signal, f"{signal} [{shown_unit(si_unit)[0]}]")
         for run, style in bounded:
-            draw_claims(chart, run, run.t, signal, style.colour)
+            draw_bounds(chart, run, run.t, signal, style.colour)
         charts.append(_with_runs(chart, bounded, signal))
     return charts
 
 
-def draw_claims(chart: Chart, run: Run, x: FloatArray, signal: str, colour: str) -> None:
-    """The bounds claimed of a signal: a tube in the colour of its run, a band grey with edges."""
+def draw_bounds(chart: Chart, run: Run, x: FloatArray, signal: str, colour: str) -> None:
+    """Bounds of a signal: a tube in the colour of its run, a band grey, envelopes required red."""
     for claim, ends in claims_around(run.claims, signal):
         low, high = shown_unit(claim.units[signal])[1] * ends
         counted = claim.kind == "counted"
         chart.band(x, low, high, NEUTRAL if counted else colour, run=run.label, name=claim.title)
         for edge in (low, high) if counted else ():
             chart.line(x, edge, NEUTRAL, run=run.label, dash=DOTTED, width=1.2, hover=False)
+    for bound in envelopes(run, signal):
+        factor = shown_unit(SIGNAL_UNITS[signal])[1]
+        error = run.signals[signal].abs().max()
+        # A bound far beyond all errors would leave no room for them.
+        shown = factor * np.where(bound > FAR * max(error, bound.min()), np.nan, bound)
+        for edge in (-shown, shown):
+            chart.line(x, edge, LIMIT, run=run.label, dash=DASHED, width=1.2, hover=False)
+        if (entry := ("required envelope", LIMIT, DASHED)) not in chart.legend:
+            chart.legend.append(entry)
 
 
 def commands(flights: Drawn) -> list[Chart]:

@@ -12,7 +12,7 @@ from flighttune.errors import InputError
 from flighttune.files.mistakes import abridged
 from flighttune.files.shipped import nearest_name
 from flighttune.files.table import hash_of
-from flighttune.metrics import CHANNELS, settling_names
+from flighttune.metrics import CHANNELS, OFF_ROUTE, UNSETTLED, required_names
 from flighttune.present.names import listed
 from flighttune.quantities import FASTEST_WIND, STEEPEST_DEG, Table
 from flighttune.scenario import tables
@@ -125,8 +125,10 @@ class Scenario(Table):
             raise ValueError(
                 "`duration_s` of [flight] must be given with [route]: its longest time"
             )
-        for channel in settling_names([table.model_dump() for table in self.expect]):
-            if self.route is not None and channel in CHANNELS:
+        for channel, names in required_names([t.model_dump() for t in self.expect]).items():
+            if self.route is None and channel in OFF_ROUTE:
+                raise ValueError(f"`{channel}` of [[expect]] must be absent without [route]")
+            if self.route is not None and channel in CHANNELS and UNSETTLED[0] in names:
                 raise ValueError(
                     f"`{channel}.settling_s` of [[expect]] must be absent with [route], whose "
                     "guidance commands small changes all the time: bound `flight.cross_track_m` "

@@ -13,8 +13,10 @@ from pydantic import (
     AfterValidator,
     BeforeValidator,
     ConfigDict,
+    Discriminator,
     Field,
     PrivateAttr,
+    Tag,
     model_validator,
 )
 
@@ -29,14 +31,17 @@ from flighttune.control.law import DEFAULT, Law, law_kinds, made_law, plain_laws
 from flighttune.control.limits import Limits
 from flighttune.control.linear_model import Envelope
 from flighttune.errors import InputError
+from flighttune.files.mistakes import abridged
 from flighttune.identification.file import IdentifiedAircraft, load_identified
 from flighttune.metrics import (
     AIRSPEED,
     AIRSPEED_METRICS,
     CHANNELS,
+    ENVELOPES,
     FLIGHT_METRICS,
     LOOP_METRICS,
     METRICS,
+    OFF_ROUTE,
 )
 from flighttune.plants.base import PLANT_KINDS, PlantKind, goes_by, plant_label
 from flighttune.plants.jsbsim.plant import DEEPEST_GROUND, HIGHEST_GROUND, LARGEST_SEED
@@ -922,14 +927,22 @@ class GainsTable(q.Table):
         return PIGains.from_lists(self.K_P, self.K_I, self.law or law, self.feedback)
 
 
-Subject: TypeAlias = Literal["chi", "gamma", "V", "flight", "loop"]
-Bounds: TypeAlias = dict[Subject, dict[str, q.Finite]]
+Subject: TypeAlias = Literal["chi", "gamma", "V", "flight", "loop", "cross_track", "height_err"]
+# Rows of time (s) and bound, of ``within``.
+Row: TypeAlias = Annotated[list[q.NotNegative], Field(min_length=2, max_length=2)]
+Within: TypeAlias = Annotated[list[Row], Field(min_length=1, max_length=20)]
+Bound: TypeAlias = Annotated[
+    Annotated[q.Finite, Tag("number")] | Annotated[Within, Tag("rows")],
+    Discriminator(lambda value: "rows" if isinstance(value, list) else "number"),
+]
+Bounds: TypeAlias = dict[Subject, dict[str, Bound]]
 
 CHANNEL_MEASURES = (*METRICS, "peak_rad")
 MEASURES_OF = {
     "flight": (*FLIGHT_METRICS,),
     "loop": (*LOOP_METRICS,),
     AIRSPEED: (*AIRSPEED_METRICS,),
+    **dict.fromkeys(OFF_ROUTE, ()),
 }
 
 
@@ -941,7 +954,11 @@ class ExpectTable(q.Table):
     ``min_mps``), ``flight`` and ``loop`` (indicators and margins on the model of ``[tuning]``); a
     measure in rad may be given in deg under that ending, one in rad/s under ``_dps``. ``band_deg``
     beside ``settling_s`` is the error within which a response counts as settled, in place of 5 % of
-    the commanded change. Bounds include that a flight follows its reference to the end.
+    the commanded change. ``at_most.chi.within = [[0, 90], [4, 6], [6, 1]]`` is an envelope of the
+    error over time: 90 deg, 6 deg from 4 s and 1 deg from 6 s after the end of a change (``gamma``
+    likewise, ``V`` in m/s, and on a route ``cross_track`` and ``height_err`` in m, from the start);
+    the largest ratio of error to envelope must be at most 1. Bounds include that a flight follows
+    its reference to the end.
     """
 
     plant: Annotated[str, Field(min_length=1)] | None = None
@@ -954,20 +971,24 @@ class ExpectTable(q.Table):
     def _measures_exist(self) -> "ExpectTable":
         if not (self.status or self.at_most or self.at_least):
             raise ValueError("`status`, `at_most` or `at_least` must be given")
-        for bounds in (self.at_most, self.at_least):
+        for sense, bounds in (("at_most", self.at_most), ("at_least", self.at_least)):
             for subject, limits in bounds.items():
                 measures = MEASURES_OF.get(subject, CHANNEL_MEASURES)
-                if "band_deg" in limits and not (
-                    "settling_s" in limits and subject in CHANNELS and limits["band_deg"] > 0.0
-                ):
-                    raise ValueError(
-                        f"`{subject}.band_deg` must be positive and beside `settling_s` of a "
-                        f"channel, got {limits['band_deg']:g}"
-                    )
-                for name in limits.keys() - {"band_deg"}:
-                    if in_rad(name) not in measures:
+                for name, bound in limits.items():
+                    if name == "within":
+                        _check_envelope(subject, sense, bound)
+                    elif isinstance(bound, list):
+                        raise ValueError(f"`{subject}.{name}` must be a number, got {bound}")
+                    elif name == "band_deg":
+                        if "settling_s" in limits and subject in CHANNELS and bound > 0.0:
+                            continue
                         raise ValueError(
-                            f"`{subject}.{name}` must be one of {', '.join(measures)} "
+                            f"`{subject}.band_deg` must be positive and beside `settling_s` of a "
+                            f"channel, got {bound:g}"
+                        )
+                    elif in_rad(name) not in measures:
+                        raise ValueError(
+                            f"`{subject}.{name}` must be one of {', '.join((*measures, 'within'))} "
                             "(or _deg in place of _rad)"
                         )
         return self
@@ -975,6 +996,17 @@ class ExpectTable(q.Table):
     def meant(self, plant: str, gains: str) -> bool:
         """Whether the requirements apply to a run of this plant and these gains."""
         return goes_by(plant, self.plant) and self.gains in (None, gains)
+
+
+def _check_envelope(subject: str, sense: str, rows: Any) -> None:
+    if sense == "at_least" or subject not in ENVELOPES:
+        raise ValueError(f"`within` must be under at_most.{' or '.join(ENVELOPES)}")
+    times, bounds = zip(*rows, strict=True) if isinstance(rows, list) else ((), (0.0,))
+    if [*times] != [0.0, *sorted({*times} - {0.0})] or min(bounds) <= 0.0:
+        raise ValueError(
+            f"`{subject}.within` must be rows of time [s] and bound, times rising from 0 and "
+            f"bounds positive, got {abridged(rows)}"
+        )
 
 
 def in_rad(measure: str) -> str:

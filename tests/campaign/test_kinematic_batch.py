@@ -134,8 +134,8 @@ def test_draws_of_everything_at_once_are_flown_as_flights_alone(tables, disperse
     assert 0 < sum(row["success"] for row in rows) < plan.runs or "expect" not in tables
 
 
-def test_settling_within_a_band_of_its_own_is_a_column_of_both():
-    bounds = {"settling_s": 8.0, "band_deg": 2.0}
+def test_settling_within_a_band_and_errors_within_an_envelope_are_columns_of_both():
+    bounds = {"settling_s": 8.0, "band_deg": 2.0, "within": [[0, 40], [4, 2]]}
     tables = tables_of(expect=[{"at_most": {"chi": bounds}}])
     plan = plan_of(tables, uniform("flight.chi_deg", -60.0, 60.0), runs=12)
 
@@ -143,6 +143,12 @@ def test_settling_within_a_band_of_its_own_is_a_column_of_both():
 
     assert_flown_as_alone(rows, plan)
     assert len({row["chi.settling_s within 2 deg"] for row in rows}) > 3
+    ratios = [row["chi.error within 40 deg, 2 deg from 4 s"] for row in rows]
+    assert all(
+        (ratio > 1.0) == ("chi.error within" in row["missed"])
+        for ratio, row in zip(ratios, rows, strict=True)
+    )
+    assert min(ratios) < 1.0 < max(ratios)
     assert all(row["chi.late_rad"] is not None for row in rows)
 
 

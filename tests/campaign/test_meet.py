@@ -244,6 +244,26 @@ def test_settling_that_moving_air_forbids_is_said_why_and_is_met_within_a_band_o
     assert flown(banded, gains).claim.bounds[0].value == pytest.approx(row["value"])
 
 
+def test_an_envelope_is_met_as_fly_and_a_formula_of_its_runs_have_it():
+    of = scenario(
+        at_most(within=[[0, 90], [4, 8], [8, 2]]), at_most("gamma", within=[[0, 90], [8, 2]])
+    )
+
+    values, gains, _ = searched(of, budget=40)
+
+    assert values["status"] == "met"
+    row, *_ = values["requirements"]
+    for own, ratio, verdict in (
+        (ft.PAPER_GAINS, row["start"], "not met"),
+        (gains, row["value"], "met"),
+    ):
+        again = flown(of, own)
+        t, error = again.runs[0].t, np.abs(again.runs[0].signals["chi_err"].to_numpy()) / DEG
+        bound = np.select([t < 3.99, t < 7.99], [90.0, 8.0], 2.0)  # of a step at 0 s, 50 Hz
+        assert again.claim.verdict == verdict
+        assert ratio == pytest.approx((error / bound).max(), abs=1e-6)
+
+
 def test_unstable_and_known_candidates_are_not_flown(overshoot):
     law = overshoot.laws[0]
     with WorkerPool(1) as pool:

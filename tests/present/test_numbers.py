@@ -31,6 +31,7 @@ def test_every_metric_has_a_label_and_angles_are_in_degrees():
         "peak_rad",
         "end_error_rad",
         "end_error_mps",
+        "error",
     }
     named |= LOOP_METRICS.keys() - QUANTITIES.keys()
     assert named == METRIC_LABELS.keys()
@@ -44,6 +45,9 @@ def test_every_metric_has_a_label_and_angles_are_in_degrees():
     assert measure_words("gamma.settling_s") == "settling time of path angle (5\u00a0%)"
     assert measure_words("V.settling_s within 0.5 deg") == (
         "settling time of airspeed (within 0.5 deg)"
+    )
+    assert measure_words("height_err.error within 9 m, 2 m from 4 s") == (
+        "largest error over envelope of height (within 9 m, 2 m from 4 s)"
     )
     assert metric_label("loop.phase_margin_deg").heading == "phase margin [deg]"
 

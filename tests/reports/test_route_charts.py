@@ -3,10 +3,13 @@
 from dataclasses import replace
 from xml.etree import ElementTree
 
+import numpy as np
 import pytest
 from claimed import SENTENCE, claimed
 
 import flighttune as ft
+from flighttune.present.chart import DASHED
+from flighttune.present.palette import LIMIT
 from flighttune.records.compare import Source
 from flighttune.reports.charts import route_charts
 from flighttune.reports.panels import errors
@@ -58,6 +61,20 @@ def test_the_corridor_is_to_the_sides_of_the_path_and_says_how_much_wider_it_is(
     titles = ["Map", "Height over the start", "To the right of the route", "Below the route"]
     assert [chart.title for chart in charts] == titles
     assert charts[2].y_ends()[1] > RIGHT
+
+
+def test_a_required_envelope_is_drawn_on_both_sides_where_it_is_flown(run):
+    expect = [{"at_most": {"cross_track": {"within": [[0, 8], [5, 4]]}}}]
+    made = replace(run.provenance, scenario={**run.provenance.scenario, "expect": expect})
+
+    _, _, chart, _ = route_charts(drawn(replace(run, provenance=made)))
+    along_km, bound = path_with(chart, "--limit")
+
+    assert ("required envelope", LIMIT, DASHED) in chart.legend
+    late = along_km * 1000.0 > run.signals["along"].loc[5.0]
+    assert 0 < late.sum() < len(late)
+    # One of both sides, within a pixel of the axis from -8 to 8 m.
+    assert np.abs(bound) == pytest.approx(np.where(late, 4.0, 8.0), abs=16.0 / 100.0)
 
 
 def test_the_arrow_points_where_the_air_moves(run):

@@ -72,3 +72,26 @@ def test_a_duration_that_is_no_whole_number_of_samples_is_said(duration, rate, f
     assert run.duration == pytest.approx(flown)
     (note,) = scenario.notes if flown != duration else ("",)
     assert note.endswith(f"{flown:.6g} s are flown" if note else "")
+
+
+@pytest.mark.parametrize(
+    ("expect", "message"),
+    [
+        ({"at_most": {"chi": {"within": [[1, 2]]}}}, r"`chi\.within`.* rising from 0 .* \[\[1"),
+        ({"at_most": {"chi": {"within": [[0, 2], [3, 0]]}}}, r"`chi\.within`.* bounds positive"),
+        ({"at_most": {"chi": {"within": [[0, 2], [0, 1]]}}}, r"`chi\.within`.* rising"),
+        ({"at_most": {"chi": {"within": [[0, 2, 1]]}}}, r"`within`.* at most 2 items"),
+        ({"at_most": {"chi": {"within": 2.0}}}, r"`chi\.within`.* rows of time"),
+        ({"at_most": {"chi": {"MO_deg": [[0, 2]]}}}, r"`chi\.MO_deg` must be a number"),
+        ({"at_most": {"chi": {"MO_deg": "2"}}}, r"`MO_deg` must be a valid number"),
+        ({"at_least": {"chi": {"within": [[0, 2]]}}}, r"`within` must be under at_most"),
+        ({"at_most": {"loop": {"within": [[0, 2]]}}}, r"`within` must be under at_most"),
+        ({"at_most": {"cross_track": {"within": [[0, 2]]}}}, r"`cross_track` .* without \[route\]"),
+        ({"at_most": {"V": {"within": [[0, 2]]}}}, r"`V` .* without `V_mps`"),
+    ],
+)
+def test_an_envelope_that_is_none_is_refused_in_a_line(expect, message):
+    with pytest.raises(ft.ScenarioError, match=message) as caught:
+        short(expect=[expect])
+
+    assert len(str(caught.value)) < 250

@@ -6,7 +6,7 @@ from typing import Any
 
 import pyarrow as pa
 
-from flighttune.metrics import AIRSPEED, AIRSPEED_METRICS, settling_names, unit_of
+from flighttune.metrics import AIRSPEED, AIRSPEED_METRICS, ENVELOPES, required_names, unit_of
 from flighttune.planning.plan import Plan
 from flighttune.planning.schema import MEASURES, Choice, Dispersion, Grid
 from flighttune.present.names import UNIT_OF_SUFFIX
@@ -60,8 +60,8 @@ def table_of(plan: Plan, rows: Iterable[Row]) -> pa.Table:
 
 def row_schema(plan: Plan) -> pa.Schema:
     """The schema of the rows of a plan; a field has its ``unit`` as metadata."""
-    settling = settling_names([table.model_dump() for table in plan.scenario.expect])
-    more = [f"{channel}.{name}" for channel, names in settling.items() for name in names]
+    required = required_names([table.model_dump() for table in plan.scenario.expect])
+    more = [f"{channel}.{name}" for channel, names in required.items() for name in names]
     if plan.scenario.airspeed:
         more += [f"{AIRSPEED}.{name}" for name in AIRSPEED_METRICS]
     return pa.schema(
@@ -99,8 +99,8 @@ def _field(name: str, kind: pa.DataType, unit: str | None) -> pa.Field:
 def measured_in(row: Mapping[str, Any]) -> dict[str, dict[str, float]]:
     """The measures of a row by their subject, as `flighttune.metrics.measures` has them."""
     measured: dict[str, dict[str, float]] = {}
-    # Settling times of the scenario's own, and the airspeed where it is a channel.
-    more = (column for column in row if column.startswith(("chi.", "gamma.", "V.")))
+    # Settling times and envelopes of the scenario's own, and the airspeed where it is a channel.
+    more = (column for column in row if column.split(".")[0] in ENVELOPES)
     for column in dict.fromkeys((*MEASURES, *more)):
         subject, name = column.split(".", 1)
         value = row.get(column)

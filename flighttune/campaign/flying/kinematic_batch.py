@@ -11,7 +11,7 @@ from flighttune.control.law import Law
 from flighttune.control.mimo_pi import MimoPI
 from flighttune.flight.conditions import command_limits, reference_of, start_condition
 from flighttune.flight.models import law_setup
-from flighttune.metrics import CHANNELS, MEASURED, measures_of, settling_names
+from flighttune.metrics import CHANNELS, MEASURED, measures_of, required_names
 from flighttune.plants.point_mass import rolled_over
 from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import PlantTable
@@ -88,7 +88,7 @@ def fly_batch(
     )
     from flighttune.simulate.kernel import error_measures
 
-    settling = settling_names([table.model_dump() for table in scenarios[0].expect])
+    required = required_names([table.model_dump() for table in scenarios[0].expect])
     for i in range(len(scenarios)):
         if batch.ends[i] > ROLLED:
             yield None
@@ -99,7 +99,7 @@ def fly_batch(
         columns["n_z"] = np.append(conditions[i].n_z_start, columns["n_z_cmd"][:-1])
         for channel, values in zip(CHANNELS, ref[i].T, strict=True):
             columns[f"{channel}_ref"] = np.array(np.broadcast_to(values[:n], n))
-        measured = measures_of(t[:n], columns, settling, error_measures) if n > 1 else {}
+        measured = measures_of(t[:n], columns, required, error_measures) if n > 1 else {}
         yield FlightResult(*_status(batch, i), measured)
 
 
