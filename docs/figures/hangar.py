@@ -12,7 +12,7 @@ import resource
 import subprocess
 import sys
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from importlib.metadata import version
 from pathlib import Path
@@ -45,19 +45,9 @@ CIRCUITS = [
 STATUSES = ("adopted", "flies", "refused")
 
 COLUMNS = [
-    *columns("model status engines V_a_mps"),
-    Column("glide_ratio", "glide ratio", digits=".1f"),
-    Column("fit_percent.phi", "fit φ", "%", ".1f"),
-    Column("fit_percent.n_z", "fit n_z", "%", ".1f"),
-    Column("flown.tuned.ITAE.chi", "tuned: ITAE χ", digits=".3g"),
-    Column("flown.tuned.ITAE.gamma", "ITAE γ", digits=".3g"),
-    Column("flown.paper.ITAE.chi", "K* scaled: ITAE χ", digits=".3g"),
-    Column("flown.paper.ITAE.gamma", "ITAE γ", digits=".3g"),
-    Column("flown.paper.status", "K* scaled"),
-    Column("cpu_s", "processor time", "s", ".0f"),
-    Column("export", "export differs by", digits=".0e"),
-    Column("circuit", "circuit: beside, off height"),
-    *columns("remarks"),
+    *columns("model V_a_mps"),
+    Column("circuit.cross_track_m", "beside circuit", "m", ".2g"),
+    Column("circuit.height_err_m", "off its height", "m", ".2g"),
 ]
 
 
@@ -101,14 +91,14 @@ def proved(folder: Path) -> dict[str, Any]:
     return {"export": max(differences.values()), "circuit": circuit(folder)}
 
 
-def circuit(folder: Path) -> str:
-    """How far beside its route and off its height an aircraft flies the circuit, or why it cannot.
+def circuit(folder: Path) -> dict[str, Any]:
+    """How far beside its route and off its height (m) an aircraft flies the circuit, or why not.
 
     The circuit is the shipped one at airspeed and limits of the aircraft's turn.
     """
     turn = tomllib.loads((folder / "turn.toml").read_text(encoding="utf-8"))
     if not load_aircraft(str(folder)).engines.count:
-        return "has no engine, and glides"
+        return {}
     why, file = "", folder / "circuit.toml"
     for margin, look_ahead, climb in CIRCUITS:
         text = toml_text(circuit_of(turn, margin, look_ahead, climb))
@@ -117,10 +107,10 @@ def circuit(folder: Path) -> str:
         answer = json.loads(done.stdout or "{}")
         if done.returncode == 0:
             flown = [run["metrics"]["flight"] for run in answer["runs"]]
-            errors = (max(run[key] for run in flown) for key in ("cross_track_m", "height_err_m"))
-            return ", ".join(f"{error:.2g} m" for error in errors)
+            largest = ("cross_track_m", "height_err_m")
+            return {key: max(run[key] for run in flown) for key in largest}
         why = answer.get("verdict") or done.stderr.strip()
-    return why
+    return {"why": why}
 
 
 def circuit_of(
@@ -161,26 +151,70 @@ def turn_chart(model: str, scenario: Path) -> Chart:
     return chart
 
 
+def listed(said: Iterable[tuple[str, str]]) -> str:
+    """A line for each remark, with the models that it is about."""
+    models: dict[str, list[str]] = {}
+    for model, remark in said:
+        models.setdefault(remark, []).append(f"`{model}`")
+    return "\n".join(f"- {', '.join(names)}: {remark}" for remark, names in models.items())
+
+
+def remarks_of(answer: dict[str, Any]) -> list[str]:
+    """What an answer says of a model beside its numbers."""
+    why = answer.get("circuit", {}).get("why")
+    remarks = [answer["reason"], *answer.get("notes", ()), why and f"misses the circuit: {why}"]
+    return [*filter(None, remarks)]
+
+
 def hangar_text(answers: Sequence[dict[str, Any]]) -> str:
-    """The page: a row for each model, those that are adopted first."""
-    statuses = [answer["status"] for answer in answers]
-    counts = ", ".join(f"{statuses.count(status)} {status}" for status in STATUSES)
-    records = [
-        answer | {"remarks": [*filter(None, [answer["reason"], *answer.get("notes", ())])]}
-        for answer in sorted(answers, key=lambda answer: STATUSES.index(answer["status"]))
-    ]
+    """The page: a row for each model that is adopted, remarks, and why others are refused."""
+    of = {status: [one for one in answers if one["status"] == status] for status in STATUSES}
+    flown, adopted = of["adopted"] + of["flies"], of["adopted"]
+    early = [one["model"] for one in flown if one["flown"]["paper"]["status"] != "completed"]
+    chi, gamma = (
+        sum(one["flown"]["tuned"]["ITAE"][c] < one["flown"]["paper"]["ITAE"][c] for one in adopted)
+        for c in ("chi", "gamma")
+    )
+    fits = [min(one["fit_percent"][key] for one in flown) for key in ("phi", "n_z")]
+    times, most = sorted(one["cpu_s"] for one in flown), max(one["export"] for one in flown)
     return f"""# The hangar: every model of JSBSim's own set
 
-Made by `python docs/figures/hangar.py` with flighttune {ft.__version__} and JSBSim
-{version("jsbsim")}: {counts}, of {len(answers)}.
-ITAE in rad s² of a turn of 20° with a climb of 3°, of gains tuned on the identified aircraft and
-of the paper's K* scaled with airspeed. A glider descends 3° steeper than its glide instead.
-What the statuses mean, and how to bring a model of your own: [aircraft.md](aircraft.md).
+JSBSim comes with {len(answers)} models. This page says which of them `flighttune adopt MODEL` turns
+into an aircraft that every command takes: {
+        ", ".join(f"{len(of[status])} {status}" for status in STATUSES)
+    }.
+[Use an aircraft of your own](aircraft.md) says what the statuses mean. The page is made by
+`python docs/figures/hangar.py`, here with flighttune {ft.__version__} and JSBSim {
+        version("jsbsim")
+    }.
 
-{Table(columns=COLUMNS, records=records).markdown()}
+## Adopted
 
-The turns of those that fly, with the gains tuned on the identified aircraft: course and path angle
-in degrees over 40 s.
+Each aircraft flies a turn of 20° with a climb of 3°; a glider descends 3° steeper than its glide
+instead. One with an engine also flies the [circuit](routes.md#what-it-reaches), scaled to its
+airspeed: the table has its largest distances from the route.
+
+{Table(columns=COLUMNS, records=adopted).markdown()}
+
+The identified models fit roll by {fits[0]:.1f} % or better and load factor by {fits[1]:.1f} % or
+better. Exported turns differ from flown ones by at most {most:.0e}. A model takes {times[0]:.0f} to
+{times[-1]:.0f} s of processor time.
+Gains tuned on the identified model have a smaller ITAE than the paper's K* scaled with airspeed on
+{chi} of {len(adopted)} aircraft for course and {gamma} for path angle, over the time flown.
+K* ends the flight early on {", ".join(early)}.
+
+## Remarks
+
+{listed((one["model"], remark) for one in flown for remark in remarks_of(one))}
+
+## Refused
+
+{listed((one["model"], ", ".join(remarks_of(one))) for one in of["refused"])}
+
+## The turns
+
+The figure shows course and path angle in degrees over 40 s, with the gains tuned on the identified
+model.
 
 ![Course and path angle of the turn of each aircraft with their references](hangar.svg)
 """
