@@ -16,26 +16,24 @@ ROOT = Path(__file__).parents[2]
 PAGE = ROOT / "docs" / "speed.md"
 
 LOOPS = {
-    "still air": "closed loop on JSBSim, {signals} signals at 50 Hz, still air",
+    "still air": "closed loop, {signals} signals at 50 Hz, still air",
     "gust and turbulence": "closed loop with gust and turbulence",
-    "all weather": (
-        "closed loop with gust, turbulence, and wind that changes with height and oscillates"
-    ),
+    "all weather": ("closed loop with gust, turbulence, and changing wind"),
     "route, all in": "300 s of the route `circuit`: load, trim, fly, table and metrics",
 }
 ROWS = {
-    "still air": "a campaign row on JSBSim: build, load and trim, fly 20 s, measures, indicators",
+    "still air": "a campaign row: build, load, trim, fly 20 s, measure",
     "airframe dispersed": "such a row with the airframe dispersed",
     "wind and turbulence": "such a row in wind and turbulence",
 }
 PEERS = {
-    "SciPy loop": "a loop over SciPy's Lyapunov solver",
-    "cvxpy + Clarabel, a problem a loop": "the paper's program by cvxpy and Clarabel, a loop",
+    "SciPy loop": "SciPy's Lyapunov solver",
+    "cvxpy + Clarabel, a problem a loop": "the paper's program by cvxpy and Clarabel",
 }
 
 ENVIRONMENTS = {
-    "aircraft alone": "the same aircraft without an environment, started once",
-    "jsbgym": "jsbgym, which integrates at 60 Hz without an inner loop",
+    "aircraft alone": "the aircraft alone, started once",
+    "jsbgym": "jsbgym (60 Hz, no inner loop)",
     "gymnasium_jsbsim": "gymnasium-jsbsim, likewise",
 }
 
@@ -64,7 +62,7 @@ def table(rows: list[tuple[str, ...]]) -> str:
 
 def times(ratio: float, bar: float) -> str:
     """A ratio of times, and whether it misses its bar."""
-    return f"{ratio:.2f} times the time{', missed' if ratio > bar else ''}"
+    return f"{ratio:.2f} times{', missed' if ratio > bar else ''}"
 
 
 def ratios(folder: Path) -> list[tuple[str, ...]]:
@@ -77,7 +75,7 @@ def ratios(folder: Path) -> list[tuple[str, ...]]:
     rows = [
         (
             what.format(signals=loop["signals"]),
-            "bare `fdm.run()` steps of the same aircraft and time",
+            "bare steps",
             times(loop["ratios"][name], loop["highest_ratio"][name]),
             f"{loop['highest_ratio'][name]:g}",
         )
@@ -86,7 +84,7 @@ def ratios(folder: Path) -> list[tuple[str, ...]]:
     rows += [
         (
             what,
-            "bare steps of the same 20 s",
+            "bare steps",
             times(campaign["ratios"][name], campaign["highest_ratio"].get(name, math.inf)),
             f"{campaign['highest_ratio'].get(name, '')}",
         )
@@ -94,7 +92,7 @@ def ratios(folder: Path) -> list[tuple[str, ...]]:
     ]
     rows += [
         (
-            "R_K and I_K of many gain sets, 4 states ([by number of states](cost.svg))",
+            "R_K and I_K of many gain sets ([4 states](cost.svg))",
             peer,
             f"{theory['peers'][name]['ratio']:.3g} times as fast",
             "",
@@ -104,22 +102,22 @@ def ratios(folder: Path) -> list[tuple[str, ...]]:
     rows += [
         (
             "batched kinematic flights",
-            "the same sampled loop in python-control, by processor time",
+            "python-control, by processor time",
             f"{busy[1]} times as fast",
             busy[2],
         ),
         (
             "a recording written by columns",
-            "the same data logged step by step",
+            "logged step by step",
             f"{recording['steps_over_columns']:.2g} times as fast",
             "",
         ),
     ]
     rows += [
         (
-            "`FlightEnv`: the Cessna at 10 actions/s, a reset a minute",
+            "`FlightEnv`, the Cessna at 10 actions/s",
             ENVIRONMENTS[name],
-            f"{ratio:.2f} times the integration steps a second",
+            f"{ratio:.2f} times the steps a second",
             f"{gym['targets'][name]:g}",
         )
         for name, ratio in gym["ratios"].items()
@@ -159,10 +157,12 @@ def main() -> None:
 TEXT = """\
 # Speed
 
-`make bench` measures speed as a ratio against a named peer in the same run, and ends with exit
-status 1 if it misses a bar. This page is written by `python docs/figures/speed.py FOLDER` from what
-the benchmarks print. Figures differ from day to day with the same code: these were measured on two
-cores that others used at the same time, which slows Python more than the steps of JSBSim.
+How long do flights, campaigns and commands take, and against what? `make bench` measures each
+ratio against a named peer in the same run, and ends with exit status 1 if one misses its bar.
+`python docs/figures/speed.py FOLDER` writes this page. Figures differ from day to day with the same
+code: these were measured on two cores that others used at the same time, which slows Python more
+than the steps of JSBSim. Bare steps are `fdm.run()` of the same aircraft and time; 1.35 times means
+that the loop takes 35 % longer.
 
 | what | against | measured | bar |
 |---|---|--:|--:|
@@ -185,9 +185,8 @@ One million gain sets take {million} s of one core. Recording 600 s of flight wi
 ## Commands
 
 `--help` and `list` import no heavy library. `python benchmarks/bench_commands.py` measures a
-command in a process of its own against `python -c "import ..."` of its libraries: it may take three
-times as long, plus its own work, which is what the same command takes when it is run again in the
-same process. `report` of four runs must take less than 4 s, `campaign first_campaign` less than
+command against `python -c "import ..."` of its libraries: it may take three times as long, plus its
+own work. `report` of four runs must take less than 4 s, `campaign first_campaign` less than
 three times `fly paper`. The fastest of five turns counts, by the clock.
 
 ## Campaigns
