@@ -280,7 +280,9 @@ class Chart:
                     (side, y + up) for up in (-24, 12, -40, 28, -56, 44) for side in (right, left)
                 ]
                 boxes = [(u, v, u + wide, v + 12.0) for u, v in places]
-                box = next((place for place in boxes if _free(place, occupied, a)), boxes[0])
+                box = next((place for place in boxes if _free(place, occupied, a)), None)
+                if box is None:  # two names on one place are none
+                    continue
                 occupied.append(box)
                 if boxes.index(box) > 3:
                     near = box[0] if box[0] > x else box[2]

@@ -96,6 +96,11 @@ def _map(band: Band, room: TurnBack | None) -> Chart:
         ends = np.stack([fence.start, fence.end, np.full_like(fence.end, np.nan)], axis=1)
         north, east = ends.reshape(-1, 2).T
         chart.line(east, north, LIMIT, name="fence", most=len(north), hover=False)
+        if (rows := band.inside(tables).nearest) and np.isfinite(rows[0]["margin_m"]):
+            nearest = min(rows, key=lambda row: row["margin_m"])
+            ((at, across, _),) = path.beside(np.array([nearest["along_m"]]))
+            words = f"nearest to it: {nearest['margin_m']:.0f} m"
+            chart.points(across, at, LIMIT, size=5.0, filled=False, name=words)
     if room is not None and room.claims and band.claims:
         for name, volume in room.volumes(band).items():
             breaks = [
@@ -173,6 +178,7 @@ def write_claim_page(
         notes = [note for note in notes if note != claim.sentence]
         if isinstance(claim, Band) and claim.flights.over == "along":
             notes, sentences = [*notes, *sentences], claim.summary(room)
+            title = f"Mission {quoted(about.plan['campaign']['title'])}"
         scenario = toml_text(claim.flights.scenario.as_dict())
         campaign = toml_text(about.plan["campaign"])
         if room is not None:
