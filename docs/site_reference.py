@@ -1,5 +1,6 @@
 """Parts of the site made while it is built: tables of keys, help, and what the search needs."""
 
+import inspect
 import json
 import re
 from collections.abc import Iterator
@@ -10,6 +11,7 @@ from figures.commands import helps
 from figures.formats import KEYS
 
 import flighttune
+from flighttune.aircraft import aircraft
 from flighttune.planning.schema import Campaign
 from flighttune.scenario.schema import Scenario
 
@@ -103,16 +105,45 @@ def keys() -> Iterator[str]:
         for name, table in schema.get("$defs", {}).items():
             if "properties" in table:
                 yield from _table(name, table)
+    yield "## Aircraft\n"
+    schema = aircraft.AircraftConfig.model_json_schema(by_alias=True)
+    yield from _table("(top)", schema, meanings(aircraft.AircraftConfig))
+    for name, table in schema["$defs"].items():
+        yield from _table(name, table, meanings(getattr(aircraft, name)))
 
 
-def _table(name: str, schema: dict[str, Any]) -> Iterator[str]:
+def meanings(model: Any) -> dict[str, str]:
+    """What the comments above or behind the keys of a table say of them.
+
+    A comment begins with the unit inside the program, which is not that of the key: it is cut.
+    """
+    said: dict[str, str] = {}
+    above = ""
+    for line in inspect.getsource(model).splitlines():
+        code, _, comment = line.partition("# ")
+        comment = f"{above} {comment}".strip()
+        name = re.match(r"    (\w+): ", code)
+        if name and name[1] in model.model_fields:
+            said[model.model_fields[name[1]].alias or name[1]] = _in_words(comment)
+        elif comment and code.strip() == ")":
+            said[list(said)[-1]] = _in_words(comment)
+        above = "" if code.strip() else comment
+    return said
+
+
+def _in_words(comment: str) -> str:
+    return re.sub(r"^[a-z/0-9]+: | \(rad\)|`", "", comment)
+
+
+def _table(name: str, schema: dict[str, Any], said: dict[str, str] | None = None) -> Iterator[str]:
     yield f"### {name.removesuffix('Table').removeprefix('_')}\n"
-    yield "| key | value | default |"
-    yield "|---|---|---|"
+    yield "| key | value | default |" + (" meaning |" if said else "")
+    yield "|---|---|---|" + ("---|" if said else "")
     required = schema.get("required", ())
     for key, one in schema["properties"].items():
         default = "required" if key in required else _toml(one.get("default"))
-        yield f"| `{key}` | {_kind(one)} | {default} |"
+        meaning = f" {said.get(key, '')} |" if said else ""
+        yield f"| `{key}` | {_kind(one)} | {default} |{meaning}"
     yield ""
 
 

@@ -127,7 +127,7 @@ def page() -> str:
     for name, source, command in known:
         claim = source.verifies[0].upper() + source.verifies[1:]
         lines += [f"## `{command}`\n", f"{claim}.\n"]
-        lines += [f"![{source.title}](gallery/{name}.svg)\n"]
+        lines += [f"![Flights of {name}](gallery/{name}.svg)\n"]
     return "\n".join(lines)
 
 

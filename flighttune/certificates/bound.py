@@ -30,7 +30,7 @@ BOUND_COLUMNS = [
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RateBound(Answering):
-    """For every A_K = [[F, G], [I, 0]] of any size with I_K <= I_star: R_K <= R_bound.
+    r"""For every A_K = [[F, G], [I, 0]] of any size with I_K <= I_star: R_K <= R_bound.
 
     Attributes
     ----------
@@ -40,6 +40,26 @@ class RateBound(Answering):
     boxes, multipliers : ndarray, shapes (N, 4) and (N, 19)
         Of each box the smallest and largest R_K, then those of sigma_min(A_K); the lower triangles
         of three matrices of order 2 and one of order 4, which refute the box.
+
+    Notes
+    -----
+    With the smallest feasible Q, ``W = Q^-1`` and ``T = A_K^-1 W``, the Lyapunov equation says that
+    ``T + I`` is orthogonal, so that ``T' T = -(T + T')``; the upper blocks of T are the lower ones
+    of W. Let R <= R_K, sigma <= sigma_min(A_K) and w >= I_star R_K^2 sigma_min(A_K). Then
+    I_K <= I_star implies
+
+    .. math::
+
+        W \ge R I, \quad W \le w I, \quad
+        (R + w) W - R w I + \sigma^2 (T + T^T) \ge 0, \quad
+        \begin{pmatrix} -(T + T^T) & T^T \\ T & I \end{pmatrix} \ge 0 .
+
+    The third holds because ``(W - R I)(w I - W) >= 0`` makes its left side at least
+    ``W^2 - sigma^2 T' T = T' (A_K' A_K - sigma^2 I) T``. The mean of the diagonal of each n x n
+    block turns all four into the same inequalities for a W and a T of order 2: five numbers are
+    left whatever n is. R_K and sigma_min(A_K) are between 0 and 1. Their square above R_bound is
+    divided into boxes, in each of which the inequalities at its corners contradict each other:
+    the multipliers are positive, and their sum is negative for all five numbers.
 
     Examples
     --------
