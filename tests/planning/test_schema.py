@@ -70,7 +70,7 @@ def test_every_key_of_the_file_is_explained():
     others = (CampaignTable, CorrelationTable, KeepTable)
     for model in (*others, *DISTRIBUTIONS.values()):
         for key in model.model_fields:
-            assert f"`{key}`" in text or f"`{key} = " in text, key
+            assert f"`{key}`" in text or f"`{key}=" in text, key
 
 
 def test_the_example_of_the_page_is_a_campaign(load):

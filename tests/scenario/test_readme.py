@@ -51,7 +51,7 @@ def test_every_key_stands_in_the_row_of_its_table_with_its_default(table, key, f
     if default is PydanticUndefined:
         shown = f"**`{key}`**"
     else:
-        shown = f"`{key}`" if default is None else f"`{key} = {json.dumps(default)}`"
+        shown = f"`{key}`" if default is None else f"`{key}={json.dumps(default)}`"
 
     assert shown in row_of(table)
 
