@@ -13,6 +13,7 @@ from pydantic import Field
 
 from flighttune.arrays import FloatArray, check_positive, set_read_only
 from flighttune.certificates.exact_rate import SAME_MODEL, ExactRate, lag_units
+from flighttune.certificates.lag_box import BOX_COLUMNS, NOT_ENCLOSED, LagBox, boxes_checks
 from flighttune.control.gains import ERRORS_WITH_AIRSPEED, PIGains, gains_table
 from flighttune.control.linear_model import (
     ENTRIES,
@@ -29,6 +30,7 @@ from flighttune.errors import InputError
 from flighttune.files.value import STRICT, read, write
 from flighttune.present.answer import Answer, Answering, Column, Table, pick, quoted
 from flighttune.present.names import columns, listed
+from flighttune.theory.decay import true_rate
 from flighttune.theory.exact import (
     Check,
     Interval,
@@ -158,6 +160,9 @@ class Certificate(Answering):
     exact_rates : tuple of ExactRate
         The largest rates that a norm proves of the loop at the trim: of the continuous one, then of
         the sampled one. Empty over an envelope and at other conditions.
+    boxes : tuple of LagBox
+        Rates of each channel where its lag and delay are in ranges; empty where none were asked
+        for, and in files of version 0.3.0.
 
     Examples
     --------
@@ -178,6 +183,7 @@ class Certificate(Answering):
     scenario_sha256: Annotated[str, Field(pattern="^[0-9a-f]{64}$")] | None = None
     files: Mapping[str, str] = field(default_factory=dict)
     exact_rates: tuple[ExactRate, ...] = ()
+    boxes: tuple[LagBox, ...] = ()
 
     kind: ClassVar[Literal["proven"]] = "proven"
 
@@ -211,6 +217,8 @@ class Certificate(Answering):
             )
         if self.exact_rates and not self._at_trim:
             raise InputError("`exact_rates` must be empty with an `envelope` or `conditions`.")
+        if self.boxes and self.claim.envelope is not None:
+            raise InputError("`boxes` must be empty with an `envelope`.")
         sampled = [rate.sampling is not None for rate in self.exact_rates]
         if sampled not in ([], [False], [True], [False, True]):
             raise InputError(
@@ -250,6 +258,22 @@ class Certificate(Answering):
     def rates_values(self) -> list[dict[str, Any]]:
         """Loop, rate, growth and true rate of each exact rate."""
         return [proven.values(self.model, self.gains) for proven in self.exact_rates]
+
+    @property
+    def boxes_values(self) -> list[dict[str, Any]]:
+        """Ranges and rates of each channel's box."""
+        return [box.values(e) for e, box in zip(self.gains.errors, self.boxes, strict=False)]
+
+    @property
+    def boxes_note(self) -> str:
+        """The limits of the boxes, and the rate of the identified models; empty without boxes."""
+        if not self.boxes or not self.models:
+            return NOT_ENCLOSED * bool(self.boxes)
+        slowest = min(true_rate(closed_loop(model, self.gains)) for model in self.models)
+        return (
+            f"{NOT_ENCLOSED} The slowest of the {len(self.models)} identified models has "
+            f"eigenvalues that decay at {slowest:.4g} 1/s."
+        )
 
     @property
     def in_words(self) -> str:
@@ -300,6 +324,8 @@ class Certificate(Answering):
         sampled = any(rate.sampling for rate in self.exact_rates)
         if sampled or (self.exact_rates and any(lag_units(self.model) != 1.0)):
             words += ", where lags and commands count by the rate that they cause"
+        for error, box in zip(self.gains.errors, self.boxes, strict=False):
+            words += f"; {box.sentence(error)}"
         if claim.radius is None:
             return words
         return (
@@ -314,6 +340,7 @@ class Certificate(Answering):
             **claim.values,
             **pick(claim, "envelope g"),
             "exact_rates": self.rates_values,
+            "boxes": self.boxes_values,
             "sentence": self.sentence,
             "gains": pick(
                 self.gains, "inputs errors K_P K_I" + " feedback" * self.gains.feeds_back
@@ -325,9 +352,10 @@ class Certificate(Answering):
             tables=[
                 Table(columns("rate radius L_d"), [values], "certificate"),
                 *exact_rates_tables(self.rates_values),
+                *boxes_tables(self.boxes_values),
                 gains_table("gains", self.gains),
             ],
-            notes=[self.in_words],
+            notes=[self.in_words, *filter(None, [self.boxes_note])],
             verdict=self.sentence,
         )
 
@@ -353,12 +381,19 @@ class Certificate(Answering):
             checks += radius_checks(vertices, disturbance_entry(model), W, **sizes)
         for proven in self.exact_rates:
             checks += proven.checks(model, self.gains)
+        if self.boxes:
+            checks += boxes_checks(self.boxes, (model, *self.models), self.gains)
         return Verification.of(checks)
 
 
 def exact_rates_tables(rates: Sequence[Mapping[str, Any]]) -> list[Table]:
     """The table of exact rates, a row each; none without a rate."""
     return [Table(EXACT_COLUMNS, rates, "exact rates of the norm")] if rates else []
+
+
+def boxes_tables(boxes: Sequence[Mapping[str, Any]]) -> list[Table]:
+    """The table of boxes of lags and delays, a row each channel; none without a box."""
+    return [Table(BOX_COLUMNS, boxes, "box of lags and delays")] if boxes else []
 
 
 def load_certificate(path: str | Path) -> Certificate:

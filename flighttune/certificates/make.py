@@ -13,10 +13,12 @@ from flighttune.arrays import FloatArray
 from flighttune.certificates.certificate import (
     Certificate,
     Claim,
+    boxes_tables,
     exact_rates_tables,
     vertex_matrices,
 )
 from flighttune.certificates.exact_rate import ExactRate
+from flighttune.certificates.lag_box import LagBox
 from flighttune.control.gains import PIGains
 from flighttune.control.linear_model import (
     Envelope,
@@ -84,8 +86,9 @@ class Certification(Answering):
         certificate is of the model alone or holds everywhere.
     scaling : ndarray, shape (n + p,), or None
         Units of state in which the gains were tuned; None where they are plain.
-    unsampled : str
-        Why the sampled loop has no exact rate; empty where it has, or none was asked for.
+    absent : str
+        Why the sampled loop has no exact rate, or the identified conditions no box of lags; empty
+        where they have, or none was asked for.
 
     Examples
     --------
@@ -106,7 +109,7 @@ class Certification(Answering):
     g: float | None = None
     largest_factor: float | None = None
     scaling: FloatArray | None = None
-    unsampled: str = ""
+    absent: str = ""
 
     @property
     def in_words(self) -> str:
@@ -126,12 +129,13 @@ class Certification(Answering):
         """
         values = dict.fromkeys(("rate", "radius", "L_d", "holds", "growth"))
         values |= {"status": self.status, "reason": self.reason}
-        values |= {"conditions": [], "checks": [], "exact_rates": []}
+        values |= {"conditions": [], "checks": [], "exact_rates": [], "boxes": []}
         values["in_words"] = self.in_words
         if self.certificate is not None and self.verification is not None:
             values |= self.certificate.claim.values
             values["growth"] = self.certificate.growth
             values["exact_rates"] = self.certificate.rates_values
+            values["boxes"] = self.certificate.boxes_values
             values["checks"] = [asdict(check) for check in self.verification.checks]
         return values
 
@@ -173,10 +177,11 @@ class Certification(Answering):
                     "certificate",
                 ),
                 *exact_rates_tables(certificate["exact_rates"]),
+                *boxes_tables(certificate["boxes"]),
             ],
             notes=[
                 *([ANY_ENVELOPE] if everywhere and not identified else []),
-                *filter(None, [self.unsampled]),
+                *filter(None, [self.absent, self.certificate and self.certificate.boxes_note]),
             ],
             verdict=f"proven: {self.certificate.sentence}"
             if self.certificate
@@ -195,6 +200,7 @@ def certify_model(
     conditions: Sequence[Condition] = (),
     scenario_sha256: str | None = None,
     rates: Sequence[ExactRate] = (),
+    boxes: Sequence[LagBox] = (),
 ) -> Certification:
     """Certify the rate of gains, and the ultimate radius for a disturbance bound.
 
@@ -214,6 +220,8 @@ def certify_model(
         together with an envelope.
     rates : sequence of ExactRate
         Rates of the loop of `model` that go into the certificate.
+    boxes : sequence of LagBox
+        Rates behind lags from ranges, one a channel, that go into it.
 
     Raises
     ------
@@ -265,6 +273,7 @@ def certify_model(
         made_with={"flighttune": version("flighttune"), **solvers},
         scenario_sha256=scenario_sha256,
         exact_rates=tuple(rates),
+        boxes=tuple(boxes),
     )
     verification = certificate.verify()
     if not verification.valid:

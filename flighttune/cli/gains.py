@@ -106,6 +106,7 @@ def meet(
 def certify(
     certify_gains: Verb,
     source: str,
+    lag: options.LagOption = None,
     out: Annotated[Path | None, Option(help="File to write the certificate to.")] = None,
     figure: Annotated[
         Path | None,
@@ -117,7 +118,7 @@ def certify(
     Exit status 1 if the loop is unstable or no certificate can be proven.
     """
     options.check_ending(figure, ".svg", option="--figure")
-    certified = certify_gains()
+    certified = certify_gains(lag=options.spans(lag, "--lag"))
     proof = out if certified.certificate else None
     if certified.certificate is not None and out is not None:
         certified.certificate.save(out)

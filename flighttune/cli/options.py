@@ -87,6 +87,22 @@ def number(text: str | None, option: str) -> float | None:
         raise InputError(f"{option}: must be a number, got {text!r}.") from None
 
 
+LagOption = Annotated[
+    list[str] | None,
+    Option(
+        "--lag",
+        metavar="LOW:HIGH",
+        help="Smallest and largest lag of the inner loop, s; given twice: of roll and of lift.",
+    ),
+]
+
+
+def spans(texts: list[str] | None, option: str) -> list[tuple[float, float]] | None:
+    """The ranges of an option of the form LOW:HIGH, if it was given."""
+    ends = [numbers([text.replace(":", "=")], option, "LOW:HIGH") for text in texts or ()]
+    return None if not ends else [(float(low), high) for x in ends for low, high in x.items()]
+
+
 ColumnOption = Annotated[
     list[str] | None,
     Option(

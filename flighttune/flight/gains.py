@@ -1,6 +1,6 @@
 """The verbs about gains: tune them for a scenario, and certify them on its linear model."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -142,6 +142,7 @@ def certify(
     *,
     envelope: bool = False,
     L_d: float | None = None,
+    lag: Sequence[float] | Sequence[Sequence[float]] | None = None,
     changes: Mapping[str, Any] | None = None,
 ) -> Certification:
     """Certify the rate of gains on a linear model, and their ultimate radius under a disturbance.
@@ -157,11 +158,15 @@ def certify(
         Gains, or a gain set by name or file; by default the first of the scenario.
     envelope : bool
         Certify over the envelope, for every flight inside the scenario's ranges; where [tuning]
-        names the identified model, at every condition identified and every mixture of their loops.
+        names the identified model, at every condition identified and every mixture of their loops,
+        and over the box of their lags and delays.
     L_d : float, rad/s^2, optional
         Bound on the norm of the derivative of the disturbance, by default that of the scenario's
         sinusoid. Without one only the rate is claimed. A law of your own has the unit of its x'
         per second.
+    lag : two numbers, or two of each channel, s, optional
+        Smallest and largest lag of the inner loop: a rate is proven for all between them, that are
+        constant or change. Delays are those of [tuning].
     changes : mapping of str to value, optional
         Values to set in a scenario that is read from a file, by dotted key.
 
@@ -189,16 +194,18 @@ def certify(
     'certified'
     """
     if isinstance(source, LinearModel):
-        if not isinstance(gains, PIGains) or envelope:
-            raise InputError("`gains` must be given for a model, and `envelope` be false.")
+        if not isinstance(gains, PIGains) or envelope or lag is not None:
+            raise InputError("`gains` must be given for a model, and `envelope` and `lag` not.")
         return certify_model(source, gains, L_d=L_d, rates=exact_rates(source, gains)[0])
     scenario, name, chosen = scenario_and_gains(source, gains, changes)
     law = (
         scenario.law_for(chosen) if isinstance(gains, PIGains) else scenario.law_of(name, chosen)[0]
     )
     if not law.by_gains:
-        if envelope:
-            raise InputError(f"`envelope` must be false for {name}, whose law is your own.")
+        if envelope or lag is not None:
+            raise InputError(
+                f"`envelope` and `lag` must be absent for {name}, whose law is your own."
+            )
         linear = linear_loop(with_own(scenario), name, chosen)
         if linear is None:
             raise InfeasibleError(
@@ -208,8 +215,9 @@ def certify(
             *linear, L_d=L_d, scenario_sha256=scenario.sha256, rates=exact_rates(*linear)[0]
         )
         return replace(certification, name=name)
+    options = {"envelope": envelope, "L_d": L_d, "law": law, "lag": lag}
     certification = replace(
-        certify_scenario(scenario, chosen, envelope=envelope, L_d=L_d, law=law, sampled=True),
+        certify_scenario(scenario, chosen, **options, sampled=True),
         name=name,
         over_envelope=envelope,
         scaling=tuning_scaling(scenario, law),

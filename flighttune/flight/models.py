@@ -1,14 +1,16 @@
 """What a scenario asks of gains: linear models, tuning problems, gain sets and their proofs."""
 
 import math
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 from functools import partial
 
 import numpy as np
+import numpy.typing as npt
 
 from flighttune.arrays import FloatArray
 from flighttune.certificates.exact_rate import ExactRate, Sampling, exact_rates
+from flighttune.certificates.lag_box import LagBox, lag_boxes
 from flighttune.certificates.make import Certification, certify_model
 from flighttune.control.controller import LawSetup
 from flighttune.control.gains import (
@@ -378,6 +380,7 @@ def certify_scenario(
     L_d: float | None = None,
     law: Law | None = None,
     sampled: bool = False,
+    lag: npt.ArrayLike | None = None,
 ) -> Certification:
     """A certificate of gains on the linear model of a scenario, or the reason for its absence.
 
@@ -393,6 +396,9 @@ def certify_scenario(
     sampled : bool
         Prove the exact rate of the sampled loop beside that of the continuous one, which takes up
         to a second. Over an envelope neither is.
+    lag : array_like, shape (2,) or (p, 2), s, optional
+        Prove rates of each channel behind any lag from this range too; over the identified
+        conditions the range is theirs by default.
 
     Raises
     ------
@@ -406,6 +412,8 @@ def certify_scenario(
     law = law or scenario.law_for(gains)
     identified = envelope and scenario.tuning.model == "identified"
     varies = envelope and not (identified or law.same_everywhere)
+    if varies and lag is not None:
+        raise InputError("`lag` must be absent over the ranges of [envelope].")
     ranges = trim_and_envelope(scenario)[1] if varies else None
     everywhere = identified_models(scenario, law, everywhere=True) if identified else ()
     orders = sorted({len(design.model.states) for design in everywhere})
@@ -417,8 +425,13 @@ def certify_scenario(
     exact, unsampled = (
         ((), "") if envelope else scenario_rates(scenario, gains, law, sampled=sampled)
     )
+    model, boxes, why = linear_model(scenario, law), (), ""
+    if lag is not None or identified:
+        boxes, why = _boxes(scenario, gains, law, lag, everywhere)
+    if why and lag is not None:
+        return Certification(status="refused", reason=why, model=model, gains=gains)
     certification = certify_model(
-        linear_model(scenario, law),
+        model,
         gains,
         envelope=ranges,
         g=None if ranges is None else scenario.flight.g_mps2,
@@ -426,12 +439,35 @@ def certify_scenario(
         conditions=[((design.V_a, design.gamma), design.model) for design in everywhere],
         scenario_sha256=scenario.sha256,
         rates=exact,
+        boxes=boxes,
     )
     if certification.certificate and scenario.tuning.model == "identified":
         files = files_of(scenario.identified_name)
         certificate = replace(certification.certificate, files=files)
         certification = replace(certification, certificate=certificate)
-    return replace(certification, unsampled=unsampled)
+    return replace(certification, absent=why or unsampled)
+
+
+def _boxes(
+    scenario: Scenario,
+    gains: PIGains,
+    law: Law,
+    lag: npt.ArrayLike | None,
+    everywhere: Sequence[DesignModel],
+) -> tuple[tuple[LagBox, ...], str]:
+    """Rates behind any lag from a range, or that of some conditions, and any of their delays.
+
+    As `lag_boxes`. Without an identified model the delay is the half sample, if [tuning] has it.
+    """
+    settings, hold = scenario.tuning, 0.5 / scenario.controller.rate_hz
+    if settings.model != "identified":
+        late = hold if settings.sample_delay else 0.0
+        return lag_boxes([law_model(scenario, law)], gains, np.asarray(lag), [late, late])
+    designs = everywhere or identified_models(scenario, law)
+    each = np.array([[(x.whole - x.delay, x.delay + hold) for x in d.lags] for d in designs])
+    lags, delays = np.stack([each.min(axis=0), each.max(axis=0)], axis=-1).transpose(1, 0, 2)
+    models = [linear_model(scenario, law), *(design.law_model for design in everywhere)]
+    return lag_boxes(models, gains, lags if lag is None else lag, delays)
 
 
 def scenario_rates(

@@ -67,7 +67,7 @@ def decay(loop: npt.ArrayLike, *, dt: float | None = None) -> Decay | None:
     if not limit > 0.0:
         return None
     matrix = exact(loop)
-    tries = [(share, _roundest) for share in SHARES] + [(share, _lyapunov) for share in SHARES]
+    tries = [(share, roundest_norm) for share in SHARES] + [(share, _lyapunov) for share in SHARES]
     # A rounder norm of 0.99 of the rate is worth more than one of 0.999 that grows 2000-fold.
     tries.sort(key=lambda attempt: (attempt[0] < ROUND_ENOUGH, attempt[1] is _lyapunov))
     for share, search in tries:
@@ -93,7 +93,7 @@ def true_rate(loop: FloatArray, dt: float | None = None) -> float:
 
 def _faster(loop: FloatArray, rate: float, dt: float | None) -> FloatArray:
     """The loop whose stability is the decay of `loop` at `rate`."""
-    return loop + rate * np.eye(len(loop)) if dt is None else loop * math.exp(rate * dt)
+    return loop + rate * np.eye(loop.shape[-1]) if dt is None else loop * math.exp(rate * dt)
 
 
 def _lyapunov(loop: FloatArray, rate: float, dt: float | None) -> FloatArray | None:
@@ -112,19 +112,24 @@ def _lyapunov(loop: FloatArray, rate: float, dt: float | None) -> FloatArray | N
     return _of_norm_one(Q)
 
 
-def _roundest(loop: FloatArray, rate: float, dt: float | None) -> FloatArray | None:
-    """Q of the smallest condition k that proves `rate`: ``I <= Q <= k I``; None without one."""
-    faster, identity = _faster(loop, rate, dt), np.eye(len(loop))
-    Q, k = unknown(*loop.shape, symmetric=True), unknown()
-    unit = 1.0 if dt is not None else math.sqrt(rate * float(np.linalg.norm(faster, 2)))
+def roundest_norm(loop: FloatArray, rate: float, dt: float | None = None) -> FloatArray | None:
+    """Q of the smallest condition k that proves `rate`: ``I <= Q <= k I``; None without one.
+
+    `loop` may be several loops, shape (k, n, n), for which one Q is sought.
+    """
+    loops = loop.reshape(-1, *loop.shape[-2:])
+    faster, identity = _faster(loops, rate, dt), np.eye(loops.shape[-1])
+    Q, k = unknown(*identity.shape, symmetric=True), unknown()
+    fastest = float(np.linalg.norm(faster, 2, axis=(-2, -1)).max())
+    unit = 1.0 if dt is not None else math.sqrt(rate * fastest)
     # Solved in one of these it often fails in another, by the rounding of its linear algebra.
     for stretch in STRETCHES:
         if dt is None:
             scaled = faster / (unit * stretch)
-            falling = scaled.T @ Q + Q @ scaled << 0
+            falling = [A.T @ Q + Q @ A << 0 for A in scaled]
         else:
-            falling = stretch * (faster.T @ Q @ faster - Q) << 0
-        problem = largest(-k, [falling, Q >> identity, Q << k * identity])
+            falling = [stretch * (A.T @ Q @ A - Q) << 0 for A in faster]
+        problem = largest(-k, [*falling, Q >> identity, Q << k * identity])
         if not solve(problem, equilibrate=True):
             return _of_norm_one(Q.value)
     return None

@@ -1,0 +1,150 @@
+"""Rates over boxes of lags and delays in certificates: what they are of, and not to be forged."""
+
+import json
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+import flighttune as ft
+
+# Relative distance between a proven rate and the least over the points of a grid: four digits.
+FOUR_DIGITS = 5e-5
+
+# Relative difference of seconds in a file of six digits.
+OF_FILE = 1e-5
+
+# Rate of any gains with which the box of the twelve conditions was counted by hand, and about it:
+# whole lags of 0.13 to 0.22 s, without the delay apart.
+COUNTED, ABOUT = 0.9, 0.1
+
+IDENTIFIED = {"tuning.model": "identified"}
+
+# The gains of the largest R_K of the exact law on the identified Aerosonde, as tune prints them.
+GAINS = ft.PIGains(
+    K_P=np.diag([1.526, 1.429]), K_I=np.diag([0.861, 0.764]), inputs=("chi_dot", "gamma_dot")
+)
+
+
+@cache
+def behind_lags():
+    return ft.certify("mission", GAINS, lag=(0.2, 0.6)).certificate
+
+
+@cache
+def over_conditions():
+    return ft.certify("mission", GAINS, envelope=True, changes=IDENTIFIED).certificate
+
+
+def test_the_box_of_an_assumed_lag_has_the_least_rate_of_its_lags():
+    for i, box in enumerate(behind_lags().boxes):
+        K_P, K_I = GAINS.K_P[i, i], GAINS.K_I[i, i]
+        lags = np.linspace(0.2, 0.6, 2001)
+        least = min(-np.roots([lag, 1.0, K_P, K_I]).real.max() for lag in lags)
+
+        assert box.rate == pytest.approx(least, rel=FOUR_DIGITS)
+        assert 0.0 < box.norm_rate <= box.rate
+        assert (box.lag, box.delay) == ((0.2, 0.6), (0.0, 0.0))
+
+
+def test_the_box_of_an_identified_aircraft_has_the_lags_and_delays_of_all_conditions():
+    model, certificate = ft.loop.load_identified("aerosonde"), over_conditions()
+
+    for box, name in zip(certificate.boxes, ("phi", "n_z"), strict=True):
+        lags = [condition.channels[name].lag for condition in model.conditions]
+        # Of a lag of third order: 2 z / w and the time constant of its real pole.
+        seconds = [2.0 * x.damping / x.natural_frequency + x.lag for x in lags]
+        delays = [x.delay + 0.01 for x in lags]  # and half a sample at 50 Hz
+        assert box.lag == pytest.approx((min(seconds), max(seconds)), rel=OF_FILE)
+        assert box.delay == pytest.approx((min(delays), max(delays)), rel=OF_FILE)
+        assert box.rate == pytest.approx(COUNTED, abs=ABOUT)
+        assert box.norm_rate > 0.99 * box.rate
+
+
+def test_the_identified_models_themselves_are_as_fast_as_their_box():
+    certificate = over_conditions()
+
+    loops = [ft.loop.closed_loop(model, GAINS) for model in certificate.models]
+    slowest = min(-np.linalg.eigvals(loop).real.max() for loop in loops)
+
+    assert len(loops) == 12
+    assert min(box.rate for box in certificate.boxes) <= slowest
+    assert any(f"decay at {slowest:.4g} 1/s" in note for note in certificate.answer().notes)
+
+
+def test_gains_with_inner_feedback_have_a_box():
+    fed = replace(GAINS, feedback=(0.4, 0.3))
+
+    for i, box in enumerate(ft.certify("mission", fed, lag=(0.2, 0.6)).certificate.boxes):
+        K_P, K_I, k = GAINS.K_P[i, i], GAINS.K_I[i, i], fed.feedback[i]
+        least = min(
+            -np.roots([lag, 1.0 + k, (1.0 + k) * K_P, (1.0 + k) * K_I]).real.max()
+            for lag in np.linspace(0.2, 0.6, 2001)
+        )
+        assert box.rate == pytest.approx(least, rel=FOUR_DIGITS)
+
+
+def test_a_file_with_boxes_is_valid_and_says_both_rates(tmp_path):
+    certificate = behind_lags()
+    certificate.save(tmp_path / "proof.json")
+
+    verified = ft.verify(tmp_path / "proof.json")
+
+    assert verified.valid
+    for box in certificate.boxes:
+        assert f"of 0.2..0.6 s decays at {box.rate:.6g} 1/s" in verified.claim.sentence
+        assert f"in a norm at {box.norm_rate:.6g} 1/s" in verified.claim.sentence
+    assert any("does not enclose" in note for note in verified.answer().notes)
+
+
+FORGERIES = {
+    "a wider range of the lag": lambda box: {"lag": (0.2, 0.605)},
+    "a faster rate": lambda box: {"rate": 1.0001 * box["rate"]},
+    "a faster norm": lambda box: {"norm_rate": 1.02 * box["norm_rate"]},
+    "another norm": lambda box: {"Q": (np.array(box["Q"]) + 0.1 * np.eye(3)).tolist()},
+    "another law": lambda box: {"b": [0.9, 0.9]},
+}
+
+
+@pytest.mark.parametrize("forgery", FORGERIES)
+def test_a_forged_box_in_a_file_is_not_valid(forgery, tmp_path):
+    path = tmp_path / "proof.json"
+    behind_lags().save(path)
+    tables = json.loads(path.read_text())
+    tables["boxes"][0] |= FORGERIES[forgery](tables["boxes"][0])
+    path.write_text(json.dumps(tables))
+
+    verified = ft.verify(path)
+
+    assert not verified.valid
+    assert "box" in verified.reason
+
+
+def test_boxes_are_of_the_gains_and_of_every_channel_of_their_certificate():
+    certificate = behind_lags()
+    faster = replace(GAINS, K_I=1.1 * GAINS.K_I)
+
+    assert not ft.verify(replace(certificate, gains=faster)).valid
+    assert not ft.verify(replace(certificate, boxes=certificate.boxes[:1])).valid
+
+
+def test_a_lag_that_makes_a_channel_unstable_refuses_the_certificate():
+    certification = ft.certify("mission", GAINS, lag=[(0.2, 0.6), (0.2, 2.5)])
+
+    assert certification.status == "refused"
+    assert "gamma: its loop is not proven to be stable" in certification.reason
+    assert certification.answer().failure
+
+
+@pytest.mark.parametrize("lag", [(0.6, 0.2), (0.0, 0.2), (0.1, 0.2, 0.3), [(0.1, 0.2)] * 3])
+def test_a_range_of_lags_that_is_none_is_refused(lag):
+    with pytest.raises(ft.InputError, match="`lag` must be"):
+        ft.certify("mission", GAINS, lag=lag)
+
+
+def test_coupled_channels_have_no_box():
+    certification = ft.certify("paper", "paper", lag=(0.1, 0.2))
+
+    assert certification.status == "refused"
+    assert "couple the channels" in certification.reason
