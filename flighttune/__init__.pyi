@@ -5,6 +5,7 @@ from flighttune import loop as loop
 from flighttune.adoption.adopt import adopt as adopt
 from flighttune.campaign.band import band as band
 from flighttune.campaign.band import residual as residual
+from flighttune.campaign.beside import compare as compare
 from flighttune.campaign.claims import Verified as Verified
 from flighttune.campaign.claims import verify as verify
 from flighttune.campaign.engine.engine import run_campaign as run_campaign
@@ -53,7 +54,6 @@ from flighttune.plants.jsbsim.trims import trim as trim
 from flighttune.recording.record import record as record
 from flighttune.recording.record import show as show
 from flighttune.records.compare import Comparison as Comparison
-from flighttune.records.compare import compare as compare
 from flighttune.records.parquet import Recording as Recording
 from flighttune.records.refly import Reflown as Reflown
 from flighttune.reports.claim import plot as plot

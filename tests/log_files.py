@@ -112,6 +112,8 @@ def write_dataflash(path, t, signals, *, vehicle="ArduPlane V4.5"):
         "ARSP": ("Airspeed", [signals["V_a"]]),
         "FTUN": ("NzCmd", [signals["n_z_cmd"]]),
     }
+    if "cross_track" in signals:  # ArduPilot counts it from the aircraft to the track
+        messages["NTUN"] = "AltE,XT", [signals["height_err"], -signals["cross_track"]]
     out = [_format(128, 89, "FMT", "BBnNZ", "Type,Length,Name,Format,Columns")]
     out.append(_format(129, 75, "MSG", "QZ", "TimeUS,Message"))
     for number, (name, (columns, values)) in enumerate(messages.items(), 130):

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from typer import Argument, Option
 
@@ -10,7 +10,7 @@ from flighttune.cli import options
 from flighttune.cli.show import progress_bar
 from flighttune.cli.verbs import Verb, of
 from flighttune.errors import InputError
-from flighttune.files.shipped import scenario_files
+from flighttune.files.shipped import aircraft_names, campaign_files, scenario_files
 from flighttune.present.answer import Answer
 
 
@@ -57,16 +57,28 @@ def gap(
     return replace(answer, files=files)
 
 
+@of(
+    "campaign.beside:compare",
+    a={
+        "metavar": "A",
+        "help": "A run folder, a Parquet file, a recording, the log of a real flight or "
+        "SCENARIO@GAINS, which is flown. Append @ and a gain set, a plant or a run to choose "
+        "among the runs of a folder, START:END in s for a part of a log. With --with a mission, "
+        "scenario or campaign.",
+        "autocompletion": options.to_fly,
+    },
+    autopilot={"metavar": "FILE"},
+    log={"metavar": "LOG"},
+    aircraft={"autocompletion": aircraft_names},
+    like={"metavar": "CAMPAIGN", "autocompletion": campaign_files},
+    flights={"min": 1},
+    seed=None,
+)
 def compare(
-    first: Annotated[
-        str,
-        Argument(
-            metavar="A",
-            help="A run folder, a Parquet file, a recording, the log of a real flight or "
-            "SCENARIO@GAINS, which is flown. Append @ and a gain set, a plant or a run to choose "
-            "among the runs of a folder, START:END in s for a part of a log.",
-        ),
-    ],
+    compare_runs: Verb,
+    a: str,
+    autopilot: Path | None,
+    changes: dict[str, Any],
     others: Annotated[
         list[str] | None,
         Argument(
@@ -76,29 +88,37 @@ def compare(
     ] = None,
     out: Annotated[
         Path | None,
-        Option(help="Recording (.rrd) or page (.html) to write, with all runs overlaid."),
+        Option(
+            help="Recording (.rrd) or page (.html) to write, with all runs overlaid; with --with a "
+            "page."
+        ),
     ] = None,
-    column: options.ColumnOption = None,
 ) -> Answer:
-    """Compare runs: metrics, which is better, and how far apart the paths are.
+    """Compare runs, or gains with what an autopilot flies now.
 
-    Exit status 2 if manoeuvre or aircraft differ.
+    Of runs: metrics, which is better, and how far apart the paths are; exit status 2 if manoeuvre
+    or aircraft differ. --with FILE flies a mission by the parameters of PX4 or ArduPilot beside the
+    gains, on the same draws.
     """
-    from flighttune.records.compare import compare as compare_sources
-    from flighttune.records.compare import load_source
+    options.check_ending(out, *([".html"] if autopilot else [".rrd", ".html"]))
+    seed = options.seed_of(changes)
+    compared = compare_runs(*(others or ()), **({} if seed is None else {"seed": seed}))
+    is_page = out is not None and out.suffix.lower() == ".html"
+    files = {"recording": None if is_page else out, "page": out if is_page else None}
+    answer = compared.answer()
+    if out is None or answer.failure:
+        return replace(answer, files=dict.fromkeys(files))
+    if autopilot:
+        compared.page(out, f"flighttune compare {a} --with {autopilot}")
+    elif is_page:
+        from flighttune.reports.page import write_comparison_page
 
-    options.check_ending(out, ".rrd", ".html")
-    places = first, *(others or ())
-    comparison = compare_sources(*(load_source(name, columns=column or ()) for name in places))
-    files: dict[str, Path | None] = {"recording": None, "page": None}
-    if out is not None and comparison.comparable:
-        if out.suffix.lower() == ".html":
-            from flighttune.reports.page import write_comparison_page as write
-        else:
-            from flighttune.recording.record import write_overlay as write
-        write(comparison, out)
-        files["page" if out.suffix.lower() == ".html" else "recording"] = out
-    return replace(comparison.answer(), files=files)
+        write_comparison_page(compared, out)
+    else:
+        from flighttune.recording.record import write_overlay
+
+        write_overlay(compared, out)
+    return replace(answer, files=files)
 
 
 @of("reports.report:report", source={"metavar": "PATH"}, path=None)

@@ -40,6 +40,7 @@ FLAGS = {
     "form": "--format",
     "signals": "--signal",
     "fences": "--fence",
+    "autopilot": "--with",
 }
 
 # What the help of an option says before its default.

@@ -113,8 +113,15 @@ def channel_margins(model: LinearModel, gains: PIGains) -> tuple[Margins, ...]:
     """The first margins of `loop_margins`, of one input at a time, in a quarter of its time."""
     if not _is_stable(closed_loop(model, gains)):
         return ()
-    loop = _opened(model, gains)
-    return tuple(_channel_margins(loop, i, name) for i, name in enumerate(model.inputs))
+    return cut_margins(_opened(model, gains), model.inputs)
+
+
+def cut_margins(loop: Loop, inputs: Sequence[str]) -> tuple[Margins, ...]:
+    """The first margins of `loop_margins` of any loop, cut at one of its `inputs` at a time."""
+    A, B, C = loop
+    if not _is_stable(A - B @ C):
+        return ()
+    return tuple(_channel_margins(loop, i, name) for i, name in enumerate(inputs))
 
 
 def channel_responses(

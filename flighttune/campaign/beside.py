@@ -1,0 +1,500 @@
+"""The guidance that a user flies now beside the gains of a scenario, on the same draws."""
+
+import math
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, overload
+
+import numpy as np
+import pandas as pd
+
+from flighttune.arrays import FloatArray
+from flighttune.campaign.band import drawn
+from flighttune.campaign.counted_flights import check_random, distribution_of
+from flighttune.campaign.engine.pool import WorkerPool
+from flighttune.campaign.engine.progress import CampaignObserver
+from flighttune.campaign.mission import CONFIDENCE, EPSILON, OUTSIDE
+from flighttune.campaign.statistics.flights import flights_of
+from flighttune.campaign.statistics.intervals import paired, rate_interval, scores
+from flighttune.claims.count import allowed_outside, flights_needed
+from flighttune.control.gains import NO_FEEDBACK, rate_gains
+from flighttune.control.law import made_law
+from flighttune.control.limits import Limits
+from flighttune.control.linear_model import LinearModel, inner_feedback
+from flighttune.control.margins import Loop, Margins, cut_margins, margins_table
+from flighttune.errors import InputError
+from flighttune.flight.conditions import reference_of
+from flighttune.flight.flown import FlownScenario
+from flighttune.flight.fly import library_versions
+from flighttune.flight.models import identified_models, law_setup
+from flighttune.logs.log import Columns, load_part
+from flighttune.logs.parameters import Flown, flown_now
+from flighttune.planning.load import campaign_on
+from flighttune.planning.plan import Plan
+from flighttune.planning.schema import Campaign
+from flighttune.planning.source import Flights
+from flighttune.planning.source import flights as flights_of_source
+from flighttune.present.answer import Answer, Answering, Column, Table, facts_table, number, percent
+from flighttune.present.frame import Report, Section, write_answer
+from flighttune.present.names import endings, endings_table
+from flighttune.records.compare import Comparison, Source, load_source
+from flighttune.records.compare import compare as compare_runs
+from flighttune.references.follow import RouteReference
+from flighttune.scenario.load import scenario_from
+from flighttune.scenario.schema import Scenario
+from flighttune.simulate.run import Run
+from flighttune.units import DEG_PER_RAD
+
+# Where the loops are cut.
+CUT = "roll", "lift"
+
+YOURS, OURS = "yours", "ours"
+
+# Measures in the user's terms, with their unit and its factor.
+MEASURED = {
+    "flight.cross_track_m": ("cross track", "m", 1.0),
+    "flight.height_err_m": ("height", "m", 1.0),
+    "flight.V_a_dev_mps": ("airspeed", "m/s", 1.0),
+    "chi.peak_rad": ("course", "deg", DEG_PER_RAD),
+    "gamma.peak_rad": ("path angle", "deg", DEG_PER_RAD),
+}
+
+# Share of the time of a flight in which the distance from its track stays below a number.
+SHARE = 0.95
+TRACKED = {"cross_track": "cross track", "height_err": "height"}
+
+ACCURACY = [
+    Column("of", "largest error of"),
+    Column(YOURS, YOURS, digits=".3g"),
+    Column(OURS, OURS, digits=".3g"),
+    Column("unit", "unit"),
+    Column("better", "ours better in", digits=".0f"),
+    Column("flights", "of", digits=".0f"),
+    Column("share", "share", "%", percent, ends=("lo", "hi")),
+]
+PARAMETERS = [Column("name", "parameter"), Column("value", "flown"), Column("from", "from")]
+TRACKING = [
+    Column("of", "in 95 % of the time, below"),
+    Column("log", "log", "m", ".3g"),
+    Column("low", "least of the flights", "m", ".3g"),
+    Column("high", "largest of them", "m", ".3g"),
+]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Beside(Answering):
+    """The guidance of a user and the gains of a scenario on the same draws.
+
+    Attributes
+    ----------
+    now : Flown
+        The guidance of the user.
+    plan : Plan
+        The flights: of each draw one with the guidance, then one with the gains.
+    rows : DataFrame
+        A row each flight, as a campaign has them; ``gains`` is ``yours`` or ``ours``.
+    tracking : list of mapping
+        How near to their tracks the log and the flights with the guidance are; empty without one.
+    notes : tuple of str
+        Sentences about the log and what was assumed.
+    """
+
+    now: Flown
+    plan: Plan
+    rows: pd.DataFrame
+    tracking: list[dict[str, Any]]
+    notes: tuple[str, ...] = ()
+
+    @property
+    def accuracy(self) -> list[dict[str, Any]]:
+        """Largest errors that a new flight keeps, and in how many draws ours are smaller."""
+        flown, rows = self.plan.draws, []
+        place = max(allowed_outside(flown, EPSILON, CONFIDENCE), 0)
+        for measure, (words, unit, factor) in MEASURED.items():
+            if self.rows[measure].isna().all():
+                continue
+            largest = {
+                name: float(np.sort(scores(of_law, measure))[-1 - place]) * factor
+                for name, of_law in self.rows.groupby("gains")
+            }
+            (pair,) = paired(self.rows, measure)
+            better = pair["wins_a" if pair["a"] == OURS else "wins_b"]
+            lo, hi = rate_interval(better, flown, CONFIDENCE, method="clopper-pearson")
+            share = {"share": better / flown, "lo": float(lo), "hi": float(hi)}
+            rows.append({"of": words, **largest, "unit": unit, "better": better, **share})
+        return [{**row, "flights": flown} for row in rows]
+
+    @property
+    def margins(self) -> dict[str, Table]:
+        """Margins of both loops behind the identified inner loop; none without a model of it."""
+        scenario = self.plan.scenario
+        found: dict[str, Sequence[Margins]] = {}
+        with suppress(InputError):
+            found = loops(scenario, self.plan, self.now)
+        return {
+            name: replace(margins_table(cuts), title=f"margins of {name}", name=f"margins_{name}")
+            for name, cuts in found.items()
+        }
+
+    def answer(self) -> Answer:
+        """Accuracy, losses, margins and what was emulated, in four lines; then the tables."""
+        accuracy, lost, n = self.accuracy, self._lost, self.plan.draws
+        enough = allowed_outside(n, EPSILON, CONFIDENCE) >= 0
+        needed = flights_needed(EPSILON, CONFIDENCE)
+        bound = (
+            f"what {percent(1.0 - EPSILON)} % of flights keep to, at {percent(CONFIDENCE)} %, each"
+            if enough
+            else f"the largest of {n}; {needed} flights are needed for a bound"
+        )
+        both = ", ".join(
+            f"{x['of']} {number(x[YOURS], '.3g')} | {number(x[OURS], '.3g')} {x['unit']}"
+            for x in accuracy
+        )
+        in_words = ", ".join(
+            f"{x['of']} in {x['better']} ({percent(x['lo'])} to {percent(x['hi'])} %)"
+            for x in accuracy
+        )
+        said = {
+            name: f"{len(rows)} ({'; '.join(x['reason'] for x in endings(rows))})"
+            if rows
+            else "none"
+            for name, rows in lost.items()
+        }
+        unused = ", ".join(self.now.unused) or "none"
+        checked = "" if self.tracking else "; it was not checked against a log of yours"
+        return Answer(
+            summary=[
+                f"Yours | ours: {both} ({bound}).",
+                f"Ours is better, of {n} draws: {in_words}. "
+                f"Lost: of yours {said[YOURS]}, of ours {said[OURS]}.",
+                self._in_your_terms,
+                f"Yours is the equations of {self.now.name} above the inner loop of this aircraft, "
+                f"not the firmware{checked}.",
+            ],
+            values={
+                "guidance": self.now.name,
+                "accuracy": accuracy,
+                "lost": {name: len(rows) for name, rows in lost.items()},
+                "parameters": self.now.rows,
+                "unused": self.now.unused,
+                "rest": self.now.rest,
+                "tracking": self.tracking,
+            },
+            tables=[
+                Table(ACCURACY, accuracy),
+                *self.margins.values(),
+                *(
+                    replace(endings_table(rows), title=f"lost of {name}", name=f"lost_of_{name}")
+                    for name, rows in lost.items()
+                ),
+                Table(TRACKING, self.tracking, "the log, and the flights with your guidance"),
+                Table(PARAMETERS, self.now.rows, f"parameters of {self.now.name}"),
+            ],
+            notes=[
+                *self.now.notes,
+                *self.notes,
+                f"Not used of the guidance: {unused}; {self.now.rest} others are of no guidance.",
+            ],
+        )
+
+    @property
+    def _lost(self) -> dict[str, list[dict[str, Any]]]:
+        """Flights that did not complete, with their draw as ``run``."""
+        lost = self.rows[self.rows["status"] != "completed"].assign(run=lambda x: x["draw"])
+        return {
+            name: lost[lost["gains"] == name].to_dict(orient="records") for name in (YOURS, OURS)
+        }
+
+    @property
+    def _in_your_terms(self) -> str:
+        """The gain of the course in the name of the user's parameter, and the margins."""
+        gains = self.plan.gain_sets[self.plan.groups[-1].gains]
+        flight = self.plan.scenario.flight
+        assert gains is not None  # of the group that was chosen
+        law, period = self.now.law, self.now.law.period
+        K_P = rate_gains(gains, V_a=flight.V_a_mps, g=flight.g_mps2).K_P[0, 0]
+        same = 4.0 * math.pi * law.roles["damping"] / K_P
+        margins = "; ".join(
+            f"{name} {', '.join(f'{_cut(row)}' for row in table.records) or 'not stable'}"
+            for name, table in self.margins.items()
+        )
+        behind = f" Margins of roll, lift: {margins}." if margins else ""
+        return (
+            f"The K_P of our course loop, {K_P:.2f} 1/s, is {period} = {same:.1f} s (yours "
+            f"{law.roles['period']:g} s).{behind}"
+        )
+
+    def page(self, path: str | Path, command: str) -> Report:
+        """Write the answer as one self-contained page; `command` repeats it."""
+        answer = self.answer()
+        accuracy, *others = answer.tables
+        return write_answer(
+            path,
+            title=f"{self.plan.scenario.title}: {self.now.name} beside {self._ours}",
+            summary=answer.summary,
+            parts={
+                "accuracy": Section(id="accuracy", title="Accuracy", tables=[accuracy], open=True),
+                "flown": Section(note=" ".join(answer.notes), tables=others, legend=False),
+            },
+            provenance=facts_table("Provenance", library_versions()),
+            commands=command,
+        )
+
+    @property
+    def _ours(self) -> str:
+        return self.plan.groups[-1].gains
+
+
+def _cut(row: Mapping[str, Any]) -> str:
+    gain = 20.0 * math.log10(row["gain_increase"])
+    return f"{gain:.1f} dB and {row['phase_margin_deg']:.0f} deg"
+
+
+def loops(scenario: Scenario, plan: Plan, now: Flown) -> dict[str, Sequence[Margins]]:
+    """Margins of each loop cut at roll and at lift, behind the identified inner loop.
+
+    On a route the loops over the distances from it are closed, too: the guidance of the user has
+    them by its period, and that of the program by its look-ahead. InputError without a model.
+    """
+    gains = plan.gain_sets[plan.groups[-1].gains]
+    assert gains is not None  # of the group that was chosen
+    flight, reference = scenario.flight, reference_of(scenario)
+    model = identified_models(scenario, made_law("exact"))[0].model
+    ours = rate_gains(gains, V_a=flight.V_a_mps, g=flight.g_mps2)
+    setup = law_setup(scenario, gains, Limits.none(2))
+    a, b, c, d = (np.diag(x) for x in now.law.make(setup).linear(flight.V_a_mps))
+    on_route = isinstance(reference, RouteReference)
+    per_T = 1.0 / reference.look_ahead if isinstance(reference, RouteReference) else 0.0
+    rows = {
+        YOURS: (a, c + b * on_route, d * on_route),
+        OURS: (ours.K_P, ours.K_I + ours.K_P * per_T, ours.K_I * per_T),
+    }
+    feedback = {YOURS: NO_FEEDBACK, OURS: ours.feedback}
+    return {
+        name: cut_margins(_guided(model, np.array(x), feedback[name]), CUT)
+        for name, x in rows.items()
+    }
+
+
+def _guided(model: LinearModel, rows: FloatArray, feedback: Sequence[float]) -> Loop:
+    """The loop of ``u = P e + Q y + R integral of y`` with ``y' = e``; `rows` are P, Q and R."""
+    n, m, p = model.shape
+    A = np.zeros((n + 2 * p, n + 2 * p))
+    A[:n, :n], A[n : n + p, :n], A[n + p :, n : n + p] = model.A, model.C, np.eye(p)
+    k, of_state = inner_feedback(model, feedback)
+    C = np.hstack([rows[0] @ model.C, rows[1], rows[2]]) * (1.0 + k)[:, None]
+    C[:, :n] -= of_state
+    # An integral that nothing acts on would count as unstable.
+    used = np.concatenate([np.ones(n, bool), *(rows[i:].any(axis=(0, 1)) for i in (1, 2))])
+    B = np.vstack([model.B, np.zeros((2 * p, m))])
+    return A[np.ix_(used, used)], B[used], -C[:, used]
+
+
+def _kept(run: Run, _scenario: Scenario | None) -> list[float]:
+    """Distances from its track below which a run is in `SHARE` of its time, NaN without one."""
+    return [
+        float(run.signals[name].abs().quantile(SHARE)) if name in run.signals else math.nan
+        for name in TRACKED
+    ]
+
+
+@overload
+def compare(
+    a: str | Path | Run | FlownScenario | Source,
+    *others: str | Path | Run | FlownScenario | Source,
+    columns: Columns = ...,
+) -> Comparison: ...
+
+
+@overload
+def compare(
+    a: Flights | Scenario | Campaign | Plan | str | Path, *, autopilot: str | Path, **options: Any
+) -> Beside: ...
+
+
+def compare(  # type: ignore[misc] # noqa: PLR0913 - each is a choice of the user, and has a default
+    a: Flights | Scenario | Campaign | Plan | Run | FlownScenario | Source | str | Path,
+    *others: str | Path | Run | FlownScenario | Source,
+    columns: Columns = (),
+    autopilot: str | Path | None = None,
+    version: str | None = None,
+    log: str | None = None,
+    flights: int | None = None,
+    aircraft: str | None = None,
+    like: str | None = None,
+    skip: bool = False,
+    seed: int | None = None,
+    changes: Mapping[str, Any] | None = None,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    observer: CampaignObserver | None = None,
+) -> Comparison | Beside:
+    """Hold runs against those of the first source, or gains against the guidance flown now.
+
+    With `autopilot` the flights of a mission, scenario or campaign are flown by its gains and by
+    the guidance of PX4 or ArduPilot with the user's parameters, on the same draws. The guidance is
+    the published equations of NPFG or L1, and of the balance of TECS, above the inner loop and the
+    throttle of the aircraft here; it follows the planned path itself, arcs included.
+
+    Parameters
+    ----------
+    a : str, path-like, Run, FlownScenario, Source, Flights, Scenario, Campaign or Plan
+        Source that the others are compared with. A string is anything `load_source` takes: a run
+        folder, a Parquet file, a recording or ``scenario@gains``. With `autopilot`, flights as
+        `flights` takes them, or ``SCENARIO@GAINS``.
+    others : str, path-like, Run, FlownScenario or Source
+        Further sources. Without any, the first run of `a` is compared with each of its others.
+    columns : mapping or sequence
+        Where a log has its signals, as for `load_log`.
+    autopilot : str or Path, optional
+        Compare with what this autopilot flies: its parameters as QGroundControl (.params) or
+        Mission Planner (.param, .parm) writes them, or its log (.ulg, .bin).
+    version : str, optional
+        Version of the autopilot, such as 1.15, by default that of the file.
+    log : str, optional
+        Check the guidance by a log that was flown with these parameters; LOG@START:END for a part
+        of it in s.
+    flights : int, optional
+        Draws to fly, each with both, by default 93.
+    aircraft : str, optional
+        Aircraft that flies a mission, by default aerosonde.
+    like : str, optional
+        Campaign whose air and dispersions the flights of a mission have, by default those that
+        `mission` has.
+    skip : bool
+        Leave out commands of a mission that have no place.
+    seed : int, optional
+        Seed of the draws, by default the campaign's.
+    changes : mapping of str to value, optional
+        Values to set in the scenario, by dotted key.
+    workers : int, optional
+        Processes that fly on this machine; by default one per core.
+    scheduler : str, optional
+        Address of a dask scheduler, ``tcp://HOST:PORT``, whose workers fly instead.
+    observer : CampaignObserver, optional
+        Receives the progress; may stop the flights.
+
+    Returns
+    -------
+    Comparison or Beside
+        Of runs, with `comparable` False and a reason where the manoeuvres (start, length,
+        reference) or aircraft differ. A kinematic plant may be compared with an aircraft. Where one
+        of two runs ended early, both are measured over the time both flew. Beside an autopilot, the
+        `accuracy` and `margins` of both, and the `rows` of all flights.
+
+    Raises
+    ------
+    InputError
+        If there is nothing to compare with, a source cannot be read or flown, or the parameters are
+        of no aeroplane.
+    StoppedError
+        If the observer stopped the flights.
+
+    Examples
+    --------
+    >>> comparison = ft.compare(ft.fly(ft.load_scenario("level_turn")))
+    >>> [pair.b.label for pair in comparison.pairs]
+    ['kinematic / tuned', 'jsbsim:aerosonde / paper', 'jsbsim:aerosonde / tuned']
+    """
+    given = {"version": version, "log": log, "flights": flights, "aircraft": aircraft, "like": like}
+    given |= {"skip": skip, "seed": seed, "changes": changes}
+    if autopilot is None:
+        for name, value in given.items():
+            if value not in (None, False, {}):
+                raise InputError(f"`{name}` must be absent without the parameters of an autopilot.")
+        runs = [load_source(x, columns=columns) if isinstance(x, str | Path) else x for x in others]
+        first = load_source(a, columns=columns) if isinstance(a, str | Path) else a
+        if not isinstance(first, Run | FlownScenario | Source):
+            raise InputError(f"`a` must be runs, got a {type(a).__name__}: `fly` it.")
+        return compare_runs(first, *runs)
+    if others or isinstance(a, Run | FlownScenario | Source):
+        raise InputError("`autopilot` must be compared with one source of flights, got runs.")
+    now = flown_now(autopilot, version)
+    place, _, gains = str(a).partition("@") if isinstance(a, str) else (a, "", "")
+    of_flights = {"aircraft": aircraft, "like": like, "skip": skip, "changes": changes}
+    stated = flights_of_source(place, **of_flights)
+    plan = drawn(stated, None, gains or None, None, seed)
+    if plan.scenario.airspeed:
+        raise InputError(f"{stated.place}: the airspeed must not be followed: it is not emulated.")
+    plan = _with_guidance(plan, now)
+    group = plan.groups[0]
+    if flights is None:
+        flights = flights_needed(EPSILON, CONFIDENCE, OUTSIDE)
+        with_others = distribution_of(plan.campaign, group.plant)
+        try:
+            check_random(stated.place, with_others, plan.campaign.central)
+        except InputError:
+            flights = 1  # all would be the same
+    plan, notes, logged = plan.with_runs(flights * len(plan.groups)), [], None
+    if log is not None:
+        logged, notes = _logged(log, columns, now, version)
+    with WorkerPool(workers, scheduler, observer) as pool:
+        probes = {} if logged is None else {"kept": _kept}
+        rows = list(pool.rows(plan, range(plan.runs), probes=probes))
+    frame = flights_of(pd.DataFrame(rows), plan).rows
+    frame["gains"] = np.where(frame["gains"] == group.gains, YOURS, OURS)
+    tracking = [] if logged is None else _tracking(logged, frame)
+    if tracking:
+        notes += [_within(tracking)]
+    return Beside(now=now, plan=plan, rows=frame, tracking=tracking, notes=tuple(notes))
+
+
+def _with_guidance(plan: Plan, now: Flown) -> Plan:
+    """A plan of one group with the guidance of the user before it, on the same draws."""
+    (group,), scenario = plan.groups, plan.scenario
+    law = {"name": YOURS, "kind": now.law.kind, "parameters": dict(now.law.parameters)}
+    laws = [table.model_dump(exclude_none=True) for table in scenario.law_tables]
+    changed = scenario_from({**scenario.as_dict(), "law": [*laws, law]})
+    gains = plan.gain_sets[group.gains]
+    (name,) = replace(now.law, name=YOURS).names_of([group.gains.rpartition(":")[2]])
+    return replace(
+        plan,
+        campaign=campaign_on(plan.campaign, changed, plan.campaign.title),
+        gain_sets={name: gains, group.gains: gains},
+        groups=(replace(group, gains=name), group),
+    )
+
+
+def _logged(
+    log: str, columns: Columns, now: Flown, version: str | None
+) -> tuple[dict[str, float], list[str]]:
+    """How near to its track a log is, and what is not as in the flights."""
+    run, place = load_part(str(log), columns), Path(str(log).partition("@")[0])
+    kept = dict(zip(TRACKED, _kept(run, None), strict=True))
+    if all(map(math.isnan, kept.values())):
+        raise InputError(
+            f"{log}: must have distances from the track (npfg_status of PX4, NTUN of ArduPilot), "
+            "got none."
+        )
+    notes = []
+    with suppress(InputError):
+        flown = flown_now(place, version).law.parameters
+        differ = [x for x in flown if flown[x] != now.law.parameters.get(x, flown[x])]
+        if differ:
+            notes = [f"The log was flown with other parameters: {', '.join(differ)}."]
+    return kept, notes
+
+
+def _tracking(logged: Mapping[str, float], rows: pd.DataFrame) -> list[dict[str, Any]]:
+    """The log between the least and the largest of the flights with the user's guidance."""
+    flown = rows[(rows["gains"] == YOURS) & (rows["status"] == "completed")]
+    kept = np.array(flown["kept"].tolist()).reshape(-1, len(TRACKED))
+    return [
+        {"of": words, "log": logged[name], "low": low, "high": high}
+        for (name, words), low, high in zip(
+            TRACKED.items(), kept.min(axis=0), kept.max(axis=0), strict=True
+        )
+        if not math.isnan(logged[name])
+    ]
+
+
+def _within(tracking: Sequence[Mapping[str, Any]]) -> str:
+    """Whether the log lies among the flights."""
+    outside = [x["of"] for x in tracking if not x["low"] <= x["log"] <= x["high"]]
+    among = f"not, in {' and '.join(outside)}," if outside else ""
+    return (
+        f"The log lies {among} among the flights with your guidance, by the distance that "
+        f"{percent(SHARE)} % of its time stays below; it had another mission and other wind."
+    ).replace("  ", " ")
