@@ -47,7 +47,6 @@ STATUSES = ("adopted", "flies", "refused")
 COLUMNS = [
     *columns("model V_a_mps"),
     Column("circuit.cross_track_m", "beside circuit", "m", ".2g"),
-    Column("circuit.height_err_m", "off its height", "m", ".2g"),
 ]
 
 
@@ -176,6 +175,7 @@ def hangar_text(answers: Sequence[dict[str, Any]]) -> str:
         for c in ("chi", "gamma")
     )
     fits = [min(one["fit_percent"][key] for one in flown) for key in ("phi", "n_z")]
+    height = max(one["circuit"].get("height_err_m", 0.0) for one in adopted)
     times, most = sorted(one["cpu_s"] for one in flown), max(one["export"] for one in flown)
     return f"""# The hangar: every model of JSBSim's own set
 
@@ -192,7 +192,9 @@ into an aircraft that every command takes: {
 
 Each aircraft flies a turn of 20° with a climb of 3°; a glider descends 3° steeper than its glide
 instead. One with an engine also flies the [circuit](routes.md#what-it-reaches), scaled to its
-airspeed: the table has its largest distances from the route.
+airspeed: the table has its largest distance to the side of the route. In height it is {
+        height:.2g} m at
+most.
 
 {Table(columns=COLUMNS, records=adopted).markdown()}
 

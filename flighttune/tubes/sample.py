@@ -535,11 +535,13 @@ class Enclosure:
         return product(extra, level), extra.values + lift / level.values
 
     def _paper_law(self, k: int, stage: Controlled) -> Flown:
-        r"""The paper's law over a sample; docs/tube.md derives the remainder.
+        r"""The paper's law over a sample, with constant commands.
 
         With y = gamma(t) - gamma and ``f = (g/V)(n_z cos(phi) - cos(gamma)) + d``, d the middle of
         the disturbance, ``y(h) = h f + (h^2/2)(g/V) sin(gamma) f + R`` where ``|R|`` is at most
-        ``(g/V)(h^2/2)((g/V)Y + (g/V)Y^2/2 + D) + (g/V)h Y^2/2 + h D`` for ``|y| <= Y``.
+        ``(g/V)(h^2/2)((g/V)Y + (g/V)Y^2/2 + D) + (g/V)h Y^2/2 + h D`` for ``|y| <= Y``, which is
+        ``h (|f| + D) exp(h g/V)``. This is ``cos(gamma) - cos(gamma + y) = y sin(gamma)
+        + y^2 cos(zeta)/2``, inserted into the integral of the rate twice.
         """
         pieces, loop, h, rate = self.pieces, self.loop, self.loop.dt, self.loop.g_over_v
         state = stage.state
