@@ -20,6 +20,7 @@ def tune(
     tune_scenario: Verb,
     source: str,
     changes: dict[str, Any],
+    lag: options.LagOption = None,
     out: options.GainsFileOption = None,
     prove: Annotated[
         Path | None,
@@ -42,8 +43,10 @@ def tune(
 ) -> Answer:
     """Find the gains with the largest R_K under the constraints of SCENARIO."""
     if frontier:
-        if page or tune_scenario.keywords.keys() - {"changes"}:
-            raise InputError("--envelope, --prove and --page must be absent with --frontier.")
+        if page or lag or tune_scenario.keywords.keys() - {"changes"}:
+            raise InputError(
+                "--envelope, --lag, --prove and --page must be absent with --frontier."
+            )
         from flighttune.flight.frontier import frontier as frontier_of
 
         table = frontier_of(source, points=points or 25, changes=changes)
@@ -54,7 +57,7 @@ def tune(
     options.check_ending(out, ".json")
     options.check_ending(prove, ".json", option="--prove")
     options.check_ending(page, ".html", option="--page")
-    result = tune_scenario(prove=prove is not None)
+    result = tune_scenario(lag=options.spans(lag, "--lag"), prove=prove is not None)
     page = page if result.solved else None
     answer = replace(result.answer(), files={"out": out, "proof": prove, "page": page})
     if prove is not None and result.bound is not None:

@@ -37,6 +37,7 @@ def tune(
     model: TuningModel | None = None,
     law: Law | None = None,
     envelope: bool = False,
+    lag: Sequence[float] | Sequence[Sequence[float]] | None = None,
     starts: int | None = None,
     prove: bool = False,
     changes: Mapping[str, Any] | None = None,
@@ -59,6 +60,9 @@ def tune(
         Maximise the rate over the scenario's ranges of flight in place of R_K at the trim; on the
         identified model the smallest R_K over all conditions identified. A law whose loop is the
         same in every flight is tuned as at the trim.
+    lag : two numbers, or two of each channel, s, optional
+        Smallest and largest lag of the inner loop: the slowest decay behind lags between them is
+        made fastest, within the sensitivity of [tuning]; `certify` proves its rate.
     starts : int, optional
         Searches from random starts; by default what the scenario's [tuning] says.
     prove : bool
@@ -101,6 +105,8 @@ def tune(
     if everywhere and envelope:
         settings = settings.model_copy(update={"robust": True})
     scenario = scenario.model_copy(update={"tuning": settings})
+    if lag is not None and (envelope or scenario.tuning.objective == "cost"):
+        raise InputError("`lag` must be absent over an envelope, and with a quadratic cost.")
     if envelope and not everywhere and not (law or scenario.laws[0]).same_everywhere:
         if scenario.tuning.objective != "R_K":
             raise InputError("`objective` of [tuning] must be R_K over an envelope, got cost.")
@@ -108,7 +114,7 @@ def tune(
         problem = tuning_problem(scenario, law)
         result = tune_over_envelope(problem, ranges, trim, g=scenario.flight.g_mps2, **chosen)
     else:
-        result = tune_scenario(scenario, law=law)
+        result = tune_scenario(scenario, law=law, lag=lag)
         if result.status == "infeasible":
             result = replace(result, diagnosis=diagnosis(result.problem))
     result = replace(result, tuned_for=_tuned_for(scenario, law, envelope=envelope))

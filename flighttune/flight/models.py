@@ -22,7 +22,12 @@ from flighttune.control.gains import (
     PIGains,
     paper_family,
 )
-from flighttune.control.inner_loop import InnerLag, with_input_delay, with_input_lag
+from flighttune.control.inner_loop import (
+    InnerLag,
+    with_inner_loop,
+    with_input_delay,
+    with_input_lag,
+)
 from flighttune.control.law import Law, Trim
 from flighttune.control.limits import Limits
 from flighttune.control.linear_model import Envelope, LinearModel, closed_loop
@@ -33,7 +38,7 @@ from flighttune.flight.conditions import command_limits, reference_of, stated_co
 from flighttune.identification.file import DesignModel, design_model, files_of
 from flighttune.plants.weather import turbulence_scales
 from flighttune.scenario.schema import GainsTable, Scenario
-from flighttune.scenario.tables import TUNED, TUNED_FED_BACK, TUNED_IDENTIFIED, TuningModel
+from flighttune.scenario.tables import SHAPED, TUNED, TUNED_FED_BACK, TUNED_IDENTIFIED, TuningModel
 from flighttune.theory.indicators import indicators
 from flighttune.tuning.problem import LARGEST_GAIN, TuningProblem, decoupled
 from flighttune.tuning.result import TuningResult
@@ -51,6 +56,9 @@ SENSITIVITY, LARGEST_SENSITIVITY = 1.4, 0.5 / math.sin(math.radians(17.5))
 # What [tuning] says for the gains of that name. With a sensitivity of 1.6 draws in wind gain 5 % on
 # the Aerosonde, but path angles of the c172p err by more than with the paper's law.
 FED_BACK = {"objective": "rms", "feedback": True, "sensitivity_max": SENSITIVITY}
+
+# Lags of a range on which gains are tuned; `certify` proves the rate for all.
+LAGS_TUNED = 5
 
 # Smallest integral time of a loop over the delay of a limited command: design/roll_rate.md.
 INTEGRAL_TIME = 4.0
@@ -263,14 +271,18 @@ def _gusts(scenario: Scenario, p: int) -> FloatArray:
 
 
 def tune_scenario(
-    scenario: Scenario, model: TuningModel | None = None, *, law: Law | None = None
+    scenario: Scenario,
+    model: TuningModel | None = None,
+    *,
+    law: Law | None = None,
+    lag: npt.ArrayLike | None = None,
 ) -> TuningResult:
     """The gains named ``tuned`` of a scenario, and how they were found.
 
     `model`: "kinematic" or "identified", by default what [tuning] says. On the identified model
     each channel is tuned by itself, for the smallest R_K over the models of `identified_problems`.
-    `law`: by default the scenario's first. Raises InputError or ScenarioError if an identified
-    model is needed and missing.
+    `law`: by default the scenario's first. `lag`: a range of lags (s) for which gains are found, as
+    `lag_problems`. Raises InputError or ScenarioError if an identified model is needed and missing.
     """
     settings, law_of_gains = scenario.tuning, law or scenario.laws[0]
     if settings.feedback and law_of_gains.inputs != RATES:
@@ -278,6 +290,8 @@ def tune_scenario(
             "`feedback` of [tuning] must be false but for the exact law, got the law "
             f"{law_of_gains.name!r}."
         )
+    if lag is not None:
+        return tune_worst_case(lag_problems(scenario, law_of_gains, lag), starts=settings.starts)
     if (model or settings.model) == "identified":
         result = tune_worst_case(identified_problems(scenario, law), starts=settings.starts)
         return _with_weight(result, scenario, law_of_gains)
@@ -455,19 +469,60 @@ def _boxes(
     lag: npt.ArrayLike | None,
     everywhere: Sequence[DesignModel],
 ) -> tuple[tuple[LagBox, ...], str]:
-    """Rates behind any lag from a range, or that of some conditions, and any of their delays.
+    """Rates behind any lag from a range, or that of some conditions, as `lag_boxes`."""
+    models = [linear_model(scenario, law), *(design.law_model for design in everywhere)]
+    return lag_boxes(models, gains, *_late(scenario, law, lag, everywhere))
 
-    As `lag_boxes`. Without an identified model the delay is the half sample, if [tuning] has it.
+
+def _late(
+    scenario: Scenario,
+    law: Law,
+    lag: npt.ArrayLike | None,
+    everywhere: Sequence[DesignModel] = (),
+) -> tuple[npt.ArrayLike, FloatArray]:
+    """Ranges of lag and delay, s: those of conditions, or the lags given.
+
+    Without an identified model the delay is the half sample, if [tuning] has it.
     """
     settings, hold = scenario.tuning, 0.5 / scenario.controller.rate_hz
     if settings.model != "identified":
-        late = hold if settings.sample_delay else 0.0
-        return lag_boxes([law_model(scenario, law)], gains, np.asarray(lag), [late, late])
+        return np.asarray(lag), np.full(2, hold if settings.sample_delay else 0.0)
     designs = everywhere or identified_models(scenario, law)
     each = np.array([[(x.whole - x.delay, x.delay + hold) for x in d.lags] for d in designs])
     lags, delays = np.stack([each.min(axis=0), each.max(axis=0)], axis=-1).transpose(1, 0, 2)
-    models = [linear_model(scenario, law), *(design.law_model for design in everywhere)]
-    return lag_boxes(models, gains, lags if lag is None else lag, delays)
+    return lags if lag is None else lag, delays
+
+
+def lag_problems(scenario: Scenario, law: Law, lag: npt.ArrayLike) -> tuple[TuningProblem, ...]:
+    """Problems whose slowest decay the gains for a range of lags maximise.
+
+    They are on the law behind lags that lie evenly in the range (s, shape (2,) or (p, 2)), and
+    behind the least and the largest delay, as `certify_scenario` has them. The sensitivity is that
+    of [tuning] or, as the lags are no longer uncertain, `LARGEST_SENSITIVITY`.
+    """
+    alone, settings = law_model(scenario, law), scenario.tuning
+    lags, delays = _late(scenario, law, lag)
+    p, problems = len(alone.errors), []
+    bounds = np.broadcast_to(lags, (p, 2)), np.broadcast_to(delays, (p, 2))
+    if not ((bounds[0] > 0.0) & (np.diff(bounds[0]) >= 0.0)).all():
+        raise InputError(f"`lag` must be positive, its low end first, got {lag} s.")
+    for late in dict.fromkeys(map(tuple, bounds[1].T.tolist())):
+        for share in np.linspace(0.0, 1.0, LAGS_TUNED):
+            each = [
+                InnerLag(order=1, natural_frequency=1.0 / (low + share * (high - low)), delay=delay)
+                for (low, high), delay in zip(bounds[0], late, strict=True)
+            ]
+            problem = _problem(
+                scenario,
+                with_inner_loop(alone, each),
+                law.state_scaling(alone, each),
+                math.inf,
+                np.full((p, 2), math.inf),
+            )
+            aim = problem.objective if settings.objective in SHAPED else "decay"
+            most = min(settings.sensitivity_max or LARGEST_SENSITIVITY, LARGEST_SENSITIVITY)
+            problems.append(replace(problem, objective=aim, sensitivity_max=most))
+    return tuple(problems)
 
 
 def scenario_rates(

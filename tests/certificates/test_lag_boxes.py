@@ -37,6 +37,7 @@ def over_conditions():
     return ft.certify("mission", GAINS, envelope=True, changes=IDENTIFIED).certificate
 
 
+@pytest.mark.slow
 def test_the_box_of_an_assumed_lag_has_the_least_rate_of_its_lags():
     for i, box in enumerate(behind_lags().boxes):
         K_P, K_I = GAINS.K_P[i, i], GAINS.K_I[i, i]
@@ -48,6 +49,7 @@ def test_the_box_of_an_assumed_lag_has_the_least_rate_of_its_lags():
         assert (box.lag, box.delay) == ((0.2, 0.6), (0.0, 0.0))
 
 
+@pytest.mark.slow
 def test_the_box_of_an_identified_aircraft_has_the_lags_and_delays_of_all_conditions():
     model, certificate = ft.loop.load_identified("aerosonde"), over_conditions()
 
@@ -148,3 +150,20 @@ def test_coupled_channels_have_no_box():
 
     assert certification.status == "refused"
     assert "couple the channels" in certification.reason
+
+
+@pytest.mark.soak
+def test_gains_tuned_for_a_range_of_lags_have_the_largest_rate_of_all_gains():
+    # The three poles of lag s^3 + s^2 + K_P s + K_I add up to 1 / lag, whatever the gains.
+    most = 1.0 / (3.0 * 0.6)
+
+    tuned = ft.tune("mission", lag=(0.2, 0.6), starts=1)
+
+    boxes = ft.certify("mission", tuned.gains, lag=(0.2, 0.6)).certificate.boxes
+    assert all(0.99 * most < box.rate <= most for box in boxes)
+    assert min(box.norm_rate for box in boxes) > max(box.rate for box in behind_lags().boxes)
+
+
+def test_a_range_of_lags_is_tuned_for_at_one_condition():
+    with pytest.raises(ft.InputError, match="`lag` must be absent"):
+        ft.tune("paper", envelope=True, lag=(0.2, 0.6))

@@ -48,6 +48,7 @@ def least_on_a_grid(gains, box):
     return min(slowest_root(gains, *point) for point in itertools.product(*axes))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("box", LAGS)
 @pytest.mark.parametrize("gains", [LARGEST_R_K, FASTEST, FED_BACK])
 def test_the_rate_for_constant_lags_is_the_least_of_a_dense_grid(gains, box):
@@ -76,6 +77,7 @@ def loop(gains, lag, delay, a, b):
     return np.array([a * e - b * y, e, (2.0 * z - u - y) / lag, 2.0 * (u - z) / delay])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("gains", [LARGEST_R_K, FASTEST, FED_BACK])
 def test_the_norm_falls_at_its_rate_however_lag_and_delay_switch(gains):
     box = LAGS["lag and delay"]
