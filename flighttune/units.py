@@ -9,6 +9,8 @@ G_PAPER = 9.81
 
 FT = 0.3048  # one foot, m
 
+KNOT = 1852.0 / 3600.0  # one knot, m/s
+
 LBF = 4.4482216152605  # one pound-force, N
 
 SLUG = 14.593902937206  # one slug, kg

@@ -21,6 +21,7 @@ from flighttune.errors import FlightTuneError, InputError
 from flighttune.files.load import A_LOG, LOG, load_one
 from flighttune.flight.apart import Progress
 from flighttune.identification.file import FILE_NAME, load_identified
+from flighttune.logs.checks import refuse_wrong
 from flighttune.logs.identify import EXCITED, HELD_S, flying, interval_of, speed_of
 from flighttune.logs.log import Columns
 from flighttune.plants.base import FlightCondition, Plant
@@ -244,6 +245,7 @@ def log_gap(
     `aircraft`: a shipped one, a folder, or the file of an identified model, which has no airframe.
     """
     run = log if isinstance(log, Run) else load_one(log, A_LOG, LOG, columns=columns)
+    refuse_wrong(run)
     flights = _Flights(run, aircraft, progress)
     fly, nominal = flights.fly, flights.nominal
     flown = {title: fly({}, maker) for title, maker in flights.lower.items()}

@@ -33,6 +33,7 @@ from flighttune.identification.fit import (
     with_parameters,
 )
 from flighttune.identification.identify import AircraftIdentification, identify_aircraft
+from flighttune.logs.checks import refuse_wrong
 from flighttune.logs.log import Columns
 from flighttune.plants.point_mass import turn_rates
 from flighttune.present.answer import Answer, Answering, Column, Table, pick
@@ -318,6 +319,7 @@ def _identify_logs(
     runs = [
         log if isinstance(log, Run) else load_one(log, A_LOG, LOG, columns=columns) for log in logs
     ]
+    refuse_wrong(*runs)
     channels: dict[Channel, ChannelOfLogs] = {}
     untold: dict[str, str] = {}
     for name in CHANNELS:

@@ -1,8 +1,4 @@
-"""A log of a real flight as a run: our signals, units and signs on one time base, gaps as NaN.
-
-Columns are found by their names; raw signals are checked against each other for their units, signs
-and axes.
-"""
+"""A log of a real flight as a run: our signals, units and signs on one time base, gaps as NaN."""
 
 import math
 import tomllib
@@ -16,16 +12,16 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 import pandas as pd
 
-from flighttune.arrays import FloatArray
-from flighttune.errors import InputError, RecordingError
+from flighttune.errors import InputError
 from flighttune.files.shipped import nearest_name
 from flighttune.files.table import toml_tables
 from flighttune.flight.fly import library_versions
+from flighttune.logs.checks import check_flight, checked, degrees_as_radians
 from flighttune.logs.read import Fields, Stream, read_log
 from flighttune.logs.time_base import on_one_base
-from flighttune.references.maps import TOO_LARGE, north_east
+from flighttune.references.maps import TOO_LARGE
 from flighttune.simulate.run import SIGNAL_UNITS, Provenance, Run
-from flighttune.units import DEG, DEG_PER_RAD, FT, G_0
+from flighttune.units import DEG, FT, G_0, KNOT
 
 # Value of each unit that a log may have, in SI.
 UNITS = {
@@ -40,7 +36,7 @@ UNITS = {
     "ns": 1e-9,
     "km": 1e3,
     "km/h": 1.0 / 3.6,
-    "kn": 1852.0 / 3600.0,
+    "kn": KNOT,
     "g": G_0,
     "mG": 1e-3 * G_0,
 }
@@ -147,164 +143,6 @@ def columns_of(
     return {**in_header, **{name: [column] for name, column in given.items()}, "t": [clock]}
 
 
-# Ground speed below which a vehicle does not fly, m/s.
-SLOWEST = 5.0
-
-# Vehicles without wings: PX4's type of vehicle, ArduPilot's name, types of MAVLink.
-ROTARY = ("type 1 of PX4", "ArduCopter", *(f"type {kind}" for kind in (2, 3, 4, 13, 14, 15)))
-
-# Range in which a ratio of two measurements of one quantity is taken as one of equal units.
-EQUAL = (0.7, 1.4)
-
-# The same of turns by the roll, which steps and wind disturb more.
-TURNS = (0.4, 2.0)
-
-# Median angle between course and path, and between nose and course, that is taken as right, rad.
-ALONG = 20.0 * DEG
-
-PATH_S = 2.0  # time over which a path is compared with its velocity, s
-
-
-def checked(
-    raw: Mapping[str, FloatArray], t: FloatArray
-) -> tuple[dict[str, FloatArray], list[str]]:
-    """Signals of a run from raw ones on one time base, and sentences about what was checked."""
-    values = dict(raw)
-    notes = _motion(values, float(t[1] - t[0]))
-    if "wind_speed" in values and "wind_from" in values:
-        for name, part in (("wind_north", np.cos), ("wind_east", np.sin)):
-            values[name] = -values["wind_speed"] * part(values["wind_from"])
-    if "wind_north" in values:
-        values.setdefault("wind_down", np.zeros(len(t)))
-    notes += _load_notes(values)
-    for place in ("north", "east", "down"):
-        if place in values:
-            there = values[place][np.isfinite(values[place])]
-            values[place] = values[place] - (there[0] if len(there) else 0.0)
-    for name in ("chi", "gamma"):
-        if {name, f"{name}_ref"} <= set(values):
-            error = values[f"{name}_ref"] - values[name]
-            values[f"{name}_err"] = np.angle(np.exp(1j * error))
-    return values, notes
-
-
-def _motion(values: dict[str, FloatArray], dt: float) -> list[str]:
-    """Put in course, path angle, and what is missing of position and velocity; check them."""
-    notes = []
-    if {"lat", "lon"} <= set(values) and "north" not in values:
-        values["north"], values["east"] = _plane(values["lat"], values["lon"])
-    if "down" not in values and "h" in values:
-        values["down"] = -values["h"]
-    if "v_north" not in values and {"V_g", "chi"} <= set(values):
-        values["v_north"] = values["V_g"] * np.cos(values["chi"])
-        values["v_east"] = values["V_g"] * np.sin(values["chi"])
-    for velocity, place in (("v_north", "north"), ("v_east", "east"), ("v_down", "down")):
-        if velocity not in values and place in values:
-            values[velocity] = np.gradient(values[place], dt)
-            notes.append(f"{velocity} is the slope of {place}")
-        elif place not in values and velocity in values:
-            values[place] = np.cumsum(np.nan_to_num(values[velocity])) * dt
-            notes.append(f"{place} is the integral of {velocity}")
-    if not {"v_north", "v_east"} <= set(values):
-        return notes
-    north, east = values["v_north"], values["v_east"]
-    values["V_g"], values["chi"] = np.hypot(north, east), np.arctan2(east, north)
-    if "v_down" in values:
-        values["gamma"] = np.arctan2(-values["v_down"], values["V_g"])
-    return [*notes, *_path_notes(values, dt)]
-
-
-def _plane(lat: FloatArray, lon: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """North and east (m) of places on Earth (rad), linear about the first one."""
-    first = int(np.argmax(np.isfinite(lat) & np.isfinite(lon)))
-    origin = float(lat[first]) * DEG_PER_RAD, float(lon[first]) * DEG_PER_RAD
-    step = 0.01  # deg
-    if not (abs(origin[0]) < 89.0 and abs(origin[1]) <= 360.0):
-        return np.full(len(lat), np.nan), np.full(len(lat), np.nan)
-    up, _ = north_east((origin[0] + step, origin[1]), origin)
-    _, right = north_east((origin[0], origin[1] + step), origin)
-    scale = DEG_PER_RAD / step
-    return (lat - lat[first]) * scale * up, (lon - lon[first]) * scale * right
-
-
-def _median(values: FloatArray) -> float:
-    there = values[np.isfinite(values)]
-    return float(np.median(there)) if len(there) else math.nan
-
-
-def _flying(values: Mapping[str, FloatArray]) -> FloatArray:
-    """Ground speed above `SLOWEST`; NaN elsewhere, to be multiplied with."""
-    speed = values.get("V_g", values.get("V_a", np.full(len(values["phi"]), np.nan)))
-    return np.where(speed > SLOWEST, 1.0, np.nan)
-
-
-def _path_notes(values: Mapping[str, FloatArray], dt: float) -> list[str]:
-    """Velocity against the path, and airspeed against ground speed."""
-    notes, flying = [], _flying(values)
-    span = max(1, round(PATH_S / dt))
-    north, east = values.get("north"), values.get("east")
-    if north is not None and east is not None and len(north) > 2 * span:
-        moved = [(axis[span:] - axis[:-span]) / (span * dt) for axis in (north, east)]
-        middle = slice(span // 2, span // 2 + len(moved[0]))
-        speed, course = values["V_g"][middle] * flying[middle], values["chi"][middle]
-        ratio = _median(np.hypot(*moved) / speed)
-        angle = _median(np.abs(np.angle(np.exp(1j * (np.arctan2(*moved[::-1]) - course)))))
-        good = EQUAL[0] < ratio < EQUAL[1] and angle < ALONG
-        wrong = ": unit or axes of velocity or position are wrong"
-        end = "" if good or math.isnan(ratio + angle) else wrong
-        notes.append(
-            f"the path is {ratio:.2f} times the ground speed, {angle * DEG_PER_RAD:.1f} deg off "
-            f"the course{end}"
-        )
-    if "V_a" in values:
-        ratio = _median(values["V_a"] * flying / values["V_g"])
-        end = "" if EQUAL[0] < ratio < EQUAL[1] else ": its unit is wrong, or the wind strong"
-        notes.append(f"airspeed is {ratio:.2f} times the ground speed{end}")
-    sideways = np.gradient(np.unwrap(np.nan_to_num(values["chi"])), dt) * values["V_g"] * flying
-    phi = values["phi"]
-    level = G_0 * np.tan(phi)  # the same acceleration of a level coordinated turn
-    there = np.isfinite(sideways * level) & (np.abs(np.abs(phi) - 45.0 * DEG) < 35.0 * DEG)
-    if np.count_nonzero(there) * dt > 5.0:
-        ratio = float(np.sum((sideways * level)[there]) / np.sum(level[there] ** 2))
-        end = "" if TURNS[0] < ratio < TURNS[1] else ": unit or sign of roll or course is wrong"
-        notes.append(f"the course turns {ratio:.2f} times as fast as the roll makes it{end}")
-    if "psi" in values:
-        angle = _median(np.abs(np.angle(np.exp(1j * (values["psi"] - values["chi"])))) * flying)
-        if angle > 2.0 * ALONG:
-            notes.append(f"the nose is {angle * DEG_PER_RAD:.0f} deg off the course in the median")
-    return notes
-
-
-def _load_notes(values: dict[str, FloatArray]) -> list[str]:
-    """Load factor from the specific force; its median says whether the sensor is upright."""
-    if "f_z" not in values or "n_z" in values:
-        return []
-    values["n_z"] = -values["f_z"] / G_0
-    middle = _median(values["n_z"] * _flying(values))
-    if -1.5 < middle < -0.6:
-        values["n_z"] = -values["n_z"]
-        return [f"load factor {-middle:.2f} in the median after its sign was turned: z is up"]
-    upright = 0.6 < middle < 1.5
-    end = "" if upright else ": the sensor is rotated, or its unit is wrong"
-    return [f"load factor {middle:.2f} in the median of the flight{end}"]
-
-
-def check_flight(place: str, signals: Mapping[str, FloatArray], vehicle: str) -> None:
-    """Refuse the log of a multicopter, and of what did not fly."""
-    speed = signals.get("V_g", signals.get("V_a"))
-    fastest = math.inf if speed is None else float(np.nanmax(np.append(speed, 0.0)))
-    if fastest < SLOWEST:
-        raise RecordingError(
-            f"{place}: must be the log of a flight, got a speed of at most {fastest:.2g} m/s."
-        )
-    lacking = {"V_a": "no airspeed", "phi_cmd": "no roll commands", "V_g": "no ground speed"}
-    got = [words for name, words in lacking.items() if name not in signals]
-    rotary = vehicle in ROTARY
-    if rotary or len(got) == len(lacking):
-        got = [f"a vehicle without wings ({vehicle})", *got] if rotary else got
-        raise RecordingError(f"{place}: must be the log of an aeroplane, got {', '.join(got)}.")
-
-
 PLANT = "log"  # label of the plant of a run that is a log
 
 
@@ -380,8 +218,10 @@ def load_log(
         if number := np.count_nonzero(wrong := np.abs(column) >= TOO_LARGE):
             raw[name] = times, np.where(wrong, np.nan, column)
             large.append(f"{name}: samples of {TOO_LARGE:g} or more left out, {number}")
+    wrong = degrees_as_radians(raw)  # before angles are brought into one turn
     t, values = on_one_base(str(path), raw, start, end, table=kind == "csv")
-    signals, notes = checked(values, t)
+    signals, notes, contradicted = checked(values, t)
+    wrong += contradicted
     check_flight(str(path), signals, vehicle)
     ordered = [name for name in SIGNAL_UNITS if name in signals]
     missing = [name for name in WANTED if name not in signals]
@@ -396,7 +236,8 @@ def load_log(
         "from_s": start,
         "missing": [f"no {name}" for name in missing],
         "gaps": gaps + large,
-        "checks": notes,
+        "checks": [*wrong, *notes],
+        "wrong": wrong,
     }
     libraries = {"ULog": "pyulog", "csv": "pandas"}.get(kind, "pymavlink")
     made_by = Provenance(

@@ -118,7 +118,7 @@ def on_one_base(
     if not last - first > 10 * dt:
         raise RecordingError(
             f"{place}: the part from {start:g} to {end:g} s must have more than 10 samples, the "
-            f"log has {t_phi[-1] - t_phi[0]:.1f} s."
+            f"log has {t_phi[-1] - t_phi[0]:.1f} s by its clock."
         )
     ahead = float(np.max(np.diff(t_phi)))
     if ahead > MAX_AHEAD or (last - first) / dt > MAX_SAMPLES:

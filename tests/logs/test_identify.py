@@ -83,6 +83,8 @@ def test_a_value_that_a_source_does_not_take_is_refused(log):
 def test_what_the_logs_cannot_tell_is_said(flight, tmp_path):
     t, signals = sampled(flight)
     calm = {**signals, "phi_cmd": 0.03 * signals["phi_cmd"], "phi": 0.03 * signals["phi"]}
+    calm["chi"] = calm["east"] = 0.0 * t
+    calm["north"] = np.cumsum(signals["V_a"] * np.gradient(t))
     path = write_ulog(tmp_path / "calm.ulg", t, calm)
 
     found = ft.identify(path)

@@ -1,5 +1,6 @@
 """Logs of every kind written from one flight come back as that flight; bad ones are one line."""
 
+import re
 import struct
 
 import numpy as np
@@ -8,6 +9,9 @@ import pytest
 from log_files import COMMAND, WRITERS, sampled, write_csv, write_dataflash, write_tlog, write_ulog
 
 import flighttune as ft
+
+FT = 0.3048
+"""One foot, m."""
 
 SINGLE = 2e-5
 """Rounding of an angle or speed to 32 bits, and of a stamp to 1 ms at 1 rad/s, over 40 ms."""
@@ -125,6 +129,44 @@ def test_what_a_log_says_about_its_own_signs_is_said(flight, tmp_path):
     assert "after its sign was turned" in str(turned.provenance.log["checks"])
     assert np.nanmedian(turned.signals["n_z"]) > 0.8
     assert "axes of velocity or position are wrong" in str(wrong.provenance.log["checks"])
+
+
+@pytest.mark.parametrize(
+    ("columns", "says"),
+    [
+        ({"n_z": "n_z:g"}, "n_z, .*: a factor of 0.102 would do"),
+        ({"n_z": "n_z:-1"}, "n_z, .*: a factor of -1 would do"),
+        ({"V_a": "V_a_mps:kn"}, r"airspeed .*: a factor of 1\.944 would do \(m/s read as kn\)"),
+        ({"V_a": "feet"}, r"airspeed .*: a factor of 0\.3048 would do \(ft read as m\)"),
+        ({"phi": "phi_deg"}, r"phi goes up to .* rad: a factor of 0\.01745 would do"),
+        ({"phi": "phi_deg:-deg"}, "(p|roll) is -.*: a factor of -1 would do"),
+        ({"phi_cmd": "phi_cmd_deg:-deg"}, "phi_cmd is -.*: a factor of -1 would do"),
+        ({"chi": "magnetic"}, r"chi is -12.* deg off .*: magnetic.* a change by \+12"),
+        ({"p": "p:-1"}, "p is -.*: a factor of -1 would do"),
+        ({"p": "p:deg"}, r"p is .*: a factor of 57\.3 would do"),
+        ({"h": "h_feet"}, r"the slope of h .*: a factor of 0\.3048 would do"),
+    ],
+)
+def test_a_column_that_others_contradict_is_said_with_its_factor(flight, tmp_path, columns, says):
+    t, signals = sampled(flight, noise=False, dropouts=False, late=False)
+    table = pd.read_csv(write_csv(tmp_path / "flight.csv", t, signals))
+    table["feet"] = table["V_a_mps"] / FT
+    table["magnetic"], table["p"] = (
+        signals["chi"] - np.radians(12.0),
+        np.gradient(signals["phi"], t),
+    )
+    table["h_feet"] = -signals["down"] / FT
+    table.to_csv(tmp_path / "flight.csv", index=False)
+
+    right = ft.load_log(tmp_path / "flight.csv")
+    wrong = ft.load_log(tmp_path / "flight.csv", columns=columns)
+
+    assert right.provenance.log["wrong"] == []
+    assert re.search(says, wrong.provenance.log["wrong"][0])
+    with pytest.raises(ft.InputError, match="the columns of the log must agree"):
+        ft.identify(wrong)
+    with pytest.raises(ft.InputError, match="the columns of the log must agree"):
+        ft.gap(wrong, aircraft="aerosonde")
 
 
 @pytest.mark.slow
