@@ -38,7 +38,7 @@ from flighttune.planning.source import Flights
 from flighttune.planning.source import flights as flights_of_source
 from flighttune.present.answer import Answer, Answering, Column, Table, facts_table, number, percent
 from flighttune.present.frame import Report, Section, write_answer
-from flighttune.present.names import endings, endings_table
+from flighttune.present.names import endings_table
 from flighttune.records.compare import Comparison, Source, load_source
 from flighttune.records.compare import compare as compare_runs
 from flighttune.references.follow import RouteReference
@@ -46,6 +46,10 @@ from flighttune.scenario.load import scenario_from
 from flighttune.scenario.schema import Scenario
 from flighttune.simulate.run import Run
 from flighttune.units import DEG_PER_RAD
+
+NO_TRACK = (
+    "A reference over time has no track: your guidance follows its course, turn and rate of climb."
+)
 
 # Where the loops are cut.
 CUT = "roll", "lift"
@@ -60,6 +64,9 @@ MEASURED = {
     "chi.peak_rad": ("course", "deg", DEG_PER_RAD),
     "gamma.peak_rad": ("path angle", "deg", DEG_PER_RAD),
 }
+
+# Number of errors in the first lines: cross track, height and airspeed of a route.
+HEADLINE = 3
 
 # Share of the time of a flight in which the distance from its track stays below a number.
 SHARE = 0.95
@@ -141,37 +148,31 @@ class Beside(Answering):
     def answer(self) -> Answer:
         """Accuracy, losses, margins and what was emulated, in four lines; then the tables."""
         accuracy, lost, n = self.accuracy, self._lost, self.plan.draws
-        enough = allowed_outside(n, EPSILON, CONFIDENCE) >= 0
         needed = flights_needed(EPSILON, CONFIDENCE)
         bound = (
-            f"what {percent(1.0 - EPSILON)} % of flights keep to, at {percent(CONFIDENCE)} %, each"
-            if enough
-            else f"the largest of {n}; {needed} flights are needed for a bound"
+            f"largest errors that {percent(1.0 - EPSILON)} % of flights keep to, each by itself, "
+            f"at {percent(CONFIDENCE)} %"
+            if n >= needed
+            else f"largest errors of {n}; {needed} are needed for a bound"
         )
+        first = accuracy[:HEADLINE]
         both = ", ".join(
             f"{x['of']} {number(x[YOURS], '.3g')} | {number(x[OURS], '.3g')} {x['unit']}"
-            for x in accuracy
+            for x in first
         )
-        in_words = ", ".join(
-            f"{x['of']} in {x['better']} ({percent(x['lo'])} to {percent(x['hi'])} %)"
-            for x in accuracy
+        better = ", ".join(
+            f"{x['of']} {x['better']} ({percent(x['lo'])} to {percent(x['hi'])} %)" for x in first
         )
-        said = {
-            name: f"{len(rows)} ({'; '.join(x['reason'] for x in endings(rows))})"
-            if rows
-            else "none"
-            for name, rows in lost.items()
-        }
+        said = [_lost_in_words(rows) for rows in lost.values()]
         unused = ", ".join(self.now.unused) or "none"
-        checked = "" if self.tracking else "; it was not checked against a log of yours"
+        checked = "" if self.tracking else "; not checked against a log"
         return Answer(
             summary=[
-                f"Yours | ours: {both} ({bound}).",
-                f"Ours is better, of {n} draws: {in_words}. "
-                f"Lost: of yours {said[YOURS]}, of ours {said[OURS]}.",
+                f"Yours | ours: {both}; lost {' | '.join(said)} of {n}.",
+                f"Ours is better of {n} draws in: {better}.",
                 self._in_your_terms,
-                f"Yours is the equations of {self.now.name} above the inner loop of this aircraft, "
-                f"not the firmware{checked}.",
+                f"Yours: the equations of {self.now.name} above the inner loop here, not the "
+                f"firmware{checked}.",
             ],
             values={
                 "guidance": self.now.name,
@@ -183,7 +184,7 @@ class Beside(Answering):
                 "tracking": self.tracking,
             },
             tables=[
-                Table(ACCURACY, accuracy),
+                Table(ACCURACY, accuracy, bound),
                 *self.margins.values(),
                 *(
                     replace(endings_table(rows), title=f"lost of {name}", name=f"lost_of_{name}")
@@ -195,6 +196,7 @@ class Beside(Answering):
             notes=[
                 *self.now.notes,
                 *self.notes,
+                *([] if self.plan.scenario.route else [NO_TRACK]),
                 f"Not used of the guidance: {unused}; {self.now.rest} others are of no guidance.",
             ],
         )
@@ -216,15 +218,15 @@ class Beside(Answering):
         law, period = self.now.law, self.now.law.period
         K_P = rate_gains(gains, V_a=flight.V_a_mps, g=flight.g_mps2).K_P[0, 0]
         same = 4.0 * math.pi * law.roles["damping"] / K_P
+        cuts = [table.records for table in self.margins.values()]
         margins = "; ".join(
-            f"{name} {', '.join(f'{_cut(row)}' for row in table.records) or 'not stable'}"
-            for name, table in self.margins.items()
+            f"{name} {' | '.join(_cut(rows, place) for rows in cuts)}"
+            for place, name in enumerate(CUT if cuts else ())
         )
-        behind = f" Margins of roll, lift: {margins}." if margins else ""
         return (
-            f"The K_P of our course loop, {K_P:.2f} 1/s, is {period} = {same:.1f} s (yours "
-            f"{law.roles['period']:g} s).{behind}"
-        )
+            f"Our K_P of the course, {K_P:.2f} 1/s, is {period} = {same:.1f} s (yours "
+            f"{law.roles['period']:g} s). {f'Margins: {margins}.' if margins else ''}"
+        ).strip()
 
     def page(self, path: str | Path, command: str) -> Report:
         """Write the answer as one self-contained page; `command` repeats it."""
@@ -247,9 +249,18 @@ class Beside(Answering):
         return self.plan.groups[-1].gains
 
 
-def _cut(row: Mapping[str, Any]) -> str:
-    gain = 20.0 * math.log10(row["gain_increase"])
-    return f"{gain:.1f} dB and {row['phase_margin_deg']:.0f} deg"
+def _cut(rows: Sequence[Mapping[str, Any]], place: int) -> str:
+    """Gain and phase margin of a loop cut at one place."""
+    if not rows:
+        return "unstable"
+    gain, phase = rows[place]["gain_increase"], rows[place]["phase_margin_deg"]
+    return f"{20.0 * math.log10(gain):.1f} dB, {phase:.0f} deg"
+
+
+def _lost_in_words(rows: Sequence[Mapping[str, Any]]) -> str:
+    """Number of flights that did not complete, and how they ended."""
+    ended = dict.fromkeys(str(row["status"]).replace("_", " ") for row in rows)
+    return f"{len(rows)} ({', '.join(ended)})" if rows else "0"
 
 
 def loops(scenario: Scenario, plan: Plan, now: Flown) -> dict[str, Sequence[Margins]]:

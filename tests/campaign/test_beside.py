@@ -46,7 +46,7 @@ def test_both_fly_the_same_draws_and_the_answer_has_both(beside, file):
     assert [row["of"] for row in answer.values["accuracy"]] == [
         *("cross track", "height", "airspeed", "course", "path angle")
     ]
-    assert "not the firmware; it was not checked against a log" in answer.summary[3]
+    assert "not the firmware; not checked against a log" in answer.summary[3]
     assert answer.values["unused"] == ["TECS_THR_DAMP"]
     assert answer.values["rest"] == 1
     assert {row["from"] for row in answer.values["parameters"]} == {
@@ -116,7 +116,7 @@ def test_counts_and_bounds_are_those_of_scipy_and_order_statistics(beside):
     # one of 93 may be outside at 5 % and 0.95 (S. S. Wilks): the second largest; lost is infinite
     assert cross[OURS] == np.sort(ours)[-2]
     assert cross[YOURS] == np.max(np.delete(yours, 3))
-    assert "of yours 1 (" in many.answer().summary[1]
+    assert "; lost 1 (left envelope) | 0 of 93." in many.answer().summary[0]
 
 
 @pytest.mark.soak
@@ -164,5 +164,5 @@ def test_a_scenario_without_draws_is_flown_once_and_written_as_a_page(tmp_path, 
     out, _ = flighttune(
         "compare", "level_turn", "--with", file, "--out", page, "--workers", "1", status=0
     )
-    assert "the largest of 1; 59 flights are needed for a bound" in " ".join(out.split())
+    assert "largest errors of 1; 59 are needed for a bound" in " ".join(out.split())
     assert "not the firmware" in page.read_text()
