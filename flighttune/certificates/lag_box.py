@@ -207,8 +207,7 @@ def lag_boxes(
         rate = constant_rate(channel, box.ranges)
         if not rate:
             return (), f"{gains.errors[i]}: its loop is not proven to be stable {box.place}."
-        found = norm_rate(channel, box.ranges, rate)
-        norm, Q = found or (None, None)
+        norm, Q = norm_rate(channel, box.ranges, rate) or (None, None)
         boxes.append(replace(box, rate=rate, norm_rate=norm, Q=Q))
     return tuple(boxes), ""
 

@@ -141,10 +141,10 @@ def slopes_not_held(scenario: Scenario) -> tuple[str, ...]:
     for (gamma, V_a, where), way in ((min(slopes), "descends"), (max(slopes), "climbs")):
         for plant in scenario.plant if gamma and (way == "climbs") == (gamma > 0.0) else ():
             condition = FlightCondition(V_a=V_a, h=f.h_m, gamma=gamma)
-            if plant.aircraft and (held := steepest(plant.config, condition)):
+            if plant.aircraft and (can := steepest(plant.config, condition)):
                 notes.append(
                     f"The {where} {way} at {abs(gamma) / DEG:.1f} deg; {plant.label} holds "
-                    f"{V_a:g} m/s up to {abs(held[0]) / DEG:.1f} deg, as beyond it {held[1]}."
+                    f"{V_a:g} m/s up to {abs(can[0]) / DEG:.1f} deg, as beyond it {can[1]}."
                 )
     return tuple(notes)
 

@@ -228,16 +228,16 @@ def steepest(config: AircraftConfig, condition: FlightCondition) -> tuple[float,
         flight = replace(condition, gamma=gamma, phi=0.0)
         return _trimmed(Fdm(config), flight, thrust_short=False, near=None)[-1]
 
-    reason, held, lost = against(condition.gamma), 0.0, condition.gamma
+    reason, steady, lost = against(condition.gamma), 0.0, condition.gamma
     if not reason or against(0.0):
         return None
-    while abs(lost - held) > _SLOPES:
-        middle = 0.5 * (lost + held)
+    while abs(lost - steady) > _SLOPES:
+        middle = 0.5 * (lost + steady)
         if why := against(middle):
             lost, reason = middle, why
         else:
-            held = middle
-    return held, reason
+            steady = middle
+    return steady, reason
 
 
 class _TrimProblem:
