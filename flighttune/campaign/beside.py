@@ -137,12 +137,12 @@ class Beside(Answering):
     def margins(self) -> dict[str, Table]:
         """Margins of both loops behind the identified inner loop; none without a model of it."""
         scenario = self.plan.scenario
-        found: dict[str, Sequence[Margins]] = {}
+        cut: dict[str, Sequence[Margins]] = {}
         with suppress(InputError):
-            found = loops(scenario, self.plan, self.now)
+            cut = loops(scenario, self.plan, self.now)
         return {
             name: replace(margins_table(cuts), title=f"margins of {name}", name=f"margins_{name}")
-            for name, cuts in found.items()
+            for name, cuts in cut.items()
         }
 
     def answer(self) -> Answer:
@@ -197,7 +197,7 @@ class Beside(Answering):
                 *self.now.notes,
                 *self.notes,
                 *([] if self.plan.scenario.route else [NO_TRACK]),
-                f"Not used of the guidance: {unused}; {self.now.rest} others are of no guidance.",
+                f"Not used of the guidance: {unused}. Parameters of other parts: {self.now.rest}.",
             ],
         )
 
@@ -409,10 +409,16 @@ def compare(  # type: ignore[misc] # noqa: PLR0913 - each is a choice of the use
     >>> [pair.b.label for pair in comparison.pairs]
     ['kinematic / tuned', 'jsbsim:aerosonde / paper', 'jsbsim:aerosonde / tuned']
     """
-    given = {"version": version, "log": log, "flights": flights, "aircraft": aircraft, "like": like}
-    given |= {"skip": skip, "seed": seed, "changes": changes}
+    options = {
+        "version": version,
+        "log": log,
+        "flights": flights,
+        "aircraft": aircraft,
+        "like": like,
+    }
+    options |= {"skip": skip, "seed": seed, "changes": changes}
     if autopilot is None:
-        for name, value in given.items():
+        for name, value in options.items():
             if value not in (None, False, {}):
                 raise InputError(f"`{name}` must be absent without the parameters of an autopilot.")
         runs = [load_source(x, columns=columns) if isinstance(x, str | Path) else x for x in others]

@@ -193,7 +193,7 @@ class L1:
 
 
 class Tecs:
-    """What the balance of both autopilots has."""
+    """The balance of height and airspeed that both autopilots have."""
 
     def __init__(self, x: Any, dt: float, g: float) -> None:
         self.x, self.dt, self.g = x, dt, g
@@ -359,7 +359,7 @@ class Guidance:
         return phi, lift / math.cos(limited(m.phi, -STEEPEST, STEEPEST)), angle
 
     def _motion(self, m: Measured) -> Motion:
-        """What an estimator would know; velocity and acceleration from positions."""
+        """The motion that an estimator would know; velocity and acceleration from positions."""
         wind = (0.0, 0.0, 0.0) if m.wind is None else m.wind
         if self.before is None:
             along, across = _parts((wind[0], wind[1]), m.chi)
