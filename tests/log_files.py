@@ -97,8 +97,9 @@ def _message(kind, body):
     return struct.pack("<HB", len(body), ord(kind)) + body
 
 
-def write_dataflash(path, t, signals, *, vehicle="ArduPlane V4.5"):
-    """A DataFlash log with the messages of ArduPlane, and FTUN with the load-factor command."""
+def write_dataflash(path, t, signals, *, vehicle="ArduPlane V4.5", old=False):
+    """A DataFlash log with the messages of ArduPlane, and FTUN; `old` ones have a clock in ms."""
+    clock, per_s, code = ("TimeMS", 1e3, "I") if old else ("TimeUS", 1e6, "Q")
     ned = fields(signals)
     deg = np.degrees
     angles = [deg(signals[name]) for name in ("phi_cmd", "phi", "gamma")]
@@ -117,13 +118,15 @@ def write_dataflash(path, t, signals, *, vehicle="ArduPlane V4.5"):
     out = [_format(128, 89, "FMT", "BBnNZ", "Type,Length,Name,Format,Columns")]
     out.append(_format(129, 75, "MSG", "QZ", "TimeUS,Message"))
     for number, (name, (columns, values)) in enumerate(messages.items(), 130):
-        layout = "Q" + "f" * len(values)
-        out.append(_format(number, 11 + 4 * len(values), name, layout, f"TimeUS,{columns}"))
+        layout, size = code + "f" * len(values), struct.calcsize(f"<{code}")
+        length = 3 + size + 4 * len(values)
+        out.append(_format(number, length, name, layout, f"{clock},{columns}"))
     out.append(b"\xa3\x95" + struct.pack("<BQ64s", 129, 10**6, vehicle.encode()))
     for k, stamp in enumerate(t):
         for number, (_, values) in enumerate(messages.values(), 130):
             row = np.array([column[k] for column in values], dtype="<f4").tobytes()
-            out.append(b"\xa3\x95" + struct.pack("<BQ", number, round(1e6 * stamp) + 10**6) + row)
+            stamped = struct.pack(f"<B{code}", number, round(per_s * (stamp + 1.0)))
+            out.append(b"\xa3\x95" + stamped + row)
     path.write_bytes(b"".join(out))
     return path
 

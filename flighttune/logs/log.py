@@ -133,8 +133,12 @@ def columns_of(
         for ending, unit in ENDINGS.items()
         if f"{name}{ending}" in header
     }
+    if "Phi (deg)" in header and "Time" in header:
+        labels = {name: _column(name, text, kind) for name, (text,) in _tables()["JSBSim"].items()}
+        in_header |= {name: [column] for name, column in labels.items() if column.source in header}
     clocks = [Column(f"{name}{end}", UNITS[ENDINGS[end]]) for name in CLOCKS for end in ("", "_s")]
     clock = given.get("t") or next((c for c in clocks if c.source in header), None)
+    clock = clock or next(iter(in_header.get("t", ())), None)
     if clock is None:
         raise InputError(
             f"{place}: the time must be a column `t`, or given as --column t=COLUMN:UNIT, got "

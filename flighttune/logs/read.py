@@ -103,7 +103,10 @@ def _confined(path: Path, kind: str, read: Callable[[], Any]) -> Any:
         ) from error
     except Exception as error:
         got = f"{type(error).__name__}: {next(iter(str(error).splitlines()), '')}"[:160]
-        raise RecordingError(f"{path}: must be a {kind} log, got a damaged one ({got}).") from error
+        raise RecordingError(
+            f"{path}: must be a {kind} log, got a damaged one, or one of a form that "
+            f"is not known ({got})."
+        ) from error
     if ended:
         raise RecordingError(f"{path}: must be a {kind} log, got one whose reader {ended}.")
     return result
@@ -145,13 +148,21 @@ def _dataflash(path: Path, fields: Fields) -> Iterator[Message]:
     while (message := log.recv_match(type=[*fields, "MSG"])) is not None:
         topic = message.get_type()
         if topic == "MSG":
-            text = str(message.Message)
+            text = str(message.Message).replace("APM:", "Ardu")  # as logs before 2016 have it
             yield "", 0.0, text.split()[0] if text.startswith("Ardu") else ""
             continue
         instance = message.fmt.instance_field
         number = getattr(message, instance) if instance else None
         if first.setdefault(topic, number) == number:
-            yield topic, 1e-6 * message.TimeUS, message
+            yield topic, _dataflash_clock(message), message
+
+
+def _dataflash_clock(message: Any) -> float:
+    """Time since boot, s. Logs from before 2015 have it in ms, those of GPS as ``T``."""
+    if (stamp := getattr(message, "TimeUS", None)) is not None:
+        return 1e-6 * stamp
+    named = (getattr(message, name, None) for name in ("T", "TimeMS"))
+    return 1e-3 * next((stamp for stamp in named if stamp is not None), math.nan)
 
 
 def _mavlink(path: Path, fields: Fields) -> Iterator[Message]:

@@ -74,6 +74,44 @@ def test_a_gap_is_a_gap(flight, tmp_path):
     assert "phi: 1.0% of the time" in run.provenance.log["gaps"]
 
 
+def test_a_dataflash_log_with_a_clock_in_ms_is_read(flight, tmp_path):
+    t, signals = sampled(flight, noise=False, dropouts=False, late=False)
+    new, old = (
+        ft.load_log(write_dataflash(tmp_path / f"{old}.bin", t, signals, old=old))
+        for old in (False, True)
+    )
+
+    assert old.duration == pytest.approx(new.duration, abs=0.002)
+    assert old.signals["phi"].to_numpy()[:1000] == pytest.approx(
+        new.signals["phi"].to_numpy()[:1000], abs=BETWEEN
+    )
+
+
+def test_the_table_that_jsbsim_writes_needs_no_columns(tmp_path):
+    import jsbsim
+
+    directive = tmp_path / "output.xml"
+    parts = "".join(f"<{part}> ON </{part}>" for part in ("rates", "velocities", "position"))
+    directive.write_text(
+        f'<output name="{tmp_path}/flight.csv" type="CSV" rate="20">{parts}</output>'
+    )
+    fdm = jsbsim.FGFDMExec(None)
+    fdm.set_debug_level(0)
+    fdm.load_model("c172p")
+    fdm.set_output_directive(str(directive))
+    fdm["ic/h-sl-ft"], fdm["ic/vc-kts"], fdm["ic/psi-true-deg"] = 4000.0, 100.0, 350.0
+    fdm.run_ic()
+    while fdm.get_sim_time() < 3.0:
+        fdm.run()
+    del fdm
+
+    first = ft.load_log(tmp_path / "flight.csv").signals.iloc[0]
+
+    assert first["psi"] == pytest.approx(np.radians(-10.0), abs=0.001)
+    assert first["h"] == pytest.approx(4000.0 * FT, abs=1.0)
+    assert first["V_g"] == pytest.approx(first["V_a"], abs=0.5)
+
+
 @pytest.mark.parametrize("value", [-1e308, np.inf])
 def test_samples_that_no_flight_has_are_left_out_and_said(flight, tmp_path, value):
     t, signals = sampled(flight, noise=False, dropouts=False, late=False)
