@@ -25,7 +25,7 @@ from flighttune.campaign.engine.progress import CampaignObserver
 from flighttune.campaign.flying.rows import fly_group
 from flighttune.campaign.turn_back import room_of
 from flighttune.claims.band import ROOM, Band, Residual, TurnBack, read_counted
-from flighttune.claims.count import allowed_outside, fresh_flights
+from flighttune.claims.count import fresh_flights
 from flighttune.claims.counted import (
     DOUBLED,
     About,
@@ -71,8 +71,9 @@ EPSILON, CONFIDENCE, LEARN = 0.01, 0.999, 500
 # bounded by nearly its quantile.
 HEIGHT_ROOM = np.array([1.0, 2.0])
 
-# Flights counted before the answer is first judged; then twice, four times ... as many.
-BATCH = 24
+# Flights counted before the answer is first judged; then twice, four times ... as many. A rule that
+# is valid at any number judges it each time after so many as the second.
+BATCH, LOOK = 24, 12
 
 # Numbers of flights named in the refusal of another one.
 SHOWN = 3
@@ -335,6 +336,7 @@ def counted_on(
     signals: Iterable[str] | None = None,
     predicted_from: Literal["wind"] | None = None,
     certain: Callable[[C], bool] | None = None,
+    until_sure: bool = False,
     by: By,
 ) -> C:
     """A kind of count of the flights of a plan, of which the first are learned from.
@@ -367,9 +369,10 @@ def counted_on(
             learned=learn,
             epsilon=epsilon,
             confidence=confidence,
+            until_sure=until_sure,
         )
-        ends = [plan.runs] if certain is None else [learn + n for n in (BATCH * DOUBLED).tolist()]
-        ends = [*(end for end in ends if end < plan.runs), plan.runs]
+        looks = range(LOOK, plan.runs, LOOK) if until_sure else (BATCH * DOUBLED).tolist()
+        ends = [learn + n for n in looks if certain and learn + n < plan.runs] + [plan.runs]
         counted = None
         for begin, end in pairwise([learn, *ends]):
             more = _flown(pool, plan, probe, range(begin, end), "counting")
@@ -455,17 +458,14 @@ def load_counted(path: str | Path) -> Band | Residual | TurnBack:
         return flights_of(plan, about.of, len(about.signals), first)
 
     counted = read_counted(path, of_plan)
-    if len(counted.scores) < counted.first:  # it ended early, which only a certain no may
-        allowed = allowed_outside(counted.first, counted.about.epsilon, counted.about.confidence)
-        outside = [counted.not_completed]
-        if isinstance(counted, Band):
-            outside += [counted.inside(areas).outside for areas in counted.about.fences]
-        if max(outside) <= allowed:
-            raise InputError(
-                f"{path}: `plan.runs` must be the flights learned from and counted, "
-                f"{counted.about.learned + len(counted.scores)}, where no answer was certain "
-                f"before, got {counted.about.learned + counted.first}."
-            )
+    if counted.about.until_sure and not counted.about.fences:
+        raise InputError(f"{path}: `fences` must have the one that was counted until it was sure.")
+    if len(counted.scores) < counted.first and not counted.decided:
+        raise InputError(
+            f"{path}: `plan.runs` must be the flights learned from and counted, "
+            f"{counted.about.learned + len(counted.scores)}, where no answer was certain "
+            f"before, got {counted.about.learned + counted.first}."
+        )
     if counted.about.fences:
         check_one_path(plan_in(counted.about), counted.draws.tolist())
     return counted

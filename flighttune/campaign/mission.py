@@ -15,7 +15,7 @@ from flighttune.campaign.counted_flights import check_one_path, plan_of
 from flighttune.campaign.engine.progress import CampaignObserver
 from flighttune.campaign.turn_back import turning_back
 from flighttune.claims.band import Band, TurnBack
-from flighttune.claims.count import allowed_outside, flights_needed, fresh_flights
+from flighttune.claims.count import flights_needed, fresh_flights
 from flighttune.claims.fence import KEPT, check_off_route
 from flighttune.errors import InfeasibleError, InputError
 from flighttune.files.whole import write_text
@@ -108,6 +108,7 @@ def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
     epsilon: float | None = None,
     confidence: float | None = None,
     flights: int | None = None,
+    until_sure: bool = False,
     aircraft: str | None = None,
     like: str | None = None,
     skip: bool = False,
@@ -141,6 +142,11 @@ def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
     flights : int, optional
         Flights to count, by default as many as the claim needs with one of them outside (110 with a
         fence). The count ends sooner where the answer is certainly no.
+    until_sure : bool
+        Count until it is sure whether a flight leaves the fence with a probability of at most
+        epsilon, by a rule that is valid at any number of flights, in place of a number planned and
+        a corridor: a clear yes takes 84 flights, a clear no 24. At most `flights` are flown, by
+        default 208.
     aircraft : str, optional
         Aircraft that flies a mission, at an airspeed at which it is identified, by default
         aerosonde.
@@ -194,7 +200,8 @@ def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
         stated = flights_of_source(source, **of_flights)
         plan, place, own = drawn(stated, None, None, None, seed), stated.place, stated.fences
     else:
-        for name, value in {**of_flights, "seed": seed is not None, "flights": flights}.items():
+        own_count = {"seed": seed is not None, "flights": flights, "until_sure": until_sure}
+        for name, value in {**of_flights, **own_count}.items():
             if value:
                 raise InputError(f"`{name}` must be absent for a band, which has its own.")
         epsilon = kept.about.epsilon if epsilon is None else epsilon
@@ -204,20 +211,24 @@ def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
         file = Path(source) if isinstance(source, str | Path) else file
     # What cannot be counted, and a path that leaves its fence, is refused before a flight.
     turning = None if turn_back is None else turning_back(plan, turn_back)
-    fence_files = [Path(fence) for fence in fences or own]
-    areas, fence = fence_tables(fence_files), Path(", ".join(map(str, fence_files)))
-    if fences and not areas:
-        raise InputError(f"{fence_files[0]}: must have a Polygon or circle for a fence, got none.")
+    areas, fence = _asked_fence(fences, own, alone=until_sure, turns=turning is not None)
     if kept is None:  # corridor, fence and room share the probability of an error
-        confidence = 1.0 - (1.0 - confidence) / (1 + bool(areas) + (turning is not None))
-        needed = flights or flights_needed(epsilon, confidence, OUTSIDE)
-        flights = fresh_flights(needed, epsilon, confidence)
+        claims = 1 + bool(areas) + (turning is not None) if not until_sure else 1
+        confidence = 1.0 - (1.0 - confidence) / claims
+        needed = flights_needed(epsilon, confidence, OUTSIDE) if not until_sure else None
+        flights = fresh_flights(flights or needed, epsilon, confidence)
         plan = plan.with_runs(LEARN + flights)
     if areas:
         _check_fence(plan, areas, fence, kept)
     count = partial(counted_on, place=place, epsilon=epsilon, confidence=confidence, by=by)
-    is_no = partial(_is_no, areas, fence, allowed_outside(flights or 1, epsilon, confidence))
-    band = kept or count(Band, plan=plan, flights=flights, learn=LEARN, certain=is_no)
+    band = kept or count(
+        Band,
+        plan=plan,
+        flights=flights,
+        learn=LEARN,
+        certain=lambda counted: (counted.with_fence(areas) if areas else counted).decided,
+        until_sure=until_sure,
+    )
     if file is not None and kept is None:
         band.save(file)  # also where its fence is refused
     if areas:
@@ -235,6 +246,20 @@ def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
     return odds.with_room(count(TurnBack, plan=turning, flights=turns, learn=LEARN_TURNS))
 
 
+def _asked_fence(
+    fences: Sequence[str | Path], own: Sequence[Path], *, alone: bool, turns: bool
+) -> tuple[dict[str, Any], Path]:
+    """The GeoJSON of the fence that is asked about, and its file; empty without one."""
+    files = [Path(fence) for fence in fences or own]
+    areas = fence_tables(files)
+    if fences and not areas:
+        raise InputError(f"{files[0]}: must have a Polygon or circle for a fence, got none.")
+    if alone and (turns or not areas):
+        got = "`turn_back`, which needs a corridor" if areas else "no fence"
+        raise InputError(f"`until_sure` must be about a fence alone, got {got}.")
+    return areas, Path(", ".join(map(str, files)))
+
+
 def _check_fence(plan: Plan, areas: dict[str, Any], fence: Path, kept: Band | None) -> None:
     """Refuse a fence that flights cannot be counted in, and one that the planned path leaves."""
     planned = planned_route(plan.campaign.central)
@@ -243,12 +268,6 @@ def _check_fence(plan: Plan, areas: dict[str, Any], fence: Path, kept: Band | No
     if kept is None and nearest["leaves_m"] is not None:
         raise InfeasibleError(planned_inside(planned, place, nearest))
     check_one_path(plan, range(plan.runs) if kept is None else kept.draws.tolist())
-
-
-def _is_no(areas: dict[str, Any], fence: Path, allowed: int, band: Band) -> bool:
-    """Whether more flights are outside already than may be of all of them."""
-    outside = band.inside(areas, fence).outside if areas else band.not_completed
-    return outside > allowed
 
 
 def mission_plan(

@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from flighttune.arrays import FloatArray
-from flighttune.claims.count import allowed_outside, supported_epsilon
+from flighttune.claims.count import allowed_outside, supported_epsilon, sure
 from flighttune.claims.counted import (
     DOUBLED,
     About,
@@ -45,6 +45,13 @@ from flighttune.simulate.run import SIGNAL_UNITS, Run
 
 # Rounding of the times of samples, s.
 SAME_TIME = 1e-9
+
+# What is said of a new flight and a fence where it is sure whether flights stay inside.
+SURE = {
+    "yes": "leaves the fence with probability at most",
+    "no": "is not certainly inside the fence with probability above",
+    "": "",
+}
 
 # Part of the time whose largest half-width is printed too: flights have settled by then.
 LAST_QUARTER = 0.75
@@ -199,17 +206,30 @@ class Band(SignalBounds):
         # A flight that was not flown counts as one outside.
         epsilon = supported_epsilon(outside + first - flights, first, about.confidence)
         said = f"{flights - outside} of {flights} fresh flights are certainly inside"
+        claimed, leaves = (
+            flights == first,
+            f"leaves the fence with probability at most {number(epsilon)}",
+        )
+        not_yet, at_any = f", of {first} planned: more may be outside than a yes allows", ""
+        if about.until_sure:
+            answer = sure(outside, flights, about.epsilon, about.confidence)
+            epsilon = about.epsilon if answer == "yes" else 1.0
+            claimed, leaves = answer != "", f"{SURE[answer]} {number(about.epsilon)}"
+            not_yet, at_any = ": neither yes nor no is sure", " at any number of flights"
         return Fenced(
             fence.heights,
             outside,
             epsilon,
             epsilon <= about.epsilon,
             [{"what": what, **room.nearest(reach)} for what, reach in reaches.items()],
-            f"a new flight leaves the fence with probability at most {number(epsilon)}, confidence "
-            f"{self.confidence:.10g}{self.shared}: {said}"
-            if flights == first
-            else f"{said}, of {first} planned: more may be outside than a yes allows",
+            f"a new flight {leaves}, confidence {self.confidence:.10g}{self.shared}{at_any}: {said}"
+            if claimed
+            else f"{said}{not_yet}",
         )
+
+    @property
+    def _not_inside(self) -> list[int]:
+        return [self.inside(areas).outside for areas in self.about.fences] or [self.not_completed]
 
     def _off_route(self) -> list[int]:
         """Where the distances from a route are among the signals."""
@@ -319,6 +339,9 @@ class Band(SignalBounds):
                         f"Not known: {flights} of {self.first} flights were flown; `flighttune "
                     )
                     answer += f"band FILE --flights {self.first}` flies the others."
+        if about.until_sure and fenced and not fenced.supported:
+            more = f"`flighttune band FILE --flights {2 * self.first}` may be enough"
+            answer = f"No: {fenced.sentence}." if self.decided else f"Not known: {more}."
         wide = "No corridor is claimed."
         if self.claims and not about.predicted_from:
             claimed = self.corridor()

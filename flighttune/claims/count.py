@@ -5,15 +5,22 @@ Statistics 12 (1941).
 """
 
 import math
+from typing import Literal, TypeAlias
 
 import numpy as np
-from scipy.special import bdtr, bdtri
+import numpy.typing as npt
+from scipy.special import bdtr, bdtri, betainc, betaln, xlog1py, xlogy
 
 from flighttune.arrays import FloatArray, check_between
 from flighttune.errors import InputError
 
+Integers: TypeAlias = int | npt.NDArray[np.int_]
+
 # Flights that may lie outside by default: the scale depends less on a single one of them.
 OUTSIDE = 5
+
+# Ratio of the largest probability to epsilon that evidence of a no counts.
+WIDEST = 20.0
 
 # Largest chance of missing a forgery among flights that are flown again by default.
 MISSED = 0.05
@@ -78,6 +85,63 @@ def counted_scale(scores: FloatArray, epsilon: float, confidence: float) -> tupl
     r = allowed_outside(fresh_flights(len(scores), epsilon, confidence), epsilon, confidence)
     scale = float(np.partition(scores, -r - 1)[-r - 1])
     return scale, int(np.sum(scores > scale))
+
+
+def log_evidence(
+    outside: Integers, flights: Integers, epsilon: float
+) -> tuple[FloatArray, FloatArray]:
+    r"""Evidence that a probability is below, and that it is above, `epsilon`, at any time.
+
+    Parameters
+    ----------
+    outside, flights : array_like of int, shape (...)
+        Independent flights, and how many of them were outside, at one or more times.
+    epsilon : float, 1
+        Probability of being outside, 0 to 1.
+
+    Returns
+    -------
+    below, above : ndarray, shape (...), 1
+        Natural logarithms of two mixtures of likelihood ratios against `epsilon`: of probabilities
+        below it, half of the weight on 0 and half uniform, and of uniform ones from it to 20 times
+        as much, at most 1.
+
+    Notes
+    -----
+    With ``k`` of ``n`` outside, a mixture over ``q`` is the integral of
+    ``(q / epsilon)^k ((1 - q) / (1 - epsilon))^(n - k)``. Where the probability is at least
+    `epsilon`, ``below`` is a supermartingale (``above`` where it is at most `epsilon`), and exceeds
+    1/alpha at any of all times with a probability of at most alpha: Ville's inequality [1]_, eq.
+    (2).
+
+    References
+    ----------
+    .. [1] S. R. Howard, A. Ramdas, J. McAuliffe and J. Sekhon, "Time-uniform Chernoff bounds via
+       nonnegative supermartingales", Probability Surveys 17 (2020).
+    """
+    k, n = np.asarray(outside, dtype=float), np.asarray(flights, dtype=float)
+    top = min(1.0, WIDEST * epsilon)
+    log_epsilon = xlogy(k, epsilon) + xlog1py(n - k, -epsilon)
+    shares = [betainc(k + 1.0, n - k + 1.0, q) for q in (epsilon, top)]
+    with np.errstate(divide="ignore"):
+        below, above = np.log([shares[0] / epsilon, (shares[1] - shares[0]) / (top - epsilon)])
+    uniform = betaln(k + 1.0, n - k + 1.0) - log_epsilon
+    never = np.where(k == 0.0, -log_epsilon, -np.inf)
+    return np.logaddexp(never, below + uniform) - math.log(2.0), above + uniform
+
+
+def sure(outside: int, flights: int, epsilon: float, confidence: float) -> Literal["yes", "no", ""]:
+    """Whether flights are outside with a probability of at most `epsilon`; empty if it is not sure.
+
+    It may be asked after every flight: over all times each answer is false with a probability of at
+    most half of ``1 - confidence`` (`log_evidence`).
+    """
+    check_between(0.0, 1.0, epsilon=epsilon, confidence=confidence)
+    below, above = (
+        evidence > math.log(2.0 / (1.0 - confidence))
+        for evidence in log_evidence(outside, flights, epsilon)
+    )
+    return "yes" if below else "no" if above else ""
 
 
 def flights_again(epsilon: float) -> int:

@@ -14,7 +14,7 @@ from pydantic import Field
 
 from flighttune.aircraft.aircraft import files_hash
 from flighttune.arrays import FloatArray, check_between
-from flighttune.claims.count import allowed_outside, counted_scale
+from flighttune.claims.count import allowed_outside, counted_scale, sure
 from flighttune.claims.distribution import PLACE, Distribution
 from flighttune.claims.shape import MIN_LEARNED, Extremes, predicted, scores_of
 from flighttune.control.gains import PIGains, gains_table
@@ -82,6 +82,7 @@ class About:
     fences: tuple[dict[str, Any], ...] = ()  # GeoJSON in which flights were counted
     # Epsilon and confidence that the count was planned with, where the claim has others
     planned: tuple[Probability, Probability] | None = None
+    until_sure: bool = False  # it is counted until a fence is answered, and claims no bounds
 
     __pydantic_config__: ClassVar = STRICT
     FORMAT: ClassVar[str] = "flighttune band 2"
@@ -184,7 +185,7 @@ class Counted(Answering):
             )
         scores = scores_of(self.extremes, self.wind, about.coefficients, about.half)
         scale = np.inf
-        if len(scores) >= self.first:
+        if len(scores) >= self.first and not about.until_sure:
             scale, _ = counted_scale(scores, about.epsilon, about.confidence)
         object.__setattr__(self, "scores", scores)
         object.__setattr__(self, "scale", scale)
@@ -201,8 +202,23 @@ class Counted(Answering):
 
         The first is planned, and each is twice the one before.
         """
+        if self.about.until_sure:  # at any, by a rule for that
+            return ()
         numbers = self.first * DOUBLED
         return tuple(numbers[numbers <= len(self.extremes)].tolist())
+
+    @property
+    def decided(self) -> bool:
+        """Whether the answer is certain, maybe before all flights planned are flown."""
+        epsilon, confidence = self.about.epsilon, self.about.confidence
+        if self.about.until_sure:
+            return any(sure(k, len(self.scores), epsilon, confidence) for k in self._not_inside)
+        return max(self._not_inside) > allowed_outside(self.first, epsilon, confidence)
+
+    @property
+    def _not_inside(self) -> list[int]:
+        """Numbers of counted flights that are outside whatever the scale, of each claim."""
+        return [self.not_completed]
 
     @property
     def first(self) -> int:
@@ -244,7 +260,8 @@ class Counted(Answering):
         """Confidence of all claims together: each spends its part of the error probability."""
         about = self.about
         spent = 1.0 - about.confidence + (1.0 - about.planned[1] if about.planned else 0.0)
-        return 1.0 - max(1, len(self.readings)) * (1 + len(about.fences)) * spent
+        claims = max(1, len(about.fences) + (not about.until_sure))
+        return 1.0 - max(1, len(self.readings)) * claims * spent
 
     @property
     def nearest(self) -> int:
@@ -256,8 +273,11 @@ class Counted(Answering):
     def shared(self) -> str:
         """How many claims share the confidence, in words; empty for a single one."""
         fences, readings = len(self.about.fences), len(self.readings)
-        claims = ["the band and its fence" if fences == 1 else f"the band and {fences} fences"]
-        parts = claims * bool(fences) + [f"{readings} numbers of flights"] * (readings > 1)
+        band = "" if self.about.until_sure else "the band and "
+        claims = [f"{band}its fence" if fences == 1 else f"{band}{fences} fences"]
+        parts = claims * (fences > self.about.until_sure) + [f"{readings} numbers of flights"] * (
+            readings > 1
+        )
         shared = [f"by {' at '.join(parts)}"] if parts else []
         if self.about.planned:
             epsilon, confidence = self.about.planned
@@ -273,6 +293,8 @@ class Counted(Answering):
     def sentence(self) -> str:
         """The claim in words."""
         about, flights = self.about, len(self.scores)
+        if about.until_sure:
+            return f"no corridor is claimed: {flights} flights were counted to answer the fence"
         if flights < self.first:
             return (
                 f"nothing is claimed: the count ended after {flights} of {self.first} flights, "
@@ -316,9 +338,15 @@ class Counted(Answering):
         return middle - half, middle + half
 
     @property
+    def _tables(self) -> dict[str, Any]:
+        """What its file says of it; a count with one reading as versions before wrote it."""
+        tables = tables_of(self.about)
+        return tables if tables.pop("until_sure") is False else {**tables, "until_sure": True}
+
+    @property
     def sha256(self) -> str:
         """Hash of all that its file holds, however the file is packed."""
-        digest = hashlib.sha256(json.dumps(tables_of(self.about), sort_keys=True).encode())
+        digest = hashlib.sha256(json.dumps(self._tables, sort_keys=True).encode())
         for array in (self.extremes, self.wind):
             digest.update(array.tobytes())
         return digest.hexdigest()
@@ -326,7 +354,7 @@ class Counted(Answering):
     def save(self, path: str | Path) -> None:
         """Write the count with its SHA-256 (.npz), whole or not at all."""
         # First, as its `format` says what the file is.
-        arrays: dict[str, Any] = {"band": np.array(json.dumps(tables_of(self.about)))}
+        arrays: dict[str, Any] = {"band": np.array(json.dumps(self._tables))}
         arrays |= {"extremes": self.extremes, "wind": self.wind}
         if self.endings:
             said = {str(x["run"]): "{status}: {reason}".format(**x) for x in self.endings}

@@ -1,5 +1,7 @@
 """One command for a mission: its corridor, and the probability that it leaves its own fence."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from commands import answer, flighttune
@@ -137,6 +139,55 @@ def test_a_no_comes_as_soon_as_more_flights_are_outside_than_may_be(monkeypatch)
     assert said.summary[0].startswith("No: of 24 flights 6 did not complete")
     assert "at most 1 of 93 may" in said.summary[0]
     assert "the count ended after 24 of 93 flights" in said.failure
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("lost_every", "flights", "said"),
+    [
+        # 0.95^-n / 2 and a share of it exceed 2 / 0.05 from 82 on; it is looked at every 12 flights
+        (None, 84, "Yes: the mission can be flown and stays inside its fence."),
+        (3, 24, "No: a new flight is not certainly inside the fence with probability above 0.05"),
+        (20, 208, "Not known: "),
+    ],
+)
+def test_a_fence_is_answered_as_soon_as_it_is_sure(
+    tmp_path, monkeypatch, lost_every, flights, said
+):
+    rng = np.random.default_rng(1)
+
+    def flown(pool, plan, probe, runs, doing):
+        away = rng.uniform(0.1, 0.3, (len(runs), len(probe.args[1]) - 1, 2, 1)).astype(np.float32)
+        found = np.concatenate([-away, away], axis=-1)
+        if doing == "counting" and lost_every:
+            found[(np.array(runs) - 15) % lost_every == 0] = [-np.inf, np.inf]
+        return found, np.zeros((len(runs), 0))
+
+    monkeypatch.setattr("flighttune.campaign.band._flown", flown)
+    file, out = mission(tmp_path / "m.plan"), tmp_path / "m.npz"
+    odds = ft.mission(file, until_sure=True, out=out, workers=1)
+    answer, band = odds.answer(), ft.load(out)
+
+    assert (len(band.scores), band.confidence) == (flights, pytest.approx(0.95))
+    assert answer.summary[0].startswith(said)
+    assert answer.summary[2] == "No corridor is claimed."
+    assert band.answer().values["fence"] == answer.values["fence"]
+    sentence = answer.values["fence"]["sentence"]
+    assert ("confidence 0.95 at any number of flights" in sentence) == (flights < 208)
+    assert bool(answer.failure) == (lost_every is not None)
+    if flights == 84:  # one flight fewer of the same was not sure, of 208 planned
+        replace(band, extremes=band.extremes[:72], wind=band.wind[:72]).save(out)
+        with pytest.raises(ft.InputError, match=r"`plan\.runs` .* 87, where no answer was certain"):
+            ft.load(out)
+        with pytest.raises(ft.InputError, match="`until_sure` must be absent for a band"):
+            ft.mission(band, until_sure=True)
+
+
+@pytest.mark.parametrize(("more", "got"), [({}, "no fence"), ({"turn_back": 30}, "`turn_back`")])
+def test_what_is_not_about_a_fence_alone_is_not_counted_until_it_is_sure(tmp_path, more, got):
+    source = mission(tmp_path / "m.plan") if more else "circuit_in_wind"
+    with pytest.raises(ft.InputError, match=f"`until_sure` must be about a fence alone, got {got}"):
+        ft.mission(source, until_sure=True, **more)
 
 
 @pytest.mark.slow

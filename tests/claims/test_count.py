@@ -2,7 +2,8 @@
 
 import numpy as np
 import pytest
-from scipy.stats import binomtest, hypergeom
+from scipy.integrate import quad
+from scipy.stats import binom, binomtest, hypergeom
 
 import flighttune as ft
 from flighttune.claims.count import (
@@ -11,7 +12,9 @@ from flighttune.claims.count import (
     counted_scale,
     flights_again,
     flights_needed,
+    log_evidence,
     supported_epsilon,
+    sure,
 )
 
 
@@ -64,3 +67,58 @@ def test_a_forgery_that_doubles_epsilon_is_found_with_95_percent(epsilon, again)
     assert missed == pytest.approx(hypergeom.pmf(0, flights, forged, again))
     assert missed <= 0.05
     assert chance_missed(5, 10, 6) == 0.0
+
+
+@pytest.mark.parametrize(("epsilon", "confidence"), [(0.05, 0.95), (0.3, 0.9)])
+def test_evidence_is_the_integral_of_likelihood_ratios(epsilon, confidence):
+    for outside, flights in ((0, 12), (2, 40), (9, 30)):
+
+        def ratio(q, k=outside, n=flights):
+            return (q / epsilon) ** k * ((1.0 - q) / (1.0 - epsilon)) ** (n - k)
+
+        top = min(1.0, 20.0 * epsilon)
+        never = 0.5 * ratio(0.0) if outside == 0 else 0.0
+        below = never + 0.5 * quad(ratio, 0.0, epsilon)[0] / epsilon
+        above = quad(ratio, epsilon, top)[0] / (top - epsilon)
+
+        assert np.exp(log_evidence(outside, flights, epsilon)) == pytest.approx([below, above])
+        needed = 2.0 / (1.0 - confidence)
+        answer = "yes" if below >= needed else "no" if above >= needed else ""
+        assert sure(outside, flights, epsilon, confidence) == answer
+
+
+# Times at which campaigns end that are looked at after each flight, as shares of the number
+# planned with five outside, 208: of 200 campaigns of a search of its own, on a grid of q.
+MEANS = {0.0: 0.39, 0.005: 0.62, 0.0125: 0.98, 0.1: 1.34, 0.25: 0.12}
+
+
+def test_an_answer_is_false_no_more_often_than_stated_however_often_it_is_looked_at():
+    epsilon, confidence, planned = 0.05, 0.95, flights_needed(0.05, 0.95, 5)
+    rng, n, campaigns = np.random.default_rng(6), np.arange(1, 4 * planned + 1), 2000
+
+    def ends(p, campaigns):
+        """When each answer is sure first, and which; after all flights where it never is."""
+        k = np.cumsum(rng.random((campaigns, len(n))) < p, axis=1)
+        surely = np.stack(log_evidence(k, n, epsilon)) > np.log(2.0 / (1.0 - confidence))
+        return np.where(
+            surely.any(axis=0).any(axis=1), surely.any(axis=0).argmax(axis=1) + 1, n[-1]
+        ), surely.any(axis=2)
+
+    _, both = ends(epsilon, campaigns)  # then each of both answers is false
+    # more false answers than this have a probability of 0.1 % at the rate stated
+    most = binom.ppf(0.999, campaigns, (1.0 - confidence) / 2.0)
+    assert 0 < both[0].sum() <= most
+    assert 0 < both[1].sum() <= most
+    for p, share in MEANS.items():
+        took, answers = ends(p, 200)
+        spread = np.std(took) / planned * np.sqrt(2.0 / 200)  # of the difference of two means
+        assert took.mean() / planned == pytest.approx(share, abs=4.0 * spread + 0.005)
+        assert answers[0 if p > epsilon else 1].mean() <= 0.05
+
+
+def test_a_yes_with_none_outside_takes_82_flights():
+    assert next(n for n in range(1, 100) if sure(0, n, 0.05, 0.95)) == 82
+    assert not sure(0, 82, 0.05, 0.99)
+    assert next(n for n in range(1, 100) if sure(n, n, 0.05, 0.95)) <= 3
+    with pytest.raises(ft.InputError, match="`confidence`"):
+        sure(0, 10, 0.05, 1.0)
