@@ -23,6 +23,38 @@ from flighttune.present.answer import printable
 from flighttune.quantities import Factor, Shift, Table
 from flighttune.units import DEG
 
+SURFACES = ("aileron", "elevator", "rudder")
+
+StuckAngle = Annotated[q.Finite, Field(ge=-90.0, le=90.0)]
+
+
+class Fault(Table):
+    """``[plant.airframe.fault]``: what fails in flight, all at once and for the rest of it."""
+
+    from_s: q.Instant
+    cg_aft_m: Shift = 0.0  # of the centre of gravity, by a tenth of the mass, which slides there
+    lift_factor: Factor = 1.0
+    drag_factor: Factor = 1.0
+    throttle_factor: Factor = 1.0  # on the commanded throttle, which the engines do not get
+    actuator_lag_factor: Factor = 1.0
+    # Where a surface is stuck
+    aileron_stuck_deg: StuckAngle | None = None
+    elevator_stuck_deg: StuckAngle | None = None
+    rudder_stuck_deg: StuckAngle | None = None
+
+    @property
+    def stuck(self) -> dict[str, float]:
+        """Surfaces that are stuck, and where, rad."""
+        angles = {name: getattr(self, f"{name}_stuck_deg") for name in SURFACES}
+        return {name: angle * DEG for name, angle in angles.items() if angle is not None}
+
+    @property
+    def factors(self) -> dict[str, float]:
+        """Factors other than 1, by name."""
+        names = "lift", "drag", "throttle", "actuator_lag"
+        factors = {name: getattr(self, f"{name}_factor") for name in names}
+        return {name: factor for name, factor in factors.items() if factor != 1.0}
+
 
 class OffNominal(Table):
     """``[plant.airframe]``: differences of an aircraft from its files."""
@@ -56,6 +88,7 @@ class OffNominal(Table):
     )
     thrust_factor: Factor = 1.0  # on the thrust at each throttle
     actuator_lag_factor: Factor = 1.0  # on the time constants of the surface actuators
+    fault: Fault | None = None
 
     @property
     def cg_shift(self) -> tuple[float, float, float]:
@@ -64,8 +97,10 @@ class OffNominal(Table):
 
     @property
     def loaded(self) -> bool:
-        """Whether mass, centre of gravity or inertia differ."""
-        return any(self.cg_shift) or self.mass_factor != 1.0 or bool(self.inertia_factors)
+        """Whether mass, centre of gravity or inertia differ, or will."""
+        slides = self.fault is not None and self.fault.cg_aft_m != 0.0
+        changed = any(self.cg_shift) or self.mass_factor != 1.0 or bool(self.inertia_factors)
+        return changed or slides
 
     @property
     def inertia_factors(self) -> dict[str, float]:
@@ -167,9 +202,6 @@ class Surface(q.Table):
     # Properties of the model's own flight control that its aerodynamics read, and instead of which
     # they get the position: this goes past a flight control that would change the position.
     replaces: Annotated[tuple[PropertyName, ...], Field(strict=False, max_length=20)] = ()
-
-
-SURFACES = ("aileron", "elevator", "rudder")
 
 
 class Surfaces(q.Table):

@@ -14,7 +14,7 @@ from xml.etree.ElementTree import Element, SubElement, fromstring
 
 import numpy as np
 
-from flighttune.aircraft.aircraft import SURFACES, AircraftConfig, OffNominal, Surface
+from flighttune.aircraft.aircraft import SURFACES, AircraftConfig, Fault, OffNominal, Surface
 from flighttune.arrays import FloatArray
 from flighttune.errors import InputError, PlantError
 from flighttune.files.shipped import nearest_name
@@ -164,6 +164,12 @@ AXES = dict(zip(OffNominal.AXES, ["LIFT", "DRAG", "SIDE", "ROLL", "PITCH", "YAW"
 # Names of the actuators of the surfaces.
 SURFACE_ACTUATORS = tuple(f"ft/{name}-rad" for name in SURFACES)
 
+# Beginning of the properties of what fails in flight.
+FAULT = "ft/fault/"
+
+# Share of the mass that slides where the centre of gravity moves in flight.
+BALLAST = 0.1
+
 # Beginning of the placeholder of a factor on a single function.
 COEFFICIENT = "coefficient "
 
@@ -173,11 +179,11 @@ _THRUST_OF = {"electric_engine": ("power",), "turbine_engine": ("milthrust", "ma
 _NOT_OPERATIONS = ("description", "documentation")
 
 
-def scale_axis(root: Element, key: str, file: Path) -> None:
-    """Multiply every function of the axis that belongs to `key`.
+def scale_axis(root: Element, key: str, file: Path, by: str = "") -> None:
+    """Multiply every function of the axis that belongs to `key`, one of `AXES`.
 
-    `root` is the main file `file` of the aircraft. The placeholder of the factor is `key`, one of
-    `AXES`. Raises InputError if the aircraft has no such axis.
+    `root` is the main file `file` of the aircraft. The factor is the property `by`, or else the
+    placeholder `key`. Raises InputError if the aircraft has no such axis.
     """
     axes = root.findall("aerodynamics/axis")
     functions = [f for axis in axes if axis.get("name") == AXES[key] for f in axis.iter("function")]
@@ -187,7 +193,7 @@ def scale_axis(root: Element, key: str, file: Path) -> None:
             f"`{key}_factor` must be left out: {file} has no {AXES[key]} axis, only {names}."
         )
     for function in functions:
-        _multiply_function(function, placeholder(key))
+        _multiply_function(function, by or placeholder(key))
 
 
 def scale_coefficient(root: Element, name: str, file: Path) -> None:
@@ -253,6 +259,61 @@ def slow_actuators(root: Element) -> None:
             lag.text = placeholder("actuator_rate", float(lag.text or 0.0))
 
 
+def add_fault(root: Element, fault: Fault, config: AircraftConfig, file: Path) -> None:
+    """Put properties into the main file `file` where something fails in flight.
+
+    They have the values of the whole aircraft. Raises InputError if it lacks what shall fail.
+    """
+    (system,) = (x for x in root.iter("system") if x.get("name") == "actuators")
+    channel = system.find("channel")
+    assert channel is not None  # of the system that was put in
+    actuators = {name: x for x in channel.iter("actuator") if (name := x.get("name"))}
+    values = {name: 1.0 for name in fault.factors if name != "actuator_lag"}
+    for name in fault.factors.keys() & AXES.keys():
+        scale_axis(root, name, file, f"{FAULT}{name}")
+    if "actuator_lag" in fault.factors:
+        for name in SURFACE_ACTUATORS:
+            if name in actuators:
+                _replace(actuators[name], "lag", f"{FAULT}actuator_rate")
+        off = config.off_nominal or OffNominal()
+        values["actuator_rate"] = SURFACE_LAG / off.actuator_lag_factor
+    if "throttle" in fault.factors:
+        _loosen_throttle(channel, actuators["ft/throttle-norm"])
+    for name in fault.stuck:
+        surface = getattr(config.surfaces, name)
+        if surface is None:
+            raise InputError(f"`{name}_stuck_deg` must be left out: {config.file} has no {name}.")
+        for end, stop in zip(("min", "max"), surface.travel, strict=True):
+            _replace(actuators[f"ft/{name}-rad"], f"clipto/{end}", f"{FAULT}{name}-{end}")
+            values[f"{name}-{end}"] = stop
+    for name, value in values.items():
+        system.insert(0, Element("property", value=repr(value)))
+        system[0].text = f"{FAULT}{name}"
+
+
+def _loosen_throttle(channel: Element, throttle: Element) -> None:
+    """Put a factor between the throttle and what it moves: the lever, or the engines."""
+    reaching = Element("fcs_function", name=f"{FAULT}throttle-reaching")
+    product = SubElement(SubElement(reaching, "function"), "product")
+    for name in (f"{FAULT}throttle", "ft/throttle-norm"):
+        SubElement(product, "property").text = name
+    lever = channel.find("pure_gain[@name='ft/throttle-lever']")
+    if lever is not None:
+        _replace(lever, "input", f"{FAULT}throttle-reaching")
+    else:
+        for output in throttle.findall("output"):
+            throttle.remove(output)
+            reaching.append(output)
+    channel.insert(list(channel).index(throttle) + 1, reaching)
+
+
+def _replace(parent: Element, path: str, text: str) -> None:
+    """Give a part of an element another text."""
+    part = parent.find(path)
+    assert part is not None  # of our own systems
+    part.text = text
+
+
 def _named(root: Element) -> Iterator[tuple[Element, int, str]]:
     """Parent, place and name of everything in the aerodynamics that has a name and a value."""
     for aerodynamics in root.iterfind("aerodynamics"):
@@ -300,7 +361,7 @@ def _multiply_function(function: Element, factor: str) -> None:
 
 def _multiply(parent: Element, i: int, factor: str) -> None:
     product = Element("product")
-    SubElement(product, "value").text = factor
+    SubElement(product, "property" if factor.startswith(FAULT) else "value").text = factor
     product.append(parent[i])
     parent[i] = product
 
@@ -350,7 +411,8 @@ class MassBalance:
         """
         weight = off.mass_factor * self.whole.weight
         empty_weight = self.empty.weight + weight - self.whole.weight
-        if not empty_weight > 0.0:
+        ballast = BALLAST * weight if off.fault is not None and off.fault.cg_aft_m else 0.0
+        if not empty_weight > ballast:
             lowest = 1.0 - self.empty.weight / self.whole.weight
             raise InputError(
                 f"`mass_factor` must be above {lowest:.3g}, what load and fuel weigh, "
@@ -363,6 +425,9 @@ class MassBalance:
         load_moment = self.whole.weight * nominal - empty.weight * empty.cg
         load_inertia = self.whole.inertia - empty.inertia
         load_inertia = load_inertia - self._offset(empty.weight, empty.cg - nominal)
+        empty_weight -= ballast
+        load_moment = load_moment + ballast * cg
+        load_inertia = load_inertia + self._offset(ballast, cg - nominal)
         empty_cg = (weight * cg - load_moment) / empty_weight
         inertia = self._inertia(off) + self._offset(weight, cg - nominal) - load_inertia
         inertia = inertia - self._offset(empty_weight, empty_cg - nominal)
@@ -371,7 +436,9 @@ class MassBalance:
         # `open_mass_balance` sets only that of xz.
         inertias = {name: float(inertia[place]) for name, place in INERTIAS.items()}
         inertias["ixz"] = -inertias["ixz"]
-        return {**inertias, "cg_x": x, "cg_y": y, "cg_z": z, "emptywt": empty_weight}
+        at: list[float] = (cg * _INCHES).tolist()
+        slides = dict(zip(("ballast", *BALLAST_PLACE), (ballast, *at), strict=True))
+        return {**inertias, **slides, "cg_x": x, "cg_y": y, "cg_z": z, "emptywt": empty_weight}
 
     def _offset(self, weight: float, distance: FloatArray) -> FloatArray:
         """Inertia of a point at `distance` (ft: aft, right, up), body axes."""
@@ -398,8 +465,12 @@ class MassBalance:
         return scaled
 
 
-def open_mass_balance(root: Element) -> None:
-    """Put placeholders where the file says what the empty aircraft weighs."""
+# Placeholders of where the mass is that may slide, in: aft, right, up.
+BALLAST_PLACE = "ballast_x", "ballast_y", "ballast_z"
+
+
+def open_mass_balance(root: Element, *, slides: bool = False) -> None:
+    """Put placeholders where the file says what the empty aircraft weighs, and what slides."""
     (balance,) = root.findall("mass_balance")
     for element in balance.findall("*"):
         if element.tag in (*INERTIAS, "emptywt", "location"):
@@ -411,3 +482,9 @@ def open_mass_balance(root: Element) -> None:
     location = SubElement(balance, "location", name="CG", unit="IN")
     for axis in "xyz":
         SubElement(location, axis).text = placeholder(f"cg_{axis}")
+    if slides:
+        ballast = SubElement(balance, "pointmass", name="ballast")
+        SubElement(ballast, "weight", unit="LBS").text = placeholder("ballast")
+        location = SubElement(ballast, "location", name="ballast", unit="IN")
+        for axis, name in zip("xyz", BALLAST_PLACE, strict=True):
+            SubElement(location, axis).text = placeholder(name)

@@ -46,7 +46,6 @@ from flighttune.references.feasible import FeasibleReference
 from flighttune.references.planner import APPROACH, LEAST_SHARE, STEEPEST_DIVE
 from flighttune.references.segments import Reference
 from flighttune.scenario.schema import Scenario
-from flighttune.scenario.tables import PlantTable
 from flighttune.units import FT, G_0
 
 SCRIPT, CSV, START, OUTER_LOOP = "flight.xml", "flight.csv", "start", "ft_outer_loop"
@@ -178,7 +177,7 @@ def export_jsbsim(
         ElementTree.indent(tree)
         write_text(file, template_of(tree))
     write_text(aircraft / f"{START}.xml", _start(fdm))
-    failure = _failure(table, setup.dt, t_0, fdm.rate)
+    failure = _failures(aircraft_plant.changes(), setup.dt, t_0, fdm.rate)
     write_text(
         folder / SCRIPT,
         _script(scenario, setup, fdm, folders.name, t_0, values, declared, sampled, failure),
@@ -461,16 +460,19 @@ def _engines(fdm: Fdm, at_rest: Mapping[str, float]) -> str:
     )
 
 
-def _failure(table: PlantTable, dt: float, t_0: float, rate: float) -> str:
-    """Event of an engine that fails on the way, in the step after a sample as in `fly`."""
-    if not table.throttle_max_from_s or table.throttle_max is None:
-        return ""
-    samples = math.ceil(table.throttle_max_from_s / dt - SAME_TIME)
-    condition = f"simulation/sim-time-sec ge {t_0 + samples * dt + 0.5 / rate!r}"
-    return (
-        f'<event name="the engine fails"> <condition> {condition} </condition> '
-        f"{_sets({properties.THROTTLE_MAX: table.throttle_max})} </event>"
-    )
+def _failures(
+    changes: Iterable[tuple[float, str, float]], dt: float, t_0: float, rate: float
+) -> str:
+    """Events of what fails on the way, in the step after a sample as in `fly`."""
+    events = []
+    for from_s, name, value in changes:
+        samples = math.ceil(from_s / dt - SAME_TIME)
+        condition = f"simulation/sim-time-sec ge {t_0 + samples * dt + 0.5 / rate!r}"
+        events.append(
+            f'<event name="{name} changes"> <condition> {condition} </condition> '
+            f"{_sets({name: value})} </event>"
+        )
+    return "\n".join(events)
 
 
 def _reference(name: str, t: FloatArray, values: FloatArray) -> str:

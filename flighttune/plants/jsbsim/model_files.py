@@ -22,6 +22,7 @@ from flighttune.aircraft.model_xml import (
     AXES,
     COEFFICIENT,
     MassBalance,
+    add_fault,
     filled,
     found_file,
     open_mass_balance,
@@ -316,7 +317,7 @@ def main_file_text(config: AircraftConfig, weigh: Weigh, steps: int = 1) -> str:
     """
     off = config.off_nominal or _NOMINAL
     # Values are filled in behind the cache: dispersed flights share one template.
-    factors = (off.loaded, *off.scaled, *off.coefficient_factors)
+    factors = (off.loaded, repr(off.fault), *off.scaled, *off.coefficient_factors)
     template, balance = _template(unchanged(config, config.model, factors), weigh, steps)
     coefficients = {f"{COEFFICIENT}{name}": by for name, by in off.coefficient_factors.items()}
     values = coefficients | off.scaled | {"actuator_rate": 1.0 / off.actuator_lag_factor}
@@ -342,7 +343,7 @@ def _template(unchanged: Unchanged, weigh: Weigh, steps: int) -> tuple[str, Mass
     if off.loaded:
         # Factors and shifts are relative to the nominal aircraft, load and fuel included.
         balance = weigh(config.with_off_nominal(None))
-        open_mass_balance(root)
+        open_mass_balance(root, slides=off.fault is not None and off.fault.cg_aft_m != 0.0)
     for name in off.coefficient_factors:
         scale_coefficient(root, name, file)
     for name in off.scaled:
@@ -357,6 +358,8 @@ def _template(unchanged: Unchanged, weigh: Weigh, steps: int) -> tuple[str, Mass
             scale_thrust(root, folders.parts, file)
         else:
             slow_actuators(root)
+    if off.fault is not None:
+        add_fault(root, off.fault, config, file)
     return template_of(root), balance
 
 

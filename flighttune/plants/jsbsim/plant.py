@@ -9,10 +9,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
 from flighttune.aircraft.aircraft import GAINS_FILE, AircraftConfig, load_aircraft
+from flighttune.aircraft.model_xml import BALLAST, FAULT
 from flighttune.control.limits import Limits
 from flighttune.errors import InputError, PlantError
 from flighttune.plants.base import N_X_SIGNALS, FlightCondition, Stop, StopStatus
 from flighttune.plants.jsbsim import properties
+from flighttune.units import FT
 
 if TYPE_CHECKING:
     from flighttune.aircraft.aircraft import OffNominal
@@ -123,9 +125,9 @@ class JSBSimPlant:
                 f"`ground` must lie in {-DEEPEST_GROUND:g} to {HIGHEST_GROUND:g} m, got {ground} m."
             )
         config = aircraft if isinstance(aircraft, AircraftConfig) else load_aircraft(aircraft)
-        self._failure = math.inf, 1.0
+        self._later: list[tuple[float, str, float]] = []
         if throttle_max is not None and throttle_max_from > 0.0:
-            self._failure = throttle_max_from, throttle_max
+            self._later = [(throttle_max_from, properties.THROTTLE_MAX, throttle_max)]
         elif throttle_max is not None:
             config = config.with_throttle_max(throttle_max)
         if off_nominal is not None:
@@ -185,8 +187,9 @@ class JSBSimPlant:
         observe = signal_reader(fdm, condition.chi, point.psi, n_x=self._takes_n_x)
         self._inside, self._diagnosis = guard(fdm)
         self._time, self._run = fdm.reader("simulation/sim-time-sec"), fdm.run
-        self._left, self._throttle_to = self._failure
-        self._write_throttle_max = fdm.writer(properties.THROTTLE_MAX)
+        later = sorted(self.changes(), reverse=True)  # the first is taken from the end
+        self._changes = [(at, fdm.writer(name), value) for at, name, value in later]
+        self._flown = 0.0
         self._engage(fdm, condition, steady_n_z=observe()[_N_Z])
         # After the inner loop is engaged: turbulence and gusts would disturb its first output.
         if self._weather is not None:
@@ -202,6 +205,22 @@ class JSBSimPlant:
             If the plant was not started.
         """
         return self._observe()
+
+    def changes(self) -> list[tuple[float, str, float]]:
+        """Time (s), JSBSim's property and its value from then on, of what fails in flight."""
+        fault, fdm = self.config.off_nominal and self.config.off_nominal.fault, self.fdm
+        if not fault or fdm is None:
+            return self._later
+        values = {f"{FAULT}{name}": factor for name, factor in fault.factors.items()}
+        if slower := values.pop(f"{FAULT}actuator_lag", None):
+            rate = f"{FAULT}actuator_rate"
+            values[rate] = fdm.reader(rate)() / slower
+        for name, angle in fault.stuck.items():
+            values |= dict.fromkeys((f"{FAULT}{name}-min", f"{FAULT}{name}-max"), angle)
+        if fault.cg_aft_m:
+            *_, place = fdm.names("inertia/pointmass-location-X-inches")
+            values[place] = fdm.reader(place)() + fault.cg_aft_m / (BALLAST * FT) * 12.0
+        return [*self._later, *((fault.from_s, name, value) for name, value in values.items())]
 
     def n_z_followed(self) -> float:
         """The load factor that the inner loop sees, a step of its computer old."""
@@ -241,10 +260,10 @@ class JSBSimPlant:
         self._write_n_z_cmd(n_z_cmd)
         for n_x in n_x_cmd:
             self._write_n_x_cmd(n_x)
-        if self._left <= _STEP_SHARE:
-            self._write_throttle_max(self._throttle_to)
-            self._left = math.inf
-        self._left -= duration
+        while self._changes and self._changes[-1][0] <= self._flown + _STEP_SHARE:
+            _, write, value = self._changes.pop()
+            write(value)
+        self._flown += duration
         if not (isfinite(phi_cmd) and isfinite(n_z_cmd)):
             commands = f"phi_cmd {phi_cmd:g} rad, n_z_cmd {n_z_cmd:g}"
             return self._end("diverged", f"commands must be finite, got {commands}.")
