@@ -13,6 +13,7 @@ from flighttune.campaign.engine.progress import CampaignObserver as CampaignObse
 from flighttune.campaign.meet import meet as meet
 from flighttune.campaign.meeting import Meeting as Meeting
 from flighttune.campaign.mission import mission as mission
+from flighttune.campaign.monitor import monitor as monitor
 from flighttune.campaign.refly import refly as refly
 from flighttune.campaign.tube import tube as tube
 from flighttune.campaign.worst import WorstFlight as WorstFlight
@@ -32,7 +33,6 @@ from flighttune.exports.export import export as export
 from flighttune.files.load import load as load
 from flighttune.flight.flown import FlownScenario as FlownScenario
 from flighttune.flight.fly import fly as fly
-from flighttune.flight.frontier import Frontier as Frontier
 from flighttune.flight.frontier import frontier as frontier
 from flighttune.flight.gains import certify as certify
 from flighttune.flight.gains import tune as tune

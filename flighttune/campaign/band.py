@@ -24,7 +24,7 @@ from flighttune.campaign.engine.pool import WorkerPool
 from flighttune.campaign.engine.progress import CampaignObserver
 from flighttune.campaign.flying.rows import fly_group
 from flighttune.campaign.turn_back import room_of
-from flighttune.claims.band import ROOM, Band, Residual, TurnBack, read_counted
+from flighttune.claims.band import ROOM, Band, Residual, read_counted
 from flighttune.claims.count import fresh_flights
 from flighttune.claims.counted import (
     DOUBLED,
@@ -53,6 +53,7 @@ from flighttune.errors import InputError
 from flighttune.files.load import BAND, written
 from flighttune.flight.conditions import reference_of, start_condition
 from flighttune.gaps.residual import RESIDUALS, ConformantModel, conformant_model, residuals_of
+from flighttune.gaps.watch import SignalModel, models_of, moments, residuals, taught, units_of
 from flighttune.metrics import OFF_ROUTE
 from flighttune.planning.plan import Plan
 from flighttune.planning.schema import Campaign
@@ -353,11 +354,13 @@ def counted_on(
     windy = predicted_from is not None
     if windy and not any(key.startswith("wind.") for key in distribution.dispersed):
         raise InputError(f"{place}: the wind must be drawn for `given` wind, got one wind.")
-    units = _units(plan, kind.of, signals)
+    models = models_of(_central_run(plan).signals) if kind.of == "monitor" else ()
+    units = _units(plan, kind.of, signals, models)
     of = flights_of(plan, kind.of, len(units), plan.runs - learn)
-    probe = partial(_extremes, list(units), of.edges, windy, of.model)
     with WorkerPool(*by) as pool:
         pool.progress.budget = plan.runs
+        models = models_taught(pool, plan, models, learn)
+        probe = partial(_extremes, list(units), of.edges, windy, models or of.model)
         coefficients, half = _learned(pool, plan, probe, learn, kind.of, epsilon)
         about = About(
             of=kind.of,
@@ -370,6 +373,7 @@ def counted_on(
             epsilon=epsilon,
             confidence=confidence,
             until_sure=until_sure,
+            models=models,
         )
         looks = range(LOOK, plan.runs, LOOK) if until_sure else (BATCH * DOUBLED).tolist()
         ends = [learn + n for n in looks if certain and learn + n < plan.runs] + [plan.runs]
@@ -393,7 +397,8 @@ def _learned(
     pool: WorkerPool, plan: Plan, probe: Probe, learned: int, of: Of, epsilon: float
 ) -> tuple[FloatArray, FloatArray]:
     """Coefficients and half-widths that follow from the first draws of a plan."""
-    flights = _flown(pool, plan, partial(probe, anywhere=True), range(learned), "learning")
+    draws = range(learned // 2 if of == "monitor" else 0, learned)
+    flights = _flown(pool, plan, partial(probe, anywhere=True), draws, "learning")
     try:
         coefficients, half = learned_shape(*flights, epsilon)
     except InputError as error:
@@ -401,15 +406,46 @@ def _learned(
     return coefficients, half * HEIGHT_ROOM if of == "turn_back" else half
 
 
-def _units(plan: Plan, of: Of, signals: Iterable[str] | None) -> dict[str, str]:
+def models_taught(
+    pool: WorkerPool, plan: Plan, models: Sequence[SignalModel], learned: int
+) -> tuple[SignalModel, ...]:
+    """The models of a monitor with the weights of the first half of the flights learned from."""
+    if not models:
+        return ()
+    probes = {"moments": partial(_moments, models)}
+    rows = pool.in_order(plan, range(learned // 2), doing="learning", probes=probes)
+    sizes = [len(model.terms) + 1 for model in models]
+    cuts = np.cumsum([size * size for size in sizes])[:-1]
+    flights = [np.split(np.array(row["moments"]), cuts) for row in rows if "moments" in row]
+    if not flights:
+        raise InputError(f"`learn` must have flights that are completed{why_ended(rows)}")
+    squares = (
+        [part.reshape(size, size) for part, size in zip(flight, sizes, strict=True)]
+        for flight in flights
+    )
+    return taught(models, squares)
+
+
+def _moments(models: Sequence[SignalModel], run: Run, _: Scenario) -> list[float]:
+    return np.concatenate([product.ravel() for product in moments(models, run)]).tolist()
+
+
+def _central_run(plan: Plan) -> Run:
+    return fly_group(plan, plan.campaign.central, plan.groups[0])
+
+
+def _units(
+    plan: Plan, of: Of, signals: Iterable[str] | None, models: Sequence[SignalModel]
+) -> dict[str, str]:
     """Units of the signals of a kind, or of some recorded ones.
 
     These are by default the errors, or the distances from a route.
     """
+    if of == "monitor":
+        return units_of(models, SIGNAL_UNITS)
     if of is not None:
         return dict({"residual": RESIDUALS, "turn_back": ROOM}[of])
-    central = plan.campaign.central
-    run, default = fly_group(plan, central, plan.groups[0]), OFF_ROUTE if central.route else ERRORS
+    run, default = _central_run(plan), OFF_ROUTE if plan.campaign.central.route else ERRORS
     names = list(dict.fromkeys(signals or default))
     for name in names:
         if name not in run.signals:
@@ -434,6 +470,8 @@ def flights_of(plan: Plan, of: Of, signals: int, flights: int) -> BandFlights:
     if of == "turn_back":  # the largest after detection
         assert central.turn_back is not None  # its signals are of such flights
         edges = np.array([math.ceil(central.turn_back.detected_s * per_unit), edges[-1]])
+    if of == "monitor":  # the largest of the whole flight
+        edges = edges[[0, -1]]
     return BandFlights(
         over=over,
         edges=edges / per_unit,
@@ -448,7 +486,7 @@ def flights_of(plan: Plan, of: Of, signals: int, flights: int) -> BandFlights:
     )
 
 
-def load_counted(path: str | Path) -> Band | Residual | TurnBack:
+def load_counted(path: str | Path) -> Counted:
     """Read a count; its windows, and the words for its flights, are those of its plan."""
 
     def of_plan(about: About) -> BandFlights:
@@ -501,9 +539,15 @@ def count_more(band: C, flights: int, pool: WorkerPool) -> C:
 def check_shape(band: Counted, pool: WorkerPool) -> None:
     """Fly the flights learned from again; an InputError refuses a shape that they do not give."""
     about, plan = band.about, plan_of(band)
-    if [*_units(plan, about.of, about.signals).items()] != [*about.signals.items()]:
+    units = _units(plan, about.of, about.signals, about.models)
+    if [*units.items()] != [*about.signals.items()]:
         raise InputError("`signals` must have the units of the flights.")
     epsilon, _ = about.planned or (about.epsilon, about.confidence)
+    for model, again in zip(
+        about.models, models_taught(pool, plan, about.models, about.learned), strict=True
+    ):
+        if not np.allclose(model.weights, again.weights, rtol=SAME_SHAPE, atol=0.0):
+            raise InputError(f"`weights` of {model.name} must be those that its flights teach.")
     probe = _probe(about, band.flights)
     coefficients, half = _learned(pool, plan, probe, about.learned, about.of, epsilon)
     moved = predicted(band.wind, coefficients - about.coefficients)
@@ -552,7 +596,8 @@ def score(about: About, flights: BandFlights, run: Run, scenario: Scenario) -> f
 def _probe(about: About, flights: BandFlights) -> Probe:
     """The function that keeps the extremes of each flight."""
     windy = about.predicted_from is not None
-    return partial(_extremes, list(about.signals), flights.edges, windy, flights.model)
+    model = about.models or flights.model
+    return partial(_extremes, list(about.signals), flights.edges, windy, model)
 
 
 def _flown(
@@ -579,7 +624,7 @@ def _extremes(
     signals: list[str],
     edges: FloatArray,
     windy: bool,
-    model: ConformantModel | None,
+    model: ConformantModel | tuple[SignalModel, ...] | None,
     run: Run,
     scenario: Scenario,
     *,
@@ -589,7 +634,9 @@ def _extremes(
     axis = axis_of(run)
     samples = np.searchsorted(axis, edges - SAME).clip(max=len(axis) - 1)
     samples[:-1] = samples[:-1].clip(max=len(axis) - 2)  # a window has a sample before its last
-    if model is not None:
+    if isinstance(model, tuple):
+        flown = residuals(model, run)
+    elif model is not None:
         flown = residuals_of(model, run, start_condition(scenario))  # from each sample to the next
     elif scenario.turn_back is not None and [*ROOM] == signals:
         flown = room_of(run, scenario.turn_back)

@@ -12,7 +12,7 @@ from flighttune.campaign.counted_flights import plan_of
 from flighttune.campaign.engine.pool import WorkerPool
 from flighttune.certificates.bound import RateBound
 from flighttune.certificates.certificate import Certificate
-from flighttune.claims.band import Band, Residual, TurnBack
+from flighttune.claims.band import Band, Residual
 from flighttune.claims.count import chance_missed, flights_again
 from flighttune.claims.counted import Counted
 from flighttune.errors import InputError
@@ -74,7 +74,7 @@ def verified_band(
     return Verification(valid=True, reason="", notes=(flown, CHOSEN, *fences))
 
 
-AnyClaim: TypeAlias = Certificate | RateBound | Tube | Band | Residual | TurnBack
+AnyClaim: TypeAlias = Certificate | RateBound | Tube | Counted
 
 
 def load_residual(boxes: Residual | str | Path) -> Residual:
@@ -93,7 +93,7 @@ class Verified(Answering):
 
     Attributes
     ----------
-    claim : Certificate, RateBound, Tube, Band, Residual or TurnBack
+    claim : Certificate, RateBound, Tube, Band, Residual, TurnBack or Monitor
     verification : Verification
         Its checks, and the first that fails.
     source : str
@@ -167,7 +167,7 @@ def verify(
 
     Parameters
     ----------
-    claim : Certificate, RateBound, Tube, Band, Residual, TurnBack, str or Path
+    claim : Certificate, RateBound, Tube, Band, Residual, TurnBack, Monitor, str or Path
         A claim, or its file; what it is, is read from its content.
     boxes : Residual, str or Path, optional
         Residual signals that confirm the boxes of an aircraft's tube.
@@ -202,7 +202,7 @@ def verify(
         if not isinstance(value, Tube):
             raise InputError("`boxes` must be given for the tube of an aircraft only.")
         value = replace(value, problem=replace(value.problem, band=load_residual(boxes)))
-    if isinstance(value, Band | Residual | TurnBack):
+    if isinstance(value, Counted):
         verification = verified_band(value, count=count, run_code=run_code, pool=pool)
     else:
         verification = value.verify()

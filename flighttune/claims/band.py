@@ -1,4 +1,4 @@
-"""Kinds of counts: bands, residual signals, room to turn back; and their files."""
+"""Kinds of counts: bands, residual signals, room to turn back, monitors; and their files."""
 
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
@@ -32,6 +32,7 @@ from flighttune.files.mistakes import abridged
 from flighttune.files.seal import sealed_bytes
 from flighttune.files.table import json_object
 from flighttune.files.value import value_of
+from flighttune.gaps.watch import Watch
 from flighttune.metrics import OFF_ROUTE
 from flighttune.present.answer import Answer, Table, number, pick, printable
 from flighttune.present.names import listed, why_ended
@@ -458,17 +459,69 @@ class TurnBack(Counted):
         ]
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Monitor(Counted):
+    """An alarm that healthy flights raise with a stated probability at most: a counted claim.
+
+    Its score is the largest distance of a flight so far from what healthy flights make expect of
+    its signals, over the limits that were counted.
+
+    Attributes
+    ----------
+    about, flights, extremes, wind, endings, scores, scale : as of a `Band`, for one window
+    watch : Watch
+        The models and their limits; its `scores` and `alarm` take a run.
+
+    Examples
+    --------
+    >>> few = {"epsilon": 0.3, "confidence": 0.9, "learn": 20, "workers": 1}
+    >>> monitor = ft.monitor("level_turn", start_deg=2.0, **few)
+    >>> len(monitor.scores), monitor.outside
+    (29, 5)
+    """
+
+    of: ClassVar[Of] = "monitor"
+    title: ClassVar[tuple[str, str]] = "what is expected, and limits of what is missing", "limits"
+
+    @property
+    def watch(self) -> Watch:
+        """The models and the limits of their residuals; InputError if nothing is claimed."""
+        if not self.claims:
+            raise InputError("a monitor must claim a rate of false alarms to watch flights.")
+        low, high = self._ends(np.zeros((1, 0)))
+        middle, half = 0.5 * (low + high)[0], self.scale * self.about.half[0]
+        return Watch(models=self.about.models, middle=middle, half=half)
+
+    @property
+    def _leaves(self) -> str:
+        return "without a fault raises an alarm"
+
+    def _sizes(self) -> list[dict[str, float]]:
+        low, high = (ends[0] for ends in self._ends(np.zeros((1, 0))))
+        return [{"low": a, "high": b} for a, b in zip(low, high, strict=True)]
+
+    @property
+    def _values(self) -> dict[str, Any]:
+        return {"models": [asdict(model) for model in self.about.models]}
+
+    @property
+    def _notes(self) -> list[str]:
+        models = self.about.models
+        return [
+            f"Expected are {listed([f'{x.name} ({x.target})' for x in models])}, from "
+            f"{listed(sorted(set[str]().union(*(x.signals for x in models))))} as recorded: "
+            "surfaces and throttle are positions, and no noise is added to a sensor. A flight that "
+            "did not complete counts as an alarm. How often faults are found is not in the claim.",
+        ]
+
+
 ARRAYS = {"band": TEXT, "extremes": SINGLE, "wind": FLOAT, "endings": TEXT}
 
 # Kinds of counts.
-KINDS: dict[Of, type[Band] | type[Residual] | type[TurnBack]] = {
-    kind.of: kind for kind in (Band, Residual, TurnBack)
-}
+KINDS: dict[Of, type[Counted]] = {kind.of: kind for kind in (Band, Residual, TurnBack, Monitor)}
 
 
-def read_counted(
-    path: str | Path, flights_of: Callable[[About], BandFlights]
-) -> Band | Residual | TurnBack:
+def read_counted(path: str | Path, flights_of: Callable[[About], BandFlights]) -> Counted:
     """Read a count, and compute its scores and scale; `flights_of` finds its flights from the plan.
 
     Raises InputError if the file cannot be read, is not as it was written, is no band, or claims
@@ -530,6 +583,11 @@ def _check(about: About, of: BandFlights, arrays: dict[str, Any]) -> None:
             raise InputError(
                 f"`signals`: {name} must be in {SIGNAL_UNITS[name]}, got {abridged(unit)}."
             )
+    models = about.models
+    if [x.name for x in models] != [*about.signals] * (about.of == "monitor"):
+        raise InputError("`models` must be those of the `signals` of a monitor.")
+    if any(len(x.weights) != len(x.terms) or x.signals - {*SIGNAL_UNITS} for x in models):
+        raise InputError("`models` must have a weight for each term, and terms of known signals.")
     flights = len(arrays["extremes"])
     shapes = {
         "extremes": (flights, windows, signals, 2),

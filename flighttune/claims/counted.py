@@ -25,6 +25,7 @@ from flighttune.files.value import STRICT, tables_of
 from flighttune.files.whole import whole_file
 from flighttune.flight.route import PlannedRoute, planned_route
 from flighttune.gaps.residual import ConformantModel
+from flighttune.gaps.watch import SignalModel
 from flighttune.plants.base import plant_label
 from flighttune.present.answer import Answer, Answering, Column, Table, number, pick, quoted
 from flighttune.present.names import endings_table, listed, shown_unit
@@ -36,9 +37,9 @@ from flighttune.simulate.run import Run, along_route
 # Axis of the windows.
 Over: TypeAlias = Literal["time", "along"]
 
-# What is counted: recorded signals, what the model of an aircraft misses, or how far flights that
-# turn back come.
-Of: TypeAlias = Literal["residual", "turn_back"] | None
+# What is counted: recorded signals, what the model of an aircraft misses, how far flights that turn
+# back come, or what a monitor misses of its signals.
+Of: TypeAlias = Literal["residual", "turn_back", "monitor"] | None
 
 Probability: TypeAlias = Annotated[float, Field(gt=0.0, lt=1.0)]
 
@@ -83,6 +84,7 @@ class About:
     # Epsilon and confidence that the count was planned with, where the claim has others
     planned: tuple[Probability, Probability] | None = None
     until_sure: bool = False  # it is counted until a fence is answered, and claims no bounds
+    models: tuple[SignalModel, ...] = ()  # of a monitor, which the first half of `learned` taught
 
     __pydantic_config__: ClassVar = STRICT
     FORMAT: ClassVar[str] = "flighttune band 2"
@@ -162,7 +164,7 @@ class BandFlights:
 class Counted(Answering):
     """Flights of a distribution that were counted, and what a new one does with some probability.
 
-    Its kinds, a `Band`, a `Residual` and a `TurnBack`, say what their signals mean.
+    Its kinds, a `Band`, a `Residual`, a `TurnBack` and a `Monitor`, say what their signals mean.
     """
 
     about: About

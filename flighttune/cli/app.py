@@ -16,7 +16,7 @@ from typer.core import TyperGroup
 from flighttune import __version__
 from flighttune.cli import options
 from flighttune.cli.aircraft import adopt, design, identify, trim
-from flighttune.cli.band import band, mission, tube, worst
+from flighttune.cli.band import band, mission, monitor, tube, worst
 from flighttune.cli.flights import campaign, fly, list_shipped, new, view
 from flighttune.cli.gains import certify, meet, tune, verify
 from flighttune.cli.pages import compare, export, gap, report, reproduce
@@ -121,6 +121,7 @@ COMMANDS = {
         (worst, "worst", "searching", "worst first_campaign --budget 40"),
         (tube, "tube", "enclosing", "tube paper --gains paper"),
         (band, "band", "counting", "band mission_in_wind --out mission.npz"),
+        (monitor, "monitor", "counting", "monitor mission_in_wind --out monitor.npz"),
     ],
     "Aircraft": [
         (adopt, "adopt", "adopting", "adopt 737"),

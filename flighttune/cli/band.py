@@ -65,6 +65,32 @@ def band(
 
 
 @of(
+    "campaign.monitor:monitor",
+    source={"metavar": "CAMPAIGN|MISSION|SCENARIO", "autocompletion": options.to_fly},
+    seed=None,
+    flights={"min": 1},
+    learn={"min": 1},
+)
+def monitor(
+    count_monitor: Verb,
+    source: str,
+    changes: dict[str, Any],
+    out: Annotated[
+        Path | None, Option(help="Monitor file (.npz) to write [default: runs/NAME-monitor.npz].")
+    ] = None,
+) -> Answer:
+    """Count how often a monitor of flights raises a false alarm.
+
+    It learns from healthy flights what to expect of signals that an autopilot has. --set seed=N
+    draws others. Exit status 1 if too many flights did not complete for any claim.
+    """
+    options.check_ending(out, ".npz")
+    out = out or Path("runs") / f"{Path(source).stem}-monitor.npz"
+    counted = count_monitor(seed=options.seed_of(changes), out=out)
+    return replace(counted.answer(out), files={"monitor": out})
+
+
+@of(
     "campaign.mission:mission",
     source={"metavar": "MISSION|SCENARIO|FILE", "autocompletion": options.to_fly},
     seed=None,

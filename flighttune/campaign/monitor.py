@@ -1,0 +1,116 @@
+"""Monitors: what healthy flights teach, and limits whose rate of false alarms is counted."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from flighttune.campaign.band import counted_on, drawn
+from flighttune.campaign.engine.progress import CampaignObserver
+from flighttune.claims.band import Monitor
+from flighttune.planning.plan import Plan
+from flighttune.planning.schema import Campaign
+from flighttune.planning.source import Flights
+from flighttune.planning.source import flights as flights_of_source
+from flighttune.scenario.schema import Scenario
+
+# Epsilon, confidence and flights to learn from by default.
+EPSILON, CONFIDENCE, LEARN = 0.05, 0.95, 100
+
+
+def monitor(  # noqa: PLR0913 - as `band`
+    source: Flights | Scenario | Campaign | Plan | str | Path,
+    *,
+    epsilon: float = EPSILON,
+    confidence: float = CONFIDENCE,
+    flights: int | None = None,
+    learn: int = LEARN,
+    gains: str | None = None,
+    plant: str | None = None,
+    air: str | None = None,
+    seed: int | None = None,
+    start_deg: float = 0.0,
+    changes: Mapping[str, Any] | None = None,
+    out: str | Path | None = None,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    observer: CampaignObserver | None = None,
+) -> Monitor:
+    """Count how often a monitor of flights raises a false alarm.
+
+    Some healthy flights teach what to expect of airspeed, elevator, climb, roll and turn from what
+    an autopilot has, and the limits of what is missing; the limits are scaled on fresh flights. A
+    new flight without a fault raises an alarm with at most a probability, for this aircraft, law,
+    air and these speeds. By default 308 flights are flown, on two cores 4 of 45 s a second.
+
+    Parameters
+    ----------
+    source : Flights, Scenario, Campaign, Plan, str or Path
+        A campaign, a mission, or a scenario in which something is random or `start_deg` is given.
+    epsilon : float, 1
+        Accepted probability of a false alarm in a flight, by default 0.05.
+    confidence : float, 1
+        Confidence of the claim, 0 to 1, by default 0.95.
+    flights : int, optional
+        Flights to count, by default as many as the claim needs with five alarms (208).
+    learn : int
+        Flights to learn from, one half the weights and the other the limits, by default 100.
+    gains : str, optional
+        Gain set by name or file, by default tuned_identified, else the first.
+    plant : str, optional
+        Label of the plant, by default the first aircraft, else the first.
+    air : {"calm", "wind", "light", "moderate", "severe"}, optional
+        Air of all flights, of those of the campaign, by default as it draws them.
+    seed : int, optional
+        Seed of the draws, by default the campaign's.
+    start_deg : float, deg
+        Half-width of the start range in course and path angle.
+    changes : mapping of str to value, optional
+        Values to set in the scenario, by dotted key.
+    out : str or Path, optional
+        File (.npz) to write, as its `save` does.
+    workers : int, optional
+        Processes that fly on this machine; by default one per core.
+    scheduler : str, optional
+        Address of a dask scheduler, ``tcp://HOST:PORT``, whose workers fly instead.
+    observer : CampaignObserver, optional
+        Receives the progress; may stop the flights.
+
+    Returns
+    -------
+    Monitor
+        It claims nothing if too many flights were not completed.
+
+    Raises
+    ------
+    InputError, ScenarioError
+        If `band` raises one.
+    StoppedError
+        If the observer stopped the flights.
+
+    Notes
+    -----
+    A residual is a signal, behind a lag of 0.5 s, minus the weighted sum of its terms behind the
+    same lag. The score of a flight is the largest residual so far over its limit, so that one
+    number is counted for a flight (Wilks, as for `band`).
+
+    Examples
+    --------
+    >>> few = {"epsilon": 0.3, "confidence": 0.9, "learn": 20, "workers": 1}
+    >>> monitor = ft.monitor("level_turn", start_deg=2.0, **few)
+    >>> [model.name for model in monitor.watch.models]
+    ['airspeed', 'elevator', 'trim', 'climb', 'roll', 'turn']
+    """
+    stated = flights_of_source(source, changes=changes).starting(start_deg)
+    counted = counted_on(
+        Monitor,
+        place=stated.place,
+        plan=drawn(stated, plant, gains, air, seed),
+        epsilon=epsilon,
+        confidence=confidence,
+        flights=flights,
+        learn=learn,
+        by=(workers, scheduler, observer),
+    )
+    if out is not None:
+        counted.save(out)
+    return counted

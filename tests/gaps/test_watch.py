@@ -1,0 +1,70 @@
+"""What a monitor expects, against signals whose laws are known, and lags in closed form."""
+
+import math
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import flighttune as ft
+from flighttune.gaps.watch import (
+    LAG_S,
+    Watch,
+    lagged,
+    models_of,
+    moments,
+    residuals,
+    taught,
+)
+
+RATE, SECONDS = 25.0, 80.0
+T = np.arange(round(RATE * SECONDS)) / RATE
+ROUNDING = 1e-9
+
+
+@pytest.fixture
+def turning(tmp_path):
+    """A log of coordinated turns at a speed that changes: r = 9.81 sin(phi) / V_g + `extra`."""
+
+    def run(extra=0.0):
+        phi, V_g = 0.5 * np.sin(0.7 * T), 20.0 + 2.0 * np.cos(0.3 * T)
+        r = 9.81 * np.sin(phi) / V_g + extra
+        p = 0.35 * np.cos(0.7 * T)
+        table = {"t_s": T, "phi_rad": phi, "p": p, "r": r, "v_north": V_g, "v_east": 0.0 * T}
+        pd.DataFrame(table).to_csv(tmp_path / "turns.csv", index=False)
+        return ft.load_log(tmp_path / "turns.csv")
+
+    return run
+
+
+def test_a_lag_answers_a_step_as_its_exponential():
+    found = lagged(np.ones(100), 0.02, 0.5, 0.0)
+
+    assert found == pytest.approx(1.0 - np.exp(-0.02 * np.arange(1, 101) / 0.5), abs=1e-12)
+
+
+def test_flights_teach_the_law_that_they_obey(turning):
+    models = models_of(turning().signals)
+    assert [model.name for model in models] == ["turn"]
+
+    (learned,) = taught(models, [moments(models, turning())])
+
+    assert learned.weights == pytest.approx((0.0, 9.81, 0.0), abs=1e-6)
+
+
+def test_a_step_that_is_not_expected_alarms_when_its_lag_reaches_the_limit(turning):
+    models = taught(
+        models_of(turning().signals), [moments(models_of(turning().signals), turning())]
+    )
+    run = turning(np.where(T >= 40.0, 0.2, 0.0))
+    watch = Watch(models=models, middle=np.zeros(1), half=np.array([0.15]))
+
+    missing = residuals(models, run)[:, 0]
+    alarm = watch.alarm(run)
+
+    since = np.maximum(T[: len(missing)] - 40.0 + 1.0 / RATE, 0.0)
+    assert missing == pytest.approx(0.2 * (1.0 - np.exp(-since / LAG_S)), abs=1e-6)
+    assert alarm is not None
+    assert alarm.why == "turn"
+    assert alarm.at_s - 40.0 == pytest.approx(LAG_S * math.log(4.0), abs=1.0 / RATE)
+    assert watch.alarm(turning()) is None
