@@ -218,20 +218,28 @@ def test_the_scenario_of_a_run_has_gains_as_numbers_whatever_their_name():
     assert [table.gains for table in scenario.expect] == ["tuned"]
 
 
-def test_the_table_of_columns_in_the_documentation_is_the_schema():
-    page = (Path(__file__).parents[2] / "docs" / "campaigns.md").read_text()
-    section = page.split("## The dataset")[1].split("\n## ")[0]
-    cells = [line.split("|")[1:3] for line in section.splitlines() if line.startswith("| `")]
-    told = {
-        name: unit.strip() or None
-        for names, unit in cells
-        for name in re.findall(r"`([\w.]+)`", names)
-    }
+ENDINGS = {"rad": "rad", "s": "s", "m": "m", "mps": "m/s"}
+"""Units that a name tells; others stand in brackets behind the name, a number has none."""
 
-    schema = row_schema(plan_of(tables_of()))
-    assert told == {
-        field.name: field.metadata[b"unit"].decode() if field.metadata else None for field in schema
-    }
+
+def test_the_columns_in_the_documentation_are_those_of_the_schema():
+    page = (Path(__file__).parents[2] / "docs" / "campaigns.md").read_text()
+    listed = page.split("The columns, in SI")[1].split("\nA value that")[0].replace("²", "^2")
+    names = {*re.findall(r"`(?:chi\.)?([\w.]+)`", listed)}
+
+    def told(name):
+        behind = re.search(rf"`(?:chi\.)?{name}`(?:, `\w+`)* \(([^)]+)\)", listed)
+        ending = ENDINGS.get(name.rpartition("_")[2])
+        return ending or (behind[1] if behind and len(behind[1].split()) < 3 else "1")
+
+    for field in row_schema(plan_of(tables_of())):
+        channel, _, short = field.name.rpartition(".")
+        name = field.name if field.name in names else short
+        assert name in names
+        assert channel in ("", "flight", "chi", "gamma")
+        if field.metadata and short != "effort_rms":  # its unit differs by channel
+            assert told(name) == field.metadata[b"unit"].decode(), name
+    assert "`effort_rms` (rad of `chi`, 1 of `gamma`)" in listed
 
 
 def test_a_bound_on_the_loop_is_in_every_row_and_its_margins_are_computed_once(monkeypatch):

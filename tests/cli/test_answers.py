@@ -22,6 +22,7 @@ SHORT = {"flight.duration_s": 2.0}
 SET = "--set", "flight.duration_s=2.0"
 IDENTIFIED = {"tuning.model": "identified"}
 FEW = {"start_deg": 2.0, "plant": "kinematic", "epsilon": 0.3, "confidence": 0.9, "learn": 10}
+MONITORED = {"learn": 20, "plant": "jsbsim:aerosonde"}
 LONG = "tune --prove", "tune --envelope"
 OTHERS = "adopt", "new", "reproduce", "view"
 
@@ -29,7 +30,7 @@ OTHERS = "adopt", "new", "reproduce", "view"
 OF_THE_COMMAND = {
     *("proof", "written", "figure", "recording", "page", "folder", "source", "model", "route"),
     *("csv", "scenario", "wall_s", "out", "core_s", "timed_runs", "groups"),
-    *("rows_bytes", "signals_bytes", "band"),
+    *("rows_bytes", "signals_bytes", "band", "monitor"),
 }
 
 
@@ -96,6 +97,13 @@ VERBS = {
     "band": (
         lambda: ft.band("level_turn", **FEW),
         ["level_turn", *(f"--{key.replace('_', '-')}={value}" for key, value in FEW.items())],
+    ),
+    "monitor": (
+        lambda: ft.monitor("level_turn", **FEW | MONITORED),
+        [
+            "level_turn",
+            *(f"--{key.replace('_', '-')}={value}" for key, value in (FEW | MONITORED).items()),
+        ],
     ),
     "gap": (lambda: ft.gap("paper", "paper", changes=SHORT), ["paper", "--gains", "paper", *SET]),
     "export": (
