@@ -62,14 +62,14 @@ def load(path: str | Path, *, columns: Any = ()) -> Any:
     ----------
     path : str or Path
         A recording (.rrd), its folder or the Parquet file of a run; the folder of a campaign; the
-        file of a certificate, a bound on R_K, a tube or a band; or the log of a real flight,
-        ``LOG@START:END`` for a part of it in s.
+        file of a certificate, a bound on R_K, a tube, a band or a monitor; or the log of a real
+        flight, ``LOG@START:END`` for a part of it in s.
     columns : mapping or sequence
         Where a log has its signals, as for `load_log`.
 
     Returns
     -------
-    Recording, Dataset, Certificate, RateBound, Tube, Band or Run
+    Recording, Dataset, Certificate, RateBound, Tube, Band, Monitor or Run
         A log is a `Run`. A claim has a `sentence`.
 
     Raises

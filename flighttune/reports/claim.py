@@ -168,7 +168,8 @@ def write_claim_page(
     elif isinstance(claim, Counted):
         about = claim.about
         charts = band_charts(claim, room) if isinstance(claim, SignalBounds) else []
-        title = f"Counted band of flights titled {quoted(about.plan['campaign']['title'])}"
+        kind = "Counted band" if isinstance(claim, SignalBounds) else "Count"
+        title = f"{kind} of flights titled {quoted(about.plan['campaign']['title'])}"
         facts["flights"] = f"{len(claim.scores)} counted, {about.learned} learned from"
         facts["flights lost"] = claim.lost
         facts["seed"] = f"{about.plan['campaign']['seed']}"
