@@ -46,6 +46,7 @@ from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import (
     TUNED,
     TUNED_IDENTIFIED,
+    Bound,
     ExpectTable,
     LawTable,
     flown_aircraft,
@@ -617,7 +618,9 @@ def _required(scenario: Scenario) -> list[str]:
 def _default_margins(scenario: Scenario) -> list[ExpectTable]:
     """`MARGINS` as a requirement, without those that the scenario bounds itself."""
     bounded = {in_rad(name) for table in scenario.expect for name in table.at_least.get("loop", ())}
-    left = {name: bound for name, bound in MARGINS.items() if in_rad(name) not in bounded}
+    left: dict[str, Bound] = {
+        name: bound for name, bound in MARGINS.items() if in_rad(name) not in bounded
+    }
     return [ExpectTable(at_least={"loop": left})] if left else []
 
 
