@@ -341,7 +341,7 @@ class Counted(Answering):
 
     @property
     def _tables(self) -> dict[str, Any]:
-        """What its file says of it; a count with one reading as versions before wrote it."""
+        """The statement in its file; a count with one reading as versions before wrote it."""
         tables = tables_of(self.about)
         return tables if tables.pop("until_sure") is False else {**tables, "until_sure": True}
 

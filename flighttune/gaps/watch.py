@@ -1,4 +1,4 @@
-"""What a healthy flight makes expect of its signals, and how far another one is from it.
+"""Signals that a healthy flight makes expect, and how far another flight is from them.
 
 Every signal that is expected is a sum of terms, each a product of other signals, with weights that
 flights teach. What is missing of it, after a lag, is a residual; a limit makes it an alarm.
@@ -28,7 +28,7 @@ FACTOR = re.compile(r"([*/]?)(d\()?(\w+)\)?")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SignalModel:
-    """What is expected of a signal: the weighted sum of terms, in SI."""
+    """The expected value of a signal: the weighted sum of terms, in SI."""
 
     name: str
     target: str
@@ -132,7 +132,7 @@ def taught(
 
 
 def residuals(models: Sequence[SignalModel], run: Run) -> FloatArray:
-    """What each model misses of its target over a run, shape (n, models)."""
+    """The part of its target that each model misses over a run, shape (n, models)."""
     terms, columns = _Terms(run), []
     for model in models:
         missing = terms.of(model.target)

@@ -128,8 +128,8 @@ class _Judge:
     ) -> None:
         """Put in a sentence where a ratio is not that of equal units and signs."""
         if math.isfinite(ratio) and not within[0] < ratio < within[1]:
-            known = "" if others == "level flight" else f", or its inverse to {others}"
-            said = f"{name} is {ratio:.3g} times that by {others}: {_cure(ratio)}{known}"
+            either = "" if others == "level flight" else f" (or its inverse on {others})"
+            said = f"{name} is {ratio:.3g} times the value from {others}: {_cure(ratio)}{either}"
             self.sentences.append(said)
 
 

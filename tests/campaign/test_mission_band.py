@@ -177,9 +177,9 @@ def test_a_fence_is_answered_as_soon_as_it_is_sure(
     assert bool(answer.failure) == (lost_every is not None)
     if flights == 84:  # one flight fewer of the same was not sure, of 208 planned
         replace(band, extremes=band.extremes[:72], wind=band.wind[:72]).save(out)
-        with pytest.raises(ft.InputError, match=r"`plan\.runs` .* 87, where no answer was certain"):
+        with pytest.raises(ft.InputError, match=r"`plan\.runs` .* 87, .*no answer was certain"):
             ft.load(out)
-        with pytest.raises(ft.InputError, match="`until_sure` must be absent for a band"):
+        with pytest.raises(ft.InputError, match=r"`until_sure` .* absent for a band"):
             ft.mission(band, until_sure=True)
 
 

@@ -201,9 +201,9 @@ def test_a_column_that_others_contradict_is_said_with_its_factor(flight, tmp_pat
 
     assert right.provenance.log["wrong"] == []
     assert re.search(says, wrong.provenance.log["wrong"][0])
-    with pytest.raises(ft.InputError, match="the columns of the log must agree"):
+    with pytest.raises(ft.InputError, match=r"columns .* log must agree"):
         ft.identify(wrong)
-    with pytest.raises(ft.InputError, match="the columns of the log must agree"):
+    with pytest.raises(ft.InputError, match=r"columns .* log must agree"):
         ft.gap(wrong, aircraft="aerosonde")
 
 

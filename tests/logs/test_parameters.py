@@ -133,5 +133,5 @@ def test_what_is_no_guidance_of_an_aeroplane_is_refused_in_a_line(tmp_path, text
 
 def test_a_copter_s_log_is_refused(tmp_path):
     file = write_dataflash(tmp_path / "copter.bin", PLANE, vehicle="ArduCopter V4.5.7")
-    with pytest.raises(ft.InputError, match="parameters of an aeroplane, got ArduCopter"):
+    with pytest.raises(ft.InputError, match="of an aeroplane, got ArduCopter"):
         flown_now(file)

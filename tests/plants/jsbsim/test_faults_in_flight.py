@@ -72,5 +72,5 @@ def test_a_surface_is_stuck_where_it_is_said_and_actuators_are_as_slow_as_said()
 
 def test_a_surface_that_an_aircraft_has_not_is_refused():
     off = OffNominal(fault=Fault(from_s=1.0, rudder_stuck_deg=1.0))
-    with pytest.raises(ft.InputError, match=r"`rudder_stuck_deg` must be left out: .*x8"):
+    with pytest.raises(ft.InputError, match=r"`rudder_stuck_deg` .* left out: .*x8"):
         ft.loop.JSBSimPlant("x8", off_nominal=off)
