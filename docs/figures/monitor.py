@@ -13,7 +13,6 @@ import flighttune as ft
 from flighttune.flight.fly import fly_alone
 
 CAMPAIGN, FROM_S = "mission_in_wind", 20.0
-SEED = {"seed": 9001}  # residuals and filters were chosen on draws of the campaign's own seed
 LEARN, COUNTED, FIRST = 100, 208, 400  # fresh draws begin behind those that were counted
 FAULTS = {
     "engine to 6 %": {"throttle_factor": 0.06},
@@ -29,7 +28,7 @@ class Draws:
     """Flights of the campaign, with a fault or without."""
 
     def __init__(self, last):
-        plan = ft.plan_campaign(ft.load_campaign(CAMPAIGN, changes=SEED))
+        plan = ft.plan_campaign(ft.load_campaign(CAMPAIGN))
         self.plan = plan.of_group(plan.chosen_group(None, None)).with_runs(last)
         (group,) = self.plan.groups
         self.gains, self.name = self.plan.gain_sets[group.gains], group.gains
@@ -58,8 +57,8 @@ def sizes(run):
 def main(flights=60, healthy=None):
     healthy = healthy or flights
     draws = Draws(FIRST + max(flights, healthy))
-    monitor = ft.monitor(CAMPAIGN, learn=LEARN, changes=SEED)
-    band = ft.band(CAMPAIGN, learn=LEARN, epsilon=0.05, confidence=0.95, changes=SEED)
+    monitor = ft.monitor(CAMPAIGN, learn=LEARN)
+    band = ft.band(CAMPAIGN, learn=LEARN, epsilon=0.05, confidence=0.95)
     peaks = np.array([sizes(draws.fly(i)).max(axis=0) for i in range(LEARN, LEARN + COUNTED)])
     unit = np.median(peaks, axis=0)
     limit = np.sort((peaks / unit).max(axis=1))[-6]  # five of 208 outside
