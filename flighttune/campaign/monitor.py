@@ -37,10 +37,11 @@ def monitor(  # noqa: PLR0913 - as `band`
 ) -> Monitor:
     """Count how often a monitor of flights raises a false alarm.
 
-    Some healthy flights teach what to expect of airspeed, elevator, climb, roll and turn from what
-    an autopilot has, and the limits of what is missing; the limits are scaled on fresh flights. A
+    Some healthy flights teach the expected airspeed, elevator, climb, roll and turn from signals
+    that an autopilot has, and limits of the differences; the limits are scaled on fresh flights. A
     new flight without a fault raises an alarm with at most a probability, for this aircraft, law,
-    air and these speeds. By default 308 flights are flown, on two cores 4 of 45 s a second.
+    air and these speeds. By default 308 flights are flown; two cores fly about four of 45 s in a
+    second.
 
     Parameters
     ----------

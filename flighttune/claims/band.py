@@ -207,10 +207,7 @@ class Band(SignalBounds):
         # A flight that was not flown counts as one outside.
         epsilon = supported_epsilon(outside + first - flights, first, about.confidence)
         said = f"{flights - outside} of {flights} fresh flights are certainly inside"
-        claimed, leaves = (
-            flights == first,
-            f"leaves the fence with probability at most {number(epsilon)}",
-        )
+        claimed, leaves = flights == first, f"{SURE['yes']} {number(epsilon)}"
         not_yet, at_any = f", of {first} planned: more may be outside than a yes allows", ""
         if about.until_sure:
             answer = sure(outside, flights, about.epsilon, about.confidence)

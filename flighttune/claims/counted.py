@@ -340,15 +340,9 @@ class Counted(Answering):
         return middle - half, middle + half
 
     @property
-    def _tables(self) -> dict[str, Any]:
-        """The statement in its file; a count with one reading as versions before wrote it."""
-        tables = tables_of(self.about)
-        return tables if tables.pop("until_sure") is False else {**tables, "until_sure": True}
-
-    @property
     def sha256(self) -> str:
         """Hash of all that its file holds, however the file is packed."""
-        digest = hashlib.sha256(json.dumps(self._tables, sort_keys=True).encode())
+        digest = hashlib.sha256(json.dumps(tables_of(self.about), sort_keys=True).encode())
         for array in (self.extremes, self.wind):
             digest.update(array.tobytes())
         return digest.hexdigest()
@@ -356,7 +350,7 @@ class Counted(Answering):
     def save(self, path: str | Path) -> None:
         """Write the count with its SHA-256 (.npz), whole or not at all."""
         # First, as its `format` says what the file is.
-        arrays: dict[str, Any] = {"band": np.array(json.dumps(self._tables))}
+        arrays: dict[str, Any] = {"band": np.array(json.dumps(tables_of(self.about)))}
         arrays |= {"extremes": self.extremes, "wind": self.wind}
         if self.endings:
             said = {str(x["run"]): "{status}: {reason}".format(**x) for x in self.endings}

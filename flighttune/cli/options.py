@@ -99,8 +99,13 @@ LagOption = Annotated[
 
 def spans(texts: list[str] | None, option: str) -> list[tuple[float, float]] | None:
     """The ranges of an option of the form LOW:HIGH, if it was given."""
-    ends = [numbers([text.replace(":", "=")], option, "LOW:HIGH") for text in texts or ()]
-    return None if not ends else [(float(low), high) for x in ends for low, high in x.items()]
+    try:
+        ends = [(float(low), float(high)) for low, high in (x.split(":") for x in texts or ())]
+    except ValueError:
+        raise InputError(
+            f"{option} must be LOW:HIGH, got {', '.join(texts or ())[:80]!r}."
+        ) from None
+    return ends or None
 
 
 ColumnOption = Annotated[

@@ -1,13 +1,13 @@
 """Signals that a healthy flight makes expect, and how far another flight is from them.
 
 Every signal that is expected is a sum of terms, each a product of other signals, with weights that
-flights teach. What is missing of it, after a lag, is a residual; a limit makes it an alarm.
+flights teach. Its residual is the signal minus this sum, both behind a lag; a residual beyond its
+limit is an alarm.
 """
 
 import re
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import ClassVar, NamedTuple
 
 import numpy as np
@@ -156,11 +156,6 @@ class Watch:
     models: tuple[SignalModel, ...]
     middle: FloatArray  # (models,)
     half: FloatArray  # (models,)
-
-    @cached_property
-    def signals(self) -> list[str]:
-        """Signals that it needs, in the order in which they are first used."""
-        return sorted(set[str]().union(*(model.signals for model in self.models)))
 
     def scores(self, run: Run) -> FloatArray:
         """Distance of each residual from its middle over its limit, shape (n, models)."""
