@@ -255,21 +255,27 @@ def _seen(measured: Measured) -> tuple[float, ...]:
 def turning_speed(measured: Measured, estimate: tuple[float, ...] | None = None) -> float:
     """Speed that turns lift into rates of course and path angle, m/s: the airspeed in still air.
 
-    With wind the course is that over ground: lift turns the velocity over ground, and only the part
-    of it across that velocity does. That is ``V_g / cos(delta)``, delta the angle between the
-    velocities over ground and through the air; with u the direction over ground and w the wind,
-    ``|V_g u - w| = V_a``. It is the airspeed where the path flown is that through the air. An
-    `estimate` of the wind (north, east, down, m/s) stands for the one measured.
+    With wind it is `speed_in_wind`. An `estimate` of the wind (north, east, down, m/s) stands for
+    the one measured.
     """
     chi, gamma, V_a, *_ = measured
     wind = measured.wind if estimate is None else estimate
-    if wind is None:
-        return V_a
-    w_n, w_e, w_d = wind
+    return V_a if wind is None else speed_in_wind(chi, gamma, V_a, wind)
+
+
+def speed_in_wind(chi: float, gamma: float, V_a: float, wind: Sequence[float]) -> float:
+    """Speed that turns lift into rates of the path over ground, m/s; Numba compiles it too.
+
+    Lift turns the velocity over ground, and only the part of it across that velocity does. The
+    speed is ``V_g / cos(delta)``, delta the angle between the velocities over ground and through
+    the air; with u the direction over ground and w the `wind` (north, east, down, m/s),
+    ``|V_g u - w| = V_a``.
+    """
+    w_n, w_e, w_d = wind[0], wind[1], wind[2]
     level = math.cos(gamma)
     north, east = level * math.cos(chi), level * math.sin(chi)
     along = w_n * north + w_e * east - w_d * math.sin(gamma)
-    across = w_n**2 + w_e**2 + w_d**2 - along**2
+    across = w_n * w_n + w_e * w_e + w_d * w_d - along * along
     ahead = V_a * V_a - across
     if ahead <= 0.0:  # a wind that no heading holds this course in
         return V_a

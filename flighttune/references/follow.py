@@ -1,7 +1,7 @@
 """Follow a path: position over ground to a reference of course and flight-path angle."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -24,8 +24,8 @@ Place = tuple[float, float, float]
 SAME_PLACE = 0.01
 
 COLUMNS = ("north", "east", "course", "curvature", "up", "slope")
-_CURVATURE, _SLOPE = map(COLUMNS.index, ("curvature", "slope"))
-_DIFFERENCES = len(COLUMNS)  # in the rows of a path, from a column to its difference to the next
+CURVATURE, SLOPE = map(COLUMNS.index, ("curvature", "slope"))
+DIFFERENCES = len(COLUMNS)  # in the rows of a path, from a column to its difference to the next
 
 # Lower bound of 1 - curvature e_y, which is zero at the centre of a turn.
 MIN_SPREAD = 0.2
@@ -83,6 +83,11 @@ class RouteReference:
         """Course and path angle at the start, rad."""
         return float(self.path.course[0]), math.atan(self.path.slope[0])
 
+    @property
+    def start_speed(self) -> float:
+        """Speed over ground at the start in still air, m/s."""
+        return float(self.V[0]) * math.cos(self.initial[1])
+
     def sampled(self, t: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Course and path angle at times `t` (s) of a flight in still air, each of its shape."""
         s = self._flown(t)
@@ -131,10 +136,15 @@ class RouteReference:
         return np.interp(t, times, self.path.s)
 
     @cached_property
-    def rows(self) -> list[list[float]]:
+    def table(self) -> FloatArray:
         """`COLUMNS` at each point of the path but the last, then their changes to the next."""
         values = np.stack([getattr(self.path, name) for name in COLUMNS], axis=1)
-        return np.hstack([values[:-1], np.diff(values, axis=0)]).tolist()
+        return np.hstack([values[:-1], np.diff(values, axis=0)])
+
+    @cached_property
+    def rows(self) -> list[list[float]]:
+        """`table` as lists, which Python reads faster."""
+        return self.table.tolist()
 
     def follower(self, dt: float, h_0: float, lead: tuple[float, float] = (0.0, 0.0)) -> "Follower":
         """Guidance of one flight with samples of `dt` (s) that starts at the height `h_0` (m).
@@ -191,91 +201,118 @@ class Follower:
     def __init__(
         self, reference: RouteReference, dt: float, h_0: float, lead: tuple[float, float]
     ) -> None:
-        self._rows, self._last = reference.rows, len(reference.rows) - 1
-        self._dt, self._h_0, self._T, self._lead = dt, h_0, reference.look_ahead, lead
+        self._rows, self._dt = reference.rows, dt
+        self._settings = h_0, reference.look_ahead, *lead
         self._plan = Planner(dt, reference.g)
-        self._s, self._nearest = 0.0, self._at(0.0)
+        self._nearest = path_at(self._rows, 0.0)
         self._before: tuple[float, float] | None = None
-        self._V_g = float(reference.V[0]) * math.cos(reference.initial[1])
+        self._V_g = reference.start_speed
         self._V = None if reference.airspeeds is None else reference.airspeeds.tolist()
 
     def __call__(self, m: Measured) -> tuple[ReferenceSample, Place]:
         """Return the reference at a sample, and where the aircraft is on the route."""
         chi, gamma, _, _, _, h, (north, east, _), *_ = m
         if self._before is not None:
-            n, e = self._before
-            self._V_g = math.hypot(north - n, east - e) / self._dt
-        self._before, V_g = (north, east), self._V_g
-        # The point of the path found last serves the next sample too, so that there is one
-        # reading of the path for each search.
-        s, nearest, searches = self._s, self._nearest, SEARCHES
-        while True:
-            n, e, course, c_n, c_e, curvature, up, slope = nearest
-            n, e = north - n, east - e
-            ahead, e_y = n * c_n + e * c_e, e * c_n - n * c_e
-            spread = 1.0 - curvature * e_y
-            if spread < MIN_SPREAD:
-                spread = MIN_SPREAD
-            if not searches:
-                break
-            searches -= 1
-            s += ahead / spread
-            if s < 0.0:
-                s = 0.0
-            nearest = self._at(s)
-        self._s, self._nearest = s, nearest
-        e_h, L = up - (h - self._h_0), max(V_g, MIN_SPEED) * self._T
-        side, below = e_y / L, e_h / L
-        forward = V_g * math.cos(chi - course) / spread
-        aside = V_g * math.sin(chi - course)
-        sinking = forward * slope - V_g * math.tan(gamma)
-        later = s + V_g * self._lead[1]
-        bend = (self._column(_SLOPE, later + STEP) - self._column(_SLOPE, later)) / STEP
-        climb_rate = bend / (1.0 + slope * slope) * forward
-        turn_rate = self._column(_CURVATURE, s + V_g * self._lead[0]) * forward
-        gamma_ref = math.atan(slope) + math.atan(below)
-        V, V_dot = (None, 0.0) if self._V is None else self._airspeed(self._V, s, forward)
-        sample = (
-            course - math.atan(side),
-            gamma_ref,
-            turn_rate - aside / (L * (1.0 + side * side)),
-            climb_rate + sinking / (L * (1.0 + below * below)),
-            self._plan(m, turn_rate, climb_rate, gamma_ref),
-            V,
-            V_dot,
-            (course, e_y, e_h, curvature, slope),
+            self._V_g = speed_over(north - self._before[0], east - self._before[1], self._dt)
+        self._before = north, east
+        now = chi, gamma, north, east, h
+        ref, place, path, planned, self._nearest = guidance(
+            self._rows, self._nearest, self._V_g, now, self._settings
         )
-        # Behind the start the distance from the route is that from the start.
-        off = e_y if abs(ahead) < SAME_PLACE else math.copysign(math.hypot(e_y, ahead), e_y)
-        return tuple.__new__(ReferenceSample, sample), (s, off, e_h)
-
-    def _at(self, s: float) -> tuple[float, ...]:
-        """The path at a distance, m.
-
-        North, east, course, its cosine and sine, curvature, height, slope.
-        """
-        part = s / STEP
-        i = int(part)
-        if i > self._last:  # half the time of `min`
-            i = self._last
-        part -= i
-        n, e, course, k, up, slope, d_n, d_e, turn, d_k, rise, d_slope = self._rows[i]
-        course += part * turn
-        c_n, c_e = math.cos(course), math.sin(course)
-        n, e, k = n + part * d_n, e + part * d_e, k + part * d_k
-        return n, e, course, c_n, c_e, k, up + part * rise, slope + part * d_slope
+        turn_rate, climb_rate, forward = planned
+        V, V_dot = (None, 0.0) if self._V is None else self._airspeed(self._V, place[0], forward)
+        commands = self._plan(m, turn_rate, climb_rate, ref[1])
+        return tuple.__new__(ReferenceSample, (*ref, commands, V, V_dot, path)), place
 
     def _airspeed(self, V: list[float], s: float, forward: float) -> tuple[float, float]:
         """The airspeed at a distance (m), and its rate at a speed along the route (m/s)."""
-        i = min(int(s / STEP), self._last)
+        i = min(int(s / STEP), len(self._rows) - 1)
         rise = V[i + 1] - V[i]
         return V[i] + min(s / STEP - i, 1.0) * rise, rise / STEP * forward
 
-    def _column(self, column: int, s: float) -> float:
-        """A column of the path at a distance, m."""
-        part = s / STEP
-        i = int(part)
-        if i > self._last:
-            i = self._last
-        row = self._rows[i]
-        return row[column] + (part - i) * row[column + _DIFFERENCES]
+
+# What follows is written so that Numba compiles it too.
+
+
+def speed_over(north: float, east: float, dt: float) -> float:
+    """Speed, m/s, of a move north and east (m) in `dt` (s)."""
+    return math.sqrt(north * north + east * east) / dt
+
+
+def path_at(rows: Sequence[Sequence[float]], s: float) -> tuple[float, ...]:
+    """The path at a distance s, m.
+
+    Returns s, north, east, course, its cosine and sine, curvature, height, slope.
+    """
+    part = s / STEP
+    i = int(part)
+    if i > len(rows) - 1:  # half the time of `min`
+        i = len(rows) - 1
+    part -= i
+    row = rows[i]
+    n, e, course = row[0] + part * row[6], row[1] + part * row[7], row[2] + part * row[8]
+    k, up, slope = row[3] + part * row[9], row[4] + part * row[10], row[5] + part * row[11]
+    return s, n, e, course, math.cos(course), math.sin(course), k, up, slope
+
+
+def column_at(rows: Sequence[Sequence[float]], column: int, s: float) -> float:
+    """A column of the path at a distance s, m."""
+    part = s / STEP
+    i = int(part)
+    if i > len(rows) - 1:
+        i = len(rows) - 1
+    row = rows[i]
+    return row[column] + (part - i) * row[column + DIFFERENCES]
+
+
+def guidance(
+    rows: Sequence[Sequence[float]],
+    nearest: tuple[float, ...],
+    V_g: float,
+    now: tuple[float, ...],
+    settings: tuple[float, ...],
+) -> tuple[tuple[float, ...], Place, tuple[float, ...], tuple[float, ...], tuple[float, ...]]:
+    """Look-ahead guidance of a sample, see `Follower`.
+
+    `nearest`: the point of the sample before, by `path_at`. `now`: course and path angle (rad),
+    north, east and height (m). `settings`: height of the start (m), look-ahead, lead of roll and of
+    lift (s). Returns course, path angle and their rates to follow; the place; the path there, as in
+    a sample; rates of turn and climb to be planned, and speed along the path; the nearest point.
+    """
+    chi, gamma, north, east, h = now
+    h_0, T, roll_lead, lift_lead = settings
+    s, n, e, course, c_n, c_e, curvature, up, slope = nearest
+    ahead = e_y = spread = 0.0
+    # The point found last serves the next sample too: one reading of the path for each search.
+    for search in range(SEARCHES + 1):
+        ahead, e_y = (north - n) * c_n + (east - e) * c_e, (east - e) * c_n - (north - n) * c_e
+        spread = 1.0 - curvature * e_y
+        if spread < MIN_SPREAD:
+            spread = MIN_SPREAD
+        if search < SEARCHES:
+            s += ahead / spread
+            if s < 0.0:
+                s = 0.0
+            nearest = path_at(rows, s)
+            s, n, e, course, c_n, c_e, curvature, up, slope = nearest
+    e_h, L = up - (h - h_0), max(V_g, MIN_SPEED) * T
+    side, below = e_y / L, e_h / L
+    forward = V_g * math.cos(chi - course) / spread
+    aside = V_g * math.sin(chi - course)
+    sinking = forward * slope - V_g * math.tan(gamma)
+    later = s + V_g * lift_lead
+    bend = (column_at(rows, SLOPE, later + STEP) - column_at(rows, SLOPE, later)) / STEP
+    climb_rate = bend / (1.0 + slope * slope) * forward
+    turn_rate = column_at(rows, CURVATURE, s + V_g * roll_lead) * forward
+    ref = (
+        course - math.atan(side),
+        math.atan(slope) + math.atan(below),
+        turn_rate - aside / (L * (1.0 + side * side)),
+        climb_rate + sinking / (L * (1.0 + below * below)),
+    )
+    # Behind the start the distance from the route is that from the start.
+    off = e_y
+    if abs(ahead) >= SAME_PLACE:
+        off = math.copysign(math.sqrt(e_y * e_y + ahead * ahead), e_y)
+    path = course, e_y, e_h, curvature, slope
+    return ref, (s, off, e_h), path, (turn_rate, climb_rate, forward), nearest

@@ -112,7 +112,7 @@ def fly_sampled(
     t = np.arange(round(duration / dt) + 1, dtype=np.float64) * dt
     laws = np.zeros((N, LAW_NUMBERS))
     for row, controller in zip(laws, controllers, strict=True):
-        numbers = _numbers(controller.law)
+        numbers = numbers_of(controller.law)
         row[: len(numbers)] = numbers
     starts = [(c.chi, c.gamma, c.phi, c.n_z_start, c.V_a) for c in conditions]
     waves = [(d.chi_amplitude, d.chi_omega, d.gamma_amplitude, d.gamma_omega) for d in disturbances]
@@ -146,7 +146,7 @@ def fly_sampled(
     return result
 
 
-def _numbers(law: PILaw | RateLaw) -> list[float]:
+def numbers_of(law: PILaw | RateLaw) -> list[float]:
     """Numbers of a law in order; a truth value is 0 or 1."""
     channels, *others = law
     numbers = [number for row in channels for number in (*row.K_P, *row.K_I_half, *row[2:])]

@@ -15,29 +15,34 @@ import numpy as np
 
 from flighttune import units
 from flighttune.control import exact_law, limits, mimo_pi
-from flighttune.control.exact_law import RateLaw
+from flighttune.control.exact_law import RateLaw, speed_in_wind
 from flighttune.control.mimo_pi import ChannelLaw, PILaw, PIState
 from flighttune.plants import point_mass
 from flighttune.plants.point_mass import LOST
+from flighttune.references import follow, path
+from flighttune.references.follow import guidance, path_at, speed_over
 from flighttune.simulate import measures
 from flighttune.units import wrap_angle
 
 try:
     from numba import njit
     from numba.extending import register_jitable
+
+    COMPILED = True
 except ImportError:
 
     def _interpreted(function: Any = None, **_: Any) -> Any:
         return function or (lambda decorated: decorated)
 
     njit = register_jitable = cast("Any", _interpreted)
+    COMPILED = False
 
 SOURCES = (
     Path(__file__),
     Path(__file__).with_name("batch.py"),
     *(
         Path(str(module.__file__))
-        for module in (exact_law, limits, mimo_pi, point_mass, units, measures)
+        for module in (exact_law, follow, limits, mimo_pi, path, point_mass, units, measures)
     ),
 )
 DIGEST = sha256(b"".join(path.read_bytes() for path in SOURCES)).hexdigest()[:12]
@@ -48,7 +53,8 @@ COMPLETED, ROLLED, DIVERGED = 0, 1, 2
 register_jitable(wrap_angle)
 for of_law in (
     *(limits.limit_command, exact_law.with_feedback),
-    *(exact_law.braked_rate, exact_law.roll_of_lift),
+    *(exact_law.braked_rate, exact_law.roll_of_lift, exact_law.speed_in_wind),
+    *(follow.speed_over, follow.path_at, follow.column_at, follow.guidance),
 ):
     register_jitable(of_law)
 exact_step = register_jitable(inline="always")(exact_law.exact_step)
@@ -91,6 +97,41 @@ def fly_block(first, end, sensor_errors, flights, result):
 def error_measures(t, ref, error, effort, limited):
     """The function of that name, compiled."""
     return measures.error_measures(t, ref, error, effort, limited)
+
+
+@kernel
+def route_sample(k, signals, n_z, law, places, dt, settings, path, memory, rows):
+    """One sample of a flight along a route under the exact law, into its row.
+
+    `signals`: those of the plant, with height and wind at `places`. `n_z`: the load factor that the
+    law sees. `law`: numbers of a `RateLaw`. `dt` (s): sample time. `settings` are those of
+    `guidance`, `path` its rows. `memory`, (16,): state of the law, the distance along the route
+    (m), the speed over ground (m/s), and the position (m) at the sample before. Returns both
+    commands and the distance along the route.
+    """
+    row, m = rows[k], len(signals)
+    for j in range(m):
+        row[j] = signals[j]
+    chi, gamma, phi, V_a, north, east = row[0], row[1], row[2], row[4], row[5], row[6]
+    if k:
+        memory[13] = speed_over(north - memory[14], east - memory[15], dt)
+    memory[14], memory[15] = north, east
+    h, wind = row[places[0]], row[places[1] : places[1] + 3]
+    ref, place, _, _, _ = guidance(
+        path, path_at(path, memory[12]), memory[13], (chi, gamma, north, east, h), settings
+    )
+    memory[12] = place[0]
+    started = memory[:0]  # the exact law has none
+    error, u, u_unsat, integral = memory[0:2], memory[2:4], memory[4:6], memory[6:8]
+    state = PIState(error, u, u_unsat, integral, memory[8:10], started, memory[10:12])
+    speed = speed_in_wind(chi, gamma, V_a, wind)
+    exact_step(_rate_law(law), state, ref, (chi, gamma, phi, n_z), speed)
+    row[m], row[m + 1], row[m + 2], row[m + 3] = ref[0], ref[1], 0.0, 0.0
+    for j in range(2):
+        row[m + 4 + j], row[m + 6 + j], row[m + 8 + j] = u[j], u_unsat[j], integral[j]
+        row[m + 13 + j] = memory[8 + j]
+    row[m + 10], row[m + 11], row[m + 12] = place
+    return u[0], u[1], place[0]
 
 
 @njit

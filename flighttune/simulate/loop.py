@@ -4,13 +4,14 @@ import math
 import struct
 from collections.abc import Callable, Generator, Iterable, Sequence
 from functools import cache
-from itertools import repeat
+from itertools import chain, repeat
 from operator import itemgetter
 from typing import TypeAlias
 
 import numpy as np
 import pandas as pd
 
+from flighttune.arrays import FloatArray
 from flighttune.control.controller import (
     Controller,
     FlightCondition,
@@ -18,16 +19,18 @@ from flighttune.control.controller import (
     ReferenceSample,
     SelfLimiting,
 )
+from flighttune.control.exact_law import ExactLaw
 from flighttune.control.gains import COMMANDS, ERRORS_WITH_AIRSPEED, WITH_AIRSPEED, PIGains
 from flighttune.control.guarded import LawError
 from flighttune.errors import InputError
-from flighttune.plants.base import COMMON_SIGNALS, N_X_SIGNALS, Plant, Stop
+from flighttune.plants.base import COMMON_SIGNALS, N_X_SIGNALS, OVER_GROUND, Plant, Stop
 from flighttune.plants.sensors import MEASURED, SensedPlant, Sensors
 from flighttune.plants.weather import WIND
 from flighttune.references.feasible import FeasibleReference
 from flighttune.references.follow import ROUTE_SIGNALS, Follower, Place, RouteReference
 from flighttune.references.planner import AirspeedPriority, Planner
 from flighttune.references.segments import Reference
+from flighttune.simulate.batch import numbers_of
 
 # Signals that the loop adds to those of the plant, one row per sample of the controller.
 #
@@ -46,6 +49,10 @@ _V_A, _PHI, _N_Z, _DOWN = map(COMMON_SIGNALS.index, ("V_a", "phi", "n_z", "down"
 _POSITION = slice(COMMON_SIGNALS.index("north"), _DOWN + 1)
 
 PROGRESS_EVERY = 50
+
+# Shortest route whose samples are compiled, m: to load the compiled code takes as long as it saves
+# in a flight of some minutes.
+COMPILED_FROM = 5000.0
 
 NOT_LATE = (0.0, 0.0)
 
@@ -119,6 +126,8 @@ def simulate(
         sensors=sensors,
         lead=lead,
     )
+    if (flown := flight.fly_compiled(progress)) is not None:
+        return flown
     advance, step = flight.samples.send, step_of(controller, plant)
     commands, k = None, 0
     while True:
@@ -137,10 +146,15 @@ def simulate(
 
 def step_of(controller: Controller, plant: Plant) -> Callable[..., Sequence[float]]:
     """The step of a law; the load factor that it feeds back is the one the inner loop follows."""
-    gains, followed = getattr(controller, "gains", None), getattr(plant, "n_z_followed", None)
-    if followed is None or not isinstance(gains, PIGains) or not gains.feeds_back:
+    if (followed := _fed_back(controller, plant)) is None:
         return controller.step
     return lambda measured, *sample: controller.step(measured._replace(n_z=followed()), *sample)
+
+
+def _fed_back(controller: Controller, plant: Plant) -> Callable[[], float] | None:
+    """What reads the load factor that the inner loop follows; None where it is not fed back."""
+    gains, followed = getattr(controller, "gains", None), getattr(plant, "n_z_followed", None)
+    return followed if isinstance(gains, PIGains) and gains.feeds_back else None
 
 
 class Flight:
@@ -200,6 +214,7 @@ class Flight:
         further += () if airspeed is None else AIRSPEED_SIGNALS
         self._columns = _columns(plant.signals, (*controller.signals, *further), m)
         self._rows = bytearray()
+        self._given = plant, controller, condition, route, lead or NOT_LATE
         self.samples = _samples(
             plant,
             controller,
@@ -215,12 +230,60 @@ class Flight:
             rows=self._rows,
         )
 
+    def fly_compiled(
+        self, progress: Callable[[float], None] | None
+    ) -> tuple[pd.DataFrame, Stop | None] | None:
+        """Fly a long route under the exact law on an aircraft, each sample by compiled code.
+
+        Returns what `simulate` does: the numbers of `samples` but for rounding. None for any other
+        flight, and without Numba.
+        """
+        (plant, controller, condition, route, lead), t = self._given, self._t
+        shown = {*plant.signals}
+        if (
+            route is None
+            or route.path.length < COMPILED_FROM
+            or not isinstance(controller, ExactLaw)
+            or controller.gains.airspeed
+            or not {"h", WIND[0]} <= shown
+            or {OVER_GROUND[0], MEASURED[0]} & shown
+        ):
+            return None
+        from flighttune.simulate.kernel import COMPILED, route_sample
+
+        if not COMPILED:
+            return None
+        plant.start(condition)
+        controller.start(condition)
+        observe, advance, dt = plant.observe, plant.advance, controller.dt
+        followed = _fed_back(controller, plant) or (lambda: signals[_N_Z])
+        places = plant.signals.index("h"), plant.signals.index(WIND[0])
+        law, settings = np.array(numbers_of(controller.law)), (condition.h, route.look_ahead, *lead)
+        state, rows = controller.state, np.empty((len(t), len(self._columns)))
+        memory = np.array([*chain(*state[:5], state.expected), 0.0, route.start_speed, 0.0, 0.0])
+        stop, end, k = None, route.path.length, 0
+        for k, now in enumerate(t.tolist()):
+            signals = observe()
+            phi_cmd, n_z_cmd, along = route_sample(
+                *(k, signals, followed(), law, places, dt, settings, route.table, memory, rows)
+            )
+            if progress is not None and k % PROGRESS_EVERY == 0:
+                progress(now)
+            if k == len(t) - 1 or along >= end:
+                place = len(plant.signals) + len(LOOP_SIGNALS) + len(controller.signals) - 2
+                stop = route.not_arrived(now, tuple(rows[k, place : place + 3].tolist()))
+                break
+            if (stop := advance(phi_cmd, n_z_cmd, dt)) is not None:
+                break
+        return _table(rows[: k + 1], self._columns, t, self._wrapped), stop
+
     def signals(self) -> pd.DataFrame:
         """The table of `simulate`, of the samples so far whose commands are there.
 
         The flight cannot go on after it.
         """
-        return _table(self._rows, self._columns, self._t, self._wrapped)
+        values = np.frombuffer(self._rows, dtype=np.float64).reshape(-1, len(self._columns))
+        return _table(values, self._columns, self._t, self._wrapped)
 
 
 def _samples(
@@ -343,8 +406,9 @@ def _columns(
     return columns
 
 
-def _table(rows: bytearray, columns: tuple[str, ...], t: np.ndarray, wrapped: bool) -> pd.DataFrame:
-    values = np.frombuffer(rows, dtype=np.float64).reshape(-1, len(columns))
+def _table(
+    values: FloatArray, columns: tuple[str, ...], t: FloatArray, wrapped: bool
+) -> pd.DataFrame:
     for name in ERRORS_WITH_AIRSPEED:
         if f"{name}_err" not in columns:
             continue

@@ -14,6 +14,7 @@ from scipy.spatial import cKDTree
 import flighttune as ft
 from flighttune.flight.conditions import reference_of
 from flighttune.references.follow import SAME_PLACE
+from flighttune.simulate import loop
 
 ROUTE = {
     "wind_mps": 8.0,
@@ -34,6 +35,28 @@ def scenario(plants, **tables):
         del made[key]
     made |= {"gains": ["tuned_identified"], "flight": flight, "plant": plants}
     return ft.scenario_from(made | {"route": ROUTE} | {k: v for k, v in tables.items() if v})
+
+
+@pytest.mark.slow
+def test_compiled_samples_fly_as_the_plain_loop_does(monkeypatch):
+    """The plain loop is the reference; wind, turbulence and a law that feeds back are in it."""
+    pytest.importorskip("numba")
+    from flighttune.simulate import kernel
+
+    calls, compiled = [], kernel.route_sample
+    monkeypatch.setattr(kernel, "route_sample", lambda *x: calls.append(x[0]) or compiled(*x))
+    changes = {"wind.speed_mps": 5.0, "wind.from_deg": 70.0, "turbulence.intensity": "moderate"}
+    changes |= {"route.waypoint": ROUTE["waypoint"], "route.wind_mps": 8.0}
+    flown = []
+    for shortest in (0.0, math.inf):
+        monkeypatch.setattr(loop, "COMPILED_FROM", shortest)
+        flown += [x for x in ft.fly("circuit", changes=changes).runs if x.provenance.aircraft]
+    first, plain = (run.signals for run in flown)
+
+    assert [run.status for run in flown] == ["completed"] * 2
+    assert calls == [*range(len(first))]
+    assert [*first.columns] == [*plain.columns]
+    assert first.to_numpy() == pytest.approx(plain.to_numpy(), rel=1e-12, abs=1e-12)
 
 
 @pytest.mark.parametrize(
