@@ -27,7 +27,7 @@ from flighttune.plants.base import COMMON_SIGNALS, N_X_SIGNALS, OVER_GROUND, Pla
 from flighttune.plants.sensors import MEASURED, SensedPlant, Sensors
 from flighttune.plants.weather import WIND
 from flighttune.references.feasible import FeasibleReference
-from flighttune.references.follow import ROUTE_SIGNALS, Follower, Place, RouteReference
+from flighttune.references.follow import ROUTE_SIGNALS, Place, RouteReference
 from flighttune.references.planner import AirspeedPriority, Planner
 from flighttune.references.segments import Reference
 from flighttune.simulate.batch import numbers_of
@@ -222,7 +222,7 @@ class Flight:
             measured_of,
             zip(t.tolist(), _references(reference, t, lead or NOT_LATE), strict=True),
             last=last,
-            follow=None if route is None else route.follower(dt, condition.h, lead or NOT_LATE),
+            lead=lead or NOT_LATE,
             plan=None if lead is None else _planner(reference, dt),
             priority=priority,
             route=route,
@@ -294,7 +294,7 @@ def _samples(
     samples: Iterable[tuple[float, ReferenceSample]],
     *,
     last: int,
-    follow: Follower | None,
+    lead: tuple[float, float],
     plan: Planner | None,
     priority: AirspeedPriority | None,
     route: RouteReference | None,
@@ -308,6 +308,7 @@ def _samples(
     except LawError as error:
         return Stop("law_failed", str(error))
     dt, limiter, place, speed = controller.dt, controller.limiter, (), ()
+    follow = None if route is None else route.follower(dt, condition.h, lead)
     u_unsat, limited, m = limiter.u_unsat, limiter.limited, 2 if priority is None else 3
     observe, advance = plant.observe, plant.advance
     end = math.inf if route is None else route.path.length
