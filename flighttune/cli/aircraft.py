@@ -7,18 +7,15 @@ from typing import Annotated
 
 from typer import Argument, Option
 
-from flighttune.cli import options
-from flighttune.cli.options import check_ending, out_folder
+from flighttune.cli.options import out_folder
 from flighttune.cli.show import INTERRUPTED, fail, on_interrupt, quiet, tell
 from flighttune.cli.verbs import Verb, of
 from flighttune.errors import InputError
 from flighttune.files.shipped import aircraft_names, is_shipped
 from flighttune.present.answer import Answer
 
-AIRCRAFT = {"metavar": "AIRCRAFT", "autocompletion": aircraft_names}
 
-
-@of("plants.jsbsim.trims:trim", aircraft=AIRCRAFT)
+@of("plants.jsbsim.trims:trim")
 def trim(
     trim_aircraft: Verb,
     verbose: Annotated[
@@ -29,7 +26,7 @@ def trim(
     return trim_aircraft().answer(every_condition=verbose)
 
 
-@of("identification.design:design", aircraft=AIRCRAFT)
+@of("identification.design:design")
 def design(
     design_aircraft: Verb,
     aircraft: str,
@@ -55,26 +52,14 @@ def design(
 @of(
     "logs.identify:identify",
     source={"metavar": "AIRCRAFT|LOG", "autocompletion": aircraft_names},
-    seed={"min": 0},
+    out="Model file (.json) to write, with a figure of the same name [default: identified.json in "
+    "the aircraft's folder; for a shipped one or a log runs/identified/NAME.json].",
 )
 def identify(
     identify_source: Verb,
+    out: Path | None,
     logs: Annotated[
         list[str] | None, Argument(metavar="[LOG...]", help="Further logs of the same aircraft.")
-    ] = None,
-    out: Annotated[
-        Path | None,
-        Option(
-            help="Model file to write, with a figure of the same name [default: identified.json in "
-            "the aircraft's folder; for a shipped one or a log runs/identified/NAME.json]."
-        ),
-    ] = None,
-    assume: Annotated[
-        list[str] | None,
-        Option(
-            metavar="CHANNEL=RAD_S",
-            help="Bandwidth of phi or n_z to assume where logs cannot tell it; repeatable.",
-        ),
     ] = None,
 ) -> Answer:
     """Identify how AIRCRAFT follows its commands in flight; write a model to tune on.
@@ -82,9 +67,7 @@ def identify(
     Logs are of real flights: their stretches with enough command are fitted. Exit status 1 if
     they cannot tell a channel; then nothing is written.
     """
-    check_ending(out, ".json")
-    assumed = options.numbers(assume, "--assume", "CHANNEL=RAD_S")
-    identified = identify_source(*(logs or ()), assume=assumed)
+    identified = identify_source(*(logs or ()))
     return replace(identified.answer(), files=identified.save(out))
 
 
@@ -92,10 +75,6 @@ def identify(
 def adopt(
     adopt_model: Verb,
     model: str,
-    values: Annotated[
-        list[str] | None,
-        Option("--set", metavar="NAME=VALUE", help="Value of a property of the model; repeatable."),
-    ] = None,
     no_rudder: Annotated[
         bool, Option("--no-rudder", help="Leave yaw to the airframe, without a rudder.")
     ] = False,
@@ -110,11 +89,10 @@ def adopt(
     from flighttune.adoption.page import write_adoption
 
     name = Path(os.path.abspath(model)).stem.removesuffix("-set")
-    properties = options.numbers(values, "--set", "NAME=VALUE of a property")
     try:
         with on_interrupt():
             folder = out or Path("aircraft") / name
-            adoption = adopt_model(folder, values=properties, rudder=not no_rudder, say=_progress)
+            adoption = adopt_model(folder, rudder=not no_rudder, say=_progress)
             page = write_adoption(adoption) if adoption.folder else None
     except KeyboardInterrupt:
         fail("interrupted; what is written is whole", INTERRUPTED)

@@ -11,16 +11,13 @@ from flighttune.cli import options
 from flighttune.cli.show import campaign_display, progress_bar
 from flighttune.cli.verbs import Verb, of
 from flighttune.errors import InfeasibleError, InputError
-from flighttune.files.shipped import aircraft_names, campaign_files
 from flighttune.present.answer import Answer
 
 
 @of(
     "campaign.band:band",
     source={"metavar": "CAMPAIGN|SCENARIO|FILE", "autocompletion": options.to_fly},
-    seed=None,
-    flights={"min": 1},
-    learn={"min": 1},
+    out="Band file (.npz) to write [default: runs/NAME-band.npz; FILE with --flights].",
 )
 def band(
     count_band: Verb,
@@ -28,13 +25,7 @@ def band(
     flights: int | None,
     epsilon: float | None,
     confidence: float | None,
-    changes: dict[str, Any],
-    out: Annotated[
-        Path | None,
-        Option(
-            help="Band file (.npz) to write [default: runs/NAME-band.npz; FILE with --flights].",
-        ),
-    ] = None,
+    out: Path | None,
 ) -> Answer:
     """Bound signals by counting flights: a new one leaves the band with at most a probability.
 
@@ -42,7 +33,6 @@ def band(
     signals at all times, for any law, plant and weather. --set seed=N draws others. Exit status 1
     if too many flights did not complete for any claim.
     """
-    options.check_ending(out, ".npz")
     from flighttune.campaign.band import continued
     from flighttune.files.load import BAND, written
 
@@ -51,7 +41,7 @@ def band(
         out = out or Path("runs") / f"{Path(source).stem}-band.npz"
     claim = {"flights": flights, "epsilon": epsilon, "confidence": confidence, "out": out}
     if kept is None or count_band.keywords.keys() - claim.keys():
-        counted = count_band(seed=options.seed_of(changes), out=out)
+        counted = count_band(out=out)
     else:
         with campaign_display() as observer:
             by = options.FLOWN_BY.get()
@@ -67,55 +57,34 @@ def band(
 @of(
     "campaign.monitor:monitor",
     source={"metavar": "CAMPAIGN|MISSION|SCENARIO", "autocompletion": options.to_fly},
-    seed=None,
-    flights={"min": 1},
-    learn={"min": 1},
+    out="Monitor file (.npz) to write [default: runs/NAME-monitor.npz].",
 )
-def monitor(
-    count_monitor: Verb,
-    source: str,
-    changes: dict[str, Any],
-    out: Annotated[
-        Path | None, Option(help="Monitor file (.npz) to write [default: runs/NAME-monitor.npz].")
-    ] = None,
-) -> Answer:
+def monitor(count_monitor: Verb, out: Path) -> Answer:
     """Count how often a monitor of flights raises a false alarm.
 
     It learns from healthy flights what to expect of signals that an autopilot has. --set seed=N
     draws others. Exit status 1 if too many flights did not complete for any claim.
     """
-    options.check_ending(out, ".npz")
-    out = out or Path("runs") / f"{Path(source).stem}-monitor.npz"
-    counted = count_monitor(seed=options.seed_of(changes), out=out)
-    return replace(counted.answer(out), files={"monitor": out})
+    return replace(count_monitor().answer(out), files={"monitor": out})
 
 
 @of(
     "campaign.mission:mission",
     source={"metavar": "MISSION|SCENARIO|FILE", "autocompletion": options.to_fly},
-    seed=None,
-    aircraft={"autocompletion": aircraft_names},
-    like={"metavar": "CAMPAIGN", "autocompletion": campaign_files},
     turn_back={"metavar": "[circle:]BANK_DEG"},
-    flights={"min": 1},
+    page="Page (.html) to write, with a map, heights and the answer.",
+    out="Band file to write, .npz [default: runs/NAME-band.npz for a new band]; with --plan the "
+    "path, .plan, .kml or .geojson, that of FILE with its corridor.",
 )
 def mission(
     count_mission: Verb,
     source: str,
     changes: dict[str, Any],
+    page: Path | None,
+    out: Path | None,
     plan: Annotated[
         bool, Option("--plan", help="Plan the route alone: its legs, turns and times.")
     ] = False,
-    page: Annotated[
-        Path | None, Option(help="Page (.html) to write, with a map, heights and the answer.")
-    ] = None,
-    out: Annotated[
-        Path | None,
-        Option(
-            help="Band file (.npz) to write [default: runs/NAME-band.npz]; with --plan the path, "
-            ".plan, .kml or .geojson, that of FILE with its corridor.",
-        ),
-    ] = None,
 ) -> Answer:
     """Plan a mission, fly it, and count whether it stays inside its fence.
 
@@ -135,11 +104,10 @@ def mission(
             raise InputError(f"`{name}` must be absent with --plan, which flies nothing.")
         return mission_plan(source, **given)
     options.check_ending(out, ".npz")
-    options.check_ending(page, ".html", option="--page")
     if written(source, BAND) is None:
         out = out or Path("runs") / f"{Path(source).stem}-band.npz"
     try:
-        odds = count_mission(seed=options.seed_of(changes), out=out)
+        odds = count_mission(out=out)
     except InfeasibleError:  # what is planned says why
         of_plan = {key: given[key] for key in ("fences", "aircraft", "skip") if key in given}
         return mission_plan(source, changes=changes, **of_plan)
@@ -151,11 +119,15 @@ def mission(
     return replace(answer, notes=notes, files={**answer.files, "page": None})
 
 
-@of("campaign.tube:tube")
+@of(
+    "campaign.tube:tube",
+    out="Proof file (.npz) to write [default: runs/NAME-tube.npz where the set is bounded].",
+)
 def tube(
     enclose: Verb,
     scenario: str,
     gains: str | None,
+    out: Path | None,
     disturbance: Annotated[
         str | None,
         Option(
@@ -174,10 +146,6 @@ def tube(
             "starts within --start-deg].",
         ),
     ] = None,
-    out: Annotated[
-        Path | None,
-        Option(help="Proof file (.npz) to write [default: runs/NAME-tube.npz]."),
-    ] = None,
 ) -> Answer:
     """Enclose all flights of SCENARIO with one gain set, limits included; prove the bounds.
 
@@ -188,7 +156,6 @@ def tube(
     from flighttune.files.load import BAND, written
     from flighttune.tubes.tube import largest_disturbance
 
-    options.check_ending(out, ".npz")
     largest, base = disturbance == "largest", Path("runs") / Path(scenario).stem
     if largest and (boxes, out) != (None, None):
         raise InputError("`disturbance` must be a number with --boxes or --out, got largest.")
@@ -220,23 +187,15 @@ def tube(
 @of(
     "campaign.worst:worst",
     source={"metavar": "SCENARIO|CAMPAIGN|FILE", "autocompletion": options.to_fly},
-    seed={"min": 0},
     claim={"metavar": "FILE"},
+    out="Scenario (.toml) to write [default: runs/NAME-worst.toml].",
 )
-def worst(
-    search: Verb,
-    source: str,
-    out: Annotated[
-        Path | None, Option(help="Scenario to write [default: runs/NAME-worst.toml].")
-    ] = None,
-) -> Answer:
+def worst(search: Verb, out: Path) -> Answer:
     """Search dispersions and disturbances for the flight with the smallest margin.
 
     Writes that flight as a scenario for `flighttune fly`. Exit status 1 if it leaves a tube that is
     proven for it.
     """
-    options.check_ending(out, ".toml")
     flight = search()
-    file = out or Path("runs") / f"{Path(source).stem}-worst.toml"
-    flight.save(file)
-    return replace(flight.answer(), files={"scenario": file})
+    flight.save(out)
+    return replace(flight.answer(), files={"scenario": out})

@@ -11,18 +11,17 @@ from flighttune.cli import options
 from flighttune.cli.show import fail, on_interrupt, say, show
 from flighttune.cli.verbs import Verb, of
 from flighttune.errors import CampaignError, InputError, OutputError, RecordingError
-from flighttune.files.shipped import aircraft_names, campaign_files, scenario_files
+from flighttune.files.shipped import scenario_files
 from flighttune.present.answer import Answer
 
 KEPT = "what has been flown is kept, go on with the same command and --resume"
 
 
-@of("flight.fly:fly")
+@of("flight.fly:fly", out="Folder to write to [default: runs/NAME].")
 def fly(
     fly_scenario: Verb,
     scenario: str,
-    gains: options.GainSetsOption = None,  # noqa: ARG001 - of the verb
-    out: Annotated[Path | None, options.out_folder("runs/NAME")] = None,
+    out: Path,
     view: Annotated[bool, Option("--view", help="Open the recording in the viewer.")] = False,
     claim: options.ClaimOption = None,
 ) -> None:
@@ -31,7 +30,7 @@ def fly(
     from flighttune.recording.record import record
 
     name, flown = Path(scenario).stem, within(fly_scenario(), claim or ())
-    files = record(flown, out or Path("runs") / name, name=name)
+    files = record(flown, out, name=name)
     answer = replace(flown.answer(files.signals), files={"recording": files.recording})
     show(answer)
     if view:
@@ -43,7 +42,6 @@ def fly(
 @of(
     "flight.new:new_scenario",
     name={"metavar": "NAME"},
-    aircraft={"autocompletion": aircraft_names},
     overshoot={"metavar": "DEG"},
     settle={"metavar": "S"},
 )
@@ -121,19 +119,21 @@ def _open(path: Path, *, port: int | None = None) -> None:
         run_viewer(recording, command)
 
 
-@of(
-    "campaign.engine.engine:run_campaign",
-    campaign={"metavar": "CAMPAIGN", "autocompletion": campaign_files},
-    runs={"min": 1},
-)
+@of("campaign.engine.engine:run_campaign", out="Folder of the dataset [default: runs/NAME].")
 def campaign(
     run_campaign: Verb,
     campaign: str,
     runs: int | None,
     resume: bool,
-    out: Annotated[str | None, Option(help="Folder of the dataset [default: runs/NAME].")] = None,
-    gains: options.GainSetsOption = None,
-    settings: options.SetOption = None,
+    out: Path,
+    gains: Annotated[
+        list[str] | None,
+        Option(help=f"{options.GAINS} to fly; repeatable [default: those of the file]."),
+    ] = None,
+    settings: Annotated[
+        list[str] | None,
+        Option("--set", metavar="KEY=VALUE", help=f"{options.SETTING}; repeatable."),
+    ] = None,
     dry_run: Annotated[
         bool, Option("--dry-run", help="Show plan, time and disk space; write nothing.")
     ] = False,
@@ -149,16 +149,16 @@ def campaign(
     from flighttune.planning.load import load_campaign
     from flighttune.planning.plan import plan_campaign
 
-    folder = out or str(Path("runs") / Path(campaign).stem)
-    planned = load_campaign(campaign, changes=options.changes(settings), gains=gains or ())
-    plan, file_of_plan = plan_campaign(planned, runs=runs), Path(folder) / CAMPAIGN
+    changes = options.changes(settings, "--set", "KEY=VALUE")
+    planned = load_campaign(campaign, changes=changes, gains=gains or ())
+    plan, file_of_plan = plan_campaign(planned, runs=runs), out / CAMPAIGN
     if resume and runs is None and file_of_plan.exists():
         # a campaign that was extended by --runs keeps its length
-        plan = plan.with_runs(max(plan.runs, open_dataset(folder).plan.runs))
+        plan = plan.with_runs(max(plan.runs, open_dataset(out).plan.runs))
     if dry_run:
         return forecast(plan, options.FLOWN_BY.get()["workers"]).answer()
     try:
-        done = run_campaign(campaign=plan, out=folder, runs=None)
+        done = run_campaign(campaign=plan, out=out, runs=None)
     except (CampaignError, OutputError) as error:
         if not file_of_plan.exists():
             raise

@@ -15,20 +15,22 @@ from flighttune.errors import InputError
 from flighttune.present.answer import Answer
 
 
-@of("flight.gains:tune", source=options.SCENARIO, starts=None)
+@of(
+    "flight.gains:tune",
+    source=options.SCENARIO,
+    lag=options.LAG,
+    starts=None,
+    out="Gains file to write, .json; `--gains` of other commands reads it.",
+    prove="File (.json) for a proof that bounds R_K over all gains; `verify` checks it.",
+    page="Page (.html) to write, with flights by the gains.",
+)
 def tune(
     tune_scenario: Verb,
     source: str,
     changes: dict[str, Any],
-    lag: options.LagOption = None,
-    out: options.GainsFileOption = None,
-    prove: Annotated[
-        Path | None,
-        Option(help="File for a proof that bounds R_K over all gains; `verify` checks it."),
-    ] = None,
-    page: Annotated[
-        Path | None, Option(help="HTML page to write, with flights by the gains.")
-    ] = None,
+    out: Path | None,
+    prove: Path | None,
+    page: Path | None,
     frontier: Annotated[
         bool,
         Option(
@@ -43,7 +45,7 @@ def tune(
 ) -> Answer:
     """Find the gains with the largest R_K under the constraints of SCENARIO."""
     if frontier:
-        if page or lag or tune_scenario.keywords.keys() - {"changes"}:
+        if page or tune_scenario.keywords.keys() - {"changes"}:
             raise InputError(
                 "--envelope, --lag, --prove and --page must be absent with --frontier."
             )
@@ -55,9 +57,7 @@ def tune(
     if points is not None:
         raise InputError("--points must be absent without --frontier.")
     options.check_ending(out, ".json")
-    options.check_ending(prove, ".json", option="--prove")
-    options.check_ending(page, ".html", option="--page")
-    result = tune_scenario(lag=options.spans(lag, "--lag"), prove=prove is not None)
+    result = tune_scenario(prove=prove is not None)
     page = page if result.solved else None
     answer = replace(result.answer(), files={"out": out, "proof": prove, "page": page})
     if prove is not None and result.bound is not None:
@@ -80,20 +80,14 @@ def _command() -> str:
     "campaign.meet:meet",
     also={"metavar": "SCENARIO"},
     start={"metavar": "NAME|FILE"},
-    budget={"min": 1},
-    campaign={"metavar": "CAMPAIGN"},
+    page="Page (.html) to write, with all candidates.",
+    out="Gains file (.json) to write; `--gains` of other commands reads it.",
 )
-def meet(
-    search: Verb,
-    page: Annotated[Path | None, Option(help="HTML page to write, with all candidates.")] = None,
-    out: options.GainsFileOption = None,
-) -> Answer:
+def meet(search: Verb, page: Path | None, out: Path | None) -> Answer:
     """Find gains with which flights of SCENARIO meet its [[expect]], by flying candidates.
 
     Exit status 1 if none are found; the nearest are printed.
     """
-    options.check_ending(out, ".json")
-    options.check_ending(page, ".html", option="--page")
     meeting = search()
     answer = replace(meeting.answer(), files={"out": out, "page": page})
     if out is not None:  # before the page: a fault in it must not lose the search
@@ -105,23 +99,19 @@ def meet(
     return answer
 
 
-@of("flight.gains:certify", source=options.SCENARIO)
-def certify(
-    certify_gains: Verb,
-    source: str,
-    lag: options.LagOption = None,
-    out: Annotated[Path | None, Option(help="File to write the certificate to.")] = None,
-    figure: Annotated[
-        Path | None,
-        Option(help="SVG file to write: Bode and Nyquist diagrams, eigenvalues, certified rate."),
-    ] = None,
-) -> Answer:
+@of(
+    "flight.gains:certify",
+    source=options.SCENARIO,
+    lag=options.LAG,
+    out="File to write the certificate to.",
+    figure="Figure (.svg) to write: Bode and Nyquist diagrams, eigenvalues, certified rate.",
+)
+def certify(certify_gains: Verb, source: str, out: Path | None, figure: Path | None) -> Answer:
     """Compute R_K, I_K, E_K and margins of gains on the linear model of SCENARIO, and certify them.
 
     Exit status 1 if the loop is unstable or no certificate can be proven.
     """
-    options.check_ending(figure, ".svg", option="--figure")
-    certified = certify_gains(lag=options.spans(lag, "--lag"))
+    certified = certify_gains()
     proof = out if certified.certificate else None
     if certified.certificate is not None and out is not None:
         certified.certificate.save(out)

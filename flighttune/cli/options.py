@@ -22,22 +22,10 @@ SCENARIO = {
     "help": "A scenario file, or the name of a shipped one.",
     "autocompletion": scenario_files,
 }
-GAINS_HELP = "Gain set (paper, K1..K6, tuned, a name from the scenario) or file of gains"
-GainSetsOption = Annotated[
-    list[str] | None,
-    Option("--gains", help=f"{GAINS_HELP} to fly; repeatable [default: those of the file]."),
-]
-SetOption = Annotated[
-    list[str] | None,
-    Option(
-        "--set",
-        metavar="KEY=VALUE",
-        help="Value of the scenario to set, such as flight.V_a_mps=30; repeatable.",
-    ),
-]
-GainsFileOption = Annotated[
-    Path | None, Option("--out", help="JSON file to write; `--gains` of other commands reads it.")
-]
+
+
+GAINS = "Gain set (paper, K1..K6, tuned, a name from the scenario) or file of gains"
+SETTING = "Value of the scenario to set, such as flight.V_a_mps=30"
 
 
 def to_fly() -> list[str]:
@@ -45,7 +33,7 @@ def to_fly() -> list[str]:
     return [*campaign_files(), *scenario_files()]
 
 
-def changes(settings: list[str] | None) -> dict[str, Any]:
+def changes(settings: list[str] | None, option: str, form: str) -> dict[str, Any]:
     """The values of ``--set`` by key, read as TOML; a word that is not TOML is a string."""
     from flighttune.files.mistakes import shown
     from flighttune.files.table import toml_value
@@ -54,8 +42,8 @@ def changes(settings: list[str] | None) -> dict[str, Any]:
     for setting in settings or ():
         key, sign, text = map(str.strip, setting.partition("="))
         if not (key and sign and text) or "\n" in setting:
-            raise InputError(f"--set: must be KEY=VALUE in one line, got {setting!r}.")
-        values[key] = toml_value(text, f"--set: `{shown(key)}`")
+            raise InputError(f"{option}: must be {form} in one line, got {setting!r}.")
+        values[key] = toml_value(text, f"{option}: `{shown(key)}`")
     return values
 
 
@@ -87,26 +75,20 @@ def number(text: str | None, option: str) -> float | None:
         raise InputError(f"{option}: must be a number, got {text!r}.") from None
 
 
-LagOption = Annotated[
-    list[str] | None,
-    Option(
-        "--lag",
-        metavar="LOW:HIGH",
-        help="Smallest and largest lag of the inner loop, s; given twice: of roll and of lift.",
-    ),
-]
-
-
-def spans(texts: list[str] | None, option: str) -> list[tuple[float, float]] | None:
+def spans(texts: list[str] | None, option: str, form: str) -> list[tuple[float, float]] | None:
     """The ranges of an option of the form LOW:HIGH, if it was given."""
     try:
         ends = [(float(low), float(high)) for low, high in (x.split(":") for x in texts or ())]
     except ValueError:
-        raise InputError(
-            f"{option} must be LOW:HIGH, got {', '.join(texts or ())[:80]!r}."
-        ) from None
+        raise InputError(f"{option} must be {form}, got {', '.join(texts or ())[:80]!r}.") from None
     return ends or None
 
+
+LAG = {
+    "metavar": "LOW:HIGH",
+    "help": "Smallest and largest lag of the inner loop, s; given twice: of roll and of lift.",
+    "read": spans,
+}
 
 ColumnOption = Annotated[
     list[str] | None,
@@ -126,7 +108,7 @@ def out_folder(default: str) -> Any:
 
 def check_ending(out: Path | None, *endings: str, option: str = "--out") -> None:
     """Refuse a file that does not end in one of `endings`, before anything is computed."""
-    if out is not None and out.suffix.lower() not in endings:
+    if out is not None and endings and out.suffix.lower() not in endings:
         raise InputError(f"{out}: {option} must end in {endings[0]}.")
 
 

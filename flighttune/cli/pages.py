@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 from typer import Argument, Option
 
@@ -10,7 +10,7 @@ from flighttune.cli import options
 from flighttune.cli.show import progress_bar
 from flighttune.cli.verbs import Verb, of
 from flighttune.errors import InputError
-from flighttune.files.shipped import aircraft_names, campaign_files, scenario_files
+from flighttune.files.shipped import scenario_files
 from flighttune.present.answer import Answer
 
 
@@ -69,28 +69,18 @@ def gap(
     },
     autopilot={"metavar": "FILE"},
     log={"metavar": "LOG"},
-    aircraft={"autocompletion": aircraft_names},
-    like={"metavar": "CAMPAIGN", "autocompletion": campaign_files},
-    flights={"min": 1},
-    seed=None,
+    out="Recording (.rrd) or page (.html) to write, with all runs overlaid; with --with a page.",
 )
 def compare(
     compare_runs: Verb,
     a: str,
     autopilot: Path | None,
-    changes: dict[str, Any],
+    out: Path | None,
     others: Annotated[
         list[str] | None,
         Argument(
             metavar="[B...]",
             help="What to compare A with [default: the first run of A with each other].",
-        ),
-    ] = None,
-    out: Annotated[
-        Path | None,
-        Option(
-            help="Recording (.rrd) or page (.html) to write, with all runs overlaid; with --with a "
-            "page."
         ),
     ] = None,
 ) -> Answer:
@@ -100,9 +90,9 @@ def compare(
     or aircraft differ. --with FILE flies a mission by the parameters of PX4 or ArduPilot beside the
     gains, on the same draws.
     """
-    options.check_ending(out, *([".html"] if autopilot else [".rrd", ".html"]))
-    seed = options.seed_of(changes)
-    compared = compare_runs(*(others or ()), **({} if seed is None else {"seed": seed}))
+    if autopilot:
+        options.check_ending(out, ".html")
+    compared = compare_runs(*(others or ()))
     is_page = out is not None and out.suffix.lower() == ".html"
     files = {"recording": None if is_page else out, "page": out if is_page else None}
     answer = compared.answer()
@@ -157,14 +147,10 @@ def reproduce(
         return reproduce_items(items or (), out, progress=progress).answer()
 
 
-@of("exports.export:export")
-def export(
-    export_flight: Verb,
-    scenario: str,
-    out: Annotated[Path | None, options.out_folder("runs/NAME-export")] = None,
-) -> Answer:
+@of("exports.export:export", out="Folder to write to [default: runs/NAME-export].")
+def export(export_flight: Verb) -> Answer:
     """Write one flight of SCENARIO for JSBSim alone, or its outer loop in C.
 
     JSBSim flies the folder at once: exit status 1 if its flight is not that of `fly`.
     """
-    return export_flight(out=out or Path("runs") / f"{Path(scenario).stem}-export").answer()
+    return export_flight().answer()

@@ -5,7 +5,7 @@ The text of a verb is read, not imported: a help starts without NumPy.
 
 import ast
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack
 from functools import partial
 from importlib import import_module
@@ -17,6 +17,7 @@ from typer import Argument, Option
 
 from flighttune.cli import options
 from flighttune.cli.show import campaign_display, progress_bar
+from flighttune.files.shipped import aircraft_names, campaign_files
 from flighttune.present.answer import Answer
 from flighttune.units import DEG
 
@@ -27,15 +28,27 @@ Body: TypeAlias = Callable[..., Answer | None]
 # Parameters that the command line supplies.
 SUPPLIED = {"progress": progress_bar, "observer": campaign_display}
 
-# Arguments and options that read the same in all commands.
-SPELLED: dict[str, Any] = {
-    "changes": options.SetOption,
-    "columns": options.ColumnOption,
-    "claims": options.ClaimOption,
+# Options that read the same in all commands.
+SPELLED: dict[str, Any] = {"columns": options.ColumnOption, "claims": options.ClaimOption}
+
+# What arguments and options have besides the text of the verb, in all commands; `read` makes values
+# of words of the form `metavar`.
+OF_CAMPAIGN = {"metavar": "CAMPAIGN", "autocompletion": campaign_files}
+ALIKE: dict[str, dict[str, Any]] = {
+    "scenario": options.SCENARIO,
+    "aircraft": {"metavar": "AIRCRAFT", "autocompletion": aircraft_names},
+    **dict.fromkeys(("campaign", "like"), OF_CAMPAIGN),
+    **{name: {"min": 1} for name in ("budget", "flights", "learn", "runs")},
+    "seed": {"min": 0},
+    "changes": {"metavar": "KEY=VALUE", "read": options.changes},
+    "assume": {"metavar": "CHANNEL=RAD_S", "read": options.numbers},
+    "values": {"metavar": "NAME=VALUE", "read": options.numbers},
 }
 
 # Flags of parameters that Python names otherwise.
 FLAGS = {
+    "changes": "--set",
+    "values": "--set",
     "predicted_from": "--given",
     "form": "--format",
     "signals": "--signal",
@@ -44,39 +57,56 @@ FLAGS = {
 }
 
 # What the help of an option says before its default.
-SENTENCES = {"gains": options.GAINS_HELP, "plant": "Label of the plant as `fly` prints it"}
+SENTENCES = {
+    "changes": options.SETTING,
+    "gains": options.GAINS,
+    "plant": "Label of the plant as `fly` prints it",
+}
 
 TYPES = {"str": str, "int": int, "float": float, "bool": bool, "Path": Path}
 SEQUENCES, OF_PYTHON = {"Iterable", "Sequence"}, {"Callable", "Mapping"}
 
 
-def of(place: str, **spelled: dict[str, Any] | None) -> Callable[[Body], Body]:
+def of(place: str, **spelled: Mapping[str, Any] | str | None) -> Callable[[Body], Body]:
     """Make a command of a function: its options are those of a verb, ``module:name``, and its own.
 
     The function is called with the verb, and with its further parameters: an ``Annotated`` one is
     an option as it stands, another has the value of the option of the verb. `spelled` has what
-    `typer.Option` needs besides the text of the verb; a parameter with None has no option.
+    `typer.Option` needs besides the text of the verb; a parameter with None has no option, and one
+    with a sentence is a file to write: the ending that the sentence has in brackets is checked, and
+    its default below ``runs/`` is filled in. The seed of draws is one of the changes.
     """
     module, _, name = place.partition(":")
-    spelled.setdefault("scenario", options.SCENARIO)
 
     def command_of(body: Body) -> Body:
         _, *stated = signature(body).parameters.values()
-        own = [x for x in stated if get_origin(x.annotation) is Annotated]
-        own = {x.name: x.replace(kind=Parameter.KEYWORD_ONLY) for x in own}
+        files = {x: text for x, text in spelled.items() if isinstance(text, str)}
+        own = {x: _file_option(x, text) for x, text in files.items()}
+        for x in stated:
+            if get_origin(x.annotation) is Annotated:
+                own[x.name] = x.replace(kind=Parameter.KEYWORD_ONLY)
         verb = _definition(module, name)
         names = [x.arg for x in (*verb.args.args, *verb.args.kwonlyargs)]
-        first, by = names[0], options.FLOWN_BY.get()
-        absent = {*own, *SUPPLIED, *by, *(x for x in spelled if spelled[x] is None)}
-        read = {x.name: x for x in _parameters(verb, absent, spelled)} | own
+        stated_in = dict(zip(names[::-1], reversed(verb.args.kw_defaults), strict=False))
+        first, drawn = names[0], getattr(stated_in.get("seed"), "value", 0) is None
+        absent = {*own, *SUPPLIED, *options.FLOWN_BY.get()} | ({"seed"} if drawn else set())
+        absent |= {x for x in spelled if spelled[x] is None}
+        more = ALIKE | {x: y for x, y in spelled.items() if isinstance(y, Mapping)}
+        read = {x.name: x for x in _parameters(verb, absent, more)} | own
         ordered = sorted(read.values(), key=lambda x: (x.name != first, x.name == "changes"))
+        defaults = {x: read[x].default for x in names[1:] if x in read}
 
         def command(**values: Any) -> Answer | None:
-            if "changes" in values:
-                values["changes"] = options.changes(values["changes"])
-            optional = [x for x in names[1:] if x in read]
+            for x in values.keys() & {x for x in names if "read" in more.get(x, ())}:
+                values[x] = more[x]["read"](values[x], FLAGS.get(x, f"--{x}"), more[x]["metavar"])
+            if drawn and (seed := options.seed_of(values["changes"])) is not None:
+                values["seed"] = seed
+            for x, text in files.items():
+                values[x] = _file_to_write(x, text, values[x], values[first])
             given = {
-                x: values[x] for x in optional if values[x] not in (None, [], {}, read[x].default)
+                x: values[x]
+                for x in names[1:]
+                if x in values and values[x] not in (None, [], {}, defaults.get(x))
             }
             call = partial(_called, (module, name, names, values[first]), **given)
             return body(call, **{x.name: values[x.name] for x in stated})
@@ -87,6 +117,18 @@ def of(place: str, **spelled: dict[str, Any] | None) -> Callable[[Body], Body]:
         return command
 
     return command_of
+
+
+def _file_option(name: str, text: str) -> Parameter:
+    annotation = Annotated[Path | None, Option(f"--{name}", help=text)]
+    return Parameter(name, Parameter.KEYWORD_ONLY, default=None, annotation=annotation)
+
+
+def _file_to_write(name: str, text: str, file: Path | None, source: Any) -> Path | None:
+    """A file, its ending checked, or its default: the help of its option says both."""
+    options.check_ending(file, *re.findall(r"\((\.\w+)\)", text), option=f"--{name}")
+    default = re.search(r"\[default: (runs/\S+)\]", text)
+    return Path(default[1].replace("NAME", Path(source).stem)) if default and not file else file
 
 
 def _called(verb: tuple[str, str, list[str], Any], *values: Any, **given: Any) -> Any:
@@ -111,7 +153,9 @@ def _definition(module: str, name: str) -> ast.FunctionDef:
     return verb
 
 
-def _parameters(verb: ast.FunctionDef, absent: set[str], spelled: Any) -> Iterator[Parameter]:
+def _parameters(
+    verb: ast.FunctionDef, absent: set[str], spelled: Mapping[str, Any]
+) -> Iterator[Parameter]:
     """Parameters of a verb that have an option, or the argument."""
     entries = _entries(cleandoc(ast.get_docstring(verb) or ""))
     arguments = [*verb.args.args, *verb.args.kwonlyargs]
@@ -120,6 +164,8 @@ def _parameters(verb: ast.FunctionDef, absent: set[str], spelled: Any) -> Iterat
     for argument, default in zip(arguments, defaults, strict=True):
         name, (described, _) = argument.arg, entries.get(argument.arg, ("", ""))
         kind = _type(ast.unparse(argument.annotation or ast.Constant("")), described)
+        more = {**spelled.get(name, {})}
+        kind = list[str] if more.pop("read", None) else kind
         if name in absent or not (kind or name in SPELLED):
             continue
         value, made = getattr(default, "value", None), partial(Option, _flag(name, described))
@@ -127,7 +173,7 @@ def _parameters(verb: ast.FunctionDef, absent: set[str], spelled: Any) -> Iterat
             value, made = Parameter.empty, Argument
         annotation = SPELLED.get(name)
         if annotation is None:
-            more = {"help": _help(name, kind, entries)} | spelled.get(name, {})
+            more = {"help": _help(name, kind, entries), **more}
             if re.search(r"float, rad\b(?!/)", described):
                 more["callback"] = _radians
             annotation = Annotated[kind | None if value is None else kind, made(**more)]
@@ -149,7 +195,7 @@ def _type(annotation: str, described: str) -> Any:
     types = [TYPES[word] for word in words if word in TYPES]
     if OF_PYTHON & {*words} or not types:
         return None
-    return list[types[-1]] if words[0] in SEQUENCES else types[0]
+    return list[types[-1]] if SEQUENCES & {*words} else types[0]
 
 
 def _help(name: str, kind: Any, entries: dict[str, tuple[str, str]]) -> str:

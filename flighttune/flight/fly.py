@@ -63,7 +63,7 @@ def fly(
     scenario : Scenario, str or Path
         The scenario to fly: also a file, or the name of a shipped one.
     gains : str or sequence of str, optional
-        Gain sets by name or file in place of the scenario's.
+        Gain sets by name or file, by default those of the scenario.
     changes : mapping of str to value, optional
         Values to set in a scenario that is read from a file, by dotted key.
     laws : mapping of str to callable, optional
