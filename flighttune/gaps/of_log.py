@@ -16,7 +16,6 @@ import numpy as np
 
 from flighttune.aircraft.aircraft import AircraftConfig, OffNominal, load_aircraft
 from flighttune.arrays import FloatArray
-from flighttune.control.inner_loop import InnerLag
 from flighttune.errors import FlightTuneError, InputError
 from flighttune.files.load import A_LOG, LOG, load_one
 from flighttune.flight.apart import Progress
@@ -27,7 +26,6 @@ from flighttune.logs.log import Columns
 from flighttune.plants.base import FlightCondition, Plant
 from flighttune.plants.jsbsim.plant import DEEPEST_GROUND, JSBSimPlant
 from flighttune.plants.point_mass import PointMassPlant
-from flighttune.plants.weather import Weather, WindProfile, WindRecord, course_of
 from flighttune.present.answer import Answer, Answering, Column, Table
 from flighttune.present.chart import DASHED, Chart, Sheet
 from flighttune.present.palette import HUES, INK, NEUTRAL, PLANTS
@@ -56,9 +54,11 @@ LOST = 30.0
 
 TURNED = 60.0 * DEG  # a wind shows in courses that differ by more
 
-# Of the search, and of one from a fit with one factor more: differences are nearly linear in them.
-MAX_STEPS, MAX_REFIT_STEPS = 8, 3
+# Steps of the fit, changes of factors over their sizes in a step and in the last, and the share of
+# the sum of squares that a last step wins.
+MAX_STEPS, REACH, DONE, GAIN = 12, 3.0, 0.02, 1e-2
 STEP = 0.2  # share of its size by which a factor is changed for a slope
+NEAR = 1.0  # change of factors, over their sizes, up to which slopes are taken as the same
 AT_END = 0.02  # share of a factor's range from an end within which a fit is at that end
 
 # Names that models give to the damping of roll and of pitch.
@@ -76,12 +76,16 @@ class Factor(NamedTuple):
     low: float  # ends of the range in which the fit looks
     high: float
 
+    def at_end(self, value: float) -> bool:
+        """Whether a value lies at an end of the range."""
+        return min(value - self.low, self.high - value) < AT_END * (self.high - self.low)
+
     def untold(self, value: float, low: float, high: float) -> str:
         """Why a log cannot tell the factor, from the best value and its interval; or nothing."""
         if not math.isfinite(high - low):
             return "changes of it change nothing that the others do not"
         unit = "" if self.unit == "1" else f" {self.unit}"
-        if min(value - self.low, self.high - value) < AT_END * (self.high - self.low):
+        if self.at_end(value):
             return f"the best fit is at an end of its range, {self.low:g} to {self.high:g}{unit}"
         if low < self.nominal < high and high - low > 2.0 * self.size:
             ends = f"{max(low, self.low):.2g} to {min(high, self.high):.2g}{unit}"
@@ -97,6 +101,9 @@ FACTORS = {
     "wind_north": Factor("wind", "air moving north", "m/s", 0.0, 5.0, -50.0, 50.0),
     "wind_east": Factor("wind", "air moving east", "m/s", 0.0, 5.0, -50.0, 50.0),
 }
+
+# Factors that need flights of their own; a wind carries those flights along.
+IN_AIR = ("phi_late", "n_z_late", "mass", "damping")
 
 LOGGED = ("chi", "gamma", "V_g", "phi", "n_z", "phi_cmd", "n_z_cmd")
 NO_HEIGHT = 1000.0  # m: of a log without height
@@ -278,7 +285,9 @@ class _Flights:
 
     def __init__(self, run: Run, aircraft: str | Path, progress: Progress | None) -> None:
         self.notes: list[str] = []
-        self._progress, self._count = progress, 0
+        self._progress = progress
+        self._in_air: dict[tuple[object, ...], Signals] = {}
+        self._places: list[dict[str, float]] = []
         file = Path(aircraft).suffix == ".json"
         self.label = Path(aircraft).stem if file else Path(aircraft).name
         config = None if file else load_aircraft(aircraft)
@@ -293,11 +302,11 @@ class _Flights:
         }
         self.nominal = {name: factor.nominal for name, factor in FACTORS.items()}
         if config is None:
-            self._maker: PlantMaker = partial(_behind, lags)
+            self._maker: PlantMaker = lambda _: PointMassPlant(lags)
             self._leave("mass", "damping", why=f"{self.label} has no airframe to change")
         else:
             if lags is not None:
-                self.lower["point_mass_lag"] = partial(_behind, lags)
+                self.lower["point_mass_lag"] = lambda _: PointMassPlant(lags)
             damping = [name for names in DAMPING if (name := _named(config, names))]
             self._maker = partial(_airframe, config, damping)
             if not damping:
@@ -333,7 +342,7 @@ class _Flights:
         kept, reason = [], ""
         for k in range(len(self.t)):
             try:
-                self._maker(self.nominal).start(self._start(k, (0.0, 0.0)))
+                self._maker(self.nominal).start(self._start(k))
                 kept.append(k)
             except FlightTuneError as error:
                 reason = str(error)
@@ -348,13 +357,12 @@ class _Flights:
         self.t = self.t[kept]
         self.logged = {name: values[kept] for name, values in self.logged.items()}
 
-    def _start(self, k: int, wind: tuple[float, float]) -> FlightCondition:
-        """Where a flight of stretch `k` starts in a wind (m/s, to the north and to the east)."""
+    def _start(self, k: int) -> FlightCondition:
+        """Where a flight of stretch `k` starts: its course is turned when the wind is known."""
         chi, gamma, V_g, phi = (float(self.logged[x][k, 0]) for x in ("chi", "gamma", "V_g", "phi"))
-        north, east = V_g * math.cos(chi) - wind[0], V_g * math.sin(chi) - wind[1]
-        course, climb = course_of((north, east, -V_g * math.tan(gamma)))
         V_a, h = (float(np.median(self.logged[name][k])) for name in ("V_a", "h"))
-        return FlightCondition(V_a=V_a, h=h, chi=course, gamma=climb, phi=phi)
+        climb = math.asin(min(1.0, max(-1.0, V_g * math.tan(gamma) / V_a)))
+        return FlightCondition(V_a=V_a, h=h, chi=chi, gamma=climb, phi=phi)
 
     def size(self, flown: Signals) -> float:
         """Sum of the squares of the scaled difference."""
@@ -364,14 +372,56 @@ class _Flights:
         """Scaled difference, shape (stretches, signals times samples)."""
         return _scaled(self.t, self.logged, flown)
 
+    def slopes(self, factors: Mapping[str, float]) -> FloatArray:
+        """Change of the difference with each factor over its size, shape (samples, factors).
+
+        Where flights near these factors have shown the slopes, none are flown again.
+        """
+        air = {name: factors.get(name, FACTORS[name].nominal) for name in IN_AIR}
+
+        def near(place: Mapping[str, float]) -> bool:
+            return all(abs(x - place[name]) <= NEAR * FACTORS[name].size for name, x in air.items())
+
+        place = next(filter(near, self._places), air)
+        if place is air:
+            self._places.append(air)
+        centre = {name: place.get(name, x) for name, x in factors.items()}
+        base, columns = self.difference(self.fly(centre)).ravel(), []
+        for name, x in centre.items():
+            step = STEP if x + STEP * FACTORS[name].size < FACTORS[name].high else -STEP
+            there = self.fly(centre | {name: x + step * FACTORS[name].size})
+            columns.append((self.difference(there).ravel() - base) / step)
+        return np.column_stack(columns)
+
     def fly(self, factors: Mapping[str, float], maker: PlantMaker | None = None) -> Signals:
-        """Signals of the aircraft, or of another plant, under the commands of every stretch."""
-        self._count += 1
-        if self._progress is not None:
-            self._progress(self.label, 1.0 - 0.95**self._count)
-        make = maker or self._maker
-        flown = [self._flown(make(factors), k, factors) for k in range(len(self.t))]
-        return {name: np.stack([each[name] for each in flown]) for name in flown[0]}
+        """Signals of the aircraft, or of another plant, under the commands of every stretch.
+
+        They are flown in still air, over an Earth that is flat and at rest: a steady wind only
+        turns their start and carries them along.
+        """
+        air = {name: factors.get(name, FACTORS[name].nominal) for name in IN_AIR}
+        key = maker, *air.values()
+        if key not in self._in_air:
+            make = maker or self._maker
+            flown = [self._flown(make(air), k, air) for k in range(len(self.t))]
+            self._in_air[key] = {
+                name: np.stack([each[name] for each in flown]) for name in flown[0]
+            }
+            if self._progress is not None:
+                self._progress(self.label, 1.0 - 0.9 ** len(self._in_air))
+        return self._over_ground(self._in_air[key], *_wind(factors))
+
+    def _over_ground(self, air: Signals, north: float, east: float) -> Signals:
+        """Signals of flights in air that moves north and east (m/s)."""
+        chi, V_g = self.logged["chi"][:, :1], self.logged["V_g"][:, :1]
+        start = np.arctan2(V_g * np.sin(chi) - east, V_g * np.cos(chi) - north)
+        course, level = air["chi"] - chi + start, air["V_a"] * np.cos(air["gamma"])
+        to_north, to_east = level * np.cos(course) + north, level * np.sin(course) + east
+        course, level = np.unwrap(np.arctan2(to_east, to_north)), np.hypot(to_north, to_east)
+        course += math.tau * np.round((chi - course[:, :1]) / math.tau)
+        gamma = np.arctan2(air["V_a"] * np.sin(air["gamma"]), level)
+        signals = {**air, "chi": course, "gamma": gamma, "tail": level - air["V_a"]}
+        return signals | ({"nose": air["theta"] - gamma} if "theta" in air else {})
 
     def _flown(self, plant: Plant, k: int, factors: Mapping[str, float]) -> Signals:
         """Signals under the commands of one stretch; NaN after an early end."""
@@ -379,22 +429,16 @@ class _Flights:
         step = float(t[1] - t[0])
         # A command that is held over a sample stands for that at its middle.
         commands = [
-            np.interp(t + 0.5 * step - factors.get(f"{x}_late", 0.0), t, self.logged[f"{x}_cmd"][k])
+            np.interp(t + 0.5 * step - factors[f"{x}_late"], t, self.logged[f"{x}_cmd"][k])
             for x in ("phi", "n_z")
         ]
         with suppress(FlightTuneError):
-            plant.start(self._start(k, _wind(factors)))
+            plant.start(self._start(k))
             for i, (phi_cmd, n_z_cmd) in enumerate(np.column_stack(commands).tolist()):
                 rows[i] = plant.observe()
                 if plant.advance(phi_cmd, n_z_cmd, step) is not None:
                     break
-        signals = dict(zip(plant.signals, rows.T, strict=True))
-        still = signals["V_a"] * np.cos(signals["gamma"])
-        signals["tail"] = signals.get("V_g", still) - signals["V_a"]
-        if "theta" in signals:
-            signals["nose"] = signals["theta"] - signals["gamma"]
-        turns = np.round((self.logged["chi"][k, 0] - signals["chi"][0]) / math.tau)
-        return signals | {"chi": signals["chi"] + math.tau * turns}
+        return dict(zip(plant.signals, rows.T, strict=True))
 
 
 def _named(config: AircraftConfig, names: Sequence[str]) -> str:
@@ -410,22 +454,15 @@ def _wind(factors: Mapping[str, float]) -> tuple[float, float]:
     return factors.get("wind_north", 0.0), factors.get("wind_east", 0.0)
 
 
-def _behind(lags: tuple[InnerLag, InnerLag] | None, factors: Mapping[str, float]) -> Plant:
-    """The point mass behind lags, in wind."""
-    north, east = _wind(factors)
-    return PointMassPlant(lags, wind=WindRecord.steady(north=north, east=east))
-
-
 def _airframe(
     config: AircraftConfig, damping: Sequence[str], factors: Mapping[str, float]
 ) -> Plant:
-    """The aircraft with its mass and damping changed, in wind."""
+    """The aircraft with its mass and damping changed."""
     off = OffNominal(
-        mass_factor=factors.get("mass", 1.0),
-        coefficient_factors=dict.fromkeys(damping, factors.get("damping", 1.0)),
+        mass_factor=factors["mass"],
+        coefficient_factors=dict.fromkeys(damping, factors["damping"]),
     )
-    weather = Weather(wind=WindProfile(((0.0, (*_wind(factors), 0.0)),)))
-    return JSBSimPlant(config, off_nominal=off, weather=weather, ground=-DEEPEST_GROUND)
+    return JSBSimPlant(config, off_nominal=off, ground=-DEEPEST_GROUND)
 
 
 def _stretches(run: Run, step: float) -> tuple[FloatArray, Signals]:
@@ -504,55 +541,71 @@ def _rms(values: FloatArray) -> float:
 def _fitted(flights: _Flights) -> dict[str, tuple[float, float, float]]:
     """Factors of the least difference and their intervals, of those that the log can tell.
 
-    The factor that the log tells least is left out, and the others are fitted again without it.
+    By Gauss and Newton: differences are nearly linear in the factors.
     """
-    fitted: dict[str, tuple[float, float, float]] = {}
-    while flights.nominal:
-        start = [fitted.get(name, (x,))[0] for name, x in flights.nominal.items()]
-        fitted = _least(flights, start, MAX_REFIT_STEPS if fitted else MAX_STEPS)
-        widths = {
+    x, reach, least, kept = dict(flights.nominal), REACH, math.inf, set[str]()
+    fitted, untold = dict[str, tuple[float, float, float]](), dict[str, str]()
+    for _ in range(MAX_STEPS):
+        if not x:
+            return {}
+        size = flights.size(flights.fly(x))
+        reach = REACH if size <= least else 0.5 * reach
+        fitted, untold = _step(flights, x, reach)
+        ahead = {name: fitted.get(name, (nominal,))[0] for name, nominal in flights.nominal.items()}
+        moved = max((abs(ahead[n] - x[n]) / FACTORS[n].size for n in ahead), default=0.0)
+        done = moved < DONE or (abs(least - size) < GAIN * size and kept == {*fitted})
+        ended = [name for name in fitted if done and FACTORS[name].at_end(ahead[name])]
+        untold |= {name: FACTORS[name].untold(*fitted[name]) for name in ended[:1]}
+        # One that was told by the step before, and no longer is, would come and go: it stays out.
+        for name in kept & untold.keys():
+            flights.leave_untold(name, untold.pop(name))
+            del ahead[name]
+        x, least, kept = ahead, size, {*fitted}
+        if done and not ended:
+            break
+    else:
+        flights.notes.append(f"The fit still moved after {MAX_STEPS} steps: its factors are rough.")
+    for name, why in untold.items():
+        flights.leave_untold(name, why)
+    return fitted
+
+
+def _step(
+    flights: _Flights, x: Mapping[str, float], reach: float
+) -> tuple[dict[str, tuple[float, float, float]], dict[str, str]]:
+    """Factors of the least difference by its slopes at `x`, with the ends of their intervals.
+
+    Each comes with at most `reach` times its size of change. The factor that the log tells least is
+    left out, until it tells the others; those left out have their reasons.
+    """
+    from scipy.optimize import lsq_linear
+
+    names, untold = [*x], dict[str, str]()
+    slopes, here = flights.slopes(x), flights.difference(flights.fly(x)).ravel()
+    nominal, sizes, low, high = np.array([FACTORS[name][3:] for name in names]).T
+    at = (np.array([*x.values()]) - nominal) / sizes
+    nearest = np.maximum((low - nominal) / sizes, at - reach)
+    furthest = np.minimum((high - nominal) / sizes, at + reach)
+    late = np.array([name.endswith("_late") for name in names]) / sizes
+    here = here - slopes @ at  # with all factors at their nominal values
+    kept, fitted = [*range(len(names))], dict[str, tuple[float, float, float]]()
+    while kept:
+        part = slopes[:, kept]
+        best = lsq_linear(part, -here, (nearest[kept], furthest[kept])).x
+        blocks = part.reshape(len(flights.t), -1, len(kept))
+        left = (here + part @ best).reshape(len(flights.t), -1)
+        normal = np.einsum("smi,smj->sij", blocks, blocks)
+        ends = interval_of(best, normal, np.einsum("smi,sm->si", blocks, left), late[kept])
+        table = nominal[kept] + sizes[kept] * np.vstack([best, ends])
+        fitted = {names[i]: tuple(column) for i, column in zip(kept, table.T.tolist(), strict=True)}
+        vague = {
             name: (high - low) / FACTORS[name].size
             for name, (value, low, high) in fitted.items()
-            if FACTORS[name].untold(value, low, high)
+            if FACTORS[name].untold(value, low, high) and not FACTORS[name].at_end(value)
         }
-        if not widths:
-            return fitted
-        name = max(widths, key=lambda name: widths[name])
-        flights.leave_untold(name, FACTORS[name].untold(*fitted[name]))
-    return {}
-
-
-def _least(
-    flights: _Flights, start: Sequence[float], steps: int
-) -> dict[str, tuple[float, float, float]]:
-    """Factors of the least difference within their ranges, and the ends of their intervals."""
-    from scipy.optimize import least_squares
-
-    names = [*flights.nominal]
-    nominal, sizes, low, high = np.array([FACTORS[name][3:] for name in names]).T
-
-    def scaled(values: FloatArray) -> FloatArray:
-        return 1.0 + (values - nominal) / sizes  # 1 is nominal: the steps are relative
-
-    def factors(x: FloatArray) -> FloatArray:
-        return nominal + sizes * (x - 1.0)
-
-    def residual(x: FloatArray) -> FloatArray:
-        values = dict(zip(names, factors(x).tolist(), strict=True))
-        return flights.difference(flights.fly(values)).ravel()
-
-    fit = least_squares(
-        residual,
-        scaled(np.array(start)),
-        bounds=(scaled(low), scaled(high)),
-        diff_step=STEP,
-        max_nfev=steps,
-        xtol=1e-3,
-        ftol=1e-4,
-    )
-    jacobian = fit.jac.reshape(len(flights.t), -1, len(names))
-    normal = np.einsum("smi,smj->sij", jacobian, jacobian)
-    slope = np.einsum("smi,sm->si", jacobian, fit.fun.reshape(len(flights.t), -1))
-    late = np.array([name.endswith("_late") for name in names]) / sizes
-    values = (factors(x).tolist() for x in (fit.x, *interval_of(fit.x, normal, slope, late)))
-    return dict(zip(names, zip(*values, strict=True), strict=True))
+        if not vague:
+            return fitted, untold
+        name = max(vague, key=lambda name: vague[name])
+        untold[name] = FACTORS[name].untold(*fitted[name])
+        kept.remove(names.index(name))
+    return {}, untold
