@@ -242,13 +242,13 @@ def test_a_flight_turns_back_at_the_airspeed_of_its_place(tmp_path):
 @pytest.mark.slow
 def test_the_room_of_another_route_or_of_a_distance_ahead_is_refused(tmp_path):
     few = {"plant": "kinematic", "gains": "paper", "start_deg": 1.0, **FEW}
-    flight = {"flight.duration_s": 60.0}
-    legs = [{"north_m": n, "east_m": 0.0} for n in (0.0, 800.0)]
+    flight = {"flight.duration_s": 30.0}
+    legs = [{"north_m": n, "east_m": 0.0} for n in (0.0, 300.0)]
     own = ft.band("circuit", changes={"route.waypoint": legs} | flight, **few)
     room = ft.mission(own, turn_back=30).room
-    turned = [legs[0], {"north_m": 0.0, "east_m": 800.0}]  # as long, to the east
-    longer = [*legs, {"north_m": 900.0, "east_m": 0.0}]
-    for others, says in ((longer, r"along 800 m .*along 900 m"), (turned, "on one route")):
+    turned = [legs[0], {"north_m": 0.0, "east_m": 300.0}]  # as long, to the east
+    longer = [*legs, {"north_m": 400.0, "east_m": 0.0}]
+    for others, says in ((longer, r"along 300 m .*along 400 m"), (turned, "on one route")):
         changes = {"route.waypoint": others} | flight
         corridor = ft.band("circuit", changes=changes, **few)
         with pytest.raises(ft.InputError, match=says):
@@ -267,8 +267,8 @@ def test_the_room_of_another_route_or_of_a_distance_ahead_is_refused(tmp_path):
 def test_the_command_counts_the_room_and_writes_the_volumes(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     circuit = ft.load_scenario("circuit")
-    two_legs = {"waypoint": circuit.as_dict()["route"]["waypoint"][:3]}
-    legs = scenario_file(Path("two_legs.toml"), circuit, route=two_legs, expect=[])
+    leg = {"waypoint": [{"north_m": n, "east_m": 0.0} for n in (0.0, 300.0)]}
+    legs = scenario_file(Path("leg.toml"), circuit, route=leg, expect=[])
     few = ("--epsilon", 0.3, "--confidence", 0.9, "--flights", 7, "--workers", 1)
     answer(
         "band", legs, "--plant", "kinematic", "--gains", "paper", "--start-deg", 1,
