@@ -22,7 +22,8 @@ SHORT = {"flight.duration_s": 2.0}
 SET = "--set", "flight.duration_s=2.0"
 IDENTIFIED = {"tuning.model": "identified"}
 FEW = {"start_deg": 2.0, "plant": "kinematic", "epsilon": 0.3, "confidence": 0.9, "learn": 10}
-MONITORED = {"learn": 20, "plant": "jsbsim:aerosonde"}
+MONITORED = FEW | {"learn": 20, "plant": "jsbsim:aerosonde"}
+TURN = {"flight.duration_s": 12.0}
 LONG = "tune --prove", "tune --envelope"
 OTHERS = "adopt", "new", "reproduce", "view"
 
@@ -53,6 +54,11 @@ def short_mission():
 
 def planned():
     return forecast(ft.plan_campaign(ft.load_campaign("first_campaign"), runs=8), 1)
+
+
+def options(settings):
+    """The options of the command for the settings of its verb."""
+    return [f"--{key.replace('_', '-')}={value}" for key, value in settings.items()]
 
 
 VERBS = {
@@ -95,15 +101,12 @@ VERBS = {
     "identify": (lambda: ft.identify("aerosonde"), ["aerosonde"]),
     "tube": (lambda: ft.tube("paper", "paper", changes=SHORT), ["paper", "--gains", "paper", *SET]),
     "band": (
-        lambda: ft.band("level_turn", **FEW),
-        ["level_turn", *(f"--{key.replace('_', '-')}={value}" for key, value in FEW.items())],
+        lambda: ft.band("level_turn", changes=TURN, **FEW),
+        ["level_turn", "--set", "flight.duration_s=12.0", *options(FEW)],
     ),
     "monitor": (
-        lambda: ft.monitor("level_turn", **FEW | MONITORED),
-        [
-            "level_turn",
-            *(f"--{key.replace('_', '-')}={value}" for key, value in (FEW | MONITORED).items()),
-        ],
+        lambda: ft.monitor("level_turn", changes=TURN, **MONITORED),
+        ["level_turn", "--set", "flight.duration_s=12.0", *options(MONITORED)],
     ),
     "gap": (lambda: ft.gap("paper", "paper", changes=SHORT), ["paper", "--gains", "paper", *SET]),
     "export": (

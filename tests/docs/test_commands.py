@@ -92,7 +92,10 @@ FILES = {
 """Files that the reader of a page writes, by the name in their first line."""
 
 
-LONG = re.compile(r"flighttune (meet|tube|reproduce|worst first_campaign$|mission runs/)")
+LONG = re.compile(
+    r"flighttune (meet|monitor|tube|reproduce|tune paper --prove|worst first_campaign$"
+    r"|mission runs/|verify (bound|monitor)\.)"
+)
 """Commands that take ten seconds to minutes, and which other tests run on less."""
 
 
