@@ -1,9 +1,10 @@
 """What a scenario asks of gains: linear models, tuning problems, gain sets and their proofs."""
 
 import math
+import pickle
 from collections.abc import Collection, Sequence
 from dataclasses import replace
-from functools import partial
+from functools import lru_cache, partial
 
 import numpy as np
 import numpy.typing as npt
@@ -276,13 +277,15 @@ def tune_scenario(
     *,
     law: Law | None = None,
     lag: npt.ArrayLike | None = None,
+    kept: bool = False,
 ) -> TuningResult:
     """The gains named ``tuned`` of a scenario, and how they were found.
 
     `model`: "kinematic" or "identified", by default what [tuning] says. On the identified model
     each channel is tuned by itself, for the smallest R_K over the models of `identified_problems`.
     `law`: by default the scenario's first. `lag`: a range of lags (s) for which gains are found, as
-    `lag_problems`. Raises InputError or ScenarioError if an identified model is needed and missing.
+    `lag_problems`. `kept`: the result may be the one that this process kept of the same problem.
+    Raises InputError or ScenarioError if an identified model is needed and missing.
     """
     settings, law_of_gains = scenario.tuning, law or scenario.laws[0]
     if settings.feedback and law_of_gains.inputs != RATES:
@@ -290,12 +293,20 @@ def tune_scenario(
             "`feedback` of [tuning] must be false but for the exact law, got the law "
             f"{law_of_gains.name!r}."
         )
+    solved = _solved if kept else _solved.__wrapped__
     if lag is not None:
-        return tune_worst_case(lag_problems(scenario, law_of_gains, lag), starts=settings.starts)
+        return solved(pickle.dumps(lag_problems(scenario, law_of_gains, lag)), settings.starts)
     if (model or settings.model) == "identified":
-        result = tune_worst_case(identified_problems(scenario, law), starts=settings.starts)
+        result = solved(pickle.dumps(identified_problems(scenario, law)), settings.starts)
         return _with_weight(result, scenario, law_of_gains)
-    return tune_problem(tuning_problem(scenario, law), starts=settings.starts)
+    return solved(pickle.dumps(tuning_problem(scenario, law)), settings.starts)
+
+
+@lru_cache(maxsize=64)  # flights, bands and pages of a scenario ask for its gains again and again
+def _solved(problems: bytes, starts: int) -> TuningResult:
+    found = pickle.loads(problems)
+    one = isinstance(found, TuningProblem)
+    return (tune_problem if one else tune_worst_case)(found, starts=starts)
 
 
 def gain_sets(scenario: Scenario) -> tuple[dict[str, PIGains | None], TuningResult | None]:
@@ -306,7 +317,7 @@ def gain_sets(scenario: Scenario) -> tuple[dict[str, PIGains | None], TuningResu
     tunings: dict[str, TuningResult] = {}
     for law in scenario.laws if TUNED in scenario.gains else ():
         if law.tuned_as not in tunings:
-            tunings[law.tuned_as] = tune_scenario(scenario, law=law)
+            tunings[law.tuned_as] = tune_scenario(scenario, law=law, kept=True)
     sets = {}
     for name in scenario.gain_names:
         law, _ = scenario.law_of(name)
@@ -320,7 +331,7 @@ def gain_set(scenario: Scenario, name: str, tuning: TuningResult | None = None) 
     `name` is ``paper``, ``K1`` to ``K6``, ``tuned``, ``tuned_identified``, or the name of gains
     given as numbers; with another law than the paper's ``LAW:GAINS``. Tuned gains are those of the
     law, others are mapped to it (`Law.gains_from`). Without `tuning`, the result for ``tuned`` is
-    computed anew.
+    computed.
     """
     law, gains = scenario.law_of(name)
     inputs = {law.inputs for law in scenario.laws}
@@ -338,9 +349,9 @@ def gain_set(scenario: Scenario, name: str, tuning: TuningResult | None = None) 
                     )
                 settings = settings.model_copy(update=FED_BACK)
             asked = scenario.model_copy(update={"tuning": settings})
-            tuning = tune_scenario(asked, "identified", law=law)
+            tuning = tune_scenario(asked, "identified", law=law, kept=True)
         elif tuning is None:
-            tuning = tune_scenario(scenario, law=law)
+            tuning = tune_scenario(scenario, law=law, kept=True)
         return tuning.gains if tuning.status == "optimal" else None
     available = {**paper_family(), **numbers}
     if gains not in available:
