@@ -198,3 +198,11 @@ def test_a_plan_of_no_flights_is_refused(runs):
         ft.plan_campaign(campaign_of(SPEED), runs=runs)
     with pytest.raises(ft.InputError, match=f"`runs` .* {runs}"):
         plan_of(SPEED).with_runs(runs)
+
+
+@pytest.mark.slow
+def test_gains_that_a_process_keeps_are_those_of_a_search_of_its_own():
+    for bound in (5.0, 8.0, 5.0):
+        changes = {"tuning.I_star": bound}
+        planned = ft.flights("paper", changes=changes).plan(gains="tuned").gain_sets["tuned"]
+        assert planned == ft.tune("paper", changes=changes).gains
