@@ -157,6 +157,13 @@ def test_a_forged_array_of_a_tube_is_refused(tmp_path, name):
     assert claim_or_none(copy) is None
 
 
+def test_an_archive_that_is_cut_off_is_called_no_band(tmp_path):
+    (tmp_path / "tube.npz").write_bytes((FILES / "tube.npz").read_bytes()[:300])
+
+    with pytest.raises(ft.RecordingError, match=r"got an archive .* cut off"):
+        ft.verify(tmp_path / "tube.npz")
+
+
 def certificate_with(tmp_path, name, change):
     """The file of a certificate of 0.3.0, with a change of its tables."""
     tables = json.loads((FILES / name).read_text())

@@ -32,8 +32,8 @@ CLAIM = "claim: the file of a certificate, a bound on R_K, a tube or a band"
 AROUND_FLIGHTS = "claim about flights: the file of a tube or a band"
 
 CHOSEN = (
-    "That its maker chose seed, signals, fences, numbers of flights, epsilon and confidence before "
-    "a flight was counted is not checked: no file can show it."
+    "That its maker chose seed, signals, fences, numbers of flights or the rule that ends them, "
+    "epsilon and confidence before a flight was counted is not checked: no file can show it."
 )
 
 CHECK_COLUMNS = [Column("name", "check"), *columns("margin exact")]

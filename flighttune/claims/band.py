@@ -32,7 +32,7 @@ from flighttune.files.mistakes import abridged
 from flighttune.files.seal import sealed_bytes
 from flighttune.files.table import json_object
 from flighttune.files.value import value_of
-from flighttune.gaps.watch import Watch
+from flighttune.gaps.watch import MODELS, Watch
 from flighttune.metrics import OFF_ROUTE
 from flighttune.present.answer import Answer, Table, number, pick, printable
 from flighttune.present.names import listed, why_ended
@@ -583,8 +583,10 @@ def _check(about: About, of: BandFlights, arrays: dict[str, Any]) -> None:
     models = about.models
     if [x.name for x in models] != [*about.signals] * (about.of == "monitor"):
         raise InputError("`models` must be those of the `signals` of a monitor.")
-    if any(len(x.weights) != len(x.terms) or x.signals - {*SIGNAL_UNITS} for x in models):
-        raise InputError("`models` must have a weight for each term, and terms of known signals.")
+    if any(len(x.weights) != len(x.terms) or replace(x, weights=()) not in MODELS for x in models):
+        raise InputError(
+            "`models` must be those that flighttune monitor counts, with a weight for each term."
+        )
     flights = len(arrays["extremes"])
     shapes = {
         "extremes": (flights, windows, signals, 2),

@@ -33,20 +33,20 @@ def band(
     signals at all times, for any law, plant and weather. --set seed=N draws others. Exit status 1
     if too many flights did not complete for any claim.
     """
-    from flighttune.campaign.band import continued
-    from flighttune.files.load import BAND, written
+    from flighttune.campaign.band import continued, load_counted
+    from flighttune.files.load import BAND, kind_of
 
-    kept = written(source, BAND)  # of any kind of count
-    if kept is None:
+    kept = kind_of(source) == BAND  # of any kind of count
+    if not kept:
         out = out or Path("runs") / f"{Path(source).stem}-band.npz"
     claim = {"flights": flights, "epsilon": epsilon, "confidence": confidence, "out": out}
-    if kept is None or count_band.keywords.keys() - claim.keys():
+    if not kept or count_band.keywords.keys() - claim.keys():
         counted = count_band(out=out)
     else:
         with campaign_display() as observer:
             by = options.FLOWN_BY.get()
             flown_by = by["workers"], by["scheduler"], observer
-            counted = continued(kept, source, **claim, by=flown_by)
+            counted = continued(load_counted(source), source, **claim, by=flown_by)
     file = out or Path(source)
     answer = counted.answer(file)
     notes = [*answer.notes, f"A page with its flights: flighttune report {file}"]
@@ -93,7 +93,7 @@ def mission(
     does not support a probability of at most epsilon; 2 if the mission cannot be flown.
     """
     from flighttune.campaign.mission import mission_plan
-    from flighttune.files.load import BAND, written
+    from flighttune.files.load import BAND, kind_of
     from flighttune.reports.claim import write_claim_page
 
     given = count_mission.keywords
@@ -104,7 +104,7 @@ def mission(
             raise InputError(f"`{name}` must be absent with --plan, which flies nothing.")
         return mission_plan(source, **given)
     options.check_ending(out, ".npz")
-    if written(source, BAND) is None:
+    if kind_of(source) != BAND:
         out = out or Path("runs") / f"{Path(source).stem}-band.npz"
     try:
         odds = count_mission(out=out)
@@ -153,14 +153,14 @@ def tube(
     """
     from flighttune.campaign.band import residual
     from flighttune.campaign.claims import load_residual
-    from flighttune.files.load import BAND, written
+    from flighttune.files.load import BAND, kind_of
     from flighttune.tubes.tube import largest_disturbance
 
     largest, base = disturbance == "largest", Path("runs") / Path(scenario).stem
     if largest and (boxes, out) != (None, None):
         raise InputError("`disturbance` must be a number with --boxes or --out, got largest.")
     counted = None
-    in_file = boxes is not None and written(boxes, BAND) is not None
+    in_file = boxes is not None and kind_of(boxes) == BAND
     if boxes is not None and not in_file:
         with campaign_display() as observer:
             counted = residual(boxes, gains=gains, **options.FLOWN_BY.get(), observer=observer)

@@ -49,6 +49,8 @@ def tune(
             raise InputError(
                 "--envelope, --lag, --prove and --page must be absent with --frontier."
             )
+        if out is not None and (out.is_file() or out.suffix in (".json", ".csv", ".svg")):
+            raise InputError(f"{out}: `--out` must be a folder with --frontier, got a file.")
         from flighttune.flight.frontier import frontier as frontier_of
 
         table = frontier_of(source, points=points or 25, changes=changes)

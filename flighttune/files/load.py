@@ -122,8 +122,11 @@ def kind_of(source: str | Path) -> str:
         return RECORDING
     if stated in READERS:
         return stated
-    if head.startswith(ARCHIVE):  # a damaged one, of which the reader of a band says more
-        return BAND
+    if head.startswith(ARCHIVE):
+        raise RecordingError(
+            f"{path}: must be a file that can be read, got an archive that flighttune did not "
+            "write, or that is damaged or cut off."
+        )
     return LOG if kind_of_log(head) else ENDINGS.get(path.suffix.lower(), "")
 
 

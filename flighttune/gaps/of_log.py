@@ -219,7 +219,8 @@ class LogGap(Answering):
             for name, signals in self.flights.items()
             if (count := int(np.isnan(signals["chi"]).any(axis=1).sum()))
         ]
-        notes = [*self.notes, *ended]
+        no_nose = ["Nose is pitch minus path angle, which a point mass does not have."]
+        notes = [*self.notes, *no_nose * ("nose" in apart[self.aircraft]), *ended]
         return Answer(values=values, tables=tables, notes=notes, verdict=verdict)
 
     def sheet(self) -> Sheet:

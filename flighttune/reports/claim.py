@@ -130,6 +130,20 @@ def _heights(band: Band) -> Chart:
     return chart
 
 
+def _room(room: TurnBack) -> Chart:
+    """How far from the route and from its height each counted flight came that turned back."""
+    x, y = "largest distance from the route [m]", "largest difference of height [m]"
+    chart = Chart(title="Room to turn back", x=x, y=y)
+    flights, inside = room.extremes[:, 0, :, 1].astype(float), room.scores <= room.scale
+    for some, colour, name in ((inside, LIGHT, "inside"), (~inside, LIMIT, "outside")):
+        there = some & np.isfinite(room.scores)
+        chart.points(*flights[there].T, colour, name=f"{there.sum()} {name}")
+    if room.claims:
+        far, high = room.room.from_route, room.room.height
+        chart.line([0.0, far, far], [high, high, 0.0], NEUTRAL, dash=DOTTED, name="the room")
+    return chart
+
+
 def _lines(
     chart: Chart, x: FloatArray, flights: FloatArray, colour: str, name: str, width: float
 ) -> None:
@@ -167,8 +181,11 @@ def write_claim_page(
         facts["settings"] = f"{settings.symbols} symbols, {settings.most} pieces at most"
     elif isinstance(claim, Counted):
         about = claim.about
-        charts = band_charts(claim, room) if isinstance(claim, SignalBounds) else []
-        kind = "Counted band" if isinstance(claim, SignalBounds) else "Count"
+        bounded, kind = isinstance(claim, SignalBounds), "Count"
+        if bounded:
+            charts, kind = band_charts(claim, room), "Counted band"
+        elif isinstance(claim, TurnBack):
+            charts = [_room(claim)]
         title = f"{kind} of flights titled {quoted(about.plan['campaign']['title'])}"
         facts["flights"] = f"{len(claim.scores)} counted, {about.learned} learned from"
         facts["flights lost"] = claim.lost
@@ -187,7 +204,7 @@ def write_claim_page(
             notes.append(room.sentence)
             notes += [note for note in turning.notes if "--run" not in note]
             tables.append(turning.tables[0])
-        notes = [*notes, BAND_NOTE, *([GIVEN] if about.predicted_from else [])]
+        notes += [BAND_NOTE] * bounded + [GIVEN] * (about.predicted_from is not None)
     drawn = [table for table in tables if table.name == "dispersions"]
     others = [table for table in tables if table.name != "dispersions"]
     return write_answer(

@@ -1,6 +1,7 @@
 """Band files that were edited and sealed again: each edit that changes a claim is refused."""
 
 import copy
+import json
 from dataclasses import replace
 from textwrap import dedent
 
@@ -8,7 +9,8 @@ import numpy as np
 import pytest
 from campaigns import flown_here
 from commands import flighttune
-from dispersed import AEROSONDE, KINEMATIC
+from dispersed import AEROSONDE, KINEMATIC, SOFT, plan_of, uniform
+from dispersed import tables_of as tables_of_plan
 
 import flighttune as ft
 from flighttune.campaign import band as band_module
@@ -206,12 +208,33 @@ def told(band):
     answer = band.answer()
     notes = [note for note in answer.notes if "nearest to leaving" not in note]
     flights = next(table.records for table in answer.tables if table.name == "dispersions")
-    return band.sentence.partition("; its maker")[0], notes, answer.values.get("room"), flights
+    values = [answer.values.get(key) for key in ("room", "models", "fence")]
+    return band.sentence.partition("; its maker")[0], notes, values, flights
 
 
-def made(kind):
-    if kind == "residual":
-        return count(small_plan(plants=(KINEMATIC, AEROSONDE)), kind=ft.residual, flights=ALONE)
+def on_a_leg():
+    """A plan of three seconds along a leg, from random courses."""
+    tables = tables_of_plan(gains=[SOFT], route={
+        "lat_deg": 47.4, "lon_deg": 8.5,
+        "waypoint": [{"north_m": north, "east_m": 0.0} for north in (0.0, 60.0)],
+    })  # fmt: skip
+    del tables["reference"]
+    tables["flight"] |= {"chi_deg": 0.0, "gamma_deg": 0.0, "duration_s": 6.0}
+    return plan_of(tables, uniform("flight.chi_deg", -1.0, 1.0))
+
+
+def made(kind, folder):
+    if kind in ("residual", "monitor"):
+        plan, more = small_plan(plants=(KINEMATIC, AEROSONDE)), {}
+        if kind == "monitor":  # one half of the flights learned from are for its weights
+            more["learn"] = 20
+        return count(plan, kind=getattr(ft, kind), flights=ALONE, **more)
+    if kind == "until_sure":
+        fence = folder / "fence.geojson"
+        ring = [[8.49, 47.39], [8.51, 47.39], [8.51, 47.41], [8.49, 47.41], [8.49, 47.39]]
+        fence.write_text(json.dumps({"type": "Polygon", "coordinates": [ring]}))
+        with flown_here(band_module):
+            return ft.mission(on_a_leg(), fences=[fence], **UNTIL_SURE).band
     return count(flights=ALONE)
 
 
@@ -219,7 +242,11 @@ def made(kind):
 KINDS = {
     "recorded": [()],
     "residual": [("of",), ("signals",), ("plan", "aircraft"), ("plan", "nominal", "plant")],
+    "monitor": [("of",), ("signals",), ("models",)],
+    # its fence is what it is about: the flights are counted in another one again
+    "until_sure": [("until_sure",), ("learned",), ("planned",), ("plan", "runs"), ("plan", "seed")],
 }
+UNTIL_SURE = {"epsilon": 0.3, "confidence": 0.9, "until_sure": True}
 
 
 # Of these another value is true of the same flights too: at one airspeed, of gains that grow with
@@ -233,10 +260,12 @@ TRUE_TOO = "schedule", "V_a_mps", "bank_deg", "h_m"
     [
         pytest.param("recorded", marks=pytest.mark.slow),
         pytest.param("residual", marks=pytest.mark.slow),
+        pytest.param("monitor", marks=pytest.mark.slow),
+        pytest.param("until_sure", marks=pytest.mark.slow),
     ],
 )
 def test_no_sentence_uses_a_field_of_a_file_that_is_not_checked(tmp_path, kind):
-    counted = made(kind)
+    counted = made(kind, tmp_path)
     tables, said, claims = tables_of(counted.about), [], told(counted)
     first = {tuple(key for key in place if isinstance(key, str)): place
              for place, _ in reversed([*fields(tables)])}  # fmt: skip
@@ -252,7 +281,7 @@ def test_no_sentence_uses_a_field_of_a_file_that_is_not_checked(tmp_path, kind):
             table[place[-1]] = changed(table[place[-1]])
             try:
                 path = forged(counted, tmp_path / "x.npz", forgery)
-                verified = ft.verify(path, count=ALONE, pool=pool)
+                verified = ft.verify(path, count=len(counted.scores), pool=pool)
             except ft.InputError:
                 continue
             if verified.valid and told(verified.claim) != claims:

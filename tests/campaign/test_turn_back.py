@@ -293,5 +293,10 @@ def test_the_command_counts_the_room_and_writes_the_volumes(tmp_path, monkeypatc
         areas[1]["properties"]["max_over_ground_m"], abs=0.2
     )
     assert "contingency volume" in Path("p.html").read_text()
+    page = ft.report(told["room"], "room.html").path.read_text()
+    turned = ft.load(told["room"])
+    inside = f"{(turned.scores <= turned.scale).sum()} inside"
+    assert {words in page for words in (inside, "largest distance from the route")} == {True}
+    assert "A line joins" not in page
     assert answer("verify", told["room"])["valid"]
     assert "got a TurnBack" in flighttune("fly", "paper", "--claim", told["room"], status=2)[1]

@@ -106,6 +106,8 @@ FORGERIES = {
     "a faster norm": lambda box: {"norm_rate": 1.02 * box["norm_rate"]},
     "another norm": lambda box: {"Q": (np.array(box["Q"]) + 0.1 * np.eye(3)).tolist()},
     "another law": lambda box: {"b": [0.9, 0.9]},
+    "a law that diverges": lambda box: {"a": [0.0, 0.05]},
+    "a delay": lambda box: {"delay": [0.05, 0.1], "norm_rate": None, "Q": None},
 }
 
 
@@ -121,6 +123,13 @@ def test_a_forged_box_in_a_file_is_not_valid(forgery, tmp_path):
 
     assert not verified.valid
     assert "box" in verified.reason
+
+
+def test_every_field_of_a_box_has_a_forgery(tmp_path):
+    behind_lags().save(tmp_path / "proof.json")
+    box = json.loads((tmp_path / "proof.json").read_text())["boxes"][0]
+
+    assert {*box} == {key for forgery in FORGERIES.values() for key in forgery(box)}
 
 
 def test_boxes_are_of_the_gains_and_of_every_channel_of_their_certificate():
