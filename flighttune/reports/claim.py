@@ -137,7 +137,8 @@ def _room(room: TurnBack) -> Chart:
     flights, inside = room.extremes[:, 0, :, 1].astype(float), room.scores <= room.scale
     for some, colour, name in ((inside, LIGHT, "inside"), (~inside, LIMIT, "outside")):
         there = some & np.isfinite(room.scores)
-        chart.points(*flights[there].T, colour, name=f"{there.sum()} {name}")
+        across, up = flights[there].T
+        chart.points(across, up, colour, name=f"{there.sum()} {name}")
     if room.claims:
         far, high = room.room.from_route, room.room.height
         chart.line([0.0, far, far], [high, high, 0.0], NEUTRAL, dash=DOTTED, name="the room")
@@ -181,8 +182,8 @@ def write_claim_page(
         facts["settings"] = f"{settings.symbols} symbols, {settings.most} pieces at most"
     elif isinstance(claim, Counted):
         about = claim.about
-        bounded, kind = isinstance(claim, SignalBounds), "Count"
-        if bounded:
+        kind = "Count"
+        if isinstance(claim, SignalBounds):
             charts, kind = band_charts(claim, room), "Counted band"
         elif isinstance(claim, TurnBack):
             charts = [_room(claim)]
@@ -204,7 +205,8 @@ def write_claim_page(
             notes.append(room.sentence)
             notes += [note for note in turning.notes if "--run" not in note]
             tables.append(turning.tables[0])
-        notes += [BAND_NOTE] * bounded + [GIVEN] * (about.predicted_from is not None)
+        if isinstance(claim, SignalBounds):
+            notes += [BAND_NOTE, *([GIVEN] if about.predicted_from else [])]
     drawn = [table for table in tables if table.name == "dispersions"]
     others = [table for table in tables if table.name != "dispersions"]
     return write_answer(
