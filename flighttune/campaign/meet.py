@@ -5,19 +5,21 @@ import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from flighttune.arrays import FloatArray, check_at_least
+from flighttune.campaign.counted_flights import at_random
 from flighttune.campaign.engine.pool import WorkerPool
 from flighttune.campaign.engine.progress import CampaignObserver
 from flighttune.campaign.flying.columns import measured_in
 from flighttune.campaign.flying.rows import Row
 from flighttune.campaign.meeting import BY_DEFAULT, Meeting, Trial
-from flighttune.campaign.statistics.intervals import ordered_quantile, share
+from flighttune.campaign.statistics.intervals import CONFIDENCE, ordered_quantile, share
+from flighttune.claims.count import looks, sure
 from flighttune.control.gains import PAPER_GAINS, PIGains
 from flighttune.control.law import Law, plain_laws, split_name
 from flighttune.control.linear_model import closed_loop
@@ -151,8 +153,9 @@ class Search:
             )
         self.flights, self.candidates, self.wanted = 0, 0, WANTED
         self.trials: dict[PIGains, Trial] = {}
-        self._campaigns, self._law, self._pool, self._metric = campaigns, law, pool, metric
-        self._draws, self._success = draws, success
+        self._rows: dict[PIGains, list[list[Row]]] = {}  # of draws that were stated
+        self.campaigns, self._law, self._pool, self._metric = campaigns, law, pool, metric
+        self.draws, self._success = draws, success
         scenarios = [campaign.nominal for campaign in campaigns]
         self._aircraft = list(map(aircraft_hashes, scenarios))
         self._each = draws * sum(map(len, map(_required, scenarios)))
@@ -161,31 +164,37 @@ class Search:
         with suppress(InputError):  # without an identified aircraft: [tuning]'s
             self._model = identified_models(scenarios[0], law)[0].model
 
-    def fly(self, sets: Sequence[PIGains]) -> list[Trial]:
-        """Fly candidates in all scenarios; none that is unstable or has been flown before."""
+    def fly(self, sets: Sequence[PIGains], draws: range | None = None) -> list[Trial]:
+        """Fly candidates in all scenarios; none that is unstable or has been flown before.
+
+        `draws` that are stated are flown besides those that were flown before them.
+        """
         stable = []
         for gains in dict.fromkeys(sets):
             loop = indicators_batch(closed_loop(self._model, gains))
             if not loop.stable:
-                rows = [[{"plant": x} for x in _required(y.nominal)] for y in self._campaigns]
+                rows = [[{"plant": x} for x in _required(y.nominal)] for y in self.campaigns]
                 trial = self._trial(gains, rows)
                 # the further right its eigenvalues, the worse
                 excess = np.tile(
-                    trial.excess + LOST * (1.0 + float(loop.spectral_abscissa)), (self._draws, 1)
+                    trial.excess + LOST * (1.0 + float(loop.spectral_abscissa)), (self.draws, 1)
                 )
                 self.trials[gains] = replace(trial, excess=excess)
-            elif gains not in self.trials:
+            elif draws or gains not in self.trials:
                 stable.append(gains)
         self.candidates += len(stable)
-        places = range(len(self._campaigns)) if stable else ()
-        flown = [self._flown(place, stable) for place in places]
+        places = range(len(self.campaigns)) if stable else ()
+        flown = [self._flown(place, stable, draws or range(self.draws)) for place in places]
         for gains, *rows in zip(stable, *flown, strict=True):
+            if draws is not None:
+                before = self._rows.get(gains, [[]] * len(rows))
+                rows = self._rows[gains] = [a + b for a, b in zip(before, rows, strict=True)]
             self.trials[gains] = self._trial(gains, rows)
         return [self.trials[gains] for gains in sets]
 
     def _plan(self, place: int, sets: Sequence[PIGains]) -> Plan:
         """All draws of a campaign, flown with candidates."""
-        campaign, names = self._campaigns[place], self._law.names_of([*map(str, range(len(sets)))])
+        campaign, names = self.campaigns[place], self._law.names_of([*map(str, range(len(sets)))])
         scenario = campaign.nominal
         groups = tuple(Group(plant, name) for name in names for plant in _required(scenario))
         # The requirements are checked by `_trial`: those on the loop once, not in every flight.
@@ -199,22 +208,23 @@ class Search:
             campaign=campaign.model_copy(update={"nominal": bare}),
             gain_sets=dict(zip(names, sets, strict=True)),
             groups=groups,
-            runs=self._draws * len(groups),
+            runs=self.draws * len(groups),
             aircraft=self._aircraft[place],
         )
 
     def in_draw(self, draw: int) -> Scenario:
         """The first scenario in a draw of its campaign, with its requirements."""
         scenario = self._plan(0, [PAPER_GAINS]).scenario_of(draw)
-        return scenario.model_copy(update={"expect": self._campaigns[0].nominal.expect})
+        return scenario.model_copy(update={"expect": self.campaigns[0].nominal.expect})
 
-    def _flown(self, place: int, sets: Sequence[PIGains]) -> list[list[Row]]:
+    def _flown(self, place: int, sets: Sequence[PIGains], draws: range) -> list[list[Row]]:
         """Rows of a campaign by candidate, draw by draw."""
         plan = self._plan(place, sets)
-        seed = self._campaigns[place].nominal.seed
-        drawn = [{SEED: seed}] if self._draws == 1 else None
-        self.flights += plan.runs
-        rows = self._pool.in_order(plan, range(plan.runs), doing="searching", draws=drawn)
+        seed = self.campaigns[place].nominal.seed
+        drawn = [{SEED: seed}] if self.draws == 1 else None
+        runs = range(draws.start * len(plan.groups), draws.stop * len(plan.groups))
+        self.flights += len(runs)
+        rows = self._pool.in_order(plan, runs, doing="searching", draws=drawn)
         return [[row for row in rows if row["gains"] == name] for name in plan.gain_sets]
 
     def _trial(self, gains: PIGains, rows: Sequence[Sequence[Row]]) -> Trial:
@@ -224,12 +234,12 @@ class Search:
         checks: dict[int, list[tuple[BoundCheck, float]]] = {}
         ends: dict[str, float] = {}
         metric = 0.0
-        for campaign, of_campaign in zip(self._campaigns, rows, strict=True):
+        for campaign, of_campaign in zip(self.campaigns, rows, strict=True):
             scenario = campaign.nominal
             margins = _default_margins(scenario)
             bounds = [*scenario.expect, *margins]
             loop = with_loop({}, bounds, scenario, name, gains)
-            where = f"{scenario.title}: " if len(self._campaigns) > 1 else ""
+            where = f"{scenario.title}: " if len(self.campaigns) > 1 else ""
             for row in of_campaign:
                 flown = row.get("status") == "completed"
                 tables = scenario.expected(row["plant"], name)
@@ -259,7 +269,7 @@ class Search:
         """Draws on which a requirement is missed, then the excess; then the metric, below -1."""
         missed = int((trial.worst > 0.0).sum())
         excess = float(ordered_quantile(trial.worst, self._success))
-        if self._metric != MARGIN and self._draws == 1 and excess <= -self.wanted:
+        if self._metric != MARGIN and self.draws == 1 and excess <= -self.wanted:
             return 0.5 * _squeezed(trial.metric) - 1.5
         if excess == LOST:  # a requirement has no value: what is nearer to having one is better
             excess += 0.5 * LOST * _squeezed(trial.metric)
@@ -375,6 +385,7 @@ def meet(
     metric: str = ITAE,
     campaign: str | Path | None = None,
     success: float | None = None,
+    until_sure: bool = False,
     changes: Mapping[str, Any] | None = None,
     workers: int | None = None,
     scheduler: str | None = None,
@@ -408,6 +419,11 @@ def meet(
         Share of the draws of a campaign on which gains must meet all requirements, by default 0.95.
         The lower end of its interval must reach it, or the estimate where no count of so many draws
         has such an end. It is absent without a campaign.
+    until_sure : bool
+        Count draws of a campaign until it is sure whether the gains found meet all requirements in
+        that share of them, by a rule that is valid at any number of draws, at a confidence of 0.95:
+        a clear yes takes 84 draws at 0.95, a clear no 12. By default as many draws are counted as
+        the campaign has, at least 200; with this they are the most.
     changes : mapping of str to value, optional
         Values to set in a scenario that is read from a file, by dotted key.
     workers : int, optional
@@ -453,7 +469,7 @@ def meet(
         raise InputError(
             f"`law` must be {' or '.join(plain_laws())} for its gains to be tuned, got {law.name}."
         )
-    success = _success(success, dispersed)
+    success = _success(success, dispersed, until_sure)
     if dispersed is not None and metric != ITAE:
         raise InputError(
             f"`metric` must be absent with a campaign, whose share of flights that succeed is "
@@ -482,25 +498,20 @@ def meet(
         if dispersed is None or trials[first].worst.max() > -WANTED:
             search.search([*starts.values()], budget - counting)
         best = nearest = search.best()
-        met, start_met, flown_start, counted = best.met, trials[first].met, trials[first], None
-        draw, worst = 0, None
+        flown_start, counted = trials[first], None
         if dispersed is not None:
+            of_count = at_random(dispersed) if until_sure else dispersed
             count = Search(
-                [flights_to_meet(scenarios[0], law_table, dispersed)],
+                [flights_to_meet(scenarios[0], law_table, of_count)],
                 law,
                 pool,
                 draws=fresh,
                 success=success,
             )
-            nearest, flown_start = count.fly([best.gains, flown_start.gains])
-            nearest = min(flown_start, nearest, key=count.value)  # the start if both are equal
-            counted, (met, start_met) = _counted(
-                (nearest, flown_start), np.arange(fresh) // cycle(dispersed), success
-            )
-            draw = nearest.worst_draw
-            counted |= {"worst_draw": draw, "seed": dispersed.seed}
-            worst = count.in_draw(draw)
+            both = best.gains, flown_start.gains
+            nearest, flown_start, counted = _count(count, both, success, until_sure)
             search.flights += count.flights
+    met, start_met = counted.pop("enough") if counted else (best.met, flown_start.met)
     return Meeting(
         status="met" if met else "missed",
         scenario=scenarios[0],
@@ -512,11 +523,11 @@ def meet(
         flights=search.flights,
         candidates=search.candidates,
         metric={"name": metric, "value": nearest.metric, "start": flown_start.metric},
-        requirements=[*_requirements(nearest, flown_start, search.conflicting(nearest), draw)],
+        requirements=[*_requirements(nearest, flown_start, search.conflicting(nearest))],
         worse=[*_worse(scenarios[0], law, nearest, flown_start)],
         trade_offs=[] if met or dispersed else [*search.trade_offs(best)],
         success=counted,
-        worst=worst,
+        worst=counted and count.in_draw(nearest.worst_draw),
         trials=[*search.trials.values()],
         tuned_for={
             "aircraft": flown_aircraft(plant for scenario in scenarios for plant in scenario.plant),
@@ -533,25 +544,42 @@ def _fresh_draws(campaign: Campaign) -> int:
     return whole_cycles(campaign, max(COUNTED, (campaign.runs or 0) // groups))
 
 
-def _counted(
-    trials: tuple[Trial, Trial], cycles: npt.NDArray[np.intp], wanted: float
-) -> tuple[dict[str, Any], list[bool]]:
-    """Shares of draws on which gains and start meet all, and whether each share is enough."""
-    flown = ~trials[0].default
+def _count(
+    count: Search, sets: Sequence[PIGains], wanted: float, until_sure: bool
+) -> tuple[Trial, Trial, dict[str, Any]]:
+    """Fly gains and start on fresh draws, all or until it is sure; the share that meets all."""
+    cycles = np.arange(count.draws) // cycle(count.campaigns[0])
+    fresh = len(cycles)
     # The lower end of the interval decides, unless it is below `wanted` for any count.
-    by = "lo" if share(np.ones(len(cycles), dtype=bool), cycles).lo >= wanted else "value"
-    shares = [asdict(share(trial.excess[:, flown].max(axis=1) <= 0.0, cycles)) for trial in trials]
-    enough = [
-        part[by] >= wanted and bool((trial.excess[:, ~flown] <= 0.0).all())
-        for part, trial in zip(shares, trials, strict=True)
-    ]
-    return {"share": shares[0], "of_start": shares[1], "wanted": wanted, "by": by}, enough
+    by = "lo" if share(np.ones(fresh, dtype=bool), cycles).lo >= wanted else "value"
+    for begin, end in pairwise([0, *(looks(fresh) if until_sure else [fresh])]):
+        nearest, start = count.fly(sets, range(begin, end))
+        if not until_sure:  # the start if both are equal
+            nearest = min(start, nearest, key=count.value)
+        flown, trials = ~nearest.default, (nearest, start)
+        flags = [trial.excess[:, flown].max(axis=1) <= 0.0 for trial in trials]
+        if until_sure:  # an interval is not valid at a number of draws that the draws decide
+            shares = [{"value": float(met.mean()), "n": end} for met in flags]
+            missed = (int(np.sum(~met)) for met in flags)
+            answers = [sure(n, end, 1.0 - wanted, CONFIDENCE) for n in missed]
+            decided = {"by": "evidence", "sure": answers[0]}
+            enough = [answer == "yes" for answer in answers]
+            if answers[0]:
+                break
+        else:
+            shares = [asdict(share(met, cycles)) for met in flags]
+            decided = {"by": by, "sure": ""}
+            enough = [part[by] >= wanted for part in shares]
+    for i, trial in enumerate(trials):
+        enough[i] &= bool((trial.excess[:, ~flown] <= 0.0).all())
+    counted = {"share": shares[0], "of_start": shares[1], "wanted": wanted, **decided}
+    counted |= {"worst_draw": nearest.worst_draw, "seed": count.campaigns[0].seed}
+    return nearest, start, counted | {"enough": enough}
 
 
-def _requirements(
-    trial: Trial, start: Trial, active: Sequence[int], draw: int
-) -> Iterator[dict[str, Any]]:
-    """The requirements with their values on one draw, and the share of draws that meet each."""
+def _requirements(trial: Trial, start: Trial, active: Sequence[int]) -> Iterator[dict[str, Any]]:
+    """The requirements with their values on the worst draw, and the shares that meet each."""
+    draw = trial.worst_draw
     before = start.checks[draw % len(start.checks)]  # an unstable start has one draw
     for i, check in enumerate(trial.checks[draw]):
         yield {
@@ -563,8 +591,11 @@ def _requirements(
         }
 
 
-def _success(success: float | None, dispersed: Campaign | None) -> float:
+def _success(success: float | None, dispersed: Campaign | None, until_sure: bool) -> float:
     """Share of draws that must succeed: `SUCCESS` by default."""
+    if until_sure and (dispersed is None or success == 1.0):
+        got = "a success of 1" if dispersed else "none"
+        raise InputError(f"`until_sure` must be with a campaign and a success below 1, got {got}.")
     if success is not None and dispersed is None:
         raise InputError(
             f"`success` must be absent without a campaign, whose draws it counts, got {success:g}."

@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from flighttune.arrays import FloatArray
 from flighttune.campaign.counted_flights import distribution_of
+from flighttune.campaign.statistics.intervals import CONFIDENCE
 from flighttune.control.gains import PIGains, gains_lists, gains_table
 from flighttune.control.linear_model import closed_loop
 from flighttune.control.margins import loop_margins, margins_table
@@ -50,6 +51,17 @@ TRADE_COLUMNS = [
 ]
 LOOP_COLUMNS = columns("R_K I_K E_K spectral_abscissa")
 CERTIFICATE_COLUMNS = [Column("in_words", "status"), *columns("rate growth radius")]
+# What decides whether enough draws meet all requirements; or what is sure of a new draw.
+WANTED = {
+    "lo": "{} are wanted, by the lower end of the interval",
+    "value": "{} are wanted, by the estimate",
+}
+AT_ANY = f"confidence {CONFIDENCE:g} at any number of draws"
+SURE = {
+    "yes": f"those of a new draw do with a probability of at least {{}}, {AT_ANY}",
+    "no": f"those of a new draw do with a probability below {{}}, {AT_ANY}",
+    "": "it is not sure yet whether those of a new draw do with a probability of at least {}",
+}
 BY_DEFAULT_NOTE = (
     "Margins of the linear loop of 6 dB and 35 deg are required by default: others under "
     "at_least.loop of [[expect]] replace them."
@@ -123,8 +135,9 @@ class Meeting(Answering):
         in those that met the others (``beside``, None if none did). Empty on a campaign.
     success : mapping or None
         On a campaign the ``share`` of fresh draws on which all are met, that of the start
-        (``of_start``), the share ``wanted``, and whether the lower end of the interval or the
-        estimate decides (``by``); the ``worst_draw`` and the ``seed`` of these draws.
+        (``of_start``), the share ``wanted``, and whether the lower end of the interval (``lo``),
+        the estimate (``value``) or evidence at any number of draws decides (``by``); whether it is
+        ``sure``, "yes", "no" or empty; the ``worst_draw`` and the ``seed`` of these draws.
     worst : Scenario or None
         The scenario in that draw.
     trials : sequence of Trial
@@ -258,15 +271,18 @@ class Meeting(Answering):
 
     def _counted(self, success: Mapping[str, Any], flights: str) -> str:
         """The share of fresh draws on which the requirements are met."""
+        shares, by = (success["share"], success["of_start"]), success["by"]
         gains, start = (
-            interval(*(100.0 * success[key][end] for end in ("value", "lo", "hi")))
-            for key in ("share", "of_start")
+            interval(*(100.0 * x[end] for end in ("value", "lo", "hi")))
+            if "lo" in x
+            else percent(x["value"])
+            for x in shares
         )
-        by = "lower end of the interval" if success["by"] == "lo" else "estimate"
+        rule = SURE[success["sure"]] if by == "evidence" else WANTED[by]
+        rule = rule.format(f"{100.0 * success['wanted']:g} %")
         return (
             f"On {success['share']['n']} fresh draws (seed {success['seed']}) {gains} % of the "
-            f"flights meet all requirements, {start} % with {self.start}; "
-            f"{100.0 * success['wanted']:g} % are wanted, by the {by} ({flights})."
+            f"flights meet all requirements, {start} % with {self.start}; {rule} ({flights})."
         )
 
 

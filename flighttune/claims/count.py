@@ -5,22 +5,22 @@ Statistics 12 (1941).
 """
 
 import math
-from typing import Literal, TypeAlias
+from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 from scipy.special import bdtr, bdtri, betainc, betaln, xlog1py, xlogy
 
-from flighttune.arrays import FloatArray, check_between
+from flighttune.arrays import FloatArray, Floats, check_between
 from flighttune.errors import InputError
-
-Integers: TypeAlias = int | npt.NDArray[np.int_]
 
 # Flights that may lie outside by default: the scale depends less on a single one of them.
 OUTSIDE = 5
 
 # Ratio of the largest probability to epsilon that evidence of a no counts.
 WIDEST = 20.0
+
+# A count that may end at any number of flights is looked at each time after so many.
+LOOK = 12
 
 # Largest chance of missing a forgery among flights that are flown again by default.
 MISSED = 0.05
@@ -88,15 +88,15 @@ def counted_scale(scores: FloatArray, epsilon: float, confidence: float) -> tupl
 
 
 def log_evidence(
-    outside: Integers, flights: Integers, epsilon: float
+    outside: Floats, flights: Floats, epsilon: Floats
 ) -> tuple[FloatArray, FloatArray]:
     r"""Evidence that a probability is below, and that it is above, `epsilon`, at any time.
 
     Parameters
     ----------
-    outside, flights : array_like of int, shape (...)
+    outside, flights : array_like, shape (...)
         Independent flights, and how many of them were outside, at one or more times.
-    epsilon : float, 1
+    epsilon : array_like, shape (...), 1
         Probability of being outside, 0 to 1.
 
     Returns
@@ -120,7 +120,7 @@ def log_evidence(
        nonnegative supermartingales", Probability Surveys 17 (2020).
     """
     k, n = np.asarray(outside, dtype=float), np.asarray(flights, dtype=float)
-    top = min(1.0, WIDEST * epsilon)
+    epsilon, top = np.asarray(epsilon), np.minimum(1.0, WIDEST * np.asarray(epsilon))
     log_epsilon = xlogy(k, epsilon) + xlog1py(n - k, -epsilon)
     shares = [betainc(k + 1.0, n - k + 1.0, q) for q in (epsilon, top)]
     with np.errstate(divide="ignore"):
@@ -142,6 +142,11 @@ def sure(outside: int, flights: int, epsilon: float, confidence: float) -> Liter
         for evidence in log_evidence(outside, flights, epsilon)
     )
     return "yes" if below else "no" if above else ""
+
+
+def looks(flights: int) -> list[int]:
+    """Numbers of flights after which a count that ends as soon as it is `sure` is looked at."""
+    return [*range(LOOK, flights, LOOK), flights]
 
 
 def flights_again(epsilon: float) -> int:

@@ -236,7 +236,11 @@ def _axis(key: str) -> str:
 
 
 # Effects of the seed of a flight.
-CONFIDENCE = {"clopper-pearson": "Clopper and Pearson's", "wilson": "Wilson's"}
+CONFIDENCE = {
+    "clopper-pearson": "Clopper and Pearson's interval",
+    "wilson": "Wilson's interval",
+    "any-time": "an interval that holds at any number of independent draws",
+}
 
 
 def write_campaign_report(findings: Findings, path: str | Path) -> Report:
@@ -319,7 +323,7 @@ def _sections(findings: Findings) -> list[Section]:
         Section(
             id="rates",
             title="How often",
-            note=f"Of all flights of a group, with {CONFIDENCE[flights.method]} interval of "
+            note=f"Of all flights of a group, with {CONFIDENCE[flights.method]}, of "
             f"{100.0 * flights.confidence:g} % confidence in brackets.",
             tables=[
                 tables.success_table(findings, groups),

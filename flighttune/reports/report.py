@@ -89,8 +89,9 @@ def report(
         Values to set in a scenario that is flown, by dotted key.
     columns : mapping or sequence
         Where a log has its signals, as for `load_log`.
-    interval : {"wilson", "clopper-pearson"}
-        Confidence interval of the rates of a campaign.
+    interval : {"wilson", "clopper-pearson", "any-time"}
+        Confidence interval of the rates of a campaign; any-time holds however often a campaign at
+        random is looked at while it flies, so that it may be stopped as soon as a rate is sure.
     confidence : float
         Confidence of the intervals of a campaign, 0 to 1, by default 0.95.
 

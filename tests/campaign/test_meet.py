@@ -377,6 +377,38 @@ def test_the_share_of_a_campaign_is_counted_on_draws_that_the_search_has_not_see
     assert ft.load_campaign(file).disperse == meeting.campaign.disperse
 
 
+@pytest.mark.parametrize(
+    ("bound", "draws", "said"),
+    [
+        # 0.95^-n / 2 exceeds 2 / 0.05 from 82 on, and it is looked at every 12 draws
+        (60.0, 84, "with a probability of at least 95 %, confidence 0.95 at any number of draws"),
+        (0.01, 12, "with a probability below 95 %, confidence 0.95 at any number of draws"),
+    ],
+)
+def test_the_share_of_a_campaign_is_counted_until_it_is_sure(
+    tmp_path, overshoot, bound, draws, said
+):
+    base, file = tmp_path / "base.toml", tmp_path / "own.toml"
+    scenario_file(base, overshoot)
+    text = CAMPAIGN.format(scenario="base.toml").replace("MO_deg = 8.0", f"MO_deg = {bound}")
+    file.write_text(text, encoding="utf-8")
+    fixed = {"start": "tuned_identified", "budget": 480, "workers": 1}
+
+    meeting = ft.meet(base, campaign=file, until_sure=True, **fixed)
+
+    success = meeting.success
+    assert success["share"] == {"value": float(bound > 1.0), "n": draws}
+    assert (meeting.status, success["sure"]) == (
+        ("met", "yes") if bound > 1.0 else ("missed", "no")
+    )
+    assert said in meeting.sentence
+    assert meeting.answer().values["success"]["by"] == "evidence"
+    # each draw is that of the campaign, with a design at random
+    file.write_text(f'design = "random"\n{text}', encoding="utf-8")
+    drawn = ft.plan_campaign(ft.load_campaign(file), runs=draws).parameters()
+    assert meeting.worst.flight.V_a_mps == drawn["flight.V_a_mps"].iloc[success["worst_draw"]]
+
+
 def test_a_campaign_that_disperses_nothing_has_the_draws_of_its_turbulence(tmp_path):
     file = tmp_path / "own.toml"
     text = 'title = "t"\nscenario = "turbulent_climb"\nruns = 2\ngains = ["paper"]\n'
@@ -396,6 +428,8 @@ def test_a_campaign_that_disperses_nothing_has_the_draws_of_its_turbulence(tmp_p
         ({"metric": "chi.nothing"}, r"`metric`.*ITAE, margin.* 'chi.nothing'"),
         ({"success": 0.9}, "`success` must be absent without a campaign.* 0.9"),
         ({"campaign": "robust_tuning", "success": 0.0}, "`success`.* 0"),
+        ({"until_sure": True}, "`until_sure` must be with a campaign"),
+        ({"campaign": "robust_tuning", "success": 1.0, "until_sure": True}, "a success of 1"),
         ({"campaign": "robust_tuning", "metric": "chi.MO_deg"}, "`metric`.*campaign"),
     ],
 )

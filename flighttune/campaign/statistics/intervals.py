@@ -16,10 +16,14 @@ import pandas as pd
 from scipy.special import bdtr, betaincinv, ndtri
 
 from flighttune.arrays import FloatArray, check_between
+from flighttune.claims.count import log_evidence
 
-Method: TypeAlias = Literal["wilson", "clopper-pearson"]
+Method: TypeAlias = Literal["wilson", "clopper-pearson", "any-time"]
 
 CONFIDENCE = 0.95
+
+# Halvings of the range of a probability, down to rounding.
+BISECTIONS = 50
 
 # Relative difference up to which two values of a measure are the same.
 TIED = 1e-9
@@ -38,9 +42,9 @@ def rate_interval(
     ----------
     successes, n : array_like, shape (...), 1
         Successes, and trials they are of; not whole where they are effective numbers.
-    method : "wilson" or "clopper-pearson"
-        Wilson's score interval, or Clopper and Pearson's, which never covers less often than it
-        claims.
+    method : "wilson", "clopper-pearson" or "any-time"
+        Wilson's score interval; Clopper and Pearson's, which never covers less often than it
+        claims; or one that does not even if the successes decide how many trials there are.
 
     Returns
     -------
@@ -51,7 +55,8 @@ def rate_interval(
     -----
     Wilson [1]_, with ``z`` the normal quantile of ``(1 + confidence) / 2`` and
     ``p = successes / n``: ``(p + z^2/2n ± z sqrt(p (1-p)/n + z^2/4n^2)) / (1 + z^2/n)``. Clopper
-    and Pearson [2]_: quantiles of beta distributions.
+    and Pearson [2]_: quantiles of beta distributions. At any time: the probabilities that the
+    evidence of `log_evidence` does not refuse after these trials.
 
     References
     ----------
@@ -69,10 +74,26 @@ def rate_interval(
         middle = (k + 0.5 * z2) / (m + z2)
         half = np.sqrt(z2) / (m + z2) * np.sqrt(k * (m - k) / m + 0.25 * z2)
         lo, hi = middle - half, middle + half
+    elif method == "any-time":
+        lo, hi = _not_refused(k, trials, tail)
     else:
         lo = betaincinv(np.maximum(k, 0.5), trials - k + 1.0, tail)
         hi = betaincinv(k + 1.0, np.maximum(trials - k, 0.5), 1.0 - tail)
     return np.where(k == 0.0, 0.0, lo), np.where(k == trials, 1.0, hi)
+
+
+def _not_refused(k: FloatArray, n: FloatArray, tail: float) -> tuple[FloatArray, FloatArray]:
+    """Ends of the probabilities of success that neither evidence of failures refuses."""
+    ends = []
+    for side in (0, 1):  # evidence that failures are rarer, and that they are more frequent
+        low, high = np.zeros(k.shape), np.ones(k.shape)
+        for _ in range(BISECTIONS):
+            middle = 0.5 * (low + high)
+            refused = log_evidence(n - k, n, middle)[side] > -math.log(tail)
+            higher = refused if side else ~refused
+            low, high = np.where(higher, middle, low), np.where(higher, high, middle)
+        ends.append(1.0 - (low if side else high))
+    return ends[0], ends[1]
 
 
 def quantile_interval(
