@@ -38,7 +38,7 @@ from flighttune.planning.source import Flights
 from flighttune.planning.source import flights as flights_of_source
 from flighttune.present.answer import Answer, Answering, Column, Table, facts_table, number, percent
 from flighttune.present.frame import Report, Section, write_answer
-from flighttune.present.names import endings_table
+from flighttune.present.names import endings_table, listed
 from flighttune.records.compare import Comparison, Source, load_source
 from flighttune.records.compare import compare as compare_runs
 from flighttune.references.follow import RouteReference
@@ -49,6 +49,11 @@ from flighttune.units import DEG_PER_RAD
 
 NO_TRACK = (
     "A reference over time has no track: your guidance follows its course, turn and rate of climb."
+)
+NOT_EMULATED = (
+    "Not emulated: your throttle, which is that of the aircraft here, underspeed and excess wind, "
+    "and the switch from leg to leg. Where the throttle is at a stop, TECS gives up height for "
+    "airspeed; ours holds the path."
 )
 
 # Where the loops are cut.
@@ -68,9 +73,14 @@ MEASURED = {
 # Number of errors in the first lines: cross track, height and airspeed of a route.
 HEADLINE = 3
 
-# Share of the time of a flight in which the distance from its track stays below a number.
+# Share of the time of a flight in which a signal stays below a number, and the signals of a log
+# that are held against those of the flights, with their unit and its factor.
 SHARE = 0.95
-TRACKED = {"cross_track": "cross track", "height_err": "height"}
+LOGGED = {
+    "cross_track": ("cross track", "m", 1.0),
+    "height_err": ("height", "m", 1.0),
+    "phi_cmd": ("commanded roll", "deg", DEG_PER_RAD),
+}
 
 ACCURACY = [
     Column("of", "largest error of"),
@@ -84,9 +94,10 @@ ACCURACY = [
 PARAMETERS = [Column("name", "parameter"), Column("value", "flown"), Column("from", "from")]
 TRACKING = [
     Column("of", "in 95 % of the time, below"),
-    Column("log", "log", "m", ".3g"),
-    Column("low", "least of the flights", "m", ".3g"),
-    Column("high", "largest of them", "m", ".3g"),
+    Column("log", "log", digits=".3g"),
+    Column("low", "least of the flights", digits=".3g"),
+    Column("high", "largest of them", digits=".3g"),
+    Column("unit", "unit"),
 ]
 
 
@@ -197,6 +208,7 @@ class Beside(Answering):
                 *self.now.notes,
                 *self.notes,
                 *([] if self.plan.scenario.route else [NO_TRACK]),
+                NOT_EMULATED,
                 f"Not used of the guidance: {unused}. Parameters of other parts: {self.now.rest}.",
             ],
         )
@@ -304,11 +316,9 @@ def _guided(model: LinearModel, rows: FloatArray, feedback: Sequence[float]) -> 
 
 
 def _kept(run: Run, _scenario: Scenario | None) -> list[float]:
-    """Distances from its track below which a run is in `SHARE` of its time, NaN without one."""
-    return [
-        float(run.signals[name].abs().quantile(SHARE)) if name in run.signals else math.nan
-        for name in TRACKED
-    ]
+    """What the signals of `LOGGED` stay below in `SHARE` of the time, NaN of one that is absent."""
+    kept = run.signals.reindex(columns=[*LOGGED]).abs().quantile(SHARE)
+    return [value * factor for value, (*_, factor) in zip(kept, LOGGED.values(), strict=True)]
 
 
 @overload
@@ -476,15 +486,12 @@ def _with_guidance(plan: Plan, now: Flown) -> Plan:
 
 def _logged(
     log: str, columns: Columns, now: Flown, version: str | None
-) -> tuple[dict[str, float], list[str]]:
-    """How near to its track a log is, and what is not as in the flights."""
+) -> tuple[list[float], list[str]]:
+    """What the signals of a log stay below, and what is not as in the flights."""
     run, place = load_part(str(log), columns), Path(str(log).partition("@")[0])
-    kept = dict(zip(TRACKED, _kept(run, None), strict=True))
-    if all(map(math.isnan, kept.values())):
-        raise InputError(
-            f"{log}: must have distances from the track (npfg_status of PX4, NTUN of ArduPilot), "
-            "got none."
-        )
+    kept = _kept(run, None)
+    if np.isnan(kept).all():
+        raise InputError(f"{log}: must have one of the signals {', '.join(LOGGED)}, got none.")
     notes = []
     with suppress(InputError):
         flown = flown_now(place, version).law.parameters
@@ -494,24 +501,26 @@ def _logged(
     return kept, notes
 
 
-def _tracking(logged: Mapping[str, float], rows: pd.DataFrame) -> list[dict[str, Any]]:
+def _tracking(logged: Sequence[float], rows: pd.DataFrame) -> list[dict[str, Any]]:
     """The log between the least and the largest of the flights with the user's guidance."""
     flown = rows[(rows["gains"] == YOURS) & (rows["status"] == "completed")]
-    kept = np.array(flown["kept"].tolist()).reshape(-1, len(TRACKED))
+    kept = pd.DataFrame(flown["kept"].tolist(), columns=[*LOGGED])
     return [
-        {"of": words, "log": logged[name], "low": low, "high": high}
-        for (name, words), low, high in zip(
-            TRACKED.items(), kept.min(axis=0), kept.max(axis=0), strict=True
+        {"of": words, "log": value, "low": low, "high": high, "unit": unit}
+        for (words, unit, _), value, low, high in zip(
+            LOGGED.values(), logged, kept.min(), kept.max(), strict=True
         )
-        if not math.isnan(logged[name])
+        if not math.isnan(value) and not math.isnan(low)
     ]
 
 
 def _within(tracking: Sequence[Mapping[str, Any]]) -> str:
     """Whether the log lies among the flights."""
-    outside = [x["of"] for x in tracking if not x["low"] <= x["log"] <= x["high"]]
-    among = f"not, in {' and '.join(outside)}," if outside else ""
+    inside = [x["of"] for x in tracking if x["low"] <= x["log"] <= x["high"]]
+    outside = [x["of"] for x in tracking if x["of"] not in inside]
+    said = [f"lies among the flights with your guidance in {listed(inside)}"] * bool(inside)
+    said += [f"lies outside of them in {listed(outside)}"] * bool(outside)
     return (
-        f"The log lies {among} among the flights with your guidance, by the distance that "
-        f"{percent(SHARE)} % of its time stays below; it had another mission and other wind."
-    ).replace("  ", " ")
+        f"The log {listed(said)}, by what {percent(SHARE)} % of the time stays below; it had "
+        "another mission and other wind."
+    )

@@ -127,14 +127,19 @@ def test_a_log_lies_among_the_flights_or_not(beside, file, tmp_path):
     run = next(run for run in flown.runs if run.status == "completed")
     t, signals = sampled(run, noise=False, dropouts=False, late=False)
     near = write_dataflash(tmp_path / "near.bin", t, signals)
-    far = write_dataflash(tmp_path / "far.bin", t, signals | {"cross_track": 0.0 * t + 50.0})
-    for log, among in ((near, None), (far, "The log lies not, in cross track")):
+    off = {"cross_track": 0.0 * t + 50.0, "phi_cmd": 2.0 * signals["phi_cmd"]}
+    far = write_dataflash(tmp_path / "far.bin", t, signals | off)
+    outside = "lies outside of them in cross track and commanded roll"
+    for log, among in ((near, None), (far, outside)):
         answer = ft.compare("circuit_in_wind", autopilot=file, log=str(log), **FEW).answer()
-        cross, height = answer.values["tracking"]
+        cross, height, roll = answer.values["tracking"]
         assert "not checked" not in answer.summary[3]
         if among is None:
             kept = np.quantile(np.abs(run.signals["height_err"]), 0.95)
             assert height["log"] == pytest.approx(kept, abs=0.05)
+            kept = np.degrees(np.quantile(np.abs(run.signals["phi_cmd"]), 0.95))
+            assert roll["log"] == pytest.approx(kept, abs=0.5)
+            assert roll["low"] <= roll["log"] <= roll["high"]
         else:
             assert cross["log"] == pytest.approx(50.0)
             assert any(among in note for note in answer.notes)
