@@ -25,7 +25,7 @@ from flighttune.campaign.engine.progress import CampaignObserver
 from flighttune.campaign.flying.rows import fly_group
 from flighttune.campaign.turn_back import room_of
 from flighttune.claims.band import ROOM, Band, Residual, read_counted
-from flighttune.claims.count import fresh_flights
+from flighttune.claims.count import LOOK, fresh_flights
 from flighttune.claims.counted import (
     DOUBLED,
     About,
@@ -72,9 +72,8 @@ EPSILON, CONFIDENCE, LEARN = 0.01, 0.999, 500
 # bounded by nearly its quantile.
 HEIGHT_ROOM = np.array([1.0, 2.0])
 
-# Flights counted before the answer is first judged; then twice, four times ... as many. A rule that
-# is valid at any number judges it each time after so many as the second.
-BATCH, LOOK = 24, 12
+# Flights counted before the answer is first judged; then twice, four times ... as many.
+BATCH = 24
 
 # Numbers of flights named in the refusal of another one.
 SHOWN = 3
@@ -206,8 +205,8 @@ def band(  # noqa: PLR0913 - each is a choice of the user, and has a default
         )
     counted = counted_on(
         Band,
+        drawn(stated, plant, gains, air, seed),
         place=stated.place,
-        plan=drawn(stated, plant, gains, air, seed),
         epsilon=EPSILON if epsilon is None else epsilon,
         confidence=CONFIDENCE if confidence is None else confidence,
         flights=flights,
@@ -272,16 +271,9 @@ def residual(  # noqa: PLR0913 - as `band`
     29
     """
     stated = flights_of_source(source, changes=changes).starting(start_deg)
-    return counted_on(
-        Residual,
-        place=stated.place,
-        plan=drawn(stated, plant, gains, air, seed),
-        epsilon=epsilon,
-        confidence=confidence,
-        flights=flights,
-        learn=learn,
-        by=(workers, scheduler, observer),
-    )
+    plan, by = drawn(stated, plant, gains, air, seed), (workers, scheduler, observer)
+    claim = {"epsilon": epsilon, "confidence": confidence, "flights": flights, "learn": learn}
+    return counted_on(Residual, plan, place=stated.place, by=by, **claim)
 
 
 def continued(
@@ -327,9 +319,9 @@ def drawn(
 
 def counted_on(
     kind: type[C],
+    plan: Plan,
     *,
     place: str,
-    plan: Plan,
     epsilon: float,
     confidence: float,
     flights: int | None,
@@ -375,20 +367,20 @@ def counted_on(
             until_sure=until_sure,
             models=models,
         )
-        looks = range(LOOK, plan.runs, LOOK) if until_sure else (BATCH * DOUBLED).tolist()
-        ends = [learn + n for n in looks if certain and learn + n < plan.runs] + [plan.runs]
-        counted = None
+        counted = kind(
+            about=about,
+            flights=of,
+            extremes=np.zeros((0, *half.shape, 2), np.float32),
+            wind=np.zeros((0, 2 * windy)),
+        )
+        numbers = range(LOOK, plan.runs, LOOK) if until_sure else (BATCH * DOUBLED).tolist()
+        ends = [learn + n for n in numbers if certain and learn + n < plan.runs] + [plan.runs]
         for begin, end in pairwise([learn, *ends]):
-            more = _flown(pool, plan, probe, range(begin, end), "counting")
-            flown = {"extremes": more[0], "wind": more[1]}
-            counted = (
-                kind(about=about, flights=of, **flown)
-                if counted is None
-                else counted.with_flights(*more)
+            counted = counted.with_flights(
+                *_flown(pool, plan, probe, range(begin, end), "counting")
             )
             if certain is not None and certain(counted):
                 break
-    assert counted is not None  # of one batch at least
     endings = [x for x in pool.progress.endings if x["run"] >= learn]
     return replace(counted, endings=endings)
 

@@ -19,7 +19,7 @@ from flighttune.campaign.mission import CONFIDENCE, EPSILON, OUTSIDE
 from flighttune.campaign.statistics.flights import flights_of
 from flighttune.campaign.statistics.intervals import paired, rate_interval, scores
 from flighttune.claims.count import allowed_outside, flights_needed
-from flighttune.control.gains import NO_FEEDBACK, rate_gains
+from flighttune.control.gains import NO_FEEDBACK, PIGains, rate_gains
 from flighttune.control.law import made_law
 from flighttune.control.limits import Limits
 from flighttune.control.linear_model import LinearModel, inner_feedback
@@ -174,7 +174,11 @@ class Beside(Answering):
         better = ", ".join(
             f"{x['of']} {x['better']} ({percent(x['lo'])} to {percent(x['hi'])} %)" for x in first
         )
-        said = [_lost_in_words(rows) for rows in lost.values()]
+        ended = {
+            name: dict.fromkeys(row["status"].replace("_", " ") for row in rows)
+            for name, rows in lost.items()
+        }
+        said = [f"{len(lost[x])} ({', '.join(ended[x])})" if lost[x] else "0" for x in lost]
         unused = ", ".join(self.now.unused) or "none"
         checked = "" if self.tracking else "; not checked against a log"
         return Answer(
@@ -224,11 +228,8 @@ class Beside(Answering):
     @property
     def _in_your_terms(self) -> str:
         """The gain of the course in the name of the user's parameter, and the margins."""
-        gains = self.plan.gain_sets[self.plan.groups[-1].gains]
-        flight = self.plan.scenario.flight
-        assert gains is not None  # of the group that was chosen
         law, period = self.now.law, self.now.law.period
-        K_P = rate_gains(gains, V_a=flight.V_a_mps, g=flight.g_mps2).K_P[0, 0]
+        K_P = _rate_gains(self.plan).K_P[0, 0]
         same = 4.0 * math.pi * law.roles["damping"] / K_P
         cuts = [table.records for table in self.margins.values()]
         margins = "; ".join(
@@ -243,10 +244,10 @@ class Beside(Answering):
     def page(self, path: str | Path, command: str) -> Report:
         """Write the answer as one self-contained page; `command` repeats it."""
         answer = self.answer()
-        accuracy, *others = answer.tables
+        (accuracy, *others), ours = answer.tables, self.plan.groups[-1].gains
         return write_answer(
             path,
-            title=f"{self.plan.scenario.title}: {self.now.name} beside {self._ours}",
+            title=f"{self.plan.scenario.title}: {self.now.name} beside {ours}",
             summary=answer.summary,
             parts={
                 "accuracy": Section(id="accuracy", title="Accuracy", tables=[accuracy], open=True),
@@ -255,10 +256,6 @@ class Beside(Answering):
             provenance=facts_table("Provenance", library_versions()),
             commands=command,
         )
-
-    @property
-    def _ours(self) -> str:
-        return self.plan.groups[-1].gains
 
 
 def _cut(rows: Sequence[Mapping[str, Any]], place: int) -> str:
@@ -269,36 +266,31 @@ def _cut(rows: Sequence[Mapping[str, Any]], place: int) -> str:
     return f"{20.0 * math.log10(gain):.1f} dB, {phase:.0f} deg"
 
 
-def _lost_in_words(rows: Sequence[Mapping[str, Any]]) -> str:
-    """Number of flights that did not complete, and how they ended."""
-    ended = dict.fromkeys(str(row["status"]).replace("_", " ") for row in rows)
-    return f"{len(rows)} ({', '.join(ended)})" if rows else "0"
-
-
 def loops(scenario: Scenario, plan: Plan, now: Flown) -> dict[str, Sequence[Margins]]:
     """Margins of each loop cut at roll and at lift, behind the identified inner loop.
 
     On a route the loops over the distances from it are closed, too: the guidance of the user has
     them by its period, and that of the program by its look-ahead. InputError without a model.
     """
-    gains = plan.gain_sets[plan.groups[-1].gains]
-    assert gains is not None  # of the group that was chosen
-    flight, reference = scenario.flight, reference_of(scenario)
+    reference, ours = reference_of(scenario), _rate_gains(plan)
     model = identified_models(scenario, made_law("exact"))[0].model
-    ours = rate_gains(gains, V_a=flight.V_a_mps, g=flight.g_mps2)
-    setup = law_setup(scenario, gains, Limits.none(2))
-    a, b, c, d = (np.diag(x) for x in now.law.make(setup).linear(flight.V_a_mps))
+    law = now.law.make(law_setup(scenario, ours, Limits.none(2)))
+    a, b, c, d = (np.diag(x) for x in law.linear(scenario.flight.V_a_mps))
     on_route = isinstance(reference, RouteReference)
     per_T = 1.0 / reference.look_ahead if isinstance(reference, RouteReference) else 0.0
-    rows = {
-        YOURS: (a, c + b * on_route, d * on_route),
-        OURS: (ours.K_P, ours.K_I + ours.K_P * per_T, ours.K_I * per_T),
-    }
-    feedback = {YOURS: NO_FEEDBACK, OURS: ours.feedback}
+    yours = a, c + b * on_route, d * on_route
+    rows = ours.K_P, ours.K_I + ours.K_P * per_T, ours.K_I * per_T
     return {
-        name: cut_margins(_guided(model, np.array(x), feedback[name]), CUT)
-        for name, x in rows.items()
+        YOURS: cut_margins(_guided(model, np.array(yours), NO_FEEDBACK), CUT),
+        OURS: cut_margins(_guided(model, np.array(rows), ours.feedback), CUT),
     }
+
+
+def _rate_gains(plan: Plan) -> PIGains:
+    """Gains of the plan as those of the rates of course and path angle."""
+    gains, flight = plan.gain_sets[plan.groups[-1].gains], plan.scenario.flight
+    assert gains is not None  # of the group that was chosen
+    return rate_gains(gains, V_a=flight.V_a_mps, g=flight.g_mps2)
 
 
 def _guided(model: LinearModel, rows: FloatArray, feedback: Sequence[float]) -> Loop:
@@ -419,16 +411,10 @@ def compare(  # type: ignore[misc] # noqa: PLR0913 - each is a choice of the use
     >>> [pair.b.label for pair in comparison.pairs]
     ['kinematic / tuned', 'jsbsim:aerosonde / paper', 'jsbsim:aerosonde / tuned']
     """
-    options = {
-        "version": version,
-        "log": log,
-        "flights": flights,
-        "aircraft": aircraft,
-        "like": like,
-    }
-    options |= {"skip": skip, "seed": seed, "changes": changes}
+    of_flights = {"aircraft": aircraft, "like": like, "skip": skip, "changes": changes}
     if autopilot is None:
-        for name, value in options.items():
+        options = {"version": version, "log": log, "flights": flights, "seed": seed}
+        for name, value in (of_flights | options).items():
             if value not in (None, False, {}):
                 raise InputError(f"`{name}` must be absent without the parameters of an autopilot.")
         runs = [load_source(x, columns=columns) if isinstance(x, str | Path) else x for x in others]
@@ -440,7 +426,6 @@ def compare(  # type: ignore[misc] # noqa: PLR0913 - each is a choice of the use
         raise InputError("`autopilot` must be compared with one source of flights, got runs.")
     now = flown_now(autopilot, version)
     place, _, gains = str(a).partition("@") if isinstance(a, str) else (a, "", "")
-    of_flights = {"aircraft": aircraft, "like": like, "skip": skip, "changes": changes}
     stated = flights_of_source(place, **of_flights)
     plan = drawn(stated, None, gains or None, None, seed)
     if plan.scenario.airspeed:
@@ -454,17 +439,14 @@ def compare(  # type: ignore[misc] # noqa: PLR0913 - each is a choice of the use
             check_random(stated.place, with_others, plan.campaign.central)
         except InputError:
             flights = 1  # all would be the same
-    plan, notes, logged = plan.with_runs(flights * len(plan.groups)), [], None
-    if log is not None:
-        logged, notes = _logged(log, columns, now, version)
+    plan = plan.with_runs(flights * len(plan.groups))
+    logged, notes = ([], []) if log is None else _logged(log, columns, now, version)
     with WorkerPool(workers, scheduler, observer) as pool:
-        probes = {} if logged is None else {"kept": _kept}
-        rows = list(pool.rows(plan, range(plan.runs), probes=probes))
+        rows = list(pool.rows(plan, range(plan.runs), probes={"kept": _kept}))
     frame = flights_of(pd.DataFrame(rows), plan).rows
     frame["gains"] = np.where(frame["gains"] == group.gains, YOURS, OURS)
-    tracking = [] if logged is None else _tracking(logged, frame)
-    if tracking:
-        notes += [_within(tracking)]
+    tracking = _tracking(logged, frame)
+    notes += [_within(tracking)] if tracking else []
     return Beside(now=now, plan=plan, rows=frame, tracking=tracking, notes=tuple(notes))
 
 
@@ -508,7 +490,7 @@ def _tracking(logged: Sequence[float], rows: pd.DataFrame) -> list[dict[str, Any
     return [
         {"of": words, "log": value, "low": low, "high": high, "unit": unit}
         for (words, unit, _), value, low, high in zip(
-            LOGGED.values(), logged, kept.min(), kept.max(), strict=True
+            LOGGED.values(), logged, kept.min(), kept.max(), strict=False
         )
         if not math.isnan(value) and not math.isnan(low)
     ]
@@ -518,9 +500,13 @@ def _within(tracking: Sequence[Mapping[str, Any]]) -> str:
     """Whether the log lies among the flights."""
     inside = [x["of"] for x in tracking if x["low"] <= x["log"] <= x["high"]]
     outside = [x["of"] for x in tracking if x["of"] not in inside]
-    said = [f"lies among the flights with your guidance in {listed(inside)}"] * bool(inside)
-    said += [f"lies outside of them in {listed(outside)}"] * bool(outside)
+    places = {"among": inside, "outside of": outside}
+    said = [
+        f"{place} the flights with your guidance in {listed(names)}"
+        for place, names in places.items()
+        if names
+    ]
     return (
-        f"The log {listed(said)}, by what {percent(SHARE)} % of the time stays below; it had "
+        f"The log lies {listed(said)}, by what {100.0 * SHARE:g} % of the time stays below; it had "
         "another mission and other wind."
     )

@@ -5,11 +5,11 @@ import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, replace
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from flighttune.arrays import FloatArray, check_at_least
 from flighttune.campaign.counted_flights import at_random
@@ -19,7 +19,7 @@ from flighttune.campaign.flying.columns import measured_in
 from flighttune.campaign.flying.rows import Row
 from flighttune.campaign.meeting import BY_DEFAULT, Meeting, Trial
 from flighttune.campaign.statistics.intervals import CONFIDENCE, ordered_quantile, share
-from flighttune.claims.count import looks, sure
+from flighttune.claims.count import LOOK, sure
 from flighttune.control.gains import PAPER_GAINS, PIGains
 from flighttune.control.law import Law, plain_laws, split_name
 from flighttune.control.linear_model import closed_loop
@@ -498,7 +498,7 @@ def meet(
         if dispersed is None or trials[first].worst.max() > -WANTED:
             search.search([*starts.values()], budget - counting)
         best = nearest = search.best()
-        flown_start, counted = trials[first], None
+        flown_start, counted, worst = trials[first], None, None
         if dispersed is not None:
             of_count = at_random(dispersed) if until_sure else dispersed
             count = Search(
@@ -511,6 +511,7 @@ def meet(
             both = best.gains, flown_start.gains
             nearest, flown_start, counted = _count(count, both, success, until_sure)
             search.flights += count.flights
+            worst = count.in_draw(nearest.worst_draw)
     met, start_met = counted.pop("enough") if counted else (best.met, flown_start.met)
     return Meeting(
         status="met" if met else "missed",
@@ -527,7 +528,7 @@ def meet(
         worse=[*_worse(scenarios[0], law, nearest, flown_start)],
         trade_offs=[] if met or dispersed else [*search.trade_offs(best)],
         success=counted,
-        worst=counted and count.in_draw(nearest.worst_draw),
+        worst=worst,
         trials=[*search.trials.values()],
         tuned_for={
             "aircraft": flown_aircraft(plant for scenario in scenarios for plant in scenario.plant),
@@ -549,32 +550,43 @@ def _count(
 ) -> tuple[Trial, Trial, dict[str, Any]]:
     """Fly gains and start on fresh draws, all or until it is sure; the share that meets all."""
     cycles = np.arange(count.draws) // cycle(count.campaigns[0])
-    fresh = len(cycles)
-    # The lower end of the interval decides, unless it is below `wanted` for any count.
-    by = "lo" if share(np.ones(fresh, dtype=bool), cycles).lo >= wanted else "value"
-    for begin, end in pairwise([0, *(looks(fresh) if until_sure else [fresh])]):
-        nearest, start = count.fly(sets, range(begin, end))
+    trials: list[Trial] = []
+    counted: dict[str, Any] = {"sure": ""}
+    begin = 0
+    while begin < count.draws and not counted["sure"]:
+        end = min(begin + LOOK, count.draws) if until_sure else count.draws
+        trials = count.fly(sets, range(begin, end))
         if not until_sure:  # the start if both are equal
-            nearest = min(start, nearest, key=count.value)
-        flown, trials = ~nearest.default, (nearest, start)
-        flags = [trial.excess[:, flown].max(axis=1) <= 0.0 for trial in trials]
-        if until_sure:  # an interval is not valid at a number of draws that the draws decide
-            shares = [{"value": float(met.mean()), "n": end} for met in flags]
-            missed = (int(np.sum(~met)) for met in flags)
-            answers = [sure(n, end, 1.0 - wanted, CONFIDENCE) for n in missed]
-            decided = {"by": "evidence", "sure": answers[0]}
-            enough = [answer == "yes" for answer in answers]
-            if answers[0]:
-                break
-        else:
-            shares = [asdict(share(met, cycles)) for met in flags]
-            decided = {"by": by, "sure": ""}
-            enough = [part[by] >= wanted for part in shares]
-    for i, trial in enumerate(trials):
-        enough[i] &= bool((trial.excess[:, ~flown] <= 0.0).all())
-    counted = {"share": shares[0], "of_start": shares[1], "wanted": wanted, **decided}
-    counted |= {"worst_draw": nearest.worst_draw, "seed": count.campaigns[0].seed}
-    return nearest, start, counted | {"enough": enough}
+            trials[0] = min(reversed(trials), key=count.value)
+        counted, begin = _counted(trials, cycles[:end], wanted, until_sure), end
+    nearest, start = trials
+    more = {"worst_draw": nearest.worst_draw, "seed": count.campaigns[0].seed}
+    return nearest, start, {**counted, "wanted": wanted, **more}
+
+
+def _counted(
+    trials: Sequence[Trial], cycles: npt.NDArray[np.intp], wanted: float, until_sure: bool
+) -> dict[str, Any]:
+    """Shares of draws on which gains and start meet all, and whether each share is enough."""
+    flown, n = ~trials[0].default, len(cycles)
+    flags = [trial.excess[:, flown].max(axis=1) <= 0.0 for trial in trials]
+    by_default = [bool((trial.excess[:, ~flown] <= 0.0).all()) for trial in trials]
+    if until_sure:  # an interval is not valid at a number of draws that the draws decide
+        shares = [{"value": float(met.mean()), "n": n} for met in flags]
+        answers = [sure(int(np.sum(~met)), n, 1.0 - wanted, CONFIDENCE) for met in flags]
+        by, enough = "evidence", [answer == "yes" for answer in answers]
+    else:
+        # The lower end of the interval decides, unless it is below `wanted` for any count.
+        by = "lo" if share(np.ones(n, dtype=bool), cycles).lo >= wanted else "value"
+        shares, answers = [asdict(share(met, cycles)) for met in flags], [""]
+        enough = [part[by] >= wanted for part in shares]
+    return {
+        "share": shares[0],
+        "of_start": shares[1],
+        "by": by,
+        "sure": answers[0],
+        "enough": [x and y for x, y in zip(enough, by_default, strict=True)],
+    }
 
 
 def _requirements(trial: Trial, start: Trial, active: Sequence[int]) -> Iterator[dict[str, Any]]:

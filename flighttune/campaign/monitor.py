@@ -102,16 +102,9 @@ def monitor(  # noqa: PLR0913 - as `band`
     ['airspeed', 'elevator', 'trim', 'climb', 'roll', 'turn']
     """
     stated = flights_of_source(source, changes=changes).starting(start_deg)
-    counted = counted_on(
-        Monitor,
-        place=stated.place,
-        plan=drawn(stated, plant, gains, air, seed),
-        epsilon=epsilon,
-        confidence=confidence,
-        flights=flights,
-        learn=learn,
-        by=(workers, scheduler, observer),
-    )
+    plan, by = drawn(stated, plant, gains, air, seed), (workers, scheduler, observer)
+    claim = {"epsilon": epsilon, "confidence": confidence, "flights": flights, "learn": learn}
+    counted = counted_on(Monitor, plan, place=stated.place, by=by, **claim)
     if out is not None:
         counted.save(out)
     return counted

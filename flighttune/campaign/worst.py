@@ -307,18 +307,20 @@ def worst(  # noqa: PLR0913 - each is a choice of the user, and has a default
         )
         flight = find_worst(searched, budget=budget, seed=seed)
         flight = replace(flight, endings=pool.progress.endings)
-    if bounds is None:
+    if tube is None or bounds is None:
         return flight
     of_search = {
         channel: 1.0 / share if share else math.inf  # no flight came to its end
         for channel, share in zip(CHANNEL_SYMBOLS, searched.reach.tolist(), strict=True)
     }
     (run,) = fly(flight.scenario).runs
+    # That of an aircraft holds only flights whose residual rates keep its boxes, which are counted.
+    proven = tube.problem.boxes is None and not tube.why_not(run)
     return replace(
         flight,
         ratio=bounds.ratios(run.signals),
         ratio_of_search=of_search,
-        contradicts=_contradicts(run, tube),
+        contradicts=proven and bounds.share(run.signals) > 1.0 + ROUNDING,
     )
 
 
@@ -356,14 +358,6 @@ def _searchable(stated: AnyClaim, place: str) -> Tube | Counted:
             "one flight."
         )
     return stated
-
-
-def _contradicts(run: Run, tube: Tube | None) -> bool:
-    """Whether a flight leaves a tube that is proven to hold it."""
-    # That of an aircraft holds only flights whose residual rates keep its boxes, which are counted.
-    if tube is None or tube.problem.boxes is not None or tube.why_not(run):
-        return False
-    return tube.bounds.of(ERRORS).share(run.signals) > 1.0 + ROUNDING
 
 
 class StatedSet:
@@ -454,9 +448,8 @@ class StatedSet:
             return values
         reach = np.array([row[TUBE][1:] if TUBE in row else (np.nan, np.nan) for row in rows])
         self.reach = np.fmax(self.reach, np.fmax.reduce(reach))
-        if channel is None:
-            return values
-        return np.where(np.isnan(reach[:, channel]), values, reach[:, channel])
+        other = values if channel is None else reach[:, channel]
+        return np.where(np.isnan(other), values, other)
 
     def _rows(self, plan: Plan, draws: Sequence[Drawn], probes: Probes) -> list[dict[str, Any]]:
         self.flights += len(draws)

@@ -144,11 +144,6 @@ def sure(outside: int, flights: int, epsilon: float, confidence: float) -> Liter
     return "yes" if below else "no" if above else ""
 
 
-def looks(flights: int) -> list[int]:
-    """Numbers of flights after which a count that ends as soon as it is `sure` is looked at."""
-    return [*range(LOOK, flights, LOOK), flights]
-
-
 def flights_again(epsilon: float) -> int:
     """Flights to fly again so that as many forged ones as double epsilon are missed by `MISSED`."""
     return math.ceil(math.log(MISSED) / math.log1p(-epsilon))
