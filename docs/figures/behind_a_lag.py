@@ -24,7 +24,7 @@ def sensitivity(problem: ft.loop.TuningProblem, gains: ft.PIGains) -> float:
         columns = np.concatenate([errors, len(problem.model.errors) + errors])
         space = search_space(part)
         k = gains.K[inputs[:, None], columns][space.free]
-        peaks.append(Peaks(part.model, space, FINE).logs(k)[0].max())
+        peaks.append(Peaks(part.model, space, FINE).largest(k, np.zeros(1)))
     return math.exp(max(peaks))
 
 

@@ -51,6 +51,8 @@ class Peaks:
     def largest(self, k: FloatArray, feedback: FloatArray) -> float:
         """Logarithm of the largest of all, with the inner feedback (shape (m,)) of each command."""
         L = (1.0 + feedback)[:, None] * (self._space.K(k) @ self._GI)
-        L = L + feedback[:, None] * self._followed
+        L = np.eye(self._m) + L + feedback[:, None] * self._followed
+        if self._m == 1:
+            return -math.log(np.abs(L).min())
         # the largest singular value of an inverse
-        return -math.log(np.linalg.svd(np.eye(self._m) + L, compute_uv=False)[:, -1].min())
+        return -math.log(np.linalg.svd(L, compute_uv=False)[:, -1].min())

@@ -25,17 +25,13 @@ from flighttune.tuning.problem import SearchSpace, TuningProblem, search_space
 from flighttune.tuning.program import UNSTABLE_LOG, Program, loop_slopes, stabilising_starts
 from flighttune.tuning.result import ROUNDING, TuningResult
 from flighttune.tuning.simplex import STARTS as SEARCHED_FROM
-from flighttune.tuning.simplex import errors_in_gusts, searched
+from flighttune.tuning.simplex import GustLoop, searched
 from flighttune.tuning.tune import AGREEMENT, STARTS
 
-# Searches begin at the gains of the largest R_K times these.
+# Searches of the least E_K begin at the gains of the largest R_K times these.
 FACTORS = 1.0, 1.6
 
 ACCURACY, MAX_ITERATIONS = 1e-9, 150
-
-# Of the simplex search of the decay: price of a logarithm of sensitivity too much, 1/s, and runs
-PENALTY, RESTARTS = 100.0, 2
-SIMPLEX = {"xatol": 1e-5, "fatol": 1e-7, "maxfev": 400}
 
 # How often the bound is tightened by what the grid misses, each time by a little more
 MAX_TIGHTENINGS, MORE_THAN_MISSED = 6, 1.1
@@ -47,29 +43,62 @@ MISSED, SAME_END = 1e-6, 1e-3
 HELD = 5e-3
 
 
-def shaped(problems: Sequence[TuningProblem], k: FloatArray) -> tuple[FloatArray, int] | None:
-    """Free gains of one objective over several models, and how many searches agree on it.
+def least_error(problems: Sequence[TuningProblem], k: FloatArray) -> tuple[FloatArray, int] | None:
+    """Free gains of the least E_K over several models, and how many searches agree on it.
 
-    `problems`: of the same free gains; the first says what is sought and the largest sensitivity.
-    `k` (shape (f,)): gains that stabilise all of them. None if no search keeps the sensitivity.
+    It is smooth, so that SLSQP has the slopes of everything. `problems`: of the same free gains;
+    the first says the largest sensitivity. `k` (shape (f,)): gains that stabilise all of them. None
+    if no search keeps the sensitivity.
     """
-    first, space = problems[0], search_space(problems[0])
-    limit = math.log(first.sensitivity_max)
-    fine = [Peaks(case.model, space, FINE) for case in problems]
-    search = _Search(problems, space)
-    starts = [np.clip(factor * k, space.k_min, space.k_max) for factor in FACTORS]
+    from scipy.optimize import minimize
+
+    space, limit = search_space(problems[0]), math.log(problems[0].sensitivity_max)
+    coarse, fine = ([Peaks(case.model, space, n) for case in problems] for n in (GRID, FINE))
+    slopes = [loop_slopes(case.model, space) for case in problems]
+
+    def errors(k: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Logarithms of E_K of each error of each model, and their slopes in the gains."""
+        values, in_k = [], []
+        for case, slope in zip(problems, slopes, strict=True):
+            loop = closed_loops(case.model, space.K(k))
+            sizes, change = error_slopes(loop, slope, errors=len(case.model.errors))
+            stable = np.isfinite(sizes)
+            values.append(np.log(np.where(stable, sizes, math.exp(UNSTABLE_LOG))))
+            in_k.append(np.where(stable[:, None], change / sizes[:, None], 0.0))
+        return np.concatenate(values), np.concatenate(in_k)
+
+    def room(z: FloatArray, most: float) -> FloatArray:
+        peaks = [most - each.logs(z[:-1])[0] for each in coarse]
+        return np.concatenate([z[-1] - errors(z[:-1])[0], *peaks])
+
+    def room_slopes(z: FloatArray, _most: float) -> FloatArray:
+        of_errors = errors(z[:-1])[1]
+        in_k = -np.concatenate([of_errors, *(each.logs(z[:-1])[1] for each in coarse)])
+        return np.column_stack([in_k, np.arange(len(in_k)) < len(of_errors)])
+
+    bounds = [*zip(space.k_min, space.k_max, strict=True), (-UNSTABLE_LOG, UNSTABLE_LOG)]
     ends = [k]
-    for start in starts:
-        end, tightened = start, limit
+    for factor in FACTORS:
+        end, tightened = np.clip(factor * k, space.k_min, space.k_max), limit
         # The grid sees a peak too low: what it misses is taken off, and the search goes on.
         for _ in range(MAX_TIGHTENINGS):
-            end = search.end(end, first.objective, tightened)
+            limits = {"type": "ineq", "fun": room, "jac": room_slopes, "args": (tightened,)}
+            run = minimize(
+                lambda z: (z[-1], np.append(np.zeros(len(k)), 1.0)),
+                np.append(end, errors(end)[0].max()),
+                jac=True,
+                method="SLSQP",
+                bounds=bounds,
+                constraints=[limits],
+                options={"maxiter": MAX_ITERATIONS, "ftol": ACCURACY},
+            )
+            end = np.clip(run.x[:-1], space.k_min, space.k_max)
             over = max(peaks.logs(end)[0].max() for peaks in fine) - limit
             if over <= 0.0:
                 break
             tightened -= MORE_THAN_MISSED * over
         ends.append(end)
-    values = np.array([search.goals(end, first.objective)[0].max() for end in ends])
+    values = np.array([errors(end)[0].max() for end in ends])
     peaks = np.array([max(each.logs(end)[0].max() for each in fine) for end in ends])
     # The start may be the best of all, but counts only if it keeps the sensitivity as well.
     values[peaks > limit + MISSED] = math.inf
@@ -77,76 +106,6 @@ def shaped(problems: Sequence[TuningProblem], k: FloatArray) -> tuple[FloatArray
         return None
     best = int(np.argmin(values))
     return ends[best], int((values[1:] <= values[best] + SAME_END).sum())
-
-
-class _Search:
-    """Searches over the free gains of several models of one channel."""
-
-    def __init__(self, problems: Sequence[TuningProblem], space: SearchSpace) -> None:
-        self._problems, self._space = problems, space
-        self._slopes = [loop_slopes(case.model, space) for case in problems]
-        self._peaks = [Peaks(case.model, space, GRID) for case in problems]
-        self._bounds = list(zip(space.k_min, space.k_max, strict=True))
-
-    def end(self, k: FloatArray, objective: str, limit: float) -> FloatArray:
-        """Gains where a search from `k` stops, with a logarithm of the sensitivity of `limit`."""
-        if objective == "decay":
-            return self._fastest(self._least_error(k, limit), limit)
-        return self._least_error(k, limit)
-
-    def _least_error(self, k: FloatArray, limit: float) -> FloatArray:
-        """The least E_K: smooth, so that SLSQP has the slopes of everything."""
-        from scipy.optimize import minimize
-
-        def room(z: FloatArray) -> FloatArray:
-            below = z[-1] - self.goals(z[:-1], "E_K")[0]
-            return np.concatenate([below, *(limit - each.logs(z[:-1])[0] for each in self._peaks)])
-
-        def slopes(z: FloatArray) -> FloatArray:
-            errors = self.goals(z[:-1], "E_K")[1]
-            in_k = -np.concatenate([errors, *(each.logs(z[:-1])[1] for each in self._peaks)])
-            in_t = np.append(np.ones(len(errors)), np.zeros(len(in_k) - len(errors)))
-            return np.column_stack([in_k, in_t])
-
-        run = minimize(
-            lambda z: (z[-1], np.append(np.zeros(len(k)), 1.0)),
-            np.append(k, self.goals(k, "E_K")[0].max()),
-            jac=True,
-            method="SLSQP",
-            bounds=[*self._bounds, (-UNSTABLE_LOG, UNSTABLE_LOG)],
-            constraints=[{"type": "ineq", "fun": room, "jac": slopes}],
-            options={"maxiter": MAX_ITERATIONS, "ftol": ACCURACY},
-        )
-        return np.clip(run.x[:-1], self._space.k_min, self._space.k_max)
-
-    def _fastest(self, k: FloatArray, limit: float) -> FloatArray:
-        """The fastest decay. It lies where eigenvalues meet, at which they have no slope."""
-        from scipy.optimize import minimize
-
-        def cost(k: FloatArray) -> float:
-            over = max(float(each.logs(k)[0].max()) for each in self._peaks) - limit
-            return float(self.goals(k, "decay")[0].max()) + PENALTY * max(over, 0.0)
-
-        for _ in range(RESTARTS):
-            k = minimize(cost, k, method="Nelder-Mead", bounds=self._bounds, options=SIMPLEX).x
-        return k
-
-    def goals(self, k: FloatArray, objective: str) -> tuple[FloatArray, FloatArray]:
-        """Values whose largest is made small, over all models, and slopes of E_K in the gains.
-
-        They are the logarithms of E_K of each error, or the real parts of the eigenvalues.
-        """
-        values, in_k = [], []
-        for case, slope in zip(self._problems, self._slopes, strict=True):
-            loop = closed_loops(case.model, self._space.K(k))
-            if objective == "decay":
-                values.append(np.linalg.eigvals(loop).real)
-                continue
-            errors, change = error_slopes(loop, slope, errors=len(case.model.errors))
-            stable = np.isfinite(errors)
-            values.append(np.log(np.where(stable, errors, math.exp(UNSTABLE_LOG))))
-            in_k.append(np.where(stable[:, None], change / errors[:, None], 0.0))
-        return np.concatenate(values), np.concatenate(in_k) if in_k else np.empty((0, len(k)))
 
 
 METHOD = "worst of models"
@@ -228,7 +187,7 @@ def tune_worst_case(problems: Sequence[TuningProblem], *, starts: int = STARTS) 
         problem=whole,
         gains=whole.gains(K, (float(fed[0]), float(fed[1])) if fed.any() else NO_FEEDBACK),
         sensitivity=peak,
-        errors_in_gusts=errors_in_gusts(whole, K, fed).tolist() if gusts else None,
+        errors_in_gusts=GustLoop(whole).errors(K, fed).tolist() if gusts else None,
         R_K=min(loop.R_K for loop in loops),
         I_K=max(loop.I_K for loop in loops),
         E_K=E_K,
@@ -252,24 +211,21 @@ def _tuned(problems: list[TuningProblem], starts: int) -> tuple[FloatArray, int,
     if not most:
         return None
     ends, _ = Program(problems, "R_K").descend(candidates[np.argsort(-worst, kind="stable")][:most])
-    rates = [
-        _worst_rate(problems, space, k)
-        if max(case.largest_errors(space.K(k)).max() for case in problems) <= problems[0].E_star
-        else 0.0
-        for k in ends
-    ]
+    rates, most_E = [_worst_rate(problems, space, k) for k in ends], problems[0].E_star
+    if math.isfinite(most_E):
+        errors = [[case.largest_errors(space.K(k)).max() for case in problems] for k in ends]
+        rates = [rate * (max(E) <= most_E) for rate, E in zip(rates, errors, strict=True)]
     best = int(np.argmax(rates))
-    first = problems[0]
-    if first.objective == "rms" or first.feedback:
+    if problems[0].objective == "E_K":
+        if (answer := least_error(problems, ends[best])) is None:
+            return None
+        k, agreeing = answer
+        return space.K(k), len(ends) + len(FACTORS), agreeing, 0.0
+    if problems[0].objective != "R_K":
         if (answer := searched(problems, ends[best])) is None:
             return None
         k, fed, agreeing = answer
         return space.K(k), len(ends) + len(SEARCHED_FROM), agreeing, fed
-    if first.objective != "R_K":
-        if (answer := shaped(problems, ends[best])) is None:
-            return None
-        k, agreeing = answer
-        return space.K(k), len(ends) + len(FACTORS), agreeing, 0.0
     agreeing = sum(rate >= (1.0 - AGREEMENT) * rates[best] for rate in rates)
     return space.K(ends[best]), len(ends), agreeing, 0.0
 

@@ -1,4 +1,8 @@
-"""Gains and inner feedback at once: the fastest decay, or the least errors in turbulence."""
+"""Gains under a bound on the sensitivity: the fastest decay, or the least errors in turbulence.
+
+Inner feedback is sought with them. Such gains lie where eigenvalues or peaks meet, at which there
+are no slopes.
+"""
 
 import math
 from collections.abc import Sequence
@@ -6,7 +10,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from flighttune.arrays import FloatArray
-from flighttune.control.linear_model import closed_loops, fed_by, inner_feedback
+from flighttune.control.linear_model import measured_rows
+from flighttune.theory.lyapunov import solution_of_checked
 from flighttune.tuning.peaks import FINE, GRID, Peaks
 from flighttune.tuning.problem import TuningProblem, search_space
 
@@ -41,35 +46,37 @@ def searched(
     """
     from scipy.optimize import minimize
 
-    first, space = problems[0], search_space(problems[0])
-    limit = math.log(first.sensitivity_max)
+    first, space, f = problems[0], search_space(problems[0]), len(k)
+    limit, aim = math.log(first.sensitivity_max), first.objective
     coarse, fine = ([Peaks(case.model, space, n) for case in problems] for n in (GRID, FINE))
+    loops = [GustLoop(case) for case in problems]
 
-    def decay(z: FloatArray) -> float:
-        loops = (loop_of(case, space.K(k * z[:-1]), z[-1:]) for case in problems)
-        return max(float(np.linalg.eigvals(loop).real.max()) for loop in loops)
+    def decay(K: FloatArray, fed: FloatArray) -> float:
+        return max(float(np.linalg.eigvals(loop.matrix(K, fed)).real.max()) for loop in loops)
 
-    slowest = decay(np.append(np.ones(len(k)), 0.0))
+    slowest = decay(space.K(k), np.zeros(1))
 
     def value(z: FloatArray) -> float:
-        rate = decay(z)
-        if first.objective == "decay" or rate >= 0.0:
+        K, fed = space.K(k * z[:f]), z[f:] if first.feedback else np.zeros(1)
+        rate = decay(K, fed)
+        if aim == "decay" or rate >= 0.0:
             return rate + PENALTY * (rate >= 0.0)
-        K = space.K(k * z[:-1])
-        rms = max(errors_in_gusts(case, K, z[-1:]).max() for case in problems)
+        rms = max(float(loop.errors(K, fed).max()) for loop in loops)
         return math.log(rms) + PENALTY * max(rate - slowest, 0.0)
 
     def over(z: FloatArray, peaks: Sequence[Peaks], most: float) -> float:
-        return max(each.largest(k * z[:-1], z[-1:]) for each in peaks) - most
+        fed = z[f:] if first.feedback else np.zeros(1)
+        return max(each.largest(k * z[:f], fed) for each in peaks) - most
 
-    top = MOST_FEEDBACK if first.feedback else 0.0
     ends = np.sort([space.k_min / k, space.k_max / k], axis=0)
-    low, high = np.append(np.maximum(ends[0], 0.0), 0.0), np.append(ends[1], top)
+    low, high = np.maximum(ends[0], 0.0), ends[1]
+    if first.feedback:
+        low, high = np.append(low, 0.0), np.append(high, MOST_FEEDBACK)
     found: list[tuple[float, FloatArray]] = []
     for factor, fed in STARTS:
-        z, room = np.append(np.full(len(k), factor), fed), ROOM
+        z, room = np.append(np.full(f, factor), fed)[: len(low)], ROOM
         for tightening in range(MAX_TIGHTENINGS):
-            for _ in range(RESTARTS[first.objective] if tightening == 0 else 1):
+            for _ in range(RESTARTS[aim] if tightening == 0 else 1):
                 z = minimize(
                     lambda z, most=limit - room: value(z) + PENALTY * max(over(z, coarse, most), 0),
                     np.clip(z, low, high),
@@ -84,42 +91,64 @@ def searched(
     if not found:
         return None
     best, z = min(found, key=lambda end: end[0])
-    return k * z[:-1], float(z[-1]), sum(end <= best + SAME_END for end, _ in found)
+    agreeing = sum(end <= best + SAME_END for end, _ in found)
+    return k * z[:f], float(z[f]) if first.feedback else 0.0, agreeing
 
 
-def loop_of(problem: TuningProblem, K: FloatArray, feedback: FloatArray) -> FloatArray:
-    """The loop of stacked gains K, shape (m, 2 p), with the inner feedback of the first inputs."""
-    return closed_loops(fed_by(problem.model, feedback), K)
+class GustLoop:
+    """The loop of a problem by stacked gains and inner feedback, and its errors in gusts."""
 
+    def __init__(self, problem: TuningProblem) -> None:
+        from scipy.linalg import block_diag
 
-def errors_in_gusts(problem: TuningProblem, K: FloatArray, feedback: FloatArray) -> FloatArray:
-    """Rms of each error in its gusts over that of their angle, shape (p,), of a stable loop.
+        self.model = problem.model
+        n, _, p = self.model.shape
+        self._M = measured_rows(self.model)
+        self._size, self._states = n, n + p
+        if problem.gusts is not None:
+            a = np.asarray(problem.gusts)
+            self._air = block_diag(*([[0.0, 1.0], [-w * w, -2.0 * w]] for w in a))
+            # d, of variance one, and its rate, of the states of the air
+            self._gust = block_diag(*([[w**1.5, math.sqrt(3.0 * w)]] for w in a))
+            self._white = np.kron(np.eye(p), [[0.0], [1.0]])
+            self._rows = np.hstack([self.model.C, np.zeros((p, p)), -self._gust])
 
-    `K` (shape (m, 2 p)): stacked gains; `feedback`: of the first inputs.
+    def _fed(self, feedback: FloatArray) -> FloatArray:
+        """Inner feedback of each input; an input without a measured state has none."""
+        k = np.zeros(len(self._M))
+        k[: len(feedback)] = feedback[: len(k)]
+        return k * self._M.any(axis=1)
 
-    Notes
-    -----
-    Gusts across the flight turn the path by their speed over the airspeed, at once: ``e = C x - d``
-    with the Dryden spectrum of MIL-F-8785C, ``(1 + 3 (w/a)^2) / (1 + (w/a)^2)^2``, a the airspeed
-    over its scale. The path turns with a force that is measured, so that the inner feedback sees
-    d': the errors are those of the sensitivity at the commands. White noise makes d by
-    ``(sqrt(3) s/a + 1) / (s/a + 1)^2``; the covariance of all states together is the solution of a
-    Lyapunov equation.
-    """
-    from scipy.linalg import block_diag, solve_continuous_lyapunov
+    def matrix(self, K: FloatArray, feedback: FloatArray) -> FloatArray:
+        """A_K of stacked gains K, shape (m, 2 p), with the inner feedback of the first inputs."""
+        model, n, k = self.model, self._size, self._fed(feedback)
+        p, B = len(model.errors), model.B * (1.0 + k)
+        A_K = np.zeros((self._states, self._states))
+        A_K[:n, :n] = model.A - model.B @ (k[:, None] * self._M) + B @ K[:, :p] @ model.C
+        A_K[:n, n:], A_K[n:, :n] = B @ K[:, p:], model.C
+        return A_K
 
-    assert problem.gusts is not None
-    model = fed_by(problem.model, feedback)
-    n, _, p = model.shape
-    a = np.asarray(problem.gusts)
-    air = block_diag(*([[0.0, 1.0], [-w * w, -2.0 * w]] for w in a))
-    gust = block_diag(*([[w**1.5, math.sqrt(3.0 * w)]] for w in a))  # d, of variance one
-    fed = problem.model.B * inner_feedback(problem.model, feedback)[0]  # what d' adds to x'
-    whole = block_diag(closed_loops(model, K), air)
-    whole[: n + p, n + p :] = -np.vstack([model.B @ K[:, :p], np.eye(p)]) @ gust
-    whole[:n, n + p :] -= fed @ gust @ air
-    white = np.kron(np.eye(p), [[0.0], [1.0]])
-    noise = np.vstack([-fed @ gust @ white, np.zeros((p, p)), white])
-    covariance = solve_continuous_lyapunov(whole, -noise @ noise.T)
-    rows = np.hstack([model.C, np.zeros((p, p)), -gust])
-    return np.sqrt(np.einsum("pi,ij,pj->p", rows, covariance, rows))
+    def errors(self, K: FloatArray, feedback: FloatArray) -> FloatArray:
+        """Rms of each error in its gusts over that of their angle, shape (p,), of a stable loop.
+
+        Notes
+        -----
+        Gusts across the flight turn the path by their speed over the airspeed, at once:
+        ``e = C x - d`` with the Dryden spectrum of MIL-F-8785C,
+        ``(1 + 3 (w/a)^2) / (1 + (w/a)^2)^2``, a the airspeed over its scale. The path turns with a
+        force that is measured, so that the inner feedback sees d': the errors are those of the
+        sensitivity at the commands. White noise makes d by
+        ``(sqrt(3) s/a + 1) / (s/a + 1)^2``; the covariance of all states together is the solution
+        of a Lyapunov equation.
+        """
+        model, n, N, k = self.model, self._size, self._states, self._fed(feedback)
+        p, fed = len(model.errors), self.model.B * k  # what d' adds to x'
+        whole = np.zeros((N + 2 * p, N + 2 * p))
+        whole[:N, :N], whole[N:, N:] = self.matrix(K, feedback), self._air
+        whole[:n, N:] = (
+            -(model.B * (1.0 + k)) @ K[:, :p] @ self._gust - fed @ self._gust @ self._air
+        )
+        whole[n:N, N:] = -self._gust
+        noise = np.vstack([-fed @ self._gust @ self._white, np.zeros((p, p)), self._white])
+        covariance = solution_of_checked(whole.T, noise @ noise.T)
+        return np.sqrt(np.einsum("pi,ij,pj->p", self._rows, covariance, self._rows))

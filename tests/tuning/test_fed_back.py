@@ -11,7 +11,7 @@ from scipy.integrate import quad
 import flighttune as ft
 from flighttune.control.gains import RATES
 from flighttune.plants.weather import turbulence_scales
-from flighttune.tuning.simplex import errors_in_gusts
+from flighttune.tuning.simplex import GustLoop
 
 SAME, BETTER = 1e-6, 1e-2
 OMEGA = np.geomspace(1e-2, 1e3, 4000)
@@ -61,7 +61,7 @@ def test_errors_in_gusts_are_the_integral_of_drydens_spectrum():
     by_hand = math.sqrt(sum(quad(spectrum, *ends, epsabs=1e-12)[0] for ends in pieces))
 
     problem = ft.loop.TuningProblem(model=model, objective="rms", gusts=np.array([a]))
-    found = errors_in_gusts(problem, np.array([[K_P, K_I]]), np.array([k]))
+    found = GustLoop(problem).errors(np.array([[K_P, K_I]]), np.array([k]))
     assert found == pytest.approx([by_hand], rel=SAME)
 
 
@@ -107,7 +107,7 @@ def test_random_gains_around_the_answer_are_no_better(objective):
             if objective == "decay":
                 assert decay > result.spectral_abscissa * (1.0 + 5.0 * BETTER)
             elif decay <= result.spectral_abscissa:
-                value = errors_in_gusts(problem, K, np.array(fed))[i]
+                value = GustLoop(problem).errors(K, np.array(fed))[i]
                 assert value > result.errors_in_gusts[i] * (1.0 - BETTER)
 
 
