@@ -46,6 +46,11 @@ class SampledController(NamedTuple):
     # Of a law whose channels command rates, which it inverts for roll and load factor
     inverts: RateLaw | None = None
 
+    @property
+    def feeds_back(self) -> bool:
+        """Whether roll and load factor are fed back too."""
+        return self.inverts is not None and any(self.inverts.feedback)
+
 
 class OuterLoop(NamedTuple):
     """A law as JSBSim flies it by itself."""

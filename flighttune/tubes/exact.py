@@ -5,10 +5,14 @@ The commanded rates are affine in errors and integrals; roll ``atan(a/b)`` and l
 into the commanded rates, so that the errors of enclosing these functions cancel to second order.
 While a command is limited, the integrator of its channel is stopped. That is a discontinuity: a
 piece with flights on both sides is split, and each half records its side.
+
+Where the gains feed roll and load factor back, each command passes two limits: as the law expects
+the aircraft to need it, and with what is lacking of that. The second command is affine in the first
+and in what is measured, which the lag model of the plant has as its states.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -36,10 +40,12 @@ from flighttune.tubes.sample import (
     PHI,
     PHI_INTEGRAL,
     RATES,
+    STATES,
     Channel,
     Controlled,
     Cut,
     Enclosure,
+    Flown,
     Plan,
     SampledLoop,
     ordered,
@@ -50,8 +56,12 @@ from flighttune.tubes.sample import (
 OVERLAP = 1e-9
 
 # Number of symbols that a sample adds after those of the roll command: two integrals, load factor,
-# lift, course and path angle.
-SYMBOLS_AFTER_ROLL = 6
+# lift, course and path angle; with feedback a second roll and two more load factors.
+SYMBOLS_AFTER_ROLL, MORE_WITH_FEEDBACK = 6, 3
+
+# Commands expected, the last rows with feedback, and kinds of their symbols
+EXPECTED_PHI, EXPECTED_N_Z = -2, -1
+EXPECTED_KINDS = STATES + 2, STATES + 3
 
 # Largest tangent of a roll command before limits: 86 deg
 STEEPEST_ROLL = 14.0
@@ -64,25 +74,32 @@ def enclosure_of(loop: SampledLoop, pieces: Pieces, plan: Plan) -> Enclosure:
     """The enclosure of a loop, by its law."""
     if loop.law.inverts is None:
         return Enclosure(loop, pieces, plan)
-    return ExactEnclosure(loop, pieces, plan, loop.law.inverts)
+    kind = FedBackEnclosure if loop.law.feeds_back else ExactEnclosure
+    return kind(loop, pieces, plan, loop.law.inverts)
 
 
 class ExactEnclosure(Enclosure):
     """An `Enclosure` of the exact law."""
 
     overlap = OVERLAP
+    commands = 1  # of each channel, one after the other, each with its limits
 
     def __init__(self, loop: SampledLoop, pieces: Pieces, plan: Plan, law: RateLaw) -> None:
         super().__init__(loop, pieces, plan)
         self._law, self._speed = law, loop.V_a * law.per_g  # of V/g, s
 
-    def _controlled(self, k: int) -> Controlled:
+    def _begin(self) -> float:
+        """Forget the sides of limits; return the symbols at which no further pass has room."""
         pieces = self.pieces
         # Side of each limit on which all flights of a piece are, by channel and by above or below.
-        limits = [(i, side) for i in (0, 1) for side in (1.0, -1.0)]
+        limits = [(i, side) for i in range(2 * self.commands) for side in (1.0, -1.0)]
         self._sides = {limit: np.full(len(pieces), OPEN) for limit in limits}
         # A pass begins only if it leaves room for the symbols behind the loop.
-        last = pieces.used + FRESH_SYMBOLS - SYMBOLS_AFTER_ROLL
+        more = MORE_WITH_FEEDBACK * (self.commands > 1)
+        return pieces.used + FRESH_SYMBOLS - SYMBOLS_AFTER_ROLL - more
+
+    def _controlled(self, k: int) -> Controlled:
+        pieces, last = self.pieces, self._begin()
         while True:
             # A pass that splits by the load factor leaves a constraint on the symbol of its roll
             # command, and the next pass linearises roll anew. So that symbol is kept although no
@@ -102,18 +119,14 @@ class ExactEnclosure(Enclosure):
                 continue
             # One symbol for the error of roll: lift and load factor share it, so that it cancels
             # where the point mass turns them back into rates.
-            move, less = turning.x, self._held_back(0, turning)
-            if less is not None:
-                move = combined((1.0, move), (-1.0, less))
-            phi = combined((1.0, state[PHI]), (1.0, move)).widened(COMPUTED)
-            phi = pieces.fresh(phi, PHI)
+            phi = pieces.fresh(self._moved(0, turning, state[PHI]), PHI)
             lifting = self._lifting(state, errors, phi, b.form)
             if not self._fewer_or_more([turning, lifting]):
                 break
         extra = self._vertical(lifting, phi, b.form)
         integrals, limited = zip(
             *(
-                self._integrated(i, channel, state[PHI_INTEGRAL + i])
+                self._integrated({i: channel}, state[PHI_INTEGRAL + i])
                 for i, channel in enumerate((turning, lifting))
             ),
             strict=True,
@@ -158,7 +171,7 @@ class ExactEnclosure(Enclosure):
             raise Unbounded("the path-angle error can be so large that the law brakes")
 
     def _channel(self, i: int, x: Form, command: Quantity, errors: Sequence[Form]) -> Channel:
-        law = self.loop.law.channels[i]
+        law = self.loop.law.channels[i // self.commands]
         increment = combined(*zip(law.K_I_half, errors, strict=True))
         # Splits are at the limits themselves: the integrator stops there, whatever the increment.
         zero = Interval.point(np.zeros(len(self.pieces)))
@@ -218,6 +231,13 @@ class ExactEnclosure(Enclosure):
         # The row of the exact law is the vertical lift itself.
         return stage.extra, self._ranged(stage.extra).values * one_over(cosine(stage.roll.values))
 
+    def _moved(self, i: int, channel: Channel, before: Form) -> Form:
+        """A command after its limits."""
+        move, less = channel.x, self._held_back(i, channel)
+        if less is not None:
+            move = combined((1.0, move), (-1.0, less))
+        return combined((1.0, before), (1.0, move)).widened(COMPUTED)
+
     def _held_back(self, i: int, channel: Channel) -> Form | None:
         """Amount that limits take off the command wanted; None if they never act."""
         moves, doubt = [], np.zeros(len(self.pieces))
@@ -234,16 +254,17 @@ class ExactEnclosure(Enclosure):
             doubt += np.where(decided, OVERLAP * (1.0 + np.abs(slope)) * UP, 0.0)
         return combined(*moves).widened(doubt) if moves else None
 
-    def _integrated(self, i: int, channel: Channel, integral: Form) -> tuple[Form, bool]:
-        """The integral after the sample, and whether a limit can hold the command."""
+    def _integrated(self, channels: Mapping[int, Channel], integral: Form) -> tuple[Form, bool]:
+        """The integral after the sample, and whether a limit can hold one of its commands."""
         # Beyond a limit by less than OVERLAP counts as open, unless a split has said which side.
         n = len(self.pieces)
         free, limited = np.ones(n, dtype=bool), np.zeros(n, dtype=bool)
-        for side, excess in channel.excesses.items():
+        excesses = [(i, *over) for i, each in channels.items() for over in each.excesses.items()]
+        for i, side, excess in excesses:
             sides = self._sides[i, side]
             free &= (sides == FREE) | ((sides == OPEN) & (excess.values.high < -OVERLAP))
             limited |= (sides == LIMITED) | ((sides == OPEN) & (excess.values.low > OVERLAP))
-        can_limit = bool((~free).any())
+        can_limit, channel = bool((~free).any()), next(iter(channels.values()))
         if not self.loop.law.conditional:  # without anti-windup the integrator never stops
             return combined((1.0, integral), (1.0, channel.increment)), can_limit
         # It stands where a limit holds the command. Where the side is open, the integral takes half
@@ -271,3 +292,87 @@ class ExactEnclosure(Enclosure):
                 sides[indices[at_limit]] = FREE
                 upper[at_limit] = LIMITED
             self._sides[limit] = np.concatenate([sides, upper])
+
+
+class FedBackEnclosure(ExactEnclosure):
+    """An `Enclosure` of the exact law with feedback of roll and load factor.
+
+    The row `EXTRA_LIFT` is the load-factor command itself.
+    """
+
+    commands = 2
+
+    def _controlled(self, k: int) -> Controlled:
+        pieces, last, (k_phi, k_n_z) = self.pieces, self._begin(), self._law.feedback
+        while True:
+            if pieces.used >= last:
+                raise Unbounded("pieces are split too often in one sample")
+            state = pieces.forms()
+            errors = self._errors(k, state)
+            a, b = self._lifts(k, state, errors)
+            self._check_plain(errors, a.values, b.values)
+            # In this order, each after the limits of the one before, as in `exact_step`
+            roll = arctangent(a, b).widened(COMPUTED)
+            turning = self._towards(0, roll, state[EXPECTED_PHI], errors)
+            if self._fewer_or_more([turning]):
+                continue
+            phi_0 = self._moved(0, turning, state[EXPECTED_PHI])
+            phi_0 = pieces.fresh(phi_0, EXPECTED_KINDS[0])
+            rolling = self._towards(
+                1, self._with_lack(k_phi, phi_0, self._seen(state).form), state[PHI], errors
+            )
+            load = product(self._ranged(b.form), secant(self._angle(phi_0, "roll")))
+            lifting = self._towards(2, load.widened(COMPUTED), state[EXPECTED_N_Z], errors)
+            if self._fewer_or_more([turning, rolling, lifting]):
+                continue
+            n_0 = self._moved(2, lifting, state[EXPECTED_N_Z])
+            n_0 = pieces.fresh(n_0, EXPECTED_KINDS[1])
+            loading = self._towards(
+                3, self._with_lack(k_n_z, n_0, self._lift_seen(state)), state[EXTRA_LIFT], errors
+            )
+            if not self._fewer_or_more([turning, rolling, lifting, loading]):
+                break
+        phi = pieces.fresh(self._moved(1, rolling, state[PHI]), PHI)
+        extra = self._moved(3, loading, state[EXTRA_LIFT])
+        self._expected = [phi_0, n_0]
+        both = {0: turning, 1: rolling}, {2: lifting, 3: loading}
+        integrals, limited = zip(
+            *(self._integrated(both[i], state[PHI_INTEGRAL + i]) for i in (0, 1)), strict=True
+        )
+        seen = self._seen(state)
+        return Controlled(state, errors, seen, phi, extra, 0.0, self._kept(integrals), limited)
+
+    def _towards(self, i: int, wanted: Form, before: Form, errors: Sequence[Form]) -> Channel:
+        """A command wanted, from the one before it."""
+        x = combined((1.0, wanted), (-1.0, before))
+        return self._channel(i, x, Quantity(before, self._range(before)), errors)
+
+    def _with_lack(self, k: float, expected: Form, measured: Form) -> Form:
+        return combined((1.0 + k, expected), (-k, measured)).widened(COMPUTED)
+
+    def _lift_seen(self, state: Sequence[Form]) -> Form:
+        """The load factor that the controller sees."""
+        lags, _ = self.loop.layout
+        return state[lags[1].start] if self.loop.lags else state[EXTRA_LIFT]
+
+    def _check_plain(self, errors: Sequence[Form], a: Interval, b: Interval) -> None:
+        super()._check_plain(errors, a, b)
+        law = self.loop.law.channels[0]
+        turn = self._range(combined(*zip(law.K_P, errors, strict=True))).largest
+        if not (turn * self._speed * law.K_P[0] * UP < self._law.turn_brake).all():
+            raise Unbounded("the course error can be so large that the law brakes")
+
+    def _load(self, stage: Controlled) -> Form:
+        return stage.extra
+
+    def _lift_and_load(self, stage: Controlled) -> tuple[Form, Interval]:
+        load = self._ranged(stage.extra)
+        return product(load, cosine_of(stage.roll)), load.values
+
+    def _paper_law(self, k: int, stage: Controlled) -> Flown:
+        rows, commands, spread = super()._paper_law(k, stage)
+        return [*rows, *self._expected], commands, spread
+
+    def _point_mass(self, k: int, stage: Controlled) -> Flown:
+        rows, commands, spread = super()._point_mass(k, stage)
+        return [*rows, *self._expected], commands, spread

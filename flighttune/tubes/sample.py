@@ -56,7 +56,8 @@ from flighttune.tubes.interval import (
 )
 
 # Rows of the state; the errors are those of the sample before. `EXTRA_LIFT` is the load-factor
-# command beyond its feed-forward, or, of the exact law, times the cosine of the roll command.
+# command beyond its feed-forward, or, of the exact law, times the cosine of the roll command; with
+# feedback it is the command alone.
 CHI, GAMMA, PHI, EXTRA_LIFT, PHI_INTEGRAL, N_Z_INTEGRAL, CHI_ERR, GAMMA_ERR = range(8)
 
 STATES = 8
@@ -138,8 +139,9 @@ class SampledLoop:
 
     @property
     def rows(self) -> int:
-        """Rows of the state: `STATES`, the lags, the commands on their way, the roll beyond."""
-        return STATES + sum(lag.order + lag.older + 1 for lag in self.lags) + self.sees_roll
+        """Rows: `STATES`, lags, commands on their way, the roll beyond, the commands expected."""
+        lagged = sum(lag.order + lag.older + 1 for lag in self.lags)
+        return STATES + lagged + self.sees_roll + 2 * self.law.feeds_back
 
     @property
     def layout(self) -> tuple[list[slice], list[slice]]:
@@ -161,6 +163,8 @@ class SampledLoop:
             state[rows], state[queue] = lag.rest * value, value
         if self.sees_roll:
             state[-1] = self.boxes[-1, ROLL].mean()
+        if self.law.feeds_back:
+            state[-2:] = phi, n_z
         return state
 
 
@@ -243,7 +247,9 @@ def start_set(loop: SampledLoop, within_start: float, sides: int, symbols: int) 
         load = load.widened(steady.radius + COMPUTED)
     else:
         load = combined((0.0, state[GAMMA]), shift=n_z).widened(COMPUTED)
-    if loop.law.inverts:
+    if loop.law.feeds_back:
+        state[EXTRA_LIFT], state[-2:] = load, [state[PHI], load]
+    elif loop.law.inverts:
         doubt = level.radius * load.size + COMPUTED
         state[EXTRA_LIFT] = combined((level.middle, load)).widened(doubt)
     else:

@@ -67,7 +67,9 @@ class Search:
     """
 
     def __init__(self, loop: SampledLoop, *, tolerance: float, most: int) -> None:
-        self._scales = [_scale(law.lower, law.upper, law.step_up) for law in loop.law.channels]
+        # A channel with feedback has two commands, one after the other.
+        scales = [_scale(law.lower, law.upper, law.step_up) for law in loop.law.channels]
+        self._scales = [s for s in scales for _ in range(1 + loop.law.feeds_back)]
         self._tolerance, self._most = tolerance, most
         self.chosen: list[npt.NDArray[np.float32]] = []
 

@@ -50,7 +50,11 @@ THREE_DIGITS = 5e-4
 @pytest.mark.parametrize(
     ("name", "half_widths"),
     first_or_all(
-        [("tuned_identified", (0.185, 0.180)), ("exact:tuned_identified", (0.111, 0.116))]
+        [
+            ("exact:tuned_fed_back", (0.083, 0.080)),
+            ("tuned_identified", (0.185, 0.180)),
+            ("exact:tuned_identified", (0.111, 0.116)),
+        ]
     ),
 )
 def test_the_level_turn_of_the_docs_has_the_half_widths_printed_there(name, half_widths):

@@ -73,7 +73,8 @@ def exact_problems(draw):
     scenario = ft.scenario_from(scenario.as_dict() | {"law": [law], "plant": [plant]})
     rate, cross = st.floats(0.3, 2.0), st.floats(-0.2, 0.2)
     K_P, K_I = (np.array([[draw(rate), draw(cross)], [draw(cross), draw(rate)]]) for _ in range(2))
-    gains = ft.PIGains(K_P=K_P, K_I=K_I, inputs=RATES)
+    fed = draw(st.one_of(st.just((0.0, 0.0)), st.tuples(st.floats(0.0, 0.9), st.floats(0.0, 0.9))))
+    gains = ft.PIGains(K_P=K_P, K_I=K_I, inputs=RATES, feedback=fed)
     return scenario, gains, draw(START_DEG) * DEG, draw(DISTURBANCE)
 
 
@@ -91,6 +92,15 @@ def disturbed_flight(problem, off, disturbance, rng):
     """Signals of a flight that starts so far off, disturbed bang-bang, and its start."""
     scenario, condition = problem.scenario, start_condition(problem.scenario)
     start = replace(condition, chi=condition.chi + off[0], gamma=condition.gamma + off[1])
+    controller, expected = problem.controller(), []
+    step = controller.step
+
+    def noted(*sample):
+        command = step(*sample)
+        expected.append(list(controller.state.expected))
+        return command
+
+    controller.step = noted
     signals, _ = simulate(
         ft.loop.PointMassPlant(
             problem.lags or None,
@@ -98,12 +108,13 @@ def disturbed_flight(problem, off, disturbance, rng):
             turn="exact" if problem.loop.exact else "paper",
             g=scenario.flight.g_mps2,
         ),
-        problem.controller(),
+        controller,
         reference_of(scenario),
         condition=start,
         duration=scenario.flight.duration_s,
         lead=lead_on(scenario, scenario.plant[0]),
     )
+    signals.attrs["expected"] = expected
     return signals, start
 
 
