@@ -256,7 +256,7 @@ class _Episode:
         self.limits = command_limits(scenario).within(plant.limits)
         self.agent = _Agent(1.0 / scenario.controller.rate_hz)
         self._actions = GuardedLaw(self.agent, self.limits, "action")
-        stated = manoeuvre(scenario, plant)
+        stated = manoeuvre(scenario, plant, label)
         self.flight = Flight(plant, self._actions, **stated, lead=lead_on(scenario, table))
         self._scenario, self._plant, self._condition = scenario, plant, stated["condition"]
         self._step: Callable[..., Sequence[float]] | None = None

@@ -37,6 +37,7 @@ class Fault(Table):
     drag_factor: Factor = 1.0
     throttle_factor: Factor = 1.0  # on the commanded throttle, which the engines do not get
     actuator_lag_factor: Factor = 1.0
+    V_a_bias_mps: q.Wind = 0.0  # measured minus true airspeed, as inner and outer loop have it
     # Where a surface is stuck
     aileron_stuck_deg: StuckAngle | None = None
     elevator_stuck_deg: StuckAngle | None = None

@@ -277,6 +277,13 @@ def add_fault(root: Element, fault: Fault, config: AircraftConfig, file: Path) -
                 _replace(actuators[name], "lag", f"{FAULT}actuator_rate")
         off = config.off_nominal or OffNominal()
         values["actuator_rate"] = SURFACE_LAG / off.actuator_lag_factor
+    if fault.V_a_bias_mps:
+        values["V_a-bias"] = 0.0
+        (largest,) = root.iterfind(".//fcs_function[@name='ft/V_a-mps']/function/max")
+        measured = Element("sum")
+        SubElement(measured, "property").text = f"{FAULT}V_a-bias"
+        measured.append(largest[0])
+        largest[0] = measured
     if "throttle" in fault.factors:
         _loosen_throttle(channel, actuators["ft/throttle-norm"])
     for name in fault.stuck:

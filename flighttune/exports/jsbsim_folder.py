@@ -41,6 +41,7 @@ from flighttune.plants.jsbsim import properties
 from flighttune.plants.jsbsim.fdm import STARTER, STARTING, Fdm, weigh
 from flighttune.plants.jsbsim.model_files import model_files, model_folders, source_folders
 from flighttune.plants.jsbsim.plant import JSBSimPlant, inner_loop_settings
+from flighttune.plants.sensors import Sensors
 from flighttune.present.answer import Answer, Answering, printable
 from flighttune.references.feasible import FeasibleReference
 from flighttune.references.planner import APPROACH, LEAST_SHARE, STEEPEST_DIVE
@@ -155,7 +156,7 @@ def export_jsbsim(
     still = AT_REST + 4.0 * fdm.engine_settles
     t_0 = math.ceil(still * fdm.rate / whole) * whole / fdm.rate
     lead = lead_on(scenario, table)
-    sampled = _sampled(scenario, setup, loop, lead)
+    sampled = _sampled(scenario, setup, loop, lead, scenario.sensors_on(table.label))
     values = _values(scenario, setup, loop, fdm)
     if "ft/outer/plan/n_z" in sampled:
         values["ft/outer/planned"] = 1.0
@@ -343,7 +344,11 @@ def _times(scenario: Scenario, setup: LawSetup) -> FloatArray:
 
 
 def _sampled(
-    scenario: Scenario, setup: LawSetup, loop: OuterLoop, lead: tuple[float, float]
+    scenario: Scenario,
+    setup: LawSetup,
+    loop: OuterLoop,
+    lead: tuple[float, float],
+    sensors: Sensors | None,
 ) -> dict[str, FloatArray]:
     """Inputs of the law at every sample that are not measured, by property."""
     t, followed = _times(scenario, setup), reference_of(scenario)
@@ -358,8 +363,8 @@ def _sampled(
             sampled[f"ft/outer/{name.format(channel)}"] = rate
     if loop.takes_plan and isinstance(followed, FeasibleReference):
         sampled["ft/outer/plan/phi-rad"], sampled["ft/outer/plan/n_z"] = followed.commands(t).T
-    if scenario.sensors is not None:
-        errors = scenario.sensors.sensors(scenario.seed).errors(len(t), setup.dt)
+    if sensors is not None:
+        errors = sensors.errors(len(t), setup.dt)
         for name, error in zip(("chi-rad", "gamma-rad", "V_a-mps"), errors.T, strict=True):
             sampled[f"ft/outer/sensor/{name}"] = error
     return sampled

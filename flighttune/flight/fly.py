@@ -302,7 +302,7 @@ def fly_once(
         signals, stop = simulate(
             plant,
             controller,
-            **manoeuvre(scenario, plant),
+            **manoeuvre(scenario, plant, plant_label),
             lead=lead,
             progress=None if progress is None else (lambda t: progress(label, t / duration)),
         )
@@ -318,14 +318,14 @@ def fly_once(
     return Run(signals=signals, status=status, reason=reason, provenance=made_by, units=units)
 
 
-def manoeuvre(scenario: Scenario, plant: Plant) -> dict[str, Any]:
+def manoeuvre(scenario: Scenario, plant: Plant, label: str) -> dict[str, Any]:
     """Reference, start, duration and sensors of a flight of a plant, as `simulate` takes them."""
     in_wind = WIND[0] in plant.signals
     return {
         "reference": reference_of(scenario),
         "condition": (start_condition if in_wind else stated_condition)(scenario),
         "duration": scenario.flight.duration_s,
-        "sensors": scenario.sensors and scenario.sensors.sensors(scenario.seed),
+        "sensors": scenario.sensors_on(label),
     }
 
 

@@ -17,6 +17,9 @@ MEASURED = tuple(f"{name}_meas" for name in SENSED)
 
 _CHI, _GAMMA, _V_A = (COMMON_SIGNALS.index(name) for name in SENSED)
 
+# Part of a sample by which rounding may put a time behind it
+ON_SAMPLE = 1e-6
+
 # Key of the seed's child that sensors draw from, which has one child for each signal.
 _STREAM = 0x5E45
 
@@ -31,6 +34,8 @@ class Sensors:
         Measured minus true value, on the whole flight.
     noise_sd : tuple of three floats, rad, rad, m/s
         Standard deviation of the noise, not negative.
+    late : tuple of two floats, s and m/s
+        Time from which the measured airspeed has a further error, and this error.
     time_constant : float, s
         Time constant of the noise, a first-order Gauss-Markov sequence; 0 for white noise.
     seed : int
@@ -49,6 +54,7 @@ class Sensors:
 
     bias: tuple[float, float, float] = (0.0, 0.0, 0.0)
     noise_sd: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    late: tuple[float, float] = (0.0, 0.0)
     time_constant: float = 0.0
     seed: int = 0
 
@@ -70,6 +76,8 @@ class Sensors:
         errors = np.empty((samples, len(SENSED)))
         for j, (bias, sd) in enumerate(zip(self.bias, self.noise_sd, strict=True)):
             errors[:, j] = bias + sd * self._noise(j, samples, dt) if sd else bias
+        begin, further = self.late
+        errors[math.ceil(begin / dt - ON_SAMPLE) :, SENSED.index("V_a")] += further
         return errors
 
     def _noise(self, signal: int, samples: int, dt: float) -> FloatArray:

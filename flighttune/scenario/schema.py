@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Annotated, Any
 
 from pydantic import Field, model_validator
@@ -13,6 +14,7 @@ from flighttune.files.mistakes import abridged
 from flighttune.files.shipped import nearest_name
 from flighttune.files.table import hash_of
 from flighttune.metrics import CHANNELS, OFF_ROUTE, UNSETTLED, required_names
+from flighttune.plants.sensors import Sensors
 from flighttune.present.names import listed
 from flighttune.quantities import FASTEST_WIND, STEEPEST_DEG, Table
 from flighttune.scenario import tables
@@ -316,6 +318,15 @@ class Scenario(Table):
         if label not in plants:
             raise InputError(f"`plant` must be one of {', '.join(plants)}, got {label}.")
         return plants[label]
+
+    def sensors_on(self, label: str) -> Sensors | None:
+        """Errors of the sensors on a plant, with one that fails in flight; None if exact."""
+        sensors = self.sensors and self.sensors.sensors(self.seed)
+        airframe = {table.label: table.airframe for table in self.plant}.get(label)
+        fault = airframe and airframe.fault
+        if not (fault and fault.V_a_bias_mps):
+            return sensors
+        return replace(sensors or Sensors(), late=(fault.from_s, fault.V_a_bias_mps))
 
     @property
     def aircraft(self) -> tuple[tables.PlantTable, ...]:

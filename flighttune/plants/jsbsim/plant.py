@@ -217,6 +217,8 @@ class JSBSimPlant:
             values[rate] = fdm.reader(rate)() / slower
         for name, angle in fault.stuck.items():
             values |= dict.fromkeys((f"{FAULT}{name}-min", f"{FAULT}{name}-max"), angle)
+        if fault.V_a_bias_mps:
+            values[f"{FAULT}V_a-bias"] = fault.V_a_bias_mps
         if fault.cg_aft_m:
             *_, place = fdm.names("inertia/pointmass-location-X-inches")
             values[place] = fdm.reader(place)() + fault.cg_aft_m / (BALLAST * FT) * 12.0

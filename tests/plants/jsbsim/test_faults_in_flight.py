@@ -3,6 +3,7 @@
 import math
 
 import pytest
+from made_up import made_up_scenario
 
 import flighttune as ft
 from flighttune.aircraft.aircraft import Fault, OffNominal
@@ -32,6 +33,7 @@ FAULTS = [
     {"actuator_lag_factor": 4.0},
     {"cg_aft_m": 0.025},
     {"aileron_stuck_deg": 5.0},
+    {"V_a_bias_mps": -4.0},
 ]
 
 
@@ -68,6 +70,21 @@ def test_a_surface_is_stuck_where_it_is_said_and_actuators_are_as_slow_as_said()
 
     _, fdm = flown(11, actuator_lag_factor=4.0)
     assert fdm.reader("ft/fault/actuator_rate")() == 25.0 / 4.0
+
+
+@pytest.mark.slow
+def test_an_airspeed_sensor_that_reads_low_makes_the_aircraft_fly_as_much_too_fast():
+    """The inner loop holds what it measures, and the law is told the same airspeed."""
+    bias, from_s = -3.0, 1.0
+    airframe = {"fault": {"from_s": from_s, "V_a_bias_mps": bias}}
+    plant = {"kind": "jsbsim", "aircraft": "aerosonde", "airframe": airframe}
+    flight = {"V_a_mps": 25.0, "duration_s": 40.0}
+    (run,) = ft.fly(made_up_scenario(law=["exact"], flight=flight, plant=[plant])).runs
+
+    told = run.signals["V_a_meas"] - run.signals["V_a"]
+    assert told[run.t < from_s - 1e-9].tolist() == [0.0] * int((run.t < from_s - 1e-9).sum())
+    assert told[run.t >= from_s - 1e-9].to_numpy() == pytest.approx(bias, abs=ROUNDING)
+    assert run.signals["V_a"].iloc[-1] == pytest.approx(25.0 - bias, abs=0.1)
 
 
 def test_a_surface_that_an_aircraft_has_not_is_refused():
