@@ -74,7 +74,7 @@ def least_error(problems: Sequence[TuningProblem], k: FloatArray) -> tuple[Float
     def room_slopes(z: FloatArray, _most: float) -> FloatArray:
         of_errors = errors(z[:-1])[1]
         in_k = -np.concatenate([of_errors, *(each.logs(z[:-1])[1] for each in coarse)])
-        return np.column_stack([in_k, np.arange(len(in_k)) < len(of_errors)])
+        return np.column_stack([in_k, np.where(np.arange(len(in_k)) < len(of_errors), 1.0, 0.0)])
 
     bounds = [*zip(space.k_min, space.k_max, strict=True), (-UNSTABLE_LOG, UNSTABLE_LOG)]
     ends = [k]
