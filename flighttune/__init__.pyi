@@ -33,8 +33,8 @@ from flighttune.exports.export import export as export
 from flighttune.files.load import load as load
 from flighttune.flight.flown import FlownScenario as FlownScenario
 from flighttune.flight.fly import fly as fly
-from flighttune.flight.frontier import frontier as frontier
 from flighttune.flight.gains import certify as certify
+from flighttune.flight.gains import frontier as frontier
 from flighttune.flight.gains import tune as tune
 from flighttune.flight.load import load_scenario as load_scenario
 from flighttune.flight.route import PlannedRoute as PlannedRoute

@@ -37,11 +37,8 @@ OFF_ROUTE = ("cross_track", "height_err")
 # Signals that the measures use.
 AIRSPEED = "V"
 
-# Names of the measures of the airspeed where it is a channel, and their units.
-AIRSPEED_METRICS = {
-    name.replace("_rad", "_mps"): unit.replace("rad", "m/s")
-    for name, unit in {**METRICS, "effort_rms": "1", "peak_rad": "rad", "min_rad": "rad"}.items()
-}
+# Names of the measures of the airspeed where it is a channel.
+AIRSPEED_METRICS = tuple(name.replace("_rad", "_mps") for name in (*METRICS, "peak_rad", "min_rad"))
 
 MEASURED = (
     *("V_ref", "V_err", "n_x_cmd", "n_x_limited"),
@@ -55,15 +52,15 @@ MEASURED = (
     *OFF_ROUTE,
 )
 
-# Names of `flight_metrics` and their units.
-FLIGHT_METRICS = {
-    "V_a_dev_mps": "m/s",
-    "n_z_min": "1",
-    "n_z_max": "1",
-    "alpha_max_rad": "rad",
-    "cross_track_m": "m",
-    "height_err_m": "m",
-}
+# Names of `flight_metrics`.
+FLIGHT_METRICS = (
+    "V_a_dev_mps",
+    "n_z_min",
+    "n_z_max",
+    "alpha_max_rad",
+    "cross_track_m",
+    "height_err_m",
+)
 
 # Share of the commanded change within which a flight has followed it to the end, and the error of
 # course and path angle that is allowed there whatever the change, rad.
@@ -86,30 +83,25 @@ ENVELOPES = {
 # Beginning of the name of such a measure: ``error within 90 deg, 6 deg from 4 s``.
 ENVELOPE = "error within "
 
-# Measures of a linear loop and their units; see `loop_measures` of `flighttune.flight.models`.
-LOOP_METRICS = {
-    "R_K": "1/s",
-    "I_K": "s^2",
-    "E_K": "s^2",
-    "gain_margin_dB": "dB",
-    "phase_margin_rad": "rad",
-    "delay_margin_s": "s",
-    "disk_margin": "1",
-    "roll_rate_rad_s": "rad/s",
-}
+# Measures of a linear loop; see `loop_measures` of `flighttune.flight.models`.
+LOOP_METRICS = (
+    *("R_K", "I_K", "E_K", "gain_margin_dB", "phase_margin_rad", "delay_margin_s"),
+    *("disk_margin", "roll_rate_rad_s"),
+)
+
+# Units of measures by the ends of their names; of airspeeds m/s stands for rad.
+UNIT_OF_END = {"ITAE": "rad s^2", "ITAE_mean": "rad s", "_rad": "rad", "_mps": "m/s", "_m": "m"}
+WITHOUT_UNIT = "n_z_min", "n_z_max", ENVELOPE
 
 
 def unit_of(subject: str, name: str) -> str:
     """Unit of a measure of ``chi``, ``gamma`` or ``flight``, as `measures` names them."""
-    if name.startswith(ENVELOPE):
-        return "1"
-    if subject == "flight":
-        return FLIGHT_METRICS[name]
-    if subject == AIRSPEED:
-        return AIRSPEED_METRICS.get(name, "s")
     if name == "effort_rms":
         return "rad" if subject == "chi" else "1"
-    return METRICS.get(name, "rad" if name.endswith("_rad") else "s")
+    if name.startswith(WITHOUT_UNIT):
+        return "1"
+    unit = next((unit for end, unit in UNIT_OF_END.items() if name.endswith(end)), "s")
+    return unit.replace("rad", "m/s") if subject == AIRSPEED else unit
 
 
 def metric_tables(runs: Sequence[Run]) -> "tuple[pd.DataFrame, pd.DataFrame]":

@@ -9,7 +9,7 @@ import pytest
 from places import SCENARIO_NAMES
 
 import flighttune as ft
-from flighttune.flight.advice import mistake
+from flighttune.flight.flown import mistake
 
 pytestmark = pytest.mark.slow
 

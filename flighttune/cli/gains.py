@@ -51,7 +51,7 @@ def tune(
             )
         if out is not None and (out.is_file() or out.suffix in (".json", ".csv", ".svg")):
             raise InputError(f"{out}: `--out` must be a folder with --frontier, got a file.")
-        from flighttune.flight.frontier import frontier as frontier_of
+        from flighttune.flight.gains import frontier as frontier_of
 
         table = frontier_of(source, points=points or 25, changes=changes)
         files = table.save(out or Path("runs") / Path(source).stem)

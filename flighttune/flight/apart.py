@@ -1,22 +1,42 @@
-"""A copy of this process, in which code of the user's flies: a crash ends its flight alone."""
+"""Code of the user's: a word before it runs, and a copy of this process in which it flies.
 
-import multiprocessing
+A crash ends its flight alone.
+"""
+
 import os
 import signal
 import sys
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import suppress
-from multiprocessing.connection import Connection
-from typing import Any, TypeAlias
+from contextvars import ContextVar
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from flighttune.errors import PlantError, ending_of, need_fork
+
+if TYPE_CHECKING:
+    from multiprocessing.connection import Connection
 
 # Called with the label of a run and the part of it flown, 0 to 1.
 Progress: TypeAlias = Callable[[str, float], None]
 
+# Called with the name of a Python file.
+Notice: TypeAlias = Callable[[str], object]
+
+# Does nothing for callers from Python, who chose the code. It is set in a command, and not in the
+# processes that it starts.
+NOTICE: ContextVar[Notice | None] = ContextVar("notice", default=None)
+
 # Time after which a copy that its own alarm has not ended is given up, s.
 GRACE_S = 5.0
+
+
+def before_running(files: Iterable[str]) -> None:
+    """Give notice of the Python files that are going to be run."""
+    notice = NOTICE.get()
+    if notice is not None:
+        for file in files:
+            notice(file)
 
 
 def apart(
@@ -28,6 +48,8 @@ def apart(
     no progress for `silence` seconds, as Python could not while a library computes. What it prints
     goes to stderr.
     """
+    import multiprocessing  # here: --help must be quick
+
     need_fork("code of your own and the reader of a log")
     # a copy has the classes of the user's, which another process would have to import again
     fork = multiprocessing.get_context("fork")
@@ -61,7 +83,7 @@ def apart(
         process.join()
 
 
-def _answer(call: Callable[[Progress], Any], silence: float, sender: Connection) -> None:
+def _answer(call: Callable[[Progress], Any], silence: float, sender: "Connection") -> None:
     import resource  # Windows has none
 
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))  # no image of a crash in the working folder

@@ -28,61 +28,10 @@ REST = 4.0  # s: flown after it
 # Significant digits of values that are computed.
 DIGITS = 5
 
-# A first scenario; `_first` replaces the values and comments that depend on the aircraft.
-TEMPLATE = """\
-# Units are at the end of a key; all keys: scenarios/README.md, or the page "Keys" of the docs.
-title    = ""
-verifies = ""
-law      = "exact"                  # also "paper", the PI law of arXiv 2411.13140
-gains    = ["tuned_fed_back"]       # also "tuned_identified", or a file that `tune --out` wrote
-
-[flight]
-V_a_mps    = 25.0
-h_m        = 1000.0
-gamma_deg  = 0.0
-duration_s = 40.0
-
-# Where to: each channel a constant, which is flown as a step, or a list of segments. A ramp that
-# rises to its rate within roll_in_s has its roll and lift planned.
-[reference]
-chi_deg   = []
-gamma_deg = []
-
-[limits]                            # of the commands, on the law as on the aircraft
-phi_deg        = []
-phi_rate_dps   = 0.0
-n_z            = []
-n_z_rate_per_s = 0.0
-
-[controller]
-feed_forward = true                 # the paper's law adds the load factor of steady flight
-
-[tuning]                            # how fast roll can follow bounds the gain of tuned_identified
-model     = "identified"
-roll_rate = true
-
-[[plant]]                           # the guidance law alone ...
-kind = "kinematic"
-
-[[plant]]                           # ... and the aircraft it is compared with
-kind     = "jsbsim"
-aircraft = ""
-
-[[expect]]                          # what both must achieve; MO: overshoot, ST: scatter at the end
-at_most.chi.MO_deg   = 5.0
-at_most.gamma.MO_deg = 3.0
-at_most.chi.ST_deg   = 0.5
-at_most.gamma.ST_deg = 0.5
-"""
-
-NEXT = """
-# What to do next:
-#   flighttune fly {name}                    # metrics, requirements, a recording
-#   flighttune report {run}                 # a page to send
-#   flighttune gap {name}                    # what each step from law to aircraft adds
-#   flighttune meet {name}                   # gains that meet [[expect]]
-#   flighttune fly {name} --gains FILE --set flight.duration_s=60
-"""
+# A first scenario, and what to do next; `_first` replaces what depends on the aircraft.
+TEMPLATE, NEXT_HEAD, NEXT = (
+    Path(__file__).with_suffix(".toml").read_text(encoding="utf-8").partition("\n# What to do next")
+)
 
 
 def new_scenario(
@@ -124,7 +73,7 @@ def new_scenario(
             raise InputError(f"`--{option}` must be positive and finite, got {value:g}.")
     text = _requiring(_first(aircraft or AIRCRAFT, file.parent), overshoot, settle)
     names = {"name": shlex.quote(str(file)), "run": shlex.quote(f"runs/{file.stem}")}
-    write_text(file, text + NEXT.format(**names))
+    write_text(file, text + (NEXT_HEAD + NEXT).format(**names))
     try:
         load_scenario(file)
     except BaseException:

@@ -14,7 +14,7 @@ from flighttune.control.controller import Controller
 from flighttune.control.guarded import FAILURES, failure
 from flighttune.errors import ScenarioError
 from flighttune.files.whole import reason_of
-from flighttune.flight.notice import before_running
+from flighttune.flight.apart import before_running
 from flighttune.plants.base import Plant
 from flighttune.scenario.load import file_sha256
 from flighttune.scenario.schema import Scenario

@@ -22,9 +22,9 @@ from flighttune.arrays import FloatArray
 from flighttune.errors import RecordingError, need
 from flighttune.files.whole import whole_file
 from flighttune.flight.flown import FlownScenario
+from flighttune.present.chart import peaks
 from flighttune.present.names import shown_unit
 from flighttune.present.palette import LIMIT, NEUTRAL, rgb
-from flighttune.present.thinning import peaks
 from flighttune.recording import entities
 from flighttune.recording.entities import DrawnRun, application, log_lines, runs_to_draw, times
 from flighttune.recording.page import blueprint, log_legends, scenario_page

@@ -20,8 +20,8 @@ from flighttune.metrics import OFF_ROUTE
 from flighttune.plants.base import OVER_GROUND
 from flighttune.plants.jsbsim.model_files import wing_span
 from flighttune.plants.weather import WIND
+from flighttune.present.chart import evenly
 from flighttune.present.palette import LIMIT, NEUTRAL, rgb
-from flighttune.present.thinning import evenly
 from flighttune.recording import entities
 from flighttune.recording.entities import MAP, ROUTE, DrawnRun, on_screen, times
 from flighttune.recording.plots import positions

@@ -11,9 +11,9 @@ from flighttune.arrays import FloatArray
 from flighttune.claims.linear_loop import linear_bound
 from flighttune.errors import FlightTuneError, RecordingError
 from flighttune.files.table import toml_text
-from flighttune.flight.advice import advice
 from flighttune.flight.conditions import reference_of, stated_condition
 from flighttune.flight.expectations import check_claim
+from flighttune.flight.flown import advice
 from flighttune.flight.models import tuning_problem
 from flighttune.gaps.gap import Gap, step_table
 from flighttune.gaps.ladder import explain_flight

@@ -8,10 +8,9 @@ import numpy as np
 from flighttune.arrays import FloatArray
 from flighttune.claims.linear_loop import LinearBound
 from flighttune.flight.expectations import envelopes
-from flighttune.present.chart import DASHED, DOTTED, Chart
+from flighttune.present.chart import DASHED, DOTTED, MAX_DRAWN, Chart
 from flighttune.present.names import shown_unit
 from flighttune.present.palette import LIMIT, NEUTRAL, LineStyle
-from flighttune.present.thinning import MAX_DRAWN
 from flighttune.recording.plots import displayed, limits_of
 from flighttune.references.follow import ROUTE_SIGNALS
 from flighttune.simulate.bounds import claims_around

@@ -390,6 +390,13 @@ def _check_keys(table: q.Table, kind: str, kinds: Mapping[str, PlantKind | type[
         raise ValueError("`module` and `class` must be given together")
 
 
+if TYPE_CHECKING:
+    Kind: TypeAlias = str
+    LawKind: TypeAlias = str
+else:
+    Kind, LawKind = Literal[tuple(PLANT_KINDS)], Literal[tuple(law_kinds())]
+
+
 class PlantTable(OwnTable):
     """``[[plant]]``: what flies.
 
@@ -401,7 +408,7 @@ class PlantTable(OwnTable):
     kind and aircraft.
     """
 
-    kind: Literal["kinematic", "point_mass", "point_mass_lag", "jsbsim", "python"]
+    kind: Kind
     aircraft: q.PathName | None = None
     name: Name | None = None
     throttle_max: Annotated[float, Field(gt=0.0, le=1.0)] | None = None
@@ -483,11 +490,6 @@ class PlantTable(OwnTable):
             damping=1.0 if damping is None else damping,
         )
 
-
-if TYPE_CHECKING:
-    LawKind: TypeAlias = str
-else:
-    LawKind = Literal[tuple(law_kinds())]
 
 # Laws that a scenario can name without a table.
 LAWS = plain_laws()

@@ -25,19 +25,11 @@ AT_REST = 1e-9
 STEADY_FROM = 0.75
 
 
-# Measures of one channel and their units.
-METRICS = {
-    "ITAE": "rad s^2",
-    "ITAE_mean": "rad s",
-    "PT_s": "s",
-    "MO_rad": "rad",
-    "MS_rad": "rad",
-    "ST_rad": "rad",
-    "rise_s": "s",
-    "settling_s": "s",
-    "effort_rms": "rad (chi), 1 (gamma)",
-    "saturation_s": "s",
-}
+# Measures of one channel.
+METRICS = (
+    *("ITAE", "ITAE_mean", "PT_s", "MO_rad", "MS_rad", "ST_rad", "rise_s", "settling_s"),
+    *("effort_rms", "saturation_s"),
+)
 
 # Values of `METRICS`, from `error_measures`; NaN where a measure has no value.
 ErrorMeasures = namedtuple("ErrorMeasures", METRICS)

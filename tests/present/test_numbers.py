@@ -33,7 +33,7 @@ def test_every_metric_has_a_label_and_angles_are_in_degrees():
         "end_error_mps",
         "error",
     }
-    named |= LOOP_METRICS.keys() - QUANTITIES.keys()
+    named |= {*LOOP_METRICS} - QUANTITIES.keys()
     assert named == METRIC_LABELS.keys()
     assert metric_label("V.MO_mps").heading == "overshoot of V [m/s]"
     assert metric_label("chi.MO_rad").heading == "overshoot of χ [deg]"

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from flighttune.present.thinning import MAX_DRAWN, peaks, thinned
+from flighttune.present.chart import MAX_DRAWN, peaks, thinned
 
 
 def test_a_long_line_keeps_ends_and_every_single_spike():

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 from rerun.chunk import RrdReader
 
-from flighttune.present.thinning import MOST
+from flighttune.present.chart import MOST
 from flighttune.recording.entities import TIMELINE, runs_to_draw
 from flighttune.recording.plots import TABS, with_derived
 from flighttune.recording.record import write_recording

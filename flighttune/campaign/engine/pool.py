@@ -21,7 +21,7 @@ from flighttune.campaign.flying.rows import (
     lost_row,
 )
 from flighttune.errors import InputError, StoppedError
-from flighttune.flight.notice import before_running
+from flighttune.flight.apart import before_running
 from flighttune.planning.plan import Plan
 from flighttune.simulate.batch import cores
 
