@@ -105,10 +105,7 @@ def unit_of(subject: str, name: str) -> str:
 
 
 def metric_tables(runs: Sequence[Run]) -> "tuple[pd.DataFrame, pd.DataFrame]":
-    """`channel_metrics` and `flight_metrics` of those runs that flew, by label.
-
-    `channels`: index run and channel; empty without runs.
-    """
+    """`channel_metrics` and `flight_metrics` of those runs that flew, by label."""
     import pandas as pd
 
     flown = [run for run in runs if len(run.signals) > 1 and not run.provenance.log]
@@ -305,10 +302,7 @@ def stated_bounds(subject: str, limits: Mapping[str, Any]) -> dict[str, float]:
 
 
 def required_names(expect: Iterable[Mapping[str, Any]]) -> dict[str, list[str]]:
-    """Names of the measures that only ``[[expect]]`` asks for, by subject.
-
-    They are `settling_measures` where it bounds a settling time, and envelopes.
-    """
+    """Names of the measures that only ``[[expect]]`` asks for, by subject."""
     names: dict[str, list[str]] = {}
     for table in expect:
         bounds = (*table.get("at_most", {}).items(), *table.get("at_least", {}).items())
@@ -344,10 +338,7 @@ def settling_measures(
 
 
 def signal_arrays(run: Run, names: Sequence[str]) -> dict[str, FloatArray]:
-    """The signals among `names` that a run has, as contiguous arrays.
-
-    `names`: any of `SIGNAL_UNITS`.
-    """
+    """The signals among `names` that a run has, as contiguous arrays."""
     there = [name for name in names if name in run.signals]
     # All at once: a column of a table takes as long as its measures.
     return dict(zip(there, np.ascontiguousarray(run.signals[there].to_numpy().T), strict=True))

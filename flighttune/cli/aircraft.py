@@ -7,9 +7,8 @@ from typing import Annotated
 
 from typer import Argument, Option
 
-from flighttune.cli.options import out_folder
+from flighttune.cli.options import Verb, of
 from flighttune.cli.show import INTERRUPTED, fail, on_interrupt, quiet, tell
-from flighttune.cli.verbs import Verb, of
 from flighttune.errors import InputError
 from flighttune.files.shipped import aircraft_names, is_shipped
 from flighttune.present.answer import Answer
@@ -26,13 +25,14 @@ def trim(
     return trim_aircraft().answer(every_condition=verbose)
 
 
-@of("identification.design:design")
+@of(
+    "identification.design:design",
+    out="Folder to write to [default: the aircraft's own; required for a shipped one].",
+)
 def design(
     design_aircraft: Verb,
     aircraft: str,
-    out: Annotated[
-        Path | None, out_folder("the aircraft's own; required for a shipped one")
-    ] = None,
+    out: Path | None,
     dry_run: Annotated[
         bool, Option("--dry-run", help="Print the gains; write no file and no figure.")
     ] = False,
@@ -71,14 +71,20 @@ def identify(
     return replace(identified.answer(), files=identified.save(out))
 
 
-@of("adoption.adopt:adopt", model={"metavar": "MODEL|FILE.xml|FOLDER"}, folder=None, rudder=None)
+@of(
+    "adoption.adopt:adopt",
+    model={"metavar": "MODEL|FILE.xml|FOLDER"},
+    folder=None,
+    rudder=None,
+    out="Folder to write to [default: aircraft/MODEL].",
+)
 def adopt(
     adopt_model: Verb,
     model: str,
+    out: Path | None,
     no_rudder: Annotated[
         bool, Option("--no-rudder", help="Leave yaw to the airframe, without a rudder.")
     ] = False,
-    out: Annotated[Path | None, out_folder("aircraft/MODEL")] = None,
 ) -> Answer:
     """Make an aircraft from a JSBSim model: find its surfaces and engines, tune it and fly it.
 

@@ -8,8 +8,8 @@ from typing import Annotated, Any
 from typer import Option
 
 from flighttune.cli import options
+from flighttune.cli.options import Verb, of
 from flighttune.cli.show import campaign_display, progress_bar
-from flighttune.cli.verbs import Verb, of
 from flighttune.errors import InfeasibleError, InputError
 from flighttune.present.answer import Answer
 

@@ -7,8 +7,8 @@ from typing import Annotated
 from typer import Argument, Option
 
 from flighttune.cli import options
+from flighttune.cli.options import Verb, of
 from flighttune.cli.show import progress_bar
-from flighttune.cli.verbs import Verb, of
 from flighttune.errors import InputError
 from flighttune.files.shipped import scenario_files
 from flighttune.present.answer import Answer
@@ -18,11 +18,12 @@ from flighttune.present.answer import Answer
     "gaps.ladder:gap",
     scenario={"metavar": "SCENARIO|LOG", "autocompletion": scenario_files},
     name=None,
+    out="Folder to write to [default: runs/NAME-gap; of a log without its part].",
 )
 def gap(
     explain_gap: Verb,
     scenario: str,
-    out: Annotated[Path | None, options.out_folder("runs/NAME-gap")] = None,
+    out: Path | None,
     claim: options.ClaimOption = None,
 ) -> Answer:
     """Fly gains on plants from the paper's law to the aircraft; show what each step adds.

@@ -45,10 +45,7 @@ def stated_condition(scenario: Scenario) -> FlightCondition:
 
 
 def start_condition(scenario: Scenario) -> FlightCondition:
-    """Condition in which the flight starts in its steady wind: the path through the air.
-
-    An InputError names the key of a wind in which the aircraft cannot fly along the stated path.
-    """
+    """Condition in which the flight starts in its steady wind: the path through the air."""
     start, wind = stated_condition(scenario), scenario.wind
     if wind is None or scenario.flight.start == "heading":
         return start
@@ -92,11 +89,7 @@ def weather_of(scenario: Scenario) -> Weather | None:
 
 
 def reference_of(scenario: Scenario) -> Reference | FeasibleReference | RouteReference:
-    """The reference that the outer loop of a scenario follows.
-
-    An InputError says that no feasible reference was found, that a route cannot be flown, or that
-    limits are missing.
-    """
+    """The reference that the outer loop follows; an InputError says why it cannot be flown."""
     f = scenario.flight
     if scenario.feasible:
         return feasible_reference(manoeuvre_of(scenario))
@@ -121,10 +114,7 @@ def reference_of(scenario: Scenario) -> Reference | FeasibleReference | RouteRef
 
 
 def slopes_not_held(scenario: Scenario) -> tuple[str, ...]:
-    """A sentence for the steepest climb and the steepest descent that an aircraft cannot hold.
-
-    Where its airspeed cannot be held on that slope, it says which slope it can hold, and why.
-    """
+    """A sentence for the steepest climb and descent that an aircraft cannot hold, and why."""
     from flighttune.plants.jsbsim.trim import steepest  # where only the law flies, no JSBSim
 
     reference, f = reference_of(scenario), scenario.flight
@@ -206,11 +196,7 @@ def manoeuvre_of(scenario: Scenario) -> Manoeuvre:
 
 
 def lags_of(plant: PlantTable, V_a: float, gamma: float) -> tuple[InnerLag, InnerLag] | None:
-    """Lags of roll and load factor; None for a plant without.
-
-    Those of an aircraft are identified, at the condition nearest to an airspeed (m/s) and a path
-    angle (rad).
-    """
+    """Lags of roll and load factor, of an aircraft the nearest identified; None for none."""
     if plant.aircraft is None:
         return plant.lags()
     return plant.identified_model.nearest(V_a, gamma).lags
@@ -233,10 +219,7 @@ def lead_on(scenario: Scenario, plant: PlantTable | None) -> tuple[float, float]
 
 
 def check_roll_in(scenario: Scenario) -> None:
-    """Refuse ramps that roll in by a rate beyond the limits, in still air.
-
-    Raises InputError with the key, and what would do.
-    """
+    """Refuse ramps that roll in by a rate beyond the limits in still air; say what would do."""
     reference, f = scenario.reference, scenario.flight
     if reference is None or not scenario.rolls_in:
         return

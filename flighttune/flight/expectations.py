@@ -131,11 +131,7 @@ class ClaimCheck:
 
 
 def check_claim(scenario: Scenario, runs: Sequence[Run]) -> ClaimCheck:
-    """Check every run against the ``[[expect]]`` tables of its scenario.
-
-    A run for which no table names a status must be completed, and follow its reference to the end
-    (`not_followed`).
-    """
+    """Check every run against the ``[[expect]]`` tables of its scenario."""
     bounds: list[BoundCheck] = []
     missed: list[str] = []
     counts: list[Counts] = []
@@ -189,11 +185,7 @@ def missed(
     reason: str,
     measured: Mapping[str, Mapping[str, float]],
 ) -> tuple[str, ...]:
-    """Return a sentence for each requirement of `tables` that one run does not meet.
-
-    A run for which no table names a status must be completed and follow to the end. `measured` is
-    empty for a flight too short to have any measures.
-    """
+    """Return a sentence for each requirement of `tables` that one run does not meet."""
     wrong_end = _wrong_end(tables, status, reason)
     if wrong_end:
         return (wrong_end,)

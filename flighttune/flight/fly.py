@@ -173,11 +173,7 @@ def aircraft_table(scenario: Scenario, plant: str | None = None) -> PlantTable:
 
 
 def plant_of(table: PlantTable, scenario: Scenario, wind: WindRecord | None = None) -> Plant:
-    """A fresh plant of a scenario, ready to start.
-
-    A plant that is no aircraft flies in `wind`, by default in still air. An InputError names
-    the key of an off-nominal value that the aircraft cannot have.
-    """
+    """A fresh plant of a scenario, ready to start; one that is no aircraft flies in `wind`."""
     if table.of_the_user:
         return GuardedPlant.made(table.label, table.maker, table.parameters or {})
     if table.aircraft is None:

@@ -91,10 +91,7 @@ def as_scenario(
     changes: Mapping[str, Any] | None = None,
     gains: Sequence[str] = (),
 ) -> Scenario:
-    """A scenario as it is, from a file, or that of a name, with other gain sets if there are any.
-
-    Raises InputError if there are `changes` to a scenario that is not read from a file.
-    """
+    """A scenario as it is or from a file, which can have `changes`; maybe with other gain sets."""
     if not isinstance(source, Scenario):
         return load_scenario(source, changes=changes, gains=gains)
     if changes:

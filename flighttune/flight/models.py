@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from flighttune.arrays import FloatArray
 from flighttune.certificates.exact_rate import ExactRate, Sampling, exact_rates
-from flighttune.certificates.lag_box import LagBox, lag_boxes
+from flighttune.certificates.lag_box import lag_boxes
 from flighttune.certificates.make import Certification, certify_model
 from flighttune.control.controller import LawSetup
 from flighttune.control.gains import (
@@ -93,11 +93,7 @@ def law_model(scenario: Scenario, law: Law | None = None) -> LinearModel:
 
 
 def linear_model(scenario: Scenario, law: Law | None = None) -> LinearModel:
-    """The model that [tuning] names, about wings-level flight on the first reference.
-
-    Of an identified aircraft that is the first condition where [tuning] says ``robust``. The
-    law is the first by default.
-    """
+    """The model of [tuning] on the first reference, with ``robust`` that of the first condition."""
     settings = scenario.tuning
     if settings.model == "identified":
         return identified_models(scenario, law)[0].model
@@ -143,10 +139,7 @@ def tuning_problem(scenario: Scenario, law: Law | None = None) -> TuningProblem:
 
 
 def tuning_scaling(scenario: Scenario, law: Law | None = None) -> FloatArray | None:
-    """Units of state in which R_K is maximised, shape (n + p,); None where they are plain.
-
-    With ``robust`` in [tuning] it is the first condition's; the law is the first one by default.
-    """
+    """Units of state in which R_K is maximised, shape (n + p,); None where they are plain."""
     settings = scenario.tuning
     if settings.model == "identified":
         return identified_models(scenario, law)[0].scaling
@@ -310,10 +303,7 @@ def _solved(problems: bytes, starts: int) -> TuningResult:
 
 
 def gain_sets(scenario: Scenario) -> tuple[dict[str, PIGains | None], TuningResult | None]:
-    """Every gain set of a scenario by name, and the result of the tuning for the first law.
-
-    A gain set is None where tuning found none; the result is None if the scenario has no ``tuned``.
-    """
+    """Every gain set by name, None where none was found, and the tuning for the first law."""
     tunings: dict[str, TuningResult] = {}
     for law in scenario.laws if TUNED in scenario.gains else ():
         if law.tuned_as not in tunings:
@@ -370,11 +360,7 @@ def gain_set(scenario: Scenario, name: str, tuning: TuningResult | None = None) 
 
 
 def trim_and_envelope(scenario: Scenario) -> tuple[Envelope, Envelope]:
-    """Steady wings-level flight on the first reference, and the scenario's ranges of flight.
-
-    The ranges are of the kinematic law: a ScenarioError says that the scenario gives none, that
-    they do not contain the trim, or that its model is another.
-    """
+    """Wings-level flight on the first reference, and the ranges of flight that contain it."""
     if scenario.envelope is None:
         raise ScenarioError(
             f"{scenario.title}: `envelope` must be given for a claim over one: add a table "
@@ -409,27 +395,8 @@ def certify_scenario(
 ) -> Certification:
     """A certificate of gains on the linear model of a scenario, or the reason for its absence.
 
-    Parameters
-    ----------
-    envelope : bool
-        Claim the rate for every flight inside the scenario's ranges; where [tuning] names the
-        identified model, at every condition identified and for every mixture of their loops.
-    L_d : float, rad/s^2, optional
-        Bound of the disturbance's derivative; by default that of the scenario's sinusoid, if any.
-    law : Law, optional
-        Law that flies the gains; by default the first of the scenario that takes them.
-    sampled : bool
-        Prove the exact rate of the sampled loop beside that of the continuous one, which takes up
-        to a second. Over an envelope neither is.
-    lag : array_like, shape (2,) or (p, 2), s, optional
-        Prove rates of each channel behind any lag from this range too; over the identified
-        conditions the range is theirs by default.
-
-    Raises
-    ------
-    ScenarioError, InputError
-        If an envelope is asked for and the scenario gives none, its model is the kinematic law
-        behind a lag, there is no identified model, or its conditions have lags of different order.
+    The arguments are those of `certify`; the law is by default the first that takes the gains. With
+    `sampled` the exact rate of the sampled loop is proven too, which takes up to a second.
     """
     if L_d is None and scenario.disturbance is not None:
         bound = scenario.disturbance.sinusoid().rate_bound
@@ -452,7 +419,8 @@ def certify_scenario(
     )
     model, boxes, why = linear_model(scenario, law), (), ""
     if lag is not None or identified:
-        boxes, why = _boxes(scenario, gains, law, lag, everywhere)
+        models = [model, *(design.law_model for design in everywhere)]
+        boxes, why = lag_boxes(models, gains, *_late(scenario, law, lag, everywhere))
     if why and lag is not None:
         return Certification(status="refused", reason=why, model=model, gains=gains)
     certification = certify_model(
@@ -473,28 +441,13 @@ def certify_scenario(
     return replace(certification, absent=why or unsampled)
 
 
-def _boxes(
-    scenario: Scenario,
-    gains: PIGains,
-    law: Law,
-    lag: npt.ArrayLike | None,
-    everywhere: Sequence[DesignModel],
-) -> tuple[tuple[LagBox, ...], str]:
-    """Rates behind any lag from a range, or that of some conditions, as `lag_boxes`."""
-    models = [linear_model(scenario, law), *(design.law_model for design in everywhere)]
-    return lag_boxes(models, gains, *_late(scenario, law, lag, everywhere))
-
-
 def _late(
     scenario: Scenario,
     law: Law,
     lag: npt.ArrayLike | None,
     everywhere: Sequence[DesignModel] = (),
 ) -> tuple[npt.ArrayLike, FloatArray]:
-    """Ranges of lag and delay, s: those of conditions, or the lags given.
-
-    Without an identified model the delay is the half sample, if [tuning] has it.
-    """
+    """Ranges of lag and delay, s: those of conditions, or the lags given."""
     settings, hold = scenario.tuning, 0.5 / scenario.controller.rate_hz
     if settings.model != "identified":
         return np.asarray(lag), np.full(2, hold if settings.sample_delay else 0.0)
@@ -539,10 +492,7 @@ def lag_problems(scenario: Scenario, law: Law, lag: npt.ArrayLike) -> tuple[Tuni
 def scenario_rates(
     scenario: Scenario, gains: PIGains, law: Law, *, sampled: bool
 ) -> tuple[tuple[ExactRate, ...], str]:
-    """Exact rates of gains on the linear model of a scenario, and on the loop as it is sampled.
-
-    With why the latter has none, as `exact_rates`.
-    """
+    """Exact rates of gains on the linear model and on the sampled loop, or why it has none."""
     model, scaling = linear_model(scenario, law), tuning_scaling(scenario, law)
     if not sampled:
         return exact_rates(model, gains, scaling=scaling)
@@ -566,10 +516,7 @@ def scenario_rates(
 def linear_loop(
     scenario: Scenario, name: str, gains: PIGains
 ) -> tuple[LinearModel, PIGains] | None:
-    """The linear model that a law acts on, and its gains; None where it has none.
-
-    The scenario holds the classes of the user's laws, as `with_own` returns it.
-    """
+    """The linear model that a law acts on, and its gains; None where it has none."""
     law, _ = scenario.law_of(name, gains)
     setup = law_setup(scenario, gains, command_limits(scenario))
     return law.loop(linear_model(scenario, law), gains, setup)

@@ -183,10 +183,7 @@ def _first_ramps(config: AircraftConfig, V_a: float, climb: float) -> dict[str, 
 
 
 def _of_logs(model: Path, folder: Path) -> str:
-    """The template with a model identified from logs as the plant, and the limits that they show.
-
-    Without an airframe behind it such a model flies as a point mass behind its lags.
-    """
+    """The template with a model from logs as the plant, a point mass behind its lags."""
     identified = load_identified(model)
     log, condition = identified.log, identified.conditions[0]
     if log is None:

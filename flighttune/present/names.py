@@ -113,10 +113,7 @@ METRIC_LABELS = {
 
 
 def metric_label(key: str, channels: Mapping[str, str] = SYMBOLS) -> Column:
-    """Column of a measure by its key in rows or in ``[[expect]]``: ``chi.MO_rad``, overshoot of χ.
-
-    A measure in degrees (``MO_deg``) needs no factor; `channels` names the channels.
-    """
+    """Column of a measure by its key in rows or ``[[expect]]``: ``chi.MO_rad``, overshoot of χ."""
     channel, _, metric = key.partition(".")
     metric, _, band = metric.partition(" within ")
     si = metric.replace("_deg", "_rad").replace("_dps", "_rad_s")

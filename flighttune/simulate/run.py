@@ -81,13 +81,7 @@ class Provenance:
 
     @property
     def law(self) -> Law:
-        """The law flown.
-
-        Raises
-        ------
-        InputError
-            If it is of a kind that there is none of.
-        """
+        """The law flown; an InputError says that there is none of its kind."""
         tables = {table["name"]: table for table in self.scenario.get("law") or ()}
         name, gains = law_name(self.gains_name, tables), self.gains
         table = tables.get(name) or {"kind": name if name in plain_laws() else "python"}
@@ -257,11 +251,7 @@ class Claim(Protocol):
 
 
 def with_claims(runs: Sequence[Run], claims: Sequence[object]) -> tuple[Run, ...]:
-    """The runs with the claims that cover them.
-
-    Raises InputError if a claim does not bound flights, or covers no run, with the reason for the
-    first one.
-    """
+    """The runs with the claims that cover them; an InputError says why one covers none."""
     for claim in claims:
         if not isinstance(claim, Claim):
             what = type(claim).__name__

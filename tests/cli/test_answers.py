@@ -14,7 +14,6 @@ from plans import item, plan_file, waypoint
 import flighttune as ft
 from flighttune.campaign.engine.engine import forecast
 from flighttune.cli.app import COMMANDS
-from flighttune.flight.listing import listing
 
 pytestmark = pytest.mark.slow
 
@@ -25,7 +24,7 @@ FEW = {"start_deg": 2.0, "plant": "kinematic", "epsilon": 0.3, "confidence": 0.9
 MONITORED = FEW | {"learn": 20, "plant": "jsbsim:aerosonde"}
 TURN = {"flight.duration_s": 12.0}
 LONG = "tune --prove", "tune --envelope"
-OTHERS = "adopt", "new", "reproduce", "view"
+OTHERS = "adopt", "list", "new", "reproduce", "view"
 
 # Which files were written, and what the clock or the folder decides.
 OF_THE_COMMAND = {
@@ -62,7 +61,6 @@ def options(settings):
 
 
 VERBS = {
-    "list": (listing, []),
     "campaign": (planned, ["first_campaign", "--dry-run", "--runs", 8, "--workers", 1]),
     "tune": (lambda: ft.tune("paper"), ["paper"]),
     "tune --prove": (
