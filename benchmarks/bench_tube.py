@@ -307,6 +307,7 @@ def count(name, folder):
 def tube_of_aircraft(name, path, folder):
     """The tube of the Aerosonde in the boxes of a file, and what was measured."""
     scenario, known = ft.load_scenario(name, changes=SHORTER), ft.load(path)
+    assert isinstance(known, ft.Residual)
     began = time.process_time()
     found = tube(scenario, gain_set(scenario, "tuned_identified"), band=known)
     cpu = time.process_time() - began

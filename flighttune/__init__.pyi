@@ -7,6 +7,7 @@ from flighttune.campaign.band import band as band
 from flighttune.campaign.band import residual as residual
 from flighttune.campaign.beside import compare as compare
 from flighttune.campaign.claims import Verified as Verified
+from flighttune.campaign.claims import load as load
 from flighttune.campaign.claims import verify as verify
 from flighttune.campaign.engine.engine import run_campaign as run_campaign
 from flighttune.campaign.engine.progress import CampaignObserver as CampaignObserver
@@ -30,7 +31,6 @@ from flighttune.errors import InputError as InputError
 from flighttune.errors import RecordingError as RecordingError
 from flighttune.errors import ScenarioError as ScenarioError
 from flighttune.exports.export import export as export
-from flighttune.files.load import load as load
 from flighttune.flight.flown import FlownScenario as FlownScenario
 from flighttune.flight.fly import fly as fly
 from flighttune.flight.gains import certify as certify

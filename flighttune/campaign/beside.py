@@ -373,21 +373,8 @@ def compare(  # type: ignore[misc] # noqa: PLR0913 - each is a choice of the use
         Draws to fly, each with both, by default 93.
     aircraft : str, optional
         Aircraft that flies a mission, by default aerosonde.
-    like : str, optional
-        Campaign whose air and dispersions the flights of a mission have, by default those that
-        `mission` has.
-    skip : bool
-        Leave out commands of a mission that have no place.
-    seed : int, optional
-        Seed of the draws, by default the campaign's.
-    changes : mapping of str to value, optional
-        Values to set in the scenario, by dotted key.
-    workers : int, optional
-        Processes that fly on this machine; by default one per core.
-    scheduler : str, optional
-        Address of a dask scheduler, ``tcp://HOST:PORT``, whose workers fly instead.
-    observer : CampaignObserver, optional
-        Receives the progress; may stop the flights.
+    seed, changes, workers, scheduler, observer : as for `band`
+    like, skip : as for `mission`
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""Claims from files and their check: certificates, bounds on R_K, tubes and bands."""
+"""What files hold, and the check of claims: certificates, bounds on R_K, tubes and bands."""
 
 import math
 from collections.abc import Sequence
@@ -9,6 +9,7 @@ from typing import TypeAlias, TypeVar
 
 from flighttune.campaign.band import check_shape, differing, some_draws
 from flighttune.campaign.counted_flights import plan_of
+from flighttune.campaign.dataset import Dataset
 from flighttune.campaign.engine.pool import WorkerPool
 from flighttune.certificates.bound import RateBound
 from flighttune.certificates.certificate import Certificate
@@ -16,13 +17,16 @@ from flighttune.claims.band import Band, Residual
 from flighttune.claims.count import chance_missed, flights_again
 from flighttune.claims.counted import Counted
 from flighttune.errors import InputError
-from flighttune.files.load import BAND, CLAIMS, TUBE, load_one
+from flighttune.files.load import BAND, CLAIMS, LOG, READERS, TUBE, kind_of, load_one
 from flighttune.flight.flown import FlownScenario
 from flighttune.gaps.gap import Gap
 from flighttune.identification.file import changed_files
+from flighttune.logs.log import Columns
 from flighttune.present.answer import Answer, Answering, Column, Table, pick
 from flighttune.present.names import columns, listed
 from flighttune.records.compare import Source
+from flighttune.records.parquet import Recording
+from flighttune.simulate.run import Run
 from flighttune.theory.exact import Check, Verification
 from flighttune.tubes.boxes import OF_RESIDUALS
 from flighttune.tubes.enclosure import Tube
@@ -75,6 +79,43 @@ def verified_band(
 
 
 AnyClaim: TypeAlias = Certificate | RateBound | Tube | Counted
+Loaded: TypeAlias = Recording | Dataset | Run | AnyClaim
+
+
+def load(path: str | Path, *, columns: Columns = ()) -> Loaded:
+    """Read what flighttune wrote, or a log; what it is, is read from its content.
+
+    Nothing in the file of a claim is proven again, as `verify` does. The scale of a band is
+    computed again from its flights.
+
+    Parameters
+    ----------
+    path : str or Path
+        A recording (.rrd), its folder or the Parquet file of a run; the folder of a campaign; the
+        file of a certificate, a bound on R_K, a tube, a band or a monitor; or the log of a real
+        flight, ``LOG@START:END`` for a part of it in s.
+    columns : mapping or sequence
+        Where a log has its signals, as for `load_log`.
+
+    Returns
+    -------
+    Recording, Dataset, Certificate, RateBound, Tube, Band, Monitor or Run
+        A log is a `Run`. A claim has a `sentence`.
+
+    Raises
+    ------
+    InputError, RecordingError
+        If there is no such file, it is of another kind, or it does not support what it claims.
+
+    Examples
+    --------
+    >>> ft.tube("paper", "paper", changes={"flight.duration_s": 2.0}).save("tube.npz")
+    >>> ft.load("tube.npz").status
+    'bounded'
+    """
+    if columns and kind_of(path) != LOG:
+        raise InputError(f"{path}: `columns` must be absent for what is no log.")
+    return load_one(path, "file that flighttune wrote, or a log", *READERS, columns=columns)
 
 
 def load_residual(boxes: Residual | str | Path) -> Residual:

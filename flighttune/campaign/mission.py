@@ -155,19 +155,10 @@ def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
         turbulence, wind to 8 m/s and the dispersions of the aircraft.
     skip : bool
         Leave out commands of a mission that have no place.
-    seed : int, optional
-        Seed of the draws, by default the campaign's.
-    changes : mapping of str to value, optional
-        Values to set in the scenario, by dotted key.
     out : str or Path, optional
         File (.npz) of the band to write, as its `save` does; the room and its volumes are written
         beside it.
-    workers : int, optional
-        Processes that fly on this machine; by default one per core.
-    scheduler : str, optional
-        Address of a dask scheduler, ``tcp://HOST:PORT``, whose workers fly instead.
-    observer : CampaignObserver, optional
-        Receives the progress; may stop the flights.
+    seed, changes, workers, scheduler, observer : as for `band`
 
     Returns
     -------

@@ -55,26 +55,7 @@ def monitor(  # noqa: PLR0913 - as `band`
         Flights to count, by default as many as the claim needs with five alarms (208).
     learn : int
         Flights to learn from, one half the weights and the other the limits, by default 100.
-    gains : str, optional
-        Gain set by name or file, by default tuned_identified, else the first.
-    plant : str, optional
-        Label of the plant, by default the first aircraft, else the first.
-    air : {"calm", "wind", "light", "moderate", "severe"}, optional
-        Air of all flights, of those of the campaign, by default as it draws them.
-    seed : int, optional
-        Seed of the draws, by default the campaign's.
-    start_deg : float, deg
-        Half-width of the start range in course and path angle.
-    changes : mapping of str to value, optional
-        Values to set in the scenario, by dotted key.
-    out : str or Path, optional
-        File (.npz) to write, as its `save` does.
-    workers : int, optional
-        Processes that fly on this machine; by default one per core.
-    scheduler : str, optional
-        Address of a dask scheduler, ``tcp://HOST:PORT``, whose workers fly instead.
-    observer : CampaignObserver, optional
-        Receives the progress; may stop the flights.
+    gains, plant, air, seed, start_deg, changes, out, workers, scheduler, observer : as for `band`
 
     Returns
     -------

@@ -17,6 +17,7 @@ from typing import Annotated, Any, Literal, TypeAlias, get_origin
 
 from typer import Argument, Option
 
+from flighttune import modules_of
 from flighttune.cli.show import campaign_display, progress_bar
 from flighttune.errors import InputError
 from flighttune.files.shipped import aircraft_names, campaign_files, scenario_files
@@ -265,7 +266,7 @@ def _parameters(
     verb: ast.FunctionDef, absent: set[str], spelled: Mapping[str, Any]
 ) -> Iterator[Parameter]:
     """Parameters of a verb that have an option, or the argument."""
-    entries = _entries(cleandoc(ast.get_docstring(verb) or ""))
+    entries = _entries(_docstring(verb))
     arguments = [*verb.args.args, *verb.args.kwonlyargs]
     stated = [*verb.args.defaults, *verb.args.kw_defaults]
     defaults = [None] * (len(arguments) - len(stated)) + stated
@@ -289,10 +290,22 @@ def _parameters(
 
 
 def _entries(docstring: str) -> dict[str, tuple[str, str]]:
-    """Type and text of each parameter in a NumPy docstring."""
+    """Type and text of each parameter in a NumPy docstring, or in that of the verb it names."""
     section = re.search(r"Parameters\n-+\n(.*?)(?=\n\n\w+\n-+\n|\Z)", docstring, re.DOTALL)
-    entry = re.compile(r"^(\w+) : ([^\n]*)\n((?:    .*\n?)*)", re.MULTILINE)
-    return {} if section is None else {x[1]: (x[2], x[3]) for x in entry.finditer(section[1])}
+    entry = re.compile(r"^(\w[\w, ]*) : ([^\n]*)\n?((?:    .*\n?)*)", re.MULTILINE)
+    entries = {}
+    for names, described, text in entry.findall(section[1] if section else ""):
+        own = dict.fromkeys(names.split(", "), (described, text))
+        if other := re.fullmatch(r"as for `(\w+)`", described):
+            module = modules_of("flighttune")[other[1]].removeprefix("flighttune.")
+            shared = _entries(_docstring(_definition(module, other[1])))
+            own = {name: shared[name] for name in own}
+        entries |= own
+    return entries
+
+
+def _docstring(verb: ast.FunctionDef) -> str:
+    return cleandoc(ast.get_docstring(verb) or "")
 
 
 def _type(annotation: str, described: str) -> Any:

@@ -9,7 +9,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from flighttune.errors import InputError, RecordingError
+from flighttune.errors import RecordingError
 from flighttune.files.mistakes import abridged
 from flighttune.files.seal import (
     BAND,
@@ -50,42 +50,6 @@ MAVLINK_STARTS = b"\xfe\xfd"
 # Kind of a file whose content does not tell it: a table has no mark.
 ENDINGS: dict[str, str] = dict.fromkeys((".rrd", ".parquet"), RECORDING)
 ENDINGS |= dict.fromkeys((".ulg", ".bin", ".tlog", ".csv"), LOG)
-
-
-def load(path: str | Path, *, columns: Any = ()) -> Any:
-    """Read what flighttune wrote, or a log; what it is, is read from its content.
-
-    Nothing in the file of a claim is proven again, as `verify` does. The scale of a band is
-    computed again from its flights.
-
-    Parameters
-    ----------
-    path : str or Path
-        A recording (.rrd), its folder or the Parquet file of a run; the folder of a campaign; the
-        file of a certificate, a bound on R_K, a tube, a band or a monitor; or the log of a real
-        flight, ``LOG@START:END`` for a part of it in s.
-    columns : mapping or sequence
-        Where a log has its signals, as for `load_log`.
-
-    Returns
-    -------
-    Recording, Dataset, Certificate, RateBound, Tube, Band, Monitor or Run
-        A log is a `Run`. A claim has a `sentence`.
-
-    Raises
-    ------
-    InputError, RecordingError
-        If there is no such file, it is of another kind, or it does not support what it claims.
-
-    Examples
-    --------
-    >>> ft.tube("paper", "paper", changes={"flight.duration_s": 2.0}).save("tube.npz")
-    >>> ft.load("tube.npz").status
-    'bounded'
-    """
-    if columns and kind_of(path) != LOG:
-        raise InputError(f"{path}: `columns` must be absent for what is no log.")
-    return load_one(path, "file that flighttune wrote, or a log", *READERS, columns=columns)
 
 
 def load_one(path: str | Path, what: str, *kinds: str, columns: Any = ()) -> Any:
