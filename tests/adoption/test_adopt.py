@@ -528,7 +528,7 @@ def test_what_adopt_is_told_is_kept_in_the_file_of_a_refused_model(own, tmp_path
     assert "--set no/such: the model must have or read it" in err
     for wrong in ("fcs/flap-cmd-norm", "a[[=1", "a=nan", "=1", "x" * 100_000):
         _, err = flighttune("adopt", file, "--out", tmp_path / "mine", "--set", wrong, status=2)
-        assert "--set must be NAME=VALUE, got" in err
+        assert "--set must be NAME=VALUE" in err
         assert len(err) < SHORT
 
 
