@@ -21,6 +21,12 @@ class Table(BaseModel):
         keys = {key: state["__dict__"][key] for key in type(self).model_fields}
         return {**state, "__dict__": keys}
 
+    def must_lack(self, why: str, *keys: str) -> None:
+        """Refuse the first of some keys that is not as it is by default."""
+        for key in keys:
+            if getattr(self, key) != type(self).model_fields[key].default:
+                raise ValueError(f"`{key}` must be absent {why}")
+
 
 Finite: TypeAlias = Annotated[float, Field(allow_inf_nan=False)]
 Positive: TypeAlias = Annotated[Finite, Field(gt=0.0)]

@@ -13,10 +13,9 @@ from typing import Any, TypeVar
 from flighttune.control.controller import Controller
 from flighttune.control.guarded import FAILURES, failure
 from flighttune.errors import ScenarioError
-from flighttune.files.whole import reason_of
 from flighttune.flight.apart import before_running
 from flighttune.plants.base import Plant
-from flighttune.scenario.load import file_sha256
+from flighttune.scenario.load import file_sha256, module_sha256
 from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import LawTable, PlantTable
 
@@ -93,14 +92,7 @@ def _loaded(title: str, key: str, table: LawTable | PlantTable) -> Any:
             f"Python, `{key}s={{{name!r}: ...}}`."
         )
     path = Path(table.module)
-    if not path.is_file():
-        raise ScenarioError(f"{where}: `module` must be a file, got {table.module}.")
-    try:
-        digest = file_sha256(path)
-    except OSError as error:
-        raise ScenarioError(
-            f"{where}: `module` must be a file that can be read, got {reason_of(error)}."
-        ) from error
+    digest = module_sha256(path, f"{where}:")
     if table.sha256 not in (None, digest):
         raise ScenarioError(
             f"{where}: `module` must be the file that was planned or recorded with, {table.module} "

@@ -264,19 +264,9 @@ def with_files(tables: dict[str, Any], path: Path) -> dict[str, Any]:
         for table in entries:
             module = table.get("module")
             if isinstance(module, str):
-                file = path.parent / module
-                if not os.path.isfile(file):  # False for what can be no name of a file
-                    raise ScenarioError(
-                        f"{path}: [[{key}]] `module` must be a file, got {abridged(module)}."
-                    )
+                file, where = path.parent / module, f"{path}: [[{key}]]"
                 table["module"] = str(file)
-                try:
-                    table.setdefault("sha256", file_sha256(file))
-                except OSError as error:
-                    raise ScenarioError(
-                        f"{path}: [[{key}]] `module` must be a file that can be read, got {file}: "
-                        f"{reason_of(error)}."
-                    ) from error
+                table.setdefault("sha256", module_sha256(file, where))
     plants = listed.get("plant", ())
     named = [(table, "aircraft") for table in plants]
     if isinstance(tables.get("tuning"), dict):
@@ -316,6 +306,18 @@ def _add_waypoints(tables: dict[str, Any], route: dict[str, Any], path: Path) ->
 def file_sha256(path: Path) -> str:
     """Hash of a file's contents."""
     return sha256(path.read_bytes()).hexdigest()
+
+
+def module_sha256(file: Path, where: str) -> str:
+    """Hash of a Python file of the user's; a ScenarioError names `where` it cannot be read."""
+    if not os.path.isfile(file):  # False for what can be no name of a file
+        raise ScenarioError(f"{where} `module` must be a file, got {abridged(str(file))}.")
+    try:
+        return file_sha256(file)
+    except OSError as error:
+        raise ScenarioError(
+            f"{where} `module` must be a file that can be read, got {file}: {reason_of(error)}."
+        ) from error
 
 
 def as_recorded(tables: Any) -> Any:

@@ -165,9 +165,8 @@ class WaypointTable(q.Table):
         keys = {"north_m", "east_m", "lat_deg", "lon_deg"} & self.model_fields_set
         if local == geographic or len(keys) > 2:
             raise ValueError("`north_m` and `east_m`, or `lat_deg` and `lon_deg` must be given")
-        circles = ("radius_m", "hold_s", "spiral")
-        if not self.turns and (wrong := [key for key in circles if getattr(self, key)]):
-            raise ValueError(f"`{wrong[0]}` must be absent without `turns`")
+        if not self.turns:
+            self.must_lack("without `turns`", "radius_m", "hold_s", "spiral")
         return self
 
 

@@ -170,11 +170,9 @@ class Scenario(Table):
     @model_validator(mode="after")
     def _air_fits(self) -> "Scenario":
         disturbance, aircraft = self.disturbance, self.aircraft
-        for name in () if aircraft else ("gust", "turbulence"):
-            if getattr(self, name):
-                raise ValueError(
-                    f"`{name}` must be absent without a jsbsim plant: the others replay its wind"
-                )
+        if not aircraft:
+            why = "without a jsbsim plant: the others replay its wind"
+            self.must_lack(why, "gust", "turbulence")
         if self.wind and self.wind.level and not aircraft:
             raise ValueError("`level` of [wind] must be absent without a jsbsim plant")
         if disturbance is None:

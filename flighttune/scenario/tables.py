@@ -431,12 +431,10 @@ class PlantTable(OwnTable):
         if self.throttle_max_from_s and self.throttle_max is None:
             raise ValueError("`throttle_max` must be given beside `throttle_max_from_s`")
         if self.kind == "point_mass_lag":
-            lags = [key for key in type(self).model_fields if key[:4] in ("roll", "n_z_", "n_x_")]
-            lags = [key for key in lags if getattr(self, key) is not None]
-            if self.identified is not None and lags:
-                raise ValueError(f"`{lags[0]}` must be absent beside `identified`")
+            if self.identified is not None:
+                self.must_lack("beside `identified`", *sorted(self.family.keys - {"identified"}))
             for key in ("roll_lag_rad_s", "n_z_lag_rad_s"):
-                if self.identified is None and key not in lags:
+                if self.identified is None and getattr(self, key) is None:
                     raise ValueError(f"`{key}` must be given with kind {self.kind}")
         return self
 
@@ -612,14 +610,7 @@ class WindTable(q.Table):
             if self.speed_mps is None or self.from_deg is None:
                 raise ValueError("`speed_mps` and `from_deg` must be given, or levels")
             return self
-        constant = {
-            "down_mps": self.down_mps or None,
-            "from_deg": self.from_deg,
-            "speed_mps": self.speed_mps,
-        }
-        for key, value in constant.items():
-            if value is not None:
-                raise ValueError(f"`{key}` must be absent where there are levels")
+        self.must_lack("where there are levels", "down_mps", "from_deg", "speed_mps")
         heights = [level.h_m for level in self.level]
         if any(a >= b for a, b in pairwise(heights)):
             raise ValueError(f"`level` must rise in h_m, got {heights}")
@@ -707,11 +698,8 @@ class DisturbanceTable(q.Table):
             times = getattr(self, name)
             if times is None:
                 continue
-            for key in ("wave", "as_wind", f"{channel}_omega_rad_s", f"{channel}_phase_deg"):
-                if getattr(self, key):
-                    raise ValueError(
-                        f"`{key}` must be absent with {name}: the amplitude is constant"
-                    )
+            keys = "wave", "as_wind", f"{channel}_omega_rad_s", f"{channel}_phase_deg"
+            self.must_lack(f"with {name}: the amplitude is constant", *keys)
             for before, after in pairwise([0.0, *times]):
                 if not after > before:
                     raise ValueError(
@@ -728,9 +716,9 @@ class DisturbanceTable(q.Table):
                     f"`{channel}_omega_rad_s` must be positive with as_wind: a constant rate takes "
                     "a wind that grows without end"
                 )
-        for key in ("wave", "chi_phase_deg", "gamma_phase_deg"):
-            if self.as_wind and getattr(self, key) is not None:
-                raise ValueError(f"`{key}` must be absent with as_wind: the wind is that of a sine")
+        if self.as_wind:
+            phases = "chi_phase_deg", "gamma_phase_deg"
+            self.must_lack("with as_wind: the wind is that of a sine", "wave", *phases)
         if self.path == "air" and not self.as_wind:
             raise ValueError('`path` must be "ground" without as_wind, got "air"')
         return self
@@ -766,6 +754,9 @@ TuningModel: TypeAlias = Literal["kinematic", "identified"]
 
 Weights: TypeAlias = Annotated[list[q.PositiveGain], Field(min_length=2, max_length=2)]
 
+
+# Keys of the kinematic model.
+KINEMATIC_ALONE = "I_star", "lag_rad_s", "sample_delay", "state_scaling", "structure"
 
 # Aims of gains behind the identified inner loop, under a bound on the sensitivity
 SHAPED = "decay", "E_K", "rms"
@@ -841,32 +832,22 @@ class TuningTable(q.Table):
 
     @model_validator(mode="after")
     def _keys_of_model_and_objective(self) -> "TuningTable":
-        cost_keys = [
-            key for key in ("error_weights", "command_weights", "R_min") if getattr(self, key)
-        ]
-        foreign = {"I_star", "lag_rad_s", "sample_delay", "state_scaling", "structure", "objective"}
-        changed = [
-            name
-            for name in sorted(foreign & self.model_fields_set)
-            if getattr(self, name) != type(self).model_fields[name].default
-        ]
         shaped = self.objective in SHAPED
-        if self.feedback and self.objective not in ("decay", "rms"):
-            raise ValueError('`feedback` must be absent without objective = "decay" or "rms"')
+        if self.objective not in ("decay", "rms"):
+            self.must_lack('without objective = "decay" or "rms"', "feedback")
         if shaped and self.model != "identified":
             raise ValueError(
                 f'`model` must be "identified" or absent with objective = "{self.objective}", got '
                 f'"{self.model}"'
             )
-        if self.sensitivity_max is not None and not shaped:
-            raise ValueError(
-                '`sensitivity_max` must be absent without objective = "decay", "E_K" or "rms"'
-            )
-        changed = [key for key in changed if not (shaped and key == "objective")]
-        if self.model == "identified" and changed:
-            raise ValueError(f"`{changed[0]}` must be absent with model identified")
-        if self.objective != "cost" and cost_keys:
-            raise ValueError(f'`{cost_keys[0]}` must be absent without objective = "cost"')
+        if not shaped:
+            self.must_lack('without objective = "decay", "E_K" or "rms"', "sensitivity_max")
+        if self.model == "identified":
+            keys = KINEMATIC_ALONE if shaped else (*KINEMATIC_ALONE, "objective")
+            self.must_lack("with model identified", *keys)
+        if self.objective != "cost":
+            cost_keys = "error_weights", "command_weights", "R_min"
+            self.must_lack('without objective = "cost"', *cost_keys)
         return self
 
 
