@@ -355,10 +355,7 @@ class AircraftConfig(q.Table):
         return changed
 
     def with_throttle_max(self, throttle_max: float) -> Self:
-        """Return the aircraft with another upper stop of the throttle.
-
-        Raises InputError if it does not lie between the stops of the aircraft.
-        """
+        """Return the aircraft with another upper stop of the throttle, between its stops."""
         low, high = self.engines.throttle
         if not low < throttle_max <= high:
             raise InputError(
@@ -371,12 +368,7 @@ class AircraftConfig(q.Table):
 
 
 def load_aircraft(aircraft: str | Path) -> AircraftConfig:
-    """Return the aircraft of a name, or of a folder that holds an ``aircraft.toml``.
-
-    `aircraft`: name of a shipped aircraft; a Path, or a str with a separator, is a folder. Raises
-    InputError if there is no such aircraft. Raises ScenarioError if its ``aircraft.toml`` cannot be
-    used; the message names file and key.
-    """
+    """Return the aircraft of a name, or of a folder that holds an ``aircraft.toml``."""
     if isinstance(aircraft, str) and Path(aircraft).name == aircraft:
         folder = aircraft_folder(aircraft)
     else:
@@ -395,20 +387,14 @@ def _read(folder: Path, _stamp: tuple[int, ...], gains_stamp: tuple[int, ...]) -
 
 
 def aircraft_from(tables: dict[str, Any], folder: Path) -> AircraftConfig:
-    """Return the aircraft that the tables of an ``aircraft.toml`` in `folder` describe.
-
-    Raises ScenarioError if they cannot be used; the message names file and key.
-    """
+    """Return the aircraft that the tables of an ``aircraft.toml`` in `folder` describe."""
     config = validated(AircraftConfig, tables, folder / "aircraft.toml")
     config._folder = folder
     return config
 
 
 def save_gains(gains: InnerLoopGains, folder: Path) -> Path:
-    """Write the gains of an inner loop into an aircraft's folder, and return the file.
-
-    Raises OutputError if the file cannot be written.
-    """
+    """Write the gains of an inner loop into an aircraft's folder, and return the file."""
     text = json.dumps(gains.model_dump(), indent=2, allow_nan=False) + "\n"
     return write_text(folder / GAINS_FILE, text)
 
@@ -416,10 +402,7 @@ def save_gains(gains: InnerLoopGains, folder: Path) -> Path:
 def start_faults(
     config: AircraftConfig, condition: FlightCondition, ground: float
 ) -> Iterator[tuple[str, str]]:
-    """Attributes of a condition outside the aircraft's envelope or limits, with the reason.
-
-    `ground` (m): height of the ground above sea level. A reason has no full stop.
-    """
+    """Attributes of a condition outside the aircraft's envelope or limits, with the reason."""
     if not condition.h > ground:
         yield "h", f"must be above the ground at {ground:g} m, got {condition.h:g} m"
     watched = (
@@ -434,10 +417,7 @@ def start_faults(
 
 
 def files_hash(aircraft: str) -> str:
-    """Hash of the names and contents of an aircraft's files.
-
-    Raises InputError if there is no such aircraft.
-    """
+    """Hash of the names and contents of an aircraft's files."""
     folder = load_aircraft(aircraft).folder
     digest = hashlib.sha256()
     for file in sorted(path for path in folder.rglob("*") if path.is_file()):

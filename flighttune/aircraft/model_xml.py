@@ -26,11 +26,7 @@ SURFACE_LAG, THROTTLE_LAG = 25.0, 5.0  # Bandwidth of the actuators, rad/s
 
 
 def put_in_front(root: Element, config: AircraftConfig) -> None:
-    """Put the inner loop and the actuators in front of the systems of a model.
-
-    `root`: main file of the model. Its aerodynamics are changed where a surface `replaces` what
-    they read.
-    """
+    """Put the inner loop and the actuators in front of the systems of a model."""
     inner_loop = fromstring(INNER_LOOP.read_text(encoding="utf-8"))
     # JSBSim runs the systems in the order of the file, and the flight control after them.
     first = next((i for i, element in enumerate(root) if element.tag == "system"), len(root))
@@ -125,10 +121,7 @@ _HEAD = '<?xml version="1.0" encoding="utf-8"?>\n'
 
 
 def read_xml(file: Path, subject: str) -> ElementTree.Element:
-    """Return the root element of `file`.
-
-    `subject` is the beginning of an error message. Raises PlantError if it cannot be read.
-    """
+    """Return the root element of `file`; `subject` begins the message of a PlantError."""
     about = subject if subject == str(file) else f"{subject}: {file}"
     try:
         root = ElementTree.parse(file).getroot()
@@ -249,10 +242,7 @@ def scale_thrust(root: Element, folders: Sequence[Path], file: Path) -> None:
 
 
 def slow_actuators(root: Element) -> None:
-    """Multiply the time constants of the surface actuators.
-
-    `root` is the main file of the aircraft with the systems of `systems_of` in it.
-    """
+    """Multiply the time constants of the surface actuators of a model with its systems."""
     for actuator in root.iter("actuator"):
         lag = actuator.find("lag")
         if actuator.get("name") in SURFACE_ACTUATORS and lag is not None:
@@ -260,10 +250,7 @@ def slow_actuators(root: Element) -> None:
 
 
 def add_fault(root: Element, fault: Fault, config: AircraftConfig, file: Path) -> None:
-    """Put properties into the main file `file` where something fails in flight.
-
-    They have the values of the whole aircraft. Raises InputError if it lacks what shall fail.
-    """
+    """Put properties of the whole aircraft where something fails in flight into its main file."""
     (system,) = (x for x in root.iter("system") if x.get("name") == "actuators")
     channel = system.find("channel")
     assert channel is not None  # of the system that was put in

@@ -116,10 +116,7 @@ class RateBound(Answering):
 def bound_rate(
     model: LinearModel, I_star: float, scaling: FloatArray | None = None
 ) -> RateBound | None:
-    """A verified bound on R_K for gains on `model`; None where the proof takes too many boxes.
-
-    Raises InputError if the errors are not the states in plain units, or `I_star` is not finite.
-    """
+    """A verified bound on R_K for gains on `model`; None where the proof takes too many boxes."""
     n, _, p = model.shape
     output = np.ones(n + p) if scaling is None else np.asarray(scaling)
     lower = np.vstack([np.zeros((n, n + p)), np.hstack([model.C, np.zeros((p, p))])])

@@ -397,11 +397,7 @@ def boxes_tables(boxes: Sequence[Mapping[str, Any]]) -> list[Table]:
 
 
 def load_certificate(path: str | Path) -> Certificate:
-    """Read a certificate; nothing in it is trusted before `verify` has checked it.
-
-    Raises InputError if the file cannot be read or is not a certificate; the message names file and
-    key.
-    """
+    """Read a certificate; nothing in it is trusted before `verify` has checked it."""
     return read(path, Certificate)
 
 

@@ -140,10 +140,7 @@ class ExactRate:
 
 
 def lag_units(model: LinearModel) -> FloatArray:
-    """Units of s = (x', e) in which states of lags count by the rate that they cause.
-
-    They are those of `inner_loop_scaling`, for a model with its lags; plain units of other states.
-    """
+    """Units of s = (x', e) in which states of lags count by the rate that they cause."""
     n, _, p = model.shape
     units, states = np.ones(n + p), model.states
     behind = {x: [s == x or s.startswith(f"{x}_") for s in states] for x in model.inputs}

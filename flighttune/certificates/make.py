@@ -205,29 +205,10 @@ def certify_model(
     """Certify the rate of gains, and the ultimate radius for a disturbance bound.
 
     Every inequality of a certificate has been proven; the claims are less than what was computed by
-    about 1e-8 of themselves to leave room for that.
-
-    Parameters
-    ----------
-    model : LinearModel
-        At the trim. With an envelope: the chi/gamma law's, and inside it.
-    envelope : Envelope, optional
-        Claim the same for every flight of the chi/gamma law whose conditions stay in it; needs `g`.
-    L_d : float, unit of x' per second, optional
-        Bound on the norm of the disturbance's derivative; without one only the rate is claimed.
-    conditions : sequence of ((V_a, gamma), model), optional
-        Claim the same at these, behind the same gains, and for every mixture of their loops; not
-        together with an envelope.
-    rates : sequence of ExactRate
-        Rates of the loop of `model` that go into the certificate.
-    boxes : sequence of LagBox
-        Rates behind lags from ranges, one a channel, that go into it.
-
-    Raises
-    ------
-    InputError
-        If the channels or the states of the models do not fit, a bound is not positive, or an
-        envelope comes without `g` or with conditions.
+    about 1e-8 of themselves to leave room for that. `model` is that at the trim; an `envelope` of
+    the chi/gamma law contains it, and needs `g`. `L_d` (unit of x' per second) bounds the norm of
+    the disturbance's derivative. The same is claimed at `conditions`, (V_a, gamma) and a model
+    each, and for every mixture of their loops. `rates` and `boxes` go into the certificate.
     """
     models = tuple(model for _, model in conditions)
     refused = partial(Certification, status="refused", model=model, gains=gains)

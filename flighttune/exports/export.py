@@ -61,10 +61,7 @@ def c_source(
     lead: tuple[float, float] = (0.0, 0.0),
     g: float = G_PAPER,
 ) -> str:
-    """The C99 text of a controller, which needs nothing but the C library's ``math.h``.
-
-    `lead` (s) has the lags of roll and load factor; `g` (m/s^2) is the acceleration of gravity.
-    """
+    """The C99 text of a controller, whose lags are `lead` (s); it needs ``math.h`` alone."""
     values, channels = law.law, law.law.channels
     form = "exact_law.c" if isinstance(law, ExactLaw) else "outer_loop.c"
     return Template((_FOLDER / form).read_text(encoding="utf-8")).substitute(

@@ -248,10 +248,7 @@ def log_gap(
     columns: Columns = (),
     progress: Progress | None = None,
 ) -> LogGap:
-    """Fly the commands of a log on an aircraft, and explain the difference.
-
-    `aircraft`: a shipped one, a folder, or the file of an identified model, which has no airframe.
-    """
+    """Fly the commands of a log on an aircraft or identified model; explain the difference."""
     run = log if isinstance(log, Run) else load_one(log, A_LOG, LOG, columns=columns)
     refuse_wrong(run)
     flights = _Flights(run, aircraft, progress)
@@ -374,10 +371,7 @@ class _Flights:
         return _scaled(self.t, self.logged, flown)
 
     def slopes(self, factors: Mapping[str, float]) -> FloatArray:
-        """Change of the difference with each factor over its size, shape (samples, factors).
-
-        Where flights near these factors have shown the slopes, none are flown again.
-        """
+        """Change of the difference with each factor over its size, shape (samples, factors)."""
         air = {name: factors.get(name, FACTORS[name].nominal) for name in IN_AIR}
 
         def near(place: Mapping[str, float]) -> bool:
@@ -540,10 +534,7 @@ def _rms(values: FloatArray) -> float:
 
 
 def _fitted(flights: _Flights) -> dict[str, tuple[float, float, float]]:
-    """Factors of the least difference and their intervals, of those that the log can tell.
-
-    By Gauss and Newton: differences are nearly linear in the factors.
-    """
+    """Factors of the least difference that the log can tell, and intervals, by Gauss and Newton."""
     x, reach, least, kept = dict(flights.nominal), REACH, math.inf, set[str]()
     fitted, untold = dict[str, tuple[float, float, float]](), dict[str, str]()
     for _ in range(MAX_STEPS):

@@ -179,10 +179,7 @@ def identify_plant(
 def identify_thrust(
     plant_factory: Callable[..., JSBSimPlant], condition: FlightCondition, *, seed: int = 0
 ) -> ChannelIdentification:
-    """Identify the third channel, n_x, of an aircraft about a wings-level trim.
-
-    Raises PlantError if its changes cannot be flown, even at a fraction of their size.
-    """
+    """Identify the third channel, n_x, about a trim; a PlantError says that it cannot be flown."""
     fresh = partial(plant_factory, takes_n_x=True)
     changes, lines, check = thrust_changes(fresh(), condition, seed)
     experiment = respond(fresh, condition, np.tile(changes, (PERIODS, 1)), fly_thrust)

@@ -43,10 +43,7 @@ def blueprint(
     *,
     on_map: bool = False,
 ) -> rrb.Blueprint:
-    """Lay out the runs that flew, with the plots of each tab; without runs only the page.
-
-    `on_map` tells that latitude and longitude of the runs are known.
-    """
+    """Lay out the runs that flew, with the plots of each tab; without runs only the page."""
     page = rrb.TextDocumentView(origin=entities.PAGE, name=PAGE_TAB)
     if not flights:
         return _layout([page])

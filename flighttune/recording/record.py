@@ -192,10 +192,7 @@ def write_recording(runs: Sequence[Run], path: str | Path, *, page: str, title: 
 
 
 def write_log(run: Run, path: str | Path) -> None:
-    """Write the log of a real flight to a recording; a RecordingError names what it needs for it.
-
-    The pose must be known: positions, course, path angle and roll.
-    """
+    """Write the log of a flight to a recording; a RecordingError names what it lacks for it."""
     lacking = [name for name in POSE if name not in run.signals]
     if lacking:
         raise RecordingError(f"{run.label}: must have {', '.join(lacking)} to be seen in 3D.")

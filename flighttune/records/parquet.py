@@ -215,34 +215,11 @@ class Recording:
 
 
 def load_recording(path: str | Path) -> Recording:
-    """Read the runs of a run folder or of a Parquet file.
+    """Read the runs of a run folder or of a Parquet file, for a ``.rrd`` file of those beside it.
 
-    Parameters
-    ----------
-    path : path-like
-        Output of ``flighttune fly`` or `record`: a folder, or one of its ``.parquet`` files. A
-        ``.rrd`` file stands for the Parquet files beside it from which it was drawn.
-
-    Returns
-    -------
-    Recording
-        For a folder the runs of one flight: if there are files of several, those of a complete
-        one, and of complete ones those of the newest. Files that were written on their own belong
-        together. Files whose names begin with a dot are left over from a killed command and not
-        read.
-
-    Raises
-    ------
-    RecordingError
-        If there is nothing to read, a ``.rrd`` file is without its Parquet files, or a file is
-        not as flighttune wrote it: cut off, damaged, edited, of another program or of flighttune
-        0.1.0.
-
-    Examples
-    --------
-    >>> files = ft.record(ft.fly(ft.load_scenario("paper_as_printed")), "runs/mine")
-    >>> [run.label for run in ft.load("runs/mine").runs]
-    ['kinematic / paper']
+    If a folder has files of several flights, they are those of a complete one, and of complete ones
+    those of the newest. Files that were written on their own belong together. Files whose names
+    begin with a dot are left over from a killed command and not read.
     """
     path = Path(path)
     if path.is_dir():

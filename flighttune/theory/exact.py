@@ -45,13 +45,7 @@ FACTORS = tuple(1.0 + 10.0**-digits for digits in (9, 8, 7, 6, 5, 4, 3))
 
 
 def exact(values: npt.ArrayLike) -> Rationals:
-    """`values` as rationals, without rounding.
-
-    Raises
-    ------
-    InputError
-        If one is not finite.
-    """
+    """`values` as rationals, without rounding; an InputError says that one is not finite."""
     array = np.asarray(values, dtype=float)
     if not np.isfinite(array).all():
         raise InputError(f"`values` must be finite, got {array.tolist()}.")
@@ -95,26 +89,14 @@ def positive_definite(matrix: Rationals) -> bool:
 
 
 def sine(angle: float) -> Interval:
-    """An interval that contains the sine of a float inside +-pi/2 (rad).
-
-    Raises
-    ------
-    InputError
-        If the angle is not inside +-pi/2.
-    """
+    """An interval that contains the sine of a float inside +-pi/2 (rad); InputError outside."""
     x = _inside(angle)
     low, high = _series(abs(x), 1)
     return (low, high) if x >= 0 else (-high, -low)
 
 
 def cosine(angle: float) -> Interval:
-    """An interval that contains the cosine of a float inside +-pi/2 (rad).
-
-    Raises
-    ------
-    InputError
-        If the angle is not inside +-pi/2.
-    """
+    """An interval that contains the cosine of a float inside +-pi/2 (rad); InputError outside."""
     return _series(abs(_inside(angle)), 0)
 
 

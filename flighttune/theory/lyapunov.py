@@ -58,13 +58,7 @@ def lyapunov_solution(A: npt.ArrayLike, S: npt.ArrayLike | None = None) -> Float
 
 
 def solution_of_checked(A: FloatArray, S: FloatArray) -> FloatArray:
-    """`lyapunov_solution` of finite arrays of one shape (..., n, n), S symmetric, not checked.
-
-    Raises
-    ------
-    numpy.linalg.LinAlgError
-        If there is no unique solution.
-    """
+    """`lyapunov_solution` of finite arrays, S symmetric; LinAlgError without a unique one."""
     n = A.shape[-1]
     solve = _kronecker if n <= KRONECKER_STATES else _bartels_stewart
     chunk = max(1, 4 * CHUNK_BYTES // (8 * n * n * (n + 1) ** 2))
