@@ -104,6 +104,16 @@ def test_the_map_in_the_docs_names_every_room_and_imports_point_up_the_list(impo
                 assert rank[package] < own or own == rank[package] == 0, f"{module} imports {other}"
 
 
+def test_each_place_that_the_page_names_is_there():
+    page = (ROOT / "docs/architecture.md").read_text(encoding="utf-8")
+    named = re.findall(r"`(\w+/[\w/]+\.(?:py|toml))(?::(\w+))?`", page)
+    assert len(named) > 20
+    for place, name in named:
+        path = next((base / place for base in (PACKAGE, ROOT) if (base / place).is_file()), None)
+        assert path or "NAME" in place, place
+        assert not name or re.search(rf"^(class|def) {name}\b", path.read_text(), re.M), name
+
+
 @pytest.mark.parametrize("library", ONLY_IN)
 def test_a_heavy_library_is_imported_in_one_place(imported, library):
     for name, path in MODULES.items():
