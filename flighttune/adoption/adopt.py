@@ -3,6 +3,7 @@
 import json
 import math
 import os
+import re
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from copy import deepcopy
@@ -17,6 +18,7 @@ import tomlkit
 from flighttune.adoption.survey import SOURCE, Refusal, Survey, drag_at, survey, wide_tables
 from flighttune.aircraft.aircraft import (
     GAINS_FILE,
+    PROPERTY_NAME,
     aircraft_from,
     load_aircraft,
     save_gains,
@@ -211,6 +213,7 @@ def adopt(
     h: float | None = None,
     values: Mapping[str, float] | None = None,
     throttle: str | None = None,
+    commands: Mapping[str, Sequence[str]] | None = None,
     glide: bool = False,
     rudder: bool = True,
     say: Callable[[str], object] = lambda _: None,
@@ -234,7 +237,10 @@ def adopt(
     values : mapping of str to float, optional
         Values of properties of the model, in its units, for the whole flight.
     throttle : str, optional
-        Property that takes the throttle of the first engine.
+        Property that takes the throttle of the first engine, by default found by what moves it.
+    commands : mapping of str to sequence of str, optional
+        Properties that take the command of the ``aileron``, ``elevator`` or ``rudder``; one with a
+        minus before it takes the negative. By default they are found by what they move.
     glide : bool
         Leave the engines off.
     rudder : bool
@@ -261,28 +267,14 @@ def adopt(
     'refused'
     """
     began, began_at = time.monotonic(), time.time()
-    models = models_of_jsbsim()
-    if model.endswith(SET) or (model not in models and os.path.isdir(model)):
-        model = str(_of_flightgear(Path(model)))
-    if model.endswith(".xml"):
-        if not os.path.isfile(model):  # a name may be too long for `Path`
-            raise InputError(f"{model}: must be the main file of a model, got no file.")
-        model = os.path.relpath(Path(model).resolve(), folder.resolve())
-    elif model not in models:
-        raise InputError(
-            f"{model}: must be a model of JSBSim's set, or the path of a main file (.xml)"
-            f"{nearest_name(model, models)}"
-        )
+    model = _model(model, folder)
     file = made_folder(folder) / "aircraft.toml"
     if file.exists() and toml_tables(file).get("source") != SOURCE:
         raise InputError(f"{folder}: must not hold an aircraft that `adopt` did not make.")
     facts: dict[str, Any] = {}
     tables = wide_tables(model)
     begun = deepcopy(tables)
-    if throttle:
-        tables["engines"]["command"] = throttle
-    if not rudder:
-        del tables["surfaces"]["rudder"]
+    _ask(tables, throttle, commands or {}, rudder)
     as_asked = deepcopy(tables)
     start, choices = h or HEIGHT, {"V_a": V_a, "say": say, "values": values or {}, "glide": glide}
     try:
@@ -315,6 +307,44 @@ def adopt(
         write_text(draft, text)
         adoption = Adoption(name=folder.name, status="refused", reason=reason, draft=draft, **facts)
     return replace(adoption, seconds=time.monotonic() - began)
+
+
+def _model(model: str, folder: Path) -> str:
+    """A model as an ``aircraft.toml`` in `folder` names it."""
+    models = models_of_jsbsim()
+    if model.endswith(SET) or (model not in models and os.path.isdir(model)):
+        model = str(_of_flightgear(Path(model)))
+    if model.endswith(".xml"):
+        if not os.path.isfile(model):  # a name may be too long for `Path`
+            raise InputError(f"{model}: must be the main file of a model, got no file.")
+        model = os.path.relpath(Path(model).resolve(), folder.resolve())
+    elif model not in models:
+        raise InputError(
+            f"{model}: must be a model of JSBSim's set, or the path of a main file (.xml)"
+            f"{nearest_name(model, models)}"
+        )
+    return model
+
+
+def _ask(
+    tables: dict[str, Any],
+    throttle: str | None,
+    commands: Mapping[str, Sequence[str]],
+    rudder: bool,
+) -> None:
+    """Put what `adopt` is told about the controls into the tables."""
+    if throttle:
+        tables["engines"]["command"] = throttle
+    for surface, (first, *others) in commands.items():
+        leader = first.removeprefix("-")
+        for wrong in (x for x in (first, *others) if not re.fullmatch(f"-?{PROPERTY_NAME[1:]}", x)):
+            raise InputError(f"--{surface} must be a property of the model, got {wrong[:80]}.")
+        tables["surfaces"][surface]["command"] = leader
+        for other in others:
+            same = other.startswith("-") == first.startswith("-")
+            tables["linked"][other.removeprefix("-")] = leader if same else f"-{leader}"
+    if not rudder:
+        del tables["surfaces"]["rudder"]
 
 
 def _height_lost(surveyed: Survey) -> float:
@@ -638,8 +668,9 @@ def draft_text(tables: Mapping[str, Any], begun: Mapping[str, Any], reason: str)
         (
             f"refused: {reason}",
             f"missing: {missing}; their keys are in docs/aircraft.md",
-            "`flighttune adopt` can be told more: --set NAME=VALUE, --throttle PROPERTY, --glide, "
-            "--no-rudder, --V-a; `replaces` in [surfaces] goes past a flight control",
+            "`flighttune adopt` can be told more: --set NAME=VALUE, --throttle, --aileron, "
+            "--elevator, --rudder PROPERTY, --glide, --no-rudder, --V-a; `replaces` in [surfaces] "
+            "goes past a flight control",
         ),
     )
 

@@ -18,6 +18,7 @@ from flighttune.aircraft.aircraft import PROPERTY_NAME, SURFACES, AircraftConfig
 from flighttune.aircraft.model_xml import found_file, read_xml
 from flighttune.arrays import FloatArray
 from flighttune.errors import InputError, PlantError
+from flighttune.plants.jsbsim import properties
 from flighttune.plants.jsbsim.bench import EFFECTS, POSITIONS, AirframeState, Bench, surface_faults
 from flighttune.plants.jsbsim.fdm import Fdm
 from flighttune.plants.jsbsim.model_files import (
@@ -97,7 +98,7 @@ ROUNDED = 1.01
 FIRST_SPEED = 60.0
 
 # Airspeeds relative to that of the stall, in order of preference.
-SPEEDS = (1.6, 1.8, 2.0, 2.2, 2.4, 2.7, 1.5, 1.4, 1.3)
+SPEEDS = (1.6, 1.8, 2.0, 2.2, 2.4, 2.7, 1.5, 1.4)
 
 # Thrust in excess of drag, over weight, that a climb of 3 deg and a turn need.
 SPARE_THRUST = 0.08
@@ -110,6 +111,8 @@ MAX_THRUST = 10.0
 # above the bandwidth of the inner loop.
 FAST_NUTATION = 8.0
 
+THROTTLE_POSITION = "fcs/throttle-pos-norm"
+
 PROPELLER_RPM = "propulsion/engine/propeller-rpm"
 
 # Thrust that a model gives as an external force along its body axis.
@@ -117,6 +120,17 @@ EXTERNAL = "forces/fbx-external-lbs"
 
 # Names under which aerodynamics read a surface, where they are more than one.
 NAMES = {"elevator": "(elevator|stabilator|(horz|horizontal)-tail|stabilizer)"}
+
+# Folders of JSBSim's own properties, none of which is the position of a surface.
+OWN = re.compile(
+    "-?/?(accelerations|aero|atmosphere|attitude|flight-path|forces|gear|ic|inertia|metrics|"
+    "moments|position|propulsion|simulation|velocities)/"
+)
+
+# Change (rad, or a share) by which a position is tried as a surface, and the share of the largest
+# moment of all that one of the surface gives.
+CHANGE, MOVER = 0.1, 0.5
+VERBS = {"aileron": "rolls", "elevator": "pitches"}
 
 # Motions by which level flight is changed, and the change of a position, in its unit, from which
 # flight control moves it.
@@ -172,6 +186,10 @@ ONE_RADIAN = math.degrees(1.0)
 
 class Refusal(PlantError):
     """The model cannot be adopted as an aeroplane; the message says why, in one sentence."""
+
+
+class TooWeak(Refusal):
+    """Its engines push, but do not keep it level: it can be flown about its steady glide."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -237,6 +255,10 @@ def survey(
         name: SHOWN[name] for name in SHOWN.keys() & tables["declared"].keys() - values.keys()
     }
     fdm = load(tables).fdm
+    read = {text.lstrip("-") for _, text in _texts(fdm.config)}
+    for surface, table in tables["surfaces"].items():
+        if "command" in table and table["command"] not in read:
+            raise InputError(f"--{surface}: the model must read {table['command']}, it does not.")
     tables["settings"] |= _levers(tables, fdm)
     for name, value in values.items():
         kind = "declared" if name in tables["declared"] else "settings"
@@ -254,12 +276,13 @@ def survey(
     spare = -lift.at(speed)[1]
     if tables["engines"]["count"]:
         say("step 3 of 9: starting the engines")
+        notes += _throttle(tables, load, lift)
         lift, speed, spare, driven = _driven(tables, load, lift, V_a, values)
         notes += driven
     say("step 4 of 9: moving the surfaces")
     surfaces, bypass = _surfaces(tables, load, _level(speed, lift.at(speed)[0], 0.5))
     notes += bypass
-    frozen = any(name.startswith("ft/fcs/") for name in tables["declared"])
+    frozen = any(name.startswith("ft/") for name in tables["declared"])
     lift = _swept(load(tables | {"surfaces": surfaces}), speed) if frozen else lift
     if "rudder" not in surfaces:
         notes.append("it has no rudder: yaw is left to the airframe")
@@ -288,7 +311,7 @@ def _engine_notes(engines: Mapping[str, Any]) -> list[str]:
     """Notes on where the thrust comes from."""
     notes = []
     if not engines["count"]:
-        notes.append("it has no engine: it flies about its steady glide")
+        notes.append("it flies without an engine, about its steady glide")
     if "full" in engines:
         notes.append(
             f"its engine is far too strong: full throttle is {engines['full']:.3g} of its lever, "
@@ -572,12 +595,46 @@ def _driven(
         tables.update(tried)
         return lift, speed, spare, [f"its engines drive it {how}"] if how else []
     assert refused is not None  # the first levers are always tried
-    if not has_engine(unchanged(fdm.config), ROCKET):
+    if isinstance(refused, TooWeak):
+        note = f"{refused}: its engines stay off"
+    elif has_engine(unchanged(fdm.config), ROCKET):
+        # JSBSim computes the thrust of a rocket from the fuel that it takes from its tanks.
+        note = f"{refused}: a rocket has no thrust while its fuel is frozen, as it is"
+    else:
         raise refused
-    # JSBSim computes the thrust of a rocket from the fuel that it takes from its tanks.
-    note = f"{refused}: a rocket has no thrust while its fuel is frozen, as it is"
     tables["engines"]["count"], speed = 0, V_a or SPEEDS[0] * lift.V_s
     return lift, speed, -lift.at(speed)[1], [note]
+
+
+def _throttle(
+    tables: dict[str, Any], load: Callable[[dict[str, Any]], Bench], lift: Lift
+) -> list[str]:
+    """Find what moves the throttle of the engines where the usual command does not."""
+    bench, positions = load(tables), []
+    fdm = bench.fdm
+    if "command" in tables["engines"] or not fdm.shows(THROTTLE_POSITION):
+        return []
+    position, V = fdm.reader(THROTTLE_POSITION), SPEEDS[0] * lift.V_s
+    for throttle in (0.0, 1.0, 0.0):
+        bench.accelerations(_level(V, lift.at(V)[0], throttle))
+        positions.append(position())
+    if positions[1] - positions[0] > 0.5:
+        return []
+    names = {text.lstrip("-") for aerodynamics, text in _texts(fdm.config) if not aerodynamics}
+    levers = []
+    for name in sorted(name for name in names if not OWN.match(name) and fdm.has(name)):
+        before, write = fdm.reader(name)(), fdm.writer(name)
+        write(1.0)
+        fdm.evaluate()
+        if position() - positions[2] > 0.5 and name != THROTTLE_POSITION:
+            levers.append(name)
+        write(before)
+        fdm.evaluate()
+    if not levers:
+        return []
+    tables["engines"]["command"] = levers[0]
+    tables["linked"] |= dict.fromkeys(levers[1:], properties.THROTTLE)
+    return [f"its throttle is moved by {', '.join(levers)}"]
 
 
 def _engines(
@@ -620,7 +677,7 @@ def _engines(
         points.append((thrust - drag, V, thrust / drag if drag > 0.0 else math.inf))
     best = max(ratio for _, _, ratio in points)
     if not best > 1.0:
-        raise Refusal(
+        raise TooWeak(
             f"its thrust is below its drag at every airspeed: at best {best:.2f} of the drag"
         )
     spare, V, _ = max(points)
@@ -679,7 +736,7 @@ def _surfaces(
             name = wrong.split("`")[1]
             fault = f"its {name} does not move in proportion to the {name} command"
             break
-    past = _past_flight_control(tables, bench.fdm.config) if fault else {}
+    past, measured = _past_flight_control(tables, load, level) if fault else ({}, "")
     if past:
         bypassed = tables | {"surfaces": past}
         frozen = _held(load(bypassed), level, past)
@@ -694,7 +751,7 @@ def _surfaces(
                 tables["declared"] |= frozen
             return {name: past[name] | table for name, table in moved_past.items()}, notes
     if not moved:
-        raise Refusal(fault)
+        raise Refusal(fault + measured)
     if fault:
         notes.append(fault)
     return surfaces, notes
@@ -711,18 +768,9 @@ def _answers(bench: Bench, level: AirframeState) -> tuple[dict[str, dict[str, An
             if name != "rudder" or any(
                 name in text for aerodynamics, text in texts if aerodynamics
             ):
-                return {}, str(error) + _none_read(bench.fdm.config, name)
+                return {}, str(error)
     drift = (_drift(bench, level, name, effect) for name, (effect, _) in answers.items())
     return {name: table for name, (_, table) in answers.items()}, next(filter(None, drift), "")
-
-
-def _none_read(config: AircraftConfig, name: str) -> str:
-    """An addition about a surface without effect: the model may not have it at all."""
-    if name != "aileron" or any(
-        "aileron" in text or "elevon" in text for _, text in _texts(config)
-    ):
-        return ""
-    return ": the model has no aileron, and a roll by the rudder alone cannot be flown"
 
 
 def _moved(bench: Bench, level: AirframeState, name: str) -> tuple[float, dict[str, Any]]:
@@ -758,6 +806,8 @@ def _moved(bench: Bench, level: AirframeState, name: str) -> tuple[float, dict[s
         # Position at the whole command, and the part of it that is used: a command may be clipped.
         whole = max(reach[0] / COMMANDS[0], reach[1] / usable) if usable else 0.0
         used = reach[1] / whole if whole else usable
+        if not whole and (surface.command or "").endswith("rad"):
+            whole = 1.0  # it is the position, in rad
         sides.append((float(effects[-1]), float(whole), float(used)))
     (effect_low, travel_low, usable_low), (effect_high, travel_high, usable_high) = sides
     largest = max(abs(effect_low), abs(effect_high))
@@ -807,28 +857,83 @@ def _drift(bench: Bench, level: AirframeState, name: str, full_effect: float) ->
 
 
 def _past_flight_control(
-    tables: dict[str, Any], config: AircraftConfig
-) -> dict[str, dict[str, Any]]:
-    """Surfaces that the aerodynamics read past the flight control; none where that is unknown."""
+    tables: dict[str, Any], load: Callable[[dict[str, Any]], Bench], level: AirframeState
+) -> tuple[dict[str, dict[str, Any]], str]:
+    """Surfaces that the aerodynamics read past the flight control, by name or by what they move.
+
+    Without any, an addition to a refusal says what was measured.
+    """
+    config = load(tables).fdm.config
     read = {text for aerodynamics, text in _texts(config) if aerodynamics}
-    surfaces = {}
+    replaced = {}
     for name, _ in config.surfaces.named():
         names = NAMES.get(name, name)
         pattern = re.compile(
             rf"fcs/([\w-]+/)*(mag-)?(left-)?{names}-(pos|deflection)-(rad|deg|norm)"
         )
-        replaced = sorted(entry for entry in read if pattern.fullmatch(entry))
-        if not replaced and name == "rudder" and not any(name in text for text in read):
-            continue
-        if not replaced:
-            return {}
-        surfaces[name] = {**tables["surfaces"][name], "replaces": replaced}
-    return surfaces
+        replaced[name] = sorted(entry for entry in read if pattern.fullmatch(entry))
+    measured = ""
+    if not (replaced["aileron"] and replaced["elevator"]):
+        moving, measured = _movers(tables, load, level)
+        replaced = {name: moving[name] for name in replaced}
+    lacking = [name for name, positions in replaced.items() if not positions]
+    if lacking == ["rudder"] and not any("rudder" in text for text in read):
+        del replaced["rudder"]
+    elif lacking:
+        return {}, measured
+    past = {name: {"replaces": positions} for name, positions in replaced.items()}
+    return {name: tables["surfaces"][name] | table for name, table in past.items()}, ""
+
+
+def _movers(
+    tables: dict[str, Any], load: Callable[[dict[str, Any]], Bench], level: AirframeState
+) -> tuple[dict[str, list[str]], str]:
+    """Positions that the aerodynamics read, by the surface that moves the aircraft as they do.
+
+    Each is changed alone, in level flight. A minus is before one of the opposite sense. The
+    sentence says what was found.
+    """
+    fdm = load(tables).fdm
+    files = [read_xml(file, str(file)) for file in model_files(fdm.config)]
+    computed = {part.get("name", "") for root in files for part in root.iter("function")}
+    read = {text for aerodynamics, text in _texts(fdm.config) if aerodynamics} - computed
+    names = sorted(name for name in read if not OWN.match(name) and fdm.shows(name))
+    frozen = {f"ft/{name}": fdm.reader(name)() for name in names}
+    bench = load(tables | {"declared": tables["declared"] | frozen})
+    inertias = np.array([bench.fdm.reader(BODY[f"inertia {2 * axis}"])() for axis in "xyz"])
+
+    def moments(name: str, change: float) -> FloatArray:
+        bench.fdm.writer(name)(frozen[name] + change)
+        rates = bench.accelerations(level)
+        bench.fdm.writer(name)(frozen[name])
+        return inertias * [sign * rates[rate] for rate, sign in EFFECTS.values()]
+
+    effects = np.zeros((len(names), len(EFFECTS)))
+    for row, name in zip(effects, frozen, strict=True):
+        change = CHANGE * (math.degrees(1.0) if name.endswith("deg") else 1.0)
+        row[:] = moments(name, change) - moments(name, -change)
+    sizes = np.nan_to_num(np.abs(effects))
+    shares = sizes / np.maximum(sizes.max(axis=0, initial=0.0), MIN_EFFECT * inertias)
+    moves = (shares >= MOVER) & (shares >= MOVER * shares.max(axis=1, keepdims=True))
+    moves[:, 2] &= (sizes[:, 2] > sizes[:, 0]) & ~moves[:, :2].any(axis=1)
+    movers = {
+        surface: [("-" if effects[i, k] < 0.0 else "") + names[i] for i in np.flatnonzero(which)]
+        for k, (surface, which) in enumerate(zip(EFFECTS, moves.T, strict=True))
+    }
+    lacking = " or ".join(VERBS[name] for name in VERBS if not movers[name])
+    nothing = f"its aerodynamics read nothing that {lacking} it"
+    if names:
+        tried = ", ".join(names[:MAX_NAMED]) + ", ..." * (len(names) > MAX_NAMED)
+        nothing = f"of what its aerodynamics read ({tried}) nothing {lacking} it"
+    return movers, f", and {nothing}" if lacking else ""
 
 
 def _held(bench: Bench, level: AirframeState, past: Mapping[str, Any]) -> dict[str, float]:
     """Values in level flight of what flight control moves besides the surfaces."""
-    fdm, surfaces = bench.fdm, {name for table in past.values() for name in table["replaces"]}
+    fdm, surfaces = (
+        bench.fdm,
+        {name.removeprefix("-") for table in past.values() for name in table["replaces"]},
+    )
     texts = {text for aerodynamics, text in _texts(fdm.config) if aerodynamics} - surfaces
     reads = {
         name: fdm.reader(name)

@@ -201,8 +201,9 @@ class Surface(q.Table):
     # command has the opposite sense.
     full: SurfaceAngles | None = Field(alias="full_rad", default=None)
     # Properties of the model's own flight control that its aerodynamics read, and instead of which
-    # they get the position: this goes past a flight control that would change the position.
-    replaces: Annotated[tuple[PropertyName, ...], Field(strict=False, max_length=20)] = ()
+    # they get the position, with a minus its negative: this goes past a flight control that would
+    # change the position. What two surfaces replace, such as an elevon, gets the sum of both.
+    replaces: Annotated[tuple[SourceName, ...], Field(strict=False, max_length=20)] = ()
 
 
 class Surfaces(q.Table):

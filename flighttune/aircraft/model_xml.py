@@ -31,12 +31,18 @@ def put_in_front(root: Element, config: AircraftConfig) -> None:
     # JSBSim runs the systems in the order of the file, and the flight control after them.
     first = next((i for i, element in enumerate(root) if element.tag == "system"), len(root))
     root[first:first] = [inner_loop, _actuators(config)]
-    read = {variable for _, surface in config.surfaces.named() for variable in surface.replaces}
-    read |= {name.removeprefix("ft/") for name in config.declared if name.startswith("ft/fcs/")}
+    read = {variable for variable, _ in _replaced(config)}
+    read |= {name.removeprefix("ft/") for name in config.declared if name.startswith("ft/")}
     for element in root.iterfind("aerodynamics//*"):
         text = (element.text or "").strip()
         if text.lstrip("-") in read:
-            element.text = text.replace("fcs/", "ft/fcs/", 1)
+            element.text = re.sub("^-?", r"\g<0>ft/", text)
+
+
+def _replaced(config: AircraftConfig) -> Iterator[tuple[str, str]]:
+    """Each variable that a surface replaces in what the aerodynamics read, and the surface."""
+    for name, surface in config.surfaces.named():
+        yield from ((variable.removeprefix("-"), name) for variable in surface.replaces)
 
 
 def _actuators(config: AircraftConfig) -> Element:
@@ -48,8 +54,6 @@ def _actuators(config: AircraftConfig) -> Element:
         command = surface.command or f"fcs/{name}-cmd-norm"
         actuator = _actuator(name, "rad", SURFACE_LAG, tuple(map(repr, surface.travel)))
         channel.append(actuator)
-        for replaced in surface.replaces:
-            channel.append(_read(f"ft/{replaced}", name, surface))
         if surface.replaces:
             continue
         if command.endswith("-rad"):
@@ -58,6 +62,8 @@ def _actuators(config: AircraftConfig) -> Element:
             function = _normed(f"ft/{name}-norm", name, surface)
             SubElement(function, "output").text = command
             channel.append(function)
+    for variable in dict.fromkeys(variable for variable, _ in _replaced(config)):
+        channel.append(_read(variable, config))
     if config.surfaces.rudder is None:
         channel.append(_actuator("rudder", "rad", SURFACE_LAG, ("0", "0")))
     throttle = _actuator("throttle", "norm", THROTTLE_LAG, ("0", "ft/limits/throttle-max"))
@@ -88,9 +94,15 @@ def _actuator(name: str, unit: str, lag: float, stops: tuple[str, ...]) -> Eleme
 
 def _normed(function: str, name: str, surface: Surface) -> Element:
     """The command that brings a surface to the position of its actuator."""
-    low, high = surface.travel if surface.full is None else surface.full
     element = Element("fcs_function", name=function)
-    choice = SubElement(SubElement(element, "function"), "ifthen")
+    SubElement(element, "function").append(_norm(name, surface))
+    return element
+
+
+def _norm(name: str, surface: Surface) -> Element:
+    """The position of a surface as a share of that at full command."""
+    low, high = surface.travel if surface.full is None else surface.full
+    choice = Element("ifthen")
     position = f"ft/{name}-rad"
     below = SubElement(choice, "lt")
     SubElement(below, "property").text = position
@@ -99,20 +111,29 @@ def _normed(function: str, name: str, surface: Surface) -> Element:
         quotient = SubElement(choice, "quotient")
         SubElement(quotient, "property").text = position
         SubElement(quotient, "value").text = repr(full)
-    return element
+    return choice
 
 
-def _read(function: str, name: str, surface: Surface) -> Element:
-    """Variables that the aerodynamics read instead of a position that flight control commands."""
-    if function.endswith("-norm"):
-        return _normed(function, name, surface)
-    low, high = surface.travel if surface.full is None else surface.full
-    unit = math.degrees(1.0) if function.endswith("-deg") else 1.0
-    element = Element("fcs_function", name=function)
-    product = SubElement(SubElement(element, "function"), "product")
-    SubElement(product, "value").text = repr(math.copysign(unit, high - low))
-    size = SubElement(product, "abs") if "/mag-" in function else product
-    SubElement(size, "property").text = f"ft/{name}-rad"
+def _read(variable: str, config: AircraftConfig) -> Element:
+    """What the aerodynamics read instead of a position that flight control commands.
+
+    Of an elevon it is the sum of the positions of aileron and elevator.
+    """
+    element = Element("fcs_function", name=f"ft/{variable}")
+    parts = SubElement(SubElement(element, "function"), "sum")
+    for name, surface in config.surfaces.named():
+        for sign in (sign for sign in ("", "-") if f"{sign}{variable}" in surface.replaces):
+            product = SubElement(parts, "product")
+            value = SubElement(product, "value")
+            if variable.endswith("-norm"):
+                value.text = f"{sign}1"
+                product.append(_norm(name, surface))
+                continue
+            low, high = surface.travel if surface.full is None else surface.full
+            unit = math.degrees(1.0) if variable.endswith("deg") else 1.0
+            value.text = repr(math.copysign(unit, high - low) * (-1.0 if sign else 1.0))
+            size = SubElement(product, "abs") if "/mag-" in variable else product
+            SubElement(size, "property").text = f"ft/{name}-rad"
     return element
 
 

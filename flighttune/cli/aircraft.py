@@ -3,7 +3,7 @@
 import os
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from typer import Argument, Option
 
@@ -71,17 +71,31 @@ def identify(
     return replace(identified.answer(), files=identified.save(out))
 
 
+def command_of(surface: str) -> Any:
+    """The option that names what takes the command of a surface."""
+    return Option(
+        f"--{surface}",
+        metavar="PROPERTY",
+        help=f"Property that takes the command of the {surface}, with a minus its negative; "
+        "repeatable [default: found by what it moves].",
+    )
+
+
 @of(
     "adoption.adopt:adopt",
     model={"metavar": "MODEL|FILE.xml|FOLDER"},
     folder=None,
     rudder=None,
+    commands=None,
     out="Folder to write to [default: aircraft/MODEL].",
 )
 def adopt(
     adopt_model: Verb,
     model: str,
     out: Path | None,
+    aileron: Annotated[list[str] | None, command_of("aileron")] = None,
+    elevator: Annotated[list[str] | None, command_of("elevator")] = None,
+    rudder_by: Annotated[list[str] | None, command_of("rudder")] = None,
     no_rudder: Annotated[
         bool, Option("--no-rudder", help="Leave yaw to the airframe, without a rudder.")
     ] = False,
@@ -95,10 +109,12 @@ def adopt(
     from flighttune.adoption.page import write_adoption
 
     name = Path(os.path.abspath(model)).stem.removesuffix("-set")
+    asked = {"aileron": aileron, "elevator": elevator, "rudder": rudder_by}
+    commands = {surface: names for surface, names in asked.items() if names}
     try:
         with on_interrupt():
             folder = out or Path("aircraft") / name
-            adoption = adopt_model(folder, rudder=not no_rudder, say=_progress)
+            adoption = adopt_model(folder, commands=commands, rudder=not no_rudder, say=_progress)
             page = write_adoption(adoption) if adoption.folder else None
     except KeyboardInterrupt:
         fail("interrupted; what is written is whole", INTERRUPTED)
