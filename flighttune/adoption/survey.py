@@ -445,7 +445,7 @@ def _check_values(values: Mapping[str, float]) -> dict[str, float]:
     """The values to declare; refuse what is no number of a property."""
     for name, value in values.items():
         if not (re.fullmatch(PROPERTY_NAME, name.removeprefix("/")) and math.isfinite(value)):
-            raise InputError(f"--set must be NAME=VALUE of a property, got {name[:80]}={value}.")
+            raise InputError(f"--set must be NAME=VALUE, got {name[:80]}={value}.")
     return {name: value for name, value in values.items() if name.startswith("/")}
 
 
