@@ -131,8 +131,8 @@ def band(  # noqa: PLR0913 - each is a choice of the user, and has a default
     ----------
     source : Flights, Scenario, Campaign, Plan, str or Path
         A campaign (file, shipped name or folder), a scenario in which something is random or
-        `start_deg` is given, or a band file: its flights are not flown again. It keeps what
-        is counted more, and takes only another claim, `flights` and `out`.
+        `start_deg` is given, or the file of any count: its flights are not flown again. It keeps
+        what is counted more, and takes only another claim, `flights` and `out`.
     signals : iterable of str, optional
         Recorded signals to bound, by default chi_err and gamma_err, on a route cross_track and
         height_err.
@@ -189,32 +189,39 @@ def band(  # noqa: PLR0913 - each is a choice of the user, and has a default
     (29, 5)
     """
     by = workers, scheduler, observer
-    if isinstance(source, str | Path) and (kept := kept_band(source)):
+    if kept := written(source, BAND):  # of any kind of count
         options = {"signals": signals, "learn": learn, "predicted_from": predicted_from}
         options |= {"gains": gains, "plant": plant, "air": air, "seed": seed is not None}
         for name, value in {**options, "start_deg": start_deg, "changes": changes}.items():
             if value:
                 raise InputError(f"`{name}` must be absent for a band file, which has its own.")
-        claim = {"epsilon": epsilon, "confidence": confidence}
-        return continued(kept, source, flights, **claim, out=out, by=by)
-    stated = flights_of_source(source, changes=changes).starting(start_deg)
-    if stated.mission is not None:
-        raise InputError(
-            f"{source}: flights of a mission must be counted with `flighttune mission`, in Python "
-            "with `ft.mission`."
+        if flights is not None:
+            with WorkerPool(*by) as pool:
+                kept = count_more(kept, flights, pool)
+            kept.save(str(source))  # whatever else is written: its readings are those of its file
+            out = out or str(source)
+        own = kept.about.epsilon, kept.about.confidence
+        stated = epsilon, confidence
+        counted = kept.claiming(*(x if y is None else y for x, y in zip(own, stated, strict=True)))
+    else:
+        flown = flights_of_source(source, changes=changes).starting(start_deg)
+        if flown.mission is not None:
+            raise InputError(
+                f"{source}: flights of a mission must be counted with `flighttune mission`, in "
+                "Python with `ft.mission`."
+            )
+        counted = counted_on(
+            Band,
+            drawn(flown, plant, gains, air, seed),
+            place=flown.place,
+            epsilon=EPSILON if epsilon is None else epsilon,
+            confidence=CONFIDENCE if confidence is None else confidence,
+            flights=flights,
+            learn=LEARN if learn is None else learn,
+            signals=signals,
+            predicted_from=predicted_from,
+            by=by,
         )
-    counted = counted_on(
-        Band,
-        drawn(stated, plant, gains, air, seed),
-        place=stated.place,
-        epsilon=EPSILON if epsilon is None else epsilon,
-        confidence=CONFIDENCE if confidence is None else confidence,
-        flights=flights,
-        learn=LEARN if learn is None else learn,
-        signals=signals,
-        predicted_from=predicted_from,
-        by=by,
-    )
     if out is not None:
         counted.save(out)
     return counted
@@ -274,32 +281,6 @@ def residual(  # noqa: PLR0913 - as `band`
     plan, by = drawn(stated, plant, gains, air, seed), (workers, scheduler, observer)
     claim = {"epsilon": epsilon, "confidence": confidence, "flights": flights, "learn": learn}
     return counted_on(Residual, plan, place=stated.place, by=by, **claim)
-
-
-def continued(
-    counted: C,
-    file: str | Path,
-    flights: int | None = None,
-    *,
-    epsilon: float | None = None,
-    confidence: float | None = None,
-    out: str | Path | None = None,
-    by: By = (None, None, None),
-) -> C:
-    """The count of a file with another claim, or with more flights, which the file keeps."""
-    if flights is not None:
-        with WorkerPool(*by) as pool:
-            counted = count_more(counted, flights, pool)
-        counted.save(file)  # whatever else is written: its readings are those of its file
-        out = out or file
-    about = counted.about
-    counted = counted.claiming(
-        about.epsilon if epsilon is None else epsilon,
-        about.confidence if confidence is None else confidence,
-    )
-    if out is not None:
-        counted.save(out)
-    return counted
 
 
 def drawn(

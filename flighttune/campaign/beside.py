@@ -147,13 +147,12 @@ class Beside(Answering):
     @property
     def margins(self) -> dict[str, Table]:
         """Margins of both loops behind the identified inner loop; none without a model of it."""
-        scenario = self.plan.scenario
-        cut: dict[str, Sequence[Margins]] = {}
+        cuts: dict[str, Sequence[Margins]] = {}
         with suppress(InputError):
-            cut = loops(scenario, self.plan, self.now)
+            cuts = loops(self.plan, self.now)
         return {
-            name: replace(margins_table(cuts), title=f"margins of {name}", name=f"margins_{name}")
-            for name, cuts in cut.items()
+            name: replace(margins_table(cut), title=f"margins of {name}", name=f"margins_{name}")
+            for name, cut in cuts.items()
         }
 
     def answer(self) -> Answer:
@@ -266,13 +265,14 @@ def _cut(rows: Sequence[Mapping[str, Any]], place: int) -> str:
     return f"{20.0 * math.log10(gain):.1f} dB, {phase:.0f} deg"
 
 
-def loops(scenario: Scenario, plan: Plan, now: Flown) -> dict[str, Sequence[Margins]]:
+def loops(plan: Plan, now: Flown) -> dict[str, Sequence[Margins]]:
     """Margins of each loop cut at roll and at lift, behind the identified inner loop.
 
     On a route the loops over the distances from it are closed, too: the guidance of the user has
     them by its period, and that of the program by its look-ahead. InputError without a model.
     """
-    reference, ours = reference_of(scenario), _rate_gains(plan)
+    scenario, ours = plan.scenario, _rate_gains(plan)
+    reference = reference_of(scenario)
     model = identified_models(scenario, made_law("exact"))[0].model
     law = now.law.make(law_setup(scenario, ours, Limits.none(2)))
     a, b, c, d = (np.diag(x) for x in law.linear(scenario.flight.V_a_mps))

@@ -51,16 +51,14 @@ TRADE_COLUMNS = [
 ]
 LOOP_COLUMNS = columns("R_K I_K E_K spectral_abscissa")
 CERTIFICATE_COLUMNS = [Column("in_words", "status"), *columns("rate growth radius")]
-# What decides whether enough draws meet all requirements; or what is sure of a new draw.
-WANTED = {
+# What decides whether enough draws meet all requirements; or whether it is sure of a new draw.
+AT_ANY = f"confidence {CONFIDENCE:g} at any number of draws"
+DECIDED = {
     "lo": "{} are wanted, by the lower end of the interval",
     "value": "{} are wanted, by the estimate",
-}
-AT_ANY = f"confidence {CONFIDENCE:g} at any number of draws"
-SURE = {
     "yes": f"those of a new draw do with a probability of at least {{}}, {AT_ANY}",
     "no": f"those of a new draw do with a probability below {{}}, {AT_ANY}",
-    "": "it is not sure yet whether those of a new draw do with a probability of at least {}",
+    "evidence": "it is not sure yet whether those of a new draw do with a probability of {}",
 }
 BY_DEFAULT_NOTE = (
     "Margins of the linear loop of 6 dB and 35 deg are required by default: others under "
@@ -271,15 +269,13 @@ class Meeting(Answering):
 
     def _counted(self, success: Mapping[str, Any], flights: str) -> str:
         """The share of fresh draws on which the requirements are met."""
-        shares, by = (success["share"], success["of_start"]), success["by"]
         gains, start = (
             interval(*(100.0 * x[end] for end in ("value", "lo", "hi")))
             if "lo" in x
             else percent(x["value"])
-            for x in shares
+            for x in (success["share"], success["of_start"])
         )
-        rule = SURE[success["sure"]] if by == "evidence" else WANTED[by]
-        rule = rule.format(f"{100.0 * success['wanted']:g} %")
+        rule = DECIDED[success["sure"] or success["by"]].format(f"{100 * success['wanted']:g} %")
         return (
             f"On {success['share']['n']} fresh draws (seed {success['seed']}) {gains} % of the "
             f"flights meet all requirements, {start} % with {self.start}; {rule} ({flights})."

@@ -5,6 +5,8 @@ Statistics 12 (1941).
 """
 
 import math
+from bisect import bisect_left
+from functools import partial
 from typing import Literal
 
 import numpy as np
@@ -47,16 +49,10 @@ def supported_epsilon(outside: int, flights: int, confidence: float) -> float:
 
 def flights_needed(epsilon: float, confidence: float, outside: int = 0) -> int:
     """Fewest flights of which `outside` may lie outside, see `allowed_outside`."""
-    low, high = outside, outside + 1
-    while allowed_outside(high, epsilon, confidence) < outside:
-        low, high = high, 2 * high
-    while high - low > 1:
-        middle = (low + high) // 2
-        if allowed_outside(middle, epsilon, confidence) < outside:
-            low = middle
-        else:
-            high = middle
-    return high
+    allowed, most = partial(allowed_outside, epsilon=epsilon, confidence=confidence), outside + 1
+    while allowed(most) < outside:
+        most *= 2
+    return bisect_left(range(most), outside, lo=outside + 1, key=allowed)
 
 
 def fresh_flights(flights: int | None, epsilon: float, confidence: float) -> int:

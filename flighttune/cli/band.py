@@ -19,36 +19,19 @@ from flighttune.present.answer import Answer
     source={"metavar": "CAMPAIGN|SCENARIO|FILE", "autocompletion": options.to_fly},
     out="Band file (.npz) to write [default: runs/NAME-band.npz; FILE with --flights].",
 )
-def band(
-    count_band: Verb,
-    source: str,
-    flights: int | None,
-    epsilon: float | None,
-    confidence: float | None,
-    out: Path | None,
-) -> Answer:
+def band(count_band: Verb, source: str, flights: int | None, out: Path | None) -> Answer:
     """Bound signals by counting flights: a new one leaves the band with at most a probability.
 
     Its shape is learned from some flights, and its scale counted on fresh ones: it holds for all
     signals at all times, for any law, plant and weather. --set seed=N draws others. Exit status 1
     if too many flights did not complete for any claim.
     """
-    from flighttune.campaign.band import continued, load_counted
     from flighttune.files.load import BAND, kind_of
 
-    kept = kind_of(source) == BAND  # of any kind of count
-    if not kept:
+    if kind_of(source) != BAND:
         out = out or Path("runs") / f"{Path(source).stem}-band.npz"
-    claim = {"flights": flights, "epsilon": epsilon, "confidence": confidence, "out": out}
-    if not kept or count_band.keywords.keys() - claim.keys():
-        counted = count_band(out=out)
-    else:
-        with campaign_display() as observer:
-            by = options.FLOWN_BY.get()
-            flown_by = by["workers"], by["scheduler"], observer
-            counted = continued(load_counted(source), source, **claim, by=flown_by)
     file = out or Path(source)
-    answer = counted.answer(file)
+    answer = count_band(out=out).answer(file)
     notes = [*answer.notes, f"A page with its flights: flighttune report {file}"]
     out = out or (Path(source) if flights is not None else None)
     return replace(answer, notes=notes, files={"band": out, "page": None})
