@@ -14,6 +14,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
 import pytest
 from fuzzing import (
     files,
@@ -42,6 +43,7 @@ from flighttune.flight.load import route_scenario
 from flighttune.flight.models import law_model
 from flighttune.flight.route import planned_route
 from flighttune.identification.file import design_model
+from flighttune.logs.parameters import flown_now
 from flighttune.plants.jsbsim.trim import trim_table
 from flighttune.records.compare import load_source
 from flighttune.references.fence import fence_tables, read_fence
@@ -64,6 +66,7 @@ LONG_S = 60.0
 LONGEST_LINE = 10_000
 
 GAINS = {"K_P": [[1.7, 0.6], [-0.6, 2.0]], "K_I": [[3.5, 0.2], [-0.2, 3.5]]}
+DIAGONAL = {"K_P": np.diag([1.5, 1.4]), "K_I": np.diag([0.9, 0.8])}
 
 
 def shipped(files, name):
@@ -96,7 +99,13 @@ SCENARIO = {
         "phi_deg": [-20.0, 20.0],
         "n_z": [0.8, 1.2],
     },
-    "expect": [{"plant": "kinematic", "gains": "paper", "at_most": {"chi": {"peak_deg": 30.0}}}],
+    "expect": [
+        {
+            "plant": "kinematic",
+            "gains": "paper",
+            "at_most": {"chi": {"peak_deg": 30.0, "within": [[0.0, 90.0], [4.0, 6.0]]}},
+        }
+    ],
     "plant": [
         {"kind": "kinematic"},
         {
@@ -170,6 +179,20 @@ LINES = "QGC WPL 110\n" + "\n".join(
          (3, 18, 2, -180, 47.41, 8.52, 90), (0, 16, 0, 0, 47.4, 8.52, 570)]
     )
 )  # fmt: skip
+PARAMETERS = """# Version: 4.5.7
+NAVL1_PERIOD 14.0
+NAVL1_DAMPING 0.75
+LIM_ROLL_CD 5500
+TECS_TIME_CONST 5.0
+TRIM_ARSPD_CM 2200
+RC1_MIN 1000
+1 1 TECS_THR_DAMP 0.5 9
+"""
+# A space between values, and ~ in place of one in a label.
+JSBSIM_TABLE = "Time Phi~(deg) Psi~(deg) V_{North}~(ft/s) V_{East}~(ft/s)\n" + "\n".join(
+    f"{0.05 * k:.2f} {10.0 * math.sin(0.1 * k):.4f} 0.0 80.0 {5.0 * math.sin(0.1 * k):.4f}"
+    for k in range(200)
+)
 LANDING = {
     "type": "ComplexItem",
     "complexItemType": "fwLandingPattern",
@@ -225,6 +248,21 @@ def of_map(path):
 def certificate_of(name, **settings):
     found = ft.certify(ft.load_scenario(name), ft.PAPER_GAINS, **settings)
     return tables_of(found.certificate)
+
+
+def boxes_of(_):
+    gains = ft.PIGains(**{**DIAGONAL, "inputs": ("chi_dot", "gamma_dot")})
+    return tables_of(ft.certify("mission", gains, lag=(0.2, 0.6)).certificate)
+
+
+def beside_paper(now):
+    """Two flights of half a second by the parameters of an autopilot and by gains."""
+    law = {"name": "yours", "kind": now.law.kind, "parameters": dict(now.law.parameters)}
+    flown(made_up_scenario(law=[law], gains=["yours:paper"], plant=[{"kind": "kinematic"}]))
+
+
+def comma_separated(text):
+    return text.replace(" ", ",").replace("~", " ")
 
 
 def with_a_law(folder):
@@ -408,6 +446,25 @@ KINDS = {
         to_json,
         ft.load,
         ft.verify,
+    ),
+    "boxes of lags": Kind("x.json", boxes_of, to_json, ft.load, ft.verify),
+    "parameters": Kind(
+        "x.param",
+        lambda _: PARAMETERS,
+        str,
+        flown_now,
+        thoroughly=beside_paper,
+        files=lambda text, _: text_files(text),
+    ),
+    "JSBSim table": Kind(
+        "x.csv",
+        lambda _: JSBSIM_TABLE,
+        comma_separated,
+        ft.load_log,
+        lambda run: ft.identify(run),
+        files=lambda text, _: text_files(text).map(
+            lambda data: comma_separated(data.decode("latin-1")).encode("latin-1")
+        ),
     ),
 }
 

@@ -465,7 +465,8 @@ def load_counted(path: str | Path) -> Counted:
     def of_plan(about: About) -> BandFlights:
         plan = plan_in(about)
         first = plan.runs - about.learned
-        check_at_least(1, runs=first)
+        if not 1 <= first <= MAX_NUMBERS:
+            raise InputError(f"`plan.runs` must be 1 to {MAX_NUMBERS} more than `learned`.")
         return flights_of(plan, about.of, len(about.signals), first)
 
     counted = read_counted(path, of_plan)

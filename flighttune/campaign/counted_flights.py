@@ -159,6 +159,8 @@ def plan_in(about: About) -> Plan:
         campaign = campaign_on(plan.campaign, plan.scenario, "`plan`")
         (group,) = plan.groups
         plan.chosen_group(group.plant, group.gains)  # refuses gains that are not there
+        if not isinstance(plan.runs, int) or "seed" not in about.plan["campaign"]:
+            raise InputError("`plan` must be that of a campaign, with its seed and whole `runs`.")
     except InputError:
         raise
     except (LookupError, TypeError, AttributeError, ValueError) as error:

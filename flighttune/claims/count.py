@@ -35,8 +35,13 @@ def allowed_outside(flights: int, epsilon: float, confidence: float) -> int:
     with probability ``P(Bin(flights, epsilon) <= r) <= 1 - confidence``.
     """
     check_between(0.0, 1.0, epsilon=epsilon, confidence=confidence)
-    r = np.arange(math.ceil(epsilon * flights) + 1)
-    return int(np.sum(bdtr(r, flights, epsilon) <= 1.0 - confidence)) - 1
+    r, most = -1, math.ceil(epsilon * flights) + 1
+    while most - r > 1:
+        middle = (r + most) // 2
+        r, most = (
+            (middle, most) if bdtr(middle, flights, epsilon) <= 1.0 - confidence else (r, middle)
+        )
+    return r
 
 
 def supported_epsilon(outside: int, flights: int, confidence: float) -> float:

@@ -13,6 +13,7 @@ import numpy as np
 import pandas as pd
 
 from flighttune.errors import InputError
+from flighttune.files.mistakes import shown
 from flighttune.files.shipped import nearest_name
 from flighttune.files.table import toml_tables
 from flighttune.flight.fly import library_versions
@@ -142,7 +143,7 @@ def columns_of(
     if clock is None:
         raise InputError(
             f"{place}: the time must be a column `t`, or given as --column t=COLUMN:UNIT, got "
-            f"columns {', '.join(header[:8])}{' ...' if len(header) > 8 else ''}."
+            f"columns {', '.join(map(shown, header[:8]))}{' ...' if len(header) > 8 else ''}."
         )
     return {**in_header, **{name: [column] for name, column in given.items()}, "t": [clock]}
 

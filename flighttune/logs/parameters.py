@@ -140,7 +140,7 @@ def _read_text(path: Path) -> tuple[dict[str, float], str, str]:
             values[fields[0]] = float(fields[1])
         except (IndexError, ValueError):
             raise InputError(
-                f"{path}, line {number}: must be NAME,VALUE or VEHICLE COMPONENT NAME VALUE TYPE, "
+                f"{path}: line {number} must be NAME,VALUE or VEHICLE COMPONENT NAME VALUE TYPE, "
                 f"got {line[:60]!r}."
             ) from None
     return values, head["Vehicle"], head["Version"]

@@ -335,7 +335,7 @@ def plan_from(tables: Mapping[str, Any], source: str = "plan") -> Plan:
         },
         groups=tuple(Group(**group) for group in tables["groups"]),
         runs=tables["runs"],
-        aircraft=tables["aircraft"],
+        aircraft={**tables["aircraft"]},
     )
 
 

@@ -44,6 +44,16 @@ def edited(band, *keys, value):
     return {"plan": plan}
 
 
+def without_a_seed(band):
+    about = edited(band, "version", value=band.about.plan["version"])
+    del about["plan"]["campaign"]["seed"]
+    return about
+
+
+def of_no_aircraft(band):
+    return edited(band, "aircraft", value=1.5)
+
+
 def planned(*keys):
     """A forgery of the plan: 30 in the place of what it has."""
     return lambda band: {"about": edited(band, *keys, value=30)}
@@ -93,15 +103,26 @@ def test_a_single_copy_is_flown_again(counted):
         ({"edges": [0.0, 1.0]}, "`edges`"),
         ({"learned": 11}, "`extremes` must be of as many flights"),
         ({"plan": {"version": 1}}, "`plan` must be that of a campaign"),
+        (without_a_seed, "`plan` must be that of a campaign, with its seed"),
+        (of_no_aircraft, "`plan` must be that of a campaign"),
     ],
 )
 def test_a_file_that_states_what_follows_from_its_plan_is_refused(counted, tmp_path, about, says):
+    about = about(counted) if callable(about) else about
     path = forged(counted, tmp_path / "x.npz", about=about)
 
     _, stderr = flighttune("verify", path, status=2)
 
     assert says in stderr
     assert stderr.count("\n") == 1
+
+
+@pytest.mark.parametrize("runs", [10**12, 10**400])
+def test_a_plan_of_more_runs_than_were_flown_is_refused_at_once(counted, tmp_path, runs):
+    path = forged(counted, tmp_path / "x.npz", about=edited(counted, "runs", value=runs))
+
+    with pytest.raises(ft.InputError, match=r"`plan\.runs` must be"):
+        ft.load(path)
 
 
 def test_the_median_scenario_of_a_file_is_not_believed(counted, tmp_path):

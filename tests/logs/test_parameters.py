@@ -119,8 +119,8 @@ def test_builds_of_px4_that_do_not_use_the_period_are_flown_without_it(tmp_path)
         ("NPFG_PERIOD,8\nMAV_TYPE,2", "got MAV_TYPE 2"),
         ("NPFG_PERIOD 8", "`version` must be given, such as 1.15"),
         ("NAVL1_PERIOD,-3", "x.param: `NAVL1_PERIOD` must be a positive number, got -3"),
-        ("NAVL1_PERIOD\n", "x.param, line 1: must be NAME,VALUE or"),
-        ("NAVL1_PERIOD,fast", "x.param, line 1: must be NAME,VALUE or"),
+        ("NAVL1_PERIOD\n", "x.param: line 1 must be NAME,VALUE or"),
+        ("NAVL1_PERIOD,fast", "x.param: line 1 must be NAME,VALUE or"),
         ("RC1_MIN,1000", "got none of NAVL1_PERIOD, NPFG_PERIOD, FW_L1_PERIOD in 1 parameters"),
     ],
 )
