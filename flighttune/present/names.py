@@ -1,9 +1,11 @@
 """Names, symbols and units as a reader sees them; reasons of failures, counted."""
 
 import re
+import tomllib
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 from flighttune.present.answer import Column, Table
@@ -66,50 +68,27 @@ def _shared(texts: Sequence[str]) -> str:
     return _NUMBER.sub(lambda _: next(ranges), texts[0])
 
 
+# Labels, words and units of what stands in files and rows, by key.
+TABLES = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
+WORDS, UNIT_OF_SUFFIX = TABLES["words"], TABLES["unit_of_suffix"]
+
+
+def _labelled(key: str, name: str, unit: str = "", digits: str = "z.4g") -> Column:
+    factor = DEG_PER_RAD if "_rad" in key and unit.startswith("deg") else 1.0
+    return Column(key, name, unit, digits, factor)
+
+
+METRIC_LABELS, QUANTITIES = (
+    {key: _labelled(key, *row) for key, row in TABLES[kind].items()}
+    for kind in ("metrics", "quantities")
+)
+
 CHANNEL_SYMBOLS = {"chi": "χ", "gamma": "γ"}
 OTHER_SYMBOLS = {"V": "V", "phi": "φ", "n_z": "n_z", "cross_track": "e_y", "height_err": "e_h"}
 SYMBOLS = CHANNEL_SYMBOLS | OTHER_SYMBOLS
 CHANNEL_NAMES = {"chi": "course", "gamma": "path angle"}
 OTHER_WORDS = {"V": "airspeed", "cross_track": "cross track", "height_err": "height"}
 CHANNEL_WORDS = CHANNEL_NAMES | OTHER_WORDS
-
-
-# Column of each metric of a channel or of the flight (SI), by its key.
-METRIC_LABELS = {
-    column.key: column
-    for column in (
-        Column("ITAE", "ITAE", "rad\u00a0s²", "z.2f"),
-        Column("ITAE_mean", "ITAE over time", "rad\u00a0s", "z.3f"),
-        Column("MO_rad", "overshoot", "deg", "z.2f", DEG_PER_RAD),
-        Column("PT_s", "peak time", "s", "z.2f"),
-        Column("rise_s", "rise time", "s", "z.2f"),
-        Column("settling_s", "settling time (5\u00a0%)", "s", "z.2f"),
-        Column("error", "largest error over envelope", "1", "z.3f"),
-        Column("MS_rad", "mean error, last quarter", "deg", "z.3f", DEG_PER_RAD),
-        Column("ST_rad", "standard deviation, last quarter", "deg", "z.3f", DEG_PER_RAD),
-        Column("effort_rms", "effort rms", "", "z.3f"),
-        Column("saturation_s", "time at limits", "s", "z.2f"),
-        Column("end_error_rad", "mean error at the end", "deg", "z.3f", DEG_PER_RAD),
-        Column("end_error_mps", "mean error at the end", "m/s", "z.3f"),
-        Column("peak_rad", "peak error", "deg", "z.2f", DEG_PER_RAD),
-        Column("MO_mps", "overshoot", "m/s", "z.2f"),
-        Column("MS_mps", "mean error, last quarter", "m/s", "z.3f"),
-        Column("ST_mps", "standard deviation, last quarter", "m/s", "z.3f"),
-        Column("peak_mps", "peak error", "m/s", "z.2f"),
-        Column("min_mps", "lowest airspeed", "m/s", "z.2f"),
-        Column("V_a_dev_mps", "airspeed deviation", "m/s", "z.2f"),
-        Column("n_z_min", "minimum n_z", "1", "z.2f"),
-        Column("n_z_max", "maximum n_z", "1", "z.2f"),
-        Column("alpha_max_rad", "maximum |α|", "deg", "z.1f", DEG_PER_RAD),
-        Column("cross_track_m", "farthest to the side of the route", "m", "z.2f"),
-        Column("height_err_m", "farthest above or below it", "m", "z.2f"),
-        Column("gain_margin_dB", "gain margin", "dB", "z.2f"),
-        Column("phase_margin_rad", "phase margin", "deg", "z.1f", DEG_PER_RAD),
-        Column("delay_margin_s", "delay margin", "s"),
-        Column("disk_margin", "disk margin"),
-        Column("roll_rate_rad_s", "roll rate needed", "deg/s", "z.1f", DEG_PER_RAD),
-    )
-}
 
 
 def metric_label(key: str, channels: Mapping[str, str] = SYMBOLS) -> Column:
@@ -154,32 +133,6 @@ def in_words(requirement: Mapping[str, Any]) -> dict[str, Any]:
     return {**requirement, **values, **words}
 
 
-# Words of a key of a scenario that is dispersed, by its parts; others are as they are.
-WORDS = {
-    "V_a": "airspeed",
-    "n_z": "load factor",
-    "chi": "course",
-    "gamma": "path angle",
-    "phi": "roll",
-    "h": "height",
-    "from": "direction",
-    "omega": "frequency",
-    "sd": "deviation",
-    "cg": "centre of gravity,",
-    "ixx": "roll inertia",
-    "iyy": "pitch inertia",
-    "izz": "yaw inertia",
-    "sensors": "sensor",
-    "max": "maximum",
-    "min": "minimum",
-    "limits": "limit of",
-    "flight": "initial",
-    "plant": "",
-    "airframe": "",
-    "factor": "",
-}
-
-
 def key_words(key: str) -> str:
     """A dispersed quantity in words, by its key: ``flight.chi_deg`` is the initial course."""
     words: list[str] = []
@@ -204,48 +157,6 @@ def key_words(key: str) -> str:
 def listed(words: Sequence[str], joint: str = "and") -> str:
     """Words as they are read: ``a``, ``a and b``, ``a, b and c``."""
     return f" {joint} ".join(filter(None, [", ".join(words[:-1]), *words[-1:]]))
-
-
-# Unit of a value by the end of its key; longer ends first.
-UNIT_OF_SUFFIX = {
-    "_rad_s2": "rad/s²",
-    "_rad_s": "rad/s",
-    "_per_s": "1/s",
-    "_dps": "deg/s",
-    "_mps": "m/s",
-    "_hz": "Hz",
-    "_deg": "deg",
-    "_percent": "%",
-    "_s": "s",
-    "_m": "m",
-}
-
-# Label of a quantity by the last part of its key, where the key does not say it.
-QUANTITIES = {
-    column.key: column
-    for column in (
-        Column("R_K", "R_K", "1/s", ".5g"),
-        Column("I_K", "I_K", "s²", ".5g"),
-        Column("E_K", "E_K", "s²", ".5g"),
-        Column("spectral_abscissa", "spectral abscissa", "1/s"),
-        Column("rate", "rate", "1/s", ".6g"),
-        Column("growth", "largest growth of the norm, plain units"),
-        Column("decay", "proven rate", "1/s", "z.6g"),
-        Column("radius", "ultimate radius", "rad"),
-        Column("L_d", "L_d", "rad/s²"),
-        Column("V_a_mps", "V_a", "m/s"),
-        Column("gamma_deg", "γ", "deg", "z.4g"),
-        Column("alpha_deg", "α", "deg", "z.2f"),
-        Column("beta_deg", "β", "deg", "z.2f"),
-        Column("natural_frequency_rad_s", "ω", "rad/s"),
-        Column("fit_percent", "fit", "%", ".2f"),
-        Column("wall_s", "time", "s"),
-        Column("n", "flights"),
-        Column("successes", "succeed"),
-        Column("inside", "flight inside"),
-        Column("exact", "proven exactly"),
-    )
-}
 
 
 def columns(keys: str) -> list[Column]:
