@@ -71,12 +71,27 @@ def test_the_page_of_scenarios_names_all_that_ship():
         assert f"`{script.name}`" in text
 
 
-def test_the_table_of_the_first_flight_is_what_the_demo_shows():
+def cells(lines):
+    """Cells of the rows of a table of Markdown."""
+    return [[cell.strip() for cell in line.strip("|").split("|")] for line in lines]
+
+
+def test_the_table_of_the_readme_is_part_of_that_of_the_first_flight():
+    of_gains = {row[1]: row[5:9] for row in demo_rows() if row[0] == "jsbsim:aerosonde"}
+    rows = cells((ROOT / "README.md").read_text().split("| gains |")[1].splitlines()[2:5])
+
+    assert len(rows) == 3
+    assert [row[1:] for row in rows] == [of_gains[row[0]] for row in rows]
+
+
+def demo_rows():
+    """Rows of the first table of docs/start.md."""
     text = (ROOT / "docs/start.md").read_text().split("<!-- demo:begin -->")[1]
-    shown = [
-        [cell.strip() for cell in line.strip("|").split("|")]
-        for line in text.split("<!-- demo:end -->")[0].strip().splitlines()[2:]
-    ]
+    return cells(text.split("<!-- demo:end -->")[0].strip().splitlines()[2:])
+
+
+def test_the_table_of_the_first_flight_is_what_the_demo_shows():
+    shown = demo_rows()
     runs = [(flown("paper"), run) for run in flown("paper").runs]
     # Then the laws on the aircraft.
     runs += [(flown("exact_law"), run) for run in flown("exact_law").runs[2:]]

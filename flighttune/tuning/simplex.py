@@ -10,7 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from flighttune.arrays import FloatArray
-from flighttune.control.linear_model import measured_rows
+from flighttune.control.linear_model import inner_feedback
 from flighttune.theory.lyapunov import solution_of_checked
 from flighttune.tuning.peaks import FINE, GRID, Peaks
 from flighttune.tuning.problem import TuningProblem, search_space
@@ -102,9 +102,7 @@ class GustLoop:
         from scipy.linalg import block_diag
 
         self.model = problem.model
-        n, _, p = self.model.shape
-        self._M = measured_rows(self.model)
-        self._size, self._states = n, n + p
+        p = len(self.model.errors)
         if problem.gusts is not None:
             a = np.asarray(problem.gusts)
             self._air = block_diag(*([[0.0, 1.0], [-w * w, -2.0 * w]] for w in a))
@@ -113,18 +111,12 @@ class GustLoop:
             self._white = np.kron(np.eye(p), [[0.0], [1.0]])
             self._rows = np.hstack([self.model.C, np.zeros((p, p)), -self._gust])
 
-    def _fed(self, feedback: FloatArray) -> FloatArray:
-        """Inner feedback of each input; an input without a measured state has none."""
-        k = np.zeros(len(self._M))
-        k[: len(feedback)] = feedback[: len(k)]
-        return k * self._M.any(axis=1)
-
     def matrix(self, K: FloatArray, feedback: FloatArray) -> FloatArray:
         """A_K of stacked gains K, shape (m, 2 p), with the inner feedback of the first inputs."""
-        model, n, k = self.model, self._size, self._fed(feedback)
-        p, B = len(model.errors), model.B * (1.0 + k)
-        A_K = np.zeros((self._states, self._states))
-        A_K[:n, :n] = model.A - model.B @ (k[:, None] * self._M) + B @ K[:, :p] @ model.C
+        (n, _, p), model = self.model.shape, self.model
+        k, k_M = inner_feedback(model, feedback)
+        A_K, B = np.zeros((n + p, n + p)), model.B * (1.0 + k)
+        A_K[:n, :n] = model.A - model.B @ k_M + B @ K[:, :p] @ model.C
         A_K[:n, n:], A_K[n:, :n] = B @ K[:, p:], model.C
         return A_K
 
@@ -141,8 +133,9 @@ class GustLoop:
         ``(sqrt(3) s/a + 1) / (s/a + 1)^2``; the covariance of all states together is the solution
         of a Lyapunov equation.
         """
-        model, n, N, k = self.model, self._size, self._states, self._fed(feedback)
-        p, fed = len(model.errors), self.model.B * k  # what d' adds to x'
+        (n, _, p), model = self.model.shape, self.model
+        N, k = n + p, inner_feedback(model, feedback)[0]
+        fed = model.B * k  # what d' adds to x'
         whole = np.zeros((N + 2 * p, N + 2 * p))
         whole[:N, :N], whole[N:, N:] = self.matrix(K, feedback), self._air
         whole[:n, N:] = (
