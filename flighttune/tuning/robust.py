@@ -19,93 +19,16 @@ from flighttune.control.limits import Limits
 from flighttune.control.linear_model import LinearModel, closed_loops, fed_by
 from flighttune.errors import InputError
 from flighttune.theory.indicators import indicators, indicators_batch
-from flighttune.theory.reachable import error_slopes
-from flighttune.tuning.peaks import FINE, GRID, Peaks
+from flighttune.tuning.peaks import FINE, Peaks
 from flighttune.tuning.problem import SearchSpace, TuningProblem, search_space
-from flighttune.tuning.program import UNSTABLE_LOG, Program, loop_slopes, stabilising_starts
+from flighttune.tuning.program import Program, stabilising_starts
 from flighttune.tuning.result import ROUNDING, TuningResult
 from flighttune.tuning.simplex import STARTS as SEARCHED_FROM
 from flighttune.tuning.simplex import GustLoop, searched
 from flighttune.tuning.tune import AGREEMENT, STARTS
 
-# Searches of the least E_K begin at the gains of the largest R_K times these.
-FACTORS = 1.0, 1.6
-
-ACCURACY, MAX_ITERATIONS = 1e-9, 150
-
-# How often the bound is tightened by what the grid misses, each time by a little more
-MAX_TIGHTENINGS, MORE_THAN_MISSED = 6, 1.1
-
-# Relative excess of the sensitivity that counts as none, and difference of ends that agree
-MISSED, SAME_END = 1e-6, 1e-3
-
 # Relative distance within which the bound on the sensitivity holds the gains
 HELD = 5e-3
-
-
-def least_error(problems: Sequence[TuningProblem], k: FloatArray) -> tuple[FloatArray, int] | None:
-    """Free gains of the least E_K over several models, and how many searches agree on it.
-
-    It is smooth, so that SLSQP has the slopes of everything. `problems`: of the same free gains;
-    the first says the largest sensitivity. `k` (shape (f,)): gains that stabilise all of them. None
-    if no search keeps the sensitivity.
-    """
-    from scipy.optimize import minimize
-
-    space, limit = search_space(problems[0]), math.log(problems[0].sensitivity_max)
-    coarse, fine = ([Peaks(case.model, space, n) for case in problems] for n in (GRID, FINE))
-    slopes = [loop_slopes(case.model, space) for case in problems]
-
-    def errors(k: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Logarithms of E_K of each error of each model, and their slopes in the gains."""
-        values, in_k = [], []
-        for case, slope in zip(problems, slopes, strict=True):
-            loop = closed_loops(case.model, space.K(k))
-            sizes, change = error_slopes(loop, slope, errors=len(case.model.errors))
-            stable = np.isfinite(sizes)
-            values.append(np.log(np.where(stable, sizes, math.exp(UNSTABLE_LOG))))
-            in_k.append(np.where(stable[:, None], change / sizes[:, None], 0.0))
-        return np.concatenate(values), np.concatenate(in_k)
-
-    def room(z: FloatArray, most: float) -> FloatArray:
-        peaks = [most - each.logs(z[:-1])[0] for each in coarse]
-        return np.concatenate([z[-1] - errors(z[:-1])[0], *peaks])
-
-    def room_slopes(z: FloatArray, _most: float) -> FloatArray:
-        of_errors = errors(z[:-1])[1]
-        in_k = -np.concatenate([of_errors, *(each.logs(z[:-1])[1] for each in coarse)])
-        return np.column_stack([in_k, np.where(np.arange(len(in_k)) < len(of_errors), 1.0, 0.0)])
-
-    bounds = [*zip(space.k_min, space.k_max, strict=True), (-UNSTABLE_LOG, UNSTABLE_LOG)]
-    ends = [k]
-    for factor in FACTORS:
-        end, tightened = np.clip(factor * k, space.k_min, space.k_max), limit
-        # The grid sees a peak too low: what it misses is taken off, and the search goes on.
-        for _ in range(MAX_TIGHTENINGS):
-            limits = {"type": "ineq", "fun": room, "jac": room_slopes, "args": (tightened,)}
-            run = minimize(
-                lambda z: (z[-1], np.append(np.zeros(len(k)), 1.0)),
-                np.append(end, errors(end)[0].max()),
-                jac=True,
-                method="SLSQP",
-                bounds=bounds,
-                constraints=[limits],
-                options={"maxiter": MAX_ITERATIONS, "ftol": ACCURACY},
-            )
-            end = np.clip(run.x[:-1], space.k_min, space.k_max)
-            over = max(peaks.logs(end)[0].max() for peaks in fine) - limit
-            if over <= 0.0:
-                break
-            tightened -= MORE_THAN_MISSED * over
-        ends.append(end)
-    values = np.array([errors(end)[0].max() for end in ends])
-    peaks = np.array([max(each.logs(end)[0].max() for each in fine) for end in ends])
-    # The start may be the best of all, but counts only if it keeps the sensitivity as well.
-    values[peaks > limit + MISSED] = math.inf
-    if not np.isfinite(values).any():
-        return None
-    best = int(np.argmin(values))
-    return ends[best], int((values[1:] <= values[best] + SAME_END).sum())
 
 
 METHOD = "worst of models"
@@ -216,11 +139,6 @@ def _tuned(problems: list[TuningProblem], starts: int) -> tuple[FloatArray, int,
         errors = [[case.largest_errors(space.K(k)).max() for case in problems] for k in ends]
         rates = [rate * (max(E) <= most_E) for rate, E in zip(rates, errors, strict=True)]
     best = int(np.argmax(rates))
-    if problems[0].objective == "E_K":
-        if (answer := least_error(problems, ends[best])) is None:
-            return None
-        k, agreeing = answer
-        return space.K(k), len(ends) + len(FACTORS), agreeing, 0.0
     if problems[0].objective != "R_K":
         if (answer := searched(problems, ends[best])) is None:
             return None
