@@ -97,8 +97,11 @@ def _message(kind, body):
     return struct.pack("<HB", len(body), ord(kind)) + body
 
 
-def write_dataflash(path, t, signals, *, vehicle="ArduPlane V4.5", old=False):
-    """A DataFlash log with the messages of ArduPlane, and FTUN; `old` ones have a clock in ms."""
+def write_dataflash(path, t, signals, *, vehicle="ArduPlane V4.5", old=False, events=()):
+    """A DataFlash log with the messages of ArduPlane, and FTUN; `old` ones have a clock in ms.
+
+    `events`: further messages by name, with their columns and values.
+    """
     clock, per_s, code = ("TimeMS", 1e3, "I") if old else ("TimeUS", 1e6, "Q")
     ned = fields(signals)
     deg = np.degrees
@@ -115,6 +118,7 @@ def write_dataflash(path, t, signals, *, vehicle="ArduPlane V4.5", old=False):
     }
     if "cross_track" in signals:  # ArduPilot counts it from the aircraft to the track
         messages["NTUN"] = "AltE,XT", [signals["height_err"], -signals["cross_track"]]
+    messages |= dict(events)
     out = [_format(128, 89, "FMT", "BBnNZ", "Type,Length,Name,Format,Columns")]
     out.append(_format(129, 75, "MSG", "QZ", "TimeUS,Message"))
     for number, (name, (columns, values)) in enumerate(messages.items(), 130):

@@ -7,7 +7,7 @@ from contextlib import suppress
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
-from typing import NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 import pandas as pd
@@ -18,6 +18,7 @@ from flighttune.files.shipped import nearest_name
 from flighttune.files.table import toml_tables
 from flighttune.flight.fly import library_versions
 from flighttune.logs.checks import check_flight, checked, degrees_as_radians
+from flighttune.logs.phases import EVENTS, inside, phases, said
 from flighttune.logs.read import Fields, Stream, read_log
 from flighttune.logs.time_base import on_one_base
 from flighttune.references.maps import TOO_LARGE
@@ -46,7 +47,7 @@ UNITS = {
 RAW = (
     *("t", "f_z", "lat", "lon", "v_north", "v_east", "v_down", "wind_speed", "wind_from"),
     *(f"{attitude}_{part}" for attitude in ("q", "q_cmd", "q_enu") for part in "wxyz"),
-    *("phi_err", "n_z_err", "vehicle"),
+    *("phi_err", "n_z_err", "vehicle", *EVENTS),
 )
 
 # Endings of the columns of a table that say their unit, such as `chi_deg`.
@@ -106,7 +107,7 @@ def given_columns(columns: Columns) -> dict[str, Column]:
 
 
 @cache
-def _tables() -> Mapping[str, Mapping[str, list[str]]]:
+def _tables() -> Mapping[str, Mapping[str, Any]]:
     text = Path(__file__).with_name("sources.toml").read_text(encoding="utf-8")
     return tomllib.loads(text)
 
@@ -156,7 +157,12 @@ WANTED = ("chi", "gamma", "phi", "n_z", "V_a", "north", "h", "phi_cmd", "n_z_cmd
 
 
 def load_log(
-    path: str | Path, *, columns: Columns = (), start: float = 0.0, end: float = math.inf
+    path: str | Path,
+    *,
+    columns: Columns = (),
+    start: float = 0.0,
+    end: float = math.inf,
+    mode: str = "",
 ) -> Run:
     """Read the log of a real flight as a run.
 
@@ -174,20 +180,23 @@ def load_log(
         quaternions, velocities over ground, specific force, latitude and longitude.
     start, end : float, s
         Part of the log, from its first attitude on.
+    mode : str
+        Flight mode whose time is kept, such as ``AUTO`` of ArduPlane or ``MISSION`` of PX4; also
+        ``armed`` and ``airborne``. Between two times in the mode there is a gap.
 
     Returns
     -------
     Run
         Its signals are in SI and radians at one sample time; north, east and down count from its
-        start, and NaN stands where the log has a gap. ``provenance.scenario["log"]`` lists what is
-        missing, and the checks of units and signs.
+        start, and NaN stands where the log has a gap. ``provenance.scenario["log"]`` lists the
+        flight modes, what is odd or missing, and the checks of units and signs.
 
     Raises
     ------
     RecordingError
         If the file is no log, is damaged, or holds no flight of an aeroplane.
     InputError
-        If a column or unit is not there, or pyulog or pymavlink is missing.
+        If a column, unit or mode is not there, or pyulog or pymavlink is missing.
 
     Examples
     --------
@@ -224,7 +233,21 @@ def load_log(
             raw[name] = times, np.where(wrong, np.nan, column)
             large.append(f"{name}: samples of {TOO_LARGE:g} or more left out, {number}")
     wrong = degrees_as_radians(raw)  # before angles are brought into one turn
+    modes, names = _tables()["modes"], ("DataFlash",) * (kind == "MAVLink")
+    named = {number: name for key in (*names, kind) for number, name in modes.get(key, {}).items()}
+    found, odd = phases(str(path), kind, raw, named)
+    if mode:
+        chosen = [phase for phase in found if phase.name.lower() == mode.lower()]
+        if not chosen:
+            got = ", ".join(dict.fromkeys(phase.name for phase in found)) or "no flight mode"
+            raise InputError(
+                f"{path}: the part of a log must be START:END in s, or a flight mode of the log, "
+                f"which has {got}, got {mode!r}."
+            )
+        start, end = chosen[0].start, chosen[-1].end
     t, values = on_one_base(str(path), raw, start, end, table=kind == "csv")
+    there = inside(t + start, chosen) if mode else np.ones(len(t))
+    values = {name: column * there for name, column in values.items()}
     signals, notes, contradicted = checked(values, t)
     wrong += contradicted
     check_flight(str(path), signals, vehicle)
@@ -233,12 +256,14 @@ def load_log(
     gaps = [
         f"{name}: {share:.1%} of the time"
         for name in ordered
-        if (share := float(np.mean(np.isnan(signals[name])))) >= 0.0005
+        if (share := float(np.mean(np.isnan(signals[name][there == 1.0])))) >= 0.0005
     ]
     table = {
         "file": path.name,
         "kind": kind,
         "from_s": start,
+        "phases": said(found),
+        "odd": odd,
         "missing": [f"no {name}" for name in missing],
         "gaps": gaps + large,
         "checks": [*wrong, *notes],
@@ -276,19 +301,19 @@ def _named(
 
 
 def load_part(name: str, columns: Columns) -> Run:
-    """The log of a file, or the part ``LOG@START:END`` of one."""
+    """The log of a file, or the part ``LOG@START:END`` or ``LOG@MODE`` of one."""
     place, _, part = (name, "", "") if Path(name).exists() else name.partition("@")
     return load_log(place, columns=columns, **_part_of(part, name))
 
 
-def _part_of(choice: str, name: str) -> dict[str, float]:
-    """`start` and `end` (s) of a part ``START:END`` of a log; either may be empty."""
-    if not choice:
-        return {}
-    first, colon, last = choice.partition(":")
+def _part_of(choice: str, name: str) -> dict[str, Any]:
+    """`start` and `end` (s) of a part ``START:END`` of a log, either may be empty; or its mode."""
+    if not choice or ":" not in choice:
+        return {"mode": choice}
+    first, _, last = choice.partition(":")
     start = end = math.nan
     with suppress(ValueError):
         start, end = float(first or 0.0), float(last or math.inf)
-    if not (colon and 0.0 <= start < end):
+    if not 0.0 <= start < end:
         raise InputError(f"{name}: the part of a log must be START:END in s, got {choice!r}.")
     return {"start": start, "end": end}

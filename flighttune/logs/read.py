@@ -174,7 +174,8 @@ def _mavlink(path: Path, fields: Fields) -> Iterator[Message]:
         if topic == "HEARTBEAT" and message.autopilot != 8 and system is None:
             system = message.get_srcSystem()
             yield "", 0.0, f"type {message.type}"
-        if topic in fields and system in (None, message.get_srcSystem()):
+        other = topic == "HEARTBEAT" and message.autopilot == 8  # that of a camera or a radio
+        if topic in fields and not other and system in (None, message.get_srcSystem()):
             # The stamp of the file is that of the ground station, at which messages come in
             # bursts. Those without the vehicle's clock were sent with the one before.
             clock = 1e-3 * getattr(message, "time_boot_ms", 1e3 * clock)

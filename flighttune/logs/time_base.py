@@ -100,14 +100,14 @@ def on_one_base(
     `start` and `end` (s) count from the first attitude; of a `table` repeated samples are dropped.
     Raises RecordingError if there is no attitude, or a clock jumps.
     """
-    raw = {name: _in_order(place, name, stream) for name, stream in raw.items()}
+    raw = {name: in_order(place, name, stream) for name, stream in raw.items()}
     raw = {name: stream for name, stream in raw.items() if len(stream[0]) > 1}
     with_angles(raw)
     for name in ("phi", "n_z"):
         if f"{name}_err" in raw and name in raw:
             t, error = raw.pop(f"{name}_err")
             commanded = t, error + _held(t, *raw[name])
-            raw[f"{name}_cmd"] = _in_order(place, name, commanded)
+            raw[f"{name}_cmd"] = in_order(place, name, commanded)
     if "phi" not in raw:
         raise RecordingError(f"{place}: must have roll, got a log without attitude.")
     t_phi = raw["phi"][0]
@@ -142,7 +142,7 @@ def on_one_base(
     return t - first, values
 
 
-def _in_order(place: str, name: str, stream: Stream) -> Stream:
+def in_order(place: str, name: str, stream: Stream) -> Stream:
     """A stream without its empty samples, in the order of time."""
     t, values = stream
     there = np.isfinite(t) & np.isfinite(values)

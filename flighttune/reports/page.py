@@ -76,7 +76,8 @@ def log_facts(source: Source) -> Table:
         log = run.provenance.log or {}
         samples = f"{run.duration:.1f} s from {log['from_s']:g} s on, {len(run.signals)} samples"
         facts |= {"log": f"{log['file']} ({log['kind']})", "part": samples}
-        facts |= {key: "; ".join(log[key]) for key in ("missing", "gaps", "checks") if log[key]}
+        told = {key: log.get(key, ()) for key in ("phases", "odd", "missing", "gaps", "checks")}
+        facts |= {key: "; ".join(lines) for key, lines in told.items() if lines}
     return facts_table("The log", facts)
 
 
@@ -98,7 +99,11 @@ def write_log_page(source: Source, path: Path) -> Report:
     log = run.provenance.log or {}
     shown = Answer(
         values={"bytes": path.stat().st_size, "summary": page.summary, "log": log},
-        notes=[*page.summary, *log["checks"], *(f"missing: {line}" for line in source.missing)],
+        notes=[
+            *page.summary,
+            *(line for key in ("phases", "odd", "checks") for line in log.get(key, ())),
+            *(f"missing: {line}" for line in source.missing),
+        ],
     )
     return Report(
         path=path, summary=page.summary, sections=page.sections, tables=page.tables, shown=shown

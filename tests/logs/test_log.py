@@ -87,6 +87,43 @@ def test_a_dataflash_log_with_a_clock_in_ms_is_read(flight, tmp_path):
     )
 
 
+def test_a_log_is_cut_into_flight_modes_and_says_what_is_odd(flight, tmp_path):
+    t, signals = sampled(flight, noise=False, dropouts=False, late=False)
+    in_auto = ((t >= 30.0) & (t < 60.0)) | ((t >= 90.0) & (t < 100.0))
+    events = {
+        "MODE": ("Mode", [np.where(in_auto, 10.0, 5.0)]),
+        "STAT": ("isFlying,Armed", [t > 20.0, t > 10.0]),
+        "GPS": ("Status", [np.where((t > 70.0) & (t < 74.0), 2.0, 3.0)]),
+        "VIBE": (
+            "VibeX,Clip0",
+            [np.where(t > 80.0, 40.0, 5.0), np.floor(np.maximum(0.0, t - 80.0))],
+        ),
+    }
+    path = write_dataflash(tmp_path / "flight.bin", t, signals, events=events)
+
+    log = ft.load_log(path).provenance.log
+    part = ft.load(f"{path}@auto")
+
+    end = f"{t[-1]:.1f}"
+    assert log["phases"] == [
+        f"armed for {t[-1] - 10.0:.1f} s: 10.0 to {end} s",
+        f"airborne for {t[-1] - 20.0:.1f} s: 20.0 to {end} s",
+        f"FBWA for {t[-1] - 40.0:.1f} s: 0.0 to 30.0, 60.0 to 90.0, 100.0 to {end} s",
+        "AUTO for 40.0 s: 30.0 to 60.0, 90.0 to 100.0 s",
+    ]
+    assert re.search(r"clipped 2\d\d times, first at 81\.0 s", log["odd"][0])
+    assert "up to 40 m/s2, where up to 30 is acceptable" in log["odd"][1]
+    assert re.search(r"for (3\.9|4\.0) s, first at 70\.0 s", log["odd"][2])
+    assert part.duration == pytest.approx(70.0, abs=0.1)
+    assert part.signals["phi"][:30.0].notna().all()
+    assert part.signals["phi"][30.1:59.9].isna().all()
+    assert part.signals["phi"].iloc[100] == pytest.approx(
+        ft.load_log(path).signals["phi"].iloc[850]
+    )
+    with pytest.raises(ft.InputError, match=r"which has armed, airborne, FBWA, AUTO, got 'LAND'"):
+        ft.load(f"{path}@LAND")
+
+
 def test_the_table_that_jsbsim_writes_needs_no_columns(tmp_path):
     import jsbsim
 
