@@ -44,7 +44,7 @@ CAMPAIGN = "campaign.json"  # the file that makes a folder that of a campaign
 
 # What files begin with; a telemetry log has the time of its first message before it.
 RERUN, PARQUET, ARCHIVE = b"RRF", b"PAR1", b"PK"
-LOG_STARTS = {"ULog": b"ULog\x01\x12\x35", "DataFlash": b"\xa3\x95"}
+LOG_STARTS = {"ULog": b"ULog\x01\x12\x35", "DataFlash": b"\xa3\x95", "csv": b"<LABELS>"}
 MAVLINK_STARTS = b"\xfe\xfd"
 
 # Kind of a file whose content does not tell it: a table has no mark.
@@ -95,7 +95,7 @@ def kind_of(source: str | Path) -> str:
 
 
 def kind_of_log(head: bytes) -> str:
-    """Kind of a log by its first bytes; empty for a table and for another file."""
+    """Kind of a log by its first bytes; empty for another file and most tables."""
     for kind, start in LOG_STARTS.items():
         if head.startswith(start):
             return kind

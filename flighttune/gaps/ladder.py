@@ -86,7 +86,7 @@ def gap(
 ) -> Gap | LogGap:
     """Fly the same gains up the ladder, or the commands of a log, and measure each effect.
 
-    A log with an `aircraft` takes a minute or two: its commands are flown in up to eight stretches
+    A log with an `aircraft` takes half a minute: its commands are flown in up to eight stretches
     on the law, the point mass and the aircraft, and lag, mass, damping and wind are fitted to what
     is left.
 

@@ -38,14 +38,7 @@ MIN_STRETCHES, MAX_STRETCHES = 3, 8
 
 # Difference of each signal that counts as 1; ``nose`` is pitch minus path angle, ``tail`` ground
 # speed minus airspeed: how the autopilot of the log holds its airspeed is no part of the model.
-SCALES = {
-    "chi": DEG,
-    "gamma": DEG,
-    "phi": DEG,
-    "n_z": 0.05,
-    "tail": 0.5,
-    "nose": DEG,
-}
+SCALES = {"chi": DEG, "gamma": DEG, "phi": DEG, "n_z": 0.05, "tail": 0.5, "nose": DEG}
 # Without their mean in a stretch: what adds up from its start, or has an offset of the sensor.
 DRIFTING = ("chi", "gamma", "nose")
 
@@ -454,8 +447,7 @@ def _airframe(
 ) -> Plant:
     """The aircraft with its mass and damping changed."""
     off = OffNominal(
-        mass_factor=factors["mass"],
-        coefficient_factors=dict.fromkeys(damping, factors["damping"]),
+        mass_factor=factors["mass"], coefficient_factors=dict.fromkeys(damping, factors["damping"])
     )
     return JSBSimPlant(config, off_nominal=off, ground=-DEEPEST_GROUND)
 

@@ -55,7 +55,10 @@ def refuse_wrong(*runs: Run) -> None:
     """Refuse logs whose columns contradict each other, before anything is fitted to them."""
     for run in runs:
         for sentence in (run.provenance.log or {}).get("wrong", ()):
-            raise InputError(f"{run.label}: the columns of the log must agree: {sentence}.")
+            raise InputError(
+                f"{run.label}: the columns of the log must agree: {sentence}. Where the column is "
+                "right, --column trusted=NAME,NAME passes what is said of a signal."
+            )
 
 
 def degrees_as_radians(raw: Mapping[str, Stream]) -> list[str]:
@@ -151,13 +154,31 @@ def _attitude_contradictions(judge: _Judge) -> list[str]:
     if "V_g" in values:
         sideways = judge.mean(turn * values["V_g"])
         ratio = _ratio(judge.mean(G_0 * np.tan(phi)), sideways, 0.1)
-        judge.say("roll", ratio, "course and speed in turns", (0.4, 2.5))
+        judge.say("phi", ratio, "course and speed in turns", (0.4, 2.5))
     if "phi_cmd" in values:
         behind = (max(1, round(late / judge.dt)) for late in BEHIND_S)
         ratios = [_ratio(values["phi_cmd"][:-k], (phi * flying)[k:], STILL) for k in behind]
         ratio = next((ratio for ratio in ratios if math.isfinite(ratio)), math.nan)
         judge.say("phi_cmd", ratio, "the roll", (0.3, 4.0))
     return judge.sentences
+
+
+def _without_lift(judge: _Judge, *names: str) -> list[FloatArray]:
+    """Means of signals without what goes with the angle of attack in a steady flight.
+
+    The nose is above the path by about alpha cos(phi), and alpha grows with n_z over V_a^2.
+    """
+    level = np.cos(judge.values["phi"])
+    speed = judge.values.get("V_a", judge.values.get("V_g", level))
+    lift = level * judge.values.get("n_z", 1.0 / np.maximum(level, 0.2)) / speed**2
+    columns = [judge.mean(judge.values[name]) for name in names]
+    terms = np.column_stack([judge.mean(np.ones(len(level))), judge.mean(level), judge.mean(lift)])
+    there = np.isfinite(np.column_stack([terms, *columns])).all(axis=1)
+    left = []
+    for column in columns:
+        weights = np.linalg.lstsq(terms[there], column[there], rcond=None)[0]
+        left.append(np.where(there, column - terms @ weights, np.nan))
+    return left
 
 
 def _contradictions(values: Mapping[str, FloatArray], dt: float) -> list[str]:
@@ -167,13 +188,13 @@ def _contradictions(values: Mapping[str, FloatArray], dt: float) -> list[str]:
         middle = _median(values[name] * judge.flying) if name in values else math.nan
         judge.say(f"{name}, in the median of the flight,", middle, "level flight", (0.6, 1.6))
     if "gamma" in values and "theta" in values:
-        ratio = _ratio(judge.mean(values["gamma"]), judge.mean(values["theta"]), 0.5 * STILL)
-        judge.say("the path angle", ratio, "the pitch", (0.2, 2.5))
+        steep, pitch = _without_lift(judge, "gamma", "theta")
+        judge.say("gamma", _ratio(steep, pitch, 0.15 * STILL), "theta and lift", (0.4, 2.5))
     if "gamma" in values and "n_z" in values:
         excess = values["n_z"] * np.cos(values["phi"]) - np.cos(values["gamma"])
         rate = judge.mean(G_0 * excess / values["V_g"])
         ratio = _ratio(judge.slope("gamma") * judge.flying, rate, 0.2 * STILL)
-        judge.say("the change of the path angle", ratio, "the load factor")
+        judge.say("the change of gamma", ratio, "n_z")
     if "h" in values and "v_down" in values:
         climb = judge.slope("h", angle=False) * judge.flying
         ratio = _ratio(climb, -judge.mean(values["v_down"]), 0.3)
@@ -184,7 +205,7 @@ def _contradictions(values: Mapping[str, FloatArray], dt: float) -> list[str]:
         over = [judge.mean(values[name]) for name in ("v_north", "v_east")]
         air, ground = (np.concatenate([x - _median(x) for x in pair]) for pair in (through, over))
         ratio = _ratio(air, ground, 1.0)
-        judge.say("the airspeed in turns", ratio, "the ground speed", EQUAL)
+        judge.say("V_a in turns", ratio, "the ground speed", EQUAL)
         drifts = zip(("north", "east"), through, over, strict=True)
         for axis, air, ground in drifts if "wind_north" in values and ratio > 0.0 else ():
             drift = _median(ground - air)

@@ -1,6 +1,7 @@
 """A log of a real flight as a run: our signals, units and signs on one time base, gaps as NaN."""
 
 import math
+import re
 import tomllib
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
@@ -18,7 +19,7 @@ from flighttune.files.shipped import nearest_name
 from flighttune.files.table import toml_tables
 from flighttune.flight.fly import library_versions
 from flighttune.logs.checks import check_flight, checked, degrees_as_radians
-from flighttune.logs.phases import EVENTS, inside, phases, said
+from flighttune.logs.phases import EVENTS, Phase, inside, phases, said
 from flighttune.logs.read import Fields, Stream, read_log
 from flighttune.logs.time_base import on_one_base
 from flighttune.references.maps import TOO_LARGE
@@ -47,7 +48,7 @@ UNITS = {
 RAW = (
     *("t", "f_z", "lat", "lon", "v_north", "v_east", "v_down", "wind_speed", "wind_from"),
     *(f"{attitude}_{part}" for attitude in ("q", "q_cmd", "q_enu") for part in "wxyz"),
-    *("phi_err", "n_z_err", "vehicle", *EVENTS),
+    *("phi_err", "n_z_err", "vehicle", "trusted", *EVENTS),
 )
 
 # Endings of the columns of a table that say their unit, such as `chi_deg`.
@@ -136,8 +137,10 @@ def columns_of(
         if f"{name}{ending}" in header
     }
     if "Phi (deg)" in header and "Time" in header:
-        labels = {name: _column(name, text, kind) for name, (text,) in _tables()["JSBSim"].items()}
-        in_header |= {name: [column] for name, column in labels.items() if column.source in header}
+        for name, texts in _tables()["JSBSim"].items():
+            labels = [_column(name, text, kind) for text in texts]
+            if there := [column for column in labels if column.source in header]:
+                in_header[name] = there
     clocks = [Column(f"{name}{end}", UNITS[ENDINGS[end]]) for name in CLOCKS for end in ("", "_s")]
     clock = given.get("t") or next((c for c in clocks if c.source in header), None)
     clock = clock or next(iter(in_header.get("t", ())), None)
@@ -178,6 +181,7 @@ def load_log(
         ``"chi=COLUMN:UNIT"``, or TOML files of such pairs. In a binary log a column is
         ``TOPIC.FIELD``. Signals are those of runs and, as `sources.toml` says, attitude
         quaternions, velocities over ground, specific force, latitude and longitude.
+        ``trusted=NAME,NAME`` passes contradictions of these signals with others.
     start, end : float, s
         Part of the log, from its first attitude on.
     mode : str
@@ -209,6 +213,7 @@ def load_log(
     ('log / flight', 19.96, 0.9273)
     """
     path, columns_by_name = Path(path), given_columns(columns)
+    trusted = columns_by_name.pop("trusted", Column("", 1.0)).source.replace(",", " ").split()
     places: dict[str, list[Column]] = {}
 
     def wanted(kind: str, header: list[str]) -> Fields:
@@ -235,11 +240,12 @@ def load_log(
     wrong = degrees_as_radians(raw)  # before angles are brought into one turn
     modes, names = _tables()["modes"], ("DataFlash",) * (kind == "MAVLink")
     named = {number: name for key in (*names, kind) for number, name in modes.get(key, {}).items()}
-    found, odd = phases(str(path), kind, raw, named)
+    listed, odd = phases(str(path), kind, raw, named)
+    chosen: list[Phase] = []
     if mode:
-        chosen = [phase for phase in found if phase.name.lower() == mode.lower()]
+        chosen = [phase for phase in listed if phase.name.lower() == mode.lower()]
         if not chosen:
-            got = ", ".join(dict.fromkeys(phase.name for phase in found)) or "no flight mode"
+            got = ", ".join(dict.fromkeys(phase.name for phase in listed)) or "no flight mode"
             raise InputError(
                 f"{path}: the part of a log must be START:END in s, or a flight mode of the log, "
                 f"which has {got}, got {mode!r}."
@@ -250,6 +256,9 @@ def load_log(
     values = {name: column * there for name, column in values.items()}
     signals, notes, contradicted = checked(values, t)
     wrong += contradicted
+    passed = [line for line in wrong if {*trusted} & {*re.findall(r"\w+", line)}]
+    wrong = [line for line in wrong if line not in passed]
+    notes += [f"{line}, which --column trusted= passes" for line in passed]
     check_flight(str(path), signals, vehicle)
     ordered = [name for name in SIGNAL_UNITS if name in signals]
     missing = [name for name in WANTED if name not in signals]
@@ -262,7 +271,7 @@ def load_log(
         "file": path.name,
         "kind": kind,
         "from_s": start,
-        "phases": said(found),
+        "phases": said(listed),
         "odd": odd,
         "missing": [f"no {name}" for name in missing],
         "gaps": gaps + large,

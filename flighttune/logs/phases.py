@@ -48,21 +48,21 @@ def phases(
         return [], []
     zero, last = float(np.nanmin(attitude[0])), float(np.nanmax(attitude[0]))
     events = {name: in_order(place, name, (t - zero, x)) for name, (t, x) in events.items()}
-    found = []
+    listed = []
     for name, (low, high) in STATES.get(kind, {}).items():
         t, value = events.get(name, NOTHING)
-        state = (value >= low) & (value <= high)
-        found += [Phase(name, *times) for *times, on in _intervals((t, state), last - zero) if on]
+        state = np.where((value >= low) & (value <= high), 1.0, 0.0)
+        listed += [Phase(name, *times) for *times, on in _intervals((t, state), last - zero) if on]
     for start, end, value in _intervals(events.get("mode", NOTHING), last - zero):
-        found.append(Phase(modes.get(f"{value:.0f}", f"mode {value:.0f}"), start, end))
-    return found, _odd(events, last - zero)
+        listed.append(Phase(modes.get(f"{value:.0f}", f"mode {value:.0f}"), start, end))
+    return listed, _odd(events, last - zero)
 
 
-def said(found: list[Phase]) -> list[str]:
+def said(listed: list[Phase]) -> list[str]:
     """A sentence on each mode and state, with its times."""
     sentences = []
-    for name in dict.fromkeys(phase.name for phase in found):
-        times = [phase[1:] for phase in found if phase.name == name]
+    for name in dict.fromkeys(phase.name for phase in listed):
+        times = [phase[1:] for phase in listed if phase.name == name]
         total = sum(end - start for start, end in times)
         shown = ", ".join(f"{start:.1f} to {end:.1f}" for start, end in times[:SHOWN])
         more = f" and {len(times) - SHOWN} times more" if len(times) > SHOWN else ""
@@ -73,7 +73,7 @@ def said(found: list[Phase]) -> list[str]:
 def _intervals(stream: Stream, last: float) -> Iterator[tuple[float, float, float]]:
     """Start and end (s) of each value of a stream that holds it until the next; none below 0 s."""
     t, values = stream
-    changes = np.flatnonzero(np.diff(values.astype(float), prepend=np.nan) != 0.0)
+    changes = np.flatnonzero(np.diff(values, prepend=np.nan) != 0.0)
     starts = np.maximum(t[changes], 0.0)
     for start, end, value in zip(starts, np.append(starts, last)[1:], values[changes], strict=True):
         if end > start:

@@ -6,6 +6,7 @@ memory and print: it is read in a copy of this process, with bounds on memory an
 
 import math
 import os
+import traceback
 from collections import defaultdict
 from collections.abc import Callable, Collection, Iterator, Mapping
 from functools import partial
@@ -38,6 +39,13 @@ STAGES = ((255, ""), (192, "rc"), (128, "beta"), (64, "alpha"), (0, "dev"))
 
 MAX_CELLS = 50_000_000  # numbers of a table, rows times columns
 
+# Exceptions that this module raises by a mistake in it; others come from damaged files too.
+OWN = (AttributeError, NameError)
+
+
+class _OwnFaultError(RuntimeError):
+    """A mistake in this module, which is no damage of the file."""
+
 
 def _kind_of(path: Path) -> str:
     """Kind of a log by its first bytes, ``csv`` by its ending; empty for another file."""
@@ -67,7 +75,7 @@ def read_log(
     need(f"a log of kind {kind}", *({"ULog": ["pyulog"], "csv": []}.get(kind, ["pymavlink"])))
 
     def read() -> Read:
-        columns = _columns(path) if kind == "csv" else []
+        columns = [*map(str, _table(path, nrows=0).columns)] if kind == "csv" else []
         return *_READERS[kind](path, wanted(kind, columns)), columns
 
     return kind, *_confined(path, kind, read)
@@ -90,7 +98,13 @@ def _confined(path: Path, kind: str, read: Callable[[], Any]) -> Any:
 
     def confined(_: object) -> Any:
         _confine()
-        return read()
+        try:
+            return read()
+        except OWN as error:
+            *_, (frame, _) = traceback.walk_tb(error.__traceback__)
+            if frame.f_globals.get("__name__") != __name__:
+                raise
+            raise _OwnFaultError(f"{path}: {type(error).__name__}: {error}") from error
 
     patience = PATIENCE_S + PATIENCE_PER_BYTE * path.stat().st_size
     try:
@@ -101,6 +115,8 @@ def _confined(path: Path, kind: str, read: Callable[[], Any]) -> Any:
         raise RecordingError(
             f"{path}: must be read in {MAX_MEMORY / 1e6:g} MB, got a log that takes more."
         ) from error
+    except _OwnFaultError:
+        raise
     except Exception as error:
         got = f"{type(error).__name__}: {next(iter(str(error).splitlines()), '')}"[:160]
         raise RecordingError(
@@ -201,10 +217,14 @@ def _collected(messages: Iterator[Message], fields: Fields) -> tuple[dict[str, S
     return kept, vehicle
 
 
-def _columns(path: Path) -> list[str]:
+def _table(path: Path, **options: Any) -> Any:
+    """Columns of a table. JSBSim's socket sends a mark before its labels, which no row has."""
     import pandas as pd
 
-    return [str(name) for name in pd.read_csv(path, nrows=0).columns]
+    names = [str(name) for name in pd.read_csv(path, nrows=0).columns]
+    if names and names[0].strip() == "<LABELS>":
+        options |= {"names": names[1:], "header": None, "skiprows": 1}
+    return pd.read_csv(path, **options)
 
 
 def _read_csv(path: Path, wanted: Fields) -> tuple[dict[str, Stream], str]:
@@ -212,7 +232,7 @@ def _read_csv(path: Path, wanted: Fields) -> tuple[dict[str, Stream], str]:
 
     fields = list(wanted[""])
     rows = MAX_CELLS // max(1, len(fields))
-    table = pd.read_csv(path, usecols=fields, nrows=rows, dtype_backend="numpy_nullable")
+    table = _table(path, usecols=fields, nrows=rows, dtype_backend="numpy_nullable")
     clock = table[fields[0]]
     if not pd.api.types.is_numeric_dtype(clock):  # dates
         stamps = pd.to_datetime(clock, errors="coerce")

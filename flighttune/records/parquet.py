@@ -114,11 +114,7 @@ def record_bytes(parts: Parts, flight: Sequence[str] = ()) -> bytes:
             pa.field(name, pa.float64(), metadata={"unit": unit} if unit else None)
             for name, unit in json.loads(description)["columns"].items()
         ],
-        metadata={
-            DESCRIPTION: description,
-            FLIGHT: json.dumps(list(flight)),
-            SEAL: BLANK,
-        },
+        metadata={DESCRIPTION: description, FLIGHT: json.dumps(list(flight)), SEAL: BLANK},
     )
     values = [pa.array(column) for column in np.ascontiguousarray(rows.T)]
     sink = pa.BufferOutputStream()

@@ -69,6 +69,17 @@ def try_damages(originals, folder, count, seed):
     return read
 
 
+def test_a_mistake_in_the_reader_is_not_called_damage(originals, tmp_path, monkeypatch):
+    path = tmp_path / "flight.bin"
+    path.write_bytes(originals["flight.bin"])
+    monkeypatch.delattr("flighttune.logs.read._dataflash_clock")
+
+    with pytest.raises(RuntimeError, match=r"NameError: .*_dataflash_clock") as error:
+        ft.load_log(path)
+
+    assert not isinstance(error.value, ft.FlightTuneError)
+
+
 @pytest.mark.slow
 def test_damaged_logs_are_refused_in_one_line_or_read(originals, tmp_path):
     try_damages(originals, tmp_path, FEW, seed=1)

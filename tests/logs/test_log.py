@@ -1,7 +1,9 @@
 """Logs of every kind written from one flight come back as that flight; bad ones are one line."""
 
 import re
+import socket
 import struct
+from contextlib import suppress
 
 import numpy as np
 import pandas as pd
@@ -124,29 +126,47 @@ def test_a_log_is_cut_into_flight_modes_and_says_what_is_odd(flight, tmp_path):
         ft.load(f"{path}@LAND")
 
 
-def test_the_table_that_jsbsim_writes_needs_no_columns(tmp_path):
+@pytest.mark.parametrize("socket_type", ["", "UDP"])
+def test_what_jsbsim_writes_to_a_file_or_a_socket_needs_no_columns(tmp_path, socket_type):
     import jsbsim
 
+    path, sink = tmp_path / "flight.csv", socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    sink.bind(("127.0.0.1", 0))
+    sink.settimeout(1.0)
+    kind, place = 'type="CSV"', str(path)
+    if socket_type:
+        path, place = tmp_path / "captured", "127.0.0.1"
+        kind = f'type="SOCKET" protocol="UDP" port="{sink.getsockname()[1]}"'
     directive = tmp_path / "output.xml"
     parts = "".join(f"<{part}> ON </{part}>" for part in ("rates", "velocities", "position"))
-    directive.write_text(
-        f'<output name="{tmp_path}/flight.csv" type="CSV" rate="20">{parts}</output>'
-    )
+    directive.write_text(f'<output name="{place}" {kind} rate="20">{parts}</output>')
     fdm = jsbsim.FGFDMExec(None)
     fdm.set_debug_level(0)
     fdm.load_model("c172p")
     fdm.set_output_directive(str(directive))
     fdm["ic/h-sl-ft"], fdm["ic/vc-kts"], fdm["ic/psi-true-deg"] = 4000.0, 100.0, 350.0
     fdm.run_ic()
+    rows = []
     while fdm.get_sim_time() < 3.0:
         fdm.run()
+        rows.append((fdm.get_sim_time(), fdm["velocities/q-rad_sec"], fdm["attitude/theta-rad"]))
     del fdm
+    packets = []
+    with sink, suppress(TimeoutError):
+        while socket_type:
+            packets.append(sink.recv(65_536))
+    if socket_type:
+        path.write_bytes(b"".join(packets))
 
-    first = ft.load_log(tmp_path / "flight.csv").signals.iloc[0]
+    run = ft.load_log(path)
 
+    first, (t, q, theta) = run.signals.iloc[0], np.transpose(rows)
     assert first["psi"] == pytest.approx(np.radians(-10.0), abs=0.001)
     assert first["h"] == pytest.approx(4000.0 * FT, abs=1.0)
     assert first["V_g"] == pytest.approx(first["V_a"], abs=0.5)
+    for name, true in (("q", q), ("theta", theta)):
+        there = np.interp(run.t[1:-1], t, true)
+        assert run.signals[name].to_numpy()[1:-1] == pytest.approx(there, abs=BETWEEN), name
 
 
 @pytest.mark.parametrize("value", [-1e308, np.inf])
@@ -211,10 +231,10 @@ def test_what_a_log_says_about_its_own_signs_is_said(flight, tmp_path):
     [
         ({"n_z": "n_z:g"}, "n_z, .*: a factor of 0.102 would do"),
         ({"n_z": "n_z:-1"}, "n_z, .*: a factor of -1 would do"),
-        ({"V_a": "V_a_mps:kn"}, r"airspeed .*: a factor of 1\.944 would do \(m/s read as kn\)"),
-        ({"V_a": "feet"}, r"airspeed .*: a factor of 0\.3048 would do \(ft read as m\)"),
+        ({"V_a": "V_a_mps:kn"}, r"V_a in turns .*: a factor of 1\.944 would do \(m/s read as kn\)"),
+        ({"V_a": "feet"}, r"V_a in turns .*: a factor of 0\.3048 would do \(ft read as m\)"),
         ({"phi": "phi_deg"}, r"phi goes up to .* rad: a factor of 0\.01745 would do"),
-        ({"phi": "phi_deg:-deg"}, "(p|roll) is -.*: a factor of -1 would do"),
+        ({"phi": "phi_deg:-deg"}, "(p|phi) is -.*: a factor of -1 would do"),
         ({"phi_cmd": "phi_cmd_deg:-deg"}, "phi_cmd is -.*: a factor of -1 would do"),
         ({"chi": "magnetic"}, r"chi is -12.* deg off .*: magnetic.* a change by \+12"),
         ({"p": "p:-1"}, "p is -.*: a factor of -1 would do"),
@@ -242,6 +262,34 @@ def test_a_column_that_others_contradict_is_said_with_its_factor(flight, tmp_pat
         ft.identify(wrong)
     with pytest.raises(ft.InputError, match=r"columns .* log must agree"):
         ft.gap(wrong, aircraft="aerosonde")
+
+
+@pytest.mark.parametrize(
+    ("columns", "says"),
+    [
+        ({"theta": "theta:-rad"}, r"gamma is -.* theta and lift: a factor of -.* would do"),
+        ({"h": "h_feet"}, r"gamma is .* theta and lift: a factor of 0\.3048 would do"),
+    ],
+)
+def test_pitch_and_height_without_a_vertical_speed_are_checked(flight, tmp_path, columns, says):
+    t, signals = sampled(flight, noise=False, dropouts=False, late=False)
+    table = pd.read_csv(write_csv(tmp_path / "flight.csv", t, signals)).drop(columns="v_down_mps")
+    lift = np.cos(signals["phi"]) * signals["n_z"] * (22.0 / signals["V_a"]) ** 2
+    table["theta"], table["h"] = signals["gamma"] + np.radians(3.0) * lift, -signals["down"]
+    table["h_feet"] = table["h"] / FT
+    table.to_csv(tmp_path / "flight.csv", index=False)
+
+    right, wrong = (
+        ft.load_log(tmp_path / "flight.csv", columns=given).provenance.log
+        for given in ({}, columns)
+    )
+    passed = ft.load_log(
+        tmp_path / "flight.csv", columns={**columns, "trusted": "gamma, n_z"}
+    ).provenance.log
+
+    assert right["wrong"] == passed["wrong"] == []
+    assert re.search(says, wrong["wrong"][-1])
+    assert re.search(f"{says}.*, which --column trusted= passes", str(passed["checks"]))
 
 
 @pytest.mark.slow
