@@ -1,6 +1,8 @@
 """Count how often the intervals of logs hold the truth.
 
-python docs/figures/coverage.py LOGS identify|gap
+python docs/figures/coverage.py LOGS identify|gap [RATE FIRST END]
+
+LOGS flights are drawn; RATE (Hz), FIRST and END count a part of them, with the same numbers.
 """
 
 import math
@@ -210,7 +212,11 @@ def told_by_gap(log: Path, truths: Truths, number: int) -> Iterator[tuple[str, b
 
 
 def told(
-    logs: int, rates: Sequence[float], seed: int = SEED, commands=(told_by_identify, told_by_gap)
+    logs: int,
+    rates: Sequence[float],
+    counted: Sequence[int],
+    seed: int = SEED,
+    commands=(told_by_identify, told_by_gap),
 ) -> dict[tuple[str, float], list[bool | None]]:
     """Whether each interval holds the truth, by name and rate; None without an interval."""
     random = np.random.default_rng(seed)
@@ -218,9 +224,10 @@ def told(
     signals = fly(truths, random)
     answers: dict[tuple[str, float], list[bool | None]] = {}
     with tempfile.TemporaryDirectory() as folder:
-        for log, rate in product(range(logs), rates):
+        for log, rate in product(counted, rates):
+            noise = np.random.default_rng([seed, log, int(rate)])
             flown = {name: values[:, log] for name, values in signals.items()}
-            path = write(Path(folder) / "log.csv", flown, rate, random)
+            path = write(Path(folder) / "log.csv", flown, rate, noise)
             for command in commands:
                 for name, inside in command(path, truths, log):
                     answers.setdefault((name, rate), []).append(inside)
@@ -229,7 +236,8 @@ def told(
 
 if __name__ == "__main__":
     command = {"identify": told_by_identify, "gap": told_by_gap}[sys.argv[2]]
-    answers = told(int(sys.argv[1]), RATES, commands=(command,))
+    logs, part = int(sys.argv[1]), [int(x) for x in sys.argv[3:]] or [0, 0, int(sys.argv[1])]
+    answers = told(logs, part[:1] if part[0] else RATES, range(*part[1:]), commands=(command,))
     print("| interval | samples, Hz | hold the truth | of | without an interval |")
     print("| --- | --- | --- | --- | --- |")
     for (name, rate), inside in sorted(answers.items()):
