@@ -18,13 +18,7 @@ from flighttune.claims.counted import (
     axis_of,
     wind_at_start,
 )
-from flighttune.claims.fence import (
-    KEPT,
-    NEAREST_COLUMNS,
-    OVERLAP_SAMPLES,
-    Fenced,
-    check_off_route,
-)
+from flighttune.claims.fence import KEPT, NEAREST_COLUMNS, OVERLAP_SAMPLES, Fenced, check_off_route
 from flighttune.claims.shape import MAX_NUMBERS
 from flighttune.errors import InputError
 from flighttune.files.array import FLOAT, SINGLE, TEXT, check_shapes, read_arrays
@@ -508,7 +502,7 @@ class Monitor(Counted):
             f"Expected are {listed([f'{x.name} ({x.target})' for x in models])}, from "
             f"{listed(sorted(set[str]().union(*(x.signals for x in models))))} as recorded: "
             "surfaces and throttle are positions, and no noise is added to a sensor. A flight that "
-            "did not complete counts as an alarm. How often faults are found is not in the claim.",
+            "did not complete counts as an alarm. How often faults are found is not in the claim."
         ]
 
 

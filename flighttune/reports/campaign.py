@@ -325,10 +325,7 @@ def _sections(findings: Findings) -> list[Section]:
             title="How often",
             note=f"Of all flights of a group, with {CONFIDENCE[flights.method]}, of "
             f"{100.0 * flights.confidence:g} % confidence in brackets.",
-            tables=[
-                tables.success_table(findings, groups),
-                tables.reasons_table(groups),
-            ],
+            tables=[tables.success_table(findings, groups), tables.reasons_table(groups)],
             legend=False,
         ),
         Section(

@@ -9,18 +9,7 @@ from flighttune.campaign.statistics.findings import SUCCESS, Findings
 from flighttune.campaign.statistics.sensitivity import strength
 from flighttune.plants.base import goes_by
 from flighttune.present.answer import Column, Table, figures, percent
-from flighttune.present.names import (
-    columns,
-    key_words,
-    listed,
-    measure_words,
-    metric_label,
-)
-
-
-def metric_name(metric: str) -> str:
-    """Name of a metric by its column, or the word success itself."""
-    return metric if metric == SUCCESS else metric_label(metric).name
+from flighttune.present.names import columns, key_words, listed, measure_words, metric_label
 
 
 def status_words(status: str) -> str:
@@ -187,7 +176,8 @@ def influence_table(groups: Sequence[Mapping[str, Any]], name: str) -> Table:
         for group in groups
         for rank in group["sensitivity"].get(name, {"ranks": ()})["ranks"][:INFLUENCES]
     ]
-    return _by_group(f"Influence on {metric_name(name)}", INFLUENCE_COLUMNS, records)
+    measure = name if name == SUCCESS else metric_label(name).name
+    return _by_group(f"Influence on {measure}", INFLUENCE_COLUMNS, records)
 
 
 def paired_tables(findings: Findings) -> list[Table]:

@@ -149,10 +149,7 @@ NO_CURVE = (
 )
 
 
-def write_report(
-    source: str | Path | Source,
-    path: str | Path,
-) -> Report:
+def write_report(source: str | Path | Source, path: str | Path) -> Report:
     """Write one self-contained page about the runs of a scenario; `source` is as for `compare`."""
     source = source if isinstance(source, Source) else load_source(source)
     runs = [run for run in source.runs if len(run.signals) > 1]
@@ -173,11 +170,7 @@ def write_report(
         Path(path),
         page_template("flighttune.reports", "page.html.jinja"),
         about=(flown_in_words(scenario, runs), _gains_in_words(scenario, runs)),
-        summary=(
-            f"{claim.short}.",
-            f"Converged: {converged}.",
-            *gains_notes(runs),
-        ),
+        summary=(f"{claim.short}.", f"Converged: {converged}.", *gains_notes(runs)),
         closest=f"{claim.sentence}." if claim.verdict == "met" else "",
         missed=(*claim.missed, *filter(None, [advice(scenario, source.runs, "SCENARIO")])),
         criterion=CONVERGES,
@@ -393,8 +386,5 @@ def _certificate_section(scenario: Scenario, flights: panels.Drawn) -> Section:
         title="Certificate",
         note=" ".join(filter(None, notes)),
         charts=charts,
-        tables=[
-            tables.gains_table(gains, curve),
-            tables.certificates_table(scenario, gains),
-        ],
+        tables=[tables.gains_table(gains, curve), tables.certificates_table(scenario, gains)],
     )

@@ -560,9 +560,7 @@ class Enclosure:
         )
         lifted, load = self._lift_and_load(stage._replace(extra=extra, roll=roll))
         f = combined(
-            (rate, lifted),
-            (-rate, cosine_of(climb).form),
-            shift=rate * stage.lift + d_middle[1],
+            (rate, lifted), (-rate, cosine_of(climb).form), shift=rate * stage.lift + d_middle[1]
         )
         f_range = ordered(self._range(f))
         fastest = f_range.largest + d_radius[1]
