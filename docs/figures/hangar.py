@@ -247,6 +247,10 @@ into an aircraft that every command takes: {
         version("jsbsim")
     }.
 
+NASA's check cases 11 and 13 are not compared: their F-16 is another model than JSBSim's `f16`,
+which has other tables and an empty weight of 17,400 lbf, and the package that has them,
+simupy-flight, cannot be installed from PyPI.
+
 ## Adopted
 
 Each aircraft flies a turn of 20° with a climb of 3°; a glider descends 3° steeper than its glide
