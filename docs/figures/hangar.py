@@ -161,12 +161,12 @@ def everywhere(folder: Path) -> dict[str, str]:
     loose = ("--epsilon", "0.2", "--confidence", "0.8")
     commands = {
         "mission": (plan, "--aircraft", folder, "--flights", "12", *loose),
-        "band": (turn, "--start-deg", "2", "--learn", "8", "--flights", "12", *loose),
+        "band": (turn, "--start-deg", "2", "--learn", "10", "--flights", "12", *loose),
         "meet": (f"{mine}.toml", "--budget", "12"),
         "export": (turn,),
         "gap": (turn,),
     }
-    out = {"meet": "gains.json", "mission": "mission.npz", "band": "band.npz"}
+    out = {"meet": "met.json", "mission": "mission.npz", "band": "band.npz"}
     answers = {}
     for name, arguments in commands.items():
         done = flighttune(name, *arguments, "--json", "--out", folder / out.get(name, name))
