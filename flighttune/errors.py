@@ -149,6 +149,7 @@ EXTRAS = {
     "numba": "fast",
     "pymavlink": "logs",
     "pyulog": "logs",
+    "rasterio": "terrain",
     "rerun_notebook": "notebook",
 }
 

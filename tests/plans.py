@@ -2,6 +2,8 @@
 
 import json
 
+import numpy as np
+
 HOME = (47.4, 8.5, 480.0)
 
 
@@ -25,3 +27,25 @@ PATROL = (
     item(18, 2, 0, -180, 1, 47.41, 8.52, 90),
     waypoint(47.4, 8.52, 570, frame=0),
 )
+
+# Slope of the ground to the north, m for a degree of latitude, which interpolation has exactly.
+SLOPE = 5000.0
+
+
+def ground(lat):
+    return HOME[2] + SLOPE * (lat - HOME[0])
+
+
+def terrain(path, *, crs="EPSG:4326", lost=None):
+    """A plane that rises to the north, with posts every 0.001 deg; `lost` has no height."""
+    import rasterio  # an extra
+
+    north, west, step, size = 47.43, 8.48, 0.001, (50, 60)
+    heights = np.tile(ground(north - step * (np.arange(size[0])[:, None] + 0.5)), (1, size[1]))
+    if lost is not None:
+        heights[lost] = -9999.0
+    made = {"driver": "GTiff", "count": 1, "dtype": "float64", "crs": crs, "nodata": -9999.0}
+    place = rasterio.Affine(step, 0.0, west, 0.0, -step, north)
+    with rasterio.open(path, "w", height=size[0], width=size[1], transform=place, **made) as file:
+        file.write(heights, 1)
+    return path

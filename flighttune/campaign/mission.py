@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import starmap
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +28,7 @@ from flighttune.planning.source import flights as flights_of_source
 from flighttune.present.answer import Answer, Answering
 from flighttune.references.fence import Fence, fence_tables, own_fence, read_fence
 from flighttune.references.maps import on_earth, volumes_geojson
+from flighttune.references.terrain import NOT_SEEN, clearance, clearance_words
 from flighttune.scenario.load import scenario_from, with_changes
 from flighttune.scenario.schema import Scenario
 
@@ -39,6 +41,8 @@ LEARN_TURNS = 60
 
 # Values of a key that are tried for a path inside its fence, and the lowest airspeed, a share.
 TRIED, SLOWEST = 8, 0.4
+
+BELOW_GROUND = "the path or its corridor is below the ground"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -55,6 +59,8 @@ class MissionOdds(Answering):
         The files written: ``band``, ``room`` and ``volumes``.
     file : Path or None
         The file of the band.
+    terrain : Path or None
+        The file of the terrain, if one was looked at.
 
     Examples
     --------
@@ -69,6 +75,7 @@ class MissionOdds(Answering):
     room: TurnBack | None = None
     files: Mapping[str, Path | None]
     file: Path | None = None
+    terrain: Path | None = None
 
     def with_room(self, room: TurnBack) -> "MissionOdds":
         """The answer with the room to turn back, written beside the file of the band."""
@@ -85,6 +92,7 @@ class MissionOdds(Answering):
     def answer(self) -> Answer:
         """The answer of the band, with the room to turn back beside it; a failure if one fails."""
         answer, room = self.band.answer(self.file or "FILE"), self.room
+        answer = _over_ground(answer, self.band.flights.route, self.terrain, self.band)
         if room is None:
             return replace(answer, files=self.files)
         said = room.answer(self.files.get("room") or "FILE")
@@ -112,6 +120,7 @@ def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
     aircraft: str | None = None,
     like: str | None = None,
     skip: bool = False,
+    terrain: str | Path | None = None,
     seed: int | None = None,
     changes: Mapping[str, Any] | None = None,
     out: str | Path | None = None,
@@ -155,6 +164,10 @@ def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
         turbulence, wind to 8 m/s and the dispersions of the aircraft.
     skip : bool
         Leave out commands of a mission that have no place.
+    terrain : str or Path, optional
+        Raster of heights above sea level in m (GeoTIFF, .hgt): heights of the mission above terrain
+        are flown by it, and the answer has the lowest place of path and corridor over the ground.
+        By default the terrain is not looked at.
     out : str or Path, optional
         File (.npz) of the band to write, as its `save` does; the room and its volumes are written
         beside it.
@@ -182,13 +195,14 @@ def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
     """
     by: By = (workers, scheduler, observer)
     of_flights = {"aircraft": aircraft, "like": like, "skip": skip, "changes": changes}
+    ground = None if terrain is None else Path(terrain)
     file, kept = None if out is None else Path(out), kept_band(source)
     own: Sequence[Path] = ()
     if kept is None:
         assert not isinstance(source, Band)
         epsilon = EPSILON if epsilon is None else epsilon
         confidence = CONFIDENCE if confidence is None else confidence
-        stated = flights_of_source(source, **of_flights)
+        stated = flights_of_source(source, **of_flights, terrain=terrain)
         plan, place, own = drawn(stated, None, None, None, seed), stated.place, stated.fences
     else:
         own_count = {"seed": seed is not None, "flights": flights, "until_sure": until_sure}
@@ -209,8 +223,7 @@ def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
         needed = flights_needed(epsilon, confidence, OUTSIDE) if not until_sure else None
         flights = fresh_flights(flights or needed, epsilon, confidence)
         plan = plan.with_runs(LEARN + flights)
-    if areas:
-        _check_fence(plan, areas, fence, kept)
+    _check_path(plan, areas, fence, ground, kept)
     count = partial(counted_on, place=place, epsilon=epsilon, confidence=confidence, by=by)
     band = kept or count(
         Band,
@@ -230,7 +243,8 @@ def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
     band = band.claiming(epsilon, confidence)
     if out is not None:
         band.save(out)
-    odds = MissionOdds(band=band, files={"band": None if out is None else Path(out)}, file=file)
+    files = {"band": None if out is None else Path(out)}
+    odds = MissionOdds(band=band, files=files, file=file, terrain=ground)
     if turning is None:
         return odds
     turns = flights_needed(epsilon, confidence, OUTSIDE)
@@ -251,9 +265,16 @@ def _asked_fence(
     return areas, Path(", ".join(map(str, files)))
 
 
-def _check_fence(plan: Plan, areas: dict[str, Any], fence: Path, kept: Band | None) -> None:
-    """Refuse a fence that flights cannot be counted in, and one that the planned path leaves."""
+def _check_path(
+    plan: Plan, areas: dict[str, Any], fence: Path, terrain: Path | None, kept: Band | None
+) -> None:
+    """Refuse a fence that flights cannot be counted in, and a path that leaves it or the air."""
     planned = planned_route(plan.campaign.central)
+    if kept is None and terrain is not None:
+        if clearance(terrain, planned.where)["over_ground_m"] < 0.0:
+            raise InfeasibleError(BELOW_GROUND)
+    if not areas:
+        return
     place = read_fence(fence, planned.where[1], areas)
     nearest = place.nearest(planned.reference.path)
     if kept is None and nearest["leaves_m"] is not None:
@@ -267,6 +288,7 @@ def mission_plan(
     fences: Sequence[str | Path] = (),
     aircraft: str | None = None,
     skip: bool = False,
+    terrain: str | Path | None = None,
     changes: Mapping[str, Any] | None = None,
     out: Path | None = None,
 ) -> Answer:
@@ -283,11 +305,12 @@ def mission_plan(
             raise InputError("`aircraft`, `skip` and `changes` must be absent for a band file.")
         planned, corridor, shapes = band.flights.route, band.corridor(), [*band.about.fences]
     else:
-        planned = route(source, aircraft=aircraft, skip=skip, changes=changes)
+        planned = route(source, aircraft=aircraft, skip=skip, terrain=terrain, changes=changes)
         corridor, shapes = None, []
     files = [*map(Path, fences)] or ([] if shapes else [*own_fence(Path(source))])
     shapes += [tables] if (tables := fence_tables(files)) else []
-    answer, origin = planned.answer(), planned.where[1]
+    ground, origin = None if terrain is None else Path(terrain), planned.where[1]
+    answer = _over_ground(planned.answer(), planned, ground, band)
     places = [read_fence(files[0] if files else KEPT, origin, shape) for shape in shapes]
     nearest = [fence.nearest(planned.reference.path) for fence in places]
     said = [planned_inside(planned, *x) for x in zip(places, nearest, strict=True)]
@@ -296,10 +319,29 @@ def mission_plan(
     return replace(
         answer,
         summary=[*said, *answer.summary],
-        notes=notes,
+        notes=[*notes, *answer.notes],
         values={**answer.values, **({"fence": {"nearest": nearest}} if nearest else {})},
         files={"route": out},
-        failure="the planned path leaves the fence" if outside else "",
+        failure="the planned path leaves the fence" if outside else answer.failure,
+    )
+
+
+def _over_ground(
+    answer: Answer, planned: PlannedRoute, terrain: Path | None, band: Band | None
+) -> Answer:
+    """An answer with the lowest place of a path, and of its corridor, over the ground."""
+    if terrain is None:
+        return replace(answer, notes=[*answer.notes, NOT_SEEN])
+    seen = {"The planned path": clearance(terrain, planned.where)}
+    if band is not None and band.claims and not band.about.predicted_from:
+        seen["The corridor"] = clearance(terrain, planned.where, band.corridor())
+    below = min(lowest["over_ground_m"] for lowest in seen.values()) < 0.0
+    values = {"terrain": {name.split()[-1]: lowest for name, lowest in seen.items()}}
+    return replace(
+        answer,
+        values={**answer.values, **values},
+        changed=[*starmap(clearance_words, seen.items()), *answer.changed],
+        failure=answer.failure or BELOW_GROUND * below,
     )
 
 

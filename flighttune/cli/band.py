@@ -55,6 +55,7 @@ def monitor(count_monitor: Verb, out: Path) -> Answer:
     "campaign.mission:mission",
     source={"metavar": "MISSION|SCENARIO|FILE", "autocompletion": options.to_fly},
     turn_back={"metavar": "[circle:]BANK_DEG"},
+    terrain={"metavar": "FILE"},
     page="Page (.html) to write, with a map, heights and the answer.",
     out="Band file to write, .npz [default: runs/NAME-band.npz for a new band]; with --plan the "
     "path, .plan, .kml or .geojson, that of FILE with its corridor.",
@@ -80,9 +81,9 @@ def mission(
     from flighttune.reports.claim import write_claim_page
 
     given = count_mission.keywords
+    of_route = "fences", "aircraft", "skip", "terrain", "changes", "out"
     if plan:
         options.check_ending(out, ".geojson", ".kml", ".plan")
-        of_route = "fences", "aircraft", "skip", "changes", "out"
         for name in [x for x in given if x not in of_route] + ["page"] * bool(page):
             raise InputError(f"`{name}` must be absent with --plan, which flies nothing.")
         return mission_plan(source, **given)
@@ -92,11 +93,11 @@ def mission(
     try:
         odds = count_mission(out=out)
     except InfeasibleError:  # what is planned says why
-        of_plan = {key: given[key] for key in ("fences", "aircraft", "skip") if key in given}
+        of_plan = {key: given[key] for key in of_route[:4] if key in given}
         return mission_plan(source, changes=changes, **of_plan)
     answer, file = odds.answer(), out or Path(source)
     if page is not None:
-        write_claim_page(odds.band, str(file), page, odds.room)
+        write_claim_page(odds.band, str(file), page, odds.room, odds.terrain, answer.changed)
         return replace(answer, files={**answer.files, "page": page})
     notes = [*answer.notes, f"A page with its flights: flighttune report {file}"]
     return replace(answer, notes=notes, files={**answer.files, "page": None})

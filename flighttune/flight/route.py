@@ -240,7 +240,12 @@ def planned_route(scenario: Scenario, *, speed_assumed: bool = False) -> Planned
 
 
 def mission_scenario(
-    source: str | Path, aircraft: str | None, changes: Mapping[str, Any] | None, *, skip: bool
+    source: str | Path,
+    aircraft: str | None,
+    changes: Mapping[str, Any] | None,
+    *,
+    skip: bool,
+    terrain: Path | None,
 ) -> tuple[Scenario, bool] | None:
     """The scenario of a mission, and whether its airspeed is assumed; None for another source."""
     file = Path(source)
@@ -250,7 +255,7 @@ def mission_scenario(
                 f"{file}: must be {KINDS}, or a scenario or campaign (.toml), got {file.suffix}."
             )
         return None
-    mission = read_route(file, skip=skip)
+    mission = read_route(file, skip=skip, terrain=terrain)
     stated = {*mission.flight, *(key.removeprefix("flight.") for key in changes or ())}
     return route_scenario(file, mission, aircraft or AIRCRAFT, changes), "V_a_mps" not in stated
 
@@ -260,6 +265,7 @@ def route(
     *,
     aircraft: str | None = None,
     skip: bool = False,
+    terrain: str | Path | None = None,
     changes: Mapping[str, Any] | None = None,
 ) -> PlannedRoute:
     """Plan the route of a scenario or of a file, which takes less than a second.
@@ -274,6 +280,8 @@ def route(
         ``aerosonde``.
     skip : bool
         Leave out commands of a plan that have no place.
+    terrain : str or Path, optional
+        Raster of heights (GeoTIFF, .hgt) by which heights above terrain of a plan are flown.
     changes : mapping of str to value, optional
         Values to set in the scenario, by dotted key.
 
@@ -293,7 +301,10 @@ def route(
     ['leg', 'turn', 'leg']
     """
     of_file = not isinstance(source, Scenario)
-    mission = mission_scenario(source, aircraft, changes, skip=skip) if of_file else None
+    ground = None if terrain is None else Path(terrain)
+    mission = None
+    if of_file:
+        mission = mission_scenario(source, aircraft, changes, skip=skip, terrain=ground)
     if mission is None and (aircraft is not None or skip):
         raise InputError(f"{source}: `aircraft` and `skip` must be absent for a scenario.")
     scenario, speed_assumed = mission or (as_scenario(source, changes), False)

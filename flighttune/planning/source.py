@@ -122,6 +122,7 @@ def flights(
     aircraft: str | None = None,
     like: str | None = None,
     skip: bool = False,
+    terrain: str | Path | None = None,
     changes: Mapping[str, Any] | None = None,
 ) -> Flights:
     """The flights that a source states: the only place that asks what a source is.
@@ -139,6 +140,8 @@ def flights(
         turbulence, wind to 8 m/s and the dispersions of the aircraft.
     skip : bool
         Leave out commands of a mission that have no place.
+    terrain : str or Path, optional
+        Raster of heights (GeoTIFF, .hgt) by which heights above terrain of a mission are flown.
     changes : mapping of str to value, optional
         Values to set in what is read from a file, by dotted key.
 
@@ -161,7 +164,8 @@ def flights(
             raise InputError("`aircraft`, `like`, `skip` and `changes` must be given with a file.")
         return source if isinstance(source, Flights) else _of(source)
     place = str(source)
-    if mission := mission_scenario(place, aircraft, changes, skip=skip):
+    ground = None if terrain is None else Path(terrain)
+    if mission := mission_scenario(place, aircraft, changes, skip=skip, terrain=ground):
         scenario, _ = mission
         drawn = _about_mission(scenario, aircraft or AIRCRAFT, like)
         return Flights(place=place, scenario=scenario, campaign=drawn, mission=Path(place))

@@ -3,11 +3,15 @@
 import math
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import Any, Literal, NamedTuple, TypeAlias
+
+import numpy as np
 
 from flighttune.errors import InputError
 from flighttune.files.mistakes import abridged
 from flighttune.references.maps import json_bool, json_number, json_part
+from flighttune.references.terrain import ground_at
 
 # Values of a row of the table `waypoint` of [route], and keys of its place.
 Row: TypeAlias = dict[str, Any]
@@ -90,13 +94,18 @@ class Mission(NamedTuple):
     notes: list[str]  # what becomes of each item, and what is flown in another way
 
 
-def read_items(items: Sequence[Mapping[str, Any]], home: tuple[float, ...], skip: bool) -> Mission:
+def read_items(
+    items: Sequence[Mapping[str, Any]],
+    home: tuple[float, ...],
+    skip: bool,
+    terrain: Path | None = None,
+) -> Mission:
     """What is flown of items; `home`: latitude and longitude, deg, height above sea level, m.
 
     `skip`: leave out commands that change the flight but have no place. Raises InputError, with the
     number and name of each item that cannot be flown.
     """
-    flat = [*_flat(items)]
+    flat = [_above_sea(item, terrain) for item in _flat(items)]
     lost = not _knows_home(flat, home)
     rows: list[Row] = []
     rally: list[Row] = []
@@ -143,6 +152,15 @@ def read_items(items: Sequence[Mapping[str, Any]], home: tuple[float, ...], skip
         )
     start, _ = speeds.get(0, (None, 0))
     return Mission(rows, rally, start, [*fates, *notes, *_airspeeds(rows, speeds)])
+
+
+def _above_sea(item: Mapping[str, Any], terrain: Path | None) -> Mapping[str, Any]:
+    """An item with its height above sea level, where it is one above a terrain that is known."""
+    above = item.get("frame") in ABOVE_TERRAIN and item.get("AMSLAltAboveTerrain") is None
+    if terrain is None or not above or not _placed(item):
+        return item
+    *place, height = (json_number(x, "a place above terrain") for x in item["params"][4:7])
+    return {**item, "AMSLAltAboveTerrain": height + float(ground_at(terrain, np.array([place]))[0])}
 
 
 def _fates(numbers: Mapping[Fate, dict[str, list[int]]], skip: bool) -> list[str]:

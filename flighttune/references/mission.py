@@ -157,11 +157,12 @@ class RouteFile(NamedTuple):
     limits: Mapping[str, Any] = MappingProxyType({})  # [limits], which flighttune writes
 
 
-def read_route(path: Path, *, skip: bool = False) -> RouteFile:
+def read_route(path: Path, *, skip: bool = False, terrain: Path | None = None) -> RouteFile:
     """Read a route: a .plan of QGroundControl, .waypoints of Mission Planner, KML or GeoJSON.
 
     `skip`: leave out commands that change the flight but have no place. Commands that leave the
-    path as it is are always left out. Raises InputError if the file cannot be read, is none of
+    path as it is are always left out. `terrain`: a file that heights above terrain are flown by.
+    Raises InputError if the file cannot be read, is none of
     these, or has an item that cannot be flown.
     """
     ending = path.suffix.lower()
@@ -173,9 +174,9 @@ def read_route(path: Path, *, skip: bool = False) -> RouteFile:
         if ending == ".kml":
             read = _line(kml_features(content))
         elif text_file:
-            read = _waypoints(content, skip)
+            read = _waypoints(content, skip, terrain)
         elif "mission" in content:
-            read = _plan(content, skip)
+            read = _plan(content, skip, terrain)
         else:
             read = _line(features(content))
         rows = read.route["waypoint"]
@@ -204,7 +205,7 @@ def _written(stated: object, path: object) -> RouteFile | None:
     return RouteFile({**stated["route"], **rows, "notes": notes}, flight, {**stated["limits"]})
 
 
-def _plan(tables: Mapping[str, Any], skip: bool) -> RouteFile:
+def _plan(tables: Mapping[str, Any], skip: bool, terrain: Path | None) -> RouteFile:
     mission = tables["mission"]
     if read := _written(tables.get(ROUTE_KEY), mission):
         return read
@@ -214,17 +215,17 @@ def _plan(tables: Mapping[str, Any], skip: bool) -> RouteFile:
     stated = [*json_part(mission, "plannedHomePosition", list), None, None, None][:3]
     height = json_number(stated[2], "the height above sea level in `plannedHomePosition`")
     home = (*(json_number(x, "`plannedHomePosition`", 0.0) for x in stated[:2]), height)
-    read = read_items(mission["items"], home, skip)
+    read = read_items(mission["items"], home, skip, terrain)
     points = json_part(json_part(tables, "rallyPoints", dict), "points", list)
     rally = [place(f"rally point {i}", point[:3]) for i, point in enumerate(points, start=1)]
     return _mission(read, home, rally)
 
 
-def _waypoints(text: str, skip: bool) -> RouteFile:
+def _waypoints(text: str, skip: bool, terrain: Path | None) -> RouteFile:
     """A file of Mission Planner, whose first line of values is the home position."""
     (lat, lon, height), items = planner_items(text)
     home = lat, lon, json_number(height, "the height of home")
-    read = read_items(items, home, skip)
+    read = read_items(items, home, skip, terrain)
     return _mission(read, home, read.rally)
 
 

@@ -1,7 +1,7 @@
 """The page of a claim with charts of a tube or a band, and plots of claims and flights."""
 
 import hashlib
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +22,8 @@ from flighttune.present.frame import Report, Section, write_answer
 from flighttune.present.names import shown_unit
 from flighttune.present.palette import HUES, LIMIT, NEUTRAL
 from flighttune.references.fence import read_fence
-from flighttune.references.maps import rings_around
+from flighttune.references.maps import on_earth, rings_around
+from flighttune.references.terrain import NOT_SEEN, ground_at
 from flighttune.reports.charts import APART, DISTANCE_AXIS, KM, ROUTE_ERRORS, route_map
 from flighttune.reports.panels import ERRORS, errors, flown_signals
 from flighttune.simulate.run import Run, run_styles
@@ -38,15 +39,17 @@ STRONG, LIGHT = (colour for colour, _ in HUES[0])
 TITLES = {name: (title, label) for name, title, label in (*ERRORS, *ROUTE_ERRORS)}
 
 
-def band_charts(band: SignalBounds, room: TurnBack | None = None) -> list[Chart]:
+def band_charts(
+    band: SignalBounds, room: TurnBack | None = None, terrain: Path | None = None
+) -> list[Chart]:
     """Each signal with the flights that were counted; on a route its map before them.
 
-    `room`: of flights of the route that turn back.
+    `room`: of flights of the route that turn back. `terrain`: a file of heights of the ground.
     """
     charts = [_chart(band, i) for i in range(len(band.about.signals))]
     if not (isinstance(band, Band) and band.flights.over == "along"):
         return charts
-    return [_map(band, room), _heights(band), *charts]
+    return [_map(band, room), _heights(band, terrain), *charts]
 
 
 def _chart(band: SignalBounds, i: int) -> Chart:
@@ -111,9 +114,9 @@ def _map(band: Band, room: TurnBack | None) -> Chart:
     return chart
 
 
-def _heights(band: Band) -> Chart:
+def _heights(band: Band, terrain: Path | None) -> Chart:
     """Height over the start along the route, in the band, with floor and ceiling of its fences."""
-    about, (path, origin, _) = band.about, band.flights.route.where
+    about, (path, origin, h_0) = band.about, band.flights.route.where
     ends = 0.0, path.length / KM
     chart = Chart(title="Height over the start", x=DISTANCE_AXIS, y="h [m]", x_range=ends)
     s = path.points(APART)
@@ -122,6 +125,9 @@ def _heights(band: Band) -> Chart:
         high, low = (path.beside(s, below=x[:, i])[:, 2] for x in (bounds.low, bounds.high))
         chart.band(s / KM, low, high, NEUTRAL, name="corridor")
     chart.line(s / KM, np.interp(s, path.s, path.up), STRONG, name="planned")
+    if terrain is not None:
+        ground = ground_at(terrain, on_earth(path.beside(s), origin)) - h_0
+        chart.line(s / KM, ground, NEUTRAL, name="ground")
     for tables in about.fences:
         fence = read_fence(KEPT, origin, tables)
         for height, name in ((fence.high, "ceiling"), (fence.low, "floor")):
@@ -161,11 +167,18 @@ GIVEN = "The middle predicted from the wind of each flight is subtracted."
 
 
 def write_claim_page(
-    claim: AnyClaim, source: str, path: str | Path, room: TurnBack | None = None
+    claim: AnyClaim,
+    source: str,
+    path: str | Path,
+    room: TurnBack | None = None,
+    terrain: Path | None = None,
+    changed: Sequence[str] = (),
 ) -> Report:
     """Write one self-contained page about the claim in the file `source`.
 
     `room`: of the flights of the same route that turn back, whose volumes are drawn on its map.
+    `terrain`: a file of heights of the ground, which are drawn. `changed`: sentences that stand
+    above the charts, by default those of the claim's answer.
     """
     answer = claim.answer(source) if isinstance(claim, Counted) else claim.answer()
     facts = {"file": source, "its SHA-256": hashlib.sha256(Path(source).read_bytes()).hexdigest()}
@@ -184,7 +197,7 @@ def write_claim_page(
         about = claim.about
         kind = "Count"
         if isinstance(claim, SignalBounds):
-            charts, kind = band_charts(claim, room), "Counted band"
+            charts, kind = band_charts(claim, room, terrain), "Counted band"
         elif isinstance(claim, TurnBack):
             charts = [_room(claim)]
         title = f"{kind} of flights titled {quoted(about.plan['campaign']['title'])}"
@@ -198,6 +211,7 @@ def write_claim_page(
         if isinstance(claim, Band) and claim.flights.over == "along":
             notes, sentences = [*notes, *sentences], claim.summary(room)
             title = f"Mission {quoted(about.plan['campaign']['title'])}"
+            notes += [NOT_SEEN] * (terrain is None)
         scenario = toml_text(claim.flights.scenario.as_dict())
         campaign = toml_text(about.plan["campaign"])
         if room is not None:
@@ -207,14 +221,14 @@ def write_claim_page(
             tables.append(turning.tables[0])
         if isinstance(claim, SignalBounds):
             notes += [BAND_NOTE, *([GIVEN] if about.predicted_from else [])]
-    drawn = [table for table in tables if table.name == "dispersions"]
+    drawn, said = [x for x in tables if x.name == "dispersions"], changed or answer.changed
     others = [table for table in tables if table.name != "dispersions"]
     return write_answer(
         path,
         title=title,
         summary=sentences,
         parts={
-            "responses": Section(note=" ".join(answer.changed), charts=charts, legend=False),
+            "responses": Section(note=" ".join(said), charts=charts, legend=False),
             "flown": Section(tables=drawn, legend=False),
             "claim": Section(note=" ".join(notes), tables=others, legend=False),
         },

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from commands import answer, flighttune
-from plans import item, plan_file, waypoint
+from plans import SLOPE, item, plan_file, terrain, waypoint
 from scipy.stats import binom, binomtest
 
 import flighttune as ft
@@ -34,8 +34,13 @@ def mission(path, area=AREA, *, speed=26):
 @pytest.mark.slow
 def test_one_command_says_whether_a_mission_stays_inside_its_own_fence(tmp_path):
     file, page, out = mission(tmp_path / "m.plan"), tmp_path / "m.html", tmp_path / "m.npz"
-    said = answer("mission", file, *FEW, "--out", out, "--page", page)
+    raster = terrain(tmp_path / "t.tif")
+    said = answer("mission", file, *FEW, "--out", out, "--page", page, "--terrain", raster)
 
+    beside, above = (row["largest"] for row in said["half_widths"])
+    path, corridor = (said["terrain"][name]["over_ground_m"] for name in ("path", "corridor"))
+    assert path == pytest.approx(70.0 - 0.004 * SLOPE, abs=0.5)  # the last leg, 445 m to the north
+    assert path - above - 2.0 * beside * SLOPE / 111e3 - 0.5 < corridor < path
     assert said["fence"]["outside"] == 0
     flights = said["flights"]  # Clopper and Pearson, of one side: both claims share 0.1
     bound = binomtest(0, flights, alternative="less").proportion_ci(0.95, method="exact").high
@@ -57,7 +62,15 @@ def test_one_command_says_whether_a_mission_stays_inside_its_own_fence(tmp_path)
     assert claim.contains(run.signals)
     assert claim.fences == ([[lon, lat] for lat, lon in [*AREA, AREA[0]]],)
     text = page.read_text()
-    for words in ("Map", "Height over the start", "rally", "leg", "fence", "certainly inside"):
+    for words in (
+        "Map",
+        "Height over the start",
+        "ground",
+        "rally",
+        "leg",
+        "fence",
+        "certainly inside",
+    ):
         assert words in text, words
     assert ft.load(out).sentence in flighttune("verify", out)[0].replace("\n", " ")
 

@@ -1,0 +1,69 @@
+"""Heights over a terrain that a raster file has."""
+
+import math
+
+import pytest
+from commands import answer, flighttune
+from plans import HOME, PATROL, SLOPE, ground, plan_file, terrain, waypoint
+
+import flighttune as ft
+
+pytest.importorskip("rasterio")
+
+
+def test_a_planned_path_has_its_lowest_place_over_the_ground(tmp_path):
+    file = plan_file(tmp_path / "m.plan", *PATROL)
+    said = answer("mission", file, "--plan", "--terrain", terrain(tmp_path / "t.tif"))
+    lowest = said["terrain"]["path"]
+
+    # A level leg at 540 m towards 47.41, from whose end the ground falls: the turn is cut.
+    radius = 6371e3 * math.pi / 180.0
+    assert lowest["ground_m"] == pytest.approx(ground(lowest["lat_deg"]), abs=1e-6)
+    assert 10.0 < lowest["over_ground_m"] < 10.0 + SLOPE * 250.0 / radius
+    assert said["notes"][0].startswith("The planned path comes down to ")
+    assert lowest["stretch"] in said["notes"][0]
+
+
+def test_without_a_terrain_the_answer_says_that_none_was_looked_at(tmp_path):
+    said = answer("mission", plan_file(tmp_path / "m.plan", *PATROL), "--plan")
+
+    assert "terrain" not in said
+    assert "Terrain was not looked at: `--terrain FILE` does." in said["notes"]
+
+
+def test_heights_above_terrain_are_flown_over_it(tmp_path):
+    file = plan_file(tmp_path / "m.plan", *PATROL[:2], waypoint(47.405, 8.52, 60, frame=10))
+    planned = ft.route(file, terrain=terrain(tmp_path / "t.tif"))
+
+    up = [point.up_m for point in planned.scenario.route.waypoint]
+    assert up == pytest.approx([0.0, 0.0, ground(47.405) - HOME[2]], abs=1e-6)
+    assert not any("unknown" in note for note in planned.scenario.notes)
+
+
+def test_a_path_below_the_ground_is_a_no(tmp_path):
+    low = plan_file(tmp_path / "m.plan", waypoint(47.4, 8.5, 60), waypoint(47.42, 8.5, 60))
+    words = "mission", low, "--plan", "--terrain", terrain(tmp_path / "t.tif")
+    stdout, _ = flighttune(*words, status=1)
+
+    assert "The planned path is 40.0 m below the ground on the leg to item 2" in stdout
+
+
+@pytest.mark.parametrize(
+    ("made", "reason"),
+    [({"crs": None}, "must have a coordinate system"), ({"lost": 25}, "must have the height of")],
+)
+def test_a_raster_that_does_not_say_enough_is_refused(tmp_path, made, reason):
+    file = plan_file(tmp_path / "m.plan", *PATROL)
+
+    with pytest.raises(ft.InputError, match=rf"t\.tif: {reason}"):
+        ft.route(
+            plan_file(file, *PATROL[:2], waypoint(47.405, 8.52, 60, frame=10)),
+            terrain=terrain(tmp_path / "t.tif", **made),
+        )
+
+
+def test_a_place_outside_of_the_raster_is_named(tmp_path):
+    file = plan_file(tmp_path / "m.plan", *PATROL[:3], waypoint(47.4, 8.6, 60))
+    words = "mission", file, "--plan", "--terrain", terrain(tmp_path / "t.tif")
+
+    assert ", 8.5395" in flighttune(*words, status=2)[1]
