@@ -269,15 +269,14 @@ def _check_path(
     plan: Plan, areas: dict[str, Any], fence: Path, terrain: Path | None, kept: Band | None
 ) -> None:
     """Refuse a fence that flights cannot be counted in, and a path that leaves it or the air."""
-    planned = planned_route(plan.campaign.central)
-    if kept is None and terrain is not None:
-        if clearance(terrain, planned.where)["over_ground_m"] < 0.0:
-            raise InfeasibleError(BELOW_GROUND)
+    planned, fresh = planned_route(plan.campaign.central), kept is None
+    if fresh and terrain and clearance(terrain, planned.where)["over_ground_m"] < 0.0:
+        raise InfeasibleError(BELOW_GROUND)
     if not areas:
         return
     place = read_fence(fence, planned.where[1], areas)
     nearest = place.nearest(planned.reference.path)
-    if kept is None and nearest["leaves_m"] is not None:
+    if fresh and nearest["leaves_m"] is not None:
         raise InfeasibleError(planned_inside(planned, place, nearest))
     check_one_path(plan, range(plan.runs) if kept is None else kept.draws.tolist())
 
