@@ -337,7 +337,6 @@ def compare(  # type: ignore[misc] # noqa: PLR0913 - each is a choice of the use
     flights: int | None = None,
     aircraft: str | None = None,
     like: str | None = None,
-    skip: bool = False,
     seed: int | None = None,
     changes: Mapping[str, Any] | None = None,
     workers: int | None = None,
@@ -374,7 +373,7 @@ def compare(  # type: ignore[misc] # noqa: PLR0913 - each is a choice of the use
     aircraft : str, optional
         Aircraft that flies a mission, by default aerosonde.
     seed, changes, workers, scheduler, observer : as for `band`
-    like, skip : as for `mission`
+    like : as for `mission`
 
     Returns
     -------
@@ -398,7 +397,7 @@ def compare(  # type: ignore[misc] # noqa: PLR0913 - each is a choice of the use
     >>> [pair.b.label for pair in comparison.pairs]
     ['kinematic / tuned', 'jsbsim:aerosonde / paper', 'jsbsim:aerosonde / tuned']
     """
-    of_flights = {"aircraft": aircraft, "like": like, "skip": skip, "changes": changes}
+    of_flights = {"aircraft": aircraft, "like": like, "changes": changes}
     if autopilot is None:
         options = {"version": version, "log": log, "flights": flights, "seed": seed}
         for name, value in (of_flights | options).items():

@@ -119,7 +119,6 @@ def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
     until_sure: bool = False,
     aircraft: str | None = None,
     like: str | None = None,
-    skip: bool = False,
     terrain: str | Path | None = None,
     seed: int | None = None,
     changes: Mapping[str, Any] | None = None,
@@ -162,8 +161,6 @@ def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
     like : str, optional
         Campaign whose air and dispersions the flights of a mission have, by default light
         turbulence, wind to 8 m/s and the dispersions of the aircraft.
-    skip : bool
-        Leave out commands of a mission that have no place.
     terrain : str or Path, optional
         Raster of heights above sea level in m (GeoTIFF, .hgt): heights of the mission above terrain
         are flown by it, and the answer has the lowest place of path and corridor over the ground.
@@ -194,7 +191,7 @@ def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
     7
     """
     by: By = (workers, scheduler, observer)
-    of_flights = {"aircraft": aircraft, "like": like, "skip": skip, "changes": changes}
+    of_flights = {"aircraft": aircraft, "like": like, "changes": changes}
     ground = None if terrain is None else Path(terrain)
     file, kept = None if out is None else Path(out), kept_band(source)
     own: Sequence[Path] = ()
@@ -286,7 +283,6 @@ def mission_plan(
     *,
     fences: Sequence[str | Path] = (),
     aircraft: str | None = None,
-    skip: bool = False,
     terrain: str | Path | None = None,
     changes: Mapping[str, Any] | None = None,
     out: Path | None = None,
@@ -300,11 +296,11 @@ def mission_plan(
     if out is not None and out.exists() and Path(source).exists() and out.samefile(source):
         raise InputError(f"{out}: `--out` must be another file than the one that is read.")
     if band := kept_band(source):
-        if aircraft or skip or changes:
-            raise InputError("`aircraft`, `skip` and `changes` must be absent for a band file.")
+        if aircraft or changes:
+            raise InputError("`aircraft` and `changes` must be absent for a band file.")
         planned, corridor, shapes = band.flights.route, band.corridor(), [*band.about.fences]
     else:
-        planned = route(source, aircraft=aircraft, skip=skip, terrain=terrain, changes=changes)
+        planned = route(source, aircraft=aircraft, terrain=terrain, changes=changes)
         corridor, shapes = None, []
     files = [*map(Path, fences)] or ([] if shapes else [*own_fence(Path(source))])
     shapes += [tables] if (tables := fence_tables(files)) else []

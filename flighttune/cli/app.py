@@ -37,10 +37,11 @@ FORMER = {
     "refly": "verify FILE",
     "frontier": "tune FILE --frontier",
     "band --of": "tube SCENARIO --boxes FILE",
+    "mission --skip": "mission FILE --set route.skip=true",
     "band --seed": "band FILE --set seed=N",
     **{
         f"band {option}": f"mission FILE {option}"
-        for option in ("--aircraft", "--fence", "--like", "--page", "--skip", "--turn-back")
+        for option in ("--aircraft", "--fence", "--like", "--page", "--turn-back")
     },
 }
 

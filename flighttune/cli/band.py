@@ -81,7 +81,7 @@ def mission(
     from flighttune.reports.claim import write_claim_page
 
     given = count_mission.keywords
-    of_route = "fences", "aircraft", "skip", "terrain", "changes", "out"
+    of_route = "fences", "aircraft", "terrain", "changes", "out"
     if plan:
         options.check_ending(out, ".geojson", ".kml", ".plan")
         for name in [x for x in given if x not in of_route] + ["page"] * bool(page):
@@ -93,7 +93,7 @@ def mission(
     try:
         odds = count_mission(out=out)
     except InfeasibleError:  # what is planned says why
-        of_plan = {key: given[key] for key in of_route[:4] if key in given}
+        of_plan = {key: given[key] for key in of_route[:3] if key in given}
         return mission_plan(source, changes=changes, **of_plan)
     answer, file = odds.answer(), out or Path(source)
     if page is not None:

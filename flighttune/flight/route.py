@@ -243,8 +243,6 @@ def mission_scenario(
     source: str | Path,
     aircraft: str | None,
     changes: Mapping[str, Any] | None,
-    *,
-    skip: bool,
     terrain: Path | None,
 ) -> tuple[Scenario, bool] | None:
     """The scenario of a mission, and whether its airspeed is assumed; None for another source."""
@@ -255,8 +253,12 @@ def mission_scenario(
                 f"{file}: must be {KINDS}, or a scenario or campaign (.toml), got {file.suffix}."
             )
         return None
+    changes = {**(changes or {})}
+    skip = changes.pop("route.skip", False)
+    if not isinstance(skip, bool):
+        raise InputError(f"{file}: `route.skip` must be true or false, got {skip}.")
     mission = read_route(file, skip=skip, terrain=terrain)
-    stated = {*mission.flight, *(key.removeprefix("flight.") for key in changes or ())}
+    stated = {*mission.flight, *(key.removeprefix("flight.") for key in changes)}
     return route_scenario(file, mission, aircraft or AIRCRAFT, changes), "V_a_mps" not in stated
 
 
@@ -264,7 +266,6 @@ def route(
     source: Scenario | str | Path,
     *,
     aircraft: str | None = None,
-    skip: bool = False,
     terrain: str | Path | None = None,
     changes: Mapping[str, Any] | None = None,
 ) -> PlannedRoute:
@@ -278,8 +279,6 @@ def route(
     aircraft : str, optional
         Aircraft that is to fly a file, at an airspeed at which it is identified; by default
         ``aerosonde``.
-    skip : bool
-        Leave out commands of a plan that have no place.
     terrain : str or Path, optional
         Raster of heights (GeoTIFF, .hgt) by which heights above terrain of a plan are flown.
     changes : mapping of str to value, optional
@@ -293,7 +292,7 @@ def route(
     ------
     InputError
         If the route cannot be flown: the message names the waypoint and what would do. Also if
-        there is no route, or `aircraft` or `skip` are given for a scenario.
+        there is no route, or `aircraft` is given for a scenario.
 
     Examples
     --------
@@ -304,8 +303,8 @@ def route(
     ground = None if terrain is None else Path(terrain)
     mission = None
     if of_file:
-        mission = mission_scenario(source, aircraft, changes, skip=skip, terrain=ground)
-    if mission is None and (aircraft is not None or skip):
-        raise InputError(f"{source}: `aircraft` and `skip` must be absent for a scenario.")
+        mission = mission_scenario(source, aircraft, changes, ground)
+    if mission is None and aircraft is not None:
+        raise InputError(f"{source}: `aircraft` must be absent for a scenario.")
     scenario, speed_assumed = mission or (as_scenario(source, changes), False)
     return planned_route(scenario, speed_assumed=speed_assumed)

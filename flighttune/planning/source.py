@@ -121,7 +121,6 @@ def flights(
     *,
     aircraft: str | None = None,
     like: str | None = None,
-    skip: bool = False,
     terrain: str | Path | None = None,
     changes: Mapping[str, Any] | None = None,
 ) -> Flights:
@@ -138,8 +137,6 @@ def flights(
     like : str, optional
         Campaign whose air and dispersions the flights of a mission have; by default light
         turbulence, wind to 8 m/s and the dispersions of the aircraft.
-    skip : bool
-        Leave out commands of a mission that have no place.
     terrain : str or Path, optional
         Raster of heights (GeoTIFF, .hgt) by which heights above terrain of a mission are flown.
     changes : mapping of str to value, optional
@@ -160,17 +157,19 @@ def flights(
     10
     """
     if not isinstance(source, str | Path):
-        if changes or aircraft or like or skip:
-            raise InputError("`aircraft`, `like`, `skip` and `changes` must be given with a file.")
+        if changes or aircraft or like:
+            raise InputError(
+                "`aircraft`, `like` and `changes` must be given with a file."
+            )
         return source if isinstance(source, Flights) else _of(source)
     place = str(source)
     ground = None if terrain is None else Path(terrain)
-    if mission := mission_scenario(place, aircraft, changes, skip=skip, terrain=ground):
+    if mission := mission_scenario(place, aircraft, changes, ground):
         scenario, _ = mission
         drawn = _about_mission(scenario, aircraft or AIRCRAFT, like)
         return Flights(place=place, scenario=scenario, campaign=drawn, mission=Path(place))
-    if aircraft is not None or like is not None or skip:
-        raise InputError(f"{place}: `aircraft`, `like`, `skip` must be absent: it is no mission.")
+    if aircraft is not None or like is not None:
+        raise InputError(f"{place}: `aircraft` and `like` must be absent: it is no mission.")
     if _is_scenario(place):
         return _of(load_scenario(place, changes=changes), place)
     if (kind := kind_of(place)) not in ("", DATASET):

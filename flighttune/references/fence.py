@@ -270,6 +270,8 @@ def read_fence(path: Path, origin: LatLon, tables: Any = None) -> Fence:
     the Earth. `tables`: the content in GeoJSON, if it has been read. Raises InputError if it is no
     fence around the start.
     """
+    import shapely
+
     tables = tables or fence_tables([path])
     with reading(path, KINDS):
         shapes = [
@@ -298,7 +300,7 @@ def read_fence(path: Path, origin: LatLon, tables: Any = None) -> Fence:
                 sags.append(sag)
             start, end = _ends(polygon)
             _check_crossing(start, end, names[begin:])
-            inside = [_surrounds(ring) for ring in polygon]
+            inside = [shapely.Polygon(ring).contains(shapely.Point(0.0, 0.0)) for ring in polygon]
             if inside[0] == outside or any(inside[1:]):
                 raise InputError(
                     f"`coordinates`: the start must be {'out' if outside else 'in'}side"
@@ -385,26 +387,11 @@ def _ring(points: Iterable[Any]) -> FloatArray:
 
 def _check_crossing(start: FloatArray, end: FloatArray, names: list[str]) -> None:
     """Refuse edges that cross each other; those that meet in a corner do not."""
-    a, b = start[:, None], end[:, None]
-    apart = _side(a, b, start) * _side(a, b, end) < 0.0  # edge j ends on both sides of edge i
-    for i, j in np.argwhere(apart & apart.T)[:1]:
+    import shapely
+
+    edges = np.asarray(shapely.linestrings(np.stack([start, end], axis=1)))
+    for i, j in np.argwhere(shapely.crosses(edges[:, None], edges))[:1]:
         raise InputError(f"`coordinates` must not cross, got {names[i]} and {names[j]}.")
-
-
-def _side(a: FloatArray, b: FloatArray, point: FloatArray) -> FloatArray:
-    """On which side of lines from `a` to `b` points are."""
-    along, to = b - a, point - a
-    return np.sign(along[..., 0] * to[..., 1] - along[..., 1] * to[..., 0])
-
-
-def _surrounds(ring: FloatArray) -> bool:
-    """Whether a ring surrounds the start: a line from there to the east crosses it an odd number
-    of times."""
-    a, b = ring, np.roll(ring, -1, axis=0)
-    upward = b[:, 0] > 0.0
-    crossed = (a[:, 0] > 0.0) != upward
-    west_of_it = _side(a, b, np.zeros(2)) == np.where(upward, -1.0, 1.0)
-    return bool(np.sum(crossed & west_of_it) % 2)
 
 
 def room_along(

@@ -119,15 +119,15 @@ def test_what_is_not_flyable_or_not_fenced_is_refused_before_a_flight(tmp_path):
         assert words in flighttune("mission", file, *FEW, *options, status=2)[1]
     far = mission(tmp_path / "f.plan", [[lat + 1.0, lon] for lat, lon in AREA])
     assert "the start must be inside" in flighttune("mission", far, *FEW, status=2)[1]
-    for option in (("--aircraft", "aerosonde"), ("--like", "aerosonde"), ("--skip",)):
+    for option in (("--aircraft", "aerosonde"), ("--like", "aerosonde")):
         said = flighttune("mission", "circuit_in_wind", *option, status=2)[1]
         assert "it is no mission" in said
     delay = item(93, 30, -1, -1, -1, 0, 0, 0, frame=2)
     places = waypoint(47.4, 8.5, 60), delay, waypoint(47.3, 8.5, 60)
     delayed = plan_file(tmp_path / "d.plan", *places)
-    assert "`--skip`" in flighttune("mission", delayed, *FEW, status=2)[1]
+    assert "`--set route.skip=true`" in flighttune("mission", delayed, *FEW, status=2)[1]
     # With it the mission is read, and refused for its fence alone.
-    skipped = ("--skip", "--fence", far)
+    skipped = ("--set", "route.skip=true", "--fence", far)
     assert "the start must be inside" in flighttune("mission", delayed, *FEW, *skipped, status=2)[1]
 
 

@@ -85,7 +85,7 @@ def test_heights_on_a_map_are_those_of_the_plan_above_sea_level(tmp_path):
 @pytest.mark.parametrize("name", ["survey", "approach"])
 def test_the_shipped_plans_begin_at_550_m_read_directly_and_by_their_scenario(tmp_path, name):
     plan = (SHIPPED_SCENARIOS / f"{name}.toml").with_suffix(".plan")
-    for source, skip in ((name, ()), (plan, ("--skip",))):
+    for source, skip in ((name, ()), (plan, ("--set", "route.skip=true"))):
         flighttune("mission", "--plan", source, *skip, "--out", tmp_path / "r.kml")
         assert kml_points(tmp_path / "r.kml")[0][2] == 550.0
 

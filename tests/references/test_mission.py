@@ -116,7 +116,7 @@ def test_commands_that_change_the_flight_are_left_out_on_request_alone(tmp_path)
 
     with pytest.raises(ft.InputError) as refusal:
         read_route(file)
-    assert f"got {listed}; `--skip` or" in str(refusal.value)
+    assert f"got {listed}; `--set route.skip=true`" in str(refusal.value)
     assert notes_of(read_route(file, skip=True))[1:] == [f"Not flown of the plan: {listed}."]
 
 
