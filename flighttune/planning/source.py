@@ -158,9 +158,7 @@ def flights(
     """
     if not isinstance(source, str | Path):
         if changes or aircraft or like:
-            raise InputError(
-                "`aircraft`, `like` and `changes` must be given with a file."
-            )
+            raise InputError("`aircraft`, `like` and `changes` must be given with a file.")
         return source if isinstance(source, Flights) else _of(source)
     place = str(source)
     ground = None if terrain is None else Path(terrain)
