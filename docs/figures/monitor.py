@@ -65,7 +65,7 @@ def main(flights=60, healthy=None):
 
     def times(run):
         t = run.t
-        alarm, bounds = monitor.watch.alarm(run), band.bounds(t)
+        alarm, bounds = monitor.alarm(run), band.bounds(t)
         errors = run.signals[ERRORS].to_numpy()
         outside = ((errors < bounds.low) | (errors > bounds.high)).any(axis=1)
         above = (sizes(run) / unit > limit).any(axis=1)

@@ -53,7 +53,16 @@ from flighttune.errors import InputError
 from flighttune.files.load import BAND, written
 from flighttune.flight.conditions import reference_of, start_condition
 from flighttune.gaps.residual import RESIDUALS, ConformantModel, conformant_model, residuals_of
-from flighttune.gaps.watch import SignalModel, models_of, moments, residuals, taught, units_of
+from flighttune.gaps.watch import (
+    SignalModel,
+    columns_of,
+    dt_of,
+    models_of,
+    moments,
+    residuals,
+    taught,
+    units_of,
+)
 from flighttune.metrics import OFF_ROUTE
 from flighttune.planning.plan import Plan
 from flighttune.planning.schema import Campaign
@@ -400,7 +409,9 @@ def models_taught(
 
 
 def _moments(models: Sequence[SignalModel], run: Run, _: Scenario) -> list[float]:
-    return np.concatenate([product.ravel() for product in moments(models, run)]).tolist()
+    return np.concatenate(
+        [product.ravel() for product in moments(columns_of(models, run))]
+    ).tolist()
 
 
 def _central_run(plan: Plan) -> Run:
@@ -609,7 +620,7 @@ def _extremes(
     samples = np.searchsorted(axis, edges - SAME).clip(max=len(axis) - 1)
     samples[:-1] = samples[:-1].clip(max=len(axis) - 2)  # a window has a sample before its last
     if isinstance(model, tuple):
-        flown = residuals(model, run)
+        flown = residuals(model, columns_of(model, run), dt_of(run))
     elif model is not None:
         flown = residuals_of(model, run, start_condition(scenario))  # from each sample to the next
     elif scenario.turn_back is not None and [*ROOM] == signals:

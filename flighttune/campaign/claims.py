@@ -16,6 +16,7 @@ from flighttune.certificates.certificate import Certificate
 from flighttune.claims.band import Band, Residual
 from flighttune.claims.count import chance_missed, flights_again
 from flighttune.claims.counted import Counted
+from flighttune.claims.of_logs import LogMonitor
 from flighttune.errors import InputError
 from flighttune.files.load import BAND, CLAIMS, LOG, READERS, TUBE, kind_of, load_one
 from flighttune.flight.flown import FlownScenario
@@ -79,7 +80,7 @@ def verified_band(
 
 
 AnyClaim: TypeAlias = Certificate | RateBound | Tube | Counted
-Loaded: TypeAlias = Recording | Dataset | Run | AnyClaim
+Loaded: TypeAlias = Recording | Dataset | Run | AnyClaim | LogMonitor
 
 
 def load(path: str | Path, *, columns: Columns = ()) -> Loaded:
@@ -99,7 +100,7 @@ def load(path: str | Path, *, columns: Columns = ()) -> Loaded:
 
     Returns
     -------
-    Recording, Dataset, Certificate, RateBound, Tube, Band, Monitor or Run
+    Recording, Dataset, Certificate, RateBound, Tube, Band, Monitor, LogMonitor or Run
         A log is a `Run`. A claim has a `sentence`.
 
     Raises

@@ -7,19 +7,24 @@ from typing import Any
 from flighttune.campaign.band import counted_on, drawn
 from flighttune.campaign.engine.progress import CampaignObserver
 from flighttune.claims.band import Monitor
+from flighttune.claims.of_logs import LogMonitor, monitor_of_logs
+from flighttune.errors import InputError
+from flighttune.files.load import A_LOG, LOG, kind_of, load_one
+from flighttune.logs.log import Columns
 from flighttune.planning.plan import Plan
 from flighttune.planning.schema import Campaign
 from flighttune.planning.source import Flights
 from flighttune.planning.source import flights as flights_of_source
 from flighttune.scenario.schema import Scenario
+from flighttune.simulate.run import Run
 
 # Epsilon, confidence and flights to learn from by default.
 EPSILON, CONFIDENCE, LEARN = 0.05, 0.95, 100
 
 
 def monitor(  # noqa: PLR0913 - as `band`
-    source: Flights | Scenario | Campaign | Plan | str | Path,
-    *,
+    source: Flights | Scenario | Campaign | Plan | Run | str | Path,
+    *logs: Run | str | Path,
     epsilon: float = EPSILON,
     confidence: float = CONFIDENCE,
     flights: int | None = None,
@@ -30,12 +35,13 @@ def monitor(  # noqa: PLR0913 - as `band`
     seed: int | None = None,
     start_deg: float = 0.0,
     changes: Mapping[str, Any] | None = None,
+    columns: Columns = (),
     out: str | Path | None = None,
     workers: int | None = None,
     scheduler: str | None = None,
     observer: CampaignObserver | None = None,
-) -> Monitor:
-    """Count how often a monitor of flights raises a false alarm.
+) -> Monitor | LogMonitor:
+    """Count how often a monitor of flights raises a false alarm, or learn one from logs.
 
     Some healthy flights teach the expected airspeed, elevator, climb, roll and turn from signals
     that an autopilot has, and limits of the differences; the limits are scaled on fresh flights. A
@@ -43,10 +49,16 @@ def monitor(  # noqa: PLR0913 - as `band`
     air and these speeds. By default 308 flights are flown; two cores fly about four of 45 s in a
     second.
 
+    Logs of real flights teach the signals that all of them have. Each is left out once, and scored
+    by what the others teach: n logs allow a probability of 1/(n + 1), on average over such sets.
+
     Parameters
     ----------
-    source : Flights, Scenario, Campaign, Plan, str or Path
-        A campaign, a mission, or a scenario in which something is random or `start_deg` is given.
+    source : Flights, Scenario, Campaign, Plan, Run, str or Path
+        A campaign, a mission, a scenario in which something is random or `start_deg` is given, or
+        the log of a healthy flight (.ulg, .bin, .tlog, .csv), ``@START:END`` for a part in s.
+    logs : Run, str or Path
+        Further logs of healthy flights of the same aircraft, at least two.
     epsilon : float, 1
         Accepted probability of a false alarm in a flight, by default 0.05.
     confidence : float, 1
@@ -55,17 +67,22 @@ def monitor(  # noqa: PLR0913 - as `band`
         Flights to count, by default as many as the claim needs with five alarms (208).
     learn : int
         Flights to learn from, one half the weights and the other the limits, by default 100.
+    columns : mapping or sequence
+        Where logs have their signals, as for `load_log`.
     gains, plant, air, seed, start_deg, changes, out, workers, scheduler, observer : as for `band`
 
     Returns
     -------
-    Monitor
-        It claims nothing if too many flights were not completed.
+    Monitor or LogMonitor
+        A `Monitor` claims nothing if too many flights were not completed. The `alarm` of a
+        `LogMonitor` takes a run.
 
     Raises
     ------
     InputError, ScenarioError
-        If `band` raises one.
+        If `band` raises one, or logs are too few, too short or contradict themselves.
+    RecordingError
+        If a file is no log of a flight.
     StoppedError
         If the observer stopped the flights.
 
@@ -73,7 +90,7 @@ def monitor(  # noqa: PLR0913 - as `band`
     -----
     A residual is a signal, behind a lag of 0.5 s, minus the weighted sum of its terms behind the
     same lag. The score of a flight is the largest residual so far over its limit, so that one
-    number is counted for a flight (Wilks, as for `band`).
+    number is counted for a flight (Wilks, as for `band`). Of a log the first 8 s are not judged.
 
     Examples
     --------
@@ -82,6 +99,24 @@ def monitor(  # noqa: PLR0913 - as `band`
     >>> [model.name for model in monitor.watch.models]
     ['airspeed', 'elevator', 'trim', 'climb', 'roll', 'turn']
     """
+    of_file = isinstance(source, str | Path) and kind_of(source) == LOG
+    if isinstance(source, Run) or logs or of_file:
+        chosen = epsilon, confidence, flights, learn, gains, plant, air, seed, start_deg
+        if chosen != (EPSILON, CONFIDENCE, None, LEARN, None, None, None, None, 0.0) or changes:
+            raise InputError(
+                "options of flights that are flown must be absent with logs, whose number is what "
+                "a claim rests on."
+            )
+        runs = [
+            log if isinstance(log, Run) else load_one(str(log), A_LOG, LOG, columns=columns)
+            for log in (source, *logs)
+        ]
+        learned = monitor_of_logs(runs)
+        if out is not None:
+            learned.save(out)
+        return learned
+    if columns:
+        raise InputError("`columns` must be absent without a log.")
     stated = flights_of_source(source, changes=changes).starting(start_deg)
     plan, by = drawn(stated, plant, gains, air, seed), (workers, scheduler, observer)
     claim = {"epsilon": epsilon, "confidence": confidence, "flights": flights, "learn": learn}

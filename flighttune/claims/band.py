@@ -26,7 +26,7 @@ from flighttune.files.mistakes import abridged
 from flighttune.files.seal import sealed_bytes
 from flighttune.files.table import json_object
 from flighttune.files.value import value_of
-from flighttune.gaps.watch import MODELS, Watch
+from flighttune.gaps.watch import MODELS, Alarm, Watch, score_so_far
 from flighttune.metrics import OFF_ROUTE
 from flighttune.present.answer import Answer, Table, number, pick, printable
 from flighttune.present.names import listed, why_ended
@@ -482,6 +482,19 @@ class Monitor(Counted):
         low, high = self._ends(np.zeros((1, 0)))
         middle, half = 0.5 * (low + high)[0], self.scale * self.about.half[0]
         return Watch(models=self.about.models, middle=middle, half=half)
+
+    @property
+    def watches(self) -> tuple[Watch, ...]:
+        """Its watch alone, as a `LogMonitor` has several."""
+        return (self.watch,)
+
+    def score(self, run: Run) -> FloatArray:
+        """Score of a run so far at each sample; above 1 it alarms."""
+        return score_so_far(self.watches, run)
+
+    def alarm(self, run: Run) -> Alarm | None:
+        """When a run is first outside of what is expected, and why; None if it never is."""
+        return self.watch.alarm(run)
 
     @property
     def _leaves(self) -> str:

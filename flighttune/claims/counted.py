@@ -6,7 +6,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, Self, TypeAlias
-from zipfile import ZipFile
 
 import numpy as np
 import numpy.typing as npt
@@ -20,9 +19,8 @@ from flighttune.claims.shape import MIN_LEARNED, Extremes, predicted, scores_of
 from flighttune.control.gains import PIGains, gains_table
 from flighttune.control.law import split_name
 from flighttune.errors import InputError
-from flighttune.files.seal import BLANK, seal
+from flighttune.files.array import write_sealed
 from flighttune.files.value import STRICT, tables_of
-from flighttune.files.whole import whole_file
 from flighttune.flight.route import PlannedRoute, planned_route
 from flighttune.gaps.residual import ConformantModel
 from flighttune.gaps.watch import SignalModel
@@ -355,12 +353,7 @@ class Counted(Answering):
         if self.endings:
             said = {str(x["run"]): "{status}: {reason}".format(**x) for x in self.endings}
             arrays["endings"] = np.array(json.dumps(said))
-        with whole_file(Path(path)) as part:
-            with part.open("wb") as file:
-                np.savez_compressed(file, **arrays)
-            with ZipFile(part, "a") as archive:
-                archive.comment = BLANK.encode()  # at its end, and of no checksum of it
-            part.write_bytes(seal(part.read_bytes()))
+        write_sealed(path, arrays)
 
     def _sizes(self) -> list[dict[str, float]]:
         """A row of numbers for each signal, by column of `WIDTH_COLUMNS`, in SI."""

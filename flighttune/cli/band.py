@@ -5,7 +5,7 @@ from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
-from typer import Option
+from typer import Argument, Option
 
 from flighttune.cli import options
 from flighttune.cli.options import Verb, of
@@ -39,16 +39,26 @@ def band(count_band: Verb, source: str, flights: int | None, out: Path | None) -
 
 @of(
     "campaign.monitor:monitor",
-    source={"metavar": "CAMPAIGN|MISSION|SCENARIO", "autocompletion": options.to_fly},
+    source={"metavar": "CAMPAIGN|MISSION|SCENARIO|LOG", "autocompletion": options.to_fly},
     out="Monitor file (.npz) to write [default: runs/NAME-monitor.npz].",
 )
-def monitor(count_monitor: Verb, out: Path) -> Answer:
-    """Count how often a monitor of flights raises a false alarm.
+def monitor(
+    count_monitor: Verb,
+    out: Path,
+    logs: Annotated[
+        list[str] | None, Argument(metavar="[LOG ...]", help="Further logs of healthy flights.")
+    ] = None,
+) -> Answer:
+    """Count how often a monitor of flights raises a false alarm, or learn one from logs.
 
     It learns from healthy flights what to expect of signals that an autopilot has. --set seed=N
     draws others. Exit status 1 if too many flights did not complete for any claim.
     """
-    return replace(count_monitor().answer(out), files={"monitor": out})
+    from flighttune.claims.counted import Counted
+
+    counted = count_monitor(*(logs or ()))
+    answer = counted.answer(out) if isinstance(counted, Counted) else counted.answer()
+    return replace(answer, files={"monitor": out})
 
 
 @of(

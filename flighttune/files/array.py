@@ -1,4 +1,4 @@
-"""Arrays in files (.npz), read strictly: names, sizes and types before anything is used."""
+"""Arrays in files (.npz), written with their hash, and read strictly: names, sizes and types."""
 
 import zipfile
 from collections.abc import Collection, Mapping
@@ -10,10 +10,22 @@ import numpy.typing as npt
 
 from flighttune.errors import InputError
 from flighttune.files.mistakes import shown
+from flighttune.files.seal import BLANK, seal
+from flighttune.files.whole import whole_file
 
 FLOAT, SINGLE, BOOL, TEXT = np.dtype("<f8"), np.dtype("<f4"), np.dtype(bool), np.dtype("<U")
 
 Arrays: TypeAlias = dict[str, npt.NDArray[Any]]
+
+
+def write_sealed(path: str | Path, arrays: Mapping[str, Any]) -> None:
+    """Write arrays with the SHA-256 of their file (.npz), whole or not at all."""
+    with whole_file(Path(path)) as part:
+        with part.open("wb") as file:
+            np.savez_compressed(file, **arrays)
+        with zipfile.ZipFile(part, "a") as archive:
+            archive.comment = BLANK.encode()  # at its end, and of no checksum of it
+        part.write_bytes(seal(part.read_bytes()))
 
 
 def read_arrays(

@@ -23,7 +23,7 @@ BLANK = MARK.decode() + "0" * DIGITS
 
 # Kinds of files; those of claims are what their `format` begins with.
 CERTIFICATE, BOUND = "flighttune certificate", "flighttune rate bound"
-TUBE, BAND = "flighttune tube", "flighttune band"
+TUBE, BAND, MONITOR = "flighttune tube", "flighttune band", "flighttune monitor"
 RECORDING, DATASET, LOG = "recording", "campaign", "log"
 
 # What a file is, and what takes it.
@@ -32,6 +32,7 @@ SHOWN = {
     BOUND: "a bound on R_K, which `flighttune verify` takes",
     TUBE: "the proof of a tube, which `fly --claim`, `verify` and `worst` take",
     BAND: "a band file, which `flighttune band`, `fly --claim` and `verify` take",
+    MONITOR: "a monitor of logs, which `flighttune report LOG --claim` takes",
     RECORDING: "a recording, which `flighttune view`, `report` and `verify` take",
     DATASET: "the folder of a campaign, which `flighttune report` and `verify` take",
     LOG: "the log of a flight, which `flighttune report` and `gap` take",

@@ -6,21 +6,51 @@ limit is an alarm.
 """
 
 import re
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import ClassVar, NamedTuple
 
 import numpy as np
 
 from flighttune.arrays import FloatArray
+from flighttune.errors import InputError
 from flighttune.files.value import STRICT
 from flighttune.simulate.run import Run
+from flighttune.units import G_0
 
 # Lag through which all terms go, s: a rate is what a signal has ahead of its own lag, over it.
 LAG_S = 0.5
 
-# Quantities of terms besides the signals themselves.
-ANGLES = {"cos_phi": (np.cos, "phi"), "sin_phi": (np.sin, "phi"), "sin_gamma": (np.sin, "gamma")}
+# Airspeed that is missing or in excess for which a throttle is nearly full or idle, m/s.
+SLOW = 3.0
+
+
+def _slow(V_err: FloatArray) -> FloatArray:
+    """How far a throttle that holds airspeed is open: 0 far above the airspeed wanted, 1 below."""
+    return 0.5 * (1.0 + np.tanh(V_err / SLOW))
+
+
+def _saturated(most: float, command: FloatArray, angle: FloatArray) -> FloatArray:
+    """What an angle lacks of its command, up to about `most`, rad."""
+    return most * np.tanh((command - angle) / most)
+
+
+def _excess(f_x: FloatArray, n_z: FloatArray, theta: FloatArray, gamma: FloatArray) -> FloatArray:
+    """Thrust minus drag over weight: specific force along the path, wings level."""
+    return f_x / G_0 - n_z * (np.sin(theta) - np.sin(gamma))
+
+
+# Quantities of terms besides the signals themselves, and the signals that they take.
+QUANTITIES: Mapping[str, tuple[Callable[..., FloatArray], str]] = {
+    "cos_phi": (np.cos, "phi"),
+    "sin_phi": (np.sin, "phi"),
+    "sin_gamma": (np.sin, "gamma"),
+    "slow": (_slow, "V_err"),
+    "to_roll": (partial(_saturated, 0.35), "phi_cmd phi"),
+    "to_pitch": (partial(_saturated, 0.1), "theta_cmd theta"),
+    "excess": (_excess, "f_x n_z theta gamma"),
+}
 
 # Operation and factor of a term: a quantity, or the rate of a signal.
 FACTOR = re.compile(r"([*/]?)(d\()?(\w+)\)?")
@@ -34,6 +64,7 @@ class SignalModel:
     target: str
     terms: tuple[str, ...]
     mean_s: float = 0.0  # lag of the residual itself, s
+    room: float = 1.0  # factor on its limit: more where flights differ most
     weights: tuple[float, ...] = ()
 
     __pydantic_config__: ClassVar = STRICT
@@ -42,11 +73,14 @@ class SignalModel:
     def signals(self) -> set[str]:
         """Signals that it needs."""
         names = {x[3] for text in (self.target, *self.terms) for x in FACTOR.finditer(text)} - {"1"}
-        return {ANGLES[name][1] if name in ANGLES else name for name in names}
+        return {x for name in names for x in QUANTITIES.get(name, (None, name))[1].split()}
 
 
-def _model(name: str, target: str, terms: str, mean_s: float = 0.0) -> SignalModel:
-    return SignalModel(name=name, target=target, terms=tuple(terms.split()), mean_s=mean_s)
+def _model(
+    name: str, target: str, terms: str, mean_s: float = 0.0, room: float = 1.0
+) -> SignalModel:
+    words = tuple(terms.split())
+    return SignalModel(name=name, target=target, terms=words, mean_s=mean_s, room=room)
 
 
 # Of models of one name the first counts whose signals there are. In words: the airspeed is that
@@ -63,11 +97,25 @@ MODELS = (
     _model("turn", "r", "1 sin_phi/V_a p"),
     _model("turn", "r", "1 sin_phi/V_g p"),
 )
+# Those that come first for logs, whose sensors are coarser and whose commands jump: thrust exceeds
+# drag where the flight is too slow, no force acts sideways, and roll and pitch follow their
+# commands at a rate that saturates.
+OF_LOGS = (
+    _model("airspeed", "V_err", "1", 0.0, 1.5),
+    _model("thrust", "slow*excess", "slow"),
+    _model("side force", "f_y", "1 phi"),
+    _model("roll", "p", "1 to_roll", 4.0, 1.6),
+    _model("pitch", "d(theta)", "1 to_pitch", 2.0),
+    _model("turn", "r", "1 sin_phi p"),
+    *MODELS,
+)
 
 
-def models_of(signals: Collection[str]) -> tuple[SignalModel, ...]:
+def models_of(
+    signals: Collection[str], models: Sequence[SignalModel] = MODELS
+) -> tuple[SignalModel, ...]:
     """The models whose signals there are, one of each name."""
-    there = [model for model in MODELS if model.signals <= {*signals}]
+    there = [model for model in models if model.signals <= {*signals}]
     return tuple({model.name: model for model in reversed(there)}.values())[::-1]
 
 
@@ -83,18 +131,24 @@ def lagged(values: FloatArray, dt: float, lag: float, start: float | None = None
     return lagging
 
 
+def dt_of(run: Run) -> float:
+    """Sample time of a run, s."""
+    return run.duration / (len(run.signals) - 1)
+
+
 class _Terms:
     """Terms over the samples of a run; gaps of a log keep the value before them."""
 
     def __init__(self, run: Run) -> None:
-        self.dt = run.duration / (len(run.signals) - 1)
+        self.dt = dt_of(run)
         self._signals = run.signals
         self._known: dict[str, FloatArray] = {"1": np.ones(len(run.signals))}
 
     def _quantity(self, name: str) -> FloatArray:
         if name not in self._known:
-            function, signal = ANGLES.get(name, (np.positive, name))
-            self._known[name] = function(self._signals[signal].ffill().bfill().to_numpy(float))
+            function, signals = QUANTITIES.get(name, (np.positive, name))
+            taken = (self._signals[x].ffill().bfill().to_numpy(float) for x in signals.split())
+            self._known[name] = function(*taken)
         return self._known[name]
 
     def of(self, text: str) -> FloatArray:
@@ -108,13 +162,16 @@ class _Terms:
         return total if rates else lagged(total, self.dt, LAG_S)
 
 
-def moments(models: Sequence[SignalModel], run: Run) -> list[FloatArray]:
-    """Products of all terms and the target of each model, summed over a run."""
-    terms, products = _Terms(run), []
-    for model in models:
-        columns = np.array([terms.of(text) for text in (*model.terms, model.target)])
-        products.append(columns @ columns.T)
-    return products
+def columns_of(models: Sequence[SignalModel], run: Run, from_s: float = 0.0) -> list[FloatArray]:
+    """The terms of each model and last its target, from a time on, shape (terms + 1, n) each."""
+    terms = _Terms(run)
+    first = round(from_s / terms.dt)
+    return [np.array([terms.of(x) for x in (*y.terms, y.target)])[:, first:] for y in models]
+
+
+def moments(columns: Sequence[FloatArray]) -> list[FloatArray]:
+    """Products of all terms and the target of each model, summed over the samples."""
+    return [each @ each.T for each in columns]
 
 
 def taught(
@@ -131,15 +188,15 @@ def taught(
     return tuple(learned)
 
 
-def residuals(models: Sequence[SignalModel], run: Run) -> FloatArray:
-    """The part of its target that each model misses over a run, shape (n, models)."""
-    terms, columns = _Terms(run), []
-    for model in models:
-        missing = terms.of(model.target)
-        for weight, text in zip(model.weights, model.terms, strict=True):
-            missing = missing - weight * terms.of(text)
-        columns.append(lagged(missing, terms.dt, model.mean_s, 0.0))
-    return np.column_stack(columns)
+def residuals(
+    models: Sequence[SignalModel], columns: Sequence[FloatArray], dt: float
+) -> FloatArray:
+    """The part of its target that each model misses, shape (n, models)."""
+    missing = (
+        lagged(each[-1] - np.array(model.weights) @ each[:-1], dt, model.mean_s, 0.0)
+        for model, each in zip(models, columns, strict=True)
+    )
+    return np.column_stack(list(missing))
 
 
 class Alarm(NamedTuple):
@@ -156,10 +213,14 @@ class Watch:
     models: tuple[SignalModel, ...]
     middle: FloatArray  # (models,)
     half: FloatArray  # (models,)
+    from_s: float = 0.0  # what is before is not judged
 
     def scores(self, run: Run) -> FloatArray:
         """Distance of each residual from its middle over its limit, shape (n, models)."""
-        return np.abs(residuals(self.models, run) - self.middle) / self.half
+        if lacking := sorted(set[str]().union(*(x.signals for x in self.models)) - {*run.signals}):
+            raise InputError(f"{run.label}: must have {', '.join(lacking)} to be watched.")
+        missing = residuals(self.models, columns_of(self.models, run, self.from_s), dt_of(run))
+        return np.abs(missing - self.middle) / self.half
 
     def alarm(self, run: Run) -> Alarm | None:
         """The first alarm of a run; None if there is none."""
@@ -168,7 +229,13 @@ class Watch:
         if not len(above):
             return None
         first = above[0]
-        return Alarm(float(run.t[first] - run.t[0]), self.models[int(scores[first].argmax())].name)
+        at_s = self.from_s + first * dt_of(run)
+        return Alarm(float(at_s), self.models[int(scores[first].argmax())].name)
+
+
+def score_so_far(watches: Sequence[Watch], run: Run) -> FloatArray:
+    """The largest score so far by the watch for which it is least, at each sample judged."""
+    return np.min([np.maximum.accumulate(x.scores(run).max(axis=1)) for x in watches], axis=0)
 
 
 def units_of(models: Sequence[SignalModel], units: Mapping[str, str]) -> dict[str, str]:

@@ -48,7 +48,7 @@ UNITS = {
 RAW = (
     *("t", "f_z", "lat", "lon", "v_north", "v_east", "v_down", "wind_speed", "wind_from"),
     *(f"{attitude}_{part}" for attitude in ("q", "q_cmd", "q_enu") for part in "wxyz"),
-    *("phi_err", "n_z_err", "vehicle", "trusted", *EVENTS),
+    *("phi_err", "theta_err", "n_z_err", "vehicle", "trusted", *EVENTS),
 )
 
 # Endings of the columns of a table that say their unit, such as `chi_deg`.

@@ -85,11 +85,11 @@ MAX_SAMPLES = 1_000_000
 MAX_BACK = 5.0  # a stamp may be this much before the one in front of it, s: messages overtake
 MAX_AHEAD = 3600.0  # longest break of a log, s
 
-ANGLES = ("chi", "chi_ref", "psi", "phi", "theta", "gamma", "gamma_ref", "phi_cmd")
+ANGLES = ("chi", "chi_ref", "psi", "phi", "theta", "gamma", "gamma_ref", "phi_cmd", "theta_cmd")
 # Rows of a table for which a slow signal may be repeated.
 LONGEST_HOLD = 20
 
-COMMANDS = ("phi_cmd", "n_z_cmd", "chi_ref", "gamma_ref")
+COMMANDS = ("phi_cmd", "theta_cmd", "n_z_cmd", "chi_ref", "gamma_ref")
 
 
 def on_one_base(
@@ -103,7 +103,7 @@ def on_one_base(
     raw = {name: in_order(place, name, stream) for name, stream in raw.items()}
     raw = {name: stream for name, stream in raw.items() if len(stream[0]) > 1}
     with_angles(raw)
-    for name in ("phi", "n_z"):
+    for name in ("phi", "theta", "n_z"):
         if f"{name}_err" in raw and name in raw:
             t, error = raw.pop(f"{name}_err")
             commanded = t, error + _held(t, *raw[name])

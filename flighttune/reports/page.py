@@ -8,7 +8,9 @@ import numpy as np
 
 from flighttune.aircraft.aircraft import load_aircraft
 from flighttune.arrays import FloatArray
+from flighttune.claims.band import Monitor
 from flighttune.claims.linear_loop import linear_bound
+from flighttune.claims.of_logs import LogMonitor
 from flighttune.errors import FlightTuneError, RecordingError
 from flighttune.files.table import toml_text
 from flighttune.flight.conditions import reference_of, stated_condition
@@ -21,6 +23,7 @@ from flighttune.present.answer import Answer, Table, facts_table
 from flighttune.present.chart import Chart
 from flighttune.present.frame import Report, Section, page_template, write_answer, write_page
 from flighttune.present.names import CHANNEL_SYMBOLS
+from flighttune.present.palette import HUES, LIMIT
 from flighttune.records.compare import (
     Comparison,
     Source,
@@ -44,6 +47,8 @@ from flighttune.scenario.tables import TUNED, TUNED_FED_BACK, TUNED_IDENTIFIED
 from flighttune.simulate.run import Run, claim_notes, priority_notes, run_styles
 from flighttune.tuning.frontier import frontier, frontier_chart
 from flighttune.units import DEG_PER_RAD
+
+STRONG, _ = (colour for colour, _ in HUES[0])
 
 ABOVE = (("chi", "Course", "χ [deg]"), ("gamma", "Path angle", "γ [deg]"))
 BELOW = (
@@ -81,14 +86,33 @@ def log_facts(source: Source) -> Table:
     return facts_table("The log", facts)
 
 
-def write_log_page(source: Source, path: Path) -> Report:
+def write_log_page(
+    source: Source, path: Path, monitors: Sequence[Monitor | LogMonitor] = ()
+) -> Report:
     """Write one self-contained page about the log of a real flight; parent folders are made."""
     (run,), styles = source.runs, run_styles(source.runs)
     facts = log_facts(source)
     sections = log_sections([(run, styles[run.label])], [facts])
+    summary, alarms, said = [f"A real flight of {run.duration:.1f} s."], [], []
+    for monitor in monitors:
+        alarm, watch = monitor.alarm(run), monitor.watches[0]
+        alarms.append(alarm and alarm._asdict())
+        ends = f"from {watch.from_s:g} s on" if alarm is None else f"at {alarm.at_s:.2f} s"
+        said.append(
+            f"No alarm {ends}."
+            if alarm is None
+            else f"Alarm {ends}: {alarm.why} is not what a flight without a fault makes expect."
+        )
+        score = monitor.score(run)
+        chart = Chart(title=f"Largest score so far: {said[-1]}", y="score [1]")
+        chart.line(run.t[-len(score) :], score, STRONG)
+        chart.level(1.0, LIMIT)
+        said.append(f"The monitor: {monitor.sentence}.")
+        sections.insert(0, Section(id="monitor", title="Monitor", charts=[chart], legend=False))
+    summary += said
     page = write_answer(
         path,
-        summary=(f"A real flight of {run.duration:.1f} s.",),
+        summary=summary,
         parts={section.id: section for section in sections},
         title=str(run.provenance.scenario["title"]),
         legend=list(styles.items()),
@@ -98,12 +122,13 @@ def write_log_page(source: Source, path: Path) -> Report:
     )
     log = run.provenance.log or {}
     shown = Answer(
-        values={"bytes": path.stat().st_size, "summary": page.summary, "log": log},
+        values={"bytes": path.stat().st_size, "summary": summary, "log": log, "alarms": alarms},
         notes=[
-            *page.summary,
+            *summary,
             *(line for key in ("phases", "odd", "checks") for line in log.get(key, ())),
             *(f"missing: {line}" for line in source.missing),
         ],
+        failure=next((line for line in said if line.startswith("Alarm")), ""),
     )
     return Report(
         path=path, summary=page.summary, sections=page.sections, tables=page.tables, shown=shown

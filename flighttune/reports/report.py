@@ -10,8 +10,10 @@ from flighttune.campaign.dataset import Dataset, dataset_hash
 from flighttune.campaign.statistics.findings import findings
 from flighttune.campaign.statistics.flights import load_flights
 from flighttune.campaign.statistics.intervals import CONFIDENCE, Method
+from flighttune.claims.band import Monitor
+from flighttune.claims.of_logs import LogMonitor
 from flighttune.errors import InputError
-from flighttune.files.load import CLAIMS, DATASET, written
+from flighttune.files.load import BAND, CLAIMS, DATASET, MONITOR, load_one, written
 from flighttune.files.table import toml_text
 from flighttune.gaps.gap import Gap
 from flighttune.logs.log import Columns
@@ -84,7 +86,7 @@ def report(
         HTML file to write or replace; by default ``report.html``, in the folder of a campaign.
         Parent folders are made.
     claims : sequence of str or Path
-        Files of tubes and bands to draw around runs.
+        Files of tubes and bands to draw around runs; of a log monitors, which say when it alarms.
     changes : mapping of str to value, optional
         Values to set in a scenario that is flown, by dotted key.
     columns : mapping or sequence
@@ -128,9 +130,11 @@ def report(
             return replace(written_page, shown=stated.answer())
         source = load_source(source, changes=changes, columns=columns)
     if any(run.provenance.log for run in source.runs):
-        if claims:
-            raise InputError(f"{source.name}: `--claim` must be absent: a log is of no scenario.")
-        return write_log_page(source, Path(path or "report.html"))
+        monitors = [load_one(file, "monitor", MONITOR, BAND) for file in claims]
+        for file, monitor in zip(claims, monitors, strict=True):
+            if not isinstance(monitor, Monitor | LogMonitor):
+                raise InputError(f"{file}: must be a monitor: a log is of no scenario.")
+        return write_log_page(source, Path(path or "report.html"), monitors)
     if columns:
         raise InputError(f"{source.name}: `--column` must be absent for what is no log.")
     return _of_runs(within(source, claims), Path(path or "report.html"))

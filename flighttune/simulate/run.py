@@ -39,13 +39,14 @@ RunStatus: TypeAlias = Literal["completed", "no_gains", "no_trim"] | StopStatus
 
 _SIGNALS_BY_UNIT = {
     "rad": "chi gamma phi chi_ref gamma_ref chi_err gamma_err phi_cmd phi_unlimited phi_integral "
-    "chi_meas gamma_meas alpha beta theta psi chi_ground gamma_ground aileron elevator "
+    "chi_meas gamma_meas alpha beta theta theta_cmd psi chi_ground gamma_ground aileron elevator "
     "rudder gamma_given",
     "1": "n_z n_z_cmd n_z_unlimited n_z_integral phi_limited n_z_limited n_y throttle "
     "n_x n_x_min n_x_max n_x_cmd n_x_unlimited n_x_limited n_x_integral",
     "m/s": "V_a V_a_meas V_g wind_north wind_east wind_down V_ref V_err",
     "m": "north east down h along cross_track height_err",
     "rad/s": "d_chi d_gamma p q r mismatch_chi mismatch_gamma chi_dot_integral gamma_dot_integral",
+    "m/s^2": "f_x f_y",
     "N": "thrust",
 }
 
@@ -60,6 +61,7 @@ _SIGNALS_BY_UNIT = {
 # ``wind_*`` is the velocity of the air: north is air that moves north. Course and path angle are
 # over ground, or through the air in runs that have ``*_ground`` too. On a route ``along`` is the
 # distance along it, ``cross_track`` that to its right, and ``height_err`` its height minus the own.
+# ``f_x`` and ``f_y`` are specific forces along the nose and the right wing, in logs alone.
 SIGNAL_UNITS = {name: unit for unit, names in _SIGNALS_BY_UNIT.items() for name in names.split()}
 
 

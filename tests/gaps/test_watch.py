@@ -10,6 +10,7 @@ import flighttune as ft
 from flighttune.gaps.watch import (
     LAG_S,
     Watch,
+    columns_of,
     lagged,
     models_of,
     moments,
@@ -47,19 +48,18 @@ def test_flights_teach_the_law_that_they_obey(turning):
     models = models_of(turning().signals)
     assert [model.name for model in models] == ["turn"]
 
-    (learned,) = taught(models, [moments(models, turning())])
+    (learned,) = taught(models, [moments(columns_of(models, turning()))])
 
     assert learned.weights == pytest.approx((0.0, 9.81, 0.0), abs=1e-6)
 
 
 def test_a_step_that_is_not_expected_alarms_when_its_lag_reaches_the_limit(turning):
-    models = taught(
-        models_of(turning().signals), [moments(models_of(turning().signals), turning())]
-    )
+    models = models_of(turning().signals)
+    models = taught(models, [moments(columns_of(models, turning()))])
     run = turning(np.where(T >= 40.0, 0.2, 0.0))
     watch = Watch(models=models, middle=np.zeros(1), half=np.array([0.15]))
 
-    missing = residuals(models, run)[:, 0]
+    missing = residuals(models, columns_of(models, run), 1.0 / RATE)[:, 0]
     alarm = watch.alarm(run)
 
     since = np.maximum(T[: len(missing)] - 40.0 + 1.0 / RATE, 0.0)

@@ -1,0 +1,224 @@
+"""A monitor that the logs of healthy flights teach, and the rate of false alarms they allow."""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import ClassVar
+
+import numpy as np
+
+from flighttune.arrays import FloatArray
+from flighttune.claims.count import flights_needed
+from flighttune.errors import InputError
+from flighttune.files.array import TEXT, read_arrays, write_sealed
+from flighttune.files.seal import sealed_bytes
+from flighttune.files.table import json_object
+from flighttune.files.value import STRICT, tables_of, value_of
+from flighttune.gaps.watch import (
+    OF_LOGS,
+    Alarm,
+    SignalModel,
+    Watch,
+    columns_of,
+    dt_of,
+    models_of,
+    moments,
+    residuals,
+    score_so_far,
+    taught,
+)
+from flighttune.logs.checks import refuse_wrong
+from flighttune.present.answer import Answer, Answering, Column, Table, number
+from flighttune.present.names import listed
+from flighttune.simulate.run import Run
+
+MIN_LOGS = 3
+# Beginning of a log that is not judged, s: an autopilot that takes over has a transient.
+SETTLED_S = 8.0
+MAX_BYTES = 2**24
+SMALLEST = 1e-12  # limit, SI: signals that agree to rounding are no fault
+
+COLUMNS = [
+    Column("name", "healthy log"),
+    Column("seconds", "judged [s]", digits=".1f"),
+    Column("score", "score by the others", digits=".3g"),
+    Column("why", "largest residual"),
+]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HealthyLog:
+    """A log, and what all others teach: models, limits of their residuals, and its own score."""
+
+    name: str
+    seconds: float  # that were judged
+    models: tuple[SignalModel, ...]
+    limits: tuple[float, ...]  # largest residual of each model over the others, with its room
+    score: float  # largest residual of this log over its limit
+    why: str  # model of that residual
+
+    __pydantic_config__: ClassVar = STRICT
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LogMonitor(Answering):
+    """An alarm that a healthy flight like those of the logs raises with a small probability.
+
+    Every log is left out once: the others teach models and limits, and score it. A flight alarms
+    once it is above the largest of these scores by the models of every one of them.
+
+    Attributes
+    ----------
+    logs : tuple of HealthyLog
+        The logs that it learned from.
+
+    Notes
+    -----
+    Of n + 1 flights that may stand in any order at most one is above all others in this way: if
+    both of two were, each would score higher than the other by the models of the other flights. A
+    new one is it with a probability of at most 1/(n + 1): the jackknife-minmax of [1]_, Theorem 2,
+    for the largest score.
+
+    References
+    ----------
+    .. [1] R. F. Barber, E. J. Candes, A. Ramdas and R. J. Tibshirani, "Predictive inference with
+       the jackknife+", Annals of Statistics 49 (2021).
+    """
+
+    logs: tuple[HealthyLog, ...]
+
+    __pydantic_config__: ClassVar = STRICT
+    FORMAT: ClassVar[str] = "flighttune monitor 1"
+    UNITS: ClassVar[Mapping[str, str]] = {"seconds": "s", "limits": "SI"}
+
+    def __post_init__(self) -> None:
+        names = [[model.name for model in log.models] for log in self.logs]
+        if len(names) < MIN_LOGS or not names[0] or any(each != names[0] for each in names):
+            raise InputError(f"`logs` must be at least {MIN_LOGS}, with the same models.")
+        for log in self.logs:
+            sizes = [len(model.weights) == len(model.terms) for model in log.models]
+            if any(replace(model, weights=()) not in OF_LOGS for model in log.models):
+                raise InputError("`models` must be those that flighttune monitor takes of logs.")
+            if not (all(sizes) and len(log.limits) == len(sizes) and min(log.limits) > 0.0):
+                raise InputError("`logs` must have a weight for each term, and positive limits.")
+
+    @property
+    def epsilon(self) -> float:
+        """Largest probability of a false alarm in a flight, over the draw of the logs too."""
+        return 1.0 / (len(self.logs) + 1)
+
+    @property
+    def sentence(self) -> str:
+        """The claim in words."""
+        n = len(self.logs)
+        return (
+            f"a flight without a fault, like these {n} and in no order with them, raises an alarm "
+            f"with probability at most 1/{n + 1} = {number(self.epsilon)}, on average over such "
+            "sets of logs"
+        )
+
+    @property
+    def watches(self) -> tuple[Watch, ...]:
+        """Models and limits without each of the logs, scaled to the largest score."""
+        scale = max(log.score for log in self.logs)
+        return tuple(
+            Watch(
+                models=log.models,
+                middle=np.zeros(len(log.limits)),
+                half=scale * np.array(log.limits),
+                from_s=SETTLED_S,
+            )
+            for log in self.logs
+        )
+
+    def score(self, run: Run) -> FloatArray:
+        """Score of a run so far at each sample that is judged; above 1 it alarms."""
+        return score_so_far(self.watches, run)
+
+    def alarm(self, run: Run) -> Alarm | None:
+        """When a run is first outside by the models of all, and why; None if it never is."""
+        alarms = [alarm for watch in self.watches if (alarm := watch.alarm(run))]
+        return max(alarms) if len(alarms) == len(self.logs) else None
+
+    def save(self, path: str | Path) -> None:
+        """Write the monitor with its SHA-256 (.npz), whole or not at all."""
+        write_sealed(path, {"monitor": np.array(json.dumps(tables_of(self)))})
+
+    def answer(self) -> Answer:
+        """The logs, what is watched and what is not, and the claim."""
+        models = self.logs[0].models
+        lacking = {x.name: f"{x.name} ({listed(sorted(x.signals))})" for x in OF_LOGS[::-1]}
+        unseen = [words for name, words in lacking.items() if name not in {x.name for x in models}]
+        notes = [
+            f"Watched are {listed([f'{x.name} ({x.target})' for x in models])}, from "
+            f"{SETTLED_S:g} s of a log on. How often faults are found is not in the claim.",
+            *(
+                [f"Not watched, as not all logs have their signals: {listed(unseen)}."]
+                * bool(unseen)
+            ),
+            f"A claim of 5 % takes 19 logs; one with a confidence of 0.95 for these limits takes "
+            f"{flights_needed(0.05, 0.95)} more that teach nothing. Parts of one flight are not "
+            "independent, and longer flights alarm more often.",
+        ]
+        rows = [asdict(log) for log in self.logs]
+        return Answer(
+            values={"epsilon": self.epsilon, "sentence": self.sentence, "settled_s": SETTLED_S},
+            tables=[Table(COLUMNS, rows, "what each log scores", name="logs")],
+            notes=notes,
+            verdict=self.sentence,
+        )
+
+
+def load_monitor(path: str | Path) -> LogMonitor:
+    """Read a monitor of logs; an InputError names the file and what is wrong."""
+    sealed_bytes(Path(path), "monitor", "make it again with flighttune monitor")
+    try:
+        arrays = read_arrays(Path(path), "monitor", {"monitor": TEXT}, MAX_BYTES, MAX_BYTES)
+        return value_of(json_object(str(arrays["monitor"]), "`monitor`"), LogMonitor)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
+
+
+def monitor_of_logs(runs: Sequence[Run]) -> LogMonitor:
+    """The monitor that logs of healthy flights teach, or healthy parts of logs.
+
+    Raises InputError if they are too few or too short, their columns contradict each other, or they
+    lack the signals of every model.
+    """
+    if len(runs) < MIN_LOGS:
+        raise InputError(f"`logs` must be at least {MIN_LOGS} healthy flights, got {len(runs)}.")
+    refuse_wrong(*runs)
+    for run in runs:
+        if run.duration < 2.0 * SETTLED_S:
+            raise InputError(
+                f"{run.label}: must be at least {2.0 * SETTLED_S:g} s to learn from, got "
+                f"{run.duration:.1f} s."
+            )
+    models = models_of(set.intersection(*({*map(str, run.signals)} for run in runs)), OF_LOGS)
+    if not models:
+        raise InputError("the logs must have the signals of a model, such as phi and phi_cmd.")
+    columns = [columns_of(models, run, SETTLED_S) for run in runs]
+    products = [moments(each) for each in columns]
+    room, logs = np.array([model.room for model in models]), []
+    for i, run in enumerate(runs):
+        without = taught(models, products[:i] + products[i + 1 :])
+        peaks = np.array(
+            [
+                np.abs(residuals(without, each, dt_of(other))).max(axis=0)
+                for each, other in zip(columns, runs, strict=True)
+            ]
+        )
+        limits = room * np.maximum(np.delete(peaks, i, axis=0).max(axis=0), SMALLEST)
+        scores = peaks[i] / limits
+        logs.append(
+            HealthyLog(
+                name=run.provenance.gains_name,
+                seconds=run.duration - SETTLED_S,
+                models=without,
+                limits=tuple(limits.tolist()),
+                score=float(scores.max()),
+                why=models[int(scores.argmax())].name,
+            )
+        )
+    return LogMonitor(logs=tuple(logs))

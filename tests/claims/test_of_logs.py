@@ -1,0 +1,112 @@
+"""A monitor of logs: its theorem, a fault that it finds in a simulated log, its file and page."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from commands import answer
+
+import flighttune as ft
+from flighttune.flight.fly import fly_alone
+
+RATE, SECONDS, FAULT_S = 25.0, 24.0, 15.0
+T = np.arange(round(RATE * SECONDS)) / RATE
+
+
+@pytest.fixture(scope="module")
+def noisy(tmp_path_factory):
+    """Logs of turns whose yaw rate has noise of another size in each."""
+    folder, rng = tmp_path_factory.mktemp("noisy"), np.random.default_rng(5)
+
+    def log(i, size):
+        phi, p = 0.5 * np.sin(0.7 * T + i), 0.35 * np.cos(0.7 * T + i)
+        r = 0.5 * np.sin(phi) + 0.1 * p + size * rng.normal(size=len(T))
+        table = {"t_s": T, "phi_rad": phi, "p": p, "r": r, "v_north": 20.0, "v_east": 0.0 * T}
+        pd.DataFrame(table).to_csv(folder / f"{i}.csv", index=False)
+        return ft.load_log(folder / f"{i}.csv")
+
+    return [log(i, size) for i, size in enumerate([0.02, 0.021, 0.02, 0.022, 0.06])]
+
+
+def test_at_most_one_of_any_logs_alarms_by_what_all_others_teach(noisy):
+    """What the claim of 1/(n + 1) rests on; here the log with the largest noise is the one."""
+    alarms = [
+        ft.monitor(*(log for log in noisy if log is not left)).alarm(left) is not None
+        for left in noisy
+    ]
+
+    assert alarms == [False, False, False, False, True]
+
+
+def test_a_claim_is_of_the_number_of_logs_and_says_what_is_not_watched(noisy):
+    monitor = ft.monitor(*noisy)
+    made = monitor.answer()
+    not_watched = made.notes[1]
+
+    assert made.values["epsilon"] == pytest.approx(1.0 / 6.0, abs=1e-12)
+    assert "at most 1/6 = 0.1667" in monitor.sentence
+    assert "airspeed (V_err)" in not_watched
+    assert "roll (p, phi and phi_cmd)" in not_watched
+    assert "turn" not in not_watched
+
+
+@pytest.mark.parametrize(
+    ("logs", "options", "message"),
+    [
+        (2, {}, "`logs` must be at least 3 healthy flights, got 2."),
+        (5, {"epsilon": 0.1}, "options of flights .* must be absent with logs"),
+        (5, {"changes": {"flight.V_a_mps": 20.0}}, "options of flights .* must be absent"),
+    ],
+)
+def test_too_few_logs_and_options_of_flights_are_refused(noisy, logs, options, message):
+    with pytest.raises(ft.InputError, match=message):
+        ft.monitor(*noisy[:logs], **options)
+
+
+def flight(draw, folder, fault=None):
+    """A log of a simulated flight of 24 s, as a table that `load_log` takes."""
+    changes = {"flight.duration_s": SECONDS, "flight.chi_deg": draw}
+    tables = ft.load_scenario("level_turn", changes=changes).as_dict()
+    (table,) = [x for x in tables["plant"] if x["kind"] == "jsbsim"]
+    if fault:
+        table["airframe"] = {"fault": {"from_s": FAULT_S} | fault}
+    scenario = ft.scenario_from(tables | {"expect": []})
+    (plant,) = scenario.aircraft
+    signals = fly_alone(scenario, plant, ft.PAPER_GAINS, "paper").signals
+    kept = signals[["p", "r"]].assign(
+        t_s=signals.index,
+        phi_rad=signals["phi"],
+        phi_cmd_rad=signals["phi_cmd"],
+        v_north=signals["V_g"] * np.cos(signals["gamma"]) * np.cos(signals["chi"]),
+        v_east=signals["V_g"] * np.cos(signals["gamma"]) * np.sin(signals["chi"]),
+        v_down=-signals["V_g"] * np.sin(signals["gamma"]),
+    )
+    kept.to_csv(folder / f"{draw}.csv", index=False)
+    return folder / f"{draw}.csv"
+
+
+@pytest.mark.slow
+def test_a_fault_in_a_log_alarms_when_it_began_and_the_page_says_why(tmp_path):
+    healthy = [flight(draw, tmp_path) for draw in range(5)]
+    broken = flight(5, tmp_path, {"aileron_stuck_deg": 5.0})
+    file, page = tmp_path / "m.npz", tmp_path / "page.html"
+
+    made = answer("monitor", *healthy[:4], "--out", file)
+    fine = answer("report", healthy[4], "--claim", file, "--out", page)
+    bad = answer("report", broken, "--claim", file, "--out", page, status=1)
+
+    assert made["epsilon"] == pytest.approx(0.2, abs=1e-12)
+    assert fine["alarms"] == [None]
+    (alarm,) = bad["alarms"]
+    assert FAULT_S <= alarm["at_s"] < FAULT_S + 2.0
+    assert alarm["why"] in ("roll", "turn")
+    assert "Alarm at" in page.read_text(encoding="utf-8")
+    assert ft.load(file).alarm(ft.load_log(broken)).why == alarm["why"]
+
+
+def test_an_edited_file_and_another_claim_are_refused(noisy, tmp_path):
+    file = tmp_path / "m.npz"
+    ft.monitor(*noisy, out=file)
+    file.write_bytes(file.read_bytes().replace(b"monitor", b"monitoR", 1))
+
+    with pytest.raises(ft.RecordingError):
+        ft.load(file)
