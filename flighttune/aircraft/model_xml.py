@@ -115,9 +115,9 @@ def _norm(name: str, surface: Surface) -> Element:
 
 
 def _read(variable: str, config: AircraftConfig) -> Element:
-    """What the aerodynamics read instead of a position that flight control commands.
+    """The function that the aerodynamics read instead of a position that flight control commands.
 
-    Of an elevon it is the sum of the positions of aileron and elevator.
+    For an elevon it is the sum of the positions of aileron and elevator.
     """
     element = Element("fcs_function", name=f"ft/{variable}")
     parts = SubElement(SubElement(element, "function"), "sum")

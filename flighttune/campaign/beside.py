@@ -455,7 +455,7 @@ def _with_guidance(plan: Plan, now: Flown) -> Plan:
 def _logged(
     log: str, columns: Columns, now: Flown, version: str | None
 ) -> tuple[list[float], list[str]]:
-    """What the signals of a log stay below, and what is not as in the flights."""
+    """The bounds that the signals of a log keep, and sentences of what differs from the flights."""
     run, place = load_part(str(log), columns), Path(str(log).partition("@")[0])
     kept = _kept(run, None)
     if np.isnan(kept).all():

@@ -164,7 +164,7 @@ def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
     terrain : str or Path, optional
         Raster of heights above sea level in m (GeoTIFF, .hgt): heights of the mission above terrain
         are flown by it, and the answer has the lowest place of path and corridor over the ground.
-        By default the terrain is not looked at.
+        Without it the terrain is not looked at.
     out : str or Path, optional
         File (.npz) of the band to write, as its `save` does; the room and its volumes are written
         beside it.

@@ -90,20 +90,20 @@ def mission(
     from flighttune.files.load import BAND, kind_of
     from flighttune.reports.claim import write_claim_page
 
-    given = count_mission.keywords
+    settings = count_mission.keywords
     of_route = "fences", "aircraft", "terrain", "changes", "out"
     if plan:
         options.check_ending(out, ".geojson", ".kml", ".plan")
-        for name in [x for x in given if x not in of_route] + ["page"] * bool(page):
+        for name in [x for x in settings if x not in of_route] + ["page"] * bool(page):
             raise InputError(f"`{name}` must be absent with --plan, which flies nothing.")
-        return mission_plan(source, **given)
+        return mission_plan(source, **settings)
     options.check_ending(out, ".npz")
     if kind_of(source) != BAND:
         out = out or Path("runs") / f"{Path(source).stem}-band.npz"
     try:
         odds = count_mission(out=out)
     except InfeasibleError:  # what is planned says why
-        of_plan = {key: given[key] for key in of_route[:3] if key in given}
+        of_plan = {key: settings[key] for key in of_route[:3] if key in settings}
         return mission_plan(source, changes=changes, **of_plan)
     answer, file = odds.answer(), out or Path(source)
     if page is not None:
@@ -163,9 +163,9 @@ def tube(
     with progress_bar() as progress:
         follow = None if progress is None else partial(progress, "tube")
         if largest:
-            given = {**enclose.keywords, "progress": follow}
-            del given["disturbance"]
-            return largest_disturbance(scenario, **given).answer()
+            settings = {**enclose.keywords, "progress": follow}
+            del settings["disturbance"]
+            return largest_disturbance(scenario, **settings).answer()
         bound = options.number(disturbance, "--disturbance")
         enclosure = enclose(boxes=counted, disturbance=bound, progress=follow)
     files: dict[str, Path | None] = {"proof": None}

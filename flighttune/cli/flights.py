@@ -64,10 +64,10 @@ def new(
 def list_shipped() -> Answer:
     """List the scenarios and campaigns that come with the package, and all aircraft found."""
     files = {"scenarios": scenario_files(), "campaigns": campaign_files()}
-    found = aircraft_folders()
-    places = [x if is_shipped(folder) else f"{x} ({folder})" for x, folder in found.items()]
+    aircraft = aircraft_folders()
+    places = [x if is_shipped(folder) else f"{x} ({folder})" for x, folder in aircraft.items()]
     return Answer(
-        values={"aircraft": list(found)},
+        values={"aircraft": list(aircraft)},
         tables=[
             Table(columns("name title"), [*map(_heading, paths.values())], kind, name=kind)
             for kind, paths in files.items()

@@ -212,12 +212,12 @@ def of(place: str, **spelled: Mapping[str, Any] | str | None) -> Callable[[Body]
                 values["seed"] = seed
             for x, text in files.items():
                 values[x] = _file_to_write(x, text, values[x], values[first])
-            given = {
+            stated_by_user = {
                 x: values[x]
                 for x in names[1:]
                 if x in values and values[x] not in (None, [], {}, defaults.get(x))
             }
-            call = partial(_called, (module, name, names, values[first]), **given)
+            call = partial(_called, (module, name, names, values[first]), **stated_by_user)
             return body(call, **{x.name: values[x.name] for x in stated})
 
         command.__signature__ = Signature(ordered)  # type: ignore[attr-defined]

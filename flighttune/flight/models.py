@@ -297,9 +297,9 @@ def tune_scenario(
 
 @lru_cache(maxsize=64)  # flights, bands and pages of a scenario ask for its gains again and again
 def _solved(problems: bytes, starts: int) -> TuningResult:
-    found = pickle.loads(problems)
-    one = isinstance(found, TuningProblem)
-    return (tune_problem if one else tune_worst_case)(found, starts=starts)
+    asked = pickle.loads(problems)
+    tune = tune_problem if isinstance(asked, TuningProblem) else tune_worst_case
+    return tune(asked, starts=starts)
 
 
 def gain_sets(scenario: Scenario) -> tuple[dict[str, PIGains | None], TuningResult | None]:

@@ -81,8 +81,8 @@ def log_facts(source: Source) -> Table:
         log = run.provenance.log or {}
         samples = f"{run.duration:.1f} s from {log['from_s']:g} s on, {len(run.signals)} samples"
         facts |= {"log": f"{log['file']} ({log['kind']})", "part": samples}
-        told = {key: log.get(key, ()) for key in ("phases", "odd", "missing", "gaps", "checks")}
-        facts |= {key: "; ".join(lines) for key, lines in told.items() if lines}
+        parts = {key: log.get(key, ()) for key in ("phases", "odd", "missing", "gaps", "checks")}
+        facts |= {key: "; ".join(lines) for key, lines in parts.items() if lines}
     return facts_table("The log", facts)
 
 

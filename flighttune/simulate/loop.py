@@ -152,7 +152,7 @@ def step_of(controller: Controller, plant: Plant) -> Callable[..., Sequence[floa
 
 
 def _fed_back(controller: Controller, plant: Plant) -> Callable[[], float] | None:
-    """What reads the load factor that the inner loop follows; None where it is not fed back."""
+    """A reader of the load factor that the inner loop follows; None where it is not fed back."""
     gains, followed = getattr(controller, "gains", None), getattr(plant, "n_z_followed", None)
     return followed if isinstance(gains, PIGains) and gains.feeds_back else None
 
