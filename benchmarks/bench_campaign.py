@@ -49,10 +49,7 @@ AIRFRAME = [
     dispersed("plant.airframe.lift_factor", 0.95, 1.05),
     dispersed("plant.airframe.actuator_lag_factor", 0.8, 1.5),
 ]
-WEATHER = {
-    "wind": {"speed_mps": 5.0, "from_deg": 250.0},
-    "turbulence": {"intensity": "light"},
-}
+WEATHER = {"wind": {"speed_mps": 5.0, "from_deg": 250.0}, "turbulence": {"intensity": "light"}}
 AIRCRAFT = {"kind": "jsbsim", "aircraft": "aerosonde"}
 LAW = {"kind": "kinematic"}
 

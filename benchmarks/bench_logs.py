@@ -70,10 +70,7 @@ def by_pymavlink(log, topics: list[str]) -> None:
 
 PEERS = {
     "ulg": (write_ulog, lambda path: ULog(str(path), TOPICS["ulg"])),
-    "bin": (
-        write_dataflash,
-        lambda path: by_pymavlink(DFReader_binary(str(path)), TOPICS["bin"]),
-    ),
+    "bin": (write_dataflash, lambda path: by_pymavlink(DFReader_binary(str(path)), TOPICS["bin"])),
     "tlog": (write_tlog, lambda path: by_pymavlink(mavlogfile(str(path)), TOPICS["tlog"])),
     "csv": (write_csv, pd.read_csv),
 }

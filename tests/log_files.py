@@ -108,10 +108,7 @@ def write_dataflash(path, t, signals, *, vehicle="ArduPlane V4.5", old=False, ev
     angles = [deg(signals[name]) for name in ("phi_cmd", "phi", "gamma")]
     messages = {
         "ATT": ("DesRoll,Roll,Pitch,Yaw", [*angles, deg(signals["chi"]) % 360.0]),
-        "XKF1": (
-            "PN,PE,PD,VN,VE,VD",
-            [ned[name] for name in ("x", "y", "z", "vx", "vy", "vz")],
-        ),
+        "XKF1": ("PN,PE,PD,VN,VE,VD", [ned[name] for name in ("x", "y", "z", "vx", "vy", "vz")]),
         "IMU": ("AccZ", [-G * signals["n_z"]]),
         "ARSP": ("Airspeed", [signals["V_a"]]),
         "FTUN": ("NzCmd", [signals["n_z_cmd"]]),

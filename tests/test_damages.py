@@ -36,10 +36,7 @@ LONGEST_LINE = 10_000
 WRONG = (ValueError, TypeError, LookupError, AttributeError, OverflowError, pa.ArrowException)
 """What making a file out of a forgery raises where there can be none."""
 
-COUNTS = [
-    pytest.param(FEW, marks=pytest.mark.slow),
-    pytest.param(MANY, marks=pytest.mark.counts),
-]
+COUNTS = [pytest.param(FEW, marks=pytest.mark.slow), pytest.param(MANY, marks=pytest.mark.counts)]
 PROVEN = made_up(chi_err_deg=15.0, gamma_deg=15.0, duration_s=0.4)
 
 

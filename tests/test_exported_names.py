@@ -60,16 +60,7 @@ def test_a_name_that_is_not_there_says_where_it_went(name, now):
 
 
 def test_importing_the_package_and_its_command_line_loads_nothing_heavy():
-    heavy = [
-        "numpy",
-        "pandas",
-        "scipy",
-        "jsbsim",
-        "clarabel",
-        "cvxpy",
-        "rerun",
-        "pydantic",
-    ]
+    heavy = ["numpy", "pandas", "scipy", "jsbsim", "clarabel", "cvxpy", "rerun", "pydantic"]
     code = f"import sys, flighttune.cli; print([m for m in {heavy} if m in sys.modules])"
     shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert shown.stdout.strip() == "[]"

@@ -153,11 +153,7 @@ SHAPES = ("LineString", PLACES, {}), ("Polygon", [AREA], {"min_up_m": -50.0, "ma
 MAP = {
     "type": "FeatureCollection",
     "features": [
-        {
-            "type": "Feature",
-            "properties": stated,
-            "geometry": {"type": shape, "coordinates": at},
-        }
+        {"type": "Feature", "properties": stated, "geometry": {"type": shape, "coordinates": at}}
         for shape, at, stated in SHAPES
     ],
 }
@@ -441,11 +437,7 @@ KINDS = {
     ),
     "bound": Kind("x.json", bound_of, to_json, ft.load, ft.verify),
     "certificate": Kind(
-        "x.json",
-        lambda _: certificate_of("paper_as_printed"),
-        to_json,
-        ft.load,
-        ft.verify,
+        "x.json", lambda _: certificate_of("paper_as_printed"), to_json, ft.load, ft.verify
     ),
     "boxes of lags": Kind("x.json", boxes_of, to_json, ft.load, ft.verify),
     "parameters": Kind(

@@ -22,9 +22,7 @@ adopt 737 --out mine
 export paper --out folder
 campaign first_campaign --runs 8
 """.strip().splitlines()
-NEED_AN_EXTRA = {
-    "campaign first_campaign --out other --scheduler tcp://127.0.0.1:1": "cluster",
-}
+NEED_AN_EXTRA = {"campaign first_campaign --out other --scheduler tcp://127.0.0.1:1": "cluster"}
 
 
 @pytest.fixture(scope="module")

@@ -15,10 +15,7 @@ from flighttune.units import DEG
 
 G = 9.81
 ENVELOPE = Envelope(
-    V_a=(20.0, 30.0),
-    gamma=(-20.0 * DEG, 45.0 * DEG),
-    phi=(-30.0 * DEG, 30.0 * DEG),
-    n_z=(0.7, 1.5),
+    V_a=(20.0, 30.0), gamma=(-20.0 * DEG, 45.0 * DEG), phi=(-30.0 * DEG, 30.0 * DEG), n_z=(0.7, 1.5)
 )
 TRIM = Envelope.at(V_a=25.0, gamma=math.pi / 12)
 MODEL = kinematic_model(V_a=25.0, gamma=math.pi / 12, g=G)

@@ -16,10 +16,7 @@ FOLDER = Path(__file__).parents[1]
 BEGIN, END = "<!-- gap:begin -->\n", "<!-- gap:end -->"
 GAINS = "paper"
 TURNED = 5.0 / DEG_PER_RAD
-COLUMNS = {
-    "ITAE": ("ITAE", "rad s²", 1.0),
-    "ST_rad": ("ST", "deg", DEG_PER_RAD),
-}
+COLUMNS = {"ITAE": ("ITAE", "rad s²", 1.0), "ST_rad": ("ST", "deg", DEG_PER_RAD)}
 
 
 def paper_gap() -> Gap:

@@ -44,10 +44,7 @@ CIRCUITS = [
 
 STATUSES = ("adopted", "flies", "refused")
 
-COLUMNS = [
-    *columns("model V_a_mps"),
-    Column("circuit.cross_track_m", "beside circuit", "m", ".2g"),
-]
+COLUMNS = [*columns("model V_a_mps"), Column("circuit.cross_track_m", "beside circuit", "m", ".2g")]
 
 
 def adopted(model: str, folder: Path) -> dict[str, Any]:

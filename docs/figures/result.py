@@ -33,9 +33,7 @@ def search(gains: Path) -> None:
 def responses(gains: Path) -> Chart:
     """Course over time of both gain sets, on the nominal aircraft in turbulence."""
     chart = Chart(
-        title="The same turn by 30° in light turbulence",
-        y="course [deg]",
-        x_range=(0.0, 15.0),
+        title="The same turn by 30° in light turbulence", y="course [deg]", x_range=(0.0, 15.0)
     )
     chart.line([0.0, 15.0], [BOUND_DEG] * 2, INK, dash=DASHED, width=1.0, name="allowed: 33°")
     for run, colour in zip(

@@ -181,8 +181,7 @@ class HeadlessViewer:
         port = free_port()
         window = f"{size[0]}x{size[1]}"
         self._process = ViewerProcess(
-            ["--headless", "--hide-welcome-screen", "--window-size", window],
-            port=port,
+            ["--headless", "--hide-welcome-screen", "--window-size", window], port=port
         )
         try:
             self._client = viewer_client(stream_url(port))

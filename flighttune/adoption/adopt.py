@@ -287,10 +287,7 @@ def adopt(
             note = f"its glide is steep: it flies from {start:g} m"
             surveyed = replace(surveyed, notes=(*surveyed.notes, note))
         engines = surveyed.tables["engines"]["count"]
-        facts = {
-            **pick(surveyed, "V_a glide_ratio largest_drag notes"),
-            "engines": engines,
-        }
+        facts = {**pick(surveyed, "V_a glide_ratio largest_drag notes"), "engines": engines}
         adoption = _best(surveyed, folder, start, say, began)
     except PlantError as error:
         file = folder / model if model.endswith(".xml") else ""

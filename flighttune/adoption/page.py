@@ -18,11 +18,7 @@ PAGE = "adoption.html"
 
 TRIM_COLUMNS = columns("V_a_mps gamma_deg trim.alpha_deg trim.throttle reason")
 
-SIGNALS = (
-    *FLOWN,
-    ("V_a", "Airspeed", "V_a [m/s]"),
-    ("throttle", "Throttle", "throttle [1]"),
-)
+SIGNALS = (*FLOWN, ("V_a", "Airspeed", "V_a [m/s]"), ("throttle", "Throttle", "throttle [1]"))
 
 CRITERION = (
     f"Adopted means: both fits reach {GOOD_FIT:g} %, the turn is completed, the standard deviation "

@@ -48,10 +48,7 @@ def search_bang_bang(
     moves the flight; limits bend the loop, so that those of later rounds are about the worst flight
     so far.
     """
-    blocks = [
-        np.array([0]),
-        *np.array_split(np.arange(1, samples + 1), min(INTERVALS, samples)),
-    ]
+    blocks = [np.array([0]), *np.array_split(np.arange(1, samples + 1), min(INTERVALS, samples))]
     targets = np.unique(np.linspace(1, samples, TARGETS).round().astype(np.intp))
     about, worst = np.ones((1 + samples, 2)), -np.inf
     for block in blocks[::2]:

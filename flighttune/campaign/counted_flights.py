@@ -21,10 +21,7 @@ from flighttune.scenario.tables import INTENSITIES
 CALM, STEADY_WIND = "calm", "wind"
 
 # Tables of a scenario that calm air and steady wind do not have.
-DROPPED = {
-    CALM: ("disturbance", "gust", "turbulence", "wind"),
-    STEADY_WIND: ("gust", "turbulence"),
-}
+DROPPED = {CALM: ("disturbance", "gust", "turbulence", "wind"), STEADY_WIND: ("gust", "turbulence")}
 
 # Points of the unit interval at which a dispersed key counts as lowest and highest.
 UNIT_ENDS = (1e-9, 1.0 - 1e-9)

@@ -32,12 +32,7 @@ from flighttune.flight.expectations import (
     with_loop,
 )
 from flighttune.flight.load import as_scenario, scenario_and_gains
-from flighttune.flight.models import (
-    gain_set,
-    identified_models,
-    loop_measures,
-    tuning_problem,
-)
+from flighttune.flight.models import gain_set, identified_models, loop_measures, tuning_problem
 from flighttune.metrics import AIRSPEED
 from flighttune.planning.draws import SEED, cycle
 from flighttune.planning.load import campaign_on, load_campaign

@@ -41,10 +41,7 @@ ANY_ENVELOPE = (
     "The certificate holds over any envelope: the error dynamics of the exact law are the same "
     "everywhere."
 )
-INDICATOR_COLUMNS = [
-    Column("units", "units of state"),
-    *columns("R_K I_K E_K spectral_abscissa"),
-]
+INDICATOR_COLUMNS = [Column("units", "units of state"), *columns("R_K I_K E_K spectral_abscissa")]
 EIGENVALUE_COLUMNS = [
     Column("real", "real part", "1/s"),
     Column("imaginary", "imaginary part", "rad/s"),

@@ -139,11 +139,7 @@ COMMANDS = {
 
 
 def _add_command(
-    function: Callable[..., Answer | None],
-    name: str,
-    doing: str,
-    example: str,
-    panel: str,
+    function: Callable[..., Answer | None], name: str, doing: str, example: str, panel: str
 ) -> None:
     """Add a command, with --json and -q, that prints and exits as the answer of `function` says."""
     options = {} if function is view else {"as_json": JsonOption}

@@ -47,10 +47,7 @@ def fly(
     overshoot={"metavar": "DEG"},
     settle={"metavar": "S"},
 )
-def new(
-    new_scenario: Verb,
-    like: Annotated[str | None, Option(hidden=True)] = None,
-) -> Answer:
+def new(new_scenario: Verb, like: Annotated[str | None, Option(hidden=True)] = None) -> Answer:
     """Write a scenario of your own, with comments, that an aircraft can fly."""
     if like is not None:
         file = scenario_files().get(like, like)

@@ -166,11 +166,7 @@ FLAGS = {
 }
 
 # What the help of an option says before its default.
-SENTENCES = {
-    "changes": SETTING,
-    "gains": GAINS,
-    "plant": "Label of the plant as `fly` prints it",
-}
+SENTENCES = {"changes": SETTING, "gains": GAINS, "plant": "Label of the plant as `fly` prints it"}
 
 TYPES = {"str": str, "int": int, "float": float, "bool": bool, "Path": Path}
 SEQUENCES, OF_PYTHON = {"Iterable", "Sequence"}, {"Callable", "Mapping"}

@@ -21,10 +21,7 @@ from flighttune.present.answer import Answer
     out="Folder to write to [default: runs/NAME-gap; of a log without its part].",
 )
 def gap(
-    explain_gap: Verb,
-    scenario: str,
-    out: Path | None,
-    claim: options.ClaimOption = None,
+    explain_gap: Verb, scenario: str, out: Path | None, claim: options.ClaimOption = None
 ) -> Answer:
     """Fly gains on plants from the paper's law to the aircraft; show what each step adds.
 

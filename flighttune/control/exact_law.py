@@ -9,13 +9,7 @@ import numpy as np
 
 from flighttune.arrays import check_positive
 from flighttune.control.controller import AntiWindup, Measured, ReferenceSample
-from flighttune.control.gains import (
-    ERRORS,
-    ERRORS_WITH_AIRSPEED,
-    RATES,
-    WITH_AIRSPEED,
-    PIGains,
-)
+from flighttune.control.gains import ERRORS, ERRORS_WITH_AIRSPEED, RATES, WITH_AIRSPEED, PIGains
 from flighttune.control.limits import FREE, RATE_LIMITED, Limits, limit_command
 from flighttune.control.linear_model import LinearModel
 from flighttune.control.mimo_pi import (
@@ -343,11 +337,7 @@ def with_feedback(
 
 
 def exact_step(
-    law: RateLaw,
-    state: PIState,
-    ref: Sequence[float],
-    y: Sequence[float],
-    V_a: float,
+    law: RateLaw, state: PIState, ref: Sequence[float], y: Sequence[float], V_a: float
 ) -> None:
     """One sample of `ExactLaw`, which writes to `state`, written so that Numba compiles it too.
 

@@ -8,12 +8,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from flighttune.arrays import (
-    FloatArray,
-    check_not_negative,
-    check_positive,
-    read_only_vector,
-)
+from flighttune.arrays import FloatArray, check_not_negative, check_positive, read_only_vector
 from flighttune.control.linear_model import LinearModel
 from flighttune.errors import InputError, ShapeError
 
@@ -197,10 +192,7 @@ class InnerLag:
         if self.delay < NO_DELAY:
             return A, B
         rate, n = 2.0 / self.delay, self.order
-        return (
-            np.block([[A, 2.0 * B[:, None]], [np.zeros((1, n)), -rate]]),
-            np.append(-B, rate),
-        )
+        return (np.block([[A, 2.0 * B[:, None]], [np.zeros((1, n)), -rate]]), np.append(-B, rate))
 
 
 def with_inner_loop(model: LinearModel, lags: Sequence[InnerLag]) -> LinearModel:

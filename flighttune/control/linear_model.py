@@ -379,12 +379,7 @@ def jacobian_hull(envelope: Envelope, *, g: float) -> JacobianHull:
     cosine = (cosines[0], 1.0 if level else cosines[1])
     sine_gamma = (math.sin(envelope.gamma[0]), math.sin(envelope.gamma[1]))
     sine_phi = (math.sin(envelope.phi[0]), math.sin(envelope.phi[1]))
-    box = (
-        sine_gamma,
-        (cosine[1] ** -2, cosine[0] ** -2),
-        _product(envelope.n_z, sine_phi),
-        cosine,
-    )
+    box = (sine_gamma, (cosine[1] ** -2, cosine[0] ** -2), _product(envelope.n_z, sine_phi), cosine)
     lower, upper = np.array([_outward(ends) for ends in box]).T
     return JacobianHull(factor=_outward(factor), lower=lower, upper=upper)
 

@@ -12,12 +12,7 @@ import numpy.typing as npt
 from flighttune.arrays import FloatArray
 from flighttune.control.gains import PIGains
 from flighttune.control.inner_loop import with_input_lag
-from flighttune.control.linear_model import (
-    LinearModel,
-    closed_loop,
-    inner_feedback,
-    velocity_form,
-)
+from flighttune.control.linear_model import LinearModel, closed_loop, inner_feedback, velocity_form
 from flighttune.present.answer import Column, Table, pick
 from flighttune.present.names import columns
 

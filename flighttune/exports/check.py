@@ -16,13 +16,7 @@ TOLERANCE = 1e-9
 TIME_LIMIT_S, TIME_LIMIT_PER_S = 60.0, 2.0
 
 # Signals of a run by column of the file; the airspeed is compared where the flight follows one.
-COLUMNS = {
-    "chi": "chi_rad",
-    "gamma": "gamma_rad",
-    "phi": "phi_rad",
-    "n_z": "n_z",
-    "V_a": "V_a_mps",
-}
+COLUMNS = {"chi": "chi_rad", "gamma": "gamma_rad", "phi": "phi_rad", "n_z": "n_z", "V_a": "V_a_mps"}
 
 
 def differences(

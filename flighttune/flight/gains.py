@@ -294,10 +294,7 @@ class Frontier(Answering):
 
 
 def frontier(
-    source: Scenario | str | Path,
-    *,
-    points: int = POINTS,
-    changes: Mapping[str, Any] | None = None,
+    source: Scenario | str | Path, *, points: int = POINTS, changes: Mapping[str, Any] | None = None
 ) -> Frontier:
     """Find the largest R_K for each I_K, beside the paper's and the scenario's gains.
 

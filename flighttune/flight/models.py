@@ -442,10 +442,7 @@ def certify_scenario(
 
 
 def _late(
-    scenario: Scenario,
-    law: Law,
-    lag: npt.ArrayLike | None,
-    everywhere: Sequence[DesignModel] = (),
+    scenario: Scenario, law: Law, lag: npt.ArrayLike | None, everywhere: Sequence[DesignModel] = ()
 ) -> tuple[npt.ArrayLike, FloatArray]:
     """Ranges of lag and delay, s: those of conditions, or the lags given."""
     settings, hold = scenario.tuning, 0.5 / scenario.controller.rate_hz

@@ -26,12 +26,7 @@ from flighttune.references.maps import (
     route_geojson,
     route_kml,
 )
-from flighttune.references.mission import (
-    KINDS,
-    ROUTE_FILES,
-    read_route,
-    route_plan,
-)
+from flighttune.references.mission import KINDS, ROUTE_FILES, read_route, route_plan
 from flighttune.references.path import STEP
 from flighttune.references.vertices import fewer_vertices
 from flighttune.scenario.schema import Scenario

@@ -8,12 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from flighttune.aircraft.aircraft import (
-    AircraftConfig,
-    InnerLoopGains,
-    load_aircraft,
-    save_gains,
-)
+from flighttune.aircraft.aircraft import AircraftConfig, InnerLoopGains, load_aircraft, save_gains
 from flighttune.aircraft.aircraft import Design as DesignTable
 from flighttune.arrays import FloatArray
 from flighttune.errors import InputError, PlantError

@@ -162,11 +162,7 @@ def _channels(
 
 
 def identify_plant(
-    plant_factory: Callable[[], Plant],
-    condition: FlightCondition,
-    limits: Limits,
-    *,
-    seed: int = 0,
+    plant_factory: Callable[[], Plant], condition: FlightCondition, limits: Limits, *, seed: int = 0
 ) -> Identification:
     """Identify the inner loop of a plant about a wings-level trim, inside the limits."""
     changes, lines = multisines(limits, seed=seed)

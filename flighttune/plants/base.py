@@ -321,8 +321,7 @@ PLANT_KINDS: Mapping[str, PlantKind] = MappingProxyType(
         "kinematic": PlantKind(turn="paper", enclosed="the paper's law", batched=True),
         "point_mass": PlantKind(enclosed="the exact point mass"),
         "point_mass_lag": PlantKind(
-            keys=frozenset({*_LAGS, "identified"}),
-            enclosed="the exact point mass behind lags",
+            keys=frozenset({*_LAGS, "identified"}), enclosed="the exact point mass behind lags"
         ),
         "jsbsim": PlantKind(
             keys=frozenset({"aircraft", "throttle_max", "throttle_max_from_s", "airframe"}),

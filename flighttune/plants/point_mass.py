@@ -10,13 +10,7 @@ from flighttune.arrays import FloatArray, Floats, check_positive
 from flighttune.control.inner_loop import InnerLag
 from flighttune.control.limits import Limits
 from flighttune.errors import InputError
-from flighttune.plants.base import (
-    COMMON_SIGNALS,
-    N_X_SIGNALS,
-    FlightCondition,
-    Stop,
-    TurnLaw,
-)
+from flighttune.plants.base import COMMON_SIGNALS, N_X_SIGNALS, FlightCondition, Stop, TurnLaw
 from flighttune.plants.lagged import LaggedChannel
 from flighttune.plants.weather import CALM, NED, WIND, WindRecord, course_of, velocity_along
 from flighttune.units import G_PAPER

@@ -284,12 +284,7 @@ def _is_number(value: Any) -> bool:
 
 
 # Command that reads a file, by the key of the file in an answer.
-READ_BY = {
-    "recording": "view",
-    "dataset": "report",
-    "proof": "verify",
-    "scenario": "fly",
-}
+READ_BY = {"recording": "view", "dataset": "report", "proof": "verify", "scenario": "fly"}
 
 
 WIDTH = 100  # characters of a result that is printed from Python

@@ -27,12 +27,7 @@ MORE = (
 
 # For one gain set on more than two plants, such as the rungs from the law to an aircraft: no hue of
 # a gain set.
-PLANTS = (
-    ("#7C8794", "grey"),
-    ("#A99BC9", "lilac"),
-    ("#8A5FBF", "plum"),
-    ("#B03AD0", "orchid"),
-)
+PLANTS = (("#7C8794", "grey"), ("#A99BC9", "lilac"), ("#8A5FBF", "plum"), ("#B03AD0", "orchid"))
 
 # References: readable on a dark and on a white ground.
 NEUTRAL = "#8C8C8C"

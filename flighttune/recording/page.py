@@ -38,10 +38,7 @@ SIDE, MIDDLE = 0.23, 0.31  # shares of the width of Overview: the view from behi
 
 
 def blueprint(
-    flights: Sequence[DrawnRun],
-    plots: Mapping[str, Sequence[Plot]],
-    *,
-    on_map: bool = False,
+    flights: Sequence[DrawnRun], plots: Mapping[str, Sequence[Plot]], *, on_map: bool = False
 ) -> rrb.Blueprint:
     """Lay out the runs that flew, with the plots of each tab; without runs only the page."""
     page = rrb.TextDocumentView(origin=entities.PAGE, name=PAGE_TAB)
@@ -144,10 +141,7 @@ def _layout(tabs: Sequence[rrb.Container | rrb.View]) -> rrb.Blueprint:
 
 
 def _scene_view(
-    name: str,
-    eye: scene.Eye,
-    *contents: str,
-    origin: str = entities.WORLD,
+    name: str, eye: scene.Eye, *contents: str, origin: str = entities.WORLD
 ) -> rrb.Spatial3DView:
     """A 3D view of entities from a camera, in the axes of `origin`."""
     return rrb.Spatial3DView(

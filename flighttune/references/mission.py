@@ -47,11 +47,7 @@ ABOVE_HOME, NO_FRAME = 3, 2
 
 
 def route_plan(
-    where: Where,
-    marks: Marks,
-    V_a: float,
-    ground: float,
-    stated: Mapping[str, Any] | None = None,
+    where: Where, marks: Marks, V_a: float, ground: float, stated: Mapping[str, Any] | None = None
 ) -> str:
     """A plan of the path at the airspeed `V_a` (m/s) from a home position at `ground` (m).
 

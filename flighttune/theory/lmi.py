@@ -13,11 +13,7 @@ from typing import Any
 
 TOLERANCE = 1e-9  # gap and feasibility asked of the solver, for problems scaled to order one
 
-SOLVER_OPTIONS = {
-    "tol_gap_abs": TOLERANCE,
-    "tol_gap_rel": TOLERANCE,
-    "tol_feas": TOLERANCE,
-}
+SOLVER_OPTIONS = {"tol_gap_abs": TOLERANCE, "tol_gap_rel": TOLERANCE, "tol_feas": TOLERANCE}
 
 # Statuses of cvxpy with which the unknowns have values.
 SOLVED = "optimal", "optimal_inaccurate"

@@ -150,11 +150,7 @@ def paper_balls(A_K: npt.ArrayLike, A: npt.ArrayLike, *, I_K: float, L_d: float)
 
 
 def invariant_ellipsoid(
-    A: npt.ArrayLike,
-    E: npt.ArrayLike,
-    *,
-    L_d: float,
-    slack: float = 0.0,
+    A: npt.ArrayLike, E: npt.ArrayLike, *, L_d: float, slack: float = 0.0
 ) -> Ellipsoid:
     """The invariant ellipsoid of ``s' = A s + E v``, ``|v| <= L_d``, with the smallest radius.
 

@@ -125,11 +125,7 @@ def _lyapunov_spectra(A: FloatArray) -> FloatArray:
 
 
 def _integrals(
-    A: Numbers,
-    eigenvalues: Numbers,
-    per_norm: Numbers,
-    E: FloatArray,
-    C: FloatArray,
+    A: Numbers, eigenvalues: Numbers, per_norm: Numbers, E: FloatArray, C: FloatArray
 ) -> Numbers:
     """`largest_outputs` of stable loops; `per_norm`: tail of the integral per norm of the state."""
     totals = np.zeros((len(A), len(C)), dtype=A.dtype)

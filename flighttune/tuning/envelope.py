@@ -284,12 +284,7 @@ def rate_chart(curves: Mapping[str, tuple[FloatArray, FloatArray]], envelope: En
 
 
 def tune_over_envelope(
-    problem: TuningProblem,
-    envelope: Envelope,
-    trim: Envelope,
-    *,
-    g: float,
-    starts: int = 2,
+    problem: TuningProblem, envelope: Envelope, trim: Envelope, *, g: float, starts: int = 2
 ) -> TuningResult:
     """Gains with the largest rate over an envelope, under the constraints of a tuning problem.
 
@@ -350,12 +345,7 @@ def tune_over_envelope(
 
 
 def _grow(
-    problem: TuningProblem,
-    k: FloatArray,
-    envelope: Envelope,
-    trim: Envelope,
-    *,
-    g: float,
+    problem: TuningProblem, k: FloatArray, envelope: Envelope, trim: Envelope, *, g: float
 ) -> tuple[float, Point] | None:
     """Ascend on ever larger parts of the envelope; the factor reached and the point there."""
     space = search_space(problem)

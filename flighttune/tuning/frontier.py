@@ -108,12 +108,7 @@ def frontier_chart(
     marks = marks[marks["R_K"] > 0.0]
     radii = np.concatenate([np.asarray(table[against], dtype=float) for table in (along, marks)])
     spread = len(radii) > 1 and radii.max() > DECADE * radii.min()
-    chart = Chart(
-        title=title,
-        x=x,
-        y="R_K, guaranteed rate [1/s]",
-        log="x" if spread else "",
-    )
+    chart = Chart(title=title, x=x, y="R_K, guaranteed rate [1/s]", log="x" if spread else "")
     chart.line(along[against], along["R_K"], NEUTRAL, width=2.4, name="largest R_K found")
     columns = (np.asarray(marks[key]) for key in ("name", against, "R_K", "within_limits"))
     points = list(zip(*columns, strict=True))

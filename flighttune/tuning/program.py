@@ -17,11 +17,7 @@ from flighttune.tuning.problem import SearchSpace, TuningProblem, quadratic_cost
 Objective = Literal["R_K", "I_K", "factor", "trace", "cost"]
 
 # Cost of (top, bottom, sigma_floor, factor) for each objective that is linear in them
-COSTS = {
-    "R_K": (1.0, 0.0, 0.0, 0.0),
-    "I_K": (2.0, -1.0, -1.0, 0.0),
-    "factor": (0.0, 0.0, 0.0, 1.0),
-}
+COSTS = {"R_K": (1.0, 0.0, 0.0, 0.0), "I_K": (2.0, -1.0, -1.0, 0.0), "factor": (0.0, 0.0, 0.0, 1.0)}
 NO_COST = np.zeros(4)
 
 SMALLEST_FACTOR = 1e-6

@@ -129,10 +129,7 @@ def test_a_log_lies_among_the_flights_or_not(beside, file, tmp_path):
     near = write_dataflash(tmp_path / "near.bin", t, signals)
     off = {"cross_track": 0.0 * t + 50.0, "phi_cmd": 2.0 * signals["phi_cmd"]}
     far = write_dataflash(tmp_path / "far.bin", t, signals | off)
-    for log, among in (
-        (near, None),
-        (far, "outside of the flights with your guidance in cross"),
-    ):
+    for log, among in ((near, None), (far, "outside of the flights with your guidance in cross")):
         answer = ft.compare("circuit_in_wind", autopilot=file, log=str(log), **FEW).answer()
         cross, height, roll = answer.values["tracking"]
         assert "not checked" not in answer.summary[3]

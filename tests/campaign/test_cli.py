@@ -8,15 +8,7 @@ import subprocess
 import sys
 
 import pytest
-from campaigns import (
-    bits,
-    children,
-    flying,
-    gone,
-    some_parts,
-    wait_until,
-    write_campaign,
-)
+from campaigns import bits, children, flying, gone, some_parts, wait_until, write_campaign
 from commands import answer, flighttune
 from fuzzing import first_or_all
 

@@ -10,13 +10,7 @@ from scipy import stats
 from scipy.stats import qmc
 
 import flighttune as ft
-from flighttune.planning.draws import (
-    SOBOL_BITS,
-    copula_factor,
-    correlated,
-    run_seeds,
-    unit_points,
-)
+from flighttune.planning.draws import SOBOL_BITS, copula_factor, correlated, run_seeds, unit_points
 from flighttune.planning.schema import CorrelationTable
 from flighttune.plants.jsbsim.plant import LARGEST_SEED
 

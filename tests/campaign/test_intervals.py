@@ -13,10 +13,7 @@ ROUNDING = 1e-9
 """Absolute; both sides compute the same closed form."""
 
 COUNTS = [(0, 1), (1, 1), (0, 20), (1, 20), (10, 20), (20, 20), (81, 263), (999, 1000)]
-METHODS = {
-    "wilson": rate_interval,
-    "exact": partial(rate_interval, method="clopper-pearson"),
-}
+METHODS = {"wilson": rate_interval, "exact": partial(rate_interval, method="clopper-pearson")}
 """By the name that scipy gives each."""
 
 

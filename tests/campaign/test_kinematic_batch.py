@@ -112,11 +112,7 @@ DISTURBED_BY = {"disturbance": WAVE, "expect": [SUCCESS]}
     ("tables", "dispersed", "runs"),
     [
         (DISTURBED_BY, EVERYTHING, 160),
-        (
-            {**DISTURBED_BY, "sensors": {"noise_time_constant_s": 0.3}},
-            (*EVERYTHING, *SEEN),
-            160,
-        ),
+        ({**DISTURBED_BY, "sensors": {"noise_time_constant_s": 0.3}}, (*EVERYTHING, *SEEN), 160),
         ({"reference": MOVING}, MOVED, 60),
         ({**DISTURBED_BY, "law": [EXACT], "gains": ["paper"]}, EVERYTHING, 80),
         ({**DISTURBED_BY, "law": [EXACT], "gains": [FED], "limits": HIGH}, EVERYTHING, 40),

@@ -15,13 +15,7 @@ import flighttune as ft
 from flighttune.campaign import worst as worst_module
 from flighttune.campaign.engine.pool import WorkerPool
 from flighttune.campaign.flying.rows import fly_runs
-from flighttune.campaign.worst import (
-    SEEDS_EVERY,
-    StatedSet,
-    find_worst,
-    search_worst,
-    value_of,
-)
+from flighttune.campaign.worst import SEEDS_EVERY, StatedSet, find_worst, search_worst, value_of
 from flighttune.metrics import measures
 from flighttune.simulate.bounds import ERRORS, Bounds
 from tests.tubes.test_soundness import made_up

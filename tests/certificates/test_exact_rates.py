@@ -72,10 +72,7 @@ SAMPLED = {
 
 @pytest.mark.parametrize(
     ("place", "forgery"),
-    [
-        *((place, name) for place in (0, 1) for name in FORGERIES),
-        *((1, x) for x in SAMPLED),
-    ],
+    [*((place, name) for place in (0, 1) for name in FORGERIES), *((1, x) for x in SAMPLED)],
 )
 def test_a_forged_exact_rate_is_not_valid(mission, place, forgery):
     rate = mission.exact_rates[place]

@@ -63,10 +63,7 @@ def options(settings):
 VERBS = {
     "campaign": (planned, ["first_campaign", "--dry-run", "--runs", 8, "--workers", 1]),
     "tune": (lambda: ft.tune("paper"), ["paper"]),
-    "tune --prove": (
-        lambda: ft.tune("paper", prove=True),
-        ["paper", "--prove", "bound.json"],
-    ),
+    "tune --prove": (lambda: ft.tune("paper", prove=True), ["paper", "--prove", "bound.json"]),
     "tune --envelope": (
         lambda: ft.tune("paper_identified", envelope=True, changes=IDENTIFIED),
         ["paper_identified", "--envelope", "--set", "tuning.model=identified"],

@@ -65,12 +65,7 @@ def test_the_last_bit_of_one_sample_is_found(folder, tmp_path):
 
     assert changed["run"] == run.label
     assert changed["differences"] == [
-        {
-            "what": "phi",
-            "t": t,
-            "recorded": float(np.nextafter(was, 9.0)),
-            "reflown": was,
-        }
+        {"what": "phi", "t": t, "recorded": float(np.nextafter(was, 9.0)), "reflown": was}
     ]
     assert err.startswith(f"flighttune: {path}: {run.label}: phi differs at t = 1.54 s: ")
     assert err.count("\n") == 1

@@ -37,10 +37,7 @@ def test_what_does_not_fly_works(tmp_path):
 
 @pytest.mark.parametrize(
     "command",
-    [
-        "campaign first_campaign -q --workers 1 --out runs",
-        "gap flight.csv --aircraft aerosonde",
-    ],
+    ["campaign first_campaign -q --workers 1 --out runs", "gap flight.csv --aircraft aerosonde"],
 )
 def test_what_needs_a_copy_is_refused_in_one_line(tmp_path, command):
     (tmp_path / "flight.csv").write_text("t,chi\n0.0,0.0\n1.0,0.0\n")

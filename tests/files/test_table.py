@@ -121,8 +121,7 @@ def test_a_long_word_is_read_in_one_pass(tmp_path, text):
 
 
 @pytest.mark.parametrize(
-    "text",
-    ["{} = 1", "[{}]", "[[{}]]", "a = {{ {} = 1 }}", "a = {{ b = 1, {} = 1 }}", "  {} = 1"],
+    "text", ["{} = 1", "[{}]", "[[{}]]", "a = {{ {} = 1 }}", "a = {{ b = 1, {} = 1 }}", "  {} = 1"]
 )
 @pytest.mark.parametrize("part", ["a", '"a b"', "'a.b'", "a ", "\ta"])
 def test_a_deep_key_is_refused_at_once(tmp_path, text, part):

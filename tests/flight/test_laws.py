@@ -101,10 +101,7 @@ def test_its_rate_is_the_same_over_any_envelope_and_kstar_has_none_there():
     [
         ({"law": "best"}, "`law` must name paper or exact, got 'best'"),
         ({"law": ["exact", "exact"]}, "`law` must not name anything twice"),
-        (
-            {"law": [{"name": "a", "kind": "paper", "braking": 0.5}]},
-            "`braking` .* kind exact only",
-        ),
+        ({"law": [{"name": "a", "kind": "paper", "braking": 0.5}]}, "`braking` .* kind exact only"),
         ({"law": [{"name": "exact", "kind": "paper"}]}, "`name` of .* must not be 'exact'"),
         ({"tuning": {"input_limits": True}}, "`input_limits` of .* absent with the exact law"),
         ({"expect": [{"gains": "exact:K1", "status": "completed"}]}, "`gains` of .* 'exact:K1'"),

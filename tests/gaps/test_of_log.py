@@ -38,9 +38,7 @@ def log(tmp_path_factory):
         "limits": {"phi_deg": [-40, 40], "n_z": [0.4, 1.8]},
         "controller": {"rate_hz": 50.0, "feed_forward": True},
         "wind": {"speed_mps": 6.0, "from_deg": 240.0},
-        "plant": [
-            {"kind": "jsbsim", "aircraft": "c172p", "airframe": {"mass_factor": MASS}},
-        ],
+        "plant": [{"kind": "jsbsim", "aircraft": "c172p", "airframe": {"mass_factor": MASS}}],
     }
     (run,) = ft.fly(ft.scenario_from(scenario)).runs
     assert run.status == "completed", run.outcome

@@ -6,14 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from commands import answer, flighttune
-from log_files import (
-    LOAD,
-    ROLL,
-    sampled,
-    write_csv,
-    write_tlog,
-    write_ulog,
-)
+from log_files import LOAD, ROLL, sampled, write_csv, write_tlog, write_ulog
 
 import flighttune as ft
 from flighttune.logs.identify import interval_of

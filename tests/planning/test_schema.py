@@ -8,12 +8,7 @@ import tomlkit
 
 import flighttune as ft
 from flighttune import load_scenario
-from flighttune.planning.schema import (
-    DISTRIBUTIONS,
-    CampaignTable,
-    CorrelationTable,
-    KeepTable,
-)
+from flighttune.planning.schema import DISTRIBUTIONS, CampaignTable, CorrelationTable, KeepTable
 
 ROOT = Path(__file__).parents[2]
 HEAD = 'title = "t"\nscenario = "level_turn"\nruns = 10\n'
@@ -161,8 +156,7 @@ def test_campaign_puts_its_gains_plants_and_overrides_into_the_scenario(load):
 
 
 @pytest.mark.parametrize(
-    ("asked", "flown"),
-    [(["mine"], ["mine", "exact:mine"]), (["exact:mine", "exact:paper"],) * 2],
+    ("asked", "flown"), [(["mine"], ["mine", "exact:mine"]), (["exact:mine", "exact:paper"],) * 2]
 )
 def test_a_campaign_takes_the_gains_of_its_scenario_by_their_names(asked, flown, load, tmp_path):
     rows = {"K_P": [[1.0, 0.0], [0.0, 2.0]], "K_I": [[0.1, 0.0], [0.0, 0.2]]}

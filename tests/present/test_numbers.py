@@ -16,8 +16,7 @@ from flighttune.present.names import (
 
 
 @pytest.mark.parametrize(
-    ("value", "text"),
-    [(0.123456, "0.1235"), (math.nan, "–"), (math.inf, "∞"), (-math.inf, "−∞")],
+    ("value", "text"), [(0.123456, "0.1235"), (math.nan, "–"), (math.inf, "∞"), (-math.inf, "−∞")]
 )
 def test_numbers_without_a_value_are_a_dash(value, text):
     assert number(value) == text

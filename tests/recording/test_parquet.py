@@ -13,13 +13,7 @@ import pytest
 
 import flighttune as ft
 from flighttune.files.seal import BLANK, seal
-from flighttune.records.parquet import (
-    DESCRIPTION,
-    SEAL,
-    parquet_bytes,
-    parts_of,
-    read_run,
-)
+from flighttune.records.parquet import DESCRIPTION, SEAL, parquet_bytes, parts_of, read_run
 from flighttune.simulate.run import SIGNAL_UNITS
 
 

@@ -118,11 +118,7 @@ def test_aircraft_are_where_they_flew_with_their_attitude(contents, four_runs):
         at = run.signals.iloc[123]
         body = rotation(*carried[123]) @ rotation(*turned[123])
         pitch, heading = at.get("theta", at["gamma"]), at.get("psi", at["chi"])
-        nose = [
-            np.cos(pitch) * np.cos(heading),
-            np.cos(pitch) * np.sin(heading),
-            -np.sin(pitch),
-        ]
+        nose = [np.cos(pitch) * np.cos(heading), np.cos(pitch) * np.sin(heading), -np.sin(pitch)]
         right_wing_down = np.sin(at["phi"]) * np.cos(pitch)
 
         flown = run.signals[["north", "east", "down"]].to_numpy()

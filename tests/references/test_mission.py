@@ -188,10 +188,7 @@ def test_what_of_a_waypoint_is_not_flown_is_said(tmp_path):
 # of the waypoint that they become.
 CIRCLES = {
     "without an end": (item(17, 0, 0, -200, None, *PLACE), {"turns": -2.0, "radius_m": 200.0}),
-    "by time": (
-        item(19, 90, 0, 220, 1, *PLACE),
-        {"turns": 1.0, "radius_m": 220.0, "hold_s": 90.0},
-    ),
+    "by time": (item(19, 90, 0, 220, 1, *PLACE), {"turns": 1.0, "radius_m": 220.0, "hold_s": 90.0}),
     "to a height": (
         item(31, 1, -210, 0, 1, *PLACE),
         {"turns": -1.0, "radius_m": 210.0, "spiral": True},

@@ -50,11 +50,7 @@ def test_a_scenario_cannot_be_changed():
 
 
 WRONG = [
-    (
-        "flight",
-        {"V_a_mps": -50.0},
-        r"\[flight\] `V_a_mps` must be greater .* 1, got -50\.0",
-    ),
+    ("flight", {"V_a_mps": -50.0}, r"\[flight\] `V_a_mps` must be greater .* 1, got -50\.0"),
     ("flight", {"V_a": 50.0}, r"\[flight\] `V_a` is not a known key; did you mean `V_a_mps`\?"),
     ("flight", {"V_a_mps": "25"}, r"`V_a_mps` must be a valid number, got '25'"),
     ("flight", {"duration_s": 0.01}, r"`duration_s` of \[flight\] must be at least two samples"),

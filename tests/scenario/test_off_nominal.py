@@ -31,10 +31,7 @@ def test_sensors_are_in_radians_and_draw_from_the_seed_of_the_scenario():
     found = scenario.sensors.sensors(scenario.seed)
 
     assert found == ft.loop.Sensors(
-        bias=(DEG, -2.0 * DEG, 0.5),
-        noise_sd=(0.1 * DEG, 0.2 * DEG, 0.3),
-        time_constant=0.4,
-        seed=4,
+        bias=(DEG, -2.0 * DEG, 0.5), noise_sd=(0.1 * DEG, 0.2 * DEG, 0.3), time_constant=0.4, seed=4
     )
 
 

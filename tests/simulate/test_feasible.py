@@ -170,9 +170,7 @@ def test_the_reference_may_begin_elsewhere_than_the_flight():
         ({"limits": {"phi_deg": [-4.5e-5, 40.0]}}, "`phi`.*to the left.*got 4.05e-05 deg"),
         ({"limits": {"phi_rate_dps": 1e-6}}, "within the limits in 200 s, got none"),
         (
-            {
-                "plant": [{"kind": "point_mass_lag", "roll_lag_rad_s": 0.05, "n_z_lag_rad_s": 5.0}],
-            },
+            {"plant": [{"kind": "point_mass_lag", "roll_lag_rad_s": 0.05, "n_z_lag_rad_s": 5.0}]},
             "lag of the first plant must settle within 200 s .* got 240 s",
         ),
     ],

@@ -4,13 +4,7 @@ import numpy as np
 import pytest
 from scipy.linalg import solve_continuous_lyapunov
 
-from flighttune.theory.exact import (
-    Verification,
-    exact,
-    provable_rate,
-    radius_checks,
-    rate_checks,
-)
+from flighttune.theory.exact import Verification, exact, provable_rate, radius_checks, rate_checks
 
 A = np.array([[-1.0, 2.0], [0.0, -3.0]])
 E = np.array([[1.0], [1.0]])

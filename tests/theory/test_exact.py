@@ -9,13 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import flighttune as ft
-from flighttune.theory.exact import (
-    cosine,
-    exact,
-    positive_definite,
-    product,
-    sine,
-)
+from flighttune.theory.exact import cosine, exact, positive_definite, product, sine
 
 angles = st.floats(-1.57, 1.57)
 entries = st.integers(-6, 6)

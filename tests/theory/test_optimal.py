@@ -82,10 +82,7 @@ def test_loops_of_any_size_satisfy_the_inequalities_of_the_proof():
         assert max(R, sigma) <= 1.0
 
 
-@pytest.mark.parametrize(
-    "I_star",
-    [pytest.param(5.0, marks=pytest.mark.counts), 20.0, 3.0],
-)
+@pytest.mark.parametrize("I_star", [pytest.param(5.0, marks=pytest.mark.counts), 20.0, 3.0])
 def test_the_bound_is_proven_within_two_percent_of_the_optimum(tmp_path, I_star):
     bound = bound_rate(MODEL, I_star)
     write(bound, tmp_path / "bound.json")

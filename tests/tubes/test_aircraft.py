@@ -173,10 +173,7 @@ def test_with_its_band_boxes_are_rebuilt_and_flown_again(tmp_path):
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("factor", "claim", "name"),
-    [
-        (0.1, {}, "boxes"),
-        (1.0, {"band_sha256": "0" * 64}, "band_sha256"),
-    ],
+    [(0.1, {}, "boxes"), (1.0, {"band_sha256": "0" * 64}, "band_sha256")],
 )
 def test_boxes_other_than_those_counted_are_refused(proof, tmp_path, factor, claim, name):
     boxes = {"boxes": factor * arrays_of(proof[0])["boxes"]}

@@ -279,11 +279,7 @@ def warm_up(plan: Plan) -> None:
 
 
 def _fly_alone(
-    plan: Plan,
-    scenario: Scenario,
-    group: Group,
-    wind_runs: dict[Group, Run],
-    probes: Probes,
+    plan: Plan, scenario: Scenario, group: Group, wind_runs: dict[Group, Run], probes: Probes
 ) -> Row:
     """Outcome of one flight; `wind_runs` as for `fly_group`."""
     began = time.perf_counter()

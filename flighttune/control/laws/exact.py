@@ -6,13 +6,7 @@ from typing import ClassVar
 
 from flighttune.arrays import FloatArray
 from flighttune.control.controller import LawSetup
-from flighttune.control.exact_law import (
-    BRAKING,
-    LIFT_FLOOR,
-    ExactLaw,
-    Priority,
-    rate_model,
-)
+from flighttune.control.exact_law import BRAKING, LIFT_FLOOR, ExactLaw, Priority, rate_model
 from flighttune.control.gains import RATES
 from flighttune.control.inner_loop import InnerLag
 from flighttune.control.law import Law, OuterLoop, SampledController, Trim

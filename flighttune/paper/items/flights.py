@@ -136,8 +136,7 @@ def fig12(study: Study) -> Made:
     return Made(
         figures={
             "fig12": sheet(
-                _command_charts(flight.t, commands, looks),
-                legend=[*named(looks), PRINTED_RANGE],
+                _command_charts(flight.t, commands, looks), legend=[*named(looks), PRINTED_RANGE]
             ),
             "fig12_rate_limits": sheet(read, legend=[*named(READING_LOOKS), PRINTED_RANGE]),
         },

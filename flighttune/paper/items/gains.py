@@ -173,10 +173,7 @@ def table2(study: Study) -> Made:
         figures={"table2": _table2_panels(study, table)},
         tables={"table2": table.reset_index()},
         values={name: {"R_K": row.R_K, "I_K": row.I_K} for name, row in study.indicators.items()},
-        numbers={
-            "largest_distance": distance.drop(STAR).max(),
-            "distance_of_star": distance[STAR],
-        },
+        numbers={"largest_distance": distance.drop(STAR).max(), "distance_of_star": distance[STAR]},
     )
 
 

@@ -522,11 +522,7 @@ def trim_table(
 
 
 def _trimmed(
-    fdm: Fdm,
-    condition: FlightCondition,
-    *,
-    thrust_short: bool,
-    near: FloatArray | None,
+    fdm: Fdm, condition: FlightCondition, *, thrust_short: bool, near: FloatArray | None
 ) -> tuple[FloatArray | None, dict[str, float] | None, str]:
     """Steady flight as unknowns and as numbers of a file, or what stands against it."""
     faults = (
