@@ -114,8 +114,9 @@ VERBS = {
 def of_the_value(found):
     """The answer without what belongs to the command, such as where it wrote files."""
     kept = {key: value for key, value in found.items() if key not in OF_THE_COMMAND}
-    if "notes" in kept:  # some name a file for the next command
-        kept["notes"] = [note for note in kept["notes"] if ": flighttune " not in note]
+    if "notes" in kept:  # some name a file for the next command, or one of its options
+        of_command = ": flighttune ", "`--"
+        kept["notes"] = [x for x in kept["notes"] if not any(y in x for y in of_command)]
     for runs in (kept.get("ladder"), kept.get("runs")):
         for run in runs if isinstance(runs, list) else ():
             run.pop("signals", None)

@@ -169,14 +169,3 @@ def test_a_file_of_gains_keeps_the_feedback(tmp_path):
     file.write_text(json.dumps({**rates().as_lists(), "feedback": [1.5, 0.0]}))
     with pytest.raises(ft.ScenarioError, match=r"fed\.json: `feedback"):
         ft.load_gains(file)
-
-
-def fed_scenario(**tables):
-    gains = {"name": "fed", **rates().as_lists()}
-    return ft.load_scenario("mission", changes={"law": ["exact"], "gains": [gains], **tables})
-
-
-def test_a_tube_that_would_be_about_another_law_is_refused():
-    tables = fed_scenario().as_dict()
-    with pytest.raises(ft.InputError, match=r"must have no `feedback` .*enclosed"):
-        ft.tube(ft.scenario_from(tables | {"plant": [{"kind": "point_mass"}]}))
