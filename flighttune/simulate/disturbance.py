@@ -65,8 +65,8 @@ class Sinusoid:
         `V_a` (m/s) is the airspeed, `chi` and `gamma` (rad) the direction of flight about which the
         wind is laid: horizontal and across for the course, normal to the path for the climb, with
         amplitudes ``V_a cos(gamma) a_chi/omega_chi`` and ``V_a a_gamma/omega_gamma``.
-        ``docs/weather.md`` derives it. Both frequencies must be positive where there is an
-        amplitude.
+        ``design/oscillating_wind.md`` derives it. Both frequencies must be positive where there is
+        an amplitude.
         """
         across = V_a * math.cos(gamma) * _quotient(self.chi_amplitude, self.chi_omega)
         normal = V_a * _quotient(self.gamma_amplitude, self.gamma_omega)

@@ -1,4 +1,4 @@
-"""The corridor of docs/routes.md, "Proven for the point mass", against what is flown."""
+"""The corridor that design/corridor.md proves for the point mass, against what is flown."""
 
 import math
 
