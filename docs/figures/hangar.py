@@ -8,7 +8,6 @@ on two cores; then the turns are flown again and drawn.
 import json
 import math
 import os
-import resource
 import subprocess
 import sys
 import tomllib
@@ -49,7 +48,7 @@ COLUMNS = [*columns("model V_a_mps"), Column("circuit.cross_track_m", "beside ci
 
 def adopted(model: str, folder: Path) -> dict[str, Any]:
     """The answer of the command for a model; a crash or an endless flight refuses it."""
-    done, began = None, processor_time()
+    done = None
     answer: dict[str, Any]
     try:
         done = flighttune("adopt", model, "--json", "--out", folder)
@@ -60,7 +59,6 @@ def adopted(model: str, folder: Path) -> dict[str, Any]:
         assert done is not None
         reason = f"its process ended with status {done.returncode}: {done.stderr}"
         answer = {"status": "refused", "reason": reason}
-    answer["cpu_s"] = processor_time() - began
     if answer["status"] != "refused":
         answer |= proved(folder)
     print(f"{model}: {answer['status']}", flush=True)
@@ -71,12 +69,6 @@ def flighttune(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
     """Run a command to its end."""
     command = [sys.executable, "-m", "flighttune", *arguments]
     return subprocess.run(command, capture_output=True, text=True, timeout=MAX_TIME_S)
-
-
-def processor_time() -> float:
-    """Processor time of the commands of this process, s."""
-    used = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return used.ru_utime + used.ru_stime
 
 
 def proved(folder: Path) -> dict[str, Any]:
@@ -94,7 +86,7 @@ def circuit(folder: Path) -> dict[str, Any]:
     """
     turn = tomllib.loads((folder / "turn.toml").read_text(encoding="utf-8"))
     if not load_aircraft(str(folder)).engines.count:
-        return {}
+        return {"why": "it flies without an engine, about its steady glide"}
     why, file = "", folder / "circuit.toml"
     for margin, look_ahead, climb in CIRCUITS:
         text = toml_text(circuit_of(turn, margin, look_ahead, climb))
@@ -106,7 +98,7 @@ def circuit(folder: Path) -> dict[str, Any]:
             largest = ("cross_track_m", "height_err_m")
             return {key: max(run[key] for run in flown) for key in largest}
         why = answer.get("verdict") or done.stderr.strip()
-    return {"why": why}
+    return {"why": f"misses the circuit: {why}"}
 
 
 def circuit_of(
@@ -215,24 +207,21 @@ def listed(said: Iterable[tuple[str, str]]) -> str:
 
 
 def remarks_of(answer: dict[str, Any]) -> list[str]:
-    """What an answer says of a model beside its numbers."""
-    why = answer.get("circuit", {}).get("why")
-    remarks = [answer["reason"], *answer.get("notes", ()), why and f"misses the circuit: {why}"]
-    return [*filter(None, remarks)]
+    """Why a model is not adopted, or does not fly the circuit."""
+    return [*filter(None, (answer["reason"], answer.get("circuit", {}).get("why")))]
 
 
 def hangar_text(answers: Sequence[dict[str, Any]], rows: Sequence[dict[str, str]]) -> str:
     """The page: a row for each model that is adopted, remarks, and why others are refused."""
     of = {status: [one for one in answers if one["status"] == status] for status in STATUSES}
     flown, adopted = of["adopted"] + of["flies"], of["adopted"]
-    early = [one["model"] for one in flown if one["flown"]["paper"]["status"] != "completed"]
     chi, gamma = (
         sum(one["flown"]["tuned"]["ITAE"][c] < one["flown"]["paper"]["ITAE"][c] for one in adopted)
         for c in ("chi", "gamma")
     )
     fits = [min(one["fit_percent"][key] for one in flown) for key in ("phi", "n_z")]
     height = max(one["circuit"].get("height_err_m", 0.0) for one in adopted)
-    times, most = sorted(one["cpu_s"] for one in flown), max(one["export"] for one in flown)
+    most = max(one["export"] for one in flown)
     return f"""# The hangar: every model of JSBSim's own set
 
 JSBSim comes with {len(answers)} models. This page says which of them `flighttune adopt MODEL` turns
@@ -244,9 +233,7 @@ into an aircraft that every command takes: {
         version("jsbsim")
     }.
 
-NASA's check cases 11 and 13 are not compared: their F-16 is another model than JSBSim's `f16`,
-which has other tables and an empty weight of 17,400 lbf, and the package that has them,
-simupy-flight, cannot be installed from PyPI.
+NASA's check cases 11 and 13 are not compared: their F-16 is another model than JSBSim's `f16`.
 
 ## Adopted
 
@@ -259,13 +246,13 @@ most.
 {Table(columns=COLUMNS, records=adopted).markdown()}
 
 The identified models fit roll by {fits[0]:.1f} % or better and load factor by {fits[1]:.1f} % or
-better. Exported turns differ from flown ones by at most {most:.0e}. A model takes {times[0]:.0f} to
-{times[-1]:.0f} s of processor time.
+better. Exported turns differ from flown ones by at most {most:.0e}.
 Gains tuned on the identified model have a smaller ITAE than the paper's K* scaled with airspeed on
 {chi} of {len(adopted)} aircraft for course and {gamma} for path angle, over the time flown.
-K* ends the flight early on {", ".join(early)}.
 
 ## Remarks
+
+What else is said of a model, of its engines, inertias and flight control, `adopt` prints.
 
 {listed((one["model"], remark) for one in flown for remark in remarks_of(one))}
 
