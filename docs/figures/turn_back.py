@@ -1,4 +1,4 @@
-"""Print the table of docs/missions.md: python docs/figures/turn_back.py FOLDER FLIGHTS [ROUTE ...].
+"""Print numbers of docs/missions.md: python docs/figures/turn_back.py FOLDER FLIGHTS [ROUTE ...].
 
 Counts the room to turn back of five routes with `flighttune mission`, unless FOLDER has its files.
 Then flies so many FLIGHTS of another seed, each from a random place in the flight geography, and
