@@ -1,6 +1,6 @@
-"""The table of docs/exact_law.md: what R_K, E_K, the exact rate and the sensitivity say.
+"""The numbers of docs/exact_law.md: what R_K, E_K, the exact rate and the sensitivity say.
 
-``python docs/figures/behind_a_lag.py`` prints it, which takes half a minute.
+``python docs/figures/behind_a_lag.py`` prints them, which takes half a minute.
 """
 
 import math

@@ -153,7 +153,7 @@ def test_the_largest_r_k_is_no_enhancement_behind_an_identified_lag(found):
     claim = found["overall-enhancement"]
 
     assert claim.verdict == "not reproduced"
-    # eigenvalues and E_K of the table in docs/exact_law.md, printed with two decimals
+    # eigenvalues and E_K that docs/figures/behind_a_lag.py prints, with two decimals
     printed = 0.69 / 1.34, 0.90 / 2.14
     assert [check.computed for check in claim.checks] == pytest.approx(printed, rel=0.01)
 
