@@ -142,7 +142,8 @@ def test_the_wind_of_a_sinusoid_turns_the_path_through_the_air_at_its_rates(fly)
 
 
 def test_in_a_climb_it_turns_the_path_over_ground_as_the_tilt_of_the_force_does(fly):
-    # gamma' = g sin(gamma)/V (d_gamma + W), W the wind normal to the path over V: docs/weather.md.
+    # gamma' = g sin(gamma)/V (d_gamma + W), W the wind normal to the path over V:
+    # design/oscillating_wind.md.
     gamma, omega, depth = math.radians(15.0), 0.3, 0.02 / 0.3
     sinusoid = Sinusoid(chi_amplitude=0.0, chi_omega=0.0, gamma_amplitude=0.02, gamma_omega=omega)
 
