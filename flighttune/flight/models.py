@@ -298,8 +298,9 @@ def tune_scenario(
 @lru_cache(maxsize=64)  # flights, bands and pages of a scenario ask for its gains again and again
 def _solved(problems: bytes, starts: int) -> TuningResult:
     asked = pickle.loads(problems)
-    tune = tune_problem if isinstance(asked, TuningProblem) else tune_worst_case
-    return tune(asked, starts=starts)
+    if isinstance(asked, TuningProblem):
+        return tune_problem(asked, starts=starts)
+    return tune_worst_case(asked, starts=starts)
 
 
 def gain_sets(scenario: Scenario) -> tuple[dict[str, PIGains | None], TuningResult | None]:
