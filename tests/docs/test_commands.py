@@ -54,7 +54,8 @@ NOT_RUN = {
         "|mission (mission.plan --plan|runs/circuit-band.npz --fence))"
     ),
     "a log of the reader's own: tests/logs and tests/gaps": (
-        "flighttune (report|gap|compare) flight.ulg|flighttune identify (monday.ulg|flight.tlog)"
+        "flighttune (report|gap|compare) (flight.ulg|today.csv)|flighttune compare .* --with"
+        "|flighttune (identify|monitor) (monday.|flight.tlog)"
         "|flighttune (new|fly|certify|export) from_log"
     ),
     "of the flight of a page's Python": "flighttune report runs/mine",
