@@ -23,9 +23,8 @@ KEYS = Path(__file__).parents[2] / "tests" / "docs" / "json_keys.md"
 HEAD = """# File formats and JSON
 
 What do the files and the output of `--json` hold? A run is a Parquet file with the columns below;
-the built site has, below them, the keys of every JSON file and of `--json` of each command, which
-in a checkout are in `tests/docs/json_keys.md`. Both are made by
-`python docs/figures/formats.py` from what the commands write.
+below them the built site has the keys of every JSON file and of `--json` of each command
+(`tests/docs/json_keys.md`, made like this page by `python docs/figures/formats.py`).
 
 Keys hold numbers unless their kind stands before them; `[]` stands for the entries of a list, `*`
 for names that depend on what was given (gains, plants, runs), `null` for what may be absent. Angles

@@ -141,13 +141,15 @@ def main() -> None:
         )
         for rate, busy in campaign["kinematic_processor_s_over_cores"].items()
     ]
-    tuned = [(name, f"{took:.2g} s") for name, took in tuning["seconds"].items()]
+    seconds = dict(tuning["seconds"])
+    margins = seconds.pop("margins")
     text = TEXT.format(
         ratios=table(ratios(folder)),
         bare=f"{jsbsim['bare_us_a_step']:.1f}",
         kinematic=table(kinematic),
         flights=flights,
-        tuned=table(tuned),
+        tuned=f"{min(seconds.values()):.2g} to {max(seconds.values()):.2g}",
+        margins=f"{margins:.2g}",
         million=f"{theory['million_s']:.1f}",
         recorded=f"{recording['columns_600s_s']:.2f}",
     )
@@ -161,33 +163,22 @@ How long do flights, campaigns and commands take, and against what? `make bench`
 ratio against a named peer in the same run, and ends with exit status 1 if one misses its bar.
 `python docs/figures/speed.py FOLDER` writes this page. Figures differ from day to day with the same
 code: these were measured on two cores that others used at the same time, which slows Python more
-than the steps of JSBSim. Bare steps are `fdm.run()` of the same aircraft and time; 1.35 times means
-that the loop takes 35 % longer.
+than the steps of JSBSim. Bare steps are `fdm.run()` of the same aircraft and time.
 
 | what | against | measured | bar |
 |---|---|--:|--:|
 {ratios}
 
-A step of JSBSim takes {bare} µs here. Beyond its bare steps a row takes the flight loop (0.35 of
-them), the start (0.24), the indicators of a loop that differs in each draw (0.09), measures (0.03)
-and the scenario of the draw (0.03). A model is loaded anew for each flight, because a reset one
-differs by rounding.
-
+A step of JSBSim takes {bare} µs here.
 One million gain sets take {million} s of one core. Recording 600 s of flight with 46 signals takes
 {recorded} s.
 
-## Tuning
+Tuning, the diagnosis of the printed limits and a frontier of 25 points take {tuned} s each, margins
+{margins} s (`python benchmarks/bench_tuning.py`).
 
-| what | time |
-|---|--:|
-{tuned}
-
-## Commands
-
-`--help` and `list` import no heavy library. `python benchmarks/bench_commands.py` measures a
-command against `python -c "import ..."` of its libraries: it may take three times as long, plus its
-own work. `report` of four runs must take less than 4 s, `campaign first_campaign` less than
-three times `fly paper`. The fastest of five turns counts, by the clock.
+A command may take three times as long as the import of its libraries, plus its own work, `report` of
+four runs 4 s, and `campaign first_campaign` three times `fly paper`
+(`python benchmarks/bench_commands.py`).
 
 ## Campaigns
 
@@ -198,17 +189,9 @@ three times `fly paper`. The fastest of five turns counts, by the clock.
 |---|--:|--:|
 {kinematic}
 
-A single command writes all rows, each of which is 0.3 kB of network traffic.
-
-Campaign runs of 20 s per hour, measured earlier on two cores that did nothing else
-(`python benchmarks/bench_campaign_scaling.py`, and `flighttune campaign aerosonde_dispersed`
-for wind, turbulence and sensors); the start of the workers is included from two cores on:
-
-| cores | JSBSim, dispersed airframe | with wind, turbulence and sensors |
-|--:|--:|--:|
-| 1, no workers | 129 000 | |
-| 2, workers of this machine | 255 000 | 221 000 |
-| 64 (projected, not measured) | 8.2 million | 7.0 million |
+Two cores that do nothing else fly 255 000 runs of JSBSim an hour with a dispersed airframe, of 20 s each and
+with the start of the workers, one core 129 000 (`python benchmarks/bench_campaign_scaling.py`); in
+wind and turbulence and with sensors two cores fly 221 000 (`flighttune campaign aerosonde_dispersed`).
 """
 
 
