@@ -38,8 +38,8 @@ HEIGHT = 230.0
 HEAD = """# Gallery
 
 What can be flown? Each picture is what the command above it flies, and each sentence is the claim
-that its scenario or campaign states; `flighttune fly` says whether its flights meet it, and
-`flighttune list` names all. `python docs/figures/gallery.py` makes the page and its pictures.
+that its scenario or campaign states; `flighttune list` names all.
+`python docs/figures/gallery.py` makes the page and its pictures.
 """
 
 
