@@ -26,7 +26,7 @@ from flighttune.files.mistakes import abridged
 from flighttune.files.seal import sealed_bytes
 from flighttune.files.table import json_object
 from flighttune.files.value import value_of
-from flighttune.gaps.watch import MODELS, Alarm, Watch, score_so_far
+from flighttune.gaps.watch import MODELS, Alarm, Watch
 from flighttune.metrics import OFF_ROUTE
 from flighttune.present.answer import Answer, Table, number, pick, printable
 from flighttune.present.names import listed, why_ended
@@ -487,10 +487,6 @@ class Monitor(Counted):
     def watches(self) -> tuple[Watch, ...]:
         """Its watch alone, as a `LogMonitor` has several."""
         return (self.watch,)
-
-    def score(self, run: Run) -> FloatArray:
-        """Score of a run so far at each sample; above 1 it alarms."""
-        return score_so_far(self.watches, run)
 
     def alarm(self, run: Run) -> Alarm | None:
         """When a run is first outside of what is expected, and why; None if it never is."""

@@ -19,6 +19,7 @@ from flighttune.flight.flown import advice
 from flighttune.flight.models import tuning_problem
 from flighttune.gaps.gap import Gap, step_table
 from flighttune.gaps.ladder import explain_flight
+from flighttune.gaps.watch import score_so_far
 from flighttune.present.answer import Answer, Table, facts_table
 from flighttune.present.chart import Chart
 from flighttune.present.frame import Report, Section, page_template, write_answer, write_page
@@ -93,23 +94,21 @@ def write_log_page(
     (run,), styles = source.runs, run_styles(source.runs)
     facts = log_facts(source)
     sections = log_sections([(run, styles[run.label])], [facts])
-    summary, alarms, said = [f"A real flight of {run.duration:.1f} s."], [], []
+    summary, alarms, charts, failure = [f"A real flight of {run.duration:.1f} s."], [], [], ""
     for monitor in monitors:
-        alarm, watch = monitor.alarm(run), monitor.watches[0]
+        alarm, score = monitor.alarm(run), score_so_far(monitor.watches, run)
+        said = f"No alarm from {monitor.watches[0].from_s:g} s on."
+        if alarm is not None:
+            said = f"Alarm at {alarm.at_s:.2f} s: {alarm.why} is not as without a fault."
+            failure = failure or said
         alarms.append(alarm and alarm._asdict())
-        ends = f"from {watch.from_s:g} s on" if alarm is None else f"at {alarm.at_s:.2f} s"
-        said.append(
-            f"No alarm {ends}."
-            if alarm is None
-            else f"Alarm {ends}: {alarm.why} is not what a flight without a fault makes expect."
-        )
-        score = monitor.score(run)
-        chart = Chart(title=f"Largest score so far: {said[-1]}", y="score [1]")
+        chart = Chart(title=f"Largest score so far: {said}", y="score [1]")
         chart.line(run.t[-len(score) :], score, STRONG)
         chart.level(1.0, LIMIT)
-        said.append(f"The monitor: {monitor.sentence}.")
-        sections.insert(0, Section(id="monitor", title="Monitor", charts=[chart], legend=False))
-    summary += said
+        charts.append(chart)
+        summary += [said, f"The monitor: {monitor.sentence}."]
+    if charts:
+        sections.insert(0, Section(id="monitor", title="Monitor", charts=charts, legend=False))
     page = write_answer(
         path,
         summary=summary,
@@ -128,7 +127,7 @@ def write_log_page(
             *(line for key in ("phases", "odd", "checks") for line in log.get(key, ())),
             *(f"missing: {line}" for line in source.missing),
         ],
-        failure=next((line for line in said if line.startswith("Alarm")), ""),
+        failure=failure,
     )
     return Report(
         path=path, summary=page.summary, sections=page.sections, tables=page.tables, shown=shown
