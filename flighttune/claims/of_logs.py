@@ -1,14 +1,14 @@
-"""A monitor that the logs of healthy flights teach, and the rate of false alarms they allow."""
+"""A monitor that learns from logs of healthy flights, and its probability of a false alarm."""
 
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
+from itertools import combinations
 from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
 
-from flighttune.arrays import FloatArray
 from flighttune.claims.count import flights_needed
 from flighttune.errors import InputError
 from flighttune.files.array import TEXT, read_arrays, write_sealed
@@ -25,7 +25,6 @@ from flighttune.gaps.watch import (
     models_of,
     moments,
     residuals,
-    score_so_far,
     taught,
 )
 from flighttune.logs.checks import refuse_wrong
@@ -37,7 +36,7 @@ MIN_LOGS = 3
 # Beginning of a log that is not judged, s: an autopilot that takes over has a transient.
 SETTLED_S = 8.0
 MAX_BYTES = 2**24
-SMALLEST = 1e-12  # limit, SI: signals that agree to rounding are no fault
+SMALLEST_LIMIT = 1e-12  # SI: residuals of rounding alone are no fault
 
 COLUMNS = [
     Column("name", "healthy log"),
@@ -49,7 +48,7 @@ COLUMNS = [
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HealthyLog:
-    """A log, and what all others teach: models, limits of their residuals, and its own score."""
+    """A log with the models and limits that all others teach, and its score by these."""
 
     name: str
     seconds: float  # that were judged
@@ -75,8 +74,8 @@ class LogMonitor(Answering):
 
     Notes
     -----
-    Of n + 1 flights that may stand in any order at most one is above all others in this way: if
-    both of two were, each would score higher than the other by the models of the other flights. A
+    Of n + 1 flights at most one is above all others in this way: if two were, each would score
+    higher than the other by the models of the remaining n - 1. If the flights are exchangeable, the
     new one is it with a probability of at most 1/(n + 1): the jackknife-minmax of [1]_, Theorem 2,
     for the largest score.
 
@@ -113,9 +112,9 @@ class LogMonitor(Answering):
         """The claim in words."""
         n = len(self.logs)
         return (
-            f"a flight without a fault, like these {n} and in no order with them, raises an alarm "
-            f"with probability at most 1/{n + 1} = {number(self.epsilon)}, on average over such "
-            "sets of logs"
+            f"a flight without a fault that is exchangeable with these {n} raises an alarm with "
+            f"probability at most 1/{n + 1} = {number(self.epsilon)}, on average over such sets of "
+            "logs"
         )
 
     @property
@@ -131,10 +130,6 @@ class LogMonitor(Answering):
             )
             for log in self.logs
         )
-
-    def score(self, run: Run) -> FloatArray:
-        """Score of a run so far at each sample that is judged; above 1 it alarms."""
-        return score_so_far(self.watches, run)
 
     def alarm(self, run: Run) -> Alarm | None:
         """When a run is first outside by the models of all, and why; None if it never is."""
@@ -157,9 +152,9 @@ class LogMonitor(Answering):
                 [f"Not watched, as not all logs have their signals: {listed(unseen)}."]
                 * bool(unseen)
             ),
-            f"A claim of 5 % takes 19 logs; one with a confidence of 0.95 for these limits takes "
-            f"{flights_needed(0.05, 0.95)} more that teach nothing. Parts of one flight are not "
-            "independent, and longer flights alarm more often.",
+            "A claim of 5 % takes 19 logs; at a confidence of 0.95 for these limits it takes "
+            f"{flights_needed(0.05, 0.95)} further logs without an alarm. Parts of one flight are "
+            "not exchangeable with another flight, and longer flights alarm more often.",
         ]
         rows = [asdict(log) for log in self.logs]
         return Answer(
@@ -181,14 +176,17 @@ def load_monitor(path: str | Path) -> LogMonitor:
 
 
 def monitor_of_logs(runs: Sequence[Run]) -> LogMonitor:
-    """The monitor that logs of healthy flights teach, or healthy parts of logs.
+    """The monitor that learns from logs of healthy flights, or healthy parts of logs.
 
-    Raises InputError if they are too few or too short, their columns contradict each other, or they
-    lack the signals of every model.
+    Raises InputError if they are too few, too short or not different, their columns contradict each
+    other, or they lack the signals of every model.
     """
     if len(runs) < MIN_LOGS:
         raise InputError(f"`logs` must be at least {MIN_LOGS} healthy flights, got {len(runs)}.")
     refuse_wrong(*runs)
+    for run, other in combinations(runs, 2):
+        if run.signals.equals(other.signals):
+            raise InputError(f"`logs` must be of different flights, got {run.label} twice.")
     for run in runs:
         if run.duration < 2.0 * SETTLED_S:
             raise InputError(
@@ -209,7 +207,7 @@ def monitor_of_logs(runs: Sequence[Run]) -> LogMonitor:
                 for each, other in zip(columns, runs, strict=True)
             ]
         )
-        limits = room * np.maximum(np.delete(peaks, i, axis=0).max(axis=0), SMALLEST)
+        limits = room * np.maximum(np.delete(peaks, i, axis=0).max(axis=0), SMALLEST_LIMIT)
         scores = peaks[i] / limits
         logs.append(
             HealthyLog(

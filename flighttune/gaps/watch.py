@@ -162,11 +162,21 @@ class _Terms:
         return total if rates else lagged(total, self.dt, LAG_S)
 
 
+@np.errstate(divide="ignore", invalid="ignore")
 def columns_of(models: Sequence[SignalModel], run: Run, from_s: float = 0.0) -> list[FloatArray]:
     """The terms of each model and last its target, from a time on, shape (terms + 1, n) each."""
-    terms = _Terms(run)
-    first = round(from_s / terms.dt)
-    return [np.array([terms.of(x) for x in (*y.terms, y.target)])[:, first:] for y in models]
+    if not run.duration > from_s:
+        raise InputError(f"{run.label}: must be over {from_s:g} s long, got {run.duration:.1f} s.")
+    terms, columns = _Terms(run), []
+    for model in models:
+        column = np.array([terms.of(text) for text in (*model.terms, model.target)])
+        if not np.isfinite(column).all():
+            raise InputError(
+                f"{run.label}: {', '.join(sorted(model.signals))} must be finite, and an airspeed "
+                "positive; LOG@airborne and LOG@START:END are parts of a log."
+            )
+        columns.append(column[:, round(from_s / terms.dt) :])
+    return columns
 
 
 def moments(columns: Sequence[FloatArray]) -> list[FloatArray]:

@@ -1,5 +1,7 @@
 """A monitor of logs: its theorem, a fault that it finds in a simulated log, its file and page."""
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -60,6 +62,39 @@ def test_a_claim_is_of_the_number_of_logs_and_says_what_is_not_watched(noisy):
 def test_too_few_logs_and_options_of_flights_are_refused(noisy, logs, options, message):
     with pytest.raises(ft.InputError, match=message):
         ft.monitor(*noisy[:logs], **options)
+
+
+def test_a_flight_that_is_not_another_or_cannot_be_judged_is_refused(noisy, tmp_path):
+    monitor, columns = ft.monitor(*noisy), {"n_z": 1.0, "q": 0.0, "elevator": 0.0}
+    table = noisy[0].signals[["phi", "p", "r"]].assign(t=T, v_north=20.0, v_east=0.0, **columns)
+    table[: round(6.0 * RATE)].to_csv(tmp_path / "short.csv", index=False)
+    table.assign(V_a=np.maximum(0.0, T - 10.0)).to_csv(tmp_path / "standing.csv", index=False)
+    short, standing = (ft.load_log(tmp_path / f"{name}.csv") for name in ("short", "standing"))
+
+    with pytest.raises(ft.InputError, match=r"different flights, got log / 1 twice"):
+        ft.monitor(*noisy, noisy[1])
+    with pytest.raises(ft.InputError, match=r"short: must be over 8 s long, got 6\.0 s"):
+        monitor.alarm(short)
+    with pytest.raises(ft.InputError, match="standing: V_a, elevator, n_z, q must be finite"):
+        ft.monitor(*(replace(standing, signals=k * standing.signals) for k in (1.0, 1.1, 1.2)))
+
+
+def test_a_page_shows_each_of_two_monitors(noisy, tmp_path):
+    files, page = [tmp_path / f"{n}.npz" for n in (3, 4)], tmp_path / "page.html"
+    for file, n in zip(files, (3, 4), strict=True):
+        ft.monitor(*noisy[:n], out=file)
+    log = tmp_path / "log.csv"
+    signals = noisy[4].signals[["phi", "p", "r"]].rename(columns={"phi": "phi_rad"})
+    signals.assign(t_s=T, v_north=20.0, v_east=0.0).to_csv(log, index=False)
+
+    charts = []
+    for claims in (files[:1], files):
+        report = ft.report(log, page, claims=claims)
+        charts.append(page.read_text(encoding="utf-8").count("Largest score so far"))
+
+    assert charts[1] == 2 * charts[0] > 0
+    assert report.sections.count("Monitor") == 1
+    assert ["at most 1/4" in line for line in report.summary] == [False, False, True, False, False]
 
 
 def flight(draw, folder, fault=None):
