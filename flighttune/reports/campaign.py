@@ -239,7 +239,7 @@ def _axis(key: str) -> str:
 CONFIDENCE = {
     "clopper-pearson": "Clopper and Pearson's interval",
     "wilson": "Wilson's interval",
-    "any-time": "an interval that holds at any number of independent draws",
+    "any-time": "an interval that holds at all numbers of independent draws together",
 }
 
 

@@ -92,8 +92,9 @@ def report(
     columns : mapping or sequence
         Where a log has its signals, as for `load_log`.
     interval : {"wilson", "clopper-pearson", "any-time"}
-        Confidence interval of the rates of a campaign; any-time holds however often a campaign at
-        random is looked at while it flies, so that it may be stopped as soon as a rate is sure.
+        Confidence interval of the success rates of a campaign; any-time is for independent draws
+        (``design`` random) and holds however often the page is made while they are flown, so that
+        the campaign may be stopped by what it says. It counts the flights before the first gap.
     confidence : float
         Confidence of the intervals of a campaign, 0 to 1, by default 0.95.
 
@@ -108,7 +109,8 @@ def report(
     OutputError
         If the page cannot be written.
     InputError
-        If a claim does not cover a run, or claims or changes are given for anything but runs.
+        If a claim does not cover a run, claims or changes are given for anything but runs, or an
+        interval at any time for draws that are not independent.
 
     Examples
     --------

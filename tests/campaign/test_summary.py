@@ -7,6 +7,7 @@ import pytest
 from made_up_campaign import made_up_plan, made_up_rows
 from scipy import stats
 
+import flighttune as ft
 from flighttune.campaign.statistics.findings import findings, requirements
 from flighttune.campaign.statistics.flights import flights_of
 from flighttune.campaign.statistics.intervals import (
@@ -161,6 +162,25 @@ def test_a_flight_that_misses_two_bounds_counts_for_both(plan):
         ("gamma.ITAE must be at most 1, got 2 (missed by 1)", 1),
         ("chi.MO_deg must be at most 5, got nan (there is no value)", 1),
     ]
+
+
+def test_an_interval_at_any_time_is_of_the_first_independent_draws_alone(plan):
+    rows = made_up_rows(plan)
+    stopped = rows[(rows["run"] < 400) | (rows["run"] % 7 == 0)]
+
+    told = [
+        [(group["n"], group["lo"], group["hi"]) for group in found.values["groups"]]
+        for some in (stopped, rows[:400])
+        for found in [findings(flights_of(some, plan), method="any-time")]
+    ]
+
+    assert told[0] == told[1]
+    assert {n for n, *_ in told[0]} == {100}
+    with pytest.raises(ft.InputError, match="must be with run 0"):
+        findings(flights_of(rows[1:], plan), method="any-time")
+    for other in (made_up_plan(design="sobol"), made_up_plan(design="latin_hypercube")):
+        with pytest.raises(ft.InputError, match="`interval` any-time must be with independent"):
+            findings(flights_of(made_up_rows(other), other), method="any-time")
 
 
 def test_each_point_of_a_convergence_curve_is_what_the_first_flights_tell(told, flown):

@@ -17,6 +17,7 @@ from flighttune.campaign.statistics.intervals import (
     scores,
 )
 from flighttune.campaign.statistics.sensitivity import classes_of, influences
+from flighttune.errors import InputError
 from flighttune.flight.expectations import bound_checks
 from flighttune.planning.plan import Group
 from flighttune.present.answer import pick
@@ -161,6 +162,17 @@ def findings(
 ) -> Findings:
     """Evaluate the flights of a campaign, finished or not, with all intervals by one method."""
     flights = replace(flights, method=method, confidence=confidence)
+    if method == "any-time":
+        plan, rows = flights.plan, flights.rows
+        if plan.campaign.design != "random" or plan.cycle > 1:
+            raise InputError(
+                "`interval` any-time must be with independent draws, which are those of `design` "
+                f"random without a grid, got {plan.campaign.design}."
+            )
+        # A stop leaves rows behind runs that had not ended, and how a run ends decides when.
+        flights = replace(flights, rows=rows[rows["run"].to_numpy() == np.arange(len(rows))])
+        if flights.rows.empty:
+            raise InputError(f"{flights.url}: `interval` any-time must be with run 0, got none.")
     measures, measure = flights.measures, flights.plan.campaign.keep.worst_by
     if measure not in measures:
         measure = next(iter(measures), None)

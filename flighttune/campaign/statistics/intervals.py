@@ -44,7 +44,8 @@ def rate_interval(
         Successes, and trials they are of; not whole where they are effective numbers.
     method : "wilson", "clopper-pearson" or "any-time"
         Wilson's score interval; Clopper and Pearson's, which never covers less often than it
-        claims; or one that does not even if the successes decide how many trials there are.
+        claims; or one that does not even if earlier trials decide whether there is another. All are
+        of independent trials.
 
     Returns
     -------
