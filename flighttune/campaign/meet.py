@@ -415,10 +415,11 @@ def meet(
         The lower end of its interval must reach it, or the estimate where no count of so many draws
         has such an end. It is absent without a campaign.
     until_sure : bool
-        Count draws of a campaign until it is sure whether the gains found meet all requirements in
-        that share of them, by a rule that is valid at any number of draws, at a confidence of 0.95:
-        a clear yes takes 84 draws at 0.95, a clear no 12. By default as many draws are counted as
-        the campaign has, at least 200; with this they are the most.
+        Count independent draws of a campaign, whatever its design, until it is sure whether the
+        gains found meet all requirements in that share of them, by a rule that is valid at any
+        number of draws, at a confidence of 0.95: a clear yes takes 84 draws at 0.95, a clear no 12.
+        By default as many draws are counted as the campaign has, at least 200; with this they are
+        the most.
     changes : mapping of str to value, optional
         Values to set in a scenario that is read from a file, by dotted key.
     workers : int, optional
@@ -564,7 +565,8 @@ def _counted(
 ) -> dict[str, Any]:
     """Shares of draws on which gains and start meet all, and whether each share is enough."""
     flown, n = ~trials[0].default, len(cycles)
-    flags = [trial.excess[:, flown].max(axis=1) <= 0.0 for trial in trials]
+    # Of gains whose loop is unstable all draws are there, without a flight.
+    flags = [trial.excess[:n, flown].max(axis=1) <= 0.0 for trial in trials]
     by_default = [bool((trial.excess[:, ~flown] <= 0.0).all()) for trial in trials]
     if until_sure:  # an interval is not valid at a number of draws that the draws decide
         shares = [{"value": float(met.mean()), "n": n} for met in flags]

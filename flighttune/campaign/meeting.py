@@ -51,14 +51,14 @@ TRADE_COLUMNS = [
 ]
 LOOP_COLUMNS = columns("R_K I_K E_K spectral_abscissa")
 CERTIFICATE_COLUMNS = [Column("in_words", "status"), *columns("rate growth radius")]
-# What decides whether enough draws meet all requirements; or whether it is sure of a new draw.
+# What is claimed, by what decides it or by the answer that is sure.
 AT_ANY = f"confidence {CONFIDENCE:g} at any number of draws"
 DECIDED = {
     "lo": "{} are wanted, by the lower end of the interval",
     "value": "{} are wanted, by the estimate",
-    "yes": f"those of a new draw do with a probability of at least {{}}, {AT_ANY}",
-    "no": f"those of a new draw do with a probability below {{}}, {AT_ANY}",
-    "evidence": "it is not sure yet whether those of a new draw do with a probability of {}",
+    "yes": f"those of a new random draw do with a probability of at least {{}}, {AT_ANY}",
+    "no": f"those of a new random draw do with a probability below {{}}, {AT_ANY}",
+    "evidence": "it is not sure whether those of a new random draw do with a probability of {}",
 }
 BY_DEFAULT_NOTE = (
     "Margins of the linear loop of 6 dB and 35 deg are required by default: others under "

@@ -409,6 +409,19 @@ def test_the_share_of_a_campaign_is_counted_until_it_is_sure(
     assert meeting.worst.flight.V_a_mps == drawn["flight.V_a_mps"].iloc[success["worst_draw"]]
 
 
+@pytest.mark.slow
+def test_gains_whose_loop_is_unstable_are_surely_missed_without_a_flight(tmp_path, overshoot):
+    base, file = tmp_path / "base.toml", tmp_path / "own.toml"
+    scenario_file(base, overshoot)
+    file.write_text(CAMPAIGN.format(scenario="base.toml"), encoding="utf-8")
+    fixed = {"start": shifted(ft.PAPER_GAINS, 4.0), "budget": 480, "workers": 1}
+
+    meeting = ft.meet(base, campaign=file, until_sure=True, **fixed)
+
+    assert (meeting.status, meeting.success["sure"], meeting.flights) == ("missed", "no", 0)
+    assert meeting.success["of_start"] == {"value": 0.0, "n": 12}
+
+
 def test_a_campaign_that_disperses_nothing_has_the_draws_of_its_turbulence(tmp_path):
     file = tmp_path / "own.toml"
     text = 'title = "t"\nscenario = "turbulent_climb"\nruns = 2\ngains = ["paper"]\n'
