@@ -332,7 +332,13 @@ def _ask(
     """Put what `adopt` is told about the controls into the tables."""
     if throttle:
         tables["engines"]["command"] = throttle
-    for surface, (first, *others) in commands.items():
+    for surface, names in commands.items():
+        if surface not in tables["surfaces"] or isinstance(names, str) or not names:
+            raise InputError(
+                "`commands` must have names of properties by aileron, elevator or rudder, got "
+                f"{names!r} by {surface}."
+            )
+        first, *others = names
         leader = first.removeprefix("-")
         for wrong in (x for x in (first, *others) if not re.fullmatch(f"-?{PROPERTY_NAME[1:]}", x)):
             raise InputError(f"--{surface} must be a property of the model, got {wrong[:80]}.")

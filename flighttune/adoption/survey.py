@@ -255,10 +255,12 @@ def survey(
         name: SHOWN[name] for name in SHOWN.keys() & tables["declared"].keys() - values.keys()
     }
     fdm = load(tables).fdm
-    read = {text.lstrip("-") for _, text in _texts(fdm.config)}
+    read = {text for _, text in _texts(fdm.config)}
     for surface, table in tables["surfaces"].items():
-        if "command" in table and table["command"] not in read:
-            raise InputError(f"--{surface}: the model must read {table['command']}, it does not.")
+        command = table.get("command", "")
+        names = {command, *(x for x, to in tables["linked"].items() if to.lstrip("-") == command)}
+        for name in sorted(names - read - {""}):
+            raise InputError(f"--{surface}: the model must read {name}, it does not.")
     tables["settings"] |= _levers(tables, fdm)
     for name, value in values.items():
         kind = "declared" if name in tables["declared"] else "settings"
@@ -620,7 +622,7 @@ def _throttle(
         positions.append(position())
     if positions[1] - positions[0] > 0.5:
         return []
-    names = {text.lstrip("-") for aerodynamics, text in _texts(fdm.config) if not aerodynamics}
+    names = {text for aerodynamics, text in _texts(fdm.config) if not aerodynamics}
     levers = []
     for name in sorted(name for name in names if not OWN.match(name) and fdm.has(name)):
         before, write = fdm.reader(name)(), fdm.writer(name)
@@ -677,6 +679,8 @@ def _engines(
         points.append((thrust - drag, V, thrust / drag if drag > 0.0 else math.inf))
     best = max(ratio for _, _, ratio in points)
     if not best > 1.0:
+        if V_a:  # another one may do
+            raise Refusal(f"its thrust is {best:.2f} of its drag at {V_a:g} m/s")
         raise TooWeak(
             f"its thrust is below its drag at every airspeed: at best {best:.2f} of the drag"
         )
@@ -881,8 +885,8 @@ def _past_flight_control(
         del replaced["rudder"]
     elif lacking:
         return {}, measured
-    past = {name: {"replaces": positions} for name, positions in replaced.items()}
-    return {name: tables["surfaces"][name] | table for name, table in past.items()}, ""
+    surfaces = tables["surfaces"]
+    return {name: surfaces[name] | {"replaces": found} for name, found in replaced.items()}, ""
 
 
 def _movers(
@@ -930,11 +934,8 @@ def _movers(
 
 def _held(bench: Bench, level: AirframeState, past: Mapping[str, Any]) -> dict[str, float]:
     """Values in level flight of what flight control moves besides the surfaces."""
-    fdm, surfaces = (
-        bench.fdm,
-        {name.removeprefix("-") for table in past.values() for name in table["replaces"]},
-    )
-    texts = {text for aerodynamics, text in _texts(fdm.config) if aerodynamics} - surfaces
+    fdm, texts = bench.fdm, {text for inside, text in _texts(bench.fdm.config) if inside}
+    texts -= {name.removeprefix("-") for table in past.values() for name in table["replaces"]}
     reads = {
         name: fdm.reader(name)
         for name in sorted(texts)

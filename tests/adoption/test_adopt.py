@@ -367,6 +367,8 @@ def test_an_aeroplane_whose_engines_do_not_keep_it_level_glides(own, tmp_path):
     assert found.tables["engines"]["count"] == 0
     (why, *_) = found.notes
     assert re.fullmatch(r"its thrust is below .*: at best 0\.\d\d of the drag: .* stay off", why)
+    with pytest.raises(ft.loop.PlantError, match=r"its thrust is 0\.\d\d of its drag at 22 m/s"):
+        survey(wide_tables(str(file)), tmp_path, h=1000.0, V_a=22.0)
 
 
 def mixed(*parts):
@@ -472,8 +474,12 @@ def test_commands_of_surfaces_can_be_named(renamed, tmp_path):
         ("fcs/no", "--aileron: the model must read fcs/no, it does not"),
         ("a b", "--aileron must be a property of the model, got a b"),
     ):
-        _, err = flighttune("adopt", file, *out, "--aileron", wrong, status=2)
-        assert sentence in err
+        for named in (("--aileron", wrong), ("--aileron", left, "--aileron", wrong)):
+            _, err = flighttune("adopt", file, *out, *named, status=2)
+            assert sentence in err
+    for commands in ({"flap": [left]}, {"aileron": []}, {"aileron": left}):
+        with pytest.raises(ft.InputError, match="`commands` must have names of properties by"):
+            ft.adopt(str(file), tmp_path / "mine", commands=commands)
 
 
 PROPELLER = """<propeller name="small"><ixx> 0.0005 </ixx><diameter unit="IN"> 16 </diameter>
