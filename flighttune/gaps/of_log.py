@@ -551,7 +551,7 @@ def _fitted(flights: _Flights) -> dict[str, tuple[float, float, float]]:
         flights.notes.append(f"The fit still moved after {MAX_STEPS} steps: its factors are rough.")
     for name, why in untold.items():
         flights.leave_untold(name, why)
-    return fitted
+    return {name: fitted[name] for name in fitted if name in flights.nominal}
 
 
 def _step(
