@@ -214,6 +214,8 @@ def load_log(
     """
     path, columns_by_name = Path(path), given_columns(columns)
     trusted = columns_by_name.pop("trusted", Column("", 1.0)).source.replace(",", " ").split()
+    for name in trusted:
+        _column(name, "", "trusted")  # refuses what is no signal
     places: dict[str, list[Column]] = {}
 
     def wanted(kind: str, header: list[str]) -> Fields:
@@ -256,7 +258,8 @@ def load_log(
     values = {name: column * there for name, column in values.items()}
     signals, notes, contradicted = checked(values, t)
     wrong += contradicted
-    passed = [line for line in wrong if {*trusted} & {*re.findall(r"\w+", line)}]
+    # Behind the colon are units, such as km/h.
+    passed = [x for x in wrong if {*trusted} & {*re.findall(r"\w+", x.partition(":")[0])}]
     wrong = [line for line in wrong if line not in passed]
     notes += [f"{line}, which --column trusted= passes" for line in passed]
     check_flight(str(path), signals, vehicle)

@@ -292,6 +292,21 @@ def test_pitch_and_height_without_a_vertical_speed_are_checked(flight, tmp_path,
     assert re.search(f"{says}.*, which --column trusted= passes", str(passed["checks"]))
 
 
+def test_only_what_is_said_of_a_trusted_signal_passes(flight, tmp_path):
+    t, signals = sampled(flight, noise=False, dropouts=False, late=False)
+    path, speed = write_csv(tmp_path / "flight.csv", t, signals), {"V_a": "V_a_mps:km/h"}
+
+    said = [
+        ft.load_log(path, columns={**speed, "trusted": name}).provenance.log["wrong"]
+        for name in ("h", "V_a")
+    ]
+
+    assert re.search(r"V_a in turns .*\(m/s read as km/h\)", said[0][0])  # no height
+    assert said[1] == []
+    with pytest.raises(ft.InputError, match="trusted: `thetta` must be a signal"):
+        ft.load_log(path, columns={"trusted": "thetta"})
+
+
 @pytest.mark.slow
 def test_reports_comparisons_and_recordings_take_logs(flight, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
