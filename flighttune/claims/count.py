@@ -5,7 +5,7 @@ Statistics 12 (1941).
 """
 
 import math
-from bisect import bisect_left
+from bisect import bisect_left, bisect_right
 from functools import partial
 from typing import Literal
 
@@ -35,13 +35,8 @@ def allowed_outside(flights: int, epsilon: float, confidence: float) -> int:
     with probability ``P(Bin(flights, epsilon) <= r) <= 1 - confidence``.
     """
     check_between(0.0, 1.0, epsilon=epsilon, confidence=confidence)
-    r, most = -1, math.ceil(epsilon * flights) + 1
-    while most - r > 1:
-        middle = (r + most) // 2
-        r, most = (
-            (middle, most) if bdtr(middle, flights, epsilon) <= 1.0 - confidence else (r, middle)
-        )
-    return r
+    numbers = range(math.ceil(epsilon * flights) + 1)
+    return bisect_right(numbers, 1.0 - confidence, key=lambda r: bdtr(r, flights, epsilon)) - 1
 
 
 def supported_epsilon(outside: int, flights: int, confidence: float) -> float:
