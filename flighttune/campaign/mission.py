@@ -265,10 +265,10 @@ def _asked_fence(
 def _check_path(
     plan: Plan, areas: dict[str, Any], fence: Path, terrain: Path | None, kept: Band | None
 ) -> None:
-    """Refuse a fence that flights cannot be counted in, and a path that leaves it or the air."""
+    """Refuse a path below the ground or outside its fence, and a fence that cannot be counted."""
     planned, fresh = planned_route(plan.campaign.central), kept is None
-    if fresh and terrain and clearance(terrain, planned.where)["over_ground_m"] < 0.0:
-        raise InfeasibleError(BELOW_GROUND)
+    if fresh and terrain and (low := clearance(terrain, planned.where))["over_ground_m"] < 0.0:
+        raise InfeasibleError(clearance_words("The planned path", low))
     if not areas:
         return
     place = read_fence(fence, planned.where[1], areas)
@@ -331,10 +331,10 @@ def _over_ground(
     if band is not None and band.claims and not band.about.predicted_from:
         seen["The corridor"] = clearance(terrain, planned.where, band.corridor())
     below = min(lowest["over_ground_m"] for lowest in seen.values()) < 0.0
-    values = {"terrain": {name.split()[-1]: lowest for name, lowest in seen.items()}}
+    lowest_by_name = {name.split()[-1]: lowest for name, lowest in seen.items()}
     return replace(
         answer,
-        values={**answer.values, **values},
+        values={**answer.values, "terrain": lowest_by_name},
         changed=[*starmap(clearance_words, seen.items()), *answer.changed],
         failure=answer.failure or BELOW_GROUND * below,
     )

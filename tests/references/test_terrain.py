@@ -7,6 +7,7 @@ from commands import answer, flighttune
 from plans import HOME, PATROL, SLOPE, ground, plan_file, terrain, waypoint
 
 import flighttune as ft
+from flighttune.errors import InfeasibleError
 
 pytest.importorskip("rasterio")
 
@@ -46,6 +47,8 @@ def test_a_path_below_the_ground_is_a_no(tmp_path):
     stdout, _ = flighttune(*words, status=1)
 
     assert "The planned path is 40.0 m below the ground on the leg to item 2" in stdout
+    with pytest.raises(InfeasibleError, match=r"40\.0 m below the ground on the leg to item 2"):
+        ft.mission(low, terrain=words[-1])
 
 
 @pytest.mark.parametrize(
