@@ -486,13 +486,10 @@ def _within(tracking: Sequence[Mapping[str, Any]]) -> str:
     """Whether the log lies among the flights."""
     inside = [x["of"] for x in tracking if x["low"] <= x["log"] <= x["high"]]
     outside = [x["of"] for x in tracking if x["of"] not in inside]
-    places = {"among": inside, "outside of": outside}
-    said = [
-        f"{place} the flights with your guidance in {listed(names)}"
-        for place, names in places.items()
-        if names
-    ]
+    yours = "the flights with your guidance in"
+    said = [f"among {yours} {listed(inside)}"] * bool(inside)
+    said += [f"outside of {yours} {listed(outside)}"] * bool(outside)
     return (
-        f"The log lies {listed(said)}, by what {100.0 * SHARE:g} % of the time stays below; it had "
-        "another mission and other wind."
+        f"The log lies {listed(said)}, by the {100.0 * SHARE:g}th percentile of the size of each; "
+        "it had another mission and other wind."
     )

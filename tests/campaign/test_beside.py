@@ -143,7 +143,7 @@ def test_a_log_lies_among_the_flights_or_not(beside, file, tmp_path):
             assert cross["log"] == pytest.approx(50.0)
             assert roll["log"] > roll["high"]
             (said,) = [note for note in answer.notes if among in note]
-            assert "commanded roll, by what 95 % of the time stays below" in said
+            assert "commanded roll, by the 95th percentile of the size" in said
 
 
 @pytest.mark.parametrize(
