@@ -49,8 +49,9 @@ def monitor(  # noqa: PLR0913 - as `band`
     air and these speeds. By default 308 flights are flown; two cores fly about four of 45 s in a
     second.
 
-    Logs of real flights teach the signals that all of them have. Each is left out once, and scored
-    by what the others teach: n logs allow a probability of 1/(n + 1), on average over such sets.
+    From logs of real flights it learns by the signals that all of them have. Each log is left out
+    once, and scored by what the others teach: n logs allow a probability of a false alarm of
+    1/(n + 1), on average over such sets of logs.
 
     Parameters
     ----------
@@ -80,7 +81,8 @@ def monitor(  # noqa: PLR0913 - as `band`
     Raises
     ------
     InputError, ScenarioError
-        If `band` raises one, or logs are too few, too short or contradict themselves.
+        If `band` raises one, or logs are too few, too short, not different or contradict
+        themselves.
     RecordingError
         If a file is no log of a flight.
     StoppedError
@@ -107,20 +109,19 @@ def monitor(  # noqa: PLR0913 - as `band`
                 "options of flights that are flown must be absent with logs, whose number is what "
                 "a claim rests on."
             )
-        runs = [
-            log if isinstance(log, Run) else load_one(str(log), A_LOG, LOG, columns=columns)
-            for log in (source, *logs)
-        ]
-        learned = monitor_of_logs(runs)
-        if out is not None:
-            learned.save(out)
-        return learned
-    if columns:
+        made: Monitor | LogMonitor = monitor_of_logs(
+            [
+                log if isinstance(log, Run) else load_one(str(log), A_LOG, LOG, columns=columns)
+                for log in (source, *logs)
+            ]
+        )
+    elif columns:
         raise InputError("`columns` must be absent without a log.")
-    stated = flights_of_source(source, changes=changes).starting(start_deg)
-    plan, by = drawn(stated, plant, gains, air, seed), (workers, scheduler, observer)
-    claim = {"epsilon": epsilon, "confidence": confidence, "flights": flights, "learn": learn}
-    counted = counted_on(Monitor, plan, place=stated.place, by=by, **claim)
+    else:
+        stated = flights_of_source(source, changes=changes).starting(start_deg)
+        plan, by = drawn(stated, plant, gains, air, seed), (workers, scheduler, observer)
+        claim = {"epsilon": epsilon, "confidence": confidence, "flights": flights, "learn": learn}
+        made = counted_on(Monitor, plan, place=stated.place, by=by, **claim)
     if out is not None:
-        counted.save(out)
-    return counted
+        made.save(out)
+    return made
