@@ -27,7 +27,7 @@ EVENTS = (
 FIX_3D = 3  # fix of a receiver of satellites from which on it has a position with height
 MAX_VIBRATION = 30.0  # m/s2, up to which ArduPilot's documentation takes vibration as acceptable
 SHOWN = 6  # intervals of a mode that are listed
-NOTHING = np.zeros(0), np.zeros(0)  # the stream of what a log has not
+NOTHING = np.zeros(0), np.zeros(0)  # an empty stream
 
 
 class Phase(NamedTuple):
@@ -83,25 +83,17 @@ def _intervals(stream: Stream, last: float) -> Iterator[tuple[float, float, floa
 def _odd(events: Mapping[str, Stream], last: float) -> list[str]:
     """Sentences on clipping and vibration of the accelerometers, and on a lost position."""
     sentences = []
-    clips = [events[f"clip_{axis}"] for axis in AXES if f"clip_{axis}" in events]
+    clips = [events.get(f"clip_{axis}", NOTHING) for axis in AXES]
     rises = [(t[1:], np.maximum(np.diff(count), 0.0)) for t, count in clips]
     if count := sum(float(rise.sum()) for _, rise in rises):
         first = min(float(t[rise > 0.0][0]) for t, rise in rises if rise.any())
         sentences.append(f"accelerometers clipped {count:.0f} times, first at {first:.1f} s")
-    vibrations = [
-        events[f"vibe_{axis}"] for axis in AXES if len(events.get(f"vibe_{axis}", [[]])[0])
-    ]
-    if vibrations:
-        most = max(float(size.max()) for _, size in vibrations)
+    if len(sizes := np.hstack([events.get(f"vibe_{axis}", NOTHING)[1] for axis in AXES])):
+        most = float(sizes.max())
         end = f", where up to {MAX_VIBRATION:g} is acceptable" if most > MAX_VIBRATION else ""
         sentences.append(f"vibration of the accelerometers up to {most:.3g} m/s2{end}")
-    lost = [
-        (start, end)
-        for start, end, fix in _intervals(events.get("fix", NOTHING), last)
-        if fix < FIX_3D
-    ]
-    if lost:
-        total = sum(end - start for start, end in lost)
+    if lost := [x for x in _intervals(events.get("fix", NOTHING), last) if x[2] < FIX_3D]:
+        total = sum(end - start for start, end, _ in lost)
         sentences.append(
             f"no position in three dimensions from satellites for {total:.1f} s, first at "
             f"{lost[0][0]:.1f} s"

@@ -109,14 +109,12 @@ def _confined(path: Path, kind: str, read: Callable[[], Any]) -> Any:
     patience = PATIENCE_S + PATIENCE_PER_BYTE * path.stat().st_size
     try:
         result, ended, _ = apart(confined, patience)
-    except InputError:
+    except (InputError, _OwnFaultError):
         raise
     except MemoryError as error:
         raise RecordingError(
             f"{path}: must be read in {MAX_MEMORY / 1e6:g} MB, got a log that takes more."
         ) from error
-    except _OwnFaultError:
-        raise
     except Exception as error:
         got = f"{type(error).__name__}: {next(iter(str(error).splitlines()), '')}"[:160]
         raise RecordingError(
