@@ -6,7 +6,7 @@ The systems in front of any model are the inner loop and the actuators behind it
 import math
 import os
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from xml.etree import ElementTree
@@ -31,7 +31,7 @@ def put_in_front(root: Element, config: AircraftConfig) -> None:
     # JSBSim runs the systems in the order of the file, and the flight control after them.
     first = next((i for i, element in enumerate(root) if element.tag == "system"), len(root))
     root[first:first] = [inner_loop, _actuators(config)]
-    read = {variable for variable, _ in _replaced(config)}
+    read = {*_replaced(config)}
     read |= {name.removeprefix("ft/") for name in config.declared if name.startswith("ft/")}
     for element in root.iterfind("aerodynamics//*"):
         text = (element.text or "").strip()
@@ -39,10 +39,10 @@ def put_in_front(root: Element, config: AircraftConfig) -> None:
             element.text = re.sub("^-?", r"\g<0>ft/", text)
 
 
-def _replaced(config: AircraftConfig) -> Iterator[tuple[str, str]]:
-    """Each variable that a surface replaces in what the aerodynamics read, and the surface."""
-    for name, surface in config.surfaces.named():
-        yield from ((variable.removeprefix("-"), name) for variable in surface.replaces)
+def _replaced(config: AircraftConfig) -> Iterable[str]:
+    """Variables in the aerodynamics in whose place surfaces are read, each once."""
+    replaced = (x for _, surface in config.surfaces.named() for x in surface.replaces)
+    return dict.fromkeys(x.removeprefix("-") for x in replaced)
 
 
 def _actuators(config: AircraftConfig) -> Element:
@@ -59,10 +59,10 @@ def _actuators(config: AircraftConfig) -> Element:
         if command.endswith("-rad"):
             SubElement(actuator, "output").text = command
         else:
-            function = _normed(f"ft/{name}-norm", name, surface)
-            SubElement(function, "output").text = command
-            channel.append(function)
-    for variable in dict.fromkeys(variable for variable, _ in _replaced(config)):
+            normed = SubElement(channel, "fcs_function", name=f"ft/{name}-norm")
+            SubElement(normed, "function").append(_norm(name, surface))
+            SubElement(normed, "output").text = command
+    for variable in _replaced(config):
         channel.append(_read(variable, config))
     if config.surfaces.rudder is None:
         channel.append(_actuator("rudder", "rad", SURFACE_LAG, ("0", "0")))
@@ -90,13 +90,6 @@ def _actuator(name: str, unit: str, lag: float, stops: tuple[str, ...]) -> Eleme
     for tag, stop in zip(("min", "max"), stops, strict=True):
         SubElement(clip, tag).text = stop
     return actuator
-
-
-def _normed(function: str, name: str, surface: Surface) -> Element:
-    """The command that brings a surface to the position of its actuator."""
-    element = Element("fcs_function", name=function)
-    SubElement(element, "function").append(_norm(name, surface))
-    return element
 
 
 def _norm(name: str, surface: Surface) -> Element:
