@@ -397,10 +397,11 @@ class _Flights:
             }
             if self._progress is not None:
                 self._progress(self.label, 1.0 - 0.9 ** len(self._in_air))
-        return self._over_ground(self._in_air[key], *_wind(factors))
+        return self._over_ground(self._in_air[key], factors)
 
-    def _over_ground(self, air: Signals, north: float, east: float) -> Signals:
-        """Signals of flights in air that moves north and east (m/s)."""
+    def _over_ground(self, air: Signals, factors: Mapping[str, float]) -> Signals:
+        """Signals of flights in air that moves with the wind of some factors."""
+        north, east = (factors.get(f"wind_{axis}", 0.0) for axis in ("north", "east"))
         chi, V_g = self.logged["chi"][:, :1], self.logged["V_g"][:, :1]
         start = np.arctan2(V_g * np.sin(chi) - east, V_g * np.cos(chi) - north)
         course, level = air["chi"] - chi + start, air["V_a"] * np.cos(air["gamma"])
@@ -436,10 +437,6 @@ def _named(config: AircraftConfig, names: Sequence[str]) -> str:
             JSBSimPlant(config, off_nominal=OffNominal(coefficient_factors={name: 1.0}))
             return name
     return ""
-
-
-def _wind(factors: Mapping[str, float]) -> tuple[float, float]:
-    return factors.get("wind_north", 0.0), factors.get("wind_east", 0.0)
 
 
 def _airframe(

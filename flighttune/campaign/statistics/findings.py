@@ -176,10 +176,12 @@ def findings(
     measures, measure = flights.measures, flights.plan.campaign.keep.worst_by
     if measure not in measures:
         measure = next(iter(measures), None)
-    groups, splits = [], []
+    groups, splits, keys = [], [], [*flights.plan.keys]
     for group, rows in flights.groups():
         sensitivity = {
-            name: {"ranks": _ranks(flights, rows, name)} for name in (SUCCESS, measure) if name
+            name: {"ranks": influences(rows[keys], values_of(rows, name), confidence=confidence)}
+            for name in (SUCCESS, measure)
+            if name
         }
         worst = _worst(flights, rows, measure) if measure else []
         groups.append({**summary(flights, group, rows), "worst": worst, "sensitivity": sensitivity})
@@ -223,12 +225,6 @@ def _worst(flights: Flights, rows: pd.DataFrame, measure: str) -> list[dict[str,
         | {"parameters": {key: flight[key] for key in flights.plan.keys}}
         for flight in worst.to_dict("records")
     ]
-
-
-def _ranks(flights: Flights, rows: pd.DataFrame, name: str) -> list[dict[str, Any]]:
-    """Influence of each parameter by ranks."""
-    parameters = rows.loc[:, list(flights.plan.keys)]
-    return influences(parameters, values_of(rows, name), confidence=flights.confidence)
 
 
 def _split(flights: Flights, group: Group, rows: pd.DataFrame, parameter: str) -> dict[str, Any]:
