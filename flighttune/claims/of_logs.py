@@ -36,7 +36,7 @@ MIN_LOGS = 3
 # Beginning of a log that is not judged, s: an autopilot that takes over has a transient.
 SETTLED_S = 8.0
 MAX_BYTES = 2**24
-SMALLEST_LIMIT = 1e-12  # SI: residuals of rounding alone are no fault
+SMALLEST = 1e-12  # limit (SI) and score: residuals of rounding alone are no fault
 
 COLUMNS = [
     Column("name", "healthy log"),
@@ -120,7 +120,7 @@ class LogMonitor(Answering):
     @property
     def watches(self) -> tuple[Watch, ...]:
         """Models and limits without each of the logs, scaled to the largest score."""
-        scale = max(log.score for log in self.logs)
+        scale = max(SMALLEST, *(log.score for log in self.logs))
         return tuple(
             Watch(
                 models=log.models,
@@ -207,7 +207,7 @@ def monitor_of_logs(runs: Sequence[Run]) -> LogMonitor:
                 for each, other in zip(columns, runs, strict=True)
             ]
         )
-        limits = room * np.maximum(np.delete(peaks, i, axis=0).max(axis=0), SMALLEST_LIMIT)
+        limits = room * np.maximum(np.delete(peaks, i, axis=0).max(axis=0), SMALLEST)
         scores = peaks[i] / limits
         logs.append(
             HealthyLog(
