@@ -274,7 +274,7 @@ def adopt(
     facts: dict[str, Any] = {}
     tables = wide_tables(model)
     begun = deepcopy(tables)
-    _ask(tables, throttle, commands or {}, rudder)
+    _set_controls(tables, throttle, commands or {}, rudder)
     as_asked = deepcopy(tables)
     start, choices = h or HEIGHT, {"V_a": V_a, "say": say, "values": values or {}, "glide": glide}
     try:
@@ -323,13 +323,13 @@ def _model(model: str, folder: Path) -> str:
     return model
 
 
-def _ask(
+def _set_controls(
     tables: dict[str, Any],
     throttle: str | None,
     commands: Mapping[str, Sequence[str]],
     rudder: bool,
 ) -> None:
-    """Put what `adopt` is told about the controls into the tables."""
+    """Put the throttle and the commands that were stated into the tables, and take out a rudder."""
     if throttle:
         tables["engines"]["command"] = throttle
     for surface, names in commands.items():

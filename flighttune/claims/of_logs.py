@@ -148,14 +148,12 @@ class LogMonitor(Answering):
         notes = [
             f"Watched are {listed([f'{x.name} ({x.target})' for x in models])}, from "
             f"{SETTLED_S:g} s of a log on. How often faults are found is not in the claim.",
-            *(
-                [f"Not watched, as not all logs have their signals: {listed(unseen)}."]
-                * bool(unseen)
-            ),
             "A claim of 5 % takes 19 logs; at a confidence of 0.95 for these limits it takes "
             f"{flights_needed(0.05, 0.95)} further logs without an alarm. Parts of one flight are "
             "not exchangeable with another flight, and longer flights alarm more often.",
         ]
+        if unseen:
+            notes.insert(1, f"Not watched, as a log lacks the signals: {listed(unseen)}.")
         rows = [asdict(log) for log in self.logs]
         return Answer(
             values={"epsilon": self.epsilon, "sentence": self.sentence, "settled_s": SETTLED_S},

@@ -19,7 +19,7 @@ from flighttune.files.shipped import nearest_name
 from flighttune.files.table import toml_tables
 from flighttune.flight.fly import library_versions
 from flighttune.logs.checks import check_flight, checked, degrees_as_radians
-from flighttune.logs.phases import EVENTS, Phase, inside, phases, said
+from flighttune.logs.phases import EVENTS, Phase, in_words, inside, phases
 from flighttune.logs.read import Fields, Stream, read_log
 from flighttune.logs.time_base import on_one_base
 from flighttune.references.maps import TOO_LARGE
@@ -274,7 +274,7 @@ def load_log(
         "file": path.name,
         "kind": kind,
         "from_s": start,
-        "phases": said(listed),
+        "phases": in_words(listed),
         "odd": odd,
         "missing": [f"no {name}" for name in missing],
         "gaps": gaps + large,

@@ -58,7 +58,7 @@ def phases(
     return listed, _odd(events, last - zero)
 
 
-def said(listed: list[Phase]) -> list[str]:
+def in_words(listed: list[Phase]) -> list[str]:
     """A sentence on each mode and state, with its times."""
     sentences = []
     for name in dict.fromkeys(phase.name for phase in listed):

@@ -235,7 +235,6 @@ def _axis(key: str) -> str:
     return f"{key_words(key)} [{unit}]" if unit != "1" else key_words(key)
 
 
-# Effects of the seed of a flight.
 CONFIDENCE = {
     "clopper-pearson": "Clopper and Pearson's interval",
     "wilson": "Wilson's interval",

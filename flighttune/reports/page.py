@@ -97,16 +97,16 @@ def write_log_page(
     summary, alarms, charts, failure = [f"A real flight of {run.duration:.1f} s."], [], [], ""
     for monitor in monitors:
         alarm, score = monitor.alarm(run), score_so_far(monitor.watches, run)
-        said = f"No alarm from {monitor.watches[0].from_s:g} s on."
+        sentence = f"No alarm from {monitor.watches[0].from_s:g} s on."
         if alarm is not None:
-            said = f"Alarm at {alarm.at_s:.2f} s: {alarm.why} is not as without a fault."
-            failure = failure or said
+            sentence = f"Alarm at {alarm.at_s:.2f} s: {alarm.why} is not as without a fault."
+            failure = failure or sentence
         alarms.append(alarm and alarm._asdict())
-        chart = Chart(title=f"Largest score so far: {said}", y="score [1]")
+        chart = Chart(title=f"Largest score so far: {sentence}", y="score [1]")
         chart.line(run.t[-len(score) :], score, STRONG)
         chart.level(1.0, LIMIT)
         charts.append(chart)
-        summary += [said, f"The monitor: {monitor.sentence}."]
+        summary += [sentence, f"The monitor: {monitor.sentence}."]
     if charts:
         sections.insert(0, Section(id="monitor", title="Monitor", charts=charts, legend=False))
     page = write_answer(
