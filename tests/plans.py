@@ -36,7 +36,7 @@ def ground(lat):
     return HOME[2] + SLOPE * (lat - HOME[0])
 
 
-def terrain(path, *, crs="EPSG:4326", lost=None):
+def terrain(path, *, lost=None, units=None, **profile):
     """A plane that rises to the north, with posts every 0.001 deg; `lost` has no height."""
     import rasterio  # an extra
 
@@ -44,8 +44,10 @@ def terrain(path, *, crs="EPSG:4326", lost=None):
     heights = np.tile(ground(north - step * (np.arange(size[0])[:, None] + 0.5)), (1, size[1]))
     if lost is not None:
         heights[lost] = -9999.0
-    made = {"driver": "GTiff", "count": 1, "dtype": "float64", "crs": crs, "nodata": -9999.0}
-    place = rasterio.Affine(step, 0.0, west, 0.0, -step, north)
-    with rasterio.open(path, "w", height=size[0], width=size[1], transform=place, **made) as file:
+    made = {"driver": "GTiff", "count": 1, "dtype": "float64", "crs": "EPSG:4326", "nodata": -9999}
+    made |= {"height": size[0], "width": size[1], **profile}
+    made["transform"] = rasterio.Affine(step, 0.0, west, 0.0, -step, north)
+    with rasterio.open(path, "w", **made) as file:
         file.write(heights, 1)
+        file.units = (units,) * file.count
     return path

@@ -158,8 +158,8 @@ def read_route(path: Path, *, skip: bool = False, terrain: Path | None = None) -
 
     `skip`: leave out commands that change the flight but have no place. Commands that leave the
     path as it is are always left out. `terrain`: a file that heights above terrain are flown by.
-    Raises InputError if the file cannot be read, is none of
-    these, or has an item that cannot be flown.
+    Raises InputError if the file cannot be read, is none of these, or has an item that cannot be
+    flown.
     """
     ending = path.suffix.lower()
     if ending not in ROUTE_FILES:

@@ -12,7 +12,11 @@ from flighttune.references.maps import Corridor, Where, on_earth
 # Distance between the places at which the ground is looked at, m.
 APART = 5.0
 
-METRES = (None, "", "m", "metre", "meter", "metres", "meters")
+METRES = "", "m", "metre", "meter", "metres", "meters"
+
+# Lowest and highest land there is, roughly, m: a post beyond has no height, in a file that does not
+# say which value stands for none.
+LOWEST, HIGHEST = -500.0, 9000.0
 
 
 def ground_at(file: Path, places: FloatArray) -> FloatArray:
@@ -23,6 +27,7 @@ def ground_at(file: Path, places: FloatArray) -> FloatArray:
     """
     need("`--terrain`", "rasterio")
     import rasterio
+    from rasterio._err import CPLE_BaseError  # of a place that a projection does not have
     from rasterio.warp import transform
     from rasterio.windows import Window
     from scipy.ndimage import map_coordinates
@@ -30,11 +35,13 @@ def ground_at(file: Path, places: FloatArray) -> FloatArray:
     if not file.is_file():
         raise InputError(f"{file}: there is no such file of a terrain.")
     try:
-        with rasterio.open(file) as data:
-            if data.crs is None or data.units[0] not in METRES:
-                got = "no such system" if data.crs is None else data.units[0]
+        with rasterio.open(file) as data, np.errstate(invalid="ignore"):
+            unit = (data.units[0] or "") if data.count == 1 else f"{data.count} bands"
+            if data.crs is None or unit.lower() not in METRES:
+                got = "no such system" if data.crs is None else unit
                 raise InputError(
-                    f"{file}: must have a coordinate system and heights in m, got {got}."
+                    f"{file}: must have a coordinate system and one band of heights in m, got "
+                    f"{got}."
                 )
             x, y = transform("EPSG:4326", data.crs, places[:, 1], places[:, 0])
             cell = np.reshape(~data.transform, (3, 3))[1::-1] @ [x, y, np.ones(len(places))]
@@ -46,8 +53,9 @@ def ground_at(file: Path, places: FloatArray) -> FloatArray:
             window = Window(first[1], first[0], *np.minimum(size, last - first + 1.0)[::-1])
             posts = data.read(1, window=window, masked=True).astype(float).filled(np.nan)
             posts = posts * data.scales[0] + data.offsets[0]
-    except rasterio.errors.RasterioError as error:
-        raise InputError(f"{file}: must be a raster of heights, got {error}.") from error
+            posts[(posts < LOWEST) | (posts > HIGHEST)] = np.nan
+    except (rasterio.errors.RasterioError, CPLE_BaseError) as error:
+        raise InputError(f"{file}: must be a raster with heights there, got {error}.") from error
     heights = map_coordinates(posts, at - first[:, None], order=1, mode="nearest")
     if (lost := np.isnan(heights)).any():
         raise _none_at(file, *places[lost][0])

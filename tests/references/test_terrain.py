@@ -2,12 +2,15 @@
 
 import math
 
+import numpy as np
 import pytest
 from commands import answer, flighttune
+from geographiclib.geodesic import Geodesic
 from plans import HOME, PATROL, SLOPE, ground, plan_file, terrain, waypoint
 
 import flighttune as ft
 from flighttune.errors import InfeasibleError
+from flighttune.references.terrain import ground_at
 
 pytest.importorskip("rasterio")
 
@@ -53,7 +56,14 @@ def test_a_path_below_the_ground_is_a_no(tmp_path):
 
 @pytest.mark.parametrize(
     ("made", "reason"),
-    [({"crs": None}, "must have a coordinate system"), ({"lost": 25}, "must have the height of")],
+    [
+        ({"crs": None}, "must have a coordinate system .* got no such system"),
+        ({"units": "US survey foot"}, "must have .* heights in m, got US survey foot"),
+        ({"count": 3}, "must have .* one band of heights .* got 3 bands"),
+        ({"crs": "EPSG:32732"}, "must have the height of"),
+        ({"lost": 25}, "must have the height of"),
+        ({"lost": 25, "nodata": None}, "must have the height of"),
+    ],
 )
 def test_a_raster_that_does_not_say_enough_is_refused(tmp_path, made, reason):
     file = plan_file(tmp_path / "m.plan", *PATROL)
@@ -63,6 +73,33 @@ def test_a_raster_that_does_not_say_enough_is_refused(tmp_path, made, reason):
             plan_file(file, *PATROL[:2], waypoint(47.405, 8.52, 60, frame=10)),
             terrain=terrain(tmp_path / "t.tif", **made),
         )
+
+
+def test_a_place_that_the_projection_of_the_raster_lacks_is_refused(tmp_path):
+    file = terrain(tmp_path / "t.tif", crs="EPSG:32632")
+
+    with pytest.raises(ft.InputError, match=r"t\.tif: must be a raster with heights there"):
+        ground_at(file, np.array([[0.0, 98.5]]))
+
+
+def test_the_ground_is_that_of_a_plane_between_posts_on_a_grid_of_another_projection(tmp_path):
+    rasterio = pytest.importorskip("rasterio")
+    # 48 N on the central meridian of zone 32: 500000 east, 0.9996 of the meridian's arc north.
+    east, north, step = 500_000.0, 5_316_300.0, 25.0
+    rows, columns = np.mgrid[:40, :60] + 0.5
+    heights = -3.0 + 0.2 * (columns * step - 700.0) + 0.7 * (450.0 - rows * step)
+    made = {"driver": "GTiff", "count": 1, "dtype": "float64", "crs": "EPSG:32632"}
+    made["transform"] = rasterio.Affine(step, 0.0, east - 700.0, 0.0, -step, north + 450.0)
+    with rasterio.open(tmp_path / "t.tif", "w", height=40, width=60, **made) as file:
+        file.write(heights, 1)
+    arc = Geodesic.WGS84.Inverse(0.0, 9.0, 48.0, 9.0)["s12"]
+    up = 0.9996 * arc - north
+
+    level, above = ground_at(tmp_path / "t.tif", np.array([[48.0, 9.0], [48.0, 9.002]]))
+
+    assert level == pytest.approx(-3.0 + 0.7 * up, abs=1e-3)
+    aside = Geodesic.WGS84.Inverse(48.0, 9.0, 48.0, 9.002)["s12"]
+    assert above - level == pytest.approx(0.2 * 0.9996 * aside, abs=0.1)
 
 
 def test_a_place_outside_of_the_raster_is_named(tmp_path):
