@@ -26,7 +26,7 @@ from hypothesis import strategies as st
 
 import flighttune as ft
 from flighttune.campaign.flying.columns import row_schema, table_of
-from flighttune.campaign.flying.rows import fly_runs, lost_row, scenario_of_run
+from flighttune.campaign.flying.rows import fly_runs, lost_row, scenario_of_run, warm_up
 from flighttune.control.margins import channel_margins
 from flighttune.flight import models
 
@@ -252,3 +252,16 @@ def test_a_bound_on_the_loop_is_in_every_row_and_its_margins_are_computed_once(m
 
     assert all("loop.phase_margin_deg must be at least 179" in row["missed"] for row in rows)
     assert counted.call_count == len(plan.groups) == 2
+
+
+@pytest.mark.slow
+def test_the_compiled_samples_of_a_route_are_loaded_before_its_runs_are_timed(monkeypatch):
+    pytest.importorskip("numba")
+    from flighttune.simulate import kernel
+
+    calls, compiled = [], kernel.route_sample
+    monkeypatch.setattr(kernel, "route_sample", lambda *x: calls.append(x[0]) or compiled(*x))
+
+    warm_up(ft.plan_campaign(ft.load_campaign("circuit_in_wind", gains=["paper"])))
+
+    assert calls == [0]

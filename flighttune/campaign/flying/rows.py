@@ -96,9 +96,6 @@ def fly_again(plan: Plan, run: int, *, progress: Progress | None = None) -> Flow
 # nothing else is done here meanwhile.
 BLOCK = 64
 
-# Length, in samples, of the flights of `warm_up`
-SAMPLES = 4
-
 # Status of a run whose drawn values the scenario or an aircraft refuses
 INVALID = "invalid"
 
@@ -269,13 +266,16 @@ def lost_row(plan: Plan, run: int, drawn: Drawn | None, ending: int | str) -> Ro
 
 def warm_up(plan: Plan) -> None:
     """Load what the flights of a plan need, before the time of its runs is taken."""
-    scenario = plan.scenario
-    short = scenario.flight.model_copy(update={"duration_s": SAMPLES / scenario.controller.rate_hz})
-    scenario = scenario.model_copy(update={"flight": short})
     once = {(group.plant, split_name(group.gains)[0]): group for group in plan.groups}
     for group in once.values():  # one of each plant and law
+        table, gains = plan.scenario.plant_table(group.plant), plan.gain_sets[group.gains]
         with suppress(FlightTuneError):
-            fly_group(plan, scenario, group)
+            fly_alone(plan.scenario, table, gains, group.gains, progress=_end)
+
+
+def _end(_label: str, _part: float) -> None:
+    """End a flight at its first sample: a shorter one of a route would be refused."""
+    raise InputError("A flight of `warm_up` ends here.")
 
 
 def _fly_alone(
