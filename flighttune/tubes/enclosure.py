@@ -502,8 +502,7 @@ def _problem(
     law, _ = scenario.law_of(f"{claim.law}:", gains if gains.inputs == COMMANDS else None)
     reference = reference_samples(scenario, scenario.plant_table(claim.plant))
     if scenario.feasible:
-        off = float(np.abs(arrays["reference"] - reference).max())
-        if off > SAME_REFERENCE:
+        if (off := float(np.abs(arrays["reference"] - reference).max())) > SAME_REFERENCE:
             raise InputError(
                 f"`reference` must be that of the scenario to {SAME_REFERENCE:g} (rad, 1, rad/s), "
                 f"got one that is off by {off:.3g}."

@@ -45,7 +45,6 @@ from flighttune.tubes.sample import (
     Controlled,
     Cut,
     Enclosure,
-    Flown,
     Plan,
     SampledLoop,
     ordered,
@@ -59,7 +58,7 @@ OVERLAP = 1e-9
 # lift, course and path angle; with feedback a second roll and two more load factors.
 SYMBOLS_AFTER_ROLL, MORE_WITH_FEEDBACK = 6, 3
 
-# Commands expected, the last rows with feedback, and kinds of their symbols
+# Rows of the expected commands, the last ones with feedback, and the kinds of their symbols
 EXPECTED_PHI, EXPECTED_N_Z = -2, -1
 EXPECTED_KINDS = STATES + 2, STATES + 3
 
@@ -89,7 +88,7 @@ class ExactEnclosure(Enclosure):
         self._law, self._speed = law, loop.V_a * law.per_g  # of V/g, s
 
     def _begin(self) -> float:
-        """Forget the sides of limits; return the symbols at which no further pass has room."""
+        """Clear the sides of limits; return the symbols from which on a pass has no room."""
         pieces = self.pieces
         # Side of each limit on which all flights of a piece are, by channel and by above or below.
         limits = [(i, side) for i in range(2 * self.commands) for side in (1.0, -1.0)]
@@ -112,9 +111,7 @@ class ExactEnclosure(Enclosure):
             self._check_plain(errors, a.values, b.values)
             # Roll and load factor come one after the other: the law inverts exactly with the roll
             # that is commanded, so that the load factor must see roll after its limits.
-            command = arctangent(a, b).widened(COMPUTED)
-            x = combined((1.0, command), (-1.0, state[PHI]))
-            turning = self._channel(0, x, Quantity(state[PHI], self._range(state[PHI])), errors)
+            turning = self._towards(0, arctangent(a, b).widened(COMPUTED), state[PHI], errors)
             if self._fewer_or_more([turning]):
                 continue
             # One symbol for the error of roll: lift and load factor share it, so that it cancels
@@ -170,6 +167,11 @@ class ExactEnclosure(Enclosure):
         if not (climb * self._speed * law.K_P[1] * UP < self._law.brake).all():
             raise Unbounded("the path-angle error can be so large that the law brakes")
 
+    def _towards(self, i: int, wanted: Form, before: Form, errors: Sequence[Form]) -> Channel:
+        """A command wanted, from the one before it."""
+        x = combined((1.0, wanted), (-1.0, before))
+        return self._channel(i, x, Quantity(before, self._range(before)), errors)
+
     def _channel(self, i: int, x: Form, command: Quantity, errors: Sequence[Form]) -> Channel:
         law = self.loop.law.channels[i // self.commands]
         increment = combined(*zip(law.K_I_half, errors, strict=True))
@@ -216,16 +218,14 @@ class ExactEnclosure(Enclosure):
 
     def _vertical(self, lifting: Channel, phi: Form, b: Form) -> Form:
         """The load-factor command after its limits times the cosine of the roll command."""
-        less = self._held_back(1, lifting)
-        if less is None:
+        if (less := self._held_back(1, lifting)) is None:
             return b.widened(COMPUTED)
         # Limits act on n_z; in terms of the vertical lift they take off as much times cos(phi).
         level = cosine_of(self._angle(phi, "roll"))
         return combined((1.0, b), (-1.0, product(self._ranged(less), level))).widened(COMPUTED)
 
     def _load(self, stage: Controlled) -> Form:
-        steep = secant(self._angle(stage.phi, "roll"))
-        return product(self._ranged(stage.extra), steep)
+        return product(self._ranged(stage.extra), secant(self._angle(stage.phi, "roll")))
 
     def _lift_and_load(self, stage: Controlled) -> tuple[Form, Interval]:
         # The row of the exact law is the vertical lift itself.
@@ -327,33 +327,25 @@ class FedBackEnclosure(ExactEnclosure):
                 continue
             n_0 = self._moved(2, lifting, state[EXPECTED_N_Z])
             n_0 = pieces.fresh(n_0, EXPECTED_KINDS[1])
+            # The controller sees the load factor behind its lag, or the command in force.
+            lift_seen = state[self.loop.layout[0][1].start if self.loop.lags else EXTRA_LIFT]
             loading = self._towards(
-                3, self._with_lack(k_n_z, n_0, self._lift_seen(state)), state[EXTRA_LIFT], errors
+                3, self._with_lack(k_n_z, n_0, lift_seen), state[EXTRA_LIFT], errors
             )
             if not self._fewer_or_more([turning, rolling, lifting, loading]):
                 break
         phi = pieces.fresh(self._moved(1, rolling, state[PHI]), PHI)
         extra = self._moved(3, loading, state[EXTRA_LIFT])
-        self._expected = [phi_0, n_0]
         both = {0: turning, 1: rolling}, {2: lifting, 3: loading}
         integrals, limited = zip(
             *(self._integrated(both[i], state[PHI_INTEGRAL + i]) for i in (0, 1)), strict=True
         )
         seen = self._seen(state)
-        return Controlled(state, errors, seen, phi, extra, 0.0, self._kept(integrals), limited)
-
-    def _towards(self, i: int, wanted: Form, before: Form, errors: Sequence[Form]) -> Channel:
-        """A command wanted, from the one before it."""
-        x = combined((1.0, wanted), (-1.0, before))
-        return self._channel(i, x, Quantity(before, self._range(before)), errors)
+        kept = self._kept(integrals)
+        return Controlled(state, errors, seen, phi, extra, 0.0, kept, limited, (phi_0, n_0))
 
     def _with_lack(self, k: float, expected: Form, measured: Form) -> Form:
         return combined((1.0 + k, expected), (-k, measured)).widened(COMPUTED)
-
-    def _lift_seen(self, state: Sequence[Form]) -> Form:
-        """The load factor that the controller sees."""
-        lags, _ = self.loop.layout
-        return state[lags[1].start] if self.loop.lags else state[EXTRA_LIFT]
 
     def _check_plain(self, errors: Sequence[Form], a: Interval, b: Interval) -> None:
         super()._check_plain(errors, a, b)
@@ -368,11 +360,3 @@ class FedBackEnclosure(ExactEnclosure):
     def _lift_and_load(self, stage: Controlled) -> tuple[Form, Interval]:
         load = self._ranged(stage.extra)
         return product(load, cosine_of(stage.roll)), load.values
-
-    def _paper_law(self, k: int, stage: Controlled) -> Flown:
-        rows, commands, spread = super()._paper_law(k, stage)
-        return [*rows, *self._expected], commands, spread
-
-    def _point_mass(self, k: int, stage: Controlled) -> Flown:
-        rows, commands, spread = super()._point_mass(k, stage)
-        return [*rows, *self._expected], commands, spread

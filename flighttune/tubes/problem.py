@@ -87,10 +87,8 @@ class TubeProblem:
         # there.
         moving = scenario.windy and not aircraft
         swings = scenario.disturbance is not None and scenario.disturbance.as_wind
-        for key, value in (
-            ("sensors", scenario.sensors_on(self.table.label)),
-            ("wind", moving or swings),
-        ):
+        sensors = scenario.sensors_on(self.table.label)
+        for key, value in {"sensors": sensors, "wind": moving or swings}.items():
             if value:
                 raise InputError(
                     f"`{key}` must not be in the scenario of a tube: it is not enclosed."

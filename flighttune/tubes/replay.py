@@ -99,8 +99,7 @@ def replay(
         if k >= len(claimed):
             after_end.append(ranges)
             continue
-        broken = _broken(ranges, claimed[k])
-        if broken:
+        if broken := _broken(ranges, claimed[k]):
             return _refused(f"{when}: {broken}")
         unproven = np.flatnonzero(limited & ~can_limit[k])
         if len(unproven):

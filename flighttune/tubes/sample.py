@@ -213,6 +213,7 @@ class Controlled(NamedTuple):
     lift: float  # vertical lift of the feed-forward, in weights; 0 without one
     integrals: list[Form]
     limited: Sequence[bool]  # whether a limit can hold the command
+    expected: Sequence[Form] = ()  # with feedback both commands that the law expects to be followed
 
 
 # Course, flight-path angle, the row `EXTRA_LIFT` and those of the lags one sample later; the values
@@ -293,7 +294,8 @@ class Enclosure:
         errors = [*map(self._range, stage.errors)]
         fly = self._point_mass if loop.exact else self._paper_law
         (chi, gamma, extra, *lags), commands, spread = fly(k, stage)
-        pieces.put([chi, gamma, stage.phi, extra, *stage.integrals, *stage.errors, *lags])
+        rows = [chi, gamma, stage.phi, extra, *stage.integrals, *stage.errors]
+        pieces.put([*rows, *lags, *stage.expected])
         ranges = [*map(ordered, (*errors, *commands))]
         bounds = np.array([(values.low.min(), values.high.max()) for values in ranges])
         # Between samples a flight leaves the straight line by at most a quarter of the sample time
@@ -345,8 +347,7 @@ class Enclosure:
         if empty.any():
             self._keep(~empty)
             return True
-        cut = self.plan.cut(self.pieces, channels)
-        if cut is not None:
+        if (cut := self.plan.cut(self.pieces, channels)) is not None:
             self._split(cut, channels)
         return cut is not None
 
