@@ -75,7 +75,7 @@ class MissionOdds(Answering):
     room: TurnBack | None = None
     files: Mapping[str, Path | None]
     file: Path | None = None
-    terrain: Path | None = None
+    terrain: str | Path | None = None
 
     def with_room(self, room: TurnBack) -> "MissionOdds":
         """The answer with the room to turn back, written beside the file of the band."""
@@ -192,7 +192,6 @@ def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
     """
     by: By = (workers, scheduler, observer)
     of_flights = {"aircraft": aircraft, "like": like, "changes": changes}
-    ground = None if terrain is None else Path(terrain)
     file, kept = None if out is None else Path(out), kept_band(source)
     own: Sequence[Path] = ()
     if kept is None:
@@ -220,7 +219,7 @@ def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
         needed = flights_needed(epsilon, confidence, OUTSIDE) if not until_sure else None
         flights = fresh_flights(flights or needed, epsilon, confidence)
         plan = plan.with_runs(LEARN + flights)
-    _check_path(plan, areas, fence, ground, kept)
+    _check_path(plan, areas, fence, terrain, kept)
     count = partial(counted_on, place=place, epsilon=epsilon, confidence=confidence, by=by)
     band = kept or count(
         Band,
@@ -241,7 +240,7 @@ def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
     if out is not None:
         band.save(out)
     files = {"band": None if out is None else Path(out)}
-    odds = MissionOdds(band=band, files=files, file=file, terrain=ground)
+    odds = MissionOdds(band=band, files=files, file=file, terrain=terrain)
     if turning is None:
         return odds
     turns = flights_needed(epsilon, confidence, OUTSIDE)
@@ -263,7 +262,7 @@ def _asked_fence(
 
 
 def _check_path(
-    plan: Plan, areas: dict[str, Any], fence: Path, terrain: Path | None, kept: Band | None
+    plan: Plan, areas: dict[str, Any], fence: Path, terrain: str | Path | None, kept: Band | None
 ) -> None:
     """Refuse a path below the ground or outside its fence, and a fence that cannot be counted."""
     planned, fresh = planned_route(plan.campaign.central), kept is None
@@ -304,8 +303,8 @@ def mission_plan(
         corridor, shapes = None, []
     files = [*map(Path, fences)] or ([] if shapes else [*own_fence(Path(source))])
     shapes += [tables] if (tables := fence_tables(files)) else []
-    ground, origin = None if terrain is None else Path(terrain), planned.where[1]
-    answer = _over_ground(planned.answer(), planned, ground, band)
+    origin = planned.where[1]
+    answer = _over_ground(planned.answer(), planned, terrain, band)
     places = [read_fence(files[0] if files else KEPT, origin, shape) for shape in shapes]
     nearest = [fence.nearest(planned.reference.path) for fence in places]
     said = [planned_inside(planned, *x) for x in zip(places, nearest, strict=True)]
@@ -322,7 +321,7 @@ def mission_plan(
 
 
 def _over_ground(
-    answer: Answer, planned: PlannedRoute, terrain: Path | None, band: Band | None
+    answer: Answer, planned: PlannedRoute, terrain: str | Path | None, band: Band | None
 ) -> Answer:
     """An answer with the lowest place of a path, and of its corridor, over the ground."""
     if terrain is None:

@@ -238,7 +238,7 @@ def mission_scenario(
     source: str | Path,
     aircraft: str | None,
     changes: Mapping[str, Any] | None,
-    terrain: Path | None,
+    terrain: str | Path | None,
 ) -> tuple[Scenario, bool] | None:
     """The scenario of a mission, and whether its airspeed is assumed; None for another source."""
     file = Path(source)
@@ -294,11 +294,9 @@ def route(
     >>> [stretch["kind"] for stretch in ft.route("circuit").stretches][:3]
     ['leg', 'turn', 'leg']
     """
-    of_file = not isinstance(source, Scenario)
-    ground = None if terrain is None else Path(terrain)
     mission = None
-    if of_file:
-        mission = mission_scenario(source, aircraft, changes, ground)
+    if not isinstance(source, Scenario):
+        mission = mission_scenario(source, aircraft, changes, terrain)
     if mission is None and aircraft is not None:
         raise InputError(f"{source}: `aircraft` must be absent for a scenario.")
     scenario, speed_assumed = mission or (as_scenario(source, changes), False)

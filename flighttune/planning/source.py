@@ -161,8 +161,7 @@ def flights(
             raise InputError("`aircraft`, `like` and `changes` must be given with a file.")
         return source if isinstance(source, Flights) else _of(source)
     place = str(source)
-    ground = None if terrain is None else Path(terrain)
-    if mission := mission_scenario(place, aircraft, changes, ground):
+    if mission := mission_scenario(place, aircraft, changes, terrain):
         scenario, _ = mission
         drawn = _about_mission(scenario, aircraft or AIRCRAFT, like)
         return Flights(place=place, scenario=scenario, campaign=drawn, mission=Path(place))

@@ -98,7 +98,7 @@ def read_items(
     items: Sequence[Mapping[str, Any]],
     home: tuple[float, ...],
     skip: bool,
-    terrain: Path | None = None,
+    terrain: str | Path | None = None,
 ) -> Mission:
     """What is flown of items; `home`: latitude and longitude, deg, height above sea level, m.
 
@@ -154,7 +154,7 @@ def read_items(
     return Mission(rows, rally, start, [*fates, *notes, *_airspeeds(rows, speeds)])
 
 
-def _above_sea(item: Mapping[str, Any], terrain: Path | None) -> Mapping[str, Any]:
+def _above_sea(item: Mapping[str, Any], terrain: str | Path | None) -> Mapping[str, Any]:
     """An item with its height above sea level, where it is one above a terrain that is known."""
     above = item.get("frame") in ABOVE_TERRAIN and item.get("AMSLAltAboveTerrain") is None
     if terrain is None or not above or not _placed(item):

@@ -153,7 +153,7 @@ class RouteFile(NamedTuple):
     limits: Mapping[str, Any] = MappingProxyType({})  # [limits], which flighttune writes
 
 
-def read_route(path: Path, *, skip: bool = False, terrain: Path | None = None) -> RouteFile:
+def read_route(path: Path, *, skip: bool = False, terrain: str | Path | None = None) -> RouteFile:
     """Read a route: a .plan of QGroundControl, .waypoints of Mission Planner, KML or GeoJSON.
 
     `skip`: leave out commands that change the flight but have no place. Commands that leave the
@@ -161,8 +161,7 @@ def read_route(path: Path, *, skip: bool = False, terrain: Path | None = None) -
     Raises InputError if the file cannot be read, is none of these, or has an item that cannot be
     flown.
     """
-    ending = path.suffix.lower()
-    if ending not in ROUTE_FILES:
+    if (ending := path.suffix.lower()) not in ROUTE_FILES:
         raise InputError(f"{path}: must be {KINDS}, got {path.suffix}.")
     text_file = ending in (".waypoints", ".txt", ".kml")
     content: Any = file_text(path) if text_file else json_tables(path)
@@ -201,12 +200,11 @@ def _written(stated: object, path: object) -> RouteFile | None:
     return RouteFile({**stated["route"], **rows, "notes": notes}, flight, {**stated["limits"]})
 
 
-def _plan(tables: Mapping[str, Any], skip: bool, terrain: Path | None) -> RouteFile:
+def _plan(tables: Mapping[str, Any], skip: bool, terrain: str | Path | None) -> RouteFile:
     mission = tables["mission"]
     if read := _written(tables.get(ROUTE_KEY), mission):
         return read
-    speed = json_number(mission.get("cruiseSpeed", 1.0), "`cruiseSpeed`")
-    if speed <= 0.0:
+    if (speed := json_number(mission.get("cruiseSpeed", 1.0), "`cruiseSpeed`")) <= 0.0:
         raise InputError(f"`cruiseSpeed` must be positive, got {speed:g} m/s.")
     stated = [*json_part(mission, "plannedHomePosition", list), None, None, None][:3]
     height = json_number(stated[2], "the height above sea level in `plannedHomePosition`")
@@ -217,7 +215,7 @@ def _plan(tables: Mapping[str, Any], skip: bool, terrain: Path | None) -> RouteF
     return _mission(read, home, rally)
 
 
-def _waypoints(text: str, skip: bool, terrain: Path | None) -> RouteFile:
+def _waypoints(text: str, skip: bool, terrain: str | Path | None) -> RouteFile:
     """A file of Mission Planner, whose first line of values is the home position."""
     (lat, lon, height), items = planner_items(text)
     home = lat, lon, json_number(height, "the height of home")

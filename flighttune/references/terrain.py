@@ -19,7 +19,7 @@ METRES = "", "m", "metre", "meter", "metres", "meters"
 LOWEST, HIGHEST = -500.0, 9000.0
 
 
-def ground_at(file: Path, places: FloatArray) -> FloatArray:
+def ground_at(file: str | Path, places: FloatArray) -> FloatArray:
     """Height of the ground at places (n, 2), latitude and longitude in deg, above sea level, m.
 
     It is linear between the posts of a file that rasterio reads, such as GeoTIFF and .hgt. Raises
@@ -32,7 +32,7 @@ def ground_at(file: Path, places: FloatArray) -> FloatArray:
     from rasterio.windows import Window
     from scipy.ndimage import map_coordinates
 
-    if not file.is_file():
+    if not Path(file).is_file():
         raise InputError(f"{file}: there is no such file of a terrain.")
     try:
         with rasterio.open(file) as data, np.errstate(invalid="ignore"):
@@ -55,18 +55,19 @@ def ground_at(file: Path, places: FloatArray) -> FloatArray:
             posts = posts * data.scales[0] + data.offsets[0]
             posts[(posts < LOWEST) | (posts > HIGHEST)] = np.nan
     except (rasterio.errors.RasterioError, CPLE_BaseError) as error:
-        raise InputError(f"{file}: must be a raster with heights there, got {error}.") from error
+        reason = str(error).rstrip(".")
+        raise InputError(f"{file}: must be a raster with heights there, got {reason}.") from error
     heights = map_coordinates(posts, at - first[:, None], order=1, mode="nearest")
     if (lost := np.isnan(heights)).any():
         raise _none_at(file, *places[lost][0])
     return heights
 
 
-def _none_at(file: Path, lat: float, lon: float) -> InputError:
+def _none_at(file: str | Path, lat: float, lon: float) -> InputError:
     return InputError(f"{file}: must have the height of the ground at {lat:.5f}, {lon:.5f} deg.")
 
 
-def clearance(file: Path, where: Where, corridor: Corridor | None = None) -> dict[str, Any]:
+def clearance(file: str | Path, where: Where, corridor: Corridor | None = None) -> dict[str, Any]:
     """The lowest place over the ground of a path, or of its corridor, looked at every 5 m.
 
     Returns its height over the ground (m, negative below it), distance along the path (m), stretch,

@@ -40,7 +40,7 @@ TITLES = {name: (title, label) for name, title, label in (*ERRORS, *ROUTE_ERRORS
 
 
 def band_charts(
-    band: SignalBounds, room: TurnBack | None = None, terrain: Path | None = None
+    band: SignalBounds, room: TurnBack | None = None, terrain: str | Path | None = None
 ) -> list[Chart]:
     """Each signal with the flights that were counted; on a route its map before them.
 
@@ -114,7 +114,7 @@ def _map(band: Band, room: TurnBack | None) -> Chart:
     return chart
 
 
-def _heights(band: Band, terrain: Path | None) -> Chart:
+def _heights(band: Band, terrain: str | Path | None) -> Chart:
     """Height over the start along the route, in the band, with floor and ceiling of its fences."""
     about, (path, origin, h_0) = band.about, band.flights.route.where
     ends = 0.0, path.length / KM
@@ -171,7 +171,7 @@ def write_claim_page(
     source: str,
     path: str | Path,
     room: TurnBack | None = None,
-    terrain: Path | None = None,
+    terrain: str | Path | None = None,
     changed: Sequence[str] = (),
 ) -> Report:
     """Write one self-contained page about the claim in the file `source`.
