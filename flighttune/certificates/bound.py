@@ -132,8 +132,7 @@ def bound_rate(
         R_bound = math.nextafter(1.0 / I_star, 0.0)
     else:
         R_bound = best.R_K * (1.0 + GAP * (1.0 - best.R_K))
-    proof = no_faster_gains(I_star, R_bound)
-    if proof is None:
+    if (proof := no_faster_gains(I_star, R_bound)) is None:
         return None
     bound = RateBound(I_star=I_star, R_bound=R_bound, boxes=proof[0], multipliers=proof[1])
     return bound if bound.verify().valid else None

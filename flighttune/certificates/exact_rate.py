@@ -167,8 +167,7 @@ def exact_rates(
     loop = closed_loop(model, gains)
     units = np.ones(len(loop)) if scaling is None else np.asarray(scaling, dtype=float)
     rates = []
-    proven = decay(loop * units / units[:, None])
-    if proven is not None:
+    if (proven := decay(loop * units / units[:, None])) is not None:
         rates.append(ExactRate(rate=proven.rate, Q=proven.Q, units=units))
     if sampling is None:
         return tuple(rates), ""
@@ -177,8 +176,7 @@ def exact_rates(
         sampled = sampling.loop(gains)
     except InputError as error:
         return tuple(rates), f"{absent}: {error}"
-    proven = decay(sampled, dt=sampling.dt)
-    if proven is None:
+    if (proven := decay(sampled, dt=sampling.dt)) is None:
         return tuple(rates), f"{absent}: it is not proven to be stable."
     ones = np.ones(len(sampled))
     rates.append(ExactRate(rate=proven.rate, Q=proven.Q, units=ones, sampling=sampling))

@@ -204,8 +204,7 @@ def lag_boxes(
     boxes = []
     for i, ends in enumerate(np.stack(ranges, axis=1).tolist()):
         box, channel = LagBox(*map(tuple, ends), rate=1.0), channel_gains(gains, i)
-        rate = constant_rate(channel, box.ranges)
-        if not rate:
+        if not (rate := constant_rate(channel, box.ranges)):
             return (), f"{gains.errors[i]}: its loop is not proven to be stable {box.place}."
         norm, Q = norm_rate(channel, box.ranges, rate) or (None, None)
         boxes.append(replace(box, rate=rate, norm_rate=norm, Q=Q))

@@ -213,7 +213,9 @@ def certify_model(
         raise InputError("`conditions` must have models with the states of `model`.")
     polytope = None
     if envelope is None or g is None:
-        loops = _distinct([closed_loop(linear, gains) for linear in (model, *models)])
+        loops = np.array([closed_loop(linear, gains) for linear in (model, *models)])
+        # the same ones once, in their order
+        loops = loops[np.sort(np.unique(loops, axis=0, return_index=True)[1])]
     else:
         polytope = jacobian_hull(envelope, g=g)
         loops = vertex_loops(envelope, gains, g=g)
@@ -264,12 +266,6 @@ def certify_model(
         certificate=certificate,
         verification=verification,
     )
-
-
-def _distinct(loops: Sequence[FloatArray]) -> FloatArray:
-    """Loops stacked in order, the same ones once."""
-    _, first = np.unique(np.array(loops), axis=0, return_index=True)
-    return np.array(loops)[np.sort(first)]
 
 
 def _ellipsoid(loops: FloatArray, E: FloatArray, L_d: float) -> tuple[Ellipsoid | None, str]:

@@ -223,7 +223,10 @@ class Flight:
             zip(t.tolist(), _references(reference, t, lead or NOT_LATE), strict=True),
             last=last,
             lead=lead or NOT_LATE,
-            plan=None if lead is None else _planner(reference, dt),
+            # A route's follower has a planner of its own.
+            plan=Planner(dt, reference.g)
+            if lead is not None and isinstance(reference, Reference) and reference.planned
+            else None,
             priority=priority,
             route=route,
             pack=struct.Struct(f"{len(self._columns)}d").pack,
@@ -332,8 +335,7 @@ def _samples(
         rows += pack(*signals, *loop, *u_unsat, *commands[m:], *place, *speed, *limited)
         if ends:
             return route.not_arrived(now, place) if route is not None and place else None
-        stop = advance(commands[0], commands[1], dt, *commands[2:m])
-        if stop is not None:
+        if (stop := advance(commands[0], commands[1], dt, *commands[2:m])) is not None:
             return stop
     return None
 
@@ -351,19 +353,16 @@ def _measured(
     n_x = signals.index(N_X_SIGNALS[0]) if N_X_SIGNALS[0] in signals else None
     air = signals.index(WIND[0]) if windy else None
     has_body = {"theta", "elevator"} <= {*signals}
-    pitched = itemgetter(*map(signals.index, ("theta", "elevator"))) if has_body else _no_body
+    body = itemgetter(*map(signals.index, ("theta", "elevator"))) if has_body else None
 
     def measured(seen: tuple[float, ...]) -> Measured:
         height = h_0 - seen[_DOWN] if h is None else seen[h]
         wind = None if air is None else seen[air : air + len(WIND)]
         along = None if n_x is None else seen[n_x : n_x + len(N_X_SIGNALS)]
-        return new(Measured, (*angles(seen), height, seen[_POSITION], wind, along, *pitched(seen)))
+        pitched = (None, None) if body is None else body(seen)
+        return new(Measured, (*angles(seen), height, seen[_POSITION], wind, along, *pitched))
 
     return measured
-
-
-def _no_body(_seen: tuple[float, ...]) -> tuple[None, None]:
-    return None, None
 
 
 def _references(
@@ -383,15 +382,6 @@ def _references(
     return map(ReferenceSample, *values.tolist())
 
 
-def _planner(
-    reference: Reference | FeasibleReference | RouteReference, dt: float
-) -> Planner | None:
-    """The planner of a reference that rolls in; a route's follower has its own."""
-    if isinstance(reference, Reference) and reference.planned:
-        return Planner(dt, reference.g)
-    return None
-
-
 def _columns(
     plant_signals: tuple[str, ...], law_signals: tuple[str, ...], m: int
 ) -> tuple[str, ...]:
@@ -400,8 +390,7 @@ def _columns(
     commands = COMMANDS if m == len(COMMANDS) else WITH_AIRSPEED[COMMANDS]
     cmd, unlimited, limited = ([f"{name}_{kind}" for name in commands] for kind in KINDS)
     columns = *plant_signals, *LOOP_SIGNALS[:4], *cmd, *unlimited, *law_signals, *limited
-    twice = sorted({name for name in columns if columns.count(name) > 1 or name == "t"})
-    if twice:
+    if twice := sorted({name for name in columns if columns.count(name) > 1 or name == "t"}):
         kind = LawError if set(twice) & set(law_signals) else InputError
         raise kind(f"`signals` must have names that nothing else has, got {twice}.")
     return columns

@@ -313,8 +313,7 @@ def tune_over_envelope(
     nominal = tune_by_gradient(problem)
     firsts = []
     if nominal.status == "optimal" and nominal.gains is not None:
-        random = stabilising_starts(problem, space, starts)
-        firsts = [nominal.gains.K[space.free], *random]
+        firsts = [nominal.gains.K[space.free], *stabilising_starts(problem, space, starts)]
     searches = [_grow(problem, k, envelope, trim, g=g) for k in firsts]
     reached = [search for search in searches if search is not None]
     of_search = {"method": "envelope", "starts": starts, "wall_s": time.perf_counter() - began}
@@ -356,8 +355,7 @@ def _grow(
         if reached is not None and factor < 1.0 and factor <= reached[0] * 1.005:
             break
         models = jacobian_hull(envelope.scaled(trim, factor), g=g).models()
-        start = point(problem, models, k)
-        if start is None:
+        if (start := point(problem, models, k)) is None:
             break
         best = ascend(problem, models, start)
         reached, k = (factor, best), best.k

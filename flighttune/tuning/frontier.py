@@ -66,8 +66,7 @@ def frontier(
     rows = [_row(problem, name, math.nan, measured) for name, measured in marks.items()]
     space = search_space(problem)
     k = stabilising_starts(problem, space, max(STARTS, starts))
-    smallest = smallest_radius(problem, k)
-    if smallest is None:
+    if (smallest := smallest_radius(problem, k)) is None:
         return pd.DataFrame(rows)
     finite = [measured.I_K for measured in marks.values() if math.isfinite(measured.I_K)]
     I_max = max([WIDEST * smallest.I_K, *finite])

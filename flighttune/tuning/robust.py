@@ -67,14 +67,11 @@ def tune_worst_case(problems: Sequence[TuningProblem], *, starts: int = STARTS) 
     solved = [result for result in results if result is not None]
     tried = sum(searches for _, searches, *_ in solved)
     if len(solved) < len(results):
+        within = f" with a sensitivity of at most {whole.sensitivity_max:g}"
+        within *= whole.objective != "R_K"
         return TuningResult(
             status="failed",
-            reason="No gains were found that stabilise every model"
-            + (
-                "."
-                if whole.objective == "R_K"
-                else f" with a sensitivity of at most {whole.sensitivity_max:g}."
-            ),
+            reason=f"No gains were found that stabilise every model{within}.",
             method=METHOD,
             problem=whole,
             starts=tried,
@@ -94,8 +91,7 @@ def tune_worst_case(problems: Sequence[TuningProblem], *, starts: int = STARTS) 
     broken = [
         name for name, s in zip(space.names, space.slack(K[space.free]), strict=True) if s < 0.0
     ]
-    E_K = max(loop.E_K for loop in loops)
-    if E_K > whole.E_star:
+    if (E_K := max(loop.E_K for loop in loops)) > whole.E_star:
         broken.append("E_K")
     active, peak = tuple(broken), None
     if whole.objective != "R_K":
@@ -130,8 +126,7 @@ def _tuned(problems: list[TuningProblem], starts: int) -> tuple[FloatArray, int,
     space = search_space(problems[0])
     candidates = np.vstack([stabilising_starts(problem, space, starts) for problem in problems])
     worst = np.array([_worst_rate(problems, space, k) for k in candidates])
-    most = min(starts, int((worst > 0.0).sum()))
-    if not most:
+    if not (most := min(starts, int((worst > 0.0).sum()))):
         return None
     ends, _ = Program(problems, "R_K").descend(candidates[np.argsort(-worst, kind="stable")][:most])
     rates, most_E = [_worst_rate(problems, space, k) for k in ends], problems[0].E_star
@@ -191,10 +186,8 @@ def _part(
     n, _, p = model.shape
     columns = np.concatenate([errors, p + errors])
     ends = ("lower", "upper", "rate_lower", "rate_upper")
-    limits = (
-        None
-        if problem.limits is None
-        else Limits(**{end: getattr(problem.limits, end)[inputs] for end in ends})
+    limits = problem.limits and Limits(
+        **{end: getattr(problem.limits, end)[inputs] for end in ends}
     )
     bounds = {
         name: np.asarray(getattr(problem, name))[inputs[:, None], columns]

@@ -77,7 +77,7 @@ def searched(
     low, high = np.maximum(ends[0], 0.0), ends[1]
     if first.feedback:
         low, high = np.append(low, 0.0), np.append(high, MOST_FEEDBACK)
-    found: list[tuple[float, FloatArray]] = []
+    answers: list[tuple[float, FloatArray]] = []
     for factor, fed in STARTS:
         z, room = np.append(np.full(f, factor), fed)[: len(low)], ROOM * first.feedback
         for tightening in range(MAX_TIGHTENINGS):
@@ -90,13 +90,13 @@ def searched(
                     options=SIMPLEX,
                 ).x
             if (missed := over(z, fine, limit)) <= 0.0:
-                found.append((value(z), z))
+                answers.append((value(z), z))
                 break
             room += MORE_THAN_MISSED * missed
-    if not found:
+    if not answers:
         return None
-    best, z = min(found, key=lambda end: end[0])
-    agreeing = sum(end <= best + SAME_END for end, _ in found)
+    best, z = min(answers, key=lambda answer: answer[0])
+    agreeing = sum(reached <= best + SAME_END for reached, _ in answers)
     return k * z[:f], float(z[f]) if first.feedback else 0.0, agreeing
 
 

@@ -43,8 +43,7 @@ def tune_problem(problem: TuningProblem, *, starts: int = STARTS) -> TuningResul
     check_at_least(1, starts=starts)
     began = time.perf_counter()
     search = tune_by_gradient if problem.weights is None else tune_by_cost
-    result = search(problem, starts=starts)
-    return replace(result, wall_s=time.perf_counter() - began)
+    return replace(search(problem, starts=starts), wall_s=time.perf_counter() - began)
 
 
 def tune_by_gradient(problem: TuningProblem, *, starts: int = STARTS) -> TuningResult:
@@ -117,8 +116,7 @@ def tune_by_cost(problem: TuningProblem, *, starts: int = STARTS) -> TuningResul
     space = search_space(problem)
     k = np.vstack([fastest.gains.K[space.free], stabilising_starts(problem, space, starts)])
     ends = searches(problem, k, "cost", min_R_K=problem.R_min)
-    feasible = [end for end in ends if is_feasible(problem, end)]
-    if not feasible:
+    if not (feasible := [end for end in ends if is_feasible(problem, end)]):
         feasible = [assessment(problem, fastest.gains.K)]
     best = min(feasible, key=lambda end: end.cost)
     return result(
