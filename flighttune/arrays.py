@@ -97,8 +97,7 @@ def read_only_vector(
 def set_read_only(value: object, **shapes: tuple[int, ...]) -> None:
     """Replace arrays of a frozen `value` by finite, read-only copies of `shapes`; None is kept."""
     for name, shape in shapes.items():
-        array = getattr(value, name)
-        if array is not None:
+        if (array := getattr(value, name)) is not None:
             array = read_only_matrix(name, array, shape, axes=len(shape))
         object.__setattr__(value, name, array)
 

@@ -160,8 +160,7 @@ def need(what: str, *modules: str) -> None:
     `what`: the feature, as the message names it. `*modules`: any of `EXTRAS`. Raises InputError if
     one is missing; names the extra.
     """
-    absent = [module for module in modules if find_spec(module) is None]
-    if absent:
+    if absent := [module for module in modules if find_spec(module) is None]:
         raise InputError(_message(what, absent))
 
 

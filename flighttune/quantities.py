@@ -22,7 +22,7 @@ class Table(BaseModel):
         return {**state, "__dict__": keys}
 
     def must_lack(self, why: str, *keys: str) -> None:
-        """Refuse the first of some keys that is not as it is by default."""
+        """Refuse the first of `keys` whose value is not its default."""
         for key in keys:
             if getattr(self, key) != type(self).model_fields[key].default:
                 raise ValueError(f"`{key}` must be absent {why}")

@@ -161,8 +161,7 @@ def _add_command(
         parameters=[*signature.parameters.values(), *added]
     )
     command.__annotations__ = function.__annotations__ | options
-    epilog = f"Example: flighttune {example}"
-    app.command(name, rich_help_panel=panel, epilog=epilog)(command)
+    app.command(name, rich_help_panel=panel, epilog=f"Example: flighttune {example}")(command)
 
 
 for panel, commands in COMMANDS.items():

@@ -54,8 +54,7 @@ def tune(
         from flighttune.flight.gains import frontier as frontier_of
 
         table = frontier_of(source, points=points or 25, changes=changes)
-        files = table.save(out or Path("runs") / Path(source).stem)
-        return replace(table.answer(), files=files)
+        return replace(table.answer(), files=table.save(out or Path("runs") / Path(source).stem))
     if points is not None:
         raise InputError("--points must be absent without --frontier.")
     options.check_ending(out, ".json")
@@ -120,8 +119,7 @@ def certify(certify_gains: Verb, source: str, out: Path | None, figure: Path | N
     if figure is not None:
         from flighttune.reports.charts import loop_sheet
 
-        title = f"{Path(source).stem}; gains {certified.name}"
-        loop_sheet(certified, title).save(figure)
+        loop_sheet(certified, f"{Path(source).stem}; gains {certified.name}").save(figure)
     return replace(certified.answer(), files={"proof": proof, "figure": figure})
 
 

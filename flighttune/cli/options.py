@@ -276,8 +276,7 @@ def _parameters(
         value, made = getattr(default, "value", None), partial(Option, _flag(name, described))
         if argument is arguments[0]:
             value, made = Parameter.empty, Argument
-        annotation = SPELLED.get(name)
-        if annotation is None:
+        if (annotation := SPELLED.get(name)) is None:
             more = {"help": _help(name, kind, entries), **more}
             if re.search(r"float, rad\b(?!/)", described):
                 more["callback"] = _radians

@@ -222,8 +222,7 @@ def made_law(kind: str, name: str | None = None, **options: Any) -> Law:
 
     Raises InputError if there is no such kind.
     """
-    law = law_kinds().get(kind)
-    if law is None:
+    if (law := law_kinds().get(kind)) is None:
         raise InputError(f"`law` must be of kind {', '.join(law_kinds())}, got {kind!r}.")
     fields = law.__dataclass_fields__
     used = {key: value for key, value in options.items() if key in fields and value is not None}

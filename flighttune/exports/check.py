@@ -27,8 +27,7 @@ def differences(
 
     write_text(csv, "")  # so that no flight of before is compared
     time_limit = TIME_LIMIT_S + TIME_LIMIT_PER_S * (start + run.t[-1])
-    failure = failure_of_python("-m", "jsbsim.script", *options, time_limit=time_limit)
-    if failure:
+    if failure := failure_of_python("-m", "jsbsim.script", *options, time_limit=time_limit):
         return {}, f"JSBSim must fly it, but {failure}"
     try:
         written = pd.read_csv(csv, usecols=[*COLUMNS.values()], dtype=float)
@@ -46,8 +45,7 @@ def differences(
     largest = {name: float(values.max()) for name, values in distances.items()}
     # With "not", because NaN is a difference too.
     first = {name: np.argmax(~(values <= TOLERANCE)) for name, values in distances.items()}
-    differing = [name for name, value in largest.items() if not value <= TOLERANCE]
-    if not differing:
+    if not (differing := [name for name, value in largest.items() if not value <= TOLERANCE]):
         return largest, ""
     name = min(differing, key=lambda name: (first[name], -distances[name][first[name]]))
     return largest, f"{name} differs first, at t = {run.t[first[name]]:g} s"

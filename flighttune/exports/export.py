@@ -42,8 +42,7 @@ def export_c(
     if plant is not None or scenario.aircraft:
         limits = limits.within(plant_of(aircraft_table(scenario, plant), scenario).limits)
     law, _ = scenario.law_of(name, gains)
-    controller = law.in_c(law_setup(scenario, gains, limits))
-    if controller is None:
+    if (controller := law.in_c(law_setup(scenario, gains, limits))) is None:
         raise law.refusal("in_c", "exported")
     lead = lead_on(scenario, aircraft_table(scenario, plant) if scenario.aircraft else None)
     source = c_source(

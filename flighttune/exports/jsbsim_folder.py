@@ -144,8 +144,7 @@ def export_jsbsim(
     assert isinstance(aircraft_plant, JSBSimPlant)
     law, _ = scenario.law_of(name, gains)
     setup = law_setup(scenario, gains, command_limits(scenario).within(aircraft_plant.limits))
-    loop = law.outer_loop(setup)
-    if loop is None:
+    if (loop := law.outer_loop(setup)) is None:
         raise law.refusal("outer_loop", "exported")
     aircraft_plant.start(start_condition(scenario))
     fdm, folder = aircraft_plant.fdm, folder.absolute()
@@ -438,8 +437,7 @@ def _script(
 
 def _engines(fdm: Fdm, at_rest: Mapping[str, float]) -> str:
     """Events that start the engines and settle them at the throttle of the trim, as `fly` does."""
-    numbers = range(fdm.config.engines.count)
-    if not numbers:
+    if not (numbers := range(fdm.config.engines.count)):
         return ""
     lines = "\n".join(f"propulsion/engine[{i}]/set-running eq 0" for i in numbers)
     stopped = f'<condition logic="OR"> {lines} </condition>'
@@ -506,8 +504,7 @@ def _declare(root: Element, values: Mapping[str, float]) -> set[str]:
     names = set()
     for system in (*root.iter("system"), *root.iter("flight_control")):
         for declared in system.iterfind("property"):
-            name = (declared.text or "").strip()
-            if name in values:
+            if (name := (declared.text or "").strip()) in values:
                 declared.set("value", repr(values[name]))
                 names.add(name)
     return names

@@ -33,8 +33,7 @@ GRACE_S = 5.0
 
 def before_running(files: Iterable[str]) -> None:
     """Give notice of the Python files that are going to be run."""
-    notice = NOTICE.get()
-    if notice is not None:
+    if (notice := NOTICE.get()) is not None:
         for file in files:
             notice(file)
 

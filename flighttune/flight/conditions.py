@@ -196,7 +196,7 @@ def manoeuvre_of(scenario: Scenario) -> Manoeuvre:
 
 
 def lags_of(plant: PlantTable, V_a: float, gamma: float) -> tuple[InnerLag, InnerLag] | None:
-    """Lags of roll and load factor, of an aircraft the nearest identified; None for none."""
+    """Lags of roll and load factor, if any; those of an aircraft are the nearest identified."""
     if plant.aircraft is None:
         return plant.lags()
     return plant.identified_model.nearest(V_a, gamma).lags

@@ -186,8 +186,7 @@ def missed(
     measured: Mapping[str, Mapping[str, float]],
 ) -> tuple[str, ...]:
     """Return a sentence for each requirement of `tables` that one run does not meet."""
-    wrong_end = _wrong_end(tables, status, reason)
-    if wrong_end:
+    if wrong_end := _wrong_end(tables, status, reason):
         return (wrong_end,)
     misses = [check.sentence for check in bound_checks(tables, measured) if not check.met]
     return tuple(filter(None, (*misses, not_followed(tables, measured))))

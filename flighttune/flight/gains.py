@@ -147,8 +147,7 @@ def _tuned_for(scenario: Scenario, law: Law | None, *, envelope: bool) -> dict[s
 
 
 def _proven_bound(problem: TuningProblem) -> RateBound:
-    bound = bound_rate(problem.model, problem.I_star, problem.scaling)
-    if bound is None:
+    if (bound := bound_rate(problem.model, problem.I_star, problem.scaling)) is None:
         raise InfeasibleError(f"no bound on R_K was proven for `I_star` {problem.I_star:g}.")
     return bound
 
@@ -223,8 +222,7 @@ def certify(
             raise InputError(
                 f"`envelope` and `lag` must be absent for {name}, whose law is your own."
             )
-        linear = linear_loop(with_own(scenario), name, chosen)
-        if linear is None:
+        if (linear := linear_loop(with_own(scenario), name, chosen)) is None:
             raise InfeasibleError(
                 f"{name}: the law must have `linear()` to be certified, got none."
             )
@@ -325,8 +323,7 @@ def frontier(
     ['frontier', 'paper', 'tuned']
     """
     scenario = as_scenario(source, changes)
-    objective = scenario.tuning.objective
-    if objective in ("E_K", "decay"):
+    if (objective := scenario.tuning.objective) in ("E_K", "decay"):
         raise InputError(
             "`objective` of [tuning] must be R_K or cost for a frontier, which is the largest R_K "
             f"for each I_K, got {objective}; `tune` finds those gains."

@@ -91,7 +91,7 @@ def as_scenario(
     changes: Mapping[str, Any] | None = None,
     gains: Sequence[str] = (),
 ) -> Scenario:
-    """A scenario as it is or from a file, which can have `changes`; maybe with other gain sets."""
+    """A scenario as it is, or that of a file with `changes`; with other `gains` if stated."""
     if not isinstance(source, Scenario):
         return load_scenario(source, changes=changes, gains=gains)
     if changes:
@@ -174,8 +174,7 @@ def scenario_and_gains(
     if wanted not in (None, *scenario.gain_names):
         scenario, wanted = with_gains(scenario, [wanted], place), None
     name = wanted or scenario.gain_names[0]
-    gains = gain_set(scenario, name)
-    if gains is None:
+    if (gains := gain_set(scenario, name)) is None:
         raise InfeasibleError(f"{place}: `{name}` must be feasible: tuning found no such gains.")
     return scenario, name, gains
 

@@ -277,7 +277,7 @@ def tune_scenario(
     `model`: "kinematic" or "identified", by default what [tuning] says. On the identified model
     each channel is tuned by itself, for the smallest R_K over the models of `identified_problems`.
     `law`: by default the scenario's first. `lag`: a range of lags (s) for which gains are found, as
-    `lag_problems`. `kept`: the result may be the one that this process kept of the same problem.
+    `lag_problems`. `kept`: reuse the result if this process has solved the same problem.
     Raises InputError or ScenarioError if an identified model is needed and missing.
     """
     settings, law_of_gains = scenario.tuning, law or scenario.laws[0]
@@ -531,12 +531,10 @@ def loop_measures(
     of all. The roll rate is that which lets the identified roll follow the gains at the largest
     bank (design/roll_rate.md). An unstable loop has no margins.
     """
-    loop = linear_loop(scenario, name, gains)
-    if loop is None:
+    if (loop := linear_loop(scenario, name, gains)) is None:
         return {}
     model, gains = loop
-    A_K = closed_loop(model, gains)
-    of_loop = indicators(A_K, errors=len(model.errors))
+    of_loop = indicators(closed_loop(model, gains), errors=len(model.errors))
     measured = {"R_K": of_loop.R_K, "I_K": of_loop.I_K, "E_K": of_loop.E_K}
     if "roll_rate_rad_s" in wanted:
         law, _ = scenario.law_of(name, gains)

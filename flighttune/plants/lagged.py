@@ -153,8 +153,7 @@ class LaggedPlant(WrappedPlant):
             step = (until - self._t) / pieces
             for i in range(pieces):
                 roll, load = (channel.at(self._t + (i + 0.5) * step) for channel in self._channels)
-                stop = super().advance(roll, load, step, *n_x_cmd)
-                if stop is not None:
+                if (stop := super().advance(roll, load, step, *n_x_cmd)) is not None:
                     return stop
             self._t = until
             for channel in self._channels:

@@ -219,8 +219,7 @@ class PointMassPlant:
         inside.update(*(channel.switches(end) for channel in self._channels))
         for instant in [*sorted(inside), end]:
             self._fly_to(instant)
-            stop = self._stop()
-            if stop is not None:
+            if (stop := self._stop()) is not None:
                 return stop
         return None
 

@@ -17,7 +17,7 @@ MEASURED = tuple(f"{name}_meas" for name in SENSED)
 
 _CHI, _GAMMA, _V_A = (COMMON_SIGNALS.index(name) for name in SENSED)
 
-# Part of a sample by which rounding may put a time behind it
+# Share of a sample by which rounding may put a time after it
 ON_SAMPLE = 1e-6
 
 # Key of the seed's child that sensors draw from, which has one child for each signal.

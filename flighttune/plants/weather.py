@@ -130,8 +130,7 @@ class WindProfile:
 
     def at(self, h: float) -> NED:
         """Wind at height `h` (m above sea level), m/s, north, east and down."""
-        i = bisect_right(self.levels, h, key=itemgetter(0))
-        if i in (0, len(self.levels)):
+        if (i := bisect_right(self.levels, h, key=itemgetter(0))) in (0, len(self.levels)):
             return self.levels[max(i - 1, 0)][1]
         (h_0, below), (h_1, above) = self.levels[i - 1 : i + 1]
         # Written out as `np.interp` computes it, which takes four times as long for one height.

@@ -95,8 +95,7 @@ class Column:
 
     def text(self, record: Mapping[str, Any]) -> str:
         """The value as it is written."""
-        value = _value(record, self.key)
-        if value is None:
+        if (value := _value(record, self.key)) is None:
             return self.missing
         if isinstance(value, bool):
             return "yes" if value else "no"

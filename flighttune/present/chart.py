@@ -614,8 +614,7 @@ def peaks(values: FloatArray, *, most: int = MOST) -> np.ndarray:
     The lines `values`, shape (n, k) or (n,), are over the same time; of each stretch with a gap
     (NaN) one sample of the gap is kept too. The indices increase, from the first to the last.
     """
-    n = len(values)
-    if n <= most:
+    if (n := len(values)) <= most:
         return np.arange(n)
     edges = np.linspace(0, n, most // 2 + 1).astype(int)
     width = int(np.diff(edges).max())

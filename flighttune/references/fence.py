@@ -173,8 +173,7 @@ def fence_tables(files: Sequence[Path]) -> dict[str, Any]:
     shapes: list[Mapping[str, Any]] = []
     single: list[dict[str, Any]] = []
     for file in files:
-        ending = file.suffix.lower()
-        if ending not in FENCE_FILES:
+        if (ending := file.suffix.lower()) not in FENCE_FILES:
             raise InputError(f"{file}: must be {KINDS}, got {file.suffix}.")
         text_file = ending in (".kml", *PLANNER)
         content: Any = file_text(file) if text_file else json_tables(file)

@@ -30,8 +30,7 @@ def north_east(place: LatLon, origin: LatLon) -> tuple[float, float]:
 
     Longitudes count modulo 360.
     """
-    wanted = Geodesic.DISTANCE | Geodesic.AZIMUTH
-    line = Geodesic.WGS84.Inverse(*origin, *place, wanted)
+    line = Geodesic.WGS84.Inverse(*origin, *place, Geodesic.DISTANCE | Geodesic.AZIMUTH)
     distance, azimuth = line["s12"], line["azi1"] * DEG
     return distance * math.cos(azimuth), distance * math.sin(azimuth)
 
@@ -183,8 +182,7 @@ def kml_features(text: str) -> list[dict[str, Any]]:
     stated = root.findtext(f".//{{*}}Data[@name='{ROUTE_KEY}']/{{*}}value")
     own = {ROUTE_KEY: json_object(stated, f"`{ROUTE_KEY}`")} if stated else {}
     for shape in root.iter():
-        kind = shape.tag.rpartition("}")[2]
-        if kind in ("LineString", "Polygon"):
+        if (kind := shape.tag.rpartition("}")[2]) in ("LineString", "Polygon"):
             rings = [_points(x.text or "") for x in shape.iter() if x.tag.endswith("}coordinates")]
             modes = [x.text for x in shape.iter() if x.tag.endswith("}altitudeMode")]
             coordinates = rings if kind == "Polygon" else rings[0]

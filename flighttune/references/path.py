@@ -329,8 +329,7 @@ def _courses(waypoints: Sequence[Waypoint], ability: Ability, around: set[int]) 
     for i, (start, end) in enumerate(pairwise(waypoints)):
         north, east = end.north - start.north, end.east - start.east
         aside = asides[i + 1] - asides[i]
-        apart = math.hypot(north, east)
-        if apart <= max(abs(aside), NO_LENGTH):
+        if (apart := math.hypot(north, east)) <= max(abs(aside), NO_LENGTH):
             if not ability.turnaround or (apart <= NO_LENGTH and not aside):
                 raise InputError(
                     f"`waypoints`: {end.name} must be more than {abs(aside):.0f} m from "

@@ -309,7 +309,7 @@ def file_sha256(path: Path) -> str:
 
 
 def module_sha256(file: Path, where: str) -> str:
-    """Hash of a Python file of the user's; a ScenarioError names `where` it cannot be read."""
+    """Hash of a Python file of the user's; errors begin with `where` it is stated."""
     if not os.path.isfile(file):  # False for what can be no name of a file
         raise ScenarioError(f"{where} `module` must be a file, got {abridged(str(file))}.")
     try:

@@ -380,8 +380,7 @@ class OwnTable(q.Table):
 def _check_keys(table: q.Table, kind: str, kinds: Mapping[str, PlantKind | type[Law]]) -> None:
     """Refuse keys of other kinds, and that a key is missing that a kind cannot do without."""
     for key in sorted(table.model_fields_set - kinds[kind].keys):
-        others = " or ".join(name for name, other in kinds.items() if key in other.keys)
-        if others:
+        if others := " or ".join(name for name, other in kinds.items() if key in other.keys):
             raise ValueError(f"`{key.removesuffix('_')}` must be given with kind {others} only")
     for key in kinds[kind].required:
         if getattr(table, key) is None:
@@ -695,8 +694,7 @@ class DisturbanceTable(q.Table):
     def _switches_alone(self) -> "DisturbanceTable":
         for channel in ("chi", "gamma"):
             name = f"{channel}_switch_s"
-            times = getattr(self, name)
-            if times is None:
+            if (times := getattr(self, name)) is None:
                 continue
             keys = "wave", "as_wind", f"{channel}_omega_rad_s", f"{channel}_phase_deg"
             self.must_lack(f"with {name}: the amplitude is constant", *keys)

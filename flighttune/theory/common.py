@@ -59,8 +59,7 @@ def common_Q(vertices: npt.ArrayLike) -> CommonQ:
     for loop, value in zip(program.loops, _transformed(A, L) / speed, strict=True):
         loop.value = value
     program.unit.value = _inverse_square(L)
-    unsolved = solve(program.problem)
-    if unsolved:
+    if unsolved := solve(program.problem):
         return CommonQ(status="failed", reason=unsolved)
     # A multiplier goes back to the coordinates of A by the same congruence as its inequality.
     to_A = np.linalg.inv(L)
@@ -107,8 +106,7 @@ def common_ellipsoid(
     tried: dict[float, FloatArray] = {}
 
     def radius(fraction: float) -> float:
-        W = _ellipsoid(A, E, fraction * fastest)
-        if W is None:
+        if (W := _ellipsoid(A, E, fraction * fastest)) is None:
             return 2.0 / max(fraction, 1e-3) * np.linalg.norm(E, 2) / fastest
         tried[fraction] = W
         return float(np.sqrt(np.linalg.eigvalsh(W)[-1]))
@@ -152,8 +150,7 @@ def _ellipsoid(A: FloatArray, E: FloatArray, a: float) -> FloatArray | None:
     for loop, value in zip(program.loops, _transformed(shifted.mT, L) / speed, strict=True):
         loop.value = value
     program.unit.value, program.load.value = _inverse_square(L), inside / scale
-    unsolved = solve(program.problem)
-    if unsolved:
+    if solve(program.problem):  # why it has no solution
         return None
     W = scale * _from_coordinates(program.form.value, L)
     flow = np.linalg.eigvalsh(shifted @ W + W @ shifted.mT + load)
@@ -182,8 +179,7 @@ def _rate_program(k: int, n: int) -> _Program:
     loops, I = tuple(parameter(n, n) for _ in range(k)), parameter(n, n, symmetric=True)  # noqa: E741
     Q, R = unknown(n, n, symmetric=True), unknown()
     decays = tuple(A.T @ Q + Q @ A + R * I << 0 for A in loops)
-    problem = largest(R, [*decays, Q << I, Q >> 0])
-    return _Program(problem, Q, loops, I, None, decays)
+    return _Program(largest(R, [*decays, Q << I, Q >> 0]), Q, loops, I, None, decays)
 
 
 @cache
@@ -193,8 +189,7 @@ def _ellipsoid_program(k: int, n: int) -> _Program:
     load = parameter(n, n, symmetric=True)
     W, r = unknown(n, n, symmetric=True), unknown()
     decays = tuple(A.T @ W + W @ A + load << 0 for A in loops)  # the loops come transposed
-    problem = largest(-r, [*decays, W << r * I])
-    return _Program(problem, W, loops, I, load, decays)
+    return _Program(largest(-r, [*decays, W << r * I]), W, loops, I, load, decays)
 
 
 def _transformed(A: FloatArray, L: FloatArray) -> FloatArray:

@@ -71,8 +71,7 @@ def decay(loop: npt.ArrayLike, *, dt: float | None = None) -> Decay | None:
     # A rounder norm of 0.99 of the rate is worth more than one of 0.999 that grows 2000-fold.
     tries.sort(key=lambda attempt: (attempt[0] < ROUND_ENOUGH, attempt[1] is _lyapunov))
     for share, search in tries:
-        form = search(loop, (share + AHEAD * (1.0 - share)) * limit, dt)
-        if form is None:
+        if (form := search(loop, (share + AHEAD * (1.0 - share)) * limit, dt)) is None:
             continue
         checks = decay_checks(matrix, form, rate=share * limit, dt=dt)
         if all(check.exact for check in checks):

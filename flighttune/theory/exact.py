@@ -80,8 +80,7 @@ def positive_definite(matrix: Rationals) -> bool:
         return False
     reduced, previous = integers(matrix)[0], 1
     while len(reduced):
-        pivot = reduced[0, 0]
-        if pivot <= 0:
+        if (pivot := reduced[0, 0]) <= 0:
             return False
         reduced = (reduced[1:, 1:] * pivot - np.outer(reduced[1:, 0], reduced[0, 1:])) // previous
         previous = pivot

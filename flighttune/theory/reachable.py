@@ -227,8 +227,7 @@ def _norm_integrals(
         values = np.compress(halved, values, axis=2).view(float)
         # A loop has its bits in any stack. The rounding of BLAS depends on the number of columns,
         # that of `einsum` only on whether there is more than one.
-        columns = values.shape[2]
-        if columns == 1:
+        if (columns := values.shape[2]) == 1:
             values = np.repeat(values, 2, axis=2)
         halves = [
             np.einsum("hn,mnk->mhk", to_half, values)[:, :, :columns] for to_half in _TO_HALVES

@@ -202,8 +202,7 @@ class Fdm:
         model, engines, systems = map(str, (folders.model, folders.engines, folders.systems))
         self._private = "|".join(map(re.escape, (model, engines, systems)))
         if not self._exec.load_model_with_paths(folders.name, model, engines, systems, False):
-            missing = ", ".join(missing_parts(self.config, log.text))
-            if missing:
+            if missing := ", ".join(missing_parts(self.config, log.text)):
                 raise PlantError(f"{self._model}: must have all its parts, got no file {missing}.")
             reason = self._message(log.text) or "no reason"
             raise PlantError(f"{self._model}: must load in JSBSim, got: {reason}.")
@@ -375,8 +374,7 @@ class Fdm:
         return self._properties.get_node(name) if exists else None
 
     def _node(self, name: str) -> jsbsim.FGPropertyNode:
-        node = self._existing(name)
-        if node is None:
+        if (node := self._existing(name)) is None:
             raise PlantError(f"{self._model}: must have the property `{name}`, got none.")
         return node
 

@@ -174,8 +174,7 @@ def model_files(config: AircraftConfig) -> tuple[Path, ...]:
     folders = source_folders(config)
     files, pending = [], [folders.file]
     while pending:
-        file = pending.pop()
-        if file in files:
+        if (file := pending.pop()) in files:
             continue
         root = read_xml(file, str(file)) if files else main_root(config)
         files.append(file)
@@ -221,8 +220,7 @@ def has_flight_control(unchanged: Unchanged) -> bool:
 @lru_cache(maxsize=256)
 def has_engine(unchanged: Unchanged, tags: tuple[str, ...]) -> bool:
     """Whether the file of an engine has one of these root tags."""
-    config = unchanged.config
-    return any(read_xml(file, str(file)).tag in tags for file in model_files(config))
+    return any(read_xml(file, str(file)).tag in tags for file in model_files(unchanged.config))
 
 
 def model_hash(config: AircraftConfig) -> str:
@@ -390,8 +388,7 @@ def check_loads(config: AircraftConfig) -> None:
     """
     if is_trusted(config.folder) or not sys.executable:
         return
-    how = _end_of_trial(unchanged(config))
-    if how:
+    if how := _end_of_trial(unchanged(config)):
         raise PlantError(f"{source_folders(config).file}: JSBSim must load it, but {how}.")
 
 

@@ -287,8 +287,7 @@ class JSBSimPlant:
             if self.fdm is not None:
                 self.fdm.abandon()
             return stop
-        why = self._diagnosis()
-        if why is None:
+        if (why := self._diagnosis()) is None:
             when = f"t = {self._time():.3f} s"
             raise PlantError(
                 f"{when}: JSBSim ended the run by itself, its state inside the envelope."
@@ -299,8 +298,7 @@ class JSBSimPlant:
         fdm.writer("simulation/randomseed")(float(self._seed or LARGEST_SEED + 1))
         for name, value in settings.items():
             fdm.writer(name)(value)
-        missing = [name for name in fdm.names(properties.GAINS) if name not in settings]
-        if missing:
+        if missing := [name for name in fdm.names(properties.GAINS) if name not in settings]:
             raise PlantError(
                 f"{self.config.folder / GAINS_FILE}: `gains` must give "
                 f"`{missing[0].removeprefix(properties.GAINS)}`, got none."

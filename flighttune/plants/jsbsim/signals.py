@@ -115,8 +115,7 @@ def guard(fdm: Fdm) -> tuple[Callable[[], bool], Callable[[], tuple[StopStatus, 
         a, V_a, h = alpha(), V_a_fps() * FT, h_ft() * FT
         n_z = (F_x() * sin(a) - F_z() * cos(a)) / weight_lbf
         state = {"alpha": a, "V_a": V_a, "n_z": n_z, "theta": theta(), "h": h}
-        lost = [name for name, value in state.items() if not isfinite(value)]
-        if lost:
+        if lost := [name for name, value in state.items() if not isfinite(value)]:
             return "diverged", f"state must be finite, got nan for {', '.join(lost)}."
         # Gear and hull reach below the centre of mass, and their forces end a flight first.
         parts = (name for kind in ("gear/", "contact/") for name in fdm.names(kind))

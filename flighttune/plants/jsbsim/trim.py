@@ -211,8 +211,7 @@ def level(config: AircraftConfig, V_a: float, h: float) -> FlightCondition:
     if config.engines.count:
         return condition
     problem = _TrimProblem(Fdm(config), condition)
-    x = problem.root(problem.start)
-    if x is None:
+    if (x := problem.root(problem.start)) is None:
         raise TrimError(f"{config.file}: no steady glide at V_a {V_a:g} m/s, h {h:g} m.")
     return replace(condition, gamma=problem.gamma(x))
 
@@ -368,8 +367,7 @@ class _TrimProblem:
             throttle = self.lower[-1] + share * span[-1]
             if speeds_up and self.residuals(np.append(closed[:-1], throttle))[0] > 0.0:
                 continue  # no less thrust than with the throttle closed
-            root = self.root(np.append(start[:-1], throttle))
-            if root is not None:
+            if (root := self.root(np.append(start[:-1], throttle))) is not None:
                 return root
         if speeds_up:
             return closed
@@ -379,8 +377,7 @@ class _TrimProblem:
             for _ in range(_BISECTIONS):
                 six = self.best_at(0.5 * (low + high), six)
                 low, high = (low, six[-1]) if self.residuals(six)[0] > 0.0 else (six[-1], high)
-            root = self.root(six)
-            if root is not None:
+            if (root := self.root(six)) is not None:
                 return root
 
         def slopes(x: FloatArray) -> FloatArray:
@@ -528,8 +525,7 @@ def _trimmed(
     faults = (
         f"`{name}` {fault}" for name, fault in start_faults(fdm.config, condition, ground=0.0)
     )
-    outside = "; ".join(faults).replace(f" ({fdm.config.file})", "")
-    if outside:
+    if outside := "; ".join(faults).replace(f" ({fdm.config.file})", ""):
         return None, None, f"outside the envelope: {outside}"
     problem = _TrimProblem(fdm, condition)
     try:
