@@ -81,7 +81,7 @@ class Flyer:
                 elif ready:
                     answers.append(code)
                 else:
-                    late = "they take longer than `time_limit_s` and 10 s"
+                    late = "they take longer than `time_limit_s` and the time to load them"
                     ending = late if timed_out else ending_of(code)
                     raise PlantError(f"the undispersed flights cannot be flown: {ending}") from None
         return answers

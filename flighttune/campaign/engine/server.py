@@ -21,8 +21,8 @@ from flighttune.records.parquet import parquet_bytes
 from flighttune.records.refly import changed_versions
 
 # Longest time to load a plan, s. The first samples of its flights have another limit: that of a
-# flight and START_S for the aircraft.
-PREPARE_S, START_S = 120.0, 10.0
+# flight and START_S for the aircraft, or on a route COMPILE_S: its code may have to be compiled.
+PREPARE_S, START_S, COMPILE_S = 120.0, 10.0, 60.0
 
 
 def serve(pipe: Connection) -> None:
@@ -64,7 +64,8 @@ def _prepared(work: bytes) -> tuple[Plan, Callable[[Draw], Iterator[Row | bytes]
     for name, was in plan.aircraft.items():
         if files_hash(name) != was:
             raise PlantError(f"the files of aircraft {name} must be those it was planned with")
-    with _time_limit(START_S + plan.campaign.time_limit_s):
+    start = START_S if plan.scenario.route is None else COMPILE_S
+    with _time_limit(start + plan.campaign.time_limit_s):
         warm_up(plan)
 
     def fly(draw: Draw) -> Iterator[Row | bytes]:
