@@ -154,8 +154,7 @@ class Dataset:
 
     def rows(self, columns: Sequence[str] | None = None) -> pa.Table:
         """All rows that are there, in order of `run`."""
-        tables = [self.read_part(part, columns) for part in self.parts]
-        if not tables:
+        if not (tables := [self.read_part(part, columns) for part in self.parts]):
             raise RecordingError(f"{self.folder}: no run has been flown yet.")
         return pa.concat_tables(tables)
 

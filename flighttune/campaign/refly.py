@@ -128,8 +128,7 @@ def _of_campaign(
         runs = sorted(drawn.tolist())
     checked = []
     for number in runs:
-        part = next((part for part in dataset.parts if number in part.runs), None)
-        if part is None:
+        if (part := next((part for part in dataset.parts if number in part.runs), None)) is None:
             raise RecordingError(
                 f"{name}: `run` must be one that was flown, got {number} of {plan.runs}."
             )

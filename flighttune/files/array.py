@@ -70,8 +70,7 @@ def read_arrays(
         raise
     except Exception as error:  # NumPy and `zipfile` raise a dozen kinds on a damaged file
         raise InputError(f"the file must be a {kind} of flighttune: {error}.") from error
-    first = next(iter(kinds))
-    if first not in arrays:
+    if (first := next(iter(kinds))) not in arrays:
         raise InputError(f"`{first}.npy` must be in the file of a {kind}.")
     return arrays
 

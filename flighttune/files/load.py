@@ -56,8 +56,7 @@ ENDINGS |= dict.fromkeys((".ulg", ".bin", ".tlog", ".csv"), LOG)
 
 def load_one(path: str | Path, what: str, *kinds: str, columns: Any = ()) -> Any:
     """Read a file of one of some kinds; a RecordingError says that it must be `what`."""
-    value = written(path, *kinds, columns=columns)
-    if value is not None:
+    if (value := written(path, *kinds, columns=columns)) is not None:
         return value
     place, kind = _place(path), kind_of(path)
     if not kind and file_bytes(place, what).lstrip().startswith(b"{"):

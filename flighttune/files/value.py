@@ -56,8 +56,7 @@ def tables_of(value: ValueOfFile) -> dict[str, Any]:
 def value_of(tables: Mapping[str, Any], kind: type[V]) -> V:
     """The value whose JSON object `tables` is."""
     fields = dict(tables)
-    written = fields.pop("format", None)
-    if written != kind.FORMAT:
+    if (written := fields.pop("format", None)) != kind.FORMAT:
         raise InputError(
             f"`format` must be {kind.FORMAT!r}, got {abridged(written)}; make the file again."
         )

@@ -210,8 +210,7 @@ def design(aircraft: AircraftConfig | str | Path) -> DesignedAircraft:
     (True, '')
     """
     config = aircraft if isinstance(aircraft, AircraftConfig) else load_aircraft(aircraft)
-    goals = config.design
-    if goals is None:
+    if (goals := config.design) is None:
         raise InputError(f"{config.file}: `design` must be given: what to make the gains for.")
     trimmed = airframe(Fdm(config), level(config, goals.V_a, goals.h))
     gains = {

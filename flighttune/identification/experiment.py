@@ -136,8 +136,7 @@ def multisine(
         phases = rng.uniform(0.0, 2.0 * math.pi, len(harmonics))
         sum_of_sines = amplitudes @ np.cos(angles + phases[:, None])
         fastest = np.abs(np.diff(sum_of_sines, append=sum_of_sines[0])).max() / DT
-        size = float(min(peak / np.abs(sum_of_sines).max(), rate / fastest))
-        if size > largest:
+        if (size := float(min(peak / np.abs(sum_of_sines).max(), rate / fastest))) > largest:
             best, largest = size * sum_of_sines, size
     return best
 

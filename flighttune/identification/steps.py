@@ -108,8 +108,7 @@ def fly_step(
 
 def check_steps(config: AircraftConfig) -> tuple[StepResponse, ...]:
     """Fly the steps of an aircraft's ``[design]`` at its airspeeds; none without such a table."""
-    design = config.design
-    if design is None:
+    if (design := config.design) is None:
         return ()
     goals: tuple[tuple[Channel, float, float, float, float], ...] = (
         ("phi", ROLL_STEP, ROLL_TIME, design.roll_t90, design.roll_overshoot),

@@ -398,8 +398,7 @@ def response(lag: InnerLag, dt: float, commanded: FloatArray, start: float) -> F
 
 def _channel(runs: Sequence[Run], name: Channel) -> ChannelOfLogs | str:
     """The lag of a channel, or why the logs cannot tell it."""
-    there = [run for run in runs if {name, f"{name}_cmd"} <= set(run.signals)]
-    if not there:
+    if not (there := [run for run in runs if {name, f"{name}_cmd"} <= set(run.signals)]):
         return f"the logs have no {NAMES[name]} commands"
     sections: list[Section] = []
     for number, run in enumerate(there):

@@ -147,8 +147,7 @@ def in_order(place: str, name: str, stream: Stream) -> Stream:
     t, values = stream
     there = np.isfinite(t) & np.isfinite(values)
     t, values = t[there], values[there]
-    back = np.diff(t).min(initial=0.0)
-    if back < -MAX_BACK:
+    if (back := np.diff(t).min(initial=0.0)) < -MAX_BACK:
         at = float(t[np.argmin(np.diff(t))] - t[0])
         raise RecordingError(
             f"{place}: the clock of `{name}` must run forward, got a jump by {back:.3g} s at "

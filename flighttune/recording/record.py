@@ -193,8 +193,7 @@ def write_recording(runs: Sequence[Run], path: str | Path, *, page: str, title: 
 
 def write_log(run: Run, path: str | Path) -> None:
     """Write the log of a flight to a recording; a RecordingError names what it lacks for it."""
-    lacking = [name for name in POSE if name not in run.signals]
-    if lacking:
+    if lacking := [name for name in POSE if name not in run.signals]:
         raise RecordingError(f"{run.label}: must have {', '.join(lacking)} to be seen in 3D.")
     scenario = run.provenance.scenario
     page = scenario_page([run], scenario=scenario)
@@ -283,8 +282,7 @@ def _log_plot(stream: rr.RecordingStream, plot: Plot, flights: Sequence[DrawnRun
             (strong, plot.signals, FAINT),
             (f"{folder}/{entities.MEASURED}/{key}", [plot.measured or ""], FAINTEST),
         ):
-            names = [name for name in signals if name in run.signals]
-            if not names:
+            if not (names := [name for name in signals if name in run.signals]):
                 continue
             labels = [f"{run.label}, {name}" for name in names]
             colours = [(*drawn_run.style.rgb, opacity)] * len(names)

@@ -124,8 +124,7 @@ def _log_map(
     lines("_path", [_on_map(path.beside(path.points(APART)), origin)], NEUTRAL)
     dots = rr.GeoPoints(lat_lon=_on_map(waypoints, origin), colors=GREY, radii=on_screen(4.0))
     _log(stream, f"{MAP}/_waypoints", dots)
-    rings = [ring for drawn_run in flights for c in drawn_run.run.claims for ring in c.fences]
-    if rings:
+    if rings := [ring for drawn_run in flights for c in drawn_run.run.claims for ring in c.fences]:
         lines("_fence", [np.array(ring)[:, 1::-1] for ring in rings], LIMIT, 1.5)
     for drawn_run in flights:
         signals, colour = drawn_run.run.signals, drawn_run.style.colour

@@ -292,8 +292,7 @@ def compare(
     unpaired: dict[str, None] = {}
     for other in rest:
         matched = _paired(first.runs, other.runs)
-        reason = _why_not(first, other, matched)
-        if reason:
+        if reason := _why_not(first, other, matched):
             return Comparison(reason=reason)
         pairs += [_pair(first, other, *two) for two in matched]
         used = {id(run) for two in matched for run in two}

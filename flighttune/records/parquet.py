@@ -156,8 +156,7 @@ def _run_of(description: str, rows: FloatArray) -> Run:
     for name, unit in columns.items():
         if unit != SIGNAL_UNITS.get(name, unit):
             raise RecordingError(f"`{name}` must be in {SIGNAL_UNITS[name]}, got {unit}.")
-    gains = provenance.pop("gains")
-    if gains is not None:
+    if (gains := provenance.pop("gains")) is not None:
         gains |= {key: tuple(gains[key]) for key in ("inputs", "errors")}
         gains = PIGains(**gains)
     _, *names = columns
@@ -251,8 +250,7 @@ def _by_flight(files: Iterable[Path]) -> dict[tuple[str, ...], dict[str, tuple[P
 
 
 def _in_folder(folder: Path) -> Recording:
-    files = _files(folder, PARQUET)
-    if not files:
+    if not (files := _files(folder, PARQUET)):
         raise RecordingError(f"{folder}: the folder must hold Parquet files of runs, got none.")
     flights = _by_flight(files)
 
@@ -274,8 +272,7 @@ def _in_folder(folder: Path) -> Recording:
 def _drawn_in(path: Path) -> Recording:
     """The runs that a ``.rrd`` file was drawn from, if their Parquet files are beside it."""
     check_recording(path)
-    origin = _origin(path)
-    if origin is None:
+    if (origin := _origin(path)) is None:
         raise RecordingError(
             f"{path}: the runs must be loaded from Parquet files, got a recording (.rrd) that was "
             "written without any, which only shows the runs."

@@ -210,8 +210,7 @@ def _in_gains(recorded: PIGains | None, reflown: PIGains | None) -> Iterator[Dif
 
 
 def _in_signals(recorded: Run, reflown: Run) -> Iterator[Difference]:
-    n = min(len(recorded.signals), len(reflown.signals))
-    if not n:
+    if not (n := min(len(recorded.signals), len(reflown.signals))):
         return
     columns = [[*map(str, run.signals)] for run in (recorded, reflown)]
     if columns[0] != columns[1]:

@@ -149,8 +149,7 @@ def metrics_table(findings: Findings, groups: Sequence[Mapping[str, Any]]) -> Ta
         label = metric_label(metric)
         record: dict[str, Any] = {"metric": label.heading}
         for group in groups:
-            spread = group["metrics"].get(metric)
-            if spread is not None:
+            if (spread := group["metrics"].get(metric)) is not None:
                 percentiles = {name: spread[name] * label.factor for name in ("p05", "p50", "p95")}
                 record[group["group"]] = percentiles
         records.append(record)

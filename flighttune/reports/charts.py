@@ -56,8 +56,7 @@ def planned_path(flights: Drawn) -> Path | None:
 
 def route_charts(flights: Drawn) -> list[Chart]:
     """Map, height, and distances from the route of flights along it; none without a route."""
-    path = planned_path(flights)
-    if path is None:
+    if (path := planned_path(flights)) is None:
         return []
     return [_map(flights, path), _height(flights, path), *_errors(flights, path)]
 
@@ -100,8 +99,7 @@ def route_map(scenario: Scenario, path: Path, s: FloatArray, corridor: FloatArra
 
 def _wind_arrow(chart: Chart, wind: FloatArray) -> None:
     """An arrow with the wind in the upper left corner, and its speed."""
-    speed = float(np.hypot(*wind))
-    if speed == 0.0:
+    if (speed := float(np.hypot(*wind))) == 0.0:
         return
     (left, right), (_, top) = chart.x_ends(), chart.y_ends()
     size = ARROW * (right - left)

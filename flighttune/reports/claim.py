@@ -285,8 +285,7 @@ def plot(value: FlownScenario | Run | Iterable[Run] | SignalBounds | Tube) -> Sh
     runs = value.runs if isinstance(value, FlownScenario) else value
     runs = (runs,) if isinstance(runs, Run) else tuple(runs)
     styles = run_styles(runs)
-    flights = [(run, styles[run.label]) for run in runs if len(run.signals) > 1]
-    if not flights:
+    if not (flights := [(run, styles[run.label]) for run in runs if len(run.signals) > 1]):
         raise InputError("`value` must have a run that flew, got none.")
     charts = [*errors(flights), *flown_signals(flights)]
     for chart in charts:

@@ -55,8 +55,7 @@ def serve(pipe: Connection) -> None:
 def _prepared(work: bytes) -> tuple[Plan, Callable[[Draw], Iterator[Row | bytes]]]:
     """The plan, and a function that flies the runs of a draw."""
     wanted, content = pickle.loads(work)
-    other = changed_versions(dict.fromkeys(library_versions(), "absent") | wanted)
-    if other:
+    if other := changed_versions(dict.fromkeys(library_versions(), "absent") | wanted):
         raise PlantError(
             "; ".join(f"{name} must be {a}, got {b}" for name, (a, b) in other.items())
         )

@@ -86,8 +86,7 @@ def unit_of_key(key: str) -> str:
 
 def _of_key(table: Dispersion) -> pa.Field:
     values = table.values if isinstance(table, (Choice, Grid)) else None
-    kind = pa.array(values or [0.0]).type
-    if kind in (pa.string(), pa.bool_()):
+    if (kind := pa.array(values or [0.0]).type) in (pa.string(), pa.bool_()):
         return _field(table.key, kind, None)
     return _field(table.key, kind, "1" if table.acts == "multiplies" else unit_of_key(table.key))
 

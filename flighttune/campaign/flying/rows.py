@@ -73,8 +73,7 @@ def scenario_of_run(plan: Plan, run: int, drawn: Mapping[str, Any] | None = None
     tables["plant"] = [tables["plant"][labels.index(table.plant)] for table in flying]
     if scenario.law is not None:
         tables["law"] = [scenario.law_table(group.gains).model_dump(exclude_none=True)]
-    gains = plan.gain_sets[group.gains]
-    if gains is None:
+    if (gains := plan.gain_sets[group.gains]) is None:
         raise InputError(
             f"`gains` must be there to fly, got none for {group.gains}: its tuning was infeasible."
         )
@@ -362,8 +361,7 @@ def _indicators(plan: Plan, group: Group, scenarios: Sequence[Scenario]) -> list
     ]
     cached = _indicators_known(plan, group)
     values: dict[Hashable, Indicators] = {key: cached[key] for key in keys if key in cached}
-    new = {key: s for key, s in zip(keys, scenarios, strict=True) if key not in values}
-    if new:
+    if new := {key: s for key, s in zip(keys, scenarios, strict=True) if key not in values}:
         loops = np.array([closed_loop(linear_model(s, law), gains) for s in new.values()])
         both = indicators_batch(loops)
         E_K = largest_errors(loops, errors=len(gains.errors)).max(axis=1)
