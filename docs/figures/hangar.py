@@ -127,65 +127,6 @@ def circuit_of(
     return tables | {"limits": limits, "tuning": {"roll_rate": True}}
 
 
-# Aircraft of each kind that fly with every command.
-KINDS = {
-    "jet": ("737", "f16", "T38"),
-    "light": ("c182", "J3Cub", "pa28"),
-    "small electric": ("aircraft/aerosonde/aerosonde.xml", "aircraft/x8/x8.xml"),
-    "glider": ("minisgs", "sgs126", "sgs233"),
-}
-EVERYWHERE = ("mission", "band", "meet", "export", "gap")
-
-
-def everywhere(folder: Path) -> dict[str, str]:
-    """For each command, yes or the reason why it has no answer for an adopted aircraft.
-
-    Exit status 0 and 1 are answers; the counts are of few flights.
-    """
-    turn, mine, plan = folder / "turn.toml", folder / "mine", folder / "square.plan"
-    V_a = tomllib.loads(turn.read_text(encoding="utf-8"))["flight"]["V_a_mps"]
-    plan.write_text(json.dumps(square(60.0 * V_a)), encoding="utf-8")
-    (folder / "mine.toml").unlink(missing_ok=True)
-    flighttune("new", mine, "--aircraft", folder)
-    loose = ("--epsilon", "0.2", "--confidence", "0.8")
-    commands = {
-        "mission": (plan, "--aircraft", folder, "--flights", "12", *loose),
-        "band": (turn, "--start-deg", "2", "--learn", "10", "--flights", "12", *loose),
-        "meet": (f"{mine}.toml", "--budget", "12"),
-        "export": (turn,),
-        "gap": (turn,),
-    }
-    out = {"meet": "met.json", "mission": "mission.npz", "band": "band.npz"}
-    answers = {}
-    for name, arguments in commands.items():
-        done = flighttune(name, *arguments, "--json", "--out", folder / out.get(name, name))
-        said = done.stderr.strip().splitlines() or [""]
-        answers[name] = "yes" if done.returncode in (0, 1) else said[-1].split(": ", 1)[-1]
-    return answers
-
-
-def square(side: float) -> dict[str, Any]:
-    """A plan of QGroundControl's with four corners (m apart), 200 m above a home at 800 m."""
-    north = math.degrees(side / 6.371e6)
-    east = north / math.cos(math.radians(47.0))
-    corners = [(47.0 + north, 8.0), (47.0 + north, 8.0 + east), (47.0, 8.0 + east), (47.0, 8.0)]
-    items = [
-        {"type": "SimpleItem", "command": 16, "frame": 3, "params": [0, 0, 0, None, *corner, 200]}
-        for corner in corners
-    ]
-    mission = {"items": items, "plannedHomePosition": [47.0, 8.0, 800.0], "version": 2}
-    return {"fileType": "Plan", "version": 1, "mission": mission | {"vehicleType": 1}}
-
-
-def everywhere_text(rows: Sequence[dict[str, str]]) -> str:
-    """The table of the commands that answer for aircraft of each kind, and why others do not."""
-    said = [(name, row) for row in rows for name in EVERYWHERE if row[name] != "yes"]
-    short = [row | {name: "no" for name, of in said if of is row} for row in rows]
-    header = [Column(name) for name in ("kind", "aircraft", *EVERYWHERE)]
-    reasons = listed((row["aircraft"], f"`{name}`: {row[name]}") for name, row in said)
-    return f"{Table(columns=header, records=short).markdown()}\n\n{reasons}".rstrip()
-
-
 def turn_chart(model: str, scenario: Path) -> Chart:
     """Course and path angle of the turn with the gains tuned on the identified aircraft."""
     run = ft.fly(scenario).runs[0]
@@ -211,7 +152,7 @@ def remarks_of(answer: dict[str, Any]) -> list[str]:
     return [*filter(None, (answer["reason"], answer.get("circuit", {}).get("why")))]
 
 
-def hangar_text(answers: Sequence[dict[str, Any]], rows: Sequence[dict[str, str]]) -> str:
+def hangar_text(answers: Sequence[dict[str, Any]]) -> str:
     """The page: a row for each model that is adopted, remarks, and why others are refused."""
     of = {status: [one for one in answers if one["status"] == status] for status in STATUSES}
     flown, adopted = of["adopted"] + of["flies"], of["adopted"]
@@ -260,13 +201,6 @@ What else is said of a model, of its engines, inertias and flight control, `adop
 
 {listed((one["model"], ", ".join(remarks_of(one))) for one in of["refused"])}
 
-## Every command
-
-Aircraft of each kind fly a square of four legs of a minute (`mission`), their turn from within 2°
-(`band`), a scenario of `new` (`meet`) and their turn again (`export`, `gap`), with few flights.
-
-{everywhere_text(rows)}
-
 ## The turns
 
 The figure shows course and path angle in degrees over 40 s, with the gains tuned on the identified
@@ -274,17 +208,6 @@ model.
 
 ![Course and path angle of the turn of each aircraft with their references](hangar.svg)
 """
-
-
-def rows_of_kinds(folder: Path) -> list[dict[str, str]]:
-    """Adopt the aircraft of each kind anew, and ask every command about them."""
-    rows = []
-    for kind, models in KINDS.items():
-        for model in models:
-            place = folder / "kinds" / Path(model).stem
-            flighttune("adopt", model, "--out", place)
-            rows.append({"kind": kind, "aircraft": place.name, **everywhere(place)})
-    return rows
 
 
 def write_page(folder: Path, answers: Sequence[dict[str, Any]]) -> None:
@@ -296,7 +219,7 @@ def write_page(folder: Path, answers: Sequence[dict[str, Any]]) -> None:
         columns=2,
         legend=[*names, ("reference", INK, DASHED)],
     ).save(PICTURE)
-    PAGE.write_text(hangar_text(answers, rows_of_kinds(folder)), encoding="utf-8")
+    PAGE.write_text(hangar_text(answers), encoding="utf-8")
 
 
 if __name__ == "__main__":

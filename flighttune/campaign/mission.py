@@ -326,15 +326,15 @@ def _over_ground(
     """An answer with the lowest place of a path, and of its corridor, over the ground."""
     if terrain is None:
         return replace(answer, notes=[*answer.notes, NOT_SEEN])
-    seen = {"The planned path": clearance(terrain, planned.where)}
+    seen = {"path": clearance(terrain, planned.where)}
     if band is not None and band.claims and not band.about.predicted_from:
-        seen["The corridor"] = clearance(terrain, planned.where, band.corridor())
+        seen["corridor"] = clearance(terrain, planned.where, band.corridor())
     below = min(lowest["over_ground_m"] for lowest in seen.values()) < 0.0
-    lowest_by_name = {name.split()[-1]: lowest for name, lowest in seen.items()}
+    said = zip(("The planned path", "The corridor"), seen.values(), strict=False)
     return replace(
         answer,
-        values={**answer.values, "terrain": lowest_by_name},
-        changed=[*starmap(clearance_words, seen.items()), *answer.changed],
+        values={**answer.values, "terrain": seen},
+        changed=[*starmap(clearance_words, said), *answer.changed],
         failure=answer.failure or BELOW_GROUND * below,
     )
 

@@ -103,12 +103,15 @@ def monitor(  # noqa: PLR0913 - as `band`
     """
     of_file = isinstance(source, str | Path) and kind_of(source) == LOG
     if isinstance(source, Run) or logs or of_file:
-        chosen = epsilon, confidence, flights, learn, gains, plant, air, seed, start_deg
-        if chosen != (EPSILON, CONFIDENCE, None, LEARN, None, None, None, None, 0.0) or changes:
-            raise InputError(
-                "options of flights that are flown must be absent with logs, whose number is what "
-                "a claim rests on."
-            )
+        defaults = {"epsilon": EPSILON, "confidence": CONFIDENCE, "learn": LEARN, "start_deg": 0.0}
+        chosen = {"epsilon": epsilon, "confidence": confidence, "learn": learn}
+        chosen |= {"start_deg": start_deg, "flights": flights, "gains": gains, "plant": plant}
+        chosen |= {"air": air, "seed": seed, "changes": changes or None}
+        for name, value in chosen.items():
+            if value != defaults.get(name):
+                raise InputError(
+                    f"`{name}` must be absent with logs, whose number is what the claim rests on."
+                )
         made: Monitor | LogMonitor = monitor_of_logs(
             [
                 log if isinstance(log, Run) else load_one(str(log), A_LOG, LOG, columns=columns)

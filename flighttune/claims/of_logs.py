@@ -76,8 +76,9 @@ class LogMonitor(Answering):
     -----
     Of n + 1 flights at most one is above all others in this way: if two were, each would score
     higher than the other by the models of the remaining n - 1. If the flights are exchangeable, the
-    new one is it with a probability of at most 1/(n + 1): the jackknife-minmax of [1]_, Theorem 2,
-    for the largest score.
+    new flight is that one with a probability of at most 1/(n + 1): the jackknife-minmax of [1]_,
+    Theorem 2, for the largest score. The kinds of models and their `room` were chosen on flights of
+    the ALFA data, for which the claim is therefore optimistic.
 
     References
     ----------

@@ -32,7 +32,7 @@ def _slow(V_err: FloatArray) -> FloatArray:
 
 
 def _saturated(most: float, command: FloatArray, angle: FloatArray) -> FloatArray:
-    """What an angle lacks of its command, up to about `most`, rad."""
+    """The command of an angle minus the angle, saturated at about `most`, rad."""
     return most * np.tanh((command - angle) / most)
 
 
@@ -64,7 +64,7 @@ class SignalModel:
     target: str
     terms: tuple[str, ...]
     mean_s: float = 0.0  # lag of the residual itself, s
-    room: float = 1.0  # factor on its limit: more where flights differ most
+    room: float = 1.0  # factor on its limit: more where healthy flights differ most
     weights: tuple[float, ...] = ()
 
     __pydantic_config__: ClassVar = STRICT
