@@ -12,7 +12,13 @@ from flighttune.cli import options
 from flighttune.cli.options import Verb, of
 from flighttune.cli.show import fail, on_interrupt, say, show
 from flighttune.errors import CampaignError, InputError, OutputError, RecordingError
-from flighttune.files.shipped import aircraft_folders, campaign_files, is_shipped, scenario_files
+from flighttune.files.shipped import (
+    aircraft_folders,
+    campaign_files,
+    is_shipped,
+    listed_files,
+    scenario_files,
+)
 from flighttune.present.answer import Answer, Table
 from flighttune.present.names import columns
 
@@ -58,18 +64,26 @@ def new(new_scenario: Verb, like: Annotated[str | None, Option(hidden=True)] = N
     return Answer(files={"scenario": new_scenario()})
 
 
+# Scenarios that `list` shows first: one of each kind of question.
+BEGIN_WITH = "level_turn", "paper", "mission", "gust_in_turn", "circuit", "survey"
+
+
 def list_shipped() -> Answer:
     """List the scenarios and campaigns that come with the package, and all aircraft found."""
-    files = {"scenarios": scenario_files(), "campaigns": campaign_files()}
+    scenarios = listed_files()
+    first = {name: scenarios.pop(name) for name in BEGIN_WITH}
+    files = {"begin_with": first, "scenarios": scenarios, "campaigns": campaign_files()}
+    studies = [name for name in scenario_files() if name not in first | scenarios]
     aircraft = aircraft_folders()
     places = [x if is_shipped(folder) else f"{x} ({folder})" for x, folder in aircraft.items()]
     return Answer(
         values={"aircraft": list(aircraft)},
         tables=[
-            Table(columns("name title"), [*map(_heading, paths.values())], kind, name=kind)
+            Table(columns("name title"), rows, kind.replace("_", " "), name=kind)
             for kind, paths in files.items()
+            for rows in [[*map(_heading, paths.values())]]
         ],
-        notes=[f"aircraft: {', '.join(places)}"],
+        notes=[f"studies: {', '.join(studies)}", f"aircraft: {', '.join(places)}"],
     )
 
 

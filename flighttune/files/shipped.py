@@ -40,15 +40,24 @@ def aircraft_folders() -> dict[str, Path]:
     return dict(sorted(folders.items()))
 
 
+def listed_files() -> dict[str, Path]:
+    """Return the files of the shipped scenarios that are listed, by name (without ``.toml``)."""
+    return _files_of("")
+
+
 def scenario_files() -> dict[str, Path]:
-    """Return the files of the shipped scenarios by name (without ``.toml``), sorted."""
-    return {path.stem: path for path in sorted(_shipped_folder("scenarios").glob("*.toml"))}
+    """Return the files of all shipped scenarios by name: those that are listed, then studies."""
+    return listed_files() | _files_of("studies")
 
 
 def campaign_files() -> dict[str, Path]:
     """Return the files of the shipped campaigns by name (without ``.toml``), sorted."""
-    folder = _shipped_folder("scenarios") / "campaigns"
-    return {path.stem: path for path in sorted(folder.glob("*.toml"))}
+    return _files_of("campaigns")
+
+
+def _files_of(folder: str) -> dict[str, Path]:
+    files = sorted((_shipped_folder("scenarios") / folder).glob("*.toml"))
+    return {file.stem: file for file in files}
 
 
 def is_trusted(folder: Path) -> bool:

@@ -12,7 +12,7 @@ import pandas as pd
 import pytest
 import typer
 from commands import answer, flighttune
-from places import SHIPPED_SCENARIOS
+from places import STUDIES
 
 import flighttune as ft
 from flighttune.cli import main
@@ -45,7 +45,7 @@ def test_certify_says_no_to_an_unstable_loop_and_names_the_eigenvalue(tmp_path):
 
 
 def test_a_run_that_ends_early_is_a_result_with_a_reason_and_exit_status_one(tmp_path):
-    text = (SHIPPED_SCENARIOS / "paper_as_printed.toml").read_text()
+    text = (STUDIES / "paper_as_printed.toml").read_text()
     path = tmp_path / "unlimited.toml"
     path.write_text(text.replace("phi_deg = [-45.0, 45.0]\nn_z     = [-2.1, 2.1]", ""))
 
@@ -60,7 +60,7 @@ def test_a_run_that_ends_early_is_a_result_with_a_reason_and_exit_status_one(tmp
 
 @pytest.mark.slow
 def test_infeasible_gains_are_not_flown_and_say_so(tmp_path):
-    text = (SHIPPED_SCENARIOS / "paper_printed_limits.toml").read_text()
+    text = (STUDIES / "paper_printed_limits.toml").read_text()
     path = tmp_path / "infeasible.toml"
     path.write_text(text.replace('gains    = ["paper"]', 'gains = ["paper", "tuned"]'))
 
