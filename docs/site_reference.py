@@ -11,8 +11,9 @@ from figures.commands import helps
 from figures.formats import KEYS
 
 import flighttune
-from flighttune.aircraft import aircraft
-from flighttune.planning.schema import Campaign
+from flighttune.aircraft.aircraft import AircraftConfig
+from flighttune.planning.schema import CampaignTable
+from flighttune.quantities import Table
 from flighttune.scenario.schema import Scenario
 
 SHOWN = ("minimum", "exclusiveMinimum", "maximum", "exclusiveMaximum", "minLength", "minItems")
@@ -97,29 +98,43 @@ def load_pages(app: Any, page: str, *_: object) -> None:
 
 
 def keys() -> Iterator[str]:
-    """Tables of every key of scenarios and campaigns."""
-    for title, model in (("Scenarios", Scenario), ("Campaigns", Campaign)):
+    """Tables of every key of scenarios, campaigns and aircraft."""
+    for title, model in (
+        ("Scenarios", Scenario),
+        ("Campaigns", CampaignTable),
+        ("Aircraft", AircraftConfig),
+    ):
         yield f"## {title}\n"
         schema = model.model_json_schema(by_alias=True)
-        yield from _table("(top)", schema)
+        models: dict[str, type[Table]] = {}
+        _models(model, models)
+        yield from _table("(top)", schema, model)
         for name, table in schema.get("$defs", {}).items():
             if "properties" in table:
-                yield from _table(name, table)
-    yield "## Aircraft\n"
-    schema = aircraft.AircraftConfig.model_json_schema(by_alias=True)
-    yield from _table("(top)", schema, meanings(aircraft.AircraftConfig))
-    for name, table in schema["$defs"].items():
-        yield from _table(name, table, meanings(getattr(aircraft, name)))
+                yield from _table(name, table, models[name])
 
 
-def meanings(model: Any) -> dict[str, str]:
+def _models(model: Any, found: dict[str, type[Table]]) -> None:
+    """Collect a table and those in it by the names that the schema gives them."""
+    if isinstance(model, type) and issubclass(model, Table):
+        if model.__name__ not in found:
+            found[model.__name__] = model
+            for field in model.model_fields.values():
+                _models(field.annotation, found)
+    else:
+        for part in getattr(model, "__args__", ()):
+            _models(part, found)
+
+
+def meanings(model: type[Table]) -> dict[str, str]:
     """What the comments above or behind the keys of a table say of them.
 
     A comment begins with the unit inside the program, which is not that of the key: it is cut.
     """
     said: dict[str, str] = {}
     above = ""
-    for line in inspect.getsource(model).splitlines():
+    sources = [inspect.getsource(base) for base in model.mro() if issubclass(base, Table)]
+    for line in "\n".join(reversed(sources)).splitlines():
         code, _, comment = line.partition("# ")
         comment = f"{above} {comment}".strip()
         name = re.match(r"    (\w+): ", code)
@@ -132,18 +147,20 @@ def meanings(model: Any) -> dict[str, str]:
 
 
 def _in_words(comment: str) -> str:
-    return re.sub(r"^[a-z/0-9]+: | \(rad\)|`", "", comment)
+    text = re.sub(r"^(m/s|rad/s|rad|1/s|s): | \(rad\)|`", "", comment)
+    return text if re.match(r"\w[A-Z]", text) else text[:1].lower() + text[1:]
 
 
-def _table(name: str, schema: dict[str, Any], said: dict[str, str] | None = None) -> Iterator[str]:
+def _table(name: str, schema: dict[str, Any], model: type[Table]) -> Iterator[str]:
+    said = meanings(model)
     yield f"### {name.removesuffix('Table').removeprefix('_')}\n"
-    yield "| key | value | default |" + (" meaning |" if said else "")
-    yield "|---|---|---|" + ("---|" if said else "")
+    yield f"{inspect.getdoc(model)}\n".replace("``", "`").partition("Examples")[0]
+    yield "| key | value | default | meaning |"
+    yield "|---|---|---|---|"
     required = schema.get("required", ())
     for key, one in schema["properties"].items():
         default = "required" if key in required else _toml(one.get("default"))
-        meaning = f" {said.get(key, '')} |" if said else ""
-        yield f"| `{key}` | {_kind(one)} | {default} |{meaning}"
+        yield f"| `{key}` | {_kind(one)} | {default} | {said.get(key, '')} |"
     yield ""
 
 

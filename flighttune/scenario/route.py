@@ -51,20 +51,17 @@ class PlaceTable(q.Table):
 
 
 class TurnBackTable(q.Table):
-    """``[turn_back]``: a turn of `turn_deg` to one `side`, begun `reaction_s` after detection.
+    """``[turn_back]``: a flight that turns back at one place of a route."""
 
-    The flight is at `at_m` of a route whose `place` are known at the time `detected_s`. Its
-    `[reference]` and the start in [flight] follow from these keys.
-    """
-
+    # Where on the route it is when it detects that it must turn
     at_m: Annotated[q.Finite, Field(ge=0.0)] = 0.0
     side: Literal[-1, 1] = 1  # right positive
     bank_deg: Annotated[q.Finite, Field(ge=1.0, le=80.0)]
     turn_deg: Annotated[q.Finite, Field(ge=90.0, le=720.0)] = 180.0
     detected_s: q.Instant = DETECTED_S
-    reaction_s: Annotated[q.Instant, Field(le=60.0)] = 1.0
+    reaction_s: Annotated[q.Instant, Field(le=60.0)] = 1.0  # from there to the turn
     roll_rate_dps: q.PositiveRate  # of the aircraft: it gives the time of a roll-in
-    place: Annotated[list[PlaceTable], Field(min_length=2)]
+    place: Annotated[list[PlaceTable], Field(min_length=2)]  # the route, from place to place
 
     @property
     def columns(self) -> FloatArray:
@@ -145,18 +142,21 @@ MAX_WAYPOINTS = 1000
 class WaypointTable(q.Table):
     """``[[route.waypoint]]``: a point to pass, or to circle around."""
 
-    north_m: Distance | None = None
+    north_m: Distance | None = None  # from the start, with east_m, or lat_deg and lon_deg
     east_m: Distance | None = None
     lat_deg: Latitude | None = None
     lon_deg: Longitude | None = None
-    up_m: Distance = 0.0
+    up_m: Distance = 0.0  # above the first one
+    # Circles around it, clockwise positive
     turns: Annotated[q.Finite, Field(ge=-100.0, le=100.0)] = 0.0
-    radius_m: q.Length | None = None
+    radius_m: q.Length | None = None  # the smallest possible if left out
+    # Path angle at the beginning of the leg; steady along it if left out
     climb_deg: Annotated[q.Finite, Field(gt=0.0, le=60.0)] | None = None
-    hold_s: q.Instant = 0.0
-    spiral: bool = False
+    hold_s: q.Instant = 0.0  # least time of its circles
+    spiral: bool = False  # true: the circles take the change of height
+    # Airspeed from the end of its turn on, with holds_airspeed; unchanged if left out
     V_mps: q.Airspeed | None = None
-    name: Annotated[str, Field(max_length=40)] = ""
+    name: Annotated[str, Field(max_length=40)] = ""  # its number if left out
 
     @model_validator(mode="after")
     def _somewhere(self) -> Self:
@@ -175,32 +175,29 @@ class RallyTable(q.Table):
 
     lat_deg: Latitude
     lon_deg: Longitude
-    up_m: Distance = 0.0
+    up_m: Distance = 0.0  # above the first waypoint
 
 
 class RouteTable(q.Table):
-    """``[route]``: what is flown in place of a reference over time.
-
-    The route begins at its first waypoint, where the flight starts; `lat_deg` and `lon_deg` say
-    where that is for maps, if the waypoints do not. `widen` flies circles that are too small at the
-    smallest radius, and turn-arounds go `turnaround_m` from their leg at most. With
-    `holds_airspeed` the law holds the airspeed by n_x, and the path angle gives way to it where
-    thrust is short; `V_mps` of a waypoint is then the airspeed from the end of its turn on. A
-    waypoint is called by its `name`, or else by its number. `notes` say what is not flown of the
-    file that the waypoints were read from.
-    """
+    """``[route]``: what is flown in place of a reference over time, from its first waypoint on."""
 
     waypoint: Annotated[list[WaypointTable], Field(min_length=2, max_length=MAX_WAYPOINTS)]
+    # Largest wind that turns allow for; a third of the airspeed if left out
     wind_mps: q.WindSpeed | None = None
+    # Share of roll and its rate that is left to the feedback
     margin: Annotated[float, Field(ge=0.0, le=0.9)] = 0.2
-    gamma_deg: q.Inclinations = (-10.0, 10.0)
+    gamma_deg: q.Inclinations = (-10.0, 10.0)  # steepest path angles
     look_ahead_s: q.TimeConstant = 3.0
+    # true: the law holds the airspeed by n_x; the aircraft does if left out
     holds_airspeed: bool | None = None
-    lat_deg: Latitude = 0.0
+    lat_deg: Latitude = 0.0  # of the start, for maps, if the waypoints have none
     lon_deg: Longitude = 0.0
-    widen: bool = False
+    widen: bool = False  # true: circles that are too small get the smallest radius
+    # How far a turn-around may go from its leg; 0: none; no bound if left out
     turnaround_m: Annotated[q.Finite, Field(ge=0.0, le=1e5)] | None = None
+    # Points to fly to if the mission is broken off, for maps
     rally: Annotated[list[RallyTable], Field(default_factory=list, max_length=MAX_WAYPOINTS)]
+    # What of the file that the waypoints were read from is not flown
     notes: Annotated[list[str], Field(default_factory=list)]
     batched: ClassVar[bool] = False  # by the compiled kernel: it depends on the position
 

@@ -49,25 +49,30 @@ class Scenario(Table):
     """
 
     title: Annotated[str, Field(min_length=1)]
-    verifies: str = ""
-    source: str = ""
-    seed: tables.Seed = 0
+    verifies: str = ""  # for the reader
+    source: str = ""  # for the reader
+    seed: tables.Seed = 0  # of turbulence, sensor noise and tuning
+    # What turns errors into commands: a name, a list of names or tables; the paper's if left out
     law: tables.Laws | None = None
+    # names (paper, K1 to K6, tuned, tuned_identified, tuned_fed_back), files beside the scenario,
+    # or tables
     gains: list[str | GainsTable] = Field(default_factory=lambda: ["paper", TUNED], min_length=1)
     flight: tables.FlightTable
     reference: tables.ReferenceTable | None = None
     route: RouteTable | None = None
+    # Written by `flighttune mission --turn-back` in place of a route and a reference
     turn_back: TurnBackTable | None = None
-    limits: tables.LimitsTable = tables.LimitsTable()
+    limits: tables.LimitsTable = tables.LimitsTable()  # of the commands
     controller: tables.ControllerTable = tables.ControllerTable()
     tuning: tables.TuningTable = tables.TuningTable()
-    disturbance: tables.DisturbanceTable | None = None
+    disturbance: tables.DisturbanceTable | None = None  # the paper's, on the kinematic law
     wind: tables.WindTable | None = None
     gust: tables.GustTable | None = None
     turbulence: tables.TurbulenceTable | None = None
     sensors: tables.SensorsTable | None = None
+    # Conditions over which `certify --envelope` looks for one proof
     envelope: tables.EnvelopeTable | None = None
-    expect: list[tables.ExpectTable] = Field(default_factory=list)
+    expect: list[tables.ExpectTable] = Field(default_factory=list)  # what the runs must achieve
     plant: Annotated[list[tables.PlantTable], Field(min_length=1)]
 
     @model_validator(mode="before")

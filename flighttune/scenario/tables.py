@@ -69,15 +69,16 @@ class FlightTable(q.Table):
     """
 
     V_a_mps: q.Airspeed
-    h_m: q.Height = 1000.0
+    h_m: q.Height = 1000.0  # above sea level
     chi_deg: q.Course = 0.0
     gamma_deg: q.Inclination = 0.0
     phi_deg: q.Inclination = 0.0
-    n_z: q.LoadFactor | None = None
+    n_z: q.LoadFactor | None = None  # command at the start; that of steady flight if left out
+    # Whether the angles are those over ground or, with heading, through the air
     start: Literal["course", "heading"] = "course"
     duration_s: q.Duration = 20.0
-    ground_m: Ground = 0.0
-    g_mps2: q.Gravity = G_PAPER
+    ground_m: Ground = 0.0  # height of the ground above sea level
+    g_mps2: q.Gravity = G_PAPER  # of the kinematic law
 
 
 def _with_zero(rates: tuple[float, float]) -> tuple[float, float]:
@@ -90,18 +91,16 @@ Rates: TypeAlias = q.PositiveRate | Annotated[q.AngularRates, AfterValidator(_wi
 
 
 class LimitsTable(q.Table):
-    """``[limits]`` of the commands; what is absent is not limited.
+    """``[limits]`` of the commands; without any, all plants have those of the first aircraft."""
 
-    A rate is one number (both ways) or a range. Those of n_x are for scenarios whose airspeed is
-    followed; a plant that is no aircraft has an engine that gives `n_x` at any airspeed.
-    """
-
+    # No limit but the aircraft's own if left out, as for every limit
     phi_deg: q.Angles | None = None
-    phi_rate_dps: Rates | None = None
+    phi_rate_dps: Rates | None = None  # a number (both ways) or a range
     n_z: q.LoadFactors | None = None
-    n_z_rate_per_s: Rates | None = None
+    n_z_rate_per_s: Rates | None = None  # a number (both ways) or a range
+    # Where the airspeed is followed; a plant that is no aircraft has it at any airspeed
     n_x: q.LoadFactors | None = None
-    n_x_rate_per_s: Rates | None = None
+    n_x_rate_per_s: Rates | None = None  # a number (both ways) or a range
 
     @lru_cache(maxsize=64)  # noqa: B019 - equal tables share it
     def limits(self, *, airspeed: bool = False) -> Limits:
@@ -128,9 +127,10 @@ class ControllerTable(q.Table):
 
     rate_hz: Annotated[float, Field(ge=1.0, le=1000.0)] = 50.0
     anti_windup: AntiWindup = "conditional"
+    # Of back_calculation; found from the gains if left out
     tracking_time_s: q.TimeConstant | None = None
-    feed_forward: bool = False
-    schedule: bool = False
+    feed_forward: bool = False  # of the load factor of the reference
+    schedule: bool = False  # true: gains proportional to the airspeed
 
 
 class EnvelopeTable(q.Table):
@@ -151,7 +151,7 @@ class StepTable(q.Table):
     """A jump of a reference."""
 
     shape: Literal["step"]
-    start_s: q.Instant = 0.0
+    start_s: q.Instant = 0.0  # before the end of the flight, as for every segment
     change_deg: q.Course
 
     def segment(self) -> Segment:
@@ -166,7 +166,7 @@ class RampTable(q.Table):
     start_s: q.Instant = 0.0
     duration_s: q.Duration
     rate_dps: q.AngularRate
-    roll_in_s: q.Instant = 0.0
+    roll_in_s: q.Instant = 0.0  # time over which the rate rises, and falls: the ramp is planned
 
     @model_validator(mode="after")
     def _roll_in_fits(self) -> "RampTable":
@@ -189,7 +189,7 @@ class DoubletTable(q.Table):
 
     shape: Literal["doublet"]
     start_s: q.Instant = 0.0
-    width_s: q.Duration
+    width_s: q.Duration  # of each half
     amplitude_deg: q.Course
 
     def segment(self) -> Segment:
@@ -249,22 +249,19 @@ AirspeedSegment: TypeAlias = Annotated[
 
 
 class ReferenceTable(q.Table):
-    """``[reference]``: a constant a channel, or segments that add to the value of ``[flight]``.
-
-    With `V_mps` the airspeed is a third channel, which the law holds by the longitudinal load
-    factor n_x; without it every plant holds the airspeed of ``[flight]`` by itself.
-
-    With the shape ``feasible`` the constants are the end of the fastest change that keeps `margin`
-    of every limit for the feedback. It begins at `chi_from_deg` and `gamma_from_deg`, by default
-    where the flight does.
-    """
+    """``[reference]``: a constant a channel, or segments that add to the value of ``[flight]``."""
 
     chi_deg: q.Course | list[SegmentTable]
     gamma_deg: q.Inclination | list[SegmentTable]
+    # Airspeed that the law holds by n_x; every plant holds that of [flight] if left out
     V_mps: q.Airspeed | list[AirspeedSegment] | None = None
+    # feasible: the fastest change to the constants that the aircraft can fly
     shape: Literal["feasible"] | None = None
+    # Share of limits and rates that is left to the feedback; 0.2 if left out
     margin: Annotated[float, Field(ge=0.0, le=0.9)] | None = None
+    # Start of the feasible change; that of the flight if left out
     chi_from_deg: q.Course | None = None
+    # Start of the feasible change; that of the flight if left out
     gamma_from_deg: q.Inclination | None = None
 
     @model_validator(mode="after")
@@ -349,10 +346,11 @@ class OwnTable(q.Table):
 
     model_config = ConfigDict(serialize_by_alias=True)
 
-    module: Annotated[str, Field(min_length=1)] | None = None
+    module: Annotated[str, Field(min_length=1)] | None = None  # file with the class, of kind python
+    # Name of the class in that file
     class_: Annotated[str, Field(min_length=1)] | None = Field(default=None, alias="class")
-    parameters: dict[str, Any] | None = None
-    sha256: str | None = None
+    parameters: dict[str, Any] | None = None  # what the class is made with
+    sha256: str | None = None  # of the file when the scenario was read; filled in
     _maker: Callable[..., Any] | None = PrivateAttr(None)
 
     @property
@@ -397,31 +395,28 @@ else:
 
 
 class PlantTable(OwnTable):
-    """``[[plant]]``: what flies.
+    """``[[plant]]``: what flies, with the keys of its kind."""
 
-    ``kinematic`` is the paper's law, ``point_mass`` the exact point mass, ``point_mass_lag`` the
-    same behind the lag of an inner loop, ``jsbsim`` an aircraft of six degrees of freedom,
-    ``python`` a class of the user's: ``class`` in the file ``module``. A channel's lag is of first
-    order, or of second order where a damping ratio is given; both lags may come from the nominal
-    condition of the model file ``identified``. A name tells a plant from another one of the same
-    kind and aircraft.
-    """
-
+    # kinematic: the paper's law; point_mass: exact; point_mass_lag: exact, behind an inner loop;
+    # jsbsim: an aircraft of six degrees of freedom; python: a class of your own
     kind: Kind
+    # A name of `flighttune list`, or a folder with an aircraft.toml
     aircraft: q.PathName | None = None
-    name: Name | None = None
+    name: Name | None = None  # tells plants of one kind and aircraft apart
+    # Of a weaker engine; the aircraft's own if left out
     throttle_max: Annotated[float, Field(gt=0.0, le=1.0)] | None = None
-    throttle_max_from_s: q.Instant | None = None
-    airframe: OffNominal | None = None
-    roll_lag_rad_s: q.Bandwidth | None = None
-    roll_damping: q.Damping | None = None
-    roll_delay_s: q.Delay | None = None
-    n_z_lag_rad_s: q.Bandwidth | None = None
-    n_z_damping: q.Damping | None = None
-    n_z_delay_s: q.Delay | None = None
-    n_x_lag_rad_s: q.Bandwidth | None = None
-    n_x_damping: q.Damping | None = None
-    n_x_delay_s: q.Delay | None = None
+    throttle_max_from_s: q.Instant | None = None  # when that begins to hold; the start if left out
+    airframe: OffNominal | None = None  # off-nominal properties
+    roll_lag_rad_s: q.Bandwidth | None = None  # natural frequency
+    roll_damping: q.Damping | None = None  # ratio of a lag of second order; first order if left out
+    roll_delay_s: q.Delay | None = None  # none if left out
+    n_z_lag_rad_s: q.Bandwidth | None = None  # natural frequency
+    n_z_damping: q.Damping | None = None  # ratio of a lag of second order; first order if left out
+    n_z_delay_s: q.Delay | None = None  # none if left out
+    n_x_lag_rad_s: q.Bandwidth | None = None  # natural frequency, where the airspeed is followed
+    n_x_damping: q.Damping | None = None  # ratio of a lag of second order; first order if left out
+    n_x_delay_s: q.Delay | None = None  # none if left out
+    # Aircraft or model file whose nominal condition gives the lags in place of these keys
     identified: q.PathName | None = None
 
     @model_validator(mode="after")
@@ -503,19 +498,18 @@ def flown_aircraft(plants: Iterable[PlantTable]) -> list[str]:
 
 
 class LawTable(OwnTable):
-    """``[[law]]``: what turns errors into commands.
-
-    ``paper`` is the paper's law, ``exact`` the inversion of the point mass, ``autopilot`` the
-    guidance of PX4 or ArduPilot with the ``parameters`` of those names, ``python`` a class of the
-    user's: ``class`` in the file ``module``, made with ``parameters``. ``sha256`` is that of the
-    file as it was when the scenario was read.
-    """
+    """``[[law]]``: what turns errors into commands, with the keys of its kind."""
 
     name: Name
+    # paper; exact: the inversion of the point mass; autopilot: the guidance of PX4 or ArduPilot,
+    # with parameters of their names; python: a class of your own
     kind: LawKind
-    priority: Priority | None = None
+    priority: Priority | None = None  # which channel gives way at the limits, of the exact law
+    # Least share of lift that is kept, of the exact law
     lift_floor: Annotated[float, Field(gt=0.0, le=1.0)] | None = None
+    # Rate at which errors are brought back without overshoot, of the exact law
     braking: Annotated[float, Field(gt=0.0, le=100.0)] | None = None
+    # Whether a law of your own flies every gain set; once, with the first, if left out
     takes_gains: bool | None = None
 
     @model_validator(mode="after")
@@ -558,15 +552,15 @@ Laws: TypeAlias = Annotated[list[LawTable], Field(min_length=1), BeforeValidator
 
 
 class SensorsTable(q.Table):
-    """``[sensors]``: bias and noise of course, flight-path angle and airspeed."""
+    """``[sensors]``: errors of course, flight-path angle and airspeed, measured minus true."""
 
     chi_bias_deg: q.Angle = 0.0
-    chi_noise_sd_deg: q.AngularSpread = 0.0
+    chi_noise_sd_deg: q.AngularSpread = 0.0  # standard deviation, drawn from the seed
     gamma_bias_deg: q.Angle = 0.0
-    gamma_noise_sd_deg: q.AngularSpread = 0.0
+    gamma_noise_sd_deg: q.AngularSpread = 0.0  # standard deviation, drawn from the seed
     V_a_bias_mps: q.Wind = 0.0
-    V_a_noise_sd_mps: q.WindSpeed = 0.0
-    noise_time_constant_s: q.TimeConstant | None = None
+    V_a_noise_sd_mps: q.WindSpeed = 0.0  # standard deviation, drawn from the seed
+    noise_time_constant_s: q.TimeConstant | None = None  # of all three; white noise if left out
 
     def sensors(self, seed: int) -> Sensors:
         """The errors in rad and m/s, their noise drawn from the scenario's `seed`."""
@@ -589,9 +583,9 @@ INTENSITIES = {"light": (3, 7.7), "moderate": (4, 15.4), "severe": (6, 23.1)}
 class WindLevelTable(q.Table):
     """``[[wind.level]]``: the wind at one height above sea level."""
 
-    h_m: q.Height
+    h_m: q.Height  # above sea level, rising from level to level; the wind is linear between them
     speed_mps: q.WindSpeed
-    from_deg: q.Course
+    from_deg: q.Course  # where it comes from, clockwise from north
     down_mps: q.Wind = 0.0
 
 
@@ -599,7 +593,7 @@ class WindTable(q.Table):
     """``[wind]``: steady wind, the same at all heights or given at levels."""
 
     speed_mps: q.WindSpeed | None = None
-    from_deg: q.Course | None = None
+    from_deg: q.Course | None = None  # where it comes from, clockwise from north
     down_mps: q.Wind = 0.0
     level: Annotated[list[WindLevelTable], Field(min_length=1)] | None = None
 
@@ -628,10 +622,10 @@ class WindTable(q.Table):
 class GustTable(q.Table):
     """``[gust]``: one 1-cosine gust, its length flown through at the airspeed of the start."""
 
-    axis: Literal["ahead", "right", "down"]
+    axis: Literal["ahead", "right", "down"]  # body axis when it begins
     peak_mps: q.Wind
     start_s: q.Instant
-    length_m: q.Length
+    length_m: q.Length  # of each flank, flown through at the airspeed of the start
     hold_s: q.Instant = 0.0
 
     def gust(self, V_a: float) -> Gust:
@@ -649,8 +643,9 @@ class TurbulenceTable(q.Table):
     """``[turbulence]``: Dryden turbulence by a word, or by the two numbers behind it."""
 
     intensity: Literal["light", "moderate", "severe"] | None = None
+    # Curve of MIL-F-8785C, in place of an intensity
     severity: Annotated[int, Field(ge=1, le=7)] | None = None
-    wind_20ft_mps: q.WindSpeed | None = None
+    wind_20ft_mps: q.WindSpeed | None = None  # wind 20 ft above the ground, beside the severity
     model: TurbulenceModel = "tustin"
 
     @model_validator(mode="after")
@@ -672,22 +667,22 @@ class TurbulenceTable(q.Table):
 
 
 class DisturbanceTable(q.Table):
-    """``[disturbance]``: the paper's sinusoid on the kinematic law, amplitudes in rad/s.
+    """``[disturbance]``: the paper's sinusoid on the rates of the kinematic law."""
 
-    A square wave switches between the amplitudes where the sinusoid changes its sign; with a list
-    of times the amplitude is constant, and changes its sign at each of them.
-    """
-
-    chi_amplitude: q.OscillationRate = 0.0
+    chi_amplitude: q.OscillationRate = 0.0  # rad/s, as that of gamma
     chi_omega_rad_s: q.Oscillation = 0.0
     gamma_amplitude: q.OscillationRate = 0.0
     gamma_omega_rad_s: q.Oscillation = 0.0
+    # square: switches between the amplitudes where the sinusoid changes its sign
     wave: Literal["square"] | None = None
     chi_phase_deg: q.Angle | None = None
     gamma_phase_deg: q.Angle | None = None
-    as_wind: bool = False
+    as_wind: bool = False  # true: JSBSim plants fly in the oscillating wind that is equivalent
+    # air: chi and gamma of JSBSim plants are those of the path through the air
     path: Literal["ground", "air"] = "ground"
+    # Rising times at which a constant amplitude changes its sign
     chi_switch_s: list[q.Instant] | None = None
+    # Rising times at which a constant amplitude changes its sign
     gamma_switch_s: list[q.Instant] | None = None
 
     @model_validator(mode="after")
@@ -761,50 +756,38 @@ SHAPED = "decay", "E_K", "rms"
 
 
 class TuningTable(q.Table):
-    """``[tuning]``: what the gains named ``tuned`` maximise R_K under, and on which model.
+    """``[tuning]``: what the gains named ``tuned`` are best at, within which bounds."""
 
-    On the kinematic law ``lag_rad_s`` puts a first-order lag of (phi, n_z) between command and
-    aircraft, and ``sample_delay`` the half sample by which a sampled command is late on average.
-    R_K and I_K are those of the state divided by ``state_scaling`` (s = (x', e); ones by default).
-    ``E_star`` bounds E_K, the largest error of a disturbance, on either model.
-
-    On the identified model lag, delay, sampling and scaling come from ``identified`` (the name of
-    an aircraft or a model file; by default the aircraft of the first jsbsim plant) and from the
-    controller, R_K is not bounded by I_K, and each channel is tuned by itself. ``robust`` maximises
-    the smallest R_K over all conditions of the file instead of taking the nearest one.
-    ``roll_rate`` bounds the gains from course to roll by what the rate limit of roll can follow,
-    ``lift_rate`` those from path angle to load factor by what that of the load factor can.
-
-    With ``objective = "cost"`` the gains minimise the integral over the first transient of the
-    squares of errors and commands about their end values, times ``error_weights`` (chi, gamma; 1
-    by default) and ``command_weights`` (phi, n_z; 0.1), under ``R_K >= R_min`` and the rest.
-
-    ``objective = "decay"``, ``"E_K"`` or ``"rms"``, with which ``model`` is identified if left out,
-    seeks the fastest decay of the loop, the least E_K or the least rms of the errors in the
-    scenario's turbulence, with a largest sensitivity of each channel of ``sensitivity_max`` (1.4;
-    1.66 at most, which leaves 35 deg of phase). ``feedback`` seeks the exact law's gains on roll
-    and load factor too, with ``decay`` or ``rms``.
-    """
-
-    I_star: Annotated[float, Field(gt=0.0)] = 5.0  # may be infinite: no bound
+    # Bound of I_K, s^2, on the kinematic model; may be infinite: no bound
+    I_star: Annotated[float, Field(gt=0.0)] = 5.0
+    # Bound of E_K, s^2, the largest error of a disturbance; none if left out
     E_star: Annotated[float, Field(gt=0.0)] | None = None
+    # With identified behind the inner loop; tuned_identified is always tuned on that
     model: TuningModel = "kinematic"
+    # An aircraft, or a file of `identify`; the aircraft of the first jsbsim plant if left out
     identified: q.PathName | None = None
+    # true: the worst case over all conditions of that file, in place of the nearest
     robust: bool = False
+    # Of phi and n_z, first order, before the kinematic law; none if left out
     lag_rad_s: Annotated[list[q.Bandwidth], Field(min_length=2, max_length=2)] | None = None
-    sample_delay: bool = False
-    input_limits: bool = False
+    sample_delay: bool = False  # true: half a sample of delay on the kinematic model
+    input_limits: bool = False  # true: the first command stays inside the limits
     structure: Literal["full", "decoupled"] = "full"
-    gain_max: q.PositiveGain | None = None
-    roll_rate: bool = False
+    gain_max: q.PositiveGain | None = None  # largest entry; 1000 if left out
+    roll_rate: bool = False  # true: what the rate limit of roll can follow, on the identified model
+    # true: what the rate limit of the load factor can follow, on the identified model
     lift_rate: bool = False
+    # One number a state (x', e), by which R_K and I_K divide it; ones if left out
     state_scaling: list[q.Scale] | None = None
+    # Largest R_K, least quadratic cost of the first error, fastest decay, least E_K, or least rms
+    # of the errors in the turbulence; the last three on the identified model
     objective: Literal["R_K", "cost", "decay", "E_K", "rms"] = "R_K"
-    feedback: bool = False
+    feedback: bool = False  # true: gains on measured roll and load factor too, with decay and rms
+    # Of each channel, with decay, E_K and rms; 1.4 if left out, at most 1.66
     sensitivity_max: Annotated[float, Field(gt=1.0)] | None = None
-    error_weights: Weights | None = None
-    command_weights: Weights | None = None
-    R_min: Annotated[float, Field(ge=0.0, allow_inf_nan=False)] = 0.0
+    error_weights: Weights | None = None  # of chi and gamma, with cost; ones if left out
+    command_weights: Weights | None = None  # of phi and n_z, with cost; 0.1 each if left out
+    R_min: Annotated[float, Field(ge=0.0, allow_inf_nan=False)] = 0.0  # least R_K, 1/s, with cost
     starts: Annotated[int, Field(ge=1, le=1000)] = 12
 
     @cached_property
@@ -870,10 +853,10 @@ def on_aircraft(names: Iterable[str]) -> str:
 
 
 class TunedFor(q.Table):
-    """What gains were tuned for: aircraft but for the law alone, airspeeds unless they suit all."""
+    """``[gains.tuned_for]``: what gains were tuned for."""
 
-    aircraft: list[q.PathName]
-    V_a_mps: list[q.Airspeed]
+    aircraft: list[q.PathName]  # none: the law alone
+    V_a_mps: list[q.Airspeed]  # none: any airspeed
 
     @property
     def words(self) -> str:
@@ -889,19 +872,16 @@ class TunedFor(q.Table):
 
 
 class GainsTable(q.Table):
-    """Gains given as numbers: rows phi, n_z (or their rates); columns chi, gamma.
-
-    ``law`` says whose they are: the paper's, or the exact law's in 1/s and 1/s^2. By default the
-    exact law's where the scenario flies no other, else the paper's. Other laws get them mapped.
-    ``feedback``, of the exact law alone, are its gains on measured roll and load factor.
-    """
+    """``[[gains]]`` as numbers: rows phi, n_z (or their rates), columns chi, gamma."""
 
     name: Name
     K_P: GainMatrix
     K_I: GainMatrix
+    # paper, or exact, whose rows are rates in 1/s and 1/s^2; exact if left out where no other
+    # flies. Other laws get them mapped
     law: Literal["paper", "exact"] | None = None
-    feedback: Feedback | None = None
-    tuned_for: TunedFor | None = None
+    feedback: Feedback | None = None  # gains of the exact law on measured roll and load factor
+    tuned_for: TunedFor | None = None  # as `tune` and `meet` write it
 
     def gains(self, law: str = DEFAULT) -> PIGains:
         """The gains as a value; `law` is whose they are where the table does not say."""
@@ -942,11 +922,11 @@ class ExpectTable(q.Table):
     its reference to the end.
     """
 
-    plant: Annotated[str, Field(min_length=1)] | None = None
-    gains: Annotated[str, Field(min_length=1)] | None = None
-    status: RunStatus | None = None
-    at_most: Bounds = Field(default_factory=dict)
-    at_least: Bounds = Field(default_factory=dict)
+    plant: Annotated[str, Field(min_length=1)] | None = None  # a label, or a kind for all of it
+    gains: Annotated[str, Field(min_length=1)] | None = None  # all if left out
+    status: RunStatus | None = None  # completed if left out
+    at_most: Bounds = Field(default_factory=dict)  # bounds by channel, flight or loop, and measure
+    at_least: Bounds = Field(default_factory=dict)  # likewise
 
     @model_validator(mode="after")
     def _measures_exist(self) -> "ExpectTable":

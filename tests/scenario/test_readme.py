@@ -1,24 +1,17 @@
-"""scenarios/README.md: its table of keys is the schema's, and feed-forward does what it says."""
+"""scenarios/README.md names every table, and what it says of feed-forward holds."""
 
-import json
-import re
 import types
 from pathlib import Path
 
 import pytest
 from pydantic import BaseModel
-from pydantic_core import PydanticUndefined
+from site_reference import keys, meanings
 
 import flighttune as ft
 from flighttune.flight.new import new_scenario
 
 PAGE = (Path(__file__).parents[2] / "scenarios" / "README.md").read_text(encoding="utf-8")
-ROWS = dict(re.findall(r"^\| (\(top\)|`\[.*\]`) \| (.*) \|$", PAGE, re.MULTILINE))
-
-
-def row_of(table):
-    (found,) = (row for names, row in ROWS.items() if f"[{table}]" in names or names == table)
-    return found
+KEYS = [*keys()]
 
 
 def leaves(annotation):
@@ -29,35 +22,51 @@ def leaves(annotation):
     return [leaf for part in parts for leaf in leaves(part)] if parts else [annotation]
 
 
-def is_table(leaf):
-    return isinstance(leaf, type) and issubclass(leaf, BaseModel)
-
-
-def keys_of(model, table):
+def tables_in(model, place=""):
+    """Places of the tables of a file, as they are written there, and their models."""
     for key, field in model.model_fields.items():
-        held = leaves(field.annotation)
-        if not all(is_table(leaf) or leaf is types.NoneType for leaf in held):
-            yield table, field.alias or key, field
-        for part in filter(is_table, held):
-            yield from keys_of(part, key if table == "(top)" else f"{table}.{key}")
+        path = f"{place}.{field.alias or key}".removeprefix(".")
+        listed = "list" in str(field.annotation)
+        for leaf in leaves(field.annotation):
+            if isinstance(leaf, type) and issubclass(leaf, BaseModel):
+                yield f"[[{path}]]" if listed else f"[{path}]", leaf
+                yield from tables_in(leaf, path)
 
 
-KEYS = list(keys_of(ft.Scenario, "(top)"))
+TABLES = dict(tables_in(ft.Scenario))
 
 
-@pytest.mark.parametrize(("table", "key", "field"), KEYS, ids=[f"{t}-{k}" for t, k, _ in KEYS])
-def test_every_key_stands_in_the_row_of_its_table_with_its_default(table, key, field):
-    default = field.get_default(call_default_factory=True, validated_data={})
-    if default is PydanticUndefined:
-        shown = f"**`{key}`**"
-    else:
-        shown = f"`{key}`" if default is None else f"`{key}={json.dumps(default)}`"
-
-    assert shown in row_of(table)
+@pytest.mark.parametrize("place", TABLES)
+def test_the_page_names_every_table(place):
+    assert place in PAGE
 
 
-def test_the_keys_are_those_of_every_table():
-    assert len({table for table, _, _ in KEYS}) == len(ROWS) + 1  # two channels share a row
+def test_the_list_of_keys_gives_range_default_and_the_comment_beside_the_key():
+    rows = [row for row in KEYS if row.startswith(("| `sensitivity_max`", "| `roll_in_s`"))]
+
+    assert rows == [
+        "| `roll_in_s` | number, >= 0, <= 1e+06 | `0.0` | "
+        "time over which the rate rises, and falls: the ramp is planned |",
+        "| `sensitivity_max` | number, > 1 |  | "
+        "of each channel, with decay, E_K and rms; 1.4 if left out, at most 1.66 |",
+    ]
+
+
+# Keys of which the key before them, or the docstring of their table, says the meaning.
+TOLD_ABOVE = (
+    "n_z elevator_stuck_deg rudder_stuck_deg chi_phase_deg gamma_phase_deg speed_mps level "
+    "intensity wave east_m lat_deg lon_deg"
+)
+
+
+@pytest.mark.parametrize("place", TABLES)
+def test_a_key_without_a_default_says_what_holds_without_it(place):
+    said = meanings(TABLES[place])
+    for name, field in TABLES[place].model_fields.items():
+        key = field.alias or name
+        number = not any(hasattr(leaf, "model_fields") for leaf in leaves(field.annotation))
+        if field.default is None and number and key not in TOLD_ABOVE.split():
+            assert said[key], key
 
 
 @pytest.fixture
