@@ -44,8 +44,9 @@ MAX_SD = 8.0
 class DisperseTable(Table):
     """``[[disperse]]``: one key of the scenario that differs from draw to draw."""
 
+    # Dotted path of a key of the scenario; [0] is a position in a list, plant[LABEL] a plant
     key: Key
-    acts: Acts = "sets"
+    acts: Acts = "sets"  # the drawn value replaces the scenario's, is added to it, or multiplies it
 
     @model_validator(mode="after")
     def _draws_no_code(self) -> Self:
@@ -69,8 +70,8 @@ class Normal(DisperseTable):
     distribution: Literal["normal"] = "normal"
     mean: Finite
     sd: Positive
-    lower: Finite | None = None
-    upper: Finite | None = None
+    lower: Finite | None = None  # truncated there if given
+    upper: Finite | None = None  # truncated there if given
 
     @model_validator(mode="after")
     def _something_between_the_bounds(self) -> "Normal":
@@ -107,7 +108,7 @@ class LogNormal(DisperseTable):
 
     distribution: Literal["log_normal"] = "log_normal"
     median: Positive
-    sd_log: Positive
+    sd_log: Positive  # of the natural logarithm: 0.1 is about 10 %
 
     def at(self, u: FloatArray) -> FloatArray:
         """Values at points `u` of the open unit interval, shape as `u`."""
@@ -136,8 +137,8 @@ class Choice(DisperseTable):
     """One of some values, in proportion to their weights."""
 
     distribution: Literal["choice"] = "choice"
-    values: Values
-    weights: list[NotNegative] | None = None
+    values: Values  # numbers, texts or booleans
+    weights: list[NotNegative] | None = None  # equal if left out
 
     @model_validator(mode="after")
     def _weights_and_values_fit(self) -> "Choice":
@@ -167,7 +168,7 @@ class Grid(DisperseTable):
     """Values that are all flown, each as often as any other: nothing is left to chance."""
 
     distribution: Literal["grid"] = "grid"
-    values: Values | None = None
+    values: Values | None = None  # every value is flown; or lower, upper and count in place of them
     lower: Finite | None = None
     upper: Finite | None = None
     count: Annotated[int, Field(ge=2, le=MAX_POINTS)] | None = None
@@ -212,17 +213,19 @@ DISTRIBUTIONS: dict[str, type[Dispersion]] = {
 class CorrelationTable(Table):
     """``[[correlation]]``: rank correlation of two keys that are drawn."""
 
+    # Each normal, log_normal or uniform
     keys: Annotated[list[Key], Field(min_length=2, max_length=2)]
+    # Rank correlation (Spearman's), by a Gaussian copula
     rank: Annotated[float, Field(gt=-1.0, lt=1.0)]
 
 
 class KeepTable(Table):
     """``[keep]``: of which runs the whole time history is kept."""
 
-    failures: Count = 20
-    worst: Count = 5
+    failures: Count = 20  # the first ones
+    worst: Count = 5  # by worst_by
     worst_by: str = "chi.ITAE"
-    sample: Count = 5
+    sample: Count = 5  # drawn at random
 
     @field_validator("worst_by")
     @classmethod
@@ -236,20 +239,25 @@ class CampaignTable(Table):
     """Content of a campaign file, with the defaults filled in."""
 
     title: Annotated[str, Field(min_length=1)]
-    verifies: str = ""
-    source: str = ""
-    scenario: PathName
-    seed: Seed = 0
+    verifies: str = ""  # for the reader
+    source: str = ""  # for the reader
+    scenario: PathName  # a shipped name, or a file in the campaign's folder
+    seed: Seed = 0  # of all random numbers
+    # Flights over all draws, gain sets and plants; of a grid one per cell and group if left out
     runs: Runs | None = None
     design: Design = "random"
-    time_limit_s: Positive = 60.0
+    time_limit_s: Positive = 60.0  # wall time after which a run is aborted
+    # In place of the scenario's
     gains: Annotated[list[str | GainsTable], Field(min_length=1)] | None = None
+    # In place of the scenario's
     plant: Annotated[list[PlantTable], Field(min_length=1)] | None = None
+    # Other values for keys of the scenario; a path into a list is quoted
     overrides: dict[str, Any] = Field(default_factory=dict)
     disperse: list[Annotated[Dispersion, Field(discriminator="distribution")]] = Field(
         default_factory=list
     )
     correlation: list[CorrelationTable] = Field(default_factory=list)
+    # What a run must achieve, with the keys of [[expect]]; the scenario's if left out
     success: list[ExpectTable] = Field(default_factory=list)
     keep: KeepTable = KeepTable()
 
