@@ -15,10 +15,9 @@ from flighttune.arrays import (
     square_matrices,
 )
 from flighttune.control.gains import PIGains
-from flighttune.control.inner_loop import InnerLag, with_inner_loop, with_input_delay
+from flighttune.control.inner_loop import InnerLag, sampled_loop, with_inner_loop, with_input_delay
 from flighttune.control.law import made_law
 from flighttune.control.linear_model import LinearModel, closed_loop
-from flighttune.control.sampled_loop import sampled_loop
 from flighttune.errors import InputError
 from flighttune.theory.decay import decay, decay_checks, true_rate
 from flighttune.theory.exact import Check, exact
@@ -29,7 +28,7 @@ SAME_MODEL = 1e-12
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Sampling:
-    """How a loop is sampled: what `flighttune.control.sampled_loop.sampled_loop` takes."""
+    """How a loop is sampled: what `flighttune.control.inner_loop.sampled_loop` takes."""
 
     model: LinearModel  # of the law alone
     lags: tuple[InnerLag, ...]  # one an input, or none for a model without an inner loop

@@ -9,9 +9,9 @@ import numpy as np
 
 from flighttune.arrays import check_positive
 from flighttune.control.controller import AntiWindup, Measured, ReferenceSample
-from flighttune.control.gains import ERRORS, ERRORS_WITH_AIRSPEED, RATES, WITH_AIRSPEED, PIGains
+from flighttune.control.gains import RATES, PIGains
 from flighttune.control.limits import FREE, RATE_LIMITED, Limits, limit_command
-from flighttune.control.linear_model import LinearModel
+from flighttune.control.linear_model import LinearModel, law_model
 from flighttune.control.mimo_pi import (
     ChannelLaw,
     PIState,
@@ -47,39 +47,20 @@ BRAKING = 0.5
 
 
 class RateLaw(NamedTuple):
-    """Settings that do not change from sample to sample.
+    """Settings that do not change from sample to sample."""
 
-    Attributes
-    ----------
-    channels : tuple of ChannelLaw, length 2
-        Gains of the course rate with the limits of roll, those of the path-angle rate with the
-        limits of the load factor.
-    wrapped, conditional : bool
-        True if the course error is taken the short way round; true for conditional anti-windup.
-    tracking_gain : float
-        Sample time over tracking time; 0 without back-calculation.
-    per_g : float, s^2/m
-        One over the acceleration of gravity.
-    brake : float, 1/s
-        Twice the part of the load factor's rate limit that catches the path angle.
-    course_first : bool
-        True if the course has priority.
-    feedback : tuple of two float, 1
-        Gains on measured roll and load factor against those expected.
-    turn_brake : float, 1/s
-        As `brake`, of the roll's rate limit and the course; inf where roll is not fed back.
-    """
-
+    # Gains of the course rate with the limits of roll; those of the path-angle rate with the limits
+    # of the load factor
     channels: tuple[ChannelLaw, ...]
-    wrapped: bool
-    conditional: bool
-    tracking_gain: float
-    per_g: float
-    lift_floor: float
-    brake: float
-    course_first: bool
-    feedback: tuple[float, float]
-    turn_brake: float
+    wrapped: bool  # whether the course error is taken the short way round
+    conditional: bool  # anti-windup
+    tracking_gain: float  # sample time over tracking time; 0 without back-calculation
+    per_g: float  # s^2/m: one over the acceleration of gravity
+    lift_floor: float  # weights
+    brake: float  # 1/s: twice the part of the load factor's rate limit that catches the path angle
+    course_first: bool  # whether the course has priority
+    feedback: tuple[float, float]  # gains on roll and load factor against those expected
+    turn_brake: float  # 1/s: as `brake`, of roll and course; inf where roll is not fed back
 
 
 class ExactLaw(StatefulPI):
@@ -182,12 +163,11 @@ class ExactLaw(StatefulPI):
         if priority not in get_args(Priority):
             raise InputError(f"`priority` must be gamma or chi, got {priority!r}.")
         rate_model(airspeed=gains.airspeed).check_channels(gains)
-        self.gains, self.dt, self._per_g = gains, dt, 1.0 / g
+        self.gains, self.dt = gains, dt
         self.signals = WITH_AIRSPEED_SIGNALS if gains.airspeed else RATE_SIGNALS
+        limits = Limits.none(len(gains.inputs)) if limits is None else limits
         channels = channel_laws(gains, gains.K_I * dt, limits, dt)
-        rates = [math.inf, math.inf]
-        if limits is not None:
-            rates = np.minimum(limits.rate_upper, -limits.rate_lower).tolist()
+        rates = np.minimum(limits.rate_upper, -limits.rate_lower).tolist()
         self._third = channels[2] if gains.airspeed else None
         integrated = np.abs(gains.K_I[:2, 2:])
         if integrated.size and integrated.max() > ROUNDING * np.abs(gains.K_I).max():
@@ -215,35 +195,32 @@ class ExactLaw(StatefulPI):
 
     def step(self, measured: Measured, reference: ReferenceSample, _t: float, /) -> Sequence[float]:
         """Return roll and load-factor command after all limits, and the values of `signals`."""
-        state, law, ref, V_ref = self.state, self.law, reference[:4], reference.V
-        if self._third is None or V_ref is None:
-            exact_step(law, state, ref, _seen(measured), turning_speed(measured))
-            return (*state.u, *state.integral)
-        e_V, channel = self.airspeed_channel(self._third, measured, reference)
-        turn, climb = (row.K_P[2] * e_V for row in law.channels)
-        ref = *ref[:2], ref[2] + turn, ref[3] + climb
-        exact_step(law, state, ref, _seen(measured), turning_speed(measured))
-        state.error[2] = e_V
-        self._hold_airspeed(channel, measured.gamma, V_ref, reference.V_dot)
+        state, law, ref, channel = self.state, self.law, reference[:4], self._third
+        if channel is not None:
+            state.error[2], channel = self.airspeed_channel(channel, measured, reference)
+            turn, climb = (row.K_P[2] * state.error[2] for row in law.channels)
+            ref = *ref[:2], ref[2] + turn, ref[3] + climb
+        seen = measured.chi, measured.gamma, measured.phi, measured.n_z
+        exact_step(law, state, ref, seen, turning_speed(measured))
+        if channel is not None:
+            self._hold_airspeed(channel, measured.gamma, reference)
         return (*state.u, *state.integral)
 
-    def _hold_airspeed(self, channel: ChannelLaw, gamma: float, V_ref: float, V_dot: float) -> None:
+    def _hold_airspeed(self, channel: ChannelLaw, gamma: float, reference: ReferenceSample) -> None:
         """Command n_x; its integral stands where a limit holds it, as those of the other two."""
         state, law, (K_P, K_I, *limits) = self.state, self.law, channel
-        rate = V_dot / V_ref + state.integral[2]
+        V_ref = reference.V
+        assert V_ref is not None  # a reference of a law with this channel has one
+        rate = reference.V_dot / V_ref + state.integral[2]
         rate += sum(gain * error for gain, error in zip(K_P, state.error, strict=True))
-        wanted = math.sin(gamma) + V_ref * self._per_g * rate
+        wanted = math.sin(gamma) + V_ref * law.per_g * rate
         n_x, limited = limit_command(wanted, state.u[2], *limits)
         state.u[2], state.u_unsat[2], state.limited[2] = n_x, wanted, limited
         more = sum(gain * error for gain, error in zip(K_I, state.error, strict=True))
         if limited != FREE:
             more = 0.0 if law.conditional else more
-            more -= law.tracking_gain * (wanted - n_x) / (V_ref * self._per_g)
+            more -= law.tracking_gain * (wanted - n_x) / (V_ref * law.per_g)
         state.integral[2] += more
-
-
-def _seen(measured: Measured) -> tuple[float, ...]:
-    return measured.chi, measured.gamma, measured.phi, measured.n_z
 
 
 def turning_speed(measured: Measured, estimate: tuple[float, ...] | None = None) -> float:
@@ -282,16 +259,8 @@ def rate_model(*, airspeed: bool = False) -> LinearModel:
 
     They are the same at every airspeed, path angle, roll and load factor.
     """
-    names = ERRORS_WITH_AIRSPEED if airspeed else ERRORS
-    n = len(names)
-    return LinearModel(
-        A=np.zeros((n, n)),
-        B=-np.eye(n),
-        C=np.eye(n),
-        states=names,
-        inputs=WITH_AIRSPEED[RATES] if airspeed else RATES,
-        errors=names,
-    )
+    n = 3 if airspeed else 2
+    return law_model(np.zeros((n, n)), -np.eye(n), RATES)
 
 
 def roll_of_lift(
@@ -396,10 +365,8 @@ def exact_step(
 
     # Whether the commands give the rates wanted; where no limit holds they do but for rounding.
     held_chi, held_gamma = phi_limited != FREE or floored, n_z_limited != FREE
-    more_chi, more_gamma = (
-        I_chi[0] * e_chi + I_chi[1] * e_gamma,
-        I_gamma[0] * e_chi + I_gamma[1] * e_gamma,
-    )
+    more_chi = I_chi[0] * e_chi + I_chi[1] * e_gamma
+    more_gamma = I_gamma[0] * e_chi + I_gamma[1] * e_gamma
     if conditional:
         more_chi, more_gamma = 0.0 if held_chi else more_chi, 0.0 if held_gamma else more_gamma
     elif tracking_gain:

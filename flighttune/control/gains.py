@@ -1,7 +1,7 @@
 """Gains of the multivariable PI controller."""
 
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -43,9 +43,6 @@ LABELS = {
     "gamma_dot": "gamma' [1/s]",
     "V_dot": "V'/V [1/s]",
 }
-
-# Names in files for the inputs of gains: the built-in law with these inputs.
-LAW_OF_INPUTS = {COMMANDS: "paper", RATES: "exact"}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -127,8 +124,8 @@ class PIGains:
 
     @property
     def law(self) -> str:
-        """Name of their inputs in files: ``exact`` for rates, else ``paper``."""
-        return LAW_OF_INPUTS.get(self.inputs[:2], "paper")
+        """The built-in law with these inputs, as files name it: ``exact`` for rates."""
+        return "exact" if self.inputs[:2] == RATES else "paper"
 
     @property
     def airspeed(self) -> bool:
@@ -145,7 +142,7 @@ class PIGains:
 
         With ``law`` where they are those of the exact law.
         """
-        law = {"law": self.law} if self.inputs[:2] == RATES else {}
+        law = {"law": self.law} if self.law == "exact" else {}
         fed = {"feedback": list(self.feedback)} if self.feeds_back else {}
         return {"K_P": self.K_P.tolist(), "K_I": self.K_I.tolist(), **fed, **law}
 
@@ -159,22 +156,13 @@ class PIGains:
         K_P: npt.ArrayLike,
         K_I: npt.ArrayLike,
         law: str | None = None,
-        feedback: Iterable[float] | None = None,
+        feedback: Sequence[float] | None = None,
     ) -> "PIGains":
         """The gains that `as_lists` wrote."""
-        K_P = read_only_matrix("K_P", K_P)
-        roll, lift = feedback or NO_FEEDBACK
-        inputs = {name: inputs for inputs, name in LAW_OF_INPUTS.items()}.get(law or "", COMMANDS)
-        errors = ERRORS
-        if len(K_P) > len(errors):
-            inputs, errors = WITH_AIRSPEED[inputs], ERRORS_WITH_AIRSPEED
-        return cls(
-            K_P=K_P,
-            K_I=read_only_matrix("K_I", K_I),
-            inputs=inputs,
-            errors=errors,
-            feedback=(roll, lift),
-        )
+        K_P, K_I = read_only_matrix("K_P", K_P), read_only_matrix("K_I", K_I)
+        inputs, n = WITH_AIRSPEED[RATES if law == "exact" else COMMANDS], 2 + (len(K_P) > 2)
+        rest: dict[str, Any] = {"inputs": inputs[:n], "feedback": feedback or NO_FEEDBACK}
+        return cls(K_P=K_P, K_I=K_I, errors=ERRORS_WITH_AIRSPEED[:n], **rest)
 
 
 # K* as printed below Eq. (43) of arXiv 2411.13140; rows phi, n_z; columns e_chi, e_gamma.
@@ -260,13 +248,12 @@ def _acting_on(inputs: tuple[str, str], gains: PIGains, factor: float) -> PIGain
             "`gains` must be flown by the exact law where they feed roll or load factor back, got "
             f"`feedback` {list(gains.feedback)}."
         )
-    K_P, K_I = gains.K_P * factor, gains.K_I * factor
-    if not gains.airspeed:
-        return PIGains(K_P=K_P, K_I=K_I, inputs=inputs)
-    # The exact law adds sin(gamma) as measured, the paper's law sin(gamma_ref). Their difference
-    # is cos(gamma) times the error of the path angle, a gain of one in level flight.
-    K_P[2, 1] += factor if inputs == RATES else -1.0
-    return PIGains(K_P=K_P, K_I=K_I, inputs=WITH_AIRSPEED[inputs], errors=gains.errors)
+    K_P, K_I, n = gains.K_P * factor, gains.K_I * factor, len(gains.errors)
+    if gains.airspeed:
+        # The exact law adds sin(gamma) as measured, the paper's law sin(gamma_ref). Their
+        # difference is cos(gamma) times the error of the path angle, a gain of one in level flight.
+        K_P[2, 1] += factor if inputs == RATES else -1.0
+    return PIGains(K_P=K_P, K_I=K_I, inputs=WITH_AIRSPEED[inputs][:n], errors=gains.errors)
 
 
 def gains_lists(gains: PIGains | None) -> dict[str, Any]:
@@ -276,10 +263,10 @@ def gains_lists(gains: PIGains | None) -> dict[str, Any]:
 
 def gains_table(title: str, gains: PIGains | None) -> Table:
     """Gains as a table, a row a command; no rows where there are no gains."""
-    errors = ERRORS if gains is None else gains.errors
     columns = [Column("command", "command")]
-    columns += [Column(f"P.{i}", f"e_{name}", digits="z.4f") for i, name in enumerate(errors)]
-    columns += [Column(f"I.{i}", f"int e_{name}", digits="z.4f") for i, name in enumerate(errors)]
+    for part, of in (("P", "e_"), ("I", "int e_")):
+        errors = enumerate(ERRORS if gains is None else gains.errors)
+        columns += [Column(f"{part}.{i}", f"{of}{name}", digits="z.4f") for i, name in errors]
     if gains is None:
         return Table(columns, [], title)
     rows = zip(gains.labels, gains.K_P.tolist(), gains.K_I.tolist(), strict=True)

@@ -1,4 +1,9 @@
-"""Lags and delays between command and response, appended to a model; the lag of an inner loop."""
+"""Lags and delays between command and response: appended to a model, or sampled exactly.
+
+A continuous model takes a delay, and the half sample that a held command is late, as a Pade
+section. In the map of a sampled loop both are exact: over one sample the plant is linear with
+commands that change at most once, so that its state at the next sample is a matrix exponential.
+"""
 
 import math
 from collections.abc import Sequence
@@ -9,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flighttune.arrays import FloatArray, check_not_negative, check_positive, read_only_vector
+from flighttune.control.gains import PIGains
 from flighttune.control.linear_model import LinearModel
 from flighttune.errors import InputError, ShapeError
 
@@ -135,14 +141,11 @@ class InnerLag:
     def response(self, omega: npt.ArrayLike) -> npt.NDArray[np.complex128]:
         """Frequency response at `omega` (rad/s), of the shape of `omega`."""
         s = 1j * np.asarray(omega, dtype=float)
-        w = self.natural_frequency
+        w, behind = self.natural_frequency, np.exp(-s * self.delay)
         if self.order == 1:
-            lagged = w / (s + w)
-        else:
-            lagged = w * w / (s * s + 2.0 * self.damping * w * s + w * w)
-        if self.order == 3:
-            lagged = lagged / (1.0 + s * self.lag)
-        return np.exp(-s * self.delay) * lagged
+            return behind * (w / (s + w))
+        lagged = w * w / (s * s + 2.0 * self.damping * w * s + w * w)
+        return behind * (lagged / (1.0 + s * self.lag) if self.order == 3 else lagged)
 
     @property
     def whole(self) -> float:
@@ -226,3 +229,99 @@ def inner_loop_scaling(model: LinearModel, lags: Sequence[InnerLag]) -> FloatArr
         raise InputError(f"`model` must have inputs that act on it, got B = {model.B.tolist()}.")
     sizes = [len(lag.state_space[0]) for lag in lags]
     return np.concatenate([np.ones(n), np.repeat(1.0 / effect, sizes), np.ones(p)])
+
+
+# States of a sampled loop: the exact check of its rate takes 3 s at as many.
+MAX_SAMPLED = 40
+
+
+def sampled_loop(
+    model: LinearModel,
+    lags: Sequence[InnerLag],
+    gains: PIGains,
+    *,
+    dt: float,
+    trapezoidal: bool = True,
+) -> tuple[FloatArray, FloatArray]:
+    """The map of the loop over one sample, while no limit holds, and units of its state.
+
+    `model` is that of the law alone (n states, m inputs, p errors), `lags` the inner loop of each
+    input without the delay of the hold, which is exact here; none where the inputs are the
+    commands. `trapezoidal`: the integral takes the mean of two errors, as `MimoPI` does; else each
+    error after the command of its sample, as `ExactLaw` does.
+
+    Returns
+    -------
+    loop : ndarray, shape (N, N)
+        N = n + lag states + commands under way + m + p. Acts on the state at a sample before its
+        command: states of the model, of the lags in turn, commands of each input from the last one
+        back, integrals in the unit of the inputs, and the errors of the sample before.
+    units : ndarray, shape (N,)
+        In these a command and a lag's state count by the rate that they cause, as in
+        `inner_loop_scaling`.
+
+    Raises
+    ------
+    ShapeError, InputError
+        If models, lags and gains do not fit, or N is above `MAX_SAMPLED`.
+    """
+    model.check_channels(gains)
+    check_positive(dt=dt)
+    n, m, p = model.shape
+    plant = with_inner_loop(model, [replace(lag, delay=0.0) for lag in lags]) if lags else model
+    delays = [lag.delay for lag in lags] or [0.0] * m
+    k, late = len(plant.A), sum(delays) / dt
+    others = k + 2 * m + p
+    if others + late > MAX_SAMPLED:
+        raise InputError(
+            f"`lags` must be late by at most {MAX_SAMPLED - others} samples in all, for the loop "
+            f"to have {MAX_SAMPLED} states, got {late:.3g}."
+        )
+    whole = [math.floor(delay / dt) for delay in delays]
+    kept = [count + 1 for count in whole]
+    first_kept = k + np.cumsum([0, *kept])
+    integral, before = int(first_kept[-1]), int(first_kept[-1]) + m
+    size = before + p
+
+    # Rows that give the errors, the new integrals and the commands from the state.
+    state, error = np.eye(size), np.zeros((p, size))
+    error[:, :k] = plant.C
+    old_integral, old_error = state[integral:before], state[before:]
+    if trapezoidal:
+        new_integral = old_integral + gains.K_I @ (error + old_error) * (dt / 2.0)
+        command = gains.K_P @ error + new_integral
+    else:
+        new_integral = old_integral + gains.K_I @ error * dt
+        command = gains.K_P @ error + old_integral
+
+    # What the inner feedback measures: a lag's first state or, without lags, the last command.
+    orders = [lag.order for lag in lags] or [0] * m
+    starts = n + np.cumsum([0, *orders]) if lags else first_kept
+    for i, fed in enumerate(gains.feedback):
+        command[i] += fed * (command[i] - state[starts[i]])
+
+    M = np.zeros((size, size))
+    M[:k, :k] = _held(plant.A, np.zeros((k, 0)), dt)[0]
+    for i in range(m):
+        # The command of `whole` samples ago takes over after the rest of the delay.
+        late = delays[i] - whole[i] * dt
+        fresh_A, fresh = _held(plant.A, plant.B[:, [i]], dt - late)
+        _, stale = _held(plant.A, plant.B[:, [i]], late)
+        under_way = state[first_kept[i] : first_kept[i + 1]]
+        acting = [command[[i]], *under_way[:, None, :]]
+        M[:k] += fresh @ acting[whole[i]] + fresh_A @ stale @ acting[whole[i] + 1]
+        M[first_kept[i]] = command[i]
+        M[first_kept[i] + 1 : first_kept[i + 1]] = under_way[:-1]
+    M[integral:before], M[before:] = new_integral, error
+    per_rate = 1.0 / np.linalg.norm(model.B, axis=0)
+    late = np.repeat(per_rate, orders), np.repeat(per_rate, kept)
+    return M, np.concatenate([np.ones(n), *late, per_rate, np.ones(p)])
+
+
+def _held(A: FloatArray, B: FloatArray, time: float) -> tuple[FloatArray, FloatArray]:
+    """State and input matrix over `time` with a held input, of ``x' = A x + B u``."""
+    from scipy.linalg import expm
+
+    n, m = B.shape
+    both = expm(np.block([[A, B], [np.zeros((m, n + m))]]) * time)
+    return both[:n, :n], both[:n, n:]

@@ -66,48 +66,26 @@ class OuterLoop(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class Law(ABC):
-    """A law of a scenario: its name there, and its options as fields.
+    """A law of a scenario: its name there, and its options as fields."""
 
-    Attributes
-    ----------
-    name : str
-        Its name in the scenario: ``NAME:GAINS`` is a gain set flown by it.
-    kind : str
-        Value of the key ``kind`` of ``[[law]]`` for the class.
-    keys : set of str
-        Further keys of ``[[law]]`` that it takes; those that are fields of the class are its
-        options.
-    required : tuple of str
-        Keys that it cannot do without.
-    named_alone : bool
-        True if a scenario can name the kind without a table.
-    inputs : tuple of two str
-        Channels that its gains act on: `COMMANDS` or `RATES`.
-    by_gains : bool
-        Whether gains and `linear_model` say how it flies. Where they do not it has no claim, and
-        the runs have no gains.
-    trapezoidal : bool
-        Its integrals take the mean of two errors; false: each error after the command of its
-        sample.
-    same_everywhere : bool
-        True if its linear model is the same at every condition of an envelope.
-    batched : bool
-        Whether the compiled kernel flies its controllers.
-    plant : str
-        Kind of plant that its linear model is made for, on which it has no mismatch.
-    """
+    name: str  # in the scenario: ``NAME:GAINS`` is a gain set flown by it
 
-    name: str
-
-    kind: ClassVar[str]
+    kind: ClassVar[str]  # value of the key ``kind`` of ``[[law]]`` for the class
+    # Further keys of ``[[law]]``, and those that it cannot do without; fields of the class are
+    # options
     keys: ClassVar[frozenset[str]] = frozenset()
     required: ClassVar[tuple[str, ...]] = ()
-    named_alone: ClassVar[bool] = True
-    inputs: ClassVar[tuple[str, str]] = COMMANDS
+    named_alone: ClassVar[bool] = True  # whether a scenario can name the kind without a table
+    inputs: ClassVar[tuple[str, str]] = COMMANDS  # channels that its gains act on; else `RATES`
+    # Whether gains and `linear_model` say how it flies. Where they do not it has no claim, and the
+    # runs have no gains.
     by_gains: ClassVar[bool] = True
+    # Whether its integrals take the mean of two errors; else each error after the command of its
+    # sample
     trapezoidal: ClassVar[bool] = True
-    same_everywhere: ClassVar[bool] = False
-    batched: ClassVar[bool] = False
+    same_everywhere: ClassVar[bool] = False  # its linear model, at every condition of an envelope
+    batched: ClassVar[bool] = False  # whether the compiled kernel flies its controllers
+    # Kind of plant that its linear model is made for, on which it has no mismatch
     plant: ClassVar[str] = "kinematic"
 
     @abstractmethod

@@ -75,17 +75,17 @@ class LinearModel:
         return len(self.states), len(self.inputs), len(self.errors)
 
 
+def law_model(A: FloatArray, B: FloatArray, inputs: tuple[str, str] = COMMANDS) -> LinearModel:
+    """A model of the errors of course and path angle, and of the airspeed if there are three."""
+    n = len(A)
+    names, inputs_of_n = ERRORS_WITH_AIRSPEED[:n], WITH_AIRSPEED[inputs][:n]
+    return LinearModel(A=A, B=B, C=np.eye(n), states=names, inputs=inputs_of_n, errors=names)
+
+
 def entry_model(entries: FloatArray) -> LinearModel:
     """The chi/gamma law's linear model of given entries (a, b1, b2, b3), 1/s."""
     a, b1, b2, b3 = entries
-    return LinearModel(
-        A=np.array([[0.0, 0.0], [0.0, a]]),
-        B=np.array([[-b1, 0.0], [b2, -b3]]),
-        C=np.eye(2),
-        states=LAW_NAMES[0],
-        inputs=LAW_NAMES[1],
-        errors=LAW_NAMES[2],
-    )
+    return law_model(np.array([[0.0, 0.0], [0.0, a]]), np.array([[-b1, 0.0], [b2, -b3]]))
 
 
 def kinematic_model(
@@ -150,14 +150,7 @@ def kinematic_model(
     # Turning and lifting fall with airspeed where they are not zero; the weight pulls back.
     A[:, 2] = -g / V_a * np.array([math.tan(phi), n_z * math.cos(phi) - math.cos(gamma), 0.0])
     A[2, 1] = -g / V_a * math.cos(gamma)
-    return LinearModel(
-        A=A,
-        B=B,
-        C=np.eye(3),
-        states=ERRORS_WITH_AIRSPEED,
-        inputs=WITH_AIRSPEED[COMMANDS],
-        errors=ERRORS_WITH_AIRSPEED,
-    )
+    return law_model(A, B)
 
 
 def closed_loop(model: LinearModel, gains: PIGains) -> FloatArray:
@@ -325,17 +318,10 @@ class Envelope:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class JacobianHull:
-    """A polytope of entries (a, b1, b2, b3): a range of factors times a box.
+    """A polytope of entries (a, b1, b2, b3): a range of factors times a box."""
 
-    Attributes
-    ----------
-    factor : (float, float)
-        Range of g/V, 1/s.
-    lower, upper : ndarray, shape (4,)
-        The box of the entries over g/V.
-    """
-
-    factor: Range
+    factor: Range  # 1/s: range of g/V
+    # Shape (4,): the box of the entries over g/V
     lower: FloatArray
     upper: FloatArray
 
@@ -377,11 +363,13 @@ def jacobian_hull(envelope: Envelope, *, g: float) -> JacobianHull:
     level = envelope.phi[0] <= 0.0 <= envelope.phi[1]
     cosines = sorted(map(math.cos, envelope.phi))
     cosine = (cosines[0], 1.0 if level else cosines[1])
-    sine_gamma = (math.sin(envelope.gamma[0]), math.sin(envelope.gamma[1]))
-    sine_phi = (math.sin(envelope.phi[0]), math.sin(envelope.phi[1]))
-    box = (sine_gamma, (cosine[1] ** -2, cosine[0] ** -2), _product(envelope.n_z, sine_phi), cosine)
-    lower, upper = np.array([_outward(ends) for ends in box]).T
-    return JacobianHull(factor=_outward(factor), lower=lower, upper=upper)
+    sine_gamma = [math.sin(end) for end in envelope.gamma]
+    lifts = [n_z * math.sin(phi) for n_z in envelope.n_z for phi in envelope.phi]
+    squares = (cosine[1] ** -2, cosine[0] ** -2)
+    ends = np.array([factor, sine_gamma, squares, (min(lifts), max(lifts)), cosine])
+    lower, upper = (ends + OUTWARD * np.abs(ends) * [-1.0, 1.0]).T
+    factor = float(lower[0]), float(upper[0])
+    return JacobianHull(factor=factor, lower=lower[1:], upper=upper[1:])
 
 
 def vertex_loops(envelope: Envelope, gains: PIGains, *, g: float) -> FloatArray:
@@ -394,13 +382,3 @@ def vertex_loops(envelope: Envelope, gains: PIGains, *, g: float) -> FloatArray:
     """
     models = jacobian_hull(envelope, g=g).models()
     return np.array([closed_loop(model, gains) for model in models])
-
-
-def _product(first: Range, second: Range) -> Range:
-    products = [a * b for a in first for b in second]
-    return min(products), max(products)
-
-
-def _outward(ends: Range) -> Range:
-    low, high = ends
-    return low - OUTWARD * abs(low), high + OUTWARD * abs(high)

@@ -150,9 +150,8 @@ def lag_margin(model: LinearModel, gains: PIGains) -> float:
         return np.asarray(np.linalg.eigvals(lagged).real.max(axis=-1), dtype=float)
 
     decades = math.log10(LONGEST_LAG / SHORTEST_LAG)
-    log_lags = np.linspace(
-        math.log(SHORTEST_LAG), math.log(LONGEST_LAG), int(decades * GRID_PER_DECADE)
-    )
+    ends = math.log(SHORTEST_LAG), math.log(LONGEST_LAG)
+    log_lags = np.linspace(*ends, int(decades * GRID_PER_DECADE))
     unstable = np.flatnonzero(abscissa(log_lags) >= 0.0)
     if not len(unstable):
         return math.inf
@@ -234,8 +233,7 @@ def _channel_margins(loop: Loop, i: int, name: str) -> Margins:
 
     # phase crossovers are among the zeros of L(s) - L(-s), where L is real
     doubled = block_diag(A, -A), np.vstack([B, B]), np.hstack([C, C])
-    crossover = _zeros_on_axis(*doubled, np.zeros((1, 1)))
-    values = _response((A, B, C), crossover)[:, 0, 0]
+    values = _response((A, B, C), _zeros_on_axis(*doubled, np.zeros((1, 1))))[:, 0, 0]
     real = np.abs(values.imag) < ON_AXIS * np.abs(values)
     gain = 1.0 / np.abs(values[real & (values.real < 0.0)])
 
@@ -349,9 +347,6 @@ def margins_table(margins: Sequence[Margins]) -> Table:
         }
         for row in margins
     ]
-    if margins:
-        records[-1] |= {
-            "lag_margin_s": margins[-1].lag_margin,
-            "disk_margin": margins[-1].disk_margin,
-        }
+    for record, row in zip(records[-1:], margins[-1:], strict=True):
+        record |= {"lag_margin_s": row.lag_margin, "disk_margin": row.disk_margin}
     return Table(MARGIN_COLUMNS, records, "stability margins", name="margins")

@@ -35,93 +35,50 @@ BEYOND_STOP = 0.05
 
 
 class ChannelLaw(NamedTuple):
-    """Settings of the law for one command.
+    """Settings of the law for one command, with p errors."""
 
-    Attributes
-    ----------
-    K_P, K_I_half : sequence of float, length p
-        Its row of K_P, and of ``K_I dt/2``: the trapezoidal rule on the sum of two errors. The
-        exact law, which takes each error alone, has ``K_I dt`` there.
-    lower, upper : float
-        Its range.
-    step_down, step_up : float
-        Largest steps in a sample: the rate limits times the sample time.
-    """
-
-    K_P: Sequence[float]
+    K_P: Sequence[float]  # its row of K_P, length p
+    # Its row of ``K_I dt/2``: the trapezoidal rule on the sum of two errors. The exact law, which
+    # takes each error alone, has ``K_I dt`` here.
     K_I_half: Sequence[float]
     lower: float
     upper: float
+    # Largest steps in a sample: the rate limits times the sample time
     step_down: float
     step_up: float
 
 
 class PILaw(NamedTuple):
-    """Settings that do not change from sample to sample.
+    """Settings that do not change from sample to sample."""
 
-    Attributes
-    ----------
-    channels : tuple of ChannelLaw, length m
-    wrapped : tuple of bool, length 2
-        True for errors that are angles of a full turn.
-    conditional : bool
-        True for conditional anti-windup.
-    tracking_gain : float
-        Sample time over tracking time; 0 without back-calculation.
-    per_speed : float, s/m
-        One over the speed of the schedule; 0 without a schedule.
-    """
-
-    channels: tuple[ChannelLaw, ...]
-    wrapped: tuple[bool, ...]
-    conditional: bool
-    tracking_gain: float
-    per_speed: float
+    channels: tuple[ChannelLaw, ...]  # length m
+    wrapped: tuple[bool, ...]  # length 2: whether an error is an angle of a full turn
+    conditional: bool  # anti-windup
+    tracking_gain: float  # sample time over tracking time; 0 without back-calculation
+    per_speed: float  # s/m: one over the speed of the schedule; 0 without a schedule
 
 
 class PIState(NamedTuple):
-    """State of the controller between samples: lists, or arrays in compiled code.
+    """State of the controller between samples: lists, or arrays in compiled code."""
 
-    Attributes
-    ----------
-    error : list of float, length p
-        Reference minus actual, wrapped where the channel is an angle of a full turn; of the
-        airspeed, if it is a channel, over its reference.
-    u : list of float, length m
-        Command after all limits.
-    u_unsat : list of float, length m
-        Command before them.
-    integral : list of float, length m, input unit
-        Part of the command that comes from the integrator.
-    limited : list of int, length m
-        0 free, 1 held by a magnitude limit, 2 held by a rate limit.
-    started : list of bool, length 1
-        True after the first sample.
-    expected : list of float, length m
-        Commands after their limits before the inner feedback of the exact law; others leave it.
-    """
-
+    # Length p: reference minus actual, wrapped where the channel is an angle of a full turn; of the
+    # airspeed, if it is a channel, over its reference
     error: Vector
+    # Length m: commands after all limits, and before them
     u: Vector
     u_unsat: Vector
-    integral: Vector
-    limited: Vector
-    started: Vector
+    integral: Vector  # length m, input unit: part of the command that comes from the integrator
+    limited: Vector  # length m: 0 free, 1 held by a magnitude limit, 2 held by a rate limit
+    started: Vector  # length 1: whether the first sample is over
+    # Length m: commands after their limits before the inner feedback of the exact law; others leave
+    # it
     expected: Vector
 
 
 def empty_state(u: Sequence[float]) -> PIState:
     """A state with nothing integrated, the commands `u` in force before t = 0."""
-    before, m = [float(value) for value in u], len(u)
-    return PIState(
-        error=[0.0] * m,
-        u=before,
-        u_unsat=list(before),
-        integral=[0.0] * m,
-        limited=[FREE] * m,
-        started=[False],
-        expected=list(before),
-    )
+    u, m = [float(value) for value in u], len(u)
+    return PIState([0.0] * m, u, [*u], [0.0] * m, [FREE] * m, [False], expected=[*u])
 
 
 def channel_laws(
@@ -269,16 +226,14 @@ class MimoPI(StatefulPI):
                 # NumPy's cosine, as ever: that of math may differ in the last bit.
                 self._gamma_ref, self._lift = reference[1], float(np.cos(reference[1]))
             u_ff = 0.0, self._lift / math.cos(measured[3])
-        state, law = self.state, self.law
+        state, law, e_V = self.state, self.law, 0.0
         if len(law.channels) > 2:
             e_V, channel = self.airspeed_channel(law.channels[2], measured, reference)
             along = math.sin(reference.gamma) + reference.V_dot / self._g
             u_ff = *u_ff[:2], along if self.feed_forward else 0.0
             law = law._replace(channels=(*law.channels[:2], channel))
-            pi_step(law, state, reference, measured, u_ff, measured[2], e_V)
-            return (*state.u, *state.integral)
         # Both begin with course and path angle: a slice of each would cost as much as an error.
-        pi_step(law, state, reference, measured, u_ff, measured[2])
+        pi_step(law, state, reference, measured, u_ff, measured[2], e_V)
         return (*state.u, *state.integral)
 
 

@@ -14,15 +14,7 @@ from flighttune.certificates.exact_rate import ExactRate, Sampling, exact_rates
 from flighttune.certificates.lag_box import lag_boxes
 from flighttune.certificates.make import Certification, certify_model
 from flighttune.control.controller import LawSetup
-from flighttune.control.gains import (
-    COMMANDS,
-    ERRORS_WITH_AIRSPEED,
-    LAW_OF_INPUTS,
-    PAPER_GAINS,
-    RATES,
-    PIGains,
-    paper_family,
-)
+from flighttune.control.gains import ERRORS_WITH_AIRSPEED, PAPER_GAINS, RATES, PIGains, paper_family
 from flighttune.control.inner_loop import (
     InnerLag,
     with_inner_loop,
@@ -327,7 +319,7 @@ def gain_set(scenario: Scenario, name: str, tuning: TuningResult | None = None) 
     law, gains = scenario.law_of(name)
     inputs = {law.inputs for law in scenario.laws}
     # Numbers that do not say what they act on are those of the only kind of gains there is.
-    untold = LAW_OF_INPUTS[inputs.pop() if len(inputs) == 1 else COMMANDS]
+    untold = "exact" if inputs == {RATES} else "paper"
     numbers = {e.name: e.gains(untold) for e in scenario.gains if isinstance(e, GainsTable)}
     if gains in (TUNED, TUNED_IDENTIFIED, TUNED_FED_BACK) and gains not in numbers:
         if gains != TUNED:

@@ -8,7 +8,7 @@ import pytest
 
 import flighttune as ft
 from flighttune.certificates.exact_rate import Sampling, exact_rates
-from flighttune.control.sampled_loop import MAX_SAMPLED
+from flighttune.control.inner_loop import MAX_SAMPLED
 
 # Share of the true rate that must be proven.
 TARGET = 0.99

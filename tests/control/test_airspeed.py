@@ -16,6 +16,7 @@ from flighttune.simulate.loop import simulate
 
 G = 9.81
 V_0 = 25.0
+START = ft.loop.FlightCondition(V_a=V_0)
 
 # Of two ways to compute the same in doubles.
 ROUNDING = 1e-12
@@ -27,23 +28,31 @@ INTEGRATION = 1e-8
 LAGS = 0.45
 
 
-def gains_of(K_V, law="paper"):
+def gains_of(law):
     """Three channels by themselves, in 1/s and 1/s^2; the paper's with the gain for the weight."""
-    rates = ft.PIGains.from_lists(
-        np.diag([1.2, 1.2, K_V]), np.diag([0.5, 0.5, 0.25 * K_V]), law="exact"
-    )
+    K_P, K_I = np.diag([1.2, 1.2, 2.0]), np.diag([0.5, 0.5, 0.5])
+    rates = ft.PIGains.from_lists(K_P, K_I, law="exact")
     return rates if law == "exact" else ft.loop.command_gains(rates, V_a=V_0)
 
 
-def law_of(kind, K_V=2.0, limits=None):
-    gains = gains_of(K_V, kind)
+def law_of(kind):
+    gains = gains_of(kind)
     if kind == "exact":
-        return ft.loop.ExactLaw(gains, limits, dt=0.02)
-    return ft.loop.MimoPI(gains, limits, dt=0.02, feed_forward=True)
+        return ft.loop.ExactLaw(gains, dt=0.02)
+    return ft.loop.MimoPI(gains, dt=0.02, feed_forward=True)
 
 
 def point(n_x=(-0.5, 1.0), **options):
     return ft.loop.PoweredPointMass(n_x, **options)
+
+
+def flown(plant, law, duration, **reference):
+    reference = ft.loop.Reference(chi=0.0, gamma=0.0, V=V_0, g=G, **reference)
+    return simulate(plant, law, reference, condition=START, duration=duration)
+
+
+def now(plant):
+    return dict(zip(plant.signals, plant.observe(), strict=True))
 
 
 @pytest.mark.parametrize(("gamma", "phi"), [(0.0, 0.0), (0.26, 0.0), (-0.1, 0.3)])
@@ -58,11 +67,8 @@ def test_the_model_has_the_slopes_of_the_equations_of_motion(gamma, phi):
         n_x = math.sin(gamma) + u[2]
         return np.array([chi_dot, G / V * lift, G / V_0 * (n_x - math.sin(gamma + x[1]))])
 
-    model, step, zero = (
-        ft.loop.kinematic_model(V_a=V_0, gamma=gamma, phi=phi, g=G, airspeed=True),
-        1e-6,
-        np.zeros(3),
-    )
+    model = ft.loop.kinematic_model(V_a=V_0, gamma=gamma, phi=phi, g=G, airspeed=True)
+    step, zero = 1e-6, np.zeros(3)
     for i, change in enumerate(step * np.eye(3)):
         # An error is reference minus actual: a state above its trim is a negative one.
         of_state = (rates(change, zero) - rates(-change, zero)) / (2.0 * step)
@@ -76,15 +82,11 @@ def test_the_model_has_the_slopes_of_the_equations_of_motion(gamma, phi):
 )
 def test_three_channels_have_the_optimum_of_two(gamma_deg):
     gamma = math.radians(gamma_deg)
-    two, three = (
-        ft.tune(
-            ft.loop.TuningProblem(
-                model=ft.loop.kinematic_model(V_a=V_0, gamma=gamma, g=G, airspeed=airspeed),
-                I_star=5.0,
-            )
-        )
+    models = (
+        ft.loop.kinematic_model(V_a=V_0, gamma=gamma, g=G, airspeed=airspeed)
         for airspeed in (False, True)
     )
+    two, three = (ft.tune(ft.loop.TuningProblem(model=model, I_star=5.0)) for model in models)
 
     # The printed digits of the optimum of two channels, reached by another number of searches.
     assert three.R_K == pytest.approx(two.R_K, abs=1e-5)
@@ -108,15 +110,14 @@ def test_one_certificate_covers_airspeeds_and_path_angles():
 
 
 def test_gains_of_both_laws_are_the_same_loop_about_level_flight():
-    exact = gains_of(2.0, "exact")
+    exact = gains_of("exact")
     paper = ft.loop.command_gains(exact, V_a=V_0)
     level = ft.loop.kinematic_model(V_a=V_0, gamma=0.0, g=G, airspeed=True)
 
     back = ft.loop.rate_gains(paper, V_a=V_0)
 
     assert back.K == pytest.approx(exact.K, abs=ROUNDING)
-    A = ft.loop.closed_loop(level, paper)
-    eigenvalues = np.sort_complex(np.linalg.eigvals(A))
+    eigenvalues = np.sort_complex(np.linalg.eigvals(ft.loop.closed_loop(level, paper)))
     wanted = [np.roots([1.0, exact.K_P[i, i], exact.K_I[i, i]]) for i in range(3)]
     assert np.sort_complex(np.concatenate(wanted)) == pytest.approx(eigenvalues, abs=1e-6)
 
@@ -137,40 +138,33 @@ def test_the_point_mass_flies_the_equations_of_motion():
             -V * math.sin(gamma),
         ]
 
-    flown = solve_ivp(
-        slope, (0.0, end), [0.1, 0.05, V_0, 0, 0, 0], "DOP853", rtol=1e-12, atol=1e-12
-    )
+    state = [0.1, 0.05, V_0, 0, 0, 0]
+    exact = solve_ivp(slope, (0.0, end), state, "DOP853", rtol=1e-12, atol=1e-12).y[:, -1]
     plant = point()
     plant.start(ft.loop.FlightCondition(V_a=V_0, chi=0.1, gamma=0.05))
     plant.advance(phi, n_z, end, n_x)
-    seen = dict(zip(plant.signals, plant.observe(), strict=True))
 
     names = ("chi", "gamma", "V_a", "north", "east", "down")
-    assert [seen[name] for name in names] == pytest.approx(flown.y[:, -1], abs=INTEGRATION)
+    assert [now(plant)[name] for name in names] == pytest.approx(exact, abs=INTEGRATION)
 
 
 def test_a_lag_of_thrust_is_its_step_response():
     lag = ft.loop.InnerLag(order=2, natural_frequency=3.0, damping=0.4, delay=0.1)
     plant = point(lags=(lag, lag, lag))
-    plant.start(ft.loop.FlightCondition(V_a=V_0))
+    plant.start(START)
     plant.advance(0.0, 1.0, 1.1, 0.2)
 
     A, B = np.array([[0.0, 3.0], [-3.0, -2.4]]), np.array([0.0, 3.0])
     x = np.linalg.solve(A, (expm(A) - np.eye(2)) @ B) * 0.2
-    assert dict(zip(plant.signals, plant.observe(), strict=True))["n_x"] == pytest.approx(
-        x[0], abs=1e-9
-    )
+    assert now(plant)["n_x"] == pytest.approx(x[0], abs=1e-9)
 
 
 @pytest.mark.parametrize("kind", ["paper", "exact"])
 def test_a_climb_beyond_the_engine_gives_way_to_the_airspeed(kind):
     """n_x of 0.25 carries a climb of asin(0.25 + kappa (V - V_low) / g) at most: Newton's law."""
     climb = Segment(2.0, (0.0, 4.0), rates=(math.radians(5.0),))
-    reference = ft.loop.Reference(chi=0.0, gamma=0.0, gamma_segments=(climb,), V=V_0, g=G)
     plant = point((-0.2, 0.25), g=G)
-    signals, stop = simulate(
-        plant, law_of(kind), reference, condition=ft.loop.FlightCondition(V_a=V_0), duration=40.0
-    )
+    signals, stop = flown(plant, law_of(kind), 40.0, gamma_segments=(climb,))
 
     assert stop is None
     assert signals["V_a"].min() > 0.95 * V_0 - LAGS
@@ -183,24 +177,15 @@ def test_a_climb_beyond_the_engine_gives_way_to_the_airspeed(kind):
 @pytest.mark.parametrize("kind", ["paper", "exact"])
 def test_a_step_of_the_airspeed_is_answered_by_its_channel_alone(kind):
     """While nothing limits, V obeys e'' + K_P e' + K_I e = 0 with gains per relative error."""
-    reference = ft.loop.Reference(
-        chi=0.0, gamma=0.0, V=V_0, V_segments=(Segment(1.0, (0.0,), jumps=(1.0,)),), g=G
-    )
-    signals, _ = simulate(
-        point(g=G),
-        law_of(kind),
-        reference,
-        condition=ft.loop.FlightCondition(V_a=V_0),
-        duration=6.0,
-    )
+    faster = Segment(1.0, (0.0,), jumps=(1.0,))
+    signals, _ = flown(point(g=G), law_of(kind), 6.0, V_segments=(faster,))
 
     V_ref, K_P = V_0 + 1.0, 2.0
     # The gains of the paper's law were mapped at 25 m/s and fly at 26: their rates are 25/26.
     share = 1.0 if kind == "exact" else V_0 / V_ref
     A = np.array([[0.0, 1.0], [-0.25 * K_P * share, -K_P * share]])
     t = signals.index[signals.index >= 1.0] - 1.0
-    integral = [expm(A * s) @ [0.0, 1.0] for s in t]
-    error = np.array([x[1] for x in integral])
+    error = [(expm(A * s) @ [0.0, 1.0])[1] for s in t]
     # m/s: half a sample of hold, 10 ms at 2 m/s^2
     assert signals["V_err"].loc[1.0:].to_numpy() == pytest.approx(error, abs=0.03)
     assert signals["gamma_err"].abs().max() < 1e-3
@@ -211,13 +196,8 @@ def test_a_step_of_the_airspeed_is_answered_by_its_channel_alone(kind):
     [(ft.loop.PointMassPlant, "a plant of 2 commands"), (point, "the 3 commands of")],
 )
 def test_a_plant_and_a_law_that_do_not_follow_the_airspeed_are_refused(plant, message):
-    law, reference = (
-        ft.loop.MimoPI(ft.PAPER_GAINS, dt=0.02),
-        ft.loop.Reference(chi=0.0, gamma=0.0, V=V_0),
-    )
-
     with pytest.raises(ft.InputError, match=message):
-        simulate(plant(), law, reference, condition=ft.loop.FlightCondition(V_a=V_0), duration=1.0)
+        flown(plant(), ft.loop.MimoPI(ft.PAPER_GAINS, dt=0.02), 1.0)
 
 
 @pytest.mark.slow
@@ -276,16 +256,22 @@ def test_what_knows_two_channels_says_so():
         ft.tube("climb_beyond_power")
 
 
+def route_tables(waypoints, duration_s, throttle_max, **changes):
+    """The shipped climb with a route in place of its reference, which holds the airspeed."""
+    tables = ft.load_scenario("climb_beyond_power").as_dict() | {"expect": [], **changes}
+    tables["route"] = {"waypoint": waypoints, "holds_airspeed": True}
+    tables["flight"]["duration_s"] = duration_s
+    tables["plant"][0]["throttle_max"] = throttle_max
+    del tables["reference"]
+    return tables
+
+
 @pytest.mark.slow
 def test_a_route_changes_its_airspeed_at_its_waypoints():
     """At 0.05 g, ``V^2 = V_0^2 + 2 (0.05 g) s`` from the end of a turn on, in still air."""
-    tables = ft.load_scenario("climb_beyond_power").as_dict() | {"expect": []}
     along = [{"north_m": 400.0 * i, "east_m": 0.0} for i in range(4)]
     along[1]["V_mps"], along[3]["east_m"] = 22.0, 200.0
-    tables["route"] = {"waypoint": along, "holds_airspeed": True}
-    tables["flight"]["duration_s"], tables["law"] = 90.0, ["paper"]
-    tables["plant"][0]["throttle_max"] = 1.0
-    del tables["reference"]
+    tables = route_tables(along, 90.0, 1.0, law=["paper"])
 
     planned = ft.route(ft.scenario_from(tables))
     run = ft.fly(ft.scenario_from(tables)).runs[0]
@@ -305,13 +291,10 @@ def test_a_route_changes_its_airspeed_at_its_waypoints():
 
 @pytest.mark.slow
 def test_a_route_gives_up_height_for_airspeed_and_says_how_much():
-    tables = ft.load_scenario("climb_beyond_power").as_dict() | {"expect": [], "law": None}
     corner = [{"north_m": 0.0, "east_m": 0.0}, {"north_m": 800.0, "east_m": 0.0}]
     top = {"north_m": 800.0, "east_m": 900.0, "up_m": 140.0}
-    tables["route"] = {"waypoint": [*corner, top], "holds_airspeed": True}
-    tables["flight"]["duration_s"] = 120.0
-    tables["plant"][0]["throttle_max"] = 0.14
-    del tables["reference"], tables["law"]
+    tables = route_tables([*corner, top], 120.0, 0.14)
+    tables.pop("law", None)
 
     flown = ft.fly(ft.scenario_from(tables))
 

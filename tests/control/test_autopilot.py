@@ -1,12 +1,11 @@
 """The guidance of autopilots against their published equations and the numbers that they print."""
 
 import math
-from collections.abc import Sequence
 
 import pytest
 
 import flighttune as ft
-from flighttune.control.laws.autopilot import Autopilot, _heading
+from flighttune.control.laws.autopilot import _heading
 
 DT, G = 0.02, 9.81
 ROUNDED = 2e-6  # rad: the expected angles have six digits
@@ -21,44 +20,51 @@ def scenario(parameters, **plant):
     return ft.scenario_from(tables | changed | ({"plant": [plant]} if plant else {}))
 
 
-def commanded(parameters, *, V=20.0, wind=(0.0, 0.0), samples=3, path=(0.0,) * 5, **seen):
+def made(parameters):
+    setup = ft.loop.LawSetup(dt=DT, limits=ft.loop.Limits.none(2), g=G)
+    return scenario(parameters).laws[0].make(setup)
+
+
+def commanded(parameters, *, chi=0.0, V=20.0, wind=(0.0, 0.0), samples=3, path=(0.0,) * 5):
     """Commands after samples of steady level flight; `path` as of `ReferenceSample`."""
-    law = (
-        scenario(parameters)
-        .laws[0]
-        .make(ft.loop.LawSetup(dt=DT, limits=ft.loop.Limits.none(2), g=G))
-    )
-    chi = seen.get("chi", 0.0)
-    along, across = (
-        wind[0] * math.cos(chi) + wind[1] * math.sin(chi),
-        (wind[1] * math.cos(chi) - wind[0] * math.sin(chi)),
-    )
-    V_g = along + math.sqrt(V * V - across * across)
-    answer: Sequence[float] = [0.0, 0.0, 0.0]
+    law, c, s = made(parameters), math.cos(chi), math.sin(chi)
+    across = wind[1] * c - wind[0] * s
+    V_g = wind[0] * c + wind[1] * s + math.sqrt(V * V - across * across)
     law.start(ft.loop.FlightCondition(V_a=V, chi=chi))
     for k in range(samples):
-        place = V_g * k * DT * math.cos(chi), V_g * k * DT * math.sin(chi), 0.0
-        measured = ft.loop.Measured(
-            chi, 0.0, V, 0.0, 1.0, 100.0, place, (*wind, 0.0), theta=seen.get("theta", 0.0)
-        )
+        place = V_g * k * DT * c, V_g * k * DT * s, 0.0
+        measured = ft.loop.Measured(chi, 0.0, V, 0.0, 1.0, 100.0, place, (*wind, 0.0), theta=0.0)
         answer = law.step(measured, ft.loop.ReferenceSample(0.0, 0.0, path=path), k * DT)
     return answer
 
 
-def slopes(law):
-    assert isinstance(law, Autopilot)
-    return law.make(ft.loop.LawSetup(dt=DT, limits=ft.loop.Limits.none(2))).linear(20.0)
+L1 = {"NAVL1_PERIOD": 17.0, "NAVL1_DAMPING": 0.75, "NAVL1_XTRACK_I": 0.0}
 
 
-def test_npfg_turns_by_4_pi_damping_over_period_and_the_sine_of_the_error():
-    phi, *_ = commanded(NPFG, chi=-0.1)
-    assert phi == pytest.approx(0.177161, abs=ROUNDED)
+def on_path(right, curvature=0.0):
+    return {"path": (0.0, right, 0.0, curvature, 0.0)}
 
 
-def test_npfg_leads_back_to_the_track_by_its_look_ahead_angle():
-    # 20 m of a bound of 10 s * 0.7 * 20 m/s: 0.416742 rad
-    phi, *_ = commanded(NPFG, path=(0.0, 20.0, 0.0, 0.0, 0.0))
-    assert phi == pytest.approx(-0.627914, abs=ROUNDED)
+@pytest.mark.parametrize(
+    ("parameters", "flight", "roll"),
+    [
+        # NPFG turns by 4 pi damping over period and the sine of the error.
+        (NPFG, {"chi": -0.1}, 0.177161),
+        # It leads back to the track by its look-ahead angle: 20 m of a bound of
+        # 10 s * 0.7 * 20 m/s: 0.416742 rad.
+        (NPFG, on_path(20.0), -0.627914),
+        # On its track in a crosswind it keeps its wings level.
+        (NPFG, {"V": 15.0, "wind": (0.0, 6.0)}, 0.0),
+        # L1 aims at the point that is damping, period and speed over pi ahead.
+        (L1, on_path(-10.0), 0.138360),
+        # It holds a circle by its acceleration: 100 m to the right: 20^2/100 = 4 m/s^2.
+        (L1, on_path(0.0, 0.01), 0.387167),
+        # 5 m outside it leads back to it: 5 (2 pi/17)^2 + 20^2/105.
+        (L1, on_path(-5.0, 0.01), 0.429450),
+    ],
+)
+def test_the_roll_is_that_of_the_published_equations(parameters, flight, roll):
+    assert commanded(parameters, **flight)[0] == pytest.approx(roll, abs=ROUNDED)
 
 
 @pytest.mark.parametrize(
@@ -80,47 +86,25 @@ def test_npfg_flies_the_headings_that_px4_expects_in_wind(bearing, wind, V, head
         assert math.atan2(east, north) == pytest.approx(bearing, abs=1e-12)
 
 
-def test_npfg_on_its_track_in_a_crosswind_keeps_its_wings_level():
-    phi, *_ = commanded(NPFG, V=15.0, wind=(0.0, 6.0))
-    assert phi == pytest.approx(0.0, abs=1e-12)
-
-
 def test_npfg_of_the_default_period_has_the_gain_that_px4_prints():
-    law = scenario({"NPFG_PERIOD": 10.0, "NPFG_DAMPING": 0.7071}).laws[0]
-    (course, _), *_ = slopes(law)
+    (course, _), *_ = made({"NPFG_PERIOD": 10.0, "NPFG_DAMPING": 0.7071}).linear(20.0)
     assert course == pytest.approx(0.8885, abs=1e-4)  # AirspeedDirectionController.hpp
 
 
 def test_npfg_does_not_fly_a_period_that_its_roll_could_not_follow():
     # pi * 0.5 s / 0.7 * 1.5 = 3.366 s in place of 2 s
-    bounded = commanded({**NPFG, "NPFG_PERIOD": 2.0, "NPFG_LB_PERIOD": 1.0}, chi=-0.1)[0]
-    assert bounded == pytest.approx(
-        commanded({**NPFG, "NPFG_PERIOD": 3.36599}, chi=-0.1)[0], abs=1e-5
+    bounded, as_long = (
+        commanded(NPFG | period, chi=-0.1)[0]
+        for period in ({"NPFG_PERIOD": 2.0, "NPFG_LB_PERIOD": 1.0}, {"NPFG_PERIOD": 3.36599})
     )
-
-
-L1 = {"NAVL1_PERIOD": 17.0, "NAVL1_DAMPING": 0.75, "NAVL1_XTRACK_I": 0.0}
-
-
-def test_l1_aims_at_the_point_that_is_damping_period_and_speed_over_pi_ahead():
-    phi, *_ = commanded(L1, path=(0.0, -10.0, 0.0, 0.0, 0.0))
-    assert phi == pytest.approx(0.138360, abs=5e-6)
-
-
-@pytest.mark.parametrize(("right", "expected"), [(0.0, 0.387167), (-5.0, 0.429450)])
-def test_l1_holds_a_circle_by_its_acceleration_and_leads_back_to_it(right, expected):
-    # 100 m to the right: 20^2/100 = 4 m/s^2; 5 m outside 5 (2 pi/17)^2 + 20^2/105
-    phi, *_ = commanded(L1, path=(0.0, right, 0.0, 0.01, 0.0))
-    assert phi == pytest.approx(expected, abs=ROUNDED)
+    assert bounded == pytest.approx(as_long, abs=1e-5)
 
 
 def test_l1_of_px4_has_the_distance_that_its_authors_print():
     # PX4 pull request 18811: 18 m at 15 m/s, damping 0.75, a period of 5 s; there it turns back
     # at a right angle, whatever the distance
     x = {"FW_L1_PERIOD": 5.0, "FW_L1_DAMPING": 0.75, "FW_R_LIM": 89.0, "FW_L1_R_SLEW_MAX": 0.0}
-    near, at, far = (
-        commanded(x, V=15.0, path=(0.0, right, 0.0, 0.0, 0.0))[0] for right in (17.0, 18.0, 40.0)
-    )
+    near, at, far = (commanded(x, V=15.0, **on_path(right))[0] for right in (17.0, 18.0, 40.0))
     assert at == pytest.approx(far, abs=1e-9)
     assert near > at + 1e-3
 
@@ -146,11 +130,10 @@ def test_tecs_pitches_for_the_height_that_is_missing_over_its_time_constant(
 
 @pytest.mark.parametrize("parameters", [NPFG, L1, {"FW_L1_PERIOD": 12.0}])
 def test_the_linear_loop_has_the_slopes_of_the_commands(parameters):
-    law = scenario(parameters).laws[0]
-    (a, _), (b, _), *_ = slopes(law)
+    (a, _), (b, _), *_ = made(parameters).linear(20.0)
     small = 1e-4
     turned = math.tan(commanded(parameters, chi=-small)[0]) * G / 20.0
-    moved = math.tan(commanded(parameters, path=(0.0, -20.0 * small, 0.0, 0.0, 0.0))[0]) * G / 20.0
+    moved = math.tan(commanded(parameters, **on_path(-20.0 * small))[0]) * G / 20.0
     assert turned / small == pytest.approx(a, rel=1e-3)
     assert moved / small == pytest.approx(b, rel=1e-3)
 
@@ -166,9 +149,8 @@ def test_the_linear_loop_has_the_slopes_of_the_commands(parameters):
     ],
 )
 def test_parameters_of_no_guidance_are_refused(parameters, words):
-    law = scenario(parameters).laws[0]
     with pytest.raises(ft.InputError, match=words):
-        law.make(ft.loop.LawSetup(dt=DT, limits=ft.loop.Limits.none(2)))
+        made(parameters)
 
 
 @pytest.mark.parametrize("parameters", [NPFG, L1])

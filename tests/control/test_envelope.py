@@ -1,6 +1,7 @@
 """The polytopes of an envelope: every Jacobian of the law lies inside, extremes included."""
 
 import math
+from itertools import product
 
 import numpy as np
 import pytest
@@ -17,47 +18,33 @@ WIDE = Envelope(V_a=(20.0, 30.0), gamma=(-0.35, 0.785), phi=(-0.52, 0.7), n_z=(-
 TRIM = Envelope.at(V_a=25.0, gamma=math.pi / 12)
 
 
-def entries(model):
+def entries_at(V_a, gamma, phi, n_z):
+    model = ft.loop.kinematic_model(V_a=V_a, gamma=gamma, phi=phi, n_z=n_z, g=G)
     return np.array([model.A[1, 1], -model.B[0, 0], model.B[1, 0], -model.B[1, 1]])
 
 
 def inside(point, corners):
     """Whether a point is a convex combination of the corners, by linear programming."""
-    found = linprog(
-        np.zeros(len(corners)),
-        A_eq=np.vstack([corners.T, np.ones(len(corners))]),
-        b_eq=np.append(point, 1.0),
-    )
+    shares = np.vstack([corners.T, np.ones(len(corners))])
+    found = linprog(np.zeros(len(corners)), A_eq=shares, b_eq=np.append(point, 1.0))
     return found.status == 0
-
-
-fractions = st.floats(0.0, 1.0)
 
 
 @pytest.mark.slow
 @settings(max_examples=150)
-@given(st.tuples(*[fractions] * 4))
+@given(st.tuples(*[st.floats(0.0, 1.0)] * 4))
 def test_every_jacobian_of_the_envelope_lies_in_the_polytope(at):
-    values = {
-        name: low + part * (high - low)
-        for part, (name, (low, high)) in zip(
-            at, {name: getattr(WIDE, name) for name in ("V_a", "gamma", "phi", "n_z")}.items(),
-            strict=True,
-        )
-    }  # fmt: skip
+    low, high = WIDE.ranges.T
 
-    assert inside(entries(ft.loop.kinematic_model(**values, g=G)), jacobian_hull(WIDE, g=G).corners)
+    assert inside(entries_at(*(low + at * (high - low))), jacobian_hull(WIDE, g=G).corners)
 
 
 def test_the_polytope_holds_what_the_corners_of_the_conditions_miss():
     """At zero roll b1 is least and b3 largest: between the ends of the roll range."""
-    corners = [
-        entries(ft.loop.kinematic_model(V_a=V_a, gamma=gamma, phi=phi, n_z=n_z, g=G))
-        for V_a in WIDE.V_a for gamma in WIDE.gamma for phi in WIDE.phi for n_z in WIDE.n_z
-    ]  # fmt: skip
-    level = entries(ft.loop.kinematic_model(V_a=25.0, gamma=0.0, phi=0.0, n_z=1.0, g=G))
+    corners = np.array([entries_at(*ends) for ends in product(*WIDE.ranges)])
+    level = entries_at(25.0, 0.0, 0.0, 1.0)
 
-    assert not inside(level, np.array(corners))
+    assert not inside(level, corners)
     assert inside(level, jacobian_hull(WIDE, g=G).corners)
 
 
@@ -65,12 +52,10 @@ def test_the_entries_range_over_hand_computed_ends():
     hull = jacobian_hull(WIDE, g=G)
 
     assert hull.factor == pytest.approx((G / 30.0, G / 20.0), rel=ROUNDING)
-    assert hull.lower == pytest.approx(
-        [-math.sin(0.35), 1.0, -1.5 * math.sin(0.52), math.cos(0.7)], rel=ROUNDING
-    )
-    assert hull.upper == pytest.approx(
-        [math.sin(0.785), math.cos(0.7) ** -2, 1.5 * math.sin(0.7), 1.0], rel=ROUNDING
-    )
+    lower = [-math.sin(0.35), 1.0, -1.5 * math.sin(0.52), math.cos(0.7)]
+    upper = [math.sin(0.785), math.cos(0.7) ** -2, 1.5 * math.sin(0.7), 1.0]
+    assert hull.lower == pytest.approx(lower, rel=ROUNDING)
+    assert hull.upper == pytest.approx(upper, rel=ROUNDING)
     assert vertex_loops(WIDE, ft.PAPER_GAINS, g=G).shape == (32, 4, 4)
 
 

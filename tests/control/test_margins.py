@@ -61,25 +61,21 @@ def test_each_channels_margins_are_where_that_channel_destabilises(i):
     channel = loop_margins(LAGGED, ft.PAPER_GAINS)[i]
 
     assert channel.loop == LAGGED.inputs[i]
+    this = np.arange(2) == i
     for factor, is_stable in ((BELOW, True), (ABOVE, False)):
-        delay = np.full(2, 1e-6)
-        delay[i] = factor * channel.delay_margin
-        delayed = delayed_by(delay, LAGGED)
+        delayed = delayed_by(np.where(this, factor * channel.delay_margin, 1e-6), LAGGED)
         assert (abscissa(delayed) < 0.0) == is_stable
     if channel.gain_decrease > 0.0:
-        factors = np.ones(2)
-        factors[i] = channel.gain_decrease
-        assert abscissa(with_input_gains(LAGGED, factors)) == pytest.approx(0.0, abs=1e-6)
+        changed = with_input_gains(LAGGED, np.where(this, channel.gain_decrease, 1.0))
+        assert abscissa(changed) == pytest.approx(0.0, abs=1e-6)
 
 
 def stored_loop(case):
     A, B, C, K = (np.array(case[key]) for key in ("A", "B", "C", "K"))
     p = len(C)
-    inputs, errors = (tuple(f"{kind}{i}" for i in range(p)) for kind in "ue")
-    model = ft.loop.LinearModel(
-        A=A, B=B, C=C, states=tuple(map(str, range(len(A)))), inputs=inputs, errors=errors
-    )
-    return model, ft.PIGains(K_P=K[:, :p], K_I=K[:, p:], inputs=inputs, errors=errors)
+    names = {kind: tuple(f"{kind[0]}{i}" for i in range(p)) for kind in ("inputs", "errors")}
+    model = ft.loop.LinearModel(A=A, B=B, C=C, states=tuple(map(str, range(len(A)))), **names)
+    return model, ft.PIGains(K_P=K[:, :p], K_I=K[:, p:], **names)
 
 
 @pytest.mark.parametrize("name", REFERENCE)

@@ -9,7 +9,6 @@ import flighttune as ft
 from flighttune.control.mimo_pi import empty_state, pi_step
 
 ROUNDING = 1e-12
-NO_FEED_FORWARD = (0.0, 0.0)
 HERE = (0.0, 0.0)
 
 
@@ -22,13 +21,13 @@ def limits(magnitude=(math.inf, math.inf), rate=(math.inf, math.inf)):
     return ft.loop.Limits(lower=-magnitude, upper=magnitude, rate_lower=-rate, rate_upper=rate)
 
 
-def command(controller, ref, y, u_ff, V_a=0.0):
+def command(controller, ref, y=HERE, u_ff=(0.0, 0.0), V_a=0.0):
     return pi_step(controller.law, controller.state, ref, y, u_ff, V_a)
 
 
 def flown(controller, error, samples):
     """Commands under a constant error."""
-    return np.array([command(controller, error, HERE, NO_FEED_FORWARD)[:] for _ in range(samples)])
+    return np.array([command(controller, error)[:] for _ in range(samples)])
 
 
 def test_a_constant_error_is_answered_by_proportion_and_its_running_integral():
@@ -47,7 +46,7 @@ def test_the_integral_of_a_ramp_is_exact():
     controller = ft.loop.MimoPI(diagonal([0.0, 0.0], [2.0, 0.0]), dt=dt)
 
     for k in range(21):
-        u = command(controller, (slope * k * dt, 0.0), HERE, NO_FEED_FORWARD)
+        u = command(controller, (slope * k * dt, 0.0))
 
     assert u[0] == pytest.approx(2.0 * slope * 2.0**2 / 2, abs=ROUNDING)
 
@@ -56,7 +55,7 @@ def test_the_integral_of_a_ramp_is_exact():
 def test_the_course_error_takes_the_short_way_round_and_that_of_the_path_does_not(ref, actual):
     controller = ft.loop.MimoPI(diagonal([1.0, 1.0], [0.0, 0.0]), dt=0.02)
 
-    command(controller, (ref, 4.0), (actual, 0.0), NO_FEED_FORWARD)
+    command(controller, (ref, 4.0), (actual, 0.0))
 
     wanted = math.atan2(math.sin(ref - actual), math.cos(ref - actual))
     assert controller.state.error == pytest.approx([wanted, 4.0], abs=ROUNDING)
@@ -64,9 +63,8 @@ def test_the_course_error_takes_the_short_way_round_and_that_of_the_path_does_no
 
 def test_magnitude_and_rate_limits_hold_and_are_told_apart():
     dt = 0.1
-    controller = ft.loop.MimoPI(
-        diagonal([10.0, 10.0], [0.0, 0.0]), limits((0.5, 0.25), (1.0, 9.0)), dt=dt
-    )
+    held = limits((0.5, 0.25), (1.0, 9.0))
+    controller = ft.loop.MimoPI(diagonal([10.0, 10.0], [0.0, 0.0]), held, dt=dt)
 
     first = flown(controller, (1.0, 1.0), 1)[0]
     kinds = list(controller.state.limited)
@@ -80,9 +78,8 @@ def test_magnitude_and_rate_limits_hold_and_are_told_apart():
 
 
 def test_a_start_outside_the_range_comes_back_as_fast_as_the_rate_limit_lets_it():
-    controller = ft.loop.MimoPI(
-        diagonal([0.0, 0.0], [0.0, 0.0]), limits((0.5, 9.0), (1.0, 9.0)), dt=0.1
-    )
+    held = limits((0.5, 9.0), (1.0, 9.0))
+    controller = ft.loop.MimoPI(diagonal([0.0, 0.0], [0.0, 0.0]), held, dt=0.1)
     controller.state = empty_state((1.0, 0.0))
 
     commands = flown(controller, (0.0, 0.0), 12)[:, 0]
@@ -94,7 +91,7 @@ def test_conditional_integration_never_drives_the_command_beyond_a_limit():
     controller = ft.loop.MimoPI(diagonal([0.1, 0.1], [0.5, 0.5]), limits((0.4, 0.4)), dt=0.1)
 
     for _ in range(60):
-        command(controller, (1.0, -1.0), HERE, NO_FEED_FORWARD)
+        command(controller, (1.0, -1.0))
         assert np.all(np.abs(controller.state.u_unsat) <= 0.4 + ROUNDING)
 
     assert controller.state.u == pytest.approx([0.4, -0.4], abs=ROUNDING)
@@ -120,15 +117,14 @@ def test_conditional_integration_under_a_rate_limit_does_not_lock():
     assert commands[-1] == pytest.approx([rate * dt * 100] * 2, rel=0.02)
 
 
+def led_back(gains, tracking):
+    held, settings = limits((0.4, 0.4)), {"anti_windup": "back_calculation", "dt": 0.02}
+    return ft.loop.MimoPI(gains, held, tracking_time=tracking, **settings)
+
+
 def test_back_calculation_settles_where_the_excess_balances_the_error():
-    dt, error, tracking = 0.02, 1.0, 0.8
-    controller = ft.loop.MimoPI(
-        diagonal([1.0, 1.0], [0.5, 0.5]),
-        limits((0.4, 0.4)),
-        dt=dt,
-        anti_windup="back_calculation",
-        tracking_time=tracking,
-    )
+    error, tracking = 1.0, 0.8
+    controller = led_back(diagonal([1.0, 1.0], [0.5, 0.5]), tracking)
 
     flown(controller, (error, error), 2000)
 
@@ -138,21 +134,10 @@ def test_back_calculation_settles_where_the_excess_balances_the_error():
 
 def test_the_tracking_time_is_the_integral_time_unless_given():
     gains = diagonal([3.0, 4.0], [0.6, 0.8])
-    commands = [
-        flown(
-            ft.loop.MimoPI(
-                gains,
-                limits((0.4, 0.4)),
-                dt=0.02,
-                anti_windup="back_calculation",
-                tracking_time=tracking,
-            ),
-            (1.0, -1.0),
-            100,
-        )
-        for tracking in (None, 5.0)
-    ]
-    assert commands[0] == pytest.approx(commands[1], abs=ROUNDING)
+
+    by_default, given = (flown(led_back(gains, time), (1.0, -1.0), 100) for time in (None, 5.0))
+
+    assert by_default == pytest.approx(given, abs=ROUNDING)
 
 
 def test_scheduled_gains_grow_with_airspeed_and_its_change_does_not_move_the_integral():
@@ -160,11 +145,11 @@ def test_scheduled_gains_grow_with_airspeed_and_its_change_does_not_move_the_int
     plain = ft.loop.MimoPI(ft.PAPER_GAINS, dt=0.02)
     scheduled = ft.loop.MimoPI(ft.PAPER_GAINS, dt=0.02, schedule_speed=25.0)
     for _ in range(10):
-        command(plain, error, HERE, NO_FEED_FORWARD, 30.0)
-        command(scheduled, error, HERE, NO_FEED_FORWARD, 30.0)
+        for controller in (plain, scheduled):
+            command(controller, error, V_a=30.0)
     before = list(scheduled.state.integral)
 
-    command(scheduled, (0.0, 0.0), error, NO_FEED_FORWARD, 20.0)
+    command(scheduled, HERE, error, V_a=20.0)
 
     assert np.array(before) == pytest.approx(1.2 * np.array(plain.state.integral), abs=ROUNDING)
     assert scheduled.state.integral == pytest.approx(before, abs=ROUNDING)
@@ -173,7 +158,7 @@ def test_scheduled_gains_grow_with_airspeed_and_its_change_does_not_move_the_int
 def test_feed_forward_is_inside_the_limits():
     controller = ft.loop.MimoPI(diagonal([0.0, 0.0], [0.0, 0.0]), limits((1.0, 1.0)), dt=0.02)
 
-    u = command(controller, HERE, HERE, (0.0, 1.4))
+    u = command(controller, HERE, u_ff=(0.0, 1.4))
 
     assert u[1] == pytest.approx(1.0, abs=ROUNDING)
 

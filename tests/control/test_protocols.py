@@ -13,10 +13,7 @@ from flighttune.simulate.loop import simulate
 START = ft.loop.FlightCondition(V_a=25.0, h=800.0, chi=0.4, gamma=0.1)
 LEVEL = ft.loop.Reference(chi=0.0, gamma=0.0)
 NARROW = ft.loop.Limits(
-    lower=np.array([-0.3, 0.5]),
-    upper=np.array([0.3, 1.5]),
-    rate_lower=np.array([-0.5, -1.0]),
-    rate_upper=np.array([0.5, 1.0]),
+    lower=[-0.3, 0.5], upper=[0.3, 1.5], rate_lower=[-0.5, -1.0], rate_upper=[0.5, 1.0]
 )
 
 
@@ -37,17 +34,12 @@ def test_a_law_that_does_not_limit_itself_is_told_what_does():
         simulate(ft.loop.PointMassPlant(), Proportional(), LEVEL, condition=START, duration=4.0)  # pyright: ignore[reportArgumentType]
 
 
-def test_what_a_law_wants_recorded_is_a_column():
-    signals, _ = flown(Proportional())
-
-    assert signals["chi_seen"].tolist() == signals["chi"].tolist()
-
-
-def test_everything_measured_is_at_hand():
+def test_everything_measured_is_at_hand_and_what_a_law_wants_recorded_is_a_column():
     law = Proportional()
     signals, _ = flown(law)
     last = signals.iloc[-1]
 
+    assert signals["chi_seen"].tolist() == signals["chi"].tolist()
     assert law.begun is START
     for name in ("chi", "gamma", "V_a", "phi", "n_z"):
         assert getattr(law.last, name) == last[name]
@@ -88,10 +80,10 @@ def test_a_law_that_limits_itself_sees_what_its_limits_did():
 
     assert set(signals["phi_limited"]) == {0.0, 1.0, 2.0}
     assert signals["phi_unlimited"].iloc[0] == pytest.approx(1.5 * -0.4 + 0.5 * -0.4 * 0.02)
-    assert law.limiter.excess == pytest.approx(
-        signals[["phi_unlimited", "n_z_unlimited"]].iloc[-1].to_numpy()
-        - signals[["phi_cmd", "n_z_cmd"]].iloc[-1].to_numpy()
+    before, after = (
+        signals[[f"phi_{kind}", f"n_z_{kind}"]].iloc[-1].to_numpy() for kind in ("unlimited", "cmd")
     )
+    assert law.limiter.excess == pytest.approx(before - after)
 
 
 def faulty(at, does):

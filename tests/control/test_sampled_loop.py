@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 import flighttune as ft
-from flighttune.control.exact_law import rate_model
-from flighttune.control.sampled_loop import sampled_loop
+from flighttune.control.inner_loop import sampled_loop
 
 V_a, DT = 25.0, 0.02
 
@@ -74,7 +73,7 @@ def test_the_exact_law_flies_the_map_of_its_loop(lags, feedback):
     gains = replace(ft.loop.rate_gains(ft.PAPER_GAINS, V_a=V_a), feedback=feedback)
     law = ft.loop.ExactLaw(gains, dt=DT, g=9.81, braking=None)
 
-    loop, _ = sampled_loop(rate_model(), lags, gains, dt=DT, trapezoidal=False)
+    loop, _ = sampled_loop(law.linear()[0], lags, gains, dt=DT, trapezoidal=False)
 
     flight = flown(law, lags, 150)
     assert np.abs(flight - mapped(loop, 150, 0.0)).max() < NEAR * SMALL

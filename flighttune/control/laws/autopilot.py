@@ -411,15 +411,10 @@ def period_among(parameters: Mapping[str, Any]) -> str:
 
 @dataclass(frozen=True, kw_only=True)
 class Autopilot(Law):
-    """See `Guidance`; which one flies follows from the names of the parameters.
+    """See `Guidance`; which one flies follows from the names of the parameters."""
 
-    Attributes
-    ----------
-    parameters : mapping of str to float
-        Parameters by the names of the autopilot, NPFG_PERIOD, FW_L1_PERIOD or NAVL1_PERIOD among
-        them. Others have the defaults of ``autopilot.toml``.
-    """
-
+    # By the names of the autopilot, NPFG_PERIOD, FW_L1_PERIOD or NAVL1_PERIOD among them. Others
+    # have the defaults of ``autopilot.toml``.
     parameters: Mapping[str, Any] = field(default_factory=dict)
 
     kind: ClassVar[str] = "autopilot"

@@ -14,20 +14,12 @@ from flighttune.errors import InputError
 
 @dataclass(frozen=True, kw_only=True)
 class Own(Law):
-    """A law that says itself how it flies; only it knows what it makes of gains.
+    """A law that says itself how it flies; only it knows what it makes of gains."""
 
-    Attributes
-    ----------
-    parameters : mapping
-        Given to `maker` after the `LawSetup`.
-    takes_gains : bool
-        Whether it flies by the gains of its setup: it is then flown with every gain set.
-    maker : callable or None
-        Called for every flight; None before the class is loaded.
-    """
-
-    parameters: Mapping[str, Any] = field(default_factory=dict)
+    parameters: Mapping[str, Any] = field(default_factory=dict)  # of `maker`, after the `LawSetup`
+    # Whether it flies by the gains of its setup: it is then flown with every gain set
     takes_gains: bool = False
+    # Called for every flight; None before the class is loaded
     maker: Callable[..., Controller] | None = None
 
     kind: ClassVar[str] = "python"
