@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 from functools import lru_cache
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 from pydantic import AfterValidator, Field, PrivateAttr
@@ -20,23 +20,25 @@ from flighttune.files.shipped import aircraft_folder
 from flighttune.files.table import hash_of, json_tables, stamp, toml_tables
 from flighttune.files.whole import write_text
 from flighttune.present.answer import printable
-from flighttune.quantities import Factor, Shift, Table
 from flighttune.units import DEG
 
 SURFACES = ("aileron", "elevator", "rudder")
 
+# Axes of the aerodynamics by the names of their factors; the first word is JSBSim's name.
+AXES = ("lift", "drag", "side_force", "roll_moment", "pitch_moment", "yaw_moment")
+
 StuckAngle = Annotated[q.Finite, Field(ge=-90.0, le=90.0)]
 
 
-class Fault(Table):
+class Fault(q.Table):
     """``[plant.airframe.fault]``: what fails in flight, all at once and for the rest of it."""
 
     from_s: q.Instant
-    cg_aft_m: Shift = 0.0  # of the centre of gravity, by a tenth of the mass, which slides there
-    lift_factor: Factor = 1.0
-    drag_factor: Factor = 1.0
-    throttle_factor: Factor = 1.0  # on the commanded throttle, which the engines do not get
-    actuator_lag_factor: Factor = 1.0
+    cg_aft_m: q.Shift = 0.0  # of the centre of gravity, by a tenth of the mass, which slides there
+    lift_factor: q.Factor = 1.0
+    drag_factor: q.Factor = 1.0
+    throttle_factor: q.Factor = 1.0  # on the commanded throttle, which the engines do not get
+    actuator_lag_factor: q.Factor = 1.0
     V_a_bias_mps: q.Wind = 0.0  # measured minus true airspeed, as inner and outer loop have it
     # Where a surface is stuck
     aileron_stuck_deg: StuckAngle | None = None
@@ -52,43 +54,36 @@ class Fault(Table):
     @property
     def factors(self) -> dict[str, float]:
         """Factors other than 1, by name."""
-        names = "lift", "drag", "throttle", "actuator_lag"
-        factors = {name: getattr(self, f"{name}_factor") for name in names}
-        return {name: factor for name, factor in factors.items() if factor != 1.0}
+        return _other_than_one(self, "lift", "drag", "throttle", "actuator_lag")
 
 
-class OffNominal(Table):
+class OffNominal(q.Table):
     """``[plant.airframe]``: differences of an aircraft from its files."""
 
-    AXES: ClassVar[tuple[str, ...]] = (
-        *("lift", "drag", "side_force"),
-        *("roll_moment", "pitch_moment", "yaw_moment"),
-    )
-
-    mass_factor: Factor = 1.0  # on the whole mass; the centre of gravity and the inertias stay
+    mass_factor: q.Factor = 1.0  # on the whole mass; the centre of gravity and the inertias stay
     # Shift of the centre of gravity
-    cg_aft_m: Shift = 0.0
-    cg_right_m: Shift = 0.0
-    cg_down_m: Shift = 0.0
+    cg_aft_m: q.Shift = 0.0
+    cg_right_m: q.Shift = 0.0
+    cg_down_m: q.Shift = 0.0
     # On the inertias about the centre of gravity, body axes
-    ixx_factor: Factor = 1.0
-    iyy_factor: Factor = 1.0
-    izz_factor: Factor = 1.0
-    ixz_factor: Factor = 1.0
+    ixx_factor: q.Factor = 1.0
+    iyy_factor: q.Factor = 1.0
+    izz_factor: q.Factor = 1.0
+    ixz_factor: q.Factor = 1.0
     # On everything the aerodynamics give along and about one axis
-    lift_factor: Factor = 1.0
-    drag_factor: Factor = 1.0
-    side_force_factor: Factor = 1.0
-    roll_moment_factor: Factor = 1.0
-    pitch_moment_factor: Factor = 1.0
-    yaw_moment_factor: Factor = 1.0
+    lift_factor: q.Factor = 1.0
+    drag_factor: q.Factor = 1.0
+    side_force_factor: q.Factor = 1.0
+    roll_moment_factor: q.Factor = 1.0
+    pitch_moment_factor: q.Factor = 1.0
+    yaw_moment_factor: q.Factor = 1.0
     # On single aerodynamic functions of the model, by name or last part of it. Those of 1 count
     # too: each must have its function.
-    coefficient_factors: dict[Annotated[str, Field(min_length=1)], Factor] = Field(
+    coefficient_factors: dict[Annotated[str, Field(min_length=1)], q.Factor] = Field(
         default_factory=dict
     )
-    thrust_factor: Factor = 1.0  # on the thrust at each throttle
-    actuator_lag_factor: Factor = 1.0  # on the time constants of the surface actuators
+    thrust_factor: q.Factor = 1.0  # on the thrust at each throttle
+    actuator_lag_factor: q.Factor = 1.0  # on the time constants of the surface actuators
     fault: Fault | None = None
 
     @property
@@ -97,25 +92,30 @@ class OffNominal(Table):
         return self.cg_aft_m, self.cg_right_m, self.cg_down_m
 
     @property
+    def slides(self) -> bool:
+        """Whether a part of the mass slides during the flight."""
+        return self.fault is not None and self.fault.cg_aft_m != 0.0
+
+    @property
     def loaded(self) -> bool:
         """Whether mass, centre of gravity or inertia differ, or will."""
-        slides = self.fault is not None and self.fault.cg_aft_m != 0.0
-        changed = any(self.cg_shift) or self.mass_factor != 1.0 or bool(self.inertia_factors)
-        return changed or slides
+        moved = self.slides or any(self.cg_shift)
+        return moved or self.mass_factor != 1.0 or bool(self.inertia_factors)
 
     @property
     def inertia_factors(self) -> dict[str, float]:
         """Factors other than 1 on the inertias."""
-        return self._other_than_one("ixx", "iyy", "izz", "ixz")
+        return _other_than_one(self, "ixx", "iyy", "izz", "ixz")
 
     @property
     def scaled(self) -> dict[str, float]:
         """Factors other than 1 on aerodynamics as a whole, thrust and actuators, by property."""
-        return self._other_than_one(*self.AXES, "thrust", "actuator_lag")
+        return _other_than_one(self, *AXES, "thrust", "actuator_lag")
 
-    def _other_than_one(self, *properties: str) -> dict[str, float]:
-        factors = {name: getattr(self, f"{name}_factor") for name in properties}
-        return {name: factor for name, factor in factors.items() if factor != 1.0}
+
+def _other_than_one(table: Fault | OffNominal, *names: str) -> dict[str, float]:
+    factors = {name: getattr(table, f"{name}_factor") for name in names}
+    return {name: factor for name, factor in factors.items() if factor != 1.0}
 
 
 _LEVEL = r"[A-Za-z_][A-Za-z0-9_.-]*(\[\d+\])?"

@@ -6,7 +6,7 @@ The systems in front of any model are the inner loop and the actuators behind it
 import math
 import os
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from xml.etree import ElementTree
@@ -14,7 +14,7 @@ from xml.etree.ElementTree import Element, SubElement, fromstring
 
 import numpy as np
 
-from flighttune.aircraft.aircraft import SURFACES, AircraftConfig, Fault, OffNominal, Surface
+from flighttune.aircraft.aircraft import AXES, SURFACES, AircraftConfig, Fault, OffNominal, Surface
 from flighttune.arrays import FloatArray
 from flighttune.errors import InputError, PlantError
 from flighttune.files.shipped import nearest_name
@@ -25,86 +25,83 @@ INNER_LOOP = Path(__file__).with_name("inner_loop.xml")
 SURFACE_LAG, THROTTLE_LAG = 25.0, 5.0  # Bandwidth of the actuators, rad/s
 
 
+def node(tag: str, *inside: Element | str, **attributes: str) -> Element:
+    """An element with a text, or with other elements in it."""
+    element = Element(tag, attributes)
+    for part in inside:
+        if isinstance(part, str):
+            element.text = part
+        else:
+            element.append(part)
+    return element
+
+
 def put_in_front(root: Element, config: AircraftConfig) -> None:
     """Put the inner loop and the actuators in front of the systems of a model."""
     inner_loop = fromstring(INNER_LOOP.read_text(encoding="utf-8"))
     # JSBSim runs the systems in the order of the file, and the flight control after them.
     first = next((i for i, element in enumerate(root) if element.tag == "system"), len(root))
-    root[first:first] = [inner_loop, _actuators(config)]
-    read = {*_replaced(config)}
-    read |= {name.removeprefix("ft/") for name in config.declared if name.startswith("ft/")}
+    # Variables of the aerodynamics in whose place the positions of surfaces are read, each once.
+    replaced = (x for _, surface in config.surfaces.named() for x in surface.replaces)
+    replaced = dict.fromkeys(x.removeprefix("-") for x in replaced)
+    root[first:first] = [inner_loop, _actuators(config, replaced)]
+    read = {name.removeprefix("ft/") for name in config.declared if name.startswith("ft/")}
+    read |= replaced.keys()
     for element in root.iterfind("aerodynamics//*"):
         text = (element.text or "").strip()
         if text.lstrip("-") in read:
             element.text = re.sub("^-?", r"\g<0>ft/", text)
 
 
-def _replaced(config: AircraftConfig) -> Iterable[str]:
-    """Variables in the aerodynamics in whose place surfaces are read, each once."""
-    replaced = (x for _, surface in config.surfaces.named() for x in surface.replaces)
-    return dict.fromkeys(x.removeprefix("-") for x in replaced)
-
-
-def _actuators(config: AircraftConfig) -> Element:
-    system = Element("system", name="actuators")
-    for name, value in config.declared.items():
-        SubElement(system, "property", value=repr(value)).text = name
-    channel = SubElement(system, "channel", name="actuators")
+def _actuators(config: AircraftConfig, replaced: Iterable[str]) -> Element:
+    channel, engines = Element("channel", name="actuators"), config.engines
     for name, surface in config.surfaces.named():
-        command = surface.command or f"fcs/{name}-cmd-norm"
-        actuator = _actuator(name, "rad", SURFACE_LAG, tuple(map(repr, surface.travel)))
+        actuator = _actuator(name, "rad", SURFACE_LAG, *map(repr, surface.travel))
         channel.append(actuator)
+        output = node("output", surface.command or f"fcs/{name}-cmd-norm")
         if surface.replaces:
             continue
-        if command.endswith("-rad"):
-            SubElement(actuator, "output").text = command
+        if (surface.command or "").endswith("-rad"):
+            actuator.append(output)
         else:
-            normed = SubElement(channel, "fcs_function", name=f"ft/{name}-norm")
-            SubElement(normed, "function").append(_norm(name, surface))
-            SubElement(normed, "output").text = command
-    for variable in _replaced(config):
-        channel.append(_read(variable, config))
+            share = node("function", _norm(name, surface))
+            channel.append(node("fcs_function", share, output, name=f"ft/{name}-norm"))
+    channel.extend(_read(variable, config) for variable in replaced)
     if config.surfaces.rudder is None:
-        channel.append(_actuator("rudder", "rad", SURFACE_LAG, ("0", "0")))
-    throttle = _actuator("throttle", "norm", THROTTLE_LAG, ("0", "ft/limits/throttle-max"))
-    channel.append(throttle)
-    if config.engines.full != 1.0:
-        throttle = SubElement(channel, "pure_gain", name="ft/throttle-lever")
-        SubElement(throttle, "input").text = "ft/throttle-norm"
-        SubElement(throttle, "gain").text = repr(config.engines.full)
-    for i in range(config.engines.count):
-        SubElement(throttle, "output").text = f"{config.engines.command}[{i}]"
+        channel.append(_actuator("rudder", "rad", SURFACE_LAG, "0", "0"))
+    lever = _actuator("throttle", "norm", THROTTLE_LAG, "0", "ft/limits/throttle-max")
+    channel.append(lever)
+    if engines.full != 1.0:
+        gain = node("input", "ft/throttle-norm"), node("gain", repr(engines.full))
+        lever = node("pure_gain", *gain, name="ft/throttle-lever")
+        channel.append(lever)
+    lever.extend(node("output", f"{engines.command}[{i}]") for i in range(engines.count))
     for i, (name, source) in enumerate(config.linked.items()):
-        link = SubElement(channel, "pure_gain", name=f"ft/link-{i}")
-        SubElement(link, "input").text = source
-        SubElement(link, "gain").text = "1"
-        SubElement(link, "output").text = name
-    return system
+        link = node("input", source), node("gain", "1"), node("output", name)
+        channel.append(node("pure_gain", *link, name=f"ft/link-{i}"))
+    declared = [node("property", name, value=repr(x)) for name, x in config.declared.items()]
+    return node("system", *declared, channel, name="actuators")
 
 
-def _actuator(name: str, unit: str, lag: float, stops: tuple[str, ...]) -> Element:
-    actuator = Element("actuator", name=f"ft/{name}-{unit}")
-    SubElement(actuator, "input").text = f"ft/{name}-cmd-{unit}"
-    SubElement(actuator, "lag").text = repr(lag)
-    clip = SubElement(actuator, "clipto")
-    for tag, stop in zip(("min", "max"), stops, strict=True):
-        SubElement(clip, tag).text = stop
-    return actuator
+def _actuator(name: str, unit: str, lag: float, low: str, high: str) -> Element:
+    return node(
+        "actuator",
+        *(node("input", f"ft/{name}-cmd-{unit}"), node("lag", repr(lag))),
+        node("clipto", node("min", low), node("max", high)),
+        name=f"ft/{name}-{unit}",
+    )
 
 
 def _norm(name: str, surface: Surface) -> Element:
     """The position of a surface as a share of that at full command."""
-    low, high = surface.travel if surface.full is None else surface.full
-    choice = Element("ifthen")
-    position = f"ft/{name}-rad"
-    below = SubElement(choice, "lt")
-    SubElement(below, "property").text = position
-    SubElement(below, "value").text = "0"
-    for full in (-low, high) if low < high else (high, -low):
-        quotient = SubElement(choice, "quotient")
-        SubElement(quotient, "property").text = position
-        SubElement(quotient, "value").text = repr(full)
-    return choice
+    low, high = surface.full or surface.travel
+    # Below zero, and else.
+    cases = [
+        node("quotient", node("property", f"ft/{name}-rad"), node("value", repr(full)))
+        for full in ((-low, high) if low < high else (high, -low))
+    ]
+    below = node("lt", node("property", f"ft/{name}-rad"), node("value", "0"))
+    return node("ifthen", below, *cases)
 
 
 def _read(variable: str, config: AircraftConfig) -> Element:
@@ -112,22 +109,19 @@ def _read(variable: str, config: AircraftConfig) -> Element:
 
     For an elevon it is the sum of the positions of aileron and elevator.
     """
-    element = Element("fcs_function", name=f"ft/{variable}")
-    parts = SubElement(SubElement(element, "function"), "sum")
+    parts = Element("sum")
     for name, surface in config.surfaces.named():
         for sign in (sign for sign in ("", "-") if f"{sign}{variable}" in surface.replaces):
-            product = SubElement(parts, "product")
-            value = SubElement(product, "value")
             if variable.endswith("-norm"):
-                value.text = f"{sign}1"
-                product.append(_norm(name, surface))
+                parts.append(node("product", node("value", f"{sign}1"), _norm(name, surface)))
                 continue
-            low, high = surface.travel if surface.full is None else surface.full
+            low, high = surface.full or surface.travel
             unit = math.degrees(1.0) if variable.endswith("deg") else 1.0
-            value.text = repr(math.copysign(unit, high - low) * (-1.0 if sign else 1.0))
-            size = SubElement(product, "abs") if "/mag-" in variable else product
-            SubElement(size, "property").text = f"ft/{name}-rad"
-    return element
+            factor = math.copysign(unit, high - low) * (-1.0 if sign else 1.0)
+            size = node("property", f"ft/{name}-rad")
+            size = node("abs", size) if "/mag-" in variable else size
+            parts.append(node("product", node("value", repr(factor)), size))
+    return node("fcs_function", node("function", parts), name=f"ft/{variable}")
 
 
 _PLACEHOLDER = re.compile(r"\{\{(.+?)\*(.+?)\}\}")
@@ -165,9 +159,6 @@ def filled(template: str, values: Mapping[str, float]) -> str:
     return _PLACEHOLDER.sub(lambda match: repr(values[match[1]] * float(match[2])), template)
 
 
-# JSBSim's axis for each factor on aerodynamics as a whole.
-AXES = dict(zip(OffNominal.AXES, ["LIFT", "DRAG", "SIDE", "ROLL", "PITCH", "YAW"], strict=True))
-
 # Names of the actuators of the surfaces.
 SURFACE_ACTUATORS = tuple(f"ft/{name}-rad" for name in SURFACES)
 
@@ -192,12 +183,12 @@ def scale_axis(root: Element, key: str, file: Path, by: str = "") -> None:
     `root` is the main file `file` of the aircraft. The factor is the property `by`, or else the
     placeholder `key`. Raises InputError if the aircraft has no such axis.
     """
-    axes = root.findall("aerodynamics/axis")
-    functions = [f for axis in axes if axis.get("name") == AXES[key] for f in axis.iter("function")]
+    axes, wanted = root.findall("aerodynamics/axis"), key.partition("_")[0].upper()
+    functions = [f for axis in axes if axis.get("name") == wanted for f in axis.iter("function")]
     if not functions:
         names = ", ".join(dict.fromkeys(axis.get("name", "?") for axis in axes))
         raise InputError(
-            f"`{key}_factor` must be left out: {file} has no {AXES[key]} axis, only {names}."
+            f"`{key}_factor` must be left out: {file} has no {wanted} axis, only {names}."
         )
     for function in functions:
         _multiply_function(function, by or placeholder(key))
@@ -209,10 +200,14 @@ def scale_coefficient(root: Element, name: str, file: Path) -> None:
     `root` is the main file `file` of the aircraft; `name` is the name in it, or the part behind its
     last slash. Raises InputError if no function, or more than one, has that name.
     """
-    named = list(_named(root))
-    functions = [
-        function for function in named if name in (function[2], function[2].rpartition("/")[2])
+    named = [
+        (parent, i, child.get("name", "").strip())
+        for aerodynamics in root.iterfind("aerodynamics")
+        for parent in aerodynamics.iter()
+        for i, child in enumerate(parent)
+        if child.get("name") and child.tag != "axis"
     ]
+    functions = [part for part in named if name in (part[2], part[2].rpartition("/")[2])]
     if len(functions) != 1:
         choices = ", ".join(full for _, _, full in functions)
         short = [full.rpartition("/")[2] for _, _, full in named]
@@ -221,10 +216,11 @@ def scale_coefficient(root: Element, name: str, file: Path) -> None:
             f"`coefficient_factors.{name}` must be a named aerodynamic function of {file}{hint}"
         )
     parent, i, _ = functions[0]
+    factor = placeholder(f"{COEFFICIENT}{name}")
     if parent[i].tag == "function":
-        _multiply_function(parent[i], placeholder(f"{COEFFICIENT}{name}"))
+        _multiply_function(parent[i], factor)
     else:
-        _multiply(parent, i, placeholder(f"{COEFFICIENT}{name}"))
+        _multiply(parent, i, factor)
 
 
 def scale_thrust(root: Element, folders: Sequence[Path], file: Path) -> None:
@@ -239,10 +235,8 @@ def scale_thrust(root: Element, folders: Sequence[Path], file: Path) -> None:
         thruster = engine.find("thruster")
         thruster_kind = None if thruster is None else _inlined(thruster, folders)
         if thruster_kind is not None and thruster_kind.tag == "propeller":
-            factor = thruster_kind.find("ct_factor")
-            if factor is None:
+            if (factor := thruster_kind.find("ct_factor")) is None:
                 factor = SubElement(thruster_kind, "ct_factor")
-                factor.text = "1"
             factor.text = placeholder("thrust", float(factor.text or 1.0))
             continue
         numbers = [n for tag in _THRUST_OF.get(motor.tag, ()) for n in motor.findall(tag)]
@@ -257,57 +251,50 @@ def scale_thrust(root: Element, folders: Sequence[Path], file: Path) -> None:
 
 def slow_actuators(root: Element) -> None:
     """Multiply the time constants of the surface actuators of a model with its systems."""
-    for actuator in root.iter("actuator"):
-        lag = actuator.find("lag")
-        if actuator.get("name") in SURFACE_ACTUATORS and lag is not None:
-            lag.text = placeholder("actuator_rate", float(lag.text or 0.0))
+    for name in SURFACE_ACTUATORS:
+        lag = _only(root, f"system/channel/actuator[@name='{name}']/lag")
+        lag.text = placeholder("actuator_rate", SURFACE_LAG)
 
 
 def add_fault(root: Element, fault: Fault, config: AircraftConfig, file: Path) -> None:
     """Put properties of the whole aircraft where something fails in flight into its main file."""
-    (system,) = (x for x in root.iter("system") if x.get("name") == "actuators")
-    channel = system.find("channel")
-    assert channel is not None  # of the system that was put in
-    actuators = {name: x for x in channel.iter("actuator") if (name := x.get("name"))}
+    system = _only(root, "system[@name='actuators']")
+    channel = _only(system, "channel")
     values = {name: 1.0 for name in fault.factors if name != "actuator_lag"}
-    for name in fault.factors.keys() & AXES.keys():
+    for name in (name for name in AXES if name in fault.factors):
         scale_axis(root, name, file, f"{FAULT}{name}")
     if "actuator_lag" in fault.factors:
         for name in SURFACE_ACTUATORS:
-            if name in actuators:
-                _replace(actuators[name], "lag", f"{FAULT}actuator_rate")
+            _only(channel, f"actuator[@name='{name}']/lag").text = f"{FAULT}actuator_rate"
         off = config.off_nominal or OffNominal()
         values["actuator_rate"] = SURFACE_LAG / off.actuator_lag_factor
     if fault.V_a_bias_mps:
         values["V_a-bias"] = 0.0
-        (largest,) = root.iterfind(".//fcs_function[@name='ft/V_a-mps']/function/max")
-        measured = Element("sum")
-        SubElement(measured, "property").text = f"{FAULT}V_a-bias"
-        measured.append(largest[0])
-        largest[0] = measured
+        largest = _only(root, ".//fcs_function[@name='ft/V_a-mps']/function/max")
+        largest[0] = node("sum", node("property", f"{FAULT}V_a-bias"), largest[0])
     if "throttle" in fault.factors:
-        _loosen_throttle(channel, actuators["ft/throttle-norm"])
+        _loosen_throttle(channel)
     for name in fault.stuck:
         surface = getattr(config.surfaces, name)
         if surface is None:
             raise InputError(f"`{name}_stuck_deg` must be left out: {config.file} has no {name}.")
-        for end, stop in zip(("min", "max"), surface.travel, strict=True):
-            _replace(actuators[f"ft/{name}-rad"], f"clipto/{end}", f"{FAULT}{name}-{end}")
-            values[f"{name}-{end}"] = stop
+        clip = _only(channel, f"actuator[@name='ft/{name}-rad']/clipto")
+        for end, stop in zip(clip, surface.travel, strict=True):
+            end.text = f"{FAULT}{name}-{end.tag}"
+            values[f"{name}-{end.tag}"] = stop
     for name, value in values.items():
-        system.insert(0, Element("property", value=repr(value)))
-        system[0].text = f"{FAULT}{name}"
+        system.insert(0, node("property", f"{FAULT}{name}", value=repr(value)))
 
 
-def _loosen_throttle(channel: Element, throttle: Element) -> None:
+def _loosen_throttle(channel: Element) -> None:
     """Put a factor between the throttle and what it moves: the lever, or the engines."""
-    reaching = Element("fcs_function", name=f"{FAULT}throttle-reaching")
-    product = SubElement(SubElement(reaching, "function"), "product")
-    for name in (f"{FAULT}throttle", "ft/throttle-norm"):
-        SubElement(product, "property").text = name
+    throttle = _only(channel, "actuator[@name='ft/throttle-norm']")
+    factors = (node("property", name) for name in (f"{FAULT}throttle", "ft/throttle-norm"))
+    product = node("function", node("product", *factors))
+    reaching = node("fcs_function", product, name=f"{FAULT}throttle-reaching")
     lever = channel.find("pure_gain[@name='ft/throttle-lever']")
     if lever is not None:
-        _replace(lever, "input", f"{FAULT}throttle-reaching")
+        _only(lever, "input").text = f"{FAULT}throttle-reaching"
     else:
         for output in throttle.findall("output"):
             throttle.remove(output)
@@ -315,21 +302,10 @@ def _loosen_throttle(channel: Element, throttle: Element) -> None:
     channel.insert(list(channel).index(throttle) + 1, reaching)
 
 
-def _replace(parent: Element, path: str, text: str) -> None:
-    """Give a part of an element another text."""
-    part = parent.find(path)
-    assert part is not None  # of our own systems
-    part.text = text
-
-
-def _named(root: Element) -> Iterator[tuple[Element, int, str]]:
-    """Parent, place and name of everything in the aerodynamics that has a name and a value."""
-    for aerodynamics in root.iterfind("aerodynamics"):
-        for parent in aerodynamics.iter():
-            for i, child in enumerate(parent):
-                name = child.get("name")
-                if name and child.tag != "axis":
-                    yield parent, i, name.strip()
+def _only(root: Element, path: str) -> Element:
+    """The one element at a path of our own systems."""
+    (element,) = root.iterfind(path)
+    return element
 
 
 def _inlined(holder: Element, folders: Sequence[Path]) -> Element:
@@ -368,23 +344,16 @@ def _multiply_function(function: Element, factor: str) -> None:
 
 
 def _multiply(parent: Element, i: int, factor: str) -> None:
-    product = Element("product")
-    SubElement(product, "property" if factor.startswith(FAULT) else "value").text = factor
-    product.append(parent[i])
-    parent[i] = product
+    kind = "property" if factor.startswith(FAULT) else "value"
+    parent[i] = node("product", node(kind, factor), parent[i])
 
 
 _KG_M2 = SLUG * FT * FT
 _INCHES = 12.0
 
-INERTIAS = {
-    "ixx": (0, 0),
-    "iyy": (1, 1),
-    "izz": (2, 2),
-    "ixy": (0, 1),
-    "ixz": (0, 2),
-    "iyz": (1, 2),
-}
+_PLACES = (0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)
+INERTIAS = {f"i{'xyz'[i]}{'xyz'[j]}": (i, j) for i, j in _PLACES}
+
 # Share of the largest inertia by which rounding may break the triangle inequality.
 _TRIANGLE = 1e-9
 
@@ -419,7 +388,7 @@ class MassBalance:
         """
         weight = off.mass_factor * self.whole.weight
         empty_weight = self.empty.weight + weight - self.whole.weight
-        ballast = BALLAST * weight if off.fault is not None and off.fault.cg_aft_m else 0.0
+        ballast = BALLAST * weight if off.slides else 0.0
         if not empty_weight > ballast:
             lowest = 1.0 - self.empty.weight / self.whole.weight
             raise InputError(
@@ -439,14 +408,14 @@ class MassBalance:
         empty_cg = (weight * cg - load_moment) / empty_weight
         inertia = self._inertia(off) + self._offset(weight, cg - nominal) - load_inertia
         inertia = inertia - self._offset(empty_weight, empty_cg - nominal)
-        x, y, z = (empty_cg * _INCHES).tolist()
+        values = {name: float(inertia[place]) for name, place in INERTIAS.items()}
         # By default JSBSim turns the signs of all three products; with the attribute that
         # `open_mass_balance` sets only that of xz.
-        inertias = {name: float(inertia[place]) for name, place in INERTIAS.items()}
-        inertias["ixz"] = -inertias["ixz"]
-        at: list[float] = (cg * _INCHES).tolist()
-        slides = dict(zip(("ballast", *BALLAST_PLACE), (ballast, *at), strict=True))
-        return {**inertias, **slides, "cg_x": x, "cg_y": y, "cg_z": z, "emptywt": empty_weight}
+        values["ixz"] = -values["ixz"]
+        for part, place in (("cg", empty_cg), ("ballast", cg)):
+            names = (f"{part}_{axis}" for axis in "xyz")
+            values |= dict(zip(names, (place * _INCHES).tolist(), strict=True))
+        return {**values, "emptywt": empty_weight, "ballast": ballast}
 
     def _offset(self, weight: float, distance: FloatArray) -> FloatArray:
         """Inertia of a point at `distance` (ft: aft, right, up), body axes."""
@@ -473,26 +442,22 @@ class MassBalance:
         return scaled
 
 
-# Placeholders of where the mass is that may slide, in: aft, right, up.
-BALLAST_PLACE = "ballast_x", "ballast_y", "ballast_z"
-
-
 def open_mass_balance(root: Element, *, slides: bool = False) -> None:
     """Put placeholders where the file says what the empty aircraft weighs, and what slides."""
+
+    def location(name: str, part: str) -> Element:
+        axes = (node(axis, placeholder(f"{part}_{axis}")) for axis in "xyz")
+        return node("location", *axes, name=name, unit="IN")
+
     (balance,) = root.findall("mass_balance")
     for element in balance.findall("*"):
         if element.tag in (*INERTIAS, "emptywt", "location"):
             balance.remove(element)
     balance.set("negated_crossproduct_inertia", "false")
-    for name in INERTIAS:
-        SubElement(balance, name, unit="SLUG*FT2").text = placeholder(name)
-    SubElement(balance, "emptywt", unit="LBS").text = placeholder("emptywt")
-    location = SubElement(balance, "location", name="CG", unit="IN")
-    for axis in "xyz":
-        SubElement(location, axis).text = placeholder(f"cg_{axis}")
+    balance.extend(node(name, placeholder(name), unit="SLUG*FT2") for name in INERTIAS)
+    balance.append(node("emptywt", placeholder("emptywt"), unit="LBS"))
+    balance.append(location("CG", "cg"))
     if slides:
-        ballast = SubElement(balance, "pointmass", name="ballast")
-        SubElement(ballast, "weight", unit="LBS").text = placeholder("ballast")
-        location = SubElement(ballast, "location", name="ballast", unit="IN")
-        for axis, name in zip("xyz", BALLAST_PLACE, strict=True):
-            SubElement(location, axis).text = placeholder(name)
+        weight = node("weight", placeholder("ballast"), unit="LBS")
+        ballast = location("ballast", "ballast")
+        balance.append(node("pointmass", weight, ballast, name="ballast"))

@@ -341,7 +341,7 @@ def _template(unchanged: Unchanged, weigh: Weigh, steps: int) -> tuple[str, Mass
     if off.loaded:
         # Factors and shifts are relative to the nominal aircraft, load and fuel included.
         balance = weigh(config.with_off_nominal(None))
-        open_mass_balance(root, slides=off.fault is not None and off.fault.cg_aft_m != 0.0)
+        open_mass_balance(root, slides=off.slides)
     for name in off.coefficient_factors:
         scale_coefficient(root, name, file)
     for name in off.scaled:
