@@ -48,30 +48,20 @@ def test_both_fly_their_own_flight_and_the_nominal_one_to_the_same_bits(tables, 
 
 def test_expectations_are_of_the_plant_of_that_label(tables):
     limits = {"gains": "paper", "at_most": {"chi": {"ITAE": 1e-6}}}
-    missed = [
-        ft.fly(
-            ft.scenario_from(tables | {"gains": ["paper"], "expect": [limits | {"plant": label}]})
-        )
-        .claim.missed[0]
-        .partition(" / ")[0]
-        for label in (NOMINAL, HEAVY)
-    ]
-
-    assert missed == [NOMINAL, HEAVY]
+    for label in (NOMINAL, HEAVY):
+        expecting = tables | {"gains": ["paper"], "expect": [limits | {"plant": label}]}
+        missed = ft.fly(ft.scenario_from(expecting)).claim.missed
+        assert {name.partition(" / ")[0] for name in missed} == {label}
     with pytest.raises(ft.ScenarioError, match=rf"`plant` of .* {NOMINAL}, {HEAVY}, .*h"):
         ft.scenario_from(tables | {"expect": [limits | {"plant": "h"}]})
 
 
 def test_recording_and_files_keep_them_apart_in_the_order_of_the_scenario(flown, folder):
     labels = [run.label for run in flown.runs]
-    assert {path.stem for path in folder.glob("*.parquet")} == {
-        f"jsbsim_aerosonde{name}-{gains}"
-        for name in ("", "_heavy_aft")
-        for gains in ("paper", "K1")
-    }
-    assert [member.key for member in runs_to_draw(flown.runs)] == [
-        re.sub("[^A-Za-z0-9]+", "_", label) for label in labels
-    ]
+    stems = [re.sub("[:]", "_", label).replace(" / ", "-") for label in labels]
+    assert sorted(path.stem for path in folder.glob("*.parquet")) == sorted(stems)
+    keys = [re.sub("[^A-Za-z0-9]+", "_", label) for label in labels]
+    assert [member.key for member in runs_to_draw(flown.runs)] == keys
     again = ft.load(folder).runs
     assert [run.label for run in again] == labels
     assert ft.refly(again).equal

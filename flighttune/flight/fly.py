@@ -253,8 +253,7 @@ def steady_wind(scenario: Scenario) -> WindRecord | None:
     weather = weather_of(scenario)
     if weather is None or not scenario.windy:
         return None
-    north, east, down = weather.deterministic(0.0, scenario.flight.h_m)
-    return WindRecord.steady(north=north, east=east, down=down)
+    return WindRecord.steady(weather.deterministic(0.0, scenario.flight.h_m))
 
 
 def wind_met(run: Run) -> WindRecord:

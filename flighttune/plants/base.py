@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from operator import itemgetter
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Literal, NamedTuple, Protocol, TypeAlias
@@ -165,16 +166,11 @@ class WrappedPlant:
     """
 
     def __init__(self, plant: Plant, further: tuple[str, ...]) -> None:
-        self.kind, self.signals = plant.kind, plant.signals + further
+        self.kind, self.signals, self.limits = plant.kind, plant.signals + further, plant.limits
         # Bound once: it is called at every sample.
         self._plant, self._observe = plant, plant.observe
         # Only aircraft with an inner loop have it, for laws that feed the load factor back.
         self.n_z_followed = getattr(plant, "n_z_followed", None)
-
-    @property
-    def limits(self) -> Limits:
-        """Limits of the plant itself on its commands."""
-        return self._plant.limits
 
     def start(self, condition: FlightCondition) -> None:
         """Put the aircraft into `condition` at t = 0, as the plant does."""
@@ -206,7 +202,7 @@ class AirPathPlant(WrappedPlant):
 
     def __init__(self, plant: Plant) -> None:
         super().__init__(plant, OVER_GROUND)
-        self._places = tuple(plant.signals.index(name) for name in _MOTION)
+        self._motion = itemgetter(*map(plant.signals.index, _MOTION))
         self._chi = math.nan
 
     def start(self, condition: FlightCondition) -> None:
@@ -218,7 +214,7 @@ class AirPathPlant(WrappedPlant):
         """Return the values of `signals` now, SI and radians; `chi` is continuous."""
         signals = self._observe()
         chi, gamma = signals[_CHI], signals[_GAMMA]
-        V_g, w_north, w_east, w_down = (signals[place] for place in self._places)
+        V_g, w_north, w_east, w_down = self._motion(signals)
         north, east = V_g * math.cos(chi) - w_north, V_g * math.sin(chi) - w_east
         up = V_g * math.tan(gamma) + w_down
         self._chi += math.remainder(math.atan2(east, north) - self._chi, math.tau)

@@ -2,7 +2,6 @@
 
 import math
 from collections import deque
-from collections.abc import Iterable
 from functools import lru_cache, partial
 from operator import mul
 
@@ -69,7 +68,7 @@ class LaggedChannel:
 
     def move_to(self, t: float) -> None:
         """Advance to time `t` (s), no later than the next switch, and take up what is due."""
-        self._distance = [_product(row, self._distance) for row in self._transition(t)]
+        self._distance = [sum(map(mul, row, self._distance)) for row in self._transition(t)]
         self._since = t
         while self._pending and self._pending[0][0] <= t:
             before = self._command
@@ -79,7 +78,7 @@ class LaggedChannel:
 
     def at(self, t: float) -> float:
         """Flown value at time `t` (s), from the last move to the next switch."""
-        return self._command + _product(self._transition(t)[0], self._distance)
+        return self._command + sum(map(mul, self._transition(t)[0], self._distance))
 
     def over(self, step: float, count: int) -> list[float]:
         """Flown values after 0 to `count` steps (s) from the last move, before the next switch."""
@@ -94,10 +93,6 @@ def _responses(lag: InnerLag, step: float, count: int) -> FloatArray:
     """Part of the distance from rest in the response after 0 to `count` steps (s)."""
     times = (round(i * step, RESOLUTION) for i in range(count + 1))
     return np.array([transition(lag, t)[0] for t in times])
-
-
-def _product(row: Iterable[float], column: Iterable[float]) -> float:
-    return sum(map(mul, row, column))
 
 
 class LaggedPlant(WrappedPlant):

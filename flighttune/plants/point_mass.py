@@ -18,7 +18,7 @@ from flighttune.units import G_PAPER
 # Time (s) to the disturbance of course and flight-path-angle rate (rad/s).
 Disturbance: TypeAlias = Callable[[float], tuple[float, float]]
 
-# Turning and lifting part of the load factor, the disturbance, and n_x if there is one.
+# Turning and lifting part of the load factor, n_x (0 without one), and the disturbance.
 Forcing: TypeAlias = tuple[float, ...]
 
 # Further signals of a point in a wind record.
@@ -162,39 +162,42 @@ class PointMassPlant:
         if turn not in ("exact", "paper"):
             raise InputError(f"`turn` must be exact or paper, got {turn!r}.")
         self._paper = turn == "paper"
-        self.kind = (
-            "kinematic" if self._paper else "point_mass" if lags is None else "point_mass_lag"
-        )
+        lagged = "point_mass" if lags is None else "point_mass_lag"
+        self.kind = "kinematic" if self._paper else lagged
         wind_signals = () if wind is None else WIND_SIGNALS
         self.signals: tuple[str, ...] = (*COMMON_SIGNALS, "d_chi", "d_gamma", *wind_signals)
-        self._lags, self._g = lags, g
+        self._lags, self._g = lags or (), g
         self._wind, self._windy = wind or WindRecord.steady(), wind is not None
-        self._disturbance = disturbance or _undisturbed
-        fastest = max((lag.natural_frequency for lag in lags or ()), default=0.0)
-        self._step = min(LONGEST_STEP, FINEST / fastest) if fastest else LONGEST_STEP
+        self._disturbance = disturbance or (lambda _: (0.0, 0.0))
+        self._step = min([LONGEST_STEP, *(FINEST / lag.natural_frequency for lag in self._lags)])
+        self._range: tuple[float, ...] = ()  # least and largest n_x, if it is commanded
 
     def start(self, condition: FlightCondition) -> None:
         """Put the point at the origin, its velocity through the air along `condition`."""
-        self._t, self._V_a, self._g_over_v = 0.0, condition.V_a, self._g / condition.V_a
-        self._state = (condition.chi, condition.gamma, 0.0, 0.0, 0.0)
-        self._chi = condition.chi
-        self._command: tuple[float, ...] = condition.phi, condition.n_z_start
-        self._channels = tuple(map(LaggedChannel, self._lags or (), self._command))
+        self._t, self._chi = 0.0, condition.chi
+        self._state = (condition.chi, condition.gamma, 0.0, 0.0, 0.0, condition.V_a)
+        self._hold(condition.phi, condition.n_z_start)
+
+    def _hold(self, *command: float) -> None:
+        """Let a command be in force before the start."""
+        self._command = command
+        self._channels = tuple(map(LaggedChannel, self._lags, command))
 
     def observe(self) -> tuple[float, ...]:
         """Return the values of `signals` now, SI and radians."""
-        chi, gamma, *position = self._state
+        chi, gamma, *position, V_a = self._state
         wind_signals: tuple[float, ...] = ()
         if self._windy:
             w_n, w_e, w_d = wind = self._wind.at(self._t)
-            v_n, v_e, v_d = velocity_along(self._V_a, chi, gamma)
+            v_n, v_e, v_d = velocity_along(V_a, chi, gamma)
             over_ground = v_n + w_n, v_e + w_e, v_d + w_d
             chi, gamma = course_of(over_ground)
             self._chi += math.remainder(chi - self._chi, math.tau)
             chi, wind_signals = self._chi, (*wind, math.hypot(*over_ground))
-        phi, n_z = self._roll_and_load(self._t)
-        d_chi, d_gamma = self._disturbance(self._t)
-        return (chi, gamma, phi, n_z, self._V_a, *position, d_chi, d_gamma, *wind_signals)
+        phi, n_z, *n_x = [channel.at(self._t) for channel in self._channels] or self._command
+        disturbance = self._disturbance(self._t)
+        further = (*wind_signals, *n_x, *self._range)
+        return (chi, gamma, phi, n_z, V_a, *position, *disturbance, *further)
 
     def advance(
         self, phi_cmd: float, n_z_cmd: float, duration: float, *n_x_cmd: float
@@ -206,9 +209,8 @@ class PointMassPlant:
         The flight ends where the path through the air stands vertical: there is no course there.
         The paper's law has a course there unless it flies in wind, but ends at 90 deg of roll.
         """
-        if not (
-            abs(phi_cmd) < (math.pi / 2 if self._paper else math.inf) and math.isfinite(n_z_cmd)
-        ):
+        steepest = math.pi / 2 if self._paper else math.inf
+        if not (abs(phi_cmd) < steepest and math.isfinite(n_z_cmd)):
             return rolled_over(phi_cmd, n_z_cmd, self._t)
         self._command = (phi_cmd, n_z_cmd, *n_x_cmd)
         for channel, command in zip(self._channels, self._command, strict=False):
@@ -228,9 +230,8 @@ class PointMassPlant:
         if self._paper and not self._windy:
             if abs(chi) < LOST and abs(gamma) < LOST:  # false for NaN
                 return None
-            return Stop(
-                "diverged", f"chi {chi:.4g} rad, gamma {gamma:.4g} rad at t = {self._t:.2f} s."
-            )
+            where = f"chi {chi:.4g} rad, gamma {gamma:.4g} rad"
+            return Stop("diverged", f"{where} at t = {self._t:.2f} s.")
         if abs(gamma) > STEEPEST:
             return Stop(
                 "left_envelope",
@@ -253,61 +254,53 @@ class PointMassPlant:
         for channel in self._channels:
             channel.move_to(end)
 
-    def _roll_and_load(self, t: float) -> tuple[float, float]:
-        if not self._channels:
-            return self._command[0], self._command[1]
-        roll, load = self._channels[:2]
-        return roll.at(t), load.at(t)
-
     def _forcing(self, start: float, step: float, count: int) -> list[Forcing]:
-        """Turning and lifting load factor, and the disturbance, after 0 to `count` steps."""
+        """Parts of the load factor, n_x and the disturbance after 0 to `count` steps."""
         if self._channels:
-            rolls, loads = (channel.over(step, count) for channel in self._channels[:2])
+            flown = (channel.over(step, count) for channel in self._channels)
+            parts = list(map(self._parts, *flown))
         else:
-            rolls, loads = ([command] * (count + 1) for command in self._command[:2])
-        return [
-            (
-                math.tan(phi) if self._paper else n_z * math.sin(phi),
-                n_z * math.cos(phi),
-                *self._disturbance(start + i * step),
-            )
-            for i, (phi, n_z) in enumerate(zip(rolls, loads, strict=True))
-        ]
+            parts = [self._parts(*self._command)] * (count + 1)
+        return [(*each, *self._disturbance(start + i * step)) for i, each in enumerate(parts)]
+
+    def _parts(self, phi: float, n_z: float, n_x: float = 0.0) -> tuple[float, float, float]:
+        return math.tan(phi) if self._paper else n_z * math.sin(phi), n_z * math.cos(phi), n_x
 
     def _rates(
-        self, chi: float, gamma: float, forcing: Forcing, w_dot: NED
-    ) -> tuple[float, float, float, float, float]:
-        """Rates of course, flight-path angle and, but for the wind, position."""
-        turning, lifting, d_chi, d_gamma = forcing[:4]
+        self, chi: float, gamma: float, V_a: float, forcing: Forcing, w_dot: NED
+    ) -> tuple[float, ...]:
+        """Rates of course, flight-path angle, position but for the wind, and airspeed."""
+        turning, lifting, _, d_chi, d_gamma = forcing
         sin_chi, cos_chi = math.sin(chi), math.cos(chi)
         sin_gamma, cos_gamma = math.sin(gamma), math.cos(gamma)
-        V_a, g_over_v = self._V_a, self._g_over_v
-        level = V_a * cos_gamma
+        g_over_v, level = self._g / V_a, V_a * cos_gamma
         chi_dot = g_over_v * (turning if self._paper else turning / cos_gamma) + d_chi
         gamma_dot = g_over_v * (lifting - cos_gamma) + d_gamma
         if w_dot != CALM:
             chi_dot += (w_dot[0] * sin_chi - w_dot[1] * cos_chi) / level
             ahead = w_dot[0] * cos_chi + w_dot[1] * sin_chi
             gamma_dot += (ahead * sin_gamma + w_dot[2] * cos_gamma) / V_a
-        return chi_dot, gamma_dot, level * cos_chi, level * sin_chi, -V_a * sin_gamma
+        return chi_dot, gamma_dot, level * cos_chi, level * sin_chi, -V_a * sin_gamma, 0.0
 
     def _runge_kutta_step(
         self, step: float, forcing: Sequence[Forcing], w_dot: NED, wind: NED
     ) -> None:
         """Take a step under the forcing at its begin, middle and end, in the wind at its middle."""
-        chi, gamma, north, east, down = self._state
+        # Written out: NumPy, or a loop over the states, takes several times as long.
+        chi, gamma, north, east, down, V_a = self._state
         half, sixth = 0.5 * step, step / 6.0
         begin, middle, end = forcing
-        a = self._rates(chi, gamma, begin, w_dot)
-        b = self._rates(chi + half * a[0], gamma + half * a[1], middle, w_dot)
-        c = self._rates(chi + half * b[0], gamma + half * b[1], middle, w_dot)
-        d = self._rates(chi + step * c[0], gamma + step * c[1], end, w_dot)
+        a = self._rates(chi, gamma, V_a, begin, w_dot)
+        b = self._rates(chi + half * a[0], gamma + half * a[1], V_a + half * a[5], middle, w_dot)
+        c = self._rates(chi + half * b[0], gamma + half * b[1], V_a + half * b[5], middle, w_dot)
+        d = self._rates(chi + step * c[0], gamma + step * c[1], V_a + step * c[5], end, w_dot)
         self._state = (
             chi + sixth * (a[0] + 2.0 * (b[0] + c[0]) + d[0]),
             gamma + sixth * (a[1] + 2.0 * (b[1] + c[1]) + d[1]),
             north + sixth * (a[2] + 2.0 * (b[2] + c[2]) + d[2]) + step * wind[0],
             east + sixth * (a[3] + 2.0 * (b[3] + c[3]) + d[3]) + step * wind[1],
             down + sixth * (a[4] + 2.0 * (b[4] + c[4]) + d[4]) + step * wind[2],
+            V_a + sixth * (a[5] + 2.0 * (b[5] + c[5]) + d[5]),
         )
 
 
@@ -344,66 +337,35 @@ class PoweredPointMass(PointMassPlant):
             raise InputError(f"`n_x` must be a rising range, got {list(n_x)}.")
         super().__init__(lags, **options)
         self._range, free = n_x, np.full(3, math.inf)
-        lower, upper = -free, free.copy()
-        lower[2], upper[2] = n_x
+        lower, upper = np.append(-free[:2], n_x[0]), np.append(free[:2], n_x[1])
         self.limits = Limits(lower=lower, upper=upper, rate_lower=-free, rate_upper=free)
         self.signals = (*self.signals, *N_X_SIGNALS)
 
     def start(self, condition: FlightCondition) -> None:
         """Put the point at the origin, n_x that of steady flight as far as its engine gives it."""
         super().start(condition)
+        self._hold(*self._command, *self._within(math.sin(condition.gamma)))
+
+    def _within(self, *n_x: float) -> list[float]:
         low, high = self._range
-        self._command = *self._command, min(max(math.sin(condition.gamma), low), high)
-        self._channels = tuple(map(LaggedChannel, self._lags or (), self._command))
+        return [min(max(value, low), high) for value in n_x]
 
     def advance(
         self, phi_cmd: float, n_z_cmd: float, duration: float, *n_x_cmd: float
     ) -> Stop | None:
         """Fly `duration` seconds with the command held, n_x as far as the engine gives it."""
-        low, high = self._range
-        within = (min(max(n_x, low), high) for n_x in n_x_cmd)
-        return super().advance(phi_cmd, n_z_cmd, duration, *within)
-
-    def observe(self) -> tuple[float, ...]:
-        """Return the values of `signals` now, SI and radians."""
-        n_x = self._channels[2].at(self._t) if self._channels else self._command[2]
-        return (*super().observe(), n_x, *self._range)
+        return super().advance(phi_cmd, n_z_cmd, duration, *self._within(*n_x_cmd))
 
     def _stop(self) -> Stop | None:
-        if self._V_a > STOPPED:  # false for NaN
+        V_a = self._state[-1]
+        if V_a > STOPPED:  # false for NaN
             return super()._stop()
-        return Stop("left_envelope", f"airspeed {self._V_a:.3g} m/s at t = {self._t:.2f} s.")
+        return Stop("left_envelope", f"airspeed {V_a:.3g} m/s at t = {self._t:.2f} s.")
 
-    def _forcing(self, start: float, step: float, count: int) -> list[Forcing]:
-        if self._channels:
-            along = self._channels[2].over(step, count)
-        else:
-            along = [self._command[2]] * (count + 1)
-        forcing = super()._forcing(start, step, count)
-        return [(*each, n_x) for each, n_x in zip(forcing, along, strict=True)]
-
-    def _slope(self, state: FloatArray, forcing: Forcing, w_dot: NED) -> FloatArray:
-        chi, gamma, V_a = state[0], state[1], state[-1]
-        self._V_a, self._g_over_v = V_a, self._g / V_a
-        rates = self._rates(chi, gamma, forcing, w_dot)
+    def _rates(
+        self, chi: float, gamma: float, V_a: float, forcing: Forcing, w_dot: NED
+    ) -> tuple[float, ...]:
+        *path, _ = super()._rates(chi, gamma, V_a, forcing, w_dot)
         ahead = velocity_along(1.0, chi, gamma)
         pull = sum(w * u for w, u in zip(w_dot, ahead, strict=True))
-        return np.array([*rates, self._g * (forcing[4] - math.sin(gamma)) - pull])
-
-    def _runge_kutta_step(
-        self, step: float, forcing: Sequence[Forcing], w_dot: NED, wind: NED
-    ) -> None:
-        state = np.array([*self._state, self._V_a])
-        begin, middle, end = forcing
-        a = self._slope(state, begin, w_dot)
-        b = self._slope(state + 0.5 * step * a, middle, w_dot)
-        c = self._slope(state + 0.5 * step * b, middle, w_dot)
-        d = self._slope(state + step * c, end, w_dot)
-        state = state + step / 6.0 * (a + 2.0 * (b + c) + d)
-        state[2:5] += step * np.array(wind)
-        *path, self._V_a = state.tolist()
-        self._state, self._g_over_v = tuple(path), self._g / self._V_a
-
-
-def _undisturbed(_: float) -> tuple[float, float]:
-    return 0.0, 0.0
+        return (*path, self._g * (forcing[2] - math.sin(gamma)) - pull)

@@ -51,9 +51,9 @@ class WindRecord:
         object.__setattr__(self, "_pieces", ((times[0], tuple(winds[0]), CALM), *pieces))
 
     @classmethod
-    def steady(cls, *, north: float = 0.0, east: float = 0.0, down: float = 0.0) -> "WindRecord":
+    def steady(cls, wind: NED = CALM) -> "WindRecord":
         """The same wind throughout, m/s."""
-        return cls(t=np.zeros(1), wind=np.array([[north, east, down]]))
+        return cls(t=np.zeros(1), wind=np.array([wind]))
 
     def piece(self, t: float) -> WindPiece:
         """The linear piece in force from time `t` (s) on."""

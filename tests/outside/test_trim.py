@@ -13,7 +13,7 @@ import pytest
 
 import flighttune as ft
 from flighttune.aircraft.aircraft import load_aircraft
-from flighttune.plants.jsbsim.fdm import Fdm, quiet
+from flighttune.plants.jsbsim.fdm import Fdm, silence
 from flighttune.plants.jsbsim.model_files import EARTH
 from flighttune.plants.jsbsim.trim import trim
 
@@ -44,17 +44,17 @@ FULL_TRIM = 1
 
 def jsbsim_trim(config, V_a, gamma):
     """Alpha, beta, phi (rad) and throttle of JSBSim's full trim, over the same flat Earth."""
-    with quiet():
-        fdm = jsbsim.FGFDMExec(jsbsim.get_default_root_dir())
-        fdm.set_debug_level(0)
-        assert fdm.load_model(config.model)
-        assert fdm.load_planet(str(EARTH), False)
-        for name, value in config.settings.items():
-            fdm[name] = value
-        fdm["ic/h-sl-ft"], fdm["ic/vt-fps"], fdm["ic/gamma-rad"] = H / FPS, V_a / FPS, gamma
-        fdm.run_ic()
-        fdm["propulsion/set-running"] = -1
-        fdm["simulation/do_simple_trim"] = FULL_TRIM
+    silence()
+    fdm = jsbsim.FGFDMExec(jsbsim.get_default_root_dir())
+    fdm.set_debug_level(0)
+    assert fdm.load_model(config.model)
+    assert fdm.load_planet(str(EARTH), False)
+    for name, value in config.settings.items():
+        fdm[name] = value
+    fdm["ic/h-sl-ft"], fdm["ic/vt-fps"], fdm["ic/gamma-rad"] = H / FPS, V_a / FPS, gamma
+    fdm.run_ic()
+    fdm["propulsion/set-running"] = -1
+    fdm["simulation/do_simple_trim"] = FULL_TRIM
     names = "aero/alpha-rad", "aero/beta-rad", "attitude/phi-rad", "fcs/throttle-cmd-norm"
     return [fdm[name] for name in names]
 

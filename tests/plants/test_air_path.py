@@ -55,18 +55,10 @@ def test_the_course_through_the_air_is_continuous_beyond_half_a_turn():
     assert np.abs(np.diff(courses)).max() < 5.0 * DEG
 
 
-LEVELS = ((100.0, (0.0, 2.0, 0.0)), (300.0, (10.0, -2.0, 1.0)))
+def test_wind_is_linear_between_levels_and_constant_beyond():
+    heights, low, high = (0.0, 100.0, 150.0, 300.0, 900.0), (0.0, 2.0, 0.0), (10.0, -2.0, 1.0)
 
+    winds = [WindProfile(((100.0, low), (300.0, high))).at(h) for h in heights]
 
-@pytest.mark.parametrize(
-    ("h", "wind"),
-    [
-        (0.0, (0.0, 2.0, 0.0)),
-        (100.0, (0.0, 2.0, 0.0)),
-        (150.0, (2.5, 1.0, 0.25)),
-        (300.0, (10.0, -2.0, 1.0)),
-        (900.0, (10.0, -2.0, 1.0)),
-    ],
-)
-def test_wind_is_linear_between_levels_and_constant_beyond(h, wind):
-    assert WindProfile(LEVELS).at(h) == pytest.approx(wind)
+    assert winds[2] == pytest.approx((2.5, 1.0, 0.25))
+    assert [winds[i] for i in (0, 1, 3, 4)] == [low, low, high, high]

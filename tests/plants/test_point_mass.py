@@ -13,6 +13,7 @@ from flighttune.plants.weather import WindRecord, course_of, velocity_along
 from flighttune.simulate.disturbance import Sinusoid
 
 G = 9.81
+START = ft.loop.FlightCondition(V_a=25.0)
 INTEGRATION = 1e-9
 METRE = 1e-6
 ROUNDING = 1e-12
@@ -46,30 +47,11 @@ def test_a_coordinated_turn_has_the_radius_of_the_textbook(phi):
     radius = V_a**2 / (G * math.tan(abs(phi)))
     half_turn = math.pi * radius / V_a
 
-    end = fly(
-        ft.loop.PointMassPlant(),
-        ft.loop.FlightCondition(V_a=V_a),
-        [(phi, n_z)] * 100,
-        half_turn / 100,
-    )
+    end = fly(ft.loop.PointMassPlant(), START, [(phi, n_z)] * 100, half_turn / 100)
 
     assert abs(end["chi"]) == pytest.approx(math.pi, abs=INTEGRATION)
     assert abs(end["east"]) == pytest.approx(2.0 * radius, abs=METRE)
     assert (end["north"], end["down"]) == pytest.approx((0.0, 0.0), abs=METRE)
-
-
-def test_a_climbing_coordinated_turn_is_a_helix():
-    V_a, gamma, phi = 25.0, math.radians(20.0), math.radians(35.0)
-    n_z = math.cos(gamma) / math.cos(phi)
-    chi_dot = G * math.tan(phi) / V_a
-    radius, turn = V_a * math.cos(gamma) / chi_dot, math.tau / chi_dot
-
-    start = ft.loop.FlightCondition(V_a=V_a, gamma=gamma, phi=phi)
-    quarter = fly(ft.loop.PointMassPlant(), start, [(phi, n_z)] * 100, turn / 400)
-
-    assert (quarter["north"], quarter["east"]) == pytest.approx((radius, radius), abs=METRE)
-    assert quarter["down"] == pytest.approx(-V_a * math.sin(gamma) * turn / 4.0, abs=METRE)
-    assert quarter["gamma"] == pytest.approx(gamma, abs=INTEGRATION)
 
 
 def test_without_lift_there_is_no_turn_and_the_point_falls_as_a_stone_would():
@@ -81,25 +63,21 @@ def test_without_lift_there_is_no_turn_and_the_point_falls_as_a_stone_would():
 
 def test_the_papers_law_in_a_wind_of_zero_is_that_in_still_air():
     sinusoid = Sinusoid(chi_amplitude=0.1, chi_omega=0.9, gamma_amplitude=0.1, gamma_omega=0.9)
-    start, commands = ft.loop.FlightCondition(V_a=25.0, chi=1.0, gamma=0.3), weaving(500, 0.02)
-
-    still, windy = (
-        fly(
-            ft.loop.PointMassPlant(turn="paper", disturbance=sinusoid, wind=wind),
-            start,
-            commands,
-            0.02,
-        )
+    start = ft.loop.FlightCondition(V_a=25.0, chi=1.0, gamma=0.3)
+    plants = [
+        ft.loop.PointMassPlant(turn="paper", disturbance=sinusoid, wind=wind)
         for wind in (None, WindRecord.steady())
-    )
+    ]
+
+    still, windy = (fly(plant, start, weaving(500, 0.02), 0.02) for plant in plants)
 
     assert {name: windy[name] for name in still} == pytest.approx(still, abs=INTEGRATION)
-    assert ft.loop.PointMassPlant(turn="paper").kind == "kinematic"
+    assert plants[0].kind == "kinematic"
 
 
 def test_in_steady_wind_course_and_ground_speed_close_the_wind_triangle():
     V_a, wind, heading = 25.0, 8.0, math.radians(30.0)
-    plant = ft.loop.PointMassPlant(wind=WindRecord.steady(east=wind))
+    plant = ft.loop.PointMassPlant(wind=WindRecord.steady((0.0, wind, 0.0)))
 
     end = fly(plant, ft.loop.FlightCondition(V_a=V_a, chi=heading), [(0.0, 1.0)] * 10, 0.1)
 
@@ -114,9 +92,7 @@ def test_a_crosswind_that_rises_turns_the_nose_and_not_the_path_over_ground():
     V_a, w = 25.0, 5.0
     gust = WindRecord(t=np.array([1.0, 1.5]), wind=np.array([[0.0, 0.0, 0.0], [0.0, w, 0.0]]))
 
-    end = fly(
-        ft.loop.PointMassPlant(wind=gust), ft.loop.FlightCondition(V_a=V_a), [(0.0, 1.0)] * 20, 0.1
-    )
+    end = fly(ft.loop.PointMassPlant(wind=gust), START, [(0.0, 1.0)] * 20, 0.1)
 
     pushed_by_thrust = w - V_a * math.tanh(w / V_a)
     assert end["V_g"] * math.sin(end["chi"]) == pytest.approx(pushed_by_thrust, abs=METRE)
@@ -181,10 +157,8 @@ def point_with_lag(t, x, u, w_dot, wind, lags):
     chi_dot = acceleration @ right / (25.0 * math.cos(gamma))
     gamma_dot = acceleration @ up / 25.0
     position = 25.0 * along + wind.at(t)
-    channels = [
-        channel_rates(*one) for one in zip(lags or (None, None), (x[5:8], x[8:]), u, strict=True)
-    ]
-    return [chi_dot, gamma_dot, *position, *channels[0], *channels[1]]
+    roll, load = map(channel_rates, lags or (None, None), (x[5:8], x[8:]), u)
+    return [chi_dot, gamma_dot, *position, *roll, *load]
 
 
 def channel_rates(lag, state, command):
@@ -196,38 +170,39 @@ def channel_rates(lag, state, command):
     if lag.order == 1:
         return w * (command - value), 0.0, 0.0
     aim = before if lag.order == 3 else command
-    return (
-        rate,
-        w * w * (aim - value) - 2.0 * lag.damping * w * rate,
-        (command - before) / lag.lag,
-    )
-
-
-def test_straight_up_ends_the_flight_with_a_reason():
-    plant = ft.loop.PointMassPlant()
-    plant.start(ft.loop.FlightCondition(V_a=25.0, gamma=1.5))
-
-    stop = [plant.advance(0.0, 4.0, 0.02) for _ in range(4)][-1]
-
-    assert stop.status == "left_envelope"
-    assert "straight up or down" in stop.reason
+    change = w * w * (aim - value) - 2.0 * lag.damping * w * rate
+    return rate, change, (command - before) / lag.lag
 
 
 @pytest.mark.parametrize(
-    ("make", "error", "message"),
+    ("turn", "gamma", "command", "status", "reason"),
     [
-        (lambda: ft.loop.PointMassPlant(g=0.0), ft.InputError, "`g` must be positive"),
-        (lambda: WindRecord(t=[0.0, 0.0], wind=np.zeros((2, 3))), ft.InputError, "`t` of a wind"),
-        (
-            lambda: turn_rates([25.0, math.nan], gamma=0.0, phi=0.0, n_z=1.0, turn="exact"),
-            ft.InputError,
-            "`V_a` must be positive",
+        ("exact", 1.5, (0.0, 4.0), "left_envelope", "straight up or down"),
+        *(
+            ("paper", 0.0, (phi, 1.0), "diverged", "t = 0.00 s")
+            for phi in (math.pi / 2, -1.7, math.nan)
         ),
     ],
-)  # fmt: skip
-def test_impossible_values_are_refused(make, error, message):
-    with pytest.raises(error, match=message):
-        make()
+)
+def test_straight_up_and_a_roll_without_tangent_end_the_flight_with_a_reason(
+    turn, gamma, command, status, reason
+):
+    plant = ft.loop.PointMassPlant(turn=turn)
+    plant.start(ft.loop.FlightCondition(V_a=25.0, gamma=gamma))
+
+    stop = [plant.advance(*command, 0.02) for _ in range(4)][-1]
+
+    assert stop.status == status
+    assert reason in stop.reason
+
+
+def test_impossible_values_are_refused():
+    with pytest.raises(ft.InputError, match="`g` must be positive"):
+        ft.loop.PointMassPlant(g=0.0)
+    with pytest.raises(ft.InputError, match="`t` of a wind"):
+        WindRecord(t=[0.0, 0.0], wind=np.zeros((2, 3)))
+    with pytest.raises(ft.InputError, match="`V_a` must be positive"):
+        turn_rates([25.0, math.nan], gamma=0.0, phi=0.0, n_z=1.0, turn="exact")
 
 
 def test_held_commands_and_disturbance_agree_with_high_accuracy_integration():
@@ -246,18 +221,6 @@ def test_held_commands_and_disturbance_agree_with_high_accuracy_integration():
 
     exact = solve_ivp(law, (0.0, 10.0), [1.0, 0.5], rtol=1e-12, atol=1e-12).y[:, -1]
     assert plant.observe()[:2] == pytest.approx(exact, abs=INTEGRATION)
-
-
-@pytest.mark.parametrize("phi", [math.pi / 2, -1.7, math.nan])
-def test_a_roll_command_without_tangent_ends_the_flight_with_a_reason(phi):
-    plant = ft.loop.PointMassPlant(turn="paper")
-    plant.start(ft.loop.FlightCondition(V_a=25.0))
-
-    stop = plant.advance(phi, 1.0, 0.02)
-
-    assert stop is not None
-    assert stop.status == "diverged"
-    assert "t = 0.00 s" in stop.reason
 
 
 @pytest.mark.parametrize(

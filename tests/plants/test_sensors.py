@@ -1,6 +1,7 @@
 """Errors of sensors: their statistics, their seeds, and the plant seen through them."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -18,11 +19,9 @@ def test_mean_spread_and_memory_are_those_asked_for(time_constant):
     kept = math.exp(-DT / time_constant) if time_constant else 0.0
     independent = LONG * (1.0 - kept) / (1.0 + kept)  # of a first-order sequence
 
-    errors = ft.loop.Sensors(bias=BIAS, noise_sd=SD, time_constant=time_constant, seed=7).errors(
-        LONG, DT
-    )
+    sensors = ft.loop.Sensors(bias=BIAS, noise_sd=SD, time_constant=time_constant, seed=7)
 
-    unit = (errors - BIAS) / SD
+    unit = (sensors.errors(LONG, DT) - BIAS) / SD
     tolerance = FIVE_SIGMA / math.sqrt(independent)
     assert unit.mean(axis=0) == pytest.approx(0.0, abs=tolerance)
     assert unit.var(axis=0) == pytest.approx(1.0, abs=math.sqrt(2.0) * tolerance)
@@ -44,8 +43,8 @@ def test_correlated_noise_is_as_strong_at_the_start_as_later():
 @pytest.mark.parametrize("time_constant", [0.0, 0.3])
 def test_a_seed_gives_the_same_bits_whatever_else_there_is(time_constant):
     whole = ft.loop.Sensors(bias=BIAS, noise_sd=SD, time_constant=time_constant, seed=7)
-    only_gamma = ft.loop.Sensors(noise_sd=(0.0, SD[1], 0.0), time_constant=time_constant, seed=7)
-    other = ft.loop.Sensors(bias=BIAS, noise_sd=SD, time_constant=time_constant, seed=8)
+    only_gamma = replace(whole, bias=(0.0, 0.0, 0.0), noise_sd=(0.0, SD[1], 0.0))
+    other = replace(whole, seed=8)
 
     errors = whole.errors(500, DT)
 

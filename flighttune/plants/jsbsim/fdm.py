@@ -4,8 +4,7 @@ import ctypes
 import math
 import re
 import threading
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -80,17 +79,11 @@ _LOGGER = QuietLogger()
 _IMMORTAL = [_LOGGER] * 10_000
 
 
-def silence() -> None:
-    """Silence JSBSim in this thread from now on."""
+def silence() -> QuietLogger:
+    """Silence JSBSim in this thread from now on; the value holds what it says."""
     _LOGGER.clear()
     jsbsim.set_logger(_LOGGER)
-
-
-@contextmanager
-def quiet() -> Iterator[QuietLogger]:
-    """Silence JSBSim in this thread from now on; the value holds what it says inside the block."""
-    silence()
-    yield _LOGGER
+    return _LOGGER
 
 
 # ICAO standard atmosphere: K/m, K, Pa and g/(R L).
@@ -167,11 +160,11 @@ class Fdm:
         self.ground = ground
         self.steps = steps
         self.rate = config.inner_loop_rate * steps  # integration steps a second
-        with quiet():
-            self._exec = jsbsim.FGFDMExec(str(config.folder))
+        silence()
+        self._exec = jsbsim.FGFDMExec(str(config.folder))
         try:
-            with model_folders(config, weigh, steps) as folders, quiet() as log:
-                self._load(folders, log)
+            with model_folders(config, weigh, steps) as folders:
+                self._load(folders, silence())
         except PlantError:
             self.abandon()
             raise

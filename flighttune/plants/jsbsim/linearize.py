@@ -50,18 +50,12 @@ def _state_rates(state: AirframeState, measured: dict[str, float]) -> FloatArray
     ahead = math.hypot(u, w)
     sin_phi, cos_phi = math.sin(state.phi), math.cos(state.phi)
     turning = state.q * sin_phi + state.r * cos_phi
-    return np.array(
-        [
-            V_dot,
-            (u * w_dot - w * u_dot) / ahead**2,
-            state.q * cos_phi - state.r * sin_phi,
-            measured["q_dot"],
-            (v_dot - v * V_dot / state.V_a) / ahead,
-            state.p + math.tan(state.theta) * turning,
-            measured["p_dot"],
-            measured["r_dot"],
-        ]
-    )
+    alpha_dot = (u * w_dot - w * u_dot) / ahead**2
+    theta_dot = state.q * cos_phi - state.r * sin_phi
+    beta_dot = (v_dot - v * V_dot / state.V_a) / ahead
+    phi_dot = state.p + math.tan(state.theta) * turning
+    p_dot, q_dot, r_dot = (measured[name] for name in ("p_dot", "q_dot", "r_dot"))
+    return np.array([V_dot, alpha_dot, theta_dot, q_dot, beta_dot, phi_dot, p_dot, r_dot])
 
 
 def modes(A: FloatArray) -> list[dict[str, Any]]:

@@ -142,10 +142,9 @@ class JSBSimPlant:
         self._takes_n_x = takes_n_x
         if takes_n_x:
             self.signals = (*properties.SIGNALS, *N_X_SIGNALS)
-        self.limits: Limits = self.config.limits.limits(airspeed=takes_n_x)
+        self.limits: Limits = config.limits.limits(airspeed=takes_n_x)
         self._steps, self._rate = steps, config.inner_loop_rate * steps
-        self._seed = seed
-        self._weather, self._ground = weather, ground
+        self._seed, self._weather, self._ground = seed, weather, ground
         self._chunks: dict[float, tuple[range, ...]] = {}
         self.fdm: Fdm | None = None
         self._observe: Callable[[], tuple[float, ...]] = _not_started
@@ -179,7 +178,14 @@ class JSBSimPlant:
         settings = inner_loop_settings(self.config)  # refuses gains of another model
         check_moves(self.config)
         self.fdm = fdm = Fdm(self.config, steps=self._steps, ground=self._ground)
-        self._write_settings(fdm, settings)
+        fdm.writer("simulation/randomseed")(float(self._seed or LARGEST_SEED + 1))
+        for name, value in settings.items():
+            fdm.writer(name)(value)
+        if missing := set(fdm.names(properties.GAINS)) - settings.keys():
+            raise PlantError(
+                f"{self.config.folder / GAINS_FILE}: `gains` must give "
+                f"`{min(missing).removeprefix(properties.GAINS)}`, got none."
+            )
         point = trim(fdm, condition)
         if self._weather is not None:
             carry_along(fdm, self._weather.deterministic(0.0, condition.h))
@@ -270,8 +276,7 @@ class JSBSimPlant:
             commands = f"phi_cmd {phi_cmd:g} rad, n_z_cmd {n_z_cmd:g}"
             return self._end("diverged", f"commands must be finite, got {commands}.")
         # `run` is false where JSBSim itself ends the run, as on the ground.
-        run, inside = self._run, self._inside
-        going = True
+        run, inside, going = self._run, self._inside, True
         try:
             for chunk in chunks:
                 for _ in chunk:
@@ -288,21 +293,11 @@ class JSBSimPlant:
                 self.fdm.abandon()
             return stop
         if (why := self._diagnosis()) is None:
-            when = f"t = {self._time():.3f} s"
             raise PlantError(
-                f"{when}: JSBSim ended the run by itself, its state inside the envelope."
+                f"t = {self._time():.3f} s: JSBSim ended the run by itself, its state inside the "
+                "envelope."
             )
         return self._end(*why)
-
-    def _write_settings(self, fdm: Fdm, settings: dict[str, float]) -> None:
-        fdm.writer("simulation/randomseed")(float(self._seed or LARGEST_SEED + 1))
-        for name, value in settings.items():
-            fdm.writer(name)(value)
-        if missing := [name for name in fdm.names(properties.GAINS) if name not in settings]:
-            raise PlantError(
-                f"{self.config.folder / GAINS_FILE}: `gains` must give "
-                f"`{missing[0].removeprefix(properties.GAINS)}`, got none."
-            )
 
     def _engage(self, fdm: Fdm, condition: FlightCondition, steady_n_z: float) -> None:
         """Engage the inner loop without a bump: its first output comes off the trim."""
@@ -376,9 +371,10 @@ def inner_loop_settings(config: AircraftConfig) -> dict[str, float]:
         "n_z-rate-per_sec": limits.n_z_rate,
         "throttle-max": config.engines.throttle[1],
     }
-    values = dict.fromkeys(properties.GYROSCOPIC, 0.0) | config.gains.gains
-    gains = {f"{properties.GAINS}{name}": value for name, value in values.items()}
-    return {f"{properties.LIMITS}{name}": value for name, value in command_limits.items()} | gains
+    gains = dict.fromkeys(properties.GYROSCOPIC, 0.0) | config.gains.gains
+    return {f"{properties.LIMITS}{name}": value for name, value in command_limits.items()} | {
+        f"{properties.GAINS}{name}": value for name, value in gains.items()
+    }
 
 
 def steps_for(config: AircraftConfig, rate: float) -> int:

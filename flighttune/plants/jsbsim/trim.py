@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import lru_cache
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
@@ -336,12 +336,11 @@ class _TrimProblem:
 
     def residuals(self, x: FloatArray) -> FloatArray:
         """Return what is left of six accelerations and the lateral load factor at `x`."""
-        measured = self._bench.accelerations(self.state(x))
-        linear = [measured[name] / G_0 for name in ("u_dot", "v_dot", "w_dot")]
-        moments = [measured[name] for name in ("p_dot", "q_dot", "r_dot", "n_y")]
+        left_over = np.array([*self._bench.accelerations(self.state(x)).values()][:7])
+        left_over[:3] /= G_0
         if self._rudderless:  # sideslip brings the yaw moment to zero, and n_y is what it is then
-            moments[-1] = float(x[4])
-        return np.array(linear + moments)
+            left_over[-1] = x[4]
+        return left_over
 
     def root(self, start: FloatArray) -> FloatArray | None:
         """Return the steady flight that Newton's method finds from `start`, if it does."""
@@ -383,8 +382,7 @@ class _TrimProblem:
         def slopes(x: FloatArray) -> FloatArray:
             return slopes_within(self.residuals, x, self.residuals(x), self.widths, self.upper)
 
-        # SciPy's annotations only know the names of its own methods for `jac`.
-        tight = {"jac": cast("Any", slopes), "xtol": 1e-14, "ftol": 1e-14, "gtol": 1e-14}
+        tight = {"jac": slopes, "xtol": 1e-14, "ftol": 1e-14, "gtol": 1e-14}
         return _least_squares(self.residuals, start, (self.lower, self.upper), **tight)
 
     def best_at(self, throttle: float, start: FloatArray) -> FloatArray:

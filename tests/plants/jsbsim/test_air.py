@@ -34,8 +34,7 @@ CLIMB_OF_A_STEP = 1e-4
 """Relative: turbulence is weaker by that where 0.1 m are climbed."""
 
 
-def blowing(north=0.0, east=0.0, down=0.0):
-    return WindProfile(((0.0, (north, east, down)),))
+BUMPY = Weather(turbulence=Turbulence(severity=4, wind_20ft=15.0))
 
 
 def wind_of(flight):
@@ -57,11 +56,10 @@ def holding_height(h):
     [((10.0, 0.0, 0.0), 0.0), ((3.0, 8.0, -2.0), 0.0), ((-4.0, 5.0, 1.0), 30.0 * DEG)],
 )
 def test_a_start_in_wind_is_the_trim_carried_along(fly, wind, phi):
-    calm = fly((phi, 1.0 / math.cos(phi)), phi=phi, chi=0.5, duration=5.0)
-    flight = fly(
-        (phi, 1.0 / math.cos(phi)),
-        phi=phi, chi=0.5, duration=5.0, weather=Weather(wind=blowing(*wind)),
-    )  # fmt: skip
+    calm, flight = (
+        fly((phi, 1.0 / math.cos(phi)), phi=phi, chi=0.5, duration=5.0, weather=weather)
+        for weather in (None, Weather(wind=WindProfile(((0.0, wind),))))
+    )
 
     for name, tolerance in CLEAN.items():
         assert flight[name][0] == pytest.approx(calm[name][0], abs=1e-5), name
@@ -103,9 +101,9 @@ def test_gust_has_the_shape_of_the_standard(fly, axis, peak, direction):
 
 def test_a_gust_in_a_bank_blows_along_the_wing(fly):
     phi = 30.0 * DEG
-    gust = Gust(axis="right", peak=4.0, start=0.5, rise=1.0)
+    gust = Weather(gust=Gust(axis="right", peak=4.0, start=0.5, rise=1.0))
 
-    turn = fly((phi, 1.0 / math.cos(phi)), phi=phi, duration=1.5, weather=Weather(gust=gust))
+    turn = fly((phi, 1.0 / math.cos(phi)), phi=phi, duration=1.5, weather=gust)
 
     assert turn["wind_down"][-1] == pytest.approx(4.0 * math.sin(phi), rel=1e-2)
 
@@ -118,9 +116,8 @@ def test_oscillating_wind_is_its_formula(fly):
     flight = fly((0.0, 1.0), duration=3.0, dt=STEP, weather=Weather(oscillation=swing))
 
     c, s = np.cos(0.7 * flight.t), np.sin(1.1 * flight.t)
-    assert wind_of(flight) == pytest.approx(
-        np.stack([2.0 * c, 3.0 * s, c], axis=1), abs=LINEAR_OVER_20_MS
-    )
+    expected = np.stack([2.0 * c, 3.0 * s, c], axis=1)
+    assert wind_of(flight) == pytest.approx(expected, abs=LINEAR_OVER_20_MS)
 
 
 def test_the_wind_of_a_sinusoid_turns_the_path_through_the_air_at_its_rates(fly):
@@ -178,34 +175,20 @@ def test_turbulence_near_the_ground_takes_the_height_above_it(fly, ground):
 
 
 def test_turbulence_is_the_same_for_one_seed_and_another_for_another(fly):
-    weather = Weather(turbulence=Turbulence(severity=4, wind_20ft=15.0))
+    """The minimal standard generator of JSBSim has no state 0, and takes it for 1."""
+    seeds = (5, 5, 6, 0, 1, LARGEST_SEED)
 
-    first, again, other = (
-        fly((0.0, 1.0), duration=2.0, weather=weather, seed=seed) for seed in (5, 5, 6)
-    )
+    flights = [fly((0.0, 1.0), duration=2.0, weather=BUMPY, seed=seed) for seed in seeds]
 
-    for name in first.signals:
-        assert np.array_equal(first[name], again[name]), name
-    assert not np.array_equal(first["wind_down"], other["wind_down"])
-
-
-def test_seeds_that_the_generator_of_jsbsim_takes_for_one_are_kept_apart(fly):
-    """The minimal standard generator has no state 0, and takes it for 1."""
-    weather = Weather(turbulence=Turbulence(severity=4, wind_20ft=15.0))
-
-    winds = [
-        fly((0.0, 1.0), duration=1.0, weather=weather, seed=seed)["wind_down"]
-        for seed in (0, 1, LARGEST_SEED)
-    ]
-    assert len({wind.tobytes() for wind in winds}) == len(winds)
+    for name, signal in flights[0].signals.items():
+        assert np.array_equal(signal, flights[1][name]), name
+    assert len({flight["wind_down"].tobytes() for flight in flights}) == len(seeds) - 1
 
 
 def test_turbulence_has_the_same_axes_whatever_the_start(fly):
     """Its filters know seed, airspeed and height alone: the first gust is one for every start."""
-    weather = Weather(turbulence=Turbulence(severity=4, wind_20ft=15.0))
-
     gusts = [
-        wind_of(fly((0.0, 1.0), duration=STEP, dt=STEP, weather=weather, seed=5, **start))[1]
+        wind_of(fly((0.0, 1.0), duration=STEP, dt=STEP, weather=BUMPY, seed=5, **start))[1]
         for start in ({}, {"chi": 1.0}, {"chi": -2.5}, {"gamma": 0.7}, {"phi": -0.5, "chi": 3.0})
     ]
 
@@ -215,9 +198,7 @@ def test_turbulence_has_the_same_axes_whatever_the_start(fly):
 
 
 def test_a_flight_in_turbulence_starts_from_trim(fly):
-    weather = Weather(turbulence=Turbulence(severity=6, wind_20ft=23.0))
-
-    flight = fly((0.0, 1.0), duration=1.0, dt=STEP, weather=weather)
+    flight = fly((0.0, 1.0), duration=1.0, dt=STEP, weather=BUMPY)
 
     assert flight["n_z"][0] == pytest.approx(1.0, abs=1e-5)
     assert wind_of(flight)[0] == pytest.approx(np.zeros(3))

@@ -20,15 +20,21 @@ def started(folder):
     return plant
 
 
+XML, TOML, GAINS = "aerosonde.xml", "aircraft.toml", "gains.json"
+
+
 @pytest.mark.parametrize(
     ("file", "pattern", "replacement", "message"),
     [
-        ("aerosonde.xml", "</metrics>", "</metric>", r"aerosonde\.xml: mismatched tag: line 17"),
-        ("aircraft.toml", '"aerosonde.xml"', '"albatross.xml"', r"albatross\.xml"),
-        ("aerosonde.xml", 'engine file="aerosonde_motor"', 'engine file="lost"', "lost"),
-        ("gains.json", "roll/k_p", "roll/k_P", "`ft/gains/roll/k_P`"),
-        ("gains.json", '"pitch/k_p": .*\n', "", r"gains\.json: `gains` .* `pitch/k_p`"),
-        ("aerosonde.xml", "<value> 0.023200", "<value> 1e308", r"aircraft\.toml: .* V_a 25 m/s"),
+        (TOML, "alpha_deg = ", "alfa_deg = ", r"\[envelope\] `alfa_deg` .*mean `alpha_deg`"),
+        (TOML, '"fcs/throttle-pos', '"fcs throttle', r"\.toml: \[engines\] `command` must match"),
+        (TOML, 'title  = "', 'title = "\n', r"copy/aircraft\.toml: the file must be valid TOML: "),
+        (XML, "</metrics>", "</metric>", r"aerosonde\.xml: mismatched tag: line 17"),
+        (TOML, '"aerosonde.xml"', '"albatross.xml"', r"albatross\.xml"),
+        (XML, 'engine file="aerosonde_motor"', 'engine file="lost"', "lost"),
+        (GAINS, "roll/k_p", "roll/k_P", "`ft/gains/roll/k_P`"),
+        (GAINS, '"pitch/k_p": .*\n', "", r"gains\.json: `gains` .* `pitch/k_p`"),
+        (XML, "<value> 0.023200", "<value> 1e308", r"aircraft\.toml: .* V_a 25 m/s"),
     ],
 )
 def test_a_file_that_cannot_be_flown_is_named_in_one_line(
@@ -36,7 +42,7 @@ def test_a_file_that_cannot_be_flown_is_named_in_one_line(
 ):
     folder = changed_aircraft(file, pattern, replacement)
 
-    with pytest.raises(ft.loop.PlantError, match=message) as error:
+    with pytest.raises((ft.loop.PlantError, ft.ScenarioError), match=message) as error:
         started(folder)
     assert "\n" not in str(error.value)
 
@@ -59,11 +65,8 @@ def test_command_that_is_no_number_stops_the_flight(channel, bad):
 
     stop = plant.advance(**{"phi_cmd": 0.0, "n_z_cmd": 1.0, "duration": 0.02} | {channel: bad})
 
-    assert stop is not None
     assert stop.status == "diverged"
-    assert re.fullmatch(
-        r"t = 1\.000 s: commands must be finite, got phi_cmd .* n_z_cmd .*\.", stop.reason
-    )
+    assert re.fullmatch(r"t = 1\.000 s: commands must be finite, got .*phi.* n_z.*\.", stop.reason)
     assert plant.observe() == before
     with pytest.raises(ft.loop.PlantError, match="its flight has ended"):
         plant.advance(0.0, 1.0, 0.02)
@@ -120,9 +123,8 @@ def test_a_state_that_is_no_number_and_jsbsim_giving_up_stop_the_flight(
     ],
 )
 def test_leaving_the_envelope_ends_the_flight(fly, changed_aircraft, key, interval, reason):
-    folder = changed_aircraft(
-        "aircraft.toml", rf"(?m)^{key}(\s*)= \[[^]]*\]", rf"{key}\1= {interval}"
-    )
+    pattern = rf"(?m)^{key}(\s*)= \[[^]]*\]"
+    folder = changed_aircraft("aircraft.toml", pattern, rf"{key}\1= {interval}")
 
     flight = fly((0.0, 1.8), aircraft=folder, duration=3.0)
 
@@ -137,18 +139,13 @@ def test_jsbsim_ending_the_run_is_an_error(changed_aircraft):
         "<gt> <property> simulation/sim-time-sec </property> <value> 0.5 </value> </gt>"
         "</function> </fcs_function>",
     )
-    plant = started(folder)
-
     with pytest.raises(ft.loop.PlantError, match=r"0\.5\d+ s: JSBSim ended"):
-        plant.advance(0.0, 1.0, 2.0)
+        started(folder).advance(0.0, 1.0, 2.0)
 
 
 def test_nothing_is_written_to_the_terminal(capfd, changed_aircraft):
-    broken = changed_aircraft(
-        "aerosonde.xml", 'engine file="aerosonde_motor"', 'engine file="lost"'
-    )
-    plant = started("aerosonde")
-    plant.advance(0.5, 1.5, 2.0)
+    broken = changed_aircraft("aerosonde.xml", 'file="aerosonde_motor"', 'file="lost"')
+    started("aerosonde").advance(0.5, 1.5, 2.0)
     thread = threading.Thread(target=started, args=("aerosonde",))
     thread.start()
     thread.join()
@@ -158,38 +155,16 @@ def test_nothing_is_written_to_the_terminal(capfd, changed_aircraft):
     assert capfd.readouterr() == ("", "")
 
 
-@pytest.mark.parametrize(
-    "content",
-    [
-        "",
-        '<output name="stray.csv" type="CSV" rate="50"> <rates> ON </rates> </output>',
-        '<input port="1137"/>',
-    ],
-)
-def test_an_aircraft_opens_no_files_and_sockets(changed_aircraft, tmp_path, monkeypatch, content):
-    folder = changed_aircraft("aerosonde.xml", "</fdm_config>", f"{content}</fdm_config>")
+def test_an_aircraft_opens_no_files_and_sockets(changed_aircraft, tmp_path, monkeypatch):
+    output = '<output name="stray.csv" type="CSV" rate="50"> <rates> ON </rates> </output>'
+    end = f'{output} <input port="1137"/> </fdm_config>'
+    folder = changed_aircraft("aerosonde.xml", "</fdm_config>", end)
     (tmp_path / "here").mkdir()
     monkeypatch.chdir(tmp_path / "here")
 
     started(folder).advance(0.0, 1.0, 0.5)
 
     assert list((tmp_path / "here").iterdir()) == []
-
-
-@pytest.mark.parametrize(
-    ("pattern", "replacement", "message"),
-    [
-        ("alpha_deg = ", "alfa_deg = ", r"\[envelope\] `alfa_deg` .*mean `alpha_deg`"),
-        ('"fcs/throttle-pos', '"fcs throttle', r"\[engines\] `command` must match pattern.*"),
-        ('title  = "', 'title = "\n', "the file must be valid TOML: "),
-    ],
-)
-def test_aircraft_file_errors_name_file_and_key(changed_aircraft, pattern, replacement, message):
-    folder = changed_aircraft("aircraft.toml", pattern, replacement)
-
-    with pytest.raises(ft.ScenarioError, match=rf"copy/aircraft\.toml: {message}") as error:
-        ft.loop.JSBSimPlant(folder)
-    assert "\n" not in str(error.value)
 
 
 @pytest.mark.parametrize(

@@ -48,9 +48,8 @@ def test_roll_mode_is_that_of_roll_damping(level):
 
     expected = q * S * b / J_x * -0.51 * b / (2.0 * V)
 
-    assert mode(level, "roll")["eigenvalue_per_s"][0] == pytest.approx(
-        expected, rel=ROLL_APPROXIMATION
-    )
+    roll = mode(level, "roll")["eigenvalue_per_s"][0]
+    assert roll == pytest.approx(expected, rel=ROLL_APPROXIMATION)
 
 
 def test_short_period_is_that_of_its_two_by_two_approximation(level):
@@ -58,19 +57,19 @@ def test_short_period_is_that_of_its_two_by_two_approximation(level):
 
     (expected, _) = np.linalg.eigvals(level[0][np.ix_(rows, rows)])
 
-    found = mode(level, "short period")
-    size = found["natural_frequency_rad_s"]
+    motion = mode(level, "short period")
+    size = motion["natural_frequency_rad_s"]
     assert size == pytest.approx(abs(expected), rel=SHORT_PERIOD_APPROXIMATION)
-    assert 0.3 < found["damping"] < 1.0
+    assert 0.3 < motion["damping"] < 1.0
 
 
 def test_phugoid_is_slow_and_hardly_damped(level):
     lanchester = math.sqrt(2.0) * 9.80665 / 25.0
 
-    found = mode(level, "phugoid")
+    motion = mode(level, "phugoid")
 
-    assert found["natural_frequency_rad_s"] == pytest.approx(lanchester, rel=0.25)
-    assert abs(found["damping"]) < 0.2
+    assert motion["natural_frequency_rad_s"] == pytest.approx(lanchester, rel=0.25)
+    assert abs(motion["damping"]) < 0.2
 
 
 def test_motions_without_oscillation_keep_their_place_and_pairs_have_one_name():
@@ -95,9 +94,8 @@ def test_own_differences_give_the_modes_that_jsbsim_finds(gamma):
     theirs = jsbsim.FGLinearization(fdm._exec)
     rows = [theirs.x_names.index(name) for name in JSBSIM_STATES]
     A = np.array(theirs.system_matrix)[np.ix_(rows, rows)]
-    assert np.sort_complex(np.linalg.eigvals(own_A)) == pytest.approx(
-        np.sort_complex(np.linalg.eigvals(A)), abs=SAME_MODE
-    )
+    own, other = (np.sort_complex(np.linalg.eigvals(matrix)) for matrix in (own_A, A))
+    assert own == pytest.approx(other, abs=SAME_MODE)
     assert own_B[STATES.index("p"), CONTROLS.index("aileron")] > 0.0
     assert own_B[STATES.index("q"), CONTROLS.index("elevator")] < 0.0
 

@@ -37,25 +37,19 @@ def test_what_is_not_as_the_file_says_is_named(
 ):
     folder = changed_aircraft("aircraft.toml", pattern, replacement, aircraft=name)
 
+    start = ft.loop.FlightCondition(V_a=150.0 if name == "a4" else 50.0)
     with pytest.raises(ft.loop.PlantError, match=message) as error:
-        ft.loop.JSBSimPlant(folder).start(
-            ft.loop.FlightCondition(V_a=150.0 if name == "a4" else 50.0)
-        )
+        ft.loop.JSBSimPlant(folder).start(start)
     assert "\n" not in str(error.value)
 
 
-def test_gains_of_another_model_are_refused(changed_aircraft):
+def test_gains_of_another_model_are_refused_and_none_say_what_writes_them(changed_aircraft):
     folder = changed_aircraft("aircraft.toml", "title", "title", aircraft="a4")
-    file = folder / "aircraft.toml"
+    file, start = folder / "aircraft.toml", ft.loop.FlightCondition(V_a=200.0)
     file.write_text(file.read_text().replace('"A4"', '"T38"'))
 
     with pytest.raises(ft.loop.PlantError, match=r"gains\.json: must be made"):
-        ft.loop.JSBSimPlant(folder).start(ft.loop.FlightCondition(V_a=200.0))
-
-
-def test_an_aircraft_without_gains_says_what_writes_them(changed_aircraft):
-    folder = changed_aircraft("aircraft.toml", "title", "title", aircraft="a4")
+        ft.loop.JSBSimPlant(folder).start(start)
     (folder / "gains.json").unlink()
-
     with pytest.raises(ft.loop.PlantError, match=r"gains\.json: .*`flighttune design`"):
-        ft.loop.JSBSimPlant(folder).start(ft.loop.FlightCondition(V_a=200.0))
+        ft.loop.JSBSimPlant(folder).start(start)

@@ -15,15 +15,14 @@ from published_aerosonde import accelerations, evaluated, measured
 import flighttune as ft
 from flighttune.aircraft.aircraft import OffNominal, load_aircraft
 from flighttune.plants.jsbsim.fdm import Fdm
-from flighttune.plants.jsbsim.trim import trim
-from flighttune.units import FT, G_0, SLUG
+from flighttune.units import FT, SLUG
 
 DEG = math.pi / 180.0
 ONE_PER_MILLE = 1e-3
 READ_BACK = 1e-9  # relative
 LAG = 1.0 / 25.0  # s, of the surface actuators
 
-SURFACES = ("aileron", "elevator", "rudder")
+SURFACES, STILL = ("aileron", "elevator", "rudder"), (0.0, 0.0, 0.0)
 
 ALONE = [
     {},
@@ -80,33 +79,10 @@ def test_accelerations_are_those_of_the_published_coefficients_with_the_factors(
     body = np.array(force) / (fdm.reader("inertia/mass-slugs")() * SLUG)
     assert list(body) == pytest.approx(list(expected), rel=ONE_PER_MILLE, abs=0.01)
     assert angular == pytest.approx(list(expected_angular), rel=ONE_PER_MILLE, abs=0.01)
-    assert list(expected) + list(expected_angular) != pytest.approx(
+    changed = [*expected, *expected_angular] != pytest.approx(
         [float(x) for part in accelerations(*state) for x in part], rel=5e-3
-    ) or off in ({}, {"coefficients": (("CD_de", 1.5),)}, {"coefficients": (("Cl_dr", 1.5),)})
-
-
-@pytest.mark.parametrize(
-    "off",
-    [{}, {"mass": 1.2}, {"cg_shift": (0.02, 0.0, 0.03)}, {"drag": 1.3}, {"lift": 1.1}, ALL],
-    ids=str,
-)
-@pytest.mark.parametrize("gamma", [0.0, 40 * DEG])
-def test_trim_balances_weight_in_the_published_coefficients_with_the_factors(off, gamma):
-    fdm, nominal = aircraft("aerosonde", **off), aircraft("aerosonde")
-
-    point, usual = (
-        trim(one, ft.loop.FlightCondition(V_a=25.0, gamma=gamma)) for one in (fdm, nominal)
     )
-
-    surfaces = point.aileron, point.elevator, point.rudder
-    body, angular = accelerations(
-        25.0, point.alpha, point.beta, (0.0, 0.0, 0.0), surfaces, point.throttle, off_nominal(**off)
-    )
-    weight = G_0 * np.array([-math.sin(point.theta), 0.0, math.cos(point.theta)])
-    assert body + weight == pytest.approx(0.0, abs=0.02)
-    assert angular == pytest.approx(0.0, abs=0.03)
-    changed = np.abs([getattr(point, n) - getattr(usual, n) for n in ("alpha", "throttle")])
-    assert changed.max() > 2e-4 or off == {}
+    assert changed or off == {} or off.get("coefficients", [("",)])[0][0] in ("CD_de", "Cl_dr")
 
 
 @pytest.mark.parametrize(("name", "scale"), [("aerosonde", 0.0), ("c172p", 1.0), ("a4", 1.0)])
@@ -156,8 +132,7 @@ def test_aircraft_of_jsbsim_get_more_of_every_function_of_an_axis(key, total, pr
 def test_thrust_at_a_throttle_is_scaled_for_every_kind_of_engine(name, V_a):
     thrust = []
     for factor in (1.0, 1.2):
-        fdm = aircraft(name, thrust=factor)
-        evaluated(fdm, V_a, 0.02, 0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.6)
+        fdm = evaluated(aircraft(name, thrust=factor), V_a, 0.02, 0.0, STILL, STILL, 0.6)
         fdm.settle_engine()
         fdm.evaluate()
         thrust.append(fdm.reader("propulsion/engine[0]/thrust-lbs")())
@@ -169,8 +144,7 @@ def test_thrust_at_a_throttle_is_scaled_for_every_kind_of_engine(name, V_a):
 @pytest.mark.parametrize(("name", "V_a"), [("aerosonde", 25.0), ("c172p", 50.0), ("a4", 200.0)])
 @pytest.mark.parametrize("factor", [1.0, 2.0])
 def test_surfaces_follow_a_step_with_the_lag_times_the_factor(name, V_a, factor):
-    fdm = aircraft(name, actuator_lag=factor)
-    evaluated(fdm, V_a, 0.02, 0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.5)
+    fdm = evaluated(aircraft(name, actuator_lag=factor), V_a, 0.02, 0.0, STILL, STILL, 0.5)
     watched = SURFACES[: 2 if name == "a4" else 3]  # its yaw damper moves the rudder as well
     for surface in watched:
         fdm.writer(f"ft/{surface}-trim-rad")(0.01)
@@ -181,9 +155,8 @@ def test_surfaces_follow_a_step_with_the_lag_times_the_factor(name, V_a, factor)
         fdm.run()
 
     moved = [(read() - before) / 0.01 for read, before in zip(position, begun, strict=True)]
-    reached = 1.0 - math.exp(
-        -(0.05 - 0.5 / 200.0) / (factor * LAG)
-    )  # trapezoidal rule: half a step
+    since = 0.05 - 0.5 / 200.0  # trapezoidal rule: half a step
+    reached = 1.0 - math.exp(-since / (factor * LAG))
     assert moved == pytest.approx([reached] * len(moved), abs=ONE_PER_MILLE)
 
 
@@ -210,19 +183,12 @@ def digest(folder):
 def test_shipped_files_stay_as_they_are_and_nothing_is_left_behind(tmp_path, monkeypatch):
     monkeypatch.setenv("TMPDIR", str(tmp_path))
     monkeypatch.setattr(tempfile, "tempdir", None)
-    root = Path(jsbsim.get_default_root_dir())
-    shipped = [
-        SHIPPED_AIRCRAFT / "aerosonde",
-        SHIPPED_AIRCRAFT / "c172p",
-        root / "aircraft" / "c172p",
-    ]
+    ours = [SHIPPED_AIRCRAFT / name for name in ("aerosonde", "c172p")]
+    shipped = [*ours, Path(jsbsim.get_default_root_dir()) / "aircraft" / "c172p"]
     before = [digest(folder) for folder in shipped]
 
-    evaluated(aircraft("aerosonde", **ALL), 25.0, 0.05, 0.0, (0, 0, 0), (0, 0, 0), 0.3)
-    evaluated(
-        aircraft("c172p", mass=1.1, lift=0.9, thrust=0.9, actuator_lag=1.5),
-        50.0, 0.02, 0.0, (0, 0, 0), (0, 0, 0), 0.5,
-    )  # fmt: skip
+    aircraft("aerosonde", **ALL)
+    aircraft("c172p", mass=1.1, lift=0.9, thrust=0.9, actuator_lag=1.5)
 
     assert [digest(folder) for folder in shipped] == before
     assert list(tmp_path.iterdir()) == []
@@ -269,8 +235,8 @@ def test_what_an_aircraft_lacks_is_refused(changed_aircraft, file, pattern, text
 
 def test_an_engine_of_another_kind_cannot_be_scaled(changed_aircraft):
     for pattern in ("<electric_engine", "</electric_engine"):
-        text = pattern.replace("electric", "rocket")
-        folder = changed_aircraft("Engines/aerosonde_motor.xml", pattern, text)
+        rocket = pattern.replace("electric", "rocket")
+        folder = changed_aircraft("Engines/aerosonde_motor.xml", pattern, rocket)
 
     with pytest.raises(ft.InputError, match=r"`thrust_factor` .* <rocket_engine>"):
         ft.loop.JSBSimPlant(folder, off_nominal=off_nominal(thrust=0.9))

@@ -52,9 +52,8 @@ def test_rolls_30_deg_fast_and_well_damped(fly, holding_gamma, V_a, gamma_deg, h
 def test_changes_load_factor_by_half_fast_and_well_damped(fly, V_a, gamma_deg, step):
     n_0 = math.cos(gamma_deg * DEG)
 
-    flight = fly(
-        (0.0, n_0 + step), V_a=V_a, gamma=gamma_deg * DEG, duration=1.5, dt=FINE
-    )  # until the pull-up has turned the path away from the start
+    # Until the pull-up has turned the path away from the start.
+    flight = fly((0.0, n_0 + step), V_a=V_a, gamma=gamma_deg * DEG, duration=1.5, dt=FINE)
 
     assert time_to_90_percent(flight.t, flight["n_z"], n_0, n_0 + step) <= LOAD_T90
     assert overshoot(flight["n_z"], n_0, n_0 + step) <= LOAD_OVERSHOOT
@@ -82,9 +81,8 @@ def test_inner_loop_stays_stable_with_other_surface_effectiveness(
     fly, holding_gamma, changed_aircraft, share
 ):
     # The surface gains are proportional to the square of the design airspeed.
-    folder = changed_aircraft(
-        "gains.json", r'(V_a-design-mps": )25\.0', rf"\g<1>{25.0 * math.sqrt(share)}"
-    )
+    speed = rf"\g<1>{25.0 * math.sqrt(share)}"
+    folder = changed_aircraft("gains.json", r'(V_a-design-mps": )25\.0', speed)
 
     flight = fly(holding_gamma(30.0 * DEG), aircraft=folder, duration=8.0)
 
@@ -107,9 +105,10 @@ def test_pitch_integrator_does_not_wind_up_at_the_elevator_stop(fly, changed_air
         "elevator = { travel_deg = [-2.29183, 2.29183]",
     )
 
-    flight = fly(
-        lambda now: (0.0, 1.8 if now["theta"] < 25.0 * DEG else 1.0), aircraft=folder, duration=5.0
-    )
+    def pull_up(now):
+        return 0.0, 1.8 if now["theta"] < 25.0 * DEG else 1.0
+
+    flight = fly(pull_up, aircraft=folder, duration=5.0)
 
     at_stop = np.flatnonzero(flight["elevator"] <= -0.0399)
     assert len(at_stop) > 50

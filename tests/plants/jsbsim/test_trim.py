@@ -47,11 +47,8 @@ def test_trim_error_says_what_stands_against_it(condition, obstacle):
 
 
 def test_trim_error_names_the_elevator_at_its_stop(changed_aircraft):
-    folder = changed_aircraft(
-        "aircraft.toml",
-        r"elevator = { travel_deg = \[-25.0, 25.0\]",
-        "elevator = { travel_deg = [-25.0, 1.0]",
-    )
+    travel = r"(elevator = { travel_deg = \[-25.0), 25.0"
+    folder = changed_aircraft("aircraft.toml", travel, r"\1, 1.0")
 
     with pytest.raises(ft.loop.PlantError, match="elevator is at its stop"):
         ft.loop.JSBSimPlant(folder).start(ft.loop.FlightCondition(V_a=25.0))
@@ -149,11 +146,8 @@ def test_a_thrust_that_depends_on_the_throttles_before_it_is_said_so(tmp_path):
 
     (row,) = trim_table(load_aircraft(folder), V_a=[25.0], gamma=[0.0])
 
-    assert re.fullmatch(
-        r"its thrust depends on its history, at the throttle 0\.9\d+ it is 1 weights larger "
-        "where that is closed slowly from full",
-        row["reason"],
-    )
+    reason = r"its thrust depends on its history, at the throttle 0\.9\d+ it is 1 weights larger .*"
+    assert re.fullmatch(reason, row["reason"])
 
 
 def test_a_flight_starts_alike_whether_its_trim_is_searched_or_remembered(changed_aircraft):
@@ -173,10 +167,8 @@ LAG = """<system name="yoke"><channel name="yoke"><lag_filter name="a/yoke">
 
 
 def test_filters_of_the_flight_control_are_at_rest_on_the_bench(changed_aircraft):
-    pattern = (
-        r"(?s)(<function name=.aero/moment/roll.*?)fcs/left-aileron-pos-rad(.*)(</fdm_config>)"
-    )
-    folder = changed_aircraft("aerosonde.xml", pattern, rf"\1a/yoke\2{LAG}\3")
+    read = r"(?s)(<function name=.aero/moment/roll.*?)fcs/left-aileron-pos-rad(.*)(</fdm_config>)"
+    folder = changed_aircraft("aerosonde.xml", read, rf"\1a/yoke\2{LAG}\3")
     fdm = Fdm(load_aircraft(folder))
     bench, yoke = Bench(fdm, 1000.0), fdm.reader("a/yoke")
 

@@ -35,10 +35,8 @@ def test_a_level_turn_turns_at_g_tan_phi_over_V(fly, holding_gamma, name, V_a):
 
 def test_the_shift_of_the_aerodynamic_reference_point_acts(changed_aircraft):
     """JSBSim drops it where a planet is loaded after the model."""
-    share = 0.5
-    shift = (
-        f"<aero_ref_pt_shift_x><function><value>{share}</value></function></aero_ref_pt_shift_x>"
-    )
+    share, tag = 0.5, "aero_ref_pt_shift_x"
+    shift = f"<{tag}><function><value>{share}</value></function></{tag}>"
     folder = changed_aircraft("aerosonde.xml", "<aerodynamics>", f"<aerodynamics>{shift}")
     moments = []
     for aircraft in ("aerosonde", folder):
