@@ -5,15 +5,15 @@ are those seen from above.
 """
 
 import math
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import accumulate, pairwise
 from typing import Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
-from flighttune.arrays import FloatArray, Floats, check_not_negative, check_positive
+from flighttune.arrays import FloatArray, Floats
 from flighttune.errors import InputError
 from flighttune.references.turns import (
     NO_LENGTH,
@@ -24,8 +24,9 @@ from flighttune.references.turns import (
     bent,
     centre,
     curved,
-    turn_arounds,
+    farthest,
     turned,
+    ways,
 )
 from flighttune.units import DEG
 
@@ -109,12 +110,7 @@ class Ability:
     widen: bool = False  # whether circles that are too small are flown at the smallest radius
     # m: how far a turn-around may go from the leg that it replaces; 0 for none
     turnaround: float = 0.0
-    # s: longest time of a flight, on which the path does not depend
-    duration: float = field(default=math.inf, compare=False)
-
-    def __post_init__(self) -> None:
-        check_positive(V_a=self.V_a, phi=self.phi, phi_rate=self.phi_rate, g=self.g)
-        check_not_negative(wind=self.wind)
+    duration: float = math.inf  # s: longest time of a flight
 
     @property
     def speed(self) -> float:
@@ -179,19 +175,15 @@ class Path:
         """Distances every `apart` m along the route, and its end, m."""
         return np.append(np.arange(0.0, self.length, apart), self.length)
 
+    def at(self, s: FloatArray) -> tuple[FloatArray, ...]:
+        """North, east and height (m), and course (rad), at distances along the route."""
+        return tuple(np.interp(s, self.s, x) for x in (self.north, self.east, self.up, self.course))
+
     def beside(self, s: FloatArray, right: Floats = 0.0, below: Floats = 0.0) -> FloatArray:
         """North, east and up of points beside the path at distances along it, shape (n, 3), m."""
-        table = self.north, self.east, self.up, self.course
-        north, east, up, course = (np.interp(s, self.s, values) for values in table)
+        north, east, up, course = self.at(s)
         aside = -right * np.sin(course), right * np.cos(course)
         return np.column_stack([north + aside[0], east + aside[1], up - below])
-
-
-class _Turn(NamedTuple):
-    """A corner, or the circles around a waypoint."""
-
-    pieces: Pieces = ()
-    reach: float = 0.0  # distance from its beginning to the foot of the waypoint on the leg, m
 
 
 class _Laid(NamedTuple):
@@ -201,6 +193,16 @@ class _Laid(NamedTuple):
     waypoint: int
     pieces: Pieces
     aside: float = 0.0
+
+    @property
+    def length(self) -> float:
+        """Distance flown, m."""
+        return sum(piece.length for piece in self.pieces)
+
+    @property
+    def tightest(self) -> float:
+        """Largest curvature, 1/m."""
+        return max(abs(k) for piece in self.pieces for k in piece[1:])
 
 
 class _NoRoomError(InputError):
@@ -225,196 +227,184 @@ def plan(waypoints: Sequence[Waypoint], ability: Ability) -> Path:
         raise InputError(f"`waypoints` must be at least 2, got {len(waypoints)}.")
     if waypoints[0].turns:
         raise InputError("`turns` must be absent at the first waypoint, where the flight starts.")
+    least = 1.0 / ability.curvature if ability.widen else -math.inf
     waypoints = [
-        point if point.name else replace(point, name=f"waypoint {number}")
+        replace(
+            point,
+            name=point.name or f"waypoint {number}",
+            radius=point.radius and max(point.radius, least),
+        )
         for number, point in enumerate(waypoints, start=1)
     ]
-    if ability.widen:
-        least = 1.0 / ability.curvature
-        waypoints = [
-            replace(point, radius=max(point.radius, least)) if point.radius else point
-            for point in waypoints
-        ]
     try:
-        stretches = _lay(waypoints, ability)
+        layout = _laid_out(waypoints, ability)
     except _NoRoomError as error:
         raise InputError(f"{error}{_ways_out(waypoints, ability)}.") from None
-    ends = [*accumulate(sum(piece.length for piece in laid.pieces) for laid in stretches)]
+    ends = [*accumulate(stretch.length for stretch in layout.laid)]
     if ends[-1] < STEP:
         raise InputError(f"`waypoints` must be {STEP:g} m apart or more, got {ends[-1]:.2g} m.")
-    names = (waypoints[laid.waypoint - 1].name for laid in stretches)
-    check_length(zip(names, ends, strict=True), ability)
-    return _path(stretches, waypoints, _courses(waypoints, ability, set())[0], ability)
-
-
-def _lay(waypoints: Sequence[Waypoint], ability: Ability) -> list[_Laid]:
-    """The stretches of a path, with turn-arounds in place of legs that are too short."""
-    around: set[int] = set()
-    laid, lengths, corners = _stretches(waypoints, around, ability)
-    while short := [i for i, x in enumerate(lengths) if x < -NO_LENGTH]:
-        i = short[0]
-        if not ability.turnaround:
-            raise _NoRoomError(
-                f"`waypoints`: the leg to {waypoints[i + 1].name} must be {-lengths[i]:.0f} m "
-                f"longer for the turns at its ends, at {ability.speed:g} m/s and "
-                f"{ability.phi / DEG:.0f} deg of roll"
-            )
-        i = min(short, key=lengths.__getitem__)
-        # A turn-around in place of a leg beyond a corner gives room too, and is often shorter.
-        legs = [i, *[i - 1] * (i in corners), *[i + 1] * (i + 1 in corners)]
-        tried = [{*around, leg} for leg in legs]
-        ways = [(legs, *_stretches(waypoints, legs, ability)) for legs in tried]
-        around, laid, lengths, corners = min(ways, key=lambda way: _cost(*way[1:3], ability))
-    if wrong := [x for x in laid if x.aside > ability.turnaround]:
-        raise _NoRoomError(
-            f"`waypoints`: the turn-around to {waypoints[wrong[0].waypoint - 1].name} must go "
-            f"{wrong[0].aside:.0f} m from its leg at {ability.speed:g} m/s and "
-            f"{ability.phi / DEG:.0f} deg of roll, where `turnaround_m` is {ability.turnaround:g}"
-        )
-    return laid
-
-
-def _cost(laid: Sequence[_Laid], lengths: Sequence[float], ability: Ability) -> float:
-    """Length of stretches, m, with a circle for each leg that is still too short."""
-    flown = sum(piece.length for stretch in laid for piece in stretch.pieces)
-    beyond = sum(max(stretch.aside - ability.turnaround, 0.0) for stretch in laid)
-    left = sum(x < -NO_LENGTH for x in lengths)
-    return flown + (left + (beyond > 0.0) * len(lengths)) * math.tau / ability.curvature
-
-
-def _stretches(
-    waypoints: Sequence[Waypoint], around: set[int], ability: Ability
-) -> tuple[list[_Laid], list[float], set[int]]:
-    """Stretches with turn-arounds in place of some legs, and what turns leave of the others, m.
-
-    Also the positions of the waypoints with corners, which the legs before and after them share.
-    """
-    courses = _courses(waypoints, ability, around)
-    turns = _turns(waypoints, courses, around, ability)
-    lengths = _straights(waypoints, courses, turns)
-    laid: list[_Laid] = []
-    for i, after in enumerate(turns[1:]):
-        number, straight = i + 2, Piece(max(lengths[i], 0.0), 0.0, 0.0)
-        start = _pose(waypoints[i], courses, i, around, ability, out=True)
-        if i in around:
-            end = _pose(waypoints[i + 1], courses, i + 1, around, ability, out=False)
-            laid.append(_around(number, start, end, ability))
-            lengths[i] = 0.0
-        else:
-            if _over(waypoints, courses, i, around):
-                laid.append(_around(i + 1, start, start._replace(course=courses[i]), ability))
-            laid.append(_Laid("leg", number, (straight,)))
-        if after.pieces:
-            laid.append(_Laid("loiter" if waypoints[i + 1].turns else "turn", number, after.pieces))
-    corners = {i for i, turn in enumerate(turns) if turn.pieces and not waypoints[i].turns}
-    return laid, lengths, corners
-
-
-def check_length(ends: Iterable[tuple[str, float]], ability: Ability) -> None:
-    """Refuse stretches, given by waypoint and end (m), that no flight reaches in its time."""
     longest = ability.duration * ability.speed
-    for name, end in ends:
+    for stretch, end in zip(layout.laid, ends, strict=True):
         if end > longest:
             raise InputError(
-                f"`waypoints`: {name} must be reached within `duration_s`, "
-                f"{ability.duration:g} s, which is {longest:.0f} m at {ability.speed:.3g} m/s "
-                f"(airspeed and wind), got {end:.0f} m along the route."
+                f"`waypoints`: {waypoints[stretch.waypoint - 1].name} must be reached within "
+                f"`duration_s`, {ability.duration:g} s, which is {longest:.0f} m at "
+                f"{ability.speed:.3g} m/s (airspeed and wind), got {end:.0f} m along the route."
             )
+    return _path(layout)
 
 
-def _courses(waypoints: Sequence[Waypoint], ability: Ability, around: set[int]) -> list[float]:
-    """Course of the leg after each waypoint but the last, rad; of a turn-around at its ends."""
-    courses: list[float] = []
-    asides = [_beside(point, ability)[1] if point.turns else 0.0 for point in waypoints]
-    for i, (start, end) in enumerate(pairwise(waypoints)):
-        north, east = end.north - start.north, end.east - start.east
-        aside = asides[i + 1] - asides[i]
-        if (apart := math.hypot(north, east)) <= max(abs(aside), NO_LENGTH):
-            if not ability.turnaround or (apart <= NO_LENGTH and not aside):
-                raise InputError(
-                    f"`waypoints`: {end.name} must be more than {abs(aside):.0f} m from "
-                    f"{start.name}, got {apart:.1f} m."
-                )
-            around.add(i)
-        if i in around:
-            straight = courses[-1] if apart <= NO_LENGTH and courses else math.atan2(east, north)
-            courses.append(straight)
-        else:
-            courses.append(math.atan2(east, north) - math.asin(aside / apart))
-    return courses
+class _Layout:
+    """Stretches through waypoints, with turn-arounds in place of the legs `around`.
 
+    `courses` (rad) are those of the legs, and `lengths` (m) what the turns at their ends leave of
+    them, negative where they have no room. `corners` are the waypoints whose turn the legs before
+    and after them share.
+    """
 
-def _turns(
-    waypoints: Sequence[Waypoint], courses: Sequence[float], around: set[int], ability: Ability
-) -> list[_Turn]:
-    """The flight at each waypoint: circles, a corner, or nothing beside a turn-around."""
-    turns = [_Turn()]
-    for i, (into, out) in enumerate(pairwise([*courses, courses[-1]]), start=1):
-        point = waypoints[i]
-        if point.turns:
-            turns.append(_circles(point, out - into, waypoints[i - 1], ability))
-        elif {i - 1, i} & around or _over(waypoints, courses, i, around):
-            if not ability.turnaround:
+    def __init__(
+        self, waypoints: Sequence[Waypoint], ability: Ability, around: Iterable[int] = ()
+    ) -> None:
+        self.waypoints, self.ability, self.around = waypoints, ability, {*around}
+        self.courses = self._courses()
+        turns, reaches = zip(*self._turns(), strict=True)
+        self.corners = {i for i, x in enumerate(turns) if x and not waypoints[i].turns}
+        self.lengths: list[float] = []
+        for i, (start, end) in enumerate(pairwise(waypoints)):
+            north, east, course = end.north - start.north, end.east - start.east, self.courses[i]
+            along = north * math.cos(course) + east * math.sin(course)
+            self.lengths.append(along - reaches[i] - reaches[i + 1])
+        self.laid: list[_Laid] = []
+        for i, turn in enumerate(turns[1:]):
+            number, start = i + 2, self._pose(i, out=True)
+            if i in self.around:
+                self.laid.append(_around(number, start, self._pose(i + 1, out=False), ability))
+                self.lengths[i] = 0.0
+            else:
+                if self._is_over(i):
+                    end = start._replace(course=self.courses[i])
+                    self.laid.append(_around(i + 1, start, end, ability))
+                straight = Piece(max(self.lengths[i], 0.0), 0.0, 0.0)
+                self.laid.append(_Laid("leg", number, (straight,)))
+            if turn:
+                kind = "loiter" if waypoints[i + 1].turns else "turn"
+                self.laid.append(_Laid(kind, number, turn))
+
+    @property
+    def short(self) -> list[int]:
+        """Legs that are too short for the turns at their ends."""
+        return [i for i, length in enumerate(self.lengths) if length < -NO_LENGTH]
+
+    @property
+    def cost(self) -> float:
+        """Length of the stretches, m, with a circle for each leg that is still too short."""
+        flown = sum(piece.length for stretch in self.laid for piece in stretch.pieces)
+        beyond = any(stretch.aside > self.ability.turnaround for stretch in self.laid)
+        circles = len(self.short) + beyond * len(self.lengths)
+        return flown + circles * math.tau / self.ability.curvature
+
+    def _courses(self) -> list[float]:
+        """Course of the leg after each waypoint but the last; of a turn-around at its ends."""
+        courses: list[float] = []
+        asides = [_beside(x, self.ability)[1] if x.turns else 0.0 for x in self.waypoints]
+        for i, (start, end) in enumerate(pairwise(self.waypoints)):
+            north, east = end.north - start.north, end.east - start.east
+            aside = asides[i + 1] - asides[i]
+            if (apart := math.hypot(north, east)) <= max(abs(aside), NO_LENGTH):
+                if not self.ability.turnaround or (apart <= NO_LENGTH and not aside):
+                    raise InputError(
+                        f"`waypoints`: {end.name} must be more than {abs(aside):.0f} m from "
+                        f"{start.name}, got {apart:.1f} m."
+                    )
+                self.around.add(i)
+            bearing = math.atan2(east, north)
+            if i not in self.around:
+                courses.append(bearing - math.asin(aside / apart))
+            else:
+                courses.append(courses[-1] if apart <= NO_LENGTH and courses else bearing)
+        return courses
+
+    def _turns(self) -> Iterator[tuple[Pieces, float]]:
+        """What is flown at each waypoint: circles, a corner, or nothing beside a turn-around.
+
+        With it comes the distance from its beginning to the foot of the waypoint on the leg, m.
+        """
+        yield (), 0.0
+        for i, (into, out) in enumerate(pairwise([*self.courses, self.courses[-1]]), start=1):
+            point = self.waypoints[i]
+            if point.turns:
+                yield _circles(point, out - into, self.waypoints[i - 1], self.ability)
+            elif not ({i - 1, i} & self.around or self._is_over(i)):
+                yield _corner(out - into, self.ability)
+            elif self.ability.turnaround:
+                yield (), 0.0
+            else:
                 raise _NoRoomError(
                     f"`waypoints`: the course must change by at most {SHARPEST / DEG:.0f} deg at "
                     f"{point.name}, got "
                     f"{abs(math.remainder(out - into, math.tau)) / DEG:.1f} deg; two waypoints "
                     "make two corners of it"
                 )
-            turns.append(_Turn())
-        else:
-            turns.append(_corner(out - into, ability))
-    return turns
 
+    def _is_over(self, i: int) -> bool:
+        """Whether the corner at a waypoint between two legs is too sharp to pass inside of it."""
+        if self.waypoints[i].turns or {i - 1, i} & self.around or not 0 < i < len(self.courses):
+            return False
+        return abs(math.remainder(self.courses[i] - self.courses[i - 1], math.tau)) > SHARPEST
 
-def _over(
-    waypoints: Sequence[Waypoint], courses: Sequence[float], i: int, around: set[int]
-) -> bool:
-    """Whether the corner at a waypoint between two legs is too sharp to pass inside of it."""
-    if waypoints[i].turns or {i - 1, i} & around or not 0 < i < len(courses):
-        return False
-    return abs(math.remainder(courses[i] - courses[i - 1], math.tau)) > SHARPEST
-
-
-def _straights(
-    waypoints: Sequence[Waypoint], courses: Sequence[float], turns: Sequence[_Turn]
-) -> list[float]:
-    """The length of each leg that its turns leave, m."""
-    legs = zip(pairwise(waypoints), courses, pairwise(turns), strict=True)
-    return [_along(*ends, chi) - before.reach - after.reach for ends, chi, (before, after) in legs]
-
-
-def _pose(
-    point: Waypoint,
-    courses: Sequence[float],
-    i: int,
-    around: set[int],
-    ability: Ability,
-    *,
-    out: bool,
-) -> Pose:
-    """Where a turn-around begins or ends at a waypoint: on the course of a leg beside it."""
-    before, after = courses[max(i - 1, 0)], courses[min(i, len(courses) - 1)]
-    if not point.turns:
-        if i - 1 not in around and 0 < i:
+    def _pose(self, i: int, *, out: bool) -> Pose:
+        """Where a turn-around begins or ends at a waypoint: on the course of a leg beside it."""
+        point, last = self.waypoints[i], len(self.courses) - 1
+        before, after = self.courses[max(i - 1, 0)], self.courses[min(i, last)]
+        if point.turns:
+            ahead, right = _beside(point, self.ability)
+            course, ahead = (after, -ahead) if out else (before, ahead)
+            return Pose(*Pose(point.north, point.east, course).beside(-ahead, -right), course)
+        if 0 < i and i - 1 not in self.around:
             course = before
-        elif i not in around and i < len(courses):
+        elif i <= last and i not in self.around:
             course = after
         else:  # between two turn-arounds half way from one leg's course to the other's
             course = before + 0.5 * math.remainder(after - before, math.tau)
         return Pose(point.north, point.east, course)
-    ahead, right = _beside(point, ability)
-    course, ahead = (after, -ahead) if out else (before, ahead)
-    return Pose(*Pose(point.north, point.east, course).beside(-ahead, -right), course)
+
+
+def _laid_out(waypoints: Sequence[Waypoint], ability: Ability) -> _Layout:
+    """The stretches of a path, with turn-arounds in place of legs that are too short."""
+    layout = _Layout(waypoints, ability)
+    while short := layout.short:
+        if not ability.turnaround:
+            i = short[0]
+            raise _NoRoomError(
+                f"`waypoints`: the leg to {waypoints[i + 1].name} must be "
+                f"{-layout.lengths[i]:.0f} m longer for the turns at its ends, at "
+                f"{ability.speed:g} m/s and {ability.phi / DEG:.0f} deg of roll"
+            )
+        i = min(short, key=layout.lengths.__getitem__)
+        # A turn-around in place of a leg beyond a corner gives room too, and is often shorter.
+        legs = [i, *[i - 1] * (i in layout.corners), *[i + 1] * (i + 1 in layout.corners)]
+        others = (_Layout(waypoints, ability, {*layout.around, leg}) for leg in legs)
+        layout = min(others, key=lambda other: other.cost)
+    for stretch in layout.laid:
+        if stretch.aside > ability.turnaround:
+            raise _NoRoomError(
+                f"`waypoints`: the turn-around to {waypoints[stretch.waypoint - 1].name} must go "
+                f"{stretch.aside:.0f} m from its leg at {ability.speed:g} m/s and "
+                f"{ability.phi / DEG:.0f} deg of roll, where `turnaround_m` is "
+                f"{ability.turnaround:g}"
+            )
+    return layout
 
 
 @lru_cache(maxsize=4096)  # each is tried beside others
 def _around(number: int, start: Pose, end: Pose, ability: Ability) -> _Laid:
     """The shortest turn-around within its room, or else the one that takes the least room."""
     curvatures = [share * ability.curvature for share in SHARES]
-    ways = turn_arounds(start, end, [(k, ability.rolling(k)) for k in curvatures])
-    inside = (way for way in ways if way[0] <= ability.turnaround)
-    aside, pieces = next(inside, None) or min(ways)
+    tried = [x for k in curvatures for x in ways(start, end, k, ability.rolling(k))]
+    tried.sort(key=lambda pieces: sum(piece.length for piece in pieces))
+    asides = [(farthest(pieces, start, end), pieces) for pieces in tried]
+    inside = (way for way in asides if way[0] <= ability.turnaround)
+    aside, pieces = next(inside, None) or min(asides)
     return _Laid("turn-around", number, pieces, aside)
 
 
@@ -423,7 +413,7 @@ def _ways_out(waypoints: Sequence[Waypoint], ability: Ability) -> str:
 
     def fits(**changed: float) -> bool:
         try:
-            _lay(waypoints, replace(ability, **changed))
+            _laid_out(waypoints, replace(ability, **changed))
         except InputError:
             return False
         return True
@@ -437,11 +427,11 @@ def _ways_out(waypoints: Sequence[Waypoint], ability: Ability) -> str:
         return low
 
     speed = largest("V_a", SLOWEST * ability.V_a, ability.V_a)
-    room = max(laid.aside for laid in _lay(waypoints, replace(ability, turnaround=math.inf)))
+    around = _laid_out(waypoints, replace(ability, turnaround=math.inf)).laid
     wind = largest("wind", 0.0, ability.wind) if ability.wind else None
     changes = {
         "`V_a_mps` of {:.1f}": speed and math.floor(10.0 * speed) / 10.0,
-        "`turnaround_m` of {:.0f}": math.ceil(room),
+        "`turnaround_m` of {:.0f}": math.ceil(max(stretch.aside for stretch in around)),
         "`wind_mps` of {:.1f}": wind and math.floor(10.0 * wind) / 10.0,
     }
     return "; it is flown with " + " or ".join(
@@ -449,87 +439,75 @@ def _ways_out(waypoints: Sequence[Waypoint], ability: Ability) -> str:
     )
 
 
-def _along(start: Waypoint, end: Waypoint, course: float) -> float:
-    """Distance from one waypoint to another along a course, m."""
-    north, east = end.north - start.north, end.east - start.east
-    return north * math.cos(course) + east * math.sin(course)
-
-
-def _beside(point: Waypoint, ability: Ability) -> tuple[float, float]:
-    """Where the centre of circles lies from the beginning of the roll-in, m: ahead and right."""
-    roll_in, *_ = _ring(point, 0.0, ability)
-    return centre(roll_in.curvature_end, roll_in.length)
-
-
-def _ring(point: Waypoint, angle: float, ability: Ability) -> Pieces:
-    """Circles around a waypoint that change the course by `angle`, rad."""
+def _curvature(point: Waypoint, ability: Ability) -> float:
+    """Curvature of the circles around a waypoint, right positive, 1/m."""
     tightest = ability.curvature
     if point.radius is not None and point.radius * tightest < 1.0 - NO_TURN:
         raise InputError(
             f"`radius_m` of {point.name} must be at least {1.0 / tightest:.0f}, got "
             f"{point.radius:g}."
         )
-    size = tightest if point.radius is None else 1.0 / point.radius
-    return turned(math.copysign(size, point.turns), abs(angle), ability.rolling(size))
+    return math.copysign(tightest if point.radius is None else 1.0 / point.radius, point.turns)
 
 
-def _circles(point: Waypoint, turn: float, before: Waypoint, ability: Ability) -> _Turn:
-    """The circles around a waypoint where the course changes by `turn`, rad."""
-    curvature = abs(_ring(point, 0.0, ability)[1].curvature)
-    change = (point.up - before.up) * point.spiral
+def _beside(point: Waypoint, ability: Ability) -> tuple[float, float]:
+    """Where the centre of circles lies from the beginning of the roll-in, m: ahead and right."""
+    curvature = _curvature(point, ability)
+    return centre(curvature, ability.rolling(abs(curvature)))
+
+
+def _circles(
+    point: Waypoint, turn: float, before: Waypoint, ability: Ability
+) -> tuple[Pieces, float]:
+    """The circles around a waypoint where the course changes by `turn`, rad, and their reach."""
+    curvature = _curvature(point, ability)
+    size, change = abs(curvature), (point.up - before.up) * point.spiral
     steepest = min(SPIRAL, abs(ability.gamma[change > 0.0]))
     rise = abs(change) / math.tan(steepest) if change else 0.0
-    least = max(abs(point.turns) * math.tau, curvature * max(point.hold * ability.V_a, rise))
+    least = max(abs(point.turns) * math.tau, size * max(point.hold * ability.V_a, rise))
     onward = (math.copysign(1.0, point.turns) * turn - least) % math.tau
-    pieces = _ring(point, least + onward, ability)
+    pieces = turned(curvature, least + onward, ability.rolling(size))
     if pieces[1].length < 0.0:
-        least = 1.0 - pieces[1].length * abs(pieces[1].curvature) / math.tau
+        least = 1.0 - pieces[1].length * size / math.tau
         raise InputError(
             f"`turns` of {point.name} must be at least {least:.2f}, got {point.turns:g}."
         )
-    return _Turn(pieces, _beside(point, ability)[0])
+    return pieces, _beside(point, ability)[0]
 
 
 @lru_cache(maxsize=4096)
-def _corner(turn: float, ability: Ability) -> _Turn:
-    """The turn at a waypoint that is passed, where the course changes by `turn`, rad."""
+def _corner(turn: float, ability: Ability) -> tuple[Pieces, float]:
+    """The turn at a waypoint that is passed where the course changes by `turn`, and its reach."""
     turn = math.remainder(turn, math.tau)
     if abs(turn) < NO_TURN:
-        return _Turn()
+        return (), 0.0
     curvature = ability.curvature
     rolling = ability.rolling(curvature)
     # A small turn ends before roll is at its limit.
     share = min(1.0, math.sqrt(abs(turn) / (curvature * rolling)))
     pieces = turned(math.copysign(share * curvature, turn), abs(turn), share * rolling)
     x, y, _ = curved(pieces)
-    return _Turn(pieces, x - y / math.tan(turn))
+    return pieces, x - y / math.tan(turn)
 
 
-def _path(
-    laid: Sequence[_Laid], waypoints: Sequence[Waypoint], course: float, ability: Ability
-) -> Path:
-    """The table of a path from its first course on."""
-    pieces = [stretch.pieces for stretch in laid]
+def _path(layout: _Layout) -> Path:
+    """The table of a path."""
+    laid, waypoints, ability = layout.laid, layout.waypoints, layout.ability
     beyond = Piece(BEYOND_S * ability.speed, 0.0, 0.0)
-    flat = [*(piece for stretch in pieces for piece in stretch), beyond]
-    counts = list(accumulate(map(len, pieces), initial=0))
+    flat = [*(piece for stretch in laid for piece in stretch.pieces), beyond]
+    counts = list(accumulate((len(stretch.pieces) for stretch in laid), initial=0))
     begins = np.cumsum([0.0, *(piece.length for piece in flat)])
     s = np.arange(math.ceil(begins[-1] / STEP) * SUBSTEPS + 1) * (STEP / SUBSTEPS)
     changes, curvature = bent(flat, s)
-    courses, ends = course + changes, begins[counts]
-    turned_at = course + bent(flat, ends)[0]
+    courses, ends = layout.courses[0] + changes, begins[counts]
+    turned_at = layout.courses[0] + bent(flat, ends)[0]
     north, east = (
         np.concatenate([[0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]))]) * (STEP / SUBSTEPS)
         for rate in (np.cos(courses), np.sin(courses))
     )
-    along, up = _profile(laid, ends, waypoints, ability)
-    half = _half_pull_up(along, up, ability)
-    # The climbs at the ends go on for as far as the mean of `_rounded` reaches.
-    (before, after), far = _climbs(along, up)[[0, -1]], BEYOND_S * ability.speed + 2.0 * half
-    along = np.concatenate([[-far], along, [along[-1] + far]])
-    up = np.concatenate([[up[0] - far * before], up, [up[-1] + far * after]])
-    height, slope = _rounded(s[::SUBSTEPS], along, up, half)
-    climbs = np.diff(np.interp(ends, along, up)) / np.maximum(np.diff(ends), NO_LENGTH)
+    profile = _profile(layout, ends.tolist())
+    height, slope = _heights(s[::SUBSTEPS], *profile, ability)
+    climbs = np.diff(np.interp(ends, *profile)) / np.maximum(np.diff(ends), NO_LENGTH)
     stretches = tuple(
         Stretch(
             kind=stretch.kind,
@@ -538,7 +516,7 @@ def _path(
             length=float(ends[i + 1] - ends[i]),
             course=float(turned_at[i]),
             turn=float(turned_at[i + 1] - turned_at[i]),
-            radius=1.0 / most if (most := _tightest(stretch.pieces)) else math.inf,
+            radius=1.0 / tightest if (tightest := stretch.tightest) else math.inf,
             gamma=math.atan(climbs[i]),
             aside=stretch.aside,
             name=waypoints[stretch.waypoint - 1].name,
@@ -557,60 +535,36 @@ def _path(
     )
 
 
-def _tightest(pieces: Pieces) -> float:
-    """Largest curvature of pieces, 1/m."""
-    return max(abs(k) for piece in pieces for k in piece[1:])
-
-
-def _profile(
-    laid: Sequence[_Laid], ends: FloatArray, waypoints: Sequence[Waypoint], ability: Ability
-) -> tuple[FloatArray, FloatArray]:
+def _profile(layout: _Layout, ends: list[float]) -> tuple[FloatArray, FloatArray]:
     """Distances, m, and heights, m, between which the height changes at a steady rate."""
-    along, up = [0.0], [waypoints[0].up]
-    for i, (kind, number, *_) in enumerate(laid):
-        point = waypoints[number - 1]
-        follows = laid[i + 1].kind if i + 1 < len(laid) else None
-        if kind in ("leg", "turn-around"):
+    waypoints, laid = layout.waypoints, layout.laid
+    profile = [(0.0, waypoints[0].up)]
+    for i, stretch in enumerate(laid):
+        point, reached = waypoints[stretch.waypoint - 1], ends[i + 1]
+        if stretch.kind == "loiter":
+            profile.append((reached, point.up))
+        elif stretch.kind != "turn":
             if point.spiral:
-                point = replace(point, up=up[-1])
-            before = waypoints[number - 2].name
-            reached = ends[i + 1] + (0.5 * (ends[i + 2] - ends[i + 1]) if follows == "turn" else 0)
-            _climb(before, point, along, up, float(reached), ability)
-        elif kind == "loiter":
-            along.append(float(ends[i + 1]))
-            up.append(waypoints[number - 1].up)
+                point = replace(point, up=profile[-1][1])
+            if i + 1 < len(laid) and laid[i + 1].kind == "turn":
+                reached += 0.5 * (ends[i + 2] - reached)
+            before = waypoints[stretch.waypoint - 2].name
+            _climb(profile, before, point, reached, layout.ability)
+    along, up = np.array(profile).T
     distinct = np.append(True, np.diff(along) > NO_LENGTH)
-    return np.array(along)[distinct], np.array(up)[distinct]
-
-
-def _climbs(along: FloatArray, up: FloatArray) -> FloatArray:
-    """Slopes between these distances and heights."""
-    return np.diff(up) / np.diff(along)
-
-
-def _half_pull_up(along: FloatArray, up: FloatArray, ability: Ability) -> float:
-    """Half the distance over which each change of the climb is spread, m."""
-    bends = np.abs(np.diff(np.arctan(_climbs(along, up))))
-    pull_up = max(PULL_UP_S, ability.V_a * bends.max(initial=0.0) / (ability.g * PULL_UP_N_Z))
-    apart = np.diff(along[1:-1][bends > NO_TURN]).min(initial=math.inf)
-    if pull_up > PULL_UP_S and pull_up * ability.V_a > apart:
-        raise InputError(
-            f"`waypoints`: changes of the climb must be {pull_up * ability.V_a:.0f} m apart at "
-            f"{ability.V_a:g} m/s, got {apart:.0f} m; gentler climbs may be closer."
-        )
-    return 0.5 * pull_up * ability.V_a
+    return along[distinct], up[distinct]
 
 
 def _climb(
+    profile: list[tuple[float, float]],
     before: str,
     point: Waypoint,
-    along: list[float],
-    up: list[float],
     reached: float,
     ability: Ability,
 ) -> None:
     """Add the change of height of the leg to a waypoint, which is `reached` there."""
-    change, distance = point.up - up[-1], reached - along[-1]
+    along, up = profile[-1]
+    change, distance = point.up - up, reached - along
     gamma = math.atan2(change, distance)
     if point.climb is not None and change:
         gamma = math.copysign(point.climb, change)
@@ -625,16 +579,31 @@ def _climb(
             f"{distance:.0f} m, got {abs(change):.0f} m at {gamma / DEG:.1f} deg."
         )
     if NO_LENGTH < needed < distance - NO_LENGTH:
-        along.append(along[-1] + needed)
-        up.append(point.up)
-    along.append(reached)
-    up.append(point.up)
+        profile.append((along + needed, point.up))
+    profile.append((reached, point.up))
 
 
-def _rounded(
-    s: FloatArray, at: FloatArray, up: FloatArray, half: float
+def _heights(
+    s: FloatArray, at: FloatArray, up: FloatArray, ability: Ability
 ) -> tuple[FloatArray, FloatArray]:
-    """Means over +-`half` (m) of a height that changes at steady rates, and their slopes."""
+    """Heights of a profile in which each change of the climb is spread, and their slopes.
+
+    They are means over the distance of a pull-up. InputError says that it has no room.
+    """
+    climbs = np.diff(up) / np.diff(at)
+    bends = np.abs(np.diff(np.arctan(climbs)))
+    pull_up = max(PULL_UP_S, ability.V_a * bends.max(initial=0.0) / (ability.g * PULL_UP_N_Z))
+    apart = np.diff(at[1:-1][bends > NO_TURN]).min(initial=math.inf)
+    if pull_up > PULL_UP_S and pull_up * ability.V_a > apart:
+        raise InputError(
+            f"`waypoints`: changes of the climb must be {pull_up * ability.V_a:.0f} m apart at "
+            f"{ability.V_a:g} m/s, got {apart:.0f} m; gentler climbs may be closer."
+        )
+    half = 0.5 * pull_up * ability.V_a
+    # The climbs at the ends go on for as far as the means reach.
+    far = BEYOND_S * ability.speed + 2.0 * half
+    at = np.concatenate([[-far], at, [at[-1] + far]])
+    up = np.concatenate([[up[0] - far * climbs[0]], up, [up[-1] + far * climbs[-1]]])
     area = np.concatenate([[0.0], np.cumsum(0.5 * (up[1:] + up[:-1]) * np.diff(at))])
 
     def integral(x: FloatArray) -> FloatArray:

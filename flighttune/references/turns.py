@@ -134,25 +134,13 @@ def ways(start: Pose, end: Pose, curvature: float, rolling: float) -> Iterator[P
             )
 
 
-def turn_arounds(
-    start: Pose, end: Pose, turns: Sequence[tuple[float, float]]
-) -> list[tuple[float, Pieces]]:
-    """Ways from one pose to another, the shortest first, and how far each goes from their line, m.
-
-    `turns`: curvatures, 1/m, and the distances over which each is rolled in, m.
-    """
-    tried = [pieces for k, rolling in turns for pieces in ways(start, end, k, rolling)]
-    tried.sort(key=lambda pieces: sum(piece.length for piece in pieces))
-    return [(_farthest(pieces, start, end), pieces) for pieces in tried]
-
-
 def _vector(a: tuple[float, float], b: tuple[float, float]) -> tuple[float, float]:
     """Distance and bearing from one place to another."""
     north, east = b[0] - a[0], b[1] - a[1]
     return math.hypot(north, east), math.atan2(east, north)
 
 
-def _farthest(pieces: Pieces, start: Pose, end: Pose) -> float:
+def farthest(pieces: Pieces, start: Pose, end: Pose) -> float:
     """Largest distance of a way from the straight line between its ends, m."""
     s = np.linspace(0.0, sum(piece.length for piece in pieces), POINTS)
     course = start.course + bent(pieces, s)[0]

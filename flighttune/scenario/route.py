@@ -12,7 +12,7 @@ from flighttune import quantities as q
 from flighttune.arrays import FloatArray
 from flighttune.references.follow import CHANGE_N_X, RouteReference, airspeeds_along
 from flighttune.references.maps import LatLon, north_east
-from flighttune.references.path import Ability, Path, Waypoint, check_length, plan
+from flighttune.references.path import Ability, Path, Waypoint, plan
 from flighttune.scenario.tables import FlightTable
 from flighttune.units import DEG
 
@@ -279,8 +279,6 @@ class RouteTable(q.Table):
     def reference(self, ability: Ability, V_a: float) -> RouteReference:
         """The reference that follows the path through the waypoints, from the airspeed `V_a` on."""
         path = planned(self.waypoints(), ability)
-        ends = ((stretch.name, stretch.start + stretch.length) for stretch in path.stretches)
-        check_length(ends, ability)  # a path that was planned for a longer time
         return RouteReference(
             path=path,
             V_a=ability.V_a,

@@ -1,4 +1,4 @@
-"""Paths through waypoints against Fresnel's integrals and circles, and what is refused."""
+"""Paths through waypoints against Fresnel's integrals, circles and Dubins' words; refusals."""
 
 import math
 from dataclasses import replace
@@ -22,6 +22,15 @@ def points(*places):
     return [
         Waypoint(**dict(zip(("north", "east", "up", "turns"), p, strict=False))) for p in places
     ]
+
+
+def distances(path, waypoint, circles=None):
+    """Distances of a path, or of the middle of some circles of it, from a waypoint."""
+    apart = np.hypot(path.north - waypoint.north, path.east - waypoint.east)
+    if circles is None:
+        return apart
+    ends = circles.start + ROLLING, circles.start + circles.length - ROLLING
+    return apart[(path.s > ends[0]) & (path.s < ends[1])]
 
 
 def test_a_corner_begins_where_clothoid_and_arc_say():
@@ -50,26 +59,11 @@ def test_a_path_passes_its_last_waypoint_and_circles_have_their_radius():
 
     assert (path.north[end], path.east[end]) == pytest.approx((-900, 500), abs=0.6)  # half a step
     assert path.up[end] == pytest.approx(50.0, abs=1e-9)
-    for circles, centre in ((path.stretches[3], (900, 900)), (path.stretches[5], (0, 1200))):
+    for circles, centre in ((path.stretches[3], route[2]), (path.stretches[5], route[3])):
         assert circles.kind == "loiter"
-        inside = (path.s > circles.start + ROLLING) & (
-            path.s < circles.start + circles.length - ROLLING
-        )
-        apart = np.hypot(path.north - centre[0], path.east - centre[1])[inside]
-        assert apart == pytest.approx(RADIUS, abs=1e-3)
+        assert distances(path, centre, circles) == pytest.approx(RADIUS, abs=1e-3)
     assert abs(path.stretches[3].turn) >= 2 * math.tau
     assert path.stretches[5].turn <= -math.tau
-
-
-def test_the_roll_of_a_path_and_its_rate_are_within_the_ability():
-    path = plan(points((0, 0), (900, 0), (900, 700), (950, 1500), (-300, 300)), ABILITY)
-    roll = np.arctan(path.curvature * ABILITY.speed**2 / ABILITY.g)
-    rate = np.diff(roll) * ABILITY.speed
-
-    assert np.abs(roll).max() <= ABILITY.phi * (1 + 1e-9)
-    # roll grows faster than its mean where it is small: tan(36 deg) / 36 deg = 1.156
-    assert np.abs(rate).max() <= ABILITY.phi_rate * math.tan(ABILITY.phi) / ABILITY.phi * 1.001
-    assert np.diff(path.course) == pytest.approx(path.curvature[:-1], abs=1e-4)
 
 
 def test_a_climb_of_its_own_angle_ends_before_the_waypoint():
@@ -116,3 +110,130 @@ def test_climbs_that_change_faster_than_the_load_factor_allows_are_refused():
 
     with pytest.raises(ft.InputError, match=r"climb must be .*9000 m"):
         plan([Waypoint(north=north, east=0.0, up=up) for up, north in heights], fast)
+
+
+AROUND = replace(ABILITY, turnaround=math.inf)
+
+# Rolls in within 5 cm, so that turns are circles to this distance.
+NIMBLE = replace(AROUND, phi_rate=2e4)
+NEARLY_CIRCLES_M = 0.5
+
+
+def survey(rows, spacing, length=700.0, beyond=60.0):
+    """Waypoints of rows as ground stations have them: with a turn-around beyond both ends."""
+    line = [-beyond, 0.0, length, length + beyond]
+    return [
+        Waypoint(north=north, east=row * spacing)
+        for row in range(rows)
+        for north in (line if row % 2 == 0 else reversed(line))
+    ]
+
+
+def around(path):
+    return [stretch for stretch in path.stretches if stretch.kind == "turn-around"]
+
+
+@pytest.mark.parametrize("spacing", [60.0, 150.0, 260.0])
+def test_a_narrow_turn_around_is_the_bulb_of_three_circles(spacing):
+    """R (pi + 4 phi) with cos(phi) = (R + w / 2) / 2 R: Jin and Tang (2010), eq. (3)."""
+    (bulb,) = around(plan(survey(2, spacing), NIMBLE))
+    phi = math.acos((RADIUS + 0.5 * spacing) / (2.0 * RADIUS))
+
+    assert bulb.length == pytest.approx(RADIUS * (math.pi + 4.0 * phi), abs=NEARLY_CIRCLES_M)
+
+
+def test_a_wide_turn_around_is_a_half_circle_with_a_straight():
+    (turn,) = around(plan(survey(2, 3.0 * RADIUS), NIMBLE))
+
+    assert turn.length == pytest.approx(RADIUS * (math.pi + 1.0), abs=NEARLY_CIRCLES_M)
+    assert turn.aside == pytest.approx(RADIUS, abs=NEARLY_CIRCLES_M)
+
+
+def test_eight_rows_of_60_m_are_flown_at_25_mps_through_every_waypoint():
+    rows = survey(8, 60.0)
+    path = plan(rows, AROUND)
+
+    assert len(around(path)) == 7
+    assert max(distances(path, x).min() for x in rows) <= 0.5  # half a step of the table
+    for row, first in enumerate(rows[1::4]):  # rows themselves are straight
+        inside = (path.north > 0.0) & (path.north < 700.0) & (np.abs(path.curvature) < 1e-12)
+        near = inside & (np.abs(path.east - first.east) < 0.05)
+        assert np.count_nonzero(near) >= 690, row
+
+
+CORNERS = points((0, 0), (900, 0), (900, 700), (950, 1500), (-300, 300))
+
+
+@pytest.mark.parametrize("route", [CORNERS, survey(4, 60.0)], ids=["corners", "turn-arounds"])
+def test_the_roll_of_a_path_and_its_rate_are_within_the_ability(route):
+    path = plan(route, AROUND)
+    roll = np.arctan(path.curvature * ABILITY.speed**2 / ABILITY.g)
+    rate = np.diff(roll) * ABILITY.speed
+
+    assert np.abs(roll).max() <= ABILITY.phi * (1 + 1e-9)
+    # roll grows faster than its mean where it is small: tan(36 deg) / 36 deg = 1.156
+    assert np.abs(rate).max() <= ABILITY.phi_rate * math.tan(ABILITY.phi) / ABILITY.phi * 1.001
+    assert np.diff(path.course) == pytest.approx(path.curvature[:-1], abs=1e-4)
+
+
+def test_a_corner_that_turns_back_is_flown_through_its_waypoint():
+    path = plan([Waypoint(north=n, east=e) for n, e in ((0, 0), (900, 0), (0, 10))], AROUND)
+    (back,) = around(path)
+
+    at = np.searchsorted(path.s, [back.start, back.start + back.length])
+    assert path.north[at] == pytest.approx(900.0, abs=1.0)
+    assert path.east[at] == pytest.approx(0.0, abs=1.0)
+
+
+@pytest.mark.parametrize(
+    "route",
+    [
+        [*points((0, 0), (900, 0)), Waypoint(north=950, east=20, turns=-1.0, radius=200.0)],
+        [*points((0, 0)), Waypoint(north=1.001 * RADIUS, east=0, turns=1.0, radius=RADIUS)],
+    ],
+    ids=["around the place before", "beside the start"],
+)
+def test_a_circle_that_is_too_near_is_reached_by_a_turn_around(route):
+    path = plan([*route, Waypoint(north=900, east=2000)], AROUND)
+    (loiter,), end = (x for x in path.stretches if x.kind == "loiter"), round(path.length)
+
+    assert around(path)
+    assert distances(path, route[-1], loiter) == pytest.approx(route[-1].radius, abs=0.05)
+    assert (path.north[end], path.east[end]) == pytest.approx((900, 2000), abs=0.6)
+
+
+def test_every_way_out_of_a_refusal_is_one():
+    rows = survey(3, 420.0, beyond=120.0)
+    narrow = replace(AROUND, turnaround=120.0)
+    with pytest.raises(ft.InputError, match="waypoint") as refusal:
+        plan(rows, narrow)
+
+    keys = {"V_a_mps": "V_a", "turnaround_m": "turnaround", "wind_mps": "wind"}
+    offered = str(refusal.value).partition("flown with")[2]
+    ways = {
+        key: float(offered.split(f"`{key}` of ")[1].split()[0].rstrip("."))
+        for key in keys
+        if f"`{key}`" in offered
+    }
+    assert {"V_a_mps", "turnaround_m"} <= set(ways), offered
+    for key, value in ways.items():
+        plan(rows, replace(narrow, **{keys[key]: value}))
+
+
+def test_circles_that_take_the_height_go_down_by_five_degrees_at_most():
+    circle = Waypoint(north=1500, east=0, up=-200.0, turns=1.0, radius=200.0, spiral=True)
+    path = plan([Waypoint(north=0, east=0), circle, Waypoint(north=0, east=900, up=-200)], AROUND)
+    leg, down, _ = path.stretches
+
+    assert (leg.gamma, down.gamma) == (0.0, pytest.approx(-5.0 * DEG, rel=0.4))
+    assert -5.0 * DEG <= down.gamma
+    assert down.length >= 200.0 / math.tan(5.0 * DEG)
+    assert down.length <= 200.0 / math.tan(5.0 * DEG) + 1.2 * math.tau * 200.0
+
+
+def test_a_circle_by_time_takes_it_and_less_than_a_turn_more():
+    circle = Waypoint(north=1500, east=0, turns=1.0, radius=200.0, hold=120.0)
+    path = plan([Waypoint(north=0, east=0), circle, Waypoint(north=0, east=900)], AROUND)
+
+    time = path.stretches[1].length / AROUND.V_a
+    assert 120.0 <= time <= 120.0 + (math.tau * 200.0 + 60.0) / AROUND.V_a
