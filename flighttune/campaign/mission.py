@@ -27,8 +27,13 @@ from flighttune.planning.source import Flights
 from flighttune.planning.source import flights as flights_of_source
 from flighttune.present.answer import Answer, Answering
 from flighttune.references.fence import Fence, fence_tables, own_fence, read_fence
-from flighttune.references.maps import on_earth, volumes_geojson
-from flighttune.references.terrain import NOT_SEEN, clearance, clearance_words
+from flighttune.references.maps import (
+    NOT_SEEN,
+    clearance,
+    clearance_words,
+    on_earth,
+    volumes_geojson,
+)
 from flighttune.scenario.load import scenario_from, with_changes
 from flighttune.scenario.schema import Scenario
 

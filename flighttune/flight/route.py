@@ -15,20 +15,9 @@ from flighttune.flight.conditions import reference_of, slopes_not_held
 from flighttune.flight.load import as_scenario, route_scenario
 from flighttune.present.answer import Answer, Answering, Column, Table, pick, printable
 from flighttune.references.follow import RouteReference
-from flighttune.references.maps import (
-    Corridor,
-    Mark,
-    Marks,
-    Where,
-    areas_of,
-    corridor_rings,
-    on_earth,
-    route_geojson,
-    route_kml,
-)
+from flighttune.references.maps import Corridor, Mark, RouteMap, Where, areas_of, on_earth
 from flighttune.references.mission import KINDS, ROUTE_FILES, read_route, route_plan
 from flighttune.references.path import STEP
-from flighttune.references.vertices import fewer_vertices
 from flighttune.scenario.schema import Scenario
 from flighttune.units import DEG
 
@@ -178,30 +167,28 @@ class PlannedRoute(Answering):
         """
         scenario, ending = self.scenario, Path(path).suffix.lower()
         assert scenario.route is not None
-        start, origin = scenario.flight.h_m, scenario.route.origin
+        start, said = scenario.flight.h_m, ""
         points = scenario.route.waypoints()
-        places = on_earth(np.array([(x.north, x.east) for x in points]), origin).round(8)
-        marks = Marks(
-            tuple(
+        places = on_earth(np.array([(x.north, x.east) for x in points]), self.where[1]).round(8)
+        drawn = RouteMap(
+            where=self.where,
+            title=printable(scenario.title),
+            points=[
                 Mark(x.number, lat, lon, round(start + x.up, 2))
                 for x, (lat, lon) in zip(points, places.tolist(), strict=True)
-            ),
-            tuple(
+            ],
+            rally=[
                 Mark(f"rally {i}", x.lat_deg, x.lon_deg, round(start + x.up_m, 2))
                 for i, x in enumerate(scenario.route.rally, start=1)
-            ),
-            areas_of(fences),
+            ],
+            areas=areas_of(fences),
+            corridor=corridor,
+            stated=self._stated,
         )
-        said = ""
         if ending == ".plan":
-            rings = [*corridor_rings(self.where, corridor)]
-            areas, said = fewer_vertices(marks.areas, rings, self.reference.path, origin)
-            marks, V_a = marks._replace(areas=tuple(areas)), self.reference.V_a
-            text = route_plan(self.where, marks, V_a, scenario.flight.ground_m, self._stated)
+            text, said = route_plan(drawn, self.reference.V_a, scenario.flight.ground_m)
         else:
-            written = route_kml if ending == ".kml" else route_geojson
-            title = printable(scenario.title)
-            text = written(self.where, title, corridor, marks, self._stated)
+            text = drawn.kml() if ending == ".kml" else drawn.geojson()
         write_text(Path(path), text)
         return [f"The fence in {path} {said}."] if said else []
 

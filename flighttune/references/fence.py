@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -12,15 +13,17 @@ import numpy.typing as npt
 from flighttune.arrays import FloatArray
 from flighttune.errors import InputError
 from flighttune.files.mistakes import abridged
-from flighttune.files.table import file_text, json_tables
 from flighttune.references.items import HEADER, planner_items, stated_lines
 from flighttune.references.maps import (
+    PLANNER,
     LatLon,
+    feature,
     features,
     json_bool,
     json_number,
     json_part,
     kml_features,
+    map_file,
     north_east,
     on_earth,
     reading,
@@ -153,7 +156,6 @@ class Room(NamedTuple):
 
 # Files that may have a fence, and those in which it is that of the mission itself.
 KINDS = "a plan, waypoints or a fence of Mission Planner, KML or GeoJSON with a Polygon"
-PLANNER = (".waypoints", ".txt", ".fen")
 FENCE_FILES, OWN = (".plan", ".json", ".geojson", ".kml", *PLANNER), (".plan", *PLANNER)
 
 # Commands of a fence of MAVLink: polygons to stay in and out of, corner by corner, and circles.
@@ -173,16 +175,13 @@ def fence_tables(files: Sequence[Path]) -> dict[str, Any]:
     shapes: list[Mapping[str, Any]] = []
     single: list[dict[str, Any]] = []
     for file in files:
-        if (ending := file.suffix.lower()) not in FENCE_FILES:
-            raise InputError(f"{file}: must be {KINDS}, got {file.suffix}.")
-        text_file = ending in (".kml", *PLANNER)
-        content: Any = file_text(file) if text_file else json_tables(file)
+        kind, content = map_file(file, FENCE_FILES, KINDS)
         with reading(file, KINDS):
-            if ending == ".kml":
+            if kind == "kml":
                 shapes += kml_features(content)
-            elif text_file:
+            elif kind == "planner":
                 shapes += _of_plan(_planner_fence(content))
-            elif "mission" in content:
+            elif kind == "plan":
                 shapes += _of_plan(json_part(content, "geoFence", dict))
             else:
                 single.append(content)
@@ -194,29 +193,26 @@ def fence_tables(files: Sequence[Path]) -> dict[str, Any]:
 
 
 def _planner_fence(text: str) -> dict[str, list[dict[str, Any]]]:
-    """Polygons and circles, as in a plan, of a file of Mission Planner.
-
-    It has items by the commands of MAVLink, or lines of a latitude and a longitude, the first of
-    which is where a vehicle returns to.
-    """
+    """Polygons and circles, as in a plan, of a file of Mission Planner with items or corners."""
     lines = stated_lines(text)
     if not lines or not lines[0].startswith(HEADER.split()[0]):
+        # The first line is where a vehicle returns to.
         corners = [[float(value) for value in line.split()] for line in lines[1:]]
         return {"polygons": [{"polygon": corners}], "circles": []}
     _, items = planner_items(text)
     shapes: dict[str, list[dict[str, Any]]] = {"polygons": [], "circles": []}
-    left = [(item["command"], item["params"]) for item in items]
-    while left:
-        command, (first, *_, lat, lon, _) = left[0]
-        count = int(first) if command in CORNERS else 1
-        these, left = left[: max(count, 1)], left[max(count, 1) :]
+    rest = iter([(item["command"], item["params"]) for item in items])
+    for command, (first, *_, lat, lon, _) in rest:
         if command in CIRCLES:
             circle = {"center": [lat, lon], "radius": first}
             shapes["circles"].append({"inclusion": CIRCLES[command], "circle": circle})
         elif command in CORNERS:
-            corners = [params[4:6] for kind, params in these if kind == command]
-            if len(corners) != count:
-                raise InputError(f"a polygon must have its {count} corners, got {len(corners)}.")
+            others = islice(rest, max(int(first), 1) - 1)
+            corners = [[lat, lon], *(params[4:6] for kind, params in others if kind == command)]
+            if len(corners) != int(first):
+                raise InputError(
+                    f"a polygon must have its {int(first)} corners, got {len(corners)}."
+                )
             shapes["polygons"].append({"inclusion": CORNERS[command], "polygon": corners})
     return shapes
 
@@ -233,8 +229,7 @@ def _of_plan(stated: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
             corners = _circle((lat, lon), radius, outside=not inside)
         else:
             corners = [[point[1], point[0]] for point in area["polygon"]]
-        geometry = {"type": "Polygon", "coordinates": [[*corners, corners[0]]]}
-        yield {"type": "Feature", "properties": {"exclusion": not inside}, "geometry": geometry}
+        yield feature("Polygon", [[*corners, corners[0]]], {"exclusion": not inside})
 
 
 def _circle(centre: LatLon, radius: float, *, outside: bool) -> list[list[float]]:
@@ -342,11 +337,7 @@ def _heights(stated: Mapping[str, Any], low: float, high: float) -> tuple[float,
 def _edges(
     ring: FloatArray, origin: LatLon, most: int
 ) -> tuple[FloatArray, FloatArray, npt.NDArray[np.intp]]:
-    """Corners of a ring, north and east, m, with those between which edges are straight in m.
-
-    Returns the sag of each edge from there on and the number of the corner it belongs to, too.
-    `ring`: latitudes and longitudes of its corners, deg.
-    """
+    """Where edges that are straight in m begin, their sag, and the number of their corner."""
     turned = (ring[:, 1] - origin[1] + 180.0) % 360.0 - 180.0
     ring = np.column_stack([ring[:, 0], turned + origin[1]])
     middle, corners = 0.5 * (ring + np.roll(ring, -1, axis=0)), _north_east(ring, origin)
@@ -410,9 +401,8 @@ def room_along(
     clear of all widened edges as far as the flights come, the surface that these lines sweep is
     clear of the edges, and inside like the start.
     """
-    s = SCAN_STEP * np.arange(int((path.length + overlap) / SCAN_STEP) + 2)
-    table = (path.north, path.east, path.up, path.course)
-    north, east, up, course = (np.interp(s, path.s, values) for values in table)
+    s = SCAN_STEP * np.arange(int((path.length + overlap) / SCAN_STEP) + 2, dtype=np.float64)
+    north, east, up, course = path.at(s)
     wide = 0.5 * SCAN_STEP * (1.0 + np.abs(path.curvature).max() * widest)
     steep = 0.5 * SCAN_STEP * np.abs(path.slope).max()
     free = np.full((len(s), 2, 2), np.inf)
@@ -436,10 +426,7 @@ def room_along(
 def _met(
     places: FloatArray, aside: FloatArray, start: FloatArray, end: FloatArray, wide: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Interval of each line through `places` inside the widened edge, m.
-
-    The first end is larger than the second for a line that misses it.
-    """
+    """Interval of each line through `places` in the widened edge, m; low > high if it misses."""
     length = float(np.hypot(*(end - start)))
     along = (end - start) / length
     low, high = np.full(len(places), -np.inf), np.full(len(places), np.inf)

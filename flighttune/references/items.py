@@ -1,17 +1,19 @@
 """Items of a mission by the numbers of MAVLink, and the path that each of them asks for."""
 
 import math
+import tomllib
 from collections import defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from itertools import groupby
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
 from flighttune.errors import InputError
 from flighttune.files.mistakes import abridged
-from flighttune.references.maps import json_bool, json_number, json_part
-from flighttune.references.terrain import ground_at
+from flighttune.references.maps import ground_at, json_bool, json_number, json_part
 
 # Values of a row of the table `waypoint` of [route], and keys of its place.
 Row: TypeAlias = dict[str, Any]
@@ -32,33 +34,10 @@ PLACED = (WAYPOINT, *CIRCLES, LAND, VTOL_LAND)
 RADIUS = {UNLIMITED: 2, TURNS: 2, TIMED: 2, TO_HEIGHT: 1}
 
 
-def _names(text: str) -> dict[int, str]:
-    """Names of commands by number, as MAVLink has them in common.xml."""
-    return {int(number): f"{name} {number}" for number, name in map(str.split, text.split(","))}
-
-
-MANOEUVRES = _names("""16 NAV_WAYPOINT, 17 NAV_LOITER_UNLIM, 18 NAV_LOITER_TURNS,
-    19 NAV_LOITER_TIME, 20 NAV_RETURN_TO_LAUNCH, 21 NAV_LAND, 22 NAV_TAKEOFF, 31 NAV_LOITER_TO_ALT,
-    82 NAV_SPLINE_WAYPOINT, 84 NAV_VTOL_TAKEOFF, 85 NAV_VTOL_LAND, 93 NAV_DELAY, 177 DO_JUMP,
-    178 DO_CHANGE_SPEED, 176 DO_SET_MODE, 179 DO_SET_HOME, 192 DO_REPOSITION, 194 DO_SET_REVERSE,
-    210 DO_INVERTED_FLIGHT, 224 DO_SET_MISSION_CURRENT, 601 DO_JUMP_TAG""")
-
-# Commands that leave the path as it is; the place of a region of interest is looked at, not flown.
-HARMLESS = _names("""112 CONDITION_DELAY, 114 CONDITION_DISTANCE, 115 CONDITION_YAW,
-    181 DO_SET_RELAY, 182 DO_REPEAT_RELAY, 183 DO_SET_SERVO,
-    184 DO_REPEAT_SERVO, 188 DO_RETURN_PATH_START, 189 DO_LAND_START, 191 DO_GO_AROUND,
-    195 DO_SET_ROI_LOCATION, 196 DO_SET_ROI_WPNEXT_OFFSET, 197 DO_SET_ROI_NONE,
-    200 DO_CONTROL_VIDEO, 201 DO_SET_ROI, 202 DO_DIGICAM_CONFIGURE, 203 DO_DIGICAM_CONTROL,
-    204 DO_MOUNT_CONFIGURE, 205 DO_MOUNT_CONTROL, 206 DO_SET_CAM_TRIGG_DIST, 207 DO_FENCE_ENABLE,
-    211 DO_GRIPPER, 212 DO_AUTOTUNE_ENABLE, 214 DO_SET_CAM_TRIGG_INTERVAL,
-    215 DO_SET_RESUME_REPEAT_DIST, 216 DO_SPRAYER, 217 DO_SEND_SCRIPT_MESSAGE, 218 DO_AUX_FUNCTION,
-    220 DO_MOUNT_CONTROL_QUAT, 530 SET_CAMERA_MODE, 531 SET_CAMERA_ZOOM, 532 SET_CAMERA_FOCUS,
-    534 SET_CAMERA_SOURCE, 600 JUMP_TAG, 1000 DO_GIMBAL_MANAGER_PITCHYAW,
-    2000 IMAGE_START_CAPTURE, 2001 IMAGE_STOP_CAPTURE, 2003 DO_TRIGGER_CONTROL,
-    2500 VIDEO_START_CAPTURE, 2501 VIDEO_STOP_CAPTURE, 3000 DO_VTOL_TRANSITION,
-    5000 NAV_FENCE_RETURN_POINT, 5001 NAV_FENCE_POLYGON_VERTEX_INCLUSION,
-    5002 NAV_FENCE_POLYGON_VERTEX_EXCLUSION, 5003 NAV_FENCE_CIRCLE_INCLUSION,
-    5004 NAV_FENCE_CIRCLE_EXCLUSION, 5100 NAV_RALLY_POINT""")
+# Commands of MAVLink by number, and those that leave the path as it is.
+_TABLES = tomllib.loads(Path(__file__).with_name("commands.toml").read_text(encoding="utf-8"))
+COMMANDS = {int(n): f"{name} {n}" for table in _TABLES.values() for n, name in table.items()}
+HARMLESS = {*map(int, _TABLES["harmless"])}
 
 # Frames whose heights are above sea level, above the home position, and above terrain.
 ABOVE_SEA, ABOVE_HOME, ABOVE_TERRAIN = (0, 5), (3, 6), (10, 11)
@@ -73,6 +52,14 @@ MAX_ITEMS = 5000
 # Height above its place at which a landing ends, m: below it an aircraft flares.
 LANDING_UP_M = 10.0
 
+# What a flight does in place of some commands.
+FLOWN_AS = {
+    UNLIMITED: f"without an end is flown as {UNLIMITED_TURNS:g} turns",
+    RETURN: "ends above home, at the height of the item before",
+    LAND: f"is flown to {LANDING_UP_M:g} m above its place",
+    VTOL_LAND: "ends above its place: the descent in hover is not flown",
+}
+
 # Difference in latitude and longitude up to which places are the same: 1 m.
 SAME_PLACE_DEG = 1e-5
 
@@ -85,13 +72,14 @@ DEFAULT_SPEED = -2
 NEAR_DEG = 5.0
 
 
-class Mission(NamedTuple):
-    """The parts of a mission that are flown."""
+class RouteFile(NamedTuple):
+    """A route as a file states it."""
 
-    rows: list[Row]  # heights above the home position
-    rally: list[Row]
-    speed: float | None  # m/s: the airspeed that it sets for its start
-    notes: list[str]  # what becomes of each item, and what is flown in another way
+    # Keys of [route]: ``waypoint`` with heights above the first, ``widen``, ``rally``, ``notes``
+    route: dict[str, Any]
+    # ``h_m``, ``ground_m`` and ``V_a_mps`` of [flight], as far as the file has them
+    flight: dict[str, float]
+    limits: Mapping[str, Any] = MappingProxyType({})  # [limits], which flighttune writes
 
 
 def read_items(
@@ -99,17 +87,22 @@ def read_items(
     home: tuple[float, ...],
     skip: bool,
     terrain: str | Path | None = None,
-) -> Mission:
+) -> RouteFile:
     """What is flown of items; `home`: latitude and longitude, deg, height above sea level, m.
 
     `skip`: leave out commands that change the flight but have no place. Raises InputError, with the
     number and name of each item that cannot be flown.
     """
+    if not (abs(home[0]) <= 90.0 and abs(home[1]) <= 180.0):  # also catches NaN
+        raise InputError(
+            "the home position must have a latitude up to 90 and a longitude up to 180 deg, got "
+            f"{home[0]:g} and {home[1]:g}."
+        )
     flat = [_above_sea(item, terrain) for item in _flat(items)]
     lost = not _knows_home(flat, home)
     rows: list[Row] = []
     rally: list[Row] = []
-    numbers: dict[Fate, dict[str, list[int]]] = defaultdict(lambda: defaultdict(list))
+    numbers: dict[Fate, dict[str, set[int]]] = defaultdict(lambda: defaultdict(set))
     notes: dict[str, None] = {}
     # changes of speed: index of the row from which on it is flown, airspeed if any, number of item
     changes: list[tuple[int, float | None, int]] = []
@@ -123,9 +116,7 @@ def read_items(
             notes |= dict.fromkeys(others)
             changes.append((max(0, len(rows) - 1), airspeed, number))
             continue
-        listed = numbers[fate][name]
-        if number not in listed:
-            listed.append(number)
+        numbers[fate][name].add(number)
         if command == RALLY:
             rally.append(_row(label, item, home, []))
         if fate == "flown" and command != JUMP:
@@ -138,20 +129,22 @@ def read_items(
             end = number
             break
     for number, item in enumerate(flat[end:], start=end + 1):
-        numbers["not flown"][f"{_name(item)}, after the end of item {end}"].append(number)
+        numbers["not flown"][f"{_name(item)}, after the end of item {end}"].add(number)
     last = max(1, len(rows) - 1)  # no flight goes on from there
     speeds = {i: (V, number) for i, V, number in changes if V is not None and i < last}
     flown = {number for _, number in speeds.values()}
-    for number in {number: None for *_, number in changes}:
-        numbers["flown" if number in flown else "not flown"][MANOEUVRES[SPEED]].append(number)
+    for *_, number in changes:
+        numbers["flown" if number in flown else "not flown"][COMMANDS[SPEED]].add(number)
     fates = _fates(numbers, skip) if rows else _fates(numbers, skip)[1:]
     if lost and rows:
         fates.append(
             f"Home has no place in the file: the route begins at {rows[0]['name']}, and heights "
             f"above home count from {home[2]:g} m above sea level."
         )
-    start, _ = speeds.get(0, (None, 0))
-    return Mission(rows, rally, start, [*fates, *notes, *_airspeeds(rows, speeds)])
+    flight = {"h_m": home[2] + rows[0]["up_m"], "ground_m": home[2]} if rows else {}
+    flight |= {"V_a_mps": speeds[0][0]} if 0 in speeds else {}
+    said = [*fates, *notes, *_airspeeds(rows, speeds)]
+    return RouteFile({"waypoint": rows, "widen": True, "rally": rally, "notes": said}, flight)
 
 
 def _above_sea(item: Mapping[str, Any], terrain: str | Path | None) -> Mapping[str, Any]:
@@ -163,7 +156,7 @@ def _above_sea(item: Mapping[str, Any], terrain: str | Path | None) -> Mapping[s
     return {**item, "AMSLAltAboveTerrain": height + float(ground_at(terrain, np.array([place]))[0])}
 
 
-def _fates(numbers: Mapping[Fate, dict[str, list[int]]], skip: bool) -> list[str]:
+def _fates(numbers: Mapping[Fate, dict[str, set[int]]], skip: bool) -> list[str]:
     """Sentences on what is flown of items and what is not; InputError refuses some."""
     no_place = numbers["no place"]
     if wrong := listed_items(numbers["refused"] | ({} if skip else no_place)):
@@ -180,10 +173,7 @@ def _fates(numbers: Mapping[Fate, dict[str, list[int]]], skip: bool) -> list[str
 
 
 def _knows_home(flat: Sequence[Mapping[str, Any]], home: tuple[float, ...]) -> bool:
-    """Whether the place of home is stated: programs that do not know it write zeros.
-
-    Raises InputError if heights above sea level then stand beside others.
-    """
+    """Whether the place of home is stated: programs that do not know it write zeros."""
     placed = [item for item in flat if item.get("command") in PLACED and _placed(item)]
     first = [json_number(x, "a place") for x in placed[0]["params"][4:6]] if placed else [0.0]
     if any(home[:2]) or sum(map(abs, first)) <= NEAR_DEG:
@@ -207,14 +197,14 @@ def add_row(rows: list[Row], row: Row, name: str) -> list[str]:
 
     A sentence where it is that one at another height, which no aeroplane flies.
     """
-    if rows and not {"turns"} & {*row, *rows[-1]} and _same_place(row, rows[-1]):
-        before = rows[-1]
-        if abs(row["up_m"] - before["up_m"]) < 1.0:
-            return []
+    row, before = row | {"name": name}, rows[-1] if rows else row
+    apart = max(abs(row[key] - before[key]) for key in PLACE[:2])
+    if not rows or "turns" in row or "turns" in before or apart >= SAME_PLACE_DEG:
+        rows.append(row)
+    elif abs(row["up_m"] - before["up_m"]) >= 1.0:
+        rows[-1] = row
         said = f"{before['name']} and {name} have one place: it is passed at the height of {name}."
-        rows[-1] = row | {"name": name}
         return [said[0].upper() + said[1:]]
-    rows.append(row | {"name": name})
     return []
 
 
@@ -251,30 +241,27 @@ def _flag(item: Mapping[str, Any], key: str) -> bool:
 
 def _in_order(items: Sequence[Mapping[str, Any]]) -> Iterator[int]:
     """Numbers of items in the order in which they are flown, with the repeats of jumps."""
-    names = {item.get("doJumpId"): number for number, item in enumerate(items, start=1)}
-    repeats: dict[int, int] = {}
+    numbers = {item.get("doJumpId"): number for number, item in enumerate(items, start=1)}
+    repeats: dict[int, int] = defaultdict(int)
     number, count = 1, 0
     while number <= len(items):
         yield number
         count += 1
         if count > MAX_ITEMS:
             raise InputError(f"`items` must be at most {MAX_ITEMS} with their repeats.")
-        item = items[number - 1]
+        item, label, onward = items[number - 1], f"item {number} ({COMMANDS[JUMP]})", number + 1
         if item.get("command") == JUMP:
-            target, most = (json_number(x, f"item {number} (DO_JUMP)") for x in item["params"][:2])
+            target, most = (json_number(x, label) for x in item["params"][:2])
             if not 0 <= most <= MAX_REPEATS:  # -1 repeats for ever
-                raise InputError(
-                    f"item {number} ({MANOEUVRES[JUMP]}) must repeat at most {MAX_REPEATS} times, "
-                    f"got {most:g}."
-                )
-            if target not in names:
-                raise InputError(f"item {number} ({MANOEUVRES[JUMP]}) must lead to an item.")
-            if repeats.get(number, 0) < most:
-                repeats[number] = repeats.get(number, 0) + 1
-                number = names[target]
-                continue
-            repeats[number] = 0
-        number += 1
+                raise InputError(f"{label} must repeat at most {MAX_REPEATS} times, got {most:g}.")
+            if target not in numbers:
+                raise InputError(f"{label} must lead to an item.")
+            if repeats[number] < most:
+                repeats[number] += 1
+                onward = numbers[target]
+            else:
+                repeats[number] = 0
+        number = onward
 
 
 def _name(item: Mapping[str, Any]) -> str:
@@ -282,14 +269,11 @@ def _name(item: Mapping[str, Any]) -> str:
         return abridged(item.get("complexItemType"))
     command = item["command"]
     json_number(command, "`command`")
-    return {**MANOEUVRES, **HARMLESS}.get(command, f"command {abridged(command)}")
+    return COMMANDS.get(command, f"command {abridged(command)}")
 
 
 def _fate(item: Mapping[str, Any], rows: Sequence[Row], lost: bool) -> tuple[str, Fate]:
-    """Name of an item after some rows, and what becomes of it; a refusal has its reason.
-
-    `lost`: whether home has no place.
-    """
+    """Name of an item, with the reason of a refusal, and what becomes of it after some rows."""
     name = _name(item)
     if item["type"] != "SimpleItem":
         return name, "refused"
@@ -317,7 +301,7 @@ def _fate(item: Mapping[str, Any], rows: Sequence[Row], lost: bool) -> tuple[str
     return name, "refused" if placed or command == SET_HOME else "no place"
 
 
-def listed_items(numbers: Mapping[str, Sequence[int]]) -> str:
+def listed_items(numbers: Mapping[str, Collection[int]]) -> str:
     """Items by number and name."""
     return ", ".join(
         f"item{'s' * (len(items) > 1)} {', '.join(_runs(items))} ({name})"
@@ -325,23 +309,15 @@ def listed_items(numbers: Mapping[str, Sequence[int]]) -> str:
     )
 
 
-def _runs(numbers: Sequence[int]) -> Iterator[str]:
+def _runs(numbers: Collection[int]) -> Iterator[str]:
     """Numbers in words, three or more in a row as a range."""
-    rest = sorted(numbers)
-    while rest:
-        size = next((i for i, x in enumerate(rest) if x != rest[0] + i), len(rest))
-        size = size if size > 2 else 1
-        yield f"{rest[0]}" if size == 1 else f"{rest[0]} to {rest[size - 1]}"
-        rest = rest[size:]
+    for _, pairs in groupby(enumerate(sorted(numbers)), lambda pair: pair[1] - pair[0]):
+        run = [number for _, number in pairs]
+        yield from [f"{run[0]} to {run[-1]}"] if len(run) > 2 else map(str, run)
 
 
 def _at_home(home: tuple[float, ...], up: float) -> Row:
     return {**dict(zip(PLACE, (*home[:2], up), strict=True)), "name": "home"}
-
-
-def _same_place(a: Row, b: Row) -> bool:
-    """Whether two rows have the same place, to 1 m."""
-    return max(abs(a[key] - b[key]) for key in PLACE[:2]) < SAME_PLACE_DEG
 
 
 def _row(label: str, item: Mapping[str, Any], home: tuple[float, ...], before: list[Row]) -> Row:
@@ -373,13 +349,6 @@ def _height_before(item: Mapping[str, Any]) -> bool:
     return item["params"][6:] == [0] and item["frame"] in (*ABOVE_HOME, *ABOVE_TERRAIN)
 
 
-def _circles_before(subject: str, item: Mapping[str, Any]) -> Iterator[str]:
-    if not _placed(item):
-        yield f"{subject} is at 0, 0: it circles around the item before, as ArduPilot does."
-    if _height_before(item):
-        yield f"{subject} has the height 0, in ArduPilot that of the item before."
-
-
 def _circles(label: str, command: int, values: Sequence[Any]) -> Row:
     """Turns, radius and what else is stated of circles."""
     radius = json_number(values[RADIUS[command]], f"`radius_m` of {label}", 0.0)
@@ -406,16 +375,12 @@ def _notes(label: str, item: Mapping[str, Any]) -> Iterator[str]:
             yield f"The radius of {label} is not used: the path passes inside of the corner."
     if not _flag(item, "autoContinue"):
         yield f"{subject} waits until it is told to go on, which is not flown."
-    if command == UNLIMITED:
-        yield f"{subject} without an end is flown as {UNLIMITED_TURNS:g} turns."
-    if command == RETURN:
-        yield f"{subject} ends above home, at the height of the item before."
-    if command in CIRCLES:
-        yield from _circles_before(subject, item)
-    if command == LAND:
-        yield f"{subject} is flown to {LANDING_UP_M:g} m above its place."
-    if command == VTOL_LAND:
-        yield f"{subject} ends above its place: the descent in hover is not flown."
+    if command in FLOWN_AS:
+        yield f"{subject} {FLOWN_AS[command]}."
+    if command in CIRCLES and not _placed(item):
+        yield f"{subject} is at 0, 0: it circles around the item before, as ArduPilot does."
+    if command in CIRCLES and _height_before(item):
+        yield f"{subject} has the height 0, in ArduPilot that of the item before."
     if item["frame"] in ABOVE_TERRAIN and item.get("AMSLAltAboveTerrain") is None:
         yield f"The height of {label} is above terrain, which is unknown: it counts from home."
 

@@ -1,4 +1,4 @@
-"""Places on the WGS 84 ellipsoid, and files of maps: GeoJSON and KML of a path and its corridor."""
+"""Places on Earth and the ground there, and maps: GeoJSON and KML of a path and its corridor."""
 
 import json
 import math
@@ -13,9 +13,9 @@ import numpy as np
 from geographiclib.geodesic import Geodesic
 
 from flighttune.arrays import FloatArray, Floats
-from flighttune.errors import InputError
+from flighttune.errors import InputError, need
 from flighttune.files.mistakes import abridged
-from flighttune.files.table import hash_of, json_object
+from flighttune.files.table import file_text, hash_of, json_object, json_tables
 from flighttune.references.path import STEP
 from flighttune.references.path import Path as Route
 from flighttune.units import DEG
@@ -92,16 +92,8 @@ class Mark(NamedTuple):
     height: float  # m above sea level
 
 
-class Marks(NamedTuple):
-    """Lines and areas drawn beside a path."""
-
-    points: tuple[Mark, ...] = ()  # waypoints
-    rally: tuple[Mark, ...] = ()
-    # closed rings of longitudes and latitudes, deg, and whether they are to stay out of
-    areas: tuple[tuple[list[list[float]], bool], ...] = ()
-
-
-NO_MARKS = Marks()
+# A closed ring of longitudes and latitudes, deg, and whether it is to stay out of.
+Area: TypeAlias = tuple[list[list[float]], bool]
 
 # Elements of an area in KML, from its shape to its ring.
 RING = ("Polygon", "outerBoundaryIs", "LinearRing")
@@ -114,7 +106,7 @@ STYLES = {
 }
 
 
-def areas_of(tables: Iterable[Mapping[str, Any]]) -> tuple[tuple[list[list[float]], bool], ...]:
+def areas_of(tables: Iterable[Mapping[str, Any]]) -> tuple[Area, ...]:
     """Rings of fences in GeoJSON, and whether they are to stay out of; inner rings are."""
     return tuple(
         (ring, zone > 0 or json_part(feature, "properties", dict).get("exclusion") is True)
@@ -150,6 +142,20 @@ def json_part(tables: Mapping[str, Any], key: str, kind: type[P]) -> P:
     return kind() if value is None else value
 
 
+# Endings of the files of Mission Planner.
+PLANNER = (".waypoints", ".txt", ".fen")
+
+
+def map_file(path: Path, endings: Sequence[str], kinds: str) -> tuple[str, Any]:
+    """The kind of a file (``kml``, ``planner``, ``plan`` or ``geojson``), and its content."""
+    if (ending := path.suffix.lower()) not in endings:
+        raise InputError(f"{path}: must be {kinds}, got {path.suffix}.")
+    if ending in (".kml", *PLANNER):
+        return "kml" if ending == ".kml" else "planner", file_text(path)
+    tables = json_tables(path)
+    return "plan" if "mission" in tables else "geojson", tables
+
+
 @contextmanager
 def reading(path: Path, kind: str) -> Iterator[None]:
     """Refuse a file in which something is missing or of another type, in one line with its name."""
@@ -163,7 +169,13 @@ def reading(path: Path, kind: str) -> Iterator[None]:
         raise InputError(f"{path}: must be {kind}, got values of another kind.") from error
 
 
-def features(tables: Mapping[str, Any]) -> Iterable[Mapping[str, Any]]:
+def feature(kind: str, coordinates: Any, properties: Mapping[str, Any]) -> dict[str, Any]:
+    """A shape of GeoJSON with its properties."""
+    geometry = {"type": kind, "coordinates": coordinates}
+    return {"type": "Feature", "properties": properties, "geometry": geometry}
+
+
+def features(tables: Mapping[str, Any]) -> Sequence[Mapping[str, Any]]:
     """The features of a GeoJSON object; a shape alone is one without properties."""
     if tables["type"] == "FeatureCollection":
         return [feature for feature in tables["features"] if feature["geometry"] is not None]
@@ -171,7 +183,7 @@ def features(tables: Mapping[str, Any]) -> Iterable[Mapping[str, Any]]:
 
 
 def kml_features(text: str) -> list[dict[str, Any]]:
-    """Lines and polygons of KML as features of GeoJSON, lines with their ``altitudeMode``."""
+    """Lines and polygons of KML as features of GeoJSON, with their ``altitudeMode``."""
     if "<!DOCTYPE" in text:  # entities could make a small file a large one
         raise InputError("must be KML without a document type.")
     try:
@@ -183,12 +195,11 @@ def kml_features(text: str) -> list[dict[str, Any]]:
     own = {ROUTE_KEY: json_object(stated, f"`{ROUTE_KEY}`")} if stated else {}
     for shape in root.iter():
         if (kind := shape.tag.rpartition("}")[2]) in ("LineString", "Polygon"):
-            rings = [_points(x.text or "") for x in shape.iter() if x.tag.endswith("}coordinates")]
-            modes = [x.text for x in shape.iter() if x.tag.endswith("}altitudeMode")]
-            coordinates = rings if kind == "Polygon" else rings[0]
-            mode = {"altitudeMode": (modes or ["clampToGround"])[0]}
-            geometry = {"type": kind, "coordinates": coordinates, **mode}
-            shapes.append({"properties": own if kind == "LineString" else {}, "geometry": geometry})
+            rings = [_points(x.text or "") for x in shape.iterfind(".//{*}coordinates")]
+            mode = shape.findtext(".//{*}altitudeMode", "clampToGround")
+            line = kind == "LineString"
+            shapes.append(feature(kind, rings[0] if line else rings, own if line else {}))
+            shapes[-1]["geometry"]["altitudeMode"] = mode
     return shapes
 
 
@@ -201,34 +212,128 @@ def with_hash(route: Mapping[str, Any], path: object) -> dict[str, Any]:
     return {**route, "path_sha256": hash_of(path)}
 
 
-def route_geojson(
-    where: Where,
-    title: str,
-    corridor: Corridor | None = None,
-    marks: Marks = NO_MARKS,
-    route: Mapping[str, Any] | None = None,
-) -> str:
-    """A path as GeoJSON, with heights above sea level, and its corridor window by window.
+class RouteMap(NamedTuple):
+    """A path, and what is drawn beside it: its corridor, waypoints, rally points and fences."""
 
-    Waypoints, rally points and fences follow. The `route` is what the file is read back as.
-    """
-    claim = {"corridor": corridor.claim} if corridor else {}
-    line = _line(where).tolist()
-    own = {ROUTE_KEY: with_hash(route, line)} if route else {}
-    shapes: list[tuple[dict[str, Any], str, Any]] = [
-        ({"name": title, **claim, **own}, "LineString", line)
-    ]
-    for properties, floor, _ in _pieces(where, corridor):
-        shapes.append((properties, "Polygon", [floor[:, :2].tolist()]))
-    for mark in (*marks.points, *marks.rally):
-        shapes.append(({"name": mark.name}, "Point", [mark.lon, mark.lat, mark.height]))
-    for ring, exclusion in marks.areas:
-        shapes.append(({"name": "fence", "exclusion": exclusion}, "Polygon", [ring]))
-    written = [
-        {"type": "Feature", "properties": properties, "geometry": {"type": kind, "coordinates": at}}
-        for properties, kind, at in shapes
-    ]
-    return json.dumps({"type": "FeatureCollection", "features": written}) + "\n"
+    where: Where
+    title: str
+    points: Sequence[Mark] = ()  # waypoints
+    rally: Sequence[Mark] = ()
+    areas: Sequence[Area] = ()
+    corridor: Corridor | None = None
+    stated: Mapping[str, Any] | None = None  # the route that its file is read back as
+
+    def geojson(self) -> str:
+        """The map as GeoJSON, with heights above sea level, and the corridor window by window."""
+        line = self._line()
+        claim = {"corridor": self.corridor.claim} if self.corridor else {}
+        own = {ROUTE_KEY: with_hash(self.stated, line.tolist())} if self.stated else {}
+        shapes = [feature("LineString", line.tolist(), {"name": self.title, **claim, **own})]
+        for properties, floor, _ in self._pieces():
+            shapes.append(feature("Polygon", [floor[:, :2].tolist()], properties))
+        for mark in (*self.points, *self.rally):
+            shapes.append(feature("Point", [mark.lon, mark.lat, mark.height], {"name": mark.name}))
+        for ring, exclusion in self.areas:
+            shapes.append(feature("Polygon", [ring], {"name": "fence", "exclusion": exclusion}))
+        return json.dumps({"type": "FeatureCollection", "features": shapes}) + "\n"
+
+    def kml(self) -> str:
+        """The map as KML, at heights above sea level, with floor and ceiling of the corridor."""
+        line, claim = self._line(), f"Corridor: {self.corridor.claim}." if self.corridor else ""
+        own = []
+        if self.stated:
+            value = _element("value", json.dumps(with_hash(self.stated, line.tolist())))
+            own = [_element("ExtendedData", _element("Data", value, name=ROUTE_KEY))]
+        document = _element("Document")
+        for name, (colour, area) in STYLES.items():
+            of_line = _element("LineStyle", _element("color", colour), _element("width", "3"))
+            of_area = _element("PolyStyle", _element("color", area))
+            document.append(_element("Style", of_line, of_area, id=name))
+        shape = _shape(line, "LineString")
+        document.append(_placemark(self.title, "path", *own, shape, description=claim))
+        for properties, *rings in self._pieces():
+            shape = _element("MultiGeometry", *(_shape(ring, *RING) for ring in rings))
+            name = "corridor from {from_m} m".format(**properties)
+            document.append(_placemark(name, "corridor", shape))
+        for mark in (*self.points, *self.rally):
+            shape = _shape(np.array([[mark.lon, mark.lat, mark.height]]), "Point")
+            document.append(_placemark(mark.name, "path", shape))
+        for ring, exclusion in self.areas:
+            corners = np.array([[lon, lat, 0.0] for lon, lat, *_ in ring])
+            shape = _shape(corners, *RING, mode="clampToGround")
+            document.append(_placemark("stay out" if exclusion else "stay in", "fence", shape))
+        kml = _element("kml", document, xmlns="http://www.opengis.net/kml/2.2")
+        return ElementTree.tostring(kml, encoding="unicode", xml_declaration=True) + "\n"
+
+    def corridor_rings(self) -> list[list[list[float]]]:
+        """Closed rings of the windows of the corridor, longitudes and latitudes in deg."""
+        return [floor[:, :2].tolist() for _, floor, _ in self._pieces()]
+
+    def _line(self) -> FloatArray:
+        """Coordinates of points of the path."""
+        (line,) = _coordinates(self.where, self.where[0].points(APART), 0.0, 0.0)
+        return line
+
+    def _pieces(self) -> Iterator[tuple[dict[str, Any], FloatArray, FloatArray]]:
+        """Properties of each window of the corridor, and the rings of its floor and ceiling.
+
+        The rings are closed and counterclockwise, as GeoJSON asks for. Loiters overlap themselves,
+        windows do not.
+        """
+        path, corridor = self.where[0], self.corridor
+        for (begin, end), low, high in zip(*corridor[:3], strict=True) if corridor else ():
+            window = slice(int(begin / STEP), int(end / STEP) + 2)
+            turn, up = np.abs(path.curvature[window]).max() * (end - begin), path.up[window]
+            s = np.linspace(begin, end, 2 + int(max((end - begin) / APART, turn / CHORD)))
+            right = np.repeat([high[0], low[0], high[0]], [len(s), len(s), 1])
+            s = np.concatenate([s, s[::-1], s[:1]])
+            floor, ceiling = _coordinates(self.where, s, right, high[1], low[1])
+            numbers = (begin, end, up.min() - high[1], up.max() - low[1])
+            keys = ("from_m", "to_m", "min_up_m", "max_up_m")
+            rounded = {key: round(float(x), 2) for key, x in zip(keys, numbers, strict=True)}
+            yield {"name": "corridor", **rounded}, floor, ceiling
+
+
+def _element(tag: str, *parts: str | ElementTree.Element, **stated: str) -> ElementTree.Element:
+    """An element of KML from its text or its parts, and its attributes."""
+    element = ElementTree.Element(tag, stated)
+    for part in parts:
+        if isinstance(part, str):
+            element.text = part
+        else:
+            element.append(part)
+    return element
+
+
+def _placemark(
+    name: str, style: str, *parts: ElementTree.Element, description: str = ""
+) -> ElementTree.Element:
+    """A placemark with its name and style."""
+    described = [_element("description", description)] if description else []
+    heads = _element("name", name), *described, _element("styleUrl", f"#{style}")
+    return _element("Placemark", *heads, *parts)
+
+
+def _shape(
+    points: FloatArray, kind: str, *nested: str, mode: str = "absolute"
+) -> ElementTree.Element:
+    """A shape, whose coordinates are in the last of the `nested` elements."""
+    text = " ".join(",".join(map(str, point)) for point in points.tolist())
+    inner = _element("coordinates", text)
+    for tag in reversed(nested):
+        inner = _element(tag, inner)
+    return _element(kind, _element("altitudeMode", mode), inner)
+
+
+def _coordinates(
+    where: Where, s: FloatArray, right: Floats, *distances_below: float
+) -> list[FloatArray]:
+    """Longitude, latitude (deg) and height (m), (n, 3), beside a path and below it by distances."""
+    path, origin, h_0 = where
+    places = path.beside(s, right)
+    lat, lon = on_earth(places, origin).T.round(8)
+    heights = h_0 + places[:, 2]
+    return [np.column_stack([lon, lat, (heights - x).round(2)]) for x in distances_below]
 
 
 def rings_around(path: Route, width: float) -> list[FloatArray]:
@@ -255,117 +360,104 @@ def volumes_geojson(where: Where, volumes: Mapping[str, Volume]) -> str:
             on_earth(ring, origin)[:, ::-1].round(8).tolist() for ring in rings_around(path, width)
         ]
         sizes = {"width_m": width, "min_over_ground_m": low, "max_over_ground_m": high}
-        properties = {"name": name, **sizes, "claim": volume.claim}
-        geometry = {"type": "Polygon", "coordinates": rings}
-        shapes.append({"type": "Feature", "properties": properties, "geometry": geometry})
+        shapes.append(feature("Polygon", rings, {"name": name, **sizes, "claim": volume.claim}))
     return json.dumps({"type": "FeatureCollection", "features": shapes}, indent=1)
 
 
-def route_kml(
-    where: Where,
-    title: str,
-    corridor: Corridor | None = None,
-    marks: Marks = NO_MARKS,
-    route: Mapping[str, Any] | None = None,
-) -> str:
-    """A path as KML, at heights above sea level, and floor and ceiling of its corridor.
+# Distance between the places at which the ground is looked at, m.
+LOOKED_AT = 5.0
 
-    Waypoints, rally points and fences follow; each kind has a style. The `route` is what the file
-    is read back as.
+METRES = "", "m", "metre", "meter", "metres", "meters"
+
+# Lowest and highest land there is, roughly, m: a post beyond has no height, in a file that does not
+# say which value stands for none.
+LOWEST, HIGHEST = -500.0, 9000.0
+
+
+def ground_at(file: str | Path, places: FloatArray) -> FloatArray:
+    """Height of the ground at places (n, 2), latitude and longitude in deg, above sea level, m.
+
+    It is linear between the posts of a file that rasterio reads, such as GeoTIFF and .hgt. Raises
+    InputError if it cannot be read, is not in metres, or has no height at a place.
     """
-    kml = ElementTree.Element("kml", xmlns="http://www.opengis.net/kml/2.2")
-    document = ElementTree.SubElement(kml, "Document")
-    for name, (line, area) in STYLES.items():
-        style = ElementTree.SubElement(document, "Style", id=name)
-        for kind, values in (("Line", {"color": line, "width": "3"}), ("Poly", {"color": area})):
-            _add_texts(ElementTree.SubElement(style, f"{kind}Style"), values)
-    claim = f"Corridor: {corridor.claim}." if corridor else ""
-    mark, line = _add_mark(document, title, "path", claim), _line(where)
-    if route:
-        data = ElementTree.SubElement(mark, "ExtendedData")
-        value = json.dumps(with_hash(route, line.tolist()))
-        _add_texts(ElementTree.SubElement(data, "Data", name=ROUTE_KEY), {"value": value})
-    _add_shape(mark, ["LineString"], line)
-    for properties, *rings in _pieces(where, corridor):
-        name = "corridor from {from_m} m".format(**properties)
-        shapes = ElementTree.SubElement(_add_mark(document, name, "corridor"), "MultiGeometry")
-        for ring in rings:
-            _add_shape(shapes, RING, ring)
-    for point in (*marks.points, *marks.rally):
-        place = np.array([[point.lon, point.lat, point.height]])
-        _add_shape(_add_mark(document, point.name, "path"), ["Point"], place)
-    for corners, exclusion in marks.areas:
-        ring = np.array([[lon, lat, 0.0] for lon, lat, *_ in corners])
-        mark = _add_mark(document, "stay out" if exclusion else "stay in", "fence")
-        _add_shape(mark, RING, ring, mode="clampToGround")
-    return ElementTree.tostring(kml, encoding="unicode", xml_declaration=True) + "\n"
+    need("`--terrain`", "rasterio")
+    import rasterio
+    from rasterio._err import CPLE_BaseError  # of a place that a projection does not have
+    from rasterio.warp import transform
+    from rasterio.windows import Window
+    from scipy.ndimage import map_coordinates
+
+    if not Path(file).is_file():
+        raise InputError(f"{file}: there is no such file of a terrain.")
+    try:
+        with rasterio.open(file) as data, np.errstate(invalid="ignore"):
+            unit = (data.units[0] or "") if data.count == 1 else f"{data.count} bands"
+            if data.crs is None or unit.lower() not in METRES:
+                got = "no such system" if data.crs is None else unit
+                raise InputError(
+                    f"{file}: must have a coordinate system and one band of heights in m, got "
+                    f"{got}."
+                )
+            x, y = transform("EPSG:4326", data.crs, places[:, 1], places[:, 0])
+            cell = np.reshape(~data.transform, (3, 3))[1::-1] @ [x, y, np.ones(len(places))]
+            at, last = cell - 0.5, np.array([data.height, data.width]) - 1.0  # row and column
+            outside = ~((at >= 0.0) & (at <= last[:, None])).all(axis=0)  # also catches NaN
+            if outside.any():
+                raise _none_at(file, *places[outside][0])
+            first, size = np.floor(at.min(axis=1)), np.ceil(np.ptp(at, axis=1)) + 2.0
+            window = Window(first[1], first[0], *np.minimum(size, last - first + 1.0)[::-1])
+            posts = data.read(1, window=window, masked=True).astype(float).filled(np.nan)
+            posts = posts * data.scales[0] + data.offsets[0]
+            posts[(posts < LOWEST) | (posts > HIGHEST)] = np.nan
+    except (rasterio.errors.RasterioError, CPLE_BaseError) as error:
+        reason = str(error).rstrip(".")
+        raise InputError(f"{file}: must be a raster with heights there, got {reason}.") from error
+    heights = map_coordinates(posts, at - first[:, None], order=1, mode="nearest")
+    if (lost := np.isnan(heights)).any():
+        raise _none_at(file, *places[lost][0])
+    return heights
 
 
-def corridor_rings(where: Where, corridor: Corridor | None) -> Iterator[list[list[float]]]:
-    """Closed rings of the windows of a corridor, longitudes and latitudes in deg."""
-    return (floor[:, :2].tolist() for _, floor, _ in _pieces(where, corridor))
+def _none_at(file: str | Path, lat: float, lon: float) -> InputError:
+    return InputError(f"{file}: must have the height of the ground at {lat:.5f}, {lon:.5f} deg.")
 
 
-def _add_mark(
-    document: ElementTree.Element, name: str, style: str, description: str = ""
-) -> ElementTree.Element:
-    """Add a placemark, whose shape follows."""
-    mark = ElementTree.SubElement(document, "Placemark")
-    described = {"description": description} if description else {}
-    _add_texts(mark, {"name": name, **described, "styleUrl": f"#{style}"})
-    return mark
+def clearance(file: str | Path, where: Where, corridor: Corridor | None = None) -> dict[str, Any]:
+    """The lowest place over the ground of a path, or of its corridor, looked at every 5 m.
 
-
-def _add_texts(parent: ElementTree.Element, texts: Mapping[str, str]) -> None:
-    for tag, text in texts.items():
-        ElementTree.SubElement(parent, tag).text = text
-
-
-def _add_shape(
-    parent: ElementTree.Element, names: Sequence[str], points: FloatArray, mode: str = "absolute"
-) -> None:
-    """Add a shape; its coordinates are in the last of the nested `names`."""
-    shape = ElementTree.SubElement(parent, names[0])
-    ElementTree.SubElement(shape, "altitudeMode").text = mode
-    for name in (*names[1:], "coordinates"):
-        shape = ElementTree.SubElement(shape, name)
-    shape.text = " ".join(",".join(map(str, point)) for point in points.tolist())
-
-
-def _line(where: Where) -> FloatArray:
-    """Coordinates of points of a path."""
-    (line,) = _coordinates(where, where[0].points(APART), 0.0, 0.0)
-    return line
-
-
-def _pieces(
-    where: Where, corridor: Corridor | None
-) -> Iterator[tuple[dict[str, Any], FloatArray, FloatArray]]:
-    """Properties of each window of a corridor, and the closed rings of its floor and ceiling.
-
-    The rings are counterclockwise, as GeoJSON asks for. Loiters overlap themselves, windows do not.
+    Returns its height over the ground (m, negative below it), distance along the path (m), stretch,
+    latitude and longitude (deg), the height of the ground there (m), and the file.
     """
-    path = where[0]
-    for (begin, end), low, high in zip(*corridor[:3], strict=True) if corridor else ():
-        window = slice(int(begin / STEP), int(end / STEP) + 2)
-        turn, up = np.abs(path.curvature[window]).max() * (end - begin), path.up[window]
-        s = np.linspace(begin, end, 2 + int(max((end - begin) / APART, turn / CHORD)))
-        right = np.repeat([high[0], low[0], high[0]], [len(s), len(s), 1])
-        s = np.concatenate([s, s[::-1], s[:1]])
-        floor, ceiling = _coordinates(where, s, right, high[1], low[1])
-        numbers = (begin, end, up.min() - high[1], up.max() - low[1])
-        keys = ("from_m", "to_m", "min_up_m", "max_up_m")
-        rounded = {key: round(float(x), 2) for key, x in zip(keys, numbers, strict=True)}
-        yield {"name": "corridor", **rounded}, floor, ceiling
-
-
-def _coordinates(
-    where: Where, s: FloatArray, right: Floats, *distances_below: float
-) -> list[FloatArray]:
-    """Longitude and latitude, deg, and height, m, of points beside a path, and below it by each of
-    some distances, shape (n, 3)."""
     path, origin, h_0 = where
-    places = path.beside(s, right)
-    lat, lon = on_earth(places, origin).T.round(8)
-    heights = h_0 + places[:, 2]
-    return [np.column_stack([lon, lat, (heights - x).round(2)]) for x in distances_below]
+    s, right, below = path.points(LOOKED_AT), np.zeros(()), np.zeros(())
+    if corridor is not None:
+        window = np.searchsorted(corridor.windows[:, 1], s).clip(max=len(corridor.low) - 1)
+        (left, _), (far, lowest) = corridor.low[window].T, corridor.high[window].T
+        shares = np.linspace(0.0, 1.0, 2 + int((far - left).max() / LOOKED_AT))[:, None]
+        right, s = (left + shares * (far - left)).ravel(), np.tile(s, len(shares))
+        below = np.tile(lowest, len(shares))
+    places = path.beside(s, right, below)
+    on_map = on_earth(places, origin)
+    ground = ground_at(file, on_map)
+    over = h_0 + places[:, 2] - ground
+    i = int(np.argmin(over))
+    return {
+        "over_ground_m": float(over[i]),
+        "along_m": float(s[i]),
+        "stretch": path.stretch_at(float(s[i])).words,
+        **dict(zip(("lat_deg", "lon_deg"), on_map[i].tolist(), strict=True)),
+        "ground_m": float(ground[i]),
+        "file": str(file),
+    }
+
+
+def clearance_words(subject: str, lowest: dict[str, Any]) -> str:
+    """How low something comes over the ground, in a sentence."""
+    place = "on the {stretch}, {along_m:.0f} m along, at {lat_deg:.5f}, {lon_deg:.5f}"
+    ground = "the ground is {ground_m:.0f} m above sea level there ({file})"
+    over = lowest["over_ground_m"]
+    how = f"comes down to {over:.1f} m over" if over >= 0.0 else f"is {-over:.1f} m below"
+    return f"{subject} {how} the ground {place}; {ground}.".format(**lowest)
+
+
+NOT_SEEN = "Terrain was not looked at: `--terrain FILE` does."

@@ -4,20 +4,19 @@ import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from types import MappingProxyType
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from flighttune.errors import InputError
-from flighttune.files.table import file_text, hash_of, json_tables
+from flighttune.files.table import hash_of
 from flighttune.references.fence import circle_of
 from flighttune.references.items import (
     SPEED,
     TAKEOFF,
     TURNS,
     WAYPOINT,
-    Mission,
+    RouteFile,
     Row,
     add_row,
     place,
@@ -26,12 +25,15 @@ from flighttune.references.items import (
 )
 from flighttune.references.maps import (
     ROUTE_KEY,
-    Marks,
-    Where,
+    Area,
+    LatLon,
+    RouteMap,
     features,
     json_number,
     json_part,
     kml_features,
+    map_file,
+    north_east,
     on_earth,
     reading,
     with_hash,
@@ -39,118 +41,12 @@ from flighttune.references.maps import (
 from flighttune.references.path import Stretch
 from flighttune.units import DEG
 
-# Largest change of course between two waypoints of a turn-around, rad: autopilots pass them inside.
-APART = 45.0 * DEG
-
-# Frames of heights above the home position, and of commands without a place.
-ABOVE_HOME, NO_FRAME = 3, 2
-
-
-def route_plan(
-    where: Where, marks: Marks, V_a: float, ground: float, stated: Mapping[str, Any] | None = None
-) -> str:
-    """A plan of the path at the airspeed `V_a` (m/s) from a home position at `ground` (m).
-
-    Circles have the radius and the turns that are planned, and turn-arounds are waypoints along
-    their path. flighttune reads the file as what is `stated`.
-    """
-    path, origin, h_0 = where
-    items: list[dict[str, Any]] = []
-
-    def add(command: int, values: Sequence[float | None], s: float | None = None) -> None:
-        place: list[float | None] = [0, 0, 0]
-        if s is not None:
-            point = path.beside(np.array([s]))
-            (lat, lon), up = on_earth(point, origin)[0].tolist(), float(point[0, 2])
-            place = [round(lat, 8), round(lon, 8), round(h_0 + up - ground, 2)]
-        items.append(_item(command, [*values, *place], len(items) + 1))
-
-    add(TAKEOFF, (15, 0, 0, None), 0.0)
-    add(SPEED, (0, round(V_a, 2), -1, 0))
-    for stretch in path.stretches:
-        if stretch.kind == "loiter":
-            point = marks.points[stretch.waypoint - 1]
-            turns = round(abs(stretch.turn) / math.tau, 2)
-            radius = math.copysign(round(stretch.radius, 1), stretch.turn)
-            values = turns, 0, radius, 1, point.lat, point.lon, round(point.height - ground, 2)
-            items.append(_item(TURNS, values, len(items) + 1))
-        else:
-            for s in _passed(stretch):
-                add(WAYPOINT, (0, 0, 0, None), s)
-    if path.stretches[-1].kind == "leg":
-        add(WAYPOINT, (0, 0, 0, None), path.length)
-    areas = [_area(*area) for area in marks.areas]
-    first = marks.points[0]
-    tables: dict[str, Any] = {
-        "fileType": "Plan",
-        "version": 1,
-        "groundStation": "QGroundControl",
-        "geoFence": {
-            "version": 2,
-            "circles": [area for area in areas if "circle" in area],
-            "polygons": [area for area in areas if "polygon" in area],
-        },
-        "mission": {
-            "version": 2,
-            "firmwareType": 12,
-            "vehicleType": 1,
-            "cruiseSpeed": round(V_a, 2),
-            "hoverSpeed": 5,
-            "globalPlanAltitudeMode": 1,
-            "plannedHomePosition": [first.lat, first.lon, ground],
-            "items": items,
-        },
-        "rallyPoints": {
-            "version": 2,
-            "points": [[x.lat, x.lon, round(x.height - ground, 2)] for x in marks.rally],
-        },
-    }
-    if stated:
-        tables[ROUTE_KEY] = with_hash(stated, tables["mission"])
-    return json.dumps(tables, indent=1) + "\n"
-
-
-def _area(ring: list[list[float]], exclusion: bool) -> dict[str, Any]:
-    """An area of a fence: a circle where the ring is one that stands for it."""
-    area = {"version": 1, "inclusion": not exclusion}
-    if circle := circle_of(ring, outside=exclusion):
-        (lat, lon), radius = circle
-        return area | {"circle": {"center": [round(lat, 8), round(lon, 8)], "radius": radius}}
-    return area | {"polygon": [[lat, lon] for lon, lat, *_ in ring[:-1]]}
-
-
-def _passed(stretch: Stretch) -> Iterator[float]:
-    """Distances along the route of the waypoints of a stretch that is no loiter, m."""
-    if stretch.kind == "turn":
-        yield stretch.start + 0.5 * stretch.length
-    elif stretch.kind == "turn-around":
-        # The bends of a bulb: its courses change by up to three times the circumference of one.
-        count = max(2, math.ceil(stretch.length / (stretch.radius * APART)))
-        yield from (stretch.start + i * stretch.length / count for i in range(count + 1))
-
-
-def _item(command: int, values: Sequence[float | None], number: int) -> dict[str, Any]:
-    frame = NO_FRAME if command == SPEED else ABOVE_HOME
-    common = {"type": "SimpleItem", "autoContinue": True, "doJumpId": number}
-    return common | {"command": command, "frame": frame, "params": list(values)}
-
-
 # Endings of files that are read.
 ROUTE_FILES = (".plan", ".json", ".geojson", ".waypoints", ".txt", ".kml")
 
 KINDS = (
     "a plan of QGroundControl, waypoints of Mission Planner, or KML or GeoJSON with a LineString"
 )
-
-
-class RouteFile(NamedTuple):
-    """A route as a file states it."""
-
-    # Keys of [route]: ``waypoint`` with heights above the first, ``widen``, ``rally``, ``notes``
-    route: dict[str, Any]
-    # ``h_m``, ``ground_m`` and ``V_a_mps`` of [flight], as far as the file has them
-    flight: dict[str, float]
-    limits: Mapping[str, Any] = MappingProxyType({})  # [limits], which flighttune writes
 
 
 def read_route(path: Path, *, skip: bool = False, terrain: str | Path | None = None) -> RouteFile:
@@ -161,19 +57,16 @@ def read_route(path: Path, *, skip: bool = False, terrain: str | Path | None = N
     Raises InputError if the file cannot be read, is none of these, or has an item that cannot be
     flown.
     """
-    if (ending := path.suffix.lower()) not in ROUTE_FILES:
-        raise InputError(f"{path}: must be {KINDS}, got {path.suffix}.")
-    text_file = ending in (".waypoints", ".txt", ".kml")
-    content: Any = file_text(path) if text_file else json_tables(path)
+    kind, content = map_file(path, ROUTE_FILES, KINDS)
     with reading(path, KINDS):
-        if ending == ".kml":
-            read = _line(kml_features(content))
-        elif text_file:
-            read = _waypoints(content, skip, terrain)
-        elif "mission" in content:
+        if kind == "planner":
+            (*home, height), items = planner_items(content)
+            home = (*home, json_number(height, "the height of home"))
+            read = read_items(items, home, skip, terrain)
+        elif kind == "plan":
             read = _plan(content, skip, terrain)
         else:
-            read = _line(features(content))
+            read = _line(kml_features(content) if kind == "kml" else features(content))
         rows = read.route["waypoint"]
         if len(rows) < 2:
             raise InputError(
@@ -212,38 +105,16 @@ def _plan(tables: Mapping[str, Any], skip: bool, terrain: str | Path | None) -> 
     read = read_items(mission["items"], home, skip, terrain)
     points = json_part(json_part(tables, "rallyPoints", dict), "points", list)
     rally = [place(f"rally point {i}", point[:3]) for i, point in enumerate(points, start=1)]
-    return _mission(read, home, rally)
+    return read._replace(route=read.route | {"rally": rally})
 
 
-def _waypoints(text: str, skip: bool, terrain: str | Path | None) -> RouteFile:
-    """A file of Mission Planner, whose first line of values is the home position."""
-    (lat, lon, height), items = planner_items(text)
-    home = lat, lon, json_number(height, "the height of home")
-    read = read_items(items, home, skip, terrain)
-    return _mission(read, home, read.rally)
-
-
-def _mission(read: Mission, home: tuple[float, ...], rally: list[Row]) -> RouteFile:
-    rows = read.rows
-    if not (abs(home[0]) <= 90.0 and abs(home[1]) <= 180.0):  # also catches NaN
-        raise InputError(
-            "the home position must have a latitude up to 90 and a longitude up to 180 deg, got "
-            f"{home[0]:g} and {home[1]:g}."
-        )
-    flight = {"h_m": home[2] + rows[0]["up_m"], "ground_m": home[2]} if rows else {}
-    flight |= {} if read.speed is None else {"V_a_mps": read.speed}
-    table = {"waypoint": rows, "widen": True, "rally": rally, "notes": read.notes}
-    return RouteFile(table, flight)
-
-
-def _line(found: Any) -> RouteFile:
-    shapes = [*found]
-    lines = [x["geometry"] for x in shapes if x["geometry"]["type"] == "LineString"]
+def _line(shapes: Sequence[Mapping[str, Any]]) -> RouteFile:
+    lines = [x for x in shapes if x["geometry"]["type"] == "LineString"]
     if len(lines) != 1:
         raise InputError(f"must have one LineString, got {len(lines)}.")
-    points = lines[0]["coordinates"]
-    stated = next(json_part(x, "properties", dict) for x in shapes if x["geometry"] is lines[0])
-    if read := _written(stated.get(ROUTE_KEY), points):
+    line = lines[0]["geometry"]
+    points = line["coordinates"]
+    if read := _written(json_part(lines[0], "properties", dict).get(ROUTE_KEY), points):
         return read
     if len({len(point[:3]) for point in points}) > 1:
         raise InputError("`coordinates` must have a height at every point of a line, or at none.")
@@ -254,9 +125,197 @@ def _line(found: Any) -> RouteFile:
         same += add_row(rows, place(name, [point[1], point[0], *point[2:3], 0.0][:3]), name)
     notes = ["Of the shapes in the file the LineString alone is read."] * (len(shapes) > 1)
     flight = {"h_m": rows[0]["up_m"]} if rows else {}
-    if lines[0].get("altitudeMode", "absolute") != "absolute":
+    if line.get("altitudeMode", "absolute") != "absolute":
         flight, notes = {}, [*notes, "Heights in the file are above the ground: `h_m` is assumed."]
     # Programs that know no heights write zeros.
     elif not any(row["up_m"] for row in rows):
         flight, notes = {}, [*notes, "The file has no heights: the route is level, at `h_m`."]
     return RouteFile({"waypoint": rows, "notes": [*notes, *same]}, flight)
+
+
+# Largest change of course between two waypoints of a turn-around, rad: autopilots pass them inside.
+APART = 45.0 * DEG
+
+# Frames of heights above the home position, and of commands without a place.
+ABOVE_HOME, NO_FRAME = 3, 2
+
+
+def route_plan(route: RouteMap, V_a: float, ground: float) -> tuple[str, str]:
+    """A plan of a path at the airspeed `V_a` (m/s) from a home position at `ground` (m).
+
+    Circles have the radius and the turns that are planned, and turn-arounds are waypoints along
+    their path. A corridor takes the place of the areas to stay in. The sentence says what becomes
+    of a fence with more vertices than vehicles take.
+    """
+    path, origin, h_0 = route.where
+    passed = 0, 0, 0, None
+
+    def at(s: float) -> tuple[float, ...]:
+        point = path.beside(np.array([s]))
+        (lat, lon), up = on_earth(point, origin)[0].tolist(), float(point[0, 2])
+        return round(lat, 8), round(lon, 8), round(h_0 + up - ground, 2)
+
+    steps: list[tuple[int, tuple[float | None, ...], tuple[float, ...]]] = [
+        (TAKEOFF, (15, 0, 0, None), at(0.0)),
+        (SPEED, (0, round(V_a, 2), -1, 0), (0, 0, 0)),
+    ]
+    for stretch in path.stretches:
+        if stretch.kind == "loiter":
+            point = route.points[stretch.waypoint - 1]
+            turns = round(abs(stretch.turn) / math.tau, 2)
+            radius = math.copysign(round(stretch.radius, 1), stretch.turn)
+            place = point.lat, point.lon, round(point.height - ground, 2)
+            steps.append((TURNS, (turns, 0, radius, 1), place))
+        else:
+            steps += [(WAYPOINT, passed, at(s)) for s in _passed(stretch)]
+    if path.stretches[-1].kind == "leg":
+        steps.append((WAYPOINT, passed, at(path.length)))
+    items = [
+        {"type": "SimpleItem", "autoContinue": True, "doJumpId": number, "command": command}
+        | {"frame": NO_FRAME if command == SPEED else ABOVE_HOME, "params": [*values, *place]}
+        for number, (command, values, place) in enumerate(steps, start=1)
+    ]
+    fence, said = _fewer_vertices(route)
+    areas = [_area(*area) for area in fence]
+    first = route.points[0]
+    tables: dict[str, Any] = {
+        "fileType": "Plan",
+        "version": 1,
+        "groundStation": "QGroundControl",
+        "geoFence": {
+            "version": 2,
+            "circles": [area for area in areas if "circle" in area],
+            "polygons": [area for area in areas if "polygon" in area],
+        },
+        "mission": {
+            "version": 2,
+            "firmwareType": 12,
+            "vehicleType": 1,
+            "cruiseSpeed": round(V_a, 2),
+            "hoverSpeed": 5,
+            "globalPlanAltitudeMode": 1,
+            "plannedHomePosition": [first.lat, first.lon, ground],
+            "items": items,
+        },
+        "rallyPoints": {
+            "version": 2,
+            "points": [[x.lat, x.lon, round(x.height - ground, 2)] for x in route.rally],
+        },
+    }
+    if route.stated:
+        tables[ROUTE_KEY] = with_hash(route.stated, tables["mission"])
+    return json.dumps(tables, indent=1) + "\n", said
+
+
+def _area(ring: list[list[float]], exclusion: bool) -> dict[str, Any]:
+    """An area of a fence: a circle where the ring is one that stands for it."""
+    area = {"version": 1, "inclusion": not exclusion}
+    if circle := circle_of(ring, outside=exclusion):
+        (lat, lon), radius = circle
+        return area | {"circle": {"center": [round(lat, 8), round(lon, 8)], "radius": radius}}
+    return area | {"polygon": [[lat, lon] for lon, lat, *_ in ring[:-1]]}
+
+
+def _passed(stretch: Stretch) -> Iterator[float]:
+    """Distances along the route of the waypoints of a stretch that is no loiter, m."""
+    if stretch.kind == "turn":
+        yield stretch.start + 0.5 * stretch.length
+    elif stretch.kind == "turn-around":
+        # The bends of a bulb: its courses change by up to three times the circumference of one.
+        count = max(2, math.ceil(stretch.length / (stretch.radius * APART)))
+        yield from (stretch.start + i * stretch.length / count for i in range(count + 1))
+
+
+# Vertices of a fence that every vehicle takes, each circle as one.
+MOST, VEHICLES = 64, "PX4 takes at most 64 and ArduPilot 70"
+
+# Sizes of the details that are left out, m; the first is the rounding of places in a file.
+SIZES = (0.01, *np.geomspace(0.1, 2000.0, 40).tolist())
+
+# Steps in which the distance between two areas is found.
+HALVINGS = 14
+
+
+def _fewer_vertices(route: RouteMap) -> tuple[list[Area], str]:
+    """Areas that hold the windows of a corridor, or a path, with at most `MOST` vertices.
+
+    The corridor takes the place of the areas to stay in, and is cut off at those that hold it.
+    Circles stay circles. Areas to stay in become smaller, those to stay out of larger. The sentence
+    has the distance that this costs; it is empty where nothing changes.
+    """
+    import shapely
+
+    (path, origin, _), windows = route.where, route.corridor_rings()
+    circles = [
+        (x, out) for x, out in route.areas if circle_of(x, outside=out) and (out or not windows)
+    ]
+    polygons = [area for area in route.areas if area not in circles]
+    room = MOST - len(circles)
+    if not windows and _vertices(polygons) <= room:
+        return [*route.areas], ""
+    core: Any = shapely.LineString(path.beside(path.points(10.0))[:, :2])
+    if windows:
+        core = shapely.union_all([_polygon(ring, origin) for ring in windows])
+    stated = [(_polygon(ring, origin), out) for ring, out in polygons]
+    around = [area for area, out in stated if windows and not out and area.covers(core)]
+    zones = [(area, out) for area, out in stated if out or not windows]
+    clear = [out and not area.intersects(core) for area, out in zones]
+    for smaller, size in [(x, size) for x in (False, True) for size in SIZES]:
+        kept = [(_changed(*zone, size), zone[1]) if smaller else zone for zone in zones]
+        wide = [(core.buffer(size).simplify(size), False)] if windows else []
+        for area in around:
+            wide = [(wide[0][0].intersection(area), False)]
+        shapes = [*wide, *kept]
+        rings = [ring for shape in shapes for ring in _rings(*shape, origin)]
+        fits = _vertices(rings) <= room and all(
+            shape.geom_type == "Polygon" and (out or shape.covers(core)) for shape, out in shapes
+        )
+        apart = all(x[0].disjoint(core) for x, free in zip(kept, clear, strict=True) if free)
+        if fits and apart:
+            break
+    else:
+        rings = [*((ring, False) for ring in windows), *polygons]
+        count = len(circles) + _vertices(rings)
+        return [*rings, *circles], f"has {count} vertices and circles, of which {VEHICLES}"
+    pairs = [(core, wide[0][0])] if windows else []
+    pairs += [(a, b) if out else (b, a) for (a, out), (b, _) in zip(zones, kept, strict=True)]
+    lost = max(_beyond(*pair) for pair in pairs)
+    count = len(circles) + _vertices(rings)
+    cost = "goes up to {:.1f} m beyond the corridor" if windows else "is up to {:.1f} m narrower"
+    said = f"has {count} vertices and circles, as {VEHICLES}, and {cost.format(lost)}"
+    return [*rings, *circles], said
+
+
+def _vertices(areas: Sequence[Area]) -> int:
+    return sum(len(ring) - 1 for ring, _ in areas)
+
+
+def _polygon(ring: list[list[float]], origin: LatLon) -> Any:
+    """A closed ring as a polygon north and east of a place, m."""
+    import shapely
+
+    return shapely.Polygon([north_east((lat, lon), origin) for lon, lat, *_ in ring]).buffer(0.0)
+
+
+def _rings(shape: Any, outside: bool, origin: LatLon) -> list[Area]:
+    """The rings of a polygon, whose holes are areas to stay out of."""
+    parts = [] if shape.is_empty else getattr(shape, "geoms", [shape])
+    return [
+        (on_earth(np.array(ring.coords), origin)[:, ::-1].round(8).tolist(), outside or number > 0)
+        for part in parts
+        for number, ring in enumerate([part.exterior, *part.interiors])
+    ]
+
+
+def _changed(area: Any, outside: bool, size: float) -> Any:
+    """An area without its details of a size: larger if it is to stay out of, else smaller."""
+    return area.buffer(size if outside else -size, join_style="mitre").simplify(size)
+
+
+def _beyond(inner: Any, outer: Any) -> float:
+    """How far the places of an area are from another one, at most, m."""
+    low, high = 0.0, math.dist(*np.reshape(outer.bounds, (2, 2)))
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if inner.buffer(middle).covers(outer) else (middle, high)
+    return high

@@ -22,8 +22,7 @@ from flighttune.present.frame import Report, Section, write_answer
 from flighttune.present.names import shown_unit
 from flighttune.present.palette import HUES, LIMIT, NEUTRAL
 from flighttune.references.fence import read_fence
-from flighttune.references.maps import on_earth, rings_around
-from flighttune.references.terrain import NOT_SEEN, ground_at
+from flighttune.references.maps import NOT_SEEN, ground_at, on_earth, rings_around
 from flighttune.reports.charts import APART, DISTANCE_AXIS, KM, ROUTE_ERRORS, route_map
 from flighttune.reports.panels import ERRORS, errors, flown_signals
 from flighttune.simulate.run import Run, run_styles

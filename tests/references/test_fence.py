@@ -12,11 +12,10 @@ from commands import answer, flighttune
 from scipy.stats import binomtest
 
 import flighttune as ft
-from flighttune.campaign.band import load_counted
 from flighttune.campaign.counted_flights import check_one_path, plan_of
 from flighttune.claims.counted import About
 from flighttune.references.fence import SCAN_STEP, fence_tables, read_fence, room_along
-from flighttune.references.maps import north_east, on_earth, route_geojson, route_kml
+from flighttune.references.maps import RouteMap, north_east, on_earth
 from flighttune.references.path import Ability, Waypoint, plan
 from tests.made_up_band import band_flights
 
@@ -26,15 +25,12 @@ ABILITY = Ability(V_a=25.0, wind=8.0, phi=0.6, phi_rate=0.4, gamma=(-0.2, 0.2), 
 # The edge is at 30 m to the left of a leg to the north, 40 m to the right.
 BOX = ((-50.0, -30.0), (-50.0, 40.0), (900.0, 40.0), (900.0, -30.0))
 
+# A zone 25 m to the right of the leg.
+SQUARE = ((300.0, 25.0), (310.0, 25.0), (310.0, 35.0), (300.0, 35.0))
+
 STRAIGHT = "[{north_m = 0.0, east_m = 0.0}, {north_m = 800.0, east_m = 0.0}]"
-SETTINGS = (
-    "--set",
-    f"route.waypoint={STRAIGHT}",
-    "--set",
-    "route.lat_deg=47.0",
-    "--set",
-    "route.lon_deg=8.0",
-)
+KEYS = f"route.waypoint={STRAIGHT}", "route.lat_deg=47.0", "route.lon_deg=8.0"
+SETTINGS = [word for key in KEYS for word in ("--set", key)]
 
 
 def fence_file(path, *rings, origin=ORIGIN, **properties):
@@ -81,10 +77,9 @@ def band():
 
 def test_a_leg_in_a_rectangle_has_the_distances_of_its_edges(tmp_path):
     leg = plan([Waypoint(north=0.0, east=0.0), Waypoint(north=800.0, east=0.0, up=16.0)], ABILITY)
-    zone = ((300.0, 25.0), (310.0, 25.0), (310.0, 35.0), (300.0, 35.0))
     needle = ((150.04, 28.0), (150.06, 28.0), (150.05, 27.0))  # between two points of the path
     heights = {"min_up_m": -20.0, "max_up_m": 50.0}
-    file = fence_file(tmp_path / "f.geojson", BOX, zone, needle, **heights)
+    file = fence_file(tmp_path / "f.geojson", BOX, SQUARE, needle, **heights)
     windows = np.array([0.0, 200.0, 400.0, 800.0])
     room = room_along(read_fence(file, ORIGIN), leg, windows, widest=50.0, overlap=0.0)
 
@@ -109,24 +104,18 @@ def degrees(*places):
 
 def plan_with(path, polygons=(), circles=()):
     """A plan with areas: corners or centre and radius, m, and whether it is to stay in."""
-    path.write_text(
-        json.dumps(
-            {
-                "mission": {"items": []},
-                "geoFence": {
-                    "version": 2,
-                    "polygons": [
-                        {"inclusion": inside, "polygon": degrees(*ring), "version": 1}
-                        for inside, ring in polygons
-                    ],
-                    "circles": [
-                        {"inclusion": inside, "circle": {"center": degrees(at)[0], "radius": r}}
-                        for inside, at, r in circles
-                    ],
-                },
-            }
-        )
-    )
+    fence = {
+        "version": 2,
+        "polygons": [
+            {"inclusion": inside, "polygon": degrees(*ring), "version": 1}
+            for inside, ring in polygons
+        ],
+        "circles": [
+            {"inclusion": inside, "circle": {"center": degrees(at)[0], "radius": radius}}
+            for inside, at, radius in circles
+        ],
+    }
+    path.write_text(json.dumps({"mission": {"items": []}, "geoFence": fence}))
     return path
 
 
@@ -137,9 +126,6 @@ def test_an_empty_value_of_another_kind_is_not_taken_for_a_plan_without_a_fence(
 
     with pytest.raises(ft.InputError, match=r"`\w+` must be (an object|a list), got "):
         fence_tables([path])
-
-
-SQUARE = ((300.0, 25.0), (310.0, 25.0), (310.0, 35.0), (300.0, 35.0))
 
 
 def limits_of(*files):
@@ -234,16 +220,17 @@ def test_a_long_edge_follows_its_parallel(tmp_path):
     assert fence.names[-2:] == ("ceiling", "floor")
 
 
+def bent_path():
+    corners = [(0, 0), (600, 0), (700, 500), (200, 700), (-300, 300)]
+    return plan([Waypoint(north=n, east=e) for n, e in corners], ABILITY)
+
+
 def test_the_margin_of_a_path_is_the_distance_that_shapely_finds(tmp_path):
     """Negative by how far it is outside, where it leaves an area or crosses a zone."""
-    corners = [(0, 0), (600, 0), (700, 500), (200, 700), (-300, 300)]
-    path = plan([Waypoint(north=n, east=e) for n, e in corners], ABILITY)
+    path, wide = bent_path(), ((-600, -300), (1200, -300), (1200, 1200), (-600, 1200))
     areas = {
-        "wide": [((-600, -300), (1200, -300), (1200, 1200), (-600, 1200))],
-        "zone": [
-            ((-600, -300), (1200, -300), (1200, 1200), (-600, 1200)),
-            ((500, 150), (720, 250), (450, 350)),
-        ],
+        "wide": [wide],
+        "zone": [wide, ((500, 150), (720, 250), (450, 350))],
         "area": [((-400, -80), (500, -60), (500, 520), (-420, 200))],
     }
     points = shapely.points(np.column_stack([path.north, path.east])[path.s <= path.length])
@@ -322,8 +309,7 @@ def winding(places, ring):
 
 
 def test_every_place_within_the_limits_is_inside(tmp_path):
-    corners = [(0, 0), (600, 0), (700, 500), (200, 700), (-300, 300)]
-    path = plan([Waypoint(north=n, east=e) for n, e in corners], ABILITY)
+    path = bent_path()
     outer = ((-400, -80), (640, -60), (780, 520), (150, 800), (-420, 200), (100, 430), (200, 150))
     zone = ((500, 150), (560, 250), (450, 350))
     fence = read_fence(fence_file(tmp_path / "f.geojson", outer, zone), ORIGIN)
@@ -404,7 +390,7 @@ def test_a_fence_is_kept_with_its_band_and_shares_its_confidence_and_page(band, 
     assert said["confidence"] == pytest.approx(0.8)
     assert "confidence 0.8 (shared by the band and its fence)" in said["verdict"]
     assert "confidence 0.8 (shared by the band and its fence)" in said["sentence"]
-    assert load_counted(file).about.fences == (json.loads(box.read_text()),)
+    assert ft.load(file).about.fences == (json.loads(box.read_text()),)
     text = page.read_text()
     assert "36 of 40 fresh flights are certainly inside" in text
     assert text.count("fence</span>") == text.count("Map</") == 1
@@ -472,9 +458,10 @@ def test_a_fence_is_for_polygons_and_for_bands_on_a_route(band, box, tmp_path):
 def test_maps_show_the_corridor_as_wide_and_high_as_the_band(band, tmp_path):
     where = band.flights.route.where
     corridor = band.corridor(where)._replace(high=np.tile([7.0, 3.0], (200, 1)))
-    line, *pieces = json.loads(route_geojson(where, "a leg", corridor))["features"]
+    drawn = RouteMap(where, "a leg", corridor=corridor)
+    line, *pieces = json.loads(drawn.geojson())["features"]
 
-    alone = json.loads(route_geojson(where, "a leg"))["features"][0]
+    alone = json.loads(RouteMap(where, "a leg").geojson())["features"][0]
     assert line["geometry"] == alone["geometry"]
     assert line["properties"]["corridor"] == band.sentence
     assert len(pieces) == 200
@@ -486,7 +473,7 @@ def test_maps_show_the_corridor_as_wide_and_high_as_the_band(band, tmp_path):
         assert north.min() == pytest.approx(4.0 * window, abs=0.01)
         assert piece["properties"]["min_up_m"] == -3.0
         assert piece["properties"]["max_up_m"] == pytest.approx(band.scale, abs=0.01)
-    kml = ElementTree.fromstring(route_kml(where, "a leg", corridor))
+    kml = ElementTree.fromstring(drawn.kml())
     assert kml.findtext(".//{*}Placemark/{*}description") == f"Corridor: {band.sentence}."
     rings = kml.findall(".//{*}LinearRing/{*}coordinates")
     heights = {float(point.split(",")[2]) for ring in rings for point in ring.text.split()}

@@ -42,16 +42,22 @@ def test_a_route_that_no_flight_ends_in_time_is_refused_before_its_table(tmp_pat
     assert "at 33.3 m/s" in said
 
 
-def test_route_prints_the_stretches_and_writes_what_maps_read(tmp_path):
+@pytest.fixture
+def maps(tmp_path):
+    """What is printed of a plan, the points of its KML, and the line of its GeoJSON."""
     file = plan_file(tmp_path / "m.plan", *PATROL)
     kml, geojson = tmp_path / "m.kml", tmp_path / "m.geojson"
     printed, _ = flighttune("mission", "--plan", file, "--out", kml)
     flighttune("mission", "--plan", file, "--out", geojson)
+    line = json.loads(geojson.read_text())["features"][0]["geometry"]
+    return printed, kml_points(kml), line
+
+
+def test_route_prints_the_stretches_and_writes_what_maps_read(maps):
+    printed, points, line = maps
 
     assert "loiter" in printed
     assert "180" in printed
-    line = json.loads(geojson.read_text())["features"][0]["geometry"]
-    points = kml_points(kml)
     assert [list(point) for point in points] == line["coordinates"]
     assert points[0][:2] == (8.5, 47.4)
     assert points[-1][:2] == pytest.approx((8.52, 47.4), abs=1e-5)
@@ -59,23 +65,14 @@ def test_route_prints_the_stretches_and_writes_what_maps_read(tmp_path):
     assert min(beside) == pytest.approx(180.0, abs=0.1)
 
 
-def test_heights_on_a_map_are_those_of_the_plan_above_sea_level(tmp_path):
+def test_heights_on_a_map_are_those_of_the_plan_above_sea_level(maps, tmp_path):
     """The home position is at 480 m; the plan begins 60 m above it and ends at 570 m."""
-    kml, again = tmp_path / "m.kml", tmp_path / "again.kml"
-    flighttune("mission", "--plan", plan_file(tmp_path / "m.plan", *PATROL), "--out", kml)
-    heights = [point[2] for point in kml_points(kml)]
+    _, points, line = maps
+    again = tmp_path / "again.kml"
 
-    assert (heights[0], heights[-1]) == pytest.approx((540.0, 570.0), abs=CENTIMETRE)
+    assert (points[0][2], points[-1][2]) == pytest.approx((540.0, 570.0), abs=CENTIMETRE)
 
     # What route writes it reads again at the same heights.
-    flighttune(
-        "mission",
-        "--plan",
-        plan_file(tmp_path / "m.plan", *PATROL),
-        "--out",
-        tmp_path / "m.geojson",
-    )
-    line = json.loads((tmp_path / "m.geojson").read_text())["features"][0]["geometry"]
     line["coordinates"] = line["coordinates"][:2]
     (tmp_path / "leg.geojson").write_text(json.dumps(line))
     flighttune("mission", "--plan", tmp_path / "leg.geojson", "--out", again)

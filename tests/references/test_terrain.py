@@ -10,7 +10,7 @@ from plans import HOME, PATROL, SLOPE, ground, plan_file, terrain, waypoint
 
 import flighttune as ft
 from flighttune.errors import InfeasibleError
-from flighttune.references.terrain import ground_at
+from flighttune.references.maps import ground_at
 
 pytest.importorskip("rasterio")
 

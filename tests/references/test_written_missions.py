@@ -29,17 +29,37 @@ AREAS = (
 )
 
 
+def fence_of(areas=(), circles=()):
+    polygons = [{"inclusion": inside, "polygon": ring} for inside, ring in areas]
+    return {"version": 2, "circles": [*circles], "polygons": polygons}
+
+
+@pytest.fixture
+def fenced_leg(tmp_path):
+    """A leg of 1.1 km with a fence, and the plan that `mission` writes of it."""
+    out = tmp_path / "out.plan"
+
+    def write(*areas, circles=(), status=0):
+        fence = fence_of(areas, circles)
+        file = plan_file(
+            tmp_path / "m.plan", waypoint(47.4, 8.5, 60), waypoint(47.41, 8.5, 60), geoFence=fence
+        )
+        said = flighttune("mission", file, "--plan", "--out", out, status=status)
+        return fence, json.loads(out.read_text())["geoFence"] if out.exists() else None, said
+
+    return write
+
+
 @pytest.fixture
 def mission(tmp_path):
     """Two rows 80 m apart, a circle of 100 m that is too small, and a fence with a zone."""
-    polygons = [{"inclusion": inside, "polygon": ring} for inside, ring in AREAS]
     rows = [(47.4, 8.5), (47.41, 8.5), (47.41, 8.50106), (47.4, 8.50106)]
     return plan_file(
         tmp_path / "m.plan",
         *(waypoint(*row, 60) for row in rows),
         item(18, 1, 0, -100, 1, 47.40, 8.52, 80),
         waypoint(47.41, 8.53, 80),
-        geoFence={"version": 2, "circles": [], "polygons": polygons},
+        geoFence=fence_of(AREAS),
         rallyPoints={"points": [[47.401, 8.51, 70]], "version": 2},
     )
 
@@ -96,14 +116,14 @@ def test_a_plan_is_one_of_qgroundcontrol_with_turns_as_they_are_flown(mission, r
     assert read == list(AREAS)
 
 
-def written_area(tables, origin):
-    """What a written fence has inside, m, and its number of vertices."""
+def area_of(fence, origin):
+    """What a fence has inside, m, and its number of vertices."""
     parts = {True: [], False: []}
-    for one in tables["geoFence"]["polygons"]:
+    for one in fence["polygons"]:
         corners = [north_east((lat, lon), origin) for lat, lon in one["polygon"]]
         parts[one["inclusion"]].append(shapely.Polygon(corners))
     inside = shapely.union_all(parts[True]).difference(shapely.union_all(parts[False]))
-    return inside, sum(len(one["polygon"]) for one in tables["geoFence"]["polygons"])
+    return inside, sum(len(one["polygon"]) for one in fence["polygons"])
 
 
 def test_the_corridor_of_a_plan_fits_a_vehicle_and_holds_all_of_it(route, corridor, tmp_path):
@@ -111,8 +131,8 @@ def test_the_corridor_of_a_plan_fits_a_vehicle_and_holds_all_of_it(route, corrid
     square = [[8.45, 47.35], [8.6, 47.35], [8.6, 47.5], [8.45, 47.5], [8.45, 47.35]]
     out = tmp_path / "out.plan"
     (said,) = route.save(out, corridor, [{"type": "Polygon", "coordinates": [square]}])
-    tables, origin = json.loads(out.read_text()), route.where[1]
-    area, vertices = written_area(tables, origin)
+    tables = json.loads(out.read_text())
+    area, vertices = area_of(tables["geoFence"], route.where[1])
 
     assert_plan(tables)
     assert vertices <= 64
@@ -125,7 +145,7 @@ def test_the_corridor_of_a_plan_fits_a_vehicle_and_holds_all_of_it(route, corrid
     assert not line.buffer(3.0 + 0.8 * loss).covers(area)
 
 
-def test_a_fence_of_too_many_vertices_becomes_smaller_and_its_zones_larger(tmp_path):
+def test_a_fence_of_too_many_vertices_becomes_smaller_and_its_zones_larger(fenced_leg):
     """200 corners 2 km around the start, in and out by 4 m, and a zone like it 400 m wide."""
 
     def star(lat, lon, size, detail):
@@ -135,14 +155,9 @@ def test_a_fence_of_too_many_vertices_becomes_smaller_and_its_zones_larger(tmp_p
         return np.column_stack([lat + north / 111_190.0, lon + east / 75_260.0]).tolist()
 
     rings = [(True, star(47.4, 8.5, 2000.0, 4.0)), (False, star(47.41, 8.512, 200.0, 2.0))]
-    polygons = [{"inclusion": inside, "polygon": ring} for inside, ring in rings]
-    fence = {"version": 2, "circles": [], "polygons": polygons}
-    file = plan_file(
-        tmp_path / "m.plan", waypoint(47.4, 8.5, 60), waypoint(47.41, 8.5, 60), geoFence=fence
-    )
-    said = flighttune("mission", file, "--plan", "--out", tmp_path / "out.plan")[0]
-    before, _ = written_area({"geoFence": fence}, (47.4, 8.5))
-    after, vertices = written_area(json.loads((tmp_path / "out.plan").read_text()), (47.4, 8.5))
+    fence, written, (said, _) = fenced_leg(*rings)
+    before, _ = area_of(fence, (47.4, 8.5))
+    after, vertices = area_of(written, (47.4, 8.5))
 
     assert vertices <= 64
     assert "m narrower" in said
@@ -204,39 +219,23 @@ def test_a_written_route_is_read_back_as_the_same_path(
     out = tmp_path / f"out.{ending}"
     route.save(out, corridor if with_claim else None)
 
-    read = ft.route(out).reference.path
+    read, planned = (x.reference.path for x in (ft.route(out), route))
 
-    assert (
-        np.abs(
-            read.beside(read.points(10.0))
-            - route.reference.path.beside(route.reference.path.points(10.0))
-        ).max()
-        < 1e-6
-    )  # m
+    apart = read.beside(read.points(10.0)) - planned.beside(planned.points(10.0))
+    assert np.abs(apart).max() < 1e-6  # m
 
 
-def test_a_fence_that_crosses_itself_is_not_written(tmp_path):
+def test_a_fence_that_crosses_itself_is_not_written(fenced_leg):
     ring = [(47.39, 8.49), (47.42, 8.51), (47.42, 8.49), (47.39, 8.51)]
-    fence = {"version": 2, "circles": [], "polygons": [{"polygon": ring, "inclusion": True}]}
-    mission = plan_file(
-        tmp_path / "m.plan", waypoint(47.4, 8.5, 60), waypoint(47.41, 8.5, 60), geoFence=fence
-    )
-
-    _, said = flighttune("mission", mission, "--plan", "--out", tmp_path / "out.plan", status=2)
+    _, written, (_, said) = fenced_leg((True, ring), status=2)
 
     assert "must not cross" in said
-    assert not (tmp_path / "out.plan").exists()
+    assert written is None
 
 
-def test_circles_of_a_plan_stay_circles(tmp_path):
+def test_circles_of_a_plan_stay_circles(fenced_leg):
     circles = [{"circle": {"center": [47.43, 8.54], "radius": 100.0}, "inclusion": False}]
-    fence = {"version": 2, "circles": circles, "polygons": []}
-    mission = plan_file(
-        tmp_path / "m.plan", waypoint(47.4, 8.5, 60), waypoint(47.41, 8.5, 60), geoFence=fence
-    )
-    flighttune("mission", mission, "--plan", "--out", tmp_path / "out.plan")
-
-    written = json.loads((tmp_path / "out.plan").read_text())["geoFence"]
+    _, written, _ = fenced_leg(circles=circles)
 
     assert written["polygons"] == []
     assert [{k: x[k] for k in ("circle", "inclusion")} for x in written["circles"]] == circles
