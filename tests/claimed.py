@@ -5,8 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 import flighttune as ft
-from flighttune.simulate.bounds import Bounds, RunClaim
-from flighttune.simulate.run import SIGNAL_UNITS
+from flighttune.simulate.run import SIGNAL_UNITS, Bounds, RunClaim
 
 SENTENCE = "of 9 flights 1 lies outside"
 

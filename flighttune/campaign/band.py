@@ -71,8 +71,7 @@ from flighttune.planning.source import flights as flights_of_source
 from flighttune.present.names import why_ended
 from flighttune.references.follow import SAME_PLACE, RouteReference
 from flighttune.scenario.schema import Scenario
-from flighttune.simulate.bounds import ERRORS
-from flighttune.simulate.run import SIGNAL_UNITS, Run
+from flighttune.simulate.run import ERRORS, SIGNAL_UNITS, Run
 
 # Epsilon, confidence and flights to learn from by default.
 EPSILON, CONFIDENCE, LEARN = 0.01, 0.999, 500

@@ -41,8 +41,7 @@ from flighttune.present.answer import Answer, Answering, Column, Table, pick
 from flighttune.present.names import CHANNEL_SYMBOLS, columns, endings_table
 from flighttune.scenario.load import scenario_from, with_gains
 from flighttune.scenario.schema import GainsTable, Scenario
-from flighttune.simulate.bounds import ERRORS, Bounds
-from flighttune.simulate.run import Run
+from flighttune.simulate.run import ERRORS, Bounds, Run
 from flighttune.tubes.enclosure import Tube
 from flighttune.units import DEG_PER_RAD
 

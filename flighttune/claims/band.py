@@ -35,8 +35,7 @@ from flighttune.references.follow import SAME_PLACE
 from flighttune.references.maps import Corridor, Volume, Where, areas_of
 from flighttune.scenario.load import scenario_of
 from flighttune.scenario.route import BACK_S, TurnBackTable
-from flighttune.simulate.bounds import Bounds, RunClaim
-from flighttune.simulate.run import SIGNAL_UNITS, Run
+from flighttune.simulate.run import SIGNAL_UNITS, Bounds, Run, RunClaim
 
 # Rounding of the times of samples, s.
 SAME_TIME = 1e-9

@@ -29,8 +29,7 @@ from flighttune.present.answer import Answer, Answering, Column, Table, number, 
 from flighttune.present.names import endings_table, listed, shown_unit
 from flighttune.scenario.load import leaves
 from flighttune.scenario.schema import Scenario
-from flighttune.simulate.bounds import Kind
-from flighttune.simulate.run import Run, along_route
+from flighttune.simulate.run import Kind, Run, along_route
 
 # Axis of the windows.
 Over: TypeAlias = Literal["time", "along"]

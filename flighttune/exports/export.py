@@ -17,7 +17,7 @@ from flighttune.flight.fly import aircraft_table, plant_of
 from flighttune.flight.load import scenario_and_gains
 from flighttune.flight.models import law_setup
 from flighttune.present.answer import Answer, Answering
-from flighttune.references.planner import APPROACH, LEAST_SHARE, STEEPEST_DIVE
+from flighttune.references.follow import APPROACH, LEAST_SHARE, STEEPEST_DIVE
 from flighttune.scenario.schema import Scenario
 from flighttune.units import G_PAPER
 

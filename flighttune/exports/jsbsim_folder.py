@@ -44,7 +44,7 @@ from flighttune.plants.jsbsim.plant import JSBSimPlant, inner_loop_settings
 from flighttune.plants.sensors import Sensors
 from flighttune.present.answer import Answer, Answering, printable
 from flighttune.references.feasible import FeasibleReference
-from flighttune.references.planner import APPROACH, LEAST_SHARE, STEEPEST_DIVE
+from flighttune.references.follow import APPROACH, LEAST_SHARE, STEEPEST_DIVE
 from flighttune.references.segments import Reference
 from flighttune.scenario.schema import Scenario
 from flighttune.units import FT, G_0

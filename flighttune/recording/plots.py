@@ -13,8 +13,7 @@ from flighttune.gaps.residual import CHANNELS, trim_of
 from flighttune.plants.point_mass import turn_rates
 from flighttune.plants.sensors import MEASURED, SENSED
 from flighttune.present.names import shown_unit
-from flighttune.simulate.bounds import claims_around
-from flighttune.simulate.run import SIGNAL_UNITS, Run
+from flighttune.simulate.run import SIGNAL_UNITS, Run, claims_around
 
 if TYPE_CHECKING:
     from flighttune.recording.entities import DrawnRun

@@ -39,8 +39,7 @@ from flighttune.records.parquet import (
     record_bytes,
     signal_files,
 )
-from flighttune.simulate.bounds import RunClaim, claims_around
-from flighttune.simulate.run import Run
+from flighttune.simulate.run import Run, RunClaim, claims_around
 
 DISPLAYS = ("DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET")
 LOCAL = "127.0.0.1"

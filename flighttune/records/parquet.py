@@ -21,9 +21,9 @@ from flighttune.arrays import FloatArray
 from flighttune.control.gains import PIGains
 from flighttune.errors import RecordingError
 from flighttune.files.seal import BLANK, file_bytes, seal, sealed_bytes
+from flighttune.present.answer import pick
 from flighttune.present.names import distinct
-from flighttune.simulate.bounds import Bounds, RunClaim
-from flighttune.simulate.run import SIGNAL_UNITS, Provenance, Run
+from flighttune.simulate.run import SIGNAL_UNITS, Bounds, Provenance, Run, RunClaim
 
 PARQUET, RECORDING = ".parquet", ".rrd"
 PARQUET_FILE, RECORDING_FILE = "Parquet file", "recording (.rrd)"
@@ -77,12 +77,8 @@ def parts_of(run: Run) -> Parts:
 
 def _described(claim: RunClaim) -> dict[str, Any]:
     """A claim as JSON holds it, its bounds as text of their bytes."""
-    ends = np.ascontiguousarray(claim.bounds.pairs, dtype="<f8").tobytes()
-    return {
-        **{key: getattr(claim, key) for key in ("kind", "title", "sentence")},
-        "units": dict(claim.units),
-        "bounds": b64encode(ends).decode(),
-    }
+    ends = b64encode(np.ascontiguousarray(claim.bounds.pairs, dtype="<f8").tobytes()).decode()
+    return {**pick(claim, "kind title sentence"), "units": dict(claim.units), "bounds": ends}
 
 
 def _claim_of(described: dict[str, Any], t: FloatArray) -> RunClaim:
@@ -252,16 +248,14 @@ def _by_flight(files: Iterable[Path]) -> dict[tuple[str, ...], dict[str, tuple[P
 def _in_folder(folder: Path) -> Recording:
     if not (files := _files(folder, PARQUET)):
         raise RecordingError(f"{folder}: the folder must hold Parquet files of runs, got none.")
-    flights = _by_flight(files)
 
-    def rank(flight: tuple[str, ...]) -> tuple[bool, float]:
-        by_hash = flights[flight]
+    def rank(flight: tuple[tuple[str, ...], dict[str, tuple[Path, Run]]]) -> tuple[bool, float]:
+        order, by_hash = flight
         newest = max(file.stat().st_mtime for file, _ in by_hash.values())
-        return set(flight) <= set(by_hash), newest
+        return {*order} <= by_hash.keys(), newest
 
-    flight = max(flights, key=rank)
-    by_hash = flights[flight]
-    order = flight or tuple(by_hash)
+    order, by_hash = max(_by_flight(files).items(), key=rank)
+    order = order or tuple(by_hash)
     runs = tuple(by_hash[sha256][1] for sha256 in order if sha256 in by_hash)
     lost, taken = len(order) - len(runs), [file for file, _ in by_hash.values()]
     missing = [f"{folder}: {lost} of the {len(order)} runs are not there"] if lost else []
@@ -279,7 +273,7 @@ def _drawn_in(path: Path) -> Recording:
         )
     folder, flight = origin
     there = _by_flight(_files(path.parent, PARQUET)).get(flight, {})
-    if not set(flight) <= set(there):
+    if not {*flight} <= there.keys():
         raise RecordingError(
             f"{path}: the runs must be loaded from the Parquet files of the folder {folder}, got a "
             "recording (.rrd) alone, which only shows the runs."

@@ -1,4 +1,4 @@
-"""Follow a path: position over ground to a reference of course and flight-path angle."""
+"""Guidance: a place beside a path to a reference, and a reference to roll, lift and airspeed."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -10,9 +10,9 @@ import pandas as pd
 
 from flighttune.arrays import FloatArray
 from flighttune.control.controller import Measured, ReferenceSample
+from flighttune.control.exact_law import turning_speed
 from flighttune.plants.base import Stop
 from flighttune.references.path import STEP, Path
-from flighttune.references.planner import Planner
 
 # Signals of a flight along a route, and their units.
 ROUTE_SIGNALS = {"along": "m", "cross_track": "m", "height_err": "m"}
@@ -90,7 +90,9 @@ class RouteReference:
 
     def sampled(self, t: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Course and path angle at times `t` (s) of a flight in still air, each of its shape."""
-        s = self._flown(t)
+        speed = self.V * np.cos(np.arctan(self.path.slope))
+        times = np.concatenate([[0.0], np.cumsum(STEP / speed[:-1])])
+        s = np.interp(t, times, self.path.s)
         course = np.interp(s, self.path.s, self.path.course)
         return course, np.arctan(np.interp(s, self.path.s, self.path.slope))
 
@@ -129,11 +131,6 @@ class RouteReference:
         positions = signals[["north", "east", "down"]].to_numpy() * (1.0, 1.0, -1.0)
         places = self.path.beside(np.maximum.accumulate(along), *off)
         return float(np.linalg.norm(positions - places, axis=1).max())
-
-    def _flown(self, t: FloatArray) -> FloatArray:
-        speed = self.V * np.cos(np.arctan(self.path.slope))
-        times = np.concatenate([[0.0], np.cumsum(STEP / speed[:-1])])
-        return np.interp(t, times, self.path.s)
 
     @cached_property
     def table(self) -> FloatArray:
@@ -229,6 +226,81 @@ class Follower:
         i = min(int(s / STEP), len(self._rows) - 1)
         rise = V[i + 1] - V[i]
         return V[i] + min(s / STEP - i, 1.0) * rise, rise / STEP * forward
+
+
+# Share of its reference below which the airspeed shall not fall.
+LEAST_SHARE = 0.95
+
+# Rate at which the airspeed may approach that share, 1/s: docs/airspeed.md has its flights.
+APPROACH = 0.35
+
+# Sine of the steepest descent that is asked for in exchange for airspeed.
+STEEPEST_DIVE = -0.5
+
+
+class AirspeedPriority:
+    """Puts the airspeed into a reference, sample by sample, and keeps its path angle flyable.
+
+    `V`, `V_dot` (m/s, m/s^2): the airspeed to fly and its rate at each sample, where the reference
+    has none by its place on a route. `g` (m/s^2).
+
+    Notes
+    -----
+    With n_x at most what the engines give, ``V' = g (n_x - sin(gamma))`` stays above
+    ``-kappa (V - V_low)`` as long as ``sin(gamma) <= n_x + kappa (V - V_low) / g``: V then never
+    falls through V_low, `LEAST_SHARE` of its reference. The path angle asked for is cut to that. At
+    the other stop nothing is cut: a descent that is too steep costs some airspeed above the
+    reference, and keeping it would cost the path.
+    """
+
+    def __init__(self, V: FloatArray, V_dot: FloatArray, g: float) -> None:
+        self._samples = list(zip(V.tolist(), V_dot.tolist(), strict=True))
+        self._per_g = APPROACH / g
+
+    def __call__(self, k: int, m: Measured, ref: ReferenceSample) -> ReferenceSample:
+        """Return the reference of sample `k` with its airspeed; its path angle may be less."""
+        assert m.n_x is not None  # of a plant that takes n_x
+        V, V_dot = self._samples[k] if ref.V is None else (ref.V, ref.V_dot)
+        steepest = m.n_x[2] + self._per_g * (m.V_a - LEAST_SHARE * V)
+        if math.sin(ref.gamma) <= steepest:
+            return ref._replace(V=V, V_dot=V_dot)
+        gamma = math.asin(max(steepest, STEEPEST_DIVE))
+        return ref._replace(gamma=gamma, gamma_dot=0.0, planned=None, V=V, V_dot=V_dot)
+
+
+# Time constant of the estimate of the wind, s: that of an airborne filter; gusts pass it by.
+WIND_ESTIMATE_S = 5.0
+
+
+class Planner:
+    """Plans the commands of one flight, sample by sample.
+
+    `dt` (s): time between samples. `g` (m/s^2): acceleration of gravity.
+
+    Notes
+    -----
+    Turning the velocity over ground at the rate chi' takes the roll ``atan(chi' V_t / g)``, and
+    bending it at gamma' the vertical lift ``cos(gamma) + gamma' V_t / g`` in weights, with V_t the
+    `turning_speed`. The wind in V_t is not the one measured: that would show the law what no
+    aircraft knows.
+    """
+
+    def __init__(self, dt: float, g: float) -> None:
+        self._g, self._share = g, min(dt / WIND_ESTIMATE_S, 1.0)
+        self._wind: tuple[float, ...] | None = None
+
+    def __call__(
+        self, m: Measured, chi_dot: float, gamma_dot: float, gamma: float
+    ) -> tuple[float, float]:
+        """Roll (rad) and load factor for rates (rad/s) of the reference at its path angle (rad)."""
+        if m.wind is not None:
+            share, (north, east, down) = self._share, m.wind if self._wind is None else self._wind
+            n, e, d = m.wind
+            estimate = north + share * (n - north), east + share * (e - east)
+            self._wind = *estimate, down + share * (d - down)
+        per_g = turning_speed(m, self._wind) / self._g
+        lift = math.cos(gamma) + gamma_dot * per_g
+        return math.atan(chi_dot * per_g), lift / math.cos(m.phi)
 
 
 # What follows is written so that Numba compiles it too.

@@ -1,7 +1,7 @@
 """References for the outer loop to follow: constants, steps, ramps and doublets."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 
@@ -32,36 +32,37 @@ class Segment:
         sides = (-0.5 * self.roll_in, 0.5 * self.roll_in) if self.roll_in else (0.0,)
         return tuple(self.start + after + side for after in self.breaks for side in sides)
 
+    @property
+    def _parts(self) -> Iterator[tuple[float, float, float]]:
+        """From when to when each rate lasts, s after the start, and the rate."""
+        return zip(self.breaks, self.breaks[1:], self.rates, strict=False)
+
     def __call__(self, t: FloatArray) -> FloatArray:
         """Return the change at times `t`, in the unit of the channel."""
         since, change = t - self.start, np.zeros_like(t)
         if width := self.roll_in:
-            for (low, high), rate in zip(pairwise(self.breaks), self.rates, strict=True):
+            for low, high, rate in self._parts:
                 begun = np.clip(since - low + 0.5 * width, 0.0, high - low + width)
                 late = np.maximum(begun - width, 0.0), np.maximum(begun - (high - low), 0.0)
                 change += rate * (begun**2 - late[0] ** 2 - late[1] ** 2) / (2.0 * width)
             return change
         for after, jump in zip(self.breaks, self.jumps, strict=False):
             change += np.where(since >= after, jump, 0.0)
-        for (low, high), rate in zip(pairwise(self.breaks), self.rates, strict=False):
+        for low, high, rate in self._parts:
             change += rate * np.clip(since - low, 0.0, high - low)
         return change
 
     def slope(self, t: FloatArray) -> FloatArray:
         """Return the slope from times `t` on, in that unit per second; a jump has none."""
-        since, slope = t - self.start, np.zeros_like(t)
-        if width := self.roll_in:
-            for (low, high), rate in zip(pairwise(self.breaks), self.rates, strict=True):
+        since, slope, width = t - self.start, np.zeros_like(t), self.roll_in
+        for low, high, rate in self._parts:
+            if width:
                 begun, length = since - low + 0.5 * width, high - low
-                slope += (
-                    rate
-                    / width
-                    * (np.clip(begun, 0.0, length) - np.clip(begun - width, 0.0, length))
-                )
-            return slope
-        since += SAME_INSTANT  # the rounding of a sample time shall not decide
-        for (low, high), rate in zip(pairwise(self.breaks), self.rates, strict=False):
-            slope += np.where((since >= low) & (since < high), rate, 0.0)
+                risen, fallen = (np.clip(x, 0.0, length) for x in (begun, begun - width))
+                slope += rate / width * (risen - fallen)
+            else:  # the rounding of a sample time shall not decide
+                late = since + SAME_INSTANT
+                slope += np.where((late >= low) & (late < high), rate, 0.0)
         return slope
 
 

@@ -23,8 +23,7 @@ from flighttune.references.path import Path
 from flighttune.reports.panels import Drawn, draw_bounds, most_points
 from flighttune.scenario.load import scenario_of
 from flighttune.scenario.schema import Scenario
-from flighttune.simulate.bounds import claims_around
-from flighttune.simulate.run import claimed_along, run_styles
+from flighttune.simulate.run import claimed_along, claims_around, run_styles
 from flighttune.tuning.envelope import rate_chart, rate_curve
 from flighttune.units import DEG, DEG_PER_RAD
 

@@ -13,8 +13,7 @@ from flighttune.present.names import shown_unit
 from flighttune.present.palette import LIMIT, NEUTRAL, LineStyle
 from flighttune.recording.plots import displayed, limits_of
 from flighttune.references.follow import ROUTE_SIGNALS
-from flighttune.simulate.bounds import claims_around
-from flighttune.simulate.run import SIGNAL_UNITS, Run
+from flighttune.simulate.run import SIGNAL_UNITS, Run, claims_around
 
 ANGLES = (
     ("chi", "Course; reference grey", "χ [deg]"),

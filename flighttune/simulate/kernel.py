@@ -204,18 +204,9 @@ def _channel(row):
 @njit
 def _rate_law(row):
     channels = _channel(row[:8]), _channel(row[8:16])
-    wrapped, conditional, course_first = row[16] != 0.0, row[17] != 0.0, row[22] != 0.0
+    wrapped, conditional, n = row[16] != 0.0, row[17] != 0.0, row[18:]
     return RateLaw(
-        channels,
-        wrapped,
-        conditional,
-        row[18],
-        row[19],
-        row[20],
-        row[21],
-        course_first,
-        (row[23], row[24]),
-        row[25],
+        channels, wrapped, conditional, n[0], n[1], n[2], n[3], n[4] != 0.0, (n[5], n[6]), n[7]
     )
 
 

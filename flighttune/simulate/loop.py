@@ -27,8 +27,13 @@ from flighttune.plants.base import COMMON_SIGNALS, N_X_SIGNALS, OVER_GROUND, Pla
 from flighttune.plants.sensors import MEASURED, SensedPlant, Sensors
 from flighttune.plants.weather import WIND
 from flighttune.references.feasible import FeasibleReference
-from flighttune.references.follow import ROUTE_SIGNALS, Place, RouteReference
-from flighttune.references.planner import AirspeedPriority, Planner
+from flighttune.references.follow import (
+    ROUTE_SIGNALS,
+    AirspeedPriority,
+    Place,
+    Planner,
+    RouteReference,
+)
 from flighttune.references.segments import Reference
 from flighttune.simulate.batch import numbers_of
 
@@ -117,15 +122,7 @@ def simulate(
     TrimError
         If the plant finds no steady flight at `condition`.
     """
-    flight = Flight(
-        plant,
-        controller,
-        reference,
-        condition=condition,
-        duration=duration,
-        sensors=sensors,
-        lead=lead,
-    )
+    flight = Flight(plant, controller, reference, condition, duration, sensors, lead)
     if (flown := flight.fly_compiled(progress)) is not None:
         return flown
     advance, step = flight.samples.send, step_of(controller, plant)
@@ -175,7 +172,6 @@ class Flight:
         plant: Plant,
         controller: Controller,
         reference: Reference | FeasibleReference | RouteReference,
-        *,
         condition: FlightCondition,
         duration: float,
         sensors: Sensors | None = None,
@@ -190,15 +186,16 @@ class Flight:
             )
         last = round(duration / dt)
         self._t = t = np.arange(last + 1, dtype=np.float64) * dt
-        sensed = None if sensors is None else len(plant.signals)
-        measured_of = _measured(plant.signals, condition.h, sensed)
+        measured_of = _measured(plant.signals, condition.h, sensed=sensors is not None)
         if sensors is not None:
             plant = SensedPlant(plant, sensors.errors(last + 1, dt))
         self._wrapped = getattr(controller, "wrapped", (True,))[0]
         route = reference if isinstance(reference, RouteReference) else None
-        airspeed = priority = None
+        airspeed = priority = plan = None
         if not isinstance(reference, FeasibleReference) and (airspeed := reference.airspeed(t)):
             priority = AirspeedPriority(*airspeed, reference.g)
+        if lead is not None and isinstance(reference, Reference) and reference.planned:
+            plan = Planner(dt, reference.g)  # a route's follower has one of its own
         m = len(plant.limits.lower)
         if (m == 3) is (airspeed is None):
             raise InputError(
@@ -215,23 +212,8 @@ class Flight:
         self._columns = _columns(plant.signals, (*controller.signals, *further), m)
         self._rows = bytearray()
         self._given = plant, controller, condition, route, lead or NOT_LATE
-        self.samples = _samples(
-            plant,
-            controller,
-            condition,
-            measured_of,
-            zip(t.tolist(), _references(reference, t, lead or NOT_LATE), strict=True),
-            last=last,
-            lead=lead or NOT_LATE,
-            # A route's follower has a planner of its own.
-            plan=Planner(dt, reference.g)
-            if lead is not None and isinstance(reference, Reference) and reference.planned
-            else None,
-            priority=priority,
-            route=route,
-            pack=struct.Struct(f"{len(self._columns)}d").pack,
-            rows=self._rows,
-        )
+        references = _references(reference, t, lead or NOT_LATE)
+        self.samples = self._samples(measured_of, references, plan, priority)
 
     def fly_compiled(
         self, progress: Callable[[float], None] | None
@@ -280,6 +262,50 @@ class Flight:
                 break
         return _table(rows[: k + 1], self._columns, t, self._wrapped), stop
 
+    def _samples(
+        self,
+        measured_of: Callable[[tuple[float, ...]], Measured],
+        references: Iterable[ReferenceSample],
+        plan: Planner | None,
+        priority: AirspeedPriority | None,
+    ) -> Generator[Sample, Sequence[float] | None, Stop | None]:
+        """Fly all samples, or to the end of a route, and add them to the rows."""
+        plant, controller, condition, route, lead = self._given
+        plant.start(condition)
+        try:
+            controller.start(condition)
+        except LawError as error:
+            return Stop("law_failed", str(error))
+        dt, limiter, place, speed = controller.dt, controller.limiter, (), ()
+        follow = None if route is None else route.follower(dt, condition.h, lead)
+        u_unsat, limited, m = limiter.u_unsat, limiter.limited, 2 if priority is None else 3
+        observe, advance, rows = plant.observe, plant.advance, self._rows
+        pack, last = struct.Struct(f"{len(self._columns)}d").pack, len(self._t) - 1
+        end = math.inf if route is None else route.path.length
+        for k, (now, ref) in enumerate(zip(self._t.tolist(), references, strict=True)):
+            signals = observe()
+            measured = measured_of(signals)
+            if follow is not None:
+                ref, place = follow(measured)
+            elif plan is not None:
+                _, gamma_ref, chi_dot, gamma_dot, *_ = ref
+                ref = ref._replace(planned=plan(measured, chi_dot, gamma_dot, gamma_ref))
+            asked = ref
+            if priority is not None:
+                ref = priority(k, measured, ref)
+                speed = ref[1], ref[5], 0.0
+            ends = k == last or (bool(place) and place[0] >= end)
+            commands = yield measured, ref, now, place, ends
+            assert commands is not None  # None only starts the flight
+            # The errors follow when all is flown: those of the signals, not those a sensor shows.
+            loop = asked[0], asked[1], 0.0, 0.0, *commands[:m]
+            rows += pack(*signals, *loop, *u_unsat, *commands[m:], *place, *speed, *limited)
+            if ends:
+                return route.not_arrived(now, place) if route is not None and place else None
+            if (stop := advance(commands[0], commands[1], dt, *commands[2:m])) is not None:
+                return stop
+        return None
+
     def signals(self) -> pd.DataFrame:
         """The table of `simulate`, of the samples so far whose commands are there.
 
@@ -289,62 +315,12 @@ class Flight:
         return _table(values, self._columns, self._t, self._wrapped)
 
 
-def _samples(
-    plant: Plant,
-    controller: SelfLimiting,
-    condition: FlightCondition,
-    measured_of: Callable[[tuple[float, ...]], Measured],
-    samples: Iterable[tuple[float, ReferenceSample]],
-    *,
-    last: int,
-    lead: tuple[float, float],
-    plan: Planner | None,
-    priority: AirspeedPriority | None,
-    route: RouteReference | None,
-    pack: Callable[..., bytes],
-    rows: bytearray,
-) -> Generator[Sample, Sequence[float] | None, Stop | None]:
-    """Fly all samples, or to the end of a route; add them to `rows`."""
-    plant.start(condition)
-    try:
-        controller.start(condition)
-    except LawError as error:
-        return Stop("law_failed", str(error))
-    dt, limiter, place, speed = controller.dt, controller.limiter, (), ()
-    follow = None if route is None else route.follower(dt, condition.h, lead)
-    u_unsat, limited, m = limiter.u_unsat, limiter.limited, 2 if priority is None else 3
-    observe, advance = plant.observe, plant.advance
-    end = math.inf if route is None else route.path.length
-    for k, (now, ref) in enumerate(samples):
-        signals = observe()
-        measured = measured_of(signals)
-        if follow is not None:
-            ref, place = follow(measured)
-        elif plan is not None:
-            _, gamma_ref, chi_dot, gamma_dot, *_ = ref
-            ref = ref._replace(planned=plan(measured, chi_dot, gamma_dot, gamma_ref))
-        asked = ref
-        if priority is not None:
-            ref = priority(k, measured, ref)
-            speed = ref[1], ref[5], 0.0
-        ends = k == last or (bool(place) and place[0] >= end)
-        commands = yield measured, ref, now, place, ends
-        assert commands is not None  # None only starts the flight
-        # The errors follow when all is flown: those of the signals, not those a sensor shows.
-        loop = asked[0], asked[1], 0.0, 0.0, *commands[:m]
-        rows += pack(*signals, *loop, *u_unsat, *commands[m:], *place, *speed, *limited)
-        if ends:
-            return route.not_arrived(now, place) if route is not None and place else None
-        if (stop := advance(commands[0], commands[1], dt, *commands[2:m])) is not None:
-            return stop
-    return None
-
-
 def _measured(
-    signals: tuple[str, ...], h_0: float, sensed: int | None
+    signals: tuple[str, ...], h_0: float, *, sensed: bool
 ) -> Callable[[tuple[float, ...]], Measured]:
-    """A function that makes `Measured` of a plant's signals; sensor signals begin at `sensed`."""
-    chi, gamma, V_a = (0, 1, _V_A) if sensed is None else range(sensed, sensed + len(MEASURED))
+    """A function that makes `Measured` of a plant's signals, which those of sensors follow."""
+    n = len(signals)
+    chi, gamma, V_a = range(n, n + len(MEASURED)) if sensed else (0, 1, _V_A)
     new = tuple.__new__  # a third of the time of the call of the class
     # Steered by its path through the air, a plant moves as in still air.
     windy = WIND[0] in signals and "chi_ground" not in signals

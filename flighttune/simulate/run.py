@@ -1,4 +1,4 @@
-"""A flown time history that cannot be changed afterwards, and the claims made of it."""
+"""A flown time history that cannot be changed afterwards, bounds, and the claims made of it."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -14,7 +14,6 @@ from flighttune.errors import InputError
 from flighttune.plants.base import StopStatus, aircraft_of
 from flighttune.present.answer import Answer, facts_table, matrix, number, pick
 from flighttune.present.palette import LineStyle, line_styles
-from flighttune.simulate.bounds import RunClaim, claims_around
 from flighttune.units import DEG
 
 
@@ -63,6 +62,105 @@ _SIGNALS_BY_UNIT = {
 # distance along it, ``cross_track`` that to its right, and ``height_err`` its height minus the own.
 # ``f_x`` and ``f_y`` are specific forces along the nose and the right wing, in logs alone.
 SIGNAL_UNITS = {name: unit for unit, names in _SIGNALS_BY_UNIT.items() for name in names.split()}
+
+
+ERRORS = ("chi_err", "gamma_err")
+
+# Half width (rad) below which bounds count as that wide: a tube may begin at a point
+NARROWEST = 1e-9
+
+# Tubes are proven, bands are counted.
+Kind: TypeAlias = Literal["proven", "counted"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Bounds:
+    """Lowest and highest values of m signals at n times."""
+
+    t: FloatArray  # (n,), s
+    # `low` and `high`: (n, m), in the units of the signals; NaN where nothing is claimed
+    low: FloatArray
+    high: FloatArray
+    names: tuple[str, ...] = ERRORS
+
+    @property
+    def pairs(self) -> FloatArray:
+        """Lower and upper bounds, shape (n, m, 2)."""
+        return np.stack([self.low, self.high], axis=-1)
+
+    @property
+    def half_widths(self) -> FloatArray:
+        """Half the distance between the bounds, shape (n, m)."""
+        return 0.5 * (self.high - self.low)
+
+    def of(self, names: Sequence[str]) -> "Bounds":
+        """The bounds of some of the signals."""
+        places = [self.names.index(name) for name in names]
+        return Bounds(self.t, self.low[:, places], self.high[:, places], tuple(names))
+
+    def lasting(self, t: FloatArray) -> "Bounds":
+        """The bounds at the samples `t` of a flight, which they share; NaN where they end."""
+        missing = np.full((max(len(t) - len(self.t), 0), len(self.names)), np.nan)
+        low, high = (np.concatenate([end, missing])[: len(t)] for end in (self.low, self.high))
+        return Bounds(t, low, high, self.names)
+
+    def contain(self, signals: pd.DataFrame) -> bool:
+        """Whether a flight with these signals is inside, as far as the bounds last."""
+        values = np.column_stack([signals[name] for name in self.names])
+        n = min(len(values), len(self.t))
+        low, high = self.low[:n], self.high[:n]
+        return bool(((values[:n] >= low) & (values[:n] <= high) | np.isnan(low)).all())
+
+    def distances(self, signals: pd.DataFrame) -> FloatArray:
+        """Distance of the signals of a flight from the middle of the bounds, shape (samples, m)."""
+        middle, t = 0.5 * (self.low + self.high), signals.index.to_numpy(dtype=float)
+        return np.column_stack(
+            [
+                np.abs(signals[name].to_numpy() - np.interp(t, self.t, column))
+                for name, column in zip(self.names, middle.T, strict=True)
+            ]
+        )
+
+    def share(self, signals: pd.DataFrame) -> float:
+        """Largest share of the bounds that a flight uses; it leaves them beyond 1.
+
+        Inside, it is the largest distance from the middle over the largest half width of its
+        signal: a share of the width at each time would be large at the start of every flight,
+        where a tube is narrow.
+        """
+        t = signals.index.to_numpy(dtype=float)
+        widths = [np.interp(t, self.t, column) for column in self.half_widths.T]
+        pointwise = self.distances(signals) / np.maximum(np.column_stack(widths), NARROWEST)
+        largest = float(pointwise.max())
+        return largest if largest > 1.0 else float(self.reach(signals).max())
+
+    def reach(self, signals: pd.DataFrame) -> FloatArray:
+        """Largest distance of a flight from the middle over the largest half width, shape (m,)."""
+        half = np.maximum(self.half_widths.max(axis=0), NARROWEST)
+        return self.distances(signals).max(axis=0) / half
+
+    def ratios(self, signals: pd.DataFrame) -> dict[str, float]:
+        """Largest half width over the largest distance of a flight from the middle, by channel."""
+        ratios = self.half_widths.max(axis=0) / self.distances(signals).max(axis=0)
+        names = [name.removesuffix("_err") for name in self.names]
+        return dict(zip(names, ratios.tolist(), strict=True))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class RunClaim:
+    """A claim about flights, as one run that it covers has it."""
+
+    kind: Kind
+    title: str  # a few words, for legends
+    sentence: str  # the claim in words
+    bounds: Bounds  # of the signals that it is about, at the samples of the run
+    units: Mapping[str, str]  # of these signals
+    # rings of the fences that it is about, longitudes and latitudes, deg
+    fences: tuple[list[list[float]], ...] = ()
+
+    def contains(self, signals: pd.DataFrame) -> bool:
+        """Whether the flight with these signals is inside the bounds."""
+        return self.bounds.contain(signals)
 
 
 # Path angle below the reference from which on the airspeed has priority, rad.
@@ -131,7 +229,7 @@ class Run:
     ('kinematic / paper', 'completed', 20.0)
     """
 
-    signals: "pd.DataFrame"
+    signals: pd.DataFrame
     status: RunStatus
     reason: str
     provenance: Provenance = field(repr=False)
@@ -139,7 +237,6 @@ class Run:
     claims: tuple[RunClaim, ...] = field(default=(), repr=False)
 
     def __post_init__(self) -> None:
-
         object.__setattr__(self, "signals", SignalTable(self.signals))
 
     @property
@@ -177,6 +274,13 @@ class Run:
             if origin.gains.feeds_back:
                 facts["gains"] += f", feedback {', '.join(map(number, origin.gains.feedback))}"
         return facts_table(self.label, facts).html()
+
+
+def claims_around(claims: Sequence[RunClaim], signal: str) -> Iterator[tuple[RunClaim, FloatArray]]:
+    """The claims that bound a signal, with its bounds, shape (2, samples) each."""
+    for claim in claims:
+        if signal in claim.bounds.names:
+            yield claim, claim.bounds.pairs[:, claim.bounds.names.index(signal)].T
 
 
 def along_route(run: Run) -> FloatArray:

@@ -16,7 +16,7 @@ from flighttune.errors import InputError
 from flighttune.present.answer import number
 from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import PlantTable
-from flighttune.simulate.bounds import Bounds
+from flighttune.simulate.run import Bounds
 
 # Rad by which the ends of a range are rounded where it is added to a start.
 ROUNDING_RAD = 1e-14

@@ -28,8 +28,7 @@ from flighttune.present.answer import Answer, Answering, Column, Table, number, 
 from flighttune.present.names import CHANNEL_SYMBOLS, columns, endings_table
 from flighttune.scenario.load import scenario_from, scenario_of
 from flighttune.scenario.schema import Scenario
-from flighttune.simulate.bounds import ERRORS, Bounds, Kind, RunClaim
-from flighttune.simulate.run import Run
+from flighttune.simulate.run import ERRORS, Bounds, Kind, Run, RunClaim
 from flighttune.theory.exact import Verification
 from flighttune.tubes.boxes import AircraftBoxes, CountedProbability, probability_of
 from flighttune.tubes.hand_over import HandOver, settled_from

@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from flighttune.arrays import FloatArray
 from flighttune.errors import InputError
-from flighttune.simulate.bounds import Bounds
+from flighttune.simulate.run import Bounds
 from flighttune.theory.exact import Check, Verification
 from flighttune.tubes.exact import enclosure_of
 from flighttune.tubes.forms import Form, Indices, Pieces

@@ -17,7 +17,7 @@ from flighttune.campaign.engine.pool import WorkerPool
 from flighttune.campaign.flying.rows import fly_runs
 from flighttune.campaign.worst import SEEDS_EVERY, StatedSet, find_worst, search_worst, value_of
 from flighttune.metrics import measures
-from flighttune.simulate.bounds import ERRORS, Bounds
+from flighttune.simulate.run import ERRORS, Bounds
 from tests.tubes.test_soundness import made_up
 from tests.tubes.test_soundness import tube as tube_of
 

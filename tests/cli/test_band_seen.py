@@ -103,7 +103,7 @@ def test_the_draw_nearest_to_the_edge_of_a_band_is_searched(file, tmp_path):
 def _errors(run):
     """Each error of a run with the ends of its band."""
     for name in ("chi_err", "gamma_err"):
-        yield run.signals[name].to_numpy(), *run.claims[0].around(name)
+        yield run.signals[name].to_numpy(), *run.claims[0].bounds.of([name]).pairs[:, 0].T
 
 
 def _stays(run):

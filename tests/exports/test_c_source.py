@@ -17,7 +17,7 @@ from flighttune.exports.export import c_source, export_c
 from flighttune.flight.conditions import start_condition
 from flighttune.flight.fly import fly_alone
 from flighttune.flight.models import gain_set
-from flighttune.references.planner import AirspeedPriority
+from flighttune.references.follow import AirspeedPriority
 
 COMPILER = shutil.which("cc") or shutil.which("gcc")
 needs_compiler = pytest.mark.skipif(COMPILER is None, reason="no C compiler is installed")

@@ -59,21 +59,19 @@ def test_compiled_samples_fly_as_the_plain_loop_does(monkeypatch):
     assert first.to_numpy() == pytest.approx(plain.to_numpy(), rel=1e-12, abs=1e-12)
 
 
+LAW = [{"kind": "kinematic"}]
+
+
 @pytest.mark.parametrize(
-    ("plant", "most"),
-    [
-        ({"kind": "kinematic"}, 1.0),
-        ({"kind": "point_mass"}, 1.0),
-        ({"kind": "jsbsim", "aircraft": "aerosonde"}, 1.0),
-    ],
+    "plant", [*LAW, {"kind": "point_mass"}, {"kind": "jsbsim", "aircraft": "aerosonde"}]
 )
-def test_a_flight_stays_on_its_route_in_still_air(plant, most):
+def test_a_flight_stays_on_its_route_in_still_air(plant):
     """Distance to the side by the plant's own position: to the leg between two waypoints."""
     (run,) = ft.fly(scenario([plant])).runs
     signals = run.signals
 
     assert run.status == "completed"
-    assert np.abs(signals["cross_track"]).max() < most
+    assert np.abs(signals["cross_track"]).max() < 1.0
     assert np.abs(signals["height_err"]).max() < 1.0
     first = signals[signals["along"] < 400]
     assert first["cross_track"].to_numpy() == pytest.approx(first["east"].to_numpy(), abs=1e-6)
@@ -88,7 +86,7 @@ def test_an_error_of_position_is_flown_off_in_the_look_ahead():
         "look_ahead_s": 4.0,
         "waypoint": [{"north_m": 0.0, "east_m": 0.0}, {"north_m": 2000.0, "east_m": 0.0}],
     }
-    reference = reference_of(scenario([{"kind": "kinematic"}], route=straight))
+    reference = reference_of(scenario(LAW, route=straight))
     dt, V = 0.01, 25.0
     follow, north, east, chi = reference.follower(dt, 1000.0), 0.0, 5.0, 0.0
     aside = []
@@ -119,7 +117,7 @@ def test_places_on_a_route_are_whole_positions(course, wind, wind_from, circles)
     points = [dict(point) for point in ROUTE["waypoint"]]
     points[2] |= {"turns": circles} if circles else {}
     made = scenario(
-        [{"kind": "kinematic"}],
+        LAW,
         flight={"chi_deg": course, "duration_s": 250.0},
         wind={"speed_mps": wind, "from_deg": wind_from},
         route={"waypoint": points, "wind_mps": 12.0},
@@ -142,7 +140,7 @@ def test_places_on_a_route_are_whole_positions(course, wind, wind_from, circles)
 
 def test_a_flight_behind_its_start_is_as_far_from_its_route_as_from_the_start():
     """Started the other way, a flight turns back within its turning circles."""
-    (run,) = ft.fly(scenario([{"kind": "kinematic"}], flight={"chi_deg": 170.0})).runs
+    (run,) = ft.fly(scenario(LAW, flight={"chi_deg": 170.0})).runs
     first = run.signals[run.signals["along"] == 0.0]
     from_start = np.hypot(first["north"], first["east"])
 
@@ -152,7 +150,7 @@ def test_a_flight_behind_its_start_is_as_far_from_its_route_as_from_the_start():
 
 
 def test_a_flight_that_is_carried_back_has_no_places_there():
-    reference = reference_of(scenario([{"kind": "kinematic"}]))
+    reference = reference_of(scenario(LAW))
     along = np.array([0.0, 50.0, 100.0, 90.0, 95.0, 120.0])
     signals = pd.DataFrame(
         {"north": along, "east": 2.0, "down": 3.0, "along": along, "cross_track": 2.0}
@@ -168,9 +166,7 @@ def straight(duration_s, **start):
     """A flight of the law at 25 m/s along a route of 1000 m to the north."""
     waypoints = [{"north_m": north, "east_m": 0.0, "up_m": 0.0} for north in (0.0, 1000.0)]
     flight = {"duration_s": duration_s, **start}
-    (run,) = ft.fly(
-        scenario([{"kind": "kinematic"}], flight=flight, route={"waypoint": waypoints})
-    ).runs
+    (run,) = ft.fly(scenario(LAW, flight=flight, route={"waypoint": waypoints})).runs
     return run
 
 
@@ -184,7 +180,7 @@ def test_a_flight_that_does_not_arrive_says_what_is_left(left):
 
 def test_a_flight_arrives_at_the_end_of_its_route_and_within_the_look_ahead_of_it():
     arrived = straight(60.0)
-    reference = reference_of(scenario([{"kind": "kinematic"}], flight={}))
+    reference = reference_of(scenario(LAW, flight={}))
     length, most = reference.path.length, reference.look_ahead * reference.V_a
 
     assert arrived.status == "completed"
@@ -210,7 +206,7 @@ def test_a_flight_arrives_at_the_end_of_its_route_and_within_the_look_ahead_of_i
 )
 def test_a_route_that_cannot_be_read_is_refused(change, message):
     with pytest.raises(ft.ScenarioError, match=message):
-        scenario([{"kind": "kinematic"}], **change)
+        scenario(LAW, **change)
 
 
 @pytest.mark.parametrize("command", ["tube", "export"])

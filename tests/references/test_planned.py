@@ -13,7 +13,7 @@ from flighttune.aircraft.aircraft import load_aircraft
 from flighttune.campaign.flying.kinematic_batch import batchable
 from flighttune.files.table import toml_text
 from flighttune.flight.new import new_scenario
-from flighttune.references.planner import WIND_ESTIMATE_S, Planner
+from flighttune.references.follow import WIND_ESTIMATE_S, Planner
 from flighttune.references.segments import Segment
 
 DEG = math.pi / 180.0
