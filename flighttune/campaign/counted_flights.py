@@ -10,8 +10,8 @@ from flighttune.claims.counted import About, Counted, other_files
 from flighttune.claims.distribution import AIRSPEEDS, Distribution, flown_values, spread
 from flighttune.errors import InputError
 from flighttune.flight.route import planned_route
+from flighttune.planning.draws import dispersed_places
 from flighttune.planning.load import campaign_on
-from flighttune.planning.places import dispersed_places
 from flighttune.planning.plan import Plan, aircraft_hashes, plan_from
 from flighttune.planning.schema import Campaign, Choice, Design, Dispersion, Grid, Uniform
 from flighttune.scenario.load import scenario_from, spelled

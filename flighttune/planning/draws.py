@@ -1,4 +1,4 @@
-"""Draws: the dispersed keys and the seed of every draw of a campaign.
+"""Draws: what the dispersed keys mean, and their values and the seed of every draw.
 
 A draw depends on the campaign's seed and its number alone, so that any process makes the draws of
 its own chunk, to the bit.
@@ -6,8 +6,10 @@ its own chunk, to the bit.
 
 import hashlib
 import math
-from collections.abc import Sequence
+import re
+from collections.abc import Mapping, Sequence
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -15,9 +17,11 @@ import pandas as pd
 from scipy.special import ndtr, ndtri
 
 from flighttune.arrays import FloatArray
-from flighttune.errors import InputError
-from flighttune.planning.schema import Campaign, CorrelationTable, Grid
+from flighttune.errors import InputError, ScenarioError
+from flighttune.planning.schema import Campaign, CorrelationTable, Dispersion, Grid
 from flighttune.plants.jsbsim.plant import LARGEST_SEED
+from flighttune.scenario.load import Place, places_of, value_at, with_values
+from flighttune.scenario.schema import Scenario
 
 # Column of the seeds
 SEED = "seed"
@@ -31,7 +35,67 @@ LARGEST_POINT = 1.0 - 2.0**-53
 # Bits of a coordinate of a Sobol point: the most with which scipy can skip points
 SOBOL_BITS = 32
 
-Column = npt.NDArray[np.generic]
+# Tables and keys of a scenario that are the same for all draws; each draw has its own seed
+NOT_DISPERSED = (
+    *("plant.kind", "plant.aircraft", "plant.name", "gains", "tuning", "envelope", "expect"),
+    *("seed", "title", "verifies", "source"),
+)
+
+# Hint for a key that cannot be dispersed
+INSTEAD = {"plant": "give each plant in a [[plant]]", "gains": "give each gain set in `gains`"}
+
+
+def dispersed_places(
+    disperse: Sequence[Dispersion], scenario: Scenario, source: str
+) -> dict[str, tuple[Place, ...]]:
+    """Every place that each dispersed key means, in the undispersed scenario."""
+    values = scenario.as_dict()
+    places_by_key: dict[str, tuple[Place, ...]] = {}
+    for table in disperse:
+        where = f"{source}: [[disperse]] `{table.key}`"
+        named = re.sub(r"\[[^\]]*\]", "", table.key)
+        top = named.split(".")[0]
+        if {named, top} & {*NOT_DISPERSED}:
+            why = INSTEAD.get(top, "it is the same for all draws")
+            raise ScenarioError(f"{where} must not be dispersed: {why}.")
+        # a value by which to see which plants have the key
+        tried = {"sets": table.central, "adds": 0.0, "multiplies": 1.0}[table.acts]
+        try:
+            places = places_of(table.key, values, tried)
+        except InputError as error:
+            stop = "" if str(error).endswith("?") else "."
+            raise ScenarioError(f"{where} {error}{stop}") from None
+        for other, theirs in places_by_key.items():
+            if any(a[: len(b)] == b[: len(a)] for a in places for b in theirs):
+                raise ScenarioError(f"{where} must be dispersed once, but `{other}` means it too.")
+        for place in places if table.acts != "sets" else ():
+            value = value_at(values, place)
+            if isinstance(value, bool) or not isinstance(value, (int, float)):
+                raise ScenarioError(
+                    f"{where} must be a number in the scenario for `acts` {table.acts!r}, "
+                    f"got {'nothing' if value is None else repr(value)}."
+                )
+        places_by_key[table.key] = places
+    return places_by_key
+
+
+def with_drawn(
+    tables: Mapping[str, Any],
+    disperse: Sequence[Dispersion],
+    places: Mapping[str, tuple[Place, ...]],
+    values: Mapping[str, Any],
+) -> dict[str, Any]:
+    """The tables of a scenario with the drawn values of each key set, added or multiplied by."""
+    entries: list[tuple[Place, Any]] = []
+    for table in disperse:
+        for place in places[table.key]:
+            value = values[table.key]
+            if table.acts == "adds":
+                value = value_at(tables, place) + value
+            elif table.acts == "multiplies":
+                value = value_at(tables, place) * value
+            entries.append((place, value))
+    return with_values(tables, entries)
 
 
 def cycle(campaign: Campaign) -> int:
@@ -51,13 +115,19 @@ def drawn(campaign: Campaign, first: int, end: int, *, draws: int) -> pd.DataFra
         design, keys, seed=campaign.seed, first=low, end=high, points=-(-draws // length)
     )
     u = correlated(u, keys, campaign.correlation)
-    columns = {table.key: table.at(u[:, i])[point - low] for i, table in enumerate(sampled)}
-    columns |= _cells(campaign.grids, place)
+    columns: dict[str, Any] = {
+        table.key: table.at(u[:, i])[point - low] for i, table in enumerate(sampled)
+    }
+    counts = [len(grid.levels) for grid in campaign.grids]
+    cells = np.unravel_index(place, counts) if counts else ()
+    for grid, cell, count in zip(campaign.grids, cells, counts, strict=True):
+        columns[grid.key] = grid.at((cell + 0.5) / count)
     columns[SEED] = run_seeds(campaign.seed, low, high)[point - low]
-    return pd.DataFrame(
-        {name: _series(columns[name]) for name in (*campaign.keys, SEED)},
-        index=pd.RangeIndex(first, max(end, first), name="draw"),
-    )
+    for name, values in columns.items():
+        if values.dtype == object:  # a type that does not depend on how many values there are
+            columns[name] = pd.array(values, dtype="str")
+    index = pd.RangeIndex(first, max(end, first), name="draw")
+    return pd.DataFrame({name: columns[name] for name in (*campaign.keys, SEED)}, index=index)
 
 
 def unit_points(
@@ -161,19 +231,3 @@ def _sobol(seed: int, keys: int, first: int, end: int) -> FloatArray:
         head = engine.random(1)  # alone, as the engine warns of a number that is no power of two
         u = np.vstack([head, engine.random(end - 1)]) if end > 1 else head
     return np.maximum(u, 2.0 ** -(SOBOL_BITS + 1))  # 0 stands for the lowest cell: its middle
-
-
-def _series(values: Column) -> Column | pd.api.extensions.ExtensionArray:
-    """Values as a column whose type does not depend on how many there are."""
-    return pd.array(values, dtype="str") if values.dtype == object else values
-
-
-def _cells(grids: Sequence[Grid], place: npt.NDArray[np.intp]) -> dict[str, Column]:
-    if not grids:
-        return {}
-    counts = [len(grid.levels) for grid in grids]
-    cells = np.unravel_index(place, counts)
-    return {
-        grid.key: grid.at((cell + 0.5) / count)
-        for grid, cell, count in zip(grids, cells, counts, strict=True)
-    }

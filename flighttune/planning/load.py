@@ -9,8 +9,7 @@ from flighttune.files.mistakes import abridged, shown, validated
 from flighttune.files.shipped import campaign_files, scenario_files
 from flighttune.files.table import toml_tables
 from flighttune.flight.load import check_identified, check_scenario, load_scenario
-from flighttune.planning.draws import copula_factor
-from flighttune.planning.places import dispersed_places, with_drawn
+from flighttune.planning.draws import copula_factor, dispersed_places, with_drawn
 from flighttune.planning.schema import DISTRIBUTIONS, Campaign, CampaignTable
 from flighttune.plants.base import goes_by
 from flighttune.scenario.load import (
@@ -86,7 +85,13 @@ def campaign_on(table: CampaignTable, nominal: Scenario, source: str) -> Campaig
         copula_factor(table.correlation)
     except InputError as error:
         raise ScenarioError(f"{source}: {error}.") from None
-    return Campaign.of(table, nominal=nominal, central=_central(table, nominal, source))
+    places = dispersed_places(table.disperse, nominal, source)
+    medians = {dispersion.key: dispersion.central for dispersion in table.disperse}
+    tables = with_drawn(nominal.as_dict(), table.disperse, places, medians)
+    where = f"{source}: the scenario at the median of [[disperse]]"
+    central = validated(Scenario, tables, where)
+    check_scenario(central, where)
+    return Campaign.of(table, nominal=nominal, central=central)
 
 
 def _scenario_of(name: str, file: Path) -> Path:
@@ -157,14 +162,3 @@ def _check_disperse(tables: Any, source: str) -> None:
                 f"{where} `distribution` must be one of {kinds}, got {abridged(kind)}."
             )
         validated(DISTRIBUTIONS[kind], table, where)
-
-
-def _central(table: CampaignTable, nominal: Scenario, source: str) -> Scenario:
-    """The scenario at the median of everything dispersed."""
-    places = dispersed_places(table.disperse, nominal, source)
-    medians = {dispersion.key: dispersion.central for dispersion in table.disperse}
-    tables = with_drawn(nominal.as_dict(), table.disperse, places, medians)
-    where = f"{source}: the scenario at the median of [[disperse]]"
-    central = validated(Scenario, tables, where)
-    check_scenario(central, where)
-    return central

@@ -17,8 +17,7 @@ from flighttune.files.mistakes import abridged, validated
 from flighttune.files.table import hash_of, json_tables
 from flighttune.flight.load import check_scenario
 from flighttune.flight.models import gain_sets
-from flighttune.planning.draws import cycle, drawn
-from flighttune.planning.places import dispersed_places, with_drawn
+from flighttune.planning.draws import cycle, dispersed_places, drawn, with_drawn
 from flighttune.planning.schema import Campaign, CampaignTable
 from flighttune.plants.base import goes_by
 from flighttune.quantities import Table
@@ -286,16 +285,13 @@ def plan_campaign(campaign: Campaign, *, runs: int | None = None) -> Plan:
     """
     scenario = campaign.nominal
     sets, _ = gain_sets(scenario)
-    groups = _groups(campaign)
+    windy = campaign.central.windy  # then aircraft fly first, as the others replay their wind
+    plants = sorted(scenario.plant, key=lambda plant: windy and plant.aircraft is None)
+    groups = tuple(Group(plant.label, name) for plant in plants for name in scenario.gain_names)
     if runs is None:
         runs = campaign.runs or cycle(campaign) * len(groups)
-    return Plan(
-        campaign=campaign,
-        gain_sets=sets,
-        groups=groups,
-        runs=runs,
-        aircraft=aircraft_hashes(scenario),
-    )
+    hashes = aircraft_hashes(scenario)
+    return Plan(campaign=campaign, gain_sets=sets, groups=groups, runs=runs, aircraft=hashes)
 
 
 def aircraft_hashes(scenario: Scenario) -> dict[str, str]:
@@ -309,13 +305,6 @@ def on_plants(scenario: Scenario, labels: Collection[str]) -> Scenario:
     kept = [plant for plant in scenario.plant if plant.label in labels]
     expect = [x for x in scenario.expect if any(goes_by(label, x.plant) for label in labels)]
     return scenario.model_copy(update={"plant": kept, "expect": expect})
-
-
-def _groups(campaign: Campaign) -> tuple[Group, ...]:
-    """Groups, plant by plant; in wind aircraft first, as the others replay the wind they met."""
-    scenario, windy = campaign.nominal, campaign.central.windy
-    plants = sorted(scenario.plant, key=lambda plant: windy and plant.aircraft is None)
-    return tuple(Group(plant.label, name) for plant in plants for name in scenario.gain_names)
 
 
 def plan_from(tables: Mapping[str, Any], source: str = "plan") -> Plan:

@@ -34,6 +34,9 @@ MEASURES = (
     *(f"flight.{name}" for name in FLIGHT_METRICS),
 )
 
+# Kinds of values that are no numbers
+KINDS = {bool: "boolean", str: "string"}
+
 # Values of one grid key
 MAX_POINTS = 10_000
 
@@ -49,9 +52,19 @@ class DisperseTable(Table):
     acts: Acts = "sets"  # the drawn value replaces the scenario's, is added to it, or multiplies it
 
     @model_validator(mode="after")
-    def _draws_no_code(self) -> Self:
+    def _can_be_drawn(self) -> Self:
         if self.key.endswith("module"):  # `Plan.code` must be all that runs
             raise ValueError(f"`key` must not name a file of code, got {self.key}")
+        low, high, values = (getattr(self, name, None) for name in ("lower", "upper", "values"))
+        if low is not None and high is not None and not low < high:
+            raise ValueError(f"`lower` must be below `upper`, got {low:g} and {high:g}")
+        kinds = {KINDS.get(type(value), "number") for value in values or ()}
+        if len(kinds) > 1:
+            raise ValueError(
+                f"`values` must be all numbers, all strings or all booleans, got {values}"
+            )
+        if self.acts != "sets" and kinds - {"number"}:
+            raise ValueError(f"`values` must be numbers with `acts` {self.acts!r}, got {values}")
         return self
 
     @property
@@ -76,7 +89,6 @@ class Normal(DisperseTable):
     @model_validator(mode="after")
     def _something_between_the_bounds(self) -> "Normal":
         low, high = self._bounds
-        _check_rising(low, high)
         if low > self.mean + MAX_SD * self.sd or high < self.mean - MAX_SD * self.sd:
             raise ValueError(
                 f"`mean` must lie within {MAX_SD:g} `sd` of what `lower` and `upper` leave, "
@@ -92,7 +104,6 @@ class Normal(DisperseTable):
         )
 
     def at(self, u: FloatArray) -> FloatArray:
-        """Values at points `u` of the open unit interval, shape as `u`."""
         if self.lower is None and self.upper is None:
             return self.mean + self.sd * ndtri(u)
         low, high = self._bounds
@@ -111,7 +122,6 @@ class LogNormal(DisperseTable):
     sd_log: Positive  # of the natural logarithm: 0.1 is about 10 %
 
     def at(self, u: FloatArray) -> FloatArray:
-        """Values at points `u` of the open unit interval, shape as `u`."""
         with np.errstate(over="ignore"):  # a drawn infinity is refused by its key
             return self.median * np.exp(self.sd_log * ndtri(u))
 
@@ -123,13 +133,7 @@ class Uniform(DisperseTable):
     lower: Finite
     upper: Finite
 
-    @model_validator(mode="after")
-    def _rising(self) -> "Uniform":
-        _check_rising(self.lower, self.upper)
-        return self
-
     def at(self, u: FloatArray) -> FloatArray:
-        """Values at points `u` of the open unit interval, shape as `u`."""
         return self.lower + u * (self.upper - self.lower)
 
 
@@ -142,7 +146,6 @@ class Choice(DisperseTable):
 
     @model_validator(mode="after")
     def _weights_and_values_fit(self) -> "Choice":
-        _check_kind(self.values, self.acts)
         weights = self.weights
         if weights is not None and (len(weights) != len(self.values) or not sum(weights) > 0.0):
             raise ValueError(
@@ -159,7 +162,6 @@ class Choice(DisperseTable):
         return max(numbers, key=lambda pair: pair[1], default=(self.values[0], 0.0))[0]
 
     def at(self, u: FloatArray) -> npt.NDArray[np.generic]:
-        """Values at points `u` of the open unit interval, shape as `u`."""
         edges = np.cumsum(self.weights or [1.0] * len(self.values))
         return _as_array(self.values)[np.searchsorted(edges, u * edges[-1], side="right")]
 
@@ -181,9 +183,6 @@ class Grid(DisperseTable):
                 "`values` must be given with distribution grid, or `lower`, `upper` and `count` in "
                 "their place"
             )
-        _check_kind(self.levels, self.acts)
-        if self.lower is not None and self.upper is not None:
-            _check_rising(self.lower, self.upper)
         return self
 
     @property
@@ -200,7 +199,6 @@ class Grid(DisperseTable):
         return self.levels[(len(self.levels) - 1) // 2]
 
     def at(self, u: FloatArray) -> npt.NDArray[np.generic]:
-        """The value whose share of the unit interval `u` lies in, shape as `u`."""
         return _as_array(self.levels)[(u * len(self.levels)).astype(np.intp)]
 
 
@@ -316,22 +314,6 @@ class Campaign(CampaignTable):
     def of(cls, table: CampaignTable, *, nominal: Scenario, central: Scenario) -> "Campaign":
         """The campaign of a file's tables and its scenarios."""
         return cls(**{**vars(table), "nominal": nominal, "central": central})
-
-
-def _check_rising(low: float, high: float) -> None:
-    if not low < high:
-        raise ValueError(f"`lower` must be below `upper`, got {low:g} and {high:g}")
-
-
-def _check_kind(values: list[Value], acts: Acts) -> None:
-    kinds = {
-        "boolean" if isinstance(value, bool) else "string" if isinstance(value, str) else "number"
-        for value in values
-    }
-    if len(kinds) > 1:
-        raise ValueError(f"`values` must be all numbers, all strings or all booleans, got {values}")
-    if acts != "sets" and kinds != {"number"}:
-        raise ValueError(f"`values` must be numbers with `acts` {acts!r}, got {values}")
 
 
 def _as_array(values: list[Value]) -> npt.NDArray[np.generic]:

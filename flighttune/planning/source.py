@@ -198,20 +198,14 @@ def _is_scenario(source: str | Path) -> bool:
 
 def _about_mission(scenario: Scenario, aircraft: str, like: str | None) -> Campaign:
     """Flights of a mission that are drawn as those of the campaign `like`."""
-    shipped = like_of(aircraft)
-    campaign = load_campaign(
-        like or shipped or LIKE, scenario, changes={"plant.aircraft": aircraft}
-    )
-    update: dict[str, Any] = {"title": f"{scenario.title}, flown as {like or shipped or LIKE}"}
-    if like is None and shipped is None:
+    own = LIKE if aircraft == AIRCRAFT else f"{LIKE}_{aircraft}"
+    shipped = own in campaign_files()
+    name = like or (own if shipped else LIKE)
+    campaign = load_campaign(name, scenario, changes={"plant.aircraft": aircraft})
+    update: dict[str, Any] = {"title": f"{scenario.title}, flown as {name}"}
+    if like is None and not shipped:
         update["disperse"] = [x for x in campaign.disperse if not x.key.endswith(SHIFTS)]
     return campaign.model_copy(update=update)
-
-
-def like_of(aircraft: str) -> str | None:
-    """The shipped campaign with dispersions of an aircraft on a circuit, if there is one."""
-    name = LIKE if aircraft == AIRCRAFT else f"{LIKE}_{aircraft}"
-    return name if name in campaign_files() else None
 
 
 def about(
