@@ -1,7 +1,7 @@
 """The comparison: pairs of runs with their metrics, differences and distances."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
 from operator import attrgetter
@@ -85,7 +85,7 @@ class Source:
         return replace(self, runs=with_claims(self.runs, claims))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False)
 class Pair:
     """Two runs of one manoeuvre, compared."""
 
@@ -224,7 +224,11 @@ def load_source(
     name = str(name)
     place, _, choice = name.partition("@") if not Path(name).exists() else (name, "", "")
     if (recording := written(name, *READERS, columns=columns)) is None:
-        return Source(name=name, runs=_runs_of(place, choice, changes), chosen=bool(choice))
+        scenario = load_scenario(place, changes=changes, gains=[choice] if choice else ())
+        try:
+            return Source(name=name, runs=fly(scenario).runs, chosen=bool(choice))
+        except InputError as error:
+            raise InputError(f"{place}@{choice}: {error}") from error
     if changes:
         raise InputError(f"{name}: `--set` must be absent where runs are read, not flown.")
     if isinstance(recording, Run):
@@ -244,14 +248,6 @@ def load_source(
             f"{name}: {choice or 'it'!r} must be a gain set, a plant or a run, got {labels}."
         )
     return Source(name=name, runs=runs, missing=recording.missing)
-
-
-def _runs_of(place: str, choice: str, changes: Mapping[str, Any] | None) -> tuple[Run, ...]:
-    scenario = load_scenario(place, changes=changes, gains=[choice] if choice else ())
-    try:
-        return fly(scenario).runs
-    except InputError as error:
-        raise InputError(f"{place}@{choice}: {error}") from error
 
 
 def compare(
@@ -294,7 +290,7 @@ def compare(
         matched = _paired(first.runs, other.runs)
         if reason := _why_not(first, other, matched):
             return Comparison(reason=reason)
-        pairs += [_pair(first, other, *two) for two in matched]
+        pairs += [_pair(first.name, other.name, *two) for two in matched]
         used = {id(run) for two in matched for run in two}
         for source in (first, other):
             alone = [run.label for run in source.runs if id(run) not in used]
@@ -302,7 +298,7 @@ def compare(
     rows = [
         {"pair": place, "run_a": pair.a.label, "run_b": pair.b.label, **row}
         for place, pair in enumerate(pairs)
-        for row in _metric_rows(pair.a, pair.b)
+        for row in _metric_rows(pair)
     ]
     return Comparison(
         pairs=tuple(pairs),
@@ -358,17 +354,13 @@ def _each_run(source: Source) -> list[Source]:
         labels = ", ".join(run.label for run in runs) or "none"
         raise InputError(f"{source.name}: at least two runs must have flown, got {labels}.")
     still = (f"{run.label}: {run.outcome}" for run in source.runs if run not in runs)
-    missing = *source.missing, *still
-    return [
-        Source(name=source.name, runs=(run,), missing=() if place else missing)
-        for place, run in enumerate(runs)
-    ]
+    first, *others = (Source(name=source.name, runs=(run,)) for run in runs)
+    return [replace(first, missing=(*source.missing, *still)), *others]
 
 
 def _paired(a: Sequence[Run], b: Sequence[Run]) -> list[tuple[Run, Run]]:
     """Pair a log with every run, and two single runs; else runs of equal label, plant or gains."""
-    logs = [len(side) == 1 and _is_log(side[0]) for side in (a, b)]
-    if any(logs) or len(a) == len(b) == 1:
+    if len(a) == len(b) == 1 or any(len(side) == 1 and _is_log(side[0]) for side in (a, b)):
         return [*product(a, b)]
 
     def by(*keys: str) -> list[tuple[Run, Run]]:
@@ -376,14 +368,13 @@ def _paired(a: Sequence[Run], b: Sequence[Run]) -> list[tuple[Run, Run]]:
         partners = {name(run): run for run in b}
         return [(run, partners[name(run)]) for run in a if name(run) in partners]
 
-    plants, gain_sets = (
-        max(len({getattr(run.provenance, key) for run in side}) for side in (a, b))
-        for key in ("plant", "gains_name")
-    )
+    def are_one(key: str) -> bool:
+        return all(len({getattr(x.provenance, key) for x in side}) < 2 for side in (a, b))
+
     pairs = by("plant", "gains_name")
-    if not pairs and gain_sets == 1:
+    if not pairs and are_one("gains_name"):
         pairs = by("plant")
-    if not pairs and plants == 1:
+    if not pairs and are_one("plant"):
         pairs = by("gains_name")
     return pairs
 
@@ -421,57 +412,42 @@ def _manoeuvre(run: Run) -> dict[str, Any]:
     scenario = run.provenance.scenario
     flight = {key: value for key, value in scenario["flight"].items() if key in MANOEUVRE}
     followed = {key: scenario[key] for key in ("reference", "route") if key in scenario}
-    return dict(leaves({"flight": flight, **followed}))
+    return {"flight": flight, **followed}
+
+
+def _settings(run: Run) -> dict[str, Any]:
+    return {k: value for k, value in run.provenance.scenario.items() if k not in DESCRIPTION}
+
+
+def _changes(a: Mapping[str, Any], b: Mapping[str, Any]) -> dict[str, tuple[Any, Any]]:
+    """Keys of two tables whose values are not the same, with both values."""
+    a, b = dict(leaves(a)), dict(leaves(b))
+    return {key: (a.get(key), b.get(key)) for key in sorted({*a, *b}) if a.get(key) != b.get(key)}
 
 
 def _is_log(run: Run) -> bool:
     return run.provenance.log is not None
 
 
-def _settings(run: Run) -> dict[str, Any]:
-    scenario = run.provenance.scenario.items()
-    return dict(leaves({key: value for key, value in scenario if key not in DESCRIPTION}))
-
-
-def _changes(a: Mapping[str, Any], b: Mapping[str, Any]) -> dict[str, tuple[Any, Any]]:
-    return {key: (a.get(key), b.get(key)) for key in sorted({*a, *b}) if a.get(key) != b.get(key)}
-
-
-def _pair(first: Source, second: Source, a: Run, b: Run) -> Pair:
+def _pair(source_a: str, source_b: str, a: Run, b: Run) -> Pair:
     end = min(a.duration, b.duration)
     distance, t_farthest = largest_distance(a, b)
-    cut = [
+    differs = {} if _is_log(a) or _is_log(b) else _changes(_settings(a), _settings(b))
+    a, b = (
         run if run.duration <= end else replace(run, signals=run.signals.loc[:end])
         for run in (a, b)
-    ]
-    return Pair(
-        a=cut[0],
-        b=cut[1],
-        source_a=first.name,
-        source_b=second.name,
-        max_distance=distance,
-        t_max_distance=t_farthest,
-        differs={} if _is_log(a) or _is_log(b) else _changes(_settings(a), _settings(b)),
     )
+    return Pair(a, b, source_a, source_b, distance, t_farthest, differs)
 
 
-def _metric_rows(a: Run, b: Run) -> list[dict[str, Any]]:
+def _metric_rows(pair: Pair) -> Iterator[dict[str, Any]]:
     """Metrics that both runs have, side by side."""
-    first, second = measures(a), measures(b)
-    return [
-        {
-            "channel": channel,
-            "name": name,
-            "unit": unit_of(channel, name),
-            "a": value,
-            "b": second[channel][name],
-            "diff": second[channel][name] - value,
-            "better": better(name, value, second[channel][name]),
-        }
-        for channel, values in first.items()
-        for name, value in values.items()
-        if name in BETTER_IF and name in second.get(channel, ())
-    ]
+    first, second = measures(pair.a), measures(pair.b)
+    for channel, values in first.items():
+        for name in (x for x in values if x in BETTER_IF and x in second.get(channel, ())):
+            a, b = values[name], second[channel][name]
+            row = {"channel": channel, "name": name, "unit": unit_of(channel, name)}
+            yield {**row, "a": a, "b": b, "diff": b - a, "better": better(name, a, b)}
 
 
 def sources_of(comparison: Comparison) -> list[str]:
@@ -486,8 +462,7 @@ def overlaid(comparison: Comparison) -> list[Run]:
     runs: dict[tuple[str, str], Run] = {}
     for pair in comparison.pairs:
         for source, run in ((pair.source_a, pair.a), (pair.source_b, pair.b)):
-            earlier = runs.get((source, run.label))
-            if earlier is None or earlier.duration < run.duration:
+            if runs.setdefault((source, run.label), run).duration < run.duration:
                 runs[source, run.label] = run
     labels = [label for _, label in runs]
     for (source, label), run in runs.items():

@@ -13,7 +13,7 @@ from flighttune.errors import RecordingError
 from flighttune.flight.flown import FlownScenario
 from flighttune.flight.fly import Progress, fly, library_versions
 from flighttune.flight.own import LawMaker, PlantMaker
-from flighttune.present.answer import Answer, Answering, Column, Table
+from flighttune.present.answer import Answer, Answering, Column, Table, pick
 from flighttune.present.names import columns
 from flighttune.scenario.load import as_recorded, scenario_from
 from flighttune.simulate.run import Run, claimed
@@ -116,16 +116,14 @@ class Reflown(Answering):
         drawn = [
             {"parameter": key, "value": str(value)} for key, value in self.runs[0].drawn.items()
         ]
-        around = claimed(self.flown.runs if self.flown else ())
-        changed = [f"{name}: {then} then, {now} now" for name, (then, now) in self.versions.items()]
+        around, versions = claimed(self.flown.runs if self.flown else ()), self.versions.items()
+        changed = [f"{name}: {then} then, {now} now" for name, (then, now) in versions]
         different = [f"{r['run']}: {r['result']}" for r in records if not r["equal"]]
         return Answer(
             values={
-                "equal": self.equal,
-                "missing": self.missing,
+                **pick(self, "equal missing"),
                 "versions": {
-                    name: {"recorded": then, "now": now}
-                    for name, (then, now) in self.versions.items()
+                    name: {"recorded": then, "now": now} for name, (then, now) in versions
                 },
                 **({"signals": signals} if signals else {}),
                 **(around.values if self.flown else {}),
@@ -161,24 +159,15 @@ def reflights(
                 "to be flown again."
             )
     again = fly(scenario, laws=laws, plants=plants, progress=progress)
-    return tuple(
-        CheckedRun(
-            name=run.label,
-            status=run.status,
-            differences=tuple(islice(differences(run, again[run.label]), 1)),
-        )
-        for run in runs
-    )
+    first = ((run, tuple(islice(differences(run, again[run.label]), 1))) for run in runs)
+    return tuple(CheckedRun(name=x.label, status=x.status, differences=found) for x, found in first)
 
 
 def changed_versions(then: Mapping[str, str]) -> dict[str, tuple[str, str]]:
     """Libraries whose version is not that of `then`: the version then, and now."""
     now = library_versions()
-    return {
-        name: (version, now.get(name, "none"))
-        for name, version in then.items()
-        if now.get(name) != version
-    }
+    pairs = {name: (version, now.get(name, "none")) for name, version in then.items()}
+    return {name: pair for name, pair in pairs.items() if pair[0] != pair[1]}
 
 
 def differences(recorded: Run, reflown: Run) -> Iterator[Difference]:
@@ -200,13 +189,11 @@ def _in_gains(recorded: PIGains | None, reflown: PIGains | None) -> Iterator[Dif
             then, now = ("none" if gains is None else "found" for gains in (recorded, reflown))
             yield Difference("gains", None, then, now)
         return
-    for name in ("K_P", "K_I"):
-        then, now = getattr(recorded, name), getattr(reflown, name)
-        for i, j in np.argwhere(then != now).tolist():
-            yield Difference(f"{name}[{i}][{j}]", None, float(then[i, j]), float(now[i, j]))
-    for i, (then, now) in enumerate(zip(recorded.feedback, reflown.feedback, strict=True)):
-        if then != now:
-            yield Difference(f"feedback[{i}]", None, then, now)
+    for name in ("K_P", "K_I", "feedback"):
+        then, now = (np.asarray(getattr(gains, name)) for gains in (recorded, reflown))
+        for place in np.argwhere(then != now).tolist():
+            values = (gains[tuple(place)].item() for gains in (then, now))
+            yield Difference(name + "".join(f"[{i}]" for i in place), None, *values)
 
 
 def _in_signals(recorded: Run, reflown: Run) -> Iterator[Difference]:
