@@ -39,15 +39,10 @@ def aircraft_of(label: str, tables: Sequence[Mapping[str, Any]]) -> str | None:
     plain values.
     """
     for table in tables:
-        if label_of(table) == label:
+        if plant_label(table.get("kind", ""), table.get("aircraft"), table.get("name")) == label:
             return table.get("aircraft")
     kind, _, aircraft = label.partition(":")
     return aircraft or None if kind == "jsbsim" else None
-
-
-def label_of(table: Mapping[str, Any]) -> str:
-    """Label of a ``[[plant]]`` table given as plain values."""
-    return plant_label(table.get("kind", ""), table.get("aircraft"), table.get("name"))
 
 
 TurnLaw: TypeAlias = Literal["paper", "exact"]

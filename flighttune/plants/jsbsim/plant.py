@@ -167,16 +167,13 @@ class JSBSimPlant:
         TrimError
             If there is no steady flight at `condition`.
         """
-        from flighttune.plants.jsbsim.air import carry_along, weather_step
-        from flighttune.plants.jsbsim.bench import check_moves
+        from flighttune.plants.jsbsim import air, bench, signals, trim
         from flighttune.plants.jsbsim.fdm import Fdm
-        from flighttune.plants.jsbsim.signals import guard, signal_reader
-        from flighttune.plants.jsbsim.trim import trim
 
         # A start that fails must not leave the plant of an earlier flight behind.
         self._observe = self._write_phi_cmd = _not_started
         settings = inner_loop_settings(self.config)  # refuses gains of another model
-        check_moves(self.config)
+        bench.check_moves(self.config)
         self.fdm = fdm = Fdm(self.config, steps=self._steps, ground=self._ground)
         fdm.writer("simulation/randomseed")(float(self._seed or LARGEST_SEED + 1))
         for name, value in settings.items():
@@ -186,12 +183,12 @@ class JSBSimPlant:
                 f"{self.config.folder / GAINS_FILE}: `gains` must give "
                 f"`{min(missing).removeprefix(properties.GAINS)}`, got none."
             )
-        point = trim(fdm, condition)
+        point = trim.trim(fdm, condition)
         if self._weather is not None:
-            carry_along(fdm, self._weather.deterministic(0.0, condition.h))
+            air.carry_along(fdm, self._weather.deterministic(0.0, condition.h))
         # After the wind is set: the signals take their origin and first angles from this instant.
-        observe = signal_reader(fdm, condition.chi, point.psi, n_x=self._takes_n_x)
-        self._inside, self._diagnosis = guard(fdm)
+        observe = signals.signal_reader(fdm, condition.chi, point.psi, n_x=self._takes_n_x)
+        self._inside, self._diagnosis = signals.guard(fdm)
         self._time, self._run = fdm.reader("simulation/sim-time-sec"), fdm.run
         later = sorted(self.changes(), reverse=True)  # the first is taken from the end
         self._changes = [(at, fdm.writer(name), value) for at, name, value in later]
@@ -199,7 +196,7 @@ class JSBSimPlant:
         self._engage(fdm, condition, steady_n_z=observe()[_N_Z])
         # After the inner loop is engaged: turbulence and gusts would disturb its first output.
         if self._weather is not None:
-            self._run = weather_step(fdm, self._weather, self._rate)
+            self._run = air.weather_step(fdm, self._weather, self._rate)
         self._observe = observe
 
     def observe(self) -> tuple[float, ...]:
