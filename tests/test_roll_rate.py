@@ -18,13 +18,20 @@ def turn(folder=FOLDER, **rates):
     return scenario.model_copy(update={"tuning": tuning, "gains": ["tuned_identified"]})
 
 
+def late_by(folder, channel):
+    lag = ft.loop.load_identified(folder).conditions[0].lags[channel]
+    return lag.whole + 0.01  # half a sample at 50 Hz
+
+
+def measured(scenario, channel):
+    return ft.fly(scenario).metrics.xs(channel, level=1).iloc[0]
+
+
 @pytest.mark.slow
 def test_the_gain_is_that_of_a_roll_taken_out_in_time():
     scenario = turn(roll_rate=True)
     gains = gain_set(scenario, "tuned_identified")
-    lag = (
-        ft.loop.load_identified(FOLDER).conditions[0].lags[0].whole + 0.01
-    )  # half a sample at 50 Hz
+    lag = late_by(FOLDER, 0)
     phi, rate = math.radians(45.0), math.radians(scenario.limits.phi_rate_dps)
     late = phi / (2.0 * rate) + lag
 
@@ -35,10 +42,7 @@ def test_the_gain_is_that_of_a_roll_taken_out_in_time():
 
 @pytest.mark.slow
 def test_the_course_of_a_slow_roller_settles_and_cycles_without():
-    bounded, free = (
-        ft.fly(turn(roll_rate=roll_rate)).metrics.xs("chi", level=1).iloc[0]
-        for roll_rate in (True, False)
-    )
+    bounded, free = (measured(turn(roll_rate=roll), "chi") for roll in (True, False))
 
     assert bounded["ITAE"] < 35.0
     assert bounded["ST_rad"] < HALF_A_DEGREE < free["ST_rad"]
@@ -47,8 +51,9 @@ def test_the_course_of_a_slow_roller_settles_and_cycles_without():
 
 @pytest.mark.slow
 def test_the_path_angle_of_a_slow_load_factor_settles_and_swings_without():
-    bounded, free = (turn(FOLDER.parent / "MD11", lift_rate=lift) for lift in (True, False))
-    lag = ft.loop.load_identified(FOLDER.parent / "MD11").conditions[0].lags[1].whole + 0.01
+    folder = FOLDER.with_name("MD11")
+    bounded, free = (turn(folder, lift_rate=lift) for lift in (True, False))
+    lag = late_by(folder, 1)
     first, V_over_g = math.radians(3.0), bounded.flight.V_a_mps / 9.81
 
     K_P, K_I = (getattr(gain_set(bounded, "tuned_identified"), key)[1, 1] for key in ("K_P", "K_I"))
@@ -56,8 +61,6 @@ def test_the_path_angle_of_a_slow_load_factor_settles_and_swings_without():
     late = K_P * first / (2.0 * bounded.limits.n_z_rate_per_s) + lag
     assert K_P <= V_over_g / late * (1.0 + 1e-6)
     assert K_I <= K_P / (4.0 * late) * 1.5
-    settled, swings = (
-        ft.fly(scenario).metrics.xs("gamma", level=1).iloc[0] for scenario in (bounded, free)
-    )
+    settled, swings = (measured(scenario, "gamma") for scenario in (bounded, free))
     assert settled["ITAE"] < 0.75 * swings["ITAE"]
     assert settled["ST_rad"] < 0.4 * swings["ST_rad"]

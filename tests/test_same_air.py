@@ -60,9 +60,8 @@ def test_the_sinusoid_as_wind_blows_on_the_aircraft_and_stays_a_rate_on_the_law(
     law, aircraft = flown.runs[0], flown.runs[2]
     t = law.signals.index.to_numpy()
     assert law.signals["d_chi"].to_numpy() == pytest.approx(0.02 * np.sin(0.3 * t))
-    assert aircraft.signals["wind_east"].to_numpy() == pytest.approx(
-        25.0 * 0.02 / 0.3 * np.cos(0.3 * t)
-    )
+    east = 25.0 * 0.02 / 0.3 * np.cos(0.3 * t)
+    assert aircraft.signals["wind_east"].to_numpy() == pytest.approx(east)
 
 
 @pytest.fixture(scope="module")

@@ -24,32 +24,21 @@ LAG = 1.0 / 25.0  # s, of the surface actuators
 
 SURFACES, STILL = ("aileron", "elevator", "rudder"), (0.0, 0.0, 0.0)
 
+FACTORS = (
+    *("mass", "ixx", "iyy", "izz", "ixz", "thrust", "lift", "drag", "side_force"),
+    *("roll_moment", "pitch_moment", "yaw_moment"),
+)
+COEFFICIENTS = (
+    *("CL", "CL_alpha", "CL_q", "CL_de", "CD_0", "CD_i", "CD_de", "CY_beta", "CY_da", "CY_dr"),
+    *("Cl_beta", "Cl_p", "Cl_r", "Cl_da", "Cl_dr", "Cm_0", "Cm_alpha", "Cm_q", "Cm_de"),
+    *("Cn_beta", "Cn_p", "Cn_r", "Cn_da", "Cn_dr"),
+)
 ALONE = [
     {},
-    {"mass": 1.3},
-    {"cg_shift": (0.03, 0.0, 0.0)},
-    {"cg_shift": (0.0, 0.02, 0.0)},
-    {"cg_shift": (0.0, 0.0, 0.04)},
-    {"ixx": 1.2},
-    {"iyy": 0.9},
-    {"izz": 0.9},
-    {"ixz": 2.0},
-    {"lift": 0.8},
-    {"drag": 1.5},
-    {"side_force": 1.4},
-    {"roll_moment": 0.7},
-    {"pitch_moment": 1.3},
-    {"yaw_moment": 0.6},
-    {"thrust": 0.5},
-    *(
-        {"coefficients": ((name, 1.5),)}
-        for name in (
-            "CL", "CL_alpha", "CL_q", "CL_de", "CD_0", "CD_i", "CD_de", "CY_beta", "CY_da",
-            "CY_dr", "Cl_beta", "Cl_p", "Cl_r", "Cl_da", "Cl_dr", "Cm_0", "Cm_alpha", "Cm_q",
-            "Cm_de", "Cn_beta", "Cn_p", "Cn_r", "Cn_da", "Cn_dr",
-        )
-    ),
-]  # fmt: skip
+    *({name: 1.09} for name in FACTORS),
+    *({"cg_shift": tuple(0.03 * axis)} for axis in np.eye(3)),
+    *({"coefficients": ((name, 1.5),)} for name in COEFFICIENTS),
+]
 ALL = {
     "mass": 0.9, "cg_shift": (-0.01, 0.005, 0.02), "ixx": 1.1, "iyy": 1.05, "izz": 0.95,
     "ixz": 0.7, "lift": 1.05, "drag": 0.9, "side_force": 1.1, "roll_moment": 1.2,
