@@ -14,6 +14,33 @@ ROLL = ft.loop.InnerLag(order=2, natural_frequency=5.0, damping=0.8, delay=0.08)
 LOAD = ft.loop.InnerLag(order=1, natural_frequency=6.0, delay=0.06)
 
 
+def heavy_cessna(duration):
+    """Turns and climbs in wind of a Cessna of 1.2 times its mass, for a `duration` in s."""
+    turns = [90.0, -40.0, 70.0, -30.0, 60.0, -50.0]
+    scenario = {
+        "title": "Turns and climbs of a heavy Cessna",
+        "gains": [{"name": "mine", "K_P": [[1.0, 0], [0, 2.0]], "K_I": [[0.05, 0], [0, 0.2]]}],
+        "flight": {"V_a_mps": 50.0, "h_m": 800.0, "duration_s": duration},
+        "reference": {
+            "chi_deg": [
+                {"shape": "step", "start_s": 2.0 + 6.5 * k, "change_deg": turns[k % 6]}
+                for k in range(int((duration - 9.0) / 6.5))
+            ],
+            "gamma_deg": [
+                {"shape": "step", "start_s": 4.0 + 5.0 * k, "change_deg": (-1.0) ** k * (3 + k % 3)}
+                for k in range(int((duration - 10.0) / 5.0))
+            ],
+        },
+        "limits": {"phi_deg": [-40, 40], "n_z": [0.4, 1.8]},
+        "controller": {"rate_hz": 50.0, "feed_forward": True},
+        "wind": {"speed_mps": 6.0, "from_deg": 240.0},
+        "plant": [{"kind": "jsbsim", "aircraft": "c172p", "airframe": {"mass_factor": 1.2}}],
+    }
+    (run,) = ft.fly(ft.scenario_from(scenario)).runs
+    assert run.status == "completed", run.outcome
+    return run
+
+
 def sampled(run, rate=25.0, *, seed=0, noise=True, dropouts=True, late=True):
     """Times and signals of a run as a log has them: noise, dropouts and late stamps (s)."""
     random = np.random.default_rng(seed)
@@ -80,20 +107,20 @@ def write_ulog(path, t, signals, *, vehicle=2):
         "flighttune": ("float n_z_cmd;", signals["n_z_cmd"][:, None]),
         "vehicle_status": ("float vehicle_type;", zero[:, None] + vehicle),
     }
-    out = [b"ULog\x01\x12\x35\x01" + struct.pack("<Q", 0), _message("B", bytes(40))]
+    out = [b"ULog\x01\x12\x35\x01" + struct.pack("<Q", 0), message("B", bytes(40))]
     for name, (layout, _) in topics.items():
-        out.append(_message("F", f"{name}:uint64_t timestamp;{layout}".encode()))
+        out.append(message("F", f"{name}:uint64_t timestamp;{layout}".encode()))
     for number, name in enumerate(topics):
-        out.append(_message("A", struct.pack("<BH", 0, number) + name.encode()))
+        out.append(message("A", struct.pack("<BH", 0, number) + name.encode()))
     for k, stamp in enumerate(t):
         for number, (_, values) in enumerate(topics.values()):
             row = values[k].astype("<f4").tobytes()
-            out.append(_message("D", struct.pack("<HQ", number, round(1e6 * stamp) + 10**6) + row))
+            out.append(message("D", struct.pack("<HQ", number, round(1e6 * stamp) + 10**6) + row))
     path.write_bytes(b"".join(out))
     return path
 
 
-def _message(kind, body):
+def message(kind, body):
     return struct.pack("<HB", len(body), ord(kind)) + body
 
 
@@ -147,8 +174,7 @@ def write_tlog(path, t, signals, *, kind=1):
     for k, stamp in enumerate(t):
         ms = round(1e3 * stamp) + 1000
         row = {name: float(values[k]) for name, values in signals.items()}
-        place = [float(values[k]) for values in (*[ned[a] for a in "xyz"],)]
-        velocity = [float(ned[name][k]) for name in ("vx", "vy", "vz")]
+        place, velocity = ([float(ned[v + x][k]) for x in "xyz"] for v in ("", "v"))
         messages = [
             mavlink.MAVLink_attitude_message(
                 ms, row["phi"], row["gamma"], row["chi"], 0.0, 0.0, 0.0

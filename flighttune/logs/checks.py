@@ -25,20 +25,14 @@ EQUAL = (0.7, 1.4)
 TURNS = (0.4, 2.0)
 
 # Units taken for each other, and the factor that mends it; sizes between two of them are near both.
-MISTAKEN = {
-    "ft read as m": FT,
-    "m read as ft": 1.0 / FT,
-    "deg read as rad": DEG,
-    "rad read as deg": 1.0 / DEG,
-    "kn read as m/s": KNOT,
-    "m/s read as kn": 1.0 / KNOT,
-    "km/h read as m/s": 1.0 / 3.6,
-    "m/s read as km/h": 3.6,
-    "m/s2 read as g": 1.0 / G_0,
-    "g read as m/s2": G_0,
-    "ft/s2 read as g": FT / G_0,
-    "its sign is turned": 1.0,
-}
+MISTAKEN = (
+    {"ft read as m": FT, "m read as ft": 1.0 / FT}
+    | {"deg read as rad": DEG, "rad read as deg": 1.0 / DEG}
+    | {"kn read as m/s": KNOT, "m/s read as kn": 1.0 / KNOT}
+    | {"km/h read as m/s": 1.0 / 3.6, "m/s read as km/h": 3.6}
+    | {"m/s2 read as g": 1.0 / G_0, "g read as m/s2": G_0, "ft/s2 read as g": FT / G_0}
+    | {"its sign is turned": 1.0}
+)
 NEAR = 0.15  # logarithm of a factor over that of a known mistake
 ALIKE = 0.7  # correlation from which on two columns show the same motion
 BEHIND_S = (0.0, 0.5, 1.0, 2.0)  # times by which a response may come after its command, s
@@ -102,18 +96,34 @@ def _ratio(column: FloatArray, other: FloatArray, least: float) -> float:
     return math.copysign(size / base, alike) if abs(alike) > ALIKE else math.nan
 
 
-class _Judge:
-    """Ratios of columns to the same by others over 2 s, and sentences on those that are wrong."""
+def _median(values: FloatArray) -> float:
+    there = values[np.isfinite(values)]
+    return float(np.median(there)) if len(there) else math.nan
 
-    def __init__(self, values: Mapping[str, FloatArray], dt: float) -> None:
-        self.values, self.flying, self.dt = values, _flying(values), dt
-        self._span = max(1, round(0.5 * PATH_S / dt))
-        self.sentences: list[str] = []
+
+class _Check:
+    """Signals of a run from raw ones, and sentences about what was checked of them.
+
+    Columns are compared with the same by others, in means and slopes over 2 s.
+    """
+
+    def __init__(self, raw: Mapping[str, FloatArray], t: FloatArray) -> None:
+        self.values, self.dt = dict(raw), float(t[1] - t[0])
+        self.notes: list[str] = []
+        self.wrong: list[str] = []  # on columns that contradict each other
+        self._span = max(1, round(0.5 * PATH_S / self.dt))
+
+    @property
+    def flying(self) -> FloatArray:
+        """Ground speed above `SLOWEST`: 1, and NaN elsewhere, to be multiplied with."""
+        none = np.full(len(self.values["phi"]), np.nan)
+        speed = self.values.get("V_g", self.values.get("V_a", none))
+        return np.where(speed > SLOWEST, 1.0, np.nan)
 
     def slope(self, name: str, *, angle: bool = True) -> FloatArray:
         """Rate of a column; zero without it."""
         if name not in self.values:
-            return np.zeros(len(self.flying))
+            return np.zeros(len(self.values["phi"]))
         column = self.values[name]
         return self._slope(np.unwrap(np.nan_to_num(column)) if angle else column) + 0.0 * column
 
@@ -133,163 +143,191 @@ class _Judge:
         if math.isfinite(ratio) and not within[0] < ratio < within[1]:
             either = "" if others == "level flight" else f" (or its inverse on {others})"
             said = f"{name} is {ratio:.3g} times the value from {others}: {_cure(ratio)}{either}"
-            self.sentences.append(said)
+            self.wrong.append(said)
 
+    def offset(self, name: str, angles: FloatArray, flying: FloatArray, others: str) -> None:
+        """Put in a sentence on an angle that is off by the same all along: a magnetic course."""
+        off = angles[np.isfinite(angles * flying)]
+        turns = np.exp(1j * off)
+        middle = float(np.angle(turns.mean())) if len(off) > 50 else 0.0
+        around = np.abs(np.angle(turns * np.exp(-1j * middle)))
+        if abs(middle) >= TRAILING and np.median(around) <= 3 * DEG:
+            self.wrong.append(
+                f"{name} is {middle * DEG_PER_RAD:+.1f} deg off that of {others} all along: "
+                "magnetic, or axes that are turned; a change by "
+                f"{-middle * DEG_PER_RAD:+.1f} deg would do"
+            )
 
-def _attitude_contradictions(judge: _Judge) -> list[str]:
-    """Sentences on attitude, its rates and commands against each other and the course."""
-    values, flying = judge.values, judge.flying
-    theta, phi = values.get("theta", np.zeros(len(flying))), values["phi"]
-    roll, pitch, heading, turn = (judge.slope(name) for name in ("phi", "theta", "psi", "chi"))
-    judge.say("the change of psi", _ratio(heading * flying, turn, STILL), "the course")
-    yaw = (heading if "psi" in values else turn) * np.cos(theta)
-    rates = {
-        "p": roll - yaw * np.tan(theta),
-        "q": pitch * np.cos(phi) + yaw * np.sin(phi),
-        "r": yaw * np.cos(phi) - pitch * np.sin(phi),
-    }
-    for name in {*rates} & {*values}:
-        ratio = _ratio(judge.mean(values[name]), rates[name], STILL)
-        judge.say(name, ratio, "the changes of attitude")
-    if "V_g" in values:
-        sideways = judge.mean(turn * values["V_g"])
-        ratio = _ratio(judge.mean(G_0 * np.tan(phi)), sideways, 0.1)
-        judge.say("phi", ratio, "course and speed in turns", (0.4, 2.5))
-    if "phi_cmd" in values:
-        behind = (max(1, round(late / judge.dt)) for late in BEHIND_S)
-        ratios = [_ratio(values["phi_cmd"][:-k], (phi * flying)[k:], STILL) for k in behind]
-        ratio = next((ratio for ratio in ratios if math.isfinite(ratio)), math.nan)
-        judge.say("phi_cmd", ratio, "the roll", (0.3, 4.0))
-    return judge.sentences
+    def motion(self) -> None:
+        """Put in course, path angle, and what is missing of position and velocity; check them."""
+        values = self.values
+        if "north" not in values and {"lat", "lon"} <= values.keys():
+            values["north"], values["east"] = _plane(values["lat"], values["lon"])
+        if "h" in values:
+            values.setdefault("down", -values["h"])
+        if "v_north" not in values and {"V_g", "chi"} <= values.keys():
+            values["v_north"] = values["V_g"] * np.cos(values["chi"])
+            values["v_east"] = values["V_g"] * np.sin(values["chi"])
+        for place in ("north", "east", "down"):
+            velocity = f"v_{place}"
+            if velocity not in values and place in values:
+                values[velocity] = np.gradient(values[place], self.dt)
+                self.notes.append(f"{velocity} is the slope of {place}")
+            elif place not in values and velocity in values:
+                values[place] = np.cumsum(np.nan_to_num(values[velocity])) * self.dt
+                self.notes.append(f"{place} is the integral of {velocity}")
+        if not {"v_north", "v_east"} <= values.keys():
+            return
+        V_g = np.hypot(values["v_north"], values["v_east"])
+        chi = np.arctan2(values["v_east"], values["v_north"])
+        stated_V_g, stated_chi = values.get("V_g", V_g), values.get("chi", chi)
+        values |= {"V_g": V_g, "chi": chi}
+        ratio = _median(stated_V_g / V_g * self.flying)
+        if not EQUAL[0] < ratio < EQUAL[1] and ratio > 0.0:
+            self.wrong.append(
+                f"V_g is {ratio:.3g} times what the velocities make it: {_cure(ratio)}"
+            )
+        self.offset("chi", stated_chi - chi, self.flying, "the velocities")
+        if "v_down" in values:
+            values["gamma"] = np.arctan2(-values["v_down"], V_g)
+        self._path()
+        self._speeds_and_turns()
 
+    def _path(self) -> None:
+        """Check the velocity against the path."""
+        values, span = self.values, max(1, round(PATH_S / self.dt))
+        places = [values[axis] for axis in ("north", "east") if axis in values]
+        if len(places) < 2 or len(places[0]) <= 2 * span:
+            return
+        moved = [(axis[span:] - axis[:-span]) / (span * self.dt) for axis in places]
+        middle = slice(span // 2, span // 2 + len(moved[0]))
+        flying = self.flying[middle]
+        ratio = _median(np.hypot(*moved) / (values["V_g"][middle] * flying))
+        off = values["chi"][middle] - np.arctan2(*moved[::-1])
+        angle = _median(np.abs(np.angle(np.exp(1j * off))))
+        said = f"the path is {ratio:.3g} times the ground speed, {angle * DEG_PER_RAD:.1f} deg off "
+        said += "the course"
+        if EQUAL[0] < ratio < EQUAL[1] or not ratio > 0.0:
+            bad = ": axes of velocity or position are wrong" if angle > ALONG else ""
+            self.notes.append(said + bad)
+            self.offset("chi", off, flying, "the path")
+        else:
+            cure = f"{_cure(1.0 / ratio)} to the velocity, or its inverse to the position"
+            said += f": unit or axes of velocity or position are wrong, and {cure}"
+            self.wrong.append(said)
 
-def _without_lift(judge: _Judge, *names: str) -> list[FloatArray]:
-    """Means of signals without what goes with the angle of attack in a steady flight.
+    def _speeds_and_turns(self) -> None:
+        """Check airspeed and roll against ground speed and course."""
+        values, flying = self.values, self.flying
+        if "V_a" in values:
+            ratio = _median(values["V_a"] * flying / values["V_g"])
+            right = EQUAL[0] < ratio < EQUAL[1] or not ratio > 0.0
+            end = "" if right else f": its unit is wrong ({_cure(ratio)}), or the wind strong"
+            self.notes.append(f"airspeed is {ratio:.2f} times the ground speed{end}")
+        turn = np.gradient(np.unwrap(np.nan_to_num(values["chi"])), self.dt)
+        sideways, phi = turn * values["V_g"] * flying, values["phi"]
+        level = G_0 * np.tan(phi)  # the same acceleration of a level coordinated turn
+        there = np.isfinite(sideways * level) & (np.abs(np.abs(phi) - 45.0 * DEG) < 35.0 * DEG)
+        if np.count_nonzero(there) * self.dt > 5.0:
+            ratio = float(np.sum((sideways * level)[there]) / np.sum(level[there] ** 2))
+            end = "" if TURNS[0] < ratio < TURNS[1] else ": unit or sign of roll or course is wrong"
+            self.notes.append(
+                f"the course turns {ratio:.2f} times as fast as the roll makes it{end}"
+            )
+        if "psi" in values:
+            off = np.abs(np.angle(np.exp(1j * (values["psi"] - values["chi"]))))
+            if (angle := _median(off * flying)) > 2.0 * ALONG:
+                degrees = angle * DEG_PER_RAD
+                self.notes.append(f"the nose is {degrees:.0f} deg off the course in the median")
 
-    The nose is above the path by about alpha cos(phi), and alpha grows with n_z over V_a^2.
-    """
-    level = np.cos(judge.values["phi"])
-    speed = judge.values.get("V_a", judge.values.get("V_g", level))
-    lift = level * judge.values.get("n_z", 1.0 / np.maximum(level, 0.2)) / speed**2
-    columns = [judge.mean(judge.values[name]) for name in names]
-    terms = np.column_stack([judge.mean(np.ones(len(level))), judge.mean(level), judge.mean(lift)])
-    there = np.isfinite(np.column_stack([terms, *columns])).all(axis=1)
-    left = []
-    for column in columns:
-        weights = np.linalg.lstsq(terms[there], column[there], rcond=None)[0]
-        left.append(np.where(there, column - terms @ weights, np.nan))
-    return left
+    def load_factor(self) -> None:
+        """Put in the load factor; the median of a sensor's says whether it is upright."""
+        if "f_z" not in self.values or "n_z" in self.values:
+            return
+        n_z = -self.values["f_z"] / G_0
+        middle = _median(n_z * self.flying)
+        sign, end = 1.0, "of the flight"
+        if -1.5 < middle < -0.6:
+            sign, end = -1.0, "after its sign was turned: z is up"
+        elif not 0.6 < middle < 1.5:
+            end += ": the sensor is rotated, or its unit is wrong"
+        self.values["n_z"] = sign * n_z
+        self.notes.append(f"load factor {sign * middle:.2f} in the median {end}")
 
-
-def _contradictions(values: Mapping[str, FloatArray], dt: float) -> list[str]:
-    """Sentences on columns that others contradict, each with the factor that would do."""
-    judge = _Judge(values, dt)
-    for name in ("n_z", "n_z_cmd"):
-        middle = _median(values[name] * judge.flying) if name in values else math.nan
-        judge.say(f"{name}, in the median of the flight,", middle, "level flight", (0.6, 1.6))
-    if "gamma" in values and "theta" in values:
-        steep, pitch = _without_lift(judge, "gamma", "theta")
-        judge.say("gamma", _ratio(steep, pitch, 0.15 * STILL), "theta and lift", (0.4, 2.5))
-    if "gamma" in values and "n_z" in values:
-        excess = values["n_z"] * np.cos(values["phi"]) - np.cos(values["gamma"])
-        rate = judge.mean(G_0 * excess / values["V_g"])
-        ratio = _ratio(judge.slope("gamma") * judge.flying, rate, 0.2 * STILL)
-        judge.say("the change of gamma", ratio, "n_z")
-    if "h" in values and "v_down" in values:
-        climb = judge.slope("h", angle=False) * judge.flying
-        ratio = _ratio(climb, -judge.mean(values["v_down"]), 0.3)
-        judge.say("the slope of h", ratio, "the vertical speed", EQUAL)
-    if {"V_a", "v_north", "v_east"} <= set(values):
+    def flight_path(self) -> None:
+        """Check load factor, path angle, climb and airspeed against what others make them."""
+        values, flying = self.values, self.flying
+        for name in ("n_z", "n_z_cmd"):
+            middle = _median(values[name] * flying) if name in values else math.nan
+            self.say(f"{name}, in the median of the flight,", middle, "level flight", (0.6, 1.6))
+        if {"gamma", "theta"} <= values.keys():
+            steep, pitch = self._without_lift("gamma", "theta")
+            self.say("gamma", _ratio(steep, pitch, 0.15 * STILL), "theta and lift", (0.4, 2.5))
+        if {"gamma", "n_z"} <= values.keys():
+            excess = values["n_z"] * np.cos(values["phi"]) - np.cos(values["gamma"])
+            rate = self.mean(G_0 * excess / values["V_g"])
+            ratio = _ratio(self.slope("gamma") * flying, rate, 0.2 * STILL)
+            self.say("the change of gamma", ratio, "n_z")
+        if {"h", "v_down"} <= values.keys():
+            climb = self.slope("h", angle=False) * flying
+            ratio = _ratio(climb, -self.mean(values["v_down"]), 0.3)
+            self.say("the slope of h", ratio, "the vertical speed", EQUAL)
+        if not {"V_a", "v_north", "v_east"} <= values.keys():
+            return
         nose = values.get("psi", values["chi"])
-        through = [judge.mean(values["V_a"] * part(nose)) for part in (np.cos, np.sin)]
-        over = [judge.mean(values[name]) for name in ("v_north", "v_east")]
+        through = [self.mean(values["V_a"] * part(nose)) for part in (np.cos, np.sin)]
+        over = [self.mean(values[name]) for name in ("v_north", "v_east")]
         air, ground = (np.concatenate([x - _median(x) for x in pair]) for pair in (through, over))
         ratio = _ratio(air, ground, 1.0)
-        judge.say("V_a in turns", ratio, "the ground speed", EQUAL)
+        self.say("V_a in turns", ratio, "the ground speed", EQUAL)
         drifts = zip(("north", "east"), through, over, strict=True)
         for axis, air, ground in drifts if "wind_north" in values and ratio > 0.0 else ():
             drift = _median(ground - air)
             if abs(drift) > 3.0:
                 ratio = _median(values[f"wind_{axis}"]) / drift
-                judge.say(f"wind_{axis}", ratio, "speeds and nose", (0.25, 2.5))
-    return _attitude_contradictions(judge)
+                self.say(f"wind_{axis}", ratio, "speeds and nose", (0.25, 2.5))
 
+    def _without_lift(self, *names: str) -> list[FloatArray]:
+        """Means of signals without what goes with the angle of attack in a steady flight.
 
-@np.errstate(invalid="ignore", divide="ignore", over="ignore")
-def checked(
-    raw: Mapping[str, FloatArray], t: FloatArray
-) -> tuple[dict[str, FloatArray], list[str], list[str]]:
-    """Signals of a run from raw ones on one time base, and sentences about what was checked.
+        The nose is above the path by about alpha cos(phi), and alpha grows with n_z over V_a^2.
+        """
+        level = np.cos(self.values["phi"])
+        speed = self.values.get("V_a", self.values.get("V_g", level))
+        lift = level * self.values.get("n_z", 1.0 / np.maximum(level, 0.2)) / speed**2
+        columns = [self.mean(self.values[name]) for name in names]
+        terms = np.column_stack([self.mean(x) for x in (np.ones(len(level)), level, lift)])
+        there = np.isfinite(np.column_stack([terms, *columns])).all(axis=1)
+        left = []
+        for column in columns:
+            weights = np.linalg.lstsq(terms[there], column[there], rcond=None)[0]
+            left.append(np.where(there, column - terms @ weights, np.nan))
+        return left
 
-    The last sentences are those on columns that contradict each other.
-    """
-    values, dt = dict(raw), float(t[1] - t[0])
-    notes, wrong = _motion(values, dt)
-    if "wind_speed" in values and "wind_from" in values:
-        for name, part in (("wind_north", np.cos), ("wind_east", np.sin)):
-            values[name] = -values["wind_speed"] * part(values["wind_from"])
-    if "wind_north" in values:
-        values.setdefault("wind_down", np.zeros(len(t)))
-    notes += _load_notes(values)
-    wrong += _contradictions(values, dt)
-    for place in ("north", "east", "down"):
-        if place in values:
-            there = values[place][np.isfinite(values[place])]
-            values[place] = values[place] - (there[0] if len(there) else 0.0)
-    for name in ("chi", "gamma"):
-        if {name, f"{name}_ref"} <= set(values):
-            error = values[f"{name}_ref"] - values[name]
-            values[f"{name}_err"] = np.angle(np.exp(1j * error))
-    return values, notes, wrong
-
-
-def _motion(values: dict[str, FloatArray], dt: float) -> tuple[list[str], list[str]]:
-    """Put in course, path angle, and what is missing of position and velocity; check them."""
-    notes, wrong = [], []
-    if {"lat", "lon"} <= set(values) and "north" not in values:
-        values["north"], values["east"] = _plane(values["lat"], values["lon"])
-    if "down" not in values and "h" in values:
-        values["down"] = -values["h"]
-    if "v_north" not in values and {"V_g", "chi"} <= set(values):
-        values["v_north"] = values["V_g"] * np.cos(values["chi"])
-        values["v_east"] = values["V_g"] * np.sin(values["chi"])
-    for velocity, place in (("v_north", "north"), ("v_east", "east"), ("v_down", "down")):
-        if velocity not in values and place in values:
-            values[velocity] = np.gradient(values[place], dt)
-            notes.append(f"{velocity} is the slope of {place}")
-        elif place not in values and velocity in values:
-            values[place] = np.cumsum(np.nan_to_num(values[velocity])) * dt
-            notes.append(f"{place} is the integral of {velocity}")
-    if not {"v_north", "v_east"} <= set(values):
-        return notes, wrong
-    north, east = values["v_north"], values["v_east"]
-    V_g, chi = np.hypot(north, east), np.arctan2(east, north)
-    flying = np.where(V_g > SLOWEST, 1.0, np.nan)
-    ratio = _median(values.get("V_g", V_g) / V_g * flying)
-    if not EQUAL[0] < ratio < EQUAL[1] and ratio > 0.0:
-        wrong.append(f"V_g is {ratio:.3g} times what the velocities make it: {_cure(ratio)}")
-    wrong += _offset("chi", values.get("chi", chi) - chi, flying, "the velocities")
-    values["V_g"], values["chi"] = V_g, chi
-    if "v_down" in values:
-        values["gamma"] = np.arctan2(-values["v_down"], values["V_g"])
-    more, contradicted = _path_notes(values, dt)
-    return [*notes, *more], [*wrong, *contradicted]
-
-
-def _offset(name: str, angles: FloatArray, flying: FloatArray, others: str) -> list[str]:
-    """A sentence on an angle that is off by the same all along, as a magnetic course is."""
-    off = angles[np.isfinite(angles * flying)]
-    turns = np.exp(1j * off)
-    middle = float(np.angle(turns.mean())) if len(off) > 50 else 0.0
-    if (
-        abs(middle) < TRAILING
-        or np.median(np.abs(np.angle(turns * np.exp(-1j * middle)))) > 3 * DEG
-    ):
-        return []
-    return [
-        f"{name} is {middle * DEG_PER_RAD:+.1f} deg off that of {others} all along: magnetic, or "
-        f"axes that are turned; a change by {-middle * DEG_PER_RAD:+.1f} deg would do"
-    ]
+    def attitude(self) -> None:
+        """Check attitude, its rates and commands against each other and the course."""
+        values, flying = self.values, self.flying
+        phi, theta = values["phi"], values.get("theta", np.zeros(len(flying)))
+        roll, pitch, heading, turn = (self.slope(name) for name in ("phi", "theta", "psi", "chi"))
+        self.say("the change of psi", _ratio(heading * flying, turn, STILL), "the course")
+        yaw = (heading if "psi" in values else turn) * np.cos(theta)
+        rates = {
+            "p": roll - yaw * np.tan(theta),
+            "q": pitch * np.cos(phi) + yaw * np.sin(phi),
+            "r": yaw * np.cos(phi) - pitch * np.sin(phi),
+        }
+        for name in (name for name in rates if name in values):
+            ratio = _ratio(self.mean(values[name]), rates[name], STILL)
+            self.say(name, ratio, "the changes of attitude")
+        if "V_g" in values:
+            sideways = self.mean(turn * values["V_g"])
+            ratio = _ratio(self.mean(G_0 * np.tan(phi)), sideways, 0.1)
+            self.say("phi", ratio, "course and speed in turns", (0.4, 2.5))
+        if "phi_cmd" in values:
+            behind = (max(1, round(late / self.dt)) for late in BEHIND_S)
+            ratios = [_ratio(values["phi_cmd"][:-k], (phi * flying)[k:], STILL) for k in behind]
+            ratio = next((ratio for ratio in ratios if math.isfinite(ratio)), math.nan)
+            self.say("phi_cmd", ratio, "the roll", (0.3, 4.0))
 
 
 def _plane(lat: FloatArray, lon: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -305,72 +343,34 @@ def _plane(lat: FloatArray, lon: FloatArray) -> tuple[FloatArray, FloatArray]:
     return (lat - lat[first]) * scale * up, (lon - lon[first]) * scale * right
 
 
-def _median(values: FloatArray) -> float:
-    there = values[np.isfinite(values)]
-    return float(np.median(there)) if len(there) else math.nan
+@np.errstate(invalid="ignore", divide="ignore", over="ignore")
+def checked(
+    raw: Mapping[str, FloatArray], t: FloatArray
+) -> tuple[dict[str, FloatArray], list[str], list[str]]:
+    """Signals of a run from raw ones on one time base, and sentences about what was checked.
 
-
-def _flying(values: Mapping[str, FloatArray]) -> FloatArray:
-    """Ground speed above `SLOWEST`; NaN elsewhere, to be multiplied with."""
-    speed = values.get("V_g", values.get("V_a", np.full(len(values["phi"]), np.nan)))
-    return np.where(speed > SLOWEST, 1.0, np.nan)
-
-
-def _path_notes(values: Mapping[str, FloatArray], dt: float) -> tuple[list[str], list[str]]:
-    """Velocity against the path, and airspeed against ground speed; what is wrong of them."""
-    notes, wrong, flying = [], [], _flying(values)
-    span = max(1, round(PATH_S / dt))
-    north, east = values.get("north"), values.get("east")
-    if north is not None and east is not None and len(north) > 2 * span:
-        moved = [(axis[span:] - axis[:-span]) / (span * dt) for axis in (north, east)]
-        middle = slice(span // 2, span // 2 + len(moved[0]))
-        speed, course = values["V_g"][middle] * flying[middle], values["chi"][middle]
-        ratio = _median(np.hypot(*moved) / speed)
-        off = course - np.arctan2(*moved[::-1])
-        angle = _median(np.abs(np.angle(np.exp(1j * off))))
-        said = f"the path is {ratio:.3g} times the ground speed, {angle * DEG_PER_RAD:.1f} deg off "
-        said += "the course"
-        if EQUAL[0] < ratio < EQUAL[1] or not ratio > 0.0:
-            bad = angle > ALONG
-            notes.append(f"{said}{': axes of velocity or position are wrong' if bad else ''}")
-            wrong += _offset("chi", off, flying[middle], "the path")
-        else:
-            cure = f"{_cure(1.0 / ratio)} to the velocity, or its inverse to the position"
-            wrong.append(f"{said}: unit or axes of velocity or position are wrong, and {cure}")
-    if "V_a" in values:
-        ratio = _median(values["V_a"] * flying / values["V_g"])
-        said = f"airspeed is {ratio:.2f} times the ground speed"
-        if EQUAL[0] < ratio < EQUAL[1] or not ratio > 0.0:
-            notes.append(said)
-        else:
-            notes.append(f"{said}: its unit is wrong ({_cure(ratio)}), or the wind strong")
-    sideways = np.gradient(np.unwrap(np.nan_to_num(values["chi"])), dt) * values["V_g"] * flying
-    phi = values["phi"]
-    level = G_0 * np.tan(phi)  # the same acceleration of a level coordinated turn
-    there = np.isfinite(sideways * level) & (np.abs(np.abs(phi) - 45.0 * DEG) < 35.0 * DEG)
-    if np.count_nonzero(there) * dt > 5.0:
-        ratio = float(np.sum((sideways * level)[there]) / np.sum(level[there] ** 2))
-        end = "" if TURNS[0] < ratio < TURNS[1] else ": unit or sign of roll or course is wrong"
-        notes.append(f"the course turns {ratio:.2f} times as fast as the roll makes it{end}")
-    if "psi" in values:
-        angle = _median(np.abs(np.angle(np.exp(1j * (values["psi"] - values["chi"])))) * flying)
-        if angle > 2.0 * ALONG:
-            notes.append(f"the nose is {angle * DEG_PER_RAD:.0f} deg off the course in the median")
-    return notes, wrong
-
-
-def _load_notes(values: dict[str, FloatArray]) -> list[str]:
-    """Load factor from the specific force; its median says whether the sensor is upright."""
-    if "f_z" not in values or "n_z" in values:
-        return []
-    values["n_z"] = -values["f_z"] / G_0
-    middle = _median(values["n_z"] * _flying(values))
-    if -1.5 < middle < -0.6:
-        values["n_z"] = -values["n_z"]
-        return [f"load factor {-middle:.2f} in the median after its sign was turned: z is up"]
-    upright = 0.6 < middle < 1.5
-    end = "" if upright else ": the sensor is rotated, or its unit is wrong"
-    return [f"load factor {middle:.2f} in the median of the flight{end}"]
+    The last sentences are those on columns that contradict each other.
+    """
+    check = _Check(raw, t)
+    check.motion()
+    values = check.values
+    if {"wind_speed", "wind_from"} <= values.keys():
+        for name, part in (("wind_north", np.cos), ("wind_east", np.sin)):
+            values[name] = -values["wind_speed"] * part(values["wind_from"])
+    if "wind_north" in values:
+        values.setdefault("wind_down", np.zeros(len(t)))
+    check.load_factor()
+    check.flight_path()
+    check.attitude()
+    for place in ("north", "east", "down"):
+        if place in values:
+            there = values[place][np.isfinite(values[place])]
+            values[place] = values[place] - (there[0] if len(there) else 0.0)
+    for name in ("chi", "gamma"):
+        if {name, f"{name}_ref"} <= values.keys():
+            error = values[f"{name}_ref"] - values[name]
+            values[f"{name}_err"] = np.angle(np.exp(1j * error))
+    return values, check.notes, check.wrong
 
 
 def check_flight(place: str, signals: Mapping[str, FloatArray], vehicle: str) -> None:

@@ -3,12 +3,12 @@
 import math
 import re
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
-from functools import cache
+from functools import cache, partial
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 import pandas as pd
@@ -19,30 +19,19 @@ from flighttune.files.shipped import nearest_name
 from flighttune.files.table import toml_tables
 from flighttune.flight.fly import library_versions
 from flighttune.logs.checks import check_flight, checked, degrees_as_radians
-from flighttune.logs.phases import EVENTS, Phase, in_words, inside, phases
-from flighttune.logs.read import Fields, Stream, read_log
-from flighttune.logs.time_base import on_one_base
+from flighttune.logs.read import Column, read_log
+from flighttune.logs.streams import EVENTS, Phase, in_words, inside, on_one_base, phases
 from flighttune.references.maps import TOO_LARGE
 from flighttune.simulate.run import SIGNAL_UNITS, Provenance, Run
 from flighttune.units import DEG, FT, G_0, KNOT
 
 # Value of each unit that a log may have, in SI.
-UNITS = {
-    **dict.fromkeys(("", "1", "rad", "rad/s", "s", "m", "m/s", "m/s^2", "m/s2"), 1.0),
-    **dict.fromkeys(("deg", "deg/s"), DEG),
-    **dict.fromkeys(("ms", "mm"), 1e-3),
-    **dict.fromkeys(("cm", "cm/s"), 1e-2),
-    **dict.fromkeys(("ft", "ft/s"), FT),
-    "cdeg": 0.01 * DEG,
-    "1e-7deg": 1e-7 * DEG,
-    "us": 1e-6,
-    "ns": 1e-9,
-    "km": 1e3,
-    "km/h": 1.0 / 3.6,
-    "kn": KNOT,
-    "g": G_0,
-    "mG": 1e-3 * G_0,
-}
+UNITS = (
+    dict.fromkeys(("", "1", "rad", "rad/s", "s", "m", "m/s", "m/s^2", "m/s2"), 1.0)
+    | {"deg": DEG, "deg/s": DEG, "ms": 1e-3, "mm": 1e-3, "cm": 1e-2, "cm/s": 1e-2}
+    | {"ft": FT, "ft/s": FT, "cdeg": 0.01 * DEG, "1e-7deg": 1e-7 * DEG, "us": 1e-6, "ns": 1e-9}
+    | {"km": 1e3, "km/h": 1.0 / 3.6, "kn": KNOT, "g": G_0, "mG": 1e-3 * G_0}
+)
 
 # What a log may have besides signals of a run; `sources.toml` says what they are.
 RAW = (
@@ -51,26 +40,13 @@ RAW = (
     *("phi_err", "theta_err", "n_z_err", "vehicle", "trusted", *EVENTS),
 )
 
-# Endings of the columns of a table that say their unit, such as `chi_deg`.
-ENDINGS = {"": "", "_deg": "deg", "_rad": "rad", "_mps": "m/s", "_m": "m", "_s": "s", "_ms": "ms"}
+# Endings of the columns of a table that say their unit, such as `chi_deg`, the first ones first.
+ENDINGS = ("_ms:ms", "_s:s", "_m:m", "_mps:m/s", "_rad:rad", "_deg:deg", "")
 
-CLOCKS = ("t", "time", "timestamp")
+CLOCKS = tuple(f"{name}{ending}" for name in ("t", "time", "timestamp") for ending in ("", "_s:s"))
 
 # Columns as a user gives them: NAME=SOURCE[:UNIT], files of such, or a mapping.
 Columns: TypeAlias = Sequence[str | Path] | Mapping[str, str]
-
-
-class Column(NamedTuple):
-    """One place where a log may have a signal."""
-
-    source: str  # TOPIC.FIELD, or the column of a table
-    factor: float  # SI value of its unit, with the sign
-
-    @property
-    def topic(self) -> tuple[str, str]:
-        """Topic and field; of a table the topic is empty."""
-        topic, _, field = self.source.partition(".")
-        return topic, field
 
 
 def _column(name: str, source: str, place: str) -> Column:
@@ -87,6 +63,10 @@ def _column(name: str, source: str, place: str) -> Column:
             f"a minus in front for the other sign, got {unit!r}."
         )
     return Column(field, sign * UNITS[unit.removeprefix("-")])
+
+
+def _columns(name: str, sources: Iterable[str], place: str) -> list[Column]:
+    return [_column(name, source, place) for source in sources]
 
 
 def given_columns(columns: Columns) -> dict[str, Column]:
@@ -114,42 +94,37 @@ def _tables() -> Mapping[str, Mapping[str, Any]]:
 
 
 def columns_of(
-    kind: str, header: Sequence[str], given: Mapping[str, Column], place: str
+    given: Mapping[str, Column], place: str, kind: str, header: Sequence[str]
 ) -> dict[str, list[Column]]:
     """Places of every signal in a log of a kind; a table has `header`, and a clock first.
 
     Raises InputError if a table has no clock or not the columns `given`.
     """
+    stated = {name: [column] for name, column in given.items()}
     if kind != "csv":
-        tables = _tables()[kind].items()
-        shipped = {name: [_column(name, text, kind) for text in texts] for name, texts in tables}
-        return {**shipped, **{name: [column] for name, column in given.items()}}
+        stated.pop("t", None)  # messages have their clock
+        shipped = {x: _columns(x, sources, kind) for x, sources in _tables()[kind].items()}
+        return shipped | stated
     for name, column in given.items():
         if column.source not in header:
             raise InputError(
                 f"{place}: the column of `{name}` must be one of the file's, got "
                 f"{column.source!r}{nearest_name(column.source, header)}"
             )
-    in_header = {
-        name: [Column(f"{name}{ending}", UNITS[unit])]
-        for name in (*SIGNAL_UNITS, *RAW)
-        for ending, unit in ENDINGS.items()
-        if f"{name}{ending}" in header
-    }
-    if "Phi (deg)" in header and "Time" in header:
-        for name, texts in _tables()["JSBSim"].items():
-            labels = [_column(name, text, kind) for text in texts]
-            if there := [column for column in labels if column.source in header]:
-                in_header[name] = there
-    clocks = [Column(f"{name}{end}", UNITS[ENDINGS[end]]) for name in CLOCKS for end in ("", "_s")]
-    clock = given.get("t") or next((c for c in clocks if c.source in header), None)
-    clock = clock or next(iter(in_header.get("t", ())), None)
-    if clock is None:
+    of_jsbsim = _tables()["JSBSim"] if {"Phi (deg)", "Time"} <= {*header} else {}
+    places = {}
+    for name in (*SIGNAL_UNITS, *RAW):
+        sources = *of_jsbsim.get(name, ()), *(f"{name}{ending}" for ending in ENDINGS)
+        columns = _columns(name, CLOCKS + sources if name == "t" else sources, kind)
+        if there := [column for column in columns if column.source in header]:
+            places[name] = there
+    places |= stated
+    if "t" not in places:
         raise InputError(
             f"{place}: the time must be a column `t`, or given as --column t=COLUMN:UNIT, got "
             f"columns {', '.join(map(shown, header[:8]))}{' ...' if len(header) > 8 else ''}."
         )
-    return {**in_header, **{name: [column] for name, column in given.items()}, "t": [clock]}
+    return {"t": places["t"], **places}
 
 
 PLANT = "log"  # label of the plant of a run that is a log
@@ -212,26 +187,11 @@ def load_log(
     >>> run.label, round(run.duration, 2), round(float(run.signals["chi"].iloc[0]), 4)
     ('log / flight', 19.96, 0.9273)
     """
-    path, columns_by_name = Path(path), given_columns(columns)
-    trusted = columns_by_name.pop("trusted", Column("", 1.0)).source.replace(",", " ").split()
+    path, given = Path(path), given_columns(columns)
+    trusted = given.pop("trusted", Column("", 1.0)).source.replace(",", " ").split()
     for name in trusted:
         _column(name, "", "trusted")  # refuses what is no signal
-    places: dict[str, list[Column]] = {}
-
-    def wanted(kind: str, header: list[str]) -> Fields:
-        places.update(columns_of(kind, header, columns_by_name, str(path)))
-        fields: dict[str, list[str]] = {"HEARTBEAT": []} if kind == "MAVLink" else {}
-        for column in (column for each in places.values() for column in each):
-            topic, field = ("", column.source) if kind == "csv" else column.topic
-            fields.setdefault(topic, []).append(field)
-        if kind == "csv":  # the clock first, each once
-            clock = places["t"][0].source
-            fields[""] = [clock, *(name for name in dict.fromkeys(fields[""]) if name != clock)]
-        return fields
-
-    kind, streams, vehicle, header = read_log(path, wanted)
-    wanted(kind, header)  # the copy that read the log took its own notes
-    raw = _named(kind, streams, places)
+    kind, raw, vehicle = read_log(path, partial(columns_of, given, str(path)))
     if "vehicle" in raw:  # PX4: of a VTOL it changes
         vehicle = f"type {np.max(raw.pop('vehicle')[1]):g} of PX4"
     large = []
@@ -240,9 +200,9 @@ def load_log(
             raw[name] = times, np.where(wrong, np.nan, column)
             large.append(f"{name}: samples of {TOO_LARGE:g} or more left out, {number}")
     wrong = degrees_as_radians(raw)  # before angles are brought into one turn
-    modes, names = _tables()["modes"], ("DataFlash",) * (kind == "MAVLink")
-    named = {number: name for key in (*names, kind) for number, name in modes.get(key, {}).items()}
-    listed, odd = phases(str(path), kind, raw, named)
+    modes = {**_tables()["modes"], "csv": {}}
+    named = {**modes["DataFlash"], **modes[kind]} if kind == "MAVLink" else modes[kind]
+    listed, odd = phases(str(path), raw, named, _tables()["states"].get(kind, {}))
     chosen: list[Phase] = []
     if mode:
         chosen = [phase for phase in listed if phase.name.lower() == mode.lower()]
@@ -296,36 +256,18 @@ def load_log(
     return Run(signals=frame, status="completed", reason="", provenance=made_by)
 
 
-def _named(
-    kind: str, streams: Mapping[str, Stream], places: Mapping[str, list[Column]]
-) -> dict[str, Stream]:
-    """Streams by signal, in SI, each from the first place where the log has it."""
-    raw = {}
-    clock = places["t"][0].factor if kind == "csv" else 1.0
-    for name, columns in places.items():
-        for column in columns:
-            key = f".{column.source}" if kind == "csv" else column.source
-            if key in streams and name != "t":
-                t, values = streams[key]
-                raw[name] = clock * t, column.factor * values
-                break
-    return raw
-
-
 def load_part(name: str, columns: Columns) -> Run:
-    """The log of a file, or the part ``LOG@START:END`` or ``LOG@MODE`` of one."""
+    """The log of a file, or the part ``LOG@START:END`` or ``LOG@MODE`` of one.
+
+    `START` and `END` (s) may be empty.
+    """
     place, _, part = (name, "", "") if Path(name).exists() else name.partition("@")
-    return load_log(place, columns=columns, **_part_of(part, name))
-
-
-def _part_of(choice: str, name: str) -> dict[str, Any]:
-    """`start` and `end` (s) of a part ``START:END`` of a log, either may be empty; or its mode."""
-    if not choice or ":" not in choice:
-        return {"mode": choice}
-    first, _, last = choice.partition(":")
+    if ":" not in part:
+        return load_log(place, columns=columns, mode=part)
+    first, _, last = part.partition(":")
     start = end = math.nan
     with suppress(ValueError):
         start, end = float(first or 0.0), float(last or math.inf)
     if not 0.0 <= start < end:
-        raise InputError(f"{name}: the part of a log must be START:END in s, got {choice!r}.")
-    return {"start": start, "end": end}
+        raise InputError(f"{name}: the part of a log must be START:END in s, got {part!r}.")
+    return load_log(place, columns=columns, start=start, end=end)

@@ -8,11 +8,11 @@ import math
 import os
 import traceback
 from collections import defaultdict
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from functools import partial
 from itertools import chain
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -24,9 +24,17 @@ from flighttune.flight.apart import apart
 
 # Time (s) and value of the samples of one field.
 Stream: TypeAlias = tuple[FloatArray, FloatArray]
-# Streams by TOPIC.FIELD, the vehicle as the log names it, the columns of a table.
-Read: TypeAlias = tuple[dict[str, Stream], str, list[str]]
-Fields: TypeAlias = Mapping[str, Collection[str]]  # fields wanted, by topic
+
+
+class Column(NamedTuple):
+    """One place where a log may have a signal."""
+
+    source: str  # TOPIC.FIELD, or the column of a table
+    factor: float  # SI value of its unit, with the sign
+
+
+# Places of each signal, from the kind of a log and the columns of a table.
+Places: TypeAlias = Callable[[str, list[str]], Mapping[str, list[Column]]]
 
 # Memory that reading a log may take besides that of this process, bytes.
 MAX_MEMORY = 900_000_000
@@ -58,13 +66,11 @@ def _kind_of(path: Path) -> str:
     return "csv" if table and kind in ("", "MAVLink") else kind
 
 
-def read_log(
-    path: Path, wanted: Callable[[str, list[str]], Fields]
-) -> tuple[str, dict[str, Stream], str, list[str]]:
-    """Kind of a log, streams of its fields by ``TOPIC.FIELD``, the vehicle, columns of a table.
+def read_log(path: Path, places: Places) -> tuple[str, dict[str, Stream], str]:
+    """Kind of a log, its signals in SI, each from the first of its places, and the vehicle.
 
-    `wanted` gives the fields to read by topic, from the kind and, for a table, its columns. Raises
-    RecordingError if the file is no log or cannot be read.
+    The first of `places` of a table is its clock. Raises RecordingError if the file is no log or
+    cannot be read.
     """
     kind = _kind_of(path)
     if not kind:
@@ -74,11 +80,20 @@ def read_log(
         )
     need(f"a log of kind {kind}", *({"ULog": ["pyulog"], "csv": []}.get(kind, ["pymavlink"])))
 
-    def read() -> Read:
-        columns = [*map(str, _table(path, nrows=0).columns)] if kind == "csv" else []
-        return *_READERS[kind](path, wanted(kind, columns)), columns
+    def read() -> tuple[str, dict[str, Stream], str]:
+        header = [*map(str, _table(path, nrows=0).columns)] if kind == "csv" else []
+        columns = {**places(kind, header)}
+        sources = dict.fromkeys(column.source for each in columns.values() for column in each)
+        streams, vehicle = _READERS[kind](path, [*sources])
+        (clock, *_) = columns.pop("t", [Column("", 1.0)])
+        signals = {}
+        for name, each in columns.items():
+            if column := next((column for column in each if column.source in streams), None):
+                t, values = streams[column.source]
+                signals[name] = clock.factor * t, column.factor * values
+        return kind, signals, vehicle
 
-    return kind, *_confined(path, kind, read)
+    return _confined(path, kind, read)
 
 
 def read_parameters(path: Path) -> tuple[dict[str, float], str, str] | None:
@@ -139,15 +154,24 @@ def _confine() -> None:
     os.dup2(nowhere, 2)
 
 
-def _read_ulog(path: Path, fields: Fields) -> tuple[dict[str, Stream], str]:
+def _by_topic(sources: Sequence[str]) -> dict[str, dict[str, str]]:
+    """Sources by topic and field."""
+    fields: dict[str, dict[str, str]] = defaultdict(dict)
+    for source in sources:
+        topic, _, field = source.partition(".")
+        fields[topic][field] = source
+    return fields
+
+
+def _read_ulog(path: Path, sources: Sequence[str]) -> tuple[dict[str, Stream], str]:
     from pyulog import ULog
 
-    log = ULog(str(path), list(fields), True)
-    streams: dict[str, Stream] = {}
+    fields, streams = _by_topic(sources), {}
+    log = ULog(str(path), [*fields], True)
     for data in sorted(log.data_list, key=lambda data: -data.multi_id):  # the first one stays
         t = 1e-6 * data.data["timestamp"].astype(float)
-        for field in set(fields[data.name]) & set(data.data):
-            streams[f"{data.name}.{field}"] = t, data.data[field].astype(float)
+        for field in fields[data.name].keys() & data.data.keys():
+            streams[fields[data.name][field]] = t, data.data[field].astype(float)
     return streams, ""
 
 
@@ -155,11 +179,11 @@ def _read_ulog(path: Path, fields: Fields) -> tuple[dict[str, Stream], str]:
 Message: TypeAlias = tuple[str, float, Any]
 
 
-def _dataflash(path: Path, fields: Fields) -> Iterator[Message]:
+def _dataflash(path: Path, topics: Collection[str]) -> Iterator[Message]:
     from pymavlink.DFReader import DFReader_binary
 
     log, first = DFReader_binary(str(path), zero_time_base=True), {}
-    while (message := log.recv_match(type=[*fields, "MSG"])) is not None:
+    while (message := log.recv_match(type=[*topics, "MSG"])) is not None:
         topic = message.get_type()
         if topic == "MSG":
             text = str(message.Message).replace("APM:", "Ardu")  # as logs before 2016 have it
@@ -179,40 +203,42 @@ def _dataflash_clock(message: Any) -> float:
     return 1e-3 * next((stamp for stamp in named if stamp is not None), math.nan)
 
 
-def _mavlink(path: Path, fields: Fields) -> Iterator[Message]:
+def _mavlink(path: Path, topics: Collection[str]) -> Iterator[Message]:
     from pymavlink.mavutil import mavlogfile
 
     log, system, clock = mavlogfile(str(path)), None, math.nan
     while (message := log.recv_msg()) is not None:
         topic = message.get_type()
-        if topic == "HEARTBEAT" and message.autopilot != 8 and system is None:
+        other = topic == "HEARTBEAT" and message.autopilot == 8  # that of a camera or a radio
+        if topic == "HEARTBEAT" and not other and system is None:
             system = message.get_srcSystem()
             yield "", 0.0, f"type {message.type}"
-        other = topic == "HEARTBEAT" and message.autopilot == 8  # that of a camera or a radio
-        if topic in fields and not other and system in (None, message.get_srcSystem()):
+        if topic in topics and not other and system in (None, message.get_srcSystem()):
             # The stamp of the file is that of the ground station, at which messages come in
             # bursts. Those without the vehicle's clock were sent with the one before.
             clock = 1e-3 * getattr(message, "time_boot_ms", 1e3 * clock)
             yield topic, clock, message
 
 
-def _collected(messages: Iterator[Message], fields: Fields) -> tuple[dict[str, Stream], str]:
+def _read_messages(
+    messages: Callable[[Path, Collection[str]], Iterator[Message]],
+    path: Path,
+    sources: Sequence[str],
+) -> tuple[dict[str, Stream], str]:
     """Streams of messages, and the vehicle; a field that a message has not is left out."""
-    vehicle = ""
+    fields, vehicle = _by_topic(sources), ""
     t: dict[str, list[float]] = defaultdict(list)
-    values: dict[tuple[str, str], list[float]] = defaultdict(list)
-    for topic, stamp, message in messages:
+    values: dict[str, list[float]] = defaultdict(list)
+    for topic, stamp, message in messages(path, fields):
         if not topic:
             vehicle = vehicle or message
             continue
-        t[topic].append(stamp)
-        for field in fields[topic]:
+        for field, source in fields[topic].items():
             value = getattr(message, field, None)
-            number = isinstance(value, int | float)
-            values[topic, field].append(float(value) if number else np.nan)
-    streams = {f"{a}.{b}": (np.array(t[a]), np.array(column)) for (a, b), column in values.items()}
-    kept = {name: stream for name, stream in streams.items() if not np.isnan(stream[1]).all()}
-    return kept, vehicle
+            t[source].append(stamp)
+            values[source].append(float(value) if isinstance(value, int | float) else math.nan)
+    streams = {source: (np.array(t[source]), np.array(values[source])) for source in values}
+    return {x: stream for x, stream in streams.items() if not np.isnan(stream[1]).all()}, vehicle
 
 
 def _table(path: Path, **options: Any) -> Any:
@@ -225,26 +251,20 @@ def _table(path: Path, **options: Any) -> Any:
     return pd.read_csv(path, **options)
 
 
-def _read_csv(path: Path, wanted: Fields) -> tuple[dict[str, Stream], str]:
+def _read_csv(path: Path, sources: Sequence[str]) -> tuple[dict[str, Stream], str]:
     import pandas as pd
 
-    fields = list(wanted[""])
-    rows = MAX_CELLS // max(1, len(fields))
-    table = _table(path, usecols=fields, nrows=rows, dtype_backend="numpy_nullable")
-    clock = table[fields[0]]
+    rows = MAX_CELLS // len(sources)
+    table = _table(path, usecols=sources, nrows=rows, dtype_backend="numpy_nullable")
+    values = {
+        name: pd.to_numeric(table[name], errors="coerce").to_numpy(float, na_value=np.nan)
+        for name in sources
+    }
+    clock, t = table[sources[0]], values[sources[0]]
     if not pd.api.types.is_numeric_dtype(clock):  # dates
         stamps = pd.to_datetime(clock, errors="coerce")
         t = ((stamps - stamps.min()) / pd.Timedelta(seconds=1)).to_numpy(float)
-    else:
-        t = clock.to_numpy(float, na_value=np.nan)
-    streams = {}
-    for field in fields:
-        if field == fields[0]:
-            streams[f".{field}"] = t, t
-            continue
-        values = pd.to_numeric(table[field], errors="coerce").to_numpy(float, na_value=np.nan)
-        streams[f".{field}"] = t, values
-    return streams, ""
+    return {name: (t, column) for name, column in values.items()}, ""
 
 
 def _ulog_parameters(path: Path) -> tuple[dict[str, float], str, str]:
@@ -274,7 +294,7 @@ _PARAMETERS = {"ULog": _ulog_parameters, "DataFlash": _dataflash_parameters}
 
 _READERS = {
     "ULog": _read_ulog,
-    "DataFlash": lambda path, fields: _collected(_dataflash(path, fields), fields),
-    "MAVLink": lambda path, fields: _collected(_mavlink(path, fields), fields),
+    "DataFlash": partial(_read_messages, _dataflash),
+    "MAVLink": partial(_read_messages, _mavlink),
     "csv": _read_csv,
 }

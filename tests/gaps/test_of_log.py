@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 from commands import answer, flighttune
-from log_files import sampled, write_csv
+from log_files import heavy_cessna, sampled, write_csv
 
 import flighttune as ft
 from flighttune.gaps.of_log import FACTORS
@@ -22,27 +22,7 @@ MASS_ERROR, LAG_ERROR, WIND_ERROR = 0.05, 0.01, 0.1
 @pytest.fixture(scope="module")
 def log(tmp_path_factory):
     """Flight of a heavier Cessna in wind, its commands stamped early."""
-    sizes = [90.0, -40.0, 70.0, -30.0, 60.0, -50.0]
-    steps = [
-        {"shape": "step", "start_s": 2.0 + 6.5 * k, "change_deg": sizes[k % 6]} for k in range(24)
-    ]
-    climbs = [
-        {"shape": "step", "start_s": 4.0 + 5.0 * k, "change_deg": (-1.0) ** k * (3.0 + k % 3)}
-        for k in range(31)
-    ]
-    scenario = {
-        "title": "Heavier",
-        "gains": [{"name": "mine", "K_P": [[1.0, 0], [0, 2.0]], "K_I": [[0.05, 0], [0, 0.2]]}],
-        "flight": {"V_a_mps": 50.0, "h_m": 800.0, "duration_s": 165.0},
-        "reference": {"chi_deg": steps, "gamma_deg": climbs},
-        "limits": {"phi_deg": [-40, 40], "n_z": [0.4, 1.8]},
-        "controller": {"rate_hz": 50.0, "feed_forward": True},
-        "wind": {"speed_mps": 6.0, "from_deg": 240.0},
-        "plant": [{"kind": "jsbsim", "aircraft": "c172p", "airframe": {"mass_factor": MASS}}],
-    }
-    (run,) = ft.fly(ft.scenario_from(scenario)).runs
-    assert run.status == "completed", run.outcome
-    t, signals = sampled(run)
+    t, signals = sampled(heavy_cessna(165.0))
     early = {name: np.interp(t + LATE, t, signals[name]) for name in ("phi_cmd", "n_z_cmd")}
     return write_csv(tmp_path_factory.mktemp("gap") / "flight.csv", t, signals | early)
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from log_files import LOAD, ROLL
+from log_files import LOAD, ROLL, sampled
 
 import flighttune as ft
 
@@ -39,3 +39,9 @@ def flight():
     (run,) = ft.fly(ft.scenario_from(scenario)).runs
     assert run.status == "completed", run.outcome
     return run
+
+
+@pytest.fixture(scope="session")
+def clean(flight):
+    """Times and signals of the flight at 25 Hz, without faults of a log."""
+    return sampled(flight, noise=False, dropouts=False, late=False)

@@ -8,7 +8,7 @@ from contextlib import suppress
 import numpy as np
 import pytest
 from fuzzing import NUMBERS, TEXTS, damaged
-from log_files import WRITERS, sampled
+from log_files import WRITERS
 
 import flighttune as ft
 
@@ -20,9 +20,8 @@ MOST_KB = 1_000_000
 
 
 @pytest.fixture(scope="module")
-def originals(flight, tmp_path_factory):
-    folder = tmp_path_factory.mktemp("whole")
-    t, signals = sampled(flight, noise=False, dropouts=False, late=False)
+def originals(clean, tmp_path_factory):
+    folder, (t, signals) = tmp_path_factory.mktemp("whole"), clean
     there = t < 6.0
     part = {name: values[there] for name, values in signals.items()}
     return {

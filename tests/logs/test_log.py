@@ -8,7 +8,7 @@ from contextlib import suppress
 import numpy as np
 import pandas as pd
 import pytest
-from log_files import COMMAND, WRITERS, sampled, write_csv, write_dataflash, write_tlog, write_ulog
+from log_files import COMMAND, WRITERS, message, sampled, write_dataflash, write_tlog, write_ulog
 
 import flighttune as ft
 
@@ -22,14 +22,27 @@ BETWEEN = 0.03
 
 
 @pytest.fixture(scope="session", params=[*WRITERS])
-def written(request, flight, tmp_path_factory):
-    path = tmp_path_factory.mktemp("logs") / request.param
-    return WRITERS[request.param](path, *sampled(flight, noise=False, dropouts=False, late=False))
+def written(request, clean, tmp_path_factory):
+    return WRITERS[request.param](tmp_path_factory.mktemp("logs") / request.param, *clean)
 
 
 @pytest.fixture(scope="session")
 def run(written):
     return ft.load_log(written, columns=COMMAND.get(written.name, ()))
+
+
+@pytest.fixture
+def table(clean, tmp_path):
+    """A table of the flight, with columns made from it changed or taken out."""
+    t, signals = clean
+
+    def write(drop=(), **columns):
+        path = WRITERS["flight.csv"](tmp_path / "flight.csv", t, signals)
+        made = {name: make(signals) for name, make in columns.items()}
+        pd.read_csv(path).drop(columns=[*drop]).assign(**made).to_csv(path, index=False)
+        return path
+
+    return write
 
 
 def test_a_log_is_the_flight_in_our_signals_units_and_signs(run, flight):
@@ -63,8 +76,8 @@ def test_the_content_says_what_a_log_is(written, run, tmp_path):
     assert len(ft.load_log(other).signals) == len(run.signals)
 
 
-def test_a_gap_is_a_gap(flight, tmp_path):
-    t, signals = sampled(flight, noise=False, dropouts=False, late=False)
+def test_a_gap_is_a_gap(clean, tmp_path):
+    t, signals = clean
     kept = (t < 50.0) | (t > 53.0)
     path = write_ulog(tmp_path / "gap.ulg", t[kept], {n: v[kept] for n, v in signals.items()})
 
@@ -76,21 +89,27 @@ def test_a_gap_is_a_gap(flight, tmp_path):
     assert "phi: 1.0% of the time" in run.provenance.log["gaps"]
 
 
-def test_a_dataflash_log_with_a_clock_in_ms_is_read(flight, tmp_path):
-    t, signals = sampled(flight, noise=False, dropouts=False, late=False)
+def test_a_dataflash_log_with_a_clock_in_ms_is_read(clean, tmp_path):
     new, old = (
-        ft.load_log(write_dataflash(tmp_path / f"{old}.bin", t, signals, old=old))
+        ft.load_log(write_dataflash(tmp_path / f"{old}.bin", *clean, old=old))
         for old in (False, True)
     )
 
     assert old.duration == pytest.approx(new.duration, abs=0.002)
-    assert old.signals["phi"].to_numpy()[:1000] == pytest.approx(
-        new.signals["phi"].to_numpy()[:1000], abs=BETWEEN
-    )
+    phi = new.signals["phi"].to_numpy()[:1000]
+    assert old.signals["phi"].to_numpy()[:1000] == pytest.approx(phi, abs=BETWEEN)
 
 
-def test_a_log_is_cut_into_flight_modes_and_says_what_is_odd(flight, tmp_path):
-    t, signals = sampled(flight, noise=False, dropouts=False, late=False)
+def test_two_signals_may_have_one_field_of_a_message(clean, tmp_path):
+    path = write_dataflash(tmp_path / "flight.bin", *clean)
+
+    signals = ft.load_log(path, columns=["theta=ATT.Roll:deg"]).signals
+
+    assert (signals["theta"] == signals["phi"]).all()
+
+
+def test_a_log_is_cut_into_flight_modes_and_says_what_is_odd(clean, tmp_path):
+    t, signals = clean
     in_auto = ((t >= 30.0) & (t < 60.0)) | ((t >= 90.0) & (t < 100.0))
     events = {
         "MODE": ("Mode", [np.where(in_auto, 10.0, 5.0)]),
@@ -170,13 +189,12 @@ def test_what_jsbsim_writes_to_a_file_or_a_socket_needs_no_columns(tmp_path, soc
 
 
 @pytest.mark.parametrize("value", [-1e308, np.inf])
-def test_samples_that_no_flight_has_are_left_out_and_said(flight, tmp_path, value):
-    t, signals = sampled(flight, noise=False, dropouts=False, late=False)
-    path = write_csv(tmp_path / "flight.csv", t, signals)
-    table = pd.read_csv(path)
-    fastest = np.hypot(table["v_north"], table["v_east"]).max()
-    table.loc[len(t) // 2, "v_north"] = value
-    table.to_csv(path, index=False)
+def test_samples_that_no_flight_has_are_left_out_and_said(table, value):
+    path = table()
+    frame = pd.read_csv(path)
+    fastest = np.hypot(frame["v_north"], frame["v_east"]).max()
+    frame.loc[len(frame) // 2, "v_north"] = value
+    frame.to_csv(path, index=False)
 
     run = ft.load_log(path)
 
@@ -184,46 +202,42 @@ def test_samples_that_no_flight_has_are_left_out_and_said(flight, tmp_path, valu
     assert "v_north: samples of 1e+09 or more left out, 1" in run.provenance.log["gaps"]
 
 
-def test_a_signal_of_a_table_that_never_changes_is_its_value(flight, tmp_path):
+def test_a_signal_of_a_table_that_never_changes_is_its_value(table):
     """Ten rows have an airspeed, always the same: one measurement, repeated."""
-    t, signals = sampled(flight, noise=False, dropouts=False, late=False)
-    signals = signals | {"V_a": np.where(np.arange(len(t)) < 10, 24.0, np.nan)}
-    path = tmp_path / "flight.csv"
-    write_csv(path, t, signals)
+    path = table(V_a_mps=lambda x: np.where(np.arange(len(x["V_a"])) < 10, 24.0, np.nan))
 
     assert set(ft.load_log(path).signals["V_a"].dropna()) == {24.0}
 
 
-def test_units_signs_and_names_of_a_table_are_given(flight, tmp_path):
-    t, signals = sampled(flight, noise=False, dropouts=False, late=False)
-    path = tmp_path / "named.csv"
-    rows = zip(1e3 * t, -np.degrees(signals["phi"]), 3.6 * signals["V_a"], strict=True)
-    lines = ["clock,bank,speed,vn", *(f"{a},{b},{c},{c / 3.6}" for a, b, c in rows)]
-    path.write_text("\n".join(lines), encoding="utf-8")
-    given = tmp_path / "columns.toml"
+def test_units_signs_and_names_of_a_table_are_given(clean, tmp_path):
+    t, signals = clean
+    path, given = tmp_path / "named.csv", tmp_path / "columns.toml"
+    named = {"clock": 1e3 * t, "bank": -np.degrees(signals["phi"]), "speed": 3.6 * signals["V_a"]}
+    pd.DataFrame({**named, "vn": signals["V_a"]}).to_csv(path, index=False)
     given.write_text('t = "clock:ms"\nphi = "bank:-deg"\nv_north = "vn"\nv_east = "vn"\n')
 
     run = ft.load_log(path, columns=[given, "V_a=speed:km/h"])
 
-    assert run.signals["phi"].to_numpy()[1:-1] == pytest.approx(signals["phi"][1:-1], abs=1e-9)
-    assert run.signals["V_a"].to_numpy()[1:-1] == pytest.approx(signals["V_a"][1:-1], abs=1e-9)
+    for name in ("phi", "V_a"):
+        assert run.signals[name].to_numpy()[1:-1] == pytest.approx(signals[name][1:-1], abs=1e-9)
 
 
-def test_what_a_log_says_about_its_own_signs_is_said(flight, tmp_path):
-    t, signals = sampled(flight, noise=False, dropouts=False, late=False)
-    upside = write_ulog(tmp_path / "up.ulg", t, {**signals, "n_z": -signals["n_z"]})
-    feet = write_ulog(tmp_path / "feet.ulg", t, {**signals, "north": signals["north"] / 0.3048})
+@pytest.mark.parametrize(
+    ("name", "change", "says"),
+    [
+        ("n_z", lambda n_z: -n_z, "after its sign was turned"),
+        ("north", lambda north: north / FT, "axes of velocity or position are wrong"),
+        ("phi", lambda phi: -phi, "sign of roll or course is wrong"),
+        ("phi", np.degrees, "sign of roll or course is wrong"),
+    ],
+)
+def test_what_a_log_says_about_its_own_signs_is_said(clean, tmp_path, name, change, says):
+    t, signals = clean
 
-    left = write_ulog(tmp_path / "left.ulg", t, {**signals, "phi": -signals["phi"]})
-    large = write_ulog(tmp_path / "large.ulg", t, {**signals, "phi": np.degrees(signals["phi"])})
+    run = ft.load_log(write_ulog(tmp_path / "x.ulg", t, signals | {name: change(signals[name])}))
 
-    turned, wrong = (ft.load_log(path) for path in (upside, feet))
-    for path in (left, large):
-        assert "sign of roll or course is wrong" in str(ft.load_log(path).provenance.log["checks"])
-
-    assert "after its sign was turned" in str(turned.provenance.log["checks"])
-    assert np.nanmedian(turned.signals["n_z"]) > 0.8
-    assert "axes of velocity or position are wrong" in str(wrong.provenance.log["checks"])
+    assert says in str(run.provenance.log["checks"])
+    assert np.nanmedian(run.signals["n_z"]) > 0.8
 
 
 @pytest.mark.parametrize(
@@ -242,26 +256,21 @@ def test_what_a_log_says_about_its_own_signs_is_said(flight, tmp_path):
         ({"h": "h_feet"}, r"the slope of h .*: a factor of 0\.3048 would do"),
     ],
 )
-def test_a_column_that_others_contradict_is_said_with_its_factor(flight, tmp_path, columns, says):
-    t, signals = sampled(flight, noise=False, dropouts=False, late=False)
-    table = pd.read_csv(write_csv(tmp_path / "flight.csv", t, signals))
-    table["feet"] = table["V_a_mps"] / FT
-    table["magnetic"], table["p"] = (
-        signals["chi"] - np.radians(12.0),
-        np.gradient(signals["phi"], t),
+def test_a_column_that_others_contradict_is_said_with_its_factor(clean, table, columns, says):
+    path = table(
+        feet=lambda x: x["V_a"] / FT,
+        magnetic=lambda x: x["chi"] - np.radians(12.0),
+        p=lambda x: np.gradient(x["phi"], clean[0]),
+        h_feet=lambda x: -x["down"] / FT,
     )
-    table["h_feet"] = -signals["down"] / FT
-    table.to_csv(tmp_path / "flight.csv", index=False)
 
-    right = ft.load_log(tmp_path / "flight.csv")
-    wrong = ft.load_log(tmp_path / "flight.csv", columns=columns)
+    wrong = ft.load_log(path, columns=columns)
 
-    assert right.provenance.log["wrong"] == []
+    assert ft.load_log(path).provenance.log["wrong"] == []
     assert re.search(says, wrong.provenance.log["wrong"][0])
-    with pytest.raises(ft.InputError, match=r"columns .* log must agree"):
-        ft.identify(wrong)
-    with pytest.raises(ft.InputError, match=r"columns .* log must agree"):
-        ft.gap(wrong, aircraft="aerosonde")
+    for refuse in (ft.identify, lambda run: ft.gap(run, aircraft="aerosonde")):
+        with pytest.raises(ft.InputError, match=r"columns .* log must agree"):
+            refuse(wrong)
 
 
 @pytest.mark.parametrize(
@@ -271,30 +280,26 @@ def test_a_column_that_others_contradict_is_said_with_its_factor(flight, tmp_pat
         ({"h": "h_feet"}, r"gamma is .* theta and lift: a factor of 0\.3048 would do"),
     ],
 )
-def test_pitch_and_height_without_a_vertical_speed_are_checked(flight, tmp_path, columns, says):
-    t, signals = sampled(flight, noise=False, dropouts=False, late=False)
-    table = pd.read_csv(write_csv(tmp_path / "flight.csv", t, signals)).drop(columns="v_down_mps")
-    lift = np.cos(signals["phi"]) * signals["n_z"] * (22.0 / signals["V_a"]) ** 2
-    table["theta"], table["h"] = signals["gamma"] + np.radians(3.0) * lift, -signals["down"]
-    table["h_feet"] = table["h"] / FT
-    table.to_csv(tmp_path / "flight.csv", index=False)
+def test_pitch_and_height_without_a_vertical_speed_are_checked(table, columns, says):
+    def theta(x):
+        lift = np.cos(x["phi"]) * x["n_z"] * (22.0 / x["V_a"]) ** 2
+        return x["gamma"] + np.radians(3.0) * lift
 
-    right, wrong = (
-        ft.load_log(tmp_path / "flight.csv", columns=given).provenance.log
-        for given in ({}, columns)
+    heights = {"h": lambda x: -x["down"], "h_feet": lambda x: -x["down"] / FT}
+    path = table(drop=["v_down_mps"], theta=theta, **heights)
+
+    right, wrong, passed = (
+        ft.load_log(path, columns=given).provenance.log
+        for given in ({}, columns, {**columns, "trusted": "gamma, n_z"})
     )
-    passed = ft.load_log(
-        tmp_path / "flight.csv", columns={**columns, "trusted": "gamma, n_z"}
-    ).provenance.log
 
     assert right["wrong"] == passed["wrong"] == []
     assert re.search(says, wrong["wrong"][-1])
     assert re.search(f"{says}.*, which --column trusted= passes", str(passed["checks"]))
 
 
-def test_only_what_is_said_of_a_trusted_signal_passes(flight, tmp_path):
-    t, signals = sampled(flight, noise=False, dropouts=False, late=False)
-    path, speed = write_csv(tmp_path / "flight.csv", t, signals), {"V_a": "V_a_mps:km/h"}
+def test_only_what_is_said_of_a_trusted_signal_passes(table):
+    path, speed = table(), {"V_a": "V_a_mps:km/h"}
 
     said = [
         ft.load_log(path, columns={**speed, "trusted": name}).provenance.log["wrong"]
@@ -332,31 +337,21 @@ def test_reports_comparisons_and_recordings_take_logs(flight, tmp_path, monkeypa
     ft.plot(ft.load_log("flight.ulg")).save("log.svg")
 
 
-def bench(path, t, signals):
-    still = {name: 0.0 * values for name, values in signals.items()}
-    return write_ulog(path, t, {**still, "n_z": 1.0 + 0.0 * t})
+def stamped(change):
+    return lambda path, t, signals: write_ulog(path, np.where(t > 100.0, t + change, t), signals)
 
 
-def jumping(path, t, signals):
-    return write_ulog(path, np.where(t > 100.0, t - 40.0, t), signals)
-
-
-def no_table(path, t, signals):
-    path.write_text("a,b\n1,2\n", encoding="utf-8")
-    return path
+def still(path, t, signals):
+    rest = {name: 0.0 * values for name, values in signals.items()}
+    return write_ulog(path, t, {**rest, "n_z": 1.0 + 0.0 * t})
 
 
 def empty(path, t, signals):
     return write_ulog(path, t[:0], {name: values[:0] for name, values in signals.items()})
 
 
-def leaping(path, t, signals):
-    return write_ulog(path, np.where(t > 100.0, t + 40_000.0, t), signals)
-
-
-def cut(path, t, signals):
-    path.write_bytes(b"ULog\x01\x12\x35\x01" + bytes(3))
-    return path
+def content(data):
+    return lambda path, t, signals: path.write_bytes(data) and path
 
 
 @pytest.mark.slow
@@ -366,12 +361,16 @@ def cut(path, t, signals):
         (lambda *a: write_ulog(*a, vehicle=1), "x.ulg", "must be the log of an aeroplane"),
         (lambda *a: write_dataflash(*a, vehicle="ArduCopter V4"), "x.bin", "an aeroplane"),
         (lambda *a: write_tlog(*a, kind=2), "x.tlog", "must be the log of an aeroplane"),
-        (bench, "x.ulg", "must be the log of a flight, got a speed of at most 0"),
-        (jumping, "x.ulg", "the clock of `.*` must run forward, got a jump by -"),
-        (no_table, "x.csv", "the time must be a column `t`"),
+        (still, "x.ulg", "must be the log of a flight, got a speed of at most 0"),
+        (stamped(-40.0), "x.ulg", "the clock of `.*` must run forward, got a jump by -"),
+        (content(b"a,b\n1,2\n"), "x.csv", "the time must be a column `t`"),
         (empty, "x.ulg", "must have roll"),
-        (leaping, "x.ulg", "without a break of over 3600 s"),
-        (cut, "x.ulg", "must be a ULog log, got a damaged one"),
+        (stamped(40_000.0), "x.ulg", "without a break of over 3600 s"),
+        (
+            content(b"ULog\x01\x12\x35\x01" + bytes(3)),
+            "x.ulg",
+            "must be a ULog log, got a damaged one",
+        ),
     ],
 )
 def test_what_is_no_flight_is_refused_in_one_line(flight, tmp_path, make, name, says):
@@ -392,28 +391,21 @@ def test_what_is_no_flight_is_refused_in_one_line(flight, tmp_path, make, name, 
         (["V_a=V_a_mps:furlong"], "the unit of `V_a` must be one of .*got 'furlong'"),
     ],
 )
-def test_a_wrong_column_is_one_line(flight, tmp_path, columns, says):
-    path = write_csv(tmp_path / "flight.csv", *sampled(flight))
-
+def test_a_wrong_column_is_one_line(table, columns, says):
     with pytest.raises(ft.InputError, match=says):
-        ft.load_log(path, columns=columns)
+        ft.load_log(table(), columns=columns)
 
 
 @pytest.mark.slow
 def test_a_format_that_asks_for_all_memory_ends_the_reading_alone(tmp_path, monkeypatch):
     monkeypatch.setattr("flighttune.logs.read.PATIENCE_S", 2.0)
-
-    def message(kind, body):
-        return struct.pack("<HB", len(body), ord(kind)) + body
-
     layouts = [f"m{k}:m{k + 1}[65535] a;" for k in range(4)]
     layouts = [*layouts, "m4:uint8_t x;", "vehicle_attitude:uint64_t timestamp;m0[65535] q;"]
     data = [b"ULog\x01\x12\x35\x01" + bytes(8), message("B", bytes(40))]
     data += [message("F", layout.encode()) for layout in layouts]
     data += [message("A", struct.pack("<BH", 0, 0) + b"vehicle_attitude")]
-    data += [message("D", bytes(2 + 8 + 100))]
     path = tmp_path / "bomb.ulg"
-    path.write_bytes(b"".join(data))
+    path.write_bytes(b"".join([*data, message("D", bytes(2 + 8 + 100))]))
 
     with pytest.raises(ft.RecordingError, match=r"must be (read in 900 MB|a ULog log)"):
         ft.load_log(path)

@@ -3,7 +3,7 @@
 import struct
 
 import pytest
-from log_files import _format, _message
+from log_files import _format, message
 
 import flighttune as ft
 from flighttune.logs.parameters import flown_now
@@ -30,14 +30,14 @@ def write_ulog(path, values, version=(1, 15, 4, 255)):
     """A ULog with parameters and the version of PX4, and no flight."""
     release = int.from_bytes(bytes(version), "big")
     key = b"uint32_t ver_sw_release"
-    out = [b"ULog\x01\x12\x35\x01" + struct.pack("<Q", 0), _message("B", bytes(40))]
-    out.append(_message("I", struct.pack("<B", len(key)) + key + struct.pack("<I", release)))
+    out = [b"ULog\x01\x12\x35\x01" + struct.pack("<Q", 0), message("B", bytes(40))]
+    out.append(message("I", struct.pack("<B", len(key)) + key + struct.pack("<I", release)))
     for name, value in values.items():
         key = f"float {name}".encode()
-        out.append(_message("P", struct.pack("<B", len(key)) + key + struct.pack("<f", value)))
-    out.append(_message("F", b"vehicle_status:uint64_t timestamp;"))
-    out.append(_message("A", struct.pack("<BH", 0, 0) + b"vehicle_status"))
-    out.append(_message("D", struct.pack("<HQ", 0, 10**6)))
+        out.append(message("P", struct.pack("<B", len(key)) + key + struct.pack("<f", value)))
+    out.append(message("F", b"vehicle_status:uint64_t timestamp;"))
+    out.append(message("A", struct.pack("<BH", 0, 0) + b"vehicle_status"))
+    out.append(message("D", struct.pack("<HQ", 0, 10**6)))
     path.write_bytes(b"".join(out))
     return path
 

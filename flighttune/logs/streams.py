@@ -1,6 +1,8 @@
-"""Streams with their own clocks and rates on one time base, gaps as NaN; angles of quaternions."""
+"""Streams with their own clocks and rates on one time base, gaps as NaN, and in flight modes."""
 
 import math
+from collections.abc import Iterator, Mapping
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -35,7 +37,11 @@ def with_angles(raw: dict[str, Stream]) -> None:
             w = np.interp(t, *parts["w"])
         else:
             w = np.sqrt(np.maximum(0.0, 1.0 - x * x - y * y - z * z))
-            w = w * _signs(w, np.column_stack([x, y, z]), _course(t, raw, enu=enu))
+            course = np.full(len(t), np.nan)
+            if {"v_north", "v_east"} <= set(raw):
+                north, east = (np.interp(t, *raw[name]) for name in ("v_north", "v_east"))
+                course = np.arctan2(north, east) if enu else np.arctan2(east, north)
+            w = w * _signs(w, np.column_stack([x, y, z]), course)
         pitch = np.arcsin(np.clip(2.0 * (w * y - z * x), -1.0, 1.0))
         yaw = _yaw(w, x, y, z)
         raw[angles[0]] = t, np.arctan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
@@ -45,14 +51,6 @@ def with_angles(raw: dict[str, Stream]) -> None:
 
 def _yaw(w: FloatArray, x: FloatArray, y: FloatArray, z: FloatArray) -> FloatArray:
     return np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
-
-
-def _course(t: FloatArray, raw: dict[str, Stream], *, enu: bool) -> FloatArray:
-    """Course over ground as an angle of yaw; NaN without velocities."""
-    if not {"v_north", "v_east"} <= set(raw):
-        return np.full(len(t), np.nan)
-    north, east = (np.interp(t, *raw[name]) for name in ("v_north", "v_east"))
-    return np.arctan2(north, east) if enu else np.arctan2(east, north)
 
 
 def _signs(w: FloatArray, vector: FloatArray, course: FloatArray) -> FloatArray:
@@ -105,9 +103,10 @@ def on_one_base(
     with_angles(raw)
     for name in ("phi", "theta", "n_z"):
         if f"{name}_err" in raw and name in raw:
-            t, error = raw.pop(f"{name}_err")
-            commanded = t, error + _held(t, *raw[name])
-            raw[f"{name}_cmd"] = in_order(place, name, commanded)
+            (t, error), (times, measured) = raw.pop(f"{name}_err"), raw[name]
+            last = np.searchsorted(times, t, side="right") - 1
+            commanded = np.where(last >= 0, error + measured[np.maximum(last, 0)], np.nan)
+            raw[f"{name}_cmd"] = in_order(place, name, (t, commanded))
     if "phi" not in raw:
         raise RecordingError(f"{place}: must have roll, got a log without attitude.")
     t_phi = raw["phi"][0]
@@ -163,12 +162,6 @@ def _period(t: FloatArray) -> float:
     return float(np.mean(steps[: max(1, round(USUAL * len(steps)))]))
 
 
-def _held(t: FloatArray, times: FloatArray, values: FloatArray) -> FloatArray:
-    """Values of the last sample before each time; NaN before the first."""
-    place = np.searchsorted(times, t, side="right") - 1
-    return np.where(place >= 0, values[np.maximum(place, 0)], np.nan)
-
-
 def _fresh(values: FloatArray) -> npt.NDArray[np.intp]:
     """Places of samples that are new, in a table that repeats slow signals in every row."""
     new = np.append(True, np.diff(values) != 0.0)
@@ -199,3 +192,92 @@ def _far(t: FloatArray, times: FloatArray, gap: float) -> npt.NDArray[np.bool_]:
     wide = times[right] - times[np.maximum(right - 1, 0)] > gap
     near = np.minimum(np.abs(t - times[0]), np.abs(t - times[-1])) <= 0.5 * gap
     return np.where(inside, wide & (times[right] != t), ~near)
+
+
+SENSORS = tuple(f"{name}_{axis}" for name in ("clip", "vibe") for axis in "xyz")
+EVENTS = ("mode", "armed", "airborne", "fix", *SENSORS)
+
+FIX_3D = 3  # fix of a receiver of satellites from which on it has a position with height
+MAX_VIBRATION = 30.0  # m/s2, up to which ArduPilot's documentation takes vibration as acceptable
+SHOWN = 6  # intervals of a mode that are listed
+NOTHING = np.zeros(0), np.zeros(0)  # an empty stream
+
+
+class Phase(NamedTuple):
+    """A time in which an aircraft was in a mode, armed or airborne, s from the first attitude."""
+
+    name: str
+    start: float
+    end: float
+
+
+def phases(
+    place: str, raw: dict[str, Stream], modes: dict[str, str], states: dict[str, list[float]]
+) -> tuple[list[Phase], list[str]]:
+    """Phases of a log, and sentences on what is odd; their streams are taken out of `raw`.
+
+    `modes`: names by number. `states`: least and largest value at which an aircraft is in a state.
+    """
+    events = {name: raw.pop(name) for name in EVENTS if name in raw}
+    attitude = raw.get("phi", raw.get("q_x", raw.get("q_enu_x")))
+    if attitude is None or not np.isfinite(attitude[0]).any():
+        return [], []
+    zero, last = float(np.nanmin(attitude[0])), float(np.nanmax(attitude[0]))
+    events = {name: in_order(place, name, (t - zero, x)) for name, (t, x) in events.items()}
+    listed = []
+    for name, (low, high) in states.items():
+        t, value = events.get(name, NOTHING)
+        state = np.where((value >= low) & (value <= high), 1.0, 0.0)
+        listed += [Phase(name, *times) for *times, on in _intervals((t, state), last - zero) if on]
+    for start, end, value in _intervals(events.get("mode", NOTHING), last - zero):
+        listed.append(Phase(modes.get(f"{value:.0f}", f"mode {value:.0f}"), start, end))
+    return listed, _odd(events, last - zero)
+
+
+def in_words(listed: list[Phase]) -> list[str]:
+    """A sentence on each mode and state, with its times."""
+    sentences = []
+    for name in dict.fromkeys(phase.name for phase in listed):
+        times = [phase[1:] for phase in listed if phase.name == name]
+        total = sum(end - start for start, end in times)
+        shown = ", ".join(f"{start:.1f} to {end:.1f}" for start, end in times[:SHOWN])
+        more = f" and {len(times) - SHOWN} times more" if len(times) > SHOWN else ""
+        sentences.append(f"{name} for {total:.1f} s: {shown} s{more}")
+    return sentences
+
+
+def _intervals(stream: Stream, last: float) -> Iterator[tuple[float, float, float]]:
+    """Start and end (s) of each value of a stream that holds it until the next; none below 0 s."""
+    t, values = stream
+    changes = np.flatnonzero(np.diff(values, prepend=np.nan) != 0.0)
+    starts = np.maximum(t[changes], 0.0)
+    for start, end, value in zip(starts, np.append(starts, last)[1:], values[changes], strict=True):
+        if end > start:
+            yield float(start), float(end), float(value)
+
+
+def _odd(events: Mapping[str, Stream], last: float) -> list[str]:
+    """Sentences on clipping and vibration of the accelerometers, and on a lost position."""
+    sentences = []
+    clips, vibes = ([events.get(x, NOTHING) for x in SENSORS[i : i + 3]] for i in (0, 3))
+    rises = [(t[1:], np.maximum(np.diff(count), 0.0)) for t, count in clips]
+    if count := sum(float(rise.sum()) for _, rise in rises):
+        first = min(float(t[rise > 0.0][0]) for t, rise in rises if rise.any())
+        sentences.append(f"accelerometers clipped {count:.0f} times, first at {first:.1f} s")
+    if len(sizes := np.hstack([size for _, size in vibes])):
+        most = float(sizes.max())
+        end = f", where up to {MAX_VIBRATION:g} is acceptable" if most > MAX_VIBRATION else ""
+        sentences.append(f"vibration of the accelerometers up to {most:.3g} m/s2{end}")
+    if lost := [x for x in _intervals(events.get("fix", NOTHING), last) if x[2] < FIX_3D]:
+        total = sum(end - start for start, end, _ in lost)
+        sentences.append(
+            f"no position in three dimensions from satellites for {total:.1f} s, first at "
+            f"{lost[0][0]:.1f} s"
+        )
+    return sentences
+
+
+def inside(t: FloatArray, chosen: list[Phase]) -> FloatArray:
+    """1 where a time (s) lies in one of some phases, NaN elsewhere."""
+    there = np.any([(t >= start) & (t <= end) for _, start, end in chosen], axis=0)
+    return np.where(there, 1.0, np.nan)
