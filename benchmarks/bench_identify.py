@@ -15,8 +15,7 @@ from pathlib import Path
 
 import running
 
-from flighttune.identification.experiment import DT
-from flighttune.identification.identify import identify_plant
+from flighttune.identification.fit import DT, identify_plant
 from flighttune.plants.base import FlightCondition
 from flighttune.plants.jsbsim.fdm import Fdm
 from flighttune.plants.jsbsim.plant import JSBSimPlant

@@ -21,7 +21,7 @@ from scipy.signal import lfilter
 import flighttune as ft
 from flighttune.arrays import FloatArray
 from flighttune.control.inner_loop import InnerLag
-from flighttune.identification.file import IdentifiedChannel, LagTable, lag_table
+from flighttune.identification.file import IdentifiedChannel
 from flighttune.logs.identify import LogIdentification
 from flighttune.units import DEG_PER_RAD, G_0
 
@@ -177,11 +177,8 @@ def save_model(path: Path, truths: Truths, log: int) -> Path:
     """A model of the lags of one flight without their delays."""
     channels = {}
     for channel, name in enumerate(("phi", "n_z")):
-        table = lag_table(replace(truths.lag(log, channel), delay=0.0))
-        simpler = LagTable.model_construct(**table)
-        channels[name] = IdentifiedChannel.model_construct(
-            **table, fit_percent=100.0, residual=0.0, cross=None, simpler=simpler
-        )
+        lag = replace(truths.lag(log, channel), delay=0.0)
+        channels[name] = IdentifiedChannel.of(lag, fit_percent=100.0, residual=0.0)
     any_model = ft.loop.load_identified("aerosonde")
     update = {"V_a": truths.V_a, "gamma": 0.0, "channels": channels}
     condition = any_model.conditions[0].model_copy(update=update)

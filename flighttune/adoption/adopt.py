@@ -33,10 +33,9 @@ from flighttune.files.whole import made_folder, write_text
 from flighttune.flight.flown import FlownScenario
 from flighttune.flight.fly import fly
 from flighttune.flight.load import load_scenario
-from flighttune.identification.design import ROLL_STIFFNESS, Airframe, airframe, design
+from flighttune.identification.design import ROLL_STIFFNESS, Airframe, StepResponse, design
 from flighttune.identification.file import FILE_NAME, rounded
 from flighttune.identification.identify import GOOD_FIT, AircraftIdentification, identify_aircraft
-from flighttune.identification.steps import StepResponse
 from flighttune.plants.base import FlightCondition
 from flighttune.plants.jsbsim.bench import Bench
 from flighttune.plants.jsbsim.fdm import Fdm
@@ -483,7 +482,7 @@ def _tried(
     wide = aircraft_from(surveyed.tables, folder)
     condition = level(wide, surveyed.V_a, h)
     fdm = Fdm(wide)
-    model = airframe(fdm, condition)
+    model = Airframe.about(fdm, condition)
     for output, row in model.slopes.items():
         for by, slope in row.items():
             if MAX_SLOPE < abs(slope) < math.inf:

@@ -5,9 +5,9 @@ from pathlib import Path
 
 from flighttune.adoption.adopt import CALM_DEG, TURN, Adoption
 from flighttune.aircraft.aircraft import load_aircraft
+from flighttune.identification.design import steps_table
 from flighttune.identification.file import lags_table
 from flighttune.identification.identify import GOOD_FIT, held_out
-from flighttune.identification.steps import steps_table
 from flighttune.present.answer import Table, facts_table
 from flighttune.present.frame import Section, write_answer
 from flighttune.present.names import columns

@@ -74,14 +74,9 @@ class LagTable(_Table):
 
 def lag_table(lag: InnerLag) -> dict[str, Any]:
     """The keys of a `LagTable` and ``bandwidth_rad_s``."""
-    return {
-        "order": lag.order,
-        "natural_frequency_rad_s": lag.natural_frequency,
-        "damping": lag.damping if lag.order > 1 else None,
-        "lag_s": lag.lag if lag.order > 2 else None,
-        "delay_s": lag.delay,
-        "bandwidth_rad_s": lag.bandwidth,
-    }
+    damping, time = lag.damping if lag.order > 1 else None, lag.lag if lag.order > 2 else None
+    shape = {"natural_frequency_rad_s": lag.natural_frequency, "damping": damping, "lag_s": time}
+    return {"order": lag.order, **shape, "delay_s": lag.delay, "bandwidth_rad_s": lag.bandwidth}
 
 
 class IdentifiedChannel(LagTable):
@@ -94,6 +89,14 @@ class IdentifiedChannel(LagTable):
     # one's command over the band; None where a log cannot tell
     cross: q.Finite | None
     simpler: LagTable  # the best lag of at most second order; the lag itself where that is one
+
+    @classmethod
+    def of(
+        cls, lag: InnerLag, *, simpler: InnerLag | None = None, **fit: float | None
+    ) -> "IdentifiedChannel":
+        """The channel of a fit; not checked: rounding may put a lag beyond the range of files."""
+        least = LagTable.model_construct(**lag_table(simpler or lag))
+        return cls.model_construct(**lag_table(lag), **{"cross": None, **fit}, simpler=least)
 
     @computed_field
     @property
@@ -299,12 +302,8 @@ ROUNDING = 1e-4
 
 def identified_tables(aircraft: IdentifiedAircraft) -> dict[str, Any]:
     """An identified aircraft as the object of its file."""
-    tables = aircraft.model_dump()
-    if not aircraft.gains:
-        del tables["gains_sha256"]
-    if aircraft.log is None:
-        del tables["log"]
-    return rounded(tables, DIGITS, EXACT)
+    absent = {name for name in ("gains", "log") if not getattr(aircraft, name)}
+    return rounded(aircraft.model_dump(exclude=absent), DIGITS, EXACT)
 
 
 def save_with_figure(
@@ -349,7 +348,13 @@ def load_identified(source: str | Path) -> IdentifiedAircraft:
     if not path.exists():
         raise ScenarioError(f"{path}: must be there; `flighttune identify` writes one.")
     aircraft = _read(path, stamp(path))
-    _check_gains(aircraft, path)
+    if aircraft.gains and (path.parent / "aircraft.toml").is_file():
+        gains = load_aircraft(path.parent).gains
+        if gains is None or gains.sha256 != aircraft.gains:
+            raise ScenarioError(
+                f"{path}: must be identified with the gains in {GAINS_FILE}, got others; "
+                "`flighttune identify` measures it anew."
+            )
     return aircraft
 
 
@@ -381,18 +386,6 @@ def _read(path: Path, _stamp: tuple[int, ...]) -> IdentifiedAircraft:
     for fault in _contradictions(tables, identified_tables(aircraft)):
         raise ScenarioError(f"{path}: {fault}.")
     return aircraft
-
-
-def _check_gains(aircraft: IdentifiedAircraft, path: Path) -> None:
-    """Refuse a model that was measured with other gains than those of the aircraft beside it."""
-    if not (aircraft.gains and (path.parent / "aircraft.toml").is_file()):
-        return
-    gains = load_aircraft(path.parent).gains
-    if gains is None or gains.sha256 != aircraft.gains:
-        raise ScenarioError(
-            f"{path}: must be identified with the gains in {GAINS_FILE}, got others; "
-            "`flighttune identify` measures it anew."
-        )
 
 
 def _contradictions(stated: Any, derived: Any, key: str = "") -> Iterator[str]:

@@ -1,32 +1,227 @@
-"""Lags with a delay, fitted to a frequency response or to a flight; the data choose the order.
+"""Flights that identify an inner loop, and lags with a delay fitted to them.
 
-Both fits are nonlinear least squares over the same parameters: log frequency (rad/s), delay (s),
-log damping and log lag (s), as many of them as the order needs.
+Multisines are flown for the fit, a manoeuvre to check it. Fits to a frequency response and to a
+flight are nonlinear least squares over the same parameters: log frequency (rad/s), delay (s), log
+damping and log lag (s), as many of them as the order needs; the data choose the order.
 """
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import product
-from typing import TypeAlias, get_args
+from typing import Any, TypeAlias, get_args
 
 import numpy as np
 import numpy.typing as npt
 
 from flighttune.arrays import FloatArray
 from flighttune.control.inner_loop import NO_DELAY, InnerLag, Order
-from flighttune.errors import InputError
-from flighttune.identification.experiment import DT, PERIOD, Lines
-from flighttune.identification.file import (
-    Channel,
-    IdentifiedChannel,
-    IdentifiedCondition,
-    LagTable,
-    lag_table,
-)
-from flighttune.plants.base import FlightCondition
+from flighttune.control.limits import Limits
+from flighttune.errors import InputError, PlantError
+from flighttune.identification.file import Channel, IdentifiedChannel, IdentifiedCondition
+from flighttune.plants.base import N_X_SIGNALS, FlightCondition, Plant, Stop
+from flighttune.plants.jsbsim.plant import JSBSimPlant
 from flighttune.plants.lagged import rest, transition
+
+Lines: TypeAlias = tuple[npt.NDArray[np.int_], ...]
+
+# Sample time of the commands, s.
+DT = 0.01
+
+# Period of the multisines, s: their frequencies are multiples of 2 pi / PERIOD.
+PERIOD = 20.0
+
+# Frequencies excited, rad/s.
+BAND = 0.3, 20.0
+
+# Frequencies aimed at, shared by the two channels in turn.
+LINES = 30
+
+# Largest command as a share of what the magnitude limits leave.
+PEAK_SHARE = 0.4
+
+# Largest rate of the command as a share of its limit.
+RATE_SHARE = 0.8
+
+# Random phases drawn, of which those that allow the largest amplitude are taken.
+PHASE_DRAWS = 100
+
+# Unit of the 3-2-1-1 steps in roll and load factor, their start, and the duration: s.
+CHECK_UNIT = 0.9, 0.8
+CHECK_START = 1.0, 2.3
+CHECK_DURATION = 12.0
+
+# Rate of n_x that is commanded where the aircraft has no limit on it, 1/s.
+FASTEST = 2.0
+
+# Attempts, each with half the amplitude of the one before.
+ATTEMPTS = 4
+
+
+def multisines(limits: Limits, *, seed: int = 0) -> tuple[FloatArray, Lines]:
+    """Return one period of multisines inside the limits, no frequency in both channels.
+
+    The seed draws many sets of phases; the set that lets the sines be largest is taken. R. Pintelon
+    and J. Schoukens, *System Identification: A Frequency Domain Approach*, 2nd ed., Wiley 2012,
+    chapter 5: random-phase multisines on a quasi-logarithmic grid, the channels on interleaved
+    lines so that one experiment shows every path.
+
+    Returns the changes of roll (rad) and load factor (1) at every sample, shape (samples, 2), and
+    the harmonics of `PERIOD` in roll and in load factor.
+    """
+    harmonics = _harmonics(LINES)
+    lines = harmonics[::2], harmonics[1::2]
+    generators = map(np.random.default_rng, np.random.SeedSequence(seed).spawn(2))
+    columns = map(multisine, lines, *command_room(limits), generators)
+    return np.column_stack(list(columns)), lines
+
+
+def _harmonics(count: int) -> npt.NDArray[np.int_]:
+    return np.unique(np.round(np.geomspace(*BAND, count) / (math.tau / PERIOD)).astype(int))
+
+
+def check_manoeuvre(limits: Limits) -> FloatArray:
+    """Return 3-2-1-1 steps of both channels, ramped as fast as the limits allow, for validation.
+
+    The pulses of 3, 2, 1 and 1 units are the usual ones of flight test: R. V. Jategaonkar, *Flight
+    Vehicle System Identification*, 2nd ed., AIAA 2015, section 2.3.
+    """
+    return _checks(*command_room(limits))
+
+
+def _checks(peaks: npt.ArrayLike, rates: npt.ArrayLike) -> FloatArray:
+    t = np.arange(round(CHECK_DURATION / DT), dtype=np.float64) * DT
+    steps = zip(np.asarray(peaks), np.asarray(rates), CHECK_START, CHECK_UNIT, strict=False)
+    columns = [
+        ramped(pulses(t, start, unit) * 0.8 * peak, rate) for peak, rate, start, unit in steps
+    ]
+    return np.column_stack(columns)
+
+
+def thrust_changes(
+    plant: JSBSimPlant, condition: FlightCondition, seed: int
+) -> tuple[FloatArray, Lines, FloatArray]:
+    """Return a multisine of n_x about a trim, its harmonics, and the manoeuvre for validation.
+
+    They keep to a share of what the limits and the throttle leave at the trim.
+    """
+    plant.start(condition)
+    now, least, most = n_x_signals(plant)
+    limits = plant.limits
+    peak = PEAK_SHARE * min(min(most, limits.upper[2]) - now, now - max(least, limits.lower[2]))
+    rate = min(float(limits.rate_upper[2]), FASTEST)
+    if not peak > 0.0:
+        raise PlantError(
+            f"`n_x` of [limits] must leave room about steady flight at {condition.V_a:g} m/s, got "
+            f"{limits.lower[2]:g} to {limits.upper[2]:g} about {now:.3g}, of which the throttle "
+            f"gives {least:.3g} to {most:.3g}."
+        )
+    lines = _harmonics(LINES // 2)
+    changes = multisine(lines, peak, rate, np.random.default_rng(seed))
+    return changes[:, None], (lines,), _checks([peak], [rate])
+
+
+def command_room(limits: Limits) -> tuple[FloatArray, FloatArray]:
+    """Return the largest changes of (phi, n_z) about level flight, and of their rates, to use."""
+    level = np.array([0.0, 1.0])
+    room = np.minimum(limits.upper - level, level - limits.lower)
+    rates = np.minimum(limits.rate_upper, -limits.rate_lower)
+    for name, values in (("limits", room), ("limits on rates", rates)):
+        if values.shape != (2,) or not (np.isfinite(values).all() and (values > 0.0).all()):
+            raise InputError(
+                f"`{name}` must be finite and leave room about level flight, got {values.tolist()}."
+            )
+    return PEAK_SHARE * room, RATE_SHARE * rates
+
+
+def multisine(
+    harmonics: npt.NDArray[np.int_], peak: float, rate: float, rng: np.random.Generator
+) -> FloatArray:
+    """Amplitudes fall with the root of frequency: between peak and rate limit."""
+    t = np.arange(round(PERIOD / DT), dtype=np.float64) * DT
+    angles = np.outer(harmonics * (2.0 * math.pi / PERIOD), t)
+    amplitudes = 1.0 / np.sqrt(harmonics)
+    best, largest = np.zeros_like(t), 0.0
+    for _ in range(PHASE_DRAWS):
+        phases = rng.uniform(0.0, 2.0 * math.pi, len(harmonics))
+        sum_of_sines = amplitudes @ np.cos(angles + phases[:, None])
+        fastest = np.abs(np.diff(sum_of_sines, append=sum_of_sines[0])).max() / DT
+        if (size := float(min(peak / np.abs(sum_of_sines).max(), rate / fastest))) > largest:
+            best, largest = size * sum_of_sines, size
+    return best
+
+
+def pulses(t: FloatArray, start: float, unit: float) -> FloatArray:
+    """Plus, minus, plus, minus one for 3, 2, 1 and 1 units."""
+    since = (t - start) / unit
+    levels = np.array([0.0, 1.0, -1.0, 1.0, -1.0, 0.0])
+    return levels[np.searchsorted([0.0, 3.0, 5.0, 6.0, 7.0], since, side="right")]
+
+
+def ramped(command: FloatArray, rate: float) -> FloatArray:
+    ramped = np.zeros_like(command)
+    for k in range(1, len(command)):
+        step = command[k] - ramped[k - 1]
+        ramped[k] = ramped[k - 1] + min(max(step, -rate * DT), rate * DT)
+    return ramped
+
+
+# Commands and responses of some channels, and why the flight ended, of one sample.
+Sample: TypeAlias = tuple[tuple[float, ...], tuple[float, ...], Stop | None]
+
+
+def fly_turn(plant: Plant, _: FlightCondition, change: Sequence[float]) -> Sample:
+    """Command roll and load factor for a sample."""
+    gamma, phi, n_z = plant.observe()[1:4]
+    # About what holds the present path angle: the flight stays near the trim.
+    command = change[0], math.cos(gamma) / math.cos(phi) + change[1]
+    return command, (phi, n_z), plant.advance(*command, DT)
+
+
+def fly_thrust(plant: Any, condition: FlightCondition, change: Sequence[float]) -> Sample:
+    """Command the longitudinal load factor of a plant that takes it for a sample."""
+    _, gamma, phi = plant.observe()[:3]
+    # About what holds the present airspeed and path angle.
+    command = (math.sin(gamma) + change[0],)
+    lift = math.cos(condition.gamma) / math.cos(phi) + (condition.gamma - gamma)
+    flown = n_x_signals(plant)[:1]
+    return command, flown, plant.advance(0.0, lift, DT, *command)
+
+
+def n_x_signals(plant: Plant) -> tuple[float, ...]:
+    """Longitudinal load factor, and the least and most that the throttle gives."""
+    first = plant.signals.index(N_X_SIGNALS[0])
+    return plant.observe()[first : first + len(N_X_SIGNALS)]
+
+
+def respond(
+    plant_factory: Callable[[], Plant],
+    condition: FlightCondition,
+    changes: FloatArray,
+    fly: Callable[[Any, FlightCondition, Sequence[float]], Sample] = fly_turn,
+) -> tuple[FloatArray, FloatArray]:
+    """Fly changes of the commands; return commands and responses, shape (samples, m), rad and 1."""
+    reason = ""
+    for attempt in range(ATTEMPTS):
+        plant = plant_factory()
+        plant.start(condition)
+        commanded, measured = [], []
+        for change in (0.5**attempt * changes).tolist():
+            command, flown, stop = fly(plant, condition, change)
+            commanded.append(command)
+            measured.append(flown)
+            if stop is not None:
+                reason = stop.reason
+                break
+        else:
+            return np.array(commanded), np.array(measured)
+    of_n_x = " of n_x" if fly is fly_thrust else ""
+    raise PlantError(
+        f"the excitation{of_n_x} must be flown to its end, but even at {0.5 ** (ATTEMPTS - 1):g} "
+        f"of its size: {reason}"
+    )
+
 
 SAMPLES = round(PERIOD / DT)
 
@@ -56,6 +251,7 @@ _CONVERGED = 1e-12
 
 Parameters: TypeAlias = tuple[float, float, float, float]
 Bounds: TypeAlias = tuple[Parameters, Parameters]
+Errors: TypeAlias = Callable[[InnerLag], FloatArray]  # response of a lag minus that measured
 
 _FREQUENCY_BOUNDS: tuple[Parameters, Parameters] = (
     (math.log(0.05), 0.0, math.log(0.2), math.log(1e-3)),
@@ -108,7 +304,9 @@ def frequency_responses(
             # The other channel is excited at the lines between these: its answer to its command
             # is taken off, and what is left is coupling.
             j = 1 - i
-            expected = _interpolated(omega, omegas[j], own[j]) * commanded[lines[i], j]
+            magnitude = np.interp(omega, omegas[j], np.abs(own[j]))
+            phase = np.interp(omega, omegas[j], np.unwrap(np.angle(own[j])))
+            expected = magnitude * np.exp(1j * phase) * commanded[lines[i], j]
             other = (measured[lines[i], j] - expected) / commanded[lines[i], i] / hold
         responses.append(FrequencyResponse(omega=omega, own=own[i] / hold, other=other))
     return tuple(responses)
@@ -116,9 +314,25 @@ def frequency_responses(
 
 def candidates(response: FrequencyResponse) -> tuple[LagCandidate, ...]:
     """Return the best lag of each order, the lowest information criterion first."""
-    # The criterion is ``N log(rss / N) + k log N`` (G. Schwarz, *Annals of Statistics* 6, 1978) for
-    # ``N = 2 lines`` numbers and k parameters: lines, not samples of time, are independent.
-    fitted = [_fitted(response, order) for order in get_args(Order)]
+
+    def error(lag: InnerLag) -> FloatArray:
+        gap = lag.response(response.omega) - response.own
+        return np.concatenate([gap.real, gap.imag])
+
+    # First line with a magnitude below 1/sqrt(2), or the end of the band, rad/s.
+    low = np.flatnonzero(np.abs(response.own) < math.sqrt(0.5))
+    corner = float(response.omega[low[0] if len(low) else -1])
+    starts = {
+        (math.log(corner * faster), delay, math.log(damping), math.log(part / corner))
+        for delay, (faster, damping, part) in product(START_DELAYS, START_SHAPES)
+    }
+    fitted, count = [], 2 * len(response.omega)
+    for order in get_args(Order):
+        lag, rss = best_lag(error, order, sorted(starts), _FREQUENCY_BOUNDS)
+        # The criterion is ``N log(rss / N) + k log N`` (G. Schwarz, *Annals of Statistics* 6, 1978)
+        # for ``N = 2 lines`` numbers and k parameters: lines, not samples, are independent.
+        bic = count * math.log(max(rss / count, FINEST**2)) + (order + 1) * math.log(count)
+        fitted.append(LagCandidate(lag=lag, residual=math.sqrt(2.0 * (rss / count)), bic=bic))
     return tuple(sorted(fitted, key=lambda candidate: candidate.bic))
 
 
@@ -141,18 +355,12 @@ def fitted_lag(
 
     if lag is None:
         starts = [(math.log(w), 0.5 * dt, 0.0, 0.0) for w in START_FREQUENCIES]
-        lag = best_of_orders(lambda lag: response(lag) - measured, starts, _TIME_BOUNDS)
+        (first, first_rss), (second, second_rss) = (
+            best_lag(lambda lag: response(lag) - measured, order, starts, _TIME_BOUNDS)
+            for order in (1, 2)
+        )
+        lag = second if second_rss < SECOND_ORDER_GAIN * first_rss else first
     return lag, fit_percent(measured, response(lag))
-
-
-def best_of_orders(
-    error: Callable[[InnerLag], FloatArray], starts: Sequence[Parameters], bounds: Bounds
-) -> InnerLag:
-    """The `best_lag` of first order, or of second where that is worth it."""
-    (first, first_rss), (second, second_rss) = (
-        best_lag(error, order, starts, bounds) for order in (1, 2)
-    )
-    return second if second_rss < SECOND_ORDER_GAIN * first_rss else first
 
 
 def fit_percent(measured: FloatArray, model: FloatArray) -> float:
@@ -184,32 +392,8 @@ def lag_response(lag: InnerLag, dt: float, commanded: FloatArray, start: float) 
     return start + states[:, 0]
 
 
-def _fitted(response: FrequencyResponse, order: Order) -> LagCandidate:
-    size, count = order + 1, 2 * len(response.omega)
-
-    def error(lag: InnerLag) -> FloatArray:
-        gap = lag.response(response.omega) - response.own
-        return np.concatenate([gap.real, gap.imag])
-
-    corner = _corner(response)
-    starts = {
-        (math.log(corner * faster), delay, math.log(damping), math.log(part / corner))
-        for delay, (faster, damping, part) in product(START_DELAYS, START_SHAPES)
-    }
-    lag, rss = best_lag(error, order, sorted(starts), _FREQUENCY_BOUNDS)
-    mean_square = rss / count
-    return LagCandidate(
-        lag=lag,
-        residual=math.sqrt(2.0 * mean_square),
-        bic=count * math.log(max(mean_square, FINEST**2)) + size * math.log(count),
-    )
-
-
 def best_lag(
-    error: Callable[[InnerLag], FloatArray],
-    order: Order,
-    starts: Iterable[Parameters],
-    bounds: Bounds,
+    error: Errors, order: Order, starts: Iterable[Parameters], bounds: Bounds
 ) -> tuple[InnerLag, float]:
     """Lag of the least squares of `error` from the best of `starts`, and the sum of squares."""
     from scipy.optimize import least_squares
@@ -244,20 +428,6 @@ def with_parameters(p: FloatArray, order: Order) -> InnerLag:
     )
 
 
-def _corner(response: FrequencyResponse) -> float:
-    """First line with a magnitude below 1/sqrt(2), or the end of the band, rad/s."""
-    low = np.flatnonzero(np.abs(response.own) < math.sqrt(0.5))
-    return float(response.omega[low[0]] if len(low) else response.omega[-1])
-
-
-def _interpolated(
-    omega_new: FloatArray, omega: FloatArray, values: npt.NDArray[np.complex128]
-) -> npt.NDArray[np.complex128]:
-    magnitude = np.interp(omega_new, omega, np.abs(values))
-    phase = np.interp(omega_new, omega, np.unwrap(np.angle(values)))
-    return np.asarray(magnitude * np.exp(1j * phase), dtype=complex)
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ChannelIdentification:
     """The response of one channel as flown, and the lags fitted to it."""
@@ -279,14 +449,9 @@ class ChannelIdentification:
         """The channel, as its file has it."""
         best, other = self.candidates[0], self.frequency.other
         simpler = next(fit.lag for fit in self.candidates if fit.lag.order < 3)
-        # Not checked: rounding may put a lag beyond the range that it was fitted in.
-        return IdentifiedChannel.model_construct(
-            **lag_table(best.lag),
-            fit_percent=fit_percent(self.flown, self.fit),
-            residual=best.residual,
-            cross=None if other is None else float(np.abs(other).max()),
-            simpler=LagTable.model_construct(**lag_table(simpler)),
-        )
+        cross = None if other is None else float(np.abs(other).max())
+        fit = {"fit_percent": fit_percent(self.flown, self.fit), "residual": best.residual}
+        return IdentifiedChannel.of(best.lag, simpler=simpler, cross=cross, **fit)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -302,3 +467,40 @@ class Identification:
         channels = {name: channel.table for name, channel in self.channels.items()}
         V_a, gamma, h = self.trim.V_a, self.trim.gamma, self.trim.h
         return IdentifiedCondition.model_construct(V_a=V_a, gamma=gamma, h=h, channels=channels)
+
+
+# Periods flown: in the first the transient of the start decays.
+PERIODS = 2
+
+
+def _channels(
+    experiment: tuple[FloatArray, FloatArray], lines: Lines, check: tuple[FloatArray, FloatArray]
+) -> list[ChannelIdentification]:
+    """The channels of an experiment, checked in a manoeuvre."""
+    return [
+        ChannelIdentification(frequency=f, candidates=candidates(f), commanded=command, flown=flown)
+        for f, command, flown in zip(
+            frequency_responses(experiment, lines), check[0].T, check[1].T, strict=True
+        )
+    ]
+
+
+def identify_plant(
+    plant_factory: Callable[[], Plant], condition: FlightCondition, limits: Limits, *, seed: int = 0
+) -> Identification:
+    """Identify the inner loop of a plant about a wings-level trim, inside the limits."""
+    changes, lines = multisines(limits, seed=seed)
+    experiment = respond(plant_factory, condition, np.tile(changes, (PERIODS, 1)))
+    check = respond(plant_factory, condition, check_manoeuvre(limits))
+    phi, n_z = _channels(experiment, lines, check)
+    return Identification(trim=condition, channels={"phi": phi, "n_z": n_z})
+
+
+def identify_thrust(
+    plant_factory: Callable[..., JSBSimPlant], condition: FlightCondition, *, seed: int = 0
+) -> ChannelIdentification:
+    """Identify the third channel, n_x, about a trim; a PlantError says that it cannot be flown."""
+    fresh = partial(plant_factory, takes_n_x=True)
+    changes, lines, check = thrust_changes(fresh(), condition, seed)
+    experiment = respond(fresh, condition, np.tile(changes, (PERIODS, 1)), fly_thrust)
+    return _channels(experiment, lines, respond(fresh, condition, check, fly_thrust))[0]

@@ -1,9 +1,10 @@
 """Identification of an inner loop at one condition or at several, and the figure that shows it."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import product
+from itertools import chain, product
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -12,19 +13,9 @@ import numpy.typing as npt
 
 from flighttune.aircraft.aircraft import AircraftConfig
 from flighttune.arrays import FloatArray
-from flighttune.control.inner_loop import InnerLag, Order
-from flighttune.control.limits import Limits
+from flighttune.control.inner_loop import Order
 from flighttune.errors import TrimError
 from flighttune.files.shipped import is_shipped
-from flighttune.identification.experiment import (
-    DT,
-    Lines,
-    check_manoeuvre,
-    fly_thrust,
-    multisines,
-    respond,
-    thrust_changes,
-)
 from flighttune.identification.file import (
     FILE_NAME,
     Channel,
@@ -34,12 +25,13 @@ from flighttune.identification.file import (
     save_with_figure,
 )
 from flighttune.identification.fit import (
+    DT,
     ChannelIdentification,
     Identification,
-    candidates,
-    frequency_responses,
+    identify_plant,
+    identify_thrust,
 )
-from flighttune.plants.base import FlightCondition, Plant
+from flighttune.plants.base import FlightCondition
 from flighttune.plants.jsbsim.linearize import linearize, modes
 from flighttune.plants.jsbsim.plant import JSBSimPlant
 from flighttune.plants.jsbsim.trim import level
@@ -53,10 +45,13 @@ Response: TypeAlias = npt.NDArray[np.complex128]
 
 CHANNELS: tuple[Channel, Channel] = ("phi", "n_z")
 NAMES = "Roll", "Load factor"
-FLOWN, FIT, CROSS = HUES[0][0][0], HUES[1][0][0], HUES[3][0][0]
+COUPLINGS = (
+    ("Coupling: roll command to n_z", "magnitude [dB of 1/rad]"),
+    ("Coupling: load-factor command to roll", "magnitude [dB of rad]"),
+)
 LABELS = ("φ [deg]", "n_z [1]")
-CROSS_TITLES = ("Coupling: roll command to n_z", "Coupling: load-factor command to roll")
 UNITS = DEG, 1.0
+FLOWN, FIT, CROSS = HUES[0][0][0], HUES[1][0][0], HUES[3][0][0]
 
 # Magnitude at the bandwidth, dB.
 BANDWIDTH = -3.01
@@ -64,32 +59,38 @@ BANDWIDTH = -3.01
 
 def identification_figure(identification: Identification, title: str) -> Sheet:
     """Bode diagrams, coupling and the held-out manoeuvre of one condition, a column per channel."""
-    kinds = (_magnitude, _phase, _coupling, held_out)
-    return Sheet(charts=[kind(identification, i) for kind in kinds for i in range(2)], title=title)
+    columns = [
+        (*_bode(identification.channels[name], NAMES[i], COUPLINGS[i]), held_out(identification, i))
+        for i, name in enumerate(CHANNELS)
+    ]
+    return Sheet(charts=[*chain(*zip(*columns, strict=True))], title=title)
 
 
-def _magnitude(identification: Identification, i: int) -> Chart:
-    chart = _bode(f"{NAMES[i]}: command to response", "magnitude [dB]")
-    lag = _fit(chart, identification, i, _decibel)
-    chart.level(BANDWIDTH, NEUTRAL, dash=DASHED)
-    chart.points(lag.bandwidth, BANDWIDTH, NEUTRAL, size=4.5)
-    name = f"−3 dB at {lag.bandwidth:.1f} rad/s"
-    chart.text(lag.bandwidth, BANDWIDTH, name, anchor="end", shift=(-8.0, 14.0))
-    return chart
-
-
-def _phase(identification: Identification, i: int) -> Chart:
-    chart = _bode(f"{NAMES[i]}: its phase", "phase [deg]")
-    _fit(chart, identification, i, _phase_deg)
-    return chart
-
-
-def _coupling(identification: Identification, i: int) -> Chart:
-    response = identification.channels[CHANNELS[i]].frequency
+def _bode(
+    channel: ChannelIdentification, name: str, coupling: tuple[str, str]
+) -> tuple[Chart, Chart, Chart]:
+    """Magnitude and phase of a channel as flown and fitted, and the magnitude of its coupling."""
+    response, lag = channel.frequency, channel.candidates[0].lag
     assert response.other is not None  # of two channels
-    chart = _bode(CROSS_TITLES[i], ("magnitude [dB of 1/rad]", "magnitude [dB of rad]")[i])
-    chart.points(response.omega, _decibel(response.other), CROSS, shape="cross", name="flown")
-    return chart
+    omega = np.geomspace(response.omega[0], response.omega[-1], 300)
+    magnitude, phase, other = (
+        Chart(title=title, x="frequency [rad/s]", y=unit, log="x")
+        for title, unit in (
+            (f"{name}: command to response", "magnitude [dB]"),
+            (f"{name}: its phase", "phase [deg]"),
+            coupling,
+        )
+    )
+    for chart, quantity in (magnitude, _decibel), (phase, _phase_deg):
+        fit = quantity(lag.response(omega))
+        chart.line(omega, fit, FIT, width=2.0, name=f"fit, order {lag.order}")
+        chart.points(response.omega, quantity(response.own), FLOWN, name="flown")
+    magnitude.level(BANDWIDTH, NEUTRAL, dash=DASHED)
+    magnitude.points(lag.bandwidth, BANDWIDTH, NEUTRAL, size=4.5)
+    label = f"−3 dB at {lag.bandwidth:.1f} rad/s"
+    magnitude.text(lag.bandwidth, BANDWIDTH, label, anchor="end", shift=(-8.0, 14.0))
+    other.points(response.omega, _decibel(response.other), CROSS, shape="cross", name="flown")
+    return magnitude, phase, other
 
 
 def held_out(identification: Identification, i: int) -> Chart:
@@ -103,21 +104,6 @@ def held_out(identification: Identification, i: int) -> Chart:
         t = DT * np.arange(len(values))
         chart.line(t, values, colour, dash=dash, width=width, name=name)
     return chart
-
-
-def _fit(
-    chart: Chart, identification: Identification, i: int, quantity: Callable[[Response], FloatArray]
-) -> InnerLag:
-    channel = identification.channels[CHANNELS[i]]
-    response, lag = channel.frequency, channel.candidates[0].lag
-    omega = np.geomspace(response.omega[0], response.omega[-1], 300)
-    chart.line(omega, quantity(lag.response(omega)), FIT, width=2.0, name=f"fit, order {lag.order}")
-    chart.points(response.omega, quantity(response.own), FLOWN, name="flown")
-    return lag
-
-
-def _bode(title: str, unit: str) -> Chart:
-    return Chart(title=title, x="frequency [rad/s]", y=unit, log="x")
 
 
 def _decibel(response: Response) -> FloatArray:
@@ -145,57 +131,20 @@ FIT_NOTE = (
     "response of the other channel, 1/rad (phi) and rad (n_z)"
 )
 
-# Periods flown: in the first the transient of the start decays.
-PERIODS = 2
-
-
-def _channels(
-    experiment: tuple[FloatArray, FloatArray], lines: Lines, check: tuple[FloatArray, FloatArray]
-) -> list[ChannelIdentification]:
-    """The channels of an experiment, checked in a manoeuvre."""
-    return [
-        ChannelIdentification(frequency=f, candidates=candidates(f), commanded=command, flown=flown)
-        for f, command, flown in zip(
-            frequency_responses(experiment, lines), check[0].T, check[1].T, strict=True
-        )
-    ]
-
-
-def identify_plant(
-    plant_factory: Callable[[], Plant], condition: FlightCondition, limits: Limits, *, seed: int = 0
-) -> Identification:
-    """Identify the inner loop of a plant about a wings-level trim, inside the limits."""
-    changes, lines = multisines(limits, seed=seed)
-    experiment = respond(plant_factory, condition, np.tile(changes, (PERIODS, 1)))
-    check = respond(plant_factory, condition, check_manoeuvre(limits))
-    phi, n_z = _channels(experiment, lines, check)
-    return Identification(trim=condition, channels={"phi": phi, "n_z": n_z})
-
-
-def identify_thrust(
-    plant_factory: Callable[..., JSBSimPlant], condition: FlightCondition, *, seed: int = 0
-) -> ChannelIdentification:
-    """Identify the third channel, n_x, about a trim; a PlantError says that it cannot be flown."""
-    fresh = partial(plant_factory, takes_n_x=True)
-    changes, lines, check = thrust_changes(fresh(), condition, seed)
-    experiment = respond(fresh, condition, np.tile(changes, (PERIODS, 1)), fly_thrust)
-    return _channels(experiment, lines, respond(fresh, condition, check, fly_thrust))[0]
-
 
 def _of_one_order(identifications: Sequence[Identification]) -> tuple[Identification, ...]:
     """The identifications with lags of one order a channel, the best over all of them."""
     # Models of one structure can be mixed, and one Lyapunov function can cover them all.
     chosen: list[dict[Channel, ChannelIdentification]] = [{} for _ in identifications]
     for name in identifications[0].channels:
-        total: dict[Order, float] = {}
+        total: dict[Order, float] = defaultdict(float)
         for point in identifications:
             for fit in point.channels[name].candidates:
-                total[fit.lag.order] = total.get(fit.lag.order, 0.0) + fit.bic
+                total[fit.lag.order] += fit.bic
         order = min(total, key=total.__getitem__)
         for channels, point in zip(chosen, identifications, strict=True):
-            channel = point.channels[name]
-            fits = sorted(channel.candidates, key=lambda fit: fit.lag.order != order)
-            channels[name] = replace(channel, candidates=tuple(fits))
+            fits = sorted(point.channels[name].candidates, key=lambda fit: fit.lag.order != order)
+            channels[name] = replace(point.channels[name], candidates=tuple(fits))
     pairs = zip(identifications, chosen, strict=True)
     return tuple(replace(point, channels=channels) for point, channels in pairs)
 
@@ -246,6 +195,7 @@ class AircraftIdentification(Answering):
             for channel, fitted in point.channels.items()
             if fitted.fit_percent < GOOD_FIT
         ]
+        less = f"a lag explains less than {GOOD_FIT:g} % of {'; '.join(poor)}"
         title = f"{self.place}: airframe without the inner loop"
         return Answer(
             values={
@@ -259,10 +209,7 @@ class AircraftIdentification(Answering):
                 Table(MODE_COLUMNS, self.modes, title, name="modes"),
             ],
             notes=[FIT_NOTE, *(f"left out: {reason}" for reason in self.skipped)],
-            failure=f"{self.identified.aircraft}: a lag explains less than {GOOD_FIT:g} % of "
-            f"{'; '.join(poor)}"
-            if poor
-            else "",
+            failure=f"{self.identified.aircraft}: {less}" if poor else "",
         )
 
 

@@ -4,6 +4,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal, NamedTuple, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -12,25 +13,16 @@ from flighttune.arrays import FloatArray
 from flighttune.control.inner_loop import InnerLag, Order
 from flighttune.errors import InputError
 from flighttune.files.load import A_LOG, LOG, load_one, written
+from flighttune.identification import fit
 from flighttune.identification.file import (
     Channel,
     IdentifiedAircraft,
     IdentifiedChannel,
     IdentifiedCondition,
-    LagTable,
     LogEvidence,
     identified_tables,
-    lag_table,
     lags_table,
     save_with_figure,
-)
-from flighttune.identification.fit import (
-    TIME_STARTS,
-    Bounds,
-    best_lag,
-    lag_response,
-    parameters,
-    with_parameters,
 )
 from flighttune.identification.identify import AircraftIdentification, identify_aircraft
 from flighttune.logs.checks import refuse_wrong
@@ -38,7 +30,7 @@ from flighttune.logs.log import Columns
 from flighttune.plants.point_mass import turn_rates
 from flighttune.present.answer import Answer, Answering, Column, Table, pick
 from flighttune.present.chart import DASHED, Chart, Sheet
-from flighttune.present.names import columns as layout
+from flighttune.present.names import columns as columns_by
 from flighttune.present.palette import HUES, NEUTRAL
 from flighttune.simulate.run import Run
 from flighttune.units import DEG, DEG_PER_RAD, G_0
@@ -64,9 +56,10 @@ WIDEST = 3.0  # ratio of the ends of an interval of the frequency that tells not
 ALIKE = 1e-6  # share of its effect that a parameter must have apart from the others, squared
 STEP = 1e-4  # of the parameters, for the slopes of the response
 
-BOUNDS: Bounds = (
+MAX_DAMPING = 5.0
+BOUNDS: fit.Bounds = (
     (math.log(0.2), 0.0, math.log(0.05), 0.0),
-    (math.log(100.0), 1.0, math.log(5.0), 0.0),
+    (math.log(100.0), 1.0, math.log(MAX_DAMPING), 0.0),
 )
 UNITS = {"phi": DEG, "n_z": 1.0}
 NAMES = {"phi": "roll", "n_z": "load-factor"}
@@ -76,18 +69,13 @@ UNSEEN = {"phi": ((-45.0, 45.0), 60.0), "n_z": ((0.5, 1.5), 2.0)}
 SHOWN_S = 40.0
 
 CHANNEL_COLUMNS = [
-    *layout("channel order"),
-    Column("natural_frequency", "frequency", "rad/s", ".2f"),
-    Column("frequency_interval", "95 %", "rad/s"),
-    Column("delay", "delay", "s", ".3f"),
-    Column("delay_interval", "95 %", "s"),
+    *columns_by("channel order natural_frequency frequency_interval delay delay_interval"),
     Column("fit_percent", "held out", "%", ".1f"),
-    Column("stretches", "stretches", "", ".0f"),
+    *columns_by("stretches"),
 ]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Section:
+class Section(NamedTuple):
     """Samples without a gap, in which a vehicle flies."""
 
     run: int  # place of its log
@@ -207,11 +195,11 @@ class LogIdentification(Answering):
             shown = section.t - section.t[0] <= SHOWN_S
             title = f"{NAMES[name]}: {channel.fit_percent:.1f} % of the variance held out"
             chart = Chart(title=title, y=f"{name} [{'deg' if name == 'phi' else '1'}]")
-            fit = section.measured + section.residual(channel.lag)
+            fitted = section.measured + section.residual(channel.lag)
             lines = (
                 ("commanded", section.commanded, NEUTRAL, DASHED),
                 ("measured", section.measured, HUES[0][0][0], ""),
-                (f"lag of order {channel.lag.order}", fit, HUES[1][0][0], ""),
+                (f"lag of order {channel.lag.order}", fitted, HUES[1][0][0], ""),
             )
             for label, values, colour, dash in lines:
                 t, shape = section.t[shown] - section.t[0], values[shown] / UNITS[name]
@@ -377,14 +365,8 @@ def _sections(run: Run, number: int, name: Channel, first: int) -> Iterator[Sect
                 stretch[piece] = first
                 first += 1
         if np.isfinite(stretch).any():
-            yield Section(
-                run=number,
-                t=run.t[begin:end],
-                dt=dt,
-                commanded=command,
-                measured=measured[begin:end],
-                stretch=stretch,
-            )
+            t, response = run.t[begin:end], measured[begin:end]
+            yield Section(number, t, dt, command, response, stretch)
 
 
 def response(lag: InnerLag, dt: float, commanded: FloatArray, start: float) -> FloatArray:
@@ -393,46 +375,109 @@ def response(lag: InnerLag, dt: float, commanded: FloatArray, start: float) -> F
     parts, count = math.ceil(dt / HELD_S - 1e-6), len(commanded)
     middles = (np.arange(parts * (count - 1)) + 0.5) / parts
     fine = np.append(np.interp(middles, np.arange(count), commanded), commanded[-1])
-    return lag_response(lag, dt / parts, fine, start)[::parts]
+    return fit.lag_response(lag, dt / parts, fine, start)[::parts]
+
+
+# Samples that are fitted.
+Side: TypeAlias = npt.NDArray[np.bool_] | Literal[True]
+
+
+class _Excited:
+    """All sections of a channel, their samples one after the other, and lags fitted to them."""
+
+    def __init__(self, sections: Sequence[Section]) -> None:
+        self.sections = sections
+        self.stretch = np.concatenate([section.stretch for section in sections])
+        self.used = np.isfinite(self.stretch)
+        self.count = 1 + int(np.nanmax(self.stretch))
+        self._carried = 0.0
+        # Turbulence lasts, and the autopilot answers it: only what is fresh in a residual does not
+        # depend on the commands before it.
+        self._carried = self._share_carried(self.fitted(2))
+
+    def residual(self, lag: InnerLag) -> FloatArray:
+        """Response of a lag minus that measured."""
+        return np.concatenate([section.residual(lag) for section in self.sections])
+
+    def fresh(self, lag: InnerLag) -> FloatArray:
+        """Residual of a lag without what is carried over."""
+        return np.concatenate([section.fresh(lag, self._carried) for section in self.sections])
+
+    def _share_carried(self, lag: InnerLag) -> float:
+        """Share of the residual of a lag that is still there after `MEMORY_S`."""
+        both = whole = 0.0
+        for section in self.sections:
+            used = np.isfinite(section.stretch)
+            residual = section.residual(lag)
+            foreseen = (residual - section.fresh(lag, 1.0))[used]
+            both += float(foreseen @ residual[used])
+            whole += float(residual[used] @ residual[used])
+        return both / whole if whole > 0.0 else 0.0
+
+    def fitted(self, order: Order, side: Side = True, damping: float = MAX_DAMPING) -> InnerLag:
+        """The lag of the least squares over stretches on a side, damped by `damping` at most."""
+        lower, (frequency, delay, _, after) = BOUNDS
+        bounds = lower, (frequency, delay, math.log(damping), after)
+        used = self.used & side
+        return fit.best_lag(lambda lag: self.fresh(lag)[used], order, fit.TIME_STARTS, bounds)[0]
+
+    def chosen(self) -> tuple[InnerLag, bool]:
+        """The lag of the order that the stretches show, and whether they tell it from the other."""
+
+        def clear(worse: InnerLag, better: InnerLag) -> bool:
+            gain = (self.fresh(worse) ** 2 - self.fresh(better) ** 2)[self.used]
+            numbers = self.stretch[self.used].astype(int)
+            gains = np.bincount(numbers, gain, minlength=self.count)
+            return bool(gains.sum() > CLEAR * math.sqrt(self.count) * gains.std())
+
+        first, second = (self.fitted(order) for order in (1, 2))
+        if clear(first, second):
+            return second, True
+        # The second order approaches the first as its damping grows: other is what is damped less.
+        return first, clear(self.fitted(2, damping=1.0), first)
+
+    def interval(self, lag: InnerLag) -> FloatArray:
+        """Ends of the interval of each parameter of the lag, shape (2, parameters)."""
+        centre, here = fit.parameters(lag), self.fresh(lag)
+        steps = STEP * np.eye(len(centre))
+        ahead = [self.fresh(fit.with_parameters(centre + step, lag.order)) for step in steps]
+        jacobian = (np.column_stack(ahead) - here[:, None]) / STEP
+        stretches = [self.stretch == number for number in range(self.count)]
+        normal = np.array([jacobian[there].T @ jacobian[there] for there in stretches])
+        slope = np.array([jacobian[there].T @ here[there] for there in stretches])
+        return interval_of(centre, normal, slope, np.eye(len(centre))[1])
 
 
 def _channel(runs: Sequence[Run], name: Channel) -> ChannelOfLogs | str:
     """The lag of a channel, or why the logs cannot tell it."""
     if not (there := [run for run in runs if {name, f"{name}_cmd"} <= set(run.signals)]):
         return f"the logs have no {NAMES[name]} commands"
-    sections: list[Section] = []
+    sections, count = list[Section](), 0
     for number, run in enumerate(there):
-        first = 1 + int(max((np.nanmax(s.stretch) for s in sections), default=-1))
-        sections += _sections(run, number, name, first)
-    count = 1 + int(max((np.nanmax(section.stretch) for section in sections), default=-1))
+        sections += _sections(run, number, name, count)
+        count = 1 + int(max((np.nanmax(section.stretch) for section in sections), default=-1))
     if count < MIN_STRETCHES:
-        unit = "deg" if name == "phi" else ""
+        least = "5 deg" if name == "phi" else f"{EXCITED[name]:g}"
         return (
-            f"{NAMES[name]} commands changed by more than {EXCITED[name] / UNITS[name]:g} {unit} "
-            f"in {count} stretches of {STRETCH_S:g} s without a gap, and must in {MIN_STRETCHES}"
-        ).replace("  ", " ")
-    logs = sorted({section.run for section in sections})
-    # Turbulence lasts, and the autopilot answers it: only what is fresh in a residual does not
-    # depend on the commands before it.
-    carried = _carried(sections, _fitted(sections, None, 2, 0.0))
-    lag, distinct = _chosen(sections, count, carried)
+            f"{NAMES[name]} commands changed by more than {least} in {count} stretches of "
+            f"{STRETCH_S:g} s without a gap, and must in {MIN_STRETCHES}"
+        )
+    excited = _Excited(sections)
+    lag, distinct = excited.chosen()
+    numbers = np.concatenate([np.full(len(section.t), section.run) for section in sections])
+    measured = np.concatenate([section.measured for section in sections])
+    logs = np.unique(numbers)
+    sides = [numbers == log for log in logs]
+    if len(logs) == 1:
+        sides = [excited.stretch % 2 == fold for fold in (0, 1)]
     shares = []  # of every log, or of every second stretch of one: variance missed, and all of it
-    for fold in logs if len(logs) > 1 else (0, 1):
-        sides = [
-            np.full(len(s.stretch), s.run == fold) if len(logs) > 1 else s.stretch % 2 == fold
-            for s in sections
-        ]
-        fitted = _fitted(sections, [~side for side in sides], lag.order, carried)
-        scored = [side & np.isfinite(s.stretch) for s, side in zip(sections, sides, strict=True)]
-        pairs = [*zip(sections, scored, strict=True)]
-        missed = np.concatenate([section.residual(fitted)[there] for section, there in pairs])
-        part = np.concatenate([section.measured[there] for section, there in pairs])
-        shares.append((float(np.sum(missed**2)), _variation(part)))
-    used = [section.measured[np.isfinite(section.stretch)] for section in sections]
-    total = sum(map(_variation, used))
+    for side in sides:
+        missed = excited.residual(excited.fitted(lag.order, ~side))[side & excited.used]
+        shares.append((float(np.sum(missed**2)), _variation(measured[side & excited.used])))
+    total = sum(_variation(each.measured[np.isfinite(each.stretch)]) for each in sections)
     if not total > 0.0:
         return f"{NAMES[name]} rests while its commands change"
-    low, high = _interval(sections, lag, count, carried)
+    low, high = excited.interval(lag)
     dt, reason = max(section.dt for section in sections), ""
     at_end = np.isclose(lag.natural_frequency, np.exp([edge[0] for edge in BOUNDS]), rtol=0.01)
     if at_end.any() or lag.delay > 0.99 * BOUNDS[1][1]:
@@ -461,83 +506,13 @@ def _variation(values: FloatArray) -> float:
     return float(np.sum((values - values.mean()) ** 2))
 
 
-def _carried(sections: Sequence[Section], lag: InnerLag) -> float:
-    """Share of the residual of a lag that is still there after `MEMORY_S`, of all stretches."""
-    both = whole = 0.0
-    for section in sections:
-        used = np.isfinite(section.stretch)
-        residual = section.residual(lag)
-        foreseen = (residual - section.fresh(lag, 1.0))[used]
-        both += float(foreseen @ residual[used])
-        whole += float(residual[used] @ residual[used])
-    return both / whole if whole > 0.0 else 0.0
-
-
-def _chosen(sections: Sequence[Section], count: int, carried: float) -> tuple[InnerLag, bool]:
-    """The lag of the order that the stretches show, and whether they tell it from the other one."""
-
-    def clear(worse: InnerLag, better: InnerLag) -> bool:
-        gains = np.zeros(count)
-        for section in sections:
-            used = np.isfinite(section.stretch)
-            gain = section.fresh(worse, carried) ** 2 - section.fresh(better, carried) ** 2
-            gains += np.bincount(section.stretch[used].astype(int), gain[used], minlength=count)
-        return bool(gains.sum() > CLEAR * math.sqrt(count) * gains.std())
-
-    first, second = (_fitted(sections, None, order, carried) for order in (1, 2))
-    if clear(first, second):
-        return second, True
-    # The second order approaches the first as its damping grows: other is what is damped less.
-    return first, clear(_fitted(sections, None, 2, carried, damping=1.0), first)
-
-
-def _fitted(
-    sections: Sequence[Section],
-    sides: Sequence[np.ndarray] | None,
-    order: Order,
-    carried: float,
-    damping: float = math.exp(BOUNDS[1][2]),
-) -> InnerLag:
-    """The lag of the least squares over stretches on these sides, damped by `damping` at most."""
-    used = [np.isfinite(section.stretch) for section in sections]
-    if sides is not None:
-        used = [there & side for there, side in zip(used, sides, strict=True)]
-
-    def error(lag: InnerLag) -> FloatArray:
-        both = zip(sections, used, strict=True)
-        return np.concatenate([section.fresh(lag, carried)[there] for section, there in both])
-
-    lower, (frequency, delay, _, after) = BOUNDS
-    bounds = lower, (frequency, delay, math.log(damping), after)
-    return best_lag(error, order, TIME_STARTS, bounds)[0]
-
-
-def _interval(sections: Sequence[Section], lag: InnerLag, count: int, carried: float) -> FloatArray:
-    """Ends of the interval of each parameter of the lag, shape (2, parameters)."""
-    centre = parameters(lag)
-    normal = np.zeros((count, len(centre), len(centre)))
-    slope = np.zeros((count, len(centre)))
-    for section in sections:
-        here = section.fresh(lag, carried)
-        steps = STEP * np.eye(len(centre))
-        ahead = [
-            section.fresh(with_parameters(centre + step, lag.order), carried) for step in steps
-        ]
-        jacobian = (np.column_stack(ahead) - here[:, None]) / STEP
-        for number in np.unique(section.stretch[np.isfinite(section.stretch)]).astype(int):
-            there = section.stretch == number
-            normal[number] += jacobian[there].T @ jacobian[there]
-            slope[number] += jacobian[there].T @ here[there]
-    return interval_of(centre, normal, slope, np.eye(len(centre))[1])
-
-
 def interval_of(
-    fit: FloatArray, normal: FloatArray, slope: FloatArray, late: FloatArray
+    best: FloatArray, normal: FloatArray, slope: FloatArray, late: FloatArray
 ) -> FloatArray:
     """Ends of the interval of each of n parameters, shape (2, n), at `CONFIDENCE`.
 
     The jackknife over stretches, whose errors are independent while those of samples are not: one
-    step of Gauss and Newton from the `fit` to all stretches but one, and Student's t for as many
+    step of Gauss and Newton from the `best` to all stretches but one, and Student's t for as many
     stretches as share the information. `normal` and `slope`, shapes (stretches, n, n) and
     (stretches, n): sums over a stretch. `late`, shape (n,): change of each parameter with commands
     that come a second later. Infinite for a parameter without an effect of its own.
@@ -559,7 +534,7 @@ def interval_of(
     aged = 0.5 * CONFIDENCE * HELD_S * late
     width = np.hypot(student.ppf(0.5 + 0.5 * CONFIDENCE, freedom) * error, aged)
     width = np.where(alike, np.inf, width)
-    return np.array([fit - width, fit + width])
+    return np.array([best - width, best + width])
 
 
 def _aircraft(
@@ -569,29 +544,25 @@ def _aircraft(
     assume: Mapping[str, float],
 ) -> IdentifiedAircraft:
     """The content of a model file: lags, limits as seen, and where they are from."""
-    tables = {}
+    tables, lags = {}, list[InnerLag]()
     for name in CHANNELS:
         channel = channels.get(name)
         lag = channel.lag if channel else InnerLag(order=1, natural_frequency=assume[name])
-        fit = channel.fit_percent if channel else 0.0
-        tables[name] = IdentifiedChannel.model_construct(
-            **lag_table(lag),
-            fit_percent=fit,
-            residual=math.sqrt(max(0.0, 1.0 - fit / 100.0)),
-            cross=None,
-            simpler=LagTable.model_construct(**lag_table(lag)),
-        )
+        percent = channel.fit_percent if channel else 0.0
+        residual = math.sqrt(max(0.0, 1.0 - percent / 100.0))
+        tables[name] = IdentifiedChannel.of(lag, fit_percent=percent, residual=residual)
+        lags.append(lag)
     speeds = np.concatenate([speed_of(run) for run in runs])
     heights = [run.signals["h"].to_numpy(dtype=float) for run in runs if "h" in run.signals]
     h = float(np.nanmedian(np.concatenate(heights))) if heights else 0.0
+    V_a = float(np.nanmedian(speeds[speeds > SLOW * np.nanmedian(speeds)]))
     condition = IdentifiedCondition.model_construct(
-        V_a=float(np.nanmedian(speeds[speeds > SLOW * np.nanmedian(speeds)])),
-        gamma=0.0,
-        h=round(h, 1),
-        channels=tables,
+        V_a=V_a, gamma=0.0, h=round(h, 1), channels=tables
     )
     phi, phi_rate = _range(runs, "phi", DEG_PER_RAD)
     n_z, n_z_rate = _range(runs, "n_z", 1.0)
+    missed = np.concatenate([_missed(run, lags) for run in runs])
+    largest = dict(zip(("chi", "gamma"), missed.max(axis=0, initial=0.0).tolist(), strict=True))
     evidence = LogEvidence.model_construct(
         logs=names,
         assumed=tuple(name for name in CHANNELS if name not in channels),
@@ -602,19 +573,15 @@ def _aircraft(
         phi_rate_dps=phi_rate,
         n_z=n_z,
         n_z_rate_per_s=n_z_rate,
+        residual_rad_s=largest if len(missed) else None,
+        residual_stretches=len(missed),
     )
-    lags = condition.lags
-    missed = np.concatenate([np.zeros((0, 2)), *(_missed(run, lags) for run in runs)])
-    if len(missed):
-        largest = dict(zip(("chi", "gamma"), missed.max(axis=0).tolist(), strict=True))
-        boxes = {"residual_rad_s": largest, "residual_stretches": len(missed)}
-        evidence = evidence.model_copy(update=boxes)
     return IdentifiedAircraft.model_construct(
         aircraft=names[0], conditions=(condition,), log=evidence
     )
 
 
-def _missed(run: Run, lags: tuple[InnerLag, InnerLag]) -> FloatArray:
+def _missed(run: Run, lags: Sequence[InnerLag]) -> FloatArray:
     """Largest mean rates over 1 s that the lags miss in each stretch, shape (stretches, 2), rad/s.
 
     The exact point mass flies at the airspeed of the log.
@@ -625,7 +592,7 @@ def _missed(run: Run, lags: tuple[InnerLag, InnerLag]) -> FloatArray:
     columns, V_a = run.signals[list(names)].to_numpy(dtype=float).T, speed_of(run)
     dt = float(run.t[1] - run.t[0])
     wait, size, span = (round(time / dt) for time in (SETTLED_S, STRETCH_S, 1.0))
-    largest = []
+    largest = [np.zeros((0, 2))]
     for begin, end in _unbroken(run, *columns):
         if end - begin <= wait + size + span:
             continue
@@ -643,7 +610,7 @@ def _missed(run: Run, lags: tuple[InnerLag, InnerLag]) -> FloatArray:
         mean = np.abs(missed[:, wait:]) / (span * dt)
         count = mean.shape[1] // size
         largest.append(mean[:, : count * size].reshape(2, count, size).max(axis=2).T)
-    return np.concatenate([np.zeros((0, 2)), *largest])
+    return np.concatenate(largest)
 
 
 def _range(runs: Sequence[Run], name: str, unit: float) -> tuple[tuple[float, float], float]:

@@ -18,7 +18,7 @@ from flighttune.adoption.survey import survey, wide_tables
 from flighttune.aircraft.aircraft import aircraft_from, load_aircraft
 from flighttune.files.shipped import models_of_jsbsim
 from flighttune.flight.conditions import start_condition
-from flighttune.identification.design import airframe
+from flighttune.identification.design import Airframe
 from flighttune.plants.jsbsim.bench import AirframeState, Bench, check_moves
 from flighttune.plants.jsbsim.fdm import Fdm
 from flighttune.plants.jsbsim.trim import level
@@ -527,7 +527,7 @@ def test_errors_of_a_roll_with_much_damping_decay_as_fast_as_others(own, tmp_pat
     file = own(r'(<ixx unit="KG.M2">)[^<]*', r"\1 0.4 ")
     found = survey(wide_tables(str(file)), tmp_path, h=1000.0)
     config = aircraft_from(found.tables, tmp_path)
-    model = airframe(Fdm(config), level(config, found.V_a, 1000.0))
+    model = Airframe.about(Fdm(config), level(config, found.V_a, 1000.0))
 
     goals = final_tables(found, model, 1000.0, 1.0)["design"]
 

@@ -10,7 +10,7 @@ from scipy.linalg import expm
 
 import flighttune as ft
 from flighttune.certificates.make import certify_model
-from flighttune.identification.identify import identify_thrust
+from flighttune.identification.fit import identify_thrust
 from flighttune.references.segments import Segment
 from flighttune.simulate.loop import simulate
 

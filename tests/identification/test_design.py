@@ -8,7 +8,7 @@ from places import SHIPPED_AIRCRAFT
 
 import flighttune as ft
 from flighttune.aircraft.aircraft import load_aircraft
-from flighttune.identification.design import Airframe, airframe, inner_loop_gains
+from flighttune.identification.design import Airframe, inner_loop_gains
 from flighttune.plants.jsbsim.bench import AirframeState
 from flighttune.plants.jsbsim.fdm import Fdm
 
@@ -29,7 +29,7 @@ DRAG = 0.043 + 0.0232 * (WEIGHT / Q_S) ** 2
 @pytest.fixture(scope="module")
 def slopes():
     fdm = Fdm(load_aircraft("aerosonde"))
-    return airframe(fdm, ft.loop.FlightCondition(V_a=V_A, h=1000.0))
+    return Airframe.about(fdm, ft.loop.FlightCondition(V_a=V_A, h=1000.0))
 
 
 def lateral(C_l, C_n, C_Y=0.0):
@@ -133,7 +133,7 @@ def test_the_gyroscopic_moment_of_a_heavy_propeller_is_made_up_for(tmp_path):
     designed.save(folder)
     channels = ft.identify(folder).identified.conditions[0].channels
     gains = designed.gains.gains
-    of = airframe(Fdm(designed.config), ft.loop.FlightCondition(V_a=V_A, h=1000.0)).of
+    of = Airframe.about(Fdm(designed.config), ft.loop.FlightCondition(V_a=V_A, h=1000.0)).of
 
     pitch, yaw = MOMENTUM * FOOT_POUND / JY, -MOMENTUM * FOOT_POUND * JX / (JX * JZ - JXZ**2)
     assert pitch + gains["pitch/k_r"] * of("q_dot", "elevator") == pytest.approx(0.0, abs=0.05)

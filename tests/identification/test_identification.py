@@ -12,9 +12,15 @@ from places import SHIPPED_AIRCRAFT
 from scipy import signal
 
 import flighttune as ft
-from flighttune.identification.experiment import DT, check_manoeuvre, multisines, respond
-from flighttune.identification.fit import fit_percent, lag_response
-from flighttune.identification.identify import identify_plant
+from flighttune.identification.fit import (
+    DT,
+    check_manoeuvre,
+    fit_percent,
+    identify_plant,
+    lag_response,
+    multisines,
+    respond,
+)
 
 LIMITS = ft.loop.Limits(
     lower=np.array([-0.8, -2.0]),
@@ -75,49 +81,34 @@ class SyntheticPlant:
         return None
 
 
-def first_order(w, delay):
-    return [w], [1.0, w], delay
+def transfer(lag):
+    """Numerator, denominator and delay (s) of a lag."""
+    w = lag.natural_frequency
+    if lag.order == 1:
+        return [w], [1.0, w], lag.delay
+    pair = [1.0, 2.0 * lag.damping * w, w * w]
+    return [w * w], pair if lag.order == 2 else np.polymul([lag.lag, 1.0], pair), lag.delay
 
 
-def second_order(w, z, delay):
-    return [w * w], [1.0, 2.0 * z * w, w * w], delay
-
-
-def third_order(w, z, lag, delay):
-    return [w * w], np.polymul([lag, 1.0], [1.0, 2.0 * z * w, w * w]), delay
+FIRST = ft.loop.InnerLag(order=1, natural_frequency=4.0, delay=0.05)
+SECOND = ft.loop.InnerLag(order=2, natural_frequency=8.0, damping=0.6, delay=0.12)
+THIRD = ft.loop.InnerLag(order=3, natural_frequency=9.0, damping=0.5, lag=0.3, delay=0.02)
 
 
 @pytest.mark.slow
-def test_recovers_a_first_and_a_second_order_lag():
-    plant = partial(SyntheticPlant, first_order(4.0, 0.05), second_order(8.0, 0.6, 0.12))
+@pytest.mark.parametrize("lags", [(FIRST, SECOND), (THIRD, SECOND)], ids=["low", "third order"])
+def test_lags_of_every_order_are_recovered(lags):
+    plant = partial(SyntheticPlant, *map(transfer, lags))
 
-    found = identify_plant(plant, LEVEL, LIMITS).condition
+    condition = identify_plant(plant, LEVEL, LIMITS).condition
 
-    roll, load = found.lags
-    assert (roll.order, load.order) == (1, 2)
-    assert roll.natural_frequency == pytest.approx(4.0, rel=RECOVERED)
-    assert roll.bandwidth == pytest.approx(4.0, rel=RECOVERED)
-    assert roll.delay == pytest.approx(0.05, abs=DELAY_RECOVERED)
-    assert load.natural_frequency == pytest.approx(8.0, rel=RECOVERED)
-    assert load.damping == pytest.approx(0.6, rel=RECOVERED)
-    assert load.delay == pytest.approx(0.12, abs=DELAY_RECOVERED)
+    for found, true in zip(condition.lags, lags, strict=True):
+        assert found.order == true.order
+        for name in ("natural_frequency", "damping", "lag", "bandwidth"):
+            assert getattr(found, name) == pytest.approx(getattr(true, name), rel=RECOVERED)
+        assert found.delay == pytest.approx(true.delay, abs=DELAY_RECOVERED)
     # The manoeuvre that was not used for the fit is explained.
-    assert min(channel.fit_percent for channel in found.channels.values()) > 99.9
-
-
-@pytest.mark.slow
-def test_recovers_a_third_order_lag():
-    plant = partial(
-        SyntheticPlant, third_order(9.0, 0.5, 0.3, 0.02), third_order(6.0, 0.8, 0.1, 0.0)
-    )
-
-    lag = identify_plant(plant, LEVEL, LIMITS).condition.lags[0]
-
-    assert lag.order == 3
-    assert (lag.natural_frequency, lag.damping, lag.lag) == pytest.approx(
-        (9.0, 0.5, 0.3), rel=RECOVERED
-    )
-    assert lag.delay == pytest.approx(0.02, abs=DELAY_RECOVERED)
+    assert min(channel.fit_percent for channel in condition.channels.values()) > 99.9
 
 
 def test_the_same_seed_gives_the_same_excitation_and_another_one_another():
@@ -139,34 +130,24 @@ def test_excitations_stay_inside_the_limits(changes):
 
 
 def test_an_aircraft_that_takes_no_excitation_says_why():
-    plant = partial(SyntheticPlant, first_order(4.0, 0.0), first_order(8.0, 0.0), largest=1e-6)
+    plant = partial(SyntheticPlant, transfer(FIRST), transfer(SECOND), largest=1e-6)
 
     with pytest.raises(ft.loop.PlantError, match=r"0\.125 .*rolled to"):
         respond(plant, LEVEL, check_manoeuvre(LIMITS))
 
 
-@pytest.mark.parametrize(
-    ("lag", "transfer"),
-    [
-        (ft.loop.InnerLag(order=1, natural_frequency=3.0, delay=0.025), first_order(3.0, 0.025)),
-        (
-            ft.loop.InnerLag(order=3, natural_frequency=7.0, damping=0.4, lag=0.2, delay=0.1),
-            third_order(7.0, 0.4, 0.2, 0.1),
-        ),
-    ],
-)
-def test_prediction_in_time_is_what_scipy_simulates(lag, transfer):
+@pytest.mark.parametrize("lag", [FIRST, THIRD], ids=["first order", "third order"])
+def test_prediction_in_time_is_what_scipy_simulates(lag):
     t = np.arange(0.0, 8.0, DT)
     command = np.sin(0.7 * t) + (t > 2.0)
-    num, den, delay = transfer
+    num, den, delay = transfer(lag)
     fine = np.arange(0.0, 8.0, FINE)
     held = command[np.clip(np.floor((fine - delay) / DT + 1e-6).astype(int), 0, None)]
     A, B, C, D, _ = signal.cont2discrete(signal.tf2ss(num, den), FINE)
     _, flown, _ = signal.dlsim((A, B, C, D, FINE), held)
 
-    assert lag_response(lag, DT, command, 0.0) == pytest.approx(
-        flown[:: round(DT / FINE), 0], abs=EXACT
-    )
+    every = round(DT / FINE)
+    assert lag_response(lag, DT, command, 0.0) == pytest.approx(flown[::every, 0], abs=EXACT)
 
 
 @pytest.fixture(scope="module")
