@@ -40,7 +40,7 @@ from flighttune.flight.load import load_scenario as load_scenario
 from flighttune.flight.route import PlannedRoute as PlannedRoute
 from flighttune.flight.route import route as route
 from flighttune.gaps.gap import Gap as Gap
-from flighttune.gaps.ladder import gap as gap
+from flighttune.gaps.gap import gap as gap
 from flighttune.identification.design import design as design
 from flighttune.logs.identify import identify as identify
 from flighttune.logs.log import load_log as load_log

@@ -15,7 +15,7 @@ from flighttune.present.answer import Answer
 
 
 @of(
-    "gaps.ladder:gap",
+    "gaps.gap:gap",
     scenario={"metavar": "SCENARIO|LOG", "autocompletion": scenario_files},
     name=None,
     out="Folder to write to [default: runs/NAME-gap; of a log without its part].",

@@ -26,8 +26,9 @@ from flighttune.logs.log import Columns
 from flighttune.plants.base import FlightCondition, Plant
 from flighttune.plants.jsbsim.plant import DEEPEST_GROUND, JSBSimPlant
 from flighttune.plants.point_mass import PointMassPlant
-from flighttune.present.answer import Answer, Answering, Column, Table
+from flighttune.present.answer import Answer, Answering, Column, Table, pick
 from flighttune.present.chart import DASHED, Chart, Sheet
+from flighttune.present.names import columns as columns_by
 from flighttune.present.palette import HUES, INK, NEUTRAL, PLANTS
 from flighttune.simulate.run import Run
 from flighttune.units import DEG, DEG_PER_RAD
@@ -109,22 +110,16 @@ PlantMaker: TypeAlias = Callable[[Mapping[str, float]], Plant]
 
 RUNG_COLUMNS = [
     Column("flown", "commands flown on"),
-    Column("chi", "chi", "deg", ".2f", 1.0 / DEG),
-    Column("gamma", "gamma", "deg", ".2f", 1.0 / DEG),
-    Column("phi", "phi", "deg", ".2f", 1.0 / DEG),
+    *(Column(name, name, "deg", ".2f", 1.0 / DEG) for name in ("chi", "gamma", "phi")),
     Column("n_z", "n_z", "1", ".3f"),
     Column("tail", "V_g - V_a", "m/s", ".2f"),
     Column("nose", "nose", "deg", ".2f", 1.0 / DEG),
 ]
-CAUSE_COLUMNS = [
-    Column("cause", "cause"),
-    Column("alone_percent", "explains alone", "%", ".1f"),
-    Column("without_percent", "left without it", "%", ".1f"),
-]
+CAUSE_COLUMNS = columns_by("cause alone_percent without_percent")
 FACTOR_COLUMNS = [
     Column("title", "factor"),
     Column("value", "value", "", ".3f", ends=("low", "high")),
-    Column("unit", "unit"),
+    *columns_by("unit"),
 ]
 PART_COLUMNS = [Column("from_s", "from", "s", ".1f"), *RUNG_COLUMNS[1:]]
 
@@ -180,9 +175,9 @@ class LogGap(Answering):
             for name, (alone, without) in self.causes.items()
         ]
         factors = [
-            {"factor": name, "title": FACTORS[name].title, "unit": FACTORS[name].unit}
-            | dict(zip(("value", "low", "high"), values, strict=True))
-            for name, values in self.factors.items()
+            {"factor": name, **pick(FACTORS[name], "title unit")}
+            | {"value": value, "low": low, "high": high}
+            for name, (value, low, high) in self.factors.items()
         ]
         parts = [
             {"from_s": float(start), **{k: _rms(v[i]) for k, v in apart[self.aircraft].items()}}
@@ -235,11 +230,7 @@ class LogGap(Answering):
 
 
 def log_gap(
-    log: str | Path | Run,
-    aircraft: str | Path,
-    *,
-    columns: Columns = (),
-    progress: Progress | None = None,
+    log: str | Path | Run, aircraft: str | Path, columns: Columns, progress: Progress | None
 ) -> LogGap:
     """Fly the commands of a log on an aircraft or identified model; explain the difference."""
     run = log if isinstance(log, Run) else load_one(log, A_LOG, LOG, columns=columns)
@@ -304,14 +295,15 @@ class _Flights:
                 names = ", ".join(name for names in DAMPING for name in names)
                 self._leave("damping", why=f"{self.label} has no aerodynamics named {names}")
         if "n_z" not in self.logged:
-            why = "without load-factor commands the log's load factor is flown"
-            self._leave("n_z_late", why=why)
+            self._leave(
+                "n_z_late", why="without load-factor commands the log's load factor is flown"
+            )
         if "h" not in run.signals:
             self.notes.append(f"The log has no height: the air is that at {NO_HEIGHT:g} m.")
-        if "V_a" not in run.signals:
-            self._leave("wind_north", "wind_east", why="the log has no airspeed")
-        elif np.ptp(self.logged["chi"]) < TURNED:
+        why = "" if "V_a" in run.signals else "the log has no airspeed"
+        if not why and np.ptp(self.logged["chi"]) < TURNED:
             why = f"the course changes by less than {TURNED * DEG_PER_RAD:g} deg"
+        if why:
             self._leave("wind_north", "wind_east", why=why)
         self._keep_flyable()
 

@@ -136,46 +136,41 @@ def dt_of(run: Run) -> float:
     return run.duration / (len(run.signals) - 1)
 
 
-class _Terms:
-    """Terms over the samples of a run; gaps of a log keep the value before them."""
-
-    def __init__(self, run: Run) -> None:
-        self.dt = dt_of(run)
-        self._signals = run.signals
-        self._known: dict[str, FloatArray] = {"1": np.ones(len(run.signals))}
-
-    def _quantity(self, name: str) -> FloatArray:
-        if name not in self._known:
-            function, signals = QUANTITIES.get(name, (np.positive, name))
-            taken = (self._signals[x].ffill().bfill().to_numpy(float) for x in signals.split())
-            self._known[name] = function(*taken)
-        return self._known[name]
-
-    def of(self, text: str) -> FloatArray:
-        """Values of a term behind its lag, shape (n,)."""
-        total, rates = np.ones(len(self._signals)), False
-        for operation, rate, name in FACTOR.findall(text):
-            factor = self._quantity(name)
-            if rate:
-                factor, rates = (factor - lagged(factor, self.dt, LAG_S)) / LAG_S, True
-            total = total / factor if operation == "/" else total * factor
-        return total if rates else lagged(total, self.dt, LAG_S)
-
-
 @np.errstate(divide="ignore", invalid="ignore")
 def columns_of(models: Sequence[SignalModel], run: Run, from_s: float = 0.0) -> list[FloatArray]:
-    """The terms of each model and last its target, from a time on, shape (terms + 1, n) each."""
+    """The terms of each model and last its target, from a time on, shape (terms + 1, n) each.
+
+    Gaps of a log keep the value before them.
+    """
     if not run.duration > from_s:
         raise InputError(f"{run.label}: must be over {from_s:g} s long, got {run.duration:.1f} s.")
-    terms, columns = _Terms(run), []
+    dt, columns = dt_of(run), []
+    known = {"1": np.ones(len(run.signals))}
+
+    def quantity(name: str) -> FloatArray:
+        if name not in known:
+            function, signals = QUANTITIES.get(name, (np.positive, name))
+            taken = (run.signals[x].ffill().bfill().to_numpy(float) for x in signals.split())
+            known[name] = function(*taken)
+        return known[name]
+
+    def term(text: str) -> FloatArray:
+        total, rates = known["1"], False
+        for operation, rate, name in FACTOR.findall(text):
+            factor = quantity(name)
+            if rate:
+                factor, rates = (factor - lagged(factor, dt, LAG_S)) / LAG_S, True
+            total = total / factor if operation == "/" else total * factor
+        return total if rates else lagged(total, dt, LAG_S)
+
     for model in models:
-        column = np.array([terms.of(text) for text in (*model.terms, model.target)])
+        column = np.array([term(text) for text in (*model.terms, model.target)])
         if not np.isfinite(column).all():
             raise InputError(
                 f"{run.label}: {', '.join(sorted(model.signals))} must be finite, and an airspeed "
                 "positive; LOG@airborne and LOG@START:END are parts of a log."
             )
-        columns.append(column[:, round(from_s / terms.dt) :])
+        columns.append(column[:, round(from_s / dt) :])
     return columns
 
 

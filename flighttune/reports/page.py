@@ -17,8 +17,7 @@ from flighttune.flight.conditions import reference_of, stated_condition
 from flighttune.flight.expectations import check_claim
 from flighttune.flight.flown import advice
 from flighttune.flight.models import tuning_problem
-from flighttune.gaps.gap import Gap, step_table
-from flighttune.gaps.ladder import explain_flight
+from flighttune.gaps.gap import Gap, explain_flight, step_table
 from flighttune.gaps.watch import score_so_far
 from flighttune.present.answer import Answer, Table, facts_table
 from flighttune.present.chart import Chart

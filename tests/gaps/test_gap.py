@@ -25,6 +25,18 @@ def changed(name, **tables):
     return ft.scenario_from(ft.load_scenario(name).as_dict() | tables)
 
 
+@pytest.fixture(scope="module")
+def paper_gap():
+    """The paper's manoeuvre, explained once for all tests."""
+    return ft.gap(ft.load_scenario("paper"), ft.PAPER_GAINS, name="paper")
+
+
+@pytest.fixture(scope="module")
+def windy_gap():
+    air = {"wind": {"speed_mps": 8.0, "from_deg": 270.0}, "turbulence": {"intensity": "moderate"}}
+    return ft.gap(changed("level_turn", **air), ft.PAPER_GAINS, name="paper")
+
+
 def test_the_rungs_go_from_the_papers_law_to_the_aircraft(paper_gap):
     assert (paper_gap.status, paper_gap.reason, paper_gap.failed) == ("explained", "", {})
     assert [run.provenance.plant for run in paper_gap.runs] == RUNGS
