@@ -7,6 +7,7 @@ equation ``J(0)' P + P J(0) + I = 0``, so that epsilon at the origin is one.
 import math
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import product
 
 import numpy as np
 import numpy.typing as npt
@@ -188,6 +189,8 @@ def along_the_motion(model: Duffing) -> FloatArray:
 class DuffingCases:
     """Figure 3, computed when asked for."""
 
+    model = Duffing(**printed.DUFFING_A)  # that of (a)
+
     @cached_property
     def noise(self) -> FloatArray:
         """Disturbance of all runs, shape (intervals, runs)."""
@@ -196,22 +199,14 @@ class DuffingCases:
         return generator.uniform(-L_d, L_d, size=(INTERVALS, printed.DUFFING_RUNS))
 
     @cached_property
-    def model(self) -> Duffing:
-        """The oscillator of figure 3 (a)."""
-        return Duffing(**printed.DUFFING_A)
-
-    @cached_property
-    def noisy(self) -> DuffingCase:
-        """Figure 3 (a) under the assumed noise."""
-        return DuffingCase(self.model, self.noise)
-
-    @cached_property
-    def hard(self) -> dict[str, DuffingCase]:
-        """Figure 3 (a) under the hard end of what the bound allows, by name."""
-        return {
-            "constant L_d": DuffingCase(self.model, np.full((INTERVALS, 1), printed.DUFFING_L_D)),
-            "along the motion": DuffingCase(self.model, along_the_motion(self.model)),
+    def disturbed(self) -> dict[str, DuffingCase]:
+        """Figure 3 (a) under the assumed noise, and the hard end of what the bound allows."""
+        pushes = {
+            "noise": self.noise,
+            "constant L_d": np.full((INTERVALS, 1), printed.DUFFING_L_D),
+            "along the motion": along_the_motion(self.model),
         }
+        return {name: DuffingCase(self.model, d) for name, d in pushes.items()}
 
     @cached_property
     def undisturbed(self) -> DuffingCase:
@@ -242,9 +237,8 @@ class DuffingCases:
     def slowest_decay(self) -> float:
         """Smallest rate at which |f| really decays over R(f), on a grid of alpha and delta."""
         ratios = []
-        for alpha in (0.1, 0.2, 0.5, 1.0, 2.0, 5.0):
-            for delta in (0.2, 0.5, 1.0, 1.5, 3.0):
-                model = Duffing(alpha=alpha, beta=0.0, delta=delta)
-                abscissa = float(np.linalg.eigvals(model.jacobian(np.zeros(2))).real.max())
-                ratios.append(-abscissa / model.bound(1.0)[0])
+        for alpha, delta in product((0.1, 0.2, 0.5, 1.0, 2.0, 5.0), (0.2, 0.5, 1.0, 1.5, 3.0)):
+            model = Duffing(alpha=alpha, beta=0.0, delta=delta)
+            abscissa = float(np.linalg.eigvals(model.jacobian(np.zeros(2))).real.max())
+            ratios.append(-abscissa / model.bound(1.0)[0])
         return min(ratios)

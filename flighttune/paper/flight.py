@@ -1,7 +1,6 @@
 """One flight of the paper's continuous loop, its measures, and the commands it begins with."""
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal, NamedTuple
@@ -63,9 +62,32 @@ class PaperFlight:
 
     @cached_property
     def measures(self) -> pd.DataFrame:
-        """The paper's measures over the printed 20 s, one row per channel."""
-        inside = self.t <= printed.DURATION + 0.5 * SAMPLE
-        return measures(self.t[inside], {name: x[inside] for name, x in self.channels.items()})
+        """The paper's measures over the printed 20 s: a row per channel, a column per measure.
+
+        Notes
+        -----
+        ITAE is the integral of ``t |x|`` by the trapezoidal rule; MO the largest value of x and PT
+        its time (the errors begin below zero and overshoot upwards); MS and ST the mean and
+        standard deviation over the last quarter; mean and std those over the whole time; energy the
+        integral of x^2. ``_rad`` is rad/s for rates. Section 5.2 of arXiv 2411.13140, in words.
+        """
+        inside, rows = self.t <= printed.DURATION + 0.5 * SAMPLE, {}
+        t = self.t[inside]
+        late = t >= 0.75 * t[-1]
+        for name, signal in self.channels.items():
+            x = signal[inside]
+            peak = int(np.argmax(x))
+            rows[name] = {
+                "ITAE": float(np.trapezoid(t * np.abs(x), t)),
+                "MO_rad": max(0.0, float(x[peak])),
+                "PT_s": float(t[peak]),
+                "MS_rad": float(np.mean(x[late])),
+                "ST_rad": float(np.std(x[late])),
+                "mean": float(np.mean(x)),
+                "std": float(np.std(x)),
+                "energy": float(np.trapezoid(x**2, t)),
+            }
+        return pd.DataFrame.from_dict(rows, orient="index")
 
     def peak(self, channel: str) -> tuple[float, float]:
         """Maximum overshoot in rad and peak time in s of a channel."""
@@ -94,27 +116,6 @@ class PaperFlight:
         return not self.reason and bool(np.max(np.abs(self.error[late])) < NEAR)
 
 
-def fly(
-    gains: PIGains,
-    disturbance: Sinusoid | None,
-    *,
-    limits: Limits | None = None,
-    conditional: bool = False,
-    duration: float = printed.DURATION,
-) -> PaperFlight:
-    """Fly the paper's manoeuvre for `duration` seconds.
-
-    By default under the printed ranges without rate limits, as the paper must have flown, and
-    without the conditional anti-windup that it does not have.
-    """
-    limits = printed.printed_ranges() if limits is None else limits
-    loop = ContinuousLoop(gains, limits, conditional=conditional, disturbance=disturbance)
-    t = np.arange(round(duration / SAMPLE) + 1, dtype=np.float64) * SAMPLE
-    signals, reason = integrate(loop, t)
-    # `integrate` has the signals in the order of the fields.
-    return PaperFlight(t[: len(signals)], *signals.transpose(1, 0, 2), reason=reason)
-
-
 def oscillations(x: FloatArray) -> int:
     """Number of times a signal crosses zero."""
     signs = np.sign(x)
@@ -127,70 +128,31 @@ def decay_rate(t: FloatArray, norm: FloatArray) -> float:
     return -float(np.polyfit(seconds, np.log(norms), 1)[0]) if len(norms) > 2 else math.nan
 
 
-def measures(t: FloatArray, signals: Mapping[str, FloatArray]) -> pd.DataFrame:
-    """The paper's measures: a row per signal, a column per measure; ``_rad`` is rad/s for rates.
+def initial_commands(gains: PIGains) -> pd.DataFrame:
+    """Both commands and their rates at the first instant, ``phi``, ``phi rate`` and so on.
 
-    Every signal should go to zero; `t` is equally spaced, from zero.
-
-    Notes
-    -----
-    ITAE is the integral of ``t |x|`` by the trapezoidal rule; MO the largest value of x and PT its
-    time (the errors of the paper begin below zero and overshoot upwards); MS and ST the mean and
-    standard deviation over the last quarter; mean and std those over the whole time; energy the
-    integral of x^2. Section 5.2 of arXiv 2411.13140, in words.
-    """
-    late = t >= 0.75 * t[-1]
-    rows = {}
-    for name, x in signals.items():
-        peak = int(np.argmax(x))
-        rows[name] = {
-            "ITAE": float(np.trapezoid(t * np.abs(x), t)),
-            "MO_rad": max(0.0, float(x[peak])),
-            "PT_s": float(t[peak]),
-            "MS_rad": float(np.mean(x[late])),
-            "ST_rad": float(np.std(x[late])),
-            "mean": float(np.mean(x)),
-            "std": float(np.std(x)),
-            "energy": float(np.trapezoid(x**2, t)),
-        }
-    return pd.DataFrame.from_dict(rows, orient="index")
-
-
-class LimitUse(NamedTuple):
-    """A command, or its rate, and the range printed for it."""
-
-    value: float
-    lower: float
-    upper: float
-
-    @property
-    def share(self) -> float:
-        """Value as a share of the limit on its side; above one it breaks that limit."""
-        return self.value / (self.upper if self.value > 0.0 else self.lower)
-
-
-def initial_commands(gains: PIGains) -> dict[str, LimitUse]:
-    """Both commands and their rates at the first instant, by name (``phi``, ``phi rate``, ...).
+    Each with its value, the `lower` and `upper` end of its printed range, and the value as a share
+    of the end on its side: above one it breaks that limit.
 
     Notes
     -----
     ``u(t_0) = K (x_0; x_0 dt)`` and ``u'(t_0) = K (0; x_0)`` of section 4.4 with dt = 0.1 s.
     """
-    x_0, limits = printed.E_0, printed.printed_limits()
-    u = gains.K @ np.concatenate([x_0, x_0 * printed.OPTIMISATION_DT])
-    u_dot = gains.K @ np.concatenate([np.zeros(2), x_0])
-    uses = {}
-    for i, name in enumerate(("phi", "n_z")):
-        ranges = u[i], limits.lower[i], limits.upper[i]
-        rates = u_dot[i], limits.rate_lower[i], limits.rate_upper[i]
-        uses[name] = LimitUse(*map(float, ranges))
-        uses[f"{name} rate"] = LimitUse(*map(float, rates))
-    return uses
+    x_0, limits, nothing = printed.E_0, printed.printed_limits(), np.zeros(2)
+    states = np.concatenate([x_0, x_0 * printed.OPTIMISATION_DT]), np.concatenate([nothing, x_0])
+    rows = {
+        "value": np.column_stack([gains.K @ state for state in states]).ravel(),
+        "lower": np.column_stack([limits.lower, limits.rate_lower]).ravel(),
+        "upper": np.column_stack([limits.upper, limits.rate_upper]).ravel(),
+    }
+    table = pd.DataFrame(rows, index=pd.Index(["phi", "phi rate", "n_z", "n_z rate"]))
+    limit = np.where(table["value"] > 0.0, table["upper"], table["lower"])
+    return table.assign(share=table["value"] / limit)
 
 
 def largest_share(gains: PIGains) -> float:
     """Largest share of a limit among `initial_commands`; at most one where all limits hold."""
-    return max(use.share for use in initial_commands(gains).values())
+    return float(initial_commands(gains)["share"].max())
 
 
 class Moving(NamedTuple):
@@ -345,13 +307,22 @@ class ContinuousLoop:
         self._moving[i] = Moving(speed, side, bound)
 
 
-def integrate(loop: ContinuousLoop, times: FloatArray) -> tuple[FloatArray, str]:
-    """Fly a loop that was not flown before, and report at `times`, which rise from 0.
+def fly(
+    gains: PIGains,
+    disturbance: Sinusoid | None,
+    *,
+    limits: Limits | None = None,
+    conditional: bool = False,
+    duration: float = printed.DURATION,
+) -> PaperFlight:
+    """Fly the paper's manoeuvre for `duration` seconds.
 
-    The rows, shape (k or fewer, 6, 2), hold state (chi, gamma), error, its rate, command after the
-    limits, before them, and integral part. The reason says why the flight ended before its time; it
-    is empty where it did not.
+    By default under the printed ranges without rate limits, as the paper must have flown, and
+    without the conditional anti-windup that it does not have.
     """
+    limits = printed.printed_ranges() if limits is None else limits
+    loop = ContinuousLoop(gains, limits, conditional=conditional, disturbance=disturbance)
+    times = np.arange(round(duration / SAMPLE) + 1, dtype=np.float64) * SAMPLE
 
     def lost(_: float, y: FloatArray) -> float:
         return LOST - np.max(np.abs(y[:2]))
@@ -388,4 +359,6 @@ def integrate(loop: ContinuousLoop, times: FloatArray) -> tuple[FloatArray, str]
         else:
             t, y = min(ends, key=lambda end: end[0])
             loop.switch(t, y)
-    return np.concatenate(parts), reason
+    signals = np.concatenate(parts)
+    # The signals of a part are in the order of the fields.
+    return PaperFlight(times[: len(signals)], *signals.transpose(1, 0, 2), reason=reason)

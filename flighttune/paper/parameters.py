@@ -11,6 +11,7 @@ from itertools import product
 
 import numpy as np
 
+from flighttune.arrays import FloatArray
 from flighttune.control.limits import Limits
 from flighttune.simulate.disturbance import Sinusoid
 
@@ -32,9 +33,6 @@ OPTIMISATION_DT = 0.1
 # Error at the start, rad.
 E_0 = np.array([CHI_C - CHI_0, GAMMA_C - GAMMA_0])
 
-# Section 5.2: indicators printed below K*.
-R_K_PRINTED, I_K_PRINTED = 0.4427, 4.9244
-
 # Table 2: R_K and I_K as printed.
 TABLE_2: dict[str, tuple[float, float]] = {
     "K1": (0.7742, 7.873),
@@ -45,18 +43,15 @@ TABLE_2: dict[str, tuple[float, float]] = {
     "K6": (0.2192, 8.258),
 }
 
-# One unit of the last digit of R_K and of I_K in Table 2.
-LAST_DIGITS = 1e-4, 1e-3
+# Name of the printed optimum among the families.
+STAR = "K*"
 
-# One unit of the last digit of both indicators printed below K*.
-STAR_LAST_DIGIT = 1e-4
+# R_K and I_K as printed: the rows of Table 2, and the line below K* of section 5.2.
+INDICATORS = {**TABLE_2, STAR: (0.4427, 4.9244)}
 
 # Section 5.2.1: what the overshoots in rad and their times in s are said not to exceed.
 LARGEST_OVERSHOOT = {"chi": 0.8, "gamma": 0.4}
 LARGEST_PEAK_TIME = 4.0
-
-# Name of the printed optimum among the families.
-STAR = "K*"
 
 # Table 3: amplitude L_d in rad/s and angular frequency omega_d in rad/s of both channels.
 TABLE_3: dict[str, tuple[float, float]] = {
@@ -70,7 +65,12 @@ PRINTED_DISTURBANCE = "d2"
 AFTERWARDS = 40.0
 
 # Assumed: bound on I_K of the optimisation model; the printed optimum must satisfy it.
-I_STAR = I_K_PRINTED
+I_STAR = INDICATORS[STAR][1]
+
+
+def last_digits(name: str) -> FloatArray:
+    """One unit of the last printed digit of R_K and of I_K of a gain set."""
+    return np.array([1e-4, 1e-4 if name == STAR else 1e-3])
 
 
 def printed_limits() -> Limits:

@@ -1,6 +1,8 @@
 """The paper reproduced in a folder: figures, tables, texts, page and errata.
 
-The text of the errata is in ``errata.toml``; `numbers` computes what its braces name.
+Items are described in ``items.toml``. To add one, describe it there, and put the function that
+makes it, under its name, into a module of ``items``. The text of the errata is in ``errata.toml``;
+`numbers` computes what its braces name.
 """
 
 import math
@@ -14,12 +16,14 @@ from typing import Any
 import numpy as np
 
 from flighttune.control.linear_model import closed_loop, disturbance_entry
+from flighttune.errors import InputError
+from flighttune.files.shipped import nearest_name
 from flighttune.files.whole import write_text
 from flighttune.paper import parameters as printed
 from flighttune.paper.claims import CLAIMS, VERDICTS, Finding, judge, text_of
 from flighttune.paper.flight import initial_commands, largest_share
-from flighttune.paper.items import ITEMS, Item, chosen
-from flighttune.paper.items.base import Made
+from flighttune.paper.items import flights, theory
+from flighttune.paper.items.base import Item, Made
 from flighttune.paper.parameters import STAR
 from flighttune.paper.study import Study
 from flighttune.present.answer import Answer, Answering, Column, Table, pick
@@ -34,7 +38,10 @@ TITLE = (
 
 COLUMNS = Column("where", "where"), Column("printed", "printed"), Column("holds", "what holds")
 
-ERRATA = Path(__file__).with_name("errata.toml")
+ERRATA, DESCRIBED = (
+    tomllib.loads(Path(__file__).with_name(name).read_text(encoding="utf-8"))
+    for name in ("errata.toml", "items.toml")
+)
 
 HEAD = """# Errata of arXiv 2411.13140
 
@@ -42,6 +49,9 @@ HEAD = """# Errata of arXiv 2411.13140
 and computation disagree, both are given. `flighttune reproduce` makes this file anew from the
 printed parameters.
 """
+
+# Functions by name: an item is made by that of its own name.
+MAKERS = {**vars(theory), **vars(flights)}
 
 # Verdicts in the order in which the page lists its claims.
 READ_FIRST = ("not reproduced", "partly", "reproduced", "not checkable")
@@ -81,6 +91,20 @@ class Reproduction(Answering):
         )
 
 
+def _item(name: str, entry: dict[str, Any]) -> Item:
+    """An item with its maker, and the words of the parameters and assumptions that it names."""
+    assumptions = [DESCRIBED["assumption"][key].items() for key in entry["assumed"]]
+    words = {
+        "parameters": [DESCRIBED["parameter"][key] for key in entry["parameters"]],
+        "assumed": [{k: text.format(**vars(printed)) for k, text in x} for x in assumptions],
+    }
+    return Item(name=name, make=MAKERS[name], **entry | words)
+
+
+# By name, in the order of the paper.
+ITEMS = {name: _item(name, entry) for name, entry in DESCRIBED["item"].items()}
+
+
 def reproduce(
     names: Sequence[str] = (),
     out: str | Path = "runs/reproduce",
@@ -89,15 +113,18 @@ def reproduce(
     progress: Progress | None = None,
 ) -> Reproduction:
     """Make items of the paper, all by default, and judge every claim."""
-    chosen_items, tell = chosen(names), progress or (lambda *_: None)
+    for name in names:
+        if name not in ITEMS:
+            near = nearest_name(name, ITEMS)
+            raise InputError(f"`ITEM` must be one of {', '.join(ITEMS)}, got {name}{near}")
     study, folder = Study() if study is None else study, Path(out)
-    items = []
-    for k, item in enumerate(chosen_items):
-        tell("items", k / len(chosen_items))
-        output = item.make(study)
-        items.append((item, output, _written(item, output, folder)))
+    chosen, tell = [x for x in ITEMS if x in names or not names], progress or (lambda *_: None)
+    items, findings = [], []
+    for k, name in enumerate(chosen):
+        tell("items", k / len(chosen))
+        output = ITEMS[name].make(study)
+        items.append((ITEMS[name], output, _written(ITEMS[name], output, folder)))
     tell("items", 1.0)
-    findings = []
     for k, name in enumerate(CLAIMS):
         tell("claims", k / len(CLAIMS))
         findings.append(judge(name, study))
@@ -133,13 +160,9 @@ def _written(item: Item, output: Made, folder: Path) -> list[Path]:
 
 def errata(study: Study) -> list[Table]:
     """All errata by part, in the order of ``errata.toml``: where, what is printed, what holds."""
-    named = numbers(study)
-    tables = []
-    for part, entries in tomllib.loads(ERRATA.read_text(encoding="utf-8")).items():
-        records = [
-            {column.key: entry[column.key].format(**named) for column in COLUMNS}
-            for entry in entries
-        ]
+    named, tables = numbers(study), []
+    for part, entries in ERRATA.items():
+        records = [{k: text.format(**named) for k, text in entry.items()} for entry in entries]
         tables.append(Table(title=part, columns=COLUMNS, records=records))
     return tables
 

@@ -1,7 +1,7 @@
 """Everything the items, claims and errata are made from, computed once and when needed."""
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 import pandas as pd
 
@@ -63,15 +63,13 @@ class Study:
     @cached_property
     def readings(self) -> dict[str, PaperFlight]:
         """The manoeuvre with K* under each reading of the limits."""
-        wave = printed.disturbance(printed.PRINTED_DISTURBANCE)
+        flown = partial(fly, self.star, printed.disturbance(printed.PRINTED_DISTURBANCE))
         table = printed.printed_limits()
         return {
-            "ranges only": fly(self.star, wave),
-            "ranges and rate limits": fly(self.star, wave, limits=table),
-            "with rate limits and anti-windup": fly(
-                self.star, wave, limits=table, conditional=True
-            ),
-            "no limits": fly(self.star, wave, limits=Limits.none(2)),
+            "ranges only": self.flights[printed.STAR],
+            "ranges and rate limits": flown(limits=table),
+            "with rate limits and anti-windup": flown(limits=table, conditional=True),
+            "no limits": flown(limits=Limits.none(2)),
         }
 
     @cached_property
@@ -108,8 +106,7 @@ class Study:
 
     def of_gains(self, channel: str, measure: str) -> pd.Series:
         """One measure of one channel over the gain sets, by R_K from high to low."""
-        order = self.indicator("R_K").sort_values(ascending=False, kind="stable").index
-        return self.by_gains.xs(channel, level=1)[measure].loc[order]
+        return self.by_gains.xs(channel, level=1)[measure].loc[self.from_high_to_low]
 
     def of_disturbances(self, channel: str, measure: str) -> pd.DataFrame:
         """One measure of one channel: index L_d, columns omega_d.
@@ -129,8 +126,13 @@ class Study:
         return float((table.iloc[-1] - table.iloc[0]).abs().max())
 
     def indicator(self, name: str) -> pd.Series:
-        """R_K, I_K or spectral_abscissa of each gain set."""
+        """R_K, I_K, E_K or spectral_abscissa of each gain set."""
         return pd.Series({key: float(getattr(row, name)) for key, row in self.indicators.items()})
+
+    @cached_property
+    def from_high_to_low(self) -> list[str]:
+        """The gain sets by R_K."""
+        return [*self.indicator("R_K").sort_values(ascending=False, kind="stable").index]
 
 
 def rank_correlation(x: pd.Series, y: pd.Series) -> float:

@@ -1,38 +1,24 @@
-"""Common parts of the paper's figures: colours, labels, kinds of panel, and results of items."""
+"""Items of the paper: what is said of them, what they come to, and the parts of their figures."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, TypeAlias
 
 import numpy.typing as npt
 import pandas as pd
 
-from flighttune.paper.flight import PaperFlight
-from flighttune.paper.parameters import DURATION, STAR, TABLE_2
-from flighttune.present.chart import DASHED, DOTTED, Chart, LegendEntry, Sheet
+from flighttune.paper import parameters as printed
+from flighttune.paper.study import Study
+from flighttune.present.chart import Chart, LegendEntry, Sheet
 from flighttune.present.palette import HUES, INK
 
 STRONG = [strong for (strong, _), _ in HUES]
 CHI, GAMMA, GREEN, MAGENTA = STRONG[:4]  # the first two: course and path angle of one flight
 
 # A gain set has the same colour in the recording.
-GAIN_COLOURS = {STAR: INK, **dict(zip(TABLE_2, STRONG, strict=True))}
+GAIN_COLOURS = {printed.STAR: INK, **dict(zip(printed.TABLE_2, STRONG, strict=True))}
 
-AMPLITUDE_COLOURS = {0.1: CHI, 0.2: GREEN, 0.3: MAGENTA}
-OMEGA_DASHES = {0.1: "", 0.15: DASHED, 0.2: DOTTED}
-
-# Name, symbol and unit of each channel.
-CHANNEL_LABELS = {
-    "chi": ("course error", "e_χ", "rad"),
-    "gamma": ("path-angle error", "e_γ", "rad"),
-    "chi_dot": ("rate of the course error", "ė_χ", "rad/s"),
-    "gamma_dot": ("rate of the path-angle error", "ė_γ", "rad/s"),
-    "s_chi": ("course error and its rate", "s_χ", "rad"),
-    "s_gamma": ("path-angle error and its rate", "s_γ", "rad"),
-}
 INDICATOR_LABELS = {"R_K": "R_K [1/s]", "I_K": "I_K [s²]"}
-COMMAND_LABELS = {"roll": "φ [rad]", "load factor": "n_z [1]"}
-
 
 Look: TypeAlias = tuple[str, str]  # colour and dashes of a line
 
@@ -49,9 +35,35 @@ class Made:
     numbers: Mapping[str, Any] = field(default_factory=dict)
 
 
-def named(looks: Mapping[str, Look]) -> list[LegendEntry]:
-    """A legend of lines by their names."""
-    return [(name, *look) for name, look in looks.items()]
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Item:
+    """A table or figure of the paper that can be made again."""
+
+    name: str  # as on the command line: the label in the paper's source
+    title: str
+    printed: str  # where it stands in the paper
+    make: Callable[[Study], Made]  # from a study to the item as computed
+    parameters: list[str]  # the printed parameters used, a line each
+    # What the paper does not print: what is missing, what was taken instead, and why
+    assumed: list[dict[str, str]]
+    outcome: list[str]  # the results, a sentence each, with braces where `Made` has the numbers
+    captions: Mapping[str, str]  # captions of the figures by file name, with braces as well
+
+    def filled_in(self, text: str, output: Made) -> str:
+        """A caption or a sentence of the outcome with the numbers as computed."""
+        return text.format(printed=printed, values=output.values, **output.numbers)
+
+    def text(self, output: Made) -> str:
+        """The short text of the item, Markdown."""
+        assumed = ["{what}: {taken}. Why: {why}.".format(**choice) for choice in self.assumed]
+        parts = [f"# {self.name}: {self.title}\n\n{self.printed} of arXiv 2411.13140.\n"]
+        for title, lines in (
+            ("What comes out", [self.filled_in(line, output) for line in self.outcome]),
+            ("Parameters", self.parameters),
+            ("Assumed, because the paper does not print it", assumed or ["nothing"]),
+        ):
+            parts.append(f"## {title}\n\n" + "".join(f"- {line}\n" for line in lines))
+        return "\n".join(parts)
 
 
 def sheet(charts: Sequence[Chart], *, legend: Sequence[LegendEntry] = ()) -> Sheet:
@@ -62,33 +74,10 @@ def sheet(charts: Sequence[Chart], *, legend: Sequence[LegendEntry] = ()) -> She
     return Sheet(charts=charts, columns=min(len(charts), 2), legend=legend)
 
 
-def over_time(
-    flights: Mapping[str, PaperFlight],
-    looks: Mapping[str, Look],
-    channel: str,
-    *,
-    x_range: tuple[float, float] = (0.0, DURATION),
-    y_range: tuple[float, float] | None = None,
-) -> Chart:
-    """A channel of each flight over time, in the look of its name."""
-    name, symbol, unit = CHANNEL_LABELS[channel]
-    chart = Chart(title=name, y=f"{symbol} [{unit}]", x_range=x_range, y_range=y_range)
-    for label, flight in flights.items():
-        colour, dash = looks[label]
-        chart.line(flight.t, flight.channels[channel], colour, dash=dash, run=label)
-    return chart
-
-
 def marked_line(
-    chart: Chart,
-    x: npt.ArrayLike,
-    y: npt.ArrayLike,
-    colour: str,
-    *,
-    dash: str = "",
-    name: str = "",
-    run: str = "",
+    chart: Chart, x: npt.ArrayLike, y: npt.ArrayLike, look: Look, *, name: str = "", run: str = ""
 ) -> None:
     """Draw a line with a dot at each of its points, hollow on a dashed line."""
+    colour, dash = look
     chart.line(x, y, colour, dash=dash, name=name, run=run)
     chart.points(x, y, colour, filled=not dash)
