@@ -6,13 +6,12 @@ import re
 import shlex
 import shutil
 import sys
-from collections.abc import Iterable, Iterator, Mapping, Set
+from collections.abc import Iterable, Mapping, Set
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
-from xml.sax.saxutils import escape
 
 import numpy as np
 
@@ -43,6 +42,7 @@ from flighttune.plants.jsbsim.model_files import model_files, model_folders, sou
 from flighttune.plants.jsbsim.plant import JSBSimPlant, inner_loop_settings
 from flighttune.plants.sensors import Sensors
 from flighttune.present.answer import Answer, Answering, printable
+from flighttune.present.frame import page_template
 from flighttune.references.feasible import FeasibleReference
 from flighttune.references.follow import APPROACH, LEAST_SHARE, STEEPEST_DIVE
 from flighttune.references.segments import Reference
@@ -62,9 +62,7 @@ SAME_TIME = 1e-6
 # Departure from a straight line above which a sample of a reference has a row of its own.
 STRAIGHT = 1e-15
 
-_OUTER_LOOP, _SCRIPT, _README = (
-    Path(__file__).with_name(name) for name in ("outer_loop.xml", "flight.xml", "readme.md")
-)
+_OUTER_LOOP, _README = (Path(__file__).with_name(x) for x in ("outer_loop.xml", "readme.md"))
 
 # Commands of the outer loop, by the names of their rows, and what stands for no limit.
 _COMMANDS = {"phi": properties.PHI_CMD, "n_z": properties.N_Z_CMD, "n_x": properties.N_X_CMD}
@@ -135,11 +133,18 @@ def export_jsbsim(
     """Write a flight as files that JSBSim flies by itself, fly them, and compare with `fly`."""
     scenario.check_over_time("an export", airspeed=True)
     table = aircraft_table(scenario, plant)
-    for key in _not_in_script(scenario):
-        raise InputError(
-            f"`{key}` must be absent from a scenario that is exported: the only moving air in "
-            "JSBSim's script is a steady wind."
-        )
+    if weather := weather_of(scenario):
+        moves = {
+            "gust": weather.gust,
+            "turbulence": weather.turbulence,
+            "wind.level": weather.wind.varies,
+            "disturbance.as_wind": weather.oscillation,
+        }
+        for key in (key for key, moved in moves.items() if moved):
+            raise InputError(
+                f"`{key}` must be absent from a scenario that is exported: the only moving air in "
+                "JSBSim's script is a steady wind."
+            )
     aircraft_plant = plant_of(table, scenario)
     assert isinstance(aircraft_plant, JSBSimPlant)
     law, _ = scenario.law_of(name, gains)
@@ -177,11 +182,8 @@ def export_jsbsim(
         ElementTree.indent(tree)
         write_text(file, template_of(tree))
     write_text(aircraft / f"{START}.xml", _start(fdm))
-    failure = _failures(aircraft_plant.changes(), setup.dt, t_0, fdm.rate)
-    write_text(
-        folder / SCRIPT,
-        _script(scenario, setup, fdm, folders.name, t_0, values, declared, sampled, failure),
-    )
+    script = _script(scenario, setup, aircraft_plant, folders.name, t_0, values, declared, sampled)
+    write_text(folder / SCRIPT, script)
     # The console command takes no step from a script, and writes to its root.
     options = [f"--simulation-rate={fdm.rate!r}", f"--script={SCRIPT}"]
     at_folder = [f"--root={folder}", *options]
@@ -222,18 +224,6 @@ def export_jsbsim(
         verdict=verdict,
         same=not differs,
     )
-
-
-def _not_in_script(scenario: Scenario) -> Iterator[str]:
-    """Keys of moving air that the script does not have."""
-    if weather := weather_of(scenario):
-        moves = {
-            "gust": weather.gust,
-            "turbulence": weather.turbulence,
-            "wind.level": weather.wind.varies,
-            "disturbance.as_wind": weather.oscillation,
-        }
-        yield from (key for key, moved in moves.items() if moved)
 
 
 def _outer_loop(loop: OuterLoop, frames: int, *, airspeed: bool) -> Element:
@@ -387,16 +377,17 @@ def _start(fdm: Fdm) -> str:
 def _script(
     scenario: Scenario,
     setup: LawSetup,
-    fdm: Fdm,
+    plant: JSBSimPlant,
     model: str,
     t_0: float,
     values: Mapping[str, float],
     declared: Set[str],
     sampled: Mapping[str, FloatArray],
-    failure: str,
 ) -> str:
     """The script: the aircraft at rest with `values` until `t_0`, then the flight."""
-    t, half = _times(scenario, setup), 0.5 / fdm.rate
+    t, fdm = _times(scenario, setup), plant.fdm
+    assert fdm is not None
+    half = 0.5 / fdm.rate
     moving = {name: read() for name, (_, read) in fdm.integrators.items()}
     tanks = [name for name in fdm.names("propulsion/tank") if name.endswith("/contents-lbs")]
     at_start = {
@@ -407,10 +398,10 @@ def _script(
     }
     rates = _read(fdm, [f"ic/{axis}-rad_sec" for axis in "pqr"])
     undeclared = {name: value for name, value in values.items() if name not in declared}
-    at_rest = {**undeclared, **rates, **_read(fdm, WIND), **dict.fromkeys(moving, 0.0)}
-    return _SCRIPT.read_text(encoding="utf-8").format(
-        title=escape(printable(scenario.title), {'"': "&quot;"}),
-        model=escape(model),
+    bends = {name: np.abs(np.diff(values, 2)) > STRAIGHT for name, values in sampled.items()}
+    return page_template("flighttune.exports", "flight.xml.jinja").render(
+        title=printable(scenario.title),
+        model=model,
         start=START,
         end=t_0 + float(t[-1]),
         rate=fdm.rate,
@@ -418,79 +409,52 @@ def _script(
         shorter=0.999 / fdm.rate,
         longer=1.001 / fdm.rate,
         csv=CSV,
-        at_rest="\n".join(
-            f'<property value="{value!r}"> {name} </property>' for name, value in at_rest.items()
-        ),
-        t_0=t_0,
-        engines=_engines(fdm, values),
-        failure=failure,
+        at_rest={**undeclared, **rates, **_read(fdm, WIND), **dict.fromkeys(moving, 0.0)},
+        engines=_engine_events(fdm, values[properties.THROTTLE_TRIM]),
+        engine_count=fdm.config.engines.count,
+        failures=[
+            (name, t_0 + math.ceil(from_s / setup.dt - SAME_TIME) * setup.dt + half, value)
+            for from_s, name, value in plant.changes()
+        ],
         before=t_0 - half,
         after=t_0 + half,
         sample=setup.dt,
-        tanks=_sets(_read(fdm, tanks)),
-        at_start=_sets(at_start),
-        moving=_sets(moving),
-        references="\n".join(_reference(name, t, values) for name, values in sampled.items()),
+        tanks=_read(fdm, tanks),
+        at_start=at_start,
+        moving=moving,
+        # Rows on a straight line are left out.
+        references={
+            name: np.column_stack([t, values])[np.array([True, *bends[name], True])].tolist()
+            for name, values in sampled.items()
+        },
         g=G_0 / FT,
     )
 
 
-def _engines(fdm: Fdm, at_rest: Mapping[str, float]) -> str:
-    """Events that start the engines and settle them at the throttle of the trim, as `fly` does."""
-    if not (numbers := range(fdm.config.engines.count)):
-        return ""
-    lines = "\n".join(f"propulsion/engine[{i}]/set-running eq 0" for i in numbers)
-    stopped = f'<condition logic="OR"> {lines} </condition>'
+def _engine_events(
+    fdm: Fdm, throttle_trim: float
+) -> list[tuple[str, float, bool, Mapping[str, float]]]:
+    """Events that start the engines and settle them at the throttle of the trim, as `fly` does.
+
+    Each has a name, a time, whether an engine must have stopped, and values to set.
+    """
+    if not fdm.config.engines.count:
+        return []
     piston = fdm.has("propulsion/magneto_cmd")
     starting = STARTING if piston else 0.0
     events = []
     if piston:
         events += [
-            ("starter", 0.0, stopped, STARTER),
-            ("starter off", starting, "", {"propulsion/starter_cmd": 0.0}),
+            ("starter", 0.0, True, STARTER),
+            ("starter off", starting, False, {"propulsion/starter_cmd": 0.0}),
         ]
     # JSBSim's own start stops some propellers: it comes last.
-    events += [("engines that did not start", starting, stopped, {"propulsion/set-running": -1.0})]
+    events += [("engines that did not start", starting, True, {"propulsion/set-running": -1.0})]
     if settle := fdm.engine_settles:
         # Some propellers have two steady states at one throttle. The trim comes from full throttle.
-        trim = {properties.THROTTLE_TRIM: at_rest[properties.THROTTLE_TRIM]}
-        full = dict.fromkeys(trim, 1.0)
-        events += [("full throttle", 0.0, "", full), ("trim", starting + settle, "", trim)]
-    return "\n".join(
-        f'<event name="{name}"> <condition logic="AND"> simulation/sim-time-sec gt {after!r} '
-        f"{only_if} </condition> {_sets(values)} </event>"
-        for name, after, only_if, values in events
-    )
-
-
-def _failures(
-    changes: Iterable[tuple[float, str, float]], dt: float, t_0: float, rate: float
-) -> str:
-    """Events of what fails on the way, in the step after a sample as in `fly`."""
-    events = []
-    for from_s, name, value in changes:
-        samples = math.ceil(from_s / dt - SAME_TIME)
-        condition = f"simulation/sim-time-sec ge {t_0 + samples * dt + 0.5 / rate!r}"
-        events.append(
-            f'<event name="{name} changes"> <condition> {condition} </condition> '
-            f"{_sets({name: value})} </event>"
-        )
-    return "\n".join(events)
-
-
-def _reference(name: str, t: FloatArray, values: FloatArray) -> str:
-    """A property looked up by the time since the start; rows on a straight line are left out."""
-    bends = np.abs(np.diff(values, 2)) > STRAIGHT
-    rows = np.column_stack([t, values])[np.array([True, *bends, True])]
-    table = "\n".join(f"{key!r} {value!r}" for key, value in rows.tolist())
-    return (
-        f'<set name="{name}"> <function> <table> <independentVar> ft/outer/t-s </independentVar> '
-        f"<tableData>\n{table}\n</tableData> </table> </function> </set>"
-    )
-
-
-def _sets(values: Mapping[str, float]) -> str:
-    return "\n".join(f'<set name="{name}" value="{value!r}"/>' for name, value in values.items())
+        trims = (("full throttle", 0.0, 1.0), ("trim", starting + settle, throttle_trim))
+        events += [(name, t, False, {properties.THROTTLE_TRIM: x}) for name, t, x in trims]
+    return events
 
 
 def _parsed(file: Path) -> Element:
