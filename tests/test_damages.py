@@ -17,7 +17,7 @@ from fuzzing import EDGES, TEXTS, damaged, digit_changed, holder_of, places_in
 
 import flighttune as ft
 from flighttune.campaign import band as band_module
-from flighttune.files.value import tables_of
+from flighttune.files.table import tables_of
 from flighttune.tubes.enclosure import load_tube
 from tests.campaign.test_band import ALONE, count
 from tests.campaign.test_band import FEW as FEW_OF

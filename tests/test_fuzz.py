@@ -38,7 +38,7 @@ from flighttune.campaign.dataset import Dataset, open_dataset
 from flighttune.campaign.flying.rows import fly_runs
 from flighttune.control.margins import loop_margins
 from flighttune.files.shipped import campaign_files, scenario_files
-from flighttune.files.value import tables_of
+from flighttune.files.table import tables_of
 from flighttune.flight.load import route_scenario
 from flighttune.flight.models import law_model
 from flighttune.flight.route import planned_route

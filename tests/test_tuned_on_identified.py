@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import flighttune as ft
-from flighttune.files.value import tables_of
+from flighttune.files.table import tables_of
 from flighttune.flight.models import identified_problems
 from flighttune.theory.common import common_Q
 from flighttune.theory.indicators import scaled

@@ -12,7 +12,7 @@ import numpy as np
 from flighttune.arrays import FloatArray, check_positive, set_read_only
 from flighttune.control.linear_model import LinearModel
 from flighttune.errors import InputError
-from flighttune.files.value import STRICT, read, write
+from flighttune.files.table import STRICT, read, write
 from flighttune.present.answer import Answer, Answering, Column, Table, pick
 from flighttune.theory.exact import Verification
 from flighttune.theory.indicators import scaled

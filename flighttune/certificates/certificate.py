@@ -27,7 +27,7 @@ from flighttune.control.linear_model import (
     kinematic_model,
 )
 from flighttune.errors import InputError
-from flighttune.files.value import STRICT, read, write
+from flighttune.files.table import STRICT, read, write
 from flighttune.present.answer import Answer, Answering, Column, Table, pick, quoted
 from flighttune.present.names import columns, listed
 from flighttune.theory.decay import true_rate

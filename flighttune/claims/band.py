@@ -22,10 +22,9 @@ from flighttune.claims.fence import KEPT, NEAREST_COLUMNS, OVERLAP_SAMPLES, Fenc
 from flighttune.claims.shape import MAX_NUMBERS
 from flighttune.errors import InputError
 from flighttune.files.array import FLOAT, SINGLE, TEXT, check_shapes, read_arrays
+from flighttune.files.load import sealed_bytes
 from flighttune.files.mistakes import abridged
-from flighttune.files.seal import sealed_bytes
-from flighttune.files.table import json_object
-from flighttune.files.value import value_of
+from flighttune.files.table import json_object, value_of
 from flighttune.gaps.watch import MODELS, Alarm, Watch
 from flighttune.metrics import OFF_ROUTE
 from flighttune.present.answer import Answer, Table, number, pick, printable

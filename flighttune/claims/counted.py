@@ -20,7 +20,7 @@ from flighttune.control.gains import PIGains, gains_table
 from flighttune.control.law import split_name
 from flighttune.errors import InputError
 from flighttune.files.array import write_sealed
-from flighttune.files.value import STRICT, tables_of
+from flighttune.files.table import STRICT, tables_of
 from flighttune.flight.route import PlannedRoute, planned_route
 from flighttune.gaps.residual import ConformantModel
 from flighttune.gaps.watch import SignalModel

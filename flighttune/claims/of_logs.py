@@ -12,9 +12,8 @@ import numpy as np
 from flighttune.claims.count import flights_needed
 from flighttune.errors import InputError
 from flighttune.files.array import TEXT, read_arrays, write_sealed
-from flighttune.files.seal import sealed_bytes
-from flighttune.files.table import json_object
-from flighttune.files.value import STRICT, tables_of, value_of
+from flighttune.files.load import sealed_bytes
+from flighttune.files.table import STRICT, json_object, tables_of, value_of
 from flighttune.gaps.watch import (
     OF_LOGS,
     Alarm,

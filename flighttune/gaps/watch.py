@@ -15,7 +15,7 @@ import numpy as np
 
 from flighttune.arrays import FloatArray
 from flighttune.errors import InputError
-from flighttune.files.value import STRICT
+from flighttune.files.table import STRICT
 from flighttune.simulate.run import Run
 from flighttune.units import G_0
 

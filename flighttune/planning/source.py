@@ -7,8 +7,7 @@ from typing import Any
 
 from flighttune.arrays import check_not_negative
 from flighttune.errors import InputError
-from flighttune.files.load import kind_of
-from flighttune.files.seal import DATASET, SHOWN
+from flighttune.files.load import DATASET, SHOWN, kind_of
 from flighttune.files.shipped import campaign_files, scenario_files
 from flighttune.files.table import toml_tables
 from flighttune.flight.load import load_scenario

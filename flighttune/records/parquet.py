@@ -20,7 +20,7 @@ import pyarrow.parquet as pq
 from flighttune.arrays import FloatArray
 from flighttune.control.gains import PIGains
 from flighttune.errors import RecordingError
-from flighttune.files.seal import BLANK, file_bytes, seal, sealed_bytes
+from flighttune.files.load import BLANK, file_bytes, seal, sealed_bytes
 from flighttune.present.answer import pick
 from flighttune.present.names import distinct
 from flighttune.simulate.run import SIGNAL_UNITS, Bounds, Provenance, Run, RunClaim

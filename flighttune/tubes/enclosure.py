@@ -19,8 +19,7 @@ from flighttune.control.gains import COMMANDS, PIGains, gains_table
 from flighttune.control.inner_loop import InnerLag
 from flighttune.errors import InputError
 from flighttune.files.array import BOOL, FLOAT, SINGLE, TEXT, Arrays, check_shapes, read_arrays
-from flighttune.files.table import json_object
-from flighttune.files.value import STRICT, tables_of, value_of
+from flighttune.files.table import STRICT, json_object, tables_of, value_of
 from flighttune.files.whole import whole_file
 from flighttune.gaps.residual import RESIDUALS
 from flighttune.identification.file import changed_files, files_of

@@ -16,7 +16,7 @@ import flighttune as ft
 from flighttune.campaign import band as band_module
 from flighttune.campaign.band import count_more, differing, load_counted, some_draws
 from flighttune.claims.shape import learned_shape
-from flighttune.files.value import tables_of
+from flighttune.files.table import tables_of
 from flighttune.flight import own
 from tests.campaign.test_band import ALONE, WITH_FIVE, count, small_plan
 from tests.claims.test_band import forged

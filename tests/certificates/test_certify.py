@@ -14,7 +14,7 @@ from printed import L_D, MODEL
 import flighttune as ft
 from flighttune.certificates.make import certify_model
 from flighttune.control.linear_model import Envelope
-from flighttune.files.value import tables_of, value_of
+from flighttune.files.table import tables_of, value_of
 from flighttune.tuning.envelope import largest_factor
 
 G = 9.81

@@ -2,7 +2,6 @@
 
 import json
 from dataclasses import replace
-from zipfile import ZipFile
 
 import numpy as np
 import pytest
@@ -14,8 +13,8 @@ from flighttune.claims.band import read_counted
 from flighttune.claims.count import allowed_outside, flights_needed
 from flighttune.claims.counted import About
 from flighttune.claims.shape import learned_shape, window_edges, window_extremes
-from flighttune.files.seal import BLANK, seal
-from flighttune.files.value import tables_of
+from flighttune.files.array import write_sealed
+from flighttune.files.table import tables_of
 from tests.made_up_band import band_flights
 
 # s and samples of the made-up flights, and their signals
@@ -303,16 +302,7 @@ def forged(band, path, about=None, **arrays):
     with np.load(path) as file:
         members = {**file, **arrays}
     tables = {**json.loads(str(members["band"])), **(about or {})}
-    return write_band(path, {**members, "band": np.array(json.dumps(tables))})
-
-
-def write_band(path, arrays):
-    """Write arrays as the file of a band, with their SHA-256."""
-    with path.open("wb") as file:
-        np.savez_compressed(file, **arrays)
-    with ZipFile(path, "a") as archive:
-        archive.comment = BLANK.encode()
-    path.write_bytes(seal(path.read_bytes()))
+    write_sealed(path, {**members, "band": np.array(json.dumps(tables))})
     return path
 
 

@@ -12,7 +12,7 @@ from made_up import scenario_file
 
 import flighttune as ft
 from flighttune.certificates.bound import bound_rate
-from flighttune.files.value import write
+from flighttune.files.table import write
 from flighttune.records.parquet import parquet_bytes, read_run
 from tests.tubes.test_soundness import made_up, tube
 

@@ -11,7 +11,7 @@ import flighttune as ft
 from flighttune.control.inner_loop import with_inner_loop
 from flighttune.control.limits import MAGNITUDE_LIMITED
 from flighttune.control.margins import channel_margins
-from flighttune.files.value import tables_of
+from flighttune.files.table import tables_of
 
 ROUNDING, SAME_MARGIN = 1e-9, 1e-6
 DT = 0.02

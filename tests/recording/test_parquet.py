@@ -12,7 +12,7 @@ import pyarrow.parquet as pq
 import pytest
 
 import flighttune as ft
-from flighttune.files.seal import BLANK, seal
+from flighttune.files.load import BLANK, seal
 from flighttune.records.parquet import DESCRIPTION, SEAL, parquet_bytes, parts_of, read_run
 from flighttune.simulate.run import SIGNAL_UNITS
 

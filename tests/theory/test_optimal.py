@@ -8,7 +8,7 @@ import pytest
 import flighttune as ft
 from flighttune.certificates.bound import bound_rate
 from flighttune.control.inner_loop import with_input_lag
-from flighttune.files.value import write
+from flighttune.files.table import write
 from flighttune.theory import rate_bound
 from flighttune.theory.rate_bound import least_radius, optimal_channel, slowest_channel
 
