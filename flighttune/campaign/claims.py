@@ -16,9 +16,9 @@ from flighttune.certificates.certificate import Certificate
 from flighttune.claims.band import Band, Residual
 from flighttune.claims.count import chance_missed, flights_again
 from flighttune.claims.counted import Counted
-from flighttune.claims.of_logs import LogMonitor
+from flighttune.claims.monitor import LogMonitor
 from flighttune.errors import InputError
-from flighttune.files.load import BAND, CLAIMS, LOG, READERS, TUBE, kind_of, load_one
+from flighttune.files.load import BAND, CLAIMS, LOG, MONITOR, READERS, TUBE, kind_of, load_one
 from flighttune.flight.flown import FlownScenario
 from flighttune.gaps.gap import Gap
 from flighttune.identification.file import changed_files
@@ -34,7 +34,7 @@ from flighttune.tubes.enclosure import Tube
 
 CHECKED = "claim (certificate, bound on R_K, tube or band), recording, or folder of a campaign"
 CLAIM = "claim: the file of a certificate, a bound on R_K, a tube or a band"
-AROUND_FLIGHTS = "claim about flights: the file of a tube or a band"
+AROUND_FLIGHTS = "claim about flights: the file of a tube, a band or a monitor"
 
 CHOSEN = (
     "That its maker chose seed, signals, fences, numbers of flights or the rule that ends them, "
@@ -274,7 +274,7 @@ def within(flights: T, files: Sequence[str | Path]) -> T:
     """Flights with the claims in files around them; an InputError names the file."""
     for file in files:
         try:
-            flights = flights.within(load_one(file, AROUND_FLIGHTS, TUBE, BAND))
+            flights = flights.within(load_one(file, AROUND_FLIGHTS, TUBE, BAND, MONITOR))
         except InputError as error:
             reason = str(error).removeprefix(f"{file}: ")
             raise InputError(f"{file}: {reason}") from error

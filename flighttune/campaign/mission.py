@@ -15,9 +15,8 @@ from flighttune.campaign.band import By, counted_on, drawn, kept_band
 from flighttune.campaign.counted_flights import check_one_path, plan_of
 from flighttune.campaign.engine.progress import CampaignObserver
 from flighttune.campaign.turn_back import turning_back
-from flighttune.claims.band import Band, TurnBack
+from flighttune.claims.band import KEPT, Band, TurnBack, check_off_route
 from flighttune.claims.count import flights_needed, fresh_flights
-from flighttune.claims.fence import KEPT, check_off_route
 from flighttune.errors import InfeasibleError, InputError
 from flighttune.files.whole import write_text
 from flighttune.flight.route import PlannedRoute, planned_route, route

@@ -6,8 +6,7 @@ from typing import Any
 
 from flighttune.campaign.band import counted_on, drawn
 from flighttune.campaign.engine.progress import CampaignObserver
-from flighttune.claims.band import Monitor
-from flighttune.claims.of_logs import LogMonitor, monitor_of_logs
+from flighttune.claims.monitor import LogMonitor, Monitor, monitor_of_logs
 from flighttune.errors import InputError
 from flighttune.files.load import A_LOG, LOG, kind_of, load_one
 from flighttune.logs.log import Columns

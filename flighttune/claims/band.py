@@ -1,9 +1,9 @@
 """Kinds of counts: bands, residual signals, room to turn back, monitors; and their files."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -18,16 +18,16 @@ from flighttune.claims.counted import (
     axis_of,
     wind_at_start,
 )
-from flighttune.claims.fence import KEPT, NEAREST_COLUMNS, OVERLAP_SAMPLES, Fenced, check_off_route
+from flighttune.claims.monitor import Monitor
 from flighttune.claims.shape import MAX_NUMBERS
 from flighttune.errors import InputError
 from flighttune.files.array import FLOAT, SINGLE, TEXT, check_shapes, read_arrays
 from flighttune.files.load import sealed_bytes
 from flighttune.files.mistakes import abridged
 from flighttune.files.table import json_object, value_of
-from flighttune.gaps.watch import MODELS, Alarm, Watch
+from flighttune.gaps.watch import MODELS
 from flighttune.metrics import OFF_ROUTE
-from flighttune.present.answer import Answer, Table, number, pick, printable
+from flighttune.present.answer import Answer, Column, Table, number, pick, printable
 from flighttune.present.names import listed, why_ended
 from flighttune.references.fence import DISTANCE_SIGNS, read_fence, room_along
 from flighttune.references.follow import SAME_PLACE
@@ -39,6 +39,22 @@ from flighttune.simulate.run import SIGNAL_UNITS, Bounds, Run, RunClaim
 # Rounding of the times of samples, s.
 SAME_TIME = 1e-9
 
+# Stands for the file of a fence that is kept with its band.
+KEPT = Path("fence")
+
+# Distance in samples, at the airspeed, by which positions may lie beyond the edges of a window.
+OVERLAP_SAMPLES = 2.0
+
+NEAREST_COLUMNS = [
+    Column("what", "nearest to the fence"),
+    Column("margin_m", "margin", "m", "z.2f"),
+    Column("side", "side"),
+    Column("edge", "edge"),
+    Column("along_m", "along", "m", ".0f"),
+    Column("stretch", "stretch"),
+]
+
+
 # What is said of a new flight and a fence where it is sure whether flights stay inside.
 SURE = {
     "yes": "leaves the fence with probability at most",
@@ -48,6 +64,26 @@ SURE = {
 
 # Part of the time whose largest half-width is printed too: flights have settled by then.
 LAST_QUARTER = 0.75
+
+
+class Fenced(NamedTuple):
+    """The flights of a band that are not certainly inside a fence."""
+
+    heights: str  # floor and ceiling of the fence in words
+    outside: int
+    epsilon: float  # probability of leaving the fence that the count supports
+    supported: bool  # whether it is at most that of the band
+    nearest: list[dict[str, Any]]  # of the completed flights, and of the band if it has a corridor
+    sentence: str
+
+
+def check_off_route(signals: Iterable[str], over: str = "along") -> None:
+    """Refuse a band without the distances from a route."""
+    if over != "along" or not {*OFF_ROUTE} <= {*signals}:
+        raise InputError(
+            f"the band must be of {' and '.join(OFF_ROUTE)} along a route, got one of "
+            f"{', '.join(signals)} over {'time' if over == 'time' else 'the distance along it'}."
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -448,71 +484,6 @@ class TurnBack(Counted):
         ]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Monitor(Counted):
-    """An alarm that healthy flights raise with a stated probability at most: a counted claim.
-
-    Its score is the largest distance of a flight so far from what healthy flights make expect of
-    its signals, over the limits that were counted.
-
-    Attributes
-    ----------
-    about, flights, extremes, wind, endings, scores, scale : as of a `Band`, for one window
-    watch : Watch
-        The models and their limits; its `scores` and `alarm` take a run.
-
-    Examples
-    --------
-    >>> few = {"epsilon": 0.3, "confidence": 0.9, "learn": 20, "workers": 1}
-    >>> monitor = ft.monitor("level_turn", start_deg=2.0, **few)
-    >>> len(monitor.scores), monitor.outside
-    (29, 5)
-    """
-
-    of: ClassVar[Of] = "monitor"
-    title: ClassVar[tuple[str, str]] = "what is expected, and limits of what is missing", "limits"
-
-    @property
-    def watch(self) -> Watch:
-        """The models and the limits of their residuals; InputError if nothing is claimed."""
-        if not self.claims:
-            raise InputError("a monitor must claim a rate of false alarms to watch flights.")
-        low, high = self._ends(np.zeros((1, 0)))
-        middle, half = 0.5 * (low + high)[0], self.scale * self.about.half[0]
-        return Watch(models=self.about.models, middle=middle, half=half)
-
-    @property
-    def watches(self) -> tuple[Watch, ...]:
-        """Its watch alone, as a `LogMonitor` has several."""
-        return (self.watch,)
-
-    def alarm(self, run: Run) -> Alarm | None:
-        """When a run is first outside of what is expected, and why; None if it never is."""
-        return self.watch.alarm(run)
-
-    @property
-    def _leaves(self) -> str:
-        return "without a fault raises an alarm"
-
-    def _sizes(self) -> list[dict[str, float]]:
-        low, high = (ends[0] for ends in self._ends(np.zeros((1, 0))))
-        return [{"low": a, "high": b} for a, b in zip(low, high, strict=True)]
-
-    @property
-    def _values(self) -> dict[str, Any]:
-        return {"models": [asdict(model) for model in self.about.models]}
-
-    @property
-    def _notes(self) -> list[str]:
-        models = self.about.models
-        return [
-            f"Expected are {listed([f'{x.name} ({x.target})' for x in models])}, from "
-            f"{listed(sorted(set[str]().union(*(x.signals for x in models))))} as recorded: "
-            "surfaces and throttle are positions, and no noise is added to a sensor. A flight that "
-            "did not complete counts as an alarm. How often faults are found is not in the claim."
-        ]
-
-
 ARRAYS = {"band": TEXT, "extremes": SINGLE, "wind": FLOAT, "endings": TEXT}
 
 # Kinds of counts.
@@ -567,13 +538,12 @@ def _endings_of(text: str) -> list[dict[str, Any]]:
 
 def _check(about: About, of: BandFlights, arrays: dict[str, Any]) -> None:
     """Refuse a shape that cannot be one, and arrays of other windows than the plan has."""
-    signals, windows = len(about.signals), len(of.edges) - 1
-    for name, shape in (
-        ("half", (windows, signals)),
-        ("coefficients", (10 if about.predicted_from else 1, windows, signals)),
-    ):
-        if not signals or getattr(about, name).shape != shape:
-            raise InputError(f"`{name}` must have shape {shape}.")
+    models, each = about.models, (len(of.edges) - 1, len(about.signals))
+    flights, given = len(arrays["extremes"]), about.predicted_from
+    shape = {"half": about.half, "coefficients": about.coefficients}
+    shapes = {"half": each, "coefficients": (10 if given else 1, *each)}
+    shapes |= {"extremes": (flights, *each, 2), "wind": (flights, 2 if given else 0)}
+    check_shapes("band", shape | arrays, shapes)
     if not (about.half > 0.0).all():
         raise InputError("`half` must be positive.")
     for name, unit in about.signals.items():
@@ -581,19 +551,12 @@ def _check(about: About, of: BandFlights, arrays: dict[str, Any]) -> None:
             raise InputError(
                 f"`signals`: {name} must be in {SIGNAL_UNITS[name]}, got {abridged(unit)}."
             )
-    models = about.models
     if [x.name for x in models] != [*about.signals] * (about.of == "monitor"):
         raise InputError("`models` must be those of the `signals` of a monitor.")
     if any(len(x.weights) != len(x.terms) or replace(x, weights=()) not in MODELS for x in models):
         raise InputError(
             "`models` must be those that flighttune monitor counts, with a weight for each term."
         )
-    flights = len(arrays["extremes"])
-    shapes = {
-        "extremes": (flights, windows, signals, 2),
-        "wind": (flights, 2 if about.predicted_from else 0),
-    }
-    check_shapes("band", arrays, shapes)
     low, high = np.moveaxis(arrays["extremes"], -1, 0)
     if not (low <= high).all():  # also catches NaN
         raise InputError("`extremes` must be lowest and highest values.")

@@ -65,7 +65,7 @@ class About:
     """The shape of a band, the flights that it is about, and its claim."""
 
     of: Of = None
-    signals: dict[str, str]  # units by name
+    signals: Annotated[dict[str, str], Field(min_length=1)]  # units by name
     # (1 or 10, windows, signals): the middle of the band, by the terms of the wind
     coefficients: FloatArray
     half: FloatArray  # (windows, signals): half-width at scale 1
@@ -135,17 +135,23 @@ class BandFlights:
             raise other_files(self.changed)
         return planned_route(self.central)
 
-    def difference(self, run: Run, scenario: Scenario) -> str:
-        """First key in which a run differs from these flights; empty if it is one of them."""
+    def flown_otherwise(self, run: Run) -> str:
+        """Which of plant, law and gains of a run is not that of these flights; empty if none."""
         origin, flown = run.provenance, run.provenance.gains
-        if run.status != "completed":
-            return "status"
         if self.plant != origin.plant:
             return "plant"
         if split_name(self.gains_name)[0] != split_name(origin.gains_name)[0]:
             return "law"
         if flown is None or not np.allclose(self.gains.numbers, flown.numbers, rtol=SAME_GAINS):
             return "gains"
+        return ""
+
+    def difference(self, run: Run, scenario: Scenario) -> str:
+        """First key in which a run differs from these flights; empty if it is one of them."""
+        if run.status != "completed":
+            return "status"
+        if differs := self.flown_otherwise(run):
+            return differs
         if self.changed:
             return "aircraft files"
         # the one in the middle has tables that are only there because one of their keys is drawn

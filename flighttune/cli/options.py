@@ -125,7 +125,8 @@ ClaimOption = Annotated[
     Option(
         "--claim",
         metavar="FILE",
-        help="File of a tube or band: draw its bounds around the runs that it covers; repeatable.",
+        help="File of a tube or band: draw its bounds around the runs that it covers; monitor: "
+        "record its score and say when it alarms; repeatable.",
     ),
 ]
 

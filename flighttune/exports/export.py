@@ -1,27 +1,47 @@
-"""A flight for JSBSim alone, or the outer loop in C, from one gain set of a scenario."""
+"""A flight for JSBSim alone, or the outer loop in C, from one gain set of a scenario; a monitor."""
 
-from collections.abc import Iterable, Mapping
+import math
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from itertools import accumulate, count
 from pathlib import Path
 from string import Template
 from typing import Any, Literal, TypeAlias
 
+import numpy as np
+
 from flighttune import __version__
+from flighttune.claims.monitor import LogMonitor, Monitor, Watching
 from flighttune.control.exact_law import ExactLaw, RateLaw
 from flighttune.control.gains import PIGains
 from flighttune.control.mimo_pi import BEYOND_STOP, MimoPI
+from flighttune.errors import InputError
 from flighttune.exports.jsbsim_folder import ExportedFlight, export_jsbsim
+from flighttune.files.load import BAND, MONITOR, load_one
 from flighttune.files.whole import write_text
 from flighttune.flight.conditions import command_limits, lead_on
 from flighttune.flight.fly import aircraft_table, plant_of
 from flighttune.flight.load import scenario_and_gains
 from flighttune.flight.models import law_setup
+from flighttune.gaps.watch import FACTOR, LAG_S, SLOW, TO_PITCH, TO_ROLL, signals_of
 from flighttune.present.answer import Answer, Answering
 from flighttune.references.follow import APPROACH, LEAST_SHARE, STEEPEST_DIVE
 from flighttune.scenario.schema import Scenario
-from flighttune.units import G_PAPER
+from flighttune.units import G_0, G_PAPER
 
-SOURCE = "ft_outer_loop.c"
+SOURCE, MONITOR_SOURCE = "ft_outer_loop.c", "ft_monitor.c"
+
+# Quantities of a monitor's terms besides the signals, in C
+_QUANTITIES = {
+    "1": "1.0",
+    "cos_phi": "cos(s->phi)",
+    "sin_phi": "sin(s->phi)",
+    "sin_gamma": "sin(s->gamma)",
+    "slow": f"(0.5 * (1.0 + tanh(s->V_err / {SLOW})))",
+    "to_roll": f"({TO_ROLL} * tanh((s->phi_cmd - s->phi) / {TO_ROLL}))",
+    "to_pitch": f"({TO_PITCH} * tanh((s->theta_cmd - s->theta) / {TO_PITCH}))",
+    "excess": f"(s->f_x / {G_0} - s->n_z * (sin(s->theta) - sin(s->gamma)))",
+}
 
 _FOLDER = Path(__file__).parent
 _USED = "V_a is the airspeed."
@@ -104,6 +124,51 @@ def _of_exact_law(law: RateLaw) -> dict[str, Any]:
     return {**numbers, "course_first": int(law.course_first), "feedback": _numbers(law.feedback)}
 
 
+def monitor_source(monitor: Watching, *, title: str, dt: float) -> str:
+    """The C99 text of a monitor that takes a sample every `dt` (s); it needs ``math.h`` alone."""
+    watches, lags = monitor.watches, count()
+    models, from_s = watches[0].models, watches[0].from_s
+    terms = [_term(text, lags) for model in models for text in (*model.terms, model.target)]
+    # The residual is the target minus the weighted terms.
+    weights = (
+        np.concatenate([[*np.negative(model.weights), 1.0] for model in watch.models]).tolist()
+        for watch in watches
+    )
+    keep_mean = [math.exp(-dt / model.mean_s) if model.mean_s else 0.0 for model in models]
+    return Template((_FOLDER / "monitor.c").read_text(encoding="utf-8")).substitute(
+        title=_comment(title),
+        version=__version__,
+        claim=_comment(monitor.sentence),
+        dt=_number(dt),
+        models=len(models),
+        watches=len(watches),
+        terms=len(terms),
+        lags=next(lags),
+        first_judged=round(from_s / dt),
+        names=", ".join(f'"{model.name}"' for model in models),
+        signals=", ".join(signals_of(models)),
+        first_term=", ".join(map(str, accumulate([0, *(len(x.terms) + 1 for x in models)]))),
+        weights=_rows(weights),
+        middle=_rows(watch.middle.tolist() for watch in watches),
+        half=_rows(watch.half.tolist() for watch in watches),
+        keep_term=_number(math.exp(-dt / LAG_S)),
+        keep_mean=_numbers(keep_mean),
+        lag_s=_number(LAG_S),
+        step="\n".join(f"    term[{i}] = {term};" for i, term in enumerate(terms)),
+    )
+
+
+def _term(text: str, lags: Iterator[int]) -> str:
+    """A term of a monitor in C, behind its lag: a rate has one of its own."""
+    product, is_rate = "1.0", False
+    for operation, rate, name in FACTOR.findall(text):
+        value = _QUANTITIES.get(name, f"s->{name}")
+        if rate:
+            value, is_rate = f"ft_rate(m, {next(lags)}, {value})", True
+        product += f" {operation or '*'} {value}"
+    return product if is_rate else f"ft_lagged(m, {next(lags)}, {product})"
+
+
 def _rows(rows: Iterable[Iterable[float]]) -> str:
     """The rows of a matrix, those of C."""
     return ", ".join(f"{{{_numbers(row)}}}" for row in rows)
@@ -130,10 +195,12 @@ class ExportedSource(Answering):
 
     source: Path
     notes: tuple[str, ...] = ()
+    monitor: Path | None = None  # of C99 too
 
     def answer(self) -> Answer:
-        """The file and its folder."""
-        return Answer(notes=self.notes, files={"folder": self.source.parent, "source": self.source})
+        """The files and their folder."""
+        files = {"folder": self.source.parent, "source": self.source, "monitor": self.monitor}
+        return Answer(notes=self.notes, files={k: file for k, file in files.items() if file})
 
 
 def export(
@@ -143,6 +210,7 @@ def export(
     out: str | Path,
     plant: str | None = None,
     form: Form = "jsbsim",
+    claim: Monitor | LogMonitor | Path | str | None = None,
     changes: Mapping[str, Any] | None = None,
 ) -> ExportedFlight | ExportedSource:
     """Write one flight of a scenario for JSBSim alone, or its outer loop in C.
@@ -162,6 +230,8 @@ def export(
         Label of the plant, by default the first aircraft.
     form : {"jsbsim", "c"}
         A folder that JSBSim flies by itself, or one C99 file.
+    claim : Monitor, LogMonitor, Path or str, optional
+        A monitor, or its file, to write in C too.
     changes : mapping of str to value, optional
         Values to set in the scenario by dotted key.
 
@@ -173,7 +243,8 @@ def export(
     Raises
     ------
     InputError
-        If the scenario has no such aircraft, a wind that changes, or a law that has no such form.
+        If the scenario has no such aircraft, a wind that changes, or a law that has no such form,
+        or the claim is no monitor, or not for C.
     InfeasibleError
         If tuning finds no such gains.
     PlantError
@@ -187,9 +258,17 @@ def export(
     'ft_outer_loop.c'
     """
     loaded, name, chosen = scenario_and_gains(scenario, gains, changes)
-    notes = loaded.gains_notes(plant, name)
+    notes, monitor = loaded.gains_notes(plant, name), None
+    watching = load_one(claim, "monitor", BAND, MONITOR) if isinstance(claim, str | Path) else claim
+    if watching is not None and not (isinstance(watching, Watching) and form == "c"):
+        got = type(watching).__name__
+        raise InputError(f"`claim` must be a monitor, for the form c, got a {got} for {form}.")
     if form == "c":
         source = export_c(loaded, name, chosen, Path(out), plant=plant)
-        return ExportedSource(source=source, notes=notes)
+        if watching is not None:
+            dt = 1.0 / loaded.controller.rate_hz
+            text = monitor_source(watching, title=loaded.title, dt=dt)
+            monitor = write_text(source.with_name(MONITOR_SOURCE), text)
+        return ExportedSource(source=source, notes=notes, monitor=monitor)
     flight = export_jsbsim(loaded, name, chosen, Path(out).absolute(), plant=plant)
     return replace(flight, notes=notes)

@@ -9,14 +9,14 @@ import re
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import ClassVar, NamedTuple
+from typing import ClassVar
 
 import numpy as np
 
 from flighttune.arrays import FloatArray
 from flighttune.errors import InputError
 from flighttune.files.table import STRICT
-from flighttune.simulate.run import Run
+from flighttune.simulate.run import Alarm, Run
 from flighttune.units import G_0
 
 # Lag through which all terms go, s: a rate is what a signal has ahead of its own lag, over it.
@@ -24,6 +24,9 @@ LAG_S = 0.5
 
 # Airspeed that is missing or in excess for which a throttle is nearly full or idle, m/s.
 SLOW = 3.0
+
+# Differences from the commanded roll and pitch at which rates saturate, rad.
+TO_ROLL, TO_PITCH = 0.35, 0.1
 
 
 def _slow(V_err: FloatArray) -> FloatArray:
@@ -47,8 +50,8 @@ QUANTITIES: Mapping[str, tuple[Callable[..., FloatArray], str]] = {
     "sin_phi": (np.sin, "phi"),
     "sin_gamma": (np.sin, "gamma"),
     "slow": (_slow, "V_err"),
-    "to_roll": (partial(_saturated, 0.35), "phi_cmd phi"),
-    "to_pitch": (partial(_saturated, 0.1), "theta_cmd theta"),
+    "to_roll": (partial(_saturated, TO_ROLL), "phi_cmd phi"),
+    "to_pitch": (partial(_saturated, TO_PITCH), "theta_cmd theta"),
     "excess": (_excess, "f_x n_z theta gamma"),
 }
 
@@ -109,6 +112,11 @@ OF_LOGS = (
     _model("turn", "r", "1 sin_phi p"),
     *MODELS,
 )
+
+
+def signals_of(models: Iterable[SignalModel]) -> list[str]:
+    """Signals that models need."""
+    return sorted(set[str]().union(*(model.signals for model in models)))
 
 
 def models_of(
@@ -204,13 +212,6 @@ def residuals(
     return np.column_stack(list(missing))
 
 
-class Alarm(NamedTuple):
-    """When a flight is first outside of what is expected of it, and why."""
-
-    at_s: float
-    why: str  # name of the model
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Watch:
     """Models and the limits of their residuals: a score above 1 is an alarm."""
@@ -222,7 +223,7 @@ class Watch:
 
     def scores(self, run: Run) -> FloatArray:
         """Distance of each residual from its middle over its limit, shape (n, models)."""
-        if lacking := sorted(set[str]().union(*(x.signals for x in self.models)) - {*run.signals}):
+        if lacking := [name for name in signals_of(self.models) if name not in run.signals]:
             raise InputError(f"{run.label}: must have {', '.join(lacking)} to be watched.")
         missing = residuals(self.models, columns_of(self.models, run, self.from_s), dt_of(run))
         return np.abs(missing - self.middle) / self.half

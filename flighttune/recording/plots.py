@@ -95,6 +95,7 @@ TABS: dict[str, tuple[Plot, ...]] = {
         *(Plot(f"wind_{way}", f"Wind {way}") for way in ("north", "east", "down")),
         Plot("d_chi", "d_chi"),
         Plot("d_gamma", "d_gamma"),
+        Plot("alarm_score", "Monitor"),
     ),
     LAW_TAB: (
         Plot("phi_unlimited", "phi command", thin="phi_integral", limit="phi"),

@@ -23,7 +23,7 @@ from flighttune.errors import RecordingError
 from flighttune.files.load import BLANK, file_bytes, seal, sealed_bytes
 from flighttune.present.answer import pick
 from flighttune.present.names import distinct
-from flighttune.simulate.run import SIGNAL_UNITS, Bounds, Provenance, Run, RunClaim
+from flighttune.simulate.run import SIGNAL_UNITS, Alarm, Bounds, Provenance, Run, RunClaim
 
 PARQUET, RECORDING = ".parquet", ".rrd"
 PARQUET_FILE, RECORDING_FILE = "Parquet file", "recording (.rrd)"
@@ -78,7 +78,8 @@ def parts_of(run: Run) -> Parts:
 def _described(claim: RunClaim) -> dict[str, Any]:
     """A claim as JSON holds it, its bounds as text of their bytes."""
     ends = b64encode(np.ascontiguousarray(claim.bounds.pairs, dtype="<f8").tobytes()).decode()
-    return {**pick(claim, "kind title sentence"), "units": dict(claim.units), "bounds": ends}
+    described = {**pick(claim, "kind title sentence"), "units": dict(claim.units), "bounds": ends}
+    return described | ({"alarm": claim.alarm} if claim.alarm else {})
 
 
 def _claim_of(described: dict[str, Any], t: FloatArray) -> RunClaim:
@@ -86,6 +87,8 @@ def _claim_of(described: dict[str, Any], t: FloatArray) -> RunClaim:
     names = tuple(described["units"])
     values = np.frombuffer(b64decode(described.pop("bounds"), validate=True), dtype="<f8")
     low, high = np.moveaxis(values.reshape(len(t), len(names), 2), -1, 0)
+    if "alarm" in described:
+        described["alarm"] = Alarm(*described["alarm"])
     return RunClaim(**described, bounds=Bounds(t, low, high, names))
 
 

@@ -16,7 +16,7 @@ from flighttune.flight.own import LawMaker, PlantMaker
 from flighttune.present.answer import Answer, Answering, Column, Table, pick
 from flighttune.present.names import columns
 from flighttune.scenario.load import as_recorded, scenario_from
-from flighttune.simulate.run import Run, claimed
+from flighttune.simulate.run import SCORE, Run, claimed
 
 EQUAL = "equal to the bit"
 COLUMNS = columns("run status result")
@@ -199,7 +199,8 @@ def _in_gains(recorded: PIGains | None, reflown: PIGains | None) -> Iterator[Dif
 def _in_signals(recorded: Run, reflown: Run) -> Iterator[Difference]:
     if not (n := min(len(recorded.signals), len(reflown.signals))):
         return
-    columns = [[*map(str, run.signals)] for run in (recorded, reflown)]
+    # A monitor adds its score to a flight, which is not flown again.
+    columns = [[str(x) for x in run.signals if x != SCORE] for run in (recorded, reflown)]
     if columns[0] != columns[1]:
         odd = [", ".join(sorted(set(a) - set(b))) or "others" for a, b in (columns, columns[::-1])]
         yield Difference("signals", None, *odd)

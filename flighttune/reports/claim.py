@@ -9,9 +9,8 @@ import numpy as np
 from flighttune.arrays import FloatArray
 from flighttune.campaign.claims import AnyClaim, stale_notes
 from flighttune.certificates.certificate import Certificate
-from flighttune.claims.band import Band, SignalBounds, TurnBack
+from flighttune.claims.band import KEPT, Band, SignalBounds, TurnBack
 from flighttune.claims.counted import Counted
-from flighttune.claims.fence import KEPT
 from flighttune.claims.shape import predicted
 from flighttune.errors import InputError
 from flighttune.files.table import toml_text

@@ -8,9 +8,8 @@ import numpy as np
 
 from flighttune.aircraft.aircraft import load_aircraft
 from flighttune.arrays import FloatArray
-from flighttune.claims.band import Monitor
 from flighttune.claims.linear_loop import linear_bound
-from flighttune.claims.of_logs import LogMonitor
+from flighttune.claims.monitor import LogMonitor, Monitor
 from flighttune.errors import FlightTuneError, RecordingError
 from flighttune.files.table import toml_text
 from flighttune.flight.conditions import reference_of, stated_condition
@@ -98,7 +97,7 @@ def write_log_page(
         alarm, score = monitor.alarm(run), score_so_far(monitor.watches, run)
         sentence = f"No alarm from {monitor.watches[0].from_s:g} s on."
         if alarm is not None:
-            sentence = f"Alarm at {alarm.at_s:.2f} s: {alarm.why} is not as without a fault."
+            sentence = alarm.sentence
             failure = failure or sentence
         alarms.append(alarm and alarm._asdict())
         chart = Chart(title=f"Largest score so far: {sentence}", y="score [1]")

@@ -10,8 +10,7 @@ from flighttune.campaign.dataset import Dataset, dataset_hash
 from flighttune.campaign.statistics.findings import findings
 from flighttune.campaign.statistics.flights import load_flights
 from flighttune.campaign.statistics.intervals import CONFIDENCE, Method
-from flighttune.claims.band import Monitor
-from flighttune.claims.of_logs import LogMonitor
+from flighttune.claims.monitor import LogMonitor, Monitor
 from flighttune.errors import InputError
 from flighttune.files.load import BAND, CLAIMS, DATASET, MONITOR, load_one, written
 from flighttune.files.table import toml_text

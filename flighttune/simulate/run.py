@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal, NoReturn, Protocol, TypeAlias, runtime_checkable
+from typing import Any, Literal, NamedTuple, NoReturn, Protocol, TypeAlias, runtime_checkable
 
 import numpy as np
 import pandas as pd
@@ -41,7 +41,7 @@ _SIGNALS_BY_UNIT = {
     "chi_meas gamma_meas alpha beta theta theta_cmd psi chi_ground gamma_ground aileron elevator "
     "rudder gamma_given",
     "1": "n_z n_z_cmd n_z_unlimited n_z_integral phi_limited n_z_limited n_y throttle "
-    "n_x n_x_min n_x_max n_x_cmd n_x_unlimited n_x_limited n_x_integral",
+    "n_x n_x_min n_x_max n_x_cmd n_x_unlimited n_x_limited n_x_integral alarm_score",
     "m/s": "V_a V_a_meas V_g wind_north wind_east wind_down V_ref V_err",
     "m": "north east down h along cross_track height_err",
     "rad/s": "d_chi d_gamma p q r mismatch_chi mismatch_gamma chi_dot_integral gamma_dot_integral",
@@ -61,10 +61,14 @@ _SIGNALS_BY_UNIT = {
 # over ground, or through the air in runs that have ``*_ground`` too. On a route ``along`` is the
 # distance along it, ``cross_track`` that to its right, and ``height_err`` its height minus the own.
 # ``f_x`` and ``f_y`` are specific forces along the nose and the right wing, in logs alone.
+# ``alarm_score`` is that of a monitor, the largest so far: above 1 it alarms.
 SIGNAL_UNITS = {name: unit for unit, names in _SIGNALS_BY_UNIT.items() for name in names.split()}
 
 
 ERRORS = ("chi_err", "gamma_err")
+
+# Signal of a run that a monitor watches: its largest score so far, over the limit of an alarm
+SCORE = "alarm_score"
 
 # Half width (rad) below which bounds count as that wide: a tube may begin at a point
 NARROWEST = 1e-9
@@ -146,6 +150,18 @@ class Bounds:
         return dict(zip(names, ratios.tolist(), strict=True))
 
 
+class Alarm(NamedTuple):
+    """When a flight is first outside of what is expected of it, and why."""
+
+    at_s: float
+    why: str  # name of the model
+
+    @property
+    def sentence(self) -> str:
+        """The alarm in words."""
+        return f"Alarm at {self.at_s:.2f} s: {self.why} is not as without a fault."
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RunClaim:
     """A claim about flights, as one run that it covers has it."""
@@ -157,10 +173,19 @@ class RunClaim:
     units: Mapping[str, str]  # of these signals
     # rings of the fences that it is about, longitudes and latitudes, deg
     fences: tuple[list[list[float]], ...] = ()
+    # Of a monitor: what it adds to the run, and when that alarms
+    signals: Mapping[str, FloatArray] = field(default_factory=dict)
+    alarm: Alarm | None = None
 
     def contains(self, signals: pd.DataFrame) -> bool:
         """Whether the flight with these signals is inside the bounds."""
         return self.bounds.contain(signals)
+
+    def said(self, signals: pd.DataFrame) -> str:
+        """Whether the flight with these signals is inside, or what alarms, in words."""
+        if self.alarm is not None:
+            return self.alarm.sentence
+        return f"{'inside' if self.contains(signals) else 'outside'} the {self.title}."
 
 
 # Path angle below the reference from which on the airspeed has priority, rad.
@@ -319,17 +344,13 @@ def priority_notes(runs: Iterable[Run]) -> list[str]:
 def claim_notes(runs: Iterable[Run]) -> list[str]:
     """Whether runs are inside what is claimed of them, and the claims in words."""
     runs = list(runs)
-    inside = [
-        f"{run.label}: {'inside' if claim.contains(run.signals) else 'outside'} the {claim.title}."
-        for run in runs
-        for claim in run.claims
-    ]
+    said = [f"{run.label}: {claim.said(run.signals)}" for run in runs for claim in run.claims]
     claims = [
         f"{claim.title[0].upper()}{claim.title[1:]}: {claim.sentence}."
         for run in runs
         for claim in run.claims
     ]
-    return [*inside, *dict.fromkeys(claims)]
+    return [*said, *dict.fromkeys(claims)]
 
 
 def run_styles(runs: Iterable[Run]) -> dict[str, LineStyle]:
@@ -361,30 +382,43 @@ def with_claims(runs: Sequence[Run], claims: Sequence[object]) -> tuple[Run, ...
     for claim in claims:
         if not isinstance(claim, Claim):
             what = type(claim).__name__
-            raise InputError(f"`claim` must bound flights, as a tube or a band, got a {what}.")
+            raise InputError(
+                f"`claim` must bound flights, as a tube, a band or a monitor, got a {what}."
+            )
         reasons = [claim.why_not(run) for run in runs]
         if all(reasons):
             why = f"{runs[0].label}: {reasons[0]}" if runs else "there is no run"
             raise InputError(f"`claim` must cover a run: {why}.")
         runs = [
-            run if why else replace(run, claims=(*run.claims, claim.on(run)))
+            run if why else _with_claim(run, claim.on(run))
             for run, why in zip(runs, reasons, strict=True)
         ]
     return tuple(runs)
 
 
+def _with_claim(run: Run, claim: RunClaim) -> Run:
+    """The run with a claim, and with the signals that it adds."""
+    signals = run.signals.assign(**claim.signals) if claim.signals else run.signals
+    return replace(run, signals=signals, claims=(*run.claims, claim))
+
+
 def claimed(runs: Sequence[Run]) -> Answer:
-    """What is claimed of runs, as part of an answer; a run outside a proven tube is a failure."""
-    claims = [
-        {"run": run.label, **pick(claim, "kind title sentence"), "inside": inside}
-        for run in runs
-        for claim in run.claims
-        for inside in [claim.contains(run.signals)]
-    ]
-    left = [claim for claim in claims if claim["kind"] == "proven" and not claim["inside"]]
+    """What is claimed of runs, as part of an answer; to leave a proven tube and an alarm fail."""
+    claims, failures = [], []
+    for run in runs:
+        for claim in run.claims:
+            inside, alarm = claim.contains(run.signals), claim.alarm
+            row = {"run": run.label, **pick(claim, "kind title sentence"), "inside": inside}
+            if SCORE in claim.units:
+                row["alarm"] = alarm and alarm._asdict()
+            claims.append(row)
+            if alarm is not None:
+                failures.append(f"{run.label}: {alarm.sentence}")
+            elif claim.kind == "proven" and not inside:
+                failures.append(f"{run.label}: the flight leaves its {claim.title}.")
     check = "Claims are drawn as their files state them: flighttune verify FILE checks one."
     return Answer(
         values={"claims": claims},
         notes=[*claim_notes(runs), *([check] if claims else [])],
-        failure=f"{left[0]['run']}: the flight leaves its {left[0]['title']}." if left else "",
+        failure=failures[0] if failures else "",
     )

@@ -3,32 +3,25 @@
 from dataclasses import replace
 
 import pytest
+from commands import answer
+from made_up import scenario_file
 
 import flighttune as ft
 from flighttune.claims.count import allowed_outside
-from flighttune.flight.fly import fly_alone
+from tests.watched import flown, stuck, turn
 
 pytestmark = pytest.mark.slow
 
-SHORT = {"flight.duration_s": 4.0}
 FEW = {"epsilon": 0.3, "confidence": 0.9, "learn": 20, "workers": 1}
 
 
 @pytest.fixture(scope="module")
 def monitor():
-    return ft.monitor("level_turn", start_deg=2.0, changes=SHORT, **FEW)
+    return ft.monitor("level_turn", start_deg=2.0, changes={"flight.duration_s": 4.0}, **FEW)
 
 
-def flight(draw, fault=None):
-    """A flight of the monitor's kind with other starts than it counted, flown alone."""
-    tables = ft.load_scenario("level_turn", changes=SHORT).as_dict()
-    tables["flight"] |= {"chi_deg": 0.1 * draw, "gamma_deg": -0.1 * draw}
-    (table,) = [x for x in tables["plant"] if x["kind"] == "jsbsim"]
-    if fault:
-        table["airframe"] = {"fault": {"from_s": 1.0} | fault}
-    scenario = ft.scenario_from(tables | {"expect": []})
-    (plant,) = scenario.aircraft
-    return fly_alone(scenario, plant, ft.PAPER_GAINS, "paper")
+HEALTHY = turn(4.0, 0.3, -0.3)
+FAULTY = turn(4.0, 0.3, -0.3, **stuck(1.0))
 
 
 def test_the_limits_are_those_that_the_count_allows(monitor):
@@ -38,14 +31,31 @@ def test_the_limits_are_those_that_the_count_allows(monitor):
     assert "raises an alarm with probability at most 0.3" in monitor.sentence
 
 
-def test_a_fault_alarms_after_it_began_and_a_healthy_flight_does_not(monitor):
-    assert monitor.watch.alarm(flight(3)) is None
+@pytest.mark.parametrize(("scenario", "status"), [(HEALTHY, 0), (FAULTY, 1)])
+def test_fly_records_the_score_and_says_whether_when_and_why_it_alarms(
+    monitor, scenario, status, tmp_path
+):
+    monitor.save(tmp_path / "m.npz")
+    file, runs = scenario_file(tmp_path / "s.toml", scenario), tmp_path / "runs"
 
-    alarm = monitor.watch.alarm(flight(3, {"aileron_stuck_deg": 5.0}))
+    said = answer("fly", file, "--claim", tmp_path / "m.npz", "--out", runs, status=status)
 
-    assert alarm is not None
-    assert 1.0 <= alarm.at_s < 2.0
-    assert alarm.why in ("roll", "turn")
+    (claim,) = said["claims"]  # of the gains counted, on the plant counted
+    (run,) = (run for run in ft.load(runs).runs if "alarm_score" in run.signals)
+    assert claim["run"] == run.label == "jsbsim:aerosonde / paper"
+    alarm = monitor.alarm(flown(scenario))
+    assert claim["alarm"] == (alarm and alarm._asdict())
+    assert claim["inside"] == (alarm is None) == (status == 0)
+    score = run.signals["alarm_score"]
+    assert (score.diff().dropna() >= 0.0).all()
+    assert run.claims[0].alarm == alarm
+    if alarm is not None:
+        assert 1.0 <= alarm.at_s < 2.0
+        assert alarm.why in ("roll", "turn")
+        assert score[score > 1.0].index[0] == pytest.approx(alarm.at_s)
+        assert f"Alarm at {alarm.at_s:.2f} s: {alarm.why} is not" in " ".join(said["notes"])
+    assert answer("verify", runs)["equal"]
+    assert monitor.why_not(run) == "another monitor has scored it"
 
 
 def test_its_file_is_verified_and_other_weights_are_not(monitor, tmp_path):

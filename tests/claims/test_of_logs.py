@@ -8,7 +8,7 @@ import pytest
 from commands import answer
 
 import flighttune as ft
-from flighttune.flight.fly import fly_alone
+from tests.watched import flown, stuck, turn
 
 RATE, SECONDS, FAULT_S = 25.0, 24.0, 15.0
 T = np.arange(round(RATE * SECONDS)) / RATE
@@ -97,16 +97,9 @@ def test_a_page_shows_each_of_two_monitors(noisy, tmp_path):
     assert ["at most 1/4" in line for line in report.summary] == [False, False, True, False, False]
 
 
-def flight(draw, folder, fault=None):
+def flight(draw, folder, **plant):
     """A log of a simulated flight of 24 s, as a table that `load_log` takes."""
-    changes = {"flight.duration_s": SECONDS, "flight.chi_deg": draw}
-    tables = ft.load_scenario("level_turn", changes=changes).as_dict()
-    (table,) = [x for x in tables["plant"] if x["kind"] == "jsbsim"]
-    if fault:
-        table["airframe"] = {"fault": {"from_s": FAULT_S} | fault}
-    scenario = ft.scenario_from(tables | {"expect": []})
-    (plant,) = scenario.aircraft
-    signals = fly_alone(scenario, plant, ft.PAPER_GAINS, "paper").signals
+    signals = flown(turn(SECONDS, draw, **plant)).signals
     kept = signals[["p", "r"]].assign(
         t_s=signals.index,
         phi_rad=signals["phi"],
@@ -122,7 +115,7 @@ def flight(draw, folder, fault=None):
 @pytest.mark.slow
 def test_a_fault_in_a_log_alarms_when_it_began_and_the_page_says_why(tmp_path):
     healthy = [flight(draw, tmp_path) for draw in range(5)]
-    broken = flight(5, tmp_path, {"aileron_stuck_deg": 5.0})
+    broken = flight(5, tmp_path, **stuck(FAULT_S))
     file, page = tmp_path / "m.npz", tmp_path / "page.html"
 
     made = answer("monitor", *healthy[:4], "--out", file)

@@ -6,6 +6,7 @@ import shutil
 import subprocess
 from dataclasses import replace
 from pathlib import Path
+from uuid import uuid4
 
 import numpy as np
 import pytest
@@ -48,15 +49,20 @@ def state_of(channels, exact):
     return type("Loop", (ctypes.Structure,), {"_fields_": fields})()
 
 
-def compiled(source, folder, channels=2, *, exact=False):
-    """The library of a C file, built with every warning an error, and a state for it."""
-    (folder / "loop.c").write_text(source)
-    library, state = folder / "loop.so", state_of(channels, exact)
+def library(source, folder):
+    """The library of a C file, built with every warning an error; each build has its own name."""
+    file = folder / f"{uuid4().hex}.c"
+    file.write_text(source)
     strict = "-std=c99 -O2 -Wall -Wextra -Werror -pedantic -Wno-unused-parameter -shared -fPIC"
-    command = [COMPILER, *strict.split(), str(folder / "loop.c"), "-o", str(library), "-lm"]
+    command = [COMPILER, *strict.split(), str(file), "-o", str(file.with_suffix(".so")), "-lm"]
     done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
     assert done.returncode == 0, done.stderr
-    loaded, number = ctypes.CDLL(str(library)), ctypes.c_double
+    return ctypes.CDLL(str(file.with_suffix(".so")))
+
+
+def compiled(source, folder, channels=2, *, exact=False):
+    """The library of a loop, and a state for it."""
+    loaded, state, number = library(source, folder), state_of(channels, exact), ctypes.c_double
     if exact:
         return loaded, state
     loaded.ft_outer_loop_start.argtypes = [ctypes.POINTER(type(state)), *[number] * channels]

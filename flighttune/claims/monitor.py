@@ -1,22 +1,22 @@
-"""A monitor that learns from logs of healthy flights, and its probability of a false alarm."""
+"""Monitors: false alarms counted in healthy flights, or limits that logs of these teach."""
 
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from itertools import combinations
 from pathlib import Path
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
 from flighttune.claims.count import flights_needed
+from flighttune.claims.counted import Counted, Of
 from flighttune.errors import InputError
 from flighttune.files.array import TEXT, read_arrays, write_sealed
 from flighttune.files.load import sealed_bytes
 from flighttune.files.table import STRICT, json_object, tables_of, value_of
 from flighttune.gaps.watch import (
     OF_LOGS,
-    Alarm,
     SignalModel,
     Watch,
     columns_of,
@@ -24,12 +24,14 @@ from flighttune.gaps.watch import (
     models_of,
     moments,
     residuals,
+    score_so_far,
+    signals_of,
     taught,
 )
 from flighttune.logs.checks import refuse_wrong
 from flighttune.present.answer import Answer, Answering, Column, Table, number
 from flighttune.present.names import listed
-from flighttune.simulate.run import Run
+from flighttune.simulate.run import SCORE, SIGNAL_UNITS, Alarm, Bounds, Run, RunClaim
 
 MIN_LOGS = 3
 # Beginning of a log that is not judged, s: an autopilot that takes over has a transient.
@@ -43,6 +45,117 @@ COLUMNS = [
     Column("score", "score by the others", digits=".3g"),
     Column("why", "largest residual"),
 ]
+
+
+class Watching(Answering):
+    """A monitor as a claim about runs: their largest score so far, above 1 from an alarm on."""
+
+    __slots__ = ()
+
+    @property
+    def sentence(self) -> str:
+        """The claim in words."""
+        raise NotImplementedError
+
+    @property
+    def watches(self) -> tuple[Watch, ...]:
+        """Models and limits; all of them must alarm."""
+        raise NotImplementedError
+
+    def alarm(self, run: Run) -> Alarm | None:
+        """When a run is first outside of what is expected, and why; None if it never is."""
+        alarms = [watch.alarm(run) for watch in self.watches]
+        return None if None in alarms else max(filter(None, alarms))
+
+    def why_not(self, run: Run) -> str:
+        """Why the monitor says nothing of a run; empty if the run has the signals watched."""
+        if SCORE in run.signals:
+            return "another monitor has scored it"
+        needed = signals_of(self.watches[0].models)
+        lacking = [name for name in needed if name not in run.signals]
+        return f"it must have {', '.join(lacking)} to be watched" if lacking else ""
+
+    def on(self, run: Run) -> RunClaim:
+        """The score of a run that has the signals watched, at most 1 where nothing alarms."""
+        score = score_so_far(self.watches, run)
+        score = np.concatenate([np.zeros(len(run.signals) - len(score)), score])  # not judged
+        limit = np.ones((len(score), 1))
+        return RunClaim(
+            kind="counted",
+            title="limit of the monitor",
+            sentence=self.sentence,
+            bounds=Bounds(run.t, 0.0 * limit, limit, (SCORE,)),
+            units={SCORE: SIGNAL_UNITS[SCORE]},
+            signals={SCORE: score},
+            alarm=self.alarm(run),
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Monitor(Counted, Watching):
+    """An alarm that healthy flights raise with a stated probability at most: a counted claim.
+
+    Its score is the largest distance of a flight so far from what healthy flights make expect of
+    its signals, over the limits that were counted.
+
+    Attributes
+    ----------
+    about, flights, extremes, wind, endings, scores, scale : as of a `Band`, for one window
+    watch : Watch
+        The models and their limits; its `scores` and `alarm` take a run.
+
+    Examples
+    --------
+    >>> few = {"epsilon": 0.3, "confidence": 0.9, "learn": 20, "workers": 1}
+    >>> monitor = ft.monitor("level_turn", start_deg=2.0, **few)
+    >>> len(monitor.scores), monitor.outside
+    (29, 5)
+    """
+
+    of: ClassVar[Of] = "monitor"
+    title: ClassVar[tuple[str, str]] = "what is expected, and limits of what is missing", "limits"
+
+    @property
+    def watch(self) -> Watch:
+        """The models and the limits of their residuals; InputError if nothing is claimed."""
+        if not self.claims:
+            raise InputError("a monitor must claim a rate of false alarms to watch flights.")
+        low, high = self._ends(np.zeros((1, 0)))
+        middle, half = 0.5 * (low + high)[0], self.scale * self.about.half[0]
+        return Watch(models=self.about.models, middle=middle, half=half)
+
+    @property
+    def watches(self) -> tuple[Watch, ...]:
+        """Its watch alone, as a `LogMonitor` has several."""
+        return (self.watch,)
+
+    def why_not(self, run: Run) -> str:
+        """Why the monitor says nothing of a run: it watches others of its aircraft and gains."""
+        differs = self.flights.flown_otherwise(run)
+        said = f"its {differs} must be that of the flights counted" if differs else ""
+        return said or Watching.why_not(self, run)
+
+    @property
+    def _leaves(self) -> str:
+        return "without a fault raises an alarm"
+
+    def _sizes(self) -> list[dict[str, float]]:
+        low, high = (ends[0] for ends in self._ends(np.zeros((1, 0))))
+        return [{"low": a, "high": b} for a, b in zip(low, high, strict=True)]
+
+    @property
+    def _values(self) -> dict[str, Any]:
+        return {"models": [asdict(model) for model in self.about.models]}
+
+    @property
+    def _notes(self) -> list[str]:
+        models = self.about.models
+        return [
+            f"Expected are {listed([f'{x.name} ({x.target})' for x in models])}, from "
+            f"{listed(signals_of(models))} as recorded: "
+            "surfaces and throttle are positions, and no noise is added to a sensor. A flight that "
+            "did not complete counts as an alarm. How often faults are found is not in the claim."
+        ]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -60,7 +173,7 @@ class HealthyLog:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LogMonitor(Answering):
+class LogMonitor(Watching):
     """An alarm that a healthy flight like those of the logs raises with a small probability.
 
     Every log is left out once: the others teach models and limits, and score it. A flight alarms
@@ -130,11 +243,6 @@ class LogMonitor(Answering):
             )
             for log in self.logs
         )
-
-    def alarm(self, run: Run) -> Alarm | None:
-        """When a run is first outside by the models of all, and why; None if it never is."""
-        alarms = [alarm for watch in self.watches if (alarm := watch.alarm(run))]
-        return max(alarms) if len(alarms) == len(self.logs) else None
 
     def save(self, path: str | Path) -> None:
         """Write the monitor with its SHA-256 (.npz), whole or not at all."""

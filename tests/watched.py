@@ -1,0 +1,24 @@
+"""Level turns of the Aerosonde, healthy or with a fault, for monitors."""
+
+import flighttune as ft
+from flighttune.flight.fly import fly_alone
+
+
+def turn(seconds, chi_deg, gamma_deg=0.0, **plant):
+    """The scenario of a turn of so many seconds from this start; `plant` is added to its table."""
+    start = {"duration_s": seconds, "chi_deg": chi_deg, "gamma_deg": gamma_deg}
+    changes = {f"flight.{key}": value for key, value in start.items()}
+    tables = ft.load_scenario("level_turn", changes=changes).as_dict() | {"expect": []}
+    tables["plant"] = [x | plant for x in tables["plant"] if x["kind"] == "jsbsim"]
+    return ft.scenario_from(tables)
+
+
+def stuck(from_s):
+    """What adds an aileron that sticks from a time on to a plant."""
+    return {"airframe": {"fault": {"from_s": from_s, "aileron_stuck_deg": 5.0}}}
+
+
+def flown(scenario):
+    """Its flight with the paper's gains."""
+    (plant,) = scenario.plant
+    return fly_alone(scenario, plant, ft.PAPER_GAINS, "paper")
