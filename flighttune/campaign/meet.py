@@ -27,9 +27,9 @@ from flighttune.errors import InputError
 from flighttune.flight.expectations import (
     BoundCheck,
     bound_checks,
+    bounded_loop,
     end_share,
     not_followed,
-    with_loop,
 )
 from flighttune.flight.load import as_scenario, scenario_and_gains
 from flighttune.flight.models import gain_set, identified_models, loop_measures, tuning_problem
@@ -233,7 +233,7 @@ class Search:
             scenario = campaign.nominal
             margins = _default_margins(scenario)
             bounds = [*scenario.expect, *margins]
-            loop = with_loop({}, bounds, scenario, name, gains)
+            loop = bounded_loop(bounds, scenario, name, gains)
             where = f"{scenario.title}: " if len(self.campaigns) > 1 else ""
             for row in of_campaign:
                 flown = row.get("status") == "completed"

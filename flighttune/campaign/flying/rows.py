@@ -21,7 +21,7 @@ from flighttune.control.law import Law, split_name
 from flighttune.control.linear_model import closed_loop
 from flighttune.errors import FlightTuneError, InputError, ending_of
 from flighttune.flight.conditions import reference_of
-from flighttune.flight.expectations import missed, with_loop
+from flighttune.flight.expectations import bounded_loop, missed
 from flighttune.flight.flown import FlownScenario
 from flighttune.flight.fly import Progress, fly, fly_alone
 from flighttune.flight.models import linear_model
@@ -323,7 +323,7 @@ def _of_loop(plan: Plan, group: Group) -> Mapping[str, Mapping[str, float]]:
     """Measures of the undispersed loop of a group, where its requirements bound them."""
     scenario, name = plan.scenario, group.gains
     tables = scenario.expected(group.plant, name)
-    return with_loop({}, tables, scenario, name, plan.gain_sets[name])
+    return bounded_loop(tables, scenario, name, plan.gain_sets[name])
 
 
 def _unflown(status: str, reason: str) -> Row:
