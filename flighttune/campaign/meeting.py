@@ -15,7 +15,8 @@ from flighttune.control.gains import PIGains, gains_lists, gains_table
 from flighttune.control.linear_model import closed_loop
 from flighttune.control.margins import loop_margins, margins_table
 from flighttune.flight.expectations import BoundCheck
-from flighttune.flight.models import certify_scenario, linear_model
+from flighttune.flight.gains import certify_scenario
+from flighttune.flight.models import linear_model
 from flighttune.planning.schema import Campaign
 from flighttune.present.answer import Answer, Answering, Column, Table, interval, percent, pick
 from flighttune.present.names import columns, endings_table, in_words, listed, measure_words
