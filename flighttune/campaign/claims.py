@@ -29,8 +29,8 @@ from flighttune.records.compare import Source
 from flighttune.records.parquet import Recording
 from flighttune.simulate.run import Run
 from flighttune.theory.exact import Check, Verification
-from flighttune.tubes.boxes import OF_RESIDUALS
 from flighttune.tubes.enclosure import Tube
+from flighttune.tubes.problem import OF_RESIDUALS
 
 CHECKED = "claim (certificate, bound on R_K, tube or band), recording, or folder of a campaign"
 CLAIM = "claim: the file of a certificate, a bound on R_K, a tube or a band"
