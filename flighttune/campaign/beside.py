@@ -16,7 +16,7 @@ from flighttune.campaign.counted_flights import check_random, distribution_of
 from flighttune.campaign.engine.pool import WorkerPool
 from flighttune.campaign.engine.progress import CampaignObserver
 from flighttune.campaign.mission import CONFIDENCE, EPSILON, OUTSIDE
-from flighttune.campaign.statistics.flights import flights_of
+from flighttune.campaign.statistics.findings import findings_of
 from flighttune.campaign.statistics.intervals import paired, rate_interval, scores
 from flighttune.claims.count import allowed_outside, flights_needed
 from flighttune.control.gains import NO_FEEDBACK, PIGains, rate_gains
@@ -429,7 +429,7 @@ def compare(  # type: ignore[misc] # noqa: PLR0913 - each is a choice of the use
     logged, notes = ([], []) if log is None else _logged(log, columns, now, version)
     with WorkerPool(workers, scheduler, observer) as pool:
         rows = list(pool.rows(plan, range(plan.runs), probes={"kept": _kept}))
-    frame = flights_of(pd.DataFrame(rows), plan).rows
+    frame = findings_of(pd.DataFrame(rows), plan).rows
     frame["gains"] = np.where(frame["gains"] == group.gains, YOURS, OURS)
     tracking = _tracking(logged, frame)
     notes += [_within(tracking)] if tracking else []
