@@ -114,8 +114,8 @@ class Findings:
         """Share of flights that succeed."""
         # Points of a Latin hypercube or Sobol sequence are taken as if they were independent: their
         # intervals are wider than they need be.
-        flags, kind = rows[SUCCESS].to_numpy(dtype=bool), self.method
-        return share(flags, self.clusters(rows), method=kind, confidence=self.confidence)
+        flags, method = rows[SUCCESS].to_numpy(dtype=bool), self.method
+        return share(flags, self.clusters(rows), method=method, confidence=self.confidence)
 
     def percentile(self, rows: pd.DataFrame, measure: str, q: float) -> Estimate:
         """Quantile of a measure of flights that have it."""
@@ -214,9 +214,11 @@ class Findings:
                 near = ordered_quantile(beyond, 0.95).item() if len(rows) else -np.inf
                 row = {**pick(table, "plant gains"), "measure": measure, "sense": check.sense}
                 row |= {"bound": bound, "n": len(rows), "missed": int((beyond > 0.0).sum())}
-                stated.append((near, {**row, "near": near if np.isfinite(near) else None}))
-        ordered = sorted(stated, key=lambda bound: (-bound[1]["missed"], -bound[0]))
-        return [row for _, row in ordered]
+                stated.append({**row, "near": near})
+        ordered = sorted(stated, key=lambda row: (-row["missed"], -row["near"]))
+        return [
+            row | {"near": row["near"] if np.isfinite(row["near"]) else None} for row in ordered
+        ]
 
     @cached_property
     def splits(self) -> list[dict[str, Any]]:
@@ -252,7 +254,7 @@ class Findings:
     @cached_property
     def convergence(self) -> list[dict[str, Any]]:
         """Estimates from the first n flights of each group: `success`, and `p95` of the measure."""
-        measure, curves = self.measure, []
+        measure, curves = self.measure or "", []
         for group, rows in self.groups() if measure else ():
             # from 10, or a quarter of the flights if less, evenly spaced in their logarithm
             first = max(1, min(FIRST_PREFIX, len(rows) // 4))
@@ -260,7 +262,7 @@ class Findings:
             has_value = (rows["status"] == "completed") & rows[measure].notna()
             places, q = np.flatnonzero(has_value), PERCENTILES["p95"]
             measured, ends = rows.iloc[places], np.searchsorted(places, counts)
-            curve = {"group": group.label, "n": counts.tolist()}
+            curve: dict[str, Any] = {"group": group.label, "n": counts.tolist()}
             curve["success"] = [self.successes(rows.head(n)) for n in counts]
             curve["p95"] = [self.percentile(measured.head(n), measure, q) for n in ends]
             curves.append(curve)

@@ -241,8 +241,8 @@ def paired(
             p = 2.0 * float(bdtr(min(only_a, only_b), only_a + only_b, 0.5))
             won = wins_a / (wins_a + wins_b) if wins_a + wins_b else 0.5
             median = float(ordered_quantile(apart, 0.5))
-            pair = {"plant": str(plant), "a": a, "b": b, "measure": measure, "n": len(x)}
-            pair |= {"wins_a": wins_a, "wins_b": wins_b, "win_rate": won}
+            pair: dict[str, Any] = {"plant": str(plant), "a": a, "b": b, "measure": measure}
+            pair |= {"n": len(x), "wins_a": wins_a, "wins_b": wins_b, "win_rate": won}
             pair |= {"lo": float(lo), "hi": float(hi)}
             pair |= {"median": median, "median_lo": median_lo, "median_hi": median_hi}
             pair |= {"only_a": only_a, "only_b": only_b, "p_success": min(1.0, p)}
