@@ -93,6 +93,9 @@ SAME = 1e-9
 # in another order.
 SAME_SHAPE = 1e-6
 
+# Signals of the kinds of counts that are not recorded, with their units.
+OWN_SIGNALS: Mapping[Of, Mapping[str, str]] = {"residual": RESIDUALS, "turn_back": ROOM}
+
 # Keeps of a completed flight what is counted of it.
 Probe: TypeAlias = partial[list[float]]
 
@@ -327,47 +330,43 @@ def counted_on(
     """
     check_at_least(MIN_LEARNED, learn=learn)
     plan = plan.with_runs(learn + fresh_flights(flights, epsilon, confidence))
-    (group,), central = plan.groups, plan.campaign.central
+    (group,), windy = plan.groups, predicted_from is not None
     distribution = distribution_of(plan.campaign, group.plant)
-    check_random(place, distribution, central)
+    check_random(place, distribution, plan.campaign.central)
     for key in {*TIME_AXIS} & {*plan.keys}:
         raise InputError(f"{place}: `{key}` must be the same in all flights of a band.")
-    windy = predicted_from is not None
     if windy and not any(key.startswith("wind.") for key in distribution.dispersed):
         raise InputError(f"{place}: the wind must be drawn for `given` wind, got one wind.")
-    models = models_of(_central_run(plan).signals) if kind.of == "monitor" else ()
-    units = _units(plan, kind.of, signals, models)
+    units, models = _signals(plan, kind.of, signals)
     of = flights_of(plan, kind.of, len(units), plan.runs - learn)
+    shape = len(of.edges) - 1, len(units)
+    about = About(
+        of=kind.of,
+        signals=units,
+        coefficients=np.zeros((1, *shape)),  # until they are learned
+        half=np.ones(shape),
+        predicted_from=predicted_from,
+        plan=plan.as_dict(),
+        learned=learn,
+        epsilon=epsilon,
+        confidence=confidence,
+        until_sure=until_sure,
+        models=models,
+    )
     with WorkerPool(*by) as pool:
         pool.progress.budget = plan.runs
-        models = models_taught(pool, plan, models, learn)
-        probe = partial(_extremes, list(units), of.edges, windy, models or of.model)
-        coefficients, half = _learned(pool, plan, probe, learn, kind.of, epsilon)
-        about = About(
-            of=kind.of,
-            signals=units,
-            coefficients=coefficients,
-            half=half,
-            predicted_from=predicted_from,
-            plan=plan.as_dict(),
-            learned=learn,
-            epsilon=epsilon,
-            confidence=confidence,
-            until_sure=until_sure,
-            models=models,
-        )
+        about = replace(about, models=_taught(pool, plan, about))
+        coefficients, half = _learned(pool, plan, about, of)
         counted = kind(
-            about=about,
+            about=replace(about, coefficients=coefficients, half=half),
             flights=of,
-            extremes=np.zeros((0, *half.shape, 2), np.float32),
+            extremes=np.zeros((0, *shape, 2), np.float32),
             wind=np.zeros((0, 2 * windy)),
         )
         numbers = range(LOOK, plan.runs, LOOK) if until_sure else (BATCH * DOUBLED).tolist()
         ends = [learn + n for n in numbers if certain and learn + n < plan.runs] + [plan.runs]
         for begin, end in pairwise([learn, *ends]):
-            counted = counted.with_flights(
-                *_flown(pool, plan, probe, range(begin, end), "counting")
-            )
+            counted = counted.with_flights(*_flown(pool, plan, about, of, range(begin, end)))
             if certain is not None and certain(counted):
                 break
     endings = [x for x in pool.progress.endings if x["run"] >= learn]
@@ -375,26 +374,26 @@ def counted_on(
 
 
 def _learned(
-    pool: WorkerPool, plan: Plan, probe: Probe, learned: int, of: Of, epsilon: float
+    pool: WorkerPool, plan: Plan, about: About, flights: BandFlights
 ) -> tuple[FloatArray, FloatArray]:
     """Coefficients and half-widths that follow from the first draws of a plan."""
-    draws = range(learned // 2 if of == "monitor" else 0, learned)
-    flights = _flown(pool, plan, partial(probe, anywhere=True), draws, "learning")
+    draws = range(about.learned // 2 if about.models else 0, about.learned)
+    kept = _flown(pool, plan, about, flights, draws, "learning")
+    epsilon, _ = about.planned or (about.epsilon, about.confidence)
     try:
-        coefficients, half = learned_shape(*flights, epsilon)
+        coefficients, half = learned_shape(*kept, epsilon)
     except InputError as error:
         raise InputError(f"{error}{why_ended(pool.progress.endings)}") from error
-    return coefficients, half * HEIGHT_ROOM if of == "turn_back" else half
+    return coefficients, half * HEIGHT_ROOM if about.of == "turn_back" else half
 
 
-def models_taught(
-    pool: WorkerPool, plan: Plan, models: Sequence[SignalModel], learned: int
-) -> tuple[SignalModel, ...]:
+def _taught(pool: WorkerPool, plan: Plan, about: About) -> tuple[SignalModel, ...]:
     """The models of a monitor with the weights of the first half of the flights learned from."""
+    models = about.models
     if not models:
         return ()
     probes = {"moments": partial(_moments, models)}
-    rows = pool.in_order(plan, range(learned // 2), doing="learning", probes=probes)
+    rows = pool.in_order(plan, range(about.learned // 2), doing="learning", probes=probes)
     sizes = [len(model.terms) + 1 for model in models]
     cuts = np.cumsum([size * size for size in sizes])[:-1]
     flights = [np.split(np.array(row["moments"]), cuts) for row in rows if "moments" in row]
@@ -408,33 +407,28 @@ def models_taught(
 
 
 def _moments(models: Sequence[SignalModel], run: Run, _: Scenario) -> list[float]:
-    return np.concatenate(
-        [product.ravel() for product in moments(columns_of(models, run))]
-    ).tolist()
+    return np.concatenate([x.ravel() for x in moments(columns_of(models, run))]).tolist()
 
 
-def _central_run(plan: Plan) -> Run:
-    return fly_group(plan, plan.campaign.central, plan.groups[0])
+def _signals(
+    plan: Plan, of: Of, chosen: Iterable[str] | None
+) -> tuple[dict[str, str], tuple[SignalModel, ...]]:
+    """Units of the signals of a kind, or of some recorded ones, and the models of a monitor.
 
-
-def _units(
-    plan: Plan, of: Of, signals: Iterable[str] | None, models: Sequence[SignalModel]
-) -> dict[str, str]:
-    """Units of the signals of a kind, or of some recorded ones.
-
-    These are by default the errors, or the distances from a route.
+    Recorded ones are by default the errors, or the distances from a route.
     """
+    if of in OWN_SIGNALS:
+        return dict(OWN_SIGNALS[of]), ()
+    run = fly_group(plan, plan.campaign.central, plan.groups[0])
     if of == "monitor":
-        return units_of(models, SIGNAL_UNITS)
-    if of is not None:
-        return dict({"residual": RESIDUALS, "turn_back": ROOM}[of])
-    run, default = _central_run(plan), OFF_ROUTE if plan.campaign.central.route else ERRORS
-    names = list(dict.fromkeys(signals or default))
+        models = models_of(run.signals)
+        return units_of(models, SIGNAL_UNITS), models
+    names = dict.fromkeys(chosen or (OFF_ROUTE if plan.campaign.central.route else ERRORS))
     for name in names:
         if name not in run.signals:
             recorded = ", ".join(map(str, run.signals.columns))
             raise InputError(f"`signal` must be one of {recorded}, got {name!r}.")
-    return {name: run.units.get(name) or SIGNAL_UNITS.get(name, "") for name in names}
+    return {name: run.units.get(name) or SIGNAL_UNITS.get(name, "") for name in names}, ()
 
 
 def flights_of(plan: Plan, of: Of, signals: int, flights: int) -> BandFlights:
@@ -516,24 +510,21 @@ def count_more(band: C, flights: int, pool: WorkerPool) -> C:
         )
     runs = band.draws_of(flights)[counted:].tolist()
     plan = plan_of(band).with_runs(runs[-1] + 1)
-    more = _flown(pool, plan, _probe(band.about, band.flights), runs, "counting")
+    more = _flown(pool, plan, band.about, band.flights, runs)
     return band.with_flights(*more, pool.progress.endings)
 
 
 def check_shape(band: Counted, pool: WorkerPool) -> None:
     """Fly the flights learned from again; an InputError refuses a shape that they do not give."""
     about, plan = band.about, plan_of(band)
-    units = _units(plan, about.of, about.signals, about.models)
+    models = about.models
+    units = units_of(models, SIGNAL_UNITS) if models else _signals(plan, about.of, about.signals)[0]
     if [*units.items()] != [*about.signals.items()]:
         raise InputError("`signals` must have the units of the flights.")
-    epsilon, _ = about.planned or (about.epsilon, about.confidence)
-    for model, again in zip(
-        about.models, models_taught(pool, plan, about.models, about.learned), strict=True
-    ):
+    for model, again in zip(models, _taught(pool, plan, about), strict=True):
         if not np.allclose(model.weights, again.weights, rtol=SAME_SHAPE, atol=0.0):
             raise InputError(f"`weights` of {model.name} must be those that its flights teach.")
-    probe = _probe(about, band.flights)
-    coefficients, half = _learned(pool, plan, probe, about.learned, about.of, epsilon)
+    coefficients, half = _learned(pool, plan, about, band.flights)
     moved = predicted(band.wind, coefficients - about.coefficients)
     for name, off in (("half", half - about.half), ("coefficients", moved)):
         if not (np.abs(off) <= SAME_SHAPE * half).all():
@@ -560,9 +551,8 @@ def some_draws(band: Counted, flights: int) -> list[int]:
 
 def differing(band: Counted, draws: Sequence[int], pool: WorkerPool) -> list[int]:
     """The counted draws, in rising order, that differ by a bit when they are flown again."""
-    chosen = np.searchsorted(band.draws, draws)
-    probe = _probe(band.about, band.flights)
-    again, wind = _flown(pool, plan_of(band), probe, draws, "counting again")
+    chosen, doing = np.searchsorted(band.draws, draws), "counting again"
+    again, wind = _flown(pool, plan_of(band), band.about, band.flights, draws, doing)
     differ = (again != band.extremes[chosen]).any(axis=(1, 2, 3))
     differ |= (wind != band.wind[chosen]).any(axis=1) & np.isfinite(band.scores[chosen])
     return [draw for draw, other in zip(draws, differ, strict=True) if other]
@@ -570,37 +560,36 @@ def differing(band: Counted, draws: Sequence[int], pool: WorkerPool) -> list[int
 
 def score(about: About, flights: BandFlights, run: Run, scenario: Scenario) -> float:
     """Scale at which a flight is just inside a band."""
-    extremes, wind = np.split(
-        np.array(_probe(about, flights)(run, scenario)), [2 * about.half.size]
-    )
-    shape = 1, *about.half.shape, 2
+    numbers, shape = np.array(_probe(about, flights)(run, scenario)), (1, *about.half.shape, 2)
+    extremes, wind = np.split(numbers, [math.prod(shape)])
     return float(scores_of(extremes.reshape(shape), wind[None], about.coefficients, about.half)[0])
 
 
-def _probe(about: About, flights: BandFlights) -> Probe:
-    """The function that keeps the extremes of each flight."""
-    windy = about.predicted_from is not None
-    model = about.models or flights.model
-    return partial(_extremes, list(about.signals), flights.edges, windy, model)
+def _probe(about: About, flights: BandFlights, anywhere: bool = False) -> Probe:
+    """The function that keeps the extremes of each flight, `anywhere` or only at its places."""
+    windy, model = about.predicted_from is not None, about.models or flights.model
+    return partial(_extremes, list(about.signals), flights.edges, windy, model, anywhere)
 
 
 def _flown(
-    pool: WorkerPool, plan: Plan, probe: Probe, runs: Sequence[int], doing: str
+    pool: WorkerPool,
+    plan: Plan,
+    about: About,
+    flights: BandFlights,
+    runs: Sequence[int],
+    doing: str = "counting",
 ) -> tuple[Extremes, FloatArray]:
-    """Extremes of some runs, and their wind where the probe has it."""
-    signals, edges, windy, _ = probe.args
-    shape = len(edges) - 1, len(signals), 2
-    size = math.prod(shape)
-    lost = LOST * (size // 2) + [0.0, 0.0] * windy
-    extremes, winds = [], []
-    for first in range(0, len(runs), PART):
-        number = f", part {first // PART + 1} of {math.ceil(len(runs) / PART)}"
-        phase = f"{doing}{number if len(runs) > PART else ''}"
-        part = runs[first : first + PART]
-        rows = pool.in_order(plan, part, doing=phase, probes={"extremes": probe})
+    """Extremes of some runs, and their wind where the band is given it."""
+    probe = _probe(about, flights, anywhere=doing == "learning")
+    shape, probes = (*about.half.shape, 2), {"extremes": probe}
+    lost = LOST * about.half.size + [0.0, 0.0] * (about.predicted_from is not None)
+    extremes, winds, parts = [], [], range(0, len(runs), PART)
+    for number, first in enumerate(parts, 1):
+        phase = f"{doing}{f', part {number} of {len(parts)}' if len(parts) > 1 else ''}"
+        rows = pool.in_order(plan, runs[first : first + PART], doing=phase, probes=probes)
         values = np.array([row.get("extremes", lost) for row in rows])
-        extremes.append(values[:, :size].astype(np.float32).reshape(-1, *shape))
-        winds.append(values[:, size:])
+        extremes.append(values[:, : math.prod(shape)].astype(np.float32).reshape(-1, *shape))
+        winds.append(values[:, math.prod(shape) :])
     return np.concatenate(extremes), np.concatenate(winds)
 
 
@@ -609,10 +598,9 @@ def _extremes(
     edges: FloatArray,
     windy: bool,
     model: ConformantModel | tuple[SignalModel, ...] | None,
+    anywhere: bool,
     run: Run,
     scenario: Scenario,
-    *,
-    anywhere: bool = False,
 ) -> list[float]:
     """Extremes of signals, or of residuals of a `model`, by window; then the wind at the start."""
     axis = axis_of(run)
@@ -626,13 +614,8 @@ def _extremes(
         flown = room_of(run, scenario.turn_back)
     else:
         flown = run.signals[signals].to_numpy()
-    values = np.ravel(window_extremes(flown, samples)).tolist()
-    route = reference_of(scenario)
-    if (
-        not anywhere
-        and isinstance(route, RouteReference)
-        and {*OFF_ROUTE} & {*signals}
-        and route.displacement(run.signals) > SAME_PLACE
-    ):
+    values, route = np.ravel(window_extremes(flown, samples)).tolist(), reference_of(scenario)
+    off_route = isinstance(route, RouteReference) and {*OFF_ROUTE} & {*signals} and not anywhere
+    if off_route and route.displacement(run.signals) > SAME_PLACE:
         values = LOST * (len(values) // 2)
     return [*values, *wind_at_start(scenario)] if windy else values

@@ -131,20 +131,27 @@ def test_what_is_not_flyable_or_not_fenced_is_refused_before_a_flight(tmp_path):
     assert "the start must be inside" in flighttune("mission", delayed, *FEW, *skipped, status=2)[1]
 
 
+def made_up_flights(monkeypatch, lost_every):
+    """The runs that are counted, in place of flights; some of them do not complete."""
+    rng, counted = np.random.default_rng(1), []
+
+    def flown(pool, plan, about, flights, runs, doing="counting"):
+        away = rng.uniform(0.1, 0.3, (len(runs), len(flights.edges) - 1, 2, 1)).astype(np.float32)
+        extremes = np.concatenate([-away, away], axis=-1)
+        if doing == "counting":
+            counted.extend(runs)
+            if lost_every:
+                extremes[(np.array(runs) - 15) % lost_every == 0] = [-np.inf, np.inf]
+        return extremes, np.zeros((len(runs), 0))
+
+    monkeypatch.setattr("flighttune.campaign.band._flown", flown)
+    return counted
+
+
 def test_a_no_comes_as_soon_as_more_flights_are_outside_than_may_be(monkeypatch):
     """One in four does not complete; of 93 flights 1 may be outside (binomial distribution)."""
     assert binom.cdf(1, 93, 0.05) <= 0.05 < binom.cdf(1, 92, 0.05)
-    rng, counted = np.random.default_rng(1), []
-
-    def flown(pool, plan, probe, runs, doing):
-        away = rng.uniform(0.1, 0.3, (len(runs), len(probe.args[1]) - 1, 2, 1)).astype(np.float32)
-        found = np.concatenate([-away, away], axis=-1)
-        if doing == "counting":
-            counted.extend(runs)
-            found[::4] = [-np.inf, np.inf]
-        return found, np.zeros((len(runs), 0))
-
-    monkeypatch.setattr("flighttune.campaign.band._flown", flown)
+    counted = made_up_flights(monkeypatch, lost_every=4)
     short = {"route.waypoint": [{"north_m": n, "east_m": 0.0} for n in (0.0, 600.0)]}
     said = ft.mission("circuit_in_wind", changes=short, workers=1).answer()
 
@@ -167,16 +174,7 @@ def test_a_no_comes_as_soon_as_more_flights_are_outside_than_may_be(monkeypatch)
 def test_a_fence_is_answered_as_soon_as_it_is_sure(
     tmp_path, monkeypatch, lost_every, flights, said
 ):
-    rng = np.random.default_rng(1)
-
-    def flown(pool, plan, probe, runs, doing):
-        away = rng.uniform(0.1, 0.3, (len(runs), len(probe.args[1]) - 1, 2, 1)).astype(np.float32)
-        found = np.concatenate([-away, away], axis=-1)
-        if doing == "counting" and lost_every:
-            found[(np.array(runs) - 15) % lost_every == 0] = [-np.inf, np.inf]
-        return found, np.zeros((len(runs), 0))
-
-    monkeypatch.setattr("flighttune.campaign.band._flown", flown)
+    made_up_flights(monkeypatch, lost_every)
     file, out = mission(tmp_path / "m.plan"), tmp_path / "m.npz"
     odds = ft.mission(file, until_sure=True, out=out, workers=1)
     answer, band = odds.answer(), ft.load(out)
