@@ -19,11 +19,11 @@ from flighttune.campaign.counted_flights import (
     in_air,
     plan_in,
     plan_of,
+    room_of,
 )
 from flighttune.campaign.engine.pool import WorkerPool
 from flighttune.campaign.engine.progress import CampaignObserver
 from flighttune.campaign.flying.rows import fly_group
-from flighttune.campaign.turn_back import room_of
 from flighttune.claims.band import ROOM, Band, Residual, read_counted
 from flighttune.claims.count import LOOK, fresh_flights
 from flighttune.claims.counted import (

@@ -18,9 +18,8 @@ from shapely.affinity import translate
 from shapely.geometry import shape
 
 import flighttune as ft
-from flighttune.campaign.counted_flights import distribution_of, plan_in
+from flighttune.campaign.counted_flights import distribution_of, plan_in, room_of, turning_back
 from flighttune.campaign.flying.rows import fly_group
-from flighttune.campaign.turn_back import room_of, turning_back
 from flighttune.claims.band import TurnRoom
 from flighttune.references.maps import Volume, volumes_geojson
 
