@@ -5,8 +5,7 @@ from dispersed import WIND, one_of, plan_of, tables_of, uniform
 
 import flighttune as ft
 from flighttune.campaign.flying.columns import OUTCOME, table_of
-from flighttune.campaign.flying.kinematic_batch import batchable
-from flighttune.campaign.flying.rows import rows_flown
+from flighttune.campaign.flying.rows import batchable, rows_flown
 from flighttune.planning.schema import MEASURES
 from flighttune.scenario.tables import (
     ControllerTable,
