@@ -3,26 +3,16 @@
 import time
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
-from itertools import chain
 from pathlib import Path
 from typing import Any
 
 from flighttune.arrays import check_at_least
-from flighttune.campaign.dataset import (
-    CAMPAIGN,
-    RUNS,
-    Dataset,
-    locked,
-    missing,
-    open_dataset,
-    parquet_bytes,
-    runs_to_keep,
-    signals_path,
-)
+from flighttune.campaign.dataset import RUNS, Dataset, locked, open_dataset, parquet_bytes
 from flighttune.campaign.engine.pool import WorkerPool
 from flighttune.campaign.engine.progress import CampaignObserver
 from flighttune.campaign.flying.columns import table_of
 from flighttune.errors import InputError, RecordingError, StoppedError
+from flighttune.files.load import CAMPAIGN
 from flighttune.flight.fly import library_versions
 from flighttune.planning.load import load_campaign
 from flighttune.planning.plan import Plan, draws_in_words, plan_campaign
@@ -233,11 +223,10 @@ def run_campaign(
         dataset.clean()
         _count(dataset, pool)
         plan = dataset.plan
-        gaps = missing((part.runs for part in dataset.parts), plan.runs)
         interrupted = False
         try:
-            dataset.write_rows(pool.rows(plan, chain.from_iterable(gaps)), gaps)
-            _keep_signals(dataset, pool)
+            dataset.write_rows(pool.rows)
+            dataset.keep_signals(pool.signals)
         except StoppedError:
             interrupted = True
         dataset.clean()
@@ -255,15 +244,6 @@ def run_campaign(
         rate_per_s=progress.flown / wall,
         interrupted=interrupted,
     )
-
-
-def _keep_signals(dataset: Dataset, pool: WorkerPool) -> None:
-    """Keep the signals of `runs_to_keep` and no others."""
-    wanted, present = set(runs_to_keep(dataset)), set(dataset.kept)
-    for run in present - wanted:
-        dataset.remove(signals_path(run))
-    for run, signals in pool.signals(dataset.plan, sorted(wanted - present)):
-        dataset.write_signals(run, signals)
 
 
 def _dataset(out: str | Path, plan: Plan, *, resume: bool) -> Dataset:
