@@ -15,7 +15,7 @@ import flighttune as ft
 from flighttune.campaign import worst as worst_module
 from flighttune.campaign.engine.pool import WorkerPool
 from flighttune.campaign.flying.rows import fly_runs
-from flighttune.campaign.worst import SEEDS_EVERY, StatedSet, find_worst, search_worst, value_of
+from flighttune.campaign.worst import SEEDS_EVERY, StatedSet, search_worst, value_of
 from flighttune.metrics import measures
 from flighttune.simulate.run import ERRORS, Bounds
 from tests.tubes.test_soundness import made_up
@@ -72,7 +72,7 @@ def test_the_worst_flight_is_worse_than_random_ones_and_is_flown_again_as_it_was
     plan = small_plan()
     with WorkerPool(1) as pool:
         searched = StatedSet(plan, pool, metric="chi.peak_rad")
-        worst = find_worst(searched, budget=320, seed=1)
+        worst = searched.find_worst(budget=320, seed=1)
 
     rows = fly_runs(plan.with_runs(300), range(300)).to_pandas()
     assert worst.value > rows["chi.peak_rad"].max()
