@@ -9,7 +9,7 @@ import pytest
 from campaigns import SPEED, Notes, bits, children, plan
 
 import flighttune as ft
-from flighttune.campaign.dataset import Dataset, dataset_hash, open_dataset
+from flighttune.campaign.dataset import Dataset, dataset_hash
 from flighttune.campaign.engine import pool as shared_out
 from flighttune.campaign.engine.pool import WorkerPool
 from flighttune.campaign.flying.columns import row_schema, table_of
@@ -53,7 +53,7 @@ def test_every_run_is_there_once_with_the_bits_of_one_process(tmp_path, monkeypa
 
     done = ft.run_campaign(ours, "out", workers=3, observer=notes)
 
-    rows = open_dataset("out").rows()
+    rows = ft.load("out").rows()
     assert dataset_hash("out") == dataset_hash("one")
     assert bits(rows) == bits(here.rows())
     assert rows.schema.equals(row_schema(ours))
@@ -111,7 +111,7 @@ def test_a_campaign_that_is_stopped_is_flown_on_from_where_it_was(tmp_path, addr
 
     first = ft.run_campaign(ours, tmp_path / "out", workers=2, observer=stops)
 
-    there = open_dataset(tmp_path / "out").rows().column("run").to_pylist()
+    there = ft.load(tmp_path / "out").rows().column("run").to_pylist()
     assert first.interrupted
     assert 0 < first.runs < 160
     assert len(set(there)) == len(there) == first.runs
@@ -120,7 +120,7 @@ def test_a_campaign_that_is_stopped_is_flown_on_from_where_it_was(tmp_path, addr
     second = ft.run_campaign(ours, tmp_path / "out", scheduler=address, resume=True)
 
     assert second.flown == 160 - first.runs
-    assert bits(open_dataset(tmp_path / "out").rows()) == bits(fly_runs(ours, range(160)))
+    assert bits(ft.load(tmp_path / "out").rows()) == bits(fly_runs(ours, range(160)))
 
 
 @pytest.mark.soak
