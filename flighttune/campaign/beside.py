@@ -11,8 +11,8 @@ import numpy as np
 import pandas as pd
 
 from flighttune.arrays import FloatArray
-from flighttune.campaign.band import drawn
 from flighttune.campaign.counted_flights import check_random, distribution_of
+from flighttune.campaign.counting import drawn
 from flighttune.campaign.engine.pool import WorkerPool
 from flighttune.campaign.engine.progress import CampaignObserver
 from flighttune.campaign.mission import CONFIDENCE, EPSILON, OUTSIDE

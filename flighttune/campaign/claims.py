@@ -7,8 +7,8 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TypeAlias, TypeVar
 
-from flighttune.campaign.band import check_shape, differing, some_draws
 from flighttune.campaign.counted_flights import plan_of
+from flighttune.campaign.counting import check_shape, differing, some_draws
 from flighttune.campaign.dataset import Dataset
 from flighttune.campaign.engine.pool import WorkerPool
 from flighttune.certificates.bound import RateBound

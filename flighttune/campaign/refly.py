@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
-from flighttune.campaign.band import differing, some_draws
 from flighttune.campaign.counted_flights import plan_of
+from flighttune.campaign.counting import differing, some_draws
 from flighttune.campaign.dataset import Dataset
 from flighttune.campaign.engine.pool import WorkerPool
 from flighttune.campaign.engine.progress import CampaignObserver

@@ -14,10 +14,10 @@ import pandas as pd
 from scipy.special import chdtri, ndtr
 
 from flighttune.arrays import FloatArray, check_at_least
-from flighttune.campaign.band import score
 from flighttune.campaign.bang_bang import search_bang_bang
 from flighttune.campaign.claims import AnyClaim
 from flighttune.campaign.counted_flights import plan_of
+from flighttune.campaign.counting import score
 from flighttune.campaign.engine.pool import WorkerPool
 from flighttune.campaign.engine.progress import CampaignObserver
 from flighttune.campaign.flying.columns import measured_in

@@ -10,9 +10,9 @@ from commands import answer, flighttune
 from dispersed import AEROSONDE, KINEMATIC, SOFT, WIND, one_of, plan_of, tables_of, uniform
 
 import flighttune as ft
-from flighttune.campaign import band as band_module
-from flighttune.campaign.band import count_more, differing, flights_of, some_draws
+from flighttune.campaign import counting
 from flighttune.campaign.counted_flights import plan_of as plan_of_band
+from flighttune.campaign.counting import count_more, differing, flights_of, some_draws
 from flighttune.campaign.flying.rows import fly_group, rows_flown, scenario_of_run
 from flighttune.claims.band import TurnBack
 from flighttune.flight.conditions import reference_of, start_condition
@@ -34,7 +34,7 @@ def small_plan(*disperse, plants=(KINEMATIC,), design="random", **tables):
 
 def count(plan=None, rows=rows_flown, kind=ft.band, **settings):
     """The band, or another kind of count, of a small plan, flown in this process."""
-    with flown_here(band_module, rows):
+    with flown_here(counting, rows):
         return kind(plan or small_plan(), **{**FEW, **settings})
 
 
@@ -71,7 +71,7 @@ def test_the_flights_inside_are_those_whose_errors_are(counted):
 
 
 def test_more_flights_are_added_to_the_count(counted):
-    with flown_here(band_module) as pool:
+    with flown_here(counting) as pool:
         more = count_more(counted, 2 * WITH_FIVE, pool)
         for other in (WITH_FIVE, 40, 3 * WITH_FIVE):
             with pytest.raises(ft.InputError, match=r"`flights` .*58, 116, 232"):
@@ -88,7 +88,7 @@ def test_a_recount_finds_a_flight_that_differs(counted):
     extremes = counted.extremes.copy()
     extremes[4] = np.nextafter(extremes[4], np.inf)
 
-    with flown_here(band_module) as pool:
+    with flown_here(counting) as pool:
         draws = some_draws(counted, WITH_FIVE)
         assert differing(counted, draws, pool) == []
         assert differing(replace(counted, extremes=extremes), draws, pool) == [14]

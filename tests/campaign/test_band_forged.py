@@ -13,8 +13,8 @@ from dispersed import AEROSONDE, KINEMATIC, SOFT, plan_of, uniform
 from dispersed import tables_of as tables_of_plan
 
 import flighttune as ft
-from flighttune.campaign import band as band_module
-from flighttune.campaign.band import count_more, differing, some_draws
+from flighttune.campaign import counting
+from flighttune.campaign.counting import count_more, differing, some_draws
 from flighttune.claims.shape import learned_shape
 from flighttune.files.table import tables_of
 from flighttune.flight import own
@@ -30,7 +30,7 @@ def counted():
 
 def verified(path, status, *options):
     """What `verify` says where it flies all flights again, in this process."""
-    with flown_here(band_module):
+    with flown_here(counting):
         return "".join(flighttune("verify", path, "--count", WITH_FIVE, *options, status=status))
 
 
@@ -76,7 +76,7 @@ def test_a_single_copy_is_flown_again(counted):
     extremes = counted.extremes.copy()
     extremes[20] = extremes[3]
 
-    with flown_here(band_module) as pool:
+    with flown_here(counting) as pool:
         band = replace(counted, extremes=extremes)
         assert 10 + 20 in differing(band, some_draws(band, 1), pool)
 
@@ -132,7 +132,7 @@ def test_names_that_a_maker_chose_are_quoted_and_no_part_of_the_claim(counted, t
 
 
 def test_a_continued_count_cannot_pass_for_one_planned_so_long(counted, tmp_path):
-    with flown_here(band_module) as pool:
+    with flown_here(counting) as pool:
         more = count_more(counted, 2 * WITH_FIVE, pool)
     about = edited(more, "runs", value=10 + 2 * WITH_FIVE)
     path = forged(more, tmp_path / "x.npz", about=about)
@@ -175,7 +175,7 @@ def test_a_claim_other_than_that_planned_shares_its_confidence_and_its_shape(cou
     other = counted.claiming(0.5, 0.9)
     other.save(tmp_path / "x.npz")
     hidden = forged(other, tmp_path / "y.npz", {"planned": None})
-    with flown_here(band_module) as pool:
+    with flown_here(counting) as pool:
         shown, *_ = (ft.verify(path, pool=pool) for path in (tmp_path / "x.npz", hidden))
 
         assert shown.valid
@@ -238,7 +238,7 @@ def made(kind, folder):
         fence = folder / "fence.geojson"
         ring = [[8.49, 47.39], [8.51, 47.39], [8.51, 47.41], [8.49, 47.41], [8.49, 47.39]]
         fence.write_text(json.dumps({"type": "Polygon", "coordinates": [ring]}))
-        with flown_here(band_module):
+        with flown_here(counting):
             return ft.mission(on_a_leg(), fences=[fence], **UNTIL_SURE).band
     return count(flights=ALONE)
 
@@ -267,7 +267,7 @@ def test_no_sentence_uses_a_field_of_a_file_that_is_not_checked(tmp_path, kind):
     tables, said, claims = tables_of(counted.about), [], told(counted)
     first = {tuple(key for key in place if isinstance(key, str)): place
              for place, _ in reversed([*fields(tables)])}  # fmt: skip
-    with flown_here(band_module) as pool:
+    with flown_here(counting) as pool:
         for place in first.values():
             of_kind = any(place[: len(above)] == above for above in KINDS[kind])
             if not of_kind or place[-1] in TRUE_TOO or place in CHOSEN:

@@ -133,7 +133,7 @@ def made_up_flights(monkeypatch, lost_every):
                 extremes[(np.array(runs) - 15) % lost_every == 0] = [-np.inf, np.inf]
         return extremes, np.zeros((len(runs), 0))
 
-    monkeypatch.setattr("flighttune.campaign.band._flown", flown)
+    monkeypatch.setattr("flighttune.campaign.counting._flown", flown)
     return counted
 
 
