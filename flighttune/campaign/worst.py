@@ -5,6 +5,7 @@ import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,6 @@ import pandas as pd
 from scipy.special import chdtri, ndtr
 
 from flighttune.arrays import FloatArray, check_at_least
-from flighttune.campaign.bang_bang import search_bang_bang
 from flighttune.campaign.claims import AnyClaim
 from flighttune.campaign.counted_flights import plan_of
 from flighttune.campaign.counting import score
@@ -87,6 +87,11 @@ WORST_COLUMNS = [
 ]
 
 Seeds = npt.NDArray[np.int64]
+Indices = npt.NDArray[np.intp]
+
+# Intervals of a flight in each of which the sensitivity to a bang-bang disturbance is measured, and
+# times at which the disturbances of a round push an error.
+INTERVALS, TARGETS = 45, 25
 
 # Values of the metric for n draws, larger is worse. The arguments are normal scores before
 # correlation, shape (n, d), and seeds, shape (n,).
@@ -376,7 +381,7 @@ class StatedSet:
         ball that holds the share `REGION` of that distribution; a point outside is moved to its
         surface. The seed of turbulence and noise is that of the worst flight so far; every
         `SEEDS_EVERY` generations that flight is flown with other seeds. With a disturbance, up to
-        half of the budget is first spent on bang-bang disturbances, see `search_bang_bang`.
+        half of the budget is first spent on bang-bang disturbances.
 
         References
         ----------
@@ -386,8 +391,11 @@ class StatedSet:
         self.pool.progress.budget = budget
         family, keys = None, self.plan.keys
         if any(self.disturbances):
-            self._fly_bang_bang(budget // 2)
             family = "square_wave"
+            # In a tube one channel at a time: else only the one nearer to its bound is searched.
+            channels = (0, 1) if TUBE in self._probes else (None,)
+            for channel in channels:
+                self._fly_bang_bang(budget // 2 // len(channels), channel)
         left = budget - self.flights
         z, _, first = search_worst(self.values, len(keys), budget=left, seed=seed)
         (plan, drawn), row = self._made_by, self.worst
@@ -416,22 +424,46 @@ class StatedSet:
         draws = pd.DataFrame(columns | {SEED: seeds % (LARGEST_SEED + 1)}).to_dict("records")
         return self._fly(self.plan.with_runs(len(draws)), draws)
 
-    def _fly_bang_bang(self, budget: int) -> None:
-        """Search bang-bang disturbances with at most `budget` flights."""
-        scenario = self.plan.scenario
-        # In a tube one channel at a time: otherwise only the one nearer to its bound is searched.
-        channels = (0, 1) if TUBE in self._probes else (None,)
-        for channel in channels:
-            search_bang_bang(
-                lambda flights, of=channel: self._fly(*self._switched(flights), of),
-                lambda flights: self._errors(*self._switched(flights)),
-                round(scenario.flight.duration_s * scenario.controller.rate_hz),
-                budget=budget // len(channels),
-                pushed=(0, 1) if channel is None else (channel,),
-            )
+    def _fly_bang_bang(self, budget: int, channel: int | None) -> None:
+        """Push each error, or that of one channel, at some times as far as a disturbance can.
+
+        A flight is an array of signs, shape (1 + samples, 2): of the deviations of the start, then
+        of the disturbances from each sample to the next. Without a budget for a round nothing is
+        flown.
+
+        Notes
+        -----
+        For a linear loop the disturbance ``d_k = D sign(de(T)/dd_k)`` is the worst there is for the
+        error at time T. The first derivatives are about a disturbance that alternates, which hardly
+        moves the flight; limits bend the loop, so that those of later rounds are about the worst
+        flight so far.
+        """
+        scenario, pushed = self.plan.scenario, (0, 1) if channel is None else (channel,)
+        samples = round(scenario.flight.duration_s * scenario.controller.rate_hz)
+        parts = np.array_split(np.arange(1, samples + 1), min(INTERVALS, samples))
+        blocks = [np.array([0]), *parts]
+        targets = np.unique(np.linspace(1, samples, TARGETS).round().astype(np.intp))
+        signs, worst = np.ones((1 + samples, 2)), -np.inf
+        for block in blocks[::2]:
+            signs[block] = -1.0
+        # A round: the middle, a change of each channel in each block, both senses of each target.
+        cost = 1 + 2 * len(blocks) + 2 * len(targets) * len(pushed)
+        while budget >= cost:
+            budget -= cost
+            others = (_other(signs, *changed) for changed in product(blocks, (0, 1)))
+            flown = self._errors(*self._switched([signs, *others]))
+            slopes = _slopes(signs, blocks, flown, targets, pushed)
+            tried = [
+                np.where(slope == 0.0, signs, sense * np.sign(slope))
+                for slope, sense in product(slopes, (1.0, -1.0))
+            ]
+            reached = self._fly(*self._switched(tried), channel)
+            if reached.max() <= worst:
+                break
+            signs, worst = tried[int(reached.argmax())], reached.max()
 
     def _switched(self, flights: Sequence[FloatArray]) -> tuple[Plan, list[Drawn]]:
-        """The plan and draws of flights given as arrays of signs, see `search_bang_bang`."""
+        """The plan and draws of flights given as arrays of signs, see `_fly_bang_bang`."""
         campaign, rate = self.plan.campaign, self.plan.scenario.controller.rate_hz
         starts = [table for table in campaign.disperse if table.key.startswith("flight.")]
         tables = self.plan.scenario.as_dict()
@@ -525,6 +557,37 @@ def search_worst(
                 # With another seed the objective is another function: the strategy starts anew.
                 chance, strategy = int(seeds[place]), None
     return best, chance, first
+
+
+def _other(signs: FloatArray, block: Indices, channel: int) -> FloatArray:
+    """The flight with one channel of a block set to the sign that is rarer in it."""
+    other = signs.copy()
+    other[block, channel] = -1.0 if signs[block, channel].sum() >= 0.0 else 1.0
+    return other
+
+
+def _slopes(
+    about: FloatArray,
+    blocks: Sequence[Indices],
+    flown: Sequence[FloatArray | None],
+    targets: Indices,
+    pushed: Sequence[int],
+) -> list[FloatArray]:
+    """Derivatives of errors at each target by every sign, shape (1 + samples, 2) each."""
+    first, *others = flown
+    slope = np.zeros((len(blocks), 2, len(targets), 2))
+    for (i, channel), errors in zip(product(range(len(blocks)), (0, 1)), others, strict=True):
+        if first is not None and errors is not None:
+            changed = (_other(about, blocks[i], channel) - about)[blocks[i], channel].sum()
+            slope[i, channel] = (errors - first)[targets] / changed
+    rows = np.arange(len(about))
+    centres = [block.mean() for block in blocks[1:]]
+    slopes = []
+    for target, error in product(range(len(targets)), pushed):
+        columns = [np.interp(rows, centres, slope[1:, i, target, error]) for i in (0, 1)]
+        slopes.append(np.stack(columns, axis=1))
+        slopes[-1][0] = slope[0, :, target, error]
+    return slopes
 
 
 def _errors_of(run: Run, _: Scenario) -> list[float]:
