@@ -16,7 +16,7 @@ from flighttune.flight.route import planned_route
 from flighttune.planning.draws import dispersed_places
 from flighttune.planning.load import campaign_on
 from flighttune.planning.plan import Plan, aircraft_hashes, plan_from
-from flighttune.planning.schema import Campaign, Choice, Design, Dispersion, Grid, Uniform
+from flighttune.planning.schema import Campaign, Choice, Dispersion, Grid, Uniform
 from flighttune.references.follow import CHANGE_N_X
 from flighttune.scenario.load import scenario_from, spelled
 from flighttune.scenario.route import DETECTED_S, TurnBackTable, rate_of
@@ -72,33 +72,26 @@ def in_air(campaign: Campaign, air: str) -> Campaign:
     if air in INTENSITIES:
         turbulence = central.model_dump(mode="json", exclude_none=True)["turbulence"]
         tables["turbulence"] = {**turbulence, "intensity": air}
-    return rebuilt(campaign, disperse, scenario_from(tables), campaign.design)
+    return _rebuilt(campaign, disperse, scenario_from(tables))
 
 
 def at_random(campaign: Campaign) -> Campaign:
     """The same campaign with independent draws; points of a grid become equally likely values."""
     disperse = [
-        Choice(key=table.key, acts=table.acts, values=table.levels)
-        if isinstance(table, Grid)
-        else table
-        for table in campaign.disperse
+        Choice(key=x.key, acts=x.acts, values=x.levels) if isinstance(x, Grid) else x
+        for x in campaign.disperse
     ]
-    return rebuilt(campaign, disperse, campaign.nominal, "random")
+    random = campaign.model_copy(update={"design": "random"})
+    return _rebuilt(random, disperse, campaign.nominal)
 
 
-def rebuilt(
-    campaign: Campaign, disperse: Sequence[Dispersion], nominal: Scenario, design: Design
-) -> Campaign:
+def _rebuilt(campaign: Campaign, disperse: Sequence[Dispersion], nominal: Scenario) -> Campaign:
     """A campaign with other draws, correlated as far as their keys are there, and scenario."""
-    gridded = any(isinstance(table, Grid) for table in disperse)
-    keys = {table.key for table in disperse}
-    changed = {
-        "design": "random" if design == "grid" and not gridded else design,
-        "disperse": disperse,
-        "correlation": [
-            correlation for correlation in campaign.correlation if keys >= set(correlation.keys)
-        ],
-    }
+    keys, design = {table.key for table in disperse}, campaign.design
+    if design == "grid" and not any(isinstance(table, Grid) for table in disperse):
+        design = "random"
+    correlation = [x for x in campaign.correlation if keys >= set(x.keys)]
+    changed = {"design": design, "disperse": disperse, "correlation": correlation}
     return campaign_on(campaign.model_copy(update=changed), nominal, campaign.title)
 
 
@@ -114,14 +107,12 @@ def distribution_of(campaign: Campaign, plant: str) -> Distribution:
     dispersed: dict[str, list[Any]] = {}
     disperse: list[dict[str, Any]] = []
     for table in campaign.disperse:
-        plant_places = [
-            place for place in places[table.key] if place[0] != "plant" or place[1] == position
-        ]
-        for place in plant_places:
+        own = [x for x in places[table.key] if x[0] != "plant" or x[1] == position]
+        for place in own:
             key = spelled(("plant", *place[2:]) if place[0] == "plant" else place)
             fixed.pop(key, None)
             dispersed[key] = _range(table, nominal.get(key))
-        disperse += [table.model_dump(mode="json")] * bool(plant_places)
+        disperse += [table.model_dump(mode="json")] * bool(own)
     correlation = campaign.model_dump(mode="json", include={"correlation"})
     ends = [end for key, values in dispersed.items() if key.endswith(AIRSPEEDS) for end in values]
     airspeeds = spread([*campaign.central.airspeeds, *ends], "m/s")
@@ -249,7 +240,7 @@ def turning_back(plan: Plan, stated: str | float) -> Plan:
     title = f"{campaign.title}, turning back"
     changed = campaign.model_copy(update={"success": [], "title": title})
     scenario = scenario_from(tables)
-    return replace(plan, campaign=rebuilt(changed, drawn, scenario, campaign.design))
+    return replace(plan, campaign=_rebuilt(changed, drawn, scenario))
 
 
 def room_of(run: Run, turn_back: TurnBackTable) -> FloatArray:
