@@ -282,7 +282,7 @@ def worst(  # noqa: PLR0913 - each is a choice of the user, and has a default
             )
         searched_for = flights(stated, changes=changes).starting(start_deg).disturbed(disturbance)
         plan, sizes = searched_for.plan(plant=plant, gains=gains), (disturbance, disturbance)
-        searched_in = {"metric": metric, "sizes": sizes, "start_deg": start_deg}
+        searched_in = dict[str, Any](metric=metric, sizes=sizes, start_deg=start_deg)
     bounds = None if tube is None else tube.bounds.of(ERRORS)
     if bounds is not None:
         searched_in |= {"metric": TUBE, "probes": {TUBE: partial(_use_of, bounds)}}

@@ -19,19 +19,6 @@ from flighttune.flight.fly import library_versions
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("own_workers")]
 
 
-def listening(progress):
-    """Note the addresses on which this process and those below it listen while they fly."""
-    if progress.done == 0 or LISTENING:
-        return False
-    for process in [psutil.Process(), *children()]:
-        found = process.net_connections()
-        LISTENING.update(one.laddr.ip for one in found if one.status == psutil.CONN_LISTEN)
-    return False
-
-
-LISTENING = set()
-
-
 KEYS = ("plant.airframe.mass_factor", "plant.airframe.actuator_lag_factor",
         "plant.airframe.coefficient_factors.Cm_alpha", "sensors.chi_noise_sd_deg",
         "sensors.V_a_noise_sd_mps")  # fmt: skip
@@ -45,8 +32,16 @@ upper = 1.05
 
 
 def test_every_run_is_there_once_with_the_bits_of_one_process(tmp_path, monkeypatch, capfd):
+    """And neither this process nor one below it listens on an address."""
     monkeypatch.chdir(tmp_path)
-    ours, notes = plan("files", disperse=SPEED + "".join(map(UNIFORM, KEYS))), Notes(listening)
+    listening = set()
+
+    def listen(progress):
+        for process in [psutil.Process(), *children()] if progress.done else ():
+            listening.update(x.status for x in process.net_connections())
+        return False
+
+    ours, notes = plan("files", disperse=SPEED + "".join(map(UNIFORM, KEYS))), Notes(listen)
     here = Dataset("one", ours, library_versions())
     here.write_plan()
     here.write_part(fly_runs(ours, range(ours.runs)))
@@ -61,7 +56,7 @@ def test_every_run_is_there_once_with_the_bits_of_one_process(tmp_path, monkeypa
     assert {*rows.column("plant").to_pylist()} == {"kinematic", "jsbsim:aerosonde"}
     assert capfd.readouterr() == ("", "")
     assert {path.name for path in tmp_path.iterdir()} == {"files", "one", "out"}
-    assert not LISTENING
+    assert psutil.CONN_LISTEN not in listening
     assert not children()
 
 
@@ -88,12 +83,10 @@ def test_each_phase_counts_its_own_runs_from_its_first_flight_on(tmp_path):
         for doing in ("learning", "counting"):
             assert len(list(pool.rows(ours, range(4), doing=doing))) == 4
 
-    shown = [(p.doing, p.done, p.runs) for p in notes.seen]
-    assert [*dict.fromkeys(shown)] == [
-        ("starting", 0, 4),
-        *(("learning", 0, 4), ("learning", 4, 4)),
-        *(("counting", 0, 4), ("counting", 4, 4)),
-    ]
+    shown = [(p.doing, p.done) for p in notes.seen]
+    phases = [(doing, done) for doing in ("learning", "counting") for done in (0, 4)]
+    assert [*dict.fromkeys(shown)] == [("starting", 0), *phases]
+    assert {p.runs for p in notes.seen} == {4}
     assert pool.progress.flown / pool.progress.rate_per_s < time.perf_counter() - ready
 
 
