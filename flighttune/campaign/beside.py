@@ -465,13 +465,9 @@ def _tracking(logged: Sequence[float], rows: pd.DataFrame) -> list[dict[str, Any
     """The log between the least and the largest of the flights with the user's guidance."""
     flown = rows[(rows["gains"] == YOURS) & (rows["status"] == "completed")]
     kept = pd.DataFrame(flown["kept"].tolist(), columns=[*LOGGED])
-    return [
-        {"of": words, "log": value, "low": low, "high": high, "unit": unit}
-        for (words, unit, _), value, low, high in zip(
-            LOGGED.values(), logged, kept.min(), kept.max(), strict=False
-        )
-        if not math.isnan(value) and not math.isnan(low)
-    ]
+    words, units, _ = zip(*LOGGED.values(), strict=True)
+    table = {"of": words, "log": logged, "low": kept.min(), "high": kept.max(), "unit": units}
+    return pd.DataFrame(table).dropna(subset=["log", "low"]).to_dict("records")
 
 
 def _within(tracking: Sequence[Mapping[str, Any]]) -> str:
