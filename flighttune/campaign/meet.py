@@ -292,16 +292,14 @@ class Search:
             if self.flights + population * self.each > budget:
                 population = POPULATION  # what is left of the budget is not left lying
             before = self.value(self.best())
-            self.descend(start, budget, spread, population)
+            self._descend(start, budget, spread, population)
             best = self.best()
             if best.worst.max() <= -self.wanted and self.value(best) > before - GAIN and restart:
                 return
             spread, population = min(2.0 * spread, MAX_SPREAD), 2 * population
             start = ranked[(restart + 1) // 2 % len(ranked)] if restart % 2 else best.gains
 
-    def descend(
-        self, start: PIGains, end: float, spread: float = SPREAD, population: int = POPULATION
-    ) -> None:
+    def _descend(self, start: PIGains, end: float, spread: float, population: int) -> None:
         """Search from gains, up to `end` flights of this search; gains that are 0 stay so.
 
         Covariance matrix adaptation (N. Hansen, arXiv 1604.00772) on the logarithms of the gains.
@@ -313,21 +311,16 @@ class Search:
         assert largest is not None
         free = K != 0.0
         top = np.log(largest[free])
-        settings = {
-            "popsize": population,
-            "seed": self._problem.seed + 1 + self.flights,  # 0 is the time of day
-            "tolx": FINEST,
-            "bounds": [None, top.tolist()],
-            "verbose": -9,
-        }
+        seed = self._problem.seed + 1 + self.flights  # 0 is the time of day
+        settings: dict[str, Any] = {"popsize": population, "seed": seed, "tolx": FINEST}
+        settings |= {"bounds": [None, top.tolist()], "verbose": -9}
         first = np.minimum(np.log(np.abs(K[free])), top)
         strategy = cma.CMAEvolutionStrategy(first, spread, settings)
         least, stalled = math.inf, 0
         while not strategy.stop() and stalled < STALLED:
             if self.flights + population * self.each > end:
                 return
-            asked = strategy.ask()
-            candidates = []
+            asked, candidates = strategy.ask(), []
             for x in asked:
                 K[free] = np.sign(K[free]) * np.exp(x)
                 candidates.append(_of_matrix(start, K))
