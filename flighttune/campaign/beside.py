@@ -423,7 +423,7 @@ def compare(  # type: ignore[misc] # noqa: PLR0913 - each is a choice of the use
         rows = list(pool.rows(plan, range(plan.runs), probes={"kept": _kept}))
     frame = findings_of(pd.DataFrame(rows), plan).rows
     frame["gains"] = np.where(frame["gains"] == group.gains, YOURS, OURS)
-    tracking = _tracking(logged, frame)
+    tracking = _tracking(logged, frame) if logged else []
     notes += [_within(tracking)] if tracking else []
     return Beside(now=now, plan=plan, rows=frame, tracking=tracking, notes=tuple(notes))
 
