@@ -54,7 +54,7 @@ def short_mission():
 
 def planned():
     said = forecast(ft.plan_campaign(ft.load_campaign("first_campaign"), runs=8), 1)
-    return SimpleNamespace(answer=lambda: said)
+    return SimpleNamespace(answer=lambda: said, _repr_html_=said.html)
 
 
 def options(settings):
