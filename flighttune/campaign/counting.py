@@ -427,7 +427,7 @@ def _extremes(
     else:
         flown = run.signals[signals].to_numpy()
     values, route = np.ravel(window_extremes(flown, samples)).tolist(), reference_of(scenario)
-    off_route = isinstance(route, RouteReference) and {*OFF_ROUTE} & {*signals} and not anywhere
-    if off_route and route.displacement(run.signals) > SAME_PLACE:
+    moved = route.displacement(run.signals) if isinstance(route, RouteReference) else 0.0
+    if not anywhere and {*OFF_ROUTE} & {*signals} and moved > SAME_PLACE:
         values = LOST * (len(values) // 2)
     return [*values, *wind_at_start(scenario)] if windy else values
