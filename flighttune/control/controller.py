@@ -4,14 +4,12 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Literal, NamedTuple, Protocol, TypeAlias
+from typing import Any, NamedTuple, Protocol
 
 from flighttune.arrays import FloatArray, check_finite, check_positive, check_upright
 from flighttune.control.gains import PIGains
-from flighttune.control.limits import Limits
+from flighttune.control.limits import AntiWindup, Limits
 from flighttune.units import G_PAPER
-
-AntiWindup: TypeAlias = Literal["none", "conditional", "back_calculation"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

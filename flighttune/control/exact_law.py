@@ -1,33 +1,24 @@
 """The exact law: rates wanted by PI and the reference, commands by inversion of the point mass."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from types import MappingProxyType
 from typing import Literal, NamedTuple, TypeAlias, get_args
 
 import numpy as np
 
 from flighttune.arrays import check_positive
-from flighttune.control.controller import AntiWindup, Measured, ReferenceSample
+from flighttune.control.controller import Measured, ReferenceSample
 from flighttune.control.gains import RATES, PIGains
-from flighttune.control.limits import FREE, RATE_LIMITED, Limits, limit_command
+from flighttune.control.limits import FREE, RATE_LIMITED, AntiWindup, Limits, limit_command
 from flighttune.control.linear_model import LinearModel, law_model
-from flighttune.control.mimo_pi import (
-    ChannelLaw,
-    PIState,
-    StatefulPI,
-    channel_laws,
-    empty_state,
-    tracking_gain_of,
-)
+from flighttune.control.mimo_pi import ChannelLaw, PIState, StatefulPI, channel_laws
 from flighttune.errors import InputError
 from flighttune.units import G_PAPER, wrap_angle
 
 Priority: TypeAlias = Literal["gamma", "chi"]
 
-RATE_SIGNALS: Mapping[str, str] = MappingProxyType(
-    {"chi_dot_integral": "rad/s", "gamma_dot_integral": "rad/s"}
-)
+RATE_SIGNALS = MappingProxyType({"chi_dot_integral": "rad/s", "gamma_dot_integral": "rad/s"})
 WITH_AIRSPEED_SIGNALS = MappingProxyType({**RATE_SIGNALS, "V_dot_integral": "1/s"})
 
 # Share of the airspeed below which the law takes no speed over ground to be.
@@ -163,7 +154,7 @@ class ExactLaw(StatefulPI):
         if priority not in get_args(Priority):
             raise InputError(f"`priority` must be gamma or chi, got {priority!r}.")
         rate_model(airspeed=gains.airspeed).check_channels(gains)
-        self.gains, self.dt = gains, dt
+        super().__init__(gains, dt, (0.0, 1.0, 0.0)[: len(gains.inputs)])
         self.signals = WITH_AIRSPEED_SIGNALS if gains.airspeed else RATE_SIGNALS
         limits = Limits.none(len(gains.inputs)) if limits is None else limits
         channels = channel_laws(gains, gains.K_I * dt, limits, dt)
@@ -179,7 +170,7 @@ class ExactLaw(StatefulPI):
             channels=channels[:2],
             wrapped=wrapped,
             conditional=anti_windup == "conditional",
-            tracking_gain=tracking_gain_of(anti_windup, gains, dt, tracking_time),
+            tracking_gain=self.tracking_gain(anti_windup, tracking_time),
             per_g=1.0 / g,
             lift_floor=lift_floor,
             brake=2.0 * (braking or math.inf) * rates[1],
@@ -187,7 +178,6 @@ class ExactLaw(StatefulPI):
             feedback=gains.feedback,
             turn_brake=2.0 * (braking or math.inf) * rates[0] if gains.feedback[0] else math.inf,
         )
-        self.state = empty_state((0.0, 1.0, 0.0)[: len(gains.inputs)])
 
     def linear(self) -> tuple[LinearModel, PIGains]:
         """Model and gains of its error dynamics, the same at every flight condition."""
@@ -263,12 +253,10 @@ def rate_model(*, airspeed: bool = False) -> LinearModel:
     return law_model(np.zeros((n, n)), -np.eye(n), RATES)
 
 
-def roll_of_lift(
-    a: float, b: float, lift_floor: float, n_z_high: float, course_first: bool
-) -> float:
+def roll_of_lift(a: float, b: float, floor: float, n_z_high: float, course_first: bool) -> float:
     """Roll for a horizontal lift a and a vertical lift b, as far as there is so much."""
-    if b < lift_floor:
-        return math.atan2(a, lift_floor)
+    if b < floor:
+        return math.atan2(a, floor)
     most = max(n_z_high, LEAST_LIFT)  # a limit may leave none
     if not a * a + b * b > most * most:
         return math.atan2(a, b)

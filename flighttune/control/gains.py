@@ -80,14 +80,11 @@ class PIGains:
         set_read_only(self, K_P=shape, K_I=shape)
         object.__setattr__(self, "feedback", tuple(map(float, self.feedback)))
         # Below 1 no delay of roll or load factor makes the inner feedback alone unstable.
-        if len(self.feedback) != 2 or not all(0.0 <= k < 1.0 for k in self.feedback):
-            raise InputError(
-                f"`feedback` must be two numbers from 0 to below 1, got {list(self.feedback)}."
-            )
+        fed = list(self.feedback)
+        if len(fed) != 2 or not all(0.0 <= k < 1.0 for k in fed):
+            raise InputError(f"`feedback` must be two numbers from 0 to below 1, got {fed}.")
         if self.feeds_back and self.inputs[:2] != RATES:
-            raise InputError(
-                f"`feedback` must be 0 but for gains of the exact law, got {list(self.feedback)}."
-            )
+            raise InputError(f"`feedback` must be 0 but for gains of the exact law, got {fed}.")
 
     @model_serializer(mode="wrap")
     def _without_defaults(self, serialize: SerializerFunctionWrapHandler) -> dict[str, Any]:

@@ -8,6 +8,7 @@ commands that change at most once, so that its state at the next sample is a mat
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 from typing import Literal, TypeAlias
 
 import numpy as np
@@ -75,13 +76,12 @@ def _behind(
     inside = block_diag(*A)
     passed, k = model.B @ block_diag(*C), len(inside)
     n, _, p = model.shape
-    return LinearModel(
+    return replace(
+        model,
         A=np.block([[model.A, passed], [np.zeros((k, n)), inside]]),
         B=np.vstack([model.B * D, block_diag(*(column[:, None] for column in B))]),
         C=np.hstack([model.C, np.zeros((p, k))]),
-        states=(*model.states, *(name for group in names for name in group)),
-        inputs=model.inputs,
-        errors=model.errors,
+        states=(*model.states, *chain(*names)),
     )
 
 

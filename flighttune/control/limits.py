@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal, TypeAlias
 
 import numpy as np
 
@@ -10,6 +11,9 @@ from flighttune.arrays import FloatArray
 from flighttune.errors import InputError, ShapeError
 
 FREE, MAGNITUDE_LIMITED, RATE_LIMITED = 0, 1, 2
+
+# What an integrator does while a limit holds the command of its channel.
+AntiWindup: TypeAlias = Literal["none", "conditional", "back_calculation"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -8,10 +8,10 @@ extremes of a product or of a cosine need not lie there. The four share the fact
 apart, 32 vertices, contains them all as well and is never larger, and so it is done here.
 """
 
-import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 import numpy.typing as npt
@@ -268,11 +268,10 @@ class Envelope:
 
     def __post_init__(self) -> None:
         for name in RANGES:
-            low, high = (float(end) for end in getattr(self, name))
+            ends = getattr(self, name)
+            low, high = map(float, ends)
             if not (math.isfinite(low) and math.isfinite(high) and low <= high):
-                raise InputError(
-                    f"`{name}` must be a range (low, high), got {getattr(self, name)}."
-                )
+                raise InputError(f"`{name}` must be a range (low, high), got {ends}.")
             object.__setattr__(self, name, (low, high))
         if not self.V_a[0] > 0.0:
             raise InputError(f"`V_a` must be positive, got {self.V_a[0]:g} m/s.")
@@ -338,9 +337,7 @@ class JacobianHull:
     @property
     def corners(self) -> FloatArray:
         """Entries at the vertices, shape (k, 4); a range without width counts once."""
-        box = itertools.product(
-            *(sorted(set(ends)) for ends in zip(self.lower, self.upper, strict=True))
-        )
+        box = product(*(sorted(set(ends)) for ends in zip(self.lower, self.upper, strict=True)))
         corners = np.array(list(box))
         return np.concatenate([factor * corners for factor in sorted(set(self.factor))])
 

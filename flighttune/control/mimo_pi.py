@@ -9,15 +9,9 @@ import numpy as np
 import numpy.typing as npt
 
 from flighttune.arrays import FloatArray, check_positive
-from flighttune.control.controller import (
-    AntiWindup,
-    FlightCondition,
-    Measured,
-    ReferenceSample,
-    SelfLimiting,
-)
+from flighttune.control.controller import FlightCondition, Measured, ReferenceSample, SelfLimiting
 from flighttune.control.gains import ERRORS, ERRORS_WITH_AIRSPEED, PIGains
-from flighttune.control.limits import FREE, Limits, limit_command
+from flighttune.control.limits import FREE, AntiWindup, Limits, limit_command
 from flighttune.errors import InputError, ShapeError
 from flighttune.units import G_PAPER, wrap_angle
 
@@ -97,8 +91,9 @@ def channel_laws(
 class StatefulPI(SelfLimiting):
     """A law whose memory is a `PIState`: its commands, their limits and its integrators."""
 
-    gains: PIGains
-    state: PIState
+    def __init__(self, gains: PIGains, dt: float, u: Sequence[float] = ()) -> None:
+        self.gains, self.dt = gains, dt
+        self.state = empty_state(u or [0.0] * len(gains.inputs))
 
     @property
     def limiter(self) -> PIState:
@@ -108,6 +103,22 @@ class StatefulPI(SelfLimiting):
     def start(self, condition: FlightCondition) -> None:
         """Empty the integrators; the commands of steady flight at `condition` are in force."""
         self.state = empty_state(condition.commands(len(self.gains.inputs)))
+
+    def tracking_gain(self, anti_windup: str, tracking_time: float | None) -> float:
+        """Sample time over tracking time; 0 without back-calculation.
+
+        The tracking time is by default the integral time ``norm(K_P) / norm(K_I)``, which is
+        infinite without integral gain.
+        """
+        if anti_windup not in get_args(AntiWindup):
+            names = ", ".join(get_args(AntiWindup))
+            raise InputError(f"`anti_windup` must be one of {names}, got {anti_windup!r}.")
+        if anti_windup != "back_calculation":
+            return 0.0
+        if tracking_time is None:
+            size, integral = (float(np.linalg.norm(K)) for K in (self.gains.K_P, self.gains.K_I))
+            tracking_time = size / integral if integral else math.inf
+        return self.dt / max(tracking_time, self.dt)
 
     def airspeed_channel(
         self, channel: ChannelLaw, measured: Measured, reference: ReferenceSample
@@ -204,7 +215,7 @@ class MimoPI(StatefulPI):
         if gains.errors not in (ERRORS, ERRORS_WITH_AIRSPEED):
             raise ShapeError(f"`gains` must be of 2 or 3 errors, got {len(gains.errors)}.")
         check_positive(dt=dt, tracking_time=tracking_time, schedule_speed=schedule_speed)
-        self.gains, self.dt = gains, dt
+        super().__init__(gains, dt)
         self.feed_forward, self._g = feed_forward, g
         self.signals = WITH_AIRSPEED_INTEGRAL if gains.airspeed else INTEGRAL_SIGNALS
         self._gamma_ref, self._lift = math.nan, 0.0
@@ -213,10 +224,9 @@ class MimoPI(StatefulPI):
             channels=channel_laws(gains, gains.K_I * (0.5 * dt), limits, dt),
             wrapped=self.wrapped,
             conditional=anti_windup == "conditional",
-            tracking_gain=tracking_gain_of(anti_windup, gains, dt, tracking_time),
+            tracking_gain=self.tracking_gain(anti_windup, tracking_time),
             per_speed=0.0 if schedule_speed is None else 1.0 / schedule_speed,
         )
-        self.state = empty_state([0.0] * len(gains.inputs))
 
     def step(self, measured: Measured, reference: ReferenceSample, _t: float, /) -> Sequence[float]:
         """Return roll and load-factor command after all limits, and the values of `signals`."""
@@ -235,25 +245,6 @@ class MimoPI(StatefulPI):
         # Both begin with course and path angle: a slice of each would cost as much as an error.
         pi_step(law, state, reference, measured, u_ff, measured[2], e_V)
         return (*state.u, *state.integral)
-
-
-def tracking_gain_of(
-    anti_windup: str, gains: PIGains, dt: float, tracking_time: float | None
-) -> float:
-    """Sample time over tracking time; 0 without back-calculation.
-
-    The tracking time is by default the integral time ``norm(K_P) / norm(K_I)``, which is infinite
-    without integral gain.
-    """
-    if anti_windup not in get_args(AntiWindup):
-        names = ", ".join(get_args(AntiWindup))
-        raise InputError(f"`anti_windup` must be one of {names}, got {anti_windup!r}.")
-    if anti_windup != "back_calculation":
-        return 0.0
-    if tracking_time is None:
-        integral = float(np.linalg.norm(gains.K_I))
-        tracking_time = float(np.linalg.norm(gains.K_P)) / integral if integral else math.inf
-    return dt / max(tracking_time, dt)
 
 
 def pi_step(

@@ -171,11 +171,9 @@ class WrappedPlant:
         """Put the aircraft into `condition` at t = 0, as the plant does."""
         self._plant.start(condition)
 
-    def advance(
-        self, phi_cmd: float, n_z_cmd: float, duration: float, *n_x_cmd: float
-    ) -> Stop | None:
+    def advance(self, phi_cmd: float, n_z_cmd: float, duration: float, *n_x: float) -> Stop | None:
         """Fly `duration` seconds with the command held, as the plant does."""
-        return self._plant.advance(phi_cmd, n_z_cmd, duration, *n_x_cmd)
+        return self._plant.advance(phi_cmd, n_z_cmd, duration, *n_x)
 
 
 # Names of course and flight-path angle over ground where `chi` and `gamma` are through the air.
@@ -276,14 +274,12 @@ class GuardedPlant:
         self._last = signals
         return signals
 
-    def advance(
-        self, phi_cmd: float, n_z_cmd: float, duration: float, *n_x_cmd: float
-    ) -> Stop | None:
+    def advance(self, phi_cmd: float, n_z_cmd: float, duration: float, *n_x: float) -> Stop | None:
         """Fly on; return why the flight ended, if it did."""
         if self._stop is not None:
             return self._stop
         try:
-            stop = self._plant.advance(phi_cmd, n_z_cmd, duration, *n_x_cmd)
+            stop = self._plant.advance(phi_cmd, n_z_cmd, duration, *n_x)
         except FAILURES as error:
             return Stop("plant_failed", failure(self._name, error, self._t))
         self._t += duration

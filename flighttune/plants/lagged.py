@@ -135,9 +135,7 @@ class LaggedPlant(WrappedPlant):
         """Return the values of `signals` now, SI and radians."""
         return self._observe()
 
-    def advance(
-        self, phi_cmd: float, n_z_cmd: float, duration: float, *n_x_cmd: float
-    ) -> Stop | None:
+    def advance(self, phi_cmd: float, n_z_cmd: float, duration: float, *n_x: float) -> Stop | None:
         """Fly `duration` seconds with the command held; return why the flight ended, if it did."""
         for channel, command in zip(self._channels, (phi_cmd, n_z_cmd), strict=True):
             channel.order(self._t, command)
@@ -148,7 +146,7 @@ class LaggedPlant(WrappedPlant):
             step = (until - self._t) / pieces
             for i in range(pieces):
                 roll, load = (channel.at(self._t + (i + 0.5) * step) for channel in self._channels)
-                if (stop := super().advance(roll, load, step, *n_x_cmd)) is not None:
+                if (stop := super().advance(roll, load, step, *n_x)) is not None:
                     return stop
             self._t = until
             for channel in self._channels:

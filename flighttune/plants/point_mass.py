@@ -18,8 +18,8 @@ from flighttune.units import G_PAPER
 # Time (s) to the disturbance of course and flight-path-angle rate (rad/s).
 Disturbance: TypeAlias = Callable[[float], tuple[float, float]]
 
-# Turning and lifting part of the load factor, n_x (0 without one), and the disturbance.
-Forcing: TypeAlias = tuple[float, ...]
+# Of a forcing: turning and lifting part of the load factor, n_x (0 without one), the disturbance.
+Numbers: TypeAlias = tuple[float, ...]
 
 # Further signals of a point in a wind record.
 WIND_SIGNALS = (*WIND, "V_g")
@@ -199,9 +199,7 @@ class PointMassPlant:
         further = (*wind_signals, *n_x, *self._range)
         return (chi, gamma, phi, n_z, V_a, *position, *disturbance, *further)
 
-    def advance(
-        self, phi_cmd: float, n_z_cmd: float, duration: float, *n_x_cmd: float
-    ) -> Stop | None:
+    def advance(self, phi_cmd: float, n_z_cmd: float, duration: float, *n_x: float) -> Stop | None:
         """Fly `duration` seconds with the command held; return why the flight ended, if it did.
 
         Notes
@@ -212,7 +210,7 @@ class PointMassPlant:
         steepest = math.pi / 2 if self._paper else math.inf
         if not (abs(phi_cmd) < steepest and math.isfinite(n_z_cmd)):
             return rolled_over(phi_cmd, n_z_cmd, self._t)
-        self._command = (phi_cmd, n_z_cmd, *n_x_cmd)
+        self._command = (phi_cmd, n_z_cmd, *n_x)
         for channel, command in zip(self._channels, self._command, strict=False):
             channel.order(self._t, command)
         end = self._t + duration
@@ -249,12 +247,12 @@ class PointMassPlant:
             forcing = self._forcing(start, 0.5 * step, 2 * steps)
             for i in range(steps):
                 air = self._wind.at(start + (i + 0.5) * step) if self._windy else CALM
-                self._runge_kutta_step(step, forcing[2 * i : 2 * i + 3], rate, air)
+                self._integrate(step, forcing[2 * i : 2 * i + 3], rate, air)
         self._t = end
         for channel in self._channels:
             channel.move_to(end)
 
-    def _forcing(self, start: float, step: float, count: int) -> list[Forcing]:
+    def _forcing(self, start: float, step: float, count: int) -> list[Numbers]:
         """Parts of the load factor, n_x and the disturbance after 0 to `count` steps."""
         if self._channels:
             flown = (channel.over(step, count) for channel in self._channels)
@@ -266,9 +264,7 @@ class PointMassPlant:
     def _parts(self, phi: float, n_z: float, n_x: float = 0.0) -> tuple[float, float, float]:
         return math.tan(phi) if self._paper else n_z * math.sin(phi), n_z * math.cos(phi), n_x
 
-    def _rates(
-        self, chi: float, gamma: float, V_a: float, forcing: Forcing, w_dot: NED
-    ) -> tuple[float, ...]:
+    def _rates(self, chi: float, gamma: float, V_a: float, forcing: Numbers, w_dot: NED) -> Numbers:
         """Rates of course, flight-path angle, position but for the wind, and airspeed."""
         turning, lifting, _, d_chi, d_gamma = forcing
         sin_chi, cos_chi = math.sin(chi), math.cos(chi)
@@ -282,10 +278,8 @@ class PointMassPlant:
             gamma_dot += (ahead * sin_gamma + w_dot[2] * cos_gamma) / V_a
         return chi_dot, gamma_dot, level * cos_chi, level * sin_chi, -V_a * sin_gamma, 0.0
 
-    def _runge_kutta_step(
-        self, step: float, forcing: Sequence[Forcing], w_dot: NED, wind: NED
-    ) -> None:
-        """Take a step under the forcing at its begin, middle and end, in the wind at its middle."""
+    def _integrate(self, step: float, forcing: Sequence[Numbers], w_dot: NED, wind: NED) -> None:
+        """Take a step of Runge and Kutta: forcing at begin, middle and end, wind at the middle."""
         # Written out: NumPy, or a loop over the states, takes several times as long.
         chi, gamma, north, east, down, V_a = self._state
         half, sixth = 0.5 * step, step / 6.0
@@ -350,11 +344,9 @@ class PoweredPointMass(PointMassPlant):
         low, high = self._range
         return [min(max(value, low), high) for value in n_x]
 
-    def advance(
-        self, phi_cmd: float, n_z_cmd: float, duration: float, *n_x_cmd: float
-    ) -> Stop | None:
+    def advance(self, phi_cmd: float, n_z_cmd: float, duration: float, *n_x: float) -> Stop | None:
         """Fly `duration` seconds with the command held, n_x as far as the engine gives it."""
-        return super().advance(phi_cmd, n_z_cmd, duration, *self._within(*n_x_cmd))
+        return super().advance(phi_cmd, n_z_cmd, duration, *self._within(*n_x))
 
     def _stop(self) -> Stop | None:
         V_a = self._state[-1]
@@ -362,9 +354,7 @@ class PoweredPointMass(PointMassPlant):
             return super()._stop()
         return Stop("left_envelope", f"airspeed {V_a:.3g} m/s at t = {self._t:.2f} s.")
 
-    def _rates(
-        self, chi: float, gamma: float, V_a: float, forcing: Forcing, w_dot: NED
-    ) -> tuple[float, ...]:
+    def _rates(self, chi: float, gamma: float, V_a: float, forcing: Numbers, w_dot: NED) -> Numbers:
         *path, _ = super()._rates(chi, gamma, V_a, forcing, w_dot)
         ahead = velocity_along(1.0, chi, gamma)
         pull = sum(w * u for w, u in zip(w_dot, ahead, strict=True))

@@ -89,12 +89,14 @@ def positive_definite(matrix: Rationals) -> bool:
 
 def sine(angle: float) -> Interval:
     """An interval that contains the sine of a float inside +-pi/2 (rad); InputError outside."""
-    return _series(angle, 1)
+    x = _inside(angle)
+    low, high = _series(abs(x), 1)
+    return (low, high) if x >= 0 else (-high, -low)
 
 
 def cosine(angle: float) -> Interval:
     """An interval that contains the cosine of a float inside +-pi/2 (rad); InputError outside."""
-    return _series(angle, 0)
+    return _series(abs(_inside(angle)), 0)
 
 
 def product(first: Interval, second: Interval) -> Interval:
@@ -103,12 +105,16 @@ def product(first: Interval, second: Interval) -> Interval:
     return min(products), max(products)
 
 
-def _series(angle: float, power: int) -> Interval:
-    """Two consecutive partial sums of an alternating series with falling terms."""
+def _inside(angle: float) -> Fraction:
     if not abs(angle) <= HALF_PI_BELOW:
         raise InputError(f"`angle` must lie inside +-pi/2, got {angle} rad.")
-    x, total = Fraction(angle), Fraction(0)
+    return Fraction(angle)
+
+
+def _series(x: Fraction, power: int) -> Interval:
+    """Two consecutive partial sums of an alternating series with falling terms."""
     term = x**power
+    total = Fraction(0)
     for k in range(TERMS):
         total += term
         term = -term * x * x / ((2 * k + power + 1) * (2 * k + power + 2))

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Iterator
 from itertools import count
+from typing import TypeAlias
 
 from flighttune.plants.jsbsim.fdm import Fdm
 from flighttune.plants.weather import NED, Gust, Turbulence, Weather
@@ -16,6 +17,9 @@ _MODELS = {"milspec": 3.0, "tustin": 4.0}
 _REFRESH = 4
 
 _NED = ("north", "east", "down")
+
+# Flies one integration step; false where JSBSim ends the run.
+Run: TypeAlias = Callable[[], bool]
 
 
 def wind_writers(fdm: Fdm) -> list[Callable[[float], bool]]:
@@ -40,7 +44,7 @@ def carry_along(fdm: Fdm, wind: NED) -> None:
     fdm.evaluate()
 
 
-def weather_step(fdm: Fdm, weather: Weather, rate: float) -> Callable[[], bool]:
+def weather_step(fdm: Fdm, weather: Weather, rate: float) -> Run:
     """Let `weather` begin, and return a function that flies one integration step in it.
 
     `fdm`: the aircraft, at the start of its flight. `rate` (1/s): integration rate. Returns
@@ -69,7 +73,7 @@ def _begin_turbulence(fdm: Fdm, turbulence: Turbulence) -> None:
     fdm.writer(f"{milspec}/severity")(float(turbulence.severity))
 
 
-def _gusty(fdm: Fdm, gust: Gust, rate: float, run: Callable[[], bool]) -> Callable[[], bool]:
+def _gusty(fdm: Fdm, gust: Gust, rate: float, run: Run) -> Run:
     settings = {
         "startup-duration-sec": gust.rise,
         "steady-duration-sec": gust.hold,
@@ -92,9 +96,7 @@ def _gusty(fdm: Fdm, gust: Gust, rate: float, run: Callable[[], bool]) -> Callab
     return steps().__next__
 
 
-def _changing(
-    fdm: Fdm, weather: Weather, rate: float, run: Callable[[], bool]
-) -> Callable[[], bool]:
+def _changing(fdm: Fdm, weather: Weather, rate: float, run: Run) -> Run:
     """Return a step that writes the wind of its end before it is flown.
 
     It is exact at instants `_REFRESH` steps apart, and linear in between.

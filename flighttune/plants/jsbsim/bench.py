@@ -229,17 +229,15 @@ def surface_faults(bench: Bench, level: AirframeState) -> Iterator[str]:
             )
             if not math.isfinite(whole):
                 return  # forces that are not finite are reported by the trim
-            key = f"[surfaces] `{name}`"
+            key, at = f"[surfaces] `{name}`", stop / DEG
             if not sign * stop * whole > NEGLIGIBLE * abs(stop):
                 yield (
                     f"{key} must {'raise' if sign * stop > 0.0 else 'lower'} {rate} at "
-                    f"{stop / DEG:.3g} deg, got {whole:.2g} rad/s2"
+                    f"{at:.3g} deg, got {whole:.2g} rad/s2"
                 )
             # A model that limits its surface below `travel_deg` shows no more effect from there on.
             if abs(whole) < (1.0 + MIN_SECOND_HALF) * abs(halfway):
-                yield (
-                    f"{key} must have an effect up to {stop / DEG:.3g} deg, it is saturated at half"
-                )
+                yield f"{key} must have an effect up to {at:.3g} deg, it is saturated at half"
             # Where the position is replaced, the model's own property does not follow it.
             if (
                 not surface.replaces
@@ -247,6 +245,6 @@ def surface_faults(bench: Bench, level: AirframeState) -> Iterator[str]:
                 and abs(moved / abs(stop) - 1.0) > TRAVEL_TOLERANCE
             ):
                 yield (
-                    f"{key} must move to {abs(stop) / DEG:.3g} deg as `travel_deg` says, the model "
+                    f"{key} must move to {abs(at):.3g} deg as `travel_deg` says, the model "
                     f"moves it by {moved / DEG:.3g} deg"
                 )

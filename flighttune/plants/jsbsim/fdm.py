@@ -14,17 +14,8 @@ import numpy as np
 from flighttune.aircraft.aircraft import PROPERTY_NAME, AircraftConfig
 from flighttune.aircraft.model_xml import INERTIAS, Body, MassBalance
 from flighttune.errors import PlantError
-from flighttune.plants.jsbsim.model_files import (
-    ELECTRIC,
-    ModelFolders,
-    check_loads,
-    has_engine,
-    has_flight_control,
-    missing_parts,
-    model_folders,
-    source_folders,
-    unchanged,
-)
+from flighttune.plants.jsbsim import model_files
+from flighttune.plants.jsbsim.model_files import source_folders, unchanged
 
 _ANSI_COLOUR = re.compile(r"\x1b\[[0-9;]*m")
 _KEPT_RECORDS = 200
@@ -148,11 +139,12 @@ class Fdm:
     """
 
     def __init__(self, config: AircraftConfig, *, steps: int = 1, ground: float = 0.0) -> None:
-        check_loads(config)
+        model_files.check_loads(config)
         self.config = config
         # Systems of the model itself may have a memory.
-        self.own_flight_control = has_flight_control(unchanged(config))
-        self.electric = bool(config.engines.count) and has_engine(unchanged(config), ELECTRIC)
+        files, engines = unchanged(config), range(config.engines.count)
+        self.own_flight_control = model_files.has_flight_control(files)
+        self.electric = bool(engines) and model_files.has_engine(files, model_files.ELECTRIC)
         # Steps longer than those of the flight make the speed of a light propeller diverge.
         self.light = self.electric and config.engines.settle <= _LIGHT_SETTLES
         # Whether long steps have brought the engine to a steady state each time.
@@ -163,7 +155,7 @@ class Fdm:
         silence()
         self._exec = jsbsim.FGFDMExec(str(config.folder))
         try:
-            with model_folders(config, weigh, steps) as folders:
+            with model_files.model_folders(config, weigh, steps) as folders:
                 self._load(folders, silence())
         except PlantError:
             self.abandon()
@@ -173,7 +165,6 @@ class Fdm:
         self._properties = self._exec.get_property_manager()
         self.run: Callable[[], bool] = self._exec.run
         self.integrators = {name: (self.writer(name), self.reader(name)) for name in MOTIONS}
-        engines = range(config.engines.count)
         self._running = [self.reader(f"propulsion/engine[{i}]/set-running") for i in engines]
         thrusts = [f"propulsion/engine[{i}]/thrust-lbs" for i in engines]
         if engines and config.engines.thrust:
@@ -189,13 +180,13 @@ class Fdm:
             self.writer(name)(value)
         self.evaluate()
 
-    def _load(self, folders: ModelFolders, log: QuietLogger) -> None:
+    def _load(self, folders: model_files.ModelFolders, log: QuietLogger) -> None:
         self._exec.set_debug_level(0)
         self._exec.set_dt(1.0 / self.rate)
         model, engines, systems = map(str, (folders.model, folders.engines, folders.systems))
         self._private = "|".join(map(re.escape, (model, engines, systems)))
         if not self._exec.load_model_with_paths(folders.name, model, engines, systems, False):
-            if missing := ", ".join(missing_parts(self.config, log.text)):
+            if missing := ", ".join(model_files.missing_parts(self.config, log.text)):
                 raise PlantError(f"{self._model}: must have all its parts, got no file {missing}.")
             reason = self._message(log.text) or "no reason"
             raise PlantError(f"{self._model}: must load in JSBSim, got: {reason}.")

@@ -17,23 +17,9 @@ from pathlib import Path
 from typing import NoReturn, TypeAlias
 from xml.etree.ElementTree import Element
 
-from flighttune.aircraft.aircraft import AircraftConfig, OffNominal
-from flighttune.aircraft.model_xml import (
-    AXES,
-    COEFFICIENT,
-    MassBalance,
-    add_fault,
-    filled,
-    found_file,
-    open_mass_balance,
-    put_in_front,
-    read_xml,
-    scale_axis,
-    scale_coefficient,
-    scale_thrust,
-    slow_actuators,
-    template_of,
-)
+from flighttune.aircraft import model_xml
+from flighttune.aircraft.aircraft import AXES, AircraftConfig, OffNominal
+from flighttune.aircraft.model_xml import COEFFICIENT, MassBalance, found_file, read_xml
 from flighttune.errors import InputError, PlantError, ending_of
 from flighttune.files.shipped import is_trusted
 from flighttune.files.whole import scratch_folder, scratch_place
@@ -317,9 +303,9 @@ def main_file_text(config: AircraftConfig, weigh: Weigh, steps: int = 1) -> str:
     # Values are filled in behind the cache: dispersed flights share one template.
     factors = (off.loaded, repr(off.fault), *off.scaled, *off.coefficient_factors)
     template, balance = _template(unchanged(config, config.model, factors), weigh, steps)
-    coefficients = {f"{COEFFICIENT}{name}": by for name, by in off.coefficient_factors.items()}
-    values = coefficients | off.scaled | {"actuator_rate": 1.0 / off.actuator_lag_factor}
-    return filled(template, values | balance.values(off) if balance else values)
+    values = off.scaled | {"actuator_rate": 1.0 / off.actuator_lag_factor}
+    values |= {f"{COEFFICIENT}{name}": by for name, by in off.coefficient_factors.items()}
+    return model_xml.filled(template, values | balance.values(off) if balance else values)
 
 
 @lru_cache(maxsize=32)
@@ -334,31 +320,31 @@ def _template(unchanged: Unchanged, weigh: Weigh, steps: int) -> tuple[str, Mass
     # In the file: a planet loaded after it makes JSBSim drop the model's stall hysteresis and the
     # shift of its aerodynamic reference point.
     root.insert(0, read_xml(EARTH, "flat Earth"))
-    put_in_front(root, config)
+    model_xml.put_in_front(root, config)
     if steps > 1:
         _slow_computer(root, steps, folders)
     balance = None
     if off.loaded:
         # Factors and shifts are relative to the nominal aircraft, load and fuel included.
         balance = weigh(config.with_off_nominal(None))
-        open_mass_balance(root, slides=off.slides)
+        model_xml.open_mass_balance(root, slides=off.slides)
     for name in off.coefficient_factors:
-        scale_coefficient(root, name, file)
+        model_xml.scale_coefficient(root, name, file)
     for name in off.scaled:
         if name in AXES:
-            scale_axis(root, name, file)
+            model_xml.scale_axis(root, name, file)
         elif name == "thrust" and config.engines.thrust:
             raise InputError(
                 f"`thrust_factor` must be left out: the thrust of {config.file} is a force of the "
                 f"model's own, {config.engines.thrust}."
             )
         elif name == "thrust":
-            scale_thrust(root, folders.parts, file)
+            model_xml.scale_thrust(root, folders.parts, file)
         else:
-            slow_actuators(root)
+            model_xml.slow_actuators(root)
     if off.fault is not None:
-        add_fault(root, off.fault, config, file)
-    return template_of(root), balance
+        model_xml.add_fault(root, off.fault, config, file)
+    return model_xml.template_of(root), balance
 
 
 def _slow_computer(root: Element, steps: int, folders: ModelFolders) -> None:
@@ -369,9 +355,7 @@ def _slow_computer(root: Element, steps: int, folders: ModelFolders) -> None:
         name = system.get("file")
         file = found_file(name or "", folders.parts, folders.file)
         inline = read_xml(file, str(file)) if name and os.path.isfile(file) else system
-        channels = [
-            channel for channel in inline.iter("channel") if channel.get("execrate", "").isdigit()
-        ]
+        channels = [x for x in inline.iter("channel") if x.get("execrate", "").isdigit()]
         for channel in channels:
             channel.set("execrate", str(steps * int(channel.attrib["execrate"])))
         if channels:  # a system in a file of its own is put in place of the reference to it

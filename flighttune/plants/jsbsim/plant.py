@@ -231,9 +231,7 @@ class JSBSimPlant:
         """The load factor that the inner loop sees, a step of its computer old."""
         return self._read_n_z()
 
-    def advance(
-        self, phi_cmd: float, n_z_cmd: float, duration: float, *n_x_cmd: float
-    ) -> Stop | None:
+    def advance(self, phi_cmd: float, n_z_cmd: float, duration: float, *n_x: float) -> Stop | None:
         """Fly `duration` seconds with the command held; return why the flight ended, if it did.
 
         Parameters
@@ -244,7 +242,7 @@ class JSBSimPlant:
             Load-factor command.
         duration : float, s
             Time to fly: a whole number of integration steps.
-        n_x_cmd : float, 1
+        n_x : float, 1
             Longitudinal load-factor command, of an aircraft that takes it.
 
         Returns
@@ -263,8 +261,8 @@ class JSBSimPlant:
         chunks = self._chunks.get(duration) or self._count_steps(duration)
         self._write_phi_cmd(phi_cmd)
         self._write_n_z_cmd(n_z_cmd)
-        for n_x in n_x_cmd:
-            self._write_n_x_cmd(n_x)
+        for command in n_x:
+            self._write_n_x_cmd(command)
         while self._changes and self._changes[-1][0] <= self._flown + _STEP_SHARE:
             _, write, value = self._changes.pop()
             write(value)

@@ -74,10 +74,7 @@ def signal_reader(
         # The range is that about what the inner loop sees, which an exported law sees as well: it
         # runs before the forces of its step.
         now, per = seen(), 1.0 / slope()
-        return (
-            *(*observe(), force / weight),
-            *(now + per * (closed - lever), now + per * (full() - lever)),
-        )
+        return (*observe(), force / weight, *(now + per * (x - lever) for x in (closed, full())))
 
     return with_n_x
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from flighttune.aircraft.aircraft import AircraftConfig, start_faults
+from flighttune.aircraft.aircraft import SURFACES, AircraftConfig, start_faults
 from flighttune.arrays import FloatArray
 from flighttune.errors import InputError, TrimError
 from flighttune.plants.base import FlightCondition
@@ -195,11 +195,9 @@ def trim(fdm: Fdm, condition: FlightCondition) -> AirframeState:
 
 
 @lru_cache(maxsize=64)
-def _found(
-    unchanged: Unchanged, condition: FlightCondition, steps: int, ground: float
-) -> tuple[float, ...]:
-    fdm = Fdm(unchanged.config, steps=steps, ground=ground)
-    return tuple(_TrimProblem(fdm, condition).steady().tolist())
+def _found(files: Unchanged, condition: FlightCondition, steps: int, ground: float) -> list[float]:
+    fdm = Fdm(files.config, steps=steps, ground=ground)
+    return _TrimProblem(fdm, condition).steady().tolist()
 
 
 def level(config: AircraftConfig, V_a: float, h: float) -> FlightCondition:
@@ -264,10 +262,8 @@ class _TrimProblem:
         )
         self.lower, self.upper = np.array(intervals).T
         self.settles = settles = bool(fdm.engine_settles)
-        self.limits = {
-            "enough": _SETTLED if settles else 0.0,
-            "rounding": _UNSTEADY if settles else _ROUNDING,
-        }
+        enough, rounding = (_SETTLED, _UNSTEADY) if settles else (0.0, _ROUNDING)
+        self.limits = {"enough": enough, "rounding": rounding}
         span = self.upper - self.lower
         self.widths = np.array(_STEPS) if settles else _DIFFERENCE * span
         # A guess that suits any aeroplane: 3 deg of angle of attack in level flight.
@@ -311,9 +307,10 @@ class _TrimProblem:
 
     def state(self, x: FloatArray) -> AirframeState:
         """Return the steady turn that the unknowns `x` stand for."""
-        alpha, beta, aileron, elevator, rudder, psi_dot, throttle = map(float, x)
+        alpha, beta, *surfaces, psi_dot, throttle = x.tolist()
         gamma, phi = self.gamma(x), self._condition.phi
         theta = pitch_attitude(gamma, phi, alpha, beta)
+        turning = psi_dot * math.cos(theta)
         return AirframeState(
             V_a=self._condition.V_a,
             alpha=alpha,
@@ -322,12 +319,10 @@ class _TrimProblem:
             theta=theta,
             psi=self._condition.chi - _drift_angle(theta, phi, alpha, beta),
             p=-psi_dot * math.sin(theta),
-            q=psi_dot * math.cos(theta) * math.sin(phi),
-            r=psi_dot * math.cos(theta) * math.cos(phi),
-            aileron=aileron,
-            elevator=elevator,
-            rudder=rudder,
+            q=turning * math.sin(phi),
+            r=turning * math.cos(phi),
             throttle=0.0 if self._glides else throttle,
+            **dict(zip(SURFACES, surfaces, strict=True)),
         )
 
     def gamma(self, x: FloatArray) -> float:
@@ -520,9 +515,7 @@ def _trimmed(
     fdm: Fdm, condition: FlightCondition, *, thrust_short: bool, near: FloatArray | None
 ) -> tuple[FloatArray | None, dict[str, float] | None, str]:
     """Steady flight as unknowns and as numbers of a file, or what stands against it."""
-    faults = (
-        f"`{name}` {fault}" for name, fault in start_faults(fdm.config, condition, ground=0.0)
-    )
+    faults = (f"`{name}` {fault}" for name, fault in start_faults(fdm.config, condition, 0.0))
     if outside := "; ".join(faults).replace(f" ({fdm.config.file})", ""):
         return None, None, f"outside the envelope: {outside}"
     problem = _TrimProblem(fdm, condition)

@@ -55,10 +55,8 @@ class Trims(Answering):
         # With one path angle for each airspeed the table of all conditions is as short.
         if not every_condition and len({row["V_a_mps"] for row in records}) < len(records):
             records, columns = list(_speeds(records)), SPEED_COLUMNS
-        failure = (
-            f"{self.aircraft}: no steady flight among {len(self.records)}: "
-            f"{self.records[0]['reason']}"
-        )
+        reason = self.records[0]["reason"]
+        failure = f"{self.aircraft}: no steady flight among {len(self.records)}: {reason}"
         return Answer(
             values={"aircraft": self.aircraft, "trims": self.records},
             tables=[Table(columns, records, f"{self.title}: steady flight")],

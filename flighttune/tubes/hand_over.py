@@ -1,0 +1,144 @@
+r"""Bounds for all later times: a set that N samples of the settled loop map into itself.
+
+A tube ends with its scenario. If from some sample on the reference is constant, every flight is
+inside a set ``T = {z : |W z - c| <= s}`` (rows; z the state of the sampled loop), and N samples map
+T into itself without a limit acting on a command, then no command is ever limited again. Every
+round of N samples after the first stays within the ranges of the second, because it begins in the
+image of T. Over the first round T, a box, is wider than the flights: there the enclosure of the
+tube itself goes on, for N samples after its end. The loop is the one that flies: nonlinear,
+sampled, behind its lags and delays, under every disturbance within the last bounds.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from flighttune.arrays import FloatArray
+from flighttune.tubes.exact import enclosure_of
+from flighttune.tubes.forms import MORE_ROUNDINGS, TINY, ULP, UP, Pieces, transformed
+from flighttune.tubes.interval import Unbounded
+from flighttune.tubes.sample import RATES, Plan, SampledLoop
+
+# Most symbols of the set while it is mapped through the samples
+SYMBOLS = 300
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class HandOver:
+    """A set from which flights return into it."""
+
+    sample: int  # first sample at which every flight is inside
+    W: FloatArray  # shape (n, n)
+    # `centre` and `size` (shape (n,)): the set is ``|W z - centre| <= size`` for the state z of the
+    # loop.
+    centre: FloatArray
+    size: FloatArray
+    samples: int  # number N of samples that map the set into itself
+    # shape (4, 2): lowest and highest errors (rad) and commands (rad, 1) at all times after the
+    # last sample.
+    bounds: FloatArray
+    # shape (m,), float32: choices of the search, which the check replays
+    chosen: npt.NDArray[np.float32]
+
+
+def settled(loop: SampledLoop, samples: int) -> SampledLoop:
+    """The loop after its last sample: references and boxes stay as they are there."""
+    reference, boxes = (
+        np.repeat(values[-1:], samples + 1, axis=0) for values in (loop.reference, loop.boxes)
+    )
+    return replace(loop, reference=reference, boxes=boxes)
+
+
+def continued(loop: SampledLoop, samples: int) -> SampledLoop:
+    """The loop with more samples, in which references and boxes stay as they are at its end."""
+    reference, boxes = (
+        np.concatenate([values, np.repeat(values[-1:], samples, axis=0)])
+        for values in (loop.reference, loop.boxes)
+    )
+    return replace(loop, reference=reference, boxes=boxes)
+
+
+def settled_from(loop: SampledLoop) -> int:
+    """First sample from which the reference is constant and boxes are within the last ones.
+
+    The number of samples if the reference still moves at the end.
+    """
+    still = (loop.reference == loop.reference[-1]).all(axis=1)
+    still &= (loop.reference[:, RATES] == 0.0).all(axis=1)
+    still &= (loop.boxes[..., 0] >= loop.boxes[-1, :, 0]).all(axis=1)
+    still &= (loop.boxes[..., 1] <= loop.boxes[-1, :, 1]).all(axis=1)
+    changing = np.flatnonzero(~still)
+    first = int(changing[-1]) + 1 if len(changing) else 0
+    return first if first + 1 < len(still) else len(still)
+
+
+def hull(pieces: Pieces, W: FloatArray) -> FloatArray:
+    """Ranges of ``W z`` over all flights of a set, shape (n, 2)."""
+    ranges = [pieces.plain_range(form) for form in transformed(W, pieces.forms())]
+    return np.array([(values.low.min(), values.high.max()) for values in ranges])
+
+
+def inside(ranges: FloatArray, centre: FloatArray, size: FloatArray) -> bool:
+    """Whether ranges of ``W z`` are in the set ``|W z - centre| <= size``."""
+    # Rounded inwards: a range that only rounding brings inside is refused.
+    low, high = np.nextafter(centre - size, np.inf), np.nextafter(centre + size, -np.inf)
+    return bool(((ranges[:, 0] >= low) & (ranges[:, 1] <= high)).all())
+
+
+def parallelotope(W: FloatArray, centre: FloatArray, size: FloatArray) -> Pieces:
+    """All z with ``|W z - centre| <= size``, as one piece.
+
+    With V near the inverse of W, ``R = I - W V`` and ``q = W z``, z is ``V (q + R (I - R)^-1 q)``.
+    """
+    n = len(W)
+    V = np.linalg.inv(W)
+    rounding = (n + MORE_ROUNDINGS) * ULP
+    R = (np.abs(np.eye(n) - W @ V) + rounding * (np.abs(W) @ np.abs(V))).sum(axis=1) * UP
+    if not R.max() < 0.5:
+        raise Unbounded("the set of the hand-over has no inverse")
+    # The norm of R is below 1/2, so that of (I - R)^-1 is at most 2.
+    reach = size + 2.0 * R * (np.abs(centre) + size).max() * UP
+    box = Pieces((V @ centre)[np.newaxis], 0, SYMBOLS)
+    generators = V * (reach * UP)
+    box.values[0, :, 1 : 1 + n] = generators
+    box.err[0] = (
+        rounding * (np.abs(V) @ np.abs(centre) + np.abs(generators).sum(axis=1)) * UP + TINY
+    )
+    box.used = n
+    return box
+
+
+def return_map(
+    loop: SampledLoop, W: FloatArray, centre: FloatArray, size: FloatArray, samples: int, plan: Plan
+) -> tuple[FloatArray, FloatArray]:
+    """Propagate the set of a `HandOver` through 2 N samples.
+
+    Returns the ranges of ``W z`` after the first round, shape (n, 2), and of errors and commands at
+    every sample, (2 N, 4, 2). There is no second round if the first does not end inside the set.
+    Raises Unbounded if it cannot be enclosed, or a limit may act on a command.
+    """
+    still = settled(loop, 2 * samples)
+    enclosure = enclosure_of(still, parallelotope(W, centre, size), plan)
+    passed, after = [], np.zeros((len(W), 2))
+    # Two rounds: only the second one begins in the image of T, as every later one does.
+    for k in range(1, 2 * samples + 1):
+        ranges, limited = enclosure.sample(k)
+        if limited.any():
+            raise Unbounded("that no limit holds a command is not proven")
+        passed.append(ranges)
+        if k == samples:
+            after = hull(enclosure.pieces, W)
+            if not inside(after, centre, size):
+                break
+    return after, np.array(passed)
+
+
+def for_ever(after_end: FloatArray, passed: FloatArray) -> FloatArray:
+    """Bounds of errors and commands at all times after the last sample, shape (4, 2).
+
+    `after_end` (shape (N, 4, 2)): ranges of the tube at the first N samples after the last one,
+    when all flights are in T. `passed`: see `return_map`.
+    """
+    later = np.concatenate([after_end, passed[len(passed) // 2 :]])
+    return np.stack([later[:, :, 0].min(axis=0), later[:, :, 1].max(axis=0)], axis=1)
