@@ -38,9 +38,8 @@ def five():
 def test_the_table_of_the_page_is_what_is_flown(five):
     for name, found in five.items():
         (cells,) = re.findall(rf"^\| `{name}` \|(.*)\|$", PAGE, re.MULTILINE)
-        assert [float(cell) for cell in cells.split("|")] == pytest.approx(
-            found, abs=HALF_OF_THE_LAST_DIGIT
-        ), name
+        printed = [float(cell) for cell in cells.split("|")]
+        assert printed == pytest.approx(found, abs=HALF_OF_THE_LAST_DIGIT), name
     (mean,) = re.findall(r"The geometric mean is ([\d.]+)\.", PAGE)
     found = np.exp(np.mean(np.log([*five.values()])))
     assert float(mean) == pytest.approx(found, abs=HALF_OF_THE_LAST_DIGIT)

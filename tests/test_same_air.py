@@ -52,10 +52,8 @@ def test_without_a_flight_of_the_aircraft_there_is_no_wind_to_replay():
 
 
 def test_the_sinusoid_as_wind_blows_on_the_aircraft_and_stays_a_rate_on_the_law():
-    flown = flown_in(
-        [LAW, AIRCRAFT],
-        disturbance={"chi_amplitude": 0.02, "chi_omega_rad_s": 0.3, "as_wind": True},
-    )
+    wind = {"chi_amplitude": 0.02, "chi_omega_rad_s": 0.3, "as_wind": True}
+    flown = flown_in([LAW, AIRCRAFT], disturbance=wind)
 
     law, aircraft = flown.runs[0], flown.runs[2]
     t = law.signals.index.to_numpy()
@@ -67,11 +65,8 @@ def test_the_sinusoid_as_wind_blows_on_the_aircraft_and_stays_a_rate_on_the_law(
 @pytest.fixture(scope="module")
 def storm():
     """Errors in deg once the manoeuvre of the shipped scenario is over, by run."""
-    flown = ft.fly(ft.load_scenario("oscillating_wind"))
-    return {
-        run.label: np.rad2deg(run.signals.loc[15.0:, ["chi_err", "gamma_err"]])
-        for run in flown.runs
-    }
+    runs, errors = ft.fly("oscillating_wind").runs, ["chi_err", "gamma_err"]
+    return {run.label: np.rad2deg(run.signals.loc[15.0:, errors]) for run in runs}
 
 
 @pytest.mark.parametrize(

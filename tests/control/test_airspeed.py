@@ -46,6 +46,10 @@ def point(n_x=(-0.5, 1.0), **options):
     return ft.loop.PoweredPointMass(n_x, **options)
 
 
+def model_at(V_a, gamma, airspeed=True, **turn):
+    return ft.loop.kinematic_model(V_a=V_a, gamma=gamma, g=G, airspeed=airspeed, **turn)
+
+
 def flown(plant, law, duration, **reference):
     reference = ft.loop.Reference(chi=0.0, gamma=0.0, V=V_0, g=G, **reference)
     return simulate(plant, law, reference, condition=START, duration=duration)
@@ -67,8 +71,7 @@ def test_the_model_has_the_slopes_of_the_equations_of_motion(gamma, phi):
         n_x = math.sin(gamma) + u[2]
         return np.array([chi_dot, G / V * lift, G / V_0 * (n_x - math.sin(gamma + x[1]))])
 
-    model = ft.loop.kinematic_model(V_a=V_0, gamma=gamma, phi=phi, g=G, airspeed=True)
-    step, zero = 1e-6, np.zeros(3)
+    model, step, zero = model_at(V_0, gamma, phi=phi), 1e-6, np.zeros(3)
     for i, change in enumerate(step * np.eye(3)):
         # An error is reference minus actual: a state above its trim is a negative one.
         of_state = (rates(change, zero) - rates(-change, zero)) / (2.0 * step)
@@ -82,11 +85,10 @@ def test_the_model_has_the_slopes_of_the_equations_of_motion(gamma, phi):
 )
 def test_three_channels_have_the_optimum_of_two(gamma_deg):
     gamma = math.radians(gamma_deg)
-    models = (
-        ft.loop.kinematic_model(V_a=V_0, gamma=gamma, g=G, airspeed=airspeed)
+    two, three = (
+        ft.tune(ft.loop.TuningProblem(model=model_at(V_0, gamma, airspeed), I_star=5.0))
         for airspeed in (False, True)
     )
-    two, three = (ft.tune(ft.loop.TuningProblem(model=model, I_star=5.0)) for model in models)
 
     # The printed digits of the optimum of two channels, reached by another number of searches.
     assert three.R_K == pytest.approx(two.R_K, abs=1e-5)
@@ -96,7 +98,7 @@ def test_three_channels_have_the_optimum_of_two(gamma_deg):
 
 def test_one_certificate_covers_airspeeds_and_path_angles():
     models = [
-        ((V, gamma), ft.loop.kinematic_model(V_a=V, gamma=gamma, g=G, airspeed=True))
+        ((V, gamma), model_at(V, gamma))
         for V in (20.0, 25.0, 30.0)
         for gamma in np.radians([-15.0, 0.0, 20.0])
     ]
@@ -112,12 +114,11 @@ def test_one_certificate_covers_airspeeds_and_path_angles():
 def test_gains_of_both_laws_are_the_same_loop_about_level_flight():
     exact = gains_of("exact")
     paper = ft.loop.command_gains(exact, V_a=V_0)
-    level = ft.loop.kinematic_model(V_a=V_0, gamma=0.0, g=G, airspeed=True)
 
     back = ft.loop.rate_gains(paper, V_a=V_0)
 
     assert back.K == pytest.approx(exact.K, abs=ROUNDING)
-    eigenvalues = np.sort_complex(np.linalg.eigvals(ft.loop.closed_loop(level, paper)))
+    eigenvalues = np.sort_complex(np.linalg.eigvals(ft.loop.closed_loop(model_at(V_0, 0.0), paper)))
     wanted = [np.roots([1.0, exact.K_P[i, i], exact.K_I[i, i]]) for i in range(3)]
     assert np.sort_complex(np.concatenate(wanted)) == pytest.approx(eigenvalues, abs=1e-6)
 
@@ -210,9 +211,8 @@ def test_the_lag_of_thrust_of_a_shipped_aircraft_is_measured_again(aircraft):
     channel = identify_thrust(partial(ft.loop.JSBSimPlant, aircraft), trim).table
 
     assert channel.fit_percent > 90.0
-    assert channel.natural_frequency_rad_s == pytest.approx(
-        stated.channels["n_x"].natural_frequency_rad_s, rel=1e-3
-    )
+    frequency = stated.channels["n_x"].natural_frequency_rad_s
+    assert channel.natural_frequency_rad_s == pytest.approx(frequency, rel=1e-3)
 
 
 @pytest.mark.slow

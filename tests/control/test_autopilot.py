@@ -119,9 +119,7 @@ STILL = {"FW_T_I_GAIN_PIT": 0.0, "FW_T_PTCH_DAMP": 0.1, "FW_T_ALT_TC": 5.0, "FW_
         ({**L1, "TECS_INTEG_GAIN": 0.0}, 4.0 / 5.0 * 1.3 / 20.0, 0.5),
     ],
 )
-def test_tecs_pitches_for_the_height_that_is_missing_over_its_time_constant(
-    parameters, angle, late
-):
+def test_tecs_pitches_for_the_missing_height_over_its_time_constant(parameters, angle, late):
     # 4 m missing, time constant 5 s, at 20 m/s; (1 + damping) of it, and the rate of the pitch
     _, lift, climb = commanded(parameters, samples=3000, path=(0.0, 0.0, 4.0, 0.0, 0.0))
     assert climb == pytest.approx(angle, abs=1e-5)

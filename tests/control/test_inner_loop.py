@@ -38,10 +38,7 @@ def test_each_input_is_multiplied_by_its_own_transfer_function(s):
 
 
 def test_first_order_without_delay_is_the_plain_input_lag():
-    lags = (
-        ft.loop.InnerLag(order=1, natural_frequency=4.0),
-        ft.loop.InnerLag(order=1, natural_frequency=8.0),
-    )
+    lags = [ft.loop.InnerLag(order=1, natural_frequency=w) for w in (4.0, 8.0)]
 
     lagged, plain = with_inner_loop(MODEL, lags), with_input_lag(MODEL, [4.0, 8.0])
 

@@ -24,7 +24,7 @@ XML, TOML, GAINS = "aerosonde.xml", "aircraft.toml", "gains.json"
 
 
 @pytest.mark.parametrize(
-    ("file", "pattern", "replacement", "message"),
+    ("file", "pattern", "new", "message"),
     [
         (TOML, "alpha_deg = ", "alfa_deg = ", r"\[envelope\] `alfa_deg` .*mean `alpha_deg`"),
         (TOML, '"fcs/throttle-pos', '"fcs throttle', r"\.toml: \[engines\] `command` must match"),
@@ -37,10 +37,8 @@ XML, TOML, GAINS = "aerosonde.xml", "aircraft.toml", "gains.json"
         (XML, "<value> 0.023200", "<value> 1e308", r"aircraft\.toml: .* V_a 25 m/s"),
     ],
 )
-def test_a_file_that_cannot_be_flown_is_named_in_one_line(
-    changed_aircraft, file, pattern, replacement, message
-):
-    folder = changed_aircraft(file, pattern, replacement)
+def test_a_file_that_cannot_be_flown_is_named(changed_aircraft, file, pattern, new, message):
+    folder = changed_aircraft(file, pattern, new)
 
     with pytest.raises((ft.loop.PlantError, ft.ScenarioError), match=message) as error:
         started(folder)
@@ -103,9 +101,7 @@ BEYOND_THE_POLE = (
         (BEYOND_THE_POLE, r"t = 1\.5\d+ s: JSBSim gave up: .*latitude"),
     ],
 )
-def test_a_state_that_is_no_number_and_jsbsim_giving_up_stop_the_flight(
-    changed_aircraft, components, reason
-):
+def test_no_number_and_jsbsim_giving_up_stop_the_flight(changed_aircraft, components, reason):
     plant = started(with_channel(changed_aircraft, components))
 
     stop = plant.advance(0.0, 1.0, 3.0)
@@ -183,7 +179,7 @@ def test_what_our_own_copy_of_a_file_cannot_hold_is_refused(changed_aircraft, te
 
 
 @pytest.mark.parametrize(
-    ("name", "pattern", "replacement", "message"),
+    ("name", "pattern", "new", "message"),
     [
         ("a4", '"A4"', '"737"', r"\[engines\] `count` must be that of the model, which has more"),
         (
@@ -209,10 +205,8 @@ def test_what_our_own_copy_of_a_file_cannot_hold_is_refused(changed_aircraft, te
         ),
     ],
 )  # fmt: skip
-def test_what_is_not_as_the_file_says_is_named(
-    changed_aircraft, name, pattern, replacement, message
-):
-    folder = changed_aircraft("aircraft.toml", pattern, replacement, aircraft=name)
+def test_what_is_not_as_the_file_says_is_named(changed_aircraft, name, pattern, new, message):
+    folder = changed_aircraft("aircraft.toml", pattern, new, aircraft=name)
 
     start = ft.loop.FlightCondition(V_a=150.0 if name == "a4" else 50.0)
     with pytest.raises(ft.loop.PlantError, match=message) as error:

@@ -64,9 +64,7 @@ PUBLISHED = {
         (10.0, -5.0, (-0.5, 0.4, 0.8), (0.25, -0.25, -0.2)),
     ],
 )
-def test_accelerations_are_those_of_the_published_coefficients(
-    aircraft, alpha_deg, beta_deg, rates, surfaces
-):
+def test_accelerations_are_those_published(aircraft, alpha_deg, beta_deg, rates, surfaces):
     V_a, mass, published = PUBLISHED[aircraft]
     surfaces = surfaces if aircraft == "aerosonde" else (*surfaces[:2], 0.0)
     state = V_a, alpha_deg * DEG, beta_deg * DEG, rates, surfaces, 0.5
@@ -108,9 +106,7 @@ def test_a_steady_turn_without_a_rudder_is_that_of_the_coefficients(fly, phi_deg
         rates, velocity = psi_dot * up, 18.0 * np.array(
             [math.cos(alpha) * math.cos(beta), math.sin(beta), math.sin(alpha) * math.cos(beta)]
         )  # fmt: skip
-        linear, angular = accelerations(
-            18.0, alpha, beta, rates, (aileron, elevator, 0.0), throttle
-        )
+        linear, angular = accelerations(18.0, alpha, beta, rates, (aileron, elevator, 0), throttle)
         linear = linear + G_0 * up - np.cross(rates, velocity)
         return *linear, *angular, velocity @ up
 

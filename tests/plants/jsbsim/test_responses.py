@@ -71,9 +71,7 @@ def test_holds_course_for_a_minute_wings_level(fly, chi_deg):
 
 
 @pytest.mark.parametrize("share", [0.5, 2.0, 3.0])
-def test_inner_loop_stays_stable_with_other_surface_effectiveness(
-    fly, holding_gamma, changed_aircraft, share
-):
+def test_stable_with_other_surface_effectiveness(fly, holding_gamma, changed_aircraft, share):
     # The surface gains are proportional to the square of the design airspeed.
     speed = rf"\g<1>{25.0 * math.sqrt(share)}"
     folder = changed_aircraft("gains.json", r'(V_a-design-mps": )25\.0', speed)

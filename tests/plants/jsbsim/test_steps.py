@@ -26,9 +26,7 @@ SHARE = 0.004
         ("c172p", "c172_cruise_turn", 40.0, {"rel": SHARE}),
     ],
 )
-def test_half_the_step_moves_the_integral_of_errors_by_little(
-    aircraft, scenario, seconds, allowed, monkeypatch
-):
+def test_half_the_step_moves_the_ITAE_by_little(aircraft, scenario, seconds, allowed, monkeypatch):
     plant = [{"kind": "jsbsim", "aircraft": aircraft}]
     scenario = shortened(scenario, seconds, plant=plant, gains=["paper", "K5"])
     whole = ft.fly(scenario).metrics["ITAE"]
