@@ -8,8 +8,8 @@ import numpy as np
 from flighttune.arrays import FloatArray
 from flighttune.control.linear_model import closed_loops
 from flighttune.theory.indicators import IndicatorArrays, indicators_batch
-from flighttune.tuning.problem import TuningProblem, search_space
-from flighttune.tuning.result import TuningResult, assessment, is_feasible, result
+from flighttune.tuning.problem import TuningProblem
+from flighttune.tuning.result import TuningResult, assessment, result
 
 # Box of the search where the problem has no tighter one: evolution needs a small one
 EVOLVED_GAIN = 10.0
@@ -31,11 +31,10 @@ def tune_by_evolution(problem: TuningProblem, *, generations: int = GENERATIONS)
     from scipy.optimize import NonlinearConstraint, differential_evolution
 
     began = time.perf_counter()
-    space = search_space(problem)
 
     def loops(k: FloatArray) -> IndicatorArrays:
         """Indicators of a whole generation of free gains, shape (f, members)."""
-        A_K = closed_loops(problem.model, space.K(k.T))
+        A_K = closed_loops(problem.model, problem.K(k.T))
         return indicators_batch(A_K, scaling=problem.scaling)
 
     def lost_rate(k: FloatArray) -> FloatArray:
@@ -51,18 +50,18 @@ def tune_by_evolution(problem: TuningProblem, *, generations: int = GENERATIONS)
         return logs(measured.I_K, measured)
 
     def log_error(k: FloatArray) -> FloatArray:
-        return logs(problem.largest_errors(space.K(k.T)).max(axis=-1), loops(k))
+        return logs(problem.largest_errors(problem.K(k.T)).max(axis=-1), loops(k))
 
     constraints = [
         NonlinearConstraint(log, -np.inf, np.log(bound))
         for log, bound in ((log_radius, problem.I_star), (log_error, problem.E_star))
         if np.isfinite(bound)
     ]
-    if space.names:
-        constraints.append(NonlinearConstraint(lambda k: space.slack(k.T).T, 0.0, np.inf))
+    if problem.limit_rows.names:
+        constraints.append(NonlinearConstraint(lambda k: problem.slack(k.T).T, 0.0, np.inf))
     evolved = differential_evolution(
         lost_rate,
-        np.clip([space.k_min, space.k_max], -EVOLVED_GAIN, EVOLVED_GAIN).T,
+        np.clip(problem.k_bounds, -EVOLVED_GAIN, EVOLVED_GAIN).T,
         constraints=constraints,
         maxiter=generations,
         popsize=POPULATION,
@@ -72,8 +71,8 @@ def tune_by_evolution(problem: TuningProblem, *, generations: int = GENERATIONS)
         updating="deferred",
         rng=np.random.default_rng(np.random.SeedSequence(problem.seed)),
     )
-    best = assessment(problem, space.K(evolved.x))
-    feasible = is_feasible(problem, best)
+    best = assessment(problem, problem.K(evolved.x))
+    feasible = best.meets(problem)
     outcome = result(
         problem,
         best if best.R_K > 0.0 else None,

@@ -4,7 +4,9 @@ from flighttune import gym as gym
 from flighttune import loop as loop
 from flighttune.adoption.adopt import adopt as adopt
 from flighttune.campaign.band import band as band
+from flighttune.campaign.band import monitor as monitor
 from flighttune.campaign.band import residual as residual
+from flighttune.campaign.band import tube as tube
 from flighttune.campaign.beside import compare as compare
 from flighttune.campaign.claims import Verified as Verified
 from flighttune.campaign.claims import load as load
@@ -14,9 +16,7 @@ from flighttune.campaign.engine.progress import CampaignObserver as CampaignObse
 from flighttune.campaign.meet import meet as meet
 from flighttune.campaign.meeting import Meeting as Meeting
 from flighttune.campaign.mission import mission as mission
-from flighttune.campaign.monitor import monitor as monitor
 from flighttune.campaign.refly import refly as refly
-from flighttune.campaign.tube import tube as tube
 from flighttune.campaign.worst import WorstFlight as WorstFlight
 from flighttune.campaign.worst import worst as worst
 from flighttune.certificates.bound import RateBound as RateBound

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 
 # `error_measures`, or the same compiled
 Measure: TypeAlias = Callable[..., ErrorMeasures]
+Columns: TypeAlias = Mapping[str, FloatArray]  # signals by name
 
 # Controlled quantity and the command that mostly moves it.
 CHANNELS = {"chi": "phi", "gamma": "n_z"}
@@ -54,12 +55,8 @@ MEASURED = (
 
 # Names of `flight_metrics`.
 FLIGHT_METRICS = (
-    "V_a_dev_mps",
-    "n_z_min",
-    "n_z_max",
-    "alpha_max_rad",
-    "cross_track_m",
-    "height_err_m",
+    *("V_a_dev_mps", "n_z_min", "n_z_max", "alpha_max_rad"),
+    *("cross_track_m", "height_err_m"),
 )
 
 # Share of the commanded change within which a flight has followed it to the end, and the error of
@@ -197,21 +194,18 @@ def measures(run: Run) -> dict[str, dict[str, float]]:
 
 def measures_of(
     t: FloatArray,
-    columns: Mapping[str, FloatArray],
+    columns: Columns,
     required: Mapping[str, Sequence[str]],
     measure: Measure = error_measures,
 ) -> dict[str, dict[str, float]]:
     """`measures` of two or more samples of signals; `required` are `required_names`."""
-    channels = {
-        channel: _channel_measures(t, columns, channel, measure)
-        | {"peak_rad": float(np.max(np.abs(columns[f"{channel}_err"])))}
-        | _end_errors(t, columns, channel)
-        | settling_measures(
-            t, columns[f"{channel}_ref"], columns[f"{channel}_err"], required.get(channel, ())
-        )
-        for channel in CHANNELS
-    }
-    measured = {**channels, "flight": _flight_measures(columns)}
+    measured: dict[str, dict[str, float]] = {}
+    for channel in CHANNELS:
+        ref, error = columns[f"{channel}_ref"], columns[f"{channel}_err"]
+        own = _channel_measures(t, columns, channel, measure)
+        own |= {"peak_rad": float(np.max(np.abs(error)))} | _end_errors(t, columns, channel)
+        measured[channel] = own | settling_measures(t, ref, error, required.get(channel, ()))
+    measured["flight"] = _flight_measures(columns)
     if "V_err" in columns:
         measured[AIRSPEED] = _airspeed_measures(t, columns, measure)
     for subject, names in required.items():
@@ -222,9 +216,7 @@ def measures_of(
     return measured
 
 
-def envelope_bounds(
-    name: str, t: FloatArray, subject: str, columns: Mapping[str, FloatArray]
-) -> FloatArray:
+def envelope_bounds(name: str, t: FloatArray, subject: str, columns: Columns) -> FloatArray:
     """Bound of an error at each sample, shape of `t`, SI, of the measure `name` of a `subject`.
 
     Its times count from the end of the last change of the reference of that channel, from the start
@@ -250,9 +242,7 @@ def airspeed_metrics(run: Run) -> dict[str, float]:
     return _airspeed_measures(run.t, columns, error_measures)
 
 
-def _airspeed_measures(
-    t: FloatArray, columns: Mapping[str, FloatArray], measure: Measure
-) -> dict[str, float]:
+def _airspeed_measures(t: FloatArray, columns: Columns, measure: Measure) -> dict[str, float]:
     error, steady = columns["V_err"], np.sin(columns["gamma_ref"])
     effort, ref = columns["n_x_cmd"] - steady, columns["V_ref"]
     values = measure(t, ref, error, effort, columns["n_x_limited"])._asdict()
@@ -266,7 +256,7 @@ def _airspeed_measures(
     return {name.replace("_rad", "_mps"): value for name, value in values.items()}
 
 
-def _end_errors(t: FloatArray, columns: Mapping[str, FloatArray], channel: str) -> dict[str, float]:
+def _end_errors(t: FloatArray, columns: Columns, channel: str) -> dict[str, float]:
     """Mean error at the end, in magnitude, and the largest with which a flight has followed.
 
     The end is the last quarter of the time, or what of it comes after the last change of the
@@ -364,35 +354,24 @@ def flight_metrics(run: Run) -> dict[str, float]:
     return _flight_measures(signal_arrays(run, MEASURED))
 
 
-def _flight_measures(columns: Mapping[str, FloatArray]) -> dict[str, float]:
+def _flight_measures(columns: Columns) -> dict[str, float]:
     V_a, n_z = columns["V_a"], columns["n_z"]
-    values = {
-        "V_a_dev_mps": float(np.max(np.abs(V_a - V_a[0]))),
-        "n_z_min": float(np.min(n_z)),
-        "n_z_max": float(np.max(n_z)),
-    }
-    if "alpha" in columns:
-        values["alpha_max_rad"] = float(np.max(np.abs(columns["alpha"])))
-    for name in OFF_ROUTE:
+    values = {"V_a_dev_mps": float(np.max(np.abs(V_a - V_a[0])))}
+    values |= {"n_z_min": float(np.min(n_z)), "n_z_max": float(np.max(n_z))}
+    for name in ("alpha", *OFF_ROUTE):
         if name in columns:
-            values[f"{name}_m"] = float(np.max(np.abs(columns[name])))
+            measure = "alpha_max_rad" if name == "alpha" else f"{name}_m"
+            values[measure] = float(np.max(np.abs(columns[name])))
     return values
 
 
 def _channel_measures(
-    t: FloatArray,
-    columns: Mapping[str, FloatArray],
-    channel: str,
-    measure: Measure = error_measures,
+    t: FloatArray, columns: Columns, channel: str, measure: Measure = error_measures
 ) -> dict[str, float]:
     command = CHANNELS[channel]
     steady = np.cos(columns["gamma_ref"]) if command == "n_z" else 0.0
-    values = measure(
-        t,
-        columns[f"{channel}_ref"],
-        columns[f"{channel}_err"],
-        columns[f"{command}_cmd"] - steady,
-        columns[f"{command}_limited"],
-    )._asdict()
+    effort, limited = columns[f"{command}_cmd"] - steady, columns[f"{command}_limited"]
+    ref, error = columns[f"{channel}_ref"], columns[f"{channel}_err"]
+    values = measure(t, ref, error, effort, limited)._asdict()
     # The guidance of a route commands small changes all the time.
     return values | ({"settling_s": math.nan} if OFF_ROUTE[0] in columns else {})

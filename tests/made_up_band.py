@@ -4,7 +4,7 @@ import numpy as np
 from dispersed import plan_of
 
 import flighttune as ft
-from flighttune.campaign.band import flights_of
+from flighttune.campaign.counting import flights_of
 from flighttune.claims.counted import About, BandFlights
 from flighttune.claims.distribution import Distribution
 from flighttune.gaps.residual import RESIDUALS

@@ -10,7 +10,6 @@ import numpy as np
 import flighttune as ft
 from flighttune.control.linear_model import closed_loops
 from flighttune.theory.indicators import indicators
-from flighttune.tuning.problem import search_space
 from flighttune.tuning.robust import FINE, Peaks, channels
 
 IDENTIFIED = {"law": "paper", "tuning.model": "identified"}
@@ -22,9 +21,8 @@ def sensitivity(problem: ft.loop.TuningProblem, gains: ft.PIGains) -> float:
     peaks = []
     for inputs, errors, part in channels(problem):
         columns = np.concatenate([errors, len(problem.model.errors) + errors])
-        space = search_space(part)
-        k = gains.K[inputs[:, None], columns][space.free]
-        peaks.append(Peaks(part.model, space, FINE).largest(k, np.zeros(1)))
+        k = gains.K[inputs[:, None], columns][part.free]
+        peaks.append(Peaks(part, FINE).largest(k, np.zeros(1)))
     return math.exp(max(peaks))
 
 

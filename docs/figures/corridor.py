@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from flighttune.campaign.band import load_counted
+from flighttune.campaign.counting import load_counted
 from flighttune.claims.band import Band
 from flighttune.present.chart import Chart, Sheet
 from flighttune.present.palette import HUES, INK

@@ -7,7 +7,7 @@ in a wider fence (`flighttune mission mission.plan --fence wider.plan`), then in
 import sys
 from pathlib import Path
 
-from flighttune.campaign.band import load_counted
+from flighttune.campaign.counting import load_counted
 from flighttune.claims.band import Band
 from flighttune.present.chart import Chart, Sheet
 from flighttune.reports.claim import band_charts

@@ -16,8 +16,8 @@ import shapely
 from geographiclib.geodesic import Geodesic
 from shapely import LineString, Polygon
 
-from flighttune.campaign.band import load_counted
 from flighttune.campaign.counted_flights import plan_in
+from flighttune.campaign.counting import load_counted
 from flighttune.campaign.flying.rows import fly_group
 from flighttune.claims.band import Band, TurnBack
 

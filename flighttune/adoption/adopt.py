@@ -15,7 +15,7 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 import tomlkit
 
-from flighttune.adoption.survey import SOURCE, Refusal, Survey, drag_at, survey, wide_tables
+from flighttune.adoption.survey import SOURCE, TABLES, Refusal, Survey, drag_at, survey, wide_tables
 from flighttune.aircraft.aircraft import (
     GAINS_FILE,
     PROPERTY_NAME,
@@ -57,25 +57,16 @@ LATER = ("envelope", "limits", "design")  # tables that follow from a trimmed fl
 LAW, TUNED, PAPER = "exact", "tuned_fed_back", "paper_scaled"  # law and gain sets of the turn
 
 
-_COMMENTS = {
-    "surfaces": "stops in deg; positions at the commands -1 and +1 in rad",
-    "engines": "time they take to a steady thrust",
-    "settings": "JSBSim properties, for the whole flight",
-    "declared": "properties of another simulator that the model refers to",
-    "linked": "properties of another simulator that follow one of JSBSim",
-    "envelope": "leaving it ends a flight",
-    "limits": "of the commands the inner loop follows",
-    "design": "what `flighttune design` makes the gains for",
-}
-
 Status: TypeAlias = Literal["adopted", "flies", "refused"]
+Say: TypeAlias = Callable[[str], object]  # called with the name of each stage
 
 FLIGHT_COLUMNS = [
     *columns("gains status"),
-    Column("ITAE.chi", "ITAE χ", "rad\u00a0s²"),
-    Column("ITAE.gamma", "ITAE γ", "rad\u00a0s²"),
-    Column("ST_deg.chi", "ST χ", "deg"),
-    Column("ST_deg.gamma", "ST γ", "deg"),
+    *(
+        Column(f"ITAE.{x}", f"ITAE {symbol}", "rad\u00a0s²")
+        for x, symbol in CHANNEL_SYMBOLS.items()
+    ),
+    *(Column(f"ST_deg.{x}", f"ST {symbol}", "deg") for x, symbol in CHANNEL_SYMBOLS.items()),
 ]
 
 # Errors that must be calm in the last quarter of the turn: largest standard deviation, deg.
@@ -195,11 +186,7 @@ class Adoption(Answering):
             tables=[self.flights],
             notes=self.notes,
             verdict=f"{self.status} in {self.seconds:.0f} s{glide}",
-            files={
-                "folder": folder,
-                "draft": self.draft,
-                "scenario": folder / TURN if folder else None,
-            },
+            files={"folder": folder, "draft": self.draft, "scenario": folder and folder / TURN},
             failure="" if self.status == "adopted" else f"{self.status}: {self.reason}",
         )
 
@@ -360,10 +347,9 @@ def _of_flightgear(path: Path) -> Path:
     if not os.path.exists(path):
         raise InputError(f"{path}: must be a file or folder of FlightGear's, got no such file.")
     files = sorted(path.glob(f"*{SET}")) if path.is_dir() else [path]
-    files = [file for file in files if file.is_file()]  # reading a pipe would wait
-    settings = {file: _settings(file) for file in files}
+    settings = {file: _settings(file) for file in files if file.is_file()}  # a pipe would wait
     kinds = {file: values.get("flight-model", "") for file, values in settings.items()}
-    named = {file: settings[file].get("aero", "") for file in files if kinds[file] == "jsb"}
+    named = {file: settings[file].get("aero", "") for file in settings if kinds[file] == "jsb"}
     mains = []
     if path.is_dir() and not named:
         mains = [file for file in sorted(path.glob("*.xml")) if _is_main(file)]
@@ -411,9 +397,7 @@ def _settings(file: Path) -> dict[str, str]:
     return values
 
 
-def _best(
-    surveyed: Survey, folder: Path, h: float, say: Callable[[str], object], began: float
-) -> Adoption:
+def _best(surveyed: Survey, folder: Path, h: float, say: Say, began: float) -> Adoption:
     """The best of the tries; its files are left in the folder."""
     best, files, refused = None, {}, None
     tries = [(share, surveyed.V_a, 1.0) for share in BANDWIDTH_SHARES]
@@ -422,10 +406,8 @@ def _best(
     for share, V_a, roll_rate in tries:
         if best is not None and time.monotonic() - began > TIME_LEFT:
             break
-        say(
-            f"step 5 of 9: trimming at {V_a:.0f} m/s"
-            + (f", bandwidths times {share:g}" if best else "")
-        )
+        slower = f", bandwidths times {share:g}" if best else ""
+        say(f"step 5 of 9: trimming at {V_a:.0f} m/s{slower}")
         try:
             tried = _tried(replace(surveyed, V_a=V_a), folder, h, (share, roll_rate), say)
         except PlantError as error:
@@ -433,14 +415,14 @@ def _best(
             continue
         if best is None or _merit(tried) > _merit(best):
             best = tried
-            files = {folder / name: (folder / name).read_bytes() for name in WRITTEN}
+            files = {name: (folder / name).read_bytes() for name in WRITTEN}
         if best.status == "adopted":
             break
     if best is None:
         assert refused is not None
         raise refused
-    for file, content in files.items():
-        file.write_bytes(content)
+    for name, content in files.items():
+        (folder / name).write_bytes(content)
     say("step 9 of 9: trimming over the envelope")
     speeds = np.linspace(0.85, 1.3, 4) * best.V_a
     config = load_aircraft(folder)
@@ -449,17 +431,13 @@ def _best(
     # Criteria of the adoption, with the versions and the hash of the model it was made with.
     record = {
         "format": "flighttune adoption 2",
-        "status": best.status,
-        "reason": best.reason,
+        **pick(best, "status reason"),
         "model": model_hash(config),
         "versions": {name: version(name) for name in ("flighttune", "jsbsim")},
         "V_a_mps": best.V_a,
         "stall_mps": surveyed.lift.V_s,
         "spare_thrust": surveyed.spare_thrust,
-        "glide_ratio": best.glide_ratio,
-        "fit_percent": best.fit_percent,
-        "flown": best.flown,
-        "notes": best.notes,
+        **pick(best, "glide_ratio fit_percent flown notes"),
         "trims": trims,
     }
     write_text(folder / RECORD, json.dumps(record, indent=2) + "\n")
@@ -472,11 +450,7 @@ def _merit(tried: Adoption) -> tuple[bool, float]:
 
 
 def _tried(
-    surveyed: Survey,
-    folder: Path,
-    h: float,
-    shares: tuple[float, float],
-    say: Callable[[str], object],
+    surveyed: Survey, folder: Path, h: float, shares: tuple[float, float], say: Say
 ) -> Adoption:
     """One try: a folder with an aircraft, and how it flies."""
     wide = aircraft_from(surveyed.tables, folder)
@@ -517,10 +491,9 @@ def _tried(
         status="flies" if missed else "adopted",
         reason=missed,
         folder=folder,
-        V_a=surveyed.V_a,
         engines=tables["engines"]["count"],
         **drag,
-        notes=surveyed.notes,
+        **pick(surveyed, "V_a notes"),
         fit_percent=fits,
         flown=flights,
         steps=designed.steps,
@@ -596,33 +569,16 @@ def final_tables(
     error = ROLL_STIFFNESS * roll
     stiff = damping > MUCH_DAMPING * error
     roll_error = {"roll_error_rad_s": math.sqrt(error * (damping - error))} if stiff else {}
-    return surveyed.tables | {
-        "envelope": {
-            "alpha_deg": [lift.negative_stall / DEG - 1.0, lift.stall / DEG],
-            "V_a_mps": [1.05 * lift.V_s, 1.8 * surveyed.V_a],
-            "n_z": [n_z_min - 1.0, n_z_max + 1.0],
-            "theta_deg": [-60.0, 60.0],
-        },
-        "limits": {
-            "phi_deg": [-MAX_BANK, MAX_BANK],
-            "phi_rate_dps": rate / DEG,
-            "n_z": [n_z_min, n_z_max],
-            "n_z_rate_per_s": load_rate,
-        },
-        "design": {
-            "V_a_mps": surveyed.V_a,
-            "h_m": h,
-            "V_a_shown_mps": [surveyed.V_a],
-            "roll_rad_s": roll,
-            **roll_error,
-            "n_z_rad_s": load,
-            "speed_rad_s": np.clip(15.0 / surveyed.V_a, 0.1, 0.5),
-            "roll_t90_s": 30.0 * DEG / rate + 3.0 / roll,
-            "roll_overshoot": 0.1,
-            "n_z_t90_s": 0.5 / load_rate + 5.0 / load,
-            "n_z_overshoot": 0.15,
-        },
-    }
+    V_a, alpha = surveyed.V_a, [lift.negative_stall / DEG - 1.0, lift.stall / DEG]
+    envelope = {"alpha_deg": alpha, "V_a_mps": [1.05 * lift.V_s, 1.8 * V_a]}
+    envelope |= {"n_z": [n_z_min - 1.0, n_z_max + 1.0], "theta_deg": [-60.0, 60.0]}
+    limits = {"phi_deg": [-MAX_BANK, MAX_BANK], "phi_rate_dps": rate / DEG}
+    limits |= {"n_z": [n_z_min, n_z_max], "n_z_rate_per_s": load_rate}
+    goals = {"V_a_mps": V_a, "h_m": h, "V_a_shown_mps": [V_a], "roll_rad_s": roll, **roll_error}
+    goals |= {"n_z_rad_s": load, "speed_rad_s": np.clip(15.0 / V_a, 0.1, 0.5)}
+    goals |= {"roll_t90_s": 30.0 * DEG / rate + 3.0 / roll, "roll_overshoot": 0.1}
+    goals |= {"n_z_t90_s": 0.5 / load_rate + 5.0 / load, "n_z_overshoot": 0.15}
+    return surveyed.tables | {"envelope": envelope, "limits": limits, "design": goals}
 
 
 def elevator_zero(model: Airframe) -> float:
@@ -647,7 +603,7 @@ def aircraft_text(tables: Mapping[str, Any], notes: Sequence[str]) -> str:
     document.update({key: tables[key] for key in ("title", "source", "model")})
     for note in notes:
         document.add(tomlkit.comment(note))
-    for name, comment in _COMMENTS.items():
+    for name, comment in TABLES["comments"].items():
         if tables.get(name):
             table = tomlkit.table()
             table.comment(comment)

@@ -2,10 +2,11 @@
 
 import math
 import re
-from collections.abc import Callable, Iterator, Mapping
+import tomllib
+from collections.abc import Callable, Mapping
 from copy import deepcopy
-from dataclasses import dataclass, replace
-from functools import partial
+from dataclasses import dataclass, field, replace
+from functools import cached_property, partial
 from itertools import product
 from pathlib import Path
 from types import MappingProxyType
@@ -55,36 +56,11 @@ MAX_STALL, MIN_STALL = 18.0 * DEG, -12.0 * DEG
 MIN_LIFT = 0.1
 MIN_STALL_SPEED, MAX_STALL_SPEED = 3.0, 300.0
 
-# Properties by which FlightGear moves levers and shows engines, and what they follow.
-LINKS = {
-    r"/controls/engines/engine(\[\d+\])?/throttle": "ft/throttle-norm",
-    r"/controls/flight/(aileron|elevator)": r"fcs/\1-cmd-norm",
-    r"/controls/flight/rudder": "-fcs/rudder-cmd-norm",
-    r"/engines/engine(\[\d+\])?/mp-inhg": r"propulsion/engine\1/map-inhg",
-    r"/engines/engine(\[\d+\])?/rpm": r"propulsion/engine\1/engine-rpm",
-}
-
-# Properties by which FlightGear shows the state of flight, and those of JSBSim that they follow.
-SHOWN = {
-    "/position/altitude-agl-ft": "position/h-agl-ft",
-    "/position/altitude-ft": "position/h-sl-ft",
-    "/orientation/alpha-deg": "aero/alpha-deg",
-    "/orientation/pitch-deg": "attitude/theta-deg",
-    "/orientation/roll-deg": "attitude/phi-deg",
-    "/velocities/airspeed-kt": "velocities/vc-kts",
-    "/velocities/mach": "velocities/mach",
-}
+TABLES = tomllib.loads(Path(__file__).with_name("models.toml").read_text(encoding="utf-8"))
 
 # Levers in the order they are tried until every engine pushes: how they stand, and their values.
-_LINKED = (r"/(mixture|propeller-pitch|condition|fuel-pump)$", 1.0), (r"/magnetos(-switch)?$", 3.0)
-LEVERS = {
-    "": (),
-    "with FlightGear's levers linked and its switches on": _LINKED,
-    "with the propeller levers at a half": (*_LINKED, ("/(advance-cmd|propeller-pitch)", 0.5)),
-    "with the propeller levers at 0": (*_LINKED, ("/(advance-cmd|propeller-pitch)", 0.0)),
-    "with a lean mixture": (*_LINKED, ("/mixture", 0.75)),
-    "with every tank full": (*_LINKED, ("/tank.*/pct-full$", 100.0)),
-}
+_LINKED, _FURTHER = TABLES["levers"]["linked"], TABLES["levers"]["further"]
+LEVERS = {"": [], **{how: [*_LINKED, *levers] for how, levers in _FURTHER.items()}}
 
 # Quantities of a body that must be above zero.
 BODY = {"mass": "inertia/mass-slugs", "wing area": "metrics/Sw-sqft"} | {
@@ -243,85 +219,42 @@ def survey(
     `tables` are those of `wide_tables`; what is found of a model that is refused stays in them.
     `values`: of properties, instead of those assumed. `glide`: leave its engines off.
     """
-
-    def load(tables: dict[str, Any]) -> Bench:
-        return Bench(Fdm(aircraft_from(tables, folder)), h)
-
+    model = _Model(tables, folder, h, V_a, values)
     say("step 1 of 9: reading the model")
-    tables["engines"]["count"] = 0 if glide else _check_parts(aircraft_from(tables, folder))
-    tables["declared"] |= _check_values(values)
-    _declare(tables, load)
-    tables["linked"] |= {
-        name: SHOWN[name] for name in SHOWN.keys() & tables["declared"].keys() - values.keys()
-    }
-    fdm = load(tables).fdm
-    read = {text for _, text in _texts(fdm.config)}
-    for surface, table in tables["surfaces"].items():
-        command = table.get("command", "")
-        names = {command, *(x for x, to in tables["linked"].items() if to.lstrip("-") == command)}
-        for name in sorted(names - read - {""}):
-            raise InputError(f"--{surface}: the model must read {name}, it does not.")
-    tables["settings"] |= _levers(tables, fdm)
-    for name, value in values.items():
-        kind = "declared" if name in tables["declared"] else "settings"
-        if kind == "settings" and not fdm.has(name):
-            raise InputError(f"--set {name}: the model must have or read it, it does neither.")
-        tables[kind][name] = value
-    notes = _check_body(fdm)
+    tables["engines"]["count"] = 0 if glide else _engine_count(model.config)
+    model.declare()
+    model.set_levers()
     say("step 2 of 9: sweeping lift")
-    notes += _put_in(tables, load, values)
-    bench = load(tables)
-    lift = _swept(bench, FIRST_SPEED)
-    for _ in range(2):  # each sweep is flown at a multiple of the stall speed of the last one
-        lift = _swept(bench, SPEEDS[0] * lift.V_s)
-    speed = V_a or SPEEDS[0] * lift.V_s
-    spare = -lift.at(speed)[1]
+    model.put_in()
+    model.sweep()
     if tables["engines"]["count"]:
         say("step 3 of 9: starting the engines")
-        notes += _throttle(tables, load, lift)
-        lift, speed, spare, driven = _driven(tables, load, lift, V_a, values)
-        notes += driven
+        model.find_throttle()
+        model.drive()
     say("step 4 of 9: moving the surfaces")
-    surfaces, bypass = _surfaces(tables, load, _level(speed, lift.at(speed)[0], 0.5))
-    notes += bypass
-    frozen = any(name.startswith("ft/") for name in tables["declared"])
-    lift = _swept(load(tables | {"surfaces": surfaces}), speed) if frozen else lift
+    surfaces = model.surfaces()
+    if any(name.startswith("ft/") for name in tables["declared"]):
+        model.lift = _swept(model.load(surfaces=surfaces), model.speed)
     if "rudder" not in surfaces:
-        notes.append("it has no rudder: yaw is left to the airframe")
-    notes += _engine_notes(tables["engines"])
-    if tables["engines"]["count"]:
-        notes += _gyroscopic(load(tables), _level(speed, lift.at(speed)[0], 0.5))
+        model.notes.append("it has no rudder: yaw is left to the airframe")
+    model.note_engines()
     declared, linked = tables["declared"], tables["linked"]
     foreign = (name for name, value in declared.items() if not value and name not in linked)
     names = [name for name in foreign if not name.startswith("ft/")]
     if names:
         more = len(names) - MAX_NAMED
         rest = f" and {more} more, all in `[declared]`" if more > 0 else ""
-        notes.append(f"properties of another simulator are 0: {', '.join(names[:MAX_NAMED])}{rest}")
+        shown = ", ".join(names[:MAX_NAMED])
+        model.notes.append(f"properties of another simulator are 0: {shown}{rest}")
     tables["surfaces"] = surfaces
     return Survey(
         tables=tables,
-        lift=lift,
-        V_a=speed,
-        spare_thrust=spare,
-        notes=tuple(notes),
-        **drag_at(load(tables), _level(speed, lift.at(speed)[0])),
+        lift=model.lift,
+        V_a=model.speed,
+        spare_thrust=model.spare,
+        notes=tuple(model.notes),
+        **drag_at(model.load(), model.level(0.0)),
     )
-
-
-def _engine_notes(engines: Mapping[str, Any]) -> list[str]:
-    """Notes on where the thrust comes from."""
-    notes = []
-    if not engines["count"]:
-        notes.append("it flies without an engine, about its steady glide")
-    if "full" in engines:
-        notes.append(
-            f"its engine is far too strong: full throttle is {engines['full']:.3g} of its lever, "
-            "where it pushes with about the weight"
-        )
-    if "thrust" in engines:
-        notes.append(f"its engine has no thrust: an external force pushes it ({EXTERNAL})")
-    return notes
 
 
 def drag_at(bench: Bench, state: AirframeState) -> dict[str, Any]:
@@ -336,170 +269,41 @@ def drag_at(bench: Bench, state: AirframeState) -> dict[str, Any]:
 def wide_tables(model: str) -> dict[str, Any]:
     """Tables of an aircraft whose surfaces take commands of -1 to 1 as positions in rad."""
     surface = {"travel_deg": [-ONE_RADIAN, ONE_RADIAN], "full_rad": [-1.0, 1.0]}
-    return {
-        "title": Path(model).stem,
-        "source": SOURCE,
-        "model": model,
-        "surfaces": {name: dict(surface) for name in SURFACES},
-        "engines": {"count": 1, "settle_s": 0.0},
-        "settings": {},
-        "declared": {},
-        "linked": {},
-        "envelope": {
-            "alpha_deg": [-40.0, 40.0],
-            "V_a_mps": [1.0, 1000.0],
-            "n_z": [-20.0, 20.0],
-            "theta_deg": [-85.0, 85.0],
-        },
-        "limits": {
-            "phi_deg": [-60.0, 60.0],
-            "phi_rate_dps": 30.0,
-            "n_z": [-20.0, 20.0],
-            "n_z_rate_per_s": 1.0,
-        },
-    }
+    surfaces = {name: dict(surface) for name in SURFACES}
+    named = {"title": Path(model).stem, "source": SOURCE, "model": model, "surfaces": surfaces}
+    return named | deepcopy(TABLES["wide"])
 
 
-def _check_parts(config: AircraftConfig) -> int:
-    """Return the number of engines; refuse a model that cannot be an aeroplane."""
-    folders = source_folders(config)
+def _engine_count(config: AircraftConfig) -> int:
+    """Number of engines of a model; one that cannot be an aeroplane is refused."""
     root = main_root(config)
     if root.tag != "fdm_config":
         raise Refusal(f"its main file must be a <fdm_config> of JSBSim, got a <{root.tag}>")
-    parts = {tag: _part(root, tag, folders.parts) for tag in ("aerodynamics", "propulsion")}
-    if any(element.find(".//gas_cell") is not None for element in (root, *parts.values())):
+    aerodynamics, propulsion = (_part(config, tag) for tag in ("aerodynamics", "propulsion"))
+    if any(part.find(".//gas_cell") is not None for part in (root, aerodynamics, propulsion)):
         raise Refusal("it is carried by buoyancy (gas cells), not by a wing")
-    axes = {axis.get("name", "").upper() for axis in parts["aerodynamics"].iter("axis")}
+    axes = {axis.get("name", "").upper() for axis in aerodynamics.iter("axis")}
     if not axes & {"LIFT", "NORMAL", "Z"}:
         has = ", ".join(sorted(axes)) or "none"
         raise Refusal(f"its aerodynamics have no lift or normal-force axis: {has}")
     lacking = [axis for axis in ("ROLL", "PITCH", "YAW") if axis not in axes]
     if lacking:
         raise Refusal(f"its aerodynamics lack a moment axis: {', '.join(lacking)}")
-    return len(parts["propulsion"].findall("engine"))
+    return len(propulsion.findall("engine"))
 
 
-def _check_body(fdm: Fdm) -> list[str]:
-    """Refuse a body without mass; return notes on moments of inertia that cannot be."""
-    body = {quantity: fdm.reader(name)() for quantity, name in BODY.items()}
-    for quantity, value in body.items():
-        if not 0.0 < value < math.inf:
-            raise Refusal(f"its {quantity} must be above zero, got {value:g} ({BODY[quantity]})")
-    moments = {quantity: body[quantity] for quantity in body if quantity.startswith("inertia")}
-    return [
-        f"its moments of inertia are those of no body: {quantity} exceeds the sum of the others"
-        for quantity, moment in moments.items()
-        if 2.0 * moment > ROUNDED * sum(moments.values())
-    ]
-
-
-def _gyroscopic(bench: Bench, cruise: AirframeState) -> list[str]:
-    """A note on propellers whose angular momentum couples pitch with yaw too fast to control."""
-    fdm = bench.fdm
-    roots = (read_xml(file, str(file)) for file in model_files(fdm.config))
-    inertias = [float(root.findtext("ixx", "0")) for root in roots if root.tag == "propeller"]
-    if not (inertias and fdm.shows(PROPELLER_RPM)):
-        return []
-    bench.accelerations(cruise)
-    rpm = fdm.reader(PROPELLER_RPM)()
-    across = math.prod(fdm.reader(BODY[f"inertia {axes}"])() for axes in ("yy", "zz"))
-    nutation = max(inertias) * abs(rpm) * math.pi / 30.0 / math.sqrt(across)
-    if nutation < FAST_NUTATION:
-        return []
-    return [
-        f"its propeller makes it a gyroscope that nutates at {nutation:.3g} rad/s: an inertia of "
-        f"{max(inertias):.3g} slug ft2 at {rpm:.3g} rpm"
-    ]
-
-
-def _part(root: Element, tag: str, folders: tuple[Path, ...]) -> Element:
-    """A part of a main file, which may be in a file of its own."""
-    part = root.find(tag)
+def _part(config: AircraftConfig, tag: str) -> Element:
+    """A part of the main file of a model, which may be in a file of its own."""
+    part = main_root(config).find(tag)
     if part is None:
         return Element(tag)
-    name = part.get("file")
+    name, folders = part.get("file"), source_folders(config).parts
     return read_xml(found_file(name, folders, folders[0]), name) if name else part
-
-
-def _declare(tables: dict[str, Any], load: Callable[[dict[str, Any]], Bench]) -> None:
-    """Declare the properties that the model refers to and nothing defines, as JSBSim names them."""
-    declared = tables["declared"]
-    while len(declared) < MAX_DECLARED:
-        try:
-            bench = load(tables)
-            for V_a, alpha in SHOWN_AT:
-                bench.accelerations(_level(V_a, alpha))
-                bench.fdm.hold(TRIAL_S)
-            return
-        except PlantError as error:
-            missing = MISSING.search(str(error))
-            name = missing[1].removeprefix("/fdm/jsbsim/") if missing else ""
-            if not name or name in declared or name.startswith("ft/"):
-                raise
-            declared[name] = 0.0
-    raise Refusal(
-        f"it refers to more than {MAX_DECLARED} properties that nothing defines, such as "
-        f"{', '.join([*declared][:MAX_NAMED])}"
-    )
-
-
-def _check_values(values: Mapping[str, float]) -> dict[str, float]:
-    """The values to declare; refuse what is no number of a property."""
-    for name, value in values.items():
-        if not (re.fullmatch(PROPERTY_NAME, name.removeprefix("/")) and math.isfinite(value)):
-            raise InputError(f"--set must be NAME=VALUE, got {name[:80]}={value}.")
-    return {name: value for name, value in values.items() if name.startswith("/")}
-
-
-def _levers(tables: dict[str, Any], fdm: Fdm) -> dict[str, float]:
-    """Settings of fuel, gear, flaps, speed brake, mixture and propeller that the model has."""
-    levers = {"propulsion/fuel_freeze": 1.0, "gear/gear-cmd-norm": 0.0}
-    levers |= dict.fromkeys(("fcs/flap-cmd-norm", "fcs/speedbrake-cmd-norm"), 0.0)
-    for i in range(tables["engines"]["count"]):
-        levers |= {f"fcs/{name}-cmd-norm[{i}]": 1.0 for name in ("mixture", "advance")}
-    return {name: value for name, value in levers.items() if fdm.has(name)}
-
-
-def _put_in(
-    tables: dict[str, Any], load: Callable[[dict[str, Any]], Bench], values: Mapping[str, float]
-) -> list[str]:
-    """Put in brakes, spoilers, flaps and gear that are out, by a declared property; or say so."""
-
-    def out(bench: Bench) -> dict[str, float]:
-        bench.accelerations(_level(FIRST_SPEED, 0.0))
-        positions = {name: bench.fdm.reader(name)() for name in read}
-        return {name: position for name, position in positions.items() if abs(position) > 0.01}
-
-    first = load(tables)
-    texts = {text for _, text in _texts(first.fdm.config)}
-    names = OUT if _retracts(first.fdm.config) else [name for name in OUT if name != GEAR]
-    read = [name for name in names if name in texts and first.fdm.shows(name)]
-    before, notes = out(first), []
-    zeros = [name for name, value in tables["declared"].items() if not value and name not in values]
-    for name in zeros[:MAX_TRIED_IN]:
-        if not before:
-            break
-        tried = tables | {"declared": tables["declared"] | {name: 1.0}}
-        after = out(load(tried))
-        if after.keys() < before.keys():
-            tables["declared"][name] = 1.0
-            notes += [f"{', '.join(before.keys() - after.keys())} is in by {name} = 1"]
-            before = after
-    notes += [f"{name} is {position:.2g}: it is out" for name, position in before.items()]
-    return notes
-
-
-def _retracts(config: AircraftConfig) -> bool:
-    """Whether a contact of the gear can be retracted: JSBSim shows fixed gear as out."""
-    roots = (read_xml(file, str(file)) for file in model_files(config))
-    texts = (part.text or "" for root in roots for part in root.iter("retractable"))
-    return any(text.strip() not in ("", "0") for text in texts)
 
 
 def _largest_drag(fdm: Fdm) -> tuple[str, float]:
     """The function of the drag axis with the largest part of it, and its share."""
-    root = main_root(fdm.config)
-    aerodynamics = _part(root, "aerodynamics", source_folders(fdm.config).parts)
+    aerodynamics = _part(fdm.config, "aerodynamics")
     axes = (axis for axis in aerodynamics.iter("axis") if axis.get("name", "").upper() == "DRAG")
     names = [f.get("name", "") for axis in axes for f in axis.findall("function")]
     parts = {name: abs(fdm.reader(name)()) for name in names if fdm.shows(name)}
@@ -562,130 +366,416 @@ def _end_of_lift(C_L: FloatArray, slope: float, sense: int) -> int:
     return i
 
 
-def _driven(
-    tables: dict[str, Any],
-    load: Callable[[dict[str, Any]], Bench],
-    lift: Lift,
-    V_a: float | None,
-    values: Mapping[str, float],
-) -> tuple[Lift, float, float, list[str]]:
-    """Lift, airspeed, spare thrust and notes, with the levers as they first let it fly."""
-    fdm, refused = load(tables).fdm, None
-    texts = {text for _, text in _texts(fdm.config)} | {*tables["declared"]}
-    links = {
-        name: re.sub(pattern, source, name)
-        for pattern, source in LINKS.items()
-        for name in sorted(texts)
-        if re.fullmatch(pattern, name)
-    }
-    tanks = [name for name in fdm.names("propulsion/tank") if name.endswith("/pct-full")]
-    for how, levers in LEVERS.items():
-        tried = deepcopy(tables) | {"linked": tables["linked"] | (links if how else {})}
-        names = (*tables["declared"], *tables["settings"], *tanks)
-        for name, (pattern, value) in product(names, levers):
-            if re.search(pattern, name) and name not in values:
-                tried["declared" if name in tables["declared"] else "settings"][name] = value
-        if how and tried == tables:
-            continue
-        try:
-            if how:  # fuel changes the weight
-                lift = _swept(load(tried), SPEEDS[0] * lift.V_s)
-            speed, spare = _engines(tried["engines"], partial(load, tried), lift, V_a)
-        except PlantError as error:
-            refused = refused or error
-            continue
-        tables.update(tried)
-        return lift, speed, spare, [f"its engines drive it {how}"] if how else []
-    assert refused is not None  # the first levers are always tried
-    if isinstance(refused, TooWeak):
-        note = f"{refused}: its engines stay off"
-    elif has_engine(unchanged(fdm.config), ROCKET):
-        # JSBSim computes the thrust of a rocket from the fuel that it takes from its tanks.
-        note = f"{refused}: a rocket has no thrust while its fuel is frozen, as it is"
-    else:
-        raise refused
-    tables["engines"]["count"], speed = 0, V_a or SPEEDS[0] * lift.V_s
-    return lift, speed, -lift.at(speed)[1], [note]
+@dataclass(eq=False)
+class _Model:
+    """A model under survey: what is found goes into its tables and notes."""
 
+    tables: dict[str, Any]
+    folder: Path
+    h: float  # m
+    V_a: float | None  # m/s: as asked for
+    values: Mapping[str, float]
+    notes: list[str] = field(default_factory=list)
+    lift: Lift = field(init=False)
+    speed: float = field(init=False)  # m/s: airspeed chosen
+    spare: float = field(init=False)  # thrust beyond drag over weight there
 
-def _throttle(
-    tables: dict[str, Any], load: Callable[[dict[str, Any]], Bench], lift: Lift
-) -> list[str]:
-    """Find what moves the throttle of the engines where the usual command does not."""
-    bench, positions = load(tables), []
-    fdm = bench.fdm
-    if "command" in tables["engines"] or not fdm.shows(THROTTLE_POSITION):
-        return []
-    position, V = fdm.reader(THROTTLE_POSITION), SPEEDS[0] * lift.V_s
-    for throttle in (0.0, 1.0, 0.0):
-        bench.accelerations(_level(V, lift.at(V)[0], throttle))
-        positions.append(position())
-    if positions[1] - positions[0] > 0.5:
-        return []
-    names = {text for aerodynamics, text in _texts(fdm.config) if not aerodynamics}
-    levers = []
-    for name in sorted(name for name in names if not OWN.match(name) and fdm.has(name)):
-        before, write = fdm.reader(name)(), fdm.writer(name)
-        write(1.0)
-        fdm.evaluate()
-        if position() - positions[2] > 0.5 and name != THROTTLE_POSITION:
-            levers.append(name)
-        write(before)
-        fdm.evaluate()
-    if not levers:
-        return []
-    tables["engines"]["command"] = levers[0]
-    tables["linked"] |= dict.fromkeys(levers[1:], properties.THROTTLE)
-    return [f"its throttle is moved by {', '.join(levers)}"]
+    def load(self, **changed: Any) -> Bench:
+        """The model on the bench, with some of its tables changed."""
+        return Bench(Fdm(aircraft_from(self.tables | changed, self.folder)), self.h)
 
+    def level(self, throttle: float = 0.5) -> AirframeState:
+        """Level flight at the airspeed chosen."""
+        return _level(self.speed, self.lift.at(self.speed)[0], throttle)
 
-def _engines(
-    table: dict[str, Any], load: Callable[[], Bench], lift: Lift, V_a: float | None
-) -> tuple[float, float]:
-    """Airspeed to fly at and spare thrust there; what is found of the engines goes to `table`."""
-    table["settle_s"] = 0.0  # measured on an aircraft whose file does not give it
-    bench = load()
-    fdm, thrusts = bench.fdm, bench.fdm.thrusts
-    weight = fdm.reader("inertia/mass-slugs")() * G_0 / FT
+    @cached_property
+    def config(self) -> AircraftConfig:
+        """The model as it was before the survey."""
+        return aircraft_from(self.tables, self.folder)
 
-    def settled(V: float, throttle: float, wait: float) -> FloatArray:
-        bench.accelerations(_level(V, lift.at(V)[0], throttle))
-        fdm.start_engines()
-        fdm.hold(wait, still=SETTLED * 1e-7 if fdm.electric else 0.0)
-        return np.array([read() for read in thrusts])
+    @cached_property
+    def roots(self) -> list[Element]:
+        """The files of the model."""
+        return [read_xml(file, str(file)) for file in model_files(self.config)]
 
-    V = V_a or SPEEDS[0] * lift.V_s
-    at_once = settled(V, 0.5, MAX_SETTLING_S)
-    table["settle_s"] = _settling(bench, _level(V, lift.at(V)[0], 1.0), thrusts)
-    wait = MAX_SETTLING_S if table["settle_s"] else 1.0
-    full = settled(V, 1.0, wait)
-    other = _thrust_of_another_kind(fdm, full, weight, partial(settled, V, wait=wait))
-    if other:
-        table |= other
-        return _engines(table, load, lift, V_a)
+    @cached_property
+    def texts(self) -> tuple[set[str], set[str]]:
+        """Texts of the elements of its aerodynamics, and of all others."""
+        inside, outside = set[str](), set[str]()
+        for root in self.roots:
+            for top in (root, *root):
+                texts = inside if "aerodynamics" in (root.tag, top.tag) else outside
+                # JSBSim reads a minus before a property as its negative.
+                elements = (top,) if top is root else top.iter()
+                texts |= {(part.text or "").strip().lstrip("-") for part in elements}
+        return inside, outside
 
-    def as_full(thrust: FloatArray) -> bool:
-        return bool(abs(full.sum() - thrust.sum()) < 1e-3 * abs(full.sum()))
+    def declare(self) -> None:
+        """Declare the properties that the model refers to and nothing defines, and the values."""
+        declared = self.tables["declared"]
+        for name, value in self.values.items():
+            if not (re.fullmatch(PROPERTY_NAME, name.removeprefix("/")) and math.isfinite(value)):
+                raise InputError(f"--set must be NAME=VALUE, got {name[:80]}={value}.")
+        declared |= {name: x for name, x in self.values.items() if name.startswith("/")}
+        for _ in range(MAX_DECLARED - len(declared)):
+            try:
+                bench = self.load()
+                for V_a, alpha in SHOWN_AT:
+                    bench.accelerations(_level(V_a, alpha))
+                    bench.fdm.hold(TRIAL_S)
+                break
+            except PlantError as error:
+                missing = MISSING.search(str(error))
+                name = missing[1].removeprefix("/fdm/jsbsim/") if missing else ""
+                if not name or name in declared or name.startswith("ft/"):
+                    raise
+                declared[name] = 0.0
+        else:
+            raise Refusal(
+                f"it refers to more than {MAX_DECLARED} properties that nothing defines, such as "
+                f"{', '.join([*declared][:MAX_NAMED])}"
+            )
+        for name, source in TABLES["shown"].items():
+            if name in declared and name not in self.values:
+                self.tables["linked"][name] = source
 
-    # Some levers are fully open at a half.
-    if as_full(at_once) and as_full(settled(V, 0.1, wait)):
-        raise Refusal("its thrust does not follow the throttle")
-    points = []  # spare thrust, airspeed, thrust over drag
-    for V in (V_a,) if V_a else [share * lift.V_s for share in SPEEDS]:
-        drag = lift.at(V)[1]
-        thrust = float(settled(V, 1.0, wait).sum()) / weight
-        if thrust - drag >= SPARE_THRUST:
-            return V, thrust - drag
-        points.append((thrust - drag, V, thrust / drag if drag > 0.0 else math.inf))
-    best = max(ratio for _, _, ratio in points)
-    if not best > 1.0:
-        if V_a:  # another one may do
-            raise Refusal(f"its thrust is {best:.2f} of its drag at {V_a:g} m/s")
-        raise TooWeak(
-            f"its thrust is below its drag at every airspeed: at best {best:.2f} of the drag"
-        )
-    spare, V, _ = max(points)
-    return V, spare
+    def set_levers(self) -> None:
+        """Set fuel, gear, flaps, speed brake, mixture, propeller and the values; check the body."""
+        fdm, tables = self.load().fdm, self.tables
+        read = set[str]().union(*self.texts)
+        for surface, table in tables["surfaces"].items():
+            command = table.get("command", "")
+            linked = (x for x, to in tables["linked"].items() if to.lstrip("-") == command)
+            for name in sorted({command, *linked} - read - {""}):
+                raise InputError(f"--{surface}: the model must read {name}, it does not.")
+        levers = {"propulsion/fuel_freeze": 1.0, "gear/gear-cmd-norm": 0.0}
+        levers |= dict.fromkeys(("fcs/flap-cmd-norm", "fcs/speedbrake-cmd-norm"), 0.0)
+        for i in range(tables["engines"]["count"]):
+            levers |= {f"fcs/{name}-cmd-norm[{i}]": 1.0 for name in ("mixture", "advance")}
+        tables["settings"] |= {name: value for name, value in levers.items() if fdm.has(name)}
+        for name, value in self.values.items():
+            kind = "declared" if name in tables["declared"] else "settings"
+            if kind == "settings" and not fdm.has(name):
+                raise InputError(f"--set {name}: the model must have or read it, it does neither.")
+            tables[kind][name] = value
+        body = {quantity: fdm.reader(name)() for quantity, name in BODY.items()}
+        for quantity, value in body.items():
+            if not 0.0 < value < math.inf:
+                raise Refusal(
+                    f"its {quantity} must be above zero, got {value:g} ({BODY[quantity]})"
+                )
+        moments = {name: value for name, value in body.items() if name.startswith("inertia")}
+        self.notes += [
+            f"its moments of inertia are those of no body: {name} exceeds the sum of the others"
+            for name, moment in moments.items()
+            if 2.0 * moment > ROUNDED * sum(moments.values())
+        ]
+
+    def put_in(self) -> None:
+        """Put in brakes, flaps and gear that are out, by a declared property; or say so."""
+        bench, declared = self.load(), self.tables["declared"]
+        # JSBSim shows fixed gear as out.
+        contacts = (part.text or "" for root in self.roots for part in root.iter("retractable"))
+        retracts = any(text.strip() not in ("", "0") for text in contacts)
+        names = OUT if retracts else [name for name in OUT if name != GEAR]
+        texts = set[str]().union(*self.texts)
+        read = [name for name in names if name in texts and bench.fdm.shows(name)]
+
+        def out(bench: Bench) -> dict[str, float]:
+            bench.accelerations(_level(FIRST_SPEED, 0.0))
+            positions = {name: bench.fdm.reader(name)() for name in read}
+            return {name: position for name, position in positions.items() if abs(position) > 0.01}
+
+        before = out(bench)
+        zeros = [name for name, x in declared.items() if not x and name not in self.values]
+        for name in zeros[:MAX_TRIED_IN]:
+            if not before:
+                break
+            after = out(self.load(declared=declared | {name: 1.0}))
+            if after.keys() < before.keys():
+                declared[name] = 1.0
+                moved = ", ".join(name for name in before if name not in after)
+                self.notes.append(f"{moved} is in by {name} = 1")
+                before = after
+        self.notes += [f"{name} is {position:.2g}: it is out" for name, position in before.items()]
+
+    def sweep(self) -> None:
+        """Measure lift, and choose the airspeed of a glide."""
+        bench = self.load()
+        lift = _swept(bench, FIRST_SPEED)
+        for _ in range(2):  # each sweep is flown at a multiple of the stall speed of the last one
+            lift = _swept(bench, SPEEDS[0] * lift.V_s)
+        self._glide(lift)
+
+    def _glide(self, lift: Lift) -> None:
+        self.lift, self.speed = lift, self.V_a or SPEEDS[0] * lift.V_s
+        self.spare = -lift.at(self.speed)[1]
+
+    def find_throttle(self) -> None:
+        """Find what moves the throttle of the engines where the usual command does not."""
+        bench, positions = self.load(), []
+        fdm = bench.fdm
+        if "command" in self.tables["engines"] or not fdm.shows(THROTTLE_POSITION):
+            return
+        position, V = fdm.reader(THROTTLE_POSITION), SPEEDS[0] * self.lift.V_s
+        for throttle in (0.0, 1.0, 0.0):
+            bench.accelerations(_level(V, self.lift.at(V)[0], throttle))
+            positions.append(position())
+        if positions[1] - positions[0] > 0.5:
+            return
+        levers = []
+        for name in sorted(x for x in self.texts[1] if not OWN.match(x) and fdm.has(x)):
+            before, write = fdm.reader(name)(), fdm.writer(name)
+            write(1.0)
+            fdm.evaluate()
+            if position() - positions[2] > 0.5 and name != THROTTLE_POSITION:
+                levers.append(name)
+            write(before)
+            fdm.evaluate()
+        if levers:
+            self.tables["engines"]["command"] = levers[0]
+            self.tables["linked"] |= dict.fromkeys(levers[1:], properties.THROTTLE)
+            self.notes.append(f"its throttle is moved by {', '.join(levers)}")
+
+    def drive(self) -> None:
+        """Choose the airspeed by the thrust, with the levers as they first let the model fly."""
+        tables, fdm, lift, refused = self.tables, self.load().fdm, self.lift, None
+        texts = set[str]().union(*self.texts, tables["declared"])
+        links = {
+            name: re.sub(pattern, source, name)
+            for pattern, source in TABLES["links"].items()
+            for name in sorted(texts)
+            if re.fullmatch(pattern, name)
+        }
+        tanks = [name for name in fdm.names("propulsion/tank") if name.endswith("/pct-full")]
+        for how, levers in LEVERS.items():
+            tried = deepcopy(tables) | {"linked": tables["linked"] | (links if how else {})}
+            names = (*tables["declared"], *tables["settings"], *tanks)
+            for name, (pattern, value) in product(names, levers):
+                if re.search(pattern, name) and name not in self.values:
+                    tried["declared" if name in tables["declared"] else "settings"][name] = value
+            if how and tried == tables:
+                continue
+            try:
+                if how:  # fuel changes the weight
+                    lift = _swept(self.load(**tried), SPEEDS[0] * lift.V_s)
+                self.speed, self.spare = self._driven(tried, lift)
+            except PlantError as error:
+                refused = refused or error
+                continue
+            self.lift = lift
+            tables.update(tried)
+            self.notes += [f"its engines drive it {how}"] if how else []
+            return
+        assert refused is not None  # the first levers are always tried
+        if isinstance(refused, TooWeak):
+            self.notes.append(f"{refused}: its engines stay off")
+        elif has_engine(unchanged(fdm.config), ROCKET):
+            # JSBSim computes the thrust of a rocket from the fuel that it takes from its tanks.
+            note = f"{refused}: a rocket has no thrust while its fuel is frozen, as it is"
+            self.notes.append(note)
+        else:
+            raise refused
+        tables["engines"]["count"] = 0
+        self._glide(lift)
+
+    def _driven(self, tables: dict[str, Any], lift: Lift) -> tuple[float, float]:
+        """Airspeed to fly at and spare thrust there; what the engines are goes to the tables."""
+        table, V_a = tables["engines"], self.V_a
+        table["settle_s"] = 0.0  # measured on an aircraft whose file does not give it
+        bench = self.load(**tables)
+        fdm, thrusts = bench.fdm, bench.fdm.thrusts
+        weight = fdm.reader("inertia/mass-slugs")() * G_0 / FT
+
+        def settled(V: float, throttle: float, wait: float) -> FloatArray:
+            bench.accelerations(_level(V, lift.at(V)[0], throttle))
+            fdm.start_engines()
+            fdm.hold(wait, still=SETTLED * 1e-7 if fdm.electric else 0.0)
+            return np.array([read() for read in thrusts])
+
+        V = V_a or SPEEDS[0] * lift.V_s
+        at_once = settled(V, 0.5, MAX_SETTLING_S)
+        table["settle_s"] = _settling(bench, _level(V, lift.at(V)[0], 1.0), thrusts)
+        wait = MAX_SETTLING_S if table["settle_s"] else 1.0
+        full = settled(V, 1.0, wait)
+        other = _thrust_of_another_kind(fdm, full, weight, partial(settled, V, wait=wait))
+        if other:
+            table |= other
+            return self._driven(tables, lift)
+
+        def as_full(thrust: FloatArray) -> bool:
+            return bool(abs(full.sum() - thrust.sum()) < 1e-3 * abs(full.sum()))
+
+        # Some levers are fully open at a half.
+        if as_full(at_once) and as_full(settled(V, 0.1, wait)):
+            raise Refusal("its thrust does not follow the throttle")
+        points = []  # spare thrust, airspeed, thrust over drag
+        for V in (V_a,) if V_a else [share * lift.V_s for share in SPEEDS]:
+            drag = lift.at(V)[1]
+            thrust = float(settled(V, 1.0, wait).sum()) / weight
+            if thrust - drag >= SPARE_THRUST:
+                return V, thrust - drag
+            points.append((thrust - drag, V, thrust / drag if drag > 0.0 else math.inf))
+        best = max(ratio for _, _, ratio in points)
+        if not best > 1.0:
+            if V_a:  # another one may do
+                raise Refusal(f"its thrust is {best:.2f} of its drag at {V_a:g} m/s")
+            raise TooWeak(
+                f"its thrust is below its drag at every airspeed: at best {best:.2f} of the drag"
+            )
+        spare, V, _ = max(points)
+        return V, spare
+
+    def note_engines(self) -> None:
+        """Note where the thrust comes from, and a propeller that couples pitch with yaw."""
+        engines = self.tables["engines"]
+        if not engines["count"]:
+            self.notes.append("it flies without an engine, about its steady glide")
+        if "full" in engines:
+            self.notes.append(
+                f"its engine is far too strong: full throttle is {engines['full']:.3g} of its "
+                "lever, where it pushes with about the weight"
+            )
+        if "thrust" in engines:
+            self.notes.append(f"its engine has no thrust: an external force pushes it ({EXTERNAL})")
+        propellers = (root for root in self.roots if root.tag == "propeller")
+        inertias = [float(root.findtext("ixx", "0")) for root in propellers]
+        if not (engines["count"] and inertias):
+            return
+        bench = self.load()
+        if not (fdm := bench.fdm).shows(PROPELLER_RPM):
+            return
+        bench.accelerations(self.level())
+        rpm = fdm.reader(PROPELLER_RPM)()
+        across = math.prod(fdm.reader(BODY[f"inertia {axes}"])() for axes in ("yy", "zz"))
+        nutation = max(inertias) * abs(rpm) * math.pi / 30.0 / math.sqrt(across)
+        if nutation >= FAST_NUTATION:
+            self.notes.append(
+                f"its propeller makes it a gyroscope that nutates at {nutation:.3g} rad/s: an "
+                f"inertia of {max(inertias):.3g} slug ft2 at {rpm:.3g} rpm"
+            )
+
+    def surfaces(self) -> dict[str, Any]:
+        """Tables of the surfaces, commanded through the flight control or past it."""
+        tables, level = self.tables, self.level()
+        moved, fault = self._answers(self.load())
+        surfaces = {name: tables["surfaces"][name] | table for name, table in moved.items()}
+        if moved and not fault:
+            for wrong in surface_faults(self.load(surfaces=surfaces), level):
+                name = wrong.split("`")[1]
+                fault = f"its {name} does not move in proportion to the {name} command"
+                break
+        past, measured = self._past_flight_control() if fault else ({}, "")
+        if past:
+            frozen = self._held(past)
+            declared = tables["declared"] | frozen
+            moved_past, fault_past = self._answers(self.load(surfaces=past, declared=declared))
+            if not fault_past:
+                self.notes.append(f"its flight control is bypassed: {fault}")
+                if frozen:
+                    names = ", ".join(name.removeprefix("ft/") for name in frozen)
+                    note = f"its flight control moves {names}: held as in level flight"
+                    self.notes.append(note)
+                    tables["declared"] |= frozen
+                return {name: past[name] | table for name, table in moved_past.items()}
+        if not moved:
+            raise Refusal(fault + measured)
+        if fault:
+            self.notes.append(fault)
+        return surfaces
+
+    def _answers(self, bench: Bench) -> tuple[dict[str, dict[str, Any]], str]:
+        """Travel of each surface, empty if one moves nothing; the fault of the flight control."""
+        answers, level = {}, self.level()
+        for name, _ in bench.fdm.config.surfaces.named():
+            try:
+                answers[name] = _moved(bench, level, name)
+            except Refusal as error:
+                if name != "rudder" or any(name in text for text in self.texts[0]):
+                    return {}, str(error)
+        drift = (_drift(bench, level, name, effect) for name, (effect, _) in answers.items())
+        return {name: table for name, (_, table) in answers.items()}, next(filter(None, drift), "")
+
+    def _past_flight_control(self) -> tuple[dict[str, dict[str, Any]], str]:
+        """Surfaces that the aerodynamics read past the flight control, by name or what they move.
+
+        Without any, an addition to a refusal says what was measured.
+        """
+        read, surfaces = self.texts[0], self.tables["surfaces"]
+        replaced, measured = {}, ""
+        for name in surfaces:
+            names = NAMES.get(name, name)
+            pattern = re.compile(
+                rf"fcs/([\w-]+/)*(mag-)?(left-)?{names}-(pos|deflection)-(rad|deg|norm)"
+            )
+            replaced[name] = sorted(entry for entry in read if pattern.fullmatch(entry))
+        if not (replaced["aileron"] and replaced["elevator"]):
+            moving, measured = self._movers()
+            replaced = {name: moving[name] for name in replaced}
+        lacking = [name for name, positions in replaced.items() if not positions]
+        if lacking == ["rudder"] and not any("rudder" in text for text in read):
+            del replaced["rudder"]
+        elif lacking:
+            return {}, measured
+        return {name: surfaces[name] | {"replaces": x} for name, x in replaced.items()}, ""
+
+    def _movers(self) -> tuple[dict[str, list[str]], str]:
+        """Positions that the aerodynamics read, by the surface that moves the aircraft as they do.
+
+        Each is changed alone, in level flight. A minus is before one of the opposite sense. The
+        sentence says what was found.
+        """
+        fdm, level = self.load().fdm, self.level()
+        computed = {part.get("name", "") for root in self.roots for part in root.iter("function")}
+        read = self.texts[0] - computed
+        names = sorted(name for name in read if not OWN.match(name) and fdm.shows(name))
+        frozen = {f"ft/{name}": fdm.reader(name)() for name in names}
+        bench = self.load(declared=self.tables["declared"] | frozen)
+        inertias = np.array([bench.fdm.reader(BODY[f"inertia {2 * axis}"])() for axis in "xyz"])
+
+        def moments(name: str, change: float) -> FloatArray:
+            bench.fdm.writer(name)(frozen[name] + change)
+            rates = bench.accelerations(level)
+            bench.fdm.writer(name)(frozen[name])
+            return inertias * [sign * rates[rate] for rate, sign in EFFECTS.values()]
+
+        effects = np.zeros((len(names), len(EFFECTS)))
+        for row, name in zip(effects, frozen, strict=True):
+            change = CHANGE * (ONE_RADIAN if name.endswith("deg") else 1.0)
+            row[:] = moments(name, change) - moments(name, -change)
+        sizes = np.nan_to_num(np.abs(effects))
+        shares = sizes / np.maximum(sizes.max(axis=0, initial=0.0), MIN_EFFECT * inertias)
+        moves = (shares >= MOVER) & (shares >= MOVER * shares.max(axis=1, keepdims=True))
+        moves[:, 2] &= (sizes[:, 2] > sizes[:, 0]) & ~moves[:, :2].any(axis=1)
+        movers = {
+            surface: [
+                ("-" if effects[i, k] < 0.0 else "") + names[i] for i in np.flatnonzero(which)
+            ]
+            for k, (surface, which) in enumerate(zip(EFFECTS, moves.T, strict=True))
+        }
+        lacking = " or ".join(VERBS[name] for name in VERBS if not movers[name])
+        nothing = f"its aerodynamics read nothing that {lacking} it"
+        if names:
+            tried = ", ".join(names[:MAX_NAMED]) + ", ..." * (len(names) > MAX_NAMED)
+            nothing = f"of what its aerodynamics read ({tried}) nothing {lacking} it"
+        return movers, f", and {nothing}" if lacking else ""
+
+    def _held(self, past: Mapping[str, Any]) -> dict[str, float]:
+        """Values in level flight of what flight control moves besides the surfaces."""
+        bench, level = self.load(surfaces=past), self.level()
+        fdm = bench.fdm
+        replaced = {name.removeprefix("-") for table in past.values() for name in table["replaces"]}
+        names = sorted(name for name in self.texts[0] - replaced if name.startswith("fcs/"))
+        reads = {name: fdm.reader(name) for name in names if fdm.shows(name)}
+        shown = []
+        for name, change in STIRRED:
+            bench.accelerations(replace(level, **{name: getattr(level, name) + change}))
+            shown.append([read() for read in reads.values()])
+            fdm.hold(MAX_SETTLING_S)
+            shown.append([read() for read in reads.values()])
+        moves = np.ptp(shown, axis=0) > MOVES
+        at_rest = zip(reads, shown[1], moves, strict=True)  # in level flight
+        return {f"ft/{name}": value for name, value, moved in at_rest if moved}
 
 
 def _thrust_of_another_kind(
@@ -726,55 +816,6 @@ def _settling(bench: Bench, state: AirframeState, thrusts: list[Callable[[], flo
     if bench.fdm.electric:  # with the throttle closed a propeller slows down slowly
         last = min(SLOWS_DOWN * last, LONGEST_SETTLING_S)
     return max(PROPELLER_SETTLES, float(last)) if last else 0.0
-
-
-def _surfaces(
-    tables: dict[str, Any], load: Callable[[dict[str, Any]], Bench], level: AirframeState
-) -> tuple[dict[str, Any], list[str]]:
-    """Tables of the surfaces, commanded through the flight control or past it, and notes."""
-    notes, bench = [], load(tables)
-    moved, fault = _answers(bench, level)
-    surfaces = {name: tables["surfaces"][name] | table for name, table in moved.items()}
-    if moved and not fault:
-        for wrong in surface_faults(load(tables | {"surfaces": surfaces}), level):
-            name = wrong.split("`")[1]
-            fault = f"its {name} does not move in proportion to the {name} command"
-            break
-    past, measured = _past_flight_control(tables, load, level) if fault else ({}, "")
-    if past:
-        bypassed = tables | {"surfaces": past}
-        frozen = _held(load(bypassed), level, past)
-        moved_past, fault_past = _answers(
-            load(bypassed | {"declared": tables["declared"] | frozen}), level
-        )
-        if not fault_past:
-            notes.append(f"its flight control is bypassed: {fault}")
-            if frozen:
-                names = ", ".join(name.removeprefix("ft/") for name in frozen)
-                notes.append(f"its flight control moves {names}: held as in level flight")
-                tables["declared"] |= frozen
-            return {name: past[name] | table for name, table in moved_past.items()}, notes
-    if not moved:
-        raise Refusal(fault + measured)
-    if fault:
-        notes.append(fault)
-    return surfaces, notes
-
-
-def _answers(bench: Bench, level: AirframeState) -> tuple[dict[str, dict[str, Any]], str]:
-    """Travel of each surface, empty if one moves nothing, and the fault of the flight control."""
-    answers = {}
-    for name, _ in bench.fdm.config.surfaces.named():
-        try:
-            answers[name] = _moved(bench, level, name)
-        except Refusal as error:
-            texts = _texts(bench.fdm.config)
-            if name != "rudder" or any(
-                name in text for aerodynamics, text in texts if aerodynamics
-            ):
-                return {}, str(error)
-    drift = (_drift(bench, level, name, effect) for name, (effect, _) in answers.items())
-    return {name: table for name, (_, table) in answers.items()}, next(filter(None, drift), "")
 
 
 def _moved(bench: Bench, level: AirframeState, name: str) -> tuple[float, dict[str, Any]]:
@@ -858,108 +899,3 @@ def _drift(bench: Bench, level: AirframeState, name: str, full_effect: float) ->
     if abs(earlier - at_once) > 2.0 * DRIFT * effect:
         return f"its flight control keeps moving after the {name} command"
     return ""
-
-
-def _past_flight_control(
-    tables: dict[str, Any], load: Callable[[dict[str, Any]], Bench], level: AirframeState
-) -> tuple[dict[str, dict[str, Any]], str]:
-    """Surfaces that the aerodynamics read past the flight control, by name or by what they move.
-
-    Without any, an addition to a refusal says what was measured.
-    """
-    config = load(tables).fdm.config
-    read = {text for aerodynamics, text in _texts(config) if aerodynamics}
-    replaced = {}
-    for name, _ in config.surfaces.named():
-        names = NAMES.get(name, name)
-        pattern = re.compile(
-            rf"fcs/([\w-]+/)*(mag-)?(left-)?{names}-(pos|deflection)-(rad|deg|norm)"
-        )
-        replaced[name] = sorted(entry for entry in read if pattern.fullmatch(entry))
-    measured = ""
-    if not (replaced["aileron"] and replaced["elevator"]):
-        moving, measured = _movers(tables, load, level)
-        replaced = {name: moving[name] for name in replaced}
-    lacking = [name for name, positions in replaced.items() if not positions]
-    if lacking == ["rudder"] and not any("rudder" in text for text in read):
-        del replaced["rudder"]
-    elif lacking:
-        return {}, measured
-    surfaces = tables["surfaces"]
-    return {name: surfaces[name] | {"replaces": found} for name, found in replaced.items()}, ""
-
-
-def _movers(
-    tables: dict[str, Any], load: Callable[[dict[str, Any]], Bench], level: AirframeState
-) -> tuple[dict[str, list[str]], str]:
-    """Positions that the aerodynamics read, by the surface that moves the aircraft as they do.
-
-    Each is changed alone, in level flight. A minus is before one of the opposite sense. The
-    sentence says what was found.
-    """
-    fdm = load(tables).fdm
-    files = [read_xml(file, str(file)) for file in model_files(fdm.config)]
-    computed = {part.get("name", "") for root in files for part in root.iter("function")}
-    read = {text for aerodynamics, text in _texts(fdm.config) if aerodynamics} - computed
-    names = sorted(name for name in read if not OWN.match(name) and fdm.shows(name))
-    frozen = {f"ft/{name}": fdm.reader(name)() for name in names}
-    bench = load(tables | {"declared": tables["declared"] | frozen})
-    inertias = np.array([bench.fdm.reader(BODY[f"inertia {2 * axis}"])() for axis in "xyz"])
-
-    def moments(name: str, change: float) -> FloatArray:
-        bench.fdm.writer(name)(frozen[name] + change)
-        rates = bench.accelerations(level)
-        bench.fdm.writer(name)(frozen[name])
-        return inertias * [sign * rates[rate] for rate, sign in EFFECTS.values()]
-
-    effects = np.zeros((len(names), len(EFFECTS)))
-    for row, name in zip(effects, frozen, strict=True):
-        change = CHANGE * (math.degrees(1.0) if name.endswith("deg") else 1.0)
-        row[:] = moments(name, change) - moments(name, -change)
-    sizes = np.nan_to_num(np.abs(effects))
-    shares = sizes / np.maximum(sizes.max(axis=0, initial=0.0), MIN_EFFECT * inertias)
-    moves = (shares >= MOVER) & (shares >= MOVER * shares.max(axis=1, keepdims=True))
-    moves[:, 2] &= (sizes[:, 2] > sizes[:, 0]) & ~moves[:, :2].any(axis=1)
-    movers = {
-        surface: [("-" if effects[i, k] < 0.0 else "") + names[i] for i in np.flatnonzero(which)]
-        for k, (surface, which) in enumerate(zip(EFFECTS, moves.T, strict=True))
-    }
-    lacking = " or ".join(VERBS[name] for name in VERBS if not movers[name])
-    nothing = f"its aerodynamics read nothing that {lacking} it"
-    if names:
-        tried = ", ".join(names[:MAX_NAMED]) + ", ..." * (len(names) > MAX_NAMED)
-        nothing = f"of what its aerodynamics read ({tried}) nothing {lacking} it"
-    return movers, f", and {nothing}" if lacking else ""
-
-
-def _held(bench: Bench, level: AirframeState, past: Mapping[str, Any]) -> dict[str, float]:
-    """Values in level flight of what flight control moves besides the surfaces."""
-    fdm, texts = bench.fdm, {text for inside, text in _texts(bench.fdm.config) if inside}
-    texts -= {name.removeprefix("-") for table in past.values() for name in table["replaces"]}
-    reads = {
-        name: fdm.reader(name)
-        for name in sorted(texts)
-        if name.startswith("fcs/") and fdm.shows(name)
-    }
-    shown = []
-    for name, change in STIRRED:
-        bench.accelerations(replace(level, **{name: getattr(level, name) + change}))
-        shown.append([read() for read in reads.values()])
-        fdm.hold(MAX_SETTLING_S)
-        shown.append([read() for read in reads.values()])
-    moves = np.ptp(shown, axis=0) > MOVES
-    level_values = dict(zip(reads, shown[1], strict=True))  # in level flight, at rest
-    return {
-        f"ft/{name}": level_values[name] for name, moved in zip(reads, moves, strict=True) if moved
-    }
-
-
-def _texts(config: AircraftConfig) -> Iterator[tuple[bool, str]]:
-    """Texts of the elements of a model, and whether they are of its aerodynamics."""
-    for file in model_files(config):
-        root = read_xml(file, str(file))
-        for top in (root, *root):
-            inside = "aerodynamics" in (root.tag, top.tag)
-            # JSBSim reads a minus before a property as its negative.
-            elements = (top,) if top is root else top.iter()
-            yield from ((inside, (part.text or "").strip().lstrip("-")) for part in elements)

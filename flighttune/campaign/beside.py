@@ -11,19 +11,19 @@ import numpy as np
 import pandas as pd
 
 from flighttune.arrays import FloatArray
-from flighttune.campaign.band import drawn
 from flighttune.campaign.counted_flights import check_random, distribution_of
+from flighttune.campaign.counting import drawn
 from flighttune.campaign.engine.pool import WorkerPool
 from flighttune.campaign.engine.progress import CampaignObserver
 from flighttune.campaign.mission import CONFIDENCE, EPSILON, OUTSIDE
-from flighttune.campaign.statistics.flights import flights_of
+from flighttune.campaign.statistics.findings import findings_of
 from flighttune.campaign.statistics.intervals import paired, rate_interval, scores
 from flighttune.claims.count import allowed_outside, flights_needed
 from flighttune.control.gains import NO_FEEDBACK, PIGains, rate_gains
 from flighttune.control.law import made_law
 from flighttune.control.limits import Limits
 from flighttune.control.linear_model import LinearModel, inner_feedback
-from flighttune.control.margins import Loop, Margins, cut_margins, margins_table
+from flighttune.control.margins import Loop, cut_margins, margins_table
 from flighttune.errors import InputError
 from flighttune.flight.conditions import reference_of
 from flighttune.flight.flown import FlownScenario
@@ -128,32 +128,30 @@ class Beside(Answering):
     @property
     def accuracy(self) -> list[dict[str, Any]]:
         """Largest errors that a new flight keeps, and in how many draws ours are smaller."""
-        flown, rows = self.plan.draws, []
-        place = max(allowed_outside(flown, EPSILON, CONFIDENCE), 0)
+        n, rows = self.plan.draws, []
+        place = max(allowed_outside(n, EPSILON, CONFIDENCE), 0)
         for measure, (words, unit, factor) in MEASURED.items():
             if self.rows[measure].isna().all():
                 continue
-            largest = {
-                name: float(np.sort(scores(of_law, measure))[-1 - place]) * factor
-                for name, of_law in self.rows.groupby("gains")
-            }
+            row: dict[str, Any] = {"of": words}
+            for name, of_law in self.rows.groupby("gains"):
+                row[str(name)] = float(np.sort(scores(of_law, measure))[-1 - place]) * factor
             (pair,) = paired(self.rows, measure)
             better = pair["wins_a" if pair["a"] == OURS else "wins_b"]
-            lo, hi = rate_interval(better, flown, CONFIDENCE, method="clopper-pearson")
-            share = {"share": better / flown, "lo": float(lo), "hi": float(hi)}
-            rows.append({"of": words, **largest, "unit": unit, "better": better, **share})
-        return [{**row, "flights": flown} for row in rows]
+            lo, hi = rate_interval(better, n, CONFIDENCE, method="clopper-pearson")
+            row |= {"unit": unit, "better": better, "share": better / n}
+            rows.append(row | {"lo": float(lo), "hi": float(hi), "flights": n})
+        return rows
 
     @property
     def margins(self) -> dict[str, Table]:
         """Margins of both loops behind the identified inner loop; none without a model of it."""
-        cuts: dict[str, Sequence[Margins]] = {}
         with suppress(InputError):
-            cuts = loops(self.plan, self.now)
-        return {
-            name: replace(margins_table(cut), title=f"margins of {name}", name=f"margins_{name}")
-            for name, cut in cuts.items()
-        }
+            return {
+                name: replace(table, title=f"margins of {name}", name=f"margins_{name}")
+                for name, table in loops(self.plan, self.now).items()
+            }
+        return {}
 
     def answer(self) -> Answer:
         """Accuracy, losses, margins and what was emulated, in four lines; then the tables."""
@@ -165,25 +163,20 @@ class Beside(Answering):
             if n >= needed
             else f"largest errors of {n}; {needed} are needed for a bound"
         )
-        first = accuracy[:HEADLINE]
-        both = ", ".join(
-            f"{x['of']} {number(x[YOURS], '.3g')} | {number(x[OURS], '.3g')} {x['unit']}"
-            for x in first
-        )
-        better = ", ".join(
-            f"{x['of']} {x['better']} ({percent(x['lo'])} to {percent(x['hi'])} %)" for x in first
-        )
-        ended = {
-            name: dict.fromkeys(row["status"].replace("_", " ") for row in rows)
-            for name, rows in lost.items()
-        }
-        said = [f"{len(lost[x])} ({', '.join(ended[x])})" if lost[x] else "0" for x in lost]
+        both, better, said = [], [], []
+        for x in accuracy[:HEADLINE]:
+            yours, ours = (number(x[name], ".3g") for name in (YOURS, OURS))
+            both.append(f"{x['of']} {yours} | {ours} {x['unit']}")
+            better.append(f"{x['of']} {x['better']} ({percent(x['lo'])} to {percent(x['hi'])} %)")
+        for rows in lost.values():
+            ended = ", ".join(dict.fromkeys(row["status"].replace("_", " ") for row in rows))
+            said.append(f"{len(rows)} ({ended})" if rows else "0")
         unused = ", ".join(self.now.unused) or "none"
         checked = "" if self.tracking else "; not checked against a log"
         return Answer(
             summary=[
-                f"Yours | ours: {both}; lost {' | '.join(said)} of {n}.",
-                f"Ours is better of {n} draws in: {better}.",
+                f"Yours | ours: {', '.join(both)}; lost {' | '.join(said)} of {n}.",
+                f"Ours is better of {n} draws in: {', '.join(better)}.",
                 self._in_your_terms,
                 f"Yours: the equations of {self.now.name} above the inner loop here, not the "
                 f"firmware{checked}.",
@@ -265,7 +258,7 @@ def _cut(rows: Sequence[Mapping[str, Any]], place: int) -> str:
     return f"{20.0 * math.log10(gain):.1f} dB, {phase:.0f} deg"
 
 
-def loops(plan: Plan, now: Flown) -> dict[str, Sequence[Margins]]:
+def loops(plan: Plan, now: Flown) -> dict[str, Table]:
     """Margins of each loop cut at roll and at lift, behind the identified inner loop.
 
     On a route the loops over the distances from it are closed, too: the guidance of the user has
@@ -278,12 +271,11 @@ def loops(plan: Plan, now: Flown) -> dict[str, Sequence[Margins]]:
     a, b, c, d = (np.diag(x) for x in law.linear(scenario.flight.V_a_mps))
     on_route = isinstance(reference, RouteReference)
     per_T = 1.0 / reference.look_ahead if isinstance(reference, RouteReference) else 0.0
-    yours = a, c + b * on_route, d * on_route
-    rows = ours.K_P, ours.K_I + ours.K_P * per_T, ours.K_I * per_T
-    return {
-        YOURS: cut_margins(_guided(model, np.array(yours), NO_FEEDBACK), CUT),
-        OURS: cut_margins(_guided(model, np.array(rows), ours.feedback), CUT),
-    }
+    yours = np.array([a, c + b * on_route, d * on_route])
+    rows = np.array([ours.K_P, ours.K_I + ours.K_P * per_T, ours.K_I * per_T])
+    both = _guided(model, yours, NO_FEEDBACK), _guided(model, rows, ours.feedback)
+    cuts = (margins_table(cut_margins(loop, CUT)) for loop in both)
+    return dict(zip((YOURS, OURS), cuts, strict=True))
 
 
 def _rate_gains(plan: Plan) -> PIGains:
@@ -429,9 +421,9 @@ def compare(  # type: ignore[misc] # noqa: PLR0913 - each is a choice of the use
     logged, notes = ([], []) if log is None else _logged(log, columns, now, version)
     with WorkerPool(workers, scheduler, observer) as pool:
         rows = list(pool.rows(plan, range(plan.runs), probes={"kept": _kept}))
-    frame = flights_of(pd.DataFrame(rows), plan).rows
+    frame = findings_of(pd.DataFrame(rows), plan).rows
     frame["gains"] = np.where(frame["gains"] == group.gains, YOURS, OURS)
-    tracking = _tracking(logged, frame)
+    tracking = _tracking(logged, frame) if logged else []
     notes += [_within(tracking)] if tracking else []
     return Beside(now=now, plan=plan, rows=frame, tracking=tracking, notes=tuple(notes))
 
@@ -473,13 +465,9 @@ def _tracking(logged: Sequence[float], rows: pd.DataFrame) -> list[dict[str, Any
     """The log between the least and the largest of the flights with the user's guidance."""
     flown = rows[(rows["gains"] == YOURS) & (rows["status"] == "completed")]
     kept = pd.DataFrame(flown["kept"].tolist(), columns=[*LOGGED])
-    return [
-        {"of": words, "log": value, "low": low, "high": high, "unit": unit}
-        for (words, unit, _), value, low, high in zip(
-            LOGGED.values(), logged, kept.min(), kept.max(), strict=False
-        )
-        if not math.isnan(value) and not math.isnan(low)
-    ]
+    words, units, _ = zip(*LOGGED.values(), strict=True)
+    table = {"of": words, "log": logged, "low": kept.min(), "high": kept.max(), "unit": units}
+    return pd.DataFrame(table).dropna(subset=["log", "low"]).to_dict("records")
 
 
 def _within(tracking: Sequence[Mapping[str, Any]]) -> str:

@@ -7,8 +7,8 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TypeAlias, TypeVar
 
-from flighttune.campaign.band import check_shape, differing, some_draws
 from flighttune.campaign.counted_flights import plan_of
+from flighttune.campaign.counting import check_shape, differing, some_draws
 from flighttune.campaign.dataset import Dataset
 from flighttune.campaign.engine.pool import WorkerPool
 from flighttune.certificates.bound import RateBound
@@ -29,8 +29,8 @@ from flighttune.records.compare import Source
 from flighttune.records.parquet import Recording
 from flighttune.simulate.run import Run
 from flighttune.theory.exact import Check, Verification
-from flighttune.tubes.boxes import OF_RESIDUALS
 from flighttune.tubes.enclosure import Tube
+from flighttune.tubes.problem import OF_RESIDUALS
 
 CHECKED = "claim (certificate, bound on R_K, tube or band), recording, or folder of a campaign"
 CLAIM = "claim: the file of a certificate, a bound on R_K, a tube or a band"
@@ -170,10 +170,9 @@ class Verified(Answering):
     def answer(self) -> Answer:
         """The checks and the claim; a failure if one of them does not hold."""
         value, valid, kind = self.claim, self.valid, self.claim.kind
-        if isinstance(value, Counted) and self.source:  # its note has a command that takes the file
-            claim = value.answer(self.source)
-        else:
-            claim = value.answer()
+        # the note of a count has a command that takes its file
+        of_file = (self.source or "FILE",) if isinstance(value, Counted) else ()
+        claim = value.answer(*of_file)
         checks = [asdict(check) for check in self.verification.checks]
         notes = *self.verification.notes, *claim.notes
         place = f"{self.source}: " if self.source else ""

@@ -1,22 +1,29 @@
-"""Flights of a campaign that can be counted: independent draws, in one air, and in words."""
+"""Flights of a campaign that can be counted: independent draws, in one air, turning back."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from scipy.spatial import cKDTree
 
+from flighttune.arrays import FloatArray
 from flighttune.claims.counted import About, Counted, other_files
-from flighttune.claims.distribution import AIRSPEEDS, Distribution, flown_values, spread
+from flighttune.claims.distribution import AIRSPEEDS, STARTS, Distribution, flown_values, spread
 from flighttune.errors import InputError
+from flighttune.flight.conditions import limits_on
 from flighttune.flight.route import planned_route
 from flighttune.planning.draws import dispersed_places
 from flighttune.planning.load import campaign_on
 from flighttune.planning.plan import Plan, aircraft_hashes, plan_from
-from flighttune.planning.schema import Campaign, Choice, Design, Dispersion, Grid, Uniform
+from flighttune.planning.schema import Campaign, Choice, Dispersion, Grid, Uniform
+from flighttune.references.follow import CHANGE_N_X
 from flighttune.scenario.load import scenario_from, spelled
+from flighttune.scenario.route import DETECTED_S, TurnBackTable, rate_of
 from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import INTENSITIES
+from flighttune.simulate.run import Run
+from flighttune.units import DEG
 
 CALM, STEADY_WIND = "calm", "wind"
 
@@ -25,6 +32,13 @@ DROPPED = {CALM: ("disturbance", "gust", "turbulence", "wind"), STEADY_WIND: ("g
 
 # Points of the unit interval at which a dispersed key counts as lowest and highest.
 UNIT_ENDS = (1e-9, 1.0 - 1e-9)
+
+
+# Distance between the places of a route that are known to its flights, m.
+APART = 10.0
+
+# Turns by their names, deg.
+TURNS = {"reversal": 180.0, "circle": 360.0}
 
 
 def check_random(source: str, distribution: Distribution, central: Scenario) -> None:
@@ -58,33 +72,26 @@ def in_air(campaign: Campaign, air: str) -> Campaign:
     if air in INTENSITIES:
         turbulence = central.model_dump(mode="json", exclude_none=True)["turbulence"]
         tables["turbulence"] = {**turbulence, "intensity": air}
-    return rebuilt(campaign, disperse, scenario_from(tables), campaign.design)
+    return _rebuilt(campaign, disperse, scenario_from(tables))
 
 
 def at_random(campaign: Campaign) -> Campaign:
     """The same campaign with independent draws; points of a grid become equally likely values."""
     disperse = [
-        Choice(key=table.key, acts=table.acts, values=table.levels)
-        if isinstance(table, Grid)
-        else table
-        for table in campaign.disperse
+        Choice(key=x.key, acts=x.acts, values=x.levels) if isinstance(x, Grid) else x
+        for x in campaign.disperse
     ]
-    return rebuilt(campaign, disperse, campaign.nominal, "random")
+    random = campaign.model_copy(update={"design": "random"})
+    return _rebuilt(random, disperse, campaign.nominal)
 
 
-def rebuilt(
-    campaign: Campaign, disperse: Sequence[Dispersion], nominal: Scenario, design: Design
-) -> Campaign:
+def _rebuilt(campaign: Campaign, disperse: Sequence[Dispersion], nominal: Scenario) -> Campaign:
     """A campaign with other draws, correlated as far as their keys are there, and scenario."""
-    gridded = any(isinstance(table, Grid) for table in disperse)
-    keys = {table.key for table in disperse}
-    changed = {
-        "design": "random" if design == "grid" and not gridded else design,
-        "disperse": disperse,
-        "correlation": [
-            correlation for correlation in campaign.correlation if keys >= set(correlation.keys)
-        ],
-    }
+    keys, design = {table.key for table in disperse}, campaign.design
+    if design == "grid" and not any(isinstance(table, Grid) for table in disperse):
+        design = "random"
+    correlation = [x for x in campaign.correlation if keys >= set(x.keys)]
+    changed = {"design": design, "disperse": disperse, "correlation": correlation}
     return campaign_on(campaign.model_copy(update=changed), nominal, campaign.title)
 
 
@@ -100,14 +107,12 @@ def distribution_of(campaign: Campaign, plant: str) -> Distribution:
     dispersed: dict[str, list[Any]] = {}
     disperse: list[dict[str, Any]] = []
     for table in campaign.disperse:
-        plant_places = [
-            place for place in places[table.key] if place[0] != "plant" or place[1] == position
-        ]
-        for place in plant_places:
+        own = [x for x in places[table.key] if x[0] != "plant" or x[1] == position]
+        for place in own:
             key = spelled(("plant", *place[2:]) if place[0] == "plant" else place)
             fixed.pop(key, None)
             dispersed[key] = _range(table, nominal.get(key))
-        disperse += [table.model_dump(mode="json")] * bool(plant_places)
+        disperse += [table.model_dump(mode="json")] * bool(own)
     correlation = campaign.model_dump(mode="json", include={"correlation"})
     ends = [end for key, values in dispersed.items() if key.endswith(AIRSPEEDS) for end in values]
     airspeeds = spread([*campaign.central.airspeeds, *ends], "m/s")
@@ -171,3 +176,85 @@ def check_one_path(plan: Plan, runs: Iterable[int]) -> None:
     for run in runs:  # the same path is planned once
         if planned_route(plan.scenario_of(run)).where[:2] != (path, origin):
             raise InputError(f"a fence must have one path and start for all, got draw {run}.")
+
+
+def turning_back(plan: Plan, stated: str | float) -> Plan:
+    """The flights of a plan as they turn back: at any place of their route, to either side.
+
+    `stated` is the bank in deg, after ``circle:`` for a whole turn.
+    """
+    kind, _, bank = str(stated).rpartition(":")
+    try:
+        bank_deg, turn_deg = float(bank), TURNS[kind or "reversal"]
+    except (ValueError, KeyError):
+        raise InputError(
+            f"`turn_back` must be a bank in deg, or circle:BANK, got {stated!r}."
+        ) from None
+    nominal, campaign = plan.scenario, plan.campaign
+    planned = planned_route(campaign.central)
+    path, g = planned.reference.path, planned.reference.g
+    limits = limits_on(nominal, nominal.plant)
+    phi = float(min(limits.upper[0], -limits.lower[0])) / DEG
+    phi_rate = float(min(limits.rate_upper[0], -limits.rate_lower[0])) / DEG
+    if not 1.0 <= bank_deg <= phi:
+        raise InputError(f"`turn_back` must be a bank of 1 to {phi:g} deg, got {bank_deg:g}.")
+    for key in plan.keys:
+        if key.startswith("route.") or key == "flight.h_m":
+            raise InputError(f"`{key}` must be the same in all flights that turn back.")
+    s = path.points(APART)
+    north_east_up = path.beside(s)
+    V_a = np.interp(s, path.s, planned.reference.V)
+    turn_rate = np.interp(s, path.s, path.curvature) * V_a / DEG
+    gamma = np.arctan(np.interp(s, path.s, path.slope))
+    places = {
+        "along_m": s,
+        "north_m": north_east_up[:, 0],
+        "east_m": north_east_up[:, 1],
+        "chi_deg": np.interp(s, path.s, path.course) / DEG,
+        "gamma_deg": gamma / DEG,
+        "h_m": planned.where[2] + north_east_up[:, 2],
+        "V_a_mps": V_a,
+        "rate_dps": turn_rate * np.cos(gamma),
+        "back_dps": rate_of(bank_deg * DEG, V_a + planned.wind, g),
+    }
+    start_mps = nominal.flight.V_a_mps
+    table = {
+        "bank_deg": bank_deg,
+        "turn_deg": turn_deg,
+        "detected_s": DETECTED_S + float(np.abs(V_a - start_mps).max()) / (CHANGE_N_X * g),
+        "roll_rate_dps": phi_rate,
+        "place": [
+            dict(zip(places, row, strict=True)) for row in np.stack([*places.values()], 1).tolist()
+        ],
+    }
+    tables = nominal.as_dict() | {"turn_back": table, "expect": []}
+    del tables["route"]
+    if planned.reference.holds_airspeed:
+        tables["reference"] = {"V_mps": start_mps}
+    drawn = [
+        # each begins on its route, in its direction
+        *(table for table in campaign.disperse if table.key not in STARTS),
+        Uniform(key="turn_back.at_m", lower=0.0, upper=path.length),
+        Choice(key="turn_back.side", values=[-1, 1]),
+    ]
+    title = f"{campaign.title}, turning back"
+    changed = campaign.model_copy(update={"success": [], "title": title})
+    scenario = scenario_from(tables)
+    return replace(plan, campaign=_rebuilt(changed, drawn, scenario))
+
+
+def room_of(run: Run, turn_back: TurnBackTable) -> FloatArray:
+    """How far a flight came from its route since it detected, shape (samples, 2), as in `ROOM`.
+
+    Its place of detection is put where it is on the route. The distance is that to the nearest
+    place, which is never less than that to the route.
+    """
+    _, north, east, *_ = turn_back.columns
+    position = run.signals[["north", "east", "down"]].to_numpy()
+    i = int(np.searchsorted(run.t, turn_back.detected_s))
+    moved = position - position[i]
+    places = cKDTree(np.column_stack([north, east]))
+    from_route, _ = places.query(moved[:, :2] + turn_back.here[1:3])
+    room = np.column_stack([from_route, np.abs(moved[:, 2])])
+    room[:i] = 0.0
+    return np.maximum.accumulate(room)

@@ -11,9 +11,9 @@ import re
 import shutil
 import socket
 import time
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from itertools import chain, groupby, pairwise
+from itertools import groupby, pairwise
 from pathlib import Path
 from typing import NamedTuple
 
@@ -63,15 +63,6 @@ class Part(NamedTuple):
         return cls(runs, hashlib.sha256(data).hexdigest()[:16])
 
 
-def missing(present: Iterable[range], runs: int) -> tuple[range, ...]:
-    """The gaps between the runs that are present among the first `runs`, in order."""
-    gaps, end = [], 0
-    for span in (*sorted(present, key=lambda span: span.start), range(runs, runs)):
-        gaps.append(range(end, min(span.start, runs)))
-        end = max(end, span.stop)
-    return tuple(filter(None, gaps))
-
-
 class Dataset:
     """The folder of a campaign, its plan and the versions of the libraries that shape its rows."""
 
@@ -93,6 +84,14 @@ class Dataset:
         return tuple(parts)
 
     @property
+    def missing(self) -> list[int]:
+        """The runs of the plan that are in no file."""
+        absent = np.ones(self.plan.runs, dtype=bool)
+        for part in self.parts:
+            absent[part.runs.start : part.runs.stop] = False
+        return np.flatnonzero(absent).tolist()
+
+    @property
     def kept(self) -> tuple[int, ...]:
         """The runs whose signals are there, in order."""
         return tuple(sorted(int(name[1]) for name in self._matches(SIGNALS, _SIGNALS)))
@@ -103,14 +102,15 @@ class Dataset:
         text = json.dumps({**tables, "sha256": hash_of(tables)}, indent=1)
         self._write(CAMPAIGN, f"{text}\n".encode())
 
-    def write_rows(self, rows: Iterable[Row], gaps: Iterable[range]) -> None:
-        """Write rows of the runs in `gaps` as they come, in parts of consecutive runs."""
+    def write_rows(self, fly: Callable[[Plan, Sequence[int]], Iterable[Row]]) -> None:
+        """Write rows of the runs that are missing as they are flown, consecutive ones together."""
         waiting: dict[int, Row] = {}
-        runs = chain.from_iterable(gaps)
+        missing = self.missing
+        runs = iter(missing)
         following = next(runs, None)
         began = written = time.perf_counter()
         try:
-            for row in rows:
+            for row in fly(self.plan, missing):
                 waiting[row["run"]] = row
                 now = time.perf_counter()
                 if now < written + min(max(KEEP_S, KEEP_SHARE * (now - began)), KEEP_MAX_S):
@@ -158,9 +158,26 @@ class Dataset:
             raise RecordingError(f"{self.folder}: no run has been flown yet.")
         return pa.concat_tables(tables)
 
-    def write_signals(self, run: int, data: bytes) -> None:
-        """Write the recording of a run."""
-        self._write(signals_path(run), data)
+    def keep_signals(
+        self, fly: Callable[[Plan, Sequence[int]], Iterable[tuple[int, bytes]]]
+    ) -> None:
+        """Keep the recordings of the runs that are worth it, flown again for them, and no others.
+
+        These are the first failures, the worst by a measure, and a sample.
+        """
+        campaign, keep = self.plan.campaign, self.plan.campaign.keep
+        rows = self.rows(["success", "status", keep.worst_by]).to_pandas()
+        rows = rows.loc[~rows["status"].isin(NO_SIGNALS)]
+        failures = rows.loc[~rows["success"], "run"].head(keep.failures)
+        measured = rows.dropna(subset=keep.worst_by)
+        worst = measured.sort_values(keep.worst_by, ascending=False, kind="stable")["run"]
+        random = np.random.default_rng(np.random.SeedSequence((campaign.seed, len(rows))))
+        sample = random.choice(rows["run"].to_numpy(), min(keep.sample, len(rows)), replace=False)
+        wanted = {*failures.tolist(), *worst.head(keep.worst).tolist(), *sample.tolist()}
+        for run in {*self.kept} - wanted:
+            self.remove(_signals_of(run))
+        for run, data in fly(self.plan, sorted(wanted.difference(self.kept))):
+            self._write(_signals_of(run), data)
 
     def remove(self, name: str) -> None:
         """Remove a file, named by its path in the folder; OutputError if it cannot be."""
@@ -184,20 +201,6 @@ class Dataset:
         """Write a file completely or not at all: it gets its name when it is finished."""
         with whole_file(self.folder / name, self.folder / WRITING) as unfinished:
             unfinished.write_bytes(data)
-
-
-def runs_to_keep(dataset: Dataset) -> tuple[int, ...]:
-    """The runs to keep signals of: the first failures, the worst by a measure, and a sample."""
-    campaign = dataset.plan.campaign
-    keep = campaign.keep
-    rows = dataset.rows(["success", "status", keep.worst_by]).to_pandas()
-    rows = rows.loc[~rows["status"].isin(NO_SIGNALS)]
-    failures = rows.loc[~rows["success"], "run"].head(keep.failures)
-    measured = rows.dropna(subset=keep.worst_by)
-    worst = measured.sort_values(keep.worst_by, ascending=False, kind="stable")["run"]
-    random = np.random.default_rng(np.random.SeedSequence((campaign.seed, len(rows))))
-    sample = random.choice(rows["run"].to_numpy(), min(keep.sample, len(rows)), replace=False)
-    return tuple(sorted({*failures.tolist(), *worst.head(keep.worst).tolist(), *sample.tolist()}))
 
 
 def parquet_bytes(rows: pa.Table) -> bytes:
@@ -238,7 +241,7 @@ def _bits(column: pa.ChunkedArray) -> Iterator[bytes]:
     yield column.fill_null(pa.scalar(zero, column.type)).to_numpy().tobytes()
 
 
-def signals_path(run: int) -> str:
+def _signals_of(run: int) -> str:
     """Path of the recording of a run in the folder of its campaign."""
     return f"{SIGNALS}/run-{run:010d}.parquet"
 

@@ -5,6 +5,7 @@ import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -27,9 +28,9 @@ from flighttune.errors import InputError
 from flighttune.flight.expectations import (
     BoundCheck,
     bound_checks,
+    bounded_loop,
     end_share,
     not_followed,
-    with_loop,
 )
 from flighttune.flight.load import as_scenario, scenario_and_gains
 from flighttune.flight.models import gain_set, identified_models, loop_measures, tuning_problem
@@ -152,12 +153,25 @@ class Search:
         self.campaigns, self._law, self._pool, self._metric = campaigns, law, pool, metric
         self.draws, self._success = draws, success
         scenarios = [campaign.nominal for campaign in campaigns]
+        self._required = list(map(_required, scenarios))
         self._aircraft = list(map(aircraft_hashes, scenarios))
-        self._each = draws * sum(map(len, map(_required, scenarios)))
+        self.each = draws * sum(map(len, self._required))  # flights of a candidate
         self._problem = tuning_problem(scenarios[0], law)
         self._model = self._problem.model
         with suppress(InputError):  # without an identified aircraft: [tuning]'s
             self._model = identified_models(scenarios[0], law)[0].model
+
+    def begin(self, starts: Sequence[PIGains], budget: int, counting: int) -> list[Trial]:
+        """Fly the gains of the start, in a budget that has these flights and a count."""
+        least = len(starts) * self.each + counting
+        if budget < least:
+            sets = f"each of the {len(starts)} gain sets" if len(starts) > 1 else "the gains"
+            count = f" and {counting} for the count on fresh draws" * bool(counting)
+            raise InputError(
+                f"`budget` must be at least {least} flights, {self.each} for {sets} of the "
+                f"start{count}, got {budget}."
+            )
+        return self.fly(starts)
 
     def fly(self, sets: Sequence[PIGains], draws: range | None = None) -> list[Trial]:
         """Fly candidates in all scenarios; none that is unstable or has been flown before.
@@ -168,13 +182,10 @@ class Search:
         for gains in dict.fromkeys(sets):
             loop = indicators_batch(closed_loop(self._model, gains))
             if not loop.stable:
-                rows = [[{"plant": x} for x in _required(y.nominal)] for y in self.campaigns]
-                trial = self._trial(gains, rows)
+                trial = self._trial(gains, [[{"plant": x} for x in own] for own in self._required])
                 # the further right its eigenvalues, the worse
-                excess = np.tile(
-                    trial.excess + LOST * (1.0 + float(loop.spectral_abscissa)), (self.draws, 1)
-                )
-                self.trials[gains] = replace(trial, excess=excess)
+                excess = trial.excess + LOST * (1.0 + float(loop.spectral_abscissa))
+                self.trials[gains] = replace(trial, excess=np.tile(excess, (self.draws, 1)))
             elif draws or gains not in self.trials:
                 stable.append(gains)
         self.candidates += len(stable)
@@ -190,15 +201,15 @@ class Search:
     def _plan(self, place: int, sets: Sequence[PIGains]) -> Plan:
         """All draws of a campaign, flown with candidates."""
         campaign, names = self.campaigns[place], self._law.names_of([*map(str, range(len(sets)))])
-        scenario = campaign.nominal
-        groups = tuple(Group(plant, name) for name in names for plant in _required(scenario))
+        groups = tuple(Group(plant, name) for name in names for plant in self._required[place])
         # The requirements are checked by `_trial`: those on the loop once, not in every flight.
-        senses = "at_most", "at_least"
         expect = [
-            table.model_copy(update={x: {**getattr(table, x), "loop": {}} for x in senses})
-            for table in scenario.expect
+            table.model_copy(
+                update={x: {**getattr(table, x), "loop": {}} for x in ("at_most", "at_least")}
+            )
+            for table in campaign.nominal.expect
         ]
-        bare = scenario.model_copy(update={"expect": expect})
+        bare = campaign.nominal.model_copy(update={"expect": expect})
         return Plan(
             campaign=campaign.model_copy(update={"nominal": bare}),
             gain_sets=dict(zip(names, sets, strict=True)),
@@ -215,8 +226,7 @@ class Search:
     def _flown(self, place: int, sets: Sequence[PIGains], draws: range) -> list[list[Row]]:
         """Rows of a campaign by candidate, draw by draw."""
         plan = self._plan(place, sets)
-        seed = self.campaigns[place].nominal.seed
-        drawn = [{SEED: seed}] if self.draws == 1 else None
+        drawn = [{SEED: plan.scenario.seed}] if self.draws == 1 else None
         runs = range(draws.start * len(plan.groups), draws.stop * len(plan.groups))
         self.flights += len(runs)
         rows = self._pool.in_order(plan, runs, doing="searching", draws=drawn)
@@ -225,15 +235,14 @@ class Search:
     def _trial(self, gains: PIGains, rows: Sequence[Sequence[Row]]) -> Trial:
         """The checks of rows of each campaign; those of gains not flown have no status."""
         (name,) = self._law.names_of(["0"])
-        # Checks, each with its excess: at least that of the error at the end over what is allowed
-        checks: dict[int, list[tuple[BoundCheck, float]]] = {}
+        # Of each draw the checks with their excesses, at least that of the error at the end
+        draws: dict[int, list[tuple[BoundCheck, float]]] = {}
         ends: dict[str, float] = {}
         metric = 0.0
         for campaign, of_campaign in zip(self.campaigns, rows, strict=True):
             scenario = campaign.nominal
             margins = _default_margins(scenario)
-            bounds = [*scenario.expect, *margins]
-            loop = with_loop({}, bounds, scenario, name, gains)
+            loop = bounded_loop([*scenario.expect, *margins], scenario, name, gains)
             where = f"{scenario.title}: " if len(self.campaigns) > 1 else ""
             for row in of_campaign:
                 flown = row.get("status") == "completed"
@@ -246,19 +255,18 @@ class Search:
                     if why and not of_loop:
                         excess = np.fmax(excess, late - 1.0)
                         check = replace(check, value=math.nan, why=why) if check.met else check
-                    checks.setdefault(row.get("draw", 0), []).append((check, excess))
+                    checked = check, excess if check.flown else LOST
+                    draws.setdefault(row.get("draw", 0), []).append(checked)
                 for channel, values in measured.items():
                     ends[channel] = max(ends.get(channel, 0.0), values.get("end_error", 0.0))
                 metric += _metric(row, self._metric) if flown else math.inf
-            for of_draw in checks.values():
+            for of_draw in draws.values():
                 by_default = bound_checks(margins, loop, where + BY_DEFAULT)
                 of_draw.extend((check, check.margin) for check in by_default)
-        by_draw = tuple(tuple(check for check, _ in draw) for draw in checks.values())
-        excess = [
-            [margin if check.flown else LOST for check, margin in draw] for draw in checks.values()
-        ]
+        by_draw = (zip(*of_draw, strict=True) for of_draw in draws.values())
+        checks, excess = zip(*by_draw, strict=True)
         finite = np.nan_to_num(np.array(excess), nan=LOST, posinf=LOST)
-        return Trial(gains=gains, excess=finite, checks=by_draw, metric=metric, ends=ends)
+        return Trial(gains=gains, excess=finite, checks=checks, metric=metric, ends=ends)
 
     def value(self, trial: Trial) -> float:
         """Draws on which a requirement is missed, then the excess; then the metric, below -1."""
@@ -276,25 +284,22 @@ class Search:
 
     def search(self, starts: Sequence[PIGains], budget: float) -> None:
         """Descend from the starts and `FACTORS` of them, best first, up to `budget` flights."""
-        varied = [_varied(gains, *factors) for gains in starts for factors in FACTORS]
-        varied = varied[: max(0, int((budget - self.flights) // self._each))]
-        trials = self.fly(varied)
+        varied = [_varied(gains, factors) for gains in starts for factors in FACTORS]
+        trials = self.fly(varied[: max(0, int((budget - self.flights) // self.each))])
         ranked = [trial.gains for trial in sorted(trials, key=self.value)]
         spread, population, start = SPREAD, POPULATION, self.best().gains
         for restart in range(2 * len(ranked)):
-            if self.flights + population * self._each > budget:
+            if self.flights + population * self.each > budget:
                 population = POPULATION  # what is left of the budget is not left lying
             before = self.value(self.best())
-            self.descend(start, budget, spread, population)
+            self._descend(start, budget, spread, population)
             best = self.best()
             if best.worst.max() <= -self.wanted and self.value(best) > before - GAIN and restart:
                 return
             spread, population = min(2.0 * spread, MAX_SPREAD), 2 * population
             start = ranked[(restart + 1) // 2 % len(ranked)] if restart % 2 else best.gains
 
-    def descend(
-        self, start: PIGains, end: float, spread: float = SPREAD, population: int = POPULATION
-    ) -> None:
+    def _descend(self, start: PIGains, end: float, spread: float, population: int) -> None:
         """Search from gains, up to `end` flights of this search; gains that are 0 stay so.
 
         Covariance matrix adaptation (N. Hansen, arXiv 1604.00772) on the logarithms of the gains.
@@ -302,25 +307,24 @@ class Search:
         warnings.filterwarnings("ignore", "Could not import matplotlib")  # of cma
         import cma
 
-        free, largest = start.K != 0.0, self._problem.K_max
+        K, largest = start.K, self._problem.K_max
         assert largest is not None
+        free = K != 0.0
         top = np.log(largest[free])
-        settings = {
-            "popsize": population,
-            "seed": self._problem.seed + 1 + self.flights,  # 0 is the time of day
-            "tolx": FINEST,
-            "bounds": [None, top.tolist()],
-            "verbose": -9,
-        }
-        first = np.minimum(np.log(np.abs(start.K[free])), top)
+        seed = self._problem.seed + 1 + self.flights  # 0 is the time of day
+        settings: dict[str, Any] = {"popsize": population, "seed": seed, "tolx": FINEST}
+        settings |= {"bounds": [None, top.tolist()], "verbose": -9}
+        first = np.minimum(np.log(np.abs(K[free])), top)
         strategy = cma.CMAEvolutionStrategy(first, spread, settings)
         least, stalled = math.inf, 0
         while not strategy.stop() and stalled < STALLED:
-            if self.flights + population * self._each > end:
+            if self.flights + population * self.each > end:
                 return
-            asked = strategy.ask()
-            trials = self.fly([_with_sizes(start, np.exp(x)) for x in asked])
-            values = [self.value(trial) for trial in trials]
+            asked, candidates = strategy.ask(), []
+            for x in asked:
+                K[free] = np.sign(K[free]) * np.exp(x)
+                candidates.append(_of_matrix(start, K))
+            values = [self.value(trial) for trial in self.fly(candidates)]
             strategy.tell(asked, values)
             stalled = 0 if min(values) < least - GAIN else stalled + 1
             least = min(least, *values)
@@ -361,14 +365,12 @@ def stated(check: BoundCheck) -> dict[str, Any]:
 
 def starting_gains(scenario: Scenario, law: Law) -> dict[str, PIGains]:
     """Gains tuned for a law, and those of a scenario, by name; without what does not exist."""
-    sets: dict[str, PIGains] = {}
+    sets: dict[str, PIGains | None] = {}
     listed = [split_name(name)[1] for name in scenario.gain_names]
     for name in dict.fromkeys([TUNED_IDENTIFIED, TUNED, *listed]):
         with suppress(InputError):  # e.g. no aircraft is identified
-            gains = gain_set(scenario, law.names_of([name])[0])
-            if gains is not None:
-                sets[name] = gains
-    return sets
+            sets[name] = gain_set(scenario, law.names_of([name])[0])
+    return {name: gains for name, gains in sets.items() if gains is not None}
 
 
 def meet(
@@ -465,12 +467,8 @@ def meet(
         raise InputError(
             f"`law` must be {' or '.join(plain_laws())} for its gains to be tuned, got {law.name}."
         )
-    success = _success(success, dispersed, until_sure)
-    if dispersed is not None and metric != ITAE:
-        raise InputError(
-            f"`metric` must be absent with a campaign, whose share of flights that succeed is "
-            f"maximised, got {metric}."
-        )
+    _check_campaign(dispersed, success, metric, until_sure)
+    success = SUCCESS if success is None else success
     seen = dispersed and dispersed.model_copy(
         update={"design": "random", "seed": dispersed.seed + 1}
     )
@@ -482,12 +480,10 @@ def meet(
     budget = budget or (CAMPAIGN_BUDGET if campaign else BUDGET)
     fresh = 0 if dispersed is None else _fresh_draws(dispersed)
     counting = 2 * fresh * len(_required(scenarios[0]))
-    each = draws * sum(map(len, map(_required, scenarios)))
-    _check_budget(budget, len(starts), each, counting)
     with WorkerPool(workers, scheduler, observer) as pool:
         pool.progress.budget = budget
         search = Search(campaigns, law, pool, metric=metric, draws=draws, success=success)
-        trials = dict(zip(starts, search.fly([*starts.values()]), strict=True))
+        trials = dict(zip(starts, search.begin([*starts.values()], budget, counting), strict=True))
         first = min(trials, key=lambda name: search.value(trials[name]))
         search.wanted = max(WANTED, -float(trials[first].worst.max()))
         # Margins beyond those wanted are worth nothing on a campaign: what is not asked for pays.
@@ -495,20 +491,16 @@ def meet(
             search.search([*starts.values()], budget - counting)
         best = nearest = search.best()
         flown_start, counted, worst = trials[first], None, None
+        met, start_met = best.met, flown_start.met
         if dispersed is not None:
             of_count = at_random(dispersed) if until_sure else dispersed
-            count = Search(
-                [flights_to_meet(scenarios[0], law_table, of_count)],
-                law,
-                pool,
-                draws=fresh,
-                success=success,
-            )
+            fresh_flights = [flights_to_meet(scenarios[0], law_table, of_count)]
+            count = Search(fresh_flights, law, pool, draws=fresh, success=success)
             both = best.gains, flown_start.gains
-            nearest, flown_start, counted = _count(count, both, success, until_sure)
+            (nearest, flown_start), counted = _count(count, both, success, until_sure)
+            met, start_met = counted.pop("enough")
             search.flights += count.flights
             worst = count.in_draw(nearest.worst_draw)
-    met, start_met = counted.pop("enough") if counted else (best.met, flown_start.met)
     return Meeting(
         status="met" if met else "missed",
         scenario=scenarios[0],
@@ -535,6 +527,26 @@ def meet(
     )
 
 
+def _check_campaign(
+    dispersed: Campaign | None, success: float | None, metric: str, until_sure: bool
+) -> None:
+    """Refuse what is only about a campaign without one, and what cannot be with one."""
+    if until_sure and (dispersed is None or success == 1.0):
+        got = "a success of 1" if dispersed else "none"
+        raise InputError(f"`until_sure` must be with a campaign and a success below 1, got {got}.")
+    if success is not None and dispersed is None:
+        raise InputError(
+            f"`success` must be absent without a campaign, whose draws it counts, got {success:g}."
+        )
+    if success is not None and not 0.0 < success <= 1.0:
+        raise InputError(f"`success` must be above 0 and at most 1, got {success:g}.")
+    if dispersed is not None and metric != ITAE:
+        raise InputError(
+            "`metric` must be absent with a campaign, whose share of flights that succeed is "
+            f"maximised, got {metric}."
+        )
+
+
 def _fresh_draws(campaign: Campaign) -> int:
     """Draws of a campaign on which gains are counted: its own, and at least `COUNTED`."""
     groups = len(campaign.nominal.gain_names) * len(campaign.nominal.plant)
@@ -543,46 +555,43 @@ def _fresh_draws(campaign: Campaign) -> int:
 
 def _count(
     count: Search, sets: Sequence[PIGains], wanted: float, until_sure: bool
-) -> tuple[Trial, Trial, dict[str, Any]]:
-    """Fly gains and start on fresh draws, all or until it is sure; the share that meets all."""
-    cycles = np.arange(count.draws) // cycle(count.campaigns[0])
-    trials: list[Trial] = []
-    counted: dict[str, Any] = {"sure": ""}
-    begin = 0
-    while begin < count.draws and not counted["sure"]:
-        end = min(begin + LOOK, count.draws) if until_sure else count.draws
-        trials = count.fly(sets, range(begin, end))
+) -> tuple[list[Trial], dict[str, Any]]:
+    """Fly gains and start on fresh draws, all or until it is sure; the shares that meet all."""
+    trials, flags, n, answers = list[Trial](), list[npt.NDArray[np.bool_]](), 0, [""]
+    ends = [*range(0, count.draws, LOOK if until_sure else count.draws), count.draws]
+    for begin, n in pairwise(ends):
+        trials = count.fly(sets, range(begin, n))
         if not until_sure:  # the start if both are equal
             trials[0] = min(reversed(trials), key=count.value)
-        counted, begin = _counted(trials, cycles[:end], wanted, until_sure), end
-    nearest, start = trials
-    more = {"worst_draw": nearest.worst_draw, "seed": count.campaigns[0].seed}
-    return nearest, start, {**counted, "wanted": wanted, **more}
-
-
-def _counted(
-    trials: Sequence[Trial], cycles: npt.NDArray[np.intp], wanted: float, until_sure: bool
-) -> dict[str, Any]:
-    """Shares of draws on which gains and start meet all, and whether each share is enough."""
-    flown, n = ~trials[0].default, len(cycles)
-    # Of gains whose loop is unstable all draws are there, without a flight.
-    flags = [trial.excess[:n, flown].max(axis=1) <= 0.0 for trial in trials]
-    by_default = [bool((trial.excess[:, ~flown] <= 0.0).all()) for trial in trials]
+        # Of gains whose loop is unstable all draws are there, without a flight.
+        flown = ~trials[0].default
+        flags = [trial.excess[:n, flown].max(axis=1) <= 0.0 for trial in trials]
+        if until_sure:
+            answers = [sure(int(np.sum(~met)), n, 1.0 - wanted, CONFIDENCE) for met in flags]
+        if answers[0]:
+            break
     if until_sure:  # an interval is not valid at a number of draws that the draws decide
         shares = [{"value": float(met.mean()), "n": n} for met in flags]
-        answers = [sure(int(np.sum(~met)), n, 1.0 - wanted, CONFIDENCE) for met in flags]
         by, enough = "evidence", [answer == "yes" for answer in answers]
     else:
         # The lower end of the interval decides, unless it is below `wanted` for any count.
+        cycles = np.arange(n) // cycle(count.campaigns[0])
         by = "lo" if share(np.ones(n, dtype=bool), cycles).lo >= wanted else "value"
-        shares, answers = [asdict(share(met, cycles)) for met in flags], [""]
+        shares = [asdict(share(met, cycles)) for met in flags]
         enough = [part[by] >= wanted for part in shares]
-    return {
+    by_default = trials[0].default
+    return trials, {
         "share": shares[0],
         "of_start": shares[1],
         "by": by,
         "sure": answers[0],
-        "enough": [x and y for x, y in zip(enough, by_default, strict=True)],
+        "enough": [
+            met and bool((trial.excess[:, by_default] <= 0.0).all())
+            for met, trial in zip(enough, trials, strict=True)
+        ],
+        "wanted": wanted,
+        "worst_draw": trials[0].worst_draw,
+        "seed": count.campaigns[0].seed,
     }
 
 
@@ -598,31 +607,6 @@ def _requirements(trial: Trial, start: Trial, active: Sequence[int]) -> Iterator
             "share": float((trial.excess[:, i] <= 0.0).mean()),
             "share_start": float((start.excess[:, i] <= 0.0).mean()),
         }
-
-
-def _success(success: float | None, dispersed: Campaign | None, until_sure: bool) -> float:
-    """Share of draws that must succeed: `SUCCESS` by default."""
-    if until_sure and (dispersed is None or success == 1.0):
-        got = "a success of 1" if dispersed else "none"
-        raise InputError(f"`until_sure` must be with a campaign and a success below 1, got {got}.")
-    if success is not None and dispersed is None:
-        raise InputError(
-            f"`success` must be absent without a campaign, whose draws it counts, got {success:g}."
-        )
-    if success is not None and not 0.0 < success <= 1.0:
-        raise InputError(f"`success` must be above 0 and at most 1, got {success:g}.")
-    return SUCCESS if success is None else success
-
-
-def _check_budget(budget: int, starts: int, each: int, counting: int) -> None:
-    """Refuse a budget in which the gains of the start and those found cannot be flown."""
-    if budget < starts * each + counting:
-        sets = f"each of the {starts} gain sets" if starts > 1 else "the gains"
-        count = f" and {counting} for the count on fresh draws" * bool(counting)
-        raise InputError(
-            f"`budget` must be at least {starts * each + counting} flights, {each} for {sets} of "
-            f"the start{count}, got {budget}."
-        )
 
 
 def _worse(scenario: Scenario, law: Law, trial: Trial, start: Trial) -> Iterator[dict[str, Any]]:
@@ -675,18 +659,15 @@ def _metric(row: Row, metric: str) -> float:
     return value if in_rad(metric) == metric else value / DEG
 
 
-def _with_sizes(gains: PIGains, sizes: FloatArray) -> PIGains:
-    """Gains of other sizes: their signs and zeros stay."""
-    K, p = gains.K.copy(), len(gains.errors)
-    K[K != 0.0] = np.sign(K[K != 0.0]) * sizes
-    return replace(gains, K_P=K[:, :p], K_I=K[:, p:])
-
-
-def _varied(gains: PIGains, proportional: float, integral: float) -> PIGains:
-    """Gains with a factor on K_P and on K_I, without those that are rounding."""
+def _varied(gains: PIGains, factors: tuple[float, float]) -> PIGains:
+    """Gains with factors on K_P and on K_I, without those that are rounding."""
     K = np.where(np.abs(gains.K) < ROUNDING * np.abs(gains.K).max(), 0.0, gains.K)
-    p = len(gains.errors)
-    return replace(gains, K_P=proportional * K[:, :p], K_I=integral * K[:, p:])
+    return _of_matrix(gains, K * np.repeat(factors, len(gains.errors)))
+
+
+def _of_matrix(gains: PIGains, K: FloatArray) -> PIGains:
+    """Gains with other numbers, stacked as those of `PIGains.K`."""
+    return replace(gains, **dict(zip(("K_P", "K_I"), np.hsplit(K, 2), strict=True)))
 
 
 def _squeezed(x: float) -> float:

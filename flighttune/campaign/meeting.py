@@ -15,7 +15,8 @@ from flighttune.control.gains import PIGains, gains_lists, gains_table
 from flighttune.control.linear_model import closed_loop
 from flighttune.control.margins import loop_margins, margins_table
 from flighttune.flight.expectations import BoundCheck
-from flighttune.flight.models import certify_scenario, linear_model
+from flighttune.flight.gains import certify_scenario
+from flighttune.flight.models import linear_model
 from flighttune.planning.schema import Campaign
 from flighttune.present.answer import Answer, Answering, Column, Table, interval, percent, pick
 from flighttune.present.names import columns, endings_table, in_words, listed, measure_words
@@ -49,6 +50,7 @@ TRADE_COLUMNS = [
     Column("alone", "best seen"),
     Column("beside", "best seen with the others met", missing="none"),
 ]
+TRADED = "the best of each among the gains flown here"
 LOOP_COLUMNS = columns("R_K I_K E_K spectral_abscissa")
 CERTIFICATE_COLUMNS = [Column("in_words", "status"), *columns("rate growth radius")]
 # What is claimed, by what decides it or by the answer that is sure.
@@ -187,6 +189,7 @@ class Meeting(Answering):
             drawn = [distribution_of(self.campaign, label).table(label) for label in labels]
         missed = [f"{_subject(row)}: {row['why']}" for row in rows if row["why"]]
         by_default = any(row["run"].endswith(BY_DEFAULT) for row in rows)
+        shown = SHARE_COLUMNS if self.success else REQUIREMENT_COLUMNS
         return Answer(
             values={
                 **pick(self, "status start start_met flights candidates metric"),
@@ -196,16 +199,8 @@ class Meeting(Answering):
                 "certificate": certificate,
             },
             tables=[
-                Table(
-                    SHARE_COLUMNS if self.success else REQUIREMENT_COLUMNS,
-                    [*map(in_words, rows)],
-                    self.start_sentence or scenario.title,
-                ),
-                Table(
-                    TRADE_COLUMNS,
-                    [*map(in_words, self.trade_offs)],
-                    "the best of each among the gains flown here",
-                ),
+                Table(shown, [*map(in_words, rows)], self.start_sentence or scenario.title),
+                Table(TRADE_COLUMNS, [*map(in_words, self.trade_offs)], TRADED),
                 gains_table("gains", self.gains),
                 *drawn,
                 Table(LOOP_COLUMNS, [figures]),
@@ -214,9 +209,7 @@ class Meeting(Answering):
                 endings_table(self.endings),
             ],
             notes=[
-                *filter(None, [self.worse_sentence]),
-                *self.notes,
-                *missed,
+                *filter(None, [self.worse_sentence, *self.notes, *missed]),
                 *[BY_DEFAULT_NOTE] * by_default,
             ],
             verdict=self.sentence,
@@ -227,11 +220,8 @@ class Meeting(Answering):
     def start_sentence(self) -> str:
         """A note that the gains of the start need no search; empty if they do."""
         n = len(self.requirements)
-        return (
-            f"the gains of the start, {self.start}, already meet all {n} requirements"
-            if self.start_met
-            else ""
-        )
+        met = f"the gains of the start, {self.start}, already meet all {n} requirements"
+        return met * self.start_met
 
     @property
     def worse_sentence(self) -> str:
@@ -250,18 +240,14 @@ class Meeting(Answering):
             return self._counted(self.success, flights)
         n, missed = len(rows), sum(not row["margin"] >= 0.0 for row in rows)
         if missed:
-            return (
-                f"{missed} of {n} requirements missed, after {flights}; these are the nearest "
-                "gains."
-            )
+            said = f"{missed} of {n} requirements missed, after {flights}"
+            return f"{said}; these are the nearest gains."
         least = 100.0 * min(row["margin"] for row in rows)
         met = f"All {n} requirements are met by {least:.1f} %, after {flights}"
         if self.metric["name"] == "margin":
             return f"{met}."
         active = [_subject(row) for row in rows if row["active"]]
-        limits = (
-            f"; {listed(active)} stop{'s' * (len(active) == 1)} it from falling" if active else ""
-        )
+        limits = f"; {listed(active)} stop{'s' * (len(active) == 1)} it from falling" * bool(active)
         return (
             f"{met}. {self.metric['name']} is {self.metric['value']:.4g}, "
             f"{self.metric['start']:.4g} at the start{limits}."

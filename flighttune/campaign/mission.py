@@ -11,10 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from flighttune.campaign.band import By, counted_on, drawn, kept_band
-from flighttune.campaign.counted_flights import check_one_path, plan_of
+from flighttune.campaign.counted_flights import check_one_path, plan_of, turning_back
+from flighttune.campaign.counting import By, counted_on, drawn, kept_band
 from flighttune.campaign.engine.progress import CampaignObserver
-from flighttune.campaign.turn_back import turning_back
 from flighttune.claims.band import KEPT, Band, TurnBack, check_off_route
 from flighttune.claims.count import flights_needed, fresh_flights
 from flighttune.errors import InfeasibleError, InputError

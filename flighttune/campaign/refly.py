@@ -1,12 +1,12 @@
 """Fly runs of recordings, campaigns and bands again, and compare them to the bit."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
-from flighttune.campaign.band import differing, some_draws
 from flighttune.campaign.counted_flights import plan_of
+from flighttune.campaign.counting import differing, some_draws
 from flighttune.campaign.dataset import Dataset
 from flighttune.campaign.engine.pool import WorkerPool
 from flighttune.campaign.engine.progress import CampaignObserver
@@ -17,6 +17,7 @@ from flighttune.errors import InputError, RecordingError, ScenarioError
 from flighttune.files.load import BAND, DATASET, RECORDING, load_one
 from flighttune.flight.fly import Progress
 from flighttune.flight.own import LawMaker, PlantMaker
+from flighttune.planning.plan import Plan
 from flighttune.records.parquet import Recording
 from flighttune.records.refly import CheckedRun, Difference, Reflown, changed_versions, reflights
 from flighttune.simulate.run import Run
@@ -93,10 +94,19 @@ def refly(
         name, recorded = str(source), load_one(source, FLOWN, RECORDING, DATASET, BAND)
     else:
         name, recorded = "the band", source
-    if isinstance(recorded, Counted):
-        return _of_band(recorded, name, run, count or DRAWN, progress, observer)
-    if isinstance(recorded, Dataset):
-        return _of_campaign(recorded, run, count or DRAWN, progress)
+    if isinstance(recorded, Counted | Dataset):
+        if isinstance(recorded, Counted):
+            plan, versions = plan_of(recorded), {}
+            drawn = (*_draws_again(recorded, plan, name, run, count or DRAWN, observer),)
+        else:
+            name, plan = str(recorded.folder), recorded.plan
+            versions = changed_versions(recorded.versions)
+            drawn = (*_rows_again(recorded, name, run, count or DRAWN),)
+        flown = None if run is None else fly_again(plan, run, progress=progress)
+        if flown is not None and run is not None and isinstance(recorded, Band):
+            of_band = not recorded.why_not(flown[plan.group_of(run).label])
+            flown = flown.within(recorded) if of_band else flown
+        return Reflown(source=name, runs=drawn, versions=versions, flown=flown)
     if isinstance(recorded, Recording):
         name, runs, missing = str(recorded.path), recorded.runs, recorded.missing
     else:
@@ -115,70 +125,49 @@ def refly(
     return Reflown(source=name, runs=checked, versions=versions, missing=missing)
 
 
-def _of_campaign(
-    dataset: Dataset, run: int | None, count: int, progress: Progress | None
-) -> Reflown:
+def _rows_again(dataset: Dataset, name: str, run: int | None, count: int) -> Iterator[CheckedRun]:
     """Rows of a campaign against their runs."""
-    name, plan = str(dataset.folder), dataset.plan
-    runs, flown = [] if run is None else [run], None
+    plan, runs = dataset.plan, [] if run is None else [run]
     if run is None:
         rows = dataset.rows(["run", "status"]).to_pylist()
         numbers = [row["run"] for row in rows if row["status"] not in CRASHED]
         drawn = np.random.default_rng().choice(numbers, min(count, len(numbers)), replace=False)
         runs = sorted(drawn.tolist())
-    checked = []
     for number in runs:
         if (part := next((part for part in dataset.parts if number in part.runs), None)) is None:
             raise RecordingError(
                 f"{name}: `run` must be one that was flown, got {number} of {plan.runs}."
             )
         row = dataset.read_part(part).slice(part.runs.index(number), 1).to_pylist()[0]
-        if run is not None:
-            flown = fly_again(plan, number, progress=progress)
         reason = row["reason"] or row["missed"]
-        checked.append(
-            CheckedRun(
-                name=f"run {number}: {row['plant']} / {row['gains']}, draw {row['draw']}",
-                status=f"{row['status']}: {reason}" if reason else row["status"],
-                differences=row_differences(plan, number, row),
-                drawn={key: row[key] for key in (*plan.keys, "seed")},
-            )
+        yield CheckedRun(
+            name=f"run {number}: {row['plant']} / {row['gains']}, draw {row['draw']}",
+            status=f"{row['status']}: {reason}" if reason else row["status"],
+            differences=row_differences(plan, number, row),
+            drawn={key: row[key] for key in (*plan.keys, "seed")},
         )
-    versions = changed_versions(dataset.versions)
-    return Reflown(source=name, runs=tuple(checked), versions=versions, flown=flown)
 
 
-def _of_band(
+def _draws_again(
     band: Counted,
+    plan: Plan,
     name: str,
     run: int | None,
     count: int,
-    progress: Progress | None,
     observer: CampaignObserver | None,
-) -> Reflown:
+) -> Iterator[CheckedRun]:
     """Flights of a band against the extremes that it keeps of them."""
-    flown = None
-    plan, completed = plan_of(band), dict(zip(band.draws, np.isfinite(band.scores), strict=True))
-    if run is not None:
-        if run not in completed:
-            first, last = band.draws[[0, -1]]
-            raise InputError(f"{name}: `run` must be {first} to {last}, got {run}.")
-        flown = fly_again(plan, run, progress=progress)
-        if isinstance(band, Band) and not band.why_not(flown[plan.group_of(run).label]):
-            flown = flown.within(band)
+    completed = dict(zip(band.draws, np.isfinite(band.scores), strict=True))
+    if run is not None and run not in completed:
+        first, last = band.draws[[0, -1]]
+        raise InputError(f"{name}: `run` must be {first} to {last}, got {run}.")
     draws = some_draws(band, count) if run is None else [run]
     with WorkerPool(None, None, observer) as pool:
         differ = differing(band, draws, pool)
-    return Reflown(
-        source=name,
-        runs=tuple(
-            CheckedRun(
-                name=f"draw {draw}",
-                status="completed" if completed[draw] else "not completed",
-                differences=(OTHER_EXTREMES,) if draw in differ else (),
-                drawn=plan.values_of(draw),
-            )
-            for draw in draws
-        ),
-        flown=flown,
-    )
+    for draw in draws:
+        yield CheckedRun(
+            name=f"draw {draw}",
+            status="completed" if completed[draw] else "not completed",
+            differences=(OTHER_EXTREMES,) if draw in differ else (),
+            drawn=plan.values_of(draw),
+        )

@@ -5,6 +5,7 @@ import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -14,10 +15,9 @@ import pandas as pd
 from scipy.special import chdtri, ndtr
 
 from flighttune.arrays import FloatArray, check_at_least
-from flighttune.campaign.band import score
-from flighttune.campaign.bang_bang import search_bang_bang
 from flighttune.campaign.claims import AnyClaim
 from flighttune.campaign.counted_flights import plan_of
+from flighttune.campaign.counting import score
 from flighttune.campaign.engine.pool import WorkerPool
 from flighttune.campaign.engine.progress import CampaignObserver
 from flighttune.campaign.flying.columns import measured_in
@@ -87,6 +87,11 @@ WORST_COLUMNS = [
 ]
 
 Seeds = npt.NDArray[np.int64]
+Indices = npt.NDArray[np.intp]
+
+# Intervals of a flight in each of which the sensitivity to a bang-bang disturbance is measured, and
+# times at which the disturbances of a round push an error.
+INTERVALS, TARGETS = 45, 25
 
 # Values of the metric for n draws, larger is worse. The arguments are normal scores before
 # correlation, shape (n, d), and seeds, shape (n,).
@@ -261,33 +266,26 @@ def worst(  # noqa: PLR0913 - each is a choice of the user, and has a default
     stated = written(source, *CLAIMS) or source
     place = f"{source}: " if stated is not source else ""
     if isinstance(stated, AnyClaim):
-        stated = _searchable(stated, place)
         if metric or gains or start_deg or disturbance or changes or claim:
             raise InputError(
                 f"{place}metric, gains, starts, disturbance, changes and claim must be absent for "
                 "a tube or band file, which has its own."
             )
+        plan, searched_in = _flights_of(stated, place)
         tube = stated if isinstance(stated, Tube) else None
-    bounds, sizes = None, (disturbance, disturbance)
-    probes: Probes = {}
-    if tube is not None:
-        if metric is not None:
-            raise InputError("`metric` must not be given with a tube, whose share is the metric.")
-        bounds = tube.bounds.of(ERRORS)
-        metric, probes = TUBE, {TUBE: partial(_use_of, bounds)}
-    elif metric not in (None, MARGIN, *MEASURES):
-        raise InputError(
-            f"`metric` must be {MARGIN} or one of {', '.join(MEASURES)}, got {metric!r}."
-        )
-    if isinstance(stated, Tube):
-        plan, sizes = enclosed(stated), disturbance_of(stated)
-        start_deg = stated.problem.start * DEG_PER_RAD
-    elif isinstance(stated, Counted):
-        plan, metric = plan_of(stated), BAND
-        probes = {BAND: partial(_share_of, stated.about, stated.flights, stated.scale)}
     else:
+        if tube is not None and metric is not None:
+            raise InputError("`metric` must not be given with a tube, whose share is the metric.")
+        if metric not in (None, MARGIN, *MEASURES):
+            raise InputError(
+                f"`metric` must be {MARGIN} or one of {', '.join(MEASURES)}, got {metric!r}."
+            )
         searched_for = flights(stated, changes=changes).starting(start_deg).disturbed(disturbance)
-        plan = searched_for.plan(plant=plant, gains=gains)
+        plan, sizes = searched_for.plan(plant=plant, gains=gains), (disturbance, disturbance)
+        searched_in = dict[str, Any](metric=metric, sizes=sizes, start_deg=start_deg)
+    bounds = None if tube is None else tube.bounds.of(ERRORS)
+    if bounds is not None:
+        searched_in |= {"metric": TUBE, "probes": {TUBE: partial(_use_of, bounds)}}
     group = plan.chosen_group(plant, gains if gains in plan.gain_sets else None)
     if not plan.keys:
         raise InputError(
@@ -295,16 +293,8 @@ def worst(  # noqa: PLR0913 - each is a choice of the user, and has a default
             "--disturbance."
         )
     with WorkerPool(workers, scheduler, observer) as pool:
-        searched = StatedSet(
-            plan.of_group(group),
-            pool,
-            metric=metric,
-            probes=probes,
-            sizes=sizes,
-            start_deg=start_deg,
-            completed=completed,
-        )
-        flight = find_worst(searched, budget=budget, seed=seed)
+        searched = StatedSet(plan.of_group(group), pool, completed=completed, **searched_in)
+        flight = searched.find_worst(budget=budget, seed=seed)
         flight = replace(flight, endings=pool.progress.endings)
     if tube is None or bounds is None:
         return flight
@@ -323,40 +313,35 @@ def worst(  # noqa: PLR0913 - each is a choice of the user, and has a default
     )
 
 
-def enclosed(tube: Tube) -> Plan:
-    """The plan of the flights that a tube encloses."""
-    problem, sizes = tube.problem, disturbance_of(tube)
-    gains = {**problem.gains.as_lists(), "law": problem.gains.law}
-    table = GainsTable.model_validate({"name": "tube", **gains})
-    title = problem.scenario.title
-    scenario = with_gains(problem.scenario, [f"{problem.law.name}:tube"], title, [table])
-    start_deg = problem.start * DEG_PER_RAD
-    return plan_campaign(about(scenario, "tube", problem.plant, start_deg, sizes))
+def _flights_of(claim: AnyClaim, place: str) -> tuple[Plan, dict[str, Any]]:
+    """The plan of the flights of a claim, and how they are searched.
 
-
-def disturbance_of(tube: Tube) -> tuple[float, float]:
-    """Bounds on the disturbances of both rates that can be searched, rad/s."""
-    if tube.problem.boxes is not None:
-        return 0.0, 0.0
-    chi, gamma = tube.problem.disturbances[1].max(axis=0).tolist()
-    return chi, gamma
-
-
-def _searchable(stated: AnyClaim, place: str) -> Tube | Counted:
-    """The claim, if it is of flights of which one can be worse than another."""
-    if isinstance(stated, Certificate | RateBound):
+    InputError if it is of no flights of which one can be worse than another.
+    """
+    if isinstance(claim, Certificate | RateBound):
         raise InputError(f"{place}must be of flights, to be searched, got a claim about gains.")
-    if isinstance(stated, Counted):
-        if not stated.claims:
+    if isinstance(claim, Counted):
+        if not claim.claims:
             raise InputError(f"{place}the band must have a claim, got none.")
-    elif stated.status != "bounded":
-        raise InputError(f"{place}the tube must be bounded, got one that is not: {stated.reason}.")
-    elif not (stated.problem.start or any(disturbance_of(stated))):
+        share_of = partial(_share_of, claim.about, claim.flights, claim.scale)
+        return plan_of(claim), {"metric": BAND, "probes": {BAND: share_of}}
+    if claim.status != "bounded":
+        raise InputError(f"{place}the tube must be bounded, got one that is not: {claim.reason}.")
+    problem, sizes = claim.problem, (0.0, 0.0)
+    if problem.boxes is None:  # with boxes, what disturbs the model is no disturbance of a flight
+        chi, gamma = problem.disturbances[1].max(axis=0).tolist()
+        sizes = chi, gamma
+    if not (problem.start or any(sizes)):
         raise InputError(
             f"{place}the tube must have a range of starts or a disturbance to search, got that of "
             "one flight."
         )
-    return stated
+    gains = {"name": "tube", **problem.gains.as_lists(), "law": problem.gains.law}
+    table, title = GainsTable.model_validate(gains), problem.scenario.title
+    scenario = with_gains(problem.scenario, [f"{problem.law.name}:tube"], title, [table])
+    start_deg = problem.start * DEG_PER_RAD
+    plan = plan_campaign(about(scenario, "tube", problem.plant, start_deg, sizes))
+    return plan, {"sizes": sizes, "start_deg": start_deg}
 
 
 class StatedSet:
@@ -380,11 +365,55 @@ class StatedSet:
         self.disturbances = sizes  # of both rates, rad/s
         self.flights = 0
         self.worst: dict[str, Any] = {"value": -math.inf}
-        self.made_by: tuple[Plan, Drawn] = plan, {}  # plan and draw of the worst row
+        self._made_by: tuple[Plan, Drawn] = plan, {}  # plan and draw of the worst row
         # largest distance of all flights from the middle of the tube over the largest half width
         self.reach = np.zeros(2)
         self._start_deg, self._lost = start_deg, -FAILED if completed else FAILED
         self._probes, self.pool = probes or {}, pool
+
+    def find_worst(self, *, budget: int, seed: int) -> WorstFlight:
+        """Search for the worst flight by at most `budget` flights.
+
+        Notes
+        -----
+        Evolution strategy with covariance matrix adaptation [1]_ on the normal scores of the
+        dispersed keys; the first generation is drawn from their distribution. The region is the
+        ball that holds the share `REGION` of that distribution; a point outside is moved to its
+        surface. The seed of turbulence and noise is that of the worst flight so far; every
+        `SEEDS_EVERY` generations that flight is flown with other seeds. With a disturbance, up to
+        half of the budget is first spent on bang-bang disturbances.
+
+        References
+        ----------
+        .. [1] N. Hansen, "The CMA evolution strategy: a tutorial", arXiv 1604.00772.
+        """
+        check_at_least(POPULATION, budget=budget)
+        self.pool.progress.budget = budget
+        family, keys = None, self.plan.keys
+        if any(self.disturbances):
+            family = "square_wave"
+            # In a tube one channel at a time: else only the one nearer to its bound is searched.
+            channels = (0, 1) if TUBE in self._probes else (None,)
+            for channel in channels:
+                self._fly_bang_bang(budget // 2 // len(channels), channel)
+        left = budget - self.flights
+        z, _, first = search_worst(self.values, len(keys), budget=left, seed=seed)
+        (plan, drawn), row = self._made_by, self.worst
+        place = {"distance": float(np.linalg.norm(z)), "radius": region_radius(len(keys))}
+        if plan.keys != keys:
+            family, place = "bang_bang", {"distance": None, "radius": None}
+        title = f"the worst flight found of: {plan.campaign.title}"
+        return WorstFlight(
+            scenario=scenario_of_run(plan, row["run"], drawn).model_copy(update={"title": title}),
+            metric=self.metric,
+            value=row["value"] if row["value"] < FAILED else math.inf,
+            first=first if first < FAILED else math.inf,
+            flights=self.flights,
+            family=family,
+            **place,
+            **{key: row[key] for key in ("status", "missed", "plant", "gains")},
+            drawn=drawn,
+        )
 
     def values(self, z: FloatArray, seeds: Seeds) -> FloatArray:
         """Fly draws and return the metric of each; an `Objective`."""
@@ -395,22 +424,46 @@ class StatedSet:
         draws = pd.DataFrame(columns | {SEED: seeds % (LARGEST_SEED + 1)}).to_dict("records")
         return self._fly(self.plan.with_runs(len(draws)), draws)
 
-    def fly_bang_bang(self, budget: int) -> None:
-        """Search bang-bang disturbances with at most `budget` flights."""
-        scenario = self.plan.scenario
-        # In a tube one channel at a time: otherwise only the one nearer to its bound is searched.
-        channels = (0, 1) if TUBE in self._probes else (None,)
-        for channel in channels:
-            search_bang_bang(
-                lambda flights, of=channel: self._fly(*self._switched(flights), of),
-                lambda flights: self._errors(*self._switched(flights)),
-                round(scenario.flight.duration_s * scenario.controller.rate_hz),
-                budget=budget // len(channels),
-                pushed=(0, 1) if channel is None else (channel,),
-            )
+    def _fly_bang_bang(self, budget: int, channel: int | None) -> None:
+        """Push each error, or that of one channel, at some times as far as a disturbance can.
+
+        A flight is an array of signs, shape (1 + samples, 2): of the deviations of the start, then
+        of the disturbances from each sample to the next. Without a budget for a round nothing is
+        flown.
+
+        Notes
+        -----
+        For a linear loop the disturbance ``d_k = D sign(de(T)/dd_k)`` is the worst there is for the
+        error at time T. The first derivatives are about a disturbance that alternates, which hardly
+        moves the flight; limits bend the loop, so that those of later rounds are about the worst
+        flight so far.
+        """
+        scenario, pushed = self.plan.scenario, (0, 1) if channel is None else (channel,)
+        samples = round(scenario.flight.duration_s * scenario.controller.rate_hz)
+        parts = np.array_split(np.arange(1, samples + 1), min(INTERVALS, samples))
+        blocks = [np.array([0]), *parts]
+        targets = np.unique(np.linspace(1, samples, TARGETS).round().astype(np.intp))
+        signs, worst = np.ones((1 + samples, 2)), -np.inf
+        for block in blocks[::2]:
+            signs[block] = -1.0
+        # A round: the middle, a change of each channel in each block, both senses of each target.
+        cost = 1 + 2 * len(blocks) + 2 * len(targets) * len(pushed)
+        while budget >= cost:
+            budget -= cost
+            others = (_other(signs, *changed) for changed in product(blocks, (0, 1)))
+            flown = self._errors(*self._switched([signs, *others]))
+            slopes = _slopes(signs, blocks, flown, targets, pushed)
+            tried = [
+                np.where(slope == 0.0, signs, sense * np.sign(slope))
+                for slope, sense in product(slopes, (1.0, -1.0))
+            ]
+            reached = self._fly(*self._switched(tried), channel)
+            if reached.max() <= worst:
+                break
+            signs, worst = tried[int(reached.argmax())], reached.max()
 
     def _switched(self, flights: Sequence[FloatArray]) -> tuple[Plan, list[Drawn]]:
-        """The plan and draws of flights given as arrays of signs, see `search_bang_bang`."""
+        """The plan and draws of flights given as arrays of signs, see `_fly_bang_bang`."""
         campaign, rate = self.plan.campaign, self.plan.scenario.controller.rate_hz
         starts = [table for table in campaign.disperse if table.key.startswith("flight.")]
         tables = self.plan.scenario.as_dict()
@@ -442,7 +495,7 @@ class StatedSet:
         values[values >= FAILED] = self._lost
         i = int(np.argmax(values))
         if values[i] > self.worst["value"]:
-            self.worst, self.made_by = {**rows[i], "value": float(values[i])}, (plan, draws[i])
+            self.worst, self._made_by = {**rows[i], "value": float(values[i])}, (plan, draws[i])
         if TUBE not in self._probes:
             return values
         reach = np.array([row[TUBE][1:] if TUBE in row else (np.nan, np.nan) for row in rows])
@@ -454,50 +507,6 @@ class StatedSet:
         self.flights += len(draws)
         runs = range(plan.runs)
         return self.pool.in_order(plan, runs, doing="searching", probes=probes, draws=draws)
-
-
-def find_worst(searched: StatedSet, *, budget: int, seed: int) -> WorstFlight:
-    """Search a stated set for its worst flight by at most `budget` flights.
-
-    Notes
-    -----
-    Evolution strategy with covariance matrix adaptation [1]_ on the normal scores of the dispersed
-    keys; the first generation is drawn from their distribution. The region is the ball that holds
-    the share `REGION` of that distribution; a point outside is moved to its surface. The seed of
-    turbulence and noise is that of the worst flight so far; every `SEEDS_EVERY` generations that
-    flight is flown with other seeds. With a disturbance, up to half of the budget is first spent on
-    bang-bang disturbances, see `search_bang_bang`.
-
-    References
-    ----------
-    .. [1] N. Hansen, "The CMA evolution strategy: a tutorial", arXiv 1604.00772.
-    """
-    check_at_least(POPULATION, budget=budget)
-    searched.pool.progress.budget = budget
-    family = None
-    if any(searched.disturbances):
-        searched.fly_bang_bang(budget // 2)
-        family = "square_wave"
-    keys = searched.plan.keys
-    left = budget - searched.flights
-    z, _, first = search_worst(searched.values, len(keys), budget=left, seed=seed)
-    (plan, drawn), row = searched.made_by, searched.worst
-    place = {"distance": float(np.linalg.norm(z)), "radius": region_radius(len(keys))}
-    if plan.keys != keys:
-        family, place = "bang_bang", {"distance": None, "radius": None}
-    scenario = scenario_of_run(plan, row["run"], drawn)
-    title = f"the worst flight found of: {plan.campaign.title}"
-    return WorstFlight(
-        scenario=scenario.model_copy(update={"title": title}),
-        metric=searched.metric,
-        value=row["value"] if row["value"] < FAILED else math.inf,
-        first=first if first < FAILED else math.inf,
-        flights=searched.flights,
-        family=family,
-        **place,
-        **{key: row[key] for key in ("status", "missed", "plant", "gains")},
-        drawn=drawn,
-    )
 
 
 def region_radius(dimension: int) -> float:
@@ -548,6 +557,37 @@ def search_worst(
                 # With another seed the objective is another function: the strategy starts anew.
                 chance, strategy = int(seeds[place]), None
     return best, chance, first
+
+
+def _other(signs: FloatArray, block: Indices, channel: int) -> FloatArray:
+    """The flight with one channel of a block set to the sign that is rarer in it."""
+    other = signs.copy()
+    other[block, channel] = -1.0 if signs[block, channel].sum() >= 0.0 else 1.0
+    return other
+
+
+def _slopes(
+    about: FloatArray,
+    blocks: Sequence[Indices],
+    flown: Sequence[FloatArray | None],
+    targets: Indices,
+    pushed: Sequence[int],
+) -> list[FloatArray]:
+    """Derivatives of errors at each target by every sign, shape (1 + samples, 2) each."""
+    first, *others = flown
+    slope = np.zeros((len(blocks), 2, len(targets), 2))
+    for (i, channel), errors in zip(product(range(len(blocks)), (0, 1)), others, strict=True):
+        if first is not None and errors is not None:
+            changed = (_other(about, blocks[i], channel) - about)[blocks[i], channel].sum()
+            slope[i, channel] = (errors - first)[targets] / changed
+    rows = np.arange(len(about))
+    centres = [block.mean() for block in blocks[1:]]
+    slopes = []
+    for target, error in product(range(len(targets)), pushed):
+        columns = [np.interp(rows, centres, slope[1:, i, target, error]) for i in (0, 1)]
+        slopes.append(np.stack(columns, axis=1))
+        slopes[-1][0] = slope[0, :, target, error]
+    return slopes
 
 
 def _errors_of(run: Run, _: Scenario) -> list[float]:

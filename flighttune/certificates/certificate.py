@@ -38,6 +38,7 @@ from flighttune.theory.exact import (
     Verification,
     cosine,
     exact,
+    identity,
     margin_check,
     product,
     radius_checks,
@@ -121,15 +122,6 @@ class Claim:
             f"{math.degrees(max(climbs)):g} deg, and for every mixture of their loops"
         )
 
-    @property
-    def values(self) -> dict[str, Any]:
-        """The claim and its place, for a command and a page."""
-        return {
-            **{key: getattr(self, key) for key in ("rate", "radius", "L_d")},
-            "holds": self.place,
-            "conditions": [{"V_a_mps": V_a, "gamma_rad": gamma} for V_a, gamma in self.conditions],
-        }
-
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Certificate(Answering):
@@ -200,24 +192,32 @@ class Certificate(Answering):
     }
 
     def __post_init__(self) -> None:
-        self._check_model()
-        n, _, p = self.model.shape
+        model, claim = self.model, self.claim
+        model.check_channels(self.gains)
+        if len(model.states) > MAX_STATES:
+            raise InputError(f"`states` must be at most {MAX_STATES}, got {len(model.states)}.")
+        for name, names, law in zip(KINDS, model.names, LAW_NAMES, strict=True):
+            if claim.envelope is not None and names != law:
+                raise InputError(
+                    f"`{name}` must be {', '.join(law)} with an `envelope`, the names of the law, "
+                    f"got {', '.join(names)}."
+                )
+        n, _, p = model.shape
         set_read_only(self, Q=(n + p, n + p), W=(n + p, n + p))
-        absent = [self.claim.radius is None, self.W is None, self.multiplier is None]
-        if len(set(absent)) > 1:
+        if len({x is None for x in (claim.radius, self.W, self.multiplier)}) > 1:
             raise InputError("`radius`, `W` and `multiplier` must be given together.")
         if self.multiplier is not None and not math.isfinite(self.multiplier):
             raise InputError(f"`multiplier` must be finite, got {self.multiplier}.")
-        if (self.claim.envelope is None) != (self.hull is None):
+        if (claim.envelope is None) != (self.hull is None):
             raise InputError("`envelope` and `hull` must be given together.")
-        if len(self.models) != len(self.claim.conditions):
+        if len(self.models) != len(claim.conditions):
             raise InputError(
                 f"`models` must be one a condition, got {len(self.models)} models and "
-                f"{len(self.claim.conditions)} conditions."
+                f"{len(claim.conditions)} conditions."
             )
         if self.exact_rates and not self._at_trim:
             raise InputError("`exact_rates` must be empty with an `envelope` or `conditions`.")
-        if self.boxes and self.claim.envelope is not None:
+        if self.boxes and claim.envelope is not None:
             raise InputError("`boxes` must be empty with an `envelope`.")
         sampled = [rate.sampling is not None for rate in self.exact_rates]
         if sampled not in ([], [False], [True], [False, True]):
@@ -225,24 +225,10 @@ class Certificate(Answering):
                 "`exact_rates` must be of the continuous loop, then of the sampled one, each at "
                 f"most once, got {len(sampled)}."
             )
-        for model in self.models:
-            if model.names != self.model.names:
-                raise InputError("`models` must have the states, inputs and errors of `model`.")
+        if any(other.names != model.names for other in self.models):
+            raise InputError("`models` must have the states, inputs and errors of `model`.")
         # A plain dict: a read-only view cannot be pickled, and certificates come back from a copy.
         object.__setattr__(self, "made_with", dict(self.made_with))
-
-    def _check_model(self) -> None:
-        self.model.check_channels(self.gains)
-        if len(self.model.states) > MAX_STATES:
-            raise InputError(
-                f"`states` must be at most {MAX_STATES}, got {len(self.model.states)}."
-            )
-        for name, names, law in zip(KINDS, self.model.names, LAW_NAMES, strict=True):
-            if self.claim.envelope is not None and names != law:
-                raise InputError(
-                    f"`{name}` must be {', '.join(law)} with an `envelope`, the names of the law, "
-                    f"got {', '.join(names)}."
-                )
 
     @property
     def _at_trim(self) -> bool:
@@ -253,6 +239,18 @@ class Certificate(Answering):
     def growth(self) -> float:
         """Largest factor by which the norm of s may grow before it decays."""
         return math.sqrt(float(np.linalg.cond(self.Q)))
+
+    @property
+    def values(self) -> dict[str, Any]:
+        """The claim with its exact rates and boxes, for a command and a page."""
+        claim = self.claim
+        return {
+            **pick(claim, "rate radius L_d"),
+            "holds": claim.place,
+            "conditions": [{"V_a_mps": V_a, "gamma_rad": gamma} for V_a, gamma in claim.conditions],
+            "exact_rates": self.rates_values,
+            "boxes": self.boxes_values,
+        }
 
     @property
     def rates_values(self) -> list[dict[str, Any]]:
@@ -335,12 +333,9 @@ class Certificate(Answering):
 
     def answer(self) -> Answer:
         """The claim with the gains and the model that it is about."""
-        claim = self.claim
         values = {
-            **claim.values,
-            **pick(claim, "envelope g"),
-            "exact_rates": self.rates_values,
-            "boxes": self.boxes_values,
+            **self.values,
+            **pick(self.claim, "envelope g"),
             "sentence": self.sentence,
             "gains": pick(
                 self.gains, "inputs errors K_P K_I" + " feedback" * self.gains.feeds_back
@@ -351,8 +346,7 @@ class Certificate(Answering):
             values=values,
             tables=[
                 Table(columns("rate radius L_d"), [values], "certificate"),
-                *exact_rates_tables(self.rates_values),
-                *boxes_tables(self.boxes_values),
+                *proof_tables(values),
                 gains_table("gains", self.gains),
             ],
             notes=[self.in_words, *filter(None, [self.boxes_note])],
@@ -386,14 +380,12 @@ class Certificate(Answering):
         return Verification.of(checks)
 
 
-def exact_rates_tables(rates: Sequence[Mapping[str, Any]]) -> list[Table]:
-    """The table of exact rates, a row each; none without a rate."""
-    return [Table(EXACT_COLUMNS, rates, "exact rates of the norm")] if rates else []
-
-
-def boxes_tables(boxes: Sequence[Mapping[str, Any]]) -> list[Table]:
-    """The table of boxes of lags and delays, a row each channel; none without a box."""
-    return [Table(BOX_COLUMNS, boxes, "box of lags and delays")] if boxes else []
+def proof_tables(values: Mapping[str, Any]) -> list[Table]:
+    """The exact rates and the boxes of lags and delays in the values of a certificate."""
+    return [
+        Table(EXACT_COLUMNS, values["exact_rates"], "exact rates of the norm"),
+        Table(BOX_COLUMNS, values["boxes"], "box of lags and delays"),
+    ]
 
 
 def load_certificate(path: str | Path) -> Certificate:
@@ -442,25 +434,30 @@ def vertex_matrices(
     B; loops that are the same are one vertex.
     """
     K_P, K_I = exact(gains.K_P), exact(gains.K_I)
-    if hull is None:
-        # A loop that is there twice would be checked twice.
-        distinct: list[Rationals] = []
-        for linear in (model, *models):
-            k, k_M = map(exact, inner_feedback(linear, gains.feedback))
-            A, B = exact(linear.A), exact(linear.B)
-            loop = _closed_loop(A - B @ k_M, B * (1 + k), exact(linear.C), K_P, K_I)
-            if not any(np.array_equal(loop, other) for other in distinct):
-                distinct.append(loop)
-        return tuple(distinct)
-    # A_K is affine in the entries and in the factor: what holds at the vertices holds inside.
-    box = [sorted({Fraction(low), Fraction(high)}) for low, high in _ends(hull)]
-    factors = sorted({Fraction(end) for end in hull.factor})
-    C = exact(model.C)
-    return tuple(
-        _closed_loop(*_jacobians([factor * entry for entry in corner]), C, K_P, K_I)
-        for factor in factors
-        for corner in itertools.product(*box)
-    )
+    nothing = exact(np.zeros((len(model.errors),) * 2))
+
+    def closed(A: Rationals, B: Rationals, C: Rationals) -> Rationals:
+        return np.block([[A + B @ K_P @ C, B @ K_I], [C, nothing]])
+
+    if hull is not None:
+        # A_K is affine in the entries and in the factor: what holds at the vertices holds inside.
+        box = [sorted({Fraction(low), Fraction(high)}) for low, high in _ends(hull)]
+        factors = sorted({Fraction(end) for end in hull.factor})
+        C = exact(model.C)
+        return tuple(
+            closed(*_jacobians([factor * entry for entry in corner]), C)
+            for factor in factors
+            for corner in itertools.product(*box)
+        )
+    # A loop that is there twice would be checked twice.
+    distinct: list[Rationals] = []
+    for linear in (model, *models):
+        k, k_M = map(exact, inner_feedback(linear, gains.feedback))
+        A, B, C = map(exact, (linear.A, linear.B, linear.C))
+        loop = closed(A - B @ k_M, B * (1 + k), C)
+        if not any(np.array_equal(loop, other) for other in distinct):
+            distinct.append(loop)
+    return tuple(distinct)
 
 
 def coverage_checks(
@@ -488,12 +485,6 @@ def _ends(hull: JacobianHull) -> list[tuple[float, float]]:
     return list(zip(hull.lower.tolist(), hull.upper.tolist(), strict=True))
 
 
-def _closed_loop(
-    A: Rationals, B: Rationals, C: Rationals, K_P: Rationals, K_I: Rationals
-) -> Rationals:
-    return np.block([[A + B @ K_P @ C, B @ K_I], [C, exact(np.zeros((len(C), len(C))))]])
-
-
 def _jacobians(entries: Sequence[Fraction]) -> tuple[Rationals, Rationals]:
     a, b1, b2, b3 = entries
     A, B = exact(np.zeros((2, 2))), exact(np.zeros((2, 2)))
@@ -510,12 +501,9 @@ def _inside(name: str, inner: Interval, outer: tuple[float, float]) -> Check:
 def _model_check(model: LinearModel, hull: JacobianHull) -> Check:
     """Checks that the model is the chi/gamma law's, its entries in the polytope for a factor."""
     name = "trim model inside the polytope"
-    A, B = exact(model.A), exact(model.B)
-    if model.shape != (2, 2, 2) or not np.array_equal(model.C, np.eye(2)):
-        return Check(name=name, margin=-np.inf, exact=False)
+    A, B, C = map(exact, (model.A, model.B, model.C))
     entries = [A[1, 1], -B[0, 0], B[1, 0], -B[1, 1]]
-    expected = _jacobians(entries)
-    if not (np.array_equal(A, expected[0]) and np.array_equal(B, expected[1])):
+    if not all(map(np.array_equal, (A, B, C), (*_jacobians(entries), identity(2)))):
         return Check(name=name, margin=-np.inf, exact=False)
     low, high = (Fraction(end) for end in hull.factor)
     margin = high - low

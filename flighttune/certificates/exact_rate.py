@@ -2,18 +2,11 @@
 
 import math
 from dataclasses import dataclass, replace
-from fractions import Fraction
 from typing import Any
 
 import numpy as np
 
-from flighttune.arrays import (
-    FloatArray,
-    check_positive,
-    read_only_vector,
-    set_read_only,
-    square_matrices,
-)
+from flighttune.arrays import FloatArray, check_positive, set_read_only, square_matrices
 from flighttune.control.gains import PIGains
 from flighttune.control.inner_loop import InnerLag, sampled_loop, with_inner_loop, with_input_delay
 from flighttune.control.law import made_law
@@ -63,7 +56,7 @@ class Sampling:
         )
         rule = self.trapezoidal == made_law(gains.law).trapezoidal
         return [
-            Check(name=f"{name} (sampled loop)", margin=0.0 if holds else -math.inf, exact=holds)
+            Check(name=name, margin=0.0 if holds else -math.inf, exact=holds)
             for name, holds in (
                 ("the model and lags are those of the certificate's model", same),
                 ("the integral is that of the law of the gains", rule),
@@ -93,10 +86,16 @@ class ExactRate:
 
     def __post_init__(self) -> None:
         check_positive(rate=self.rate)
-        object.__setattr__(self, "units", read_only_vector("units", self.units))
-        set_read_only(self, Q=(len(self.units),) * 2)
+        n = np.size(self.units)
+        set_read_only(self, units=(n,), Q=(n, n))
         if not (self.units > 0.0).all():
             raise InputError(f"`units` must be positive, got {self.units.tolist()}.")
+
+    def _loop(self, model: LinearModel, gains: PIGains) -> tuple[FloatArray, float | None]:
+        """The loop that `gains` close on `model`, and its sample time."""
+        if self.sampling is None:
+            return closed_loop(model, gains), None
+        return self.sampling.loop(gains), self.sampling.dt
 
     def growth(self, model: LinearModel) -> float:
         """Largest factor by which the norm of s may grow before it decays, in `lag_units`."""
@@ -106,28 +105,21 @@ class ExactRate:
 
     def checks(self, model: LinearModel, gains: PIGains) -> list[Check]:
         """The inequalities that prove the rate of the loop that `gains` close on `model`."""
-        if self.sampling is None:
-            name, dt, loop = "continuous", None, exact(closed_loop(model, gains))
-            checks = []
-        else:
-            name, dt, loop = "sampled", self.sampling.dt, exact(self.sampling.loop(gains))
-            checks = self.sampling.checks(model, gains)
+        loop, dt = self._loop(model, gains)
         if loop.shape != self.Q.shape:
             raise InputError(f"`Q` must have the shape {loop.shape} of its loop.")
-        units = np.array([Fraction(unit) for unit in self.units.tolist()], dtype=object)
-        loop = loop * units / units[:, None]
-        return checks + [
-            replace(check, name=f"{check.name} ({name} loop)")
-            for check in decay_checks(loop, self.Q, rate=self.rate, dt=dt)
-        ]
+        units = exact(self.units)
+        checks = decay_checks(exact(loop) * units / units[:, None], self.Q, rate=self.rate, dt=dt)
+        if self.sampling is not None:
+            checks = [*self.sampling.checks(model, gains), *checks]
+        place = " (continuous loop)" if dt is None else " (sampled loop)"
+        return [replace(check, name=check.name + place) for check in checks]
 
     def values(self, model: LinearModel, gains: PIGains) -> dict[str, Any]:
         """The figures that are printed: the loop, rate, growth, and the rate by eigenvalues."""
-        if self.sampling is None:
-            loop, dt, name = closed_loop(model, gains), None, "continuous"
-        else:
-            loop, dt = self.sampling.loop(gains), self.sampling.dt
-            name = f"sampled at {1.0 / dt:g} Hz"
+        (loop, dt), name = self._loop(model, gains), "continuous"
+        if self.sampling is not None:
+            name = f"sampled at {1.0 / self.sampling.dt:g} Hz"
             if not self.sampling.trapezoidal:
                 name += ", each error summed after its command"
         return {
@@ -167,7 +159,7 @@ def exact_rates(
     units = np.ones(len(loop)) if scaling is None else np.asarray(scaling, dtype=float)
     rates = []
     if (proven := decay(loop * units / units[:, None])) is not None:
-        rates.append(ExactRate(rate=proven.rate, Q=proven.Q, units=units))
+        rates.append(ExactRate(rate=proven[0], Q=proven[1], units=units))
     if sampling is None:
         return tuple(rates), ""
     absent = f"no exact rate of the loop sampled at {1.0 / sampling.dt:g} Hz"
@@ -177,6 +169,6 @@ def exact_rates(
         return tuple(rates), f"{absent}: {error}"
     if (proven := decay(sampled, dt=sampling.dt)) is None:
         return tuple(rates), f"{absent}: it is not proven to be stable."
-    ones = np.ones(len(sampled))
-    rates.append(ExactRate(rate=proven.rate, Q=proven.Q, units=ones, sampling=sampling))
+    rate, Q = proven
+    rates.append(ExactRate(rate=rate, Q=Q, units=np.ones(len(Q)), sampling=sampling))
     return tuple(rates), ""

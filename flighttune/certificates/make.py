@@ -1,6 +1,5 @@
 """Making certificates: solvers propose, the exact checks decide."""
 
-import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
@@ -10,13 +9,7 @@ from typing import Any, Literal
 import numpy as np
 
 from flighttune.arrays import FloatArray
-from flighttune.certificates.certificate import (
-    Certificate,
-    Claim,
-    boxes_tables,
-    exact_rates_tables,
-    vertex_matrices,
-)
+from flighttune.certificates.certificate import Certificate, Claim, proof_tables, vertex_matrices
 from flighttune.certificates.exact_rate import ExactRate
 from flighttune.certificates.lag_box import LagBox
 from flighttune.control.gains import PIGains
@@ -35,7 +28,7 @@ from flighttune.present.names import columns
 from flighttune.theory.common import common_ellipsoid, common_Q
 from flighttune.theory.exact import FACTORS, Verification, provable_rate
 from flighttune.theory.indicators import Indicators, indicators
-from flighttune.theory.lyapunov import Ellipsoid, invariant_ellipsoid
+from flighttune.theory.lyapunov import invariant_ellipsoid
 
 ANY_ENVELOPE = (
     "The certificate holds over any envelope: the error dynamics of the exact law are the same "
@@ -129,10 +122,7 @@ class Certification(Answering):
         values |= {"conditions": [], "checks": [], "exact_rates": [], "boxes": []}
         values["in_words"] = self.in_words
         if self.certificate is not None and self.verification is not None:
-            values |= self.certificate.claim.values
-            values["growth"] = self.certificate.growth
-            values["exact_rates"] = self.certificate.rates_values
-            values["boxes"] = self.certificate.boxes_values
+            values |= self.certificate.values | pick(self.certificate, "growth")
             values["checks"] = [asdict(check) for check in self.verification.checks]
         return values
 
@@ -173,8 +163,7 @@ class Certification(Answering):
                     [{**certificate, "largest_factor": self.largest_factor}],
                     "certificate",
                 ),
-                *exact_rates_tables(certificate["exact_rates"]),
-                *boxes_tables(certificate["boxes"]),
+                *proof_tables(certificate),
             ],
             notes=[
                 *([ANY_ENVELOPE] if everywhere and not identified else []),
@@ -208,9 +197,9 @@ def certify_model(
     each, and for every mixture of their loops. `rates` and `boxes` go into the certificate.
     """
     models = tuple(model for _, model in conditions)
-    refused = partial(Certification, status="refused", model=model, gains=gains)
     if any(other.states != model.states for other in models):
         raise InputError("`conditions` must have models with the states of `model`.")
+    refused = partial(Certification, status="refused", model=model, gains=gains)
     polytope = None
     if envelope is None or g is None:
         loops = np.array([closed_loop(linear, gains) for linear in (model, *models)])
@@ -228,12 +217,17 @@ def certify_model(
         return refused(reason=why)
     ellipsoid = radius = None
     if L_d is not None:
-        ellipsoid, reason = _ellipsoid(loops, disturbance_entry(model), L_d)
+        E = disturbance_entry(model)
+        if alone:  # without slack rounding refutes it
+            ellipsoid, reason = invariant_ellipsoid(loops[0], E, L_d=L_d, slack=1e-6), ""
+        else:
+            ellipsoid, reason = common_ellipsoid(loops, E, L_d=L_d)
         if ellipsoid is None:
             return refused(reason=reason)
-        radius = math.sqrt(float(np.linalg.eigvalsh(ellipsoid.W)[-1])) * FACTORS[0]
-    lyapunov = {"Lyapunov equation": f"numpy {np.__version__}"}
-    solvers = lyapunov if alone else {"solver": "Clarabel", "clarabel": version("clarabel")}
+        radius = ellipsoid.radius * FACTORS[0]
+    solvers = {"solver": "Clarabel", "clarabel": version("clarabel")}
+    if alone:
+        solvers = {"Lyapunov equation": f"numpy {np.__version__}"}
     certificate = Certificate(
         claim=Claim(
             rate=proven[1],
@@ -246,8 +240,8 @@ def certify_model(
         model=model,
         gains=gains,
         Q=proven[0],
-        W=None if ellipsoid is None else ellipsoid.W,
-        multiplier=None if ellipsoid is None else ellipsoid.multiplier,
+        W=ellipsoid and ellipsoid.W,
+        multiplier=ellipsoid and ellipsoid.multiplier,
         hull=polytope,
         models=models,
         made_with={"flighttune": version("flighttune"), **solvers},
@@ -266,9 +260,3 @@ def certify_model(
         certificate=certificate,
         verification=verification,
     )
-
-
-def _ellipsoid(loops: FloatArray, E: FloatArray, L_d: float) -> tuple[Ellipsoid | None, str]:
-    if len(loops) > 1:
-        return common_ellipsoid(loops, E, L_d=L_d)
-    return invariant_ellipsoid(loops[0], E, L_d=L_d, slack=1e-6), ""  # else rounding refutes it

@@ -38,7 +38,7 @@ def band(count_band: Verb, source: str, flights: int | None, out: Path | None) -
 
 
 @of(
-    "campaign.monitor:monitor",
+    "campaign.band:monitor",
     source={"metavar": "CAMPAIGN|MISSION|SCENARIO|LOG", "autocompletion": options.to_fly},
     out="Monitor file (.npz) to write [default: runs/NAME-monitor.npz].",
 )
@@ -114,7 +114,7 @@ def mission(
 
 
 @of(
-    "campaign.tube:tube",
+    "campaign.band:tube",
     out="Proof file (.npz) to write [default: runs/NAME-tube.npz where the set is bounded].",
 )
 def tube(

@@ -184,7 +184,7 @@ def campaign(
         # a campaign that was extended by --runs keeps its length
         plan = plan.with_runs(max(plan.runs, open_dataset(out).plan.runs))
     if dry_run:
-        return forecast(plan, options.FLOWN_BY.get()["workers"]).answer()
+        return forecast(plan, options.FLOWN_BY.get()["workers"])
     try:
         done = run_campaign(campaign=plan, out=out, runs=None)
     except (CampaignError, OutputError) as error:

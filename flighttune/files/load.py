@@ -54,7 +54,7 @@ READERS = {
     CERTIFICATE: "flighttune.certificates.certificate:load_certificate",
     BOUND: "flighttune.certificates.bound:load_bound",
     TUBE: "flighttune.tubes.enclosure:load_tube",
-    BAND: "flighttune.campaign.band:load_counted",
+    BAND: "flighttune.campaign.counting:load_counted",
     MONITOR: "flighttune.claims.monitor:load_monitor",
     RECORDING: "flighttune.records.parquet:load_recording",
     DATASET: "flighttune.campaign.dataset:open_dataset",

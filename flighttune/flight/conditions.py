@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from flighttune.aircraft.aircraft import AircraftConfig
 from flighttune.control.inner_loop import InnerLag
 from flighttune.control.limits import Limits
 from flighttune.errors import InputError
@@ -14,8 +13,8 @@ from flighttune.plants.base import FlightCondition
 from flighttune.plants.weather import Weather, WindProfile, path_through_air
 from flighttune.references.feasible import FeasibleReference, Manoeuvre, feasible_reference
 from flighttune.references.follow import RouteReference
-from flighttune.references.path import Ability
 from flighttune.references.segments import Reference
+from flighttune.scenario.route import RouteTable
 from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import LimitsTable, PlantTable
 from flighttune.units import DEG
@@ -90,27 +89,34 @@ def weather_of(scenario: Scenario) -> Weather | None:
 
 def reference_of(scenario: Scenario) -> Reference | FeasibleReference | RouteReference:
     """The reference that the outer loop follows; an InputError says why it cannot be flown."""
-    f = scenario.flight
     if scenario.feasible:
         return feasible_reference(manoeuvre_of(scenario))
     if scenario.route is not None:
-        route = scenario.route.reference(_ability(scenario), f.V_a_mps)
-        heights = route.path.up[route.path.s <= route.path.length]
-        on = route.path.stretch_at(float(route.path.s[heights.argmin()]))
-        places = [(point.up, point.name) for point in scenario.route.waypoints()]
-        up, where = min([*places, (float(heights.min()), f"the {on.words}")])
-        if (lowest := f.h_m + up) <= f.ground_m:
-            raise InputError(
-                f"`up_m` of [[route.waypoint]] must be above `ground_m`, {f.ground_m:g} m above "
-                f"sea level, everywhere on the route, got {lowest:.0f} m at {where}. If the ground "
-                f"is lower there, set `flight.ground_m` below {lowest:.0f}."
-            )
-        return route
+        return _route_reference(scenario, scenario.route)
     assert scenario.reference is not None  # one of both is there
-    reference = scenario.reference.reference(
-        chi_deg=f.chi_deg, gamma_deg=f.gamma_deg, V_mps=f.V_a_mps
-    )
-    return replace(reference, g=f.g_mps2)
+    return scenario.reference.reference(scenario.flight)
+
+
+def _route_reference(scenario: Scenario, table: RouteTable) -> RouteReference:
+    """A route above the ground, within the limits of the scenario and of all its aircraft."""
+    f, limits = scenario.flight, limits_on(scenario, scenario.plant)
+    phi = float(min(limits.upper[0], -limits.lower[0]))
+    phi_rate = float(min(limits.rate_upper[0], -limits.rate_lower[0]))
+    for key, value in (("phi_deg", phi), ("phi_rate_dps", phi_rate)):
+        if not 0.0 < value < math.inf:
+            raise InputError(f"[limits] `{key}` must be given, and on both sides, for a route.")
+    route = table.reference(f, phi=phi, phi_rate=phi_rate)
+    heights = route.path.up[route.path.s <= route.path.length]
+    on = route.path.stretch_at(float(route.path.s[heights.argmin()]))
+    places = [(point.up, point.name) for point in table.waypoints()]
+    up, where = min([*places, (float(heights.min()), f"the {on.words}")])
+    if (lowest := f.h_m + up) <= f.ground_m:
+        raise InputError(
+            f"`up_m` of [[route.waypoint]] must be above `ground_m`, {f.ground_m:g} m above "
+            f"sea level, everywhere on the route, got {lowest:.0f} m at {where}. If the ground "
+            f"is lower there, set `flight.ground_m` below {lowest:.0f}."
+        )
+    return route
 
 
 def slopes_not_held(scenario: Scenario) -> tuple[str, ...]:
@@ -139,20 +145,6 @@ def slopes_not_held(scenario: Scenario) -> tuple[str, ...]:
     return tuple(notes)
 
 
-def _ability(scenario: Scenario) -> Ability:
-    """Limits of a route: the share of those of the scenario and of all its aircraft."""
-    assert scenario.route is not None
-    limits, f = limits_on(scenario, scenario.plant), scenario.flight
-    phi = float(min(limits.upper[0], -limits.lower[0]))
-    phi_rate = float(min(limits.rate_upper[0], -limits.rate_lower[0]))
-    for key, value in (("phi_deg", phi), ("phi_rate_dps", phi_rate)):
-        if not 0.0 < value < math.inf:
-            raise InputError(f"[limits] `{key}` must be given, and on both sides, for a route.")
-    return scenario.route.ability(
-        V_a=f.V_a_mps, g=f.g_mps2, phi=phi, phi_rate=phi_rate, duration=f.duration_s
-    )
-
-
 def manoeuvre_of(scenario: Scenario) -> Manoeuvre:
     """The change that a reference of shape feasible makes, within the limits less the margin.
 
@@ -163,7 +155,10 @@ def manoeuvre_of(scenario: Scenario) -> Manoeuvre:
     reference, f, limits = scenario.reference, scenario.flight, command_limits(scenario)
     assert reference is not None  # of shape feasible
     for plant in scenario.aircraft:
-        limits = limits.within(_lift_and_limits(plant.config, f.V_a_mps))
+        own, design = plant.config.limits.limits(), plant.config.design
+        lift = 1.0 if design is None else min(1.0, (f.V_a_mps / design.V_a) ** 2)
+        at_lift = np.array([1.0, lift])
+        limits = limits.within(replace(own, lower=at_lift * own.lower, upper=at_lift * own.upper))
     # Bounds of roll and load factor, and of their rates, less the margin about level flight.
     share = 1.0 - (MARGIN if reference.margin is None else reference.margin)
     level = np.array([[0.0, 1.0], [0.0, 1.0], [0.0, 0.0], [0.0, 0.0]])
@@ -178,7 +173,7 @@ def manoeuvre_of(scenario: Scenario) -> Manoeuvre:
     chi_from, gamma_from = reference.chi_from_deg, reference.gamma_from_deg
     chi = DEG * (f.chi_deg if chi_from is None else chi_from)
     gamma = DEG * (f.gamma_deg if gamma_from is None else gamma_from)
-    end = reference.reference(chi_deg=f.chi_deg, gamma_deg=f.gamma_deg)
+    end = reference.reference(f)
     phi, n_z = f.phi_deg * DEG, f.n_z
     return Manoeuvre(
         V_a=f.V_a_mps,
@@ -206,8 +201,7 @@ def lead_on(scenario: Scenario, plant: PlantTable | None) -> tuple[float, float]
     """Lags (s) of roll and lift behind their plan on a plant; None is a plant without lags.
 
     Each is the lag to a ramp and half of a sample, over which commands are held; zero where the
-    reference is not planned by its rates. A ScenarioError says that the model of an aircraft is
-    missing.
+    reference is not planned by its rates.
     """
     if scenario.route is None and not scenario.rolls_in:
         return 0.0, 0.0
@@ -226,7 +220,7 @@ def check_roll_in(scenario: Scenario) -> None:
     limits = limits_on(scenario, scenario.plant)
     rates = np.minimum(limits.rate_upper, -limits.rate_lower)
     keys = {"chi_deg": ("phi_deg", "phi_rate_dps"), "gamma_deg": ("n_z", "n_z_rate_per_s")}
-    for channel, ramp in reference.ramps_in():
+    for channel, ramp in reference.ramps_in:
         i, (key, rate_key) = [*keys].index(channel), keys[channel]
         where, per_load = f"[reference.{channel}]", f.V_a_mps * DEG / f.g_mps2
         load = ramp.rate_dps * per_load
@@ -246,11 +240,3 @@ def check_roll_in(scenario: Scenario) -> None:
                 f"{where} `roll_in_s` must be at least {enough:g} s, in which `{rate_key}` of "
                 f"[limits] gives the rate of {ramp.rate_dps:g} deg/s, got {ramp.roll_in_s:g} s."
             )
-
-
-def _lift_and_limits(config: AircraftConfig, V_a: float) -> Limits:
-    """Limits of an aircraft's commands at an airspeed (m/s), with no more lift than there is."""
-    limits = config.limits.limits()
-    share = 1.0 if config.design is None else min(1.0, (V_a / config.design.V_a) ** 2)
-    at_lift = np.array([1.0, share])
-    return replace(limits, lower=at_lift * limits.lower, upper=at_lift * limits.upper)

@@ -5,21 +5,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple, TypeAlias, get_args
 
+from flighttune import metrics
 from flighttune.arrays import FloatArray
 from flighttune.control.gains import PIGains
 from flighttune.flight.models import loop_measures
-from flighttune.metrics import (
-    AIRSPEED,
-    CHANNELS,
-    ENVELOPE,
-    ENVELOPES,
-    MEASURED,
-    envelope_bounds,
-    measures,
-    settling_band,
-    signal_arrays,
-    stated_bounds,
-)
 from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import ExpectTable, in_rad
 from flighttune.simulate.measures import SETTLING_BAND, SMALLEST_STEP
@@ -27,6 +16,9 @@ from flighttune.simulate.run import Run
 from flighttune.units import DEG
 
 Sense: TypeAlias = Literal["at_most", "at_least"]
+
+# Measures by subject, as of `flighttune.metrics.measures`
+Measured: TypeAlias = Mapping[str, Mapping[str, float]]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -133,57 +125,47 @@ class ClaimCheck:
 def check_claim(scenario: Scenario, runs: Sequence[Run]) -> ClaimCheck:
     """Check every run against the ``[[expect]]`` tables of its scenario."""
     bounds: list[BoundCheck] = []
-    missed: list[str] = []
+    sentences: list[str] = []
     counts: list[Counts] = []
     for run in runs:
-        made_by = run.provenance
-        tables, measured = scenario.expected(made_by.plant, made_by.gains_name), {}
+        made_by, measured = run.provenance, {}
+        tables = scenario.expected(made_by.plant, made_by.gains_name)
         stated = any(table.status for table in tables)
-        if wrong_end := _wrong_end(tables, run.status, run.reason):
-            missed.append(f"{run.label}: {wrong_end}")
-            checks = [replace(check, flown=False) for check in bound_checks(tables, {}, run.label)]
-            # A stated end is missed; without one and without bounds the run itself was not flown.
-            met, not_flown = 0, len(checks) or int(not stated)
-        else:
-            of_run = tables, scenario, made_by.gains_name, made_by.gains
-            measured = with_loop(measures(run), *of_run)
-            checks = list(bound_checks(tables, measured, run.label))
-            wrong_end = not_followed(tables, measured)
-            misses = [check.sentence for check in checks if not check.met]
-            missed += [f"{run.label}: {miss}" for miss in (*misses, wrong_end) if miss]
-            met, not_flown = sum(check.met for check in checks) + int(stated and not wrong_end), 0
-        end = stated or bool(wrong_end and (measured or not checks))
+        if flown := not _wrong_end(tables, run.status, run.reason):
+            loop = bounded_loop(tables, scenario, made_by.gains_name, made_by.gains)
+            measured = {**metrics.measures(run), **loop}
+        checks = [replace(x, flown=flown) for x in bound_checks(tables, measured, run.label)]
+        late = not_followed(tables, measured)
+        misses = missed(tables, run.status, run.reason, measured)
+        sentences += [f"{run.label}: {miss}" for miss in misses]
+        # A stated end is missed; without one and without bounds the run itself was not flown.
+        end = stated or bool(late) or not (flown or checks)
+        met = sum(check.met for check in checks) + int(stated and flown and not late)
+        not_flown = 0 if flown else len(checks) or int(not stated)
         counts.append(Counts(len(checks) + int(end), met, not_flown))
         bounds += checks
     tested = any(count.requirements for count in counts)
     return ClaimCheck(
-        verdict="not met" if missed else "met" if tested else "not tested",
+        verdict="not met" if sentences else "met" if tested else "not tested",
         counts=tuple(counts),
         bounds=tuple(bounds),
-        missed=tuple(missed),
+        missed=tuple(sentences),
     )
 
 
-def with_loop(
-    measured: Mapping[str, Mapping[str, float]],
-    tables: Sequence[ExpectTable],
-    scenario: Scenario,
-    name: str,
-    gains: PIGains | None,
-) -> Mapping[str, Mapping[str, float]]:
-    """Measures of a flight, and those of its linear loop where a table bounds one."""
+def bounded_loop(
+    tables: Sequence[ExpectTable], scenario: Scenario, name: str, gains: PIGains | None
+) -> Measured:
+    """Measures of the linear loop of a gain set, as ``loop``, where a table bounds one."""
     bounds = (bounds for table in tables for bounds in (table.at_most, table.at_least))
     wanted = {in_rad(measure) for own in bounds for measure in own.get("loop", ())}
     if gains is None or not wanted:
-        return measured
-    return {**measured, "loop": loop_measures(scenario, name, gains, wanted)}
+        return {}
+    return {"loop": loop_measures(scenario, name, gains, wanted)}
 
 
 def missed(
-    tables: Sequence[ExpectTable],
-    status: str,
-    reason: str,
-    measured: Mapping[str, Mapping[str, float]],
+    tables: Sequence[ExpectTable], status: str, reason: str, measured: Measured
 ) -> tuple[str, ...]:
     """Return a sentence for each requirement of `tables` that one run does not meet."""
     if wrong_end := _wrong_end(tables, status, reason):
@@ -201,25 +183,20 @@ def _wrong_end(tables: Sequence[ExpectTable], status: str, reason: str) -> str:
     return f"{status}{wanted}: {reason or 'flown to its end'}"
 
 
-def not_followed(tables: Sequence[ExpectTable], measured: Mapping[str, Mapping[str, float]]) -> str:
+def not_followed(tables: Sequence[ExpectTable], measured: Measured) -> str:
     """Why a completed run does not follow its reference to the end; empty if it does."""
     share, channel = end_share(tables, measured)
     if share <= 1.0:
         return ""
-    values, unit = measured[channel], "m/s" if channel == AIRSPEED else "deg"
-    mean, most = (
-        values[name] if channel == AIRSPEED else values[name] / DEG
-        for name in ("end_error", "end_allowed")
-    )
+    per, unit = (1.0, "m/s") if channel == metrics.AIRSPEED else (DEG, "deg")
+    mean, most = (measured[channel][name] / per for name in ("end_error", "end_allowed"))
     return (
         f"{channel} does not follow its reference to the end: the mean error there must be at most "
         f"{most:.3g} {unit}, got {mean:.3g}"
     )
 
 
-def end_share(
-    tables: Sequence[ExpectTable], measured: Mapping[str, Mapping[str, float]]
-) -> tuple[float, str]:
+def end_share(tables: Sequence[ExpectTable], measured: Measured) -> tuple[float, str]:
     """Largest mean error at the end relative to what is allowed, and its channel; 0 if none counts.
 
     None counts without a bound, or where another end is stated; nor does that of a channel with a
@@ -229,32 +206,32 @@ def end_share(
     if not bounds or any(table.status not in (None, "completed") for table in tables):
         return 0.0, ""
     poor = {check.subject for check in _lower(bounds)}
-    return max(
-        (
-            (values["end_error"] / values["end_allowed"], channel)
-            for channel, values in measured.items()
-            if "end_error" in values and channel not in poor
-        ),
-        default=(0.0, ""),
+    shares = (
+        (values["end_error"] / values["end_allowed"], channel)
+        for channel, values in measured.items()
+        if "end_error" in values and channel not in poor
     )
+    return max(shares, default=(0.0, ""))
 
 
 def _lower(bounds: Sequence[BoundCheck]) -> list[BoundCheck]:
     """Bounds below an error or time of a channel that has none above."""
     above = {(x.run, x.subject, x.measure) for x in bounds if x.sense == "at_most"}
     return [
-        x for x in bounds if x.subject in CHANNELS and (x.run, x.subject, x.measure) not in above
+        x
+        for x in bounds
+        if x.subject in metrics.CHANNELS and (x.run, x.subject, x.measure) not in above
     ]
 
 
 def bound_checks(
-    tables: Sequence[ExpectTable], measured: Mapping[str, Mapping[str, float]], run: str = ""
+    tables: Sequence[ExpectTable], measured: Measured, run: str = ""
 ) -> Iterator[BoundCheck]:
     """Check the measures of a run against every bound of `tables`."""
     for table in tables:
         for sense in get_args(Sense):
             for subject, limits in getattr(table, sense).items():
-                for name, bound in stated_bounds(subject, limits).items():
+                for name, bound in metrics.stated_bounds(subject, limits).items():
                     own, of_subject = in_rad(name), measured.get(subject, {})
                     value = of_subject.get(own, math.nan)
                     yield BoundCheck(
@@ -273,17 +250,18 @@ def envelopes(run: Run, signal: str) -> Iterator[FloatArray]:
     origin = run.provenance
     for table in (ExpectTable(**tables) for tables in origin.scenario.get("expect", ())):
         for subject, limits in table.at_most.items():
-            own, _ = ENVELOPES.get(subject, ("", ""))
-            if own == signal and table.meant(origin.plant, origin.gains_name):
-                columns = signal_arrays(run, MEASURED)
-                for name in stated_bounds(subject, limits):
-                    if name.startswith(ENVELOPE):
-                        yield envelope_bounds(name, run.t, subject, columns)
+            own, _ = metrics.ENVELOPES.get(subject, ("", ""))
+            meant = own == signal and table.meant(origin.plant, origin.gains_name)
+            for name in metrics.stated_bounds(subject, limits) if meant else ():
+                if name.startswith(metrics.ENVELOPE):
+                    yield metrics.envelope_bounds(
+                        name, run.t, subject, metrics.signal_arrays(run, metrics.MEASURED)
+                    )
 
 
 def _unsettled(name: str, measured: Mapping[str, float]) -> str:
     """Why a response was not settled before the last quarter of its flight; else empty."""
-    band, late = settling_band(name), measured.get("late_rad", 0.0)
+    band, late = metrics.settling_band(name), measured.get("late_rad", 0.0)
     least = measured.get("settling_band_rad", math.inf) if band is None else band
     if not (name.startswith("settling_s") and late > least):
         return ""

@@ -2,7 +2,7 @@
 
 import platform
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import cache, partial
@@ -17,24 +17,18 @@ from flighttune.control.gains import PIGains
 from flighttune.control.guarded import MAX_LAG_S, LawError
 from flighttune.control.law import split_name
 from flighttune.control.limits import Limits
-from flighttune.control.linear_model import LinearModel, closed_loop
+from flighttune.control.linear_model import closed_loop
 from flighttune.errors import InputError, TrimError
+from flighttune.flight import conditions
 from flighttune.flight.apart import Progress, apart
-from flighttune.flight.conditions import (
-    command_limits,
-    lead_on,
-    reference_of,
-    start_condition,
-    stated_condition,
-    weather_of,
-)
 from flighttune.flight.flown import FlownScenario
-from flighttune.flight.load import as_arguments, as_scenario, check_scenario
+from flighttune.flight.load import as_scenario, check_scenario
 from flighttune.flight.models import gain_sets, law_setup, linear_loop
 from flighttune.flight.own import LawMaker, PlantMaker, with_own
 from flighttune.plants.base import AirPathPlant, GuardedPlant, Plant
 from flighttune.plants.point_mass import PointMassPlant, PoweredPointMass
 from flighttune.plants.weather import WIND, WindRecord
+from flighttune.scenario.load import as_arguments
 from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import TUNED, PlantTable
 from flighttune.simulate.loop import LOOP_SIGNALS, simulate
@@ -102,61 +96,44 @@ def fly(
     sets, tuning = gain_sets(scenario)
     indicators_of = {}
     for name, gain_set in sets.items():
-        linear = None if gain_set is None else _linear_loop(scenario, name, gain_set)
+        if gain_set is None:
+            continue
+        loop = partial(linear_loop, scenario, name, gain_set)
+        own = scenario.law_table(name).module is not None
+        linear: Any = apart(lambda _, loop=loop: loop(), START_S)[0] if own else loop()
         if linear is not None:
             indicators_of[name] = indicators(closed_loop(*linear), errors=len(linear[0].errors))
     # In wind the first aircraft flies first: plants without weather replay the wind it met.
     source = scenario.wind_source
     runs: dict[tuple[str, str], Run] = {}
     for table in sorted(scenario.plant, key=lambda plant: scenario.windy and not plant.aircraft):
-        replays = source if table.aircraft is None else None
         for name, gain_set in sets.items():
-            wind_run = runs[replays.label, name] if replays else None
+            wind_run = runs[source.label, name] if source and table.aircraft is None else None
             flight = partial(fly_alone, scenario, table, gain_set, name, wind_run=wind_run)
-            own = gain_set is not None and (table.module or _from_file(scenario, name))
-            runs[table.label, name] = (
-                _fly_apart(flight, scenario, table, name, progress)
-                if own
-                else flight(progress=progress)
-            )
+            run = _flown(flight, scenario, table, name, progress)
             of_tuning = gain_set is None and split_name(name)[1] == TUNED
             if of_tuning and tuning is not None and tuning.reason:
-                runs[table.label, name] = replace(runs[table.label, name], reason=tuning.reason)
+                run = replace(run, reason=tuning.reason)
+            runs[table.label, name] = run
     flown = tuple(runs[table.label, name] for table in scenario.plant for name in sets)
     return FlownScenario(scenario, flown, MappingProxyType(indicators_of), tuning, arguments)
 
 
-def _from_file(scenario: Scenario, name: str) -> bool:
-    """Whether the law of a gain set comes from a file of the user's."""
-    law = scenario.law_table(name)
-    return law.of_the_user and law.module is not None
-
-
-def _linear_loop(
-    scenario: Scenario, name: str, gains: PIGains
-) -> tuple[LinearModel, PIGains] | None:
-    """`linear_loop`, of a law from a file in a copy of this process."""
-    loop = partial(linear_loop, scenario, name, gains)
-    return apart(lambda _: loop(), START_S)[0] if _from_file(scenario, name) else loop()
-
-
-def _fly_apart(
-    flight: Callable[..., Run],
-    scenario: Scenario,
-    table: PlantTable,
-    name: str,
-    progress: Progress | None,
+def _flown(
+    fly_it: partial[Run], scenario: Scenario, table: PlantTable, name: str, seen: Progress | None
 ) -> Run:
-    """A flight in a copy of this process: where its law or plant ends the copy, others go on."""
+    """A flight; in a copy of this process where its law or plant is a file, which may end it."""
+    law = scenario.law_table(name)
+    if not (law.module or table.module):
+        return fly_it(progress=seen)
     duration = scenario.flight.duration_s
     silence = duration + MAX_LAG_S + START_S
-    run, end, part = apart(lambda seen: flight(progress=seen), silence, progress)
+    run, end, part = apart(lambda told: fly_it(progress=told), silence, seen)
     if run is not None:
         return run
-    law = _from_file(scenario, name)
-    who = f"law {scenario.law_table(name).name}" if law else f"plant {table.label}"
+    who = f"law {law.name}" if law.module else f"plant {table.label}"
     reason = f"{who} after t = {part * duration:.2f} s: its process {end}."
-    status = "law_failed" if law else "plant_failed"
+    status = "law_failed" if law.module else "plant_failed"
     return _without_samples(provenance(scenario, table.label, name, None), status, reason)
 
 
@@ -186,7 +163,7 @@ def plant_of(table: PlantTable, scenario: Scenario, wind: WindRecord | None = No
         }
         if not scenario.airspeed:
             return PointMassPlant(lags, **options)
-        limits = command_limits(scenario)
+        limits = conditions.command_limits(scenario)
         n_x = float(limits.lower[2]), float(limits.upper[2])
         return PoweredPointMass(n_x, lags and (*lags, table.thrust_lag()), **options)
     from flighttune.plants.jsbsim.plant import JSBSimPlant, steps_for
@@ -195,7 +172,7 @@ def plant_of(table: PlantTable, scenario: Scenario, wind: WindRecord | None = No
         table.config,
         steps=steps_for(table.config, scenario.controller.rate_hz),
         seed=scenario.seed,
-        weather=weather_of(scenario),
+        weather=conditions.weather_of(scenario),
         ground=scenario.flight.ground_m,
         throttle_max=table.throttle_max,
         throttle_max_from=table.throttle_max_from_s or 0.0,
@@ -226,31 +203,26 @@ def fly_alone(
     `wind_run`, a flight of the same gains; without one it flies in the steady wind of the scenario.
     """
     scenario, label = with_own(scenario), table.label
-    wind = None
-    if wind_run is not None and len(wind_run.signals):
+    table, origin = scenario.plant_table(label), partial(provenance, scenario, label, gains_name)
+    if gains is None:
+        reason = "tuning found no gains that meet the constraints"
+        return _without_samples(origin(None), "no_gains", reason)
+    if wind_run is None:
+        wind = steady_wind(scenario)
+    elif len(wind_run.signals):
         wind = wind_met(wind_run)
-    elif wind_run is not None and gains is not None:
+    else:
         source = wind_run.provenance.plant
         reason = f"the wind is that of {source}, which did not fly: {wind_run.reason}"
-        made_by = provenance(scenario, label, gains_name, gains)
-        return _without_samples(made_by, wind_run.status, reason)
-    else:
-        wind = steady_wind(scenario)
-    plant = plant_of(scenario.plant_table(label), scenario, wind)
-    return fly_once(
-        scenario,
-        plant,
-        gains,
-        plant_label=label,
-        gains_name=gains_name,
-        lead=lead_on(scenario, scenario.plant_table(label)),
-        progress=progress,
-    )
+        return _without_samples(origin(gains), wind_run.status, reason)
+    plant, lead = plant_of(table, scenario, wind), conditions.lead_on(scenario, table)
+    flight = partial(fly_once, scenario, plant, gains, plant_label=label, gains_name=gains_name)
+    return flight(lead=lead, progress=progress)
 
 
 def steady_wind(scenario: Scenario) -> WindRecord | None:
     """The wind at the start of a flight, for plants without weather; None in still air."""
-    weather = weather_of(scenario)
+    weather = conditions.weather_of(scenario)
     if weather is None or not scenario.windy:
         return None
     return WindRecord.steady(weather.deterministic(0.0, scenario.flight.h_m))
@@ -264,7 +236,7 @@ def wind_met(run: Run) -> WindRecord:
 def fly_once(
     scenario: Scenario,
     plant: Plant,
-    gains: PIGains | None,
+    gains: PIGains,
     *,
     plant_label: str,
     gains_name: str,
@@ -274,20 +246,14 @@ def fly_once(
 ) -> Run:
     """Fly the manoeuvre of a scenario once, on a plant that has not flown before.
 
-    `gains` is None where tuning found none: the run then says so. `limits` are by default those of
-    the scenario and of the plant; `lead` is that of `simulate`. A run that diverged, left the
-    envelope, hit the ground or could not start says so in its status and reason; only an aircraft
-    that cannot be built raises a PlantError.
+    `limits` are by default those of the scenario and of the plant; `lead` is that of `simulate`. A
+    run that diverged, left the envelope, hit the ground or could not start says so in its status
+    and reason; only an aircraft that cannot be built raises a PlantError.
     """
-    scenario = with_own(scenario)
-    if gains is None:
-        reason = "tuning found no gains that meet the constraints"
-        made_by = provenance(scenario, plant_label, gains_name, None)
-        return _without_samples(made_by, "no_gains", reason)
-    started = time.perf_counter()
+    scenario, started = with_own(scenario), time.perf_counter()
     duration = scenario.flight.duration_s
     if limits is None:
-        limits = command_limits(scenario).within(plant.limits)
+        limits = conditions.command_limits(scenario).within(plant.limits)
     law, _ = scenario.law_of(gains_name, gains)
     # A law that gains do not describe flies by something of its own, and its run has none.
     made_by = provenance(scenario, plant_label, gains_name, gains if law.by_gains else None)
@@ -316,9 +282,10 @@ def fly_once(
 def manoeuvre(scenario: Scenario, plant: Plant, label: str) -> dict[str, Any]:
     """Reference, start, duration and sensors of a flight of a plant, as `simulate` takes them."""
     in_wind = WIND[0] in plant.signals
+    start = conditions.start_condition if in_wind else conditions.stated_condition
     return {
-        "reference": reference_of(scenario),
-        "condition": (start_condition if in_wind else stated_condition)(scenario),
+        "reference": conditions.reference_of(scenario),
+        "condition": start(scenario),
         "duration": scenario.flight.duration_s,
         "sensors": scenario.sensors_on(label),
     }

@@ -1,30 +1,25 @@
 """The verbs about gains: tune them for a scenario, certify them, and draw their frontier."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from flighttune.arrays import check_at_least
-from flighttune.certificates.bound import RateBound, bound_rate
+from flighttune.certificates.bound import bound_rate
 from flighttune.certificates.exact_rate import exact_rates
+from flighttune.certificates.lag_box import lag_boxes
 from flighttune.certificates.make import Certification, certify_model
 from flighttune.control.gains import PIGains, paper_family
 from flighttune.control.law import Law
 from flighttune.control.linear_model import LinearModel
 from flighttune.errors import InfeasibleError, InputError
 from flighttune.files.whole import write_text
+from flighttune.flight import models
 from flighttune.flight.load import as_scenario, load_scenario, scenario_and_gains
-from flighttune.flight.models import (
-    certify_scenario,
-    gain_set,
-    linear_loop,
-    trim_and_envelope,
-    tune_scenario,
-    tuning_problem,
-    tuning_scaling,
-)
 from flighttune.flight.own import with_own
+from flighttune.identification.file import files_of
 from flighttune.present.answer import Answer, Answering, Table
 from flighttune.present.chart import Sheet
 from flighttune.present.names import columns
@@ -121,15 +116,20 @@ def tune(
     if envelope and not everywhere and not (law or scenario.laws[0]).same_everywhere:
         if scenario.tuning.objective != "R_K":
             raise InputError("`objective` of [tuning] must be R_K over an envelope, got cost.")
-        trim, ranges = trim_and_envelope(scenario)
-        problem = tuning_problem(scenario, law)
+        trim, ranges = models.trim_and_envelope(scenario)
+        problem = models.tuning_problem(scenario, law)
         result = tune_over_envelope(problem, ranges, trim, g=scenario.flight.g_mps2, **chosen)
     else:
-        result = tune_scenario(scenario, law=law, lag=lag)
+        result = models.tune_scenario(scenario, law, lag=lag)
         if result.status == "infeasible":
             result = replace(result, diagnosis=diagnosis(result.problem))
     result = replace(result, tuned_for=_tuned_for(scenario, law, envelope=envelope))
-    return replace(result, bound=_proven_bound(result.problem)) if prove else result
+    if prove:
+        problem = result.problem
+        if (bound := bound_rate(problem.model, problem.I_star, problem.scaling)) is None:
+            raise InfeasibleError(f"no bound on R_K was proven for `I_star` {problem.I_star:g}.")
+        result = replace(result, bound=bound)
+    return result
 
 
 def _tuned_for(scenario: Scenario, law: Law | None, *, envelope: bool) -> dict[str, Any]:
@@ -144,12 +144,6 @@ def _tuned_for(scenario: Scenario, law: Law | None, *, envelope: bool) -> dict[s
         speeds = [*scenario.envelope.V_a_mps]
     same = (law or scenario.laws[0]).same_everywhere
     return {"aircraft": flown_aircraft(scenario.plant), "V_a_mps": [] if same else speeds}
-
-
-def _proven_bound(problem: TuningProblem) -> RateBound:
-    if (bound := bound_rate(problem.model, problem.I_star, problem.scaling)) is None:
-        raise InfeasibleError(f"no bound on R_K was proven for `I_star` {problem.I_star:g}.")
-    return bound
 
 
 def certify(
@@ -222,7 +216,7 @@ def certify(
             raise InputError(
                 f"`envelope` and `lag` must be absent for {name}, whose law is your own."
             )
-        if (linear := linear_loop(with_own(scenario), name, chosen)) is None:
+        if (linear := models.linear_loop(with_own(scenario), name, chosen)) is None:
             raise InfeasibleError(
                 f"{name}: the law must have `linear()` to be certified, got none."
             )
@@ -231,17 +225,81 @@ def certify(
         )
         return replace(certification, name=name)
     options = {"envelope": envelope, "L_d": L_d, "law": law, "lag": lag}
-    certification = replace(
-        certify_scenario(scenario, chosen, **options, sampled=True),
-        name=name,
-        over_envelope=envelope,
-        scaling=tuning_scaling(scenario, law),
+    return replace(certify_scenario(scenario, chosen, **options, full=True), name=name)
+
+
+def certify_scenario(
+    scenario: Scenario,
+    gains: PIGains,
+    *,
+    envelope: bool = False,
+    L_d: float | None = None,
+    law: Law | None = None,
+    lag: Sequence[float] | Sequence[Sequence[float]] | None = None,
+    full: bool = False,
+) -> Certification:
+    """A certificate of gains on the linear model of a scenario, or the reason for its absence.
+
+    The arguments are those of `certify`; the law is by default the first that takes the gains.
+    `full` proves the exact rate of the sampled loop too, and finds the largest envelope, which
+    takes up to a second.
+    """
+    settings, law = scenario.tuning, law or scenario.law_for(gains)
+    if L_d is None and scenario.disturbance is not None:
+        bound = scenario.disturbance.sinusoid().rate_bound
+        L_d = bound if 0.0 < bound < math.inf else None
+    identified = envelope and settings.model == "identified"
+    varies = envelope and not (identified or law.same_everywhere)
+    if varies and lag is not None:
+        raise InputError("`lag` must be absent over the ranges of [envelope].")
+    over = models.trim_and_envelope(scenario) if varies else None
+    everywhere = models.identified_models(scenario, law, everywhere=True) if identified else ()
+    orders = sorted({len(design.model.states) for design in everywhere})
+    if len(orders) > 1:
+        raise InputError(
+            f"`identified` must have lags of one order at every condition for a common Q, got "
+            f"models of {' and '.join(map(str, orders))} states."
+        )
+    model, scaling = models.linear_model(scenario, law), models.tuning_scaling(scenario, law)
+    g, largest = (scenario.flight.g_mps2 if over else None), None
+    rates, boxes, why, unsampled = (), (), "", ""
+    if not envelope:
+        sampled = models.sampling(scenario, law) if full else None
+        rates, unsampled = exact_rates(model, gains, scaling=scaling, sampling=sampled)
+    if lag is not None or identified:
+        late = models.late_ranges(scenario, law, lag, everywhere)
+        laws = [model, *(design.law_model for design in everywhere)]
+        boxes, why = lag_boxes(laws, gains, *late)
+    whole: dict[str, Any] = {"over_envelope": envelope, "scaling": scaling}
+    if why and lag is not None:
+        return Certification(status="refused", reason=why, model=model, gains=gains, **whole)
+    certification = certify_model(
+        model,
+        gains,
+        envelope=over and over[1],
+        g=g,
+        L_d=L_d,
+        conditions=[((design.V_a, design.gamma), design.model) for design in everywhere],
+        scenario_sha256=scenario.sha256,
+        rates=rates,
+        boxes=boxes,
     )
-    if not envelope or law.same_everywhere or scenario.tuning.model == "identified":
-        return certification
-    (trim, ranges), g = trim_and_envelope(scenario), scenario.flight.g_mps2
-    largest = largest_factor(chosen, ranges, trim, g=g)
-    return replace(certification, ranges=(trim, ranges), g=g, largest_factor=largest)
+    certificate = certification.certificate
+    if certificate is not None and settings.model == "identified":
+        table = scenario.identified_in
+        files = files_of(table.identified or getattr(table, "aircraft", None))
+        certificate = replace(certificate, files=files)
+    if over and full:
+        largest = largest_factor(gains, over[1], over[0], g=scenario.flight.g_mps2)
+    return replace(
+        certification,
+        certificate=certificate,
+        absent=why or unsampled,
+        ranges=over,
+        g=g,
+        largest_factor=largest,
+        **whole,
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -330,11 +388,11 @@ def frontier(
         )
     law, flight = scenario.laws[0], scenario.flight
     names = [name for name in scenario.gain_names if scenario.law_of(name)[0].by_gains]
-    sets = {**paper_family(), **{name: gain_set(scenario, name) for name in names}}
+    sets = {**paper_family(), **{name: models.gain_set(scenario, name) for name in names}}
     marked = {
         name: law.gains_from(gains, V_a=flight.V_a_mps, g=flight.g_mps2)
         for name, gains in sets.items()
         if gains is not None
     }
-    table = frontier_table(tuning_problem(scenario), points=points, marked=marked)
+    table = frontier_table(models.tuning_problem(scenario), points=points, marked=marked)
     return Frontier(scenario=scenario, table=table)

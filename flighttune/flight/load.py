@@ -1,10 +1,7 @@
 """A scenario from its file, with what it names; what cannot be flown is refused in one line."""
 
-import json
 import math
-import shlex
 from collections.abc import Iterator, Mapping, Sequence
-from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -14,25 +11,12 @@ from flighttune.errors import InfeasibleError, InputError, ScenarioError
 from flighttune.files.mistakes import joined, validated
 from flighttune.files.shipped import scenario_files
 from flighttune.files.table import toml_tables
-from flighttune.flight.conditions import (
-    check_roll_in,
-    command_limits,
-    lead_on,
-    reference_of,
-    start_condition,
-)
+from flighttune.flight import conditions
 from flighttune.flight.models import gain_set, tuning_scaling
 from flighttune.identification.file import load_identified
 from flighttune.plants.jsbsim.plant import check_off_nominal
 from flighttune.references.mission import RouteFile
-from flighttune.scenario.load import (
-    existing_file,
-    leaves,
-    title_with,
-    with_changes,
-    with_files,
-    with_gains,
-)
+from flighttune.scenario.load import existing_file, title_with, with_changes, with_files, with_gains
 from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import TUNED_FED_BACK, PlantTable
 from flighttune.units import DEG
@@ -100,12 +84,6 @@ def as_scenario(
             f"{', '.join(changes)}."
         )
     return with_gains(source, gains, source.title) if gains else source
-
-
-def as_arguments(source: str | Path, changes: Mapping[str, Any] | None) -> str:
-    """A scenario and values set in it as the arguments of a command."""
-    words = (("--set", f"{key}={json.dumps(value)}") for key, value in leaves(changes or {}))
-    return shlex.join([str(source), *chain(*words)])
 
 
 def route_scenario(
@@ -188,15 +166,15 @@ def check_scenario(scenario: Scenario, source: str) -> None:
     """
     try:
         if scenario.route is not None:
-            reference_of(scenario)
-        start_condition(scenario)
-        check_roll_in(scenario)
+            conditions.reference_of(scenario)
+        conditions.start_condition(scenario)
+        conditions.check_roll_in(scenario)
         for plant in scenario.plant:
-            lead_on(scenario, plant)
+            conditions.lead_on(scenario, plant)
         tuning_scaling(scenario)
         faults = {fault: None for plant in scenario.plant for fault in _faults(scenario, plant)}
         if scenario.feasible and not faults:
-            reference_of(scenario)
+            conditions.reference_of(scenario)
     except InputError as error:
         raise ScenarioError(f"{source}: {error}") from error
     if faults:
@@ -241,14 +219,23 @@ def _faults(scenario: Scenario, plant: PlantTable) -> Iterator[str]:
         except InputError as error:
             yield f"[plant.airframe] {error}"
     ground = scenario.flight.ground_m
-    for name, fault in start_faults(config, start_condition(scenario), ground):
+    for name, fault in start_faults(config, conditions.start_condition(scenario), ground):
         yield f"[flight] `{FLIGHT_KEYS[name]}` {fault}"
     yield from _limit_faults(scenario, config)
-    yield from _airspeed_faults(scenario, config)
 
 
-def _airspeed_faults(scenario: Scenario, config: AircraftConfig) -> Iterator[str]:
-    """Airspeeds asked for beyond what an aircraft flies, and an n_x without steady flight."""
+def _limit_faults(scenario: Scenario, config: AircraftConfig) -> Iterator[str]:
+    """Commands and airspeeds beyond those of the aircraft, and an n_x without steady flight."""
+    for key, (least, most), unit, symbol in (
+        ("phi_deg", config.limits.phi, DEG, " deg"),
+        ("n_z", config.limits.n_z, 1.0, ""),
+    ):
+        asked, ends = getattr(scenario.limits, key), (least / unit, most / unit)
+        if asked is not None and not (asked[0] < ends[1] and ends[0] < asked[1]):
+            yield (
+                f"[limits] `{key}` must overlap {ends[0]:g} to {ends[1]:g}{symbol} "
+                f"({config.file}), got {asked}"
+            )
     if not scenario.airspeed:
         return
     f, (low, high) = scenario.flight, config.envelope.V_a
@@ -256,30 +243,16 @@ def _airspeed_faults(scenario: Scenario, config: AircraftConfig) -> Iterator[str
         where, asked = "[[route.waypoint]]", tuple(scenario.route.airspeeds.values())
     else:
         assert scenario.reference is not None  # one of both is there
-        where, asked = "[reference]", scenario.reference.airspeeds(f.V_a_mps, f.duration_s)
+        where, asked = "[reference]", scenario.reference.airspeeds(f)
     if wrong := [V for V in asked if not low < V < high]:
         yield (
             f"{where} `V_mps` must stay inside {low:g} to {high:g} m/s of {config.folder.name}, "
             f"got {wrong[0]:g} m/s"
         )
-    limits = command_limits(scenario).within(config.limits.limits(airspeed=True))
+    limits = conditions.command_limits(scenario).within(config.limits.limits(airspeed=True))
     least, most = float(limits.lower[2]), float(limits.upper[2])
     if not least < math.sin(f.gamma_deg * DEG) < most:
         yield (
             f"[limits] `n_x` must hold that of steady flight at the start, "
             f"{math.sin(f.gamma_deg * DEG):.3g}, got {least:g} to {most:g}"
         )
-
-
-def _limit_faults(scenario: Scenario, config: AircraftConfig) -> Iterator[str]:
-    """Ranges of commands that do not overlap with those of the aircraft."""
-    limits = scenario.limits
-    for key, asked, (low, high), unit, symbol in (
-        ("phi_deg", limits.phi_deg, config.limits.phi, DEG, " deg"),
-        ("n_z", limits.n_z, config.limits.n_z, 1.0, ""),
-    ):
-        if asked is not None and not (asked[0] < high / unit and low / unit < asked[1]):
-            yield (
-                f"[limits] `{key}` must overlap {low / unit:g} to {high / unit:g}{symbol} "
-                f"({config.file}), got {asked}"
-            )

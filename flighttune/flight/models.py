@@ -5,22 +5,16 @@ import pickle
 from collections.abc import Collection, Sequence
 from dataclasses import replace
 from functools import lru_cache, partial
+from typing import Any
 
 import numpy as np
-import numpy.typing as npt
+from numpy.typing import ArrayLike
 
 from flighttune.arrays import FloatArray
-from flighttune.certificates.exact_rate import ExactRate, Sampling, exact_rates
-from flighttune.certificates.lag_box import lag_boxes
-from flighttune.certificates.make import Certification, certify_model
+from flighttune.certificates.exact_rate import Sampling
+from flighttune.control import inner_loop
 from flighttune.control.controller import LawSetup
-from flighttune.control.gains import ERRORS_WITH_AIRSPEED, PAPER_GAINS, RATES, PIGains, paper_family
-from flighttune.control.inner_loop import (
-    InnerLag,
-    with_inner_loop,
-    with_input_delay,
-    with_input_lag,
-)
+from flighttune.control.gains import RATES, PIGains, paper_family
 from flighttune.control.law import Law, Trim
 from flighttune.control.limits import Limits
 from flighttune.control.linear_model import Envelope, LinearModel, closed_loop
@@ -28,10 +22,10 @@ from flighttune.control.margins import channel_margins, loop_margins
 from flighttune.errors import InputError, ScenarioError
 from flighttune.files.shipped import nearest_name
 from flighttune.flight.conditions import command_limits, reference_of, stated_condition
-from flighttune.identification.file import DesignModel, design_model, files_of
+from flighttune.identification.file import DesignModel, design_model
 from flighttune.plants.weather import turbulence_scales
 from flighttune.scenario.schema import GainsTable, Scenario
-from flighttune.scenario.tables import SHAPED, TUNED, TUNED_FED_BACK, TUNED_IDENTIFIED, TuningModel
+from flighttune.scenario.tables import SHAPED, TUNED, TUNED_FED_BACK, TUNED_IDENTIFIED
 from flighttune.theory.indicators import indicators
 from flighttune.tuning.problem import LARGEST_GAIN, TuningProblem, decoupled
 from flighttune.tuning.result import TuningResult
@@ -49,6 +43,7 @@ SENSITIVITY, LARGEST_SENSITIVITY = 1.4, 0.5 / math.sin(math.radians(17.5))
 # What [tuning] says for the gains of that name. With a sensitivity of 1.6 draws in wind gain 5 % on
 # the Aerosonde, but path angles of the c172p err by more than with the paper's law.
 FED_BACK = {"objective": "rms", "feedback": True, "sensitivity_max": SENSITIVITY}
+IDENTIFIED: dict[str, dict[str, Any]] = {TUNED_IDENTIFIED: {}, TUNED_FED_BACK: FED_BACK}
 
 # Lags of a range on which gains are tuned; `certify` proves the rate for all.
 LAGS_TUNED = 5
@@ -91,9 +86,9 @@ def linear_model(scenario: Scenario, law: Law | None = None) -> LinearModel:
         return identified_models(scenario, law)[0].model
     model = law_model(scenario, law)
     if settings.lag_rad_s is not None:
-        model = with_input_lag(model, settings.lag_rad_s)
+        model = inner_loop.with_input_lag(model, settings.lag_rad_s)
     if settings.sample_delay:
-        model = with_input_delay(model, 0.5 / scenario.controller.rate_hz)
+        model = inner_loop.with_input_delay(model, 0.5 / scenario.controller.rate_hz)
     return model
 
 
@@ -123,11 +118,10 @@ def tuning_problem(scenario: Scenario, law: Law | None = None) -> TuningProblem:
     >>> ft.loop.tuning_problem(ft.load_scenario("paper")).I_star
     5.0
     """
-    settings = scenario.tuning
-    if settings.model == "identified":
+    if scenario.tuning.model == "identified":
         return identified_problems(scenario, law)[0]
     scaling = tuning_scaling(scenario, law)
-    return _problem(scenario, linear_model(scenario, law), scaling, settings.I_star)
+    return _problem(scenario, linear_model(scenario, law), scaling)
 
 
 def tuning_scaling(scenario: Scenario, law: Law | None = None) -> FloatArray | None:
@@ -158,7 +152,6 @@ def identified_problems(scenario: Scenario, law: Law | None = None) -> tuple[Tun
             scenario,
             replace(design.model, A=design.model.A - _weight(design.model)),
             design.scaling,
-            math.inf,
             _followed(scenario, design, law),
         )
         for design in identified_models(scenario, law)
@@ -172,7 +165,7 @@ def _weight(model: LinearModel) -> FloatArray:
     Without the entry the three channels are tuned each by itself.
     """
     weight = np.zeros_like(model.A)
-    if ERRORS_WITH_AIRSPEED[2] in model.states:
+    if "V" in model.states:
         i, j = model.states.index("V"), model.states.index("gamma")
         weight[i, j] = model.A[i, j]
     return weight
@@ -217,20 +210,26 @@ def _problem(
     scenario: Scenario,
     model: LinearModel,
     scaling: FloatArray | None,
-    I_star: float,
     gains_max: FloatArray | None = None,
 ) -> TuningProblem:
+    """The problem on a model; `gains_max` (K_P, K_I of each channel) on an identified one."""
     chi_ref, gamma_ref = reference_of(scenario).initial
     condition, settings = stated_condition(scenario), scenario.tuning
     _, m, p = model.shape
     bound = np.full((m, 2 * p), settings.gain_max or LARGEST_GAIN)
-    identified = gains_max is not None
+    own: dict[str, Any] = {"weights": settings.weights, "R_min": settings.R_min}
+    own["I_star"] = settings.I_star
     if gains_max is not None:
         for i, largest in enumerate(gains_max):
             bound[i, [i, p + i]] = np.minimum(bound[i, [i, p + i]], largest)
+        most = min(settings.sensitivity_max or SENSITIVITY, LARGEST_SENSITIVITY)
+        own = {"sensitivity_max": most, "feedback": settings.feedback}
+        own["objective"] = "R_K" if settings.objective == "cost" else settings.objective
+        if settings.objective == "rms":  # airspeed over the scale of gusts across the flight
+            scales = turbulence_scales(scenario.flight.h_m)
+            own["gusts"] = scenario.flight.V_a_mps / np.array([*scales, scales[0]][:p])
     return TuningProblem(
         model=model,
-        I_star=I_star,
         E_star=settings.E_star or math.inf,
         limits=command_limits(scenario) if settings.input_limits else None,
         x_0=np.array([wrap_angle(chi_ref - condition.chi), gamma_ref - condition.gamma, 0.0][:p]),
@@ -239,52 +238,33 @@ def _problem(
         K_max=bound,
         K_fixed=decoupled(model) if settings.structure == "decoupled" else None,
         seed=scenario.seed,
-        objective=settings.objective if identified and settings.objective != "cost" else "R_K",
-        sensitivity_max=min(settings.sensitivity_max or SENSITIVITY, LARGEST_SENSITIVITY)
-        if identified
-        else math.inf,
-        feedback=settings.feedback and identified,
-        gusts=_gusts(scenario, p) if settings.objective == "rms" and identified else None,
-        weights=None if identified else settings.weights,
-        R_min=0.0 if identified else settings.R_min,
+        **own,
     )
 
 
-def _gusts(scenario: Scenario, p: int) -> FloatArray:
-    """Airspeed over the scale of the gusts across the flight that move each error, rad/s."""
-    scales = turbulence_scales(scenario.flight.h_m)
-    return scenario.flight.V_a_mps / np.array([*scales, scales[0]][:p])
-
-
 def tune_scenario(
-    scenario: Scenario,
-    model: TuningModel | None = None,
-    *,
-    law: Law | None = None,
-    lag: npt.ArrayLike | None = None,
-    kept: bool = False,
+    scenario: Scenario, law: Law | None = None, *, lag: ArrayLike | None = None, kept: bool = False
 ) -> TuningResult:
     """The gains named ``tuned`` of a scenario, and how they were found.
 
-    `model`: "kinematic" or "identified", by default what [tuning] says. On the identified model
-    each channel is tuned by itself, for the smallest R_K over the models of `identified_problems`.
     `law`: by default the scenario's first. `lag`: a range of lags (s) for which gains are found, as
     `lag_problems`. `kept`: reuse the result if this process has solved the same problem.
-    Raises InputError or ScenarioError if an identified model is needed and missing.
     """
-    settings, law_of_gains = scenario.tuning, law or scenario.laws[0]
-    if settings.feedback and law_of_gains.inputs != RATES:
+    law = law or scenario.laws[0]
+    if scenario.tuning.feedback and law.inputs != RATES:
         raise InputError(
-            "`feedback` of [tuning] must be false but for the exact law, got the law "
-            f"{law_of_gains.name!r}."
+            f"`feedback` of [tuning] must be false but for the exact law, got the law {law.name!r}."
         )
-    solved = _solved if kept else _solved.__wrapped__
+    identified = scenario.tuning.model == "identified"
     if lag is not None:
-        return solved(pickle.dumps(lag_problems(scenario, law_of_gains, lag)), settings.starts)
-    if (model or settings.model) == "identified":
-        result = solved(pickle.dumps(identified_problems(scenario, law)), settings.starts)
-        return _with_weight(result, scenario, law_of_gains)
-    return solved(pickle.dumps(tuning_problem(scenario, law)), settings.starts)
+        problems = lag_problems(scenario, law, lag)
+    elif identified:
+        problems = identified_problems(scenario, law)
+    else:
+        problems = tuning_problem(scenario, law)
+    solved = _solved if kept else _solved.__wrapped__
+    result = solved(pickle.dumps(problems), scenario.tuning.starts)
+    return _with_weight(result, scenario, law) if identified and lag is None else result
 
 
 @lru_cache(maxsize=64)  # flights, bands and pages of a scenario ask for its gains again and again
@@ -300,7 +280,7 @@ def gain_sets(scenario: Scenario) -> tuple[dict[str, PIGains | None], TuningResu
     tunings: dict[str, TuningResult] = {}
     for law in scenario.laws if TUNED in scenario.gains else ():
         if law.tuned_as not in tunings:
-            tunings[law.tuned_as] = tune_scenario(scenario, law=law, kept=True)
+            tunings[law.tuned_as] = tune_scenario(scenario, law, kept=True)
     sets = {}
     for name in scenario.gain_names:
         law, _ = scenario.law_of(name)
@@ -311,34 +291,29 @@ def gain_sets(scenario: Scenario) -> tuple[dict[str, PIGains | None], TuningResu
 def gain_set(scenario: Scenario, name: str, tuning: TuningResult | None = None) -> PIGains | None:
     """Gains by their name in a scenario; None for tuned gains of an infeasible problem.
 
-    `name` is ``paper``, ``K1`` to ``K6``, ``tuned``, ``tuned_identified``, or the name of gains
-    given as numbers; with another law than the paper's ``LAW:GAINS``. Tuned gains are those of the
-    law, others are mapped to it (`Law.gains_from`). Without `tuning`, the result for ``tuned`` is
-    computed.
+    Tuned gains are those of the law that the name has before its colon, others are mapped to it
+    (`Law.gains_from`). `tuning` is the result for ``tuned``, if there is one already.
     """
     law, gains = scenario.law_of(name)
     inputs = {law.inputs for law in scenario.laws}
     # Numbers that do not say what they act on are those of the only kind of gains there is.
     untold = "exact" if inputs == {RATES} else "paper"
     numbers = {e.name: e.gains(untold) for e in scenario.gains if isinstance(e, GainsTable)}
-    if gains in (TUNED, TUNED_IDENTIFIED, TUNED_FED_BACK) and gains not in numbers:
-        if gains != TUNED:
-            settings = scenario.tuning
-            if gains == TUNED_FED_BACK:
-                if law.inputs != RATES:
-                    raise InputError(
-                        f'`gains` {TUNED_FED_BACK} must be flown with law = "exact", got the law '
-                        f"{law.name!r}."
-                    )
-                settings = settings.model_copy(update=FED_BACK)
-            asked = scenario.model_copy(update={"tuning": settings})
-            tuning = tune_scenario(asked, "identified", law=law, kept=True)
-        elif tuning is None:
-            tuning = tune_scenario(scenario, law=law, kept=True)
-        return tuning.gains if tuning.status == "optimal" else None
     available = {**paper_family(), **numbers}
+    if gains in (TUNED, *IDENTIFIED) and gains not in numbers:
+        if gains == TUNED_FED_BACK and law.inputs != RATES:
+            raise InputError(
+                f'`gains` {TUNED_FED_BACK} must be flown with law = "exact", got the law '
+                f"{law.name!r}."
+            )
+        if gains in IDENTIFIED:
+            settings = {"model": "identified", **IDENTIFIED[gains]}
+            tuned = scenario.tuning.model_copy(update=settings)
+            scenario, tuning = scenario.model_copy(update={"tuning": tuned}), None
+        tuning = tuning or tune_scenario(scenario, law, kept=True)
+        return tuning.gains if tuning.status == "optimal" else None
     if gains not in available:
-        names = [TUNED, *available, TUNED_IDENTIFIED, TUNED_FED_BACK]
+        names = [TUNED, *available, *IDENTIFIED]
         raise InputError(
             f"`gains` must be one of {', '.join(names)}, got {name!r}{nearest_name(gains, names)}"
         )
@@ -360,11 +335,11 @@ def trim_and_envelope(scenario: Scenario) -> tuple[Envelope, Envelope]:
             "[envelope] with its ranges, or use the scenario `paper`, which has one; a claim at "
             'all conditions identified needs none, but [tuning] `model = "identified"`.'
         )
-    states = linear_model(scenario).states
-    if len(states) != len(PAPER_GAINS.errors):
+    model = linear_model(scenario)
+    if len(model.states) != len(model.errors):
         raise ScenarioError(
             f"{scenario.title}: `model` of [tuning] must be the kinematic law without a lag for a "
-            f"claim over an envelope, got one with the states {', '.join(states)}."
+            f"claim over an envelope, got one with the states {', '.join(model.states)}."
         )
     _, gamma = reference_of(scenario).initial
     trim = Envelope.at(V_a=scenario.flight.V_a_mps, gamma=gamma)
@@ -376,67 +351,9 @@ def trim_and_envelope(scenario: Scenario) -> tuple[Envelope, Envelope]:
     return trim, envelope
 
 
-def certify_scenario(
-    scenario: Scenario,
-    gains: PIGains,
-    *,
-    envelope: bool = False,
-    L_d: float | None = None,
-    law: Law | None = None,
-    sampled: bool = False,
-    lag: npt.ArrayLike | None = None,
-) -> Certification:
-    """A certificate of gains on the linear model of a scenario, or the reason for its absence.
-
-    The arguments are those of `certify`; the law is by default the first that takes the gains. With
-    `sampled` the exact rate of the sampled loop is proven too, which takes up to a second.
-    """
-    if L_d is None and scenario.disturbance is not None:
-        bound = scenario.disturbance.sinusoid().rate_bound
-        L_d = bound if 0.0 < bound < math.inf else None
-    law = law or scenario.law_for(gains)
-    identified = envelope and scenario.tuning.model == "identified"
-    varies = envelope and not (identified or law.same_everywhere)
-    if varies and lag is not None:
-        raise InputError("`lag` must be absent over the ranges of [envelope].")
-    ranges = trim_and_envelope(scenario)[1] if varies else None
-    everywhere = identified_models(scenario, law, everywhere=True) if identified else ()
-    orders = sorted({len(design.model.states) for design in everywhere})
-    if len(orders) > 1:
-        raise InputError(
-            f"`identified` must have lags of one order at every condition for a common Q, got "
-            f"models of {' and '.join(map(str, orders))} states."
-        )
-    exact, unsampled = (
-        ((), "") if envelope else scenario_rates(scenario, gains, law, sampled=sampled)
-    )
-    model, boxes, why = linear_model(scenario, law), (), ""
-    if lag is not None or identified:
-        models = [model, *(design.law_model for design in everywhere)]
-        boxes, why = lag_boxes(models, gains, *_late(scenario, law, lag, everywhere))
-    if why and lag is not None:
-        return Certification(status="refused", reason=why, model=model, gains=gains)
-    certification = certify_model(
-        model,
-        gains,
-        envelope=ranges,
-        g=None if ranges is None else scenario.flight.g_mps2,
-        L_d=L_d,
-        conditions=[((design.V_a, design.gamma), design.model) for design in everywhere],
-        scenario_sha256=scenario.sha256,
-        rates=exact,
-        boxes=boxes,
-    )
-    if certification.certificate and scenario.tuning.model == "identified":
-        files = files_of(scenario.identified_name)
-        certificate = replace(certification.certificate, files=files)
-        certification = replace(certification, certificate=certificate)
-    return replace(certification, absent=why or unsampled)
-
-
-def _late(
-    scenario: Scenario, law: Law, lag: npt.ArrayLike | None, everywhere: Sequence[DesignModel] = ()
-) -> tuple[npt.ArrayLike, FloatArray]:
+def late_ranges(
+    scenario: Scenario, law: Law, lag: ArrayLike | None, everywhere: Sequence[DesignModel] = ()
+) -> tuple[ArrayLike, FloatArray]:
     """Ranges of lag and delay, s: those of conditions, or the lags given."""
     settings, hold = scenario.tuning, 0.5 / scenario.controller.rate_hz
     if settings.model != "identified":
@@ -447,7 +364,7 @@ def _late(
     return lags if lag is None else lag, delays
 
 
-def lag_problems(scenario: Scenario, law: Law, lag: npt.ArrayLike) -> tuple[TuningProblem, ...]:
+def lag_problems(scenario: Scenario, law: Law, lag: ArrayLike) -> tuple[TuningProblem, ...]:
     """Problems whose slowest decay the gains for a range of lags maximise.
 
     They are on the law behind lags that lie evenly in the range (s, shape (2,) or (p, 2)), and
@@ -455,7 +372,7 @@ def lag_problems(scenario: Scenario, law: Law, lag: npt.ArrayLike) -> tuple[Tuni
     of [tuning] or, as the lags are no longer uncertain, `LARGEST_SENSITIVITY`.
     """
     alone, settings = law_model(scenario, law), scenario.tuning
-    lags, delays = _late(scenario, law, lag)
+    lags, delays = late_ranges(scenario, law, lag)
     p, problems = len(alone.errors), []
     bounds = np.broadcast_to(lags, (p, 2)), np.broadcast_to(delays, (p, 2))
     if not ((bounds[0] > 0.0) & (np.diff(bounds[0]) >= 0.0)).all():
@@ -463,14 +380,15 @@ def lag_problems(scenario: Scenario, law: Law, lag: npt.ArrayLike) -> tuple[Tuni
     for late in dict.fromkeys(map(tuple, bounds[1].T.tolist())):
         for share in np.linspace(0.0, 1.0, LAGS_TUNED):
             each = [
-                InnerLag(order=1, natural_frequency=1.0 / (low + share * (high - low)), delay=delay)
+                inner_loop.InnerLag(
+                    order=1, natural_frequency=1.0 / (low + share * (high - low)), delay=delay
+                )
                 for (low, high), delay in zip(bounds[0], late, strict=True)
             ]
             problem = _problem(
                 scenario,
-                with_inner_loop(alone, each),
+                inner_loop.with_inner_loop(alone, each),
                 law.state_scaling(alone, each),
-                math.inf,
                 np.full((p, 2), math.inf),
             )
             aim = problem.objective if settings.objective in SHAPED else "decay"
@@ -479,28 +397,17 @@ def lag_problems(scenario: Scenario, law: Law, lag: npt.ArrayLike) -> tuple[Tuni
     return tuple(problems)
 
 
-def scenario_rates(
-    scenario: Scenario, gains: PIGains, law: Law, *, sampled: bool
-) -> tuple[tuple[ExactRate, ...], str]:
-    """Exact rates of gains on the linear model and on the sampled loop, or why it has none."""
-    model, scaling = linear_model(scenario, law), tuning_scaling(scenario, law)
-    if not sampled:
-        return exact_rates(model, gains, scaling=scaling)
+def sampling(scenario: Scenario, law: Law) -> Sampling:
+    """How the linear loop of a law is sampled."""
     settings, dt = scenario.tuning, 1.0 / scenario.controller.rate_hz
+    alone, lags = law_model(scenario, law), ()
     if settings.model == "identified":
         design = identified_models(scenario, law)[0]
         alone, lags = design.law_model, design.lags
-    else:
-        alone, lags = law_model(scenario, law), ()
-        if settings.lag_rad_s is not None:
-            each = np.broadcast_to(settings.lag_rad_s, len(alone.inputs)).tolist()
-            lags = tuple(InnerLag(order=1, natural_frequency=omega) for omega in each)
-    return exact_rates(
-        model,
-        gains,
-        scaling=scaling,
-        sampling=Sampling(model=alone, lags=lags, dt=dt, trapezoidal=law.trapezoidal),
-    )
+    elif settings.lag_rad_s is not None:
+        each = np.broadcast_to(settings.lag_rad_s, len(alone.inputs)).tolist()
+        lags = tuple(inner_loop.InnerLag(order=1, natural_frequency=omega) for omega in each)
+    return Sampling(model=alone, lags=lags, dt=dt, trapezoidal=law.trapezoidal)
 
 
 def linear_loop(

@@ -14,6 +14,7 @@ from flighttune.files.whole import write_text
 from flighttune.flight.load import load_scenario
 from flighttune.identification.file import load_identified, rounded
 from flighttune.plants.jsbsim.trim import level
+from flighttune.present.answer import pick
 from flighttune.units import DEG, G_PAPER
 
 AIRCRAFT = "aerosonde"
@@ -71,9 +72,10 @@ def new_scenario(
     for option, value in (("overshoot", overshoot), ("settle", settle)):
         if value is not None and not 0.0 < value < math.inf:
             raise InputError(f"`--{option}` must be positive and finite, got {value:g}.")
-    text = _requiring(_first(aircraft or AIRCRAFT, file.parent), overshoot, settle)
+    document = _first(aircraft or AIRCRAFT, file.parent)
     names = {"name": shlex.quote(str(file)), "run": shlex.quote(f"runs/{file.stem}")}
-    write_text(file, text + (NEXT_HEAD + NEXT).format(**names))
+    text = _requiring(document, overshoot, settle) + (NEXT_HEAD + NEXT).format(**names)
+    write_text(file, text)
     try:
         load_scenario(file)
     except BaseException:
@@ -82,70 +84,73 @@ def new_scenario(
     return file
 
 
-def _named(aircraft: str, folder: Path) -> str:
-    """An aircraft as a scenario in `folder` names it."""
-    return os.path.relpath(aircraft, folder) if os.path.isabs(aircraft) else aircraft
+def _first(aircraft: str, folder: Path) -> Any:
+    """The template with the values of an aircraft; as values, for its texts may hold quotes.
 
-
-def _limits(config: AircraftConfig) -> dict[str, Any]:
-    """The limits of an aircraft as keys of ``[limits]``."""
-    limits = config.limits
-    values = {
-        "phi_deg": [x / DEG for x in limits.phi],
-        "phi_rate_dps": limits.phi_rate / DEG,
-        "n_z": [*limits.n_z],
-        "n_z_rate_per_s": limits.n_z_rate,
-    }
-    return rounded(values, DIGITS)
-
-
-def _design(config: AircraftConfig) -> tuple[float, float]:
-    """Airspeed (m/s) and height (m) that an aircraft is meant for."""
-    if config.design is None:
-        return sum(config.envelope.V_a) / 2.0, 1000.0
-    return config.design.V_a, config.design.h
-
-
-def _first(aircraft: str, folder: Path) -> str:
-    """The template with the values of an aircraft; as values, for its texts may hold quotes."""
-    if Path(aircraft).suffix.lower() == ".json":
-        return _of_logs(Path(aircraft), folder)
-    config = load_aircraft(aircraft)
+    Of a model from logs the plant is a point mass behind its lags.
+    """
     document: Any = tomlkit.parse(TEMPLATE)
-    flight, (low, high) = document["flight"], config.envelope.V_a
-    V_a, h = _design(config)
-    start = level(config, V_a, h).gamma / DEG
-    climb, change = ("climb", CLIMB) if config.engines.count else ("descend", -CLIMB)
+    flight, limits, plants = document["flight"], document["limits"], document["plant"]
+    climb, change = "climb", CLIMB
+    if Path(aircraft).suffix.lower() == ".json":
+        identified = load_identified(aircraft)
+        log, condition = identified.log, identified.conditions[0]
+        if log is None:
+            raise InputError(
+                f"{aircraft}: must be identified from logs; others are in their aircraft."
+            )
+        flight.update({"V_a_mps": rounded(condition.V_a, 4), "h_m": condition.h})
+        flight.comment(f"start: as in {log.logs[0]}")
+        document["reference"].update({"chi_deg": TURN, "gamma_deg": CLIMB})
+        ends = {"phi_deg": [*log.phi_deg], "n_z": [*log.n_z]}
+        limits.update(rounded({**ends, **pick(log, "phi_rate_dps n_z_rate_per_s")}, 3))
+        limits.comment("as seen in the logs")
+        plants.pop()
+        plant = tomlkit.table()
+        plant.update({"kind": "point_mass_lag", "identified": os.path.relpath(aircraft, folder)})
+        plants.append(plant)
+    else:
+        config = load_aircraft(aircraft)
+        own, (low, high) = config.limits, config.envelope.V_a
+        V_a, h = (low + high) / 2.0, 1000.0
+        if config.design is not None:
+            V_a, h = config.design.V_a, config.design.h
+        if not config.engines.count:
+            climb, change = "descend", -CLIMB
+        start = level(config, V_a, h).gamma / DEG
+        flight.comment(f"start: {config.title}")
+        flight.update(rounded({"V_a_mps": V_a, "h_m": h, "gamma_deg": start}, DIGITS + 1))
+        flight["V_a_mps"].comment(f"the aircraft flies {low:g} to {high:g} m/s")
+        ramps = _first_ramps(config, V_a, change)
+        for key, ramp in ramps.items():
+            table = tomlkit.inline_table()
+            table.update(ramp)
+            document["reference"][key].append(table)
+        # At rest for some seconds at the end, and no more: a glider whose glide got steeper speeds
+        # up.
+        rest = max(r["start_s"] + r["duration_s"] + 0.5 * r["roll_in_s"] for r in ramps.values())
+        flight["duration_s"] = max(flight["duration_s"], math.ceil(rest + REST))
+        ends = {"phi_deg": [x / DEG for x in own.phi], "n_z": [*own.n_z]}
+        rates = {"phi_rate_dps": own.phi_rate / DEG, "n_z_rate_per_s": own.n_z_rate}
+        limits.update(rounded({**ends, **rates}, DIGITS))
+        beside = os.path.relpath(aircraft, folder) if os.path.isabs(aircraft) else aircraft
+        plants[1]["aircraft"] = beside
     document["title"] = f"Turn right by {TURN:g} deg and {climb} by {CLIMB:g} deg"
     document["verifies"] = f"the aircraft turns and {climb}s with little overshoot, and settles"
-    flight.comment(f"start: {config.title}")
-    flight.update(rounded({"V_a_mps": V_a, "h_m": h, "gamma_deg": start}, DIGITS + 1))
-    flight["V_a_mps"].comment(f"the aircraft flies {low:g} to {high:g} m/s")
-    ramps = _first_ramps(config, V_a, change)
-    for key, ramp in ramps.items():
-        table = tomlkit.inline_table()
-        table.update(ramp)
-        document["reference"][key].append(table)
-    # At rest for some seconds at the end, and no more: a glider whose glide got steeper speeds up.
-    rest = max(r["start_s"] + r["duration_s"] + 0.5 * r["roll_in_s"] for r in ramps.values())
-    flight["duration_s"] = max(flight["duration_s"], math.ceil(rest + REST))
-    document["limits"].update(_limits(config))
-    document["plant"][1]["aircraft"] = _named(aircraft, folder)
-    return tomlkit.dumps(document)
+    return document
 
 
-def _requiring(text: str, overshoot: float | None, settle: float | None) -> str:
+def _requiring(document: Any, overshoot: float | None, settle: float | None) -> str:
     """A first scenario with requirements of course and path angle in place of its own."""
-    document: Any = tomlkit.parse(text)
     if settle is not None:
         # Ramps are followed with hardly an error: steps of the same size have to settle.
-        for key, value in document["reference"].items():
+        reference, flight = document["reference"], document["flight"]
+        for key, value in reference.items():
             if isinstance(value, list):
                 change = sum(ramp["rate_dps"] * ramp["duration_s"] for ramp in value)
-                document["reference"][key] = rounded(float(change), 2)
-        start = document["flight"]["gamma_deg"]
-        document["reference"]["gamma_deg"] += start
-        document["flight"]["duration_s"] = max(document["flight"]["duration_s"], 5.0 * settle)
+                reference[key] = rounded(float(change), 2)
+        reference["gamma_deg"] += flight["gamma_deg"]
+        flight["duration_s"] = max(flight["duration_s"], 5.0 * settle)
     head, _, _ = tomlkit.dumps(document).partition("at_most.")
     lines = [
         f"at_most.{channel}.{measure} = {value:g}"
@@ -160,17 +165,16 @@ def _requiring(text: str, overshoot: float | None, settle: float | None) -> str:
 
 def _first_ramps(config: AircraftConfig, V_a: float, climb: float) -> dict[str, Any]:
     """A turn and a climb (deg) that roll in, in parts of what the aircraft's limits allow."""
-    limits = config.limits
-    roll = 0.6 * limits.phi[1]
-    loads = {"chi_deg": math.tan(roll), "gamma_deg": 0.3 * (limits.n_z[1] - 1.0)}
-    rates = {"chi_deg": limits.phi_rate, "gamma_deg": limits.n_z_rate}
-    changes = {"chi_deg": TURN, "gamma_deg": climb}
-    ramps = {}
-    for key, change in changes.items():
+    limits, ramps = config.limits, {}
+    turn_load, lift = math.tan(0.6 * limits.phi[1]), 0.3 * (limits.n_z[1] - 1.0)
+    for key, change, load, load_rate in (
+        ("chi_deg", TURN, turn_load, limits.phi_rate),
+        ("gamma_deg", climb, lift, limits.n_z_rate),
+    ):
         # Over the roll-in the command changes at up to 0.6 of its rate limit, and it takes at most
         # half of the ramp: a small change has a small rate.
-        roll_in = loads[key] / (0.6 * rates[key])
-        rate = math.copysign(loads[key] * G_PAPER / V_a / DEG, change)
+        roll_in = load / (0.6 * load_rate)
+        rate = math.copysign(load * G_PAPER / V_a / DEG, change)
         duration = max(change / rate, 2.0 * roll_in)
         values = {
             "start_s": max(2.0, 0.51 * roll_in),  # half of the roll-in lies before it
@@ -180,27 +184,3 @@ def _first_ramps(config: AircraftConfig, V_a: float, climb: float) -> dict[str, 
         }
         ramps[key] = {"shape": "ramp", **rounded(values, DIGITS)}
     return ramps
-
-
-def _of_logs(model: Path, folder: Path) -> str:
-    """The template with a model from logs as the plant, a point mass behind its lags."""
-    identified = load_identified(model)
-    log, condition = identified.log, identified.conditions[0]
-    if log is None:
-        raise InputError(f"{model}: must be identified from logs; others are in their aircraft.")
-    document: Any = tomlkit.parse(TEMPLATE)
-    document["title"] = f"Turn right by {TURN:g} deg and climb by {CLIMB:g} deg"
-    document["verifies"] = "the aircraft turns and climbs with little overshoot, and settles"
-    document["flight"].update({"V_a_mps": rounded(condition.V_a, 4), "h_m": condition.h})
-    document["flight"].comment(f"start: as in {log.logs[0]}")
-    document["reference"].update({"chi_deg": TURN, "gamma_deg": CLIMB})
-    limits = {key: getattr(log, key) for key in ("phi_deg", "n_z")}
-    rates = {key: getattr(log, key) for key in ("phi_rate_dps", "n_z_rate_per_s")}
-    seen = {**{key: [*ends] for key, ends in limits.items()}, **rates}
-    document["limits"].update(rounded(seen, 3))
-    document["limits"].comment("as seen in the logs")
-    document["plant"].pop()
-    plant = tomlkit.table()
-    plant.update({"kind": "point_mass_lag", "identified": os.path.relpath(model, folder)})
-    document["plant"].append(plant)
-    return tomlkit.dumps(document)

@@ -9,8 +9,7 @@ import numpy as np
 from flighttune.arrays import FloatArray
 from flighttune.campaign.dataset import dataset_hash
 from flighttune.campaign.flying.columns import unit_of_key
-from flighttune.campaign.statistics.findings import SUCCESS, Findings, values_of
-from flighttune.campaign.statistics.flights import is_number
+from flighttune.campaign.statistics.findings import SUCCESS, Findings, is_number, values_of
 from flighttune.campaign.statistics.intervals import Estimate, scores
 from flighttune.files.shipped import scenario_files
 from flighttune.files.table import toml_text
@@ -42,7 +41,7 @@ SCATTERED = 2
 
 def styles_of(findings: Findings) -> dict[str, LineStyle]:
     """Line style of every group by its label, as in the report of its scenario."""
-    plan = findings.flights.plan
+    plan = findings.plan
     pairs = [(plant.label, name) for plant in plan.scenario.plant for name in plan.gain_sets]
     return {Group(*pair).label: style for pair, style in line_styles(pairs).items()}
 
@@ -65,7 +64,7 @@ def rates(findings: Findings) -> list[Chart]:
 def distributions(findings: Findings) -> list[Chart]:
     """Cumulative distribution of a metric over all flights, a panel a metric."""
     names = dict.fromkeys([findings.measure, *SPREAD])
-    measures = [name for name in names if name and name in findings.flights.measures]
+    measures = [name for name in names if name and name in findings.measures]
     return [_distribution(findings, name) for name in measures]
 
 
@@ -101,7 +100,7 @@ def split_panels(findings: Findings) -> list[Chart]:
             chart.line(across, up, styles[label].colour, run=label, width=1.2, hover=False)
             chart.run_line(centres, rate, styles[label], label, width=1.4)
             chart.points(centres, rate, styles[label].colour, run=label)
-        if not is_number(findings.flights.rows[parameter]):
+        if not is_number(findings.rows[parameter]):
             centres = group_splits[0]["centres"]
             chart.x_ticks = list(zip(centres, group_splits[0]["labels"], strict=True))
             chart.x_range = (min(centres) - 0.5, max(centres) + 0.5)
@@ -114,12 +113,12 @@ def scatter_panels(findings: Findings) -> list[Chart]:
     if findings.measure is None:
         return []
     how, styles, charts = metric_label(findings.measure), styles_of(findings), []
-    values = how.factor * values_of(findings.flights.rows, findings.measure)
+    values = how.factor * values_of(findings.rows, findings.measure)
     highest = np.max(values[np.isfinite(values)], initial=-np.inf)
     if np.isinf(highest):
         return []
     for key in influential_parameters(findings)[:SCATTERED]:
-        if not is_number(findings.flights.rows[key]):
+        if not is_number(findings.rows[key]):
             continue
         chart = Chart(
             title=f"{measure_words(findings.measure)} over {key_words(key)}",
@@ -127,12 +126,12 @@ def scatter_panels(findings: Findings) -> list[Chart]:
             y=how.heading,
             x_room=0.03,
         )
-        for group, rows in findings.flights.groups():
+        for group, rows in findings.groups():
             label, some = group.label, rows.iloc[:: len(rows) // DOTS + 1]
             x = some[key].to_numpy(dtype=float)
             y = how.factor * values_of(some, findings.measure)
             # commands that fly each row again, as tips under the pointer
-            again = f"flighttune verify {findings.flights.url} --run"
+            again = f"flighttune verify {findings.url} --run"
             tips = np.array([f"run {run}: {again} {run}" for run in some["run"]])
             finite = np.isfinite(y)
             dots = {"size": 2.6, "opacity": 0.6, "tips": tips[finite].tolist()}
@@ -175,7 +174,7 @@ def _distribution(findings: Findings, measure: str) -> Chart:
     """Curves end below 100 % where flights were not completed or have no value."""
     how, styles = metric_label(measure), styles_of(findings)
     curves = {}
-    for group, rows in findings.flights.groups():
+    for group, rows in findings.groups():
         values = np.sort(how.factor * scores(rows, measure))
         share = 100.0 * np.arange(1, len(values) + 1) / len(values)
         finite = np.isfinite(values)
@@ -244,7 +243,7 @@ CONFIDENCE = {
 
 def write_campaign_report(findings: Findings, path: str | Path) -> Report:
     """Write one self-contained page about a campaign."""
-    flights, campaign = findings.flights, findings.flights.plan.campaign
+    campaign = findings.plan.campaign
     styles = styles_of(findings)
     shipped = campaign.scenario.removesuffix(".toml") in scenario_files()
     return write_page(
@@ -258,13 +257,13 @@ def write_campaign_report(findings: Findings, path: str | Path) -> Report:
         styles=styles,
         notes=notes(findings),
         provenance=_provenance(findings),
-        url=flights.url,
-        example_run=int(flights.rows["run"].to_numpy()[0]),
-        runs=flights.plan.runs,
+        url=findings.url,
+        example_run=int(findings.rows["run"].to_numpy()[0]),
+        runs=findings.plan.runs,
         own_scenario="" if shipped else Path(campaign.scenario).name,
-        campaign_text=toml_text(flights.plan.as_dict()["campaign"]),
-        scenario_text=toml_text(flights.plan.scenario.as_dict()),
-        version=flights.versions.get("flighttune", ""),
+        campaign_text=toml_text(findings.plan.as_dict()["campaign"]),
+        scenario_text=toml_text(findings.plan.scenario.as_dict()),
+        version=findings.versions.get("flighttune", ""),
     )
 
 
@@ -289,11 +288,11 @@ def summary(findings: Findings) -> tuple[str, ...]:
 
 def notes(findings: Findings) -> tuple[str, ...]:
     """Number of flights, what success is, and effect of the design on the intervals."""
-    flights, plan = findings.flights, findings.flights.plan
+    plan = findings.plan
     lines = [*plan.scenario.gains_notes()]
-    if len(flights.rows) < plan.runs:
+    if len(findings.rows) < plan.runs:
         lines.append(
-            f"Not finished: the numbers are those of {len(flights.rows)} of {plan.runs} flights."
+            f"Not finished: the numbers are those of {len(findings.rows)} of {plan.runs} flights."
         )
     lines.append(tables.success_sentences(findings))
     if plan.cycle > 1:
@@ -313,7 +312,6 @@ def notes(findings: Findings) -> tuple[str, ...]:
 
 def _sections(findings: Findings) -> list[Section]:
     groups = findings.values["groups"]
-    flights = findings.flights
     influences = [
         tables.influence_table(groups, name) for name in (findings.measure, SUCCESS) if name
     ]
@@ -322,8 +320,8 @@ def _sections(findings: Findings) -> list[Section]:
         Section(
             id="rates",
             title="How often",
-            note=f"Of all flights of a group, with {CONFIDENCE[flights.method]}, of "
-            f"{100.0 * flights.confidence:g} % confidence in brackets.",
+            note=f"Of all flights of a group, with {CONFIDENCE[findings.method]}, of "
+            f"{100.0 * findings.confidence:g} % confidence in brackets.",
             tables=[tables.success_table(findings, groups), tables.reasons_table(groups)],
             legend=False,
         ),
@@ -331,7 +329,7 @@ def _sections(findings: Findings) -> list[Section]:
             id="worst",
             title="Worst flights",
             note="With the most influential parameters. To fly one again: flighttune verify "
-            f"{flights.url} --run RUN",
+            f"{findings.url} --run RUN",
             tables=[tables.worst_table(findings, groups)],
             legend=False,
         ),
@@ -372,17 +370,17 @@ def _sections(findings: Findings) -> list[Section]:
 
 
 def _provenance(findings: Findings) -> Table:
-    flights, plan = findings.flights, findings.flights.plan
-    versions = ", ".join(f"{name} {value}" for name, value in flights.versions.items())
-    seconds = float(np.sum(flights.rows["wall_s"].to_numpy()))
+    plan = findings.plan
+    versions = ", ".join(f"{name} {value}" for name, value in findings.versions.items())
+    seconds = float(np.sum(findings.rows["wall_s"].to_numpy()))
     return facts_table(
         "Provenance",
         {
-            "campaign": flights.url,
-            "flights": f"{len(flights.rows)} of {plan.runs}, on {plan.draws} draws",
+            "campaign": findings.url,
+            "flights": f"{len(findings.rows)} of {plan.runs}, on {plan.draws} draws",
             "design": f"{plan.campaign.design.replace('_', ' ')}, seed {plan.campaign.seed}",
             "plan, SHA-256": plan.sha256,
-            "rows, SHA-256": dataset_hash(flights.url) if flights.url else MISSING,
+            "rows, SHA-256": dataset_hash(findings.url) if findings.url else MISSING,
             "flown with": versions or MISSING,
             "time in flights": f"{seconds:.1f} s",
             "source of the campaign": plan.campaign.source or MISSING,

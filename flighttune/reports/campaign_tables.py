@@ -5,8 +5,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from flighttune.campaign.flying.columns import unit_of_key
-from flighttune.campaign.statistics.findings import SUCCESS, Findings
-from flighttune.campaign.statistics.sensitivity import strength
+from flighttune.campaign.statistics.findings import SUCCESS, Findings, strength
 from flighttune.plants.base import goes_by
 from flighttune.present.answer import Column, Table, figures, percent
 from flighttune.present.names import columns, key_words, listed, measure_words, metric_label
@@ -90,7 +89,7 @@ def bound_words(bound: Mapping[str, Any]) -> str:
 
 def success_sentences(findings: Findings) -> str:
     """What makes a flight succeed: a sentence for each set of groups with the same requirements."""
-    plan, groups_of = findings.flights.plan, defaultdict[str, list[str]](list)
+    plan, groups_of = findings.plan, defaultdict[str, list[str]](list)
     for group in plan.groups:
         ends_stated = [table.status for table in plan.scenario.expected(group.plant, group.gains)]
         ends = dict.fromkeys(filter(None, ends_stated)) or ["completed"]
@@ -217,7 +216,7 @@ def influential_parameters(findings: Findings) -> list[str]:
             for rank in sensitivity["ranks"]:
                 key = rank["parameter"]
                 strongest[key] = max(strength(rank), strongest.get(key, 0.0))
-    ordered = sorted(findings.flights.plan.keys, key=lambda key: -strongest.get(key, 0.0))
+    ordered = sorted(findings.plan.keys, key=lambda key: -strongest.get(key, 0.0))
     return ordered[:PARAMETERS]
 
 

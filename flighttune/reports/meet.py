@@ -19,7 +19,8 @@ from flighttune.files.table import toml_text
 from flighttune.flight.expectations import BoundCheck
 from flighttune.flight.flown import FlownScenario
 from flighttune.flight.fly import fly
-from flighttune.flight.models import certify_scenario, gain_set
+from flighttune.flight.gains import certify_scenario
+from flighttune.flight.models import gain_set
 from flighttune.planning.plan import plain
 from flighttune.planning.schema import Campaign
 from flighttune.present.answer import Column, Table

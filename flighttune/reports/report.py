@@ -7,8 +7,7 @@ from typing import Any
 
 from flighttune.campaign.claims import within
 from flighttune.campaign.dataset import Dataset, dataset_hash
-from flighttune.campaign.statistics.findings import findings
-from flighttune.campaign.statistics.flights import load_flights
+from flighttune.campaign.statistics.findings import load_findings
 from flighttune.campaign.statistics.intervals import CONFIDENCE, Method
 from flighttune.claims.monitor import LogMonitor, Monitor
 from flighttune.errors import InputError
@@ -142,7 +141,7 @@ def report(
 
 
 def _of_campaign(folder: Path, path: Path, interval: Method, confidence: float) -> Report:
-    statistics = findings(load_flights(str(folder)), method=interval, confidence=confidence)
+    statistics = load_findings(str(folder)).by(interval, confidence)
     groups = statistics.values["groups"]
     shown = Answer(
         values={**statistics.values, "sha256": dataset_hash(folder)},

@@ -7,7 +7,7 @@ import numpy as np
 
 from flighttune.control.gains import PIGains
 from flighttune.flight.expectations import ClaimCheck
-from flighttune.flight.models import certify_scenario
+from flighttune.flight.gains import certify_scenario
 from flighttune.metrics import CHANNELS, channel_metrics, flight_metrics
 from flighttune.present.answer import MISSING, Column, Table, facts_table
 from flighttune.present.names import CHANNEL_SYMBOLS, columns

@@ -6,8 +6,10 @@ Keys are dotted paths: the places that they mean are found and set here.
 import json
 import os
 import re
+import shlex
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from hashlib import sha256
+from itertools import chain
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -53,7 +55,7 @@ def places_of(key: str, tables: Mapping[str, Any], value: Any) -> tuple[Place, .
     return (_walked(steps, tables),)
 
 
-def value_at(tables: Mapping[str, Any], place: Place) -> Any:
+def value_at(tables: Any, place: Iterable[str | int]) -> Any:
     """The value at a place; None if the place is empty."""
     value: Any = tables
     for step in place:
@@ -123,12 +125,11 @@ def _walked(steps: tuple[str, ...], tables: Mapping[str, Any]) -> Place:
                     f"must be a position, 0 to {len(table) - 1},{label} of `{where}`, got {step}"
                 )
             place.append(position)
-            table = table[position]
         elif isinstance(table, Mapping) or table is None:
             place.append(name)
-            table = table.get(name) if table else None
         else:
             raise InputError(f"must be a key of a table, but `{where}` is {abridged(table)}")
+        table = value_at(table, place[-1:])
     return tuple(place)
 
 
@@ -183,6 +184,12 @@ def title_with(tables: Mapping[str, Any], changes: Mapping[str, Any]) -> Any:
     ]
     title = tables.get("title")
     return f"{title} ({', '.join(values)})" if values and isinstance(title, str) else title
+
+
+def as_arguments(source: str | Path, changes: Mapping[str, Any] | None) -> str:
+    """A scenario and values set in it as the arguments of a command."""
+    words = (("--set", f"{key}={json.dumps(value)}") for key, value in leaves(changes or {}))
+    return shlex.join([str(source), *chain(*words)])
 
 
 def with_gains(
@@ -255,30 +262,25 @@ def _name_beside(table: dict[str, Any], key: str, folder: Path) -> None:
 
 def with_files(tables: dict[str, Any], path: Path) -> dict[str, Any]:
     """Tables whose modules and aircraft are those beside the scenario; modules have their hash."""
-    listed = {
-        key: [table for table in tables[key] if isinstance(table, dict)]
-        for key in ("law", "plant")
-        if isinstance(tables.get(key), list)
-    }
-    for key, entries in listed.items():
-        for table in entries:
-            module = table.get("module")
-            if isinstance(module, str):
-                file, where = path.parent / module, f"{path}: [[{key}]]"
+    folder, listed = path.parent, {"law": [], "plant": []}
+    for key, own in listed.items():
+        entries = tables.get(key)
+        own += [x for x in entries if isinstance(x, dict)] if isinstance(entries, list) else []
+        for table in own:
+            if isinstance(module := table.get("module"), str):
+                file = folder / module
                 table["module"] = str(file)
-                table.setdefault("sha256", module_sha256(file, where))
-    plants = listed.get("plant", ())
-    named = [(table, "aircraft") for table in plants]
+                table.setdefault("sha256", module_sha256(file, f"{path}: [[{key}]]"))
+    for table in listed["plant"]:
+        _name_beside(table, "aircraft", folder)
+        _name_beside(table, "identified", folder)
     if isinstance(tables.get("tuning"), dict):
-        named.append((tables["tuning"], "identified"))
-    named += [(table, "identified") for table in plants]
-    for table, key in named:
-        _name_beside(table, key, path.parent)
+        _name_beside(tables["tuning"], "identified", folder)
     route = tables.get("route")
     if isinstance(route, dict) and "file" in route:
         _add_waypoints(tables, route, path)
     if "gains" in tables:
-        tables["gains"] = gain_entries(tables["gains"], path.parent)
+        tables["gains"] = gain_entries(tables["gains"], folder)
     return tables
 
 

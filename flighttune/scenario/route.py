@@ -12,7 +12,7 @@ from flighttune import quantities as q
 from flighttune.arrays import FloatArray
 from flighttune.references.follow import CHANGE_N_X, RouteReference, airspeeds_along
 from flighttune.references.maps import LatLon, north_east
-from flighttune.references.path import Ability, Path, Waypoint, plan
+from flighttune.references.path import Ability, Waypoint, plan
 from flighttune.scenario.tables import FlightTable
 from flighttune.units import DEG
 
@@ -257,39 +257,34 @@ class RouteTable(q.Table):
         speeds = {i: point.V_mps for i, point in enumerate(self.waypoint, start=1) if point.V_mps}
         return speeds if self.holds_airspeed else {}
 
-    def ability(
-        self, *, V_a: float, g: float, phi: float, phi_rate: float, duration: float = math.inf
-    ) -> Ability:
-        """Largest airspeed, and limits on roll (rad) and its rate (rad/s) less the margin."""
-        share = 1.0 - self.margin
-        low, high = self.gamma_deg
-        largest = max(V_a, *self.airspeeds.values(), 0.0)
-        return Ability(
+    def reference(self, flight: FlightTable, *, phi: float, phi_rate: float) -> RouteReference:
+        """The reference along the path through the waypoints.
+
+        `phi` (rad) and `phi_rate` (rad/s) are the limits of roll, of which the margin is left.
+        """
+        share, (low, high) = 1.0 - self.margin, self.gamma_deg
+        largest = max(flight.V_a_mps, *self.airspeeds.values(), 0.0)
+        ability = Ability(
             V_a=largest,
             wind=self.wind_at(largest),
             phi=share * phi,
             phi_rate=share * phi_rate,
             gamma=(low * DEG, high * DEG),
-            g=g,
+            g=flight.g_mps2,
             widen=self.widen,
             turnaround=math.inf if self.turnaround_m is None else self.turnaround_m,
-            duration=duration,
+            duration=flight.duration_s,
         )
-
-    def reference(self, ability: Ability, V_a: float) -> RouteReference:
-        """The reference that follows the path through the waypoints, from the airspeed `V_a` on."""
         path = planned(self.waypoints(), ability)
         return RouteReference(
             path=path,
-            V_a=ability.V_a,
-            g=ability.g,
+            V_a=largest,
+            g=flight.g_mps2,
             look_ahead=self.look_ahead_s,
             holds_airspeed=bool(self.holds_airspeed),
-            airspeeds=airspeeds_along(path, V_a, self.airspeeds, ability.g),
+            airspeeds=airspeeds_along(path, flight.V_a_mps, self.airspeeds, flight.g_mps2),
         )
 
 
-@lru_cache(maxsize=8)  # the flights of a campaign fly the same path
-def planned(waypoints: tuple[Waypoint, ...], ability: Ability) -> Path:
-    """`plan`, made once for the same waypoints."""
-    return plan(waypoints, ability)
+# The flights of a campaign fly the same path.
+planned = lru_cache(maxsize=8)(plan)

@@ -19,14 +19,7 @@ from flighttune.present.names import listed
 from flighttune.quantities import FASTEST_WIND, STEEPEST_DEG, Table
 from flighttune.scenario import tables
 from flighttune.scenario.route import RouteTable, TurnBackTable
-from flighttune.scenario.tables import (
-    LAWS,
-    TUNED,
-    TUNED_FED_BACK,
-    TUNED_IDENTIFIED,
-    GainsTable,
-    law_named,
-)
+from flighttune.scenario.tables import TUNED, TUNED_FED_BACK, TUNED_IDENTIFIED, GainsTable
 
 # Samples of the controller in a flight: five and a half hours at 50 Hz, 200 MB of signals.
 MAX_SAMPLES = 1_000_000
@@ -92,7 +85,7 @@ class Scenario(Table):
                     f".toml) or a table with K_P and K_I, got {abridged(entry)}"
                     + nearest_name(entry, available).removesuffix(".")
                 )
-        laws, plants = self.laws, [plant.label for plant in self.plant]
+        laws = self.laws
         for law in laws:
             if self.tuning.input_limits and law.inputs != COMMANDS:
                 raise ValueError(
@@ -107,25 +100,33 @@ class Scenario(Table):
         on_identified = TUNED_IDENTIFIED in self.gains or TUNED_FED_BACK in self.gains
         if on_identified or self.tuning.model == "identified":
             _ = self.identified_in
-        names, gain_names = [law.name for law in laws], self.gain_names
-        for key, labels in (("law", names), ("gains", gain_names), ("plant", plants)):
+        labels_of = {"law": [law.name for law in laws], "gains": [*self.gain_names]}
+        labels_of["plant"] = [plant.label for plant in self.plant]
+        for key, labels in labels_of.items():
             if len(set(labels)) < len(labels):
                 hint = "; a `name` of its own distinguishes a plant" if key == "plant" else ""
                 raise ValueError(
                     f"`{key}` must not name anything twice, got {', '.join(labels)}{hint}"
                 )
-        plants = list(dict.fromkeys((*plants, *(plant.kind for plant in self.plant))))
-        for table in self.expect:
-            for key, labels in (("gains", gain_names), ("plant", plants)):
-                if getattr(table, key) not in (None, *labels):
-                    raise ValueError(
-                        f"`{key}` of [[expect]] must be one of {', '.join(labels)}, "
-                        f"got {abridged(getattr(table, key))}"
-                    )
+        labels_of["plant"] += [plant.kind for plant in self.plant]
+        for key, label in (
+            (key, getattr(x, key)) for x in self.expect for key in ("gains", "plant")
+        ):
+            if label not in (None, *labels_of[key]):
+                known = ", ".join(dict.fromkeys(labels_of[key]))
+                raise ValueError(
+                    f"`{key}` of [[expect]] must be one of {known}, got {abridged(label)}"
+                )
         return self
 
     @model_validator(mode="after")
-    def _followed_once(self) -> "Scenario":
+    def _follows_by_its_law(self) -> "Scenario":
+        law, E_star = self.laws[0], self.tuning.E_star
+        if E_star is not None and not law.by_gains:
+            raise ValueError(
+                f"`E_star` of [tuning] must be absent with the law {law.name}, which has no linear "
+                f"model, got {E_star:g}"
+            )
         if (self.reference is None) == (self.route is None):
             raise ValueError("`reference` or `route` must be given, and not both")
         if self.route is not None and "duration_s" not in self.flight.model_fields_set:
@@ -151,7 +152,10 @@ class Scenario(Table):
                 "`duration_s` of [flight] must be at least two samples of the controller and at "
                 f"most {MAX_SAMPLES}, got {duration:g} s at {rate:g} Hz"
             )
-        times = list(self.reference.starts() if self.reference else ())
+        times = [
+            (f"[reference.{key}] `start_s`", segment.start_s)
+            for key, segment in (self.reference.segments if self.reference else ())
+        ]
         if self.gust:
             times.append(("[gust] `start_s`", self.gust.start_s))
         if self.disturbance:
@@ -164,7 +168,7 @@ class Scenario(Table):
                 )
         t, gamma_deg = 0.0, self.flight.gamma_deg
         if self.reference is not None:
-            t, gamma_deg = self.reference.steepest(gamma_deg, duration)
+            t, gamma_deg = self.reference.steepest(self.flight)
         if abs(gamma_deg) > STEEPEST_DEG + ROUNDING:
             raise ValueError(
                 f"[reference] `gamma_deg` must stay within +-{STEEPEST_DEG:g} deg, "
@@ -227,29 +231,18 @@ class Scenario(Table):
                 )
         return self
 
-    @model_validator(mode="after")
-    def _errors_can_be_bounded(self) -> "Scenario":
-        law = self.laws[0]
-        if self.tuning.E_star is not None and not law.by_gains:
-            raise ValueError(
-                f"`E_star` of [tuning] must be absent with the law {law.name}, which has no linear "
-                f"model, got {self.tuning.E_star:g}"
-            )
-        return self
-
     @property
     def notes(self) -> tuple[str, ...]:
         """One sentence for each deviation of the flight from the file."""
-        of_route = *self.gains_notes(), *(self.route.notes if self.route is not None else ())
+        notes = [*self.gains_notes(), *(self.route.notes if self.route is not None else ())]
         duration, dt = self.flight.duration_s, 1.0 / self.controller.rate_hz
         flown = round(duration / dt) * dt
-        if math.isclose(flown, duration, rel_tol=ROUNDING):
-            return of_route
-        return (
-            *of_route,
-            f"[flight] `duration_s` {duration:g} is no whole number of samples at "
-            f"{self.controller.rate_hz:g} Hz: {flown:.6g} s are flown",
-        )
+        if not math.isclose(flown, duration, rel_tol=ROUNDING):
+            notes.append(
+                f"[flight] `duration_s` {duration:g} is no whole number of samples at "
+                f"{self.controller.rate_hz:g} Hz: {flown:.6g} s are flown"
+            )
+        return tuple(notes)
 
     def gains_notes(self, plant: str | None = None, gains: str | None = None) -> tuple[str, ...]:
         """A sentence for gains that were tuned for others than they fly here, in words.
@@ -279,7 +272,7 @@ class Scenario(Table):
     @property
     def law_tables(self) -> tuple[tables.LawTable, ...]:
         """The tables of the laws flown, in order; the paper's by default."""
-        return tuple(self.law or (law_named(DEFAULT),))
+        return tuple(self.law or (tables.law_named(DEFAULT),))
 
     @property
     def laws(self) -> tuple[Law, ...]:
@@ -296,12 +289,12 @@ class Scenario(Table):
         """The table of the law that flies a gain set; `name` as for `law_of`."""
         listed = {table.name: table for table in self.law_tables}
         law = law_name(name, listed)
-        if law not in listed and law not in LAWS:
+        if law not in listed and law not in tables.LAWS:
+            laws = ", ".join(dict.fromkeys([*listed, *tables.LAWS]))
             raise InputError(
-                f"`gains` must name a law of {', '.join(dict.fromkeys([*listed, *LAWS]))} before "
-                f"the colon, got {abridged(name)}."
+                f"`gains` must name a law of {laws} before the colon, got {abridged(name)}."
             )
-        return listed.get(law) or law_named(law)
+        return listed.get(law) or tables.law_named(law)
 
     def law_of(self, name: str, gains: PIGains | None = None) -> tuple[Law, str]:
         """The law that flies a gain set of `gain_names`, and the gain set as ``gains`` lists it."""
@@ -325,7 +318,7 @@ class Scenario(Table):
     def sensors_on(self, label: str) -> Sensors | None:
         """Errors of the sensors on a plant, with one that fails in flight; None if exact."""
         sensors = self.sensors and self.sensors.sensors(self.seed)
-        airframe = {table.label: table.airframe for table in self.plant}.get(label)
+        airframe = next((table.airframe for table in self.plant if table.label == label), None)
         fault = airframe and airframe.fault
         if not (fault and fault.V_a_bias_mps):
             return sensors
@@ -335,12 +328,6 @@ class Scenario(Table):
     def aircraft(self) -> tuple[tables.PlantTable, ...]:
         """Its plants that are aircraft, in order."""
         return tuple(plant for plant in self.plant if plant.aircraft is not None)
-
-    @property
-    def identified_name(self) -> str | None:
-        """Name of the aircraft or file of that model."""
-        table = self.identified_in
-        return table.identified or getattr(table, "aircraft", None)
 
     @property
     def identified_in(self) -> tables.PlantTable | tables.TuningTable:
@@ -381,7 +368,7 @@ class Scenario(Table):
     @property
     def rolls_in(self) -> bool:
         """Whether a ramp of its reference rolls in: roll and lift are planned for it."""
-        return self.reference is not None and any(self.reference.ramps_in())
+        return self.reference is not None and bool(self.reference.ramps_in)
 
     @property
     def airspeed(self) -> bool:
@@ -401,7 +388,7 @@ class Scenario(Table):
             return (start, *changes)
         if self.reference is None or not self.airspeed:
             return (start,)
-        return (start, *self.reference.airspeeds(start, self.flight.duration_s))
+        return (start, *self.reference.airspeeds(self.flight))
 
     @property
     def airspeed_words(self) -> str:

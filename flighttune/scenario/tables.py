@@ -2,7 +2,7 @@
 
 import math
 from abc import abstractmethod
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cache, cached_property, lru_cache
 from itertools import pairwise
 from pathlib import Path
@@ -20,6 +20,7 @@ from pydantic import (
     model_validator,
 )
 
+from flighttune import metrics
 from flighttune import quantities as q
 from flighttune.aircraft.aircraft import AircraftConfig, OffNominal, load_aircraft
 from flighttune.arrays import FloatArray
@@ -32,16 +33,6 @@ from flighttune.control.linear_model import Envelope
 from flighttune.errors import InputError
 from flighttune.files.mistakes import abridged
 from flighttune.identification.file import IdentifiedAircraft, load_identified
-from flighttune.metrics import (
-    AIRSPEED,
-    AIRSPEED_METRICS,
-    CHANNELS,
-    ENVELOPES,
-    FLIGHT_METRICS,
-    LOOP_METRICS,
-    METRICS,
-    OFF_ROUTE,
-)
 from flighttune.plants.base import PLANT_KINDS, PlantKind, goes_by, plant_label
 from flighttune.plants.jsbsim.plant import DEEPEST_GROUND, HIGHEST_GROUND, LARGEST_SEED
 from flighttune.plants.sensors import Sensors
@@ -275,69 +266,61 @@ class ReferenceTable(q.Table):
             raise ValueError("`V_mps` of [reference] must be absent with shape feasible")
         return self
 
-    def starts(self) -> Iterator[tuple[str, float]]:
-        """Key and start (s) of each segment."""
-        for key in ("chi_deg", "gamma_deg", "V_mps"):
-            segments = getattr(self, key)
-            for segment in segments if isinstance(segments, list) else ():
-                yield f"[reference.{key}] `start_s`", segment.start_s
+    @property
+    def segments(self) -> list[tuple[str, SegmentTable | AirspeedSegment]]:
+        """Key and table of each segment."""
+        values = [(key, getattr(self, key)) for key in ("chi_deg", "gamma_deg", "V_mps")]
+        return [(key, x) for key, value in values if isinstance(value, list) for x in value]
 
-    def ramps_in(self) -> Iterator[tuple[str, RampTable]]:
+    @property
+    def ramps_in(self) -> list[tuple[str, RampTable]]:
         """Key and table of each ramp that rolls in."""
-        for key in ("chi_deg", "gamma_deg"):
-            segments = getattr(self, key)
-            for ramp in segments if isinstance(segments, list) else ():
-                if isinstance(ramp, RampTable) and ramp.roll_in_s:
-                    yield key, ramp
+        return [(key, x) for key, x in self.segments if isinstance(x, RampTable) and x.roll_in_s]
 
     @property
     def batched(self) -> bool:
         """Whether the compiled kernel flies it: no search, no plan, no airspeed."""
-        return self.shape is None and self.V_mps is None and not any(self.ramps_in())
+        return self.shape is None and self.V_mps is None and not self.ramps_in
 
-    def steepest(self, start_deg: float, duration: float) -> tuple[float, float]:
+    def steepest(self, flight: FlightTable) -> tuple[float, float]:
         """Time (s) and value (deg) of the steepest path angle asked for, up or down."""
         if not isinstance(self.gamma_deg, list):
             return 0.0, self.gamma_deg
+        duration = flight.duration_s
         inside = {t for table in self.gamma_deg for t in table.segment().times if t < duration}
         ends = np.array(sorted({0.0, duration, *inside}))
         # Between two breaks the sum is straight; it may jump at a break, or just beside it.
         before, between = np.nextafter(ends[1:], 0.0), 0.5 * (ends[1:] + ends[:-1])
         t = np.concatenate([ends, before, between])
-        _, gamma = self.reference(chi_deg=0.0, gamma_deg=start_deg).sampled(t)
+        _, gamma = self.reference(flight).sampled(t)
         most = int(np.argmax(np.abs(gamma)))
         return float(t[most]), float(gamma[most]) / DEG
 
-    def reference(self, *, chi_deg: float, gamma_deg: float, V_mps: float = math.nan) -> Reference:
-        """The reference in s, rad and m/s, for a flight that starts at these values."""
-        chi, chi_segments = _channel(self.chi_deg, chi_deg)
-        gamma, gamma_segments = _channel(self.gamma_deg, gamma_deg)
-        V, changes = (V_mps, self.V_mps) if isinstance(self.V_mps, list) else (self.V_mps, [])
-        return Reference(
-            chi=chi,
-            gamma=gamma,
-            chi_segments=chi_segments,
-            gamma_segments=gamma_segments,
-            V=V,
-            V_segments=tuple(each.segment() for each in changes),
-        )
-
-    def airspeeds(self, start_mps: float, duration: float) -> tuple[float, float]:
+    def airspeeds(self, flight: FlightTable) -> tuple[float, float]:
         """Lowest and highest airspeed asked for in a flight, m/s."""
-        reference = self.reference(chi_deg=0.0, gamma_deg=0.0, V_mps=start_mps)
+        reference, duration = self.reference(flight), flight.duration_s
         ends = [t for s in reference.V_segments for t in s.times if t < duration]
         values = reference.airspeed(np.array([0.0, duration, *ends]))
         assert values is not None  # it has an airspeed
         return float(values[0].min()), float(values[0].max())
 
-
-def _channel(
-    value: float | list[SegmentTable], start_deg: float
-) -> tuple[float, tuple[Segment, ...]]:
-    """Value of a reference before any segment, rad, and its segments."""
-    if isinstance(value, list):
-        return start_deg * DEG, tuple(table.segment() for table in value)
-    return value * DEG, ()
+    def reference(self, flight: FlightTable) -> Reference:
+        """The reference in s, rad and m/s, from the start of a flight on."""
+        stated: tuple[Any, ...] = self.chi_deg, self.gamma_deg, self.V_mps
+        starts = flight.chi_deg, flight.gamma_deg, flight.V_a_mps
+        (chi, on_chi), (gamma, on_gamma), (V, on_V) = (
+            (start, tuple(x.segment() for x in own)) if isinstance(own, list) else (own, ())
+            for own, start in zip(stated, starts, strict=True)
+        )
+        return Reference(
+            chi=chi * DEG,
+            gamma=gamma * DEG,
+            chi_segments=on_chi,
+            gamma_segments=on_gamma,
+            g=flight.g_mps2,
+            V=V,
+            V_segments=on_V,
+        )
 
 
 class OwnTable(q.Table):
@@ -563,16 +546,10 @@ class SensorsTable(q.Table):
 
     def sensors(self, seed: int) -> Sensors:
         """The errors in rad and m/s, their noise drawn from the scenario's `seed`."""
-        return Sensors(
-            bias=(self.chi_bias_deg * DEG, self.gamma_bias_deg * DEG, self.V_a_bias_mps),
-            noise_sd=(
-                self.chi_noise_sd_deg * DEG,
-                self.gamma_noise_sd_deg * DEG,
-                self.V_a_noise_sd_mps,
-            ),
-            time_constant=self.noise_time_constant_s or 0.0,
-            seed=seed,
-        )
+        bias = self.chi_bias_deg * DEG, self.gamma_bias_deg * DEG, self.V_a_bias_mps
+        sd = self.chi_noise_sd_deg * DEG, self.gamma_noise_sd_deg * DEG, self.V_a_noise_sd_mps
+        time_constant = self.noise_time_constant_s or 0.0
+        return Sensors(bias=bias, noise_sd=sd, time_constant=time_constant, seed=seed)
 
 
 # Curve of Fig. 7 of MIL-F-8785C, and wind 20 ft above ground in m/s (15, 30, 45 kn).
@@ -613,9 +590,8 @@ class WindTable(q.Table):
         if self.level is None:
             wind = _blowing(self.speed_mps or 0.0, self.from_deg or 0.0, self.down_mps)
             return WindProfile(((0.0, wind),))
-        return WindProfile(
-            tuple((x.h_m, _blowing(x.speed_mps, x.from_deg, x.down_mps)) for x in self.level)
-        )
+        winds = ((x.h_m, _blowing(x.speed_mps, x.from_deg, x.down_mps)) for x in self.level)
+        return WindProfile(tuple(winds))
 
 
 class GustTable(q.Table):
@@ -658,10 +634,9 @@ class TurbulenceTable(q.Table):
 
     def turbulence(self) -> Turbulence:
         """The turbulence by its numbers."""
+        severity, wind = INTENSITIES[self.intensity or "light"]
         if self.severity is not None and self.wind_20ft_mps is not None:
             severity, wind = self.severity, self.wind_20ft_mps
-        else:
-            severity, wind = INTENSITIES[self.intensity or "light"]
         return Turbulence(severity=severity, wind_20ft=wind, model=self.model)
 
 
@@ -701,9 +676,9 @@ class DisturbanceTable(q.Table):
 
     @model_validator(mode="after")
     def _wind_swings(self) -> "DisturbanceTable":
-        for channel in ("chi", "gamma"):
+        for channel in ("chi", "gamma") if self.as_wind else ():
             still = not getattr(self, f"{channel}_omega_rad_s")
-            if self.as_wind and still and getattr(self, f"{channel}_amplitude"):
+            if still and getattr(self, f"{channel}_amplitude"):
                 raise ValueError(
                     f"`{channel}_omega_rad_s` must be positive with as_wind: a constant rate takes "
                     "a wind that grows without end"
@@ -719,11 +694,10 @@ class DisturbanceTable(q.Table):
         """The disturbance as a function of time."""
         return Sinusoid.of_table(self.model_dump())
 
-    def last_switches(self) -> Iterator[tuple[str, float]]:
+    def last_switches(self) -> list[tuple[str, float]]:
         """Key and last time (s) of each list of switching times."""
-        for key in ("chi_switch_s", "gamma_switch_s"):
-            if times := getattr(self, key):
-                yield f"[disturbance] `{key}`", times[-1]
+        times = {key: getattr(self, key) for key in ("chi_switch_s", "gamma_switch_s")}
+        return [(f"[disturbance] `{key}`", each[-1]) for key, each in times.items() if each]
 
 
 def _blowing(speed: float, from_deg: float, down: float) -> NED:
@@ -800,9 +774,8 @@ class TuningTable(q.Table):
         """Weights of errors and commands; None where R_K is maximised."""
         if self.objective != "cost":
             return None
-        return np.array(self.error_weights or [1.0] * 2), np.array(
-            self.command_weights or [0.1] * 2
-        )
+        errors, commands = self.error_weights or [1.0, 1.0], self.command_weights or [0.1, 0.1]
+        return np.array(errors), np.array(commands)
 
     @model_validator(mode="before")
     @classmethod
@@ -897,12 +870,12 @@ Bound: TypeAlias = Annotated[
 ]
 Bounds: TypeAlias = dict[Subject, dict[str, Bound]]
 
-CHANNEL_MEASURES = (*METRICS, "peak_rad")
+CHANNEL_MEASURES = (*metrics.METRICS, "peak_rad")
 MEASURES_OF = {
-    "flight": (*FLIGHT_METRICS,),
-    "loop": (*LOOP_METRICS,),
-    AIRSPEED: (*AIRSPEED_METRICS,),
-    **dict.fromkeys(OFF_ROUTE, ()),
+    "flight": (*metrics.FLIGHT_METRICS,),
+    "loop": (*metrics.LOOP_METRICS,),
+    metrics.AIRSPEED: (*metrics.AIRSPEED_METRICS,),
+    **dict.fromkeys(metrics.OFF_ROUTE, ()),
 }
 
 
@@ -940,7 +913,7 @@ class ExpectTable(q.Table):
                     elif isinstance(bound, list):
                         raise ValueError(f"`{subject}.{name}` must be a number, got {bound}")
                     elif name == "band_deg":
-                        if "settling_s" in limits and subject in CHANNELS and bound > 0.0:
+                        if "settling_s" in limits and subject in metrics.CHANNELS and bound > 0.0:
                             continue
                         raise ValueError(
                             f"`{subject}.band_deg` must be positive and beside `settling_s` of a "
@@ -959,8 +932,8 @@ class ExpectTable(q.Table):
 
 
 def _check_envelope(subject: str, sense: str, rows: Any) -> None:
-    if sense == "at_least" or subject not in ENVELOPES:
-        raise ValueError(f"`within` must be under at_most.{' or '.join(ENVELOPES)}")
+    if sense == "at_least" or subject not in metrics.ENVELOPES:
+        raise ValueError(f"`within` must be under at_most.{' or '.join(metrics.ENVELOPES)}")
     times, bounds = zip(*rows, strict=True) if isinstance(rows, list) else ((), (0.0,))
     if [*times] != [0.0, *sorted({*times} - {0.0})] or min(bounds) <= 0.0:
         raise ValueError(

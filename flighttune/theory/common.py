@@ -5,6 +5,7 @@ what the common matrix guarantees. Answers are checked by eigenvalues before the
 """
 
 import math
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
 from typing import Any, Literal, NamedTuple
@@ -56,21 +57,25 @@ def common_Q(vertices: npt.ArrayLike) -> CommonQ:
     A = square_matrices("vertices", vertices, 3)
     L, speed = _coordinates(A)
     program = _rate_program(*A.shape[:2])
-    for loop, value in zip(program.loops, _transformed(A, L) / speed, strict=True):
-        loop.value = value
-    program.unit.value = _inverse_square(L)
-    if unsolved := solve(program.problem):
+    if unsolved := program.unsolved(A, L, speed):
         return CommonQ(status="failed", reason=unsolved)
-    # A multiplier goes back to the coordinates of A by the same congruence as its inequality.
+    # A multiplier goes back to the coordinates of A by the same congruence as its inequality. Made
+    # positive, with traces that add up to one, multipliers give the bound.
     to_A = np.linalg.inv(L)
     duals = np.array([decay.dual_value for decay in program.decays])
-    bound = _rate_bound(A, to_A.T @ duals @ to_A)
-    Q = _from_coordinates(program.form.value, L)
-    Q = _scaled_to_inequality(Q, A)
-    if Q is None or 1.0 / np.linalg.eigvalsh(Q)[-1] < NO_RATE * speed:
+    values, vectors = np.linalg.eigh(to_A.T @ duals @ to_A)
+    X = vectors * np.maximum(values, 0.0)[:, None, :] @ vectors.mT
+    X = X / max(float(np.trace(X, axis1=1, axis2=2).sum()), 1e-300)
+    flow = -(A @ X).sum(axis=0)
+    bound = float(np.maximum(np.linalg.eigvalsh(flow + flow.T), 0.0).sum())
+    Q, R = _from_coordinates(program.form.value, L), 0.0
+    slack = -np.linalg.eigvalsh(A.mT @ Q + Q @ A)[:, -1].max()
+    if slack > 0.0 and np.linalg.eigvalsh(Q)[0] > 0.0:
+        Q = Q / slack  # the multiple that just satisfies the inequality at every vertex
+        R = float(1.0 / np.linalg.eigvalsh(Q)[-1])
+    if R < NO_RATE * speed:
         reason = f"no common Q was found; its rate is at most {bound:.3g} 1/s"
         return CommonQ(status="none", reason=reason, R_bound=bound)
-    R = float(1.0 / np.linalg.eigvalsh(Q)[-1])
     close = bound <= (1.0 + GAP) * R
     return CommonQ(
         status="optimal" if close else "inaccurate",
@@ -123,17 +128,13 @@ def common_ellipsoid(
         radius(coarse)
     if not tried:
         return None, "no common ellipsoid was found at any multiplier"
-    start = min(tried, key=lambda fraction: np.linalg.eigvalsh(tried[fraction])[-1])
-    minimize_scalar(
-        radius,
-        bounds=(start / 3.0, min(3.0 * start, 1.0)),
-        method="bounded",
-        options={"xatol": 1e-3},
-    )
-    best = min(tried, key=lambda fraction: np.linalg.eigvalsh(tried[fraction])[-1])
-    W = L_d**2 * tried[best]
-    radius_of_best = float(np.sqrt(np.linalg.eigvalsh(W)[-1]))
-    return Ellipsoid(W=W, multiplier=best * fastest, radius=radius_of_best), ""
+
+    def best() -> float:
+        return min(tried, key=lambda fraction: np.linalg.eigvalsh(tried[fraction])[-1])
+
+    bounds = best() / 3.0, min(3.0 * best(), 1.0)
+    minimize_scalar(radius, bounds=bounds, method="bounded", options={"xatol": 1e-3})
+    return Ellipsoid(W=L_d**2 * tried[best()], multiplier=best() * fastest), ""
 
 
 def _ellipsoid(A: FloatArray, E: FloatArray, a: float) -> FloatArray | None:
@@ -147,10 +148,8 @@ def _ellipsoid(A: FloatArray, E: FloatArray, a: float) -> FloatArray | None:
     inside = to_s @ (load + SLACK * np.linalg.norm(load, 2) * np.eye(n)) @ to_s.T / speed
     scale = float(np.linalg.norm(inside, 2))
     program = _ellipsoid_program(*A.shape[:2])
-    for loop, value in zip(program.loops, _transformed(shifted.mT, L) / speed, strict=True):
-        loop.value = value
-    program.unit.value, program.load.value = _inverse_square(L), inside / scale
-    if solve(program.problem):  # why it has no solution
+    program.load.value = inside / scale
+    if program.unsolved(shifted.mT, L, speed):
         return None
     W = scale * _from_coordinates(program.form.value, L)
     flow = np.linalg.eigvalsh(shifted @ W + W @ shifted.mT + load)
@@ -172,6 +171,15 @@ class _Program(NamedTuple):
     load: Any  # (n, n)
     decays: tuple[Any, ...]  # the inequality of each vertex
 
+    def unsolved(self, A: FloatArray, L: FloatArray, speed: float) -> str:
+        """Solve it for vertices A over `speed`; the reason why there is no solution, if so."""
+        for loop, value in zip(self.loops, L.T @ A @ np.linalg.inv(L.T) / speed, strict=True):
+            loop.value = value
+        self.unit.value = _from_coordinates(
+            np.eye(len(L)), np.asarray(np.linalg.inv(L), dtype=float)
+        )
+        return solve(self.problem)
+
 
 @cache
 def _rate_program(k: int, n: int) -> _Program:
@@ -192,36 +200,10 @@ def _ellipsoid_program(k: int, n: int) -> _Program:
     return _Program(largest(-r, [*decays, W << r * I]), W, loops, I, load, decays)
 
 
-def _transformed(A: FloatArray, L: FloatArray) -> FloatArray:
-    """``L' A L'^-1`` of each matrix."""
-    return L.T @ A @ np.linalg.inv(L.T)
-
-
 def _from_coordinates(S: FloatArray, L: FloatArray) -> FloatArray:
     """``L S L'``, symmetric to the bit."""
     Q = L @ S @ L.T
     return (Q + Q.T) / 2.0
-
-
-def _inverse_square(L: FloatArray) -> FloatArray:
-    return _from_coordinates(np.eye(len(L)), np.asarray(np.linalg.inv(L), dtype=float))
-
-
-def _scaled_to_inequality(Q: FloatArray, vertices: FloatArray) -> FloatArray | None:
-    """The multiple of Q that just satisfies ``A' Q + Q A + I <= 0`` for every matrix, or None.
-
-    Parameters
-    ----------
-    Q : ndarray, shape (n, n)
-        Symmetric.
-    vertices : ndarray, shape (k, n, n)
-        The matrices A.
-    """
-    derivative = vertices.mT @ Q + Q @ vertices
-    if not np.linalg.eigvalsh(Q)[0] > 0.0:
-        return None
-    slack = -np.linalg.eigvalsh(derivative)[:, -1].max()
-    return Q / slack if slack > 0.0 else None
 
 
 def _coordinates(A: FloatArray) -> tuple[FloatArray, float]:
@@ -230,21 +212,11 @@ def _coordinates(A: FloatArray) -> tuple[FloatArray, float]:
     Their unit is that of the state: the largest eigenvalue of ``L L'`` is one.
     """
     mean = A.mean(axis=0)
-    n = len(mean)
-    if np.linalg.eigvals(mean).real.max() < 0.0:
-        Q0 = lyapunov_solution(mean)
-        top = np.linalg.eigvalsh(Q0)[-1]
-        try:
-            return np.linalg.cholesky(Q0 / top), float(1.0 / top)
-        except np.linalg.LinAlgError:
-            return np.eye(n), float(1.0 / top)
-    return np.eye(n), float(np.linalg.norm(mean, 2)) or 1.0
-
-
-def _rate_bound(A: FloatArray, multipliers: FloatArray) -> float:
-    """Bound of `common_Q` from multipliers, made positive with traces that add up to one."""
-    values, vectors = np.linalg.eigh(multipliers)
-    X = vectors * np.maximum(values, 0.0)[:, None, :] @ vectors.mT
-    X = X / max(float(np.trace(X, axis1=1, axis2=2).sum()), 1e-300)
-    flow = -(A @ X).sum(axis=0)
-    return float(np.maximum(np.linalg.eigvalsh(flow + flow.T), 0.0).sum())
+    L = np.eye(len(mean))
+    if not np.linalg.eigvals(mean).real.max() < 0.0:
+        return L, float(np.linalg.norm(mean, 2)) or 1.0
+    Q0 = lyapunov_solution(mean)
+    top = np.linalg.eigvalsh(Q0)[-1]
+    with suppress(np.linalg.LinAlgError):
+        L = np.linalg.cholesky(Q0 / top)
+    return L, float(1.0 / top)

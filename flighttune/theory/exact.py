@@ -89,14 +89,12 @@ def positive_definite(matrix: Rationals) -> bool:
 
 def sine(angle: float) -> Interval:
     """An interval that contains the sine of a float inside +-pi/2 (rad); InputError outside."""
-    x = _inside(angle)
-    low, high = _series(abs(x), 1)
-    return (low, high) if x >= 0 else (-high, -low)
+    return _series(angle, 1)
 
 
 def cosine(angle: float) -> Interval:
     """An interval that contains the cosine of a float inside +-pi/2 (rad); InputError outside."""
-    return _series(abs(_inside(angle)), 0)
+    return _series(angle, 0)
 
 
 def product(first: Interval, second: Interval) -> Interval:
@@ -105,16 +103,12 @@ def product(first: Interval, second: Interval) -> Interval:
     return min(products), max(products)
 
 
-def _inside(angle: float) -> Fraction:
+def _series(angle: float, power: int) -> Interval:
+    """Two consecutive partial sums of an alternating series with falling terms."""
     if not abs(angle) <= HALF_PI_BELOW:
         raise InputError(f"`angle` must lie inside +-pi/2, got {angle} rad.")
-    return Fraction(angle)
-
-
-def _series(x: Fraction, power: int) -> Interval:
-    """Two consecutive partial sums of an alternating series with falling terms."""
+    x, total = Fraction(angle), Fraction(0)
     term = x**power
-    total = Fraction(0)
     for k in range(TERMS):
         total += term
         term = -term * x * x / ((2 * k + power + 1) * (2 * k + power + 2))

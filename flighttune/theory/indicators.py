@@ -128,10 +128,17 @@ def indicators(
     figures = indicators_batch(A_K, scaling=scale)
     eigenvalues = np.asarray(np.linalg.eigvals(A_K), dtype=complex)
     eigenvalues = eigenvalues[np.lexsort((-np.imag(eigenvalues), -np.real(eigenvalues)))]
-    stable = bool(figures.stable)
+    stable, reason = bool(figures.stable), ""
+    if not stable:
+        reason = f"The eigenvalue {eigenvalues[0]:.6g} 1/s is not in the open left half plane."
+        if eigenvalues[0].real < 0.0:
+            reason = (
+                f"The eigenvalue {eigenvalues[0]:.6g} 1/s is so close to the imaginary axis that "
+                "the Lyapunov equation has no positive solution in floating point."
+            )
     return Indicators(
         status="stable" if stable else "unstable",
-        reason="" if stable else _why_unstable(eigenvalues[0]),
+        reason=reason,
         R_K=float(figures.R_K),
         I_K=float(figures.I_K),
         E_K=_largest_error(A_K, errors) if stable else math.inf,
@@ -225,12 +232,3 @@ def _rate_and_radius(A: FloatArray) -> tuple[FloatArray, FloatArray]:
     R_K[proven] = 1.0 / largest[proven]
     I_K[proven] = largest[proven] ** 2 / (smallest[proven] * sigma_min[proven])
     return R_K, I_K
-
-
-def _why_unstable(rightmost: complex) -> str:
-    if rightmost.real >= 0.0:
-        return f"The eigenvalue {rightmost:.6g} 1/s is not in the open left half plane."
-    return (
-        f"The eigenvalue {rightmost:.6g} 1/s is so close to the imaginary axis that the "
-        "Lyapunov equation has no positive solution in floating point."
-    )

@@ -119,7 +119,11 @@ class Ellipsoid:
     # 1/s: the a of ``A W + W A' + a W + (L_d^2 / a) E E' = 0``, the rate at which ``s' W^-1 s``
     # approaches one from outside
     multiplier: float
-    radius: float  # longest half axis: the square root of lambda_max(W)
+
+    @property
+    def radius(self) -> float:
+        """Longest half axis: the square root of lambda_max(W)."""
+        return math.sqrt(float(np.linalg.eigvalsh(self.W)[-1]))
 
 
 def paper_balls(A_K: npt.ArrayLike, A: npt.ArrayLike, *, I_K: float, L_d: float) -> FloatArray:
@@ -188,5 +192,4 @@ def invariant_ellipsoid(
 
     best = minimize_scalar(size, bounds=(-20.0, 20.0), method="bounded", options={"xatol": NARROW})
     a = widest / (1.0 + math.exp(-best.x))
-    W = W_of(a)
-    return Ellipsoid(W=W, multiplier=a, radius=math.sqrt(float(np.linalg.eigvalsh(W)[-1])))
+    return Ellipsoid(W=W_of(a), multiplier=a)

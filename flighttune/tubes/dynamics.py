@@ -171,38 +171,41 @@ def _exponential(M: Rationals, t: Fraction) -> Rationals:
     """
     size = max(sum(abs(entry) for entry in row) for row in M) * t
     total = term = identity(len(M))
+    # Entries to 1e-40: their length would grow with every product.
+    shortened = np.vectorize(lambda x: Fraction(round(x * 10**40), 10**40), otypes=[object])
     # The bound on the terms left out holds once n + 1 is above the norm.
     n, remainder = 0, Fraction(1)
     while n < LEAST_TERMS or size >= n or remainder / (1 - size / (n + 1)) > REMAINDER:
         n += 1
-        term = _shortened(term @ M * t / n)
+        term = shortened(term @ M * t / n)
         total = total + term
         remainder = remainder * size / n
     return total
 
 
-def _shortened(term: Rationals) -> Rationals:
-    """Entries to 1e-40: their length would grow with every product."""
-    return np.vectorize(lambda x: Fraction(round(x * 10**40), 10**40), otypes=[object])(term)
-
-
 class Point(NamedTuple):
-    """Roll, load factor and flight-path angle.
+    """Load factor, sine and cosine of the roll, sine and cosine of the flight-path angle."""
 
-    `s` and `c` are sine and cosine of the roll, `up` and `level` those of the path angle.
-    """
-
-    phi: Interval
     n_z: Interval
-    gamma: Interval
     s: Interval
     c: Interval
     up: Interval
     level: Interval
 
+    @classmethod
+    def of(cls, phi: Interval, n_z: Interval, gamma: Interval) -> "Point":
+        """The point with its sines and cosines."""
+        return cls(n_z, *sine_and_cosine(phi), *sine_and_cosine(gamma))
 
-def _point(phi: Interval, n_z: Interval, gamma: Interval) -> Point:
-    return Point(phi, n_z, gamma, *sine_and_cosine(phi), *sine_and_cosine(gamma))
+    @property
+    def turn(self) -> Interval:
+        """Rate of the course over g/V."""
+        return self.n_z * self.s / self.level
+
+    @property
+    def climb(self) -> Interval:
+        """Rate of the flight-path angle over g/V."""
+        return self.n_z * self.c - self.level
 
 
 def point_mass_sample(
@@ -221,90 +224,62 @@ def point_mass_sample(
     is the largest difference of a rate within the sample, shape (2,), rad/s.
     """
     d_chi, d_gamma = (Interval(d.low[j], d.high[j]) for j in (0, 1))
-    start = _point(phi.values, n_z.values, gamma.values)
-    start_rate = _climb_rate(start) * g_over_v + d_gamma
+    start_rate = Point.of(phi.values, n_z.values, gamma.values).climb * g_over_v + d_gamma
     # The rate grows with gamma by at most g/V: by less than 2 h g/V of itself in a sample.
     path = gamma.values + within(h * start_rate.largest * (1.0 + 2.0 * h * g_over_v) * UP)
     ranges = phi.values, n_z.values, path
     middles = [each.middle for each in ranges]
     radii = [(each - m).largest for each, m in zip(ranges, middles, strict=True)]
-    values, middle = _point(*ranges), _point(*map(Interval.point, middles))
-    rate = _climb_rate(values) * g_over_v + d_gamma
+    p, middle = Point.of(*ranges), Point.of(*map(Interval.point, middles))
+    a, b, e = radii
+
+    def mean_rate(
+        rate: Interval, slopes: Sequence[Interval], remainder: Interval
+    ) -> tuple[Form, FloatArray]:
+        """A rate with gamma at its start, linear in the three, and its slope in gamma.
+
+        All arguments are over g/V: the rate and its slopes at the middles, and what is of second
+        order.
+        """
+        rest, terms = rate * g_over_v + remainder * g_over_v, []
+        for slope, form, m, radius in zip(
+            slopes, (phi.form, n_z.form, gamma.form), middles, radii, strict=True
+        ):
+            # Any float near the slope does: the rest of the slope times the radius is in `rest`.
+            scaled = slope * g_over_v
+            number = scaled.middle
+            rest = rest - Interval.point(number) * m + (scaled - number) * within(radius)
+            terms.append((number, form))
+        return combined(*terms, shift=rest), terms[-1][0]
+
+    # Of second order: half the second derivatives times squares, the mixed ones times products.
+    # Both rates are linear in n_z, which has no square.
+    lift = middle.n_z / middle.level
+    turning, turn_bend = mean_rate(
+        middle.turn,
+        (lift * middle.c, middle.s / middle.level, lift * middle.s * middle.up / middle.level),
+        -(p.n_z * p.s / p.level) * _half_square(a)
+        + p.n_z * p.s * (p.up * p.up + 1.0) / (p.level * p.level * p.level) * _half_square(e)
+        + (p.c / p.level) * within(a * b * UP)
+        + (p.n_z * p.c * p.up / (p.level * p.level)) * within(a * e * UP)
+        + (p.s * p.up / (p.level * p.level)) * within(b * e * UP),
+    )
+    climbing, bend = mean_rate(
+        middle.climb,
+        (-(middle.n_z * middle.s), middle.c, middle.up),
+        -(p.n_z * p.c) * _half_square(a) + p.level * _half_square(e) + p.s * within(a * b * UP),
+    )
+    turn, rate = p.turn * g_over_v + d_chi, p.climb * g_over_v + d_gamma
     # h/4 times the width of the rate, which is twice its radius.
     apart = h * 0.5 * rate.radius * UP
-    variables = list(zip((phi.form, n_z.form, gamma.form), middles, radii, strict=True))
-    remainder = _turn_rate(middle) * g_over_v + _turn_rest(values, radii) * g_over_v
-    turning, turn_bend = _mean_rate(remainder, _turn_slopes(middle), variables, g_over_v)
-    remainder = _climb_rate(middle) * g_over_v + _climb_rest(values, radii) * g_over_v
-    climbing, bend = _mean_rate(remainder, _climb_slopes(middle), variables, g_over_v)
-    climbing = combined((1.0, climbing), shift=d_gamma.middle).widened(
-        d_gamma.radius + np.abs(bend) * apart * UP
-    )
+    climbing = combined((1.0, climbing), shift=d_gamma.middle)
+    climbing = climbing.widened(d_gamma.radius + np.abs(bend) * apart * UP)
     # The mean rate G of gamma is on both sides, because the mean of gamma has (h/2) G: solved for.
     climbing = combined((1.0 / (1.0 - 0.5 * h * bend), climbing))
-    turning = combined((1.0, turning), (0.5 * h * turn_bend, climbing), shift=d_chi.middle).widened(
-        d_chi.radius + np.abs(turn_bend) * apart * UP
-    )
-    turn = _turn_rate(values) * g_over_v + d_chi
+    turning = combined((1.0, turning), (0.5 * h * turn_bend, climbing), shift=d_chi.middle)
+    turning = turning.widened(d_chi.radius + np.abs(turn_bend) * apart * UP)
     spread = 2.0 * np.array([turn.radius.max(), rate.radius.max()])
     return combined((1.0, chi), (h, turning)), combined((1.0, gamma.form), (h, climbing)), spread
-
-
-def _mean_rate(
-    rest: Interval,
-    slopes: Sequence[Interval],
-    variables: Sequence[tuple[Form, FloatArray, FloatArray]],
-    g_over_v: float,
-) -> tuple[Form, FloatArray]:
-    """A rate with gamma at its start, linear in the variables, and its slope in gamma.
-
-    `rest` is the rate at their middles with its remainder of second order. Each of the `variables`
-    is a form with the middle and the radius of its values.
-    """
-    terms = []
-    for slope, (form, middle, radius) in zip(slopes, variables, strict=True):
-        # Any float near the slope does: the rest of the slope times the radius is in the remainder.
-        exact = slope * g_over_v
-        number = exact.middle
-        rest = rest - Interval.point(number) * middle + (exact - number) * within(radius)
-        terms.append((number, form))
-    return combined(*terms, shift=rest.middle).widened(rest.radius), terms[-1][0]
-
-
-def _turn_rate(point: Point) -> Interval:
-    return point.n_z * point.s / point.level
-
-
-def _turn_slopes(point: Point) -> tuple[Interval, Interval, Interval]:
-    lift = point.n_z / point.level
-    return lift * point.c, point.s / point.level, lift * point.s * point.up / point.level
-
-
-def _turn_rest(p: Point, radii: list[FloatArray]) -> Interval:
-    # Half the second derivatives times squares, the mixed ones times products. The rate is linear
-    # in n_z, which has no square.
-    n_z, s, c, up, level = p.n_z, p.s, p.c, p.up, p.level
-    a, b, e = radii
-    return (
-        -(n_z * s / level) * _half_square(a)
-        + n_z * s * (up * up + 1.0) / (level * level * level) * _half_square(e)
-        + (c / level) * within(a * b * UP)
-        + (n_z * c * up / (level * level)) * within(a * e * UP)
-        + (s * up / (level * level)) * within(b * e * UP)
-    )
-
-
-def _climb_rate(point: Point) -> Interval:
-    return point.n_z * point.c - point.level
-
-
-def _climb_slopes(point: Point) -> tuple[Interval, Interval, Interval]:
-    return -(point.n_z * point.s), point.c, point.up
-
-
-def _climb_rest(p: Point, radii: list[FloatArray]) -> Interval:
-    a, b, e = radii
-    return -(p.n_z * p.c) * _half_square(a) + p.level * _half_square(e) + p.s * within(a * b * UP)
 
 
 def _half_square(radius: FloatArray) -> Interval:

@@ -4,7 +4,6 @@ import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
@@ -26,23 +25,18 @@ from flighttune.identification.file import changed_files, files_of
 from flighttune.present.answer import Answer, Answering, Column, Table, number, pick, quoted
 from flighttune.present.names import CHANNEL_SYMBOLS, columns, endings_table
 from flighttune.scenario.load import scenario_from, scenario_of
-from flighttune.scenario.schema import Scenario
 from flighttune.simulate.run import ERRORS, Bounds, Kind, Run, RunClaim
 from flighttune.theory.exact import Verification
-from flighttune.tubes.boxes import AircraftBoxes, CountedProbability, probability_of
-from flighttune.tubes.hand_over import HandOver, settled_from
 from flighttune.tubes.problem import (
-    MAX_PIECES,
-    MAX_SYMBOLS,
     QUANTITIES,
-    SAME_REFERENCE,
+    AircraftBoxes,
     TubeProblem,
     reference_samples,
     residual_of_logs,
     sample_count,
     sample_times,
 )
-from flighttune.tubes.replay import replay
+from flighttune.tubes.proof import HandOver, replay, settled_from
 from flighttune.tubes.sample import start_set
 from flighttune.units import DEG, DEG_PER_RAD
 
@@ -74,6 +68,14 @@ LOST = "`flighttune band` bounds such flights with a probability, without a mode
 # Relative rounding of numbers in a scenario that was written and read again.
 ROUNDING = 1e-12
 
+# Rad by which the ends of a range are rounded where it is added to a start.
+ROUNDING_RAD = 1e-14
+
+# Largest difference, in rad, 1 and rad/s, between a feasible reference in a file and the same
+# reference rebuilt. An optimiser makes it, and its last digits differ from machine to machine: by
+# up to 5.3e-9 where inputs change by 1e-14. It is 0.00006 deg; tubes are wider than 0.001 deg.
+SAME_REFERENCE = 1e-6
+
 # Margin, rad and 1, of the bounds in a file over those proven: another machine may add up in
 # another order.
 BOUND_MARGIN = 1e-9
@@ -82,8 +84,8 @@ BOUND_MARGIN = 1e-9
 # largest tube known, of an aircraft in the paper's step.
 MAX_BYTES, MAX_COMPRESSED = 128_000_000, 32_000_000
 
-# Number of samples of a round above which a proof would only take up time
-MAX_SAMPLES = 10000
+# Numbers above which a proof would only take up time and memory; samples are those of a round.
+MAX_PIECES, MAX_SYMBOLS, MAX_SAMPLES = 4096, 20000, 10000
 
 ALWAYS = {"claim": TEXT, "bounds": FLOAT, "held": BOOL, "chosen": SINGLE}
 EVER = {"W": FLOAT, "centre": FLOAT, "size": FLOAT, "bounds": FLOAT, "chosen": SINGLE}
@@ -91,8 +93,6 @@ EVER = {"W": FLOAT, "centre": FLOAT, "size": FLOAT, "bounds": FLOAT, "chosen": S
 # Arrays that a file may have, and their types; all but `ALWAYS` only where they are needed, those
 # of `EVER` with a set that is kept.
 MEMBERS = {**ALWAYS, "reference": FLOAT, "boxes": FLOAT} | {f"ever_{x}": EVER[x] for x in EVER}
-
-_check_shapes = partial(check_shapes, "tube")
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,6 +129,26 @@ class Claim:
         "bounds": "lower and upper bounds of the errors (rad) and commands (rad, 1) by sample",
         "boxes": "bounds on the rates left over (rad/s) and the roll (rad) by sample",
     }
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CountedProbability:
+    """The probability that a flight of the distribution counted leaves a tube, or its boxes."""
+
+    of: Literal["flight", "residual_rates"]  # a flight leaves the tube, or rates their boxes
+    at_most: float
+    confidence: float
+
+    @property
+    def sentence(self) -> str:
+        """The probability in words."""
+        chance = f"probability at most {number(self.at_most)}, confidence {self.confidence:.10g}"
+        if self.of == "flight":
+            return f"a flight of the distribution counted leaves the tube with {chance}"
+        return (
+            "the residual rates of a flight of the distribution counted leave their boxes with "
+            f"{chance}"
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -288,15 +308,14 @@ class Tube(Answering):
 
         `gains` is their name, if it is known.
         """
-        problem, widths = self.problem, self.half_widths
-        flight, limits, counted = problem.scenario.flight, problem.limits, problem.band
+        problem, scenario, widths = self.problem, self.problem.scenario, self.half_widths
+        limits, counted, family = problem.limits, problem.band, problem.table.family.enclosed
         low, high = problem.disturbances
         lowest, highest = low.min(axis=0).tolist(), high.max(axis=0).tolist()
-        limited = {name: self.held_intervals(i) for i, name in enumerate(("phi_cmd", "n_z_cmd"))}
-        about = {
+        flights = {
             "plant": problem.plant,
-            **pick(flight, "duration_s V_a_mps"),
-            "rate_hz": problem.scenario.controller.rate_hz,
+            **pick(scenario.flight, "duration_s V_a_mps"),
+            "rate_hz": scenario.controller.rate_hz,
             "start": dict(zip(CHANNEL_SYMBOLS, problem.path_at_start, strict=True)),
             "within": problem.start,
             "end": dict(zip(CHANNEL_SYMBOLS, problem.reference[-1, :2].tolist(), strict=True)),
@@ -305,27 +324,28 @@ class Tube(Answering):
             {"channel": channel, "low": lower, "high": upper}
             for channel, lower, upper in zip(CHANNEL_SYMBOLS, lowest, highest, strict=True)
         ]
+        limited = {name: self.held_intervals(i) for i, name in enumerate(QUANTITIES[2:])}
         commands = [
             {
                 "command": name,
                 **{key: float(getattr(limits, key)[i]) * unit for key in LIMIT_KEYS},
-                "held_s": [f"{begin:g} to {end:g}" for begin, end in intervals] or "never",
+                "held_s": [f"{begin:g} to {end:g}" for begin, end in self.held_intervals(i)]
+                or "never",
             }
-            for i, (name, unit, intervals) in enumerate(
-                zip(("phi_cmd [deg]", "n_z_cmd"), (DEG_PER_RAD, 1.0), limited.values(), strict=True)
-            )
+            for i, (name, unit) in enumerate((("phi_cmd [deg]", DEG_PER_RAD), ("n_z_cmd", 1.0)))
         ]
+        notes = [*scenario.gains_notes(problem.plant)]
         if self.status != "bounded":
-            notes = [LOST] if problem.boxes else []
+            notes += [LOST] if problem.boxes else []
         elif self.hand_over is None:
-            notes = [
+            notes.append(
                 "Nothing is claimed beyond the end of the scenario: no invariant set was found."
-            ]
+            )
         else:
-            notes = [
+            notes.append(
                 f"From {self.handed_over:.2f} s on no limit holds a command, if later "
                 "disturbances stay within those at the end."
-            ]
+            )
         if counted is not None:
             notes.append(f"counted: {counted.sentence}")
             notes.append("Check the boxes too: flighttune verify PROOF --boxes FILE")
@@ -334,9 +354,8 @@ class Tube(Answering):
             notes.append(f"The disturbance is the {evidence and evidence.sentence}.")
         if self.probability is not None:
             notes.append(self.probability.sentence)
-        family = problem.table.family.enclosed
         flown = f"gains {gains}, {family}" if gains else family
-        title = f"{quoted(problem.scenario.title)}; {flown}: {self.status}"
+        title = f"{quoted(scenario.title)}; {flown}: {self.status}"
         return Answer(
             values={
                 **pick(self, "status reason probability sentence"),
@@ -350,17 +369,17 @@ class Tube(Answering):
                 "disturbance_rad_s": [lowest, highest],
                 "counted": counted.sentence if counted else None,
                 "aircraft_checked": problem.aircraft_checked,
-                "scenario": problem.scenario.as_dict(),
+                "scenario": scenario.as_dict(),
             },
             tables=[
                 Table(WIDTH_COLUMNS, [{"error": key, **row} for key, row in widths.items()], title),
-                Table(FLIGHT_COLUMNS, [about], "flights"),
+                Table(FLIGHT_COLUMNS, [flights], "flights"),
                 Table(DISTURBANCE_COLUMNS, disturbance, "any disturbance of the rates"),
                 Table(LIMIT_COLUMNS, commands, "limits, rates per second"),
                 gains_table("gains", problem.gains),
                 endings_table(counted.endings if counted else ()),
             ],
-            notes=[*problem.scenario.gains_notes(problem.plant), *notes],
+            notes=notes,
             verdict=self.sentence if self.status == "bounded" else "",
             failure="" if self.status == "bounded" else self.reason,
         )
@@ -373,14 +392,22 @@ class Tube(Answering):
 
     @property
     def probability(self) -> CountedProbability | None:
-        """Probability counted for an aircraft, of its flights if all of them are in the tube.
+        """Probability counted for an aircraft; None without its band, and for a tube that is lost.
 
-        None without a band of its boxes, and for a tube that is lost.
+        It speaks of flights where the tube is from all starts counted, and these are the only
+        difference between the flights. Otherwise it speaks of the residual rates alone: most
+        flights do not even start inside a tube from one start.
         """
-        problem = self.problem
-        if problem.band is None or self.status != "bounded":
+        problem, band = self.problem, self.problem.band
+        if band is None or self.status != "bounded":
             return None
-        return probability_of(problem.band, problem.scenario, problem.table, problem.start)
+        starts = band.flights.distribution.start_range(problem.scenario, problem.table)
+        from_all = starts is not None and problem.start >= starts - ROUNDING_RAD
+        return CountedProbability(
+            of="flight" if from_all else "residual_rates",
+            at_most=band.about.epsilon,
+            confidence=band.confidence,
+        )
 
     def held_intervals(self, channel: int) -> list[tuple[float, float]]:
         """Intervals, s, in which a limit can hold the command of a channel."""
@@ -458,7 +485,8 @@ def load_tube(path: str | Path, band: Residual | None = None) -> Tube:
 
 
 def _tube_from(claim: Claim, arrays: Arrays, band: Residual | None) -> Tube:
-    scenario = scenario_from(claim.scenario)
+    """The tube of a file; only boxes are taken from its arrays, and a feasible reference."""
+    scenario, gains = scenario_from(claim.scenario), claim.gains
     # Before anything as long as the scenario is made: a file may state a duration of years.
     k = sample_count(scenario)
     shapes: dict[str, tuple[int, ...] | None] = {
@@ -474,31 +502,13 @@ def _tube_from(claim: Claim, arrays: Arrays, band: Residual | None) -> Tube:
         shapes |= dict.fromkeys(f"ever_{name}" for name in EVER)
     for name in arrays.keys() - shapes.keys():
         raise InputError(f"`{name}.npy` must not be in the file of this tube.")
-    _check_shapes(arrays, shapes)
-    problem = _problem(claim, scenario, arrays, band)
-    return Tube(
-        problem=problem,
-        status="bounded",
-        reason="",
-        bounds=bounds_of(problem.t, arrays["bounds"]),
-        can_limit=arrays["held"],
-        settings=claim.settings,
-        chosen=arrays["chosen"].ravel(),
-        hand_over=_hand_over(claim, arrays, problem),
-        files=claim.files,
-    )
-
-
-def _problem(
-    claim: Claim, scenario: Scenario, arrays: Arrays, band: Residual | None
-) -> TubeProblem:
-    """The problem of the scenario; only boxes may come from the file, and a feasible reference."""
-    gains = claim.gains
+    check_shapes("tube", arrays, shapes)
     if gains.K.shape != (2, 4):
         raise InputError(f"`gains` must have 2 rows and columns, got {gains.K_P.shape}.")
     # Files of gains on roll and load factor may name the law of rates that the scenario had.
     law, _ = scenario.law_of(f"{claim.law}:", gains if gains.inputs == COMMANDS else None)
-    reference = reference_samples(scenario, scenario.plant_table(claim.plant))
+    table = scenario.plant_table(claim.plant)
+    reference, stored, ever = reference_samples(scenario, table), None, None
     if scenario.feasible:
         if (off := float(np.abs(arrays["reference"] - reference).max())) > SAME_REFERENCE:
             raise InputError(
@@ -506,7 +516,6 @@ def _problem(
                 f"got one that is off by {off:.3g}."
             )
         reference = read_only_matrix("reference", arrays["reference"])
-    stored = None
     if claim.band_sha256 is not None:
         low, high = np.moveaxis(arrays["boxes"], 2, 0)
         if len(claim.lags) != 2 or not (low <= high).all():
@@ -516,10 +525,10 @@ def _problem(
             lags=claim.lags,
             band_sha256=claim.band_sha256,
         )
-    return TubeProblem(
+    problem = TubeProblem(
         scenario=scenario,
         gains=gains,
-        plant=scenario.plant_table(claim.plant).label,
+        plant=table.label,
         start=claim.start_rad,
         disturbance=claim.disturbance_rad_s,
         band=band,
@@ -527,24 +536,25 @@ def _problem(
         reference=reference,
         stored=stored,
     )
-
-
-def _hand_over(claim: Claim, arrays: Arrays, problem: TubeProblem) -> HandOver | None:
-    if claim.hand_over is None:
-        return None
-    sample, samples = claim.hand_over
-    n, last = problem.loop.rows, len(problem.t)
-    shapes = {
-        "ever_W": (n, n),
-        "ever_centre": (n,),
-        "ever_size": (n,),
-        "ever_bounds": (len(QUANTITIES), 2),
-    }
-    _check_shapes(arrays, shapes)
-    if not settled_from(problem.loop) < sample < last:
-        raise InputError(
-            f"`hand_over` must be after the last change and before sample {last}, got sample "
-            f"{sample}."
-        )
-    ever = {name: arrays[f"ever_{name}"] for name in EVER}
-    return HandOver(sample=sample, samples=samples, **ever)
+    if claim.hand_over is not None:
+        (sample, samples), n = claim.hand_over, problem.loop.rows
+        shapes = {"W": (n, n), "centre": (n,), "size": (n,), "bounds": (len(QUANTITIES), 2)}
+        check_shapes("tube", arrays, {f"ever_{name}": shapes[name] for name in shapes})
+        if not settled_from(problem.loop) < sample < k:
+            raise InputError(
+                f"`hand_over` must be after the last change and before sample {k}, got sample "
+                f"{sample}."
+            )
+        values = {name: arrays[f"ever_{name}"] for name in EVER}
+        ever = HandOver(sample=sample, samples=samples, **values)
+    return Tube(
+        problem=problem,
+        status="bounded",
+        reason="",
+        bounds=bounds_of(problem.t, arrays["bounds"]),
+        can_limit=arrays["held"],
+        settings=claim.settings,
+        chosen=arrays["chosen"].ravel(),
+        hand_over=ever,
+        files=claim.files,
+    )

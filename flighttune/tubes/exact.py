@@ -11,16 +11,18 @@ the aircraft to need it, and with what is lacking of that. The second command is
 and in what is measured, which the lag model of the plant has as its states.
 """
 
+import itertools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
+from typing import TypeAlias
 
 import numpy as np
 
-from flighttune.control.exact_law import RateLaw
 from flighttune.tubes.forms import (
     UP,
     Flags,
     Form,
+    Forms,
     Pieces,
     Quantity,
     arctangent,
@@ -30,7 +32,7 @@ from flighttune.tubes.forms import (
     product,
     secant,
 )
-from flighttune.tubes.interval import Interval, Unbounded, cosine, one_over
+from flighttune.tubes.interval import Interval, Unbounded, cosine
 from flighttune.tubes.sample import (
     CLIMB,
     COMPUTED,
@@ -47,7 +49,7 @@ from flighttune.tubes.sample import (
     Enclosure,
     Plan,
     SampledLoop,
-    ordered,
+    secant_change_inside,
 )
 
 # Overlap of the halves of a piece, rad and 1: by rounding, a computed flight may be on the other
@@ -69,36 +71,34 @@ STEEPEST_ROLL = 14.0
 FREE, LIMITED, OPEN = -1, 1, 0
 
 
+# The channels of a pass, the commands of roll and load factor, and both expected ones with feedback
+Commands: TypeAlias = tuple[list[Channel], Form, Form, tuple[Form, ...]]
+
+
 def enclosure_of(loop: SampledLoop, pieces: Pieces, plan: Plan) -> Enclosure:
     """The enclosure of a loop, by its law."""
-    if loop.law.inverts is None:
-        return Enclosure(loop, pieces, plan)
     kind = FedBackEnclosure if loop.law.feeds_back else ExactEnclosure
-    return kind(loop, pieces, plan, loop.law.inverts)
+    return (kind if loop.law.inverts else Enclosure)(loop, pieces, plan)
 
 
 class ExactEnclosure(Enclosure):
     """An `Enclosure` of the exact law."""
 
     overlap = OVERLAP
-    commands = 1  # of each channel, one after the other, each with its limits
+    commands_each = 1  # of each channel, one after the other, each with its limits
 
-    def __init__(self, loop: SampledLoop, pieces: Pieces, plan: Plan, law: RateLaw) -> None:
+    def __init__(self, loop: SampledLoop, pieces: Pieces, plan: Plan) -> None:
         super().__init__(loop, pieces, plan)
-        self._law, self._speed = law, loop.V_a * law.per_g  # of V/g, s
-
-    def _begin(self) -> float:
-        """Clear the sides of limits; return the symbols from which on a pass has no room."""
-        pieces = self.pieces
-        # Side of each limit on which all flights of a piece are, by channel and by above or below.
-        limits = [(i, side) for i in range(2 * self.commands) for side in (1.0, -1.0)]
-        self._sides = {limit: np.full(len(pieces), OPEN) for limit in limits}
-        # A pass begins only if it leaves room for the symbols behind the loop.
-        more = MORE_WITH_FEEDBACK * (self.commands > 1)
-        return pieces.used + FRESH_SYMBOLS - SYMBOLS_AFTER_ROLL - more
+        assert loop.law.inverts is not None
+        self._law, self._speed = loop.law.inverts, loop.V_a * loop.law.inverts.per_g  # of V/g, s
 
     def _controlled(self, k: int) -> Controlled:
-        pieces, last = self.pieces, self._begin()
+        pieces, n = self.pieces, self.commands_each
+        # Side of each limit on which all flights of a piece are, by channel and by above or below.
+        limits = itertools.product(range(2 * n), (1.0, -1.0))
+        self._sides = {limit: np.full(len(pieces), OPEN) for limit in limits}
+        # A pass begins only if it leaves room for the symbols behind the loop.
+        last = pieces.used + FRESH_SYMBOLS - SYMBOLS_AFTER_ROLL - MORE_WITH_FEEDBACK * (n > 1)
         while True:
             # A pass that splits by the load factor leaves a constraint on the symbol of its roll
             # command, and the next pass linearises roll anew. So that symbol is kept although no
@@ -109,31 +109,38 @@ class ExactEnclosure(Enclosure):
             errors = self._errors(k, state)
             a, b = self._lifts(k, state, errors)
             self._check_plain(errors, a.values, b.values)
-            # Roll and load factor come one after the other: the law inverts exactly with the roll
-            # that is commanded, so that the load factor must see roll after its limits.
-            turning = self._towards(0, arctangent(a, b).widened(COMPUTED), state[PHI], errors)
-            if self._fewer_or_more([turning]):
-                continue
-            # One symbol for the error of roll: lift and load factor share it, so that it cancels
-            # where the point mass turns them back into rates.
-            phi = pieces.fresh(self._moved(0, turning, state[PHI]), PHI)
-            lifting = self._lifting(state, errors, phi, b.form)
-            if not self._fewer_or_more([turning, lifting]):
+            if (commands := self._commands(state, errors, a, b)) is not None:
                 break
-        extra = self._vertical(lifting, phi, b.form)
+        channels, phi, extra, expected = commands
         integrals, limited = zip(
-            *(
-                self._integrated({i: channel}, state[PHI_INTEGRAL + i])
-                for i, channel in enumerate((turning, lifting))
-            ),
-            strict=True,
+            *(self._integrated(i, channels, state[PHI_INTEGRAL + i]) for i in (0, 1)), strict=True
         )
-        integrals = self._kept(integrals)
-        return Controlled(state, errors, self._seen(state), phi, extra, 0.0, integrals, limited)
+        kept = self._kept(integrals)
+        return Controlled(
+            state, errors, self._seen(state), phi, extra, 0.0, kept, limited, expected
+        )
 
-    def _lifts(
-        self, k: int, state: Sequence[Form], errors: Sequence[Form]
-    ) -> tuple[Quantity, Quantity]:
+    def _commands(self, state: Forms, errors: Forms, a: Quantity, b: Quantity) -> Commands | None:
+        """The commands for the lifts wanted; None if the pieces are other ones now."""
+        # Roll and load factor come one after the other: the law inverts exactly with the roll that
+        # is commanded, so that the load factor must see roll after its limits.
+        turning = self._towards(0, arctangent(a, b).widened(COMPUTED), state[PHI], errors)
+        if self._fewer_or_more([turning]):
+            return None
+        # One symbol for the error of roll: lift and load factor share it, so that it cancels where
+        # the point mass turns them back into rates.
+        phi = self.pieces.fresh(self._moved(0, turning, state[PHI]), PHI)
+        lifting = self._lifting(state, errors, phi, b.form)
+        if self._fewer_or_more([turning, lifting]):
+            return None
+        extra = b.form
+        if (less := self._held_back(1, lifting)) is not None:
+            # Limits act on n_z; in terms of the vertical lift they take off as much times cos(phi).
+            level = cosine_of(self._angle(phi, "roll"))
+            extra = combined((1.0, extra), (-1.0, product(self._ranged(less), level)))
+        return [turning, lifting], phi, extra.widened(COMPUTED), ()
+
+    def _lifts(self, k: int, state: Forms, errors: Forms) -> tuple[Quantity, Quantity]:
         """Horizontal and vertical lift that the commanded rates need, in weights."""
         turn, climb = (
             combined(
@@ -150,7 +157,7 @@ class ExactEnclosure(Enclosure):
         a, b = (form.widened(COMPUTED) for form in lifts)
         return Quantity(a, self._range(a)), Quantity(b, self._range(b))
 
-    def _check_plain(self, errors: Sequence[Form], a: Interval, b: Interval) -> None:
+    def _check_plain(self, errors: Forms, a: Interval, b: Interval) -> None:
         """Stop where the law may do other than invert: that is not enclosed."""
         law = self.loop.law.channels[1]
         if not (b.low > self._law.lift_floor).all():
@@ -167,13 +174,13 @@ class ExactEnclosure(Enclosure):
         if not (climb * self._speed * law.K_P[1] * UP < self._law.brake).all():
             raise Unbounded("the path-angle error can be so large that the law brakes")
 
-    def _towards(self, i: int, wanted: Form, before: Form, errors: Sequence[Form]) -> Channel:
+    def _towards(self, i: int, wanted: Form, before: Form, errors: Forms) -> Channel:
         """A command wanted, from the one before it."""
         x = combined((1.0, wanted), (-1.0, before))
         return self._channel(i, x, Quantity(before, self._range(before)), errors)
 
-    def _channel(self, i: int, x: Form, command: Quantity, errors: Sequence[Form]) -> Channel:
-        law = self.loop.law.channels[i // self.commands]
+    def _channel(self, i: int, x: Form, command: Quantity, errors: Forms) -> Channel:
+        law = self.loop.law.channels[i // self.commands_each]
         increment = combined(*zip(law.K_I_half, errors, strict=True))
         # Splits are at the limits themselves: the integrator stops there, whatever the increment.
         zero = Interval.point(np.zeros(len(self.pieces)))
@@ -193,9 +200,7 @@ class ExactEnclosure(Enclosure):
             np.where(sides == FREE, np.minimum(values.high, beyond), values.high),
         )
 
-    def _lifting(
-        self, state: Sequence[Form], errors: Sequence[Form], phi: Form, b: Form
-    ) -> Channel:
+    def _lifting(self, state: Forms, errors: Forms, phi: Form, b: Form) -> Channel:
         """The load factor ``b / cos(phi)`` before its limits.
 
         The load factor in force is v / cos(phi) of the roll before: the difference is
@@ -206,7 +211,7 @@ class ExactEnclosure(Enclosure):
         more = combined((1.0, b), (-1.0, state[EXTRA_LIFT]))
         v = self._ranged(state[EXTRA_LIFT])
         change = self._ranged(combined((1.0, phi), (-1.0, state[PHI])))
-        less_steep = self._secant_change(before, change)
+        less_steep = secant_change_inside(before, change)
         x = combined(
             (1.0, product(self._ranged(more), secant(roll))),
             (-1.0, product(v, self._ranged(less_steep))),
@@ -216,20 +221,12 @@ class ExactEnclosure(Enclosure):
         command = Quantity(product(v, steep), v.values * steep.values)
         return self._channel(1, x.widened(COMPUTED), command, errors)
 
-    def _vertical(self, lifting: Channel, phi: Form, b: Form) -> Form:
-        """The load-factor command after its limits times the cosine of the roll command."""
-        if (less := self._held_back(1, lifting)) is None:
-            return b.widened(COMPUTED)
-        # Limits act on n_z; in terms of the vertical lift they take off as much times cos(phi).
-        level = cosine_of(self._angle(phi, "roll"))
-        return combined((1.0, b), (-1.0, product(self._ranged(less), level))).widened(COMPUTED)
-
     def _load(self, stage: Controlled) -> Form:
         return product(self._ranged(stage.extra), secant(self._angle(stage.phi, "roll")))
 
     def _lift_and_load(self, stage: Controlled) -> tuple[Form, Interval]:
         # The row of the exact law is the vertical lift itself.
-        return stage.extra, self._ranged(stage.extra).values * one_over(cosine(stage.roll.values))
+        return stage.extra, self._ranged(stage.extra).values * (1.0 / cosine(stage.roll.values))
 
     def _moved(self, i: int, channel: Channel, before: Form) -> Form:
         """A command after its limits."""
@@ -247,32 +244,32 @@ class ExactEnclosure(Enclosure):
         for side, excess in channel.excesses.items():
             if not (excess.values.high > 0.0).any():
                 continue
-            values = ordered(self._on_its_side(i, side, excess, 0.0))
+            values = self._on_its_side(i, side, excess, 0.0).ordered
             slope = self.plan.slope(values)
             moves.append((side, positive_part(Quantity(excess.form, values), slope)))
             decided = self._sides[i, side] != OPEN
             doubt += np.where(decided, OVERLAP * (1.0 + np.abs(slope)) * UP, 0.0)
         return combined(*moves).widened(doubt) if moves else None
 
-    def _integrated(self, channels: Mapping[int, Channel], integral: Form) -> tuple[Form, bool]:
+    def _integrated(self, i: int, channels: Sequence[Channel], integral: Form) -> tuple[Form, bool]:
         """The integral after the sample, and whether a limit can hold one of its commands."""
         # Beyond a limit by less than OVERLAP counts as open, unless a split has said which side.
-        n = len(self.pieces)
+        n, own = len(self.pieces), range(i * self.commands_each, (i + 1) * self.commands_each)
         free, limited = np.ones(n, dtype=bool), np.zeros(n, dtype=bool)
-        excesses = [(i, *over) for i, each in channels.items() for over in each.excesses.items()]
-        for i, side, excess in excesses:
-            sides = self._sides[i, side]
+        excesses = [(j, *over) for j in own for over in channels[j].excesses.items()]
+        for j, side, excess in excesses:
+            sides = self._sides[j, side]
             free &= (sides == FREE) | ((sides == OPEN) & (excess.values.high < -OVERLAP))
             limited |= (sides == LIMITED) | ((sides == OPEN) & (excess.values.low > OVERLAP))
-        can_limit, channel = bool((~free).any()), next(iter(channels.values()))
+        can_limit, increment = bool((~free).any()), channels[own.start].increment
         if not self.loop.law.conditional:  # without anti-windup the integrator never stops
-            return combined((1.0, integral), (1.0, channel.increment)), can_limit
+            return combined((1.0, integral), (1.0, increment)), can_limit
         # It stands where a limit holds the command. Where the side is open, the integral takes half
         # the increment, and an error of the other half: that covers both sides.
         share = np.where(free, 1.0, np.where(limited, 0.0, 0.5))
-        size = 0.5 * ordered(self._range(channel.increment)).largest * UP
+        size = 0.5 * self._range(increment).ordered.largest * UP
         doubt = np.where(free | limited, 0.0, size)
-        return combined((1.0, integral), (share, channel.increment)).widened(doubt), can_limit
+        return combined((1.0, integral), (share, increment)).widened(doubt), can_limit
 
     def _keep(self, flags: Flags) -> None:
         super()._keep(flags)
@@ -300,54 +297,37 @@ class FedBackEnclosure(ExactEnclosure):
     The row `EXTRA_LIFT` is the load-factor command itself.
     """
 
-    commands = 2
+    commands_each = 2
 
-    def _controlled(self, k: int) -> Controlled:
-        pieces, last, (k_phi, k_n_z) = self.pieces, self._begin(), self._law.feedback
-        while True:
-            if pieces.used >= last:
-                raise Unbounded("pieces are split too often in one sample")
-            state = pieces.forms()
-            errors = self._errors(k, state)
-            a, b = self._lifts(k, state, errors)
-            self._check_plain(errors, a.values, b.values)
-            # In this order, each after the limits of the one before, as in `exact_step`
-            roll = arctangent(a, b).widened(COMPUTED)
-            turning = self._towards(0, roll, state[EXPECTED_PHI], errors)
-            if self._fewer_or_more([turning]):
-                continue
-            phi_0 = self._moved(0, turning, state[EXPECTED_PHI])
-            phi_0 = pieces.fresh(phi_0, EXPECTED_KINDS[0])
-            rolling = self._towards(
-                1, self._with_lack(k_phi, phi_0, self._seen(state).form), state[PHI], errors
-            )
-            load = product(self._ranged(b.form), secant(self._angle(phi_0, "roll")))
-            lifting = self._towards(2, load.widened(COMPUTED), state[EXPECTED_N_Z], errors)
-            if self._fewer_or_more([turning, rolling, lifting]):
-                continue
-            n_0 = self._moved(2, lifting, state[EXPECTED_N_Z])
-            n_0 = pieces.fresh(n_0, EXPECTED_KINDS[1])
-            # The controller sees the load factor behind its lag, or the command in force.
-            lift_seen = state[self.loop.layout[0][1].start if self.loop.lags else EXTRA_LIFT]
-            loading = self._towards(
-                3, self._with_lack(k_n_z, n_0, lift_seen), state[EXTRA_LIFT], errors
-            )
-            if not self._fewer_or_more([turning, rolling, lifting, loading]):
-                break
+    def _commands(self, state: Forms, errors: Forms, a: Quantity, b: Quantity) -> Commands | None:
+        pieces, (k_phi, k_n_z) = self.pieces, self._law.feedback
+        # In this order, each after the limits of the one before, as in `exact_step`
+        roll = arctangent(a, b).widened(COMPUTED)
+        turning = self._towards(0, roll, state[EXPECTED_PHI], errors)
+        if self._fewer_or_more([turning]):
+            return None
+        phi_0 = pieces.fresh(self._moved(0, turning, state[EXPECTED_PHI]), EXPECTED_KINDS[0])
+        roll = self._with_lack(k_phi, phi_0, self._seen(state).form)
+        rolling = self._towards(1, roll, state[PHI], errors)
+        load = product(self._ranged(b.form), secant(self._angle(phi_0, "roll")))
+        lifting = self._towards(2, load.widened(COMPUTED), state[EXPECTED_N_Z], errors)
+        if self._fewer_or_more([turning, rolling, lifting]):
+            return None
+        n_0 = pieces.fresh(self._moved(2, lifting, state[EXPECTED_N_Z]), EXPECTED_KINDS[1])
+        # The controller sees the load factor behind its lag, or the command in force.
+        lift_seen = state[self.loop.layout[0][1].start if self.loop.lags else EXTRA_LIFT]
+        load = self._with_lack(k_n_z, n_0, lift_seen)
+        loading = self._towards(3, load, state[EXTRA_LIFT], errors)
+        channels = [turning, rolling, lifting, loading]
+        if self._fewer_or_more(channels):
+            return None
         phi = pieces.fresh(self._moved(1, rolling, state[PHI]), PHI)
-        extra = self._moved(3, loading, state[EXTRA_LIFT])
-        both = {0: turning, 1: rolling}, {2: lifting, 3: loading}
-        integrals, limited = zip(
-            *(self._integrated(both[i], state[PHI_INTEGRAL + i]) for i in (0, 1)), strict=True
-        )
-        seen = self._seen(state)
-        kept = self._kept(integrals)
-        return Controlled(state, errors, seen, phi, extra, 0.0, kept, limited, (phi_0, n_0))
+        return channels, phi, self._moved(3, loading, state[EXTRA_LIFT]), (phi_0, n_0)
 
     def _with_lack(self, k: float, expected: Form, measured: Form) -> Form:
         return combined((1.0 + k, expected), (-k, measured)).widened(COMPUTED)
 
-    def _check_plain(self, errors: Sequence[Form], a: Interval, b: Interval) -> None:
+    def _check_plain(self, errors: Forms, a: Interval, b: Interval) -> None:
         super()._check_plain(errors, a, b)
         law = self.loop.law.channels[0]
         turn = self._range(combined(*zip(law.K_P, errors, strict=True))).largest

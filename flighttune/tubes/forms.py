@@ -20,7 +20,7 @@ import numpy.typing as npt
 
 from flighttune.arrays import FloatArray, Floats
 from flighttune.errors import InputError
-from flighttune.tubes.interval import Interval, cosine, one_over, outward, sine_and_cosine, within
+from flighttune.tubes.interval import Interval, cosine, outward, sine_and_cosine, within
 
 ULP = 2.0**-52
 
@@ -62,12 +62,18 @@ class Quantity(NamedTuple):
 
 
 Term: TypeAlias = tuple[Floats, Form]
+Forms: TypeAlias = Sequence[Form]
 Indices: TypeAlias = npt.NDArray[np.intp]
 Flags: TypeAlias = npt.NDArray[np.bool_]
 
 
-def combined(*terms: Term, shift: Floats = 0.0) -> Form:
-    """``shift + sum_k a_k F_k`` for numbers ``a_k``: one for all pieces, or one each."""
+def combined(*terms: Term, shift: Floats | Interval = 0.0) -> Form:
+    """``shift + sum_k a_k F_k`` for numbers ``a_k``: one for all pieces, or one each.
+
+    With an interval as `shift` the form encloses the sum for each number in it.
+    """
+    if isinstance(shift, Interval):
+        return combined(*terms, shift=shift.middle).widened(shift.radius)
     (a, form), *others = terms
     weight = np.abs(a)
     coefficients = _column(a) * form.coefficients
@@ -84,7 +90,7 @@ def combined(*terms: Term, shift: Floats = 0.0) -> Form:
     return Form(coefficients, (err + rounding) * UP + TINY, size * UP)
 
 
-def transformed(matrix: FloatArray, forms: Sequence[Form]) -> list[Form]:
+def transformed(matrix: FloatArray, forms: Forms) -> list[Form]:
     """``sum_k A_ik F_k`` for each row i of a matrix."""
     weights = np.abs(matrix)
     # A library may add the products in any order: the bound on their rounding holds for each.
@@ -94,11 +100,6 @@ def transformed(matrix: FloatArray, forms: Sequence[Form]) -> list[Form]:
     size = weights @ np.array([form.size for form in forms]) * UP + TINY
     err = (err + (len(forms) + MORE_ROUNDINGS) * ULP * size) * UP + TINY
     return [Form(*row) for row in zip(coefficients, err, size * UP, strict=True)]
-
-
-def shifted(slope: Floats, form: Form, rest: Interval) -> Form:
-    """``slope F + rest``: a form that encloses a function of F."""
-    return combined((slope, form), shift=rest.middle).widened(rest.radius)
 
 
 def absolute_sum(values: FloatArray) -> FloatArray:
@@ -142,7 +143,7 @@ class Pieces:
         sizes = (np.abs(self.values[:, :, 0]) + absolute_sum(self.values[:, :, 1:])) * UP + self.err
         return [Form(self.values[:, i], self.err[:, i], sizes[:, i] * UP) for i in range(self.rows)]
 
-    def put(self, state: Sequence[Form]) -> None:
+    def put(self, state: Forms) -> None:
         """Replace the rows of the state."""
         self.values[:, : self.rows] = np.stack([form.coefficients for form in state], axis=1)
         self.err[:, : self.rows] = np.stack([form.err for form in state], axis=1)
@@ -212,11 +213,8 @@ class Pieces:
         an interval a row, takes one symbol a row.
         """
         named = pairs[pairs >= 0]
-        if (
-            len(np.unique(named)) < len(named)
-            or (pairs[:, 0] < 0).any()
-            or (named >= self.used).any()
-        ):
+        repeated = len(np.unique(named)) < len(named)
+        if repeated or (pairs[:, 0] < 0).any() or (named >= self.used).any():
             raise InputError("`pairs` must name each symbol in use at most once.")
         g = self.values[:, :, 1 : 1 + self.used]
         alone, pair = pairs[pairs[:, 1] < 0, 0], pairs[pairs[:, 1] >= 0]
@@ -242,9 +240,9 @@ class Pieces:
         self.values[:, :, :1] = centres
         self.values[:, :, 1 : 1 + count] = g[:, :, columns]
         self.kind[:count] = self.kind[columns]
-        for i in range(height):
-            self.values[:, i, 1 + count + i] = box[:, i]
-            self.kind[count + i] = -1 - i
+        row = np.arange(height)
+        self.values[:, row, 1 + count + row] = box
+        self.kind[count : count + height] = -1 - row
         self.err[:] = 0.0
         self.used = count + height
 
@@ -253,7 +251,7 @@ def tangent(angle: Quantity) -> Form:
     """``tan F`` of an angle, rad; ``tan'' = 2 sin/cos^3``."""
     s, c = sine_and_cosine(Interval.point(angle.values.middle))
     steep, level = sine_and_cosine(angle.values)
-    return _taylor(angle, s / c, one_over(c * c), steep * 2.0 / (level * level * level))
+    return _taylor(angle, s / c, 1.0 / (c * c), steep * 2.0 / (level * level * level))
 
 
 def cosine_of(angle: Quantity) -> Quantity:
@@ -267,8 +265,8 @@ def secant(angle: Quantity) -> Quantity:
     """``1/cos F`` of an angle, rad."""
     middle = Interval.point(angle.values.middle)
     curvature = _secant_curvature(angle.values)
-    form = _taylor(angle, one_over(cosine(middle)), _secant_slope(middle), curvature)
-    return Quantity(form, one_over(cosine(angle.values)))
+    form = _taylor(angle, 1.0 / cosine(middle), _secant_slope(middle), curvature)
+    return Quantity(form, 1.0 / cosine(angle.values))
 
 
 def secant_change(angle: Quantity, change: Quantity) -> Form:
@@ -282,18 +280,9 @@ def secant_change(angle: Quantity, change: Quantity) -> Form:
     across = before.hull(after)
     in_angle, in_change = -(_secant_curvature(across) * by), -_secant_slope(after)
     x_0, moved = before.middle, by.middle
-    value = one_over(cosine(Interval.point(x_0))) - one_over(cosine(Interval.point(x_0) + moved))
-    a, b = in_angle.middle, in_change.middle
-    rest_of_change = (
-        value
-        - Interval.point(a) * x_0
-        - Interval.point(b) * moved
-        + (in_angle - a) * within((before - x_0).largest)
-        + (in_change - b) * within((by - moved).largest)
-    )
-    return combined((a, angle.form), (b, change.form), shift=rest_of_change.middle).widened(
-        rest_of_change.radius
-    )
+    value = 1.0 / cosine(Interval.point(x_0)) - 1.0 / cosine(Interval.point(x_0) + moved)
+    terms, rest = _linear(value, (angle, in_angle), (change, in_change))
+    return combined(*terms, shift=rest)
 
 
 def arctangent(first: Quantity, second: Quantity) -> Form:
@@ -306,30 +295,24 @@ def arctangent(first: Quantity, second: Quantity) -> Form:
     angle = Interval.point(number)
     s, c = sine_and_cosine(angle)
     off = (a_0 * c - b_0 * s).largest / np.sqrt(square.low)
-    in_a, in_b = b_0 / square, -(a_0 / square)
-    da, db = (a - a.middle).largest, (b - b.middle).largest
-    across = _square(a) + _square(b)
+    terms, rest = _linear(
+        # An arcsine is at most pi/2 times its sine.
+        Interval.point(number) + within(2.0 * off),
+        (first, b_0 / square),
+        (second, -(a_0 / square)),
+    )
     # Half the second derivatives of atan(a/b): -ab/r^4 and ab/r^4, and (a^2 - b^2)/r^4 mixed, where
     # r^2 = a^2 + b^2.
-    bend = a * b / (across * across)
-    remainder = (
-        Interval.point(number)
-        # An arcsine is at most pi/2 times its sine.
-        + within(2.0 * off)
-        - Interval.point(in_a.middle) * a.middle
-        - Interval.point(in_b.middle) * b.middle
-        + (in_a - in_a.middle) * within(da)
-        + (in_b - in_b.middle) * within(db)
-        - bend * _up_to_square(da)
-        + bend * _up_to_square(db)
-        + (_square(a) - _square(b)) / (across * across) * within(da) * within(db)
-    )
-    terms = (in_a.middle, first.form), (in_b.middle, second.form)
-    return combined(*terms, shift=remainder.middle).widened(remainder.radius)
+    da, db = (a - a.middle).largest, (b - b.middle).largest
+    across = _square(a) + _square(b)
+    bend, mixed = a * b / (across * across), (_square(a) - _square(b)) / (across * across)
+    rest = rest - bend * up_to(da * da) + bend * up_to(db * db)
+    return combined(*terms, shift=rest + mixed * within(da) * within(db))
 
 
-def _up_to_square(radius: FloatArray) -> Interval:
-    return Interval(np.zeros_like(radius), np.nextafter(radius * radius, np.inf))
+def up_to(size: FloatArray) -> Interval:
+    """The numbers from 0 to `size`, which was rounded once."""
+    return Interval(np.zeros_like(size), np.nextafter(size, np.inf))
 
 
 def _square(values: Interval) -> Interval:
@@ -345,9 +328,7 @@ def product(first: Quantity, second: Quantity) -> Form:
     f, g = a.middle, b.middle
     # F G = g F + f G - f g + (F - f) (G - g)
     remainder = within((a - f).largest) * within((b - g).largest) - Interval.point(f) * g
-    return combined((g, first.form), (f, second.form), shift=remainder.middle).widened(
-        remainder.radius
-    )
+    return combined((g, first.form), (f, second.form), shift=remainder)
 
 
 def positive_part(quantity: Quantity, slope: Floats) -> Form:
@@ -358,19 +339,28 @@ def positive_part(quantity: Quantity, slope: Floats) -> Form:
         for point in (low, high, np.clip(0.0, low, high))
     ]
     remainder = errors[0].hull(errors[1]).hull(errors[2])
-    return shifted(slope, quantity.form, remainder)
+    return combined((slope, quantity.form), shift=remainder)
 
 
 def _taylor(angle: Quantity, value: Interval, slope: Interval, curvature: Interval) -> Form:
     """``f(m) + f'(m) (F - m) + f''(...) (F - m)^2 / 2`` about the middle m of the values."""
-    middle, s = angle.values.middle, slope.middle
-    # The slope of the form is one float: what it misses of the true one goes into the remainder.
-    radius = (angle.values - middle).largest
-    square = Interval(np.zeros_like(radius), np.nextafter(0.5 * radius * radius, np.inf))
-    remainder = (
-        value - Interval.point(s) * middle + (slope - s) * within(radius) + curvature * square
-    )
-    return shifted(s, angle.form, remainder)
+    terms, rest = _linear(value, (angle, slope))
+    radius = (angle.values - angle.values.middle).largest
+    return combined(*terms, shift=rest + curvature * up_to(0.5 * radius * radius))
+
+
+def _linear(value: Interval, *parts: tuple[Quantity, Interval]) -> tuple[list[Term], Interval]:
+    """The terms of ``value + sum_k f_k (F_k - m_k)``, m the middles, and what they leave of it.
+
+    `parts`: the quantities F with the slopes f, of which a term has one float; what that misses of
+    the true slope is left.
+    """
+    rest = value
+    for quantity, slope in parts:
+        rest = rest - Interval.point(slope.middle) * quantity.values.middle
+    for (_, values), slope in parts:
+        rest = rest + (slope - slope.middle) * within((values - values.middle).largest)
+    return [(slope.middle, quantity.form) for quantity, slope in parts], rest
 
 
 def _secant_slope(angle: Interval) -> Interval:
@@ -385,10 +375,8 @@ def _secant_curvature(angle: Interval) -> Interval:
     s, c = sine_and_cosine(angle)
     largest = Interval.point(s.largest)
     smallest = Interval.point(np.maximum(np.maximum(s.low, -s.high), 0.0))
-    low = (smallest * smallest + 1.0) / _of_cosine(c.high)
-    high = (largest * largest + 1.0) / _of_cosine(c.low)
+    low, high = (
+        (sine * sine + 1.0) / (Interval.point(level) * level * level)
+        for sine, level in ((smallest, c.high), (largest, c.low))
+    )
     return Interval(low.low, high.high)
-
-
-def _of_cosine(c: FloatArray) -> Interval:
-    return Interval.point(c) * c * c

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from functools import cache
+from typing import ClassVar
 
 import numpy as np
 
@@ -35,6 +36,8 @@ class Interval:
     low: FloatArray
     high: FloatArray
 
+    __array_ufunc__: ClassVar = None  # an array divided by an interval is an interval
+
     @classmethod
     def point(cls, value: Floats) -> "Interval":
         """The interval that holds one number."""
@@ -60,9 +63,17 @@ class Interval:
         """The quotients; `other` must be positive."""
         return _hull_of(*(a / b for a in (self.low, self.high) for b in (other.low, other.high)))
 
+    def __rtruediv__(self, other: Floats) -> "Interval":
+        return Interval.point(np.broadcast_to(other, self.low.shape)) / self
+
     def hull(self, other: "Interval") -> "Interval":
         """The smallest interval that contains both."""
         return Interval(np.minimum(self.low, other.low), np.maximum(self.high, other.high))
+
+    @property
+    def ordered(self) -> "Interval":
+        """The interval where it is one; of a piece without flights any range will do."""
+        return Interval(np.minimum(self.low, self.high), np.maximum(self.low, self.high))
 
     @property
     def middle(self) -> FloatArray:
@@ -85,11 +96,6 @@ def within(radius: Floats) -> Interval:
     """The numbers of absolute value up to `radius`."""
     radius = np.asarray(radius, dtype=float)
     return Interval(-radius, radius)
-
-
-def one_over(values: Interval) -> Interval:
-    """The reciprocals; `values` must be positive."""
-    return Interval.point(np.ones_like(values.low)) / values
 
 
 def cosine(angle: Interval) -> Interval:

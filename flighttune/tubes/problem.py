@@ -1,7 +1,6 @@
-"""The flights that a tube encloses, and the tube: the bounds on them, and how they were found.
+"""The flights that a tube encloses: scenario, gains, starts and disturbances.
 
-A problem is scenario, gains, starts and disturbances. A tube has the bounds proven for all its
-flights, and what makes their proof short to check.
+The disturbances of an aircraft are in boxes: of its residual signals, from a count.
 """
 
 import math
@@ -12,6 +11,8 @@ import numpy as np
 
 from flighttune.arrays import FloatArray, check_positive
 from flighttune.claims.band import Residual
+from flighttune.claims.counted import SAME_GAINS
+from flighttune.claims.distribution import ROUNDING_DEG, STARTS, flown_values
 from flighttune.control.controller import SelfLimiting
 from flighttune.control.gains import PIGains
 from flighttune.control.inner_loop import InnerLag
@@ -26,20 +27,27 @@ from flighttune.references.feasible import FeasibleReference
 from flighttune.references.segments import Reference
 from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import PlantTable
-from flighttune.tubes.boxes import AircraftBoxes, check_covered
+from flighttune.simulate.run import Bounds
 from flighttune.tubes.dynamics import SampledLag
 from flighttune.tubes.sample import PLANNED, RATES, REFERENCE, SampledLoop
 
 # Quantities that a tube bounds: errors in rad, commands in rad and 1
 QUANTITIES = ("chi_err", "gamma_err", "phi_cmd", "n_z_cmd")
 
-# Largest difference, in rad, 1 and rad/s, between a feasible reference in a file and the same
-# reference rebuilt. An optimiser makes it, and its last digits differ from machine to machine: by
-# up to 5.3e-9 where inputs change by 1e-14. It is 0.00006 deg; tubes are wider than 0.001 deg.
-SAME_REFERENCE = 1e-6
+# What the boxes of a tube are.
+OF_RESIDUALS = "`boxes` must be of residual signals (`ft.residual`)"
 
-# Numbers in a file above which a proof would only take up time and memory
-MAX_PIECES, MAX_SYMBOLS = 4096, 20000
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class AircraftBoxes:
+    """Boxes counted for an aircraft's flights, at the k samples of one flight."""
+
+    # Bounds on `RESIDUALS`: from each sample to the next on the residual rates of course and
+    # flight-path angle, of any shape; on the roll seen minus that behind the lag, and its change
+    # to the next sample.
+    bounds: Bounds
+    lags: tuple[InnerLag, ...]  # of roll and load factor, in the model whose rates were subtracted
+    band_sha256: str  # of all that the file of the band holds
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -98,19 +106,22 @@ class TubeProblem:
                 "`anti_windup` of [controller] must be conditional or none for a tube, got "
                 "back_calculation."
             )
-        # Both follow the measured airspeed, which varies on an aircraft; no box of it was counted.
-        if scenario.rolls_in and aircraft:
+        inverts = self.sampled.inverts is not None
+        if not aircraft:
+            return
+        # All follow the measured airspeed, which varies on an aircraft; no box of it was counted.
+        if scenario.rolls_in:
             raise InputError(
                 "`roll_in_s` must be absent from the tube of an aircraft: roll is planned for the "
                 "airspeed measured there, of which no box was counted. That of a point mass behind "
                 "lags encloses it."
             )
-        if self.sampled.inverts is not None and aircraft:
+        if inverts:
             raise InputError(
                 f"`gains` must be of the paper's law for the tube of an aircraft: the "
                 f"{self.law.name} law sees the airspeed, for which no box is known."
             )
-        if scenario.controller.schedule and aircraft:
+        if scenario.controller.schedule:
             raise InputError(
                 "`schedule` of [controller] must be false for the tube of an aircraft, got true: "
                 "the gains then follow the airspeed, for which no box is known."
@@ -155,13 +166,62 @@ class TubeProblem:
         Raises InputError if the band does not cover these flights, or is not the one of the boxes
         stored.
         """
-        if self.band is None:
-            return self.stored
-        boxes = AircraftBoxes.of_band(self.band, self.t)
-        check_covered(self.band, self.scenario, self.table, self.gains, self.start)
-        if self.stored is not None and (differs := boxes.difference(self.stored)):
-            raise InputError(f"`{differs}` must be that of the band, got another.")
+        band, stored = self.band, self.stored
+        if band is None:
+            return stored
+        if not (isinstance(band, Residual) and band.claims):
+            got = "no claim" if isinstance(band, Residual) else f"a {type(band).__name__}"
+            raise InputError(f"{OF_RESIDUALS}, got {got}.")
+        model = band.flights.model
+        assert model is not None  # of residual signals
+        boxes = AircraftBoxes(bounds=band.bounds(self.t), lags=model.lags, band_sha256=band.sha256)
+        self._check_covered(band)
+        if stored is not None:
+            same = {
+                "boxes": np.array_equal(boxes.bounds.pairs, stored.bounds.pairs),
+                "lags": boxes.lags == stored.lags,
+                "band_sha256": boxes.band_sha256 == stored.band_sha256,
+            }
+            for name in same:
+                if not same[name]:
+                    raise InputError(f"`{name}` must be that of the band, got another.")
         return boxes
+
+    def _check_covered(self, band: Residual) -> None:
+        """Refuse flights of which none of those counted for a band could be one.
+
+        Aircraft, gains, manoeuvre, limits, controller, starts and air must be theirs.
+        """
+        scenario, plant, counted = self.scenario, self.table, band.flights
+        aircraft = counted.scenario.plant_table(counted.plant).aircraft
+        if plant.aircraft != aircraft or counted.changed:
+            raise InputError(
+                f"boxes: `aircraft` must be {aircraft} with the files it was flown with, got "
+                f"{plant.aircraft or plant.kind}."
+            )
+        for name in ("K_P", "K_I"):
+            theirs, mine = getattr(counted.gains, name), getattr(self.gains, name)
+            if not np.allclose(theirs, mine, rtol=SAME_GAINS, atol=0.0):
+                raise InputError(
+                    f"boxes: `{name}` must be that of {counted.gains_name}, {theirs.tolist()}, got "
+                    f"{mine.tolist()}."
+                )
+        if why := counted.distribution.difference(scenario, plant):
+            raise InputError(f"boxes: must be of the flights of the scenario: {why}.")
+        flight, start_deg = flown_values(scenario, plant), math.degrees(self.start)
+        for key in STARTS if self.start else ():
+            low, *_, high = counted.distribution.dispersed.get(key, 2 * [flight[key]])
+            most = min(flight[key] - low, high - flight[key])
+            if start_deg > most + ROUNDING_DEG:
+                raise InputError(
+                    f"boxes: `start` must be at most {most:.4g} deg from `{key}`, as in the "
+                    f"flights counted, got {start_deg:.4g} deg."
+                )
+        if counted.distribution.windy and scenario.wind is None:
+            raise InputError(
+                "`wind` must be stated, as the flights counted had wind, got none: the path over "
+                "ground begins elsewhere than that through the air."
+            )
 
     @property
     def aircraft_checked(self) -> bool | None:
@@ -281,7 +341,20 @@ def tube_problem(
     cannot be used, or the tube does not know the law.
     """
     scenario.check_over_time("a tube")
-    table = _chosen(scenario, plant, aircraft=band is not None)
+    aircraft = band is not None
+    kinds = [
+        name
+        for name, kind in PLANT_KINDS.items()
+        if kind.enclosed is not None and ("aircraft" in kind.keys) == aircraft
+    ]
+    tables = scenario.plant if plant is None else [scenario.plant_table(plant)]
+    enclosed = [x for x in tables if x.family.enclosed and (plant or x.kind in kinds)]
+    if not enclosed:
+        labels = ", ".join(table.label for table in tables)
+        raise InputError(
+            f"`plant` must be of kind {' or '.join(kinds)} for this tube, got {labels}."
+        )
+    table = enclosed[0]
     if disturbance is None:
         disturbance = residual_of_logs(table)
     return TubeProblem(
@@ -337,18 +410,3 @@ def sample_times(scenario: Scenario) -> FloatArray:
 def sample_count(scenario: Scenario) -> int:
     """Number of the samples of the controller, the first and the last one included."""
     return round(scenario.flight.duration_s / (1.0 / scenario.controller.rate_hz)) + 1
-
-
-def _chosen(scenario: Scenario, plant: str | None, *, aircraft: bool) -> PlantTable:
-    """The plant of a label; without one the first that is an aircraft, or the first that is not."""
-    kinds = [
-        name
-        for name, kind in PLANT_KINDS.items()
-        if kind.enclosed is not None and ("aircraft" in kind.keys) == aircraft
-    ]
-    tables = scenario.plant if plant is None else [scenario.plant_table(plant)]
-    for table in tables:
-        if table.family.enclosed is not None and (plant or table.kind in kinds):
-            return table
-    labels = ", ".join(table.label for table in tables)
-    raise InputError(f"`plant` must be of kind {' or '.join(kinds)} for this tube, got {labels}.")

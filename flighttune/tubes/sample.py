@@ -34,6 +34,7 @@ from flighttune.tubes.forms import (
     UP,
     Flags,
     Form,
+    Forms,
     Indices,
     Pieces,
     Quantity,
@@ -46,14 +47,7 @@ from flighttune.tubes.forms import (
     tangent,
     transformed,
 )
-from flighttune.tubes.interval import (
-    LARGEST_ANGLE,
-    Interval,
-    Unbounded,
-    cosine,
-    one_over,
-    sine_and_cosine,
-)
+from flighttune.tubes.interval import LARGEST_ANGLE, Interval, Unbounded, cosine, sine_and_cosine
 
 # Rows of the state; the errors are those of the sample before. `EXTRA_LIFT` is the load-factor
 # command beyond its feed-forward, or, of the exact law, times the cosine of the roll command; with
@@ -213,7 +207,7 @@ class Controlled(NamedTuple):
     lift: float  # vertical lift of the feed-forward, in weights; 0 without one
     integrals: list[Form]
     limited: Sequence[bool]  # whether a limit can hold the command
-    expected: Sequence[Form] = ()  # with feedback both commands that the law expects to be followed
+    expected: Forms = ()  # with feedback both commands that the law expects to be followed
 
 
 # Course, flight-path angle, the row `EXTRA_LIFT` and those of the lags one sample later; the values
@@ -242,7 +236,7 @@ def start_set(loop: SampledLoop, within_start: float, sides: int, symbols: int) 
         state[row] = pieces.fresh(state[row].widened(radius + COMPUTED), row)
     level = cosine(Interval.point(np.full(len(centres), phi)))
     if n_z is None:
-        steady = one_over(level)
+        steady = 1.0 / level
         climb = Quantity(state[GAMMA], pieces.plain_range(state[GAMMA]))
         load = combined((steady.middle, cosine_of(climb).form))
         load = load.widened(steady.radius + COMPUTED)
@@ -254,15 +248,13 @@ def start_set(loop: SampledLoop, within_start: float, sides: int, symbols: int) 
         doubt = level.radius * load.size + COMPUTED
         state[EXTRA_LIFT] = combined((level.middle, load)).widened(doubt)
     else:
-        feed_forward = Interval.point(np.full(len(centres), loop.reference[0, LIFT])) / level
-        extra = combined((1.0, load), shift=-feed_forward.middle)
-        state[EXTRA_LIFT] = extra.widened(feed_forward.radius)
+        state[EXTRA_LIFT] = combined((1.0, load), shift=-(loop.reference[0, LIFT] / level))
     for rows, queue, lag, value in zip(*loop.layout, loop.lags, (state[PHI], load), strict=False):
         state[rows] = [combined((share, value)).widened(COMPUTED) for share in lag.rest]
         state[queue] = [value] * (queue.stop - queue.start)
     if loop.sees_roll:
-        box = _interval(*loop.boxes[0, ROLL])
-        beyond = combined((0.0, state[PHI]), shift=box.middle).widened(box.radius)
+        box = Interval(*loop.boxes[0, ROLL, :, np.newaxis])
+        beyond = combined((0.0, state[PHI]), shift=box)
         state[-1] = pieces.fresh(beyond, ROLL_BEYOND)
     pieces.put(state)
     return pieces
@@ -296,7 +288,7 @@ class Enclosure:
         (chi, gamma, extra, *lags), commands, spread = fly(k, stage)
         rows = [chi, gamma, stage.phi, extra, *stage.integrals, *stage.errors]
         pieces.put([*rows, *lags, *stage.expected])
-        ranges = [*map(ordered, (*errors, *commands))]
+        ranges = [values.ordered for values in (*errors, *commands)]
         bounds = np.array([(values.low.min(), values.high.max()) for values in ranges])
         # Between samples a flight leaves the straight line by at most a quarter of the sample time
         # times how far apart its rate can be. The line between the bounds needs that at both of its
@@ -332,7 +324,7 @@ class Enclosure:
         extra = combined((1.0, extra), (1.0, moves[1])).widened(COMPUTED)
         return Controlled(state, errors, roll, phi, extra, lift, self._kept(integrals), limited)
 
-    def _kept(self, integrals: Sequence[Form]) -> list[Form]:
+    def _kept(self, integrals: Forms) -> list[Form]:
         """Integrals with a symbol each for their errors."""
         return [
             self.pieces.fresh(form.widened(COMPUTED), PHI_INTEGRAL + i)
@@ -362,14 +354,14 @@ class Enclosure:
         return values
 
     def _ranged(self, form: Form) -> Quantity:
-        return Quantity(form, ordered(self._range(form)))
+        return Quantity(form, self._range(form).ordered)
 
     def _angle(self, form: Form, name: str) -> Quantity:
         angle = self._ranged(form)
         _check_inside(angle.values, name)
         return angle
 
-    def _errors(self, k: int, state: Sequence[Form]) -> list[Form]:
+    def _errors(self, k: int, state: Forms) -> list[Form]:
         chi_ref, gamma_ref = self.loop.reference[k, REFERENCE]
         # The controller wraps the course error; all flights of a piece must wrap alike.
         chi_err = combined((-1.0, state[CHI]), shift=chi_ref)
@@ -379,7 +371,7 @@ class Enclosure:
             raise Unbounded("the course error can pass half a turn")
         return [chi_err, combined((-1.0, state[GAMMA]), shift=gamma_ref)]
 
-    def _seen(self, state: Sequence[Form]) -> Quantity:
+    def _seen(self, state: Forms) -> Quantity:
         """The roll that the controller sees."""
         roll = state[STATES if self.loop.lags else PHI]
         if self.loop.sees_roll:
@@ -387,7 +379,7 @@ class Enclosure:
         return self._angle(roll, "roll")
 
     def _channels(
-        self, k: int, state: Sequence[Form], errors: Sequence[Form], roll: Quantity, extra: Form
+        self, k: int, state: Forms, errors: Forms, roll: Quantity, extra: Form
     ) -> list[Channel]:
         channels, lift = [], self.loop.reference[k, LIFT]
         for i, law in enumerate(self.loop.law.channels):
@@ -415,30 +407,25 @@ class Enclosure:
 
     def _excesses(self, x: Form, command: Quantity, law: ChannelLaw) -> dict[float, Quantity]:
         """Excesses over the limits above and below, with the command in force."""
-        sides = (1.0, law.upper, law.step_up), (-1.0, -law.lower, -law.step_down)
-        return {
-            side: self._excess(x, command, side, limit, step)
-            for side, limit, step in sides
-            if min(limit, step) < math.inf
-        }
-
-    def _excess(
-        self, x: Form, command: Quantity, side: float, limit: float, step: float
-    ) -> Quantity:
-        terms, shift = [(side, x)], -step
-        if math.isinf(step):
-            terms, shift = [*terms, (side, command.form)], -limit
-        elif not math.isinf(limit):
-            # What the range leaves of the step: all of it, unless the command is near its end.
-            near = command.values * side + (step - limit)
-            if (near.high > 0.0).any():
-                close = combined((side, command.form), shift=step - limit)
-                # A command is never beyond its range.
-                near = ordered(Interval(near.low, np.minimum(near.high, step)))
-                part = positive_part(Quantity(close, near), self.plan.slope(near))
-                terms.append((1.0, part))
-        form = combined(*terms, shift=shift)
-        return Quantity(form, self._range(form))
+        excesses, sides = {}, ((1.0, law.upper, law.step_up), (-1.0, -law.lower, -law.step_down))
+        for side, limit, step in sides:
+            if min(limit, step) == math.inf:
+                continue
+            terms, shift = [(side, x)], -step
+            if math.isinf(step):
+                terms, shift = [*terms, (side, command.form)], -limit
+            elif not math.isinf(limit):
+                # What the range leaves of the step: all of it, unless the command is near its end.
+                near = command.values * side + (step - limit)
+                if (near.high > 0.0).any():
+                    close = combined((side, command.form), shift=step - limit)
+                    # A command is never beyond its range.
+                    near = Interval(near.low, np.minimum(near.high, step)).ordered
+                    part = positive_part(Quantity(close, near), self.plan.slope(near))
+                    terms.append((1.0, part))
+            form = combined(*terms, shift=shift)
+            excesses[side] = Quantity(form, self._range(form))
+        return excesses
 
     def _keep(self, flags: Flags) -> None:
         """Drop all pieces but these."""
@@ -466,7 +453,7 @@ class Enclosure:
             if not (excess.values.high > 0.0).any():
                 continue
             excess_part = self._positive_part(excess, KINDS[i])
-            remainder, values, by = excess_part, excess.values, ordered(channel.by * side)
+            remainder, values, by = excess_part, excess.values, (channel.by * side).ordered
             if self.loop.law.conditional and (by.high > 0.0).any():
                 outwards = combined((side, channel.increment))
                 refused = self._positive_part(Quantity(outwards, by), PHI_INTEGRAL + i)
@@ -474,13 +461,12 @@ class Enclosure:
                 values = self._range(beyond)
                 # The increment refused is not negative.
                 values = Interval(values.low, np.minimum(values.high, excess.values.high))
-                remainder = Quantity(beyond, ordered(values))
-                remainder = self._positive_part(remainder, PHI_INTEGRAL + i)
+                remainder = self._positive_part(Quantity(beyond, values.ordered), PHI_INTEGRAL + i)
                 integral_terms += [(-side, excess_part), (side, remainder)]
             moves.append((-side, excess_part))
             remainders.append((side, remainder))
             low, high = (np.maximum(end, 0.0) for end in (values.low, values.high))
-            between = between + ordered(Interval(low, high)) * side
+            between = between + Interval(low, high).ordered * side
         if remainders:
             self._remember(i, channel, combined(*remainders), between)
         return combined(*moves), combined(*integral_terms), bool(remainders)
@@ -488,7 +474,7 @@ class Enclosure:
     def _positive_part(self, quantity: Quantity, kind: int) -> Form:
         """``max(F, 0)``, with a symbol for its error where there is one."""
         form, values = quantity
-        part = positive_part(Quantity(form, ordered(values)), self.plan.slope(values))
+        part = positive_part(Quantity(form, values.ordered), self.plan.slope(values))
         # Where all flights are on one side of the kink, the line is exact and needs no symbol.
         kinked = (values.low < 0.0) & (values.high > 0.0)
         return self.pieces.fresh(part, kind) if kinked.any() else part
@@ -517,17 +503,9 @@ class Enclosure:
                     np.maximum(by.low, law.step_down - COMPUTED),
                     np.minimum(by.high, law.step_up + COMPUTED),
                 )
-            less_steep = self._secant_change(stage.roll, Quantity(change, ordered(by)))
+            less_steep = secant_change_inside(stage.roll, Quantity(change, by.ordered))
             extra = combined((1.0, extra), (stage.lift, less_steep))
         return self.pieces.fresh(extra, EXTRA_LIFT)
-
-    def _secant_change(self, roll: Quantity, change: Quantity) -> Form:
-        """``1/cos(phi) - 1/cos(phi + change)``.
-
-        Two secants enclosed one by one would be as wide as both.
-        """
-        _check_inside(roll.values + change.values, "roll")
-        return secant_change(roll, change)
 
     def _load(self, stage: Controlled) -> Form:
         """The load-factor command."""
@@ -538,8 +516,7 @@ class Enclosure:
     def _lift_and_load(self, stage: Controlled) -> tuple[Form, Interval]:
         """The row `EXTRA_LIFT` times the cosine of roll, and the values of the command."""
         extra, level = self._ranged(stage.extra), cosine_of(stage.roll)
-        lift = Interval.point(np.full_like(level.values.low, stage.lift))
-        return product(extra, level), extra.values + lift / level.values
+        return product(extra, level), extra.values + stage.lift / level.values
 
     def _paper_law(self, k: int, stage: Controlled) -> Flown:
         r"""The paper's law over a sample, with constant commands.
@@ -556,14 +533,13 @@ class Enclosure:
         roll, climb = self._angle(stage.phi, "roll"), self._angle(state[GAMMA], CLIMB)
         d = Interval(*loop.boxes[k, D].T)
         d_middle, d_radius = d.middle, d.radius
-        chi = combined((1.0, state[CHI]), (h * rate, tangent(roll)), shift=h * d_middle[0]).widened(
-            h * d_radius[0] * UP + COMPUTED
-        )
+        chi = combined((1.0, state[CHI]), (h * rate, tangent(roll)), shift=h * d_middle[0])
+        chi = chi.widened(h * d_radius[0] * UP + COMPUTED)
         lifted, load = self._lift_and_load(stage._replace(extra=extra, roll=roll))
         f = combined(
             (rate, lifted), (-rate, cosine_of(climb).form), shift=rate * stage.lift + d_middle[1]
         )
-        f_range = ordered(self._range(f))
+        f_range = self._range(f).ordered
         fastest = f_range.largest + d_radius[1]
         # Gronwall: f grows with y by at most g/V.
         farthest = h * fastest * math.exp(rate * h) * UP
@@ -576,9 +552,8 @@ class Enclosure:
             + h * d_radius[1]
             + bend * slope.radius * f_range.largest
         )
-        gamma = combined((1.0, state[GAMMA]), (h + bend * slope.middle, f)).widened(
-            remainder * UP + COMPUTED
-        )
+        gamma = combined((1.0, state[GAMMA]), (h + bend * slope.middle, f))
+        gamma = gamma.widened(remainder * UP + COMPUTED)
         spread = 2.0 * np.array([d_radius[0], d_radius[1] + rate * float(farthest.max())])
         rows = [pieces.fresh(chi, CHI), pieces.fresh(gamma, GAMMA), extra]
         return rows, [roll.values, load], spread
@@ -601,7 +576,15 @@ class Enclosure:
         )
         after = lags[0] if lags else stage.phi
         if loop.sees_roll:
-            lags.append(self._roll_beyond(k, state[-1]))
+            # The difference e of the roll seen from that behind the lag becomes a e + w, w in
+            # ``(1 - a)`` times the box of e plus that of its change: so the changes stay small, and
+            # the sum of all w does not grow with time.
+            e, change = (
+                Interval(*loop.boxes[k, row, :, np.newaxis]) for row in (ROLL, ROLL_CHANGE)
+            )
+            w = e * (1.0 - ROLL_KEPT) + change
+            beyond = combined((ROLL_KEPT, state[-1]), shift=w)
+            lags.append(pieces.fresh(beyond, ROLL_BEYOND))
             after = combined((1.0, after), (1.0, lags[-1]))
         chi, gamma = (
             pieces.fresh(form.widened(COMPUTED), row) for form, row in ((chi, CHI), (gamma, GAMMA))
@@ -609,20 +592,7 @@ class Enclosure:
         rows = [chi, gamma, self._relative(stage, after), *lags]
         return rows, [command.values for command in commands], spread
 
-    def _roll_beyond(self, k: int, now: Form) -> Form:
-        """Difference of the roll seen from that behind the lag, a sample later.
-
-        It is a e + w of the e now, w in ``(1 - a)`` times the box of e plus that of its change: so
-        the changes stay small, and the sum of all w does not grow with time.
-        """
-        boxes = self.loop.boxes[k]
-        w = _interval(*boxes[ROLL]) * (1.0 - ROLL_KEPT) + _interval(*boxes[ROLL_CHANGE])
-        later = combined((ROLL_KEPT, now), shift=w.middle).widened(w.radius)
-        return self.pieces.fresh(later, ROLL_BEYOND)
-
-    def _behind_lags(
-        self, state: Sequence[Form], commands: Sequence[Form]
-    ) -> tuple[list[Quantity], list[Form]]:
+    def _behind_lags(self, state: Forms, commands: Forms) -> tuple[list[Quantity], list[Form]]:
         """Roll and load factor flown, and the rows of the lags and of the commands under way."""
         reached, after, under_way = [], [], []
         for lag, rows, queue, command in zip(
@@ -633,7 +603,7 @@ class Enclosure:
             inputs = [*state[rows], newest_first[lag.older + 1], newest_first[lag.older]]
             rows_after = np.vstack([lag.transition, lag.mean])
             *moved, mean = (form.widened(COMPUTED) for form in transformed(rows_after, inputs))
-            ranges = [ordered(self._range(form)) for form in (*inputs, moved[0])]
+            ranges = [self._range(form).ordered for form in (*inputs, moved[0])]
             # Within the sample either of the two commands may be in force.
             in_force = ranges[lag.order].hull(ranges[lag.order + 1])
             values = lag.values_within(ranges[: lag.order], ranges[-1], in_force, self.loop.dt)
@@ -648,10 +618,10 @@ def _check_inside(angle: Interval, name: str, largest: float = LARGEST_ANGLE) ->
         raise Unbounded(f"{name} cannot be kept inside {math.degrees(largest):.3g} deg")
 
 
-def _interval(low: float, high: float) -> Interval:
-    return Interval(np.array([low]), np.array([high]))
+def secant_change_inside(roll: Quantity, change: Quantity) -> Form:
+    """``1/cos(phi) - 1/cos(phi + change)``, if that can be enclosed.
 
-
-def ordered(values: Interval) -> Interval:
-    """`values` where they are a range; of a piece without flights any range will do."""
-    return Interval(np.minimum(values.low, values.high), np.maximum(values.low, values.high))
+    Two secants enclosed one by one would be as wide as both.
+    """
+    _check_inside(roll.values + change.values, "roll")
+    return secant_change(roll, change)

@@ -4,7 +4,7 @@ Slopes, splits and symbols to remove are chosen for a narrow enclosure, then a s
 loop maps into itself.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -14,8 +14,8 @@ from scipy.linalg import schur, solve_discrete_lyapunov
 from flighttune.arrays import FloatArray
 from flighttune.tubes.exact import enclosure_of
 from flighttune.tubes.forms import Form, Indices, Pieces
-from flighttune.tubes.hand_over import SYMBOLS, HandOver, for_ever, inside, return_map, settled
 from flighttune.tubes.interval import Interval, Unbounded
+from flighttune.tubes.proof import SYMBOLS, HandOver, for_ever, inside, return_map, settled
 from flighttune.tubes.sample import (
     CHI_ERR,
     EXTRA_LIFT,
@@ -63,13 +63,16 @@ class Search:
 
     `tolerance`: pieces are split where a limit may or may not hold a command, if both sides are
     larger than twice this part of what the command can move in a sample. `most`: number of pieces
-    at which splitting stops.
+    at which splitting stops; by default there is no split.
     """
 
-    def __init__(self, loop: SampledLoop, *, tolerance: float, most: int) -> None:
+    def __init__(self, loop: SampledLoop, *, tolerance: float = 1.0, most: int = 0) -> None:
+        scales = [
+            law.step_up if np.isfinite(law.step_up) else 0.01 * min(law.upper - law.lower, 1e3)
+            for law in loop.law.channels
+        ]
         # A channel with feedback has two commands, one after the other.
-        scales = [_scale(law.lower, law.upper, law.step_up) for law in loop.law.channels]
-        self._scales = [s for s in scales for _ in range(1 + loop.law.feeds_back)]
+        self._scales = np.repeat(scales, 1 + loop.law.feeds_back)
         self._tolerance, self._most = tolerance, most
         self.chosen: list[npt.NDArray[np.float32]] = []
 
@@ -122,22 +125,36 @@ class Search:
 
     def pairs(self, pieces: Pieces) -> Indices:
         """Symbols to merge: neighbours in time of one kind if they are alike, else small ones."""
-        pairs = _alike(
-            pieces, pieces.used + REMOVED_AT_ONCE + pieces.values.shape[1] - pieces.capacity
-        )
-        self._record(np.array([float(len(pairs))]))
-        self._record(pairs)
-        return pairs
+        height, n = pieces.values.shape[1], pieces.used
+        need = n + REMOVED_AT_ONCE + height - pieces.capacity
+        weights = np.full(height, CONSTRAINT_WEIGHT)
+        weights[: pieces.rows] = [WEIGHT.get(row, 1.0) for row in range(pieces.rows)]
+        g = pieces.values[:, :, 1 : 1 + n] * weights[np.newaxis, :, np.newaxis]
+        order = np.argsort(pieces.kind[:n], kind="stable")
+        same = pieces.kind[order[:-1]] == pieces.kind[order[1:]]
+        first, second = order[:-1][same], order[1:][same]
+        a, b = g[:, :, first], g[:, :, second]
+        alone, apart, together = (np.abs(x).sum(axis=1).max(axis=0) for x in (g, a - b, a + b))
+        costs = np.concatenate([alone, np.minimum(apart, together)])
+        symbols = np.concatenate([np.arange(n), first]), np.concatenate([np.full(n, -1), second])
+        pairs: list[tuple[int, int]] = []
+        taken: set[int] = set()
+        for symbol, partner in np.stack(symbols, axis=1)[np.argsort(costs, kind="stable")].tolist():
+            if len(pairs) >= need:
+                break
+            if symbol not in taken and partner not in taken:
+                taken |= {symbol, partner} - {-1}
+                pairs.append((symbol, partner))
+        self._record([float(len(pairs))])
+        chosen = np.array(pairs, dtype=np.intp).reshape(-1, 2)
+        self._record(chosen)
+        return chosen
 
     def _record(self, values: npt.ArrayLike) -> FloatArray:
         # Single precision: any number will do, so it may as well be a short one.
         rounded = np.asarray(values, dtype=np.float32)
         self.chosen.append(rounded.ravel())
         return rounded.astype(float)
-
-
-def _scale(lower: float, upper: float, step: float) -> float:
-    return step if np.isfinite(step) else 0.01 * min(upper - lower, 1e3)
 
 
 def _row_to_replace(pieces: Pieces, form: Form) -> Indices:
@@ -147,37 +164,6 @@ def _row_to_replace(pieces: Pieces, form: Form) -> Indices:
     size = np.linalg.norm(q, axis=2) * np.linalg.norm(g, axis=1)[:, np.newaxis]
     alike = np.abs((q @ g[:, :, np.newaxis])[:, :, 0]) / np.maximum(size, 1e-300)
     return np.where(size == 0.0, 2.0, alike).argmax(axis=1)
-
-
-def _alike(pieces: Pieces, need: int) -> Indices:
-    n, weights = pieces.used, np.full(pieces.values.shape[1], CONSTRAINT_WEIGHT)
-    weights[: pieces.rows] = [WEIGHT.get(row, 1.0) for row in range(pieces.rows)]
-    g = pieces.values[:, :, 1 : 1 + n] * weights[np.newaxis, :, np.newaxis]
-    alone = np.abs(g).sum(axis=1).max(axis=0)
-    order = np.argsort(pieces.kind[:n], kind="stable")
-    same = pieces.kind[order[:-1]] == pieces.kind[order[1:]]
-    first, second = order[:-1][same], order[1:][same]
-    a, b = g[:, :, first], g[:, :, second]
-    apart = np.minimum(*(np.abs(sums).sum(axis=1).max(axis=0) for sums in (a - b, a + b)))
-    costs = np.concatenate([alone, apart])
-    partner = np.concatenate([np.full(n, -1), second])
-    symbol = np.concatenate([np.arange(n), first])
-    return np.array(list(_cheapest(costs, symbol, partner, need)), dtype=np.intp).reshape(-1, 2)
-
-
-def _cheapest(
-    costs: FloatArray, symbol: Indices, partner: Indices, need: int
-) -> Iterator[tuple[int, int]]:
-    used: set[int] = set()
-    for index in np.argsort(costs, kind="stable"):
-        if need <= 0:
-            return
-        a, b = int(symbol[index]), int(partner[index])
-        if a in used or b in used:
-            continue
-        used.update({a, b} - {-1})
-        need -= 1
-        yield a, b
 
 
 def coordinates(loop: SampledLoop) -> tuple[FloatArray, int] | None:
@@ -190,7 +176,7 @@ def coordinates(loop: SampledLoop) -> tuple[FloatArray, int] | None:
     pieces.values[0, :, 1 : 1 + n] = LINEARISED_SIZE * np.eye(n)
     pieces.used = n
     try:
-        enclosure_of(settled(loop, 1), pieces, new_search(loop)).sample(1)
+        enclosure_of(settled(loop, 1), pieces, Search(loop)).sample(1)
     except Unbounded:
         return None
     A = pieces.values[0, :n, 1 : 1 + n] / LINEARISED_SIZE
@@ -225,12 +211,7 @@ def _contracting(A: FloatArray, *, slow: bool) -> FloatArray:
     return np.linalg.cholesky(solve_discrete_lyapunov(slower.T, np.eye(count))).T @ rows
 
 
-def new_search(loop: SampledLoop) -> Search:
-    """A search for one piece that meets no limit."""
-    return Search(loop, tolerance=1.0, most=0)
-
-
-def hand_over(
+def settled_set(
     loop: SampledLoop,
     W: FloatArray,
     samples: int,
@@ -246,7 +227,7 @@ def hand_over(
     end = hulls[last]
     centre, size = end.mean(axis=1), FIRST_SIZE * 0.5 * np.ptp(end, axis=1) + 1e-9
     for _ in range(ROUNDS):
-        plan, tight = new_search(loop), (1.0 - SLACK) * size
+        plan, tight = Search(loop), (1.0 - SLACK) * size
         try:
             after, passed = return_map(loop, W, centre, size, samples, plan)
         except Unbounded:

@@ -21,11 +21,11 @@ from flighttune.scenario.schema import Scenario
 from flighttune.simulate.loop import simulate
 from flighttune.tubes.enclosure import LEFT, Settings, Tube, bounds_of
 from flighttune.tubes.exact import enclosure_of
-from flighttune.tubes.hand_over import continued, hull, settled_from
 from flighttune.tubes.interval import Unbounded
 from flighttune.tubes.problem import QUANTITIES, TubeProblem, tube_problem
+from flighttune.tubes.proof import continued, hull, settled_from
 from flighttune.tubes.sample import start_set
-from flighttune.tubes.search import Search, coordinates, hand_over
+from flighttune.tubes.search import Search, coordinates, settled_set
 
 # Time, s, within which the width of a set that is about to be lost doubles
 DOUBLING = 0.2
@@ -124,8 +124,16 @@ def tube_of(
     and one with many. `for_ever`: look for a set that holds the flights after the time of the
     scenario too. `progress`: called with the share of time that is enclosed, 0 to 1.
     """
+    if not attempts:
+        disturbed = not np.array_equal(*problem.disturbances)
+        sides = 1 if problem.start == 0.0 else 4 if disturbed else 8
+        symbols = 660 if disturbed else 200
+        # Every piece costs time: a box of starts, already in pieces, is split further only if need
+        # be.
+        few, many = (1 if sides > 1 else 60), sides * sides + 100
+        attempts = [Settings(sides, symbols, 0.5, few), Settings(sides, symbols, 0.2, many)]
     tried = []
-    for settings in attempts or _attempts(problem):
+    for settings in attempts:
         tried.append(_attempt(problem, settings, progress, for_ever=for_ever))
         if tried[-1].status == "bounded":
             return tried[-1]
@@ -145,17 +153,6 @@ def _why_lost(stop: str, t: FloatArray, ranges: Sequence[FloatArray]) -> str:
     if first < len(steady):
         reason += f"; from {t[first]:.2f} s on the width doubles within {DOUBLING} s"
     return reason
-
-
-def _attempts(problem: TubeProblem) -> list[Settings]:
-    disturbed = not np.array_equal(*problem.disturbances)
-    sides = 1 if problem.start == 0.0 else 4 if disturbed else 8
-    symbols = 660 if disturbed else 200
-    # Every piece costs time: a box of starts, already in pieces, is split further only if need be.
-    few, many = (1 if sides > 1 else 60), sides * sides + 100
-    return [
-        Settings(sides, symbols, tolerance, most) for tolerance, most in ((0.5, few), (0.2, many))
-    ]
 
 
 def _attempt(
@@ -192,7 +189,7 @@ def _attempt(
             progress(k / len(loop.reference))
     ever = None
     if rows is not None and hulls and not reason:
-        ever = hand_over(problem.loop, *rows, hulls, np.array(ranges[len(t) :]))
+        ever = settled_set(problem.loop, *rows, hulls, np.array(ranges[len(t) :]))
     ranges, limits_at = ranges[: len(t)], limits_at[: len(t)]
     return Tube(
         problem=problem,

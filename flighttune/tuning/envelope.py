@@ -11,8 +11,7 @@ import itertools
 import math
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -32,7 +31,7 @@ from flighttune.theory.common import CommonQ, common_Q
 from flighttune.theory.indicators import Indicators, indicators
 from flighttune.theory.lmi import combination, largest, parameter, solve, unknown
 from flighttune.theory.lyapunov import lyapunov_solution
-from flighttune.tuning.problem import TuningProblem, search_space
+from flighttune.tuning.problem import TuningProblem
 from flighttune.tuning.program import loop_slopes, stabilising_starts
 from flighttune.tuning.result import TuningResult, assessment, result
 from flighttune.tuning.tune import tune_by_gradient
@@ -61,8 +60,7 @@ ITERATIONS = 60
 MIN_GAIN = 1e-5
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Point:
+class Point(NamedTuple):
     """Free gains that meet every constraint, with their rates."""
 
     k: FloatArray  # shape (f,)
@@ -72,23 +70,18 @@ class Point:
 
 def point(problem: TuningProblem, models: Sequence[LinearModel], k: FloatArray) -> Point | None:
     """The point of free gains k, or None where a constraint is broken or there is no common Q."""
-    space = search_space(problem)
-    inside = (space.slack(k) >= 0.0).all() and (space.k_min <= k).all() and (k <= space.k_max).all()
-    if not inside:
+    low, high = problem.k_bounds
+    if not ((problem.slack(k) >= 0.0).all() and (low <= k).all() and (k <= high).all()):
         return None
-    K = space.K(k)
-    trim = indicators(closed_loops(problem.model, K))
-    if not trim.I_K <= problem.I_star:
+    K = problem.K(k)
+    if not (trim := indicators(closed_loops(problem.model, K))).I_K <= problem.I_star:
         return None
     common = common_Q(np.array([closed_loops(model, K) for model in models]))
     return None if common.Q is None else Point(k=k, common=common, trim=trim)
 
 
 def ascend(problem: TuningProblem, models: Sequence[LinearModel], start: Point) -> Point:
-    """A local optimum of the common rate, from a point that meets the constraints.
-
-    The result is never worse than `start`.
-    """
+    """A local optimum of the common rate, never worse than a point that meets the constraints."""
     step, excess, idle = FIRST_STEP, 0.0, 0
     best = start
     program = _Linearised(problem, models)
@@ -115,9 +108,8 @@ class _Linearised:
 
     def __init__(self, problem: TuningProblem, models: Sequence[LinearModel]) -> None:
         self._problem, self._models = problem, models
-        self._space = search_space(problem)
         self._limited = math.isfinite(problem.I_star)
-        self._trim_slopes = loop_slopes(problem.model, self._space)
+        self._trim_slopes = loop_slopes(problem.model, problem)
         f, n = len(self._trim_slopes), len(self._trim_slopes[0])
         self._dk, Q, R = unknown(f), unknown(n, n, symmetric=True), unknown()
         self._loops = [parameter(n, n) for _ in models]
@@ -126,11 +118,11 @@ class _Linearised:
         # The trust region with the bounds on gains, and the input limits. Q <= I fixes the scale,
         # so that the rate is R itself.
         constraints = [self._lower <= self._dk, self._dk <= self._upper, Q << np.eye(n)]
-        if len(self._space.G):
-            self._slack = parameter(len(self._space.G))
-            constraints.append(self._space.G @ self._dk <= self._slack)
+        if len(G := problem.limit_rows.G):
+            self._slack = parameter(len(G))
+            constraints.append(G @ self._dk <= self._slack)
         for A, model in zip(self._loops, models, strict=True):
-            dA = combination(self._dk, loop_slopes(model, self._space).reshape(f, n * n))
+            dA = combination(self._dk, loop_slopes(model, problem).reshape(f, n * n))
             moved = dA.T @ self._Q0 + self._Q0 @ dA
             constraints.append(A.T @ Q + Q @ A + moved + R * np.eye(n) << 0)
         if self._limited:
@@ -159,29 +151,28 @@ class _Linearised:
 
     def step(self, point: Point, size: float, excess: float) -> FloatArray | None:
         """Free gains after one step; None if the solver fails."""
-        space = self._space
+        problem, (low, high) = self._problem, self._problem.k_bounds
         trust = size * np.maximum(np.abs(point.k), 1.0)
-        self._upper.value = np.minimum(trust, space.k_max - point.k)
-        self._lower.value = -np.minimum(trust, point.k - space.k_min)
-        if len(space.G):
-            self._slack.value = space.slack(point.k)
+        self._upper.value = np.minimum(trust, high - point.k)
+        self._lower.value = -np.minimum(trust, point.k - low)
+        if problem.limit_rows.names:
+            self._slack.value = problem.slack(point.k)
         self._Q0.value = np.asarray(point.common.Q) * point.common.R
         for A, model in zip(self._loops, self._models, strict=True):
-            A.value = closed_loops(model, space.K(point.k))
+            A.value = closed_loops(model, problem.K(point.k))
         if self._limited:
             self._set_radius(point, excess)
-        unsolved = solve(self._program)
-        return None if unsolved else np.clip(point.k + self._dk.value, space.k_min, space.k_max)
+        return None if solve(self._program) else np.clip(point.k + self._dk.value, low, high)
 
     def excess(self, k: FloatArray) -> float:
         """Excess of log I_K over its limit at free gains k; 0 without any."""
         if not self._limited:
             return 0.0
-        I_K = indicators(closed_loops(self._problem.model, self._space.K(k))).I_K
+        I_K = indicators(closed_loops(self._problem.model, self._problem.K(k))).I_K
         return max(0.0, math.log(I_K / self._problem.I_star)) if math.isfinite(I_K) else 0.0
 
     def _set_radius(self, point: Point, excess: float) -> None:
-        A = closed_loops(self._problem.model, self._space.K(point.k))
+        A = closed_loops(self._problem.model, self._problem.K(point.k))
         Q0 = lyapunov_solution(A)
         load = self._trim_slopes.mT @ Q0 + Q0 @ self._trim_slopes
         Q_slopes = lyapunov_solution(A, load)
@@ -200,21 +191,15 @@ class _Linearised:
 
 
 def envelope_rate(gains: PIGains, envelope: Envelope, *, g: float) -> CommonQ:
-    """The rate of gains over an envelope of the chi/gamma law, and its common Q.
-
-    `g` is in m/s^2; `gains` lead from (chi, gamma) to (phi, n_z). Raises
-    InputError if `g` is not positive or the channels do not fit.
-    """
+    """The rate of gains of the chi/gamma law over an envelope, and its common Q; `g` in m/s^2."""
     return common_Q(vertex_loops(envelope, gains, g=g))
 
 
 def largest_factor(gains: PIGains, envelope: Envelope, trim: Envelope, *, g: float) -> float:
     """The largest scaling of an envelope about the trim over which gains have a common Q.
 
-    `g` (m/s^2). `envelope`: scaled by the factor; contains the trim. `trim`: a single condition,
-    `Envelope.at`. The factor comes from bisection, to `FACTOR_TOLERANCE`; the scaled envelopes are
-    nested. It is 0 if not even the trim is certified, and at most `LARGEST_FACTOR`. Raises
-    InputError if the trim is not inside the envelope.
+    By bisection, to `FACTOR_TOLERANCE`: the scaled envelopes are nested. It is 0 if not even the
+    trim is certified, and at most `LARGEST_FACTOR`. InputError if the trim is outside.
     """
     _check_contains(envelope, trim)
 
@@ -246,11 +231,9 @@ def _check_contains(envelope: Envelope, trim: Envelope) -> None:
 def rate_curve(
     gains: PIGains, envelope: Envelope, trim: Envelope, *, g: float, up_to: float = 2.0
 ) -> tuple[FloatArray, FloatArray]:
-    """The certified rate (1/s) from the trim alone up to a multiple of an envelope.
+    """Factors on an envelope about the trim, `up_to` the largest, and the rates certified (1/s).
 
-    `g` (m/s^2). `envelope`, `trim`: the envelope at factor one, and the condition it is scaled
-    about. `up_to`: largest factor sampled. Returns factors and rates, shape (k,); the last rate is
-    0 where no common Q is found any more. Raises InputError if the trim is not inside the envelope.
+    Both have shape (k,); the last rate is 0 where no common Q is found any more.
     """
     end = largest_factor(gains, envelope, trim, g=g)
     factors = np.linspace(0.0, END_SHOWN * end if end < up_to else up_to, SAMPLES)
@@ -261,11 +244,7 @@ def rate_curve(
 
 
 def rate_chart(curves: Mapping[str, tuple[FloatArray, FloatArray]], envelope: Envelope) -> Chart:
-    """Draw certified rates of gain sets, by name, against the size of the envelope.
-
-    `curves` are of `rate_curve`; `envelope` is the one at 100 %. A cross marks where a set of gains
-    has no common Q any more.
-    """
+    """Draw each `rate_curve` by the name of its gains; a cross where there is no common Q more."""
     chart = Chart(
         title="Rate certified over an envelope",
         x="size of the envelope about the trim [%]",
@@ -291,11 +270,9 @@ def tune_over_envelope(
     Where the first gains have no common Q over the whole envelope, they are tuned for the part of
     it (scaled about the trim) that they do reach, which grows with them.
 
-    `g` (m/s^2). `problem`: its model is the chi/gamma law's at the trim; I_K (at the trim) and the
-    input limits are constraints as in `tune`. Without state scaling. `trim`: a single condition,
-    `Envelope.at`. `starts`: searches from drawn gains, besides the one from the best gains for the
-    trim. Raises InputError if the trim is not inside the envelope, or the problem has a state
-    scaling or a bound on E_K.
+    The model of the problem is the law's at the trim, where its I_K and input limits hold.
+    `starts`: searches from drawn gains, besides the one from the best gains for the trim.
+    InputError if the trim is outside the envelope, or for a state scaling or a bound on E_K.
     """
     began = time.perf_counter()
     _check_contains(envelope, trim)
@@ -309,37 +286,29 @@ def tune_over_envelope(
     # about the gains at hand and is kept only if the true common rate has grown: the result is a
     # local optimum, and a search from other gains may end higher. The gains for the trim alone
     # are the natural first start; that they are a good one is experience, not a theorem (XX).
-    space = search_space(problem)
-    nominal = tune_by_gradient(problem)
-    firsts = []
+    nominal, firsts = tune_by_gradient(problem), []
     if nominal.status == "optimal" and nominal.gains is not None:
-        firsts = [nominal.gains.K[space.free], *stabilising_starts(problem, space, starts)]
+        firsts = [nominal.gains.K[problem.free], *stabilising_starts(problem, starts)]
     searches = [_grow(problem, k, envelope, trim, g=g) for k in firsts]
     reached = [search for search in searches if search is not None]
-    of_search = {"method": "envelope", "starts": starts, "wall_s": time.perf_counter() - began}
-    if not reached:
-        return result(
-            problem,
-            None,
-            status="failed" if nominal.status == "failed" else "infeasible",
-            reason=nominal.reason or "No gains met the constraints.",
-            R_envelope=0.0,
-            R_envelope_bound=math.inf,
-            factor=0.0,
-            **of_search,
-        )
-    factor, best = max(reached, key=lambda search: (search[0], search[1].common.R))
-    certified = factor >= 1.0
-    beyond = f"No common Q was found beyond {factor:.3g} of the envelope about the trim."
+    factor, best = 0.0, None
+    status = "failed" if nominal.status == "failed" else "infeasible"
+    reason = nominal.reason or "No gains met the constraints."
+    if reached:
+        factor, best = max(reached, key=lambda search: (search[0], search[1].common.R))
+        reason = f"No common Q was found beyond {factor:.3g} of the envelope about the trim."
+    whole = best.common if best is not None and factor >= 1.0 else None
     return result(
         problem,
-        assessment(problem, space.K(best.k)),
-        status="found" if certified else "infeasible",
-        reason="" if certified else beyond,
-        R_envelope=best.common.R if certified else 0.0,
-        R_envelope_bound=best.common.R_bound if certified else math.inf,
+        best and assessment(problem, problem.K(best.k)),
+        status="found" if whole else status,
+        reason="" if whole else reason,
+        R_envelope=whole.R if whole else 0.0,
+        R_envelope_bound=whole.R_bound if whole else math.inf,
         factor=factor,
-        **of_search,
+        method="envelope",
+        starts=starts,
+        wall_s=time.perf_counter() - began,
     )
 
 
@@ -347,10 +316,9 @@ def _grow(
     problem: TuningProblem, k: FloatArray, envelope: Envelope, trim: Envelope, *, g: float
 ) -> tuple[float, Point] | None:
     """Ascend on ever larger parts of the envelope; the factor reached and the point there."""
-    space = search_space(problem)
     reached: tuple[float, Point] | None = None
     for _ in range(GROWTHS):
-        part = largest_factor(problem.gains(space.K(k)), envelope, trim, g=g)
+        part = largest_factor(problem.gains(problem.K(k)), envelope, trim, g=g)
         factor = 1.0 if part >= 1.0 else 0.95 * part
         if reached is not None and factor < 1.0 and factor <= reached[0] * 1.005:
             break

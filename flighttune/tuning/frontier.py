@@ -11,9 +11,9 @@ from flighttune.arrays import check_at_least
 from flighttune.control.gains import PIGains
 from flighttune.present.chart import Chart
 from flighttune.present.palette import INK, NEUTRAL, LineStyle
-from flighttune.tuning.problem import TuningProblem, search_space
+from flighttune.tuning.problem import TuningProblem
 from flighttune.tuning.program import Program, stabilising_starts
-from flighttune.tuning.result import Assessment, assessment, is_feasible
+from flighttune.tuning.result import Assessment, assessment
 from flighttune.tuning.tune import STARTS, smallest_radius
 
 if TYPE_CHECKING:
@@ -49,23 +49,19 @@ def frontier(
 ) -> "pd.DataFrame":
     """The largest R_K for every I_K, and where given gains lie.
 
-    `problem`: its `I_star` plays no part; limits, structure, scaling and seed do. `points`: points
-    of the frontier, at least 2; from the smallest I_K on, closest there. `I_max` (s^2): largest
-    I_K; by default `WIDEST` times the smallest, or the largest marked one if more. `marked`: gains
-    to show next to the frontier. `starts`: searches at each point from drawn gains, besides the one
-    from the gains of the smallest I_K. Returns a row each point and marked set, columns ``name``
-    (``frontier`` or the mark), ``I_star`` (nan for marks), ``I_K``, ``R_K``, ``spectral_abscissa``,
-    ``E_K``, ``within_limits``, ``active`` (names, separated by spaces) and one for each gain,
-    ``K_P[phi,chi]`` and so on. R_K never falls along the frontier. Marks alone if no stable gains
-    were found within the limits. Raises InputError if `points` is less than 2.
+    The `I_star` of the problem plays no part. `points`: at least 2, from the smallest I_K on,
+    closest there, to `WIDEST` times that or the largest of the gains `marked`. `starts`: searches
+    at each point from drawn gains, besides the one from the gains of the smallest I_K. A row each
+    point and marked set: ``name`` (``frontier`` or the mark), ``I_star`` (nan for marks), figures,
+    ``active`` (names, separated by spaces) and each gain, ``K_P[phi,chi]`` and so on. R_K never
+    falls along the frontier. Marks alone if no stable gains were found within the limits.
     """
     import pandas as pd
 
     check_at_least(2, points=points)
     marks = {name: assessment(problem, gains.K) for name, gains in (marked or {}).items()}
     rows = [_row(problem, name, math.nan, measured) for name, measured in marks.items()]
-    space = search_space(problem)
-    k = stabilising_starts(problem, space, max(STARTS, starts))
+    k = stabilising_starts(problem, max(STARTS, starts))
     if (smallest := smallest_radius(problem, k)) is None:
         return pd.DataFrame(rows)
     finite = [measured.I_K for measured in marks.values() if math.isfinite(measured.I_K)]
@@ -74,15 +70,15 @@ def frontier(
     I_star = smallest.I_K * np.exp(growth)
     # At the smallest I_K there is nothing left to search.
     best, along = smallest, [_row(problem, "frontier", smallest.I_K, smallest)]
-    first = np.vstack([smallest.K[space.free], k[:starts]])
+    first = np.vstack([smallest.K[problem.free], k[:starts]])
     task = Program([replace(problem, I_star=I_star[-1])], "R_K")
     ends, _ = task.descend(np.tile(first, (points - 1, 1)), np.repeat(I_star[1:], len(first)))
     ends = ends.reshape(points - 1, len(first), -1)
-    for limit, K in zip(I_star[1:], space.K(ends), strict=True):
+    for limit, K in zip(I_star[1:], problem.K(ends), strict=True):
         at_limit = replace(problem, I_star=limit)
         candidates = [best, *(assessment(at_limit, gains) for gains in K)]
         best = max(
-            (candidate for candidate in candidates if is_feasible(at_limit, candidate)),
+            (candidate for candidate in candidates if candidate.meets(at_limit)),
             key=lambda candidate: candidate.R_K,
         )
         along.append(_row(problem, "frontier", limit, best))
@@ -97,10 +93,9 @@ def frontier_chart(
 ) -> Chart:
     """Draw the frontier and the marked gains, each with its name, over I_K or over E_K.
 
-    `table` is the result of `frontier`. `styles` are those of the gains in other figures; other
-    gains are dark. Over I_K nothing can lie above the curve; over E_K it has the same gains. A mark
-    that breaks the input limits is hollow, one without a stable loop is left out. The axis is
-    logarithmic where it spans more than one decade.
+    `styles` are those of the gains in other figures; other gains are dark. A mark that breaks the
+    input limits is hollow, one without a stable loop is left out. The axis is logarithmic where it
+    spans more than one decade.
     """
     title, x = AXES[against]
     along, marks = (table[(table["name"] == "frontier") == yes] for yes in (True, False))

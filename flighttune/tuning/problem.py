@@ -2,7 +2,8 @@
 
 import math
 from dataclasses import dataclass
-from typing import Any, Literal
+from functools import cached_property
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -20,7 +21,16 @@ from flighttune.theory.reachable import largest_errors
 LARGEST_GAIN = 1e3
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class LimitRows(NamedTuple):
+    """The finite input limits of a problem, rows ``G k + offset <= bound`` over its free gains."""
+
+    names: tuple[str, ...]  # length r: ``<input>_max``, ``_min``, ``_rate_max``, ``_rate_min``
+    G: FloatArray  # shape (r, f)
+    offset: FloatArray  # shape (r,): what the fixed gains add
+    bound: FloatArray  # shape (r,)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class TuningProblem:
     """Maximise R_K over the gains under bounds on I_K and E_K, input limits and a structure.
 
@@ -96,8 +106,7 @@ class TuningProblem:
     def __post_init__(self) -> None:
         n, m, p = self.model.shape
         for name in ("I_star", "E_star", "dt"):
-            value = getattr(self, name)
-            if not value > 0.0:
+            if not (value := getattr(self, name)) > 0.0:
                 raise InputError(f"`{name}` must be positive, got {value}.")
         check_not_negative(seed=self.seed, R_min=self.R_min)
         if self.limits is not None and self.limits.lower.shape != (m,):
@@ -107,15 +116,12 @@ class TuningProblem:
                 raise InputError("`x_0` must be given with `limits` or `weights`.")
             object.__setattr__(self, "x_0", read_only_vector("x_0", self.x_0, (p,)))
         if self.weights is not None:
-            self._check_weights(self.weights, m, p)
+            self._check_weights(*self.weights)
         elif self.R_min:
             raise InputError(f"`R_min` must be 0 without `weights`, got {self.R_min:g}.")
         object.__setattr__(self, "scaling", state_scaling(self.scaling, n + p))
-        for name, default in (
-            ("K_min", -LARGEST_GAIN),
-            ("K_max", LARGEST_GAIN),
-            ("K_fixed", math.nan),
-        ):
+        defaults = {"K_min": -LARGEST_GAIN, "K_max": LARGEST_GAIN, "K_fixed": math.nan}
+        for name, default in defaults.items():
             bound = getattr(self, name)
             value = np.array(np.full((m, 2 * p), default) if bound is None else bound, dtype=float)
             if value.shape != (m, 2 * p):
@@ -125,25 +131,74 @@ class TuningProblem:
         if not np.all(self.gain_bounds[0] <= self.gain_bounds[1]):
             raise InputError("`K_min` must not be above `K_max`, and neither may be NaN.")
 
-    def _check_weights(self, pair: tuple[FloatArray, FloatArray], m: int, p: int) -> None:
-        weights = [
-            read_only_vector("weights", part, (size,))
-            for part, size in zip(pair, (p, m), strict=True)
-        ]
+    def _check_weights(self, error: FloatArray, command: FloatArray) -> None:
+        _, m, p = self.model.shape
+        weights = tuple(
+            read_only_vector("weights", part, (size,)) for part, size in ((error, p), (command, m))
+        )
         if not min(map(np.min, weights)) > 0.0:
-            raise InputError(f"`weights` must be positive, got {weights}.")
+            raise InputError(f"`weights` must be positive, got {[*weights]}.")
         if not np.any(self.x_0):
             raise InputError(
                 "`x_0` must not be zero with `weights`: the cost is that of its decay."
             )
-        object.__setattr__(self, "weights", tuple(weights))
+        object.__setattr__(self, "weights", weights)
 
-    @property
-    def gain_bounds(self) -> tuple[FloatArray, FloatArray]:
-        """Smallest and largest allowed stacked gains, equal where a gain is fixed."""
+    @cached_property
+    def gain_bounds(self) -> FloatArray:
+        """Smallest and largest stacked gains allowed, shape (2, m, 2 p); equal where fixed."""
         K_min, K_max, K_fixed = map(np.asarray, (self.K_min, self.K_max, self.K_fixed))
-        free = np.isnan(K_fixed)
-        return np.where(free, K_min, K_fixed), np.where(free, K_max, K_fixed)
+        return np.where(np.isnan(K_fixed), [K_min, K_max], K_fixed)
+
+    @cached_property
+    def free(self) -> npt.NDArray[np.bool_]:
+        """Where a stacked gain is free, shape (m, 2 p); free gains k hold these row by row."""
+        lower, upper = self.gain_bounds
+        return lower < upper
+
+    @cached_property
+    def k_bounds(self) -> FloatArray:
+        """Bounds of the free gains, shape (2, f)."""
+        return self.gain_bounds[:, self.free]
+
+    def K(self, k: FloatArray) -> FloatArray:
+        """Stacked gains, shape (..., m, 2 p), of free gains of shape (..., f)."""
+        fixed = self.gain_bounds[0]
+        K = np.broadcast_to(fixed, (*k.shape[:-1], *fixed.shape)).copy()
+        K[..., self.free] = k
+        return K
+
+    @cached_property
+    def limit_rows(self) -> LimitRows:
+        """The finite input limits."""
+        _, m, p = self.model.shape
+        finite = []
+        if self.limits is not None and self.x_0 is not None:
+            at_start = np.concatenate([self.x_0, self.x_0 * self.dt])
+            rate_at_start = np.concatenate([np.zeros(p), self.x_0])
+            ends = {
+                "max": (at_start, self.limits.upper),
+                "min": (-at_start, -self.limits.lower),
+                "rate_max": (rate_at_start, self.limits.rate_upper),
+                "rate_min": (-rate_at_start, -self.limits.rate_lower),
+            }
+            finite = [
+                (f"{channel}_{end}", np.outer(np.eye(m)[i], direction), bounds[i])
+                for i, channel in enumerate(self.model.inputs)
+                for end, (direction, bounds) in ends.items()
+                if np.isfinite(bounds[i])
+            ]
+        names, rows, bound = zip(*finite, strict=True) if finite else ((), (), ())
+        rows = np.array(rows).reshape(-1, m, 2 * p)
+        fixed = np.where(self.free, 0.0, self.gain_bounds[0])
+        return LimitRows(
+            names, rows[:, self.free], (rows * fixed).sum(axis=(1, 2)), np.array(bound)
+        )
+
+    def slack(self, k: FloatArray) -> FloatArray:
+        """Slack of the input limits, shape (..., r); negative where a limit is exceeded."""
+        _, G, offset, bound = self.limit_rows
+        return bound - offset - k @ G.T
 
     @property
     def gain_names(self) -> npt.NDArray[Any]:
@@ -176,75 +231,6 @@ def decoupled(model: LinearModel) -> FloatArray:
     _, m, p = model.shape
     diagonal = np.eye(m, p, dtype=bool)
     return np.where(np.hstack([diagonal, diagonal]), math.nan, 0.0)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class SearchSpace:
-    """Free gains k, their bounds, and the rows ``G k + offset <= bound`` of the input limits."""
-
-    base: FloatArray  # shape (m, 2 p): fixed gains in their places, 0 in the free ones
-    free: npt.NDArray[np.bool_]  # shape (m, 2 p): where a gain is free; k holds these row by row
-    # `k_min` and `k_max` (shape (f,)): bounds of the f free gains
-    k_min: FloatArray
-    k_max: FloatArray
-    # length r: names of the rows: ``<input>_max``, ``_min``, ``_rate_max``, ``_rate_min``
-    names: tuple[str, ...]
-    # `G`, `offset` and `bound` (shapes (r, f), (r,), (r,)): the finite input limits; `offset` comes
-    # from the fixed gains.
-    G: FloatArray
-    offset: FloatArray
-    bound: FloatArray
-
-    def K(self, k: FloatArray) -> FloatArray:
-        """Stacked gains, shape (..., m, 2 p), of free gains of shape (..., f)."""
-        K = np.broadcast_to(self.base, (*k.shape[:-1], *self.base.shape)).copy()
-        K[..., self.free] = k
-        return K
-
-    def slack(self, k: FloatArray) -> FloatArray:
-        """Slack of the input limits, shape (..., r); negative where a limit is exceeded."""
-        return self.bound - self.offset - k @ self.G.T
-
-
-def search_space(problem: TuningProblem) -> SearchSpace:
-    """The free gains and limit rows of a problem."""
-    lower, upper = problem.gain_bounds
-    free = lower < upper
-    names, rows, bounds = _limit_rows(problem)
-    base = np.where(free, 0.0, lower)
-    return SearchSpace(
-        base=base,
-        free=free,
-        k_min=lower[free],
-        k_max=upper[free],
-        names=names,
-        G=rows[:, free],
-        offset=(rows * base).sum(axis=(1, 2)),
-        bound=bounds,
-    )
-
-
-def _limit_rows(problem: TuningProblem) -> tuple[tuple[str, ...], FloatArray, FloatArray]:
-    """Names, coefficients of shape (r, m, 2 p) and bounds of the finite limits."""
-    _, m, p = problem.model.shape
-    limits, x_0 = problem.limits, problem.x_0
-    if limits is None or x_0 is None:
-        return (), np.empty((0, m, 2 * p)), np.empty(0)
-    at_start = np.concatenate([x_0, x_0 * problem.dt])
-    rate_at_start = np.concatenate([np.zeros(p), x_0])
-    finite = [
-        (f"{channel}_{name}", np.outer(np.eye(m)[i], direction), bound)
-        for i, channel in enumerate(problem.model.inputs)
-        for name, direction, bound in (
-            ("max", at_start, limits.upper[i]),
-            ("min", -at_start, -limits.lower[i]),
-            ("rate_max", rate_at_start, limits.rate_upper[i]),
-            ("rate_min", -rate_at_start, -limits.rate_lower[i]),
-        )
-        if np.isfinite(bound)
-    ]
-    names, rows, bounds = zip(*finite, strict=True) if finite else ((), (), ())
-    return names, np.array(rows).reshape(-1, m, 2 * p), np.array(bounds)
 
 
 def quadratic_cost(problem: TuningProblem, K: FloatArray) -> tuple[float, FloatArray]:

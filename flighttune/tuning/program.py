@@ -12,7 +12,7 @@ from flighttune.control.linear_model import LinearModel, closed_loops, velocity_
 from flighttune.theory.indicators import indicators_batch, scaled
 from flighttune.theory.lyapunov import solution_of_checked
 from flighttune.theory.reachable import error_slopes
-from flighttune.tuning.problem import SearchSpace, TuningProblem, quadratic_cost, search_space
+from flighttune.tuning.problem import TuningProblem, quadratic_cost
 
 Objective = Literal["R_K", "I_K", "factor", "trace", "cost"]
 
@@ -41,11 +41,6 @@ UNSTABLE_LOG = 30.0
 SIGNS = np.array([[1.0], [-1.0], [-1.0]])
 
 
-def _parts(z: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Free gains, (top, bottom, sigma_floor) and the factor of variables z, shape (..., f + 4)."""
-    return z[..., :-4], z[..., -4:-1], z[..., -1]
-
-
 class Program:
     """One objective over the gains of a problem, or of several models at once.
 
@@ -58,9 +53,8 @@ class Program:
     Parameters
     ----------
     problems : sequence of TuningProblem
-        One for each model, with the same free gains. Input limits, `I_star`, `E_star` and the
-        bounds on gains are those of the first; the spectra of all are bounded by the same (top,
-        bottom, sigma_floor).
+        One for each model, with the same free gains. The first has the constraints; the spectra of
+        all are bounded by the same (top, bottom, sigma_floor).
     objective : "R_K" (maximised), "I_K", "factor", "trace" or "cost" (minimised)
         The last two are the trace of Q and the first problem's quadratic cost. ``I_K <= I_star`` is
         a constraint unless I_K is minimised.
@@ -78,27 +72,33 @@ class Program:
         relaxable: npt.NDArray[np.bool_] | None = None,
         min_R_K: float = 0.0,
     ) -> None:
-        self._problem = problem = problems[0]
-        self.space = space = search_space(problem)
-        self._objective: Objective = objective
-        self._loops = [_affine_loops(model) for model in problems]
-        self._problems, self._E_star = problems, problem.E_star
+        self._problems, self._problem, self._objective = problems, problems[0], objective
+        problem, (k_min, k_max) = problems[0], problems[0].k_bounds
         self._I_star = math.inf if objective == "I_K" else problem.I_star
+        # A_K without gains and its slopes in the free gains: the loops are affine in them
+        f, base = len(k_min), problem.K(np.zeros(len(k_min)))
+        self._loops = [
+            [
+                scaled(A, np.asarray(case.scaling))
+                for A in (closed_loops(case.model, base), loop_slopes(case.model, problem))
+            ]
+            for case in problems
+        ]
         # Limits read ``G k + offset <= bound``; a row that the factor relaxes has its bound times
         # the factor, which is linear in z as well.
-        f, bound = len(space.k_min), space.bound - MARGIN * np.abs(space.bound)
+        _, G, offset, bound = problem.limit_rows
+        bound = bound - MARGIN * np.abs(bound)
         relaxed = np.zeros(len(bound), dtype=bool) if relaxable is None else relaxable
-        self._fixed_slack = np.where(relaxed, 0.0, bound) - space.offset
-        limits = [-space.G, np.zeros((len(bound), 3)), np.where(relaxed, bound, 0.0)[:, None]]
+        self._fixed_slack = np.where(relaxed, 0.0, bound) - offset
+        rows = np.hstack([-G, np.zeros((len(bound), 3)), np.where(relaxed, bound, 0.0)[:, None]])
         # log I_K = 2 top - bottom - sigma_floor <= log I_star, written as a slack.
         radius = [*np.zeros(f), -2.0, 1.0, 1.0, 0.0]
-        rows = np.hstack(limits)
         self._rows = np.vstack([rows, radius]) if math.isfinite(self._I_star) else rows
         varies = objective == "factor"
         # R_K = exp(-top): a least rate is an upper bound on top.
         slowest = -math.log(min_R_K) - MARGIN if min_R_K else math.inf
-        lower = [*space.k_min, *[-math.inf] * 3, SMALLEST_FACTOR if varies else 1.0]
-        upper = [*space.k_max, slowest, math.inf, math.inf, math.inf if varies else 1.0]
+        lower = [*k_min, *[-math.inf] * 3, SMALLEST_FACTOR if varies else 1.0]
+        upper = [*k_max, slowest, math.inf, math.inf, math.inf if varies else 1.0]
         self._bounds = np.column_stack([lower, upper])
         # SLSQP asks for values and slopes in turn: the spectra of the last k serve both.
         self._last: tuple[bytes, FloatArray, FloatArray] = (b"", np.empty(0), np.empty(0))
@@ -115,9 +115,8 @@ class Program:
             return k, np.ones(len(k))
         limits = np.full(len(k), self._I_star) if I_star is None else I_star
         z = np.array([self._minimum(*start) for start in zip(k, limits, strict=True)])
-        ends, _, factor = _parts(z)
         # SLSQP may leave the bounds by rounding; gains must not.
-        return np.clip(ends, self.space.k_min, self.space.k_max), factor
+        return np.clip(z[:, :-4], *self._problem.k_bounds), z[:, -1]
 
     def _minimum(self, k: FloatArray, I_star: float) -> FloatArray:
         constant = self._fixed_slack
@@ -132,7 +131,7 @@ class Program:
             "jac": lambda z: np.vstack([self.room_slopes(z), self._rows]),
         }
         end = self._descended(z, [objective])
-        if math.isinf(self._E_star) or self._error_room(end).min() >= 0.0:
+        if math.isinf(self._problem.E_star) or self._error_room(end).min() >= 0.0:
             return end
         # E_K costs far more than all else, so it is a constraint only where it has to be.
         error = {"type": "ineq", "fun": self._error_room, "jac": self._error_slopes}
@@ -141,16 +140,10 @@ class Program:
     def _descended(self, z: FloatArray, constraints: list[dict[str, Any]]) -> FloatArray:
         from scipy.optimize import minimize
 
+        settings = {"jac": True, "method": "SLSQP", "bounds": self._bounds}
+        options = {"maxiter": MAX_ITERATIONS, "ftol": ACCURACY}
         for _ in range(MAX_RUNS):
-            run = minimize(
-                self._goal,
-                z,
-                jac=True,
-                method="SLSQP",
-                bounds=self._bounds,
-                constraints=constraints,
-                options={"maxiter": MAX_ITERATIONS, "ftol": ACCURACY},
-            )
+            run = minimize(self._goal, z, constraints=constraints, options=options, **settings)
             z = run.x
             if run.status != OUT_OF_ITERATIONS:
                 break
@@ -158,12 +151,12 @@ class Program:
 
     def _goal(self, z: FloatArray) -> tuple[float, FloatArray]:
         """The objective and its slope."""
-        k, _, _ = _parts(z)
+        k, problem = z[:-4], self._problem
         if self._objective == "cost":
-            J, slope = quadratic_cost(self._problem, self.space.K(k))
+            J, slope = quadratic_cost(problem, problem.K(k))
             if not math.isfinite(J):
                 return UNSTABLE_LOG, np.zeros(len(z))
-            return math.log(J), np.append(slope[self.space.free] / J, NO_COST)
+            return math.log(J), np.append(slope[problem.free] / J, NO_COST)
         if self._objective != "trace":
             slope = np.array([*np.zeros(len(k)), *COSTS[self._objective]])
             return float(slope @ z), slope
@@ -176,13 +169,11 @@ class Program:
 
     def room(self, z: FloatArray) -> FloatArray:
         """Slack of the bounds on the spectra, shape (3 n,)."""
-        k, bounds, _ = _parts(z)
-        return (SIGNS * (bounds[:, None] - self._spectra(k)[0])).ravel()
+        return (SIGNS * (z[-4:-1, None] - self._spectra(z[:-4])[0])).ravel()
 
     def room_slopes(self, z: FloatArray) -> FloatArray:
         """Jacobian of `room`, shape (3 n, f + 4)."""
-        k, _, _ = _parts(z)
-        slopes = -SIGNS[:, :, None] * self._spectra(k)[1]
+        slopes = -SIGNS[:, :, None] * self._spectra(z[:-4])[1]
         n = slopes.shape[1]
         # In (top, bottom, sigma_floor) each block of n rows has its own sign and nothing else.
         commands = np.repeat(np.diag(SIGNS[:, 0]), n, axis=0)
@@ -190,19 +181,18 @@ class Program:
 
     def _error_room(self, z: FloatArray) -> FloatArray:
         """``log E_star - log E_i`` of every error of every model."""
-        K = self.space.K(_parts(z)[0])
+        K = self._problem.K(z[:-4])
         if not np.isfinite(K).all():
             K = np.zeros(K.shape)  # no stable loop
         errors = [problem.largest_errors(K) for problem in self._problems]
         logs = np.minimum(np.log(np.concatenate(errors)), UNSTABLE_LOG)
-        return math.log(self._E_star) - MARGIN - logs
+        return math.log(self._problem.E_star) - MARGIN - logs
 
     def _error_slopes(self, z: FloatArray) -> FloatArray:
         """Jacobian of `_error_room`, shape (errors of all models, f + 4)."""
-        k, _, _ = _parts(z)
-        slopes = []
+        K, slopes = self._problem.K(z[:-4]), []
         for model in (problem.model for problem in self._problems):
-            loop, in_k = closed_loops(model, self.space.K(k)), loop_slopes(model, self.space)
+            loop, in_k = closed_loops(model, K), loop_slopes(model, self._problem)
             values, slope = error_slopes(loop, in_k, errors=len(model.errors))
             slopes.append(np.where(np.isfinite(values)[:, None], -slope / values[:, None], 0.0))
         steep = np.concatenate(slopes)
@@ -252,17 +242,10 @@ def _log_spectra(A: FloatArray, in_k: FloatArray) -> tuple[FloatArray, FloatArra
     )
 
 
-def _affine_loops(problem: TuningProblem) -> tuple[FloatArray, FloatArray]:
-    """A_K without gains and its slopes in the free gains, shapes (n, n) and (f, n, n)."""
-    space, scaling = search_space(problem), np.asarray(problem.scaling)
-    base = closed_loops(problem.model, space.K(np.zeros(len(space.k_min))))
-    return scaled(base, scaling), scaled(loop_slopes(problem.model, space), scaling)
-
-
-def loop_slopes(model: LinearModel, space: SearchSpace) -> FloatArray:
-    """Slopes of A_K in the free gains, shape (f, n + p, n + p): it is affine in them."""
-    f = len(space.k_min)
-    loops = closed_loops(model, space.K(np.vstack([np.zeros(f), np.eye(f)])))
+def loop_slopes(model: LinearModel, problem: TuningProblem) -> FloatArray:
+    """Slopes of A_K in a problem's free gains, shape (f, n + p, n + p): it is affine in them."""
+    f = problem.k_bounds.shape[1]
+    loops = closed_loops(model, problem.K(np.vstack([np.zeros(f), np.eye(f)])))
     return loops[1:] - loops[0]
 
 
@@ -272,7 +255,7 @@ REGULATORS = 16
 VARIANTS = 16
 
 
-def stabilising_starts(problem: TuningProblem, space: SearchSpace, starts: int) -> FloatArray:
+def stabilising_starts(problem: TuningProblem, starts: int) -> FloatArray:
     """Free gains of stable loops, shape (at most `starts`, f), the best R_K first.
 
     Candidates are linear-quadratic regulators of the velocity form with random weights, projected
@@ -281,21 +264,25 @@ def stabilising_starts(problem: TuningProblem, space: SearchSpace, starts: int) 
     stable ones; it may be empty.
     """
     if not starts:
-        return np.empty((0, len(space.k_min)))
+        return np.empty((0, problem.k_bounds.shape[1]))
     rng = np.random.default_rng(np.random.SeedSequence(problem.seed))
     regulators = _regulators(problem.model, rng)[:, None, :, :]
-    shape = (len(regulators), VARIANTS, *space.base.shape)
+    shape = (len(regulators), VARIANTS, *problem.free.shape)
     size = 10.0 ** rng.uniform(-1.0, 0.3, (*shape[:2], 1, 1))
     disturbed = regulators * size * (1.0 + 0.3 * rng.standard_normal(shape))
     # Relative changes alone would leave gains of zero at zero.
     coupling = 0.2 * np.abs(regulators).max(axis=(-2, -1), keepdims=True) * size
     disturbed += coupling * rng.standard_normal(shape)
-    k = disturbed.reshape(-1, *space.base.shape)[:, space.free]
-    k = np.clip(k, space.k_min, space.k_max)
-    # Half of them only: tight limits may leave a shrunk loop without stability.
-    k[::2] *= _shrink(k[::2], space)[:, None]
-    k = np.clip(k, space.k_min, space.k_max)
-    measured = indicators_batch(closed_loops(problem.model, space.K(k)), scaling=problem.scaling)
+    k = np.clip(disturbed.reshape(-1, *shape[2:])[:, problem.free], *problem.k_bounds)
+    # The largest factor up to 1 that keeps gains inside the limits. Half of them only: tight limits
+    # may leave a shrunk loop without stability.
+    _, G, offset, bound = problem.limit_rows
+    use, room = k[::2] @ G.T, np.maximum(bound - offset, 0.0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = np.where(use > room, room / use, 1.0)
+    k[::2] *= ratio.min(axis=1, initial=1.0)[:, None]
+    k = np.clip(k, *problem.k_bounds)
+    measured = indicators_batch(closed_loops(problem.model, problem.K(k)), scaling=problem.scaling)
     ranking = np.argsort(-measured.R_K, kind="stable")[: int(measured.stable.sum())]
     if not len(ranking):
         return k[:0]
@@ -320,11 +307,3 @@ def _regulators(model: LinearModel, rng: np.random.Generator) -> FloatArray:
         gains.append(-(B / r).T @ X)
     K = np.array(gains, dtype=np.float64)
     return np.concatenate([K[..., :n] @ np.linalg.pinv(model.C), K[..., n:]], axis=-1)
-
-
-def _shrink(k: FloatArray, space: SearchSpace) -> FloatArray:
-    """The largest factor up to 1 that keeps each row of k inside the input limits."""
-    use, room = k @ space.G.T, space.bound - space.offset
-    with np.errstate(divide="ignore", invalid="ignore"):
-        ratio = np.where(use > np.maximum(room, 0.0), np.maximum(room, 0.0) / use, 1.0)
-    return ratio.min(axis=1, initial=1.0)

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from flighttune.control.margins import loop_margins, margins_table
 from flighttune.present.answer import Answer, Answering, Column, Table, pick
 from flighttune.present.names import columns
 from flighttune.theory.indicators import indicators
-from flighttune.tuning.problem import TuningProblem, quadratic_cost, search_space
+from flighttune.tuning.problem import TuningProblem, quadratic_cost
 
 if TYPE_CHECKING:
     from flighttune.certificates.bound import RateBound
@@ -47,8 +47,7 @@ PLAIN = "units of state: plain, as in `certify`"
 SCALED = "units of state: scaled by [tuning]; `certify` gives R_K in plain ones too"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Assessment:
+class Assessment(NamedTuple):
     """Gains measured against a problem."""
 
     K: FloatArray  # shape (m, 2 p): the stacked gains assessed
@@ -63,9 +62,27 @@ class Assessment:
     active: tuple[str, ...]
     cost: float  # quadratic cost; nan without `weights`
 
+    def meets(self, problem: TuningProblem) -> bool:
+        """Whether the loop is stable and meets every constraint of a problem."""
+        fast = self.R_K > 0.0 and self.R_K >= (1.0 - ROUNDING) * problem.R_min
+        small = self.I_K <= problem.I_star and self.E_K <= problem.E_star
+        return self.within_limits and fast and small
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Diagnosis:
+    def why_not(self, problem: TuningProblem) -> str:
+        """A sentence on these gains of the smallest I_K, and on the limits that bind there."""
+        if self.I_K <= problem.I_star:
+            return (
+                f"No gains were found with an E_K of at most `E_star` {problem.E_star:g}; those of "
+                f"the smallest I_K within the limits have {self.E_K:.6g}."
+            )
+        binding = f" with {', '.join(self.active)} binding" if self.active else ""
+        return (
+            f"`I_star` must be at least {self.I_K:.6g}, the smallest I_K reached{binding}, "
+            f"got {problem.I_star:g}."
+        )
+
+
+class Diagnosis(NamedTuple):
     """Distance of a problem from feasibility, or the room to tighten its limits."""
 
     # s^2: smallest I_K found within the input limits; inf if no stable gains were
@@ -230,9 +247,8 @@ def assessment(problem: TuningProblem, K: FloatArray) -> Assessment:
     """The stacked gains K, shape (m, 2 p), measured against `problem`."""
     A_K, p = closed_loops(problem.model, K), len(problem.model.errors)
     measured = indicators(A_K, scaling=problem.scaling, errors=p)
-    space = search_space(problem)
-    k = K[space.free]
-    slack, size = space.slack(k), np.abs(space.bound)
+    names, *_, bound = problem.limit_rows
+    slack, size = problem.slack(K[problem.free]), np.abs(bound)
     lower, upper = problem.gain_bounds
     bounds = {"I_K": problem.I_star, "E_K": problem.E_star}
     active = [
@@ -241,9 +257,9 @@ def assessment(problem: TuningProblem, K: FloatArray) -> Assessment:
         if abs(getattr(measured, name) - bound) <= BINDING * bound < math.inf
     ]
     active += ["R_K"] if 0.0 < measured.R_K <= (1.0 + BINDING) * problem.R_min else []
-    active += [name for name, low in zip(space.names, slack <= BINDING * size, strict=True) if low]
+    active += [name for name, low in zip(names, slack <= BINDING * size, strict=True) if low]
     for side, bound in zip(("min", "max"), problem.gain_bounds, strict=True):
-        touching = space.free & (np.abs(K - bound) <= BINDING * np.maximum(np.abs(bound), 1.0))
+        touching = problem.free & (np.abs(K - bound) <= BINDING * np.maximum(np.abs(bound), 1.0))
         active += [f"{name}_{side}" for name in problem.gain_names[touching]]
     within = bool((slack >= -ROUNDING * size).all() and (lower <= K).all() and (K <= upper).all())
     return Assessment(
@@ -261,26 +277,3 @@ def result(problem: TuningProblem, best: Assessment | None, **outcome: Any) -> T
         return TuningResult(problem=problem, **outcome)
     figures = pick(best, "R_K I_K E_K spectral_abscissa active cost")
     return TuningResult(problem=problem, gains=problem.gains(best.K), **figures, **outcome)
-
-
-def is_feasible(problem: TuningProblem, gains: Assessment) -> bool:
-    """Whether a loop is stable and meets every constraint."""
-    fast = gains.R_K > 0.0 and gains.R_K >= (1.0 - ROUNDING) * problem.R_min
-    small = gains.I_K <= problem.I_star and gains.E_K <= problem.E_star
-    return gains.within_limits and fast and small
-
-
-def why_infeasible(problem: TuningProblem, best: Assessment | None) -> str:
-    """One sentence on the smallest I_K that was reached and on the limits that bind there."""
-    if best is None:
-        return "No stabilising gains were found within the limits."
-    if best.I_K <= problem.I_star:
-        return (
-            f"No gains were found with an E_K of at most `E_star` {problem.E_star:g}; those of the "
-            f"smallest I_K within the limits have {best.E_K:.6g}."
-        )
-    binding = f" with {', '.join(best.active)} binding" if best.active else ""
-    return (
-        f"`I_star` must be at least {best.I_K:.6g}, the smallest I_K reached{binding}, "
-        f"got {problem.I_star:g}."
-    )

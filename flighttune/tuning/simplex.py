@@ -10,10 +10,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from flighttune.arrays import FloatArray
-from flighttune.control.linear_model import inner_feedback
+from flighttune.control.linear_model import closed_loops, fed_by, inner_feedback, measured_rows
 from flighttune.theory.lyapunov import solution_of_checked
-from flighttune.tuning.peaks import FINE, GRID, Peaks
-from flighttune.tuning.problem import TuningProblem, search_space
+from flighttune.tuning.problem import TuningProblem
 
 # Starts: the gains of the largest R_K times these, with these of the inner feedback
 STARTS = (1.6, 0.2), (2.0, 0.4)
@@ -23,6 +22,10 @@ PENALTY = 100.0
 # The search of the decay, which has kinks, is begun anew where it stopped.
 SIMPLEX = {"xatol": 1e-3, "fatol": 1e-5, "maxfev": 200}
 RESTARTS = {"decay": 3, "rms": 1, "E_K": 2}
+
+# Frequencies: so many, from a part of the slowest pole's to many times the fastest's. Between two
+# of them a peak is higher by less than 1e-3, which the last step of a search takes off.
+GRID, FINE, SLOWER, FASTER = 160, 4000, 0.02, 20.0
 
 # Times at which a response is integrated, denser at first, over so many slowest time constants
 NODES, SPAN = 600, 14.0
@@ -49,18 +52,22 @@ def searched(
     """
     from scipy.optimize import minimize
 
-    first, space, f = problems[0], search_space(problems[0]), len(k)
+    first, f = problems[0], len(k)
     limit, aim = math.log(first.sensitivity_max), first.objective
-    coarse, fine = ([Peaks(case.model, space, n) for case in problems] for n in (GRID, FINE))
+    coarse, fine = ([Peaks(case, n) for case in problems] for n in (GRID, FINE))
     loops = [GustLoop(case) for case in problems]
+
+    def parts(z: FloatArray) -> tuple[FloatArray, FloatArray]:
+        return k * z[:f], np.append(z, 0.0)[f : f + 1]  # without feedback z ends before it
 
     def decay(K: FloatArray, fed: FloatArray) -> float:
         return max(float(np.linalg.eigvals(loop.matrix(K, fed)).real.max()) for loop in loops)
 
-    slowest = decay(space.K(k), np.zeros(1))
+    slowest = decay(first.K(k), np.zeros(1))
 
     def value(z: FloatArray) -> float:
-        K, fed = space.K(k * z[:f]), z[f:] if first.feedback else np.zeros(1)
+        free, fed = parts(z)
+        K = first.K(free)
         rate = decay(K, fed)
         if aim == "decay" or rate >= 0.0:
             return rate + PENALTY * (rate >= 0.0)
@@ -70,16 +77,15 @@ def searched(
         return math.log(rms) + PENALTY * max(rate - slowest, 0.0)
 
     def over(z: FloatArray, peaks: Sequence[Peaks], most: float) -> float:
-        fed = z[f:] if first.feedback else np.zeros(1)
-        return max(each.largest(k * z[:f], fed) for each in peaks) - most
+        return max(each.largest(*parts(z)) for each in peaks) - most
 
-    ends = np.sort([space.k_min / k, space.k_max / k], axis=0)
-    low, high = np.maximum(ends[0], 0.0), ends[1]
-    if first.feedback:
-        low, high = np.append(low, 0.0), np.append(high, MOST_FEEDBACK)
+    ends = np.sort(first.k_bounds / k, axis=0)
+    size = f + first.feedback
+    low = np.append(np.maximum(ends[0], 0.0), 0.0)[:size]
+    high = np.append(ends[1], MOST_FEEDBACK)[:size]
     answers: list[tuple[float, FloatArray]] = []
     for factor, fed in STARTS:
-        z, room = np.append(np.full(f, factor), fed)[: len(low)], ROOM * first.feedback
+        z, room = np.append(np.full(f, factor), fed)[:size], ROOM * first.feedback
         for tightening in range(MAX_TIGHTENINGS):
             for _ in range(RESTARTS[aim] if tightening == 0 else 1):
                 z = minimize(
@@ -97,7 +103,38 @@ def searched(
         return None
     best, z = min(answers, key=lambda answer: answer[0])
     agreeing = sum(reached <= best + SAME_END for reached, _ in answers)
-    return k * z[:f], float(z[f]) if first.feedback else 0.0, agreeing
+    free, fed = parts(z)
+    return free, float(fed[0]), agreeing
+
+
+class Peaks:
+    """Largest singular value of ``S = 1 / (1 - K G)`` at the commands, over frequencies.
+
+    Minus, because errors fall with the commands: ``G = C (s - A)^-1 B`` has their sign.
+    """
+
+    def __init__(self, problem: TuningProblem, count: int) -> None:
+        self._problem, model = problem, problem.model
+        poles = np.abs(np.linalg.eigvals(model.A))
+        fastest = float(poles.max(initial=1.0))
+        slowest = float(poles[poles > 1e-6 * fastest].min(initial=fastest))
+        omega = np.geomspace(SLOWER * min(slowest, 1.0), FASTER * fastest, count)[:, None, None]
+        x = np.linalg.solve(
+            1j * omega * np.eye(len(model.A)) - model.A,
+            np.broadcast_to(model.B, (count, *model.B.shape)),
+        )
+        G, self._followed = -model.C @ x, measured_rows(model) @ x
+        # A stacked gain (K_P, K_I) acts on G and on its integral.
+        self._GI = np.concatenate([G, G / (1j * omega)], axis=1)
+
+    def largest(self, k: FloatArray, feedback: FloatArray) -> float:
+        """Logarithm of the largest of all, with the inner feedback (shape (m,)) of each command."""
+        L = (1.0 + feedback)[:, None] * (self._problem.K(k) @ self._GI)
+        L = np.eye(L.shape[-1]) + L + feedback[:, None] * self._followed
+        if L.shape[-1] == 1:
+            return -math.log(np.abs(L).min())
+        # the largest singular value of an inverse
+        return -math.log(np.linalg.svd(L, compute_uv=False)[:, -1].min())
 
 
 class GustLoop:
@@ -118,17 +155,12 @@ class GustLoop:
 
     def matrix(self, K: FloatArray, feedback: FloatArray) -> FloatArray:
         """A_K of stacked gains K, shape (m, 2 p), with the inner feedback of the first inputs."""
-        (n, _, p), model = self.model.shape, self.model
-        k, k_M = inner_feedback(model, feedback)
-        A_K, B = np.zeros((n + p, n + p)), model.B * (1.0 + k)
-        A_K[:n, :n] = model.A - model.B @ k_M + B @ K[:, :p] @ model.C
-        A_K[:n, n:], A_K[n:, :n] = B @ K[:, p:], model.C
-        return A_K
+        return closed_loops(fed_by(self.model, feedback), K)
 
     def largest_error(self, K: FloatArray, feedback: FloatArray) -> float:
         """E_K of a stable loop to some 1e-4: the integral of its response to a step of d'."""
-        (n, _, p), A_K = self.model.shape, self.matrix(K, feedback)
-        rates, modes = np.linalg.eig(A_K)
+        n, _, p = self.model.shape
+        rates, modes = np.linalg.eig(self.matrix(K, feedback))
         t = SPAN / -float(np.max(np.real(rates))) * np.linspace(0.0, 1.0, NODES) ** 2
         entry = np.eye(n + p)[:, :n][:, self.model.C.any(axis=0)]
         response = (modes[n:, :, None] * np.linalg.solve(modes, entry)).transpose(0, 2, 1)

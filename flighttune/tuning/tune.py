@@ -3,25 +3,16 @@
 import math
 import time
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from operator import itemgetter
-from typing import Any
 
 import numpy as np
 
 from flighttune.arrays import FloatArray, check_at_least
 from flighttune.control.limits import Limits
-from flighttune.tuning.problem import SearchSpace, TuningProblem, search_space
+from flighttune.tuning.problem import TuningProblem
 from flighttune.tuning.program import Objective, Program, stabilising_starts
-from flighttune.tuning.result import (
-    Assessment,
-    Diagnosis,
-    TuningResult,
-    assessment,
-    is_feasible,
-    result,
-    why_infeasible,
-)
+from flighttune.tuning.result import Assessment, Diagnosis, TuningResult, assessment, result
 
 STARTS = 4
 
@@ -52,10 +43,9 @@ def tune_by_gradient(problem: TuningProblem, *, starts: int = STARTS) -> TuningR
     The optimisation model of arXiv 2411.13140, section 4.4. The problem is not convex: that no
     feasible gains were found is no proof that none exist.
 
-    `starts`: searches from gains drawn with the problem's seed. The same problem gives the same
-    result. Infeasible and failed problems are results too. Where I_K does not bind, R_K is that of
-    the slowest channel and leaves the others open: the gains are those of (nearly) that rate with
-    the smallest trace of Q, the mean-square transient.
+    The same problem gives the same result; infeasible and failed ones are results too. Where I_K
+    does not bind, R_K is that of the slowest channel and leaves the others open: the gains are
+    those of (nearly) that rate with the smallest trace of Q, the mean-square transient.
     """
     # SLSQP finds a local optimum of a problem that is not convex, so several starts must do: on
     # `paper` all four end within 1e-4 of R_K 0.53976, and `agreeing` tells the user how many did.
@@ -63,8 +53,7 @@ def tune_by_gradient(problem: TuningProblem, *, starts: int = STARTS) -> TuningR
     # smallest I_K is searched first: it answers "how much would do", and where it is within the
     # bound it is a feasible start for the others. XX: four starts weigh time (0.4 s on
     # `paper`) against the chance to miss the best gains, which nothing here bounds.
-    space = search_space(problem)
-    k = stabilising_starts(problem, space, starts)
+    k = stabilising_starts(problem, starts)
     if not len(k):
         return TuningResult(
             status="failed",
@@ -74,24 +63,27 @@ def tune_by_gradient(problem: TuningProblem, *, starts: int = STARTS) -> TuningR
         )
     ends = searches(problem, k[:PROBES], "R_K")
     smallest, warm = None, k[:0]
-    if not any(is_feasible(problem, end) for end in ends):
+    if not any(end.meets(problem) for end in ends):
         smallest = smallest_radius(problem, k)
     if smallest is not None:
-        warm = smallest.K[space.free][None]
+        warm = smallest.K[problem.free][None]
         ends.append(smallest)
     if smallest is None or smallest.I_K <= problem.I_star:
         others = np.vstack([warm, k[PROBES:]])
         ends += searches(problem, others, "R_K") if len(others) else []
-    feasible = [end for end in ends if is_feasible(problem, end)]
+    feasible = [end for end in ends if end.meets(problem)]
     best = max(feasible, key=lambda end: end.R_K, default=smallest)
     value = best.R_K if best else 0.0
+    reason = "No stabilising gains were found within the limits."
+    if best:
+        reason = "" if feasible else best.why_not(problem)
     if feasible and best is not None and "I_K" not in best.active:
         best = _calmest_at_rate(problem, best)
     return result(
         problem,
         best,
         status="optimal" if feasible else "infeasible",
-        reason="" if feasible else why_infeasible(problem, best),
+        reason=reason,
         method="gradient",
         starts=len(k),
         agreeing=sum(end.R_K >= (1.0 - AGREEMENT) * value for end in feasible),
@@ -113,10 +105,9 @@ def tune_by_cost(problem: TuningProblem, *, starts: int = STARTS) -> TuningResul
             f"constraints, got {problem.R_min:g}."
         )
         return replace(fastest, status="infeasible", reason=reason)
-    space = search_space(problem)
-    k = np.vstack([fastest.gains.K[space.free], stabilising_starts(problem, space, starts)])
+    k = np.vstack([fastest.gains.K[problem.free], stabilising_starts(problem, starts)])
     ends = searches(problem, k, "cost", min_R_K=problem.R_min)
-    if not (feasible := [end for end in ends if is_feasible(problem, end)]):
+    if not (feasible := [end for end in ends if end.meets(problem)]):
         feasible = [assessment(problem, fastest.gains.K)]
     best = min(feasible, key=lambda end: end.cost)
     return result(
@@ -140,21 +131,21 @@ def smallest_radius(problem: TuningProblem, k: FloatArray) -> Assessment | None:
         (end,) = searches(problem, start[None], "I_K")
         if not (end.within_limits and end.R_K > 0.0):
             continue
-        if best is not None and abs(end.I_K - best.I_K) <= AGREEMENT * best.I_K:
-            return min(best, end, key=lambda gains: gains.I_K)
+        agree = best is not None and abs(end.I_K - best.I_K) <= AGREEMENT * best.I_K
         if best is None or end.I_K < best.I_K:
             best = end
+        if agree:
+            break
     return best
 
 
 def _calmest_at_rate(problem: TuningProblem, best: Assessment) -> Assessment:
     """Gains with nearly the best rate and the smallest trace of Q."""
     # The optimum of R_K leaves faster channels open; a little less rate makes them definite.
-    rate = (1.0 - RATE_GIVEN_UP) * best.R_K
-    k = best.K[search_space(problem).free][None]
+    rate, k = (1.0 - RATE_GIVEN_UP) * best.R_K, best.K[problem.free][None]
     (calmest,) = searches(problem, k, "trace", min_R_K=rate)
     as_fast = calmest.R_K >= (1.0 - 2.0 * RATE_GIVEN_UP) * best.R_K
-    return calmest if as_fast and is_feasible(problem, calmest) else best
+    return calmest if as_fast and calmest.meets(problem) else best
 
 
 def searches(
@@ -162,27 +153,40 @@ def searches(
 ) -> list[Assessment]:
     """Optima of an objective from each of the free gains k, shape (starts, f)."""
     task = Program([problem], objective, min_R_K=min_R_K)
-    return [assessment(problem, K) for K in task.space.K(task.descend(k)[0])]
+    return [assessment(problem, K) for K in problem.K(task.descend(k)[0])]
 
 
 def diagnosis(problem: TuningProblem) -> Diagnosis:
     """Distance of a problem from feasibility, and the input limit that is in the way.
 
-    The common factor is a variable of the smooth program: its smallest value is searched for
-    directly, by the gradient method, not by trial of factors.
-
-    The problem is not convex: the diagnosis describes the best gains that were found and proves
-    nothing.
+    The problem is not convex: the diagnosis describes the best gains found and proves nothing. The
+    common factor is a variable of the smooth program, not found by trial.
     """
-    space = search_space(problem)
-    k = stabilising_starts(problem, space, STARTS)
+    k = stabilising_starts(problem, STARTS)
     smallest = smallest_radius(problem, k)
     unlimited = replace(problem, I_star=math.inf)
     fastest = [candidate for candidate in searches(unlimited, k, "R_K") if candidate.within_limits]
-    groups = tuple(dict.fromkeys(map(_group, space.names)))
+    names, *_, bound = problem.limit_rows
+    limit_of_row = [_limit(row) for row in names]
+    groups = tuple(dict.fromkeys(limit_of_row))
     factor, at_factor = _smallest_factor(problem, groups, k)
-    used = _use(space, at_factor)
-    limits = [_limit_diagnosis(problem, name, k, used.get(name, math.nan)) for name in groups]
+    share = np.full(len(names), math.nan)  # of each limit, that the gains at the factor use
+    if at_factor is not None:
+        used = bound - problem.slack(at_factor.K[problem.free])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            share = np.where(used > 0.0, used / np.maximum(bound, 0.0), 0.0)
+    limits = []
+    for name in groups:
+        without, alone = smallest_radius(relaxed(problem, (name,), math.inf), k), math.inf
+        if without is not None and without.I_K <= problem.I_star:
+            alone, _ = _smallest_factor(problem, (name,), np.vstack([without.K[problem.free], k]))
+        limit = {
+            "name": name,
+            "factor_alone": alone,
+            "smallest_I_K_without": without.I_K if without else math.inf,
+            "use": float(share[[of_row == name for of_row in limit_of_row]].max()),
+        }
+        limits.append(limit)
     return Diagnosis(
         smallest_I_K=smallest.I_K if smallest else math.inf,
         largest_R_K=max((candidate.R_K for candidate in fastest), default=0.0),
@@ -193,37 +197,20 @@ def diagnosis(problem: TuningProblem) -> Diagnosis:
     )
 
 
-def _limit_diagnosis(
-    problem: TuningProblem, name: str, k: FloatArray, use: float
-) -> dict[str, Any]:
-    without = smallest_radius(relaxed(problem, (name,), math.inf), k)
-    alone = math.inf
-    if without is not None and without.I_K <= problem.I_star:
-        free = search_space(problem).free
-        alone, _ = _smallest_factor(problem, (name,), np.vstack([without.K[free], k]))
-    return {
-        "name": name,
-        "factor_alone": alone,
-        "smallest_I_K_without": without.I_K if without else math.inf,
-        "use": use,
-    }
-
-
 def _smallest_factor(
     problem: TuningProblem, groups: Sequence[str], k: FloatArray
 ) -> tuple[float, Assessment | None]:
     """Smallest factor on some limits that is feasible, with its gains; inf if none is."""
-    space = search_space(problem)
     if not groups:
-        ends = [end for end in searches(problem, k, "R_K") if is_feasible(problem, end)]
+        ends = [end for end in searches(problem, k, "R_K") if end.meets(problem)]
         return (0.0, ends[0]) if ends else (math.inf, None)
-    relaxable = np.array([_group(row) in groups for row in space.names])
+    relaxable = np.array([_limit(row) in groups for row in problem.limit_rows.names])
     task = Program([problem], "factor", relaxable=relaxable)
     best: tuple[float, Assessment | None] = (math.inf, None)
     for gains, factor in zip(*task.descend(k), strict=True):
         wider = relaxed(problem, groups, factor)
-        measured = assessment(wider, space.K(gains))
-        if factor < best[0] and is_feasible(wider, measured):
+        measured = assessment(wider, problem.K(gains))
+        if factor < best[0] and measured.meets(wider):
             best = float(factor), measured
     return best
 
@@ -233,28 +220,14 @@ def relaxed(problem: TuningProblem, groups: Sequence[str], factor: float) -> Tun
     if problem.limits is None:
         return problem
     limits = {}
-    for end in ("lower", "upper", "rate_lower", "rate_upper"):
+    for end, bound in asdict(problem.limits).items():
         kind = "_rate" if end.startswith("rate") else ""
         chosen = np.array([f"{name}{kind}" in groups for name in problem.model.inputs])
-        bound = getattr(problem.limits, end)
         dropped = -math.inf if end.endswith("lower") else math.inf
         limits[end] = np.where(chosen, dropped if math.isinf(factor) else factor * bound, bound)
     return replace(problem, limits=Limits(**limits))
 
 
-def _use(space: SearchSpace, gains: Assessment | None) -> dict[str, float]:
-    """Largest share of each limit that gains use."""
-    shares: dict[str, float] = {}
-    if gains is None:
-        return shares
-    used = space.bound - space.slack(gains.K[space.free])
-    with np.errstate(divide="ignore", invalid="ignore"):
-        share = np.where(used > 0.0, used / np.maximum(space.bound, 0.0), 0.0)
-    for name, value in zip(space.names, share, strict=True):
-        shares[_group(name)] = max(float(value), shares.get(_group(name), 0.0))
-    return shares
-
-
-def _group(row: str) -> str:
+def _limit(row: str) -> str:
     """``phi_rate`` of ``phi_rate_min``."""
     return row.removesuffix("_max").removesuffix("_min")

@@ -146,19 +146,47 @@ def test_a_rocket_glides_past_a_flight_control_that_jumps_and_does_not_meet_the_
     assert found["flown"]["tuned"]["status"] == "completed"
 
 
+PROPELLER = """<propeller name="small"><ixx> {} </ixx><diameter unit="IN"> 16 </diameter>
+<numblades> 2 </numblades><gearratio> 1 </gearratio>
+<table name="C_THRUST" type="internal"><tableData>0 0.10
+0.6 0.04
+1.0 -0.05</tableData></table>
+<table name="C_POWER" type="internal"><tableData>0 0.04
+0.6 0.03
+1.0 -0.01</tableData></table></propeller>"""
+WINGLESS = "<wingarea.*?>[^<]*", '<wingarea unit="M2"> 0 '
+
+
 @pytest.fixture
 def own(tmp_path):
-    """A model of one's own, and how to write it with a change."""
+    """A model of one's own, and how to write it with a change, another motor or a propeller."""
     folder = shutil.copytree(SHIPPED_AIRCRAFT / "aerosonde", tmp_path / "models/sonde")
-    file = folder / "aerosonde.xml"
+    file, motor = folder / "aerosonde.xml", folder / "Engines/aerosonde_motor.xml"
     text = file.read_text()
 
-    def write(pattern, change):
+    def write(pattern="38.21", change="38.2", *, power=None, ixx=None):
         file.write_text(re.sub(pattern, change, text, count=1))
         assert file.read_text() != text
+        if power is not None:
+            motor.write_text(re.sub("(<power.*?>)[^<]*", rf"\g<1> {power} ", motor.read_text()))
+        if ixx is not None:
+            (folder / "Engines/direct.xml").write_text(PROPELLER.format(ixx))
         return file
 
     return write
+
+
+@pytest.fixture
+def refusal(tmp_path):
+    """What `adopt` says of what it refuses."""
+    out = "--out", tmp_path / "mine"
+    return lambda *asked, status=2: flighttune("adopt", *asked, *out, status=status)[1]
+
+
+def glide_of_the_book(V_a):
+    """Lift over drag at 1000 m, with C_D = 0.043 + C_L^2 / (pi 0.9 AR)."""
+    C_L = 11.0 * 9.80665 / (0.5 * 1.11164 * V_a**2 * 0.55)
+    return C_L / (0.043 + 0.0232 * C_L**2)
 
 
 @pytest.mark.parametrize(
@@ -226,8 +254,7 @@ def test_a_height_that_flightgear_shows_is_that_of_the_flight(own, tmp_path):
     found = survey(wide_tables(str(file)), tmp_path, h=1000.0)
 
     # 1000 m are 3280.84 ft: the drag is the book's.
-    C_L = 11.0 * 9.80665 / (0.5 * 1.11164 * found.V_a**2 * 0.55)
-    assert found.glide_ratio == pytest.approx(C_L / (0.043 + 0.0232 * C_L**2), rel=0.01)
+    assert found.glide_ratio == pytest.approx(glide_of_the_book(found.V_a), rel=0.01)
     assert "another simulator" not in " ".join(found.notes)
 
 
@@ -271,7 +298,7 @@ def test_fixed_gear_is_not_called_out(own, tmp_path, retractable, notes):
 
 
 def test_a_model_whose_aerodynamics_read_no_rudder_has_none(own, tmp_path):
-    file = own("38.21", "38.2")
+    file = own()
     file.write_text(file.read_text().replace("fcs/rudder-pos-rad", "fcs/elevator-pos-rad"))
 
     found = survey(wide_tables(str(file)), tmp_path, h=1000.0)
@@ -281,13 +308,11 @@ def test_a_model_whose_aerodynamics_read_no_rudder_has_none(own, tmp_path):
 
 
 def test_glide_ratio_and_largest_drag_are_those_of_the_coefficients(own, tmp_path):
-    file = own("<value> -38.21", "<value> -38.2")
+    file = own()
 
     found = survey(wide_tables(str(file)), tmp_path, h=1000.0)
 
-    # C_D = 0.043 + C_L^2 / (pi 0.9 AR) of the book, at the airspeed that was chosen.
-    C_L = 11.0 * 9.80665 / (0.5 * 1.11164 * found.V_a**2 * 0.55)
-    assert found.glide_ratio == pytest.approx(C_L / (0.043 + 0.0232 * C_L**2), rel=0.01)
+    assert found.glide_ratio == pytest.approx(glide_of_the_book(found.V_a), rel=0.01)
     assert found.largest_drag == ("aero/force/drag", 1.0)
 
 
@@ -318,8 +343,7 @@ def test_what_a_fly_by_wire_moves_besides_the_surfaces_is_held(own, tmp_path):
     assert f"moves {moved}: held as in level flight" in " ".join(found.notes)
     assert "another simulator" not in " ".join(found.notes)
     # The book's drag: half of 0.086 is its 0.043.
-    C_L = 11.0 * 9.80665 / (0.5 * 1.11164 * found.V_a**2 * 0.55)
-    assert found.glide_ratio == pytest.approx(C_L / (0.043 + 0.0232 * C_L**2), rel=0.01)
+    assert found.glide_ratio == pytest.approx(glide_of_the_book(found.V_a), rel=0.01)
 
 
 def test_a_flight_control_that_does_not_come_to_rest_is_called_that(own, tmp_path):
@@ -349,7 +373,7 @@ def test_a_lever_that_is_fully_open_at_a_half_is_one(own, tmp_path):
 
 
 def test_engines_stay_off_in_a_glide(own, tmp_path):
-    file = own("<value> -38.21", "<value> -38.2")
+    file = own()
 
     found = survey(wide_tables(str(file)), tmp_path, h=1000.0, glide=True)
 
@@ -358,9 +382,7 @@ def test_engines_stay_off_in_a_glide(own, tmp_path):
 
 
 def test_an_aeroplane_whose_engines_do_not_keep_it_level_glides(own, tmp_path):
-    file = own("<value> -38.21", "<value> -38.2")
-    motor = file.parent / "Engines/aerosonde_motor.xml"
-    motor.write_text(re.sub("(<power.*?>)[^<]*", r"\1 1 ", motor.read_text()))  # one watt
+    file = own(power=1)  # W
 
     found = survey(wide_tables(str(file)), tmp_path, h=1000.0)
 
@@ -451,8 +473,8 @@ def test_controls_are_found_by_what_they_move(renamed, tmp_path, parts):
         assert (moved - neutral) * slugs * 1.35582 == pytest.approx(0.1 * moment, rel=0.05)
 
 
-def test_commands_of_surfaces_can_be_named(renamed, tmp_path):
-    file, out = renamed(NAMED_OTHERWISE), ("--out", tmp_path / "mine")
+def test_commands_of_surfaces_can_be_named(renamed, tmp_path, refusal):
+    file = renamed(NAMED_OTHERWISE)
     left, right = "fcs/posAilL_ext_rad", "fcs/posAilR_ext_rad"
     tables = wide_tables(str(file))
     tables["surfaces"]["aileron"]["command"], tables["linked"] = left, {right: f"-{left}"}
@@ -466,7 +488,7 @@ def test_commands_of_surfaces_can_be_named(renamed, tmp_path):
     assert surfaces["aileron"]["full_rad"] == pytest.approx((-1.0, 1.0))
     assert surfaces["elevator"]["full_rad"] == pytest.approx((1.0, -1.0))
     file.write_text(re.sub("(<wingarea.*?>)[^<]*", r"\1 0 ", file.read_text()))
-    flighttune("adopt", file, *out, "--aileron", left, "--aileron", f"-{right}", status=1)
+    refusal(file, "--aileron", left, "--aileron", f"-{right}", status=1)
     draft = (tmp_path / "mine/aircraft.toml").read_text()
     assert f'command = "{left}"' in draft
     assert f'"{right}" = "-{left}"' in draft
@@ -475,26 +497,14 @@ def test_commands_of_surfaces_can_be_named(renamed, tmp_path):
         ("a b", "--aileron must be a property of the model, got a b"),
     ):
         for named in (("--aileron", wrong), ("--aileron", left, "--aileron", wrong)):
-            _, err = flighttune("adopt", file, *out, *named, status=2)
-            assert sentence in err
+            assert sentence in refusal(file, *named)
     for commands in ({"flap": [left]}, {"aileron": []}, {"aileron": left}):
         with pytest.raises(ft.InputError, match="`commands` must have names of properties by"):
             ft.adopt(str(file), tmp_path / "mine", commands=commands)
 
 
-PROPELLER = """<propeller name="small"><ixx> 0.0005 </ixx><diameter unit="IN"> 16 </diameter>
-<numblades> 2 </numblades><gearratio> 1 </gearratio>
-<table name="C_THRUST" type="internal"><tableData>0 0.10
-0.6 0.04
-1.0 -0.05</tableData></table>
-<table name="C_POWER" type="internal"><tableData>0 0.04
-0.6 0.03
-1.0 -0.01</tableData></table></propeller>"""
-
-
 def test_a_propeller_without_inertia_is_called_diverging(own, tmp_path):
-    file = own("38.21", "38.2")
-    (file.parent / "Engines/direct.xml").write_text(PROPELLER.replace("0.0005", "0"))
+    file = own(ixx=0)
 
     with pytest.raises(ft.loop.PlantError, match=r"propeller diverges: .* with another step"):
         survey(wide_tables(str(file)), tmp_path, h=1000.0)
@@ -510,10 +520,7 @@ def test_moments_of_inertia_that_no_body_has_are_named(own, tmp_path):
 
 
 def test_a_propeller_that_makes_the_airframe_a_gyroscope_is_named(own, tmp_path):
-    file = own("38.21", "38.2")
-    (file.parent / "Engines/direct.xml").write_text(PROPELLER.replace("0.0005", "0.02"))
-    motor = file.parent / "Engines/aerosonde_motor.xml"
-    motor.write_text(motor.read_text().replace("> 36.576 <", "> 1500 <"))
+    file = own(power=1500, ixx=0.02)
 
     note = survey(wide_tables(str(file)), tmp_path, h=1000.0).notes[-1]
 
@@ -538,9 +545,7 @@ def test_errors_of_a_roll_with_much_damping_decay_as_fast_as_others(own, tmp_pat
 
 
 def test_of_a_motor_that_is_far_too_strong_a_part_of_the_throttle_is_used(own, tmp_path):
-    file = own("38.21", "38.2")
-    motor = file.parent / "Engines/aerosonde_motor.xml"
-    motor.write_text(motor.read_text().replace("> 36.576 <", "> 36576 <"))
+    file = own(power=36576)
 
     found = survey(wide_tables(str(file)), tmp_path, h=1000.0)
 
@@ -558,9 +563,7 @@ PUSHER = """<external_reactions><force name="pusher" frame="BODY"><function><pro
 
 
 def test_an_external_force_that_follows_the_throttle_is_thrust(own, tmp_path):
-    file = own("</fdm_config>", f"{PUSHER}</fdm_config>")
-    motor = file.parent / "Engines/aerosonde_motor.xml"
-    motor.write_text(motor.read_text().replace("> 36.576 <", "> 0 <"))
+    file = own("</fdm_config>", f"{PUSHER}</fdm_config>", power=0)
 
     found = survey(wide_tables(str(file)), tmp_path, h=1000.0)
 
@@ -571,11 +574,8 @@ def test_an_external_force_that_follows_the_throttle_is_thrust(own, tmp_path):
 
 
 def test_an_electric_engine_settles_in_the_steps_of_its_flight(own, tmp_path):
-    file = own("38.21", "38.2")
-    (file.parent / "Engines/direct.xml").write_text(PROPELLER)
-    motor = file.parent / "Engines/aerosonde_motor.xml"
-    motor.write_text(motor.read_text().replace("> 36.576 <", "> 1500 <"))
-    motor.parent.rename(file.parent / "engine")  # JSBSim knows both names
+    file = own(power=1500, ixx=0.0005)
+    (file.parent / "Engines").rename(file.parent / "engine")  # JSBSim knows both names
 
     found = survey(wide_tables(str(file)), tmp_path, h=1000.0)
 
@@ -584,11 +584,7 @@ def test_an_electric_engine_settles_in_the_steps_of_its_flight(own, tmp_path):
 
 
 def test_thrust_of_an_electric_engine_depends_on_the_throttle_alone(own, tmp_path):
-    file = own("38.21", "38.2")
-    (file.parent / "Engines/direct.xml").write_text(PROPELLER)
-    motor = file.parent / "Engines/aerosonde_motor.xml"
-    motor.write_text(motor.read_text().replace("> 36.576 <", "> 1500 <"))
-    tables = wide_tables(str(file))
+    tables = wide_tables(str(own(power=1500, ixx=0.0005)))
     tables["engines"]["settle_s"] = 15.0
 
     def thrusts(*throttles):
@@ -607,7 +603,7 @@ def test_thrust_of_an_electric_engine_depends_on_the_throttle_alone(own, tmp_pat
 
 @pytest.mark.parametrize("target", ["nowhere", ".#lost.xml"], ids=["nowhere", "itself"])
 def test_a_link_that_leads_nowhere_is_no_fault(own, tmp_path, target):
-    file = own("38.21", "38.2")
+    file = own()
     (file.parent / "Engines/.#lost.xml").symlink_to(target)
 
     assert survey(wide_tables(str(file)), tmp_path, h=1000.0).V_a > 0.0
@@ -625,7 +621,7 @@ def test_a_pipe_is_no_part_of_a_model(own, tmp_path):
 
 
 def test_parts_are_named_from_the_folder_of_flightgears_aircraft(own, tmp_path):
-    file = own("38.21", "38.2")
+    file = own()
     text = file.read_text()
     part = text[text.index("<propulsion>") : text.index("<aerodynamics>")]
     below = file.parent / "FDM"
@@ -638,101 +634,91 @@ def test_parts_are_named_from_the_folder_of_flightgears_aircraft(own, tmp_path):
     assert survey(wide_tables(str(below / file.name)), tmp_path, h=1000.0).V_a > 0.0
 
 
-def test_what_adopt_is_told_is_kept_in_the_file_of_a_refused_model(own, tmp_path):
-    file = own("<wingarea.*?>[^<]*", '<wingarea unit="M2"> 0 ')
+def test_what_adopt_is_told_is_kept_in_the_file_of_a_refused_model(own, tmp_path, refusal):
+    file = own(*WINGLESS)
     told = "--set", "fcs/flap-cmd-norm=0.25", "--set", "/a/b=2", "--throttle", "a/lever"
 
-    flighttune("adopt", file, "--out", tmp_path / "mine", *told, "--no-rudder", status=1)
+    refusal(file, *told, "--no-rudder", status=1)
 
     draft = (tmp_path / "mine/aircraft.toml").read_text()
-    assert '"fcs/flap-cmd-norm" = 0.25' in draft
-    assert '"/a/b" = 2.0' in draft
-    assert 'command = "a/lever"' in draft
+    for line in ('"fcs/flap-cmd-norm" = 0.25', '"/a/b" = 2.0', 'command = "a/lever"'):
+        assert line in draft
     assert "rudder =" not in draft
-    _, err = flighttune("adopt", file, "--out", tmp_path / "mine", "--set", "no/such=1", status=2)
-    assert "--set no/such: the model must have or read it" in err
+    assert "--set no/such: the model must have or read it" in refusal(file, "--set", "no/such=1")
     for wrong in ("fcs/flap-cmd-norm", "a[[=1", "a=nan", "=1", "x" * 100_000):
-        _, err = flighttune("adopt", file, "--out", tmp_path / "mine", "--set", wrong, status=2)
+        err = refusal(file, "--set", wrong)
         assert "--set must be NAME=VALUE" in err
         assert len(err) < SHORT
 
 
-def test_the_main_file_is_found_by_the_files_of_flightgear(own, tmp_path):
-    file = own("<wingarea.*?>[^<]*", '<wingarea unit="M2"> 0 ')
-    common = "<PropertyList><sim><flight-model>jsb</flight-model></sim></PropertyList>"
-    (file.parent / "common.xml").write_text(common)
-    aero = "<PropertyList include='common.xml'><sim><aero> aerosonde </aero></sim></PropertyList>"
-    (file.parent / "sonde-set.xml").write_text(aero)
+def test_the_main_file_is_found_by_the_files_of_flightgear(own, refusal):
+    file = own(*WINGLESS)
+    folder, set_file, common = file.parent, file.with_name("sonde-set.xml"), "common.xml"
+    jsb = "<PropertyList><sim><flight-model>jsb</flight-model></sim></PropertyList>"
+    file.with_name(common).write_text(jsb)
+    aero = f"<PropertyList include='{common}'><sim><aero> aerosonde </aero></sim></PropertyList>"
+    set_file.write_text(aero)
 
-    for path in (file.parent, file.parent / "sonde-set.xml"):
-        _, err = flighttune("adopt", path, "--out", tmp_path / "mine", status=1)
-        assert "its wing area must be above zero" in err.splitlines()[-1]
+    for path in (folder, set_file):
+        assert NO_WING in refusal(path, status=1).splitlines()[-1]
 
-    (file.parent / "common.xml").write_text(common.replace("jsb<", "yasim<"))
-    set_file = file.parent / "sonde-set.xml"
-    _, err = flighttune("adopt", set_file, "--out", tmp_path / "mine", status=2)
-    assert "its flight model must be JSBSim's (jsb), got yasim" in err
-    _, err = flighttune("adopt", file.parent / "none-set.xml", "--out", tmp_path / "mine", status=2)
-    assert "none-set.xml: must be a file or folder of FlightGear's, got no such file" in err
+    file.with_name(common).write_text(jsb.replace("jsb<", "yasim<"))
+    assert "its flight model must be JSBSim's (jsb), got yasim" in refusal(set_file)
+    missing = "none-set.xml: must be a file or folder of FlightGear's, got no such file"
+    assert missing in refusal(folder / "none-set.xml")
 
 
 SHORT = 300  # characters of a reason, without the file that it names
+NO_WING = "its wing area must be above zero"
 
 
 @pytest.mark.parametrize("aero", ["", "../sonde", "/etc/passwd"])
-def test_the_main_file_of_flightgear_is_in_the_folder_or_below(own, tmp_path, aero):
-    file = own("<wingarea.*?>[^<]*", '<wingarea unit="M2"> 0 ')
+def test_the_main_file_of_flightgear_is_in_the_folder_or_below(own, refusal, aero):
+    file = own(*WINGLESS)
     set_file = file.with_name("sonde-set.xml")
     sim = "<sim><flight-model>jsb</flight-model><aero>{}</aero></sim>"
     text = f"<PropertyList>{sim}</PropertyList>"
 
     set_file.write_text(text.format(aero))
-    _, err = flighttune("adopt", set_file, "--out", tmp_path / "mine", status=2)
-    assert f'`aero` must name a file in its folder, got "{aero}"' in err
+    assert f'`aero` must name a file in its folder, got "{aero}"' in refusal(set_file)
 
     set_file.write_text(text.format("x" * 100_000))
-    _, err = flighttune("adopt", set_file, "--out", tmp_path / "mine", status=2)
+    err = refusal(set_file)
     assert '`aero` must name a file in its folder, got "xxx' in err
     assert len(err) < SHORT + len(str(set_file))
 
     set_file.write_text(text.format("FDM/aerosonde"))
     file.rename((file.parent / "FDM").mkdir() or file.parent / "FDM/aerosonde.xml")
-    _, err = flighttune("adopt", set_file, "--out", tmp_path / "mine", status=1)
-    assert "its wing area must be above zero" in err
+    assert NO_WING in refusal(set_file, status=1)
 
 
-def test_files_of_flightgear_that_include_each_other_are_read_once(own, tmp_path):
-    file = own("<wingarea.*?>[^<]*", '<wingarea unit="M2"> 0 ')
+def test_files_of_flightgear_that_include_each_other_are_read_once(own, tmp_path, refusal):
+    file = own(*WINGLESS)
     both = "<PropertyList include='{}'><sim include='{}'/></PropertyList>"
     names = [f"{i}.xml" for i in range(40)]
     for name, other in zip(["sonde-set.xml", *names], names, strict=False):
         (file.parent / name).write_text(both.format(other, other))
 
-    _, err = flighttune("adopt", file.parent, "--out", tmp_path / "mine", status=2)
-    assert "sonde-set.xml: must include at most 20 files" in err
+    assert "sonde-set.xml: must include at most 20 files" in refusal(file.parent)
 
     jsb = "<PropertyList><sim><flight-model>jsb</flight-model></sim></PropertyList>"
     (tmp_path / "jsb.xml").write_text(jsb)
     (file.parent / "3.xml").write_text(both.format("0.xml", "../../jsb.xml"))
-    set_file = file.with_name("sonde-set.xml")
-    _, err = flighttune("adopt", set_file, "--out", tmp_path / "mine", status=2)
-    assert "got none" in err
+    assert "got none" in refusal(file.with_name("sonde-set.xml"))
 
 
-def test_a_folder_stands_for_its_only_main_file_or_that_of_its_name(own, tmp_path):
-    file = own("<wingarea.*?>[^<]*", '<wingarea unit="M2"> 0 ')
+def test_a_folder_stands_for_its_only_main_file_or_that_of_its_name(own, refusal):
+    file = own(*WINGLESS)
     (file.parent / "notes.xml").write_text("<notes")
 
-    _, err = flighttune("adopt", file.parent, "--out", tmp_path / "mine", status=1)
-    assert "its wing area must be above zero" in err.splitlines()[-1]
+    assert NO_WING in refusal(file.parent, status=1).splitlines()[-1]
 
     shutil.copy(file, file.with_name("other.xml"))
-    _, err = flighttune("adopt", file.parent, "--out", tmp_path / "mine", status=2)
-    assert "must hold one aircraft of JSBSim's, got aerosonde.xml, other.xml" in err
+    several = "must hold one aircraft of JSBSim's, got aerosonde.xml, other.xml"
+    assert several in refusal(file.parent)
 
     file.rename(file.parent / f"{file.parent.name}.xml")
-    _, err = flighttune("adopt", file.parent, "--out", tmp_path / "mine", status=1)
-    assert "its wing area must be above zero" in err.splitlines()[-1]
+    assert NO_WING in refusal(file.parent, status=1).splitlines()[-1]
 
 
 @pytest.mark.counts
@@ -815,7 +801,7 @@ def test_an_aircraft_that_was_not_adopted_is_not_written_over(tmp_path):
     folder = shutil.copytree(SHIPPED_AIRCRAFT / "c172p", tmp_path / "c172p")
     before = (folder / "aircraft.toml").read_text()
 
-    _, err = flighttune("adopt", "c172p", "--out", folder, status=2)
+    err = flighttune("adopt", "c172p", "--out", folder, status=2)[1]
 
     assert "must not hold an aircraft that `adopt` did not make" in err
     assert (folder / "aircraft.toml").read_text() == before

@@ -10,9 +10,9 @@ from commands import answer, flighttune
 from dispersed import AEROSONDE, KINEMATIC, SOFT, WIND, one_of, plan_of, tables_of, uniform
 
 import flighttune as ft
-from flighttune.campaign import band as band_module
-from flighttune.campaign.band import count_more, differing, flights_of, load_counted, some_draws
+from flighttune.campaign import counting
 from flighttune.campaign.counted_flights import plan_of as plan_of_band
+from flighttune.campaign.counting import count_more, differing, flights_of, some_draws
 from flighttune.campaign.flying.rows import fly_group, rows_flown, scenario_of_run
 from flighttune.claims.band import TurnBack
 from flighttune.flight.conditions import reference_of, start_condition
@@ -25,16 +25,16 @@ FEW = {"epsilon": 0.3, "confidence": 0.9, "learn": 10}
 ALONE, WITH_FIVE = 7, 29
 
 
-def small_plan(*disperse, runs=12, plants=(KINEMATIC,), **tables):
+def small_plan(*disperse, plants=(KINEMATIC,), design="random", **tables):
     """Half a second from random starts."""
     scenario = tables_of(plants, **{"gains": [SOFT], **tables})
     scenario["flight"]["duration_s"] = 0.5
-    return plan_of(scenario, *(disperse or START), runs=runs)
+    return plan_of(scenario, *(disperse or START), runs=12, design=design)
 
 
 def count(plan=None, rows=rows_flown, kind=ft.band, **settings):
     """The band, or another kind of count, of a small plan, flown in this process."""
-    with flown_here(band_module, rows):
+    with flown_here(counting, rows):
         return kind(plan or small_plan(), **{**FEW, **settings})
 
 
@@ -47,15 +47,13 @@ def test_fresh_flights_are_counted_and_none_is_flown_twice():
     flown = []
 
     def rows(plan, runs, probes):
-        flown.append(list(runs))
-        assert plan.campaign.design == "random"
+        flown.append((plan.campaign.design, list(runs)))
         return rows_flown(plan, runs, probes=probes)
 
-    sobol = small_plan()
-    sobol = replace(sobol, campaign=sobol.campaign.model_copy(update={"design": "sobol"}))
-    counted = count(sobol, rows)
+    counted = count(small_plan(design="sobol"), rows)
 
-    assert flown == [list(range(10)), list(range(10, 10 + WITH_FIVE))]
+    parts = list(range(10)), list(range(10, 10 + WITH_FIVE))
+    assert flown == [("random", part) for part in parts]
     assert counted.outside == 5
     assert f": 5 of {WITH_FIVE} fresh flights did. All are flights of " in counted.sentence
     assert "in calm air; drawn at random: initial course -5 to 5 deg and" in counted.sentence
@@ -73,7 +71,7 @@ def test_the_flights_inside_are_those_whose_errors_are(counted):
 
 
 def test_more_flights_are_added_to_the_count(counted):
-    with flown_here(band_module) as pool:
+    with flown_here(counting) as pool:
         more = count_more(counted, 2 * WITH_FIVE, pool)
         for other in (WITH_FIVE, 40, 3 * WITH_FIVE):
             with pytest.raises(ft.InputError, match=r"`flights` .*58, 116, 232"):
@@ -90,7 +88,7 @@ def test_a_recount_finds_a_flight_that_differs(counted):
     extremes = counted.extremes.copy()
     extremes[4] = np.nextafter(extremes[4], np.inf)
 
-    with flown_here(band_module) as pool:
+    with flown_here(counting) as pool:
         draws = some_draws(counted, WITH_FIVE)
         assert differing(counted, draws, pool) == []
         assert differing(replace(counted, extremes=extremes), draws, pool) == [14]
@@ -128,10 +126,10 @@ def test_a_band_that_is_given_the_wind_is_narrower():
 
     assert knowing.half_widths.max() < 0.5 * blind.half_widths.max()
     assert "around the middle that its wind predicts" in knowing.sentence
-    speed, origin = (plan_of_band(knowing).parameters(30, 31)[key].item() for key in
-                     ("wind.speed_mps", "wind.from_deg"))  # fmt: skip
+    drawn = plan_of_band(knowing).values_of(30)
+    speed, origin = drawn["wind.speed_mps"], np.deg2rad(drawn["wind.from_deg"])
     # air moves away from where it blows from
-    blown = -speed * np.cos(np.deg2rad(origin)), -speed * np.sin(np.deg2rad(origin))
+    blown = -speed * np.cos(origin), -speed * np.sin(origin)
     assert knowing.wind[0] == pytest.approx(blown)
 
 
@@ -155,20 +153,9 @@ def test_what_cannot_be_counted_is_refused_in_one_line(plan, settings, message):
 
 @pytest.mark.slow
 def test_the_command_counts_reads_adds_and_verifies(tmp_path):
-    campaign = write_campaign(
-        tmp_path, aircraft=(), wind="", disperse="""
-        [[disperse]]
-        key = "flight.chi_deg"
-        distribution = "uniform"
-        lower = -5.0
-        upper = 5.0
-        [[disperse]]
-        key = "flight.gamma_deg"
-        distribution = "uniform"
-        lower = 3.0
-        upper = 7.0
-        """,
-    )  # fmt: skip
+    disperse = '[[disperse]]\nkey="{key}"\ndistribution="uniform"\nlower={lower}\nupper={upper}\n'
+    drawn = "".join(disperse.format(**table) for table in START)
+    campaign = write_campaign(tmp_path, aircraft=(), wind="", disperse=drawn)
     file = tmp_path / "band.npz"
     claim = "--epsilon", 0.3, "--confidence", 0.9, "--gains", "soft"
 
@@ -178,7 +165,7 @@ def test_the_command_counts_reads_adds_and_verifies(tmp_path):
     again = answer("verify", file, "--count", 5)
     valid = answer("verify", file)
 
-    band = load_counted(file)
+    band = ft.load(file)
     assert (made["status"], made["flights"], made["outside"]) == ("claimed", WITH_FIVE, 5)
     assert other["scale"] < made["scale"]
     assert [row["unit"] for row in made["half_widths"]] == ["deg", "deg"]
@@ -268,9 +255,8 @@ def test_residual_signals_of_an_aircraft_are_counted_like_any_other():
         signals = residuals_of(model, flown, start_condition(plan.scenario_of(run)))
         residuals = dict(zip(counted.about.signals, signals.T, strict=True))
         assert bounds.contain(residuals) == (score <= counted.scale)
-    assert [row["unit"] for row in counted.answer().tables[0].records] == 2 * ["deg/s"] + 2 * [
-        "deg"
-    ]
+    units = [row["unit"] for row in counted.answer().tables[0].records]
+    assert units == ["deg/s", "deg/s", "deg", "deg"]
     with pytest.raises(ft.InputError, match="got a Residual"):
         ft.fly(plan.scenario).within(counted)
 
@@ -299,11 +285,7 @@ def test_a_count_of_one_kind_is_not_taken_for_another(counted, tmp_path):
         ft.tube("paper", "paper", counted)
     said = flighttune("tube", "paper", "--boxes", tmp_path / "x.npz", status=2)[1]
     assert "x.npz: `boxes` must be of residual signals" in said
+    values = {name: getattr(counted, name) for name in ("about", "flights", "extremes", "wind")}
     for kind in (ft.Residual, TurnBack):
         with pytest.raises(ft.InputError, match=r"`about\.of` must be"):
-            kind(
-                about=counted.about,
-                flights=counted.flights,
-                extremes=counted.extremes,
-                wind=counted.wind,
-            )
+            kind(**values)

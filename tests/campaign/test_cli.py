@@ -6,6 +6,7 @@ import pty
 import signal
 import subprocess
 import sys
+from contextlib import suppress
 
 import pytest
 from campaigns import bits, children, flying, gone, some_parts, wait_until, write_campaign
@@ -13,13 +14,17 @@ from commands import answer, flighttune
 from fuzzing import first_or_all
 
 import flighttune as ft
-from flighttune.campaign.dataset import open_dataset
 from flighttune.campaign.flying.rows import fly_runs
 
 # real clusters, processes that are killed
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("own_workers")]
 
 RUNS = 160
+SEARCHES = [
+    "worst first_campaign --budget 100000",
+    "band random_starts",
+    "meet paper_identified --campaign robust_tuning",
+]
 
 
 @pytest.fixture(scope="module")
@@ -37,9 +42,8 @@ def test_one_json_object_says_what_was_flown(tmp_path, file, address):
     assert done["completed"] + done["failed"] == 8
     assert done["dataset"] == str(out)
     assert done["rate_per_s"] == pytest.approx(8 / done["wall_s"], rel=1e-12)
-    rows = open_dataset(out).rows()
-    assert len(rows) == 8
-    assert done["succeeded"] == rows.column("success").to_pylist().count(True)
+    success = ft.load(out).rows().column("success").to_pylist()
+    assert (len(success), sum(success)) == (8, done["succeeded"])
 
     _, said = flighttune("campaign", file, "--out", out, status=2)
     assert said.startswith(f"flighttune: {out}: must not hold a campaign, got one of 8 runs")
@@ -62,32 +66,24 @@ def test_gains_of_a_file_are_flown_by_workers_elsewhere_resumed_and_kept(
     assert (resumed["runs"], resumed["flown"]) == (12, 4)
     assert again["equal"]
     assert again["runs"][0]["run"] == "run 11: kinematic / mine, draw 5"
-    assert open_dataset(out).plan.scenario.flight.V_a_mps == 26.5
+    assert ft.load(out).plan.scenario.flight.V_a_mps == 26.5
 
 
 def test_a_bar_shows_how_far_it_is_where_someone_watches(tmp_path, file, address):
     ours, theirs = pty.openpty()
     command = [sys.executable, "-m", "flighttune", "campaign", str(file), "--runs", "40",
                "--scheduler", address, "--out", str(tmp_path)]  # fmt: skip
-    environment = {**os.environ, "COLUMNS": "120", "TERM": "xterm"}
-    with subprocess.Popen(
-        command, stdout=subprocess.PIPE, stderr=theirs, env=environment
-    ) as process:
+    terminal = {"stderr": theirs, "env": {**os.environ, "COLUMNS": "120", "TERM": "xterm"}}
+    seen = b""
+    with subprocess.Popen(command, stdout=subprocess.PIPE, **terminal) as process:
         os.close(theirs)
-        seen = b""
-        while chunk := _read(ours):
-            seen += chunk
+        with suppress(OSError):  # the other end is closed
+            while chunk := os.read(ours, 4096):
+                seen += chunk
         assert process.wait() == 0
     os.close(ours)
     assert b"flying" in seen
     assert b"of 40 runs" in seen
-
-
-def _read(terminal):
-    try:
-        return os.read(terminal, 4096)
-    except OSError:  # the other end is closed
-        return b""
 
 
 @pytest.mark.soak
@@ -102,7 +98,7 @@ def test_ctrl_c_ends_it_and_resume_goes_on(tmp_path, file, address):
         assert command.wait(timeout=240) == 130
         wait_until(lambda: gone(below))
         shown, said = command.communicate()
-    there = open_dataset(out).rows()
+    there = ft.load(out).rows()
     assert json.loads(shown)["interrupted"]
     assert "Traceback" not in said
     assert said.splitlines()[-1] == (
@@ -112,20 +108,11 @@ def test_ctrl_c_ends_it_and_resume_goes_on(tmp_path, file, address):
 
     ours = ft.plan_campaign(ft.load_campaign(file))
     ft.run_campaign(ours, out, scheduler=address, resume=True)
-    assert bits(open_dataset(out).rows()) == bits(fly_runs(ours, range(RUNS)))
+    assert bits(ft.load(out).rows()) == bits(fly_runs(ours, range(RUNS)))
 
 
 @pytest.mark.soak
-@pytest.mark.parametrize(
-    "command",
-    first_or_all(
-        [
-            "worst first_campaign --budget 100000",
-            "band random_starts",
-            "meet paper_identified --campaign robust_tuning",
-        ]
-    ),
-)
+@pytest.mark.parametrize("command", first_or_all(SEARCHES))
 def test_ctrl_c_ends_a_search_which_says_that_it_keeps_nothing(tmp_path, command):
     with flying(command=command.split(), cwd=tmp_path) as process:
         before = []
@@ -159,9 +146,8 @@ def test_a_dry_run_shows_plan_cost_and_room_and_writes_nothing(tmp_path, file):
 
     assert (found["runs"], found["draws"], found["design"]) == (4002, 1001, "random")
     assert found["notes"][0] == "4002 flights = 1000.5 draws of 4 groups"
-    assert [group["plant"] for group in found["groups"]] == ["jsbsim:aerosonde"] * 2 + [
-        "kinematic"
-    ] * 2
+    plants = [group["plant"] for group in found["groups"]]
+    assert plants == ["jsbsim:aerosonde", "jsbsim:aerosonde", "kinematic", "kinematic"]
     assert all(group["run_s"] > 0.0 for group in found["groups"])
     assert found["disperse"][0]["key"] == "flight.V_a_mps"
     assert found["wall_s"] == pytest.approx(found["core_s"] / 3, rel=1e-12)
@@ -172,10 +158,8 @@ def test_a_dry_run_shows_plan_cost_and_room_and_writes_nothing(tmp_path, file):
 
 
 def test_nobody_at_the_address_is_one_line(tmp_path, file):
-    nobody = "tcp://127.0.0.1:1"
+    nobody = "--scheduler", "tcp://127.0.0.1:1", "--out", tmp_path / "out"
 
-    _, said = flighttune(
-        "campaign", file, "--out", tmp_path / "out", "--scheduler", nobody, status=2
-    )
+    _, said = flighttune("campaign", file, *nobody, status=2)
 
-    assert f"{nobody}: no scheduler answers there: " in said.splitlines()[-1]
+    assert "tcp://127.0.0.1:1: no scheduler answers there: " in said.splitlines()[-1]

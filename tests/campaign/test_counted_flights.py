@@ -4,7 +4,7 @@ import pytest
 from dispersed import AEROSONDE, SOFT, TURBULENCE, WIND, plan_of, tables_of, uniform
 
 import flighttune as ft
-from flighttune.campaign.counted_flights import air_of, at_random, distribution_of, in_air
+from flighttune.campaign.counted_flights import air_of, distribution_of, in_air
 
 START = uniform("flight.chi_deg", -5.0, 5.0), uniform("flight.gamma_deg", 3.0, 7.0)
 
@@ -38,9 +38,3 @@ def test_air_is_taken_apart():
     assert air_of(in_air(words, "severe").nominal) == "severe"
     with pytest.raises(ft.InputError, match=r"`air`.*'stormy'"):
         in_air(campaign, "stormy")
-
-
-def test_points_of_a_design_become_independent_draws():
-    campaign = small_campaign().model_copy(update={"design": "sobol"})
-
-    assert at_random(campaign).design == "random"

@@ -9,7 +9,7 @@ import pytest
 from campaigns import SPEED, Notes, bits, children, plan
 
 import flighttune as ft
-from flighttune.campaign.dataset import Dataset, dataset_hash, open_dataset
+from flighttune.campaign.dataset import Dataset, dataset_hash
 from flighttune.campaign.engine import pool as shared_out
 from flighttune.campaign.engine.pool import WorkerPool
 from flighttune.campaign.flying.columns import row_schema, table_of
@@ -17,19 +17,6 @@ from flighttune.campaign.flying.rows import fly_runs
 from flighttune.flight.fly import library_versions
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("own_workers")]
-
-
-def listening(progress):
-    """Note the addresses on which this process and those below it listen while they fly."""
-    if progress.done == 0 or LISTENING:
-        return False
-    for process in [psutil.Process(), *children()]:
-        found = process.net_connections()
-        LISTENING.update(one.laddr.ip for one in found if one.status == psutil.CONN_LISTEN)
-    return False
-
-
-LISTENING = set()
 
 
 KEYS = ("plant.airframe.mass_factor", "plant.airframe.actuator_lag_factor",
@@ -45,15 +32,23 @@ upper = 1.05
 
 
 def test_every_run_is_there_once_with_the_bits_of_one_process(tmp_path, monkeypatch, capfd):
+    """And neither this process nor one below it listens on an address."""
     monkeypatch.chdir(tmp_path)
-    ours, notes = plan("files", disperse=SPEED + "".join(map(UNIFORM, KEYS))), Notes(listening)
+    listening = set()
+
+    def listen(progress):
+        for process in [psutil.Process(), *children()] if progress.done else ():
+            listening.update(x.status for x in process.net_connections())
+        return False
+
+    ours, notes = plan("files", disperse=SPEED + "".join(map(UNIFORM, KEYS))), Notes(listen)
     here = Dataset("one", ours, library_versions())
     here.write_plan()
     here.write_part(fly_runs(ours, range(ours.runs)))
 
     done = ft.run_campaign(ours, "out", workers=3, observer=notes)
 
-    rows = open_dataset("out").rows()
+    rows = ft.load("out").rows()
     assert dataset_hash("out") == dataset_hash("one")
     assert bits(rows) == bits(here.rows())
     assert rows.schema.equals(row_schema(ours))
@@ -61,7 +56,7 @@ def test_every_run_is_there_once_with_the_bits_of_one_process(tmp_path, monkeypa
     assert {*rows.column("plant").to_pylist()} == {"kinematic", "jsbsim:aerosonde"}
     assert capfd.readouterr() == ("", "")
     assert {path.name for path in tmp_path.iterdir()} == {"files", "one", "out"}
-    assert not LISTENING
+    assert psutil.CONN_LISTEN not in listening
     assert not children()
 
 
@@ -88,12 +83,10 @@ def test_each_phase_counts_its_own_runs_from_its_first_flight_on(tmp_path):
         for doing in ("learning", "counting"):
             assert len(list(pool.rows(ours, range(4), doing=doing))) == 4
 
-    shown = [(p.doing, p.done, p.runs) for p in notes.seen]
-    assert [*dict.fromkeys(shown)] == [
-        ("starting", 0, 4),
-        *(("learning", 0, 4), ("learning", 4, 4)),
-        *(("counting", 0, 4), ("counting", 4, 4)),
-    ]
+    shown = [(p.doing, p.done) for p in notes.seen]
+    phases = [(doing, done) for doing in ("learning", "counting") for done in (0, 4)]
+    assert [*dict.fromkeys(shown)] == [("starting", 0), *phases]
+    assert {p.runs for p in notes.seen} == {4}
     assert pool.progress.flown / pool.progress.rate_per_s < time.perf_counter() - ready
 
 
@@ -111,7 +104,7 @@ def test_a_campaign_that_is_stopped_is_flown_on_from_where_it_was(tmp_path, addr
 
     first = ft.run_campaign(ours, tmp_path / "out", workers=2, observer=stops)
 
-    there = open_dataset(tmp_path / "out").rows().column("run").to_pylist()
+    there = ft.load(tmp_path / "out").rows().column("run").to_pylist()
     assert first.interrupted
     assert 0 < first.runs < 160
     assert len(set(there)) == len(there) == first.runs
@@ -120,7 +113,7 @@ def test_a_campaign_that_is_stopped_is_flown_on_from_where_it_was(tmp_path, addr
     second = ft.run_campaign(ours, tmp_path / "out", scheduler=address, resume=True)
 
     assert second.flown == 160 - first.runs
-    assert bits(open_dataset(tmp_path / "out").rows()) == bits(fly_runs(ours, range(160)))
+    assert bits(ft.load(tmp_path / "out").rows()) == bits(fly_runs(ours, range(160)))
 
 
 @pytest.mark.soak

@@ -13,8 +13,7 @@ from scipy import stats
 
 import flighttune as ft
 from flighttune.campaign.dataset import dataset_hash
-from flighttune.campaign.statistics.findings import findings
-from flighttune.campaign.statistics.flights import flights_of, load_flights
+from flighttune.campaign.statistics.findings import findings_of, load_findings
 from flighttune.reports.campaign import notes, write_campaign_report
 from flighttune.scenario.tables import ExpectTable
 
@@ -44,7 +43,7 @@ def told(flown_folder):
 def made_up():
     """Findings of rows that were made up, with everything in them that a report can show."""
     made = made_up_plan(runs=4 * 200)
-    return findings(flights_of(made_up_rows(made), made))
+    return findings_of(made_up_rows(made), made)
 
 
 @pytest.fixture(scope="module")
@@ -54,7 +53,7 @@ def page(made_up, tmp_path_factory):
 
 
 def test_the_page_counts_each_plant_apart(made_up, page):
-    rows = made_up.flights.rows
+    rows = made_up.rows
     counts = rows.groupby("plant", sort=False)["success"].agg(["sum", "size"])
 
     shares = ", ".join(f"{plant} {good}/{n}" for plant, (good, n) in counts.T.items())
@@ -117,15 +116,15 @@ def test_a_campaign_that_is_not_over_says_how_much_is_there(tmp_path, flown_fold
     for path in first[len(first) // 2 :]:
         path.unlink()
 
-    found = load_flights(out)
+    found = load_findings(out)
 
     assert 0 < len(found.rows) < RUNS
-    said = notes(findings(found))[0]
+    said = notes(found)[0]
     assert f"{len(found.rows)} of {RUNS} flights" in said
     for path in first[: len(first) // 2]:
         path.unlink()
     with pytest.raises(ft.RecordingError, match=r"no run .*flown"):
-        load_flights(out)
+        load_findings(out)
 
 
 def test_the_first_screen_says_what_success_is_and_draws_the_measure_that_decides(page):
@@ -165,6 +164,6 @@ def test_a_bound_of_zero_is_drawn_and_says_whose_it_is(completed, tmp_path):
     if not completed:
         rows["status"] = "diverged"
 
-    made_page = write_campaign_report(findings(flights_of(rows, made)), tmp_path / "page.html")
+    made_page = write_campaign_report(findings_of(rows, made), tmp_path / "page.html")
 
     assert "at most 0 rad\u00a0s² (K3)</span>" in made_page.path.read_text(encoding="utf-8")

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 from scipy import stats
 
-from flighttune.campaign.statistics.sensitivity import holm, influences
+from flighttune.campaign.statistics.findings import holm, influences
 
 pytestmark = pytest.mark.slow
 

@@ -8,8 +8,7 @@ from made_up_campaign import made_up_plan, made_up_rows
 from scipy import stats
 
 import flighttune as ft
-from flighttune.campaign.statistics.findings import findings, requirements
-from flighttune.campaign.statistics.flights import flights_of
+from flighttune.campaign.statistics.findings import findings_of
 from flighttune.campaign.statistics.intervals import (
     effective_size,
     paired,
@@ -28,17 +27,12 @@ def plan():
 
 @pytest.fixture(scope="module")
 def flown(plan):
-    return flights_of(made_up_rows(plan), plan)
+    return findings_of(made_up_rows(plan), plan)
 
 
 @pytest.fixture(scope="module")
-def told(flown):
-    return findings(flown)
-
-
-@pytest.fixture(scope="module")
-def by_group(told):
-    return {group["group"]: group for group in told.values["groups"]}
+def by_group(flown):
+    return {group["group"]: group for group in flown.values["groups"]}
 
 
 def own_rows(flown, group):
@@ -72,7 +66,7 @@ def test_statuses_and_their_reasons_are_counted(by_group):
 def test_requirements_are_counted_over_completed_flights_the_most_missed_first(flown):
     rows = flown.rows[flown.rows["status"] == "completed"]
 
-    settling, itae = requirements(flown)
+    settling, itae = flown.values["requirements"]
 
     assert settling["near"] is None  # more than 5 % never settled
 
@@ -136,7 +130,7 @@ def test_rows_without_any_measure_still_tell_who_failed(plan):
     rows[["chi.ITAE", "gamma.ITAE", "chi.settling_s"]] = np.nan
     rows["success"] = False
 
-    told = findings(flights_of(rows, plan))
+    told = findings_of(rows, plan)
 
     assert told.measure is None
     assert all((group["successes"], group["metrics"]) == (0, {}) for group in told.values["groups"])
@@ -155,7 +149,7 @@ def test_a_flight_that_misses_two_bounds_counts_for_both(plan):
         "chi.MO_deg must be at most 5, got nan (there is no value)",
     ]
 
-    (group,) = findings(flights_of(rows, plan)).values["groups"]
+    (group,) = findings_of(rows, plan).values["groups"]
 
     assert [(why["reason"], why["count"]) for why in group["missed"]] == [
         ("chi.MO_deg must be at most 5, got 7 to 9 (missed by 2 to 4)", 2),
@@ -171,20 +165,20 @@ def test_an_interval_at_any_time_is_of_the_first_independent_draws_alone(plan):
     told = [
         [(group["n"], group["lo"], group["hi"]) for group in found.values["groups"]]
         for some in (stopped, rows[:400])
-        for found in [findings(flights_of(some, plan), method="any-time")]
+        for found in [findings_of(some, plan).by("any-time")]
     ]
 
     assert told[0] == told[1]
     assert {n for n, *_ in told[0]} == {100}
     with pytest.raises(ft.InputError, match="must be with run 0"):
-        findings(flights_of(rows[1:], plan), method="any-time")
+        findings_of(rows[1:], plan).by("any-time")
     for other in (made_up_plan(design="sobol"), made_up_plan(design="latin_hypercube")):
         with pytest.raises(ft.InputError, match="`interval` any-time must be with independent"):
-            findings(flights_of(made_up_rows(other), other), method="any-time")
+            findings_of(made_up_rows(other), other).by("any-time")
 
 
-def test_each_point_of_a_convergence_curve_is_what_the_first_flights_tell(told, flown):
-    for curve, (group, rows) in zip(told.convergence, flown.groups(), strict=True):
+def test_each_point_of_a_convergence_curve_is_what_the_first_flights_tell(flown):
+    for curve, (group, rows) in zip(flown.convergence, flown.groups(), strict=True):
         assert curve["group"] == group.label
         for n, success, p95 in zip(curve["n"], curve["success"], curve["p95"], strict=True):
             first = rows.head(n)

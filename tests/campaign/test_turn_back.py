@@ -18,9 +18,8 @@ from shapely.affinity import translate
 from shapely.geometry import shape
 
 import flighttune as ft
-from flighttune.campaign.counted_flights import distribution_of, plan_in
+from flighttune.campaign.counted_flights import distribution_of, plan_in, room_of, turning_back
 from flighttune.campaign.flying.rows import fly_group
-from flighttune.campaign.turn_back import room_of, turning_back
 from flighttune.claims.band import TurnRoom
 from flighttune.references.maps import Volume, volumes_geojson
 
@@ -125,21 +124,17 @@ def test_draws_are_at_all_places_and_to_both_sides(turning):
 
 
 @pytest.mark.parametrize(
-    ("settings", "says"),
+    ("source", "turn_back", "says"),
     [
-        ({"turn_back": "spiral:30"}, "`turn_back` must be a bank in deg, or circle:BANK"),
-        ({"turn_back": 70}, "`turn_back` must be a bank of 1 to 45 deg, got 70"),
+        ("circuit", "spiral:30", "`turn_back` must be a bank in deg, or circle:BANK"),
+        ("circuit", 70, "`turn_back` must be a bank of 1 to 45 deg, got 70"),
+        ("mission", 30, "`route` must be given"),
     ],
 )
-def test_what_cannot_turn_back_is_refused_in_one_line(settings, says):
+def test_what_cannot_turn_back_is_refused_in_one_line(source, turn_back, says):
     with pytest.raises(ft.InputError, match=says) as refusal:
-        ft.mission("circuit", **settings)
+        ft.mission(source, turn_back=turn_back)
     assert "\n" not in str(refusal.value)
-
-
-def test_a_scenario_over_time_has_no_place_to_turn_back_from():
-    with pytest.raises(ft.InputError, match="`route` must be given"):
-        ft.mission("mission", turn_back=30)
 
 
 def test_the_areas_are_as_wide_as_they_say_or_wider():
@@ -151,7 +146,7 @@ def test_the_areas_are_as_wide_as_they_say_or_wider():
     areas = [x["geometry"] for x in json.loads(volumes_geojson(where, volumes))["features"]]
     inner, outer = map(shape, areas)
     assert outer.contains(inner)
-    for area, width in zip((inner, outer), (50.0, 250.0), strict=True):
+    for area, width in ((inner, 50.0), (outer, 250.0)):
         polygon = Geodesic.WGS84.Polygon()
         for lon, lat in area.exterior.coords[:-1]:
             polygon.AddPoint(lat, lon)
@@ -179,9 +174,9 @@ def test_fresh_flights_keep_to_the_volume_that_is_written():
     corridor = ft.band("circuit", start_deg=1.0, epsilon=0.1, confidence=0.9, flights=22, **few)
     room = ft.mission(corridor, turn_back=BANK, epsilon=0.1, confidence=0.9).room
     volumes, where = room.volumes(corridor), corridor.flights.route.where
-    written = json.loads(volumes_geojson(where, volumes))["features"]
-    sizes = {area["properties"]["name"]: area["properties"] for area in written}
-    (ring,) = written[1]["geometry"]["coordinates"]
+    contingency = json.loads(volumes_geojson(where, volumes))["features"][1]
+    assert contingency["properties"]["name"] == "contingency volume"
+    (ring,) = contingency["geometry"]["coordinates"]
     lines = [Geodesic.WGS84.Inverse(*where[1], lat, lon) for lon, lat in ring]
     s, azimuth = np.array([(line["s12"], np.deg2rad(line["azi1"])) for line in lines]).T
     area = Polygon(np.column_stack([s * np.cos(azimuth), s * np.sin(azimuth)]))
@@ -190,10 +185,9 @@ def test_fresh_flights_keep_to_the_volume_that_is_written():
     width, above = np.abs([bounds.low, bounds.high]).max(axis=(0, 1))
     high, low = 100.0 + 20.0 + above, 100.0 - above  # the start is 100 m above the ground
     assert volumes["flight geography"][:3] == pytest.approx((width, low, high), abs=CLIMBS)
-    high, low = high + room.room.height, low - room.room.height
-    contingency = sizes["contingency volume"]
-    assert contingency["min_over_ground_m"] == pytest.approx(low, abs=CLIMBS)
-    assert contingency["max_over_ground_m"] == pytest.approx(high, abs=CLIMBS)
+    written = [contingency["properties"][f"{end}_over_ground_m"] for end in ("min", "max")]
+    height = room.room.height
+    assert written == pytest.approx([low - height, high + height], abs=CLIMBS)
 
     path, fresh, left, by_ahead = where[0], 20, 0, 0
     line = LineString(np.column_stack([path.north, path.east])[path.s <= path.length])
@@ -208,7 +202,7 @@ def test_fresh_flights_keep_to_the_volume_that_is_written():
         place = line.interpolate(scenario.turn_back.at_m)
         flown = LineString(np.column_stack([north + place.x, east + place.y]))
         inside = all(area.contains(translate(flown, *offset)) for offset in edge)
-        left += not (inside and np.abs(down).max() <= room.room.height)
+        left += not (inside and np.abs(down).max() <= height)
         chi = signals["chi"].iloc[0]
         ahead = (north * np.cos(chi) + east * np.sin(chi)).max()
         by_ahead += not line.buffer(width + ahead).contains(flown)
@@ -278,25 +272,19 @@ def test_the_command_counts_the_room_and_writes_the_volumes(tmp_path, monkeypatc
 
     # a room is not among the widths of the corridor
     assert [row["signal"] for row in told["half_widths"]] == ["cross_track", "height_err"]
-    room = told["turn_back"]
-    needed = ft.load(told["room"]).room
-    assert room["room"]["from_route_m"] == needed.from_route
-    assert (
-        f"further than {needed.from_route:.0f} m beyond the flight geography in any direction"
-        in room["sentence"]
-    )
+    room, turned = told["turn_back"], ft.load(told["room"])
+    from_route = turned.room.from_route
+    assert room["room"]["from_route_m"] == from_route
+    beyond = f"further than {from_route:.0f} m beyond the flight geography in any direction"
+    assert beyond in room["sentence"]
     assert "no risk class" in " ".join(told["notes"])
-    areas = json.loads(Path(told["volumes"]).read_text())["features"]
-    widths = [area["properties"]["width_m"] for area in areas]
-    assert widths[1] - widths[0] == pytest.approx(needed.from_route, abs=0.2)
-    assert widths[2] - widths[1] == pytest.approx(
-        areas[1]["properties"]["max_over_ground_m"], abs=0.2
-    )
+    areas = [x["properties"] for x in json.loads(Path(told["volumes"]).read_text())["features"]]
+    steps = np.diff([area["width_m"] for area in areas])
+    assert steps == pytest.approx([from_route, areas[1]["max_over_ground_m"]], abs=0.2)
     assert "contingency volume" in Path("p.html").read_text()
     page = ft.report(told["room"], "room.html").path.read_text()
-    turned = ft.load(told["room"])
-    inside = f"{(turned.scores <= turned.scale).sum()} inside"
-    assert {words in page for words in (inside, "largest distance from the route")} == {True}
+    assert f"{(turned.scores <= turned.scale).sum()} inside" in page
+    assert "largest distance from the route" in page
     assert "A line joins" not in page
     assert answer("verify", told["room"])["valid"]
     assert "got a TurnBack" in flighttune("fly", "paper", "--claim", told["room"], status=2)[1]

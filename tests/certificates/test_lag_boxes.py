@@ -1,13 +1,16 @@
-"""Rates over boxes of lags and delays in certificates: what they are of, and not to be forged."""
+"""Rates over boxes of lags and delays: against dense grids and flights, and not to be forged."""
 
+import itertools
 import json
 from dataclasses import replace
 from functools import cache
 
 import numpy as np
 import pytest
+from scipy.linalg import expm
 
 import flighttune as ft
+from flighttune.certificates.lag_box import constant_rate, constant_rate_proven, norm_rate
 
 # Relative distance between a proven rate and the least over the points of a grid: four digits.
 FOUR_DIGITS = 5e-5
@@ -37,13 +40,16 @@ def over_conditions():
     return ft.certify("mission", GAINS, envelope=True, changes=IDENTIFIED).certificate
 
 
-@pytest.mark.slow
-def test_the_box_of_an_assumed_lag_has_the_least_rate_of_its_lags():
-    for i, box in enumerate(behind_lags().boxes):
-        K_P, K_I = GAINS.K_P[i, i], GAINS.K_I[i, i]
-        lags = np.linspace(0.2, 0.6, 2001)
-        least = min(-np.roots([lag, 1.0, K_P, K_I]).real.max() for lag in lags)
+@pytest.mark.parametrize("feedback", [(0.0, 0.0), (0.4, 0.3)])
+def test_the_box_of_an_assumed_lag_has_the_least_rate_of_its_lags(feedback):
+    fed = replace(GAINS, feedback=feedback)
 
+    for i, box in enumerate(ft.certify("mission", fed, lag=(0.2, 0.6)).certificate.boxes):
+        K_P, K_I, k = GAINS.K_P[i, i], GAINS.K_I[i, i], feedback[i]
+        least = min(
+            -np.roots([lag, 1.0 + k, (1.0 + k) * K_P, (1.0 + k) * K_I]).real.max()
+            for lag in np.linspace(0.2, 0.6, 2001)
+        )
         assert box.rate == pytest.approx(least, rel=FOUR_DIGITS)
         assert 0.0 < box.norm_rate <= box.rate
         assert (box.lag, box.delay) == ((0.2, 0.6), (0.0, 0.0))
@@ -75,18 +81,6 @@ def test_the_identified_models_themselves_are_as_fast_as_their_box():
     assert any(f"decay at {slowest:.4g} 1/s" in note for note in certificate.answer().notes)
 
 
-def test_gains_with_inner_feedback_have_a_box():
-    fed = replace(GAINS, feedback=(0.4, 0.3))
-
-    for i, box in enumerate(ft.certify("mission", fed, lag=(0.2, 0.6)).certificate.boxes):
-        K_P, K_I, k = GAINS.K_P[i, i], GAINS.K_I[i, i], fed.feedback[i]
-        least = min(
-            -np.roots([lag, 1.0 + k, (1.0 + k) * K_P, (1.0 + k) * K_I]).real.max()
-            for lag in np.linspace(0.2, 0.6, 2001)
-        )
-        assert box.rate == pytest.approx(least, rel=FOUR_DIGITS)
-
-
 def test_a_file_with_boxes_is_valid_and_says_both_rates(tmp_path):
     certificate = behind_lags()
     certificate.save(tmp_path / "proof.json")
@@ -111,23 +105,25 @@ FORGERIES = {
 }
 
 
-@pytest.mark.parametrize("forgery", FORGERIES)
-def test_a_forged_box_in_a_file_is_not_valid(forgery, tmp_path):
-    path = tmp_path / "proof.json"
-    behind_lags().save(path)
-    tables = json.loads(path.read_text())
-    tables["boxes"][0] |= FORGERIES[forgery](tables["boxes"][0])
-    path.write_text(json.dumps(tables))
+@pytest.fixture
+def tables(tmp_path):
+    behind_lags().save(tmp_path / "proof.json")
+    return json.loads((tmp_path / "proof.json").read_text())
 
-    verified = ft.verify(path)
+
+@pytest.mark.parametrize("forgery", FORGERIES)
+def test_a_forged_box_in_a_file_is_not_valid(forgery, tables, tmp_path):
+    tables["boxes"][0] |= FORGERIES[forgery](tables["boxes"][0])
+    (tmp_path / "proof.json").write_text(json.dumps(tables))
+
+    verified = ft.verify(tmp_path / "proof.json")
 
     assert not verified.valid
     assert "box" in verified.reason
 
 
-def test_every_field_of_a_box_has_a_forgery(tmp_path):
-    behind_lags().save(tmp_path / "proof.json")
-    box = json.loads((tmp_path / "proof.json").read_text())["boxes"][0]
+def test_every_field_of_a_box_has_a_forgery(tables):
+    box = tables["boxes"][0]
 
     assert {*box} == {key for forgery in FORGERIES.values() for key in forgery(box)}
 
@@ -176,3 +172,100 @@ def test_gains_tuned_for_a_range_of_lags_have_the_largest_rate_of_all_gains():
 def test_a_range_of_lags_is_tuned_for_at_one_condition():
     with pytest.raises(ft.InputError, match="`lag` must be absent"):
         ft.tune("paper", envelope=True, lag=(0.2, 0.6))
+
+
+# Relative excess over the same, by the part of the box between two points.
+BETWEEN_POINTS = 1e-6
+
+# Least share of the rate for constant lags that a norm has however they change: those of boxes
+# over which R_K's gains were counted.
+SHARE = 0.93
+
+# K_P (1/s), K_I (1/s^2) and inner feedback of a channel of the exact law.
+LARGEST_R_K, FASTEST, FED_BACK = (1.526, 0.861, 0.0), (2.349, 1.949, 0.0), (1.9, 1.2, 0.5)
+
+LAW = ((0.0, 0.0), (1.0, 1.0))  # of e' = -y
+LAGS = {
+    "twelve conditions": ((0.13, 0.22), (0.0, 0.0), *LAW),
+    "threefold": ((0.2, 0.6), (0.0, 0.0), *LAW),
+    "lag and delay": ((0.13, 0.19), (0.01, 0.03), *LAW),
+    "climb and airspeed": ((0.13, 0.19), (0.02, 0.02), (0.0, 0.2), (0.8, 1.1)),
+}
+
+
+def slowest_root(gains, lag, delay, a, b):
+    """Slowest pole of e' = a e - b G u behind the inner feedback, G the lag and Pade section."""
+    K_P, K_I, k = gains
+    late, pole = [-delay / 2.0, 1.0], np.polymul([delay / 2.0, 1.0], [lag, 1.0])
+    closed = np.polyadd(pole, k * np.array(late))  # y = (1 + k) late / closed u
+    loop = np.polymul(np.polymul([1.0, -a], [1.0, 0.0]), closed)
+    return -np.roots(
+        np.trim_zeros(np.polyadd(loop, b * (1.0 + k) * np.polymul(late, [K_P, K_I])), "f")
+    ).real.max()
+
+
+def least_on_a_grid(gains, box):
+    width = [ends[0] < ends[1] for ends in box]
+    count = {1: 501, 2: 21, 3: 9}[sum(width)]
+    axes = [np.linspace(*ends, count if wide else 1) for ends, wide in zip(box, width, strict=True)]
+    return min(slowest_root(gains, *point) for point in itertools.product(*axes))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("box", LAGS)
+@pytest.mark.parametrize("gains", [LARGEST_R_K, FASTEST, FED_BACK])
+def test_the_rate_for_constant_lags_is_the_least_of_a_dense_grid(gains, box):
+    least = least_on_a_grid(gains, LAGS[box])
+
+    rate = constant_rate(gains, LAGS[box])
+
+    assert (1.0 - FOUR_DIGITS) * least < rate < (1.0 + BETWEEN_POINTS) * least
+    assert constant_rate_proven(gains, LAGS[box], rate)
+    assert not constant_rate_proven(gains, LAGS[box], (1.0 + FOUR_DIGITS) * least)
+
+
+def test_a_channel_that_some_lag_makes_unstable_has_no_rate():
+    # lag s^3 + s^2 + K_P s + K_I is stable up to a lag of K_P / K_I.
+    gains = 1.0, 1.0, 0.0
+
+    assert constant_rate(gains, ((0.2, 0.99), (0.0, 0.0), *LAW)) > 0.0
+    assert constant_rate(gains, ((0.2, 1.01), (0.0, 0.0), *LAW)) == 0.0
+
+
+def loop(gains, lag, delay, a, b):
+    """States e, xi, y and what is delayed, as the equations read."""
+    K_P, K_I, k = gains
+    u = np.array([(1.0 + k) * K_P, (1.0 + k) * K_I, -k, 0.0])
+    e, _, y, z = np.eye(4)
+    return np.array([a * e - b * y, e, (2.0 * z - u - y) / lag, 2.0 * (u - z) / delay])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("gains", [LARGEST_R_K, FASTEST, FED_BACK])
+def test_the_norm_falls_at_its_rate_however_lag_and_delay_switch(gains):
+    box = LAGS["lag and delay"]
+    constant = constant_rate(gains, box)
+
+    rate, Q = norm_rate(gains, box, constant)
+
+    rng = np.random.default_rng(1)
+    x = np.eye(4)
+    for _ in range(60):
+        dt = rng.uniform(0.001, 0.3)
+        points = [[rng.choice(ends) for ends in box], [rng.uniform(*ends) for ends in box]]
+        ends = [expm(dt * loop(gains, *point)) @ x for point in points]
+        bound = np.exp(-rate * dt) * np.sqrt(np.einsum("ij,ik,kj->j", x, Q, x))
+        for end in ends:
+            assert (np.sqrt(np.einsum("ij,ik,kj->j", end, Q, end)) <= bound).all()
+        x = ends[0] / np.linalg.norm(ends[0], axis=0)
+    assert SHARE * constant < rate <= constant
+
+
+def test_a_norm_that_no_change_of_the_lag_breaks_may_be_slower_than_constant_lags():
+    box = LAGS["threefold"]
+    constant = constant_rate(FASTEST, box)
+
+    rate, _ = norm_rate(FASTEST, box, constant)
+
+    assert constant == pytest.approx(1.0 / 3.0, rel=FOUR_DIGITS)
+    assert 0.5 * constant < rate < SHARE * constant

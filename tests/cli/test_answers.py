@@ -6,6 +6,7 @@ and `view` have no answer beyond a file.
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from commands import answer
@@ -52,7 +53,8 @@ def short_mission():
 
 
 def planned():
-    return forecast(ft.plan_campaign(ft.load_campaign("first_campaign"), runs=8), 1)
+    said = forecast(ft.plan_campaign(ft.load_campaign("first_campaign"), runs=8), 1)
+    return SimpleNamespace(answer=lambda: said, _repr_html_=said.html)
 
 
 def options(settings):

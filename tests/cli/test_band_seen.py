@@ -10,7 +10,7 @@ from campaigns import write_campaign
 from commands import answer, flighttune
 
 import flighttune as ft
-from flighttune.campaign.band import load_counted
+from flighttune.campaign.counting import load_counted
 
 pytestmark = pytest.mark.slow
 

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from made_up import made_up_run, made_up_scenario
 
-import flighttune as ft
 from flighttune.flight.expectations import check_claim
 
 T = np.linspace(0.0, 10.0, 101)
@@ -182,20 +181,3 @@ def test_every_requirement_is_met_or_missed_or_was_not_flown(expect, counts):
     assert [check.flown for check in claim.bounds] == [
         check.run == runs[0].label for check in claim.bounds
     ]
-
-
-@pytest.mark.parametrize(
-    ("table", "message"),
-    [
-        ({"gains": "paper"}, "`status`, `at_most`"),
-        ({"at_most": {"chi": {"MO": 1.0}}}, "`chi.MO`.*MO_rad"),
-        ({"gains": "K6", "status": "completed"}, "paper, K5, got 'K6'"),
-        ({"plant": "jsbsim:f16", "status": "completed"}, "one of kinematic, got"),
-        ({"at_most": {"chi": {"band_deg": 1.0}}}, "`chi.band_deg` must be .* beside `settling_s`"),
-        ({"at_most": {"chi": {"settling_s": 5.0, "band_deg": 0.0}}}, "must be positive"),
-        ({"status": "crashed"}, "`status` must be 'completed', "),
-    ],
-)
-def test_expectations_of_what_is_not_there_are_refused(table, message):
-    with pytest.raises(ft.ScenarioError, match=message):
-        scenario(table)

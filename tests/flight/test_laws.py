@@ -94,19 +94,3 @@ def test_its_rate_is_the_same_over_any_envelope_and_kstar_has_none_there():
     tuned = [ft.tune(both, law=exact_law, envelope=over).gains for over in (True, False)]
     assert tuned[0] is not None
     assert tuned[0] == tuned[1]
-
-
-@pytest.mark.parametrize(
-    ("change", "said"),
-    [
-        ({"law": "best"}, "`law` must name paper or exact, got 'best'"),
-        ({"law": ["exact", "exact"]}, "`law` must not name anything twice"),
-        ({"law": [{"name": "a", "kind": "paper", "braking": 0.5}]}, "`braking` .* kind exact only"),
-        ({"law": [{"name": "exact", "kind": "paper"}]}, "`name` of .* must not be 'exact'"),
-        ({"tuning": {"input_limits": True}}, "`input_limits` of .* absent with the exact law"),
-        ({"expect": [{"gains": "exact:K1", "status": "completed"}]}, "`gains` of .* 'exact:K1'"),
-    ],
-)
-def test_what_cannot_be_flown_is_refused_by_key(change, said):
-    with pytest.raises(ft.ScenarioError, match=said):
-        scenario(**change)

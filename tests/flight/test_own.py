@@ -9,7 +9,8 @@ import time
 
 import numpy as np
 import pytest
-from made_up import made_up_scenario
+from fuzzing import to_toml
+from made_up import made_up_scenario, scenario_tables
 from plain_members import Glider, Proportional
 
 import flighttune as ft
@@ -19,28 +20,15 @@ from flighttune.flight import apart
 from flighttune.flight.own import with_own
 from flighttune.planning.plan import plan_from
 
-SCENARIO = """
-    title = "own"
-    gains = ["paper"]
-
-    [[law]]
-    name = "mine"
-    kind = "python"
-    module = "my_law.py"
-    class = "Mine"
-    parameters = { gain = 1.5 }
-
-    [flight]
-    V_a_mps = 25.0
-    duration_s = 2.0
-
-    [reference]
-    chi_deg = 10.0
-    gamma_deg = 0.0
-
-    [[plant]]
-    kind = "point_mass"
-"""
+TABLES = scenario_tables(
+    law=[
+        {"name": "mine", "kind": "python", "module": "my_law.py", "class": "Mine",
+         "parameters": {"gain": 1.5}}
+    ],
+    flight={"duration_s": 2.0},
+    reference={"chi_deg": 10.0},
+    plant=[{"kind": "point_mass"}],
+)  # fmt: skip
 LAW = """
     import math
 
@@ -60,7 +48,7 @@ LAW = """
 
 @pytest.fixture
 def files(tmp_path):
-    (tmp_path / "own.toml").write_text(textwrap.dedent(SCENARIO))
+    (tmp_path / "own.toml").write_text(to_toml(TABLES))
     (tmp_path / "my_law.py").write_text(textwrap.dedent(LAW))
     return tmp_path
 
@@ -134,14 +122,28 @@ def test_a_law_with_a_linear_model_has_indicators(scenario):
     assert flown.indicators["mine:paper"].R_K == pytest.approx(flown.indicators["paper"].R_K)
 
 
-def test_a_law_that_cannot_be_made_ends_its_own_flights_alone(scenario):
-    def broken(_):
-        raise KeyError("no model")
+class Ends(Proportional):
+    def step(self, measured, reference, t):
+        if t > 1.0:
+            raise SystemExit(3)
+        return super().step(measured, reference, t)
 
-    flown = ft.fly(scenario, laws={"mine": broken})
 
-    assert [run.status for run in flown.runs] == ["completed", "law_failed"]
-    assert flown.runs[1].reason.startswith("law mine at t = 0.00 s: KeyError: 'no model'")
+@pytest.mark.parametrize(
+    ("law", "said", "samples"),
+    [
+        (lambda _: {}["no model"], "KeyError: 'no model'", 0),
+        (lambda _: Ends(), "SystemExit: 3", 52),
+    ],
+)
+def test_a_law_that_raises_or_ends_the_program_ends_its_own_flight_alone(
+    scenario, law, said, samples
+):
+    first, run = ft.fly(scenario, laws={"mine": law}).runs
+
+    assert (first.status, run.status) == ("completed", "law_failed")
+    assert re.match(rf"law mine at t = {0.02 * max(samples - 1, 0):.2f} s: {said}", run.reason)
+    assert len(run.signals) == pytest.approx(samples, abs=1)
 
 
 class Falls(Glider):
@@ -337,32 +339,16 @@ def test_what_a_law_of_a_file_prints_is_not_on_stdout(files, capfd):
     assert "started" in printed.err
 
 
-class Ends(Proportional):
-    def step(self, measured, reference, t):
-        if t > 1.0:
-            raise SystemExit(3)
-        return super().step(measured, reference, t)
-
-
-def test_a_law_that_ends_the_program_ends_its_flight_alone(scenario):
-    first, run = ft.fly(scenario, laws={"mine": lambda _: Ends()}).runs
-
-    assert first.status == "completed"
-    assert run.status == "law_failed"
-    assert "SystemExit: 3" in run.reason
-    assert run.signals.index[-1] == pytest.approx(1.0, abs=0.05)
-
-
 @pytest.mark.slow
 def test_a_band_of_a_law_that_raises_says_why_and_how_often(tmp_path):
     """At 25 m/s it is 25 m along its leg when the law raises after 1 s."""
     law = LAW.replace("return", "if t > 1.0: missing\n            return")
     (tmp_path / "my_law.py").write_text(textwrap.dedent(law))
-    file, reference = tmp_path / "own.toml", SCENARIO[SCENARIO.index("    [ref") :]
-    leg = "[[route.waypoint]]\nnorth_m={}\neast_m=0\n"
-    route = leg.format(0) + leg.format(60) + "[limits]\nphi_deg=[-30, 30]\nphi_rate_dps=30\n"
-    route += "[[plant]]\nkind='point_mass'\n"
-    file.write_text(textwrap.dedent(SCENARIO.replace(reference, "")) + route)
+    leg = [{"north_m": 0.0, "east_m": 0.0}, {"north_m": 60.0, "east_m": 0.0}]
+    limits = {"phi_deg": [-30.0, 30.0], "phi_rate_dps": 30.0}
+    tables = {key: value for key, value in TABLES.items() if key != "reference"}
+    file = tmp_path / "own.toml"
+    file.write_text(to_toml(tables | {"route": {"waypoint": leg}, "limits": limits}))
     few = {"epsilon": 0.5, "confidence": 0.5, "learn": 10, "workers": 1}
     ended = r"10 law_failed: .*'missing'.* It was 2[56]( to 26)? m along the route\."
 

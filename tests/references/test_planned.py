@@ -10,7 +10,7 @@ from scipy.integrate import quad
 
 import flighttune as ft
 from flighttune.aircraft.aircraft import load_aircraft
-from flighttune.campaign.flying.kinematic_batch import batchable
+from flighttune.campaign.flying.rows import batchable
 from flighttune.files.table import toml_text
 from flighttune.flight.new import new_scenario
 from flighttune.references.follow import WIND_ESTIMATE_S, Planner

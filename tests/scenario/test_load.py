@@ -8,6 +8,7 @@ import tomllib
 import numpy as np
 import pytest
 from fuzzing import to_toml
+from made_up import made_up_scenario
 from places import SHIPPED_SCENARIOS
 
 import flighttune as ft
@@ -47,63 +48,6 @@ def test_a_rate_may_be_a_range(tables):
 def test_a_scenario_cannot_be_changed():
     with pytest.raises(ValueError, match="frozen"):
         ft.load_scenario("paper").seed = 2  # pyright: ignore[reportAttributeAccessIssue]
-
-
-WRONG = [
-    ("flight", {"V_a_mps": -50.0}, r"\[flight\] `V_a_mps` must be greater .* 1, got -50\.0"),
-    ("flight", {"V_a": 50.0}, r"\[flight\] `V_a` is not a known key; did you mean `V_a_mps`\?"),
-    ("flight", {"V_a_mps": "25"}, r"`V_a_mps` must be a valid number, got '25'"),
-    ("flight", {"duration_s": 0.01}, r"`duration_s` of \[flight\] must be at least two samples"),
-    ("limits", {"phi_deg": [45.0, -45.0]}, r"must be a range \[low, high\] with low below high"),
-    ("limits", {"phi_rate_dps": [3.0, 5.0]}, r"`phi_rate_dps` must be a range of rates"),
-    ("controller", {"anti_windup": "clamp"}, r"must be 'none', 'conditional' or 'back_calc"),
-    ("reference", {"chi_deg": [{"shape": "jump"}]}, r"'shape' .*'doublet'"),
-    (
-        "reference",
-        {"gamma_deg": [{"shape": "step", "start_s": 99.0, "change_deg": 5.0}]},
-        r"\[reference\.gamma_deg\] `start_s` must lie before the end of the flight .*, got 99 s\.$",
-    ),
-    ("tuning", {"R_min": 0.3}, "`R_min` must be absent"),
-    ("tuning", {"model": "identified", "I_star": 4.0}, "`I_star` must be absent with model"),
-    (None, {"tuning": {"model": "identified", "lag_rad_s": [4, 8]}}, "`lag_rad_s` must be absent"),
-    (
-        None,
-        {"tuning": {"identified": "nowhere.json"}, "gains": ["tuned_identified"], "expect": []},
-        r"\[tuning\] `identified` .*nowhere",
-    ),
-    (
-        None,
-        {"plant": [{"kind": "kinematic"}], "gains": ["tuned_identified"], "expect": []},
-        r"`identified` of \[tuning\] must be given",
-    ),
-    (None, {"gains": ["paper", "paper"]}, r"`gains` must not name anything twice"),
-    (None, {"gains": [{"name": "x", "K_P": [[1.0]], "K_I": [[1.0]]}]}, r"must have 2 rows"),
-    (None, {"plant": [{"kind": "jsbsim"}]}, r"`aircraft` must be given with kind jsbsim"),
-    (
-        None,
-        {"plant": [{"kind": "kinematic", "roll_lag_rad_s": 4.0}]},
-        "`roll_lag_rad_s` must be given with kind point_mass_lag only",
-    ),
-    (
-        None,
-        {"plant": [{"kind": "point_mass_lag", "roll_lag_rad_s": 4.0}]},
-        "`n_z_lag_rad_s` must be given with kind point_mass_lag",
-    ),
-    (None, {"disturbance": {"chi_amplitude": 0.1}}, r"`disturbance` must be absent where a plant"),
-]
-
-
-@pytest.mark.parametrize(("table", "change", "message"), WRONG)
-def test_a_wrong_value_gets_one_line_with_file_and_key(table, change, message, tables, tmp_path):
-    (tables if table is None else tables[table]).update(change)
-    path = tmp_path / "wrong.toml"
-    path.write_text(to_toml(tables))
-
-    with pytest.raises(ft.ScenarioError, match=message) as caught:
-        ft.load_scenario(path)
-
-    assert str(caught.value).startswith(f"{path}: ")
-    assert "\n" not in str(caught.value)
 
 
 def test_of_many_mistakes_five_are_told_and_the_rest_counted(tables):
@@ -163,3 +107,52 @@ def test_a_scenario_keeps_its_aircraft_but_does_not_send_it_to_workers():
     assert "config" not in vars(copy.aircraft[0])  # its files may lie elsewhere there
     assert copy == scenario
     assert copy.aircraft[0].config == table.config
+
+
+def test_a_path_angle_beyond_the_vertical_that_is_never_reached_is_flown():
+    steep = [{"shape": "ramp", "start_s": 0.3, "duration_s": 60.0, "rate_dps": 10.0}]
+
+    made_up_scenario(flight={"gamma_deg": 87.0, "duration_s": 0.4}, reference={"gamma_deg": steep})
+
+
+@pytest.mark.parametrize(
+    ("duration", "rate", "flown"), [(3.0, 1.5, 8 / 3), (0.05, 50.0, 0.04), (10.0, 7.3, 10.0)]
+)
+def test_a_duration_that_is_no_whole_number_of_samples_is_said(duration, rate, flown):
+    scenario = made_up_scenario(flight={"duration_s": duration}, controller={"rate_hz": rate})
+    (run,) = ft.fly(scenario).runs
+
+    assert run.duration == pytest.approx(flown)
+    (note,) = scenario.notes if flown != duration else ("",)
+    assert note.endswith(f"{flown:.6g} s are flown" if note else "")
+
+
+def test_a_scenario_made_in_python_is_refused_by_its_title_when_it_is_flown():
+    plants = [{"kind": "kinematic"}, {"kind": "jsbsim", "aircraft": "aerosonde"}]
+    scenario = made_up_scenario(flight={"V_a_mps": 250.0}, plant=plants)
+
+    with pytest.raises(ft.ScenarioError, match=r"^Straight on: .*`V_a_mps`.*15 to 45"):
+        ft.fly(scenario)
+
+
+def test_sensors_are_in_radians_and_draw_from_the_seed_of_the_scenario():
+    errors = {
+        "chi_bias_deg": 1.0, "gamma_bias_deg": -2.0, "V_a_bias_mps": 0.5, "chi_noise_sd_deg": 0.1,
+        "gamma_noise_sd_deg": 0.2, "V_a_noise_sd_mps": 0.3, "noise_time_constant_s": 0.4,
+    }  # fmt: skip
+    found = made_up_scenario(seed=4, sensors=errors).sensors_on("kinematic")
+
+    bias, noise = np.deg2rad([1.0, -2.0]), np.deg2rad([0.1, 0.2])
+    assert found.bias == pytest.approx((*bias, 0.5), rel=ROUNDING)
+    assert found.noise_sd == pytest.approx((*noise, 0.3), rel=ROUNDING)
+    assert (found.time_constant, found.seed) == (0.4, 4)
+
+
+@pytest.mark.parametrize("name", ["heavy", "v1.2+cg*", "größer"])
+def test_a_plant_of_any_kind_may_have_a_name(name):
+    plants = [{"kind": "jsbsim", "aircraft": "aerosonde"}, {"kind": "kinematic"}]
+    scenario = made_up_scenario(plant=[plant | {"name": name} for plant in plants])
+
+    labels = [f"jsbsim:aerosonde:{name}", f"kinematic:{name}"]
+    assert [plant.label for plant in scenario.plant] == labels
+    assert ft.scenario_from(scenario.as_dict()) == scenario

@@ -5,7 +5,6 @@ import math
 import pytest
 from made_up import made_up_scenario
 
-import flighttune as ft
 from flighttune.flight.conditions import weather_of
 
 AIRCRAFT = [{"kind": "kinematic"}, {"kind": "jsbsim", "aircraft": "aerosonde"}]
@@ -14,9 +13,6 @@ PAPERS_SINUSOID = {
     "chi_amplitude": 0.1, "chi_omega_rad_s": 0.15,
     "gamma_amplitude": 0.1, "gamma_omega_rad_s": 0.15,
 }  # fmt: skip
-
-GUST = {"gust": {"axis": "down", "peak_mps": 1.0, "start_s": 0.0, "length_m": 9.0}}
-STILL = {"h_m": 0.0, "speed_mps": 0.0, "from_deg": 0.0}
 
 
 def scenario(plants=AIRCRAFT, **tables):
@@ -73,45 +69,3 @@ def test_the_papers_sinusoid_takes_a_wind_of_seventeen_meters_a_second():
 def test_still_air_is_no_weather():
     assert weather_of(scenario()) is None
     assert weather_of(scenario(LAW, disturbance=PAPERS_SINUSOID)) is None
-
-
-@pytest.mark.parametrize(
-    ("tables", "message"),
-    [
-        ({"wind": {"speed_mps": 5.0}}, r"\[wind\] `speed_mps` and `from_deg` must be given"),
-        (
-            {"wind": {"speed_mps": 1.0, "from_deg": 0.0, "level": [STILL]}},
-            r"\[wind\] `from_deg` must be absent where there are levels",
-        ),
-        (
-            {"wind": {"level": [{"h_m": 9.0, "speed_mps": 0.0, "from_deg": 0.0}] * 2}},
-            r"`level` must rise in h_m, got \[9.0, 9.0\]",
-        ),
-        (
-            {"gust": {**GUST["gust"], "start_s": 20.0}},
-            r"\[gust\] `start_s` must lie before the end of the flight .*20 s\), got 20 s",
-        ),
-        ({"turbulence": {}}, "`intensity` must be given, or both `severity` and"),
-        ({"turbulence": {"intensity": "light", "severity": 3, "wind_20ft_mps": 5.0}}, "in its"),
-        ({"disturbance": PAPERS_SINUSOID}, "`disturbance` must be absent .* or have `as_wind`"),
-        (
-            {"disturbance": {**PAPERS_SINUSOID, "path": "air"}, "plant": LAW},
-            '`path` must be "ground" without as_wind, got "air"',
-        ),
-        (
-            {
-                "disturbance": {**PAPERS_SINUSOID, "as_wind": True, "path": "air"},
-                "wind": {"speed_mps": 5.0, "from_deg": 0.0},
-            },
-            r'`path` of \[disturbance\] must be "ground" where there is other wind',
-        ),
-        (
-            {"disturbance": {"chi_amplitude": 0.1, "as_wind": True}},
-            "`chi_omega_rad_s` must be positive with as_wind",
-        ),
-        ({**GUST, "plant": LAW}, "`gust` .*jsbsim"),
-    ],
-)  # fmt: skip
-def test_impossible_weather_names_table_and_key(tables, message):
-    with pytest.raises(ft.ScenarioError, match=message):
-        scenario(**tables)

@@ -32,27 +32,26 @@ def test_no_state_leaves_the_bound_of_the_rate_and_its_growth(seed, n, dt):
     step = 0.05 if dt is None else dt
     over = expm(A * step)
 
-    proven = decay(A if dt is None else over, dt=dt)
+    rate, Q = decay(A if dt is None else over, dt=dt)
 
-    assert proven is not None
-    assert TARGET * (1.0 - ROUNDING) <= proven.rate / 0.5 < 1.0 + ROUNDING
+    assert TARGET * (1.0 - ROUNDING) <= rate / 0.5 < 1.0 + ROUNDING
     product = np.eye(n)
     for k in range(1, 200):
         product = over @ product
-        bound = proven.growth * math.exp(-proven.rate * k * step)
+        bound = math.sqrt(np.linalg.cond(Q)) * math.exp(-rate * k * step)
         assert np.linalg.norm(product, 2) <= bound * (1.0 + ROUNDING)
 
 
 def test_a_defective_loop_has_a_rate_just_below_its_eigenvalue():
-    jordan = np.array([[-1.0, 1.0, 0.0], [0.0, -1.0, 1.0], [0.0, 0.0, -1.0]])
+    jordan = np.eye(3, k=1) - np.eye(3)
 
-    assert TARGET <= decay(jordan).rate < 1.0
+    assert TARGET <= decay(jordan)[0] < 1.0
 
 
 def test_a_loop_that_ends_after_its_delay_has_a_rate():
     shift = np.diag([1.0, 1.0], -1)
 
-    assert decay(shift, dt=0.1).rate > 0.0
+    assert decay(shift, dt=0.1)[0] > 0.0
 
 
 @pytest.mark.parametrize(
@@ -73,7 +72,7 @@ def test_a_loop_that_does_not_decay_has_no_rate(loop, dt):
     ("loop", "dt"), [([[1.0, 2.0]], None), ([[math.nan]], None), ([[0.5]], 0.0)]
 )
 def test_what_is_no_loop_is_refused(loop, dt):
-    with pytest.raises((ft.InputError, ft.InputError)):
+    with pytest.raises(ft.InputError):
         decay(loop, dt=dt)
 
 
@@ -96,14 +95,10 @@ ONE_BIT_OFF[0, 1] += 1e-15
 def test_a_forged_rate_is_not_proven(forgery, dt):
     A = stable_loops(3, 4)
     loop = A if dt is None else expm(A * dt)
-    proven = decay(loop, dt=dt)
+    rate, Q = decay(loop, dt=dt)
 
-    checks = decay_checks(
-        exact(loop + forgery.get("added", 0.0)),
-        proven.Q * forgery.get("factor", 1.0),
-        rate=forgery.get("rate", proven.rate),
-        dt=dt,
-    )
+    forged = exact(loop + forgery.get("added", 0.0)), Q * forgery.get("factor", 1.0)
+    checks = decay_checks(*forged, rate=forgery.get("rate", rate), dt=dt)
 
     assert not all(check.exact for check in checks)
 

@@ -1,4 +1,4 @@
-"""Exact arithmetic against floats, identities, and cases that floats get wrong."""
+"""Exact arithmetic, and the inequalities of a certificate: valid ones proven, others refused."""
 
 import math
 from fractions import Fraction
@@ -7,9 +7,11 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.linalg import solve_continuous_lyapunov
 
 import flighttune as ft
-from flighttune.theory.exact import cosine, exact, positive_definite, product, sine
+from flighttune.theory import exact as theory
+from flighttune.theory.exact import Verification, cosine, exact, positive_definite, sine
 
 angles = st.floats(-1.57, 1.57)
 entries = st.integers(-6, 6)
@@ -26,14 +28,18 @@ def test_definiteness_is_that_of_the_eigenvalues_where_those_are_clear(rows):
         assert positive_definite(exact(matrix)) == (smallest > 0.0)
 
 
-def test_a_matrix_that_is_definite_by_one_bit_is_told_from_one_that_is_not():
-    one_bit = 2.0**-52
-    above = exact([[1.0 + one_bit, 1.0], [1.0, 1.0]])
-    below = exact([[1.0 - one_bit, 1.0], [1.0, 1.0]])
-
-    assert positive_definite(above)
-    assert not positive_definite(below)
-    assert not positive_definite(exact([[1.0, 1.0], [1.0, 1.0]]))
+@pytest.mark.parametrize(
+    ("row", "definite"),
+    [
+        ([1.0 + 2.0**-52, 1.0], True),
+        ([1.0 - 2.0**-52, 1.0], False),
+        ([1.0, 1.0], False),
+        ([2.0, 0.0], False),
+    ],
+    ids=["by one bit", "not by one bit", "singular", "not symmetric"],
+)
+def test_definiteness_is_decided_to_the_last_bit(row, definite):
+    assert positive_definite(exact([row, [1.0, 1.0]])) is definite
 
 
 def test_the_hilbert_matrix_of_order_12_is_definite_up_to_the_last_bit_of_its_last_pivot():
@@ -50,21 +56,15 @@ def test_the_hilbert_matrix_of_order_12_is_definite_up_to_the_last_bit_of_its_la
     assert not positive_definite(hilbert)
 
 
-def test_a_matrix_that_is_not_symmetric_is_not_called_definite():
-    assert not positive_definite(exact([[2.0, 1.0], [0.0, 2.0]]))
-
-
 @pytest.mark.slow
 @given(angles)
 def test_sine_and_cosine_lie_in_narrow_intervals_whose_squares_add_up_to_one(angle):
-    low, high = sine(angle)
-    low_cosine, high_cosine = cosine(angle)
-    squares = [product(ends, ends) for ends in (sine(angle), cosine(angle))]
+    both = sine(angle), cosine(angle)
+    squares = [theory.product(ends, ends) for ends in both]
 
-    assert low - Fraction(1, 10**15) <= Fraction(math.sin(angle)) <= high + Fraction(1, 10**15)
-    assert abs(Fraction(math.cos(angle)) - low_cosine) < Fraction(1, 10**15)
-    assert 0 <= high - low < WIDTH
-    assert 0 <= high_cosine - low_cosine < WIDTH
+    for (low, high), value in zip(both, (math.sin(angle), math.cos(angle)), strict=True):
+        assert low - Fraction(1, 10**15) <= Fraction(value) <= high + Fraction(1, 10**15)
+        assert 0 <= high - low < WIDTH
     assert sum(low for low, _ in squares) <= 1 <= sum(high for _, high in squares) + WIDTH
 
 
@@ -91,3 +91,43 @@ def test_a_float_is_the_rational_it_says(value):
 def test_what_is_not_finite_is_no_rational(value):
     with pytest.raises(ft.InputError, match="`values` must be finite"):
         exact([value])
+
+
+A = np.array([[-1.0, 2.0], [0.0, -3.0]])
+E = np.array([[1.0], [1.0]])
+VERTICES = [exact(A)]
+LYAPUNOV_Q = solve_continuous_lyapunov(A.T, -np.eye(2))
+RATE = 1.0 / np.linalg.eigvalsh(LYAPUNOV_Q)[-1]
+RATE_LOSS = 1e-8
+
+
+def proves(Q, rate):
+    return Verification.of(theory.rate_checks(VERTICES, Q, rate=rate)).valid
+
+
+def test_the_lyapunov_solution_is_inflated_until_its_rate_is_proven():
+    Q, rate = theory.provable_rate(VERTICES, LYAPUNOV_Q)
+
+    assert proves(Q, rate)
+    assert rate == pytest.approx(RATE, rel=RATE_LOSS)
+    assert not proves(LYAPUNOV_Q, 0.9 * RATE)  # it only meets an equation
+    assert not proves(Q + np.array([[0.0, 1e-15], [0.0, 0.0]]), rate)  # not symmetric
+
+
+def test_a_Q_of_an_unstable_loop_cannot_be_inflated_into_a_proof():
+    assert theory.provable_rate([exact([[0.1]])], np.array([[1.0]])) is None
+
+
+@pytest.mark.parametrize("name", ["radius", "multiplier"])
+def test_a_radius_and_a_multiplier_must_be_positive(name):
+    load = (E @ E.T + 1e-6 * np.eye(2)) * 0.2**2
+    W = solve_continuous_lyapunov(A + 0.5 * np.eye(2), -load)
+    W = (W + W.T) / 2.0
+    radius = float(np.sqrt(np.linalg.eigvalsh(W)[-1])) * (1.0 + 1e-9)
+    stated = {"multiplier": 1.0, "radius": radius, "L_d": 0.2}
+
+    def verdict(**changed):
+        return Verification.of(theory.radius_checks(VERTICES, E, W, **stated | changed))
+
+    assert verdict().valid
+    assert verdict(**{name: -stated[name]}).reason.startswith(f"{name} > 0 does not hold: margin ")

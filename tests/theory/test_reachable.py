@@ -1,4 +1,4 @@
-"""The largest error of a disturbed loop, and flights of it under the worst disturbance."""
+"""Ultimate bounds and the largest error of a disturbed loop, against flights and paper."""
 
 import math
 from functools import cache
@@ -48,6 +48,13 @@ def bounds(name):
     )
 
 
+def flown(A, v, duration):
+    """States of a loop from rest under a disturbance v(t), shape (4, samples)."""
+    return solve_ivp(
+        lambda t, s: A @ s + E @ v(t), (0.0, duration), np.zeros(4), rtol=1e-6, atol=1e-9
+    ).y
+
+
 @pytest.fixture(scope="module")
 def reachable():
     return ReachableSet.of(A_K, E, L_d=L_D)
@@ -58,6 +65,7 @@ def test_the_ellipsoid_is_within_5_percent_and_the_papers_ball_7_6_times_above()
     (exact, _), ellipsoid, _, ball = bounds("paper")
 
     assert exact == pytest.approx(0.0318, abs=5e-5)
+    assert ellipsoid.radius == pytest.approx(0.0333, abs=5e-5)
     assert exact < ellipsoid.radius < 1.05 * exact
     assert ball / exact == pytest.approx(7.6, abs=0.05)
 
@@ -77,30 +85,64 @@ def test_the_worst_disturbance_reaches_the_exact_figure_within_1_percent(name):
     reachable = ReachableSet.of(A, E, L_d=L_D)
     (exact, direction), ellipsoid, _, _ = bounds(name)
     duration = 12.0 / -np.linalg.eigvals(A).real.max()
-    v = worst_disturbance(reachable, direction, duration)
 
-    flight = solve_ivp(
-        lambda t, s: A @ s + E @ v(t), (0.0, duration), np.zeros(4), rtol=1e-6, atol=1e-9
-    )
+    flight = flown(A, worst_disturbance(reachable, direction, duration), duration)
 
-    reached = np.linalg.norm(flight.y, axis=0).max()
+    reached = np.linalg.norm(flight, axis=0).max()
     assert (1.0 - REACHED) * exact < reached < (1.0 + QUADRATURE) * exact
     assert reached < ellipsoid.radius
 
 
 @pytest.mark.parametrize("channel", range(4))
 def test_the_worst_disturbance_of_a_channel_reaches_its_largest_value(reachable, channel):
-    duration = 40.0
-    c = np.eye(4)[channel]
-    v = worst_disturbance(reachable, c, duration)
+    c, duration = np.eye(4)[channel], 40.0
 
-    flight = solve_ivp(
-        lambda t, s: A_K @ s + E @ v(t), (0.0, duration), np.zeros(4), rtol=1e-6, atol=1e-9
-    )
+    flight = flown(A_K, worst_disturbance(reachable, c, duration), duration)
 
     bound = L_D * largest_outputs(A_K[None], E, np.eye(4))[0, channel]
-    assert flight.y[channel, -1] == pytest.approx(bound, rel=REACHED)
-    assert flight.y[channel, -1] < bound * (1.0 + QUADRATURE)
+    assert flight[channel, -1] == pytest.approx(bound, rel=REACHED)
+    assert flight[channel, -1] < bound * (1.0 + QUADRATURE)
+
+
+def test_the_papers_ball_has_three_readings():
+    balls = paper_balls(A_K, MODEL.A, I_K=ft.loop.indicators(A_K).I_K, L_d=L_D)
+
+    assert balls == pytest.approx([0.241, 0.104, 0.015], abs=5e-4)
+
+
+def test_a_lightly_damped_loop_leaves_the_ball_of_the_proportional_reading():
+    damping = 0.1
+    oscillator = np.array([[-damping, -1.0], [1.0, 0.0]])
+    safe, proportional, _ = paper_balls(
+        oscillator, [[0.0]], I_K=ft.loop.indicators(oscillator).I_K, L_d=1.0
+    )
+
+    reached, _ = largest_reach(ReachableSet.of(oscillator, [[1.0], [0.0]], L_d=1.0))
+
+    assert proportional < reached / 5.0
+    assert reached < safe
+
+
+def test_the_ellipsoid_of_a_single_decay_is_the_exact_interval():
+    """s' = -k s + v reaches L_d / k; the best multiplier is a = k."""
+    k, L_d = 3.0, 0.6
+
+    ellipsoid = invariant_ellipsoid([[-k]], [[1.0]], L_d=L_d)
+
+    assert ellipsoid.radius == pytest.approx(L_d / k, rel=QUADRATURE)
+    assert ellipsoid.multiplier == pytest.approx(k, rel=1e-3)
+
+
+def test_what_has_no_bound_is_refused_by_name():
+    for L_d in (0.0, np.nan):
+        with pytest.raises(ft.InputError, match="`L_d` must be positive"):
+            invariant_ellipsoid(A_K, E, L_d=L_d)
+        with pytest.raises(ft.InputError, match="`L_d` must be positive"):
+            paper_balls(A_K, MODEL.A, I_K=1.0, L_d=L_d)
+    with pytest.raises(ft.InputError, match=r"`A`.*0\.5"):
+        invariant_ellipsoid([[0.5]], [[1.0]], L_d=1.0)
+    with pytest.raises(ft.InputError, match=r"`E`.*2"):
+        invariant_ellipsoid(-np.eye(2), [[0.0], [0.0]], L_d=1.0)
 
 
 @pytest.mark.slow

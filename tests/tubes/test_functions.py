@@ -1,15 +1,21 @@
-"""Enclosures of functions, and the interval arithmetic below them."""
+"""Enclosures of functions and of lags, and the interval arithmetic below them."""
 
 from fractions import Fraction
+from itertools import product
 
 import mpmath
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.integrate import quad
+from scipy.linalg import expm
 
+import flighttune as ft
+from flighttune.plants.lagged import LaggedChannel
 from flighttune.theory import exact
-from flighttune.tubes import forms, hand_over
+from flighttune.tubes import forms, proof
+from flighttune.tubes.dynamics import SampledLag
 from flighttune.tubes.forms import Pieces, Quantity, combined
 from flighttune.tubes.interval import LARGEST_ANGLE, Interval, cosine, sine_and_cosine
 
@@ -52,30 +58,37 @@ def ranged(pieces, form):
 @pytest.mark.parametrize(
     ("enclosure", "function"),
     [
-        (lambda angle: (forms.tangent(angle), None), np.tan),
-        (forms.cosine_of, np.cos),
-        (forms.secant, lambda x: 1.0 / np.cos(x)),
+        (lambda a, _: forms.tangent(a), lambda x, _: np.tan(x)),
+        (lambda a, _: forms.cosine_of(a).form, lambda x, _: np.cos(x)),
+        (lambda a, _: forms.secant(a).form, lambda x, _: 1.0 / np.cos(x)),
+        (forms.product, np.multiply),
+        (forms.secant_change, lambda x, y: 1.0 / np.cos(x) - 1.0 / np.cos(x + y)),
+        # A kink, whatever the slope
+        *(
+            (lambda a, _, slope=slope: forms.positive_part(a, slope), lambda x, _: np.maximum(x, 0))
+            for slope in (0.0, 0.37, 1.0)
+        ),
     ],
 )
-def test_a_function_of_an_angle_is_enclosed(pieces, symbols, enclosure, function):
+def test_a_function_is_enclosed(pieces, symbols, enclosure, function):
+    both = [ranged(pieces, form) for form in pieces.forms()[:2]]
+    x, y = (members(quantity.form, symbols) for quantity in both)
+
+    assert inside(enclosure(*both), symbols, function(x, y))
+
+
+@pytest.mark.parametrize(
+    ("enclosure", "function"),
+    [(forms.cosine_of, np.cos), (forms.secant, lambda x: 1.0 / np.cos(x))],
+)
+def test_the_values_of_a_function_are_enclosed(pieces, symbols, enclosure, function):
     angle = pieces.forms()[0]
     exactly = function(members(angle, symbols))
 
-    form, values = enclosure(ranged(pieces, angle))
+    values = enclosure(ranged(pieces, angle)).values
 
-    assert inside(form, symbols, exactly)
-    if values is not None:
-        assert (values.low <= exactly.min(axis=1) + ROUNDING).all()
-        assert (values.high >= exactly.max(axis=1) - ROUNDING).all()
-
-
-def test_product_and_change_of_secant_are_enclosed(pieces, symbols):
-    a, b = (ranged(pieces, form) for form in pieces.forms()[:2])
-    x, y = (members(quantity.form, symbols) for quantity in (a, b))
-
-    assert inside(forms.product(a, b), symbols, x * y)
-    change = forms.secant_change(a, b)
-    assert inside(change, symbols, 1.0 / np.cos(x) - 1.0 / np.cos(x + y))
+    assert (values.low <= exactly.min(axis=1) + ROUNDING).all()
+    assert (values.high >= exactly.max(axis=1) - ROUNDING).all()
 
 
 @pytest.mark.parametrize("scale", [0.1, 1.0, 3.0])
@@ -88,26 +101,19 @@ def test_arctangent_of_a_quotient_is_enclosed(pieces, symbols, scale):
     assert inside(found, symbols, np.arctan2(members(a, symbols), members(b, symbols)))
 
 
-@pytest.mark.parametrize("slope", [0.0, 0.37, 1.0])
-def test_a_kink_is_enclosed_whatever_the_slope(pieces, symbols, slope):
-    form = pieces.forms()[0]
-
-    found = forms.positive_part(ranged(pieces, form), slope)
-
-    assert inside(found, symbols, np.maximum(members(form, symbols), 0.0))
-
-
 def test_fewer_symbols_make_no_range_smaller(pieces):
     weights = np.random.default_rng(9).uniform(-1.0, 1.0, (20, ROWS))
-    before = [pieces.plain_range(combined(*zip(w, pieces.forms(), strict=True))) for w in weights]
 
+    def ranges():
+        sums = forms.transformed(weights, pieces.forms())
+        values = [pieces.plain_range(form) for form in sums]
+        return np.array([[value.low, value.high] for value in values])
+
+    before = ranges()
     pieces.reduce(np.array([[0, 3], [1, 4], [2, -1], [5, -1], [6, 9]]))
 
     assert pieces.used == SYMBOLS - 5 + ROWS + 1
-    for w, was in zip(weights, before, strict=True):
-        now = pieces.plain_range(combined(*zip(w, pieces.forms(), strict=True)))
-        assert np.all(now.low <= was.low + ROUNDING)
-        assert np.all(now.high >= was.high - ROUNDING)
+    assert ((ranges() - before) * [[1.0], [-1.0]] <= ROUNDING).all()
 
 
 def test_a_constraint_cuts_the_range_to_what_it_says(pieces):
@@ -165,9 +171,20 @@ def test_a_set_refuses_a_point_just_outside():
 
     for row, point in ((0, END), (1, -END)):
         ranges = np.column_stack([centre, centre])
-        assert hand_over.inside(ranges, centre, size)
+        assert proof.inside(ranges, centre, size)
         ranges[row] = point
-        assert not hand_over.inside(ranges, centre, size)
+        assert not proof.inside(ranges, centre, size)
+
+
+def test_the_hull_of_a_parallelotope_is_its_set_rounded_outwards():
+    rng = np.random.default_rng(3)
+    W, centre = rng.normal(size=(5, 5)), rng.normal(size=5)
+    size = np.abs(rng.normal(size=5))
+
+    hull = proof.hull(proof.parallelotope(W, centre, size), W)
+
+    assert not proof.inside(hull, centre, size)
+    assert proof.inside(hull, centre, (1.0 + 1e-9) * size)
 
 
 def test_a_parallelotope_contains_the_corners_of_its_set_exactly():
@@ -177,7 +194,7 @@ def test_a_parallelotope_contains_the_corners_of_its_set_exactly():
     rng = np.random.default_rng(3)
     centre, size = rng.normal(size=n), rng.uniform(0.1, 1.0, n)
 
-    box = hand_over.parallelotope(W, centre, size)
+    box = proof.parallelotope(W, centre, size)
 
     with mpmath.workdps(60):
         middle, generators, err = (
@@ -215,3 +232,70 @@ def test_ranges_of_angles_contain_every_value(a, b, part):
 
     assert all(holds(sine(whole), end) for end in exact.sine(angle))
     assert all(holds(cosine(whole), end) for end in exact.cosine(angle))
+
+
+DT = 0.02
+QUADRATURE = 1e-9
+
+LAGS = [
+    ft.loop.InnerLag(order=1, natural_frequency=6.0),
+    ft.loop.InnerLag(order=2, natural_frequency=12.0, damping=0.6, delay=0.03),
+    ft.loop.InnerLag(order=3, natural_frequency=9.0, damping=0.8, lag=0.1, delay=0.055),
+]
+
+
+@pytest.mark.parametrize("lag", LAGS)
+def test_states_pass_as_by_the_matrix_exponential(lag):
+    sampled = SampledLag.of(lag, DT)
+
+    assert sampled.transition[:, :-2] == pytest.approx(expm(lag.undelayed[0] * DT), abs=ROUNDING)
+    still = np.append(sampled.rest, [1.0, 1.0])
+    assert sampled.transition @ still == pytest.approx(sampled.rest, abs=ROUNDING)
+    assert sampled.mean @ still == pytest.approx(1.0, abs=ROUNDING)
+
+
+@pytest.mark.parametrize("lag", LAGS)
+def test_a_step_is_answered_as_in_flight_at_every_sample_and_on_average(lag):
+    sampled, channel = SampledLag.of(lag, DT), LaggedChannel(lag, 0.0)
+    given = [0.0] * (sampled.older + 1)
+    state = np.zeros(sampled.order)
+    for k in range(12):
+        command = 1.0 if k < 5 else -0.5
+        channel.order(k * DT, command)
+        given.insert(0, command)
+        inputs = np.array([*state, given[sampled.older + 1], given[sampled.older]])
+        states, edges = sampled.transition @ inputs, sorted(channel.switches((k + 1) * DT))
+        area, begin = 0.0, k * DT
+        for end in (*edges, (k + 1) * DT):
+            area += quad(channel.at, begin, end)[0]
+            channel.move_to(end)
+            begin = end
+        assert states[0] == pytest.approx(channel.at((k + 1) * DT), abs=ROUNDING)
+        assert sampled.mean @ inputs == pytest.approx(area / DT, abs=QUADRATURE)
+        state = states
+
+
+@pytest.mark.parametrize("lag", LAGS)
+def test_values_within_a_sample_contain_the_response_and_little_more(lag):
+    sampled = SampledLag.of(lag, DT)
+    start = [Interval(np.array([-0.1]), np.array([0.1])) for _ in range(sampled.order)]
+    command = Interval(np.array([0.9]), np.array([1.0]))
+
+    A, B = lag.undelayed
+    still = sampled.rest
+    # At the end the response is the first row of exp(A h) times the distance from rest, plus rest.
+    ends = [
+        (still * u + expm(A * DT) @ (np.array(y) - still * u))[0]
+        for u in (0.9, 1.0)
+        for y in product((-0.1, 0.1), repeat=sampled.order)
+    ]
+    end = Interval(np.array([min(ends)]), np.array([max(ends)]))
+
+    values = sampled.values_within(start, end, command, DT)
+
+    rng = np.random.default_rng(5)
+    for _ in range(200):
+        y, u, t = rng.uniform(-0.1, 0.1, sampled.order), rng.uniform(0.9, 1.0), rng.uniform(0, DT)
+        response = (still * u + expm(A * t) @ (y - still * u))[0]
+        assert values.low[0] <= response <= values.high[0]
+    assert values.high[0] - values.low[0] <= 0.2 + 3.0 * DT * (np.abs(A[0]).sum() + B[0])

@@ -10,8 +10,6 @@ import flighttune as ft
 from flighttune.flight.conditions import reference_of, start_condition
 from flighttune.simulate.disturbance import Sinusoid
 from flighttune.simulate.loop import simulate
-from flighttune.tubes.enclosure import load_tube
-from flighttune.tubes.hand_over import hull, inside, parallelotope
 from flighttune.tubes.problem import QUANTITIES, tube_problem
 from flighttune.tubes.tube import tube_of
 from tests.tubes.test_proof import arrays_of, claim_of, rewritten
@@ -29,6 +27,12 @@ def scenario():
     return made_up(chi_err_deg=0.3, gamma_deg=15.2, duration_s=4.0, rate_hz=25.0)
 
 
+def lasting(scenario, times):
+    tables = scenario.as_dict()
+    tables["flight"]["duration_s"] *= times
+    return ft.scenario_from(tables)
+
+
 @pytest.fixture(scope="module")
 def found(scenario):
     return tube(scenario, ft.PAPER_GAINS, disturbance=D)
@@ -43,9 +47,7 @@ def path(found, tmp_path_factory):
 
 @pytest.mark.parametrize("omega", first_or_all([0.7, 0.0, 1.5, 6.0]))
 def test_flights_ten_times_as_long_stay_inside(scenario, found, omega):
-    tables = scenario.as_dict()
-    tables["flight"]["duration_s"] *= LONGER
-    longer = ft.scenario_from(tables)
+    longer = lasting(scenario, LONGER)
 
     signals, _ = simulate(
         ft.loop.PointMassPlant(
@@ -73,11 +75,8 @@ WIDER = 1.25
 
 
 def test_bounds_for_ever_are_those_of_the_tube_of_a_longer_flight(scenario, found):
-    tables = scenario.as_dict()
-    tables["flight"]["duration_s"] *= 3.0
-    longer = tube_of(
-        tube_problem(ft.scenario_from(tables), ft.PAPER_GAINS, disturbance=D), for_ever=False
-    )
+    problem = tube_problem(lasting(scenario, 3.0), ft.PAPER_GAINS, disturbance=D)
+    longer = tube_of(problem, for_ever=False)
 
     after = longer.bounds.pairs[longer.bounds.t > scenario.flight.duration_s, :2]
     widths = after[..., 1].max(axis=0) - after[..., 0].min(axis=0)
@@ -85,7 +84,7 @@ def test_bounds_for_ever_are_those_of_the_tube_of_a_longer_flight(scenario, foun
 
 
 def test_it_is_in_the_file_and_proven_again(found, path):
-    again = load_tube(path)
+    again = ft.load(path)
 
     assert again.handed_over == found.handed_over
     assert again.verify().valid
@@ -122,26 +121,9 @@ def test_a_hand_over_before_the_last_change_or_after_the_last_sample_is_refused(
 
 
 def test_nothing_is_claimed_for_ever_of_a_reference_that_still_moves(scenario):
-    tables = scenario.as_dict()
-    tables["flight"]["duration_s"] = 0.4
+    tables = lasting(scenario, 0.1).as_dict()
     tables["reference"]["gamma_deg"] = [
         {"shape": "ramp", "start_s": 0.2, "rate_dps": 2.0, "duration_s": 1.0}
     ]
 
     assert tube(ft.scenario_from(tables), ft.PAPER_GAINS, disturbance=D).hand_over is None
-
-
-def test_a_parallelotope_holds_all_that_its_rows_allow():
-    rng = np.random.default_rng(3)
-    W, centre = rng.normal(size=(5, 5)), rng.normal(size=5)
-    size = np.abs(rng.normal(size=5))
-
-    made = parallelotope(W, centre, size)
-
-    corners = np.array([rng.choice([-1.0, 1.0], 5) for _ in range(50)])
-    z = np.linalg.solve(W, (centre + corners * size).T).T
-    generators = made.values[0, :, 1:6]
-    symbols = np.linalg.solve(generators, (z - made.values[0, :, 0]).T)
-    assert np.abs(symbols).max() <= 1.0 + 1e-9
-    assert not inside(hull(made, W), centre, size)  # rounded outwards
-    assert inside(hull(made, W), centre, (1.0 + 1e-9) * size)

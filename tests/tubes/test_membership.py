@@ -19,12 +19,10 @@ from flighttune.tubes.exact import enclosure_of
 from flighttune.tubes.problem import tube_problem
 from flighttune.tubes.sample import LIFT, SPLITS, start_set
 from flighttune.tubes.search import Search
-from tests.tubes.test_soundness import made_up
-from tests.tubes.test_soundness_lagged import disturbed_flight
+from tests.tubes.test_soundness import BRAKING_LATE, EXACT_PAPER, disturbed_flight, made_up
 
 DEG = math.pi / 180.0
 
-EXACT_PAPER = ft.loop.rate_gains(ft.PAPER_GAINS, V_a=25.0)
 FED_BACK = replace(EXACT_PAPER, feedback=(0.5, 0.3))
 
 SOLVED = 1e-6
@@ -45,7 +43,7 @@ class Contrary(Search):
     """A plan that splits at random limits and takes random slopes: a proof may hold any choices."""
 
     def __init__(self, loop, rng, splits):
-        super().__init__(loop, tolerance=1.0, most=0)
+        super().__init__(loop)
         self._rng, self._splits, self.limits = rng, splits, set()
         self._commands = 1 + loop.law.feeds_back
 
@@ -157,31 +155,23 @@ def linear_program(G, off, slack, constraints):
 
 def with_law(plant, *, exact, fed_back=False, **manoeuvre):
     """A manoeuvre of the paper's law or of the exact law, of some samples, on a plant."""
-    scenario = made_up(**manoeuvre).as_dict() | {"plant": [plant]}
-    # So that the law brakes for larger errors only.
-    law = {"law": [{"name": "exact", "kind": "exact", "braking": 100.0}]} if exact else {}
-    return ft.scenario_from(scenario | law), (
-        FED_BACK if fed_back else EXACT_PAPER
-    ) if exact else ft.PAPER_GAINS
-
-
-def flights(problem, count, disturbance, rng):
-    """Signals and starts of flights from the set of starts, half of them at its edge."""
-    flown = []
-    for i in range(count):
-        off = problem.start * rng.uniform(-1.0, 1.0, 2)
-        if i % 2:
-            off[rng.integers(2)] = problem.start * rng.choice([-1.0, 1.0])
-        flown.append(disturbed_flight(problem, off, disturbance, rng))
-    return flown
+    tables = made_up(**manoeuvre).as_dict() | {"plant": [plant]}
+    if not exact:
+        return ft.scenario_from(tables), ft.PAPER_GAINS
+    gains = FED_BACK if fed_back else EXACT_PAPER
+    return ft.scenario_from(tables | {"law": [BRAKING_LATE]}), gains
 
 
 def distances_at(case, plan_of, *, count, at, disturbance=0.0, start_deg=0.5, seed=1):
     """Distances at some samples, shape (samples, count), and the plan that was followed."""
     scenario, gains = case
     problem = tube_problem(scenario, gains, start=start_deg * DEG, disturbance=disturbance or None)
-    rng = np.random.default_rng(seed)
-    flown = flights(problem, count, disturbance, rng)
+    rng, flown = np.random.default_rng(seed), []
+    for i in range(count):  # half of the flights start at the edge of the set of starts
+        off = problem.start * rng.uniform(-1.0, 1.0, 2)
+        if i % 2:
+            off[rng.integers(2)] = problem.start * rng.choice([-1.0, 1.0])
+        flown.append(disturbed_flight(problem, off, disturbance, rng))
     plan = plan_of(problem.loop, rng)
     one_piece = start_set(problem.loop, problem.start, sides=1, symbols=120)
     enclosure = enclosure_of(problem.loop, one_piece, plan)
@@ -198,7 +188,7 @@ class Relinearised(Search):
     """At sample 1 a split at the load-factor limit between two very different lines for roll."""
 
     def __init__(self, loop):
-        super().__init__(loop, tolerance=1.0, most=0)
+        super().__init__(loop)
         self._sample, self._for_roll, self.splits = 0, False, 0
 
     def slope(self, values):

@@ -5,8 +5,8 @@ import pytest
 from commands import flighttune
 
 import flighttune as ft
+from flighttune.certificates.bound import optimal_channel
 from flighttune.control.gains import paper_family
-from flighttune.theory.rate_bound import optimal_channel
 from flighttune.tuning.frontier import frontier
 
 pytestmark = pytest.mark.slow

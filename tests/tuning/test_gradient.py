@@ -8,8 +8,7 @@ from evolution import tune_by_evolution
 
 import flighttune as ft
 from flighttune.control.inner_loop import with_input_lag
-from flighttune.control.linear_model import closed_loops
-from flighttune.tuning.problem import decoupled, search_space
+from flighttune.tuning.problem import decoupled
 from flighttune.tuning.tune import relaxed
 from tests.tuning.conftest import ALL_LIMITS
 
@@ -39,17 +38,6 @@ def test_the_optimum_for_the_printed_i_k_beats_the_papers(model):
 
     assert found.R_K == pytest.approx(0.51393, abs=FIFTH_DIGIT)
     assert found.R_K > 1.1 * ft.loop.indicators(ft.loop.closed_loop(model, ft.PAPER_GAINS)).R_K
-
-
-def test_no_random_gains_near_the_optimum_are_better(model):
-    found = ft.tune(ft.loop.TuningProblem(model=model, I_star=5.0))
-    rng = np.random.default_rng(7)
-    size = 10.0 ** rng.uniform(-4.0, 0.0, (20_000, 1, 1))
-    near = found.gains.K + size * rng.standard_normal((20_000, 2, 4))
-
-    others = ft.loop.indicators_batch(closed_loops(model, near))
-
-    assert others.R_K[others.I_K <= 5.0].max() <= found.R_K
 
 
 @pytest.mark.slow
@@ -87,7 +75,7 @@ def test_relaxed_limits_cost_what_they_are_known_to(printed, factor, R_K):
     assert found.status == "optimal"
     assert found.R_K == pytest.approx(R_K, abs=5e-4)
     assert found.I_K <= 5.0
-    assert search_space(wider).slack(found.gains.K.ravel()).min() >= 0.0
+    assert wider.slack(found.gains.K.ravel()).min() >= 0.0
 
 
 def test_gains_tuned_for_the_lag_are_well_damped_where_the_papers_are_not(model):
@@ -177,12 +165,3 @@ def test_evolution_ends_just_below_the_gradient_method(model):
     assert evolved.status == "optimal"
     assert evolved.I_K <= 5.0
     assert descended.R_K - 1e-3 < evolved.R_K < descended.R_K + NEVER_WORSE_BY
-
-
-@pytest.mark.slow
-def test_evolution_of_an_infeasible_problem_says_so(printed):
-    evolved = tune_by_evolution(printed, generations=60)
-
-    assert evolved.status == "infeasible"
-    assert evolved.smallest_I_K is None
-    assert "every constraint" in evolved.reason

@@ -5,7 +5,6 @@ import pytest
 
 import flighttune as ft
 from flighttune.control.inner_loop import with_input_lag
-from flighttune.tuning.problem import search_space
 from flighttune.tuning.program import Program, stabilising_starts
 from flighttune.tuning.tune import relaxed, searches
 from tests.tuning.conftest import ALL_LIMITS
@@ -38,9 +37,8 @@ def test_slopes_of_several_models_are_those_of_central_differences(printed, mode
 
 def test_starts_outside_the_limits_end_inside_where_there_is_room(printed):
     problem = relaxed(printed, ALL_LIMITS, 7.0)
-    space = search_space(problem)
-    k = stabilising_starts(problem, space, 12)
-    outside = k[space.slack(k).min(axis=1) < 0.0]
+    k = stabilising_starts(problem, 12)
+    outside = k[problem.slack(k).min(axis=1) < 0.0]
 
     ends = searches(problem, outside, "R_K")
 

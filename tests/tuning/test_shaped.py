@@ -130,17 +130,3 @@ def test_a_larger_sensitivity_makes_errors_smaller_and_stays_below_the_wide_boun
     errors = [result.E_K for result in results]
     assert errors == sorted(errors, reverse=True)
     assert errors[0] > 1.5 * errors[-1]
-
-
-@pytest.mark.parametrize(
-    ("tuning", "message"),
-    [
-        ({"objective": "decay"}, "`identified` of .tuning. must be given: no plant is an aircraft"),
-        ({"objective": "E_K", "model": "kinematic"}, "`model` must be .identified. or absent"),
-        ({"sensitivity_max": 1.3}, "`sensitivity_max` must be absent"),
-        ({"objective": "E_K", "model": "identified", "sensitivity_max": 1.0}, "`sensitivity_max`"),
-    ],
-)
-def test_keys_that_do_not_go_together_are_refused(tuning, message):
-    with pytest.raises(ft.ScenarioError, match=message):
-        made_up_scenario(tuning=tuning)

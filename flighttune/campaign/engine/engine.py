@@ -2,27 +2,17 @@
 
 import time
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
-from itertools import chain
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from flighttune.arrays import check_at_least
-from flighttune.campaign.dataset import (
-    CAMPAIGN,
-    RUNS,
-    Dataset,
-    locked,
-    missing,
-    open_dataset,
-    parquet_bytes,
-    runs_to_keep,
-    signals_path,
-)
+from flighttune.campaign.dataset import RUNS, Dataset, locked, open_dataset, parquet_bytes
 from flighttune.campaign.engine.pool import WorkerPool
 from flighttune.campaign.engine.progress import CampaignObserver
 from flighttune.campaign.flying.columns import table_of
 from flighttune.errors import InputError, RecordingError, StoppedError
+from flighttune.files.load import CAMPAIGN
 from flighttune.flight.fly import library_versions
 from flighttune.planning.load import load_campaign
 from flighttune.planning.plan import Plan, draws_in_words, plan_campaign
@@ -44,57 +34,47 @@ COST_COLUMNS = [
 ]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Forecast(Answering):
-    """A plan and what it costs; without a cost where an estimate would run code of its files."""
+def forecast(plan: Plan, workers: int | None = None) -> Answer:
+    """Flights, dispersions, signals kept and the cost of a plan: it flies a few runs.
 
-    plan: Plan
-    cost: Mapping[str, Any]  # as `campaign_cost` returns it, or empty
-
-    def answer(self) -> Answer:
-        """Flights, dispersions and signals kept; times and sizes where they are estimated."""
-        plan, cost = self.plan, self.cost
-        campaign, keep = plan.campaign, plan.campaign.keep
-        disperse = [table.model_dump(mode="json", exclude_none=True) for table in campaign.disperse]
-        counted = draws_in_words(plan.runs, len(plan.groups))
-        keys = " ".join(dict.fromkeys(key for table in disperse for key in table))
-        values = {
-            "title": campaign.title,
-            **pick(plan, "runs draws"),
-            **pick(campaign, "design seed time_limit_s"),
-            "disperse": disperse,
-            "keep": keep.model_dump(mode="json"),
-            **cost,
-        }
-        tables = [
-            Table(columns("runs draws design seed time_limit_s"), [values], campaign.title),
-            Table(columns(keys), disperse, "dispersed"),
-        ]
-        if cost:
-            title = f"cost, from {cost['timed_runs']} runs flown now"
-            tables.insert(1, Table(columns("plant gains run_s"), cost["groups"], "groups"))
-            tables.append(Table(COST_COLUMNS, [values], title))
-        unknown = "time and space are not estimated: that runs the code of"
-        return Answer(
-            values=values,
-            tables=tables,
-            notes=[
-                f"{plan.runs} flights = {counted}",
-                f"signals kept: the first {keep.failures} failures, the worst {keep.worst} by "
-                f"{keep.worst_by}, a sample of {keep.sample}",
-                *(f"{unknown} {file}" for file in plan.code),
-            ],
-        )
-
-
-def forecast(plan: Plan, workers: int | None = None) -> Forecast:
-    """The cost of a plan on `workers` processes, by default one per core: it flies a few runs."""
+    `workers` are the processes that will fly it, by default one per core.
+    """
     # Whoever asks what a campaign costs shall not run code of somebody else.
-    cost = {} if plan.code else campaign_cost(plan, workers or cores())
-    return Forecast(plan=plan, cost=cost)
+    cost = {} if plan.code else _cost(plan, workers or cores())
+    campaign, keep = plan.campaign, plan.campaign.keep
+    disperse = [table.model_dump(mode="json", exclude_none=True) for table in campaign.disperse]
+    counted = draws_in_words(plan.runs, len(plan.groups))
+    keys = " ".join(dict.fromkeys(key for table in disperse for key in table))
+    values = {
+        "title": campaign.title,
+        **pick(plan, "runs draws"),
+        **pick(campaign, "design seed time_limit_s"),
+        "disperse": disperse,
+        "keep": keep.model_dump(mode="json"),
+        **cost,
+    }
+    tables = [
+        Table(columns("runs draws design seed time_limit_s"), [values], campaign.title),
+        Table(columns(keys), disperse, "dispersed"),
+    ]
+    if cost:
+        title = f"cost, from {cost['timed_runs']} runs flown now"
+        tables.insert(1, Table(columns("plant gains run_s"), cost["groups"], "groups"))
+        tables.append(Table(COST_COLUMNS, [values], title))
+    unknown = "time and space are not estimated: that runs the code of"
+    kept = f"the first {keep.failures} failures, the worst {keep.worst} by {keep.worst_by}"
+    return Answer(
+        values=values,
+        tables=tables,
+        notes=[
+            f"{plan.runs} flights = {counted}",
+            f"signals kept: {kept}, a sample of {keep.sample}",
+            *(f"{unknown} {file}" for file in plan.code),
+        ],
+    )
 
 
-def campaign_cost(plan: Plan, workers: int) -> dict[str, Any]:
+def _cost(plan: Plan, workers: int) -> dict[str, Any]:
     """Fly a few runs of a plan in one process and estimate what all of them will take."""
     size = min(len(plan.groups), plan.runs)
     with WorkerPool(1) as pool:
@@ -150,24 +130,19 @@ class CampaignOutcome(Answering):
         """Flights by their status, and the time they took; status 130 if they were interrupted."""
         counts = pick(self, "runs completed failed crashed succeeded")
         counts |= {key: n for key, n in self.statuses.items() if key not in counts}
-        notes = [f"{self.runs} flights = {draws_in_words(self.runs, self.groups)}"]
-        if self.flown:
-            speed = f"{rate(self.rate_per_s)} a second"
-            notes.append(f"flown now: {self.flown} in {duration(self.wall_s)}, {speed}")
-        else:
-            notes.append("nothing was missing")
+        speed = f"{duration(self.wall_s)}, {rate(self.rate_per_s)} a second"
         interrupted = (
             f"interrupted, {self.runs} of {self.planned} runs are in {self.dataset}; go on with "
             "the same command and --resume"
         )
+        said = "planned runs completed failed crashed succeeded statuses flown kept"
         return Answer(
-            values={
-                key: value
-                for key, value in asdict(self).items()
-                if key not in ("dataset", "groups", "endings")
-            },
+            values=pick(self, f"{said} wall_s rate_per_s interrupted"),
             tables=[Table(columns(" ".join(counts)), [counts]), endings_table(self.endings)],
-            notes=notes,
+            notes=[
+                f"{self.runs} flights = {draws_in_words(self.runs, self.groups)}",
+                f"flown now: {self.flown} in {speed}" if self.flown else "nothing was missing",
+            ],
             files={"dataset": self.dataset},
             failure=interrupted if self.interrupted else "",
             status=130,
@@ -233,11 +208,10 @@ def run_campaign(
         dataset.clean()
         _count(dataset, pool)
         plan = dataset.plan
-        gaps = missing((part.runs for part in dataset.parts), plan.runs)
         interrupted = False
         try:
-            dataset.write_rows(pool.rows(plan, chain.from_iterable(gaps)), gaps)
-            _keep_signals(dataset, pool)
+            dataset.write_rows(pool.rows)
+            dataset.keep_signals(pool.signals)
         except StoppedError:
             interrupted = True
         dataset.clean()
@@ -255,15 +229,6 @@ def run_campaign(
         rate_per_s=progress.flown / wall,
         interrupted=interrupted,
     )
-
-
-def _keep_signals(dataset: Dataset, pool: WorkerPool) -> None:
-    """Keep the signals of `runs_to_keep` and no others."""
-    wanted, present = set(runs_to_keep(dataset)), set(dataset.kept)
-    for run in present - wanted:
-        dataset.remove(signals_path(run))
-    for run, signals in pool.signals(dataset.plan, sorted(wanted - present)):
-        dataset.write_signals(run, signals)
 
 
 def _dataset(out: str | Path, plan: Plan, *, resume: bool) -> Dataset:

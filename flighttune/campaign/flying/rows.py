@@ -10,31 +10,66 @@ from collections.abc import Callable, Collection, Hashable, Iterable, Iterator, 
 from contextlib import suppress
 from functools import lru_cache
 from itertools import groupby
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 import pyarrow as pa
 
 from flighttune.campaign.flying.columns import NOT_REPRODUCIBLE, Row, table_of
-from flighttune.campaign.flying.kinematic_batch import FlightResult, alike, batchable, fly_batch
+from flighttune.control.exact_law import ExactLaw
+from flighttune.control.gains import PIGains
 from flighttune.control.law import Law, split_name
 from flighttune.control.linear_model import closed_loop
+from flighttune.control.mimo_pi import MimoPI
 from flighttune.errors import FlightTuneError, InputError, ending_of
-from flighttune.flight.conditions import reference_of
-from flighttune.flight.expectations import missed, with_loop
+from flighttune.flight.conditions import command_limits, reference_of, start_condition
+from flighttune.flight.expectations import bounded_loop, missed
 from flighttune.flight.flown import FlownScenario
 from flighttune.flight.fly import Progress, fly, fly_alone
-from flighttune.flight.models import linear_model
-from flighttune.metrics import measures
+from flighttune.flight.models import law_setup, linear_model
+from flighttune.metrics import CHANNELS, MEASURED, measures, measures_of, required_names
 from flighttune.planning.plan import Group, Plan
 from flighttune.planning.schema import MEASURES
+from flighttune.plants.point_mass import rolled_over
 from flighttune.records.refly import Difference
 from flighttune.scenario.load import scenario_from
 from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import GainsTable, PlantTable
+from flighttune.simulate.batch import SIGNALS, fly_sampled
+from flighttune.simulate.disturbance import Sinusoid
 from flighttune.simulate.run import Run
 from flighttune.theory.indicators import indicators_batch
 from flighttune.theory.reachable import largest_errors
+
+# Draws whose kinematic flights are flown together: their signals stay in the processor's cache, and
+# nothing else is done here meanwhile.
+BLOCK = 64
+
+# `BatchResult.ends` of a flight that ended at 90 deg of roll
+ROLLED = 1
+
+# Signals of a batch that measures are taken of
+MEASURED_HERE = tuple(name for name in SIGNALS if name in MEASURED)
+
+# Status, reason and `flighttune.metrics.measures` of one flight
+FlightResult = tuple[str, str, Mapping[str, Mapping[str, float]]]
+
+# R_K, I_K and E_K
+Indicators = tuple[float | None, float | None, float | None]
+UNKNOWN: Indicators = (None, None, None)
+
+# Values of a draw, as `Plan.values_of` returns them
+Drawn = Mapping[str, Any]
+
+# More columns: numbers of each completed flight. With any, all flights are flown one by one.
+Probes = Mapping[str, Callable[[Run, Scenario], Sequence[float]]]
+
+
+class Draw(NamedTuple):
+    """Some runs of one draw and its drawn values, or runs of several draws without them."""
+
+    runs: tuple[int, ...]
+    drawn: Drawn | None
 
 
 def wind_source(scenario: Scenario, group: Group) -> Group | None:
@@ -89,30 +124,6 @@ def scenario_of_run(plan: Plan, run: int, drawn: Mapping[str, Any] | None = None
 def fly_again(plan: Plan, run: int, *, progress: Progress | None = None) -> FlownScenario:
     """Fly one run of a plan again, and the aircraft whose wind it replays."""
     return fly(scenario_of_run(plan, run), progress=progress)
-
-
-# Draws whose kinematic flights are flown together: their signals stay in the processor's cache, and
-# nothing else is done here meanwhile.
-BLOCK = 64
-
-# Status of a run whose drawn values the scenario or an aircraft refuses
-INVALID = "invalid"
-
-# R_K, I_K and E_K
-Indicators = tuple[float | None, float | None, float | None]
-
-# Values of a draw, as `Plan.values_of` returns them
-Drawn = Mapping[str, Any]
-
-# More columns: numbers of each completed flight. With any, all flights are flown one by one.
-Probes = Mapping[str, Callable[[Run, Scenario], Sequence[float]]]
-
-
-class Draw(NamedTuple):
-    """Some runs of one draw and its drawn values, or runs of several draws without them."""
-
-    runs: tuple[int, ...]
-    drawn: Drawn | None
 
 
 def fly_runs(plan: Plan, runs: Sequence[int]) -> pa.Table:
@@ -177,13 +188,8 @@ def batched_groups(
     scenario = plan.scenario
     with suppress(FlightTuneError):
         scenario = plan.dispersed(draws[0], 0) if draws else scenario
-    flown = [group for group in plan.groups if plan.gain_sets[group.gains] is not None]
-    able = (group for group in flown if _batchable(plan, scenario, group))
-    return frozenset() if probes else frozenset(able)
-
-
-def _batchable(plan: Plan, scenario: Scenario, group: Group) -> bool:
-    return batchable(scenario, *_flown_by(plan, group))
+    flown = [] if probes else [x for x in plan.groups if plan.gain_sets[x.gains] is not None]
+    return frozenset(x for x in flown if batchable(scenario, *_flown_by(plan, x)))
 
 
 @lru_cache(maxsize=32)
@@ -192,38 +198,108 @@ def _flown_by(plan: Plan, group: Group) -> tuple[PlantTable, Law]:
     return plan.scenario.plant_table(group.plant), plan.scenario.law_of(group.gains)[0]
 
 
+def batchable(scenario: Scenario, table: PlantTable, law: Law) -> bool:
+    """Whether law, plant, air, disturbance and reference are ones that the kernel flies."""
+    parts = law, table.family, _acting(scenario), scenario.reference or scenario.route
+    return not scenario.windy and all(part is not None and part.batched for part in parts)
+
+
+def _acting(scenario: Scenario) -> Sinusoid:
+    """The disturbance of a scenario."""
+    return scenario.disturbance.sinusoid() if scenario.disturbance else Sinusoid()
+
+
+def alike(scenario: Scenario) -> Hashable:
+    """Key of the scenarios that one call of the kernel can fly: controller, time axis, inputs."""
+    sensed = scenario.sensors is not None
+    return scenario.controller, scenario.flight.duration_s, _moving(scenario), sensed
+
+
+def _moving(scenario: Scenario) -> bool:
+    """Whether the reference changes during the flight."""
+    reference = scenario.reference
+    assert reference is not None  # see `batchable`
+    return isinstance(reference.chi_deg, list) or isinstance(reference.gamma_deg, list)
+
+
+def fly_batch(
+    scenarios: Sequence[Scenario], law: Law, gains: PIGains
+) -> Iterator[FlightResult | None]:
+    """Fly one gain set on the kinematic plant in many `batchable` scenarios that are `alike`.
+
+    The bits of each flight do not depend on the others. None stands for a flight that has to be
+    flown alone to know why it ended.
+    """
+    controller, duration = scenarios[0].controller, scenarios[0].flight.duration_s
+    dt = 1.0 / controller.rate_hz
+    t = np.arange(round(duration / dt) + 1, dtype=np.float64) * dt
+    instants = t if _moving(scenarios[0]) else np.zeros(1)
+    references = [reference_of(scenario) for scenario in scenarios]
+    conditions = [start_condition(scenario) for scenario in scenarios]
+    # the plant itself has no limits
+    laws = [law.make(law_setup(s, gains, command_limits(s))) for s in scenarios]
+    ref = np.array([np.column_stack(reference.sampled(instants)) for reference in references])
+    batch = fly_sampled(
+        cast("list[MimoPI | ExactLaw]", laws),
+        conditions,
+        ref,
+        duration=duration,
+        ref_rates=np.array([np.column_stack(x.rates(instants)) for x in references]),
+        disturbances=[_acting(scenario) for scenario in scenarios],
+        sensors=[s.sensors.sensors(s.seed) for s in scenarios if s.sensors is not None],
+        g=np.array([scenario.flight.g_mps2 for scenario in scenarios]),
+    )
+    from flighttune.simulate.kernel import error_measures
+
+    required = required_names([table.model_dump() for table in scenarios[0].expect])
+    for i in range(len(scenarios)):
+        if batch.ends[i] > ROLLED:
+            yield None
+            continue
+        n = batch.samples[i]
+        columns = {name: batch.signal(name)[i, :n] for name in MEASURED_HERE}
+        columns["V_a"] = np.full(n, conditions[i].V_a)  # what the law assumes
+        columns["n_z"] = np.append(conditions[i].n_z_start, columns["n_z_cmd"][:-1])
+        for channel, values in zip(CHANNELS, ref[i].T, strict=True):
+            columns[f"{channel}_ref"] = np.array(np.broadcast_to(values[:n], n))
+        measured = measures_of(t[:n], columns, required, error_measures) if n > 1 else {}
+        status, reason = "completed", ""
+        if batch.ends[i] == ROLLED:
+            phi, n_z = (float(columns[name][-1]) for name in ("phi_cmd", "n_z_cmd"))
+            status, reason = "diverged", rolled_over(phi, n_z, float(batch.t[n - 1])).reason
+        yield status, reason, measured
+
+
 def fly_together(plan: Plan, draws: Sequence[Draw]) -> list[Row]:
     """Rows of kinematic flights, those of each group in one batch."""
     rows: list[Row] = []
     batches: dict[tuple[Group, Hashable], list[tuple[int, Drawn, Scenario]]] = {}
-    for runs, drawn in draws:
-        assert drawn is not None
-        began = time.perf_counter()
-        try:
-            scenario = plan.dispersed(drawn, plan.draw_of(runs[0]))
-        except FlightTuneError as error:
-            rows += [_row(plan, run, drawn, _invalid(error, began)) for run in runs]
-            continue
-        for run in runs:
-            group = plan.group_of(run)
-            if _batchable(plan, scenario, group):
-                batches.setdefault((group, alike(scenario)), []).append((run, drawn, scenario))
-            else:  # a draw of something that the kernel does not fly
-                rows += fly_draw(plan, Draw((run,), drawn), {})
+    for draw in draws:
+        alone = [*draw.runs]  # what the kernel does not fly, or the scenario refuses
+        with suppress(FlightTuneError):
+            drawn = draw.drawn or {}
+            scenario = plan.dispersed(drawn, plan.draw_of(draw.runs[0]))
+            for run in draw.runs:
+                group = plan.group_of(run)
+                if batchable(scenario, *_flown_by(plan, group)):
+                    key = group, alike(scenario)
+                    batches.setdefault(key, []).append((run, drawn, scenario))
+                    alone.remove(run)
+        if alone:
+            rows += fly_draw(plan, Draw(tuple(alone), draw.drawn), {})
     for (group, _), flights in batches.items():
         gains = plan.gain_sets[group.gains]
         assert gains is not None
-        _, law = _flown_by(plan, group)
         scenarios = [scenario for _, _, scenario in flights]
         began = time.perf_counter()
-        results = list(fly_batch(scenarios, law, gains))
+        results = list(fly_batch(scenarios, _flown_by(plan, group)[1], gains))
         each_s = (time.perf_counter() - began) / len(flights)
         indicators = _indicators(plan, group, scenarios)
         for (run, drawn, scenario), result, both in zip(flights, results, indicators, strict=True):
             outcome = (
                 _fly_alone(plan, scenario, group, {}, {})
                 if result is None
-                else _outcome(plan, scenario, group, result, each_s)
+                else _outcome(plan, scenario, group, each_s, *result)
             )
             rows.append(_row(plan, run, drawn, outcome, both))
     return rows
@@ -249,18 +325,17 @@ def fly_draw(plan: Plan, draw: Draw, probes: Probes) -> Iterator[Row]:
 
 def lost_row(plan: Plan, run: int, drawn: Drawn | None, ending: int | str) -> Row:
     """Row of a run that ended the process that flew it, with this exit code or error."""
-    status, reason = "crashed", ending
+    status, reason, limit = "crashed", str(ending), plan.campaign.time_limit_s
     drawn = plan.values_of(plan.draw_of(run)) if drawn is None else drawn
     if ending == -signal.SIGALRM:
-        limit = plan.campaign.time_limit_s
         status, reason = "timed_out", f"the flight must end within {limit:g} s of wall time"
     elif isinstance(ending, int):
         reason = f"the flight ended the process that flew it: {ending_of(ending)}"
-    indicators = (None, None, None)
+    indicators = UNKNOWN
     with suppress(FlightTuneError):
         scenario = plan.dispersed(drawn, plan.draw_of(run))
         (indicators,) = _indicators(plan, plan.group_of(run), [scenario])
-    return _row(plan, run, drawn, _unflown(status, str(reason)), indicators)
+    return _row(plan, run, drawn, _unflown(status, reason), indicators)
 
 
 def warm_up(plan: Plan) -> None:
@@ -286,8 +361,8 @@ def _fly_alone(
         run = fly_group(plan, scenario, group, wind_runs)
     except FlightTuneError as error:
         return _invalid(error, began)
-    result = FlightResult(run.status, run.reason, measures(run))
-    columns = _outcome(plan, scenario, group, result, time.perf_counter() - began)
+    result, spent = (run.status, run.reason, measures(run)), time.perf_counter() - began
+    columns = _outcome(plan, scenario, group, spent, *result)
     if run.status == "completed":
         columns |= {name: probe(run, scenario) for name, probe in probes.items()}
     elif probes and "along" in run.signals and len(run.signals):  # rows of campaigns stay the same
@@ -296,26 +371,22 @@ def _fly_alone(
 
 
 def _outcome(
-    plan: Plan, scenario: Scenario, group: Group, result: FlightResult, wall_s: float
+    plan: Plan,
+    scenario: Scenario,
+    group: Group,
+    wall_s: float,
+    status: str,
+    reason: str,
+    measured: Mapping[str, Mapping[str, float]],
 ) -> Row:
     """Columns of a flight from ``status`` on, except R_K, I_K and E_K."""
     tables = scenario.expected(group.plant, group.gains)
-    measured = {**result.measured, **_of_loop(plan, group)}
-    misses = missed(tables, result.status, result.reason, measured)
-    columns = {
-        f"{subject}.{name}": value
-        for subject, values in result.measured.items()
-        for name, value in values.items()
-    }
-    return {
-        "status": result.status,
-        "reason": result.reason,
-        "success": not misses,
-        "missed": "; ".join(misses),
-        **dict.fromkeys(MEASURES),
-        **{name: _number(value) for name, value in columns.items()},
-        "wall_s": wall_s,
-    }
+    misses = missed(tables, status, reason, {**measured, **_of_loop(plan, group)})
+    columns: Row = {"status": status, "reason": reason, "success": not misses}
+    columns |= {"missed": "; ".join(misses), **dict.fromkeys(MEASURES)}
+    for subject, values in measured.items():
+        columns |= {f"{subject}.{name}": _number(value) for name, value in values.items()}
+    return columns | {"wall_s": wall_s}
 
 
 @lru_cache(maxsize=32)  # the same for all draws, and slower than a flight of the kernel
@@ -323,7 +394,7 @@ def _of_loop(plan: Plan, group: Group) -> Mapping[str, Mapping[str, float]]:
     """Measures of the undispersed loop of a group, where its requirements bound them."""
     scenario, name = plan.scenario, group.gains
     tables = scenario.expected(group.plant, name)
-    return with_loop({}, tables, scenario, name, plan.gain_sets[name])
+    return bounded_loop(tables, scenario, name, plan.gain_sets[name])
 
 
 def _unflown(status: str, reason: str) -> Row:
@@ -332,12 +403,10 @@ def _unflown(status: str, reason: str) -> Row:
 
 def _invalid(error: FlightTuneError, began: float) -> Row:
     reason = " ".join(str(error).split())
-    return {**_unflown(INVALID, reason), "wall_s": time.perf_counter() - began}
+    return {**_unflown("invalid", reason), "wall_s": time.perf_counter() - began}
 
 
-def _row(
-    plan: Plan, run: int, drawn: Drawn, outcome: Row, indicators: Indicators = (None, None, None)
-) -> Row:
+def _row(plan: Plan, run: int, drawn: Drawn, outcome: Row, indicators: Indicators = UNKNOWN) -> Row:
     group, (R_K, I_K, E_K) = plan.group_of(run), indicators
     names = {"run": run, "draw": plan.draw_of(run), "plant": group.plant, "gains": group.gains}
     return {**names, **drawn, **outcome, "R_K": R_K, "I_K": I_K, "E_K": E_K}
@@ -353,7 +422,7 @@ def _indicators(plan: Plan, group: Group, scenarios: Sequence[Scenario]) -> list
     gains = plan.gain_sets[group.gains]
     law, _ = plan.scenario.law_of(group.gains, gains)
     if gains is None or not law.by_gains:
-        return [(None, None, None)] * len(scenarios)
+        return [UNKNOWN] * len(scenarios)
     # what the loop of a draw depends on: often it is not dispersed, and all draws share a loop
     keys = [
         (s.flight.V_a_mps, s.flight.g_mps2, reference_of(s).initial[1], s.controller)

@@ -5,7 +5,6 @@ effective ones, which are not whole.
 """
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import combinations
 from typing import Any, Literal, TypeAlias
@@ -139,13 +138,6 @@ def quantile_interval(
     return lo, hi
 
 
-def not_above(values: FloatArray, value: float) -> npt.NDArray[np.bool_]:
-    """Whether each value is at most `value`, up to rounding."""
-    # Flights from one start have the same largest error, but for the last bits: which of them lie
-    # below it by a bit or two must not decide how wide an interval is.
-    return values <= value + TIED * abs(value)
-
-
 def effective_size(values: npt.ArrayLike, clusters: npt.ArrayLike) -> float:
     """Effective sample size of clustered values.
 
@@ -219,7 +211,9 @@ def percentile(
     if not len(values):
         return Estimate(value=np.nan, lo=np.nan, hi=np.nan, n=0)
     value = float(np.quantile(values, q))
-    size = effective_size(not_above(values, value), clusters)
+    # Flights from one start have the same largest error, but for the last bits: which of them lie
+    # below it by a bit or two must not decide how wide an interval is.
+    size = effective_size(values <= value + TIED * abs(value), clusters)
     lo, hi = quantile_interval(values, q, confidence, effective=size)
     return Estimate(value=value, lo=lo, hi=hi, n=len(values))
 
@@ -228,7 +222,32 @@ def paired(
     rows: pd.DataFrame, measure: str, *, confidence: float = CONFIDENCE
 ) -> list[dict[str, Any]]:
     """Compare every two gain sets on every plant, draw by draw, by a measure to be minimised."""
-    return list(_pairs(rows.assign(**{measure: scores(rows, measure)}), measure, confidence))
+    pairs = []
+    for plant, on_plant in rows.assign(score=scores(rows, measure)).groupby("plant", sort=False):
+        flown = on_plant.pivot(index="draw", columns="gains", values=["score", "success"])
+        for a, b in combinations(on_plant["gains"].unique(), 2):
+            both = flown.loc[:, pd.IndexSlice[:, [a, b]]].dropna()
+            if both.empty:
+                continue
+            x, y = (both["score", name].to_numpy(dtype=float) for name in (a, b))
+            ok_a, ok_b = (both["success", name].to_numpy(dtype=bool) for name in (a, b))
+            wins_a, wins_b = int(np.sum(x < y)), int(np.sum(y < x))
+            lo, hi = rate_interval(wins_a, wins_a + wins_b, confidence)
+            # Two lost flights are tied: infinite less infinite would be no number.
+            apart = np.subtract(x, y, out=np.zeros(len(x)), where=x != y)
+            median_lo, median_hi = quantile_interval(apart, 0.5, confidence)
+            only_a, only_b = int(np.sum(ok_a & ~ok_b)), int(np.sum(ok_b & ~ok_a))
+            # exact McNemar test: both sides of the binomial distribution
+            p = 2.0 * float(bdtr(min(only_a, only_b), only_a + only_b, 0.5))
+            won = wins_a / (wins_a + wins_b) if wins_a + wins_b else 0.5
+            median = float(ordered_quantile(apart, 0.5))
+            pair: dict[str, Any] = {"plant": str(plant), "a": a, "b": b, "measure": measure}
+            pair |= {"n": len(x), "wins_a": wins_a, "wins_b": wins_b, "win_rate": won}
+            pair |= {"lo": float(lo), "hi": float(hi)}
+            pair |= {"median": median, "median_lo": median_lo, "median_hi": median_hi}
+            pair |= {"only_a": only_a, "only_b": only_b, "p_success": min(1.0, p)}
+            pairs.append(pair)
+    return pairs
 
 
 def scores(rows: pd.DataFrame, measure: str) -> FloatArray:
@@ -243,44 +262,3 @@ def ordered_quantile(values: FloatArray, q: float) -> FloatArray:
     n = values.shape[-1]
     place = min(n - 1, max(0, math.ceil(q * n) - 1))
     return np.partition(values, place, axis=-1)[..., place]
-
-
-def difference(a: FloatArray, b: FloatArray) -> FloatArray:
-    """``a - b``, 0 where both are infinite: two lost flights are tied."""
-    tied = a == b
-    return np.where(tied, 0.0, np.where(tied, 0.0, a) - np.where(tied, 0.0, b))
-
-
-def _pairs(rows: pd.DataFrame, measure: str, confidence: float) -> Iterator[dict[str, Any]]:
-    for plant, on_plant in rows.groupby("plant", sort=False):
-        flown = on_plant.pivot(index="draw", columns="gains", values=[measure, "success"])
-        for a, b in combinations(on_plant["gains"].unique(), 2):
-            both = flown.loc[:, pd.IndexSlice[:, [a, b]]].dropna()
-            if both.empty:
-                continue
-            x, y = (both[measure, name].to_numpy(dtype=float) for name in (a, b))
-            ok_a, ok_b = (both["success", name].to_numpy(dtype=bool) for name in (a, b))
-            wins_a, wins_b = int(np.sum(x < y)), int(np.sum(y < x))
-            lo, hi = rate_interval(wins_a, wins_a + wins_b, confidence)
-            apart = difference(x, y)
-            median_lo, median_hi = quantile_interval(apart, 0.5, confidence)
-            only_a, only_b = int(np.sum(ok_a & ~ok_b)), int(np.sum(ok_b & ~ok_a))
-            yield {
-                "plant": str(plant),
-                "a": a,
-                "b": b,
-                "measure": measure,
-                "n": len(x),
-                "wins_a": wins_a,
-                "wins_b": wins_b,
-                "win_rate": wins_a / (wins_a + wins_b) if wins_a + wins_b else 0.5,
-                "lo": float(lo),
-                "hi": float(hi),
-                "median": float(ordered_quantile(apart, 0.5)),
-                "median_lo": median_lo,
-                "median_hi": median_hi,
-                "only_a": only_a,
-                "only_b": only_b,
-                # exact McNemar test: both sides of the binomial distribution
-                "p_success": min(1.0, 2.0 * float(bdtr(min(only_a, only_b), only_a + only_b, 0.5))),
-            }

@@ -6,11 +6,9 @@ import numpy as np
 import pytest
 
 import flighttune as ft
-from flighttune.certificates.bound import bound_rate
+from flighttune.certificates import bound as bound_module
+from flighttune.certificates.bound import bound_rate, least_radius, optimal_channel, slowest_channel
 from flighttune.control.inner_loop import with_input_lag
-from flighttune.files.table import write
-from flighttune.theory import rate_bound
-from flighttune.theory.rate_bound import least_radius, optimal_channel, slowest_channel
 
 MODEL = ft.loop.kinematic_model(V_a=25.0, gamma=np.pi / 12.0, g=9.81)
 ROUNDING = 1e-9
@@ -85,7 +83,7 @@ def test_loops_of_any_size_satisfy_the_inequalities_of_the_proof():
 @pytest.mark.parametrize("I_star", [pytest.param(5.0, marks=pytest.mark.counts), 20.0, 3.0])
 def test_the_bound_is_proven_within_two_percent_of_the_optimum(tmp_path, I_star):
     bound = bound_rate(MODEL, I_star)
-    write(bound, tmp_path / "bound.json")
+    bound.save(tmp_path / "bound.json")
     optimum = optimal_channel(I_star)
 
     assert ft.verify(tmp_path / "bound.json").valid
@@ -97,9 +95,9 @@ def test_the_bound_is_proven_within_two_percent_of_the_optimum(tmp_path, I_star)
 
 
 def test_a_search_without_a_proof_ends(monkeypatch):
-    monkeypatch.setattr(rate_bound, "MAX_BOXES", 20)
+    monkeypatch.setattr(bound_module, "MAX_BOXES", 20)
 
-    assert rate_bound.no_faster_gains(20.0, 0.99 * optimal_channel(20.0).R_K) is None
+    assert bound_module.no_faster_gains(20.0, 0.99 * optimal_channel(20.0).R_K) is None
 
 
 @pytest.fixture(scope="module")
@@ -107,30 +105,17 @@ def bound():
     return bound_rate(MODEL, 20.0)
 
 
-def without_a_box(bound):
-    return {"boxes": bound.boxes[1:], "multipliers": bound.multipliers[1:]}
-
-
-def with_a_negative_side(bound):
-    boxes = bound.boxes.copy()
-    boxes[boxes[:, 2] == 0.0, 2] = -9.0
-    return {"boxes": boxes}
-
-
-def without_a_width(bound):
-    return {"boxes": np.vstack([[0.0, 0.0, 0.0, 0.0], bound.boxes[1:]])}
-
-
 @pytest.mark.parametrize(
     ("change", "reason"),
     [
-        (without_a_box, "boxes cover"),
-        (lambda bound: {"R_bound": 0.92}, "boxes cover"),
-        (lambda bound: {"multipliers": -bound.multipliers}, "no gains in any"),
-        (lambda bound: {"multipliers": np.ones(bound.multipliers.shape)}, "no gains in any"),
-        (lambda bound: {"I_star": 21.0}, "no gains in any"),
-        (without_a_width, "no gains in any"),
+        (lambda x: {"boxes": x.boxes[1:], "multipliers": x.multipliers[1:]}, "boxes cover"),
+        (lambda _: {"R_bound": 0.92}, "boxes cover"),
+        (lambda x: {"multipliers": -x.multipliers}, "no gains in any"),
+        (lambda x: {"multipliers": np.ones(x.multipliers.shape)}, "no gains in any"),
+        (lambda _: {"I_star": 21.0}, "no gains in any"),
+        (lambda x: {"boxes": np.vstack([np.zeros((1, 4)), x.boxes[1:]])}, "no gains in any"),
     ],
+    ids=["box left out", "bound", "sign", "multipliers", "I_star", "box without a width"],
 )
 def test_a_changed_proof_is_refused(bound, change, reason):
     verified = replace(bound, **change(bound)).verify()
@@ -140,7 +125,10 @@ def test_a_changed_proof_is_refused(bound, change, reason):
 
 
 def test_a_side_below_zero_proves_nothing_more(bound):
-    wider = replace(bound, **with_a_negative_side(bound))
+    boxes = bound.boxes.copy()
+    boxes[boxes[:, 2] == 0.0, 2] = -9.0
+
+    wider = replace(bound, boxes=boxes)
 
     assert wider.verify().checks[1].margin == bound.verify().checks[1].margin
 
