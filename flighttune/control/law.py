@@ -55,7 +55,7 @@ class SampledController(NamedTuple):
 class OuterLoop(NamedTuple):
     """A law as JSBSim flies it by itself."""
 
-    # File of `flighttune.exports` whose components take the place of those of the paper's law
+    # Template of `flighttune.exports` whose components take the place of those of the paper's law
     components: str | None
     rows: tuple[str, str, str]  # names of the properties that its gains act on
     values: Mapping[str, float]  # settings by property, besides gains and limits

@@ -2,7 +2,6 @@
 
 import math
 import os
-import re
 import shlex
 import shutil
 import sys
@@ -62,32 +61,11 @@ SAME_TIME = 1e-6
 # Departure from a straight line above which a sample of a reference has a row of its own.
 STRAIGHT = 1e-15
 
-_OUTER_LOOP, _README = (Path(__file__).with_name(x) for x in ("outer_loop.xml", "readme.md"))
+_README = Path(__file__).with_name("readme.md")
 
 # Commands of the outer loop, by the names of their rows, and what stands for no limit.
 _COMMANDS = {"phi": properties.PHI_CMD, "n_z": properties.N_Z_CMD, "n_x": properties.N_X_CMD}
 _UNLIMITED = -1e300, 1e300
-
-# A name in the row of roll, of which those of the other commands are made.
-_OF_ROLL = re.compile(r"ft/outer/(K_[PI]/)?phi\b")
-
-# A name that only an airspeed to follow has, and what stands for it without one.
-_OF_AIRSPEED = re.compile(r"ft/outer/(K_[PI]/(V-|\w+-V$)|V-|n_x/|.*-given-|plan-per-g)")
-_AS_ASKED = {
-    "ft/outer/gamma-given-rad": "ft/outer/gamma-ref-rad",
-    "ft/outer/gamma-given-rate-rad_sec": "ft/outer/gamma-ref-rate-rad_sec",
-    "ft/outer/plan-per-g-s2_m": "ft/outer/per-g-s2_m",
-}
-
-# Components of the outer loop that every law has.
-_MEASURED = {
-    *(f"ft/outer/{name}" for name in ("sample", "chi-rad", "gamma-rad", "gain")),
-    *(f"ft/outer/{name}-mps" for name in ("V_a", "wind-along", "ahead", "turning")),
-    *(f"ft/outer/{name}-rad" for name in ("half-turn-less", "chi-err", "gamma-err")),
-    *(f"ft/outer/{u}/{name}" for u in _COMMANDS for name in ("in-force", "low", "high")),
-    *(f"ft/outer/n_x/{name}" for name in ("min", "max", "given", "steepest", "short")),
-    *("ft/outer/gamma-given-rad", "ft/outer/V-err"),
-}
 
 # The wind of `fly`: JSBSim resets its ``wind-*`` in every evaluation.
 WIND = [f"atmosphere/gust-{axis}-fps" for axis in ("north", "east", "down")]
@@ -166,7 +144,7 @@ def export_jsbsim(
         values["ft/outer/planned"] = 1.0
     with model_folders(fdm.config, weigh, fdm.steps) as folders:
         aircraft = folder / "aircraft" / folders.name
-        root = _parsed(folders.file)
+        root = _parsed(folders.file.read_bytes())
     _copy_parts(fdm.config, folder)
     last = max(i for i, element in enumerate(root) if element.tag == "system")
     root.insert(last + 1, Element("system", file=OUTER_LOOP))
@@ -228,57 +206,17 @@ def export_jsbsim(
 
 def _outer_loop(loop: OuterLoop, frames: int, *, airspeed: bool) -> Element:
     """The law as a system: the paper's, or another one behind the same measurements."""
-    outer = _parsed(_OUTER_LOOP)
-    (channel,) = outer.iterfind("channel")
-    channel.set("execrate", str(frames))
-    others = ("n_z", "n_x") if airspeed else ("n_z",)
-    for group, tag in ((outer, "property"), (channel, "fcs_function")):
-        row = [part for part in group.findall(tag) if _OF_ROLL.match(_name(part))]
-        row = [part for part in row if not _name(part).endswith("/feed-forward")]
-        end = 1 + list(group).index(row[-1])
-        group[end:end] = [_of_command(part, u) for u in others for part in row]
-    if loop.components is not None:
-        for component in channel.findall("fcs_function"):
-            if component.get("name") not in _MEASURED:
-                channel.remove(component)
-        law_parts = _parsed(_OUTER_LOOP.with_name(loop.components))
-        channel.extend(law_parts.iterfind("channel/fcs_function"))
-        outer[0:0] = law_parts.iterfind("property")
-    if not airspeed:
-        _leave_out_airspeed(outer)
-    return outer
-
-
-def _of_command(part: Element, command: str) -> Element:
-    """A part of the row of roll as that of another command."""
-    text = ElementTree.tostring(part, encoding="unicode").replace(
-        properties.PHI_CMD, _COMMANDS[command]
+    template = page_template("flighttune.exports", f"{loop.components or 'outer_loop.xml'}.jinja")
+    commands = {u: name for u, name in _COMMANDS.items() if airspeed or u != "n_x"}
+    return _parsed(
+        template.render(
+            own_law=loop.components is not None,
+            commands=commands,
+            airspeed=airspeed,
+            given="given" if airspeed else "ref",  # the path angle may give way to the airspeed
+            frames=frames,
+        )
     )
-    text = _OF_ROLL.sub(rf"ft/outer/\g<1>{command}", text)
-    if part.tag == "property":  # the range of n_x is that of the engines' too
-        text = text.replace("n_x/m", "n_x/range-m")
-    return ElementTree.fromstring(text)
-
-
-def _name(part: Element) -> str:
-    """Name of a component, or of the property that an element is of."""
-    return part.get("name") or (part.text or "").strip()
-
-
-def _leave_out_airspeed(outer: Element) -> None:
-    """Take out what only an airspeed to follow needs, and the comments in front of it."""
-    for part in outer.iter("property"):
-        part.text = _AS_ASKED.get(_name(part), part.text)
-    for parent in [*outer.iter()]:
-        comment = None
-        for child in [*parent]:
-            is_comment = not isinstance(child.tag, str)
-            factors = child if child.tag == "product" else ()
-            if any(_OF_AIRSPEED.match(_name(part)) for part in (child, *factors)):
-                for each in (child, comment):
-                    if each is not None:
-                        parent.remove(each)
-            comment = child if is_comment else None
 
 
 def _values(scenario: Scenario, setup: LawSetup, loop: OuterLoop, fdm: Fdm) -> dict[str, float]:
@@ -457,10 +395,10 @@ def _engine_events(
     return events
 
 
-def _parsed(file: Path) -> Element:
-    """Root of a file, with its comments."""
+def _parsed(text: str | bytes) -> Element:
+    """Root of an XML text, with its comments."""
     parser = ElementTree.XMLParser(target=ElementTree.TreeBuilder(insert_comments=True))
-    return ElementTree.parse(file, parser).getroot()
+    return ElementTree.XML(text, parser)
 
 
 def _declare(root: Element, values: Mapping[str, float]) -> set[str]:
