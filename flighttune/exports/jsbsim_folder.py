@@ -5,7 +5,7 @@ import os
 import shlex
 import shutil
 import sys
-from collections.abc import Iterable, Mapping, Set
+from collections.abc import Iterable, Mapping, Sequence, Set
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -24,7 +24,6 @@ from flighttune.control.gains import PIGains
 from flighttune.control.law import OuterLoop
 from flighttune.control.mimo_pi import BEYOND_STOP
 from flighttune.errors import InputError
-from flighttune.exports.check import COLUMNS, differences
 from flighttune.files.whole import whole_file, write_text
 from flighttune.flight.conditions import (
     command_limits,
@@ -37,7 +36,12 @@ from flighttune.flight.fly import aircraft_table, fly_once, plant_of
 from flighttune.flight.models import law_setup
 from flighttune.plants.jsbsim import properties
 from flighttune.plants.jsbsim.fdm import STARTER, STARTING, Fdm, weigh
-from flighttune.plants.jsbsim.model_files import model_files, model_folders, source_folders
+from flighttune.plants.jsbsim.model_files import (
+    failure_of_python,
+    model_files,
+    model_folders,
+    source_folders,
+)
 from flighttune.plants.jsbsim.plant import JSBSimPlant, inner_loop_settings
 from flighttune.plants.sensors import Sensors
 from flighttune.present.answer import Answer, Answering, printable
@@ -46,6 +50,7 @@ from flighttune.references.feasible import FeasibleReference
 from flighttune.references.follow import APPROACH, LEAST_SHARE, STEEPEST_DIVE
 from flighttune.references.segments import Reference
 from flighttune.scenario.schema import Scenario
+from flighttune.simulate.run import Run
 from flighttune.units import FT, G_0
 
 SCRIPT, CSV, START, OUTER_LOOP = "flight.xml", "flight.csv", "start", "ft_outer_loop"
@@ -57,6 +62,15 @@ AT_REST = 40.0
 
 # Share of a sample that is rounding.
 SAME_TIME = 1e-6
+
+# Largest difference between two flights that are the same but for rounding, rad, 1 and m/s.
+TOLERANCE = 1e-9
+
+# Wall time after which JSBSim is stopped, s, and more for each second of flight; it takes 2 s.
+TIME_LIMIT_S, TIME_LIMIT_PER_S = 60.0, 2.0
+
+# Signals of a run by column of the file; the airspeed is compared where the flight follows one.
+COLUMNS = {"chi": "chi_rad", "gamma": "gamma_rad", "phi": "phi_rad", "n_z": "n_z", "V_a": "V_a_mps"}
 
 # Departure from a straight line above which a sample of a reference has a row of its own.
 STRAIGHT = 1e-15
@@ -168,7 +182,7 @@ def export_jsbsim(
     run = fly_once(
         scenario, aircraft_plant, gains, plant_label=table.label, gains_name=name, lead=lead
     )
-    largest, differs = differences(at_folder, folder / CSV, t_0, run)
+    largest, differs = _differences(at_folder, folder / CSV, t_0, run)
     if differs:
         verdict = f"JSBSim's flight is not that of `flighttune fly`: {differs}."
     else:
@@ -202,6 +216,38 @@ def export_jsbsim(
         verdict=verdict,
         same=not differs,
     )
+
+
+def _differences(
+    options: Sequence[str], csv: Path, start: float, run: Run
+) -> tuple[dict[str, float], str]:
+    """Largest difference (rad, 1, m/s) of a run's signals from JSBSim's `csv`; what differs."""
+    import pandas as pd
+
+    write_text(csv, "")  # so that no flight of before is compared
+    time_limit = TIME_LIMIT_S + TIME_LIMIT_PER_S * (start + run.t[-1])
+    if failure := failure_of_python("-m", "jsbsim.script", *options, time_limit=time_limit):
+        return {}, f"JSBSim must fly it, but {failure}"
+    try:
+        written = pd.read_csv(csv, usecols=[*COLUMNS.values()], dtype=float)
+    except ValueError:  # those of pandas are such errors
+        return {}, f"JSBSim's {csv.name} cannot be read"
+    if len(written) < len(run.t):
+        return {}, f"JSBSim's flight ends after {len(written)} of {len(run.t)} samples"
+    distances = {
+        name: np.abs(written[column].to_numpy()[: len(run.t)] - run.signals[name].to_numpy())
+        for name, column in COLUMNS.items()
+        if name != "V_a" or "V_ref" in run.signals
+    }
+    # One of the two courses is modulo a turn.
+    distances["chi"] = np.abs((distances["chi"] + np.pi) % (2.0 * np.pi) - np.pi)
+    largest = {name: float(values.max()) for name, values in distances.items()}
+    # With "not", because NaN is a difference too.
+    first = {name: np.argmax(~(values <= TOLERANCE)) for name, values in distances.items()}
+    if not (differing := [name for name, value in largest.items() if not value <= TOLERANCE]):
+        return largest, ""
+    name = min(differing, key=lambda name: (first[name], -distances[name][first[name]]))
+    return largest, f"{name} differs first, at t = {run.t[first[name]]:g} s"
 
 
 def _outer_loop(loop: OuterLoop, frames: int, *, airspeed: bool) -> Element:
