@@ -1,4 +1,7 @@
-"""Residual rates against disturbances that the model was flown under."""
+"""Residuals and mismatch of flights whose disturbance is known."""
+
+import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -7,7 +10,8 @@ from made_up import made_up_scenario
 import flighttune as ft
 from flighttune.flight.conditions import start_condition
 from flighttune.flight.fly import fly_once
-from flighttune.gaps.residual import ConformantModel, residual_rates, residuals_of
+from flighttune.gaps.residual import ConformantModel, mismatch, residual_rates, residuals_of
+from flighttune.simulate.disturbance import Sinusoid
 
 MICRO = 1e-6
 """Rates agree to this, rad/s: both sides integrate by the classical Runge-Kutta rule."""
@@ -29,23 +33,27 @@ LAGS = {
 }
 
 
-def flown(lags, disturbance):
+def flown(scenario, plant):
+    return fly_once(scenario, plant, ft.PAPER_GAINS, plant_label=plant.kind, gains_name="paper")
+
+
+def residuals(lags, disturbance):
     plant = ft.loop.PointMassPlant(lags, disturbance=disturbance, g=SCENARIO.flight.g_mps2)
-    run = fly_once(SCENARIO, plant, ft.PAPER_GAINS, plant_label="model", gains_name="paper")
+    run = flown(SCENARIO, plant)
     model = ConformantModel(V_a=25.0, g=SCENARIO.flight.g_mps2, lags=lags)
     return residuals_of(model, run, start_condition(SCENARIO))
 
 
 @pytest.mark.parametrize(("roll", "load"), [*zip(LAGS, [*LAGS][::-1], strict=True)])
 def test_a_constant_disturbance_comes_back(roll, load):
-    found = flown((LAGS[roll], LAGS[load]), lambda t: (0.01, -0.02))
+    found = residuals((LAGS[roll], LAGS[load]), lambda t: (0.01, -0.02))
 
     assert found == pytest.approx(np.tile([0.01, -0.02, 0.0, 0.0], (200, 1)), abs=MICRO)
 
 
 def test_a_disturbance_that_swings_comes_back_as_its_mean_over_each_sample():
     lags = LAGS["second order, delay within a sample"], LAGS["first order, no delay"]
-    found = flown(lags, lambda t: (0.03 * np.sin(2.0 * t), 0.0))
+    found = residuals(lags, lambda t: (0.03 * np.sin(2.0 * t), 0.0))
 
     t = 0.02 * np.arange(201)
     means = np.diff(-0.015 * np.cos(2.0 * t)) / 0.02
@@ -57,7 +65,7 @@ def test_the_roll_of_another_lag_is_off_by_how_the_two_differ():
     slow, fast = (ft.loop.InnerLag(order=1, natural_frequency=w) for w in (4.0, 6.0))
     load = LAGS["first order, no delay"]
     plant = ft.loop.PointMassPlant((slow, load), g=SCENARIO.flight.g_mps2)
-    run = fly_once(SCENARIO, plant, ft.PAPER_GAINS, plant_label="model", gains_name="paper")
+    run = flown(SCENARIO, plant)
     model = ConformantModel(V_a=25.0, g=SCENARIO.flight.g_mps2, lags=(fast, load))
 
     found = residuals_of(model, run, start_condition(SCENARIO))
@@ -83,3 +91,54 @@ def test_the_course_may_pass_north():
     found = residual_rates(model, 0.02, *level, (0.0, 1.0))
 
     assert found[:, 0] == pytest.approx(np.deg2rad(0.5) / 0.02, abs=MICRO)
+
+
+PAPER, V_A, G = ft.load_scenario("paper"), 25.0, 9.81
+NOTHING = 1e-5
+"""What the mean of cos(gamma) over an interval may be off by, rad/s."""
+EXACT = 1e-9
+SINUSOID = Sinusoid(chi_amplitude=0.03, chi_omega=0.8, gamma_amplitude=0.02, gamma_omega=0.8)
+
+
+@pytest.fixture(scope="module")
+def undisturbed():
+    return flown(PAPER, ft.loop.PointMassPlant(turn="paper"))
+
+
+@pytest.mark.parametrize("turned", [0.0, math.pi])  # courses run on through south
+def test_the_kinematic_law_has_no_mismatch_with_itself(undisturbed, turned):
+    signals = undisturbed.signals.assign(chi=undisturbed.signals["chi"] + turned)
+
+    found = mismatch(replace(undisturbed, signals=signals))
+
+    assert found.bound < NOTHING
+    assert np.abs(found.d[:, 0]).max() < EXACT
+
+
+def test_the_mismatch_of_a_disturbed_law_is_the_mean_of_its_disturbance():
+    found = mismatch(flown(PAPER, ft.loop.PointMassPlant(turn="paper", disturbance=SINUSOID)))
+
+    ends = np.append(found.t, 20.0)
+    chi = -0.03 / 0.8 * np.diff(np.cos(0.8 * ends)) / 0.02
+    gamma = 0.02 / 0.8 * np.diff(np.sin(0.8 * ends)) / 0.02
+    assert found.d[:, 0] == pytest.approx(chi, abs=EXACT)
+    assert found.d[:, 1] == pytest.approx(gamma, abs=NOTHING)
+    settled = found.d_dot[100:]
+    assert np.linalg.norm(settled, axis=1).max() == pytest.approx(SINUSOID.rate_bound, rel=2e-3)
+
+
+def test_the_mismatch_of_the_point_mass_is_lift_that_the_law_does_not_know():
+    run = flown(PAPER, ft.loop.PointMassPlant())
+    found = mismatch(run)
+
+    phi, n_z = (run.signals[name].to_numpy()[:-1] for name in ("phi_cmd", "n_z_cmd"))
+    gamma = run.signals["gamma"].to_numpy()
+    middle = 0.5 * (gamma[1:] + gamma[:-1])
+    expected = G / V_A * (n_z * np.sin(phi) / np.cos(middle) - np.tan(phi))
+    assert found.d[:, 0] == pytest.approx(expected, abs=2e-4)
+    assert np.abs(found.d[:, 1]).max() < NOTHING
+
+
+def test_a_flight_of_three_samples_is_too_short(undisturbed):
+    with pytest.raises(ft.InputError, match=r"`run`.* 4 .* 3"):
+        mismatch(replace(undisturbed, signals=undisturbed.signals.iloc[:3]))
