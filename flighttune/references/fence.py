@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import islice
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -61,20 +62,27 @@ FAR = (-np.inf, np.inf)
 SIDES = ("left", "right", "up", "down")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Fence:
     """Where flights may be, in m from the start."""
 
-    # `start` and `end`: (edges, 2), north and east of the ends of each edge of polygon and zones
-    start: FloatArray
-    end: FloatArray
+    rings: list[FloatArray]  # (edges, 2) each: north and east of where the edges begin
+    outside: list[bool]  # whether each ring is to stay out of
     # (edges,): distance of each from the line that is straight in latitude and longitude
     sag: FloatArray
-    ring: npt.NDArray[np.intp]  # (edges,): number of the ring of each edge
-    outside: tuple[bool, ...]  # whether each ring is to stay out of
     names: tuple[str, ...]  # of the edges, then of ceiling and floor
     low: float
     high: float
+
+    @cached_property
+    def start(self) -> FloatArray:
+        """North and east of where each edge of all rings begins, shape (edges, 2), m."""
+        return np.concatenate(self.rings)
+
+    @cached_property
+    def end(self) -> FloatArray:
+        """North and east of where each edge ends, shape (edges, 2), m."""
+        return np.concatenate([np.roll(ring, -1, axis=0) for ring in self.rings])
 
     @property
     def heights(self) -> str:
@@ -96,17 +104,18 @@ class Fence:
         places = np.column_stack([path.north, path.east])[inside]
         points, heights = np.asarray(shapely.points(places)), path.up[inside]
         margins = [self.high - heights, heights - self.low]
-        for number, outside in enumerate(self.outside):
-            area = shapely.Polygon(self.start[self.ring == number])
+        for ring, outside in zip(self.rings, self.outside, strict=True):
+            area = shapely.Polygon(ring)
             sign = np.where(shapely.contains(area, points) == outside, -1.0, 1.0)
             margins.append(sign * shapely.distance(area.exterior, points))
         kind, i = np.unravel_index(np.argmin(margins), np.shape(margins))
         along, side, edge = float(path.s[i]), SIDES[2 + kind % 2], kind - 2
         if kind > 1:
-            lines = np.asarray(shapely.linestrings(np.stack([self.start, self.end], axis=1)))
-            lines[self.ring != kind - 2] = None
-            edge = int(np.nanargmin(shapely.distance(lines, points[i])))
-            north, east = shapely.get_coordinates(shapely.shortest_line(points[i], lines[edge]))[1]
+            lines = _lines(self.rings[edge])
+            nearest = np.argmin(shapely.distance(lines, points[i]))
+            edge = sum(map(len, self.rings[:edge])) + nearest
+            to = shapely.shortest_line(points[i], lines[nearest])
+            north, east = shapely.get_coordinates(to)[1]
             course, (n, e) = path.course[i], places[i]
             right = (east - e) * math.cos(course) - (north - n) * math.sin(course)
             side = SIDES[int(right > 0.0)]
@@ -267,53 +276,50 @@ def read_fence(path: Path, origin: LatLon, tables: Any = None) -> Fence:
     import shapely
 
     tables = tables or fence_tables([path])
+    low, high = FAR
+    rings, sags = [], []
+    names: list[str] = []
+    out: list[bool] = []
+    numbers = {True: 0, False: 0}
     with reading(path, KINDS):
         shapes = [
             x for x in (features(tables) if tables else ()) if x["geometry"]["type"] == "Polygon"
         ]
         if not shapes:
             raise InputError("must have a Polygon for a fence, got none.")
-        low, high = FAR
-        names: list[str] = []
-        rings, sags = [], []
-        out: list[bool] = []
-        numbers = {True: 0, False: 0}
         for shape in shapes:
             stated = json_part(shape, "properties", dict)
             low, high = _heights(stated, low, high)
             outside = json_bool(stated.get("exclusion", False), "`exclusion`")
             numbers[outside] += 1
             kind = f" of {'exclusion' if outside else 'area'} {numbers[outside]}"
-            begin = len(names)
-            polygon = []
+            kind *= len(shapes) > 1
+            begin, first = len(names), len(rings)
             for zone, points in enumerate(shape["geometry"]["coordinates"]):
                 ring, sag, corners = _edges(_ring(points), origin, MAX_EDGES - len(names))
-                part = f" of zone {zone}" * (zone > 0) + kind * (len(shapes) > 1)
-                names += [f"edge {i + 1}{part}" for i in corners]
-                polygon.append(ring)
+                names += [f"edge {i + 1}{f' of zone {zone}' * (zone > 0)}{kind}" for i in corners]
+                out.append(outside or zone > 0)
+                rings.append(ring)
                 sags.append(sag)
-            start, end = _ends(polygon)
-            _check_crossing(start, end, names[begin:])
+            polygon = rings[first:]
+            edges = np.concatenate([*map(_lines, polygon)])
+            for i, j in np.argwhere(shapely.crosses(edges[:, None], edges))[:1] + begin:
+                raise InputError(f"`coordinates` must not cross, got {names[i]} and {names[j]}.")
             inside = [shapely.Polygon(ring).contains(shapely.Point(0.0, 0.0)) for ring in polygon]
             if inside[0] == outside or any(inside[1:]):
                 raise InputError(
-                    f"`coordinates`: the start must be {'out' if outside else 'in'}side"
-                    f"{kind * (len(shapes) > 1)}, got one at {origin} deg."
+                    f"`coordinates`: the start must be {'out' if outside else 'in'}side{kind}, got "
+                    f"one at {origin} deg."
                 )
-            rings += polygon
-            out += [outside, *[True] * (len(polygon) - 1)]
-        start, end = _ends(rings)
-    names += ["ceiling", "floor"]
-    sag = np.concatenate(sags)
-    numbered = np.repeat(np.arange(len(rings)), [len(ring) for ring in rings])
-    kinds = {"ring": numbered, "outside": tuple(out)}
-    return Fence(start=start, end=end, sag=sag, names=tuple(names), low=low, high=high, **kinds)
+    sag, names = np.concatenate(sags), [*names, "ceiling", "floor"]
+    return Fence(rings=rings, outside=out, sag=sag, names=tuple(names), low=low, high=high)
 
 
-def _ends(rings: Sequence[FloatArray]) -> tuple[FloatArray, FloatArray]:
-    """Both ends of the edges of rings, shape (edges, 2) each."""
-    start, end = (np.concatenate([np.roll(ring, -i, axis=0) for ring in rings]) for i in (0, 1))
-    return start, end
+def _lines(ring: FloatArray) -> npt.NDArray[Any]:
+    """The edges of a ring as lines, which may meet in corners."""
+    import shapely
+
+    return np.asarray(shapely.linestrings(np.stack([ring, np.roll(ring, -1, axis=0)], axis=1)))
 
 
 def _heights(stated: Mapping[str, Any], low: float, high: float) -> tuple[float, float]:
@@ -373,15 +379,6 @@ def _ring(points: Iterable[Any]) -> FloatArray:
     if len(ring) < 3:
         raise InputError(f"`coordinates` must have at least three corners, got {len(ring)}.")
     return ring
-
-
-def _check_crossing(start: FloatArray, end: FloatArray, names: list[str]) -> None:
-    """Refuse edges that cross each other; those that meet in a corner do not."""
-    import shapely
-
-    edges = np.asarray(shapely.linestrings(np.stack([start, end], axis=1)))
-    for i, j in np.argwhere(shapely.crosses(edges[:, None], edges))[:1]:
-        raise InputError(f"`coordinates` must not cross, got {names[i]} and {names[j]}.")
 
 
 def room_along(
