@@ -331,9 +331,8 @@ def priority_notes(runs: Iterable[Run]) -> list[str]:
             t, share = run.t[gave_way], 100.0 * float(np.mean(gave_way))
             cost = f"the path angle gives way by up to {less.max() / DEG:.1f} deg"
             if "height_err" in run.signals:
-                cost = (
-                    f"the flight is up to {run.signals['height_err'].max():.0f} m below the route"
-                )
+                below = run.signals["height_err"].max()
+                cost = f"the flight is up to {below:.0f} m below the route"
             notes.append(
                 f"{run.label}: speed has priority from {t[0]:.1f} s on, in {share:.0f} % of the "
                 f"flight; {cost}."
