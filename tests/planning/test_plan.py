@@ -11,7 +11,6 @@ from hypothesis import strategies as st
 import flighttune as ft
 from flighttune import load_scenario
 from flighttune.flight.models import gain_set
-from flighttune.planning.draws import SEED
 from flighttune.planning.plan import plan_from
 from flighttune.plants.jsbsim.plant import LARGEST_SEED
 
@@ -134,7 +133,7 @@ def test_the_scenario_of_a_draw_has_its_values_and_seed():
         assert scenario.reference.chi_deg[0].rate_dps == ramp.rate_dps * row[chi_rate["key"]]
         assert scenario.controller.feed_forward == row["controller.feed_forward"]
         assert scenario.controller.anti_windup == "none"
-        assert scenario.seed == row[SEED]
+        assert scenario.seed == row["seed"]
         same = {"flight", "reference", "controller", "seed"}
         assert scenario.model_dump(exclude=same) == plan.scenario.model_dump(exclude=same)
 
@@ -151,7 +150,7 @@ def test_a_grid_is_flown_cell_by_cell_with_the_same_draws_in_each():
     assert plan.cycle == 6
     assert frame["flight.V_a_mps"].tolist() == [20.0, 20.0, 25.0, 25.0, 30.0, 30.0] * 2
     assert frame["flight.phi_deg"].tolist() == [-5.0, 5.0] * 6
-    for name in ("flight.h_m", SEED):
+    for name in ("flight.h_m", "seed"):
         values = frame[name].tolist()
         assert len(set(values[:6])) == 1
         assert len(set(values)) == 2

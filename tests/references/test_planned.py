@@ -5,13 +5,13 @@ import shutil
 
 import numpy as np
 import pytest
+import tomlkit
 from made_up import made_up_scenario, scenario_tables
+from places import SHIPPED_AIRCRAFT
 from scipy.integrate import quad
 
 import flighttune as ft
-from flighttune.aircraft.aircraft import load_aircraft
 from flighttune.campaign.flying.rows import batchable
-from flighttune.files.table import toml_text
 from flighttune.flight.new import new_scenario
 from flighttune.references.follow import WIND_ESTIMATE_S, Planner
 from flighttune.references.segments import Segment
@@ -126,21 +126,21 @@ def test_a_roll_in_that_cannot_be_flown_is_refused(ramp, message, tmp_path):
     tables = scenario_tables(
         reference={"chi_deg": [ramp], "gamma_deg": 0.0}, limits=LIMITS, flight={"duration_s": 20.0}
     )
-    file.write_text(toml_text(tables))
+    file.write_text(tomlkit.dumps(tables))
     with pytest.raises(ft.ScenarioError, match=f"turn.toml.*{message}"):
         ft.load_scenario(file)
 
 
 def test_an_aircraft_whose_lag_is_not_known_flies_no_plan(tmp_path):
     aircraft = tmp_path / "mine"
-    shutil.copytree(load_aircraft("c172p").folder, aircraft)
+    shutil.copytree(SHIPPED_AIRCRAFT / "c172p", aircraft)
     (aircraft / "identified.json").unlink()
     tables = ft.load_scenario("mission").as_dict()
     tables |= {"gains": ["paper"], "expect": [], "limits": {}, "tuning": {}}
     tables["reference"] = {"chi_deg": [TURN | {"rate_dps": 3.0}], "gamma_deg": 0.0}
     tables["plant"] = [{"kind": "jsbsim", "aircraft": str(aircraft)}]
     file = tmp_path / "mission.toml"
-    file.write_text(toml_text(tables | {"flight": tables["flight"] | {"V_a_mps": 50.0}}))
+    file.write_text(tomlkit.dumps(tables | {"flight": tables["flight"] | {"V_a_mps": 50.0}}))
 
     with pytest.raises(ft.ScenarioError, match=r"mission.toml: .*identified.json: must be there"):
         ft.load_scenario(file)

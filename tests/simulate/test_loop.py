@@ -1,4 +1,4 @@
-"""The sampled loop against the continuous law, and the shape of what it returns."""
+"""The sampled loop against the continuous law, behind sensors, and the shape of what it returns."""
 
 import math
 
@@ -7,9 +7,13 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import flighttune as ft
+from flighttune.control.mimo_pi import INTEGRAL_SIGNALS
 from flighttune.flight.conditions import reference_of, start_condition
+from flighttune.plants.sensors import MEASURED, SENSED
+from flighttune.references.segments import Segment
 from flighttune.simulate.loop import LOOP_SIGNALS, simulate
 from flighttune.simulate.run import SIGNAL_UNITS
+from flighttune.units import wrap_angle
 
 PEAK_TOLERANCE = 0.002
 PAPER_LIMITS = ft.loop.Limits(
@@ -64,7 +68,7 @@ def test_the_papers_mode_peaks_where_the_continuous_law_does():
 
 def simulated(
     plant=ft.loop.PointMassPlant, limits=None, reference=PAPER_REFERENCE, condition=PAPER_START,
-    duration=10.0, **law,
+    duration=10.0, sensors=None, **law,
 ):  # fmt: skip
     return simulate(
         plant(turn="paper"),
@@ -72,6 +76,7 @@ def simulated(
         reference,
         condition=condition,
         duration=duration,
+        sensors=sensors,
     )
 
 
@@ -165,3 +170,66 @@ def test_a_law_sees_pitch_and_elevator_of_an_airframe(plant):
     else:
         recorded = run.signals[["theta", "elevator"]].to_numpy()
         assert [x for x in seen if x[0] is not None] == list(map(tuple, recorded.tolist()))
+
+
+START = ft.loop.FlightCondition(V_a=25.0, chi=2.5)
+TURN = ft.loop.Reference(chi=2.5, gamma=0.1, chi_segments=(Segment(1.0, (0.0, 4.0), rates=(0.3,)),))
+LIMITS = ft.loop.Limits(
+    lower=[-0.8, -2.0], upper=[0.8, 2.0], rate_lower=[-0.5, -1.0], rate_upper=[0.5, 1.0]
+)
+NOISY = ft.loop.Sensors(bias=(0.02, -0.01, 1.0), noise_sd=(0.01, 0.02, 0.5), seed=3)
+MICRORADIAN = 1e-6
+
+
+def sensed(sensors, reference=TURN, limits=LIMITS, duration=8.0, **law):
+    """What a flight from a course to a turn shows, where the law sees it through sensors."""
+    law |= {"condition": START, "duration": duration, "sensors": sensors}
+    return simulated(limits=limits, reference=reference, **law)[0]
+
+
+def test_sensors_without_error_change_no_bit_of_what_was_there():
+    perfect, alone = sensed(ft.loop.Sensors()), sensed(None)
+
+    loop = [*LOOP_SIGNALS[:-2], *INTEGRAL_SIGNALS, *LOOP_SIGNALS[-2:]]
+    assert list(alone.columns) == [*ft.loop.PointMassPlant(turn="paper").signals, *loop]
+    assert perfect[list(alone.columns)].equals(alone)
+    assert [column for column in perfect if column not in alone] == list(MEASURED)
+
+
+def test_errors_are_the_true_ones_and_what_was_seen_stands_beside_them():
+    signals = sensed(NOISY)
+
+    errors = NOISY.errors(len(signals), 0.02)
+    for j, name in enumerate(SENSED):
+        seen, true = (signals[column].to_numpy() for column in (f"{name}_meas", name))
+        assert np.array_equal(seen, true + errors[:, j])
+    apart = signals["chi_ref"] - signals["chi"]
+    assert signals["chi_err"].tolist() == [wrap_angle(angle) for angle in apart]
+    assert np.array_equal(signals["gamma_err"], signals["gamma_ref"] - signals["gamma"])
+
+
+def test_the_controller_acts_on_what_it_sees():
+    first = sensed(NOISY, limits=None).iloc[0]
+
+    seen = [first[f"{c}_ref"] - first[f"{c}_meas"] for c in ("chi", "gamma")]
+    assert [first["phi_cmd"], first["n_z_cmd"]] == pytest.approx(
+        ft.PAPER_GAINS.K_P @ seen, rel=1e-12
+    )
+
+
+def test_integral_action_leaves_the_bias_as_the_true_error():
+    sensors = ft.loop.Sensors(bias=(0.05, -0.03, 0.0))
+
+    last = sensed(sensors, ft.loop.Reference(chi=2.6, gamma=0.1), duration=60.0).iloc[-1]
+
+    assert [last["chi_err"], last["gamma_err"]] == pytest.approx([0.05, -0.03], abs=MICRORADIAN)
+
+
+def test_a_schedule_goes_by_the_airspeed_that_was_measured():
+    sensors = ft.loop.Sensors(bias=(0.0, 0.0, 5.0))
+    fast, true = (
+        sensed(one, ft.loop.Reference(chi=2.6, gamma=0.1), limits=None, schedule_speed=25.0).iloc[0]
+        for one in (sensors, None)
+    )
+
+    assert fast["phi_cmd"] == pytest.approx(true["phi_cmd"] * 30.0 / 25.0, rel=1e-12)
