@@ -23,6 +23,7 @@ from flighttune.control.inner_loop import InnerLag, inner_loop_scaling
 from flighttune.control.linear_model import LinearModel, kinematic_model
 from flighttune.control.mimo_pi import ChannelLaw, MimoPI
 from flighttune.errors import InputError
+from flighttune.present.answer import pick
 
 
 class Trim(NamedTuple):
@@ -158,6 +159,13 @@ class Law(ABC):
     def names_of(self, gains: Sequence[str]) -> tuple[str, ...]:
         """Names of gain sets flown with it: as they are with the paper's, else ``LAW:GAINS``."""
         return tuple(gains) if self.name == DEFAULT else tuple(f"{self.name}:{n}" for n in gains)
+
+
+def pi_settings(setup: LawSetup, law: str) -> dict[str, Any]:
+    """What both built-in laws take of a setup; InputError if it has no gains."""
+    if setup.gains is None:
+        raise InputError(f"`gains` must be given to fly {law}.")
+    return pick(setup, "gains limits dt anti_windup tracking_time g")
 
 
 # Law of a scenario that names none, and of gain sets without a law before the colon.

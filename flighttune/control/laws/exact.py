@@ -9,9 +9,10 @@ from flighttune.control.controller import LawSetup
 from flighttune.control.exact_law import BRAKING, LIFT_FLOOR, ExactLaw, Priority, rate_model
 from flighttune.control.gains import RATES
 from flighttune.control.inner_loop import InnerLag
-from flighttune.control.law import Law, OuterLoop, SampledController, Trim
+from flighttune.control.law import Law, OuterLoop, SampledController, Trim, pi_settings
 from flighttune.control.linear_model import LinearModel
 from flighttune.errors import InputError
+from flighttune.present.answer import pick
 
 # Lags of its channel over which an error counts as much as its rate, 1/s: design/exact_gains.md.
 LAGS_PER_ERROR = 3.0
@@ -38,19 +39,8 @@ class Exact(Law):
 
     def make(self, setup: LawSetup, /) -> ExactLaw:
         """Make the controller of a flight."""
-        if setup.gains is None:
-            raise InputError("`gains` must be given to fly the exact law.")
-        return ExactLaw(
-            setup.gains,
-            setup.limits,
-            dt=setup.dt,
-            anti_windup=setup.anti_windup,
-            tracking_time=setup.tracking_time,
-            g=setup.g,
-            priority=self.priority,
-            lift_floor=self.lift_floor,
-            braking=self.braking,
-        )
+        options = pick(self, "priority lift_floor braking")
+        return ExactLaw(**pi_settings(setup, "the exact law"), **options)
 
     def linear_model(self, trim: Trim, /) -> LinearModel:
         """Error dynamics, the same at every condition."""

@@ -4,10 +4,10 @@ from dataclasses import dataclass, replace
 from typing import ClassVar
 
 from flighttune.control.controller import LawSetup
-from flighttune.control.law import Law, OuterLoop, SampledController, Trim
+from flighttune.control.law import Law, OuterLoop, SampledController, Trim, pi_settings
 from flighttune.control.linear_model import LinearModel
 from flighttune.control.mimo_pi import MimoPI
-from flighttune.errors import InputError
+from flighttune.present.answer import pick
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -19,18 +19,8 @@ class Paper(Law):
 
     def make(self, setup: LawSetup, /) -> MimoPI:
         """Make the controller of a flight."""
-        if setup.gains is None:
-            raise InputError("`gains` must be given to fly the paper's law.")
-        return MimoPI(
-            setup.gains,
-            setup.limits,
-            dt=setup.dt,
-            anti_windup=setup.anti_windup,
-            tracking_time=setup.tracking_time,
-            schedule_speed=setup.schedule_speed,
-            feed_forward=setup.feed_forward,
-            g=setup.g,
-        )
+        options = pick(setup, "schedule_speed feed_forward")
+        return MimoPI(**pi_settings(setup, "the paper's law"), **options)
 
     def linear_model(self, trim: Trim, /) -> LinearModel:
         """Error dynamics; a schedule is the same loop with an input matrix that it scales."""
