@@ -184,37 +184,34 @@ def span(ends: Range) -> str:
     return f"{ends[0]:.4g}" + f"..{ends[1]:.4g}" * (ends[0] < ends[1])
 
 
-def law_entries(model: LinearModel) -> Entries | None:
-    """The entries a and b of each channel of a law, in ``e' = a e - b y``; None where they couple.
+def _uncoupled(models: Sequence[LinearModel], gains: PIGains) -> list[Entries] | None:
+    """The entries a and b of each model; None where its law or the gains couple the channels.
 
     Lags and delays between law and command, whose static gain is one, are taken out.
     """
-    n, m, p = model.shape
-    if m != p or not np.array_equal(model.C, np.eye(p, n)):
+    if not all(np.array_equal(K, np.diag(np.diag(K))) for K in (gains.K_P, gains.K_I)):
         return None
-    A, B = model.A[:p, :p], model.B[:p]
-    if n > p:
-        inside = model.A[p:, p:]
-        if not np.linalg.eigvals(inside).real.max() < 0.0:
+    entries = []
+    for model in models:
+        n, m, p = model.shape
+        if m != p or not np.array_equal(model.C, np.eye(p, n)):
             return None
-        B = B - model.A[:p, p:] @ np.linalg.solve(inside, model.B[p:])
-    if any(np.abs(x - np.diag(np.diag(x))).max() > SAME_ENTRIES for x in (A, B)):
-        return None
-    return np.diag(A), -np.diag(B)
+        A, B = model.A[:p, :p], model.B[:p]
+        if n > p:
+            inside = model.A[p:, p:]
+            if not np.linalg.eigvals(inside).real.max() < 0.0:
+                return None
+            B = B - model.A[:p, p:] @ np.linalg.solve(inside, model.B[p:])
+        if any(np.abs(x - np.diag(np.diag(x))).max() > SAME_ENTRIES for x in (A, B)):
+            return None
+        entries.append((np.diag(A), -np.diag(B)))
+    return entries
 
 
 def channel_gains(gains: PIGains, i: int) -> ChannelGains:
     """K_P, K_I and inner feedback of a channel."""
     k = gains.feedback[i] if i < len(gains.feedback) else 0.0
     return float(gains.K_P[i, i]), float(gains.K_I[i, i]), float(k)
-
-
-def _uncoupled(models: Sequence[LinearModel], gains: PIGains) -> list[Entries] | None:
-    """The entries of each model where its law and the gains leave each channel to itself."""
-    alone = [np.diag(np.diag(K)) for K in (gains.K_P, gains.K_I)]
-    entries = [entry for model in models if (entry := law_entries(model)) is not None]
-    same = len(entries) == len(models) and np.array_equal(alone, [gains.K_P, gains.K_I])
-    return entries if same else None
 
 
 def lag_boxes(

@@ -128,20 +128,25 @@ def indicators(
     figures = indicators_batch(A_K, scaling=scale)
     eigenvalues = np.asarray(np.linalg.eigvals(A_K), dtype=complex)
     eigenvalues = eigenvalues[np.lexsort((-np.imag(eigenvalues), -np.real(eigenvalues)))]
-    stable, reason = bool(figures.stable), ""
-    if not stable:
+    stable, reason, E_K = bool(figures.stable), "", math.inf
+    if stable:
+        half = len(A_K) // 2
+        known = errors is not None or not (len(A_K) % 2 or A_K[half:, half:].any())
+        count = half if errors is None else errors
+        E_K = float(largest_errors(A_K, errors=count).max()) if known else math.nan
+    elif eigenvalues[0].real >= 0.0:
         reason = f"The eigenvalue {eigenvalues[0]:.6g} 1/s is not in the open left half plane."
-        if eigenvalues[0].real < 0.0:
-            reason = (
-                f"The eigenvalue {eigenvalues[0]:.6g} 1/s is so close to the imaginary axis that "
-                "the Lyapunov equation has no positive solution in floating point."
-            )
+    else:
+        reason = (
+            f"The eigenvalue {eigenvalues[0]:.6g} 1/s is so close to the imaginary axis that the "
+            "Lyapunov equation has no positive solution in floating point."
+        )
     return Indicators(
         status="stable" if stable else "unstable",
         reason=reason,
         R_K=float(figures.R_K),
         I_K=float(figures.I_K),
-        E_K=_largest_error(A_K, errors) if stable else math.inf,
+        E_K=E_K,
         spectral_abscissa=float(figures.spectral_abscissa),
         eigenvalues=eigenvalues,
         Q=lyapunov_solution(scaled(A_K, scale)) if stable else None,
@@ -195,13 +200,6 @@ def indicators_batch(
         I_K=I_K.reshape(shape),
         spectral_abscissa=abscissa.reshape(shape),
     )
-
-
-def _largest_error(A_K: FloatArray, errors: int | None) -> float:
-    half = len(A_K) // 2
-    if errors is None and (len(A_K) % 2 or A_K[half:, half:].any()):
-        return math.nan
-    return float(largest_errors(A_K, errors=half if errors is None else errors).max())
 
 
 def state_scaling(scaling: npt.ArrayLike | None, n: int) -> FloatArray:

@@ -145,7 +145,12 @@ def _integrals(
             within[wider] = within[wider] @ within[wider]
             across[wider] = across[wider] @ across[wider]
             wider = wider[width[wider] * fastest[wider] < WIDER]
-        starts, X = _starts(X, across, panels)
+        # States at the starts of the panels, (loops, n, panels m), a power of two of them
+        starts, over = X, across
+        while starts.shape[-1] < panels * X.shape[-1]:
+            starts = np.concatenate([starts, over @ starts], axis=-1)
+            over = over @ over
+        X = over @ X
         # (loops, nodes, p, n) times (loops, n, panels m)
         values = (C @ within).reshape(len(alive), -1, len(E)) @ starts
         values = values.reshape(len(alive), NODES, len(C), -1, E.shape[1])
@@ -189,18 +194,6 @@ def _propagators(A: Numbers, fastest: FloatArray) -> tuple[FloatArray, Numbers, 
         -1, NODES + 1, *A.shape[1:]
     )
     return width, values[:, :-1], values[:, -1]
-
-
-def _starts(X: Numbers, across: Numbers, panels: int) -> tuple[Numbers, Numbers]:
-    """States at the starts of panels in a row, shape (N, n, panels m), and behind the last.
-
-    `panels` is a power of two.
-    """
-    starts = X
-    while starts.shape[-1] < panels * X.shape[-1]:
-        starts = np.concatenate([starts, across @ starts], axis=-1)
-        across = across @ across
-    return starts, across @ X
 
 
 def _norm_integrals(

@@ -12,7 +12,6 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -145,18 +144,11 @@ class SampledLag:
 
     def _rates(self, box: FloatArray, pushed: FloatArray) -> FloatArray:
         """Values of ``A Y + B u``, as those of Y: lower ends, then upper ones."""
-        n = self.order
-        sizes = np.abs(box)
-        rounding = ROUNDING * (np.abs(self.A) @ np.maximum(sizes[:n], sizes[n:]))
-        rates = self._signed @ box + pushed
-        rates[:n] -= rounding
-        rates[n:] += rounding
-        return rates
-
-    @cached_property
-    def _signed(self) -> FloatArray:
+        n, sizes = self.order, np.abs(box)
         up, down = np.maximum(self.A, 0.0), np.minimum(self.A, 0.0)
-        return np.block([[up, down], [down, up]])
+        rounding = ROUNDING * (np.abs(self.A) @ np.maximum(sizes[:n], sizes[n:]))
+        rates = np.block([[up, down], [down, up]]) @ box + pushed
+        return rates + np.concatenate([-rounding, rounding])
 
     @property
     def order(self) -> int:

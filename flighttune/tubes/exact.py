@@ -31,6 +31,7 @@ from flighttune.tubes.forms import (
     positive_part,
     product,
     secant,
+    secant_change,
 )
 from flighttune.tubes.interval import Interval, Unbounded, cosine
 from flighttune.tubes.sample import (
@@ -49,7 +50,6 @@ from flighttune.tubes.sample import (
     Enclosure,
     Plan,
     SampledLoop,
-    secant_change_inside,
 )
 
 # Overlap of the halves of a piece, rad and 1: by rounding, a computed flight may be on the other
@@ -211,7 +211,7 @@ class ExactEnclosure(Enclosure):
         more = combined((1.0, b), (-1.0, state[EXTRA_LIFT]))
         v = self._ranged(state[EXTRA_LIFT])
         change = self._ranged(combined((1.0, phi), (-1.0, state[PHI])))
-        less_steep = secant_change_inside(before, change)
+        less_steep = secant_change(before, change)
         x = combined(
             (1.0, product(self._ranged(more), secant(roll))),
             (-1.0, product(v, self._ranged(less_steep))),

@@ -20,7 +20,14 @@ import numpy.typing as npt
 
 from flighttune.arrays import FloatArray, Floats
 from flighttune.errors import InputError
-from flighttune.tubes.interval import Interval, cosine, outward, sine_and_cosine, within
+from flighttune.tubes.interval import (
+    Interval,
+    check_inside,
+    cosine,
+    outward,
+    sine_and_cosine,
+    within,
+)
 
 ULP = 2.0**-52
 
@@ -269,19 +276,20 @@ def secant(angle: Quantity) -> Quantity:
     return Quantity(form, 1.0 / cosine(angle.values))
 
 
-def secant_change(angle: Quantity, change: Quantity) -> Form:
+def secant_change(roll: Quantity, change: Quantity) -> Form:
     """``1/cos F - 1/cos(F + D)`` for a change D, by the mean-value theorem in F and D.
 
-    Its slope in D is ``-sec'(F + D)``, in F it is ``sec'(F) - sec'(F + D)``: minus D times
-    ``sec''`` in between.
+    Two secants enclosed one by one would be as wide as both. The slope in D is ``-sec'(F + D)``, in
+    F it is ``sec'(F) - sec'(F + D)``: minus D times ``sec''`` in between.
     """
-    before, by = angle.values, change.values
+    before, by = roll.values, change.values
     after = before + by
+    check_inside(after, "roll")
     across = before.hull(after)
-    in_angle, in_change = -(_secant_curvature(across) * by), -_secant_slope(after)
+    in_roll, in_change = -(_secant_curvature(across) * by), -_secant_slope(after)
     x_0, moved = before.middle, by.middle
     value = 1.0 / cosine(Interval.point(x_0)) - 1.0 / cosine(Interval.point(x_0) + moved)
-    terms, rest = _linear(value, (angle, in_angle), (change, in_change))
+    terms, rest = _linear(value, (roll, in_roll), (change, in_change))
     return combined(*terms, shift=rest)
 
 

@@ -1,5 +1,6 @@
 """Intervals of floats, one per entry of an array, rounded outwards."""
 
+import math
 from dataclasses import dataclass
 from functools import cache
 from typing import ClassVar
@@ -96,6 +97,12 @@ def within(radius: Floats) -> Interval:
     """The numbers of absolute value up to `radius`."""
     radius = np.asarray(radius, dtype=float)
     return Interval(-radius, radius)
+
+
+def check_inside(angle: Interval, name: str, largest: float = LARGEST_ANGLE) -> None:
+    """Refuse angles outside +-`largest`: Unbounded names them."""
+    if not (angle.largest < largest).all():
+        raise Unbounded(f"{name} cannot be kept inside {math.degrees(largest):.3g} deg")
 
 
 def cosine(angle: Interval) -> Interval:

@@ -242,9 +242,19 @@ def replay(
             if not inside(reached, ever.centre, ever.size):
                 reason = f"sample {k + 1}: the set that is kept is not proven to be reached"
                 return Verification(valid=False, reason=reason)
-    if ever is not None and (broken := _not_kept(problem.loop, ever, np.array(after_end))):
-        reason = f"after {ever.samples} samples from sample {ever.sample} on: {broken}"
-        return Verification(valid=False, reason=reason)
+    if ever is not None:
+        try:
+            after, passed = return_map(
+                problem.loop, ever.W, ever.centre, ever.size, ever.samples, Replay(ever.chosen)
+            )
+            broken = "the set is not proven to be kept"
+            if inside(after, ever.centre, ever.size):
+                broken = _broken(for_ever(np.array(after_end), passed), ever.bounds)
+        except (Unbounded, IndexError, InputError, np.linalg.LinAlgError) as error:
+            broken = str(error)
+        if broken:
+            reason = f"after {ever.samples} samples from sample {ever.sample} on: {broken}"
+            return Verification(valid=False, reason=reason)
     place = f"inside its bounds at {len(problem.t)} samples"
     return Verification.of(
         [
@@ -252,18 +262,6 @@ def replay(
             for name, margin in zip(QUANTITIES, margins, strict=True)
         ]
     )
-
-
-def _not_kept(loop: SampledLoop, ever: HandOver, after_end: FloatArray) -> str:
-    """Reason why flights may leave the set of a hand-over; empty if they never do."""
-    try:
-        plan = Replay(ever.chosen)
-        after, passed = return_map(loop, ever.W, ever.centre, ever.size, ever.samples, plan)
-    except (Unbounded, IndexError, InputError, np.linalg.LinAlgError) as error:
-        return str(error)
-    if not inside(after, ever.centre, ever.size):
-        return "the set is not proven to be kept"
-    return _broken(for_ever(after_end, passed), ever.bounds)
 
 
 def _broken(proven: FloatArray, claimed: FloatArray) -> str:

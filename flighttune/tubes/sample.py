@@ -47,7 +47,7 @@ from flighttune.tubes.forms import (
     tangent,
     transformed,
 )
-from flighttune.tubes.interval import LARGEST_ANGLE, Interval, Unbounded, cosine, sine_and_cosine
+from flighttune.tubes.interval import Interval, Unbounded, check_inside, cosine, sine_and_cosine
 
 # Rows of the state; the errors are those of the sample before. `EXTRA_LIFT` is the load-factor
 # command beyond its feed-forward, or, of the exact law, times the cosine of the roll command; with
@@ -358,7 +358,7 @@ class Enclosure:
 
     def _angle(self, form: Form, name: str) -> Quantity:
         angle = self._ranged(form)
-        _check_inside(angle.values, name)
+        check_inside(angle.values, name)
         return angle
 
     def _errors(self, k: int, state: Forms) -> list[Form]:
@@ -503,7 +503,7 @@ class Enclosure:
                     np.maximum(by.low, law.step_down - COMPUTED),
                     np.minimum(by.high, law.step_up + COMPUTED),
                 )
-            less_steep = secant_change_inside(stage.roll, Quantity(change, by.ordered))
+            less_steep = secant_change(stage.roll, Quantity(change, by.ordered))
             extra = combined((1.0, extra), (stage.lift, less_steep))
         return self.pieces.fresh(extra, EXTRA_LIFT)
 
@@ -567,9 +567,9 @@ class Enclosure:
         (rolled, loaded), lags = commands, []
         if loop.lags:
             (rolled, loaded), lags = self._behind_lags(state, (stage.phi, n_z))
-        _check_inside(rolled.values, "roll")
+        check_inside(rolled.values, "roll")
         climb = self._angle(state[GAMMA], CLIMB)
-        _check_inside(climb.values, CLIMB, STEEPEST)
+        check_inside(climb.values, CLIMB, STEEPEST)
         d = Interval(*loop.boxes[k, D].T)
         chi, gamma, spread = point_mass_sample(
             state[CHI], climb, rolled, loaded, d, h=loop.dt, g_over_v=loop.g_over_v
@@ -611,17 +611,3 @@ class Enclosure:
             after += moved
             under_way += newest_first[:-1]
         return reached, [*after, *under_way]
-
-
-def _check_inside(angle: Interval, name: str, largest: float = LARGEST_ANGLE) -> None:
-    if not (angle.largest < largest).all():
-        raise Unbounded(f"{name} cannot be kept inside {math.degrees(largest):.3g} deg")
-
-
-def secant_change_inside(roll: Quantity, change: Quantity) -> Form:
-    """``1/cos(phi) - 1/cos(phi + change)``, if that can be enclosed.
-
-    Two secants enclosed one by one would be as wide as both.
-    """
-    _check_inside(roll.values + change.values, "roll")
-    return secant_change(roll, change)

@@ -1,4 +1,4 @@
-"""Certificates: valid ones are proofs, changed ones refused with the inequality that fails."""
+"""Certificates: valid ones hold in flight, changed ones are refused with what fails."""
 
 import json
 import subprocess
@@ -10,10 +10,12 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from printed import L_D, MODEL
+from scipy.integrate import solve_ivp
 
 import flighttune as ft
 from flighttune.certificates.make import certify_model
 from flighttune.control.linear_model import Envelope
+from flighttune.files.shipped import aircraft_folder
 from flighttune.files.table import tables_of, value_of
 from flighttune.tuning.envelope import largest_factor
 
@@ -217,3 +219,102 @@ def test_a_claim_must_be_positive(at_trim):
         replace(at_trim.claim, rate=-1.0)
     with pytest.raises(ft.InputError, match="`radius` and `L_d`"):
         replace(at_trim.claim, L_d=None)
+
+
+GAMMA = np.pi / 12
+INTEGRATION = 1e-6
+
+
+def errors_rate(V_a, e, u, d):
+    """Eq. (39) of arXiv 2411.13140: e' of the law, course reference 0, no limits."""
+    phi, n_z = u
+    return -np.array(
+        [G / V_a * np.tan(phi), G / V_a * (n_z * np.cos(phi) - np.cos(GAMMA - e[1]))]
+    ) - np.asarray(d)
+
+
+def flight(V_a, e_0, d, duration):
+    """s = (e', e) over time, and the commands, from a start trimmed but for the error."""
+    xi_0 = np.linalg.solve(TUNED.K_I, [0.0, np.cos(GAMMA)])
+
+    def rates(t, y):
+        e, xi = y[:2], y[2:]
+        return np.concatenate([errors_rate(V_a, e, TUNED.K_P @ e + TUNED.K_I @ xi, d(t)), e])
+
+    t = np.linspace(0.0, duration, 4001)
+    flown = solve_ivp(
+        rates, (0.0, duration), np.concatenate([e_0, xi_0]), t_eval=t, rtol=1e-10, atol=1e-12
+    )
+    e, xi = flown.y[:2], flown.y[2:]
+    u = TUNED.K_P @ e + TUNED.K_I @ xi
+    e_dot = np.array([errors_rate(V_a, *at) for at in zip(e.T, u.T, map(d, t), strict=True)]).T
+    return t, np.vstack([e_dot, e]), u
+
+
+def stays_inside(s, u):
+    ranges = (GAMMA - s[3], ENVELOPE.gamma), (u[0], ENVELOPE.phi), (u[1], ENVELOPE.n_z)
+    return all(low <= x.min() and x.max() <= high for x, (low, high) in ranges)
+
+
+@pytest.mark.parametrize("V_a", [22.0, 24.3, 28.0])
+@pytest.mark.parametrize("e_0", [(0.1, -0.05), (-0.12, 0.08), (0.0, 0.1)])
+def test_the_quadratic_form_decays_at_the_certified_rate_inside_the_envelope(
+    over_envelope, V_a, e_0
+):
+    t, s, u = flight(V_a, np.array(e_0), lambda _: (0.0, 0.0), 15.0)
+
+    form = np.einsum("it,ij,jt->t", s, over_envelope.Q, s)
+
+    assert stays_inside(s, u)
+    allowed = form[:-1] * np.exp(-over_envelope.claim.rate * np.diff(t))
+    assert (form[1:] <= allowed * (1.0 + INTEGRATION) + 1e-14).all()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("V_a", [22.0, 28.0])
+@pytest.mark.parametrize("sense", [-1.0, 1.0])
+def test_a_disturbance_of_the_papers_rate_leaves_the_loop_inside_the_certified_radius(
+    over_envelope, V_a, sense
+):
+    """Half the amplitude at twice the frequency: the paper's own takes n_z out of this envelope."""
+
+    def d(t):
+        return 0.05 * np.sin(0.3 * t), sense * 0.05 * np.cos(0.3 * t)
+
+    t, s, u = flight(V_a, np.zeros(2), d, 100.0)
+
+    settled = t > 40.0
+    assert stays_inside(s[:, settled], u[:, settled])
+    assert np.linalg.norm(s[:, settled], axis=0).max() < over_envelope.claim.radius
+
+
+@pytest.mark.slow
+def test_a_proof_of_a_model_whose_file_has_changed_says_so(tmp_path):
+    model, tube_file = tmp_path / "model.json", tmp_path / "tube.npz"
+    text = (aircraft_folder("aerosonde") / "identified.json").read_text()
+    model.write_text(text)
+    tables = ft.load_scenario("paper").as_dict() | {"gains": ["paper"], "expect": []}
+    tables["flight"]["duration_s"] = 0.5
+    tables["plant"] = [{"kind": "point_mass_lag", "identified": str(model)}]
+    tables["tuning"] |= {"model": "identified", "identified": str(model)}
+    scenario = ft.scenario_from(tables)
+    certificate = ft.certify(scenario, "paper").certificate
+    certificate.save(tmp_path / "proof.json")
+    law = ft.load_scenario("paper", changes={"flight.duration_s": 0.2})
+    files = certificate.files  # as a tube of the same model has: that is longer to prove
+    replace(ft.tube(law, "paper"), files=files).save(tube_file)
+    flown = ft.fly(law, gains=["paper"])
+    said = f"The files of {model} are no longer those that it was made with"
+    for file in ("proof.json", "tube.npz"):
+        assert said not in " ".join(ft.verify(tmp_path / file).answer().notes)
+    assert any(run.claims for run in flown.within(ft.load(tube_file)).runs)
+
+    model.write_text(json.dumps(json.loads(text) | {"seed": 12345}))
+
+    for file in ("proof.json", "tube.npz"):
+        assert said in " ".join(ft.verify(tmp_path / file).answer().notes)
+    page = tmp_path / "proof.html"
+    ft.report(tmp_path / "proof.json", page)
+    assert "no longer those that it was made with" in page.read_text()
+    with pytest.raises(ft.InputError, match=r"must be those .* proven"):
+        flown.within(ft.load(tube_file))

@@ -40,12 +40,11 @@ def over_conditions():
     return ft.certify("mission", GAINS, envelope=True, changes=IDENTIFIED).certificate
 
 
-@pytest.mark.parametrize("feedback", [(0.0, 0.0), (0.4, 0.3)])
-def test_the_box_of_an_assumed_lag_has_the_least_rate_of_its_lags(feedback):
-    fed = replace(GAINS, feedback=feedback)
+def test_the_box_of_an_assumed_lag_has_the_least_rate_of_its_lags():
+    fed = replace(GAINS, feedback=(0.4, 0.3))
 
     for i, box in enumerate(ft.certify("mission", fed, lag=(0.2, 0.6)).certificate.boxes):
-        K_P, K_I, k = GAINS.K_P[i, i], GAINS.K_I[i, i], feedback[i]
+        K_P, K_I, k = GAINS.K_P[i, i], GAINS.K_I[i, i], fed.feedback[i]
         least = min(
             -np.roots([lag, 1.0 + k, (1.0 + k) * K_P, (1.0 + k) * K_I]).real.max()
             for lag in np.linspace(0.2, 0.6, 2001)
