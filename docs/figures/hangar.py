@@ -163,6 +163,9 @@ def hangar_text(answers: Sequence[dict[str, Any]]) -> str:
     fits = [min(one["fit_percent"][key] for one in flown) for key in ("phi", "n_z")]
     height = max(one["circuit"].get("height_err_m", 0.0) for one in adopted)
     most = max(one["export"] for one in flown)
+    page = PAGE.read_text(encoding="utf-8")
+    # kinds.py writes this part.
+    kinds = page[page.index("## With every command") : page.index("## Remarks")]
     return f"""# The hangar: every model of JSBSim's own set
 
 JSBSim comes with {len(answers)} models. This page says which of them `flighttune adopt MODEL` turns
@@ -191,7 +194,7 @@ better. Exported turns differ from flown ones by at most {most:.0e}.
 Gains tuned on the identified model have a smaller ITAE than the paper's K* scaled with airspeed on
 {chi} of {len(adopted)} aircraft for course and {gamma} for path angle, over the time flown.
 
-## Remarks
+{kinds}## Remarks
 
 What else is said of a model, of its engines, inertias and flight control, `adopt` prints.
 
