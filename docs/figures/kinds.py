@@ -49,8 +49,8 @@ def answers(model: str | Path, folder: Path) -> dict[str, str]:
     flighttune("new", mine, "--aircraft", folder)
     said = {
         "mission": (plan, "--aircraft", folder, *FEW, "--out", folder / "mission.npz"),
-        "band": (turn, "--start-deg", "2", "--learn", "8", *FEW, "--out", folder / "band.npz"),
-        "meet": (f"{mine}.toml", "--budget", "12", "--out", folder / "gains.json"),
+        "band": (turn, "--start-deg", "2", "--learn", "10", *FEW, "--out", folder / "band.npz"),
+        "meet": (f"{mine}.toml", "--budget", "12", "--out", folder / "met.json"),
         "export": (turn, "--out", folder / "export"),
         "gap": (turn, "--out", folder / "gap"),
     }
