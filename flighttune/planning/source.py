@@ -5,6 +5,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from flighttune.aircraft.aircraft import OffNominal, load_aircraft
 from flighttune.arrays import check_not_negative
 from flighttune.errors import InputError
 from flighttune.files.load import DATASET, SHOWN, kind_of
@@ -15,6 +18,7 @@ from flighttune.flight.route import AIRCRAFT, mission_scenario
 from flighttune.planning.load import campaign_on, load_campaign
 from flighttune.planning.plan import Plan, on_plants, plan_campaign, recorded_plan
 from flighttune.planning.schema import Campaign, CampaignTable, Dispersion, Uniform
+from flighttune.plants.jsbsim.plant import check_off_nominal
 from flighttune.present.names import CHANNEL_SYMBOLS
 from flighttune.references.fence import own_fence
 from flighttune.scenario.load import scenario_from, with_gains
@@ -23,6 +27,8 @@ from flighttune.scenario.schema import Scenario
 # Campaign whose air and dispersions a mission has by default, and dispersions in m, which are right
 # for the size of its aircraft alone.
 LIKE, SHIFTS = "circuit_in_wind", ("cg_aft_m", "cg_right_m", "cg_down_m")
+
+INERTIAS = "ixx_factor", "iyy_factor", "izz_factor"
 
 # Angular frequencies of a disturbance without a stated one, rad/s.
 FREQUENCIES = (0.05, 6.0)
@@ -203,8 +209,28 @@ def _about_mission(scenario: Scenario, aircraft: str, like: str | None) -> Campa
     campaign = load_campaign(name, scenario, changes={"plant.aircraft": aircraft})
     update: dict[str, Any] = {"title": f"{scenario.title}, flown as {name}"}
     if like is None and not shipped:
-        update["disperse"] = [x for x in campaign.disperse if not x.key.endswith(SHIFTS)]
+        left_out = SHIFTS
+        if not _possible_inertias(aircraft, campaign):
+            left_out += INERTIAS
+            update["title"] += " with the aircraft's own inertias"
+        update["disperse"] = [x for x in campaign.disperse if not x.key.endswith(left_out)]
+        own = [x for x in campaign.correlation if not x.keys[0].endswith(left_out)]
+        update["correlation"] = own
     return campaign.model_copy(update=update)
+
+
+def _possible_inertias(aircraft: str, campaign: Campaign) -> bool:
+    """Whether an aircraft can have the least and largest inertias that a campaign draws.
+
+    The models of some are flat: their inertias about two axes add up to that about the third.
+    """
+    of = {x.key.rpartition(".")[2]: x for x in campaign.disperse if x.key.endswith(INERTIAS)}
+    ends = {key: x.at(np.array([key == "izz_factor"], dtype=float))[0] for key, x in of.items()}
+    try:
+        check_off_nominal(load_aircraft(aircraft).with_off_nominal(OffNominal(**ends)))
+    except InputError:
+        return False
+    return True
 
 
 def about(

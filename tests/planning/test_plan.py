@@ -2,11 +2,13 @@
 
 import json
 import pickle
+import shutil
 
 import dispersed
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from places import SHIPPED_AIRCRAFT, SHIPPED_SCENARIOS
 
 import flighttune as ft
 from flighttune import load_scenario
@@ -200,3 +202,20 @@ def test_gains_that_a_process_keeps_are_those_of_a_search_of_its_own():
         changes = {"tuning.I_star": bound}
         planned = ft.flights("paper", changes=changes).plan(gains="tuned").gain_sets["tuned"]
         assert planned == ft.tune("paper", changes=changes).gains
+
+
+@pytest.mark.slow
+def test_inertias_that_an_aircraft_cannot_have_are_not_drawn(tmp_path):
+    """Of a flat body the inertias about two axes add up to that about the third."""
+    folder = shutil.copytree(SHIPPED_AIRCRAFT / "aerosonde", tmp_path / "flat")
+    model = folder / "aerosonde.xml"
+    model.write_text(model.read_text().replace(" 1.759 ", f" {0.8244 + 1.135} "))
+    plan = SHIPPED_SCENARIOS / "approach.plan"
+
+    flat, other = (ft.flights(plan, aircraft=str(x)).campaign for x in (folder, "aerosonde"))
+
+    assert {x.rpartition(".")[2] for x in set(other.keys) - set(flat.keys)} == {
+        *("ixx_factor", "iyy_factor", "izz_factor", "cg_aft_m")
+    }
+    assert flat.title.endswith("with the aircraft's own inertias")
+    assert flat.correlation == []
