@@ -11,14 +11,14 @@ from flighttune.identification.identify import GOOD_FIT, held_out
 from flighttune.present.answer import Table, facts_table
 from flighttune.present.frame import Section, write_answer
 from flighttune.present.names import columns
-from flighttune.reports.panels import FLOWN, errors, flown_signals
+from flighttune.reports.panels import errors, flown_signals
 from flighttune.simulate.run import run_styles
 
 PAGE = "adoption.html"
 
 TRIM_COLUMNS = columns("V_a_mps gamma_deg trim.alpha_deg trim.throttle reason")
 
-SIGNALS = (*FLOWN, ("V_a", "Airspeed", "V_a [m/s]"), ("throttle", "Throttle", "throttle [1]"))
+SIGNALS = "phi n_z V_a throttle"
 
 CRITERION = (
     f"Adopted means: both fits reach {GOOD_FIT:g} %, the turn is completed, the standard deviation "

@@ -48,12 +48,17 @@ Shape: TypeAlias = Literal["dot", "cross", "plus"]
 
 # Name, colour, and dashes of a line, or `band` or a `Shape`.
 LegendEntry: TypeAlias = tuple[str, str, str]
+NO_ENTRY = ("", "", "")
 
 # A letter with a letter or digit as its index, such as `n_z`; `tuned_identified` is none.
 SYMBOL = re.compile(r"\b([^\W\d_])_(\w)\b")
 
 # Text after a lowered index in SVG stays down unless an empty space lifts it.
 SVG_INDEX = '<tspan dy="3" font-size=".8em">{}</tspan><tspan dy="-3">\u200b</tspan>'
+
+
+# Attribute of a text that names what stands beside it.
+NAMED = ' class="named"'
 
 
 @cache
@@ -85,6 +90,15 @@ class Chart:
     _marks: list["_Mark"] = field(default_factory=list)
     _seen: list[tuple[FloatArray, FloatArray]] = field(default_factory=list)
 
+    def _add(
+        self, mark: "_Mark", *seen: tuple[FloatArray, FloatArray], entry: LegendEntry = NO_ENTRY
+    ) -> None:
+        """Add a mark, the places that the axes make room for, and an entry in the legend."""
+        self._marks.append(mark)
+        self._seen += seen
+        if entry[0]:
+            self.legend.append(entry)
+
     def line(
         self,
         x: npt.ArrayLike,
@@ -100,13 +114,10 @@ class Chart:
     ) -> None:
         """Draw a line through points, broken at NaN, of at most `most` points with every peak."""
         xs, ys = thinned(np.asarray(x, dtype=float), np.asarray(y, dtype=float), most)
-        self._seen.append((xs, ys))
         # a path in space has no single value at a place
         label = (run or name) if hover and not self.equal else ""
-        attributes = _stroke(colour, width, dash) + _owner(run, label)
-        self._marks.append(lambda a: f'<path d="{_path(a.sx(xs), a.sy(ys))}"{attributes}/>')
-        if name:
-            self.legend.append((name, colour, dash))
+        look = _stroke(colour, width, dash) + _owner(run, label)
+        self._add(_outline(xs, ys, look), (xs, ys), entry=(name, colour, dash))
 
     def run_line(
         self, x: npt.ArrayLike, y: npt.ArrayLike, style: LineStyle, run: str, **more: Any
@@ -126,12 +137,11 @@ class Chart:
         name: str = "",
     ) -> None:
         """Fill between two lines; nothing where either is NaN."""
-        xs, lows, highs = (np.asarray(values, dtype=float) for values in (x, low, high))
-        either = np.isnan(lows) | np.isnan(highs)
-        lows, highs = np.where(either, np.nan, lows), np.where(either, np.nan, highs)
-        samples = peaks(np.column_stack([lows, highs]), most=MAX_DRAWN)
-        xs, lows, highs = xs[samples], lows[samples], highs[samples]
-        self._seen += [(xs, lows), (xs, highs)]
+        xs, ends = np.asarray(x, dtype=float), np.column_stack([low, high]).astype(float)
+        ends[np.isnan(ends).any(axis=1)] = np.nan
+        samples = peaks(ends, most=MAX_DRAWN)
+        xs, (lows, highs) = xs[samples], ends[samples].T
+        look = f' class="band" style="fill:{css_colour(colour)}" fill-opacity="0.16"{_owner(run)}'
 
         def drawn(a: "_Axes") -> str:
             outlines = (
@@ -142,36 +152,31 @@ class Chart:
                 + "Z"
                 for stretch in _stretches(xs, lows)
             )
-            fill = f' class="band" style="fill:{css_colour(colour)}" fill-opacity="0.16"'
-            return f'<path d="{"".join(outlines)}"{fill}{_owner(run)}/>'
+            return f'<path d="{"".join(outlines)}"{look}/>'
 
-        self._marks.append(drawn)
-        if name:
-            self.legend.append((name, colour, "band"))
+        self._add(drawn, (xs, lows), (xs, highs), entry=(name, colour, "band"))
 
     def area(self, x: npt.ArrayLike, y: npt.ArrayLike, colour: str, *, name: str = "") -> None:
         """Fill a closed line, and draw it thin: an area narrower than a pixel is seen too."""
         xs, ys = np.asarray(x, dtype=float), np.asarray(y, dtype=float)
-        self._seen.append((xs, ys))
         look = f' style="fill:{css_colour(colour)}" fill-opacity="0.3"{_stroke(colour, 0.6)}'
-        self._marks.append(lambda a: f'<path d="{_path(a.sx(xs), a.sy(ys))}Z"{look}/>')
-        if name:
-            self.legend.append((name, colour, "band"))
+        self._add(_outline(xs, ys, look, "Z"), (xs, ys), entry=(name, colour, "band"))
 
     def level(
         self, value: float, colour: str = LIMIT, *, dash: str = LONG, run: str = "", name: str = ""
     ) -> None:
         """Draw a horizontal line across the chart that the y axis makes room for."""
-        self._seen.append((np.array([np.nan]), np.array([value])))
-        attributes = _stroke(colour, 1.2, dash) + _owner(run)
-        self._marks.append(lambda a: f'<path d="M0,{a.sy(value):.1f}H{a.width:.1f}"{attributes}/>')
-        if name:
-            self.legend.append((name, colour, dash))
+        look = _stroke(colour, 1.2, dash) + _owner(run)
+        self._add(
+            lambda a: f'<path d="M0,{a.sy(value):.1f}H{a.width:.1f}"{look}/>',
+            (np.array([np.nan]), np.array([value])),
+            entry=(name, colour, dash),
+        )
 
     def upright(self, value: float, colour: str = NEUTRAL, *, dash: str = "") -> None:
         """Draw a vertical line across the chart."""
-        attributes = _stroke(colour, 1.2, dash)
-        self._marks.append(lambda a: f'<path d="M{a.sx(value):.1f},0V{a.height:.1f}"{attributes}/>')
+        look = _stroke(colour, 1.2, dash)
+        self._add(lambda a: f'<path d="M{a.sx(value):.1f},0V{a.height:.1f}"{look}/>')
 
     def points(
         self,
@@ -189,8 +194,9 @@ class Chart:
     ) -> None:
         """Draw points; `size` is half the width in pixels, `tips` are for the pointer."""
         xs, ys = (np.atleast_1d(np.asarray(values, dtype=float)) for values in (x, y))
-        self._seen.append((xs, ys))
         full = [filled] * len(xs) if isinstance(filled, bool) else filled
+        look = f' fill="{css_colour(colour)}" opacity="{opacity}"'
+        look += _stroke(colour, 1.6) + _owner(run)
 
         def drawn(a: "_Axes") -> str:
             marks = []
@@ -204,12 +210,9 @@ class Chart:
                 else:
                     head, tag = f'<path d="{_cross(px, py, size, shape)}"', "path"
                 marks.append(f"{head}>{tip}</{tag}>" if tip else f"{head}/>")
-            look = f' fill="{css_colour(colour)}" opacity="{opacity}"{_stroke(colour, 1.6)}'
-            return f"<g{look}{_owner(run)}>{''.join(marks)}</g>"
+            return f"<g{look}>{''.join(marks)}</g>"
 
-        self._marks.append(drawn)
-        if name:
-            self.legend.append((name, colour, shape))
+        self._add(drawn, (xs, ys), entry=(name, colour, shape))
 
     def bars(
         self,
@@ -222,7 +225,6 @@ class Chart:
         """Draw upright bars at 0, 1, 2, ... or `x`, from `low` to `high`, each in its colour."""
         lows, highs = np.asarray(low, dtype=float), np.asarray(high, dtype=float)
         places = np.asarray(np.arange(len(lows)) if x is None else x, dtype=float)
-        self._seen += [(places - 0.5, lows), (places + 0.5, highs)]
 
         def drawn(a: "_Axes") -> str:
             sides = a.sx(np.array([places - 0.32, places + 0.32])).T.tolist()
@@ -233,19 +235,19 @@ class Chart:
                 for (x0, x1), (y0, y1), colour in zip(sides, ends, colours, strict=True)
             )
 
-        self._marks.append(drawn)
+        self._add(drawn, (places - 0.5, lows), (places + 0.5, highs))
 
     def spans(self, pairs: Sequence[Range], lane: float, colour: str, *, run: str = "") -> None:
         """Draw a thick line from each start to its end, `lane` (a part of the height) up."""
-        attributes = _stroke(colour, 4.0) + _owner(run)
+        look = _stroke(colour, 4.0) + _owner(run)
 
         def drawn(a: "_Axes") -> str:
             up = a.height * (1.0 - lane)
             parts = (f"M{a.sx(start):.1f},{up:.1f}H{a.sx(end):.1f}" for start, end in pairs)
-            return f'<path d="{"".join(parts)}"{attributes}/>'
+            return f'<path d="{"".join(parts)}"{look}/>'
 
         if pairs:
-            self._marks.append(drawn)
+            self._add(drawn)
 
     def text(
         self,
@@ -257,17 +259,16 @@ class Chart:
         shift: tuple[float, float] = (0.0, 0.0),
     ) -> None:
         """Write at a point, `shift` pixels to the right and down."""
-        self._seen.append((np.array([x]), np.array([y])))
 
         def drawn(a: "_Axes") -> str:
             right, down = float(a.sx(x)) + shift[0], float(a.sy(y)) + shift[1]
-            return _label(right, down, text, ' class="named"', anchor=anchor)
+            return _label(right, down, text, NAMED, anchor=anchor)
 
-        self._marks.append(drawn)
+        self._add(drawn, (np.array([x]), np.array([y])))
 
     def name_row(self, y: float, name: str) -> None:
         """Write the name of a row at the left edge, at a height of the y axis."""
-        self._marks.append(lambda a: _label(2.0, float(a.sy(y)), name, ' class="named"'))
+        self._add(lambda a: _label(2.0, float(a.sy(y)), name, NAMED))
 
     def label_points(self, points: Sequence[tuple[float, float, str]]) -> None:
         """Name points (x, y, name), each where its name covers neither a point nor another name."""
@@ -294,10 +295,10 @@ class Chart:
                     parts.append(
                         f'<path class="axis" d="M{x:.1f},{y:.1f}L{near:.1f},{box[1] + 6.0:.1f}"/>'
                     )
-                parts.append(_label(box[0], box[1] + 10.0, name, ' class="named"'))
+                parts.append(_label(box[0], box[1] + 10.0, name, NAMED))
             return "".join(parts)
 
-        self._marks.append(drawn)
+        self._add(drawn)
 
     def y_ends(self) -> Range:
         """Ends of the y axis around what has been drawn so far."""
@@ -310,47 +311,36 @@ class Chart:
     def svg(self) -> str:
         """The chart as an ``<svg>`` element for a page that has `style`."""
         a = self._axes()
-        box = f'viewBox="0 0 {WIDTH:g} {self.height:g}"'
-        ends = " ".join(f"{end:.6g}" for end in (*a.x, *a.y))
-        log = "x" * a.log_x + "y" * a.log_y
-        data = f' data-axes="{ends} {a.width:g} {a.height:g}" data-log="{log}"'
-        link = ' data-linked=""' if self.linked else ""
-        names = f'data-x="{escape(self.x)}" data-y="{escape(self.y)}"'
-        return (
-            f'<svg class="chart" {box} role="img" aria-label="{escape(self.title)}"'
-            f"{data}{link} {names}>{self._drawn(a)}</svg>"
-        )
-
-    def _drawn(self, a: "_Axes") -> str:
-        x_ticks, y_ticks = self.x_ticks, self.y_ticks
-        if x_ticks is None:
-            x_ticks = ticks(a.x, a.width / GAPS[0], a.log_x)
-        if y_ticks is None:
-            y_ticks = ticks(a.y, a.height / GAPS[1], a.log_y)
-        lines, labels = [], []
+        y_ticks = ticks(a.y, a.height / GAPS[1], a.log_y) if self.y_ticks is None else self.y_ticks
+        x_ticks = ticks(a.x, a.width / GAPS[0], a.log_x) if self.x_ticks is None else self.x_ticks
+        grid, labels = "", []
         for value, label in y_ticks:
             up = float(a.sy(value))
-            lines.append(f"M0,{up:.1f}H{a.width:.1f}")
+            grid += f"M0,{up:.1f}H{a.width:.1f}"
             labels.append(_label(LEFT - 6.0, TOP + up + 4.0, label, anchor="end"))
         for value, label in x_ticks:
             across = float(a.sx(value))
-            lines.append(f"M{across:.1f},0V{a.height:.1f}")
+            grid += f"M{across:.1f},0V{a.height:.1f}"
             for row, part in enumerate(label.split("\n")):
                 down = TOP + a.height + 15.0 + 12.0 * row
                 labels.append(_label(LEFT + across, down, part, anchor="middle"))
-        middle = TOP + a.height / 2.0
         if self.y:
-            labels.append(
-                f'<text transform="translate(12 {middle:.1f}) rotate(-90)" '
-                f'text-anchor="middle">{marked_up(self.y)}</text>'
-            )
+            turned = f"translate(12 {TOP + a.height / 2.0:.1f}) rotate(-90)"
+            text = marked_up(self.y)
+            labels.append(f'<text transform="{turned}" text-anchor="middle">{text}</text>')
         labels.append(_label(LEFT + a.width / 2.0, self.height - 4.0, self.x, anchor="middle"))
+        ends = " ".join(f"{end:.6g}" for end in (*a.x, *a.y))
+        log = "x" * a.log_x + "y" * a.log_y
+        data = f'data-axes="{ends} {a.width:g} {a.height:g}" data-log="{log}"'
+        link = ' data-linked=""' if self.linked else ""
+        names = f'data-x="{escape(self.x)}" data-y="{escape(self.y)}"'
         size = f'x="{LEFT:g}" y="{TOP:g}" width="{a.width:g}" height="{a.height:g}"'
-        marks = "".join(mark(a) for mark in self._marks)
         axis = f"M0,0V{a.height:g}H{a.width:g}" if y_ticks else f"M0,{a.height:g}H{a.width:g}"
         return (
-            f'{"".join(labels)}<svg class="plot" {size} overflow="hidden">'
-            f'<path class="grid" d="{"".join(lines)}"/>{marks}<path class="axis" d="{axis}"/></svg>'
+            f'<svg class="chart" viewBox="0 0 {WIDTH:g} {self.height:g}" role="img" '
+            f'aria-label="{escape(self.title)}" {data}{link} {names}>{"".join(labels)}'
+            f'<svg class="plot" {size} overflow="hidden"><path class="grid" d="{grid}"/>'
+            f'{"".join(mark(a) for mark in self._marks)}<path class="axis" d="{axis}"/></svg></svg>'
         )
 
     def _axes(self) -> "_Axes":
@@ -505,6 +495,10 @@ def _ends(values: Sequence[FloatArray], room: float, log: bool) -> Range:
 def _around(ends: Range, size: float) -> Range:
     middle = (ends[0] + ends[1]) / 2.0
     return middle - size / 2.0, middle + size / 2.0
+
+
+def _outline(x: FloatArray, y: FloatArray, look: str, end: str = "") -> _Mark:
+    return lambda a: f'<path d="{_path(a.sx(x), a.sy(y))}{end}"{look}/>'
 
 
 def _stretches(x: FloatArray, y: FloatArray) -> Iterator[slice]:

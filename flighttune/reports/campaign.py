@@ -1,238 +1,23 @@
-"""The report of a campaign as one HTML file that needs nothing else, and its charts."""
+"""The report of a campaign as one HTML file that needs nothing else, and its tables."""
 
-from collections import Counter
-from collections.abc import Sequence
+from collections import Counter, defaultdict
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from flighttune.arrays import FloatArray
 from flighttune.campaign.dataset import dataset_hash
-from flighttune.campaign.flying.columns import unit_of_key
-from flighttune.campaign.statistics.findings import SUCCESS, Findings, is_number, values_of
-from flighttune.campaign.statistics.intervals import Estimate, scores
+from flighttune.campaign.statistics.findings import SUCCESS, Findings
 from flighttune.files.shipped import scenario_files
 from flighttune.files.table import toml_text
-from flighttune.planning.plan import Group, draws_in_words
-from flighttune.present.answer import MISSING, Table, facts_table, percent
-from flighttune.present.chart import DASHED, HEAD_AND_FOOT, HEIGHT, Chart
+from flighttune.planning.plan import draws_in_words
+from flighttune.plants.base import goes_by
+from flighttune.present.answer import MISSING, Answer, Column, Table, facts_table, figures, percent
 from flighttune.present.frame import Report, Section, page_template, write_page
-from flighttune.present.names import key_words, measure_words, metric_label
-from flighttune.present.palette import LIMIT, LineStyle, line_styles
-from flighttune.reports import campaign_tables as tables
-from flighttune.reports.campaign_tables import about, bound_words, influential_parameters
-from flighttune.reports.tables import by_plant
-
-# Least height of a row with a name and a share, and how far the share is below it, pixels.
-ROW, BELOW = 30.0, 9.0
-
-# Measures whose distributions are drawn.
-SPREAD = ("chi.ITAE", "gamma.ITAE", "chi.MO_rad", "gamma.MO_rad")
-
-# Ratio of the largest to the smallest value from which on an axis is logarithmic.
-MANY_TIMES = 30.0
-
-# Flights of a group in a chart of dots.
-DOTS = 400
-
-# Parameters over which a measure is drawn.
-SCATTERED = 2
-
-
-def styles_of(findings: Findings) -> dict[str, LineStyle]:
-    """Line style of every group by its label, as in the report of its scenario."""
-    plan = findings.plan
-    pairs = [(plant.label, name) for plant in plan.scenario.plant for name in plan.gain_sets]
-    return {Group(*pair).label: style for pair, style in line_styles(pairs).items()}
-
-
-def arrays_of(estimates: Sequence[Estimate], factor: float) -> FloatArray:
-    """Values, lower and upper ends of estimates times a factor, shape (3, n)."""
-    return factor * np.array([(e.value, e.lo, e.hi) for e in estimates]).T
-
-
-def rates(findings: Findings) -> list[Chart]:
-    """Success rate of every group, and the measure that decides it."""
-    groups, styles = findings.values["groups"], styles_of(findings)
-    success = {group["group"]: (group["success"], group["lo"], group["hi"]) for group in groups}
-    charts = [_shares("Flights that succeed", success, styles)]
-    bounds = findings.values["requirements"]
-    decides = bounds[0]["measure"] if bounds else findings.measure
-    return charts + ([_distribution(findings, decides)] if decides else [])
-
-
-def distributions(findings: Findings) -> list[Chart]:
-    """Cumulative distribution of a metric over all flights, a panel a metric."""
-    names = dict.fromkeys([findings.measure, *SPREAD])
-    measures = [name for name in names if name and name in findings.measures]
-    return [_distribution(findings, name) for name in measures]
-
-
-def convergence(findings: Findings) -> list[Chart]:
-    """Success rate and the 95th percentile of the measure from the first flights on."""
-    if findings.measure is None:
-        return []
-    how = metric_label(findings.measure)
-    title = f"95th percentile of {how.name}"
-    return [
-        _convergence(findings, "Success rate", "flights that succeed [%]", "success", 100.0),
-        _convergence(findings, title, how.heading, "p95", how.factor),
-    ]
-
-
-def split_panels(findings: Findings) -> list[Chart]:
-    """Success rate over the values of the most influential parameter."""
-    styles, charts = styles_of(findings), []
-    for parameter in dict.fromkeys(split["parameter"] for split in findings.splits):
-        group_splits = [split for split in findings.splits if split["parameter"] == parameter]
-        chart = Chart(
-            title=f"Success over {key_words(parameter)}",
-            x=_axis(parameter),
-            y="flights that succeed [%]",
-            y_range=(-3.0, 103.0),
-        )
-        for split in group_splits:
-            label, centres = split["group"], np.asarray(split["centres"], dtype=float)
-            rate, lo, hi = arrays_of(split["success"], 100.0)
-            # each interval a line of its own: NaN between them
-            across = np.column_stack([centres, centres, np.full(len(centres), np.nan)]).ravel()
-            up = np.column_stack([lo, hi, np.full(len(centres), np.nan)]).ravel()
-            chart.line(across, up, styles[label].colour, run=label, width=1.2, hover=False)
-            chart.run_line(centres, rate, styles[label], label, width=1.4)
-            chart.points(centres, rate, styles[label].colour, run=label)
-        if not is_number(findings.rows[parameter]):
-            centres = group_splits[0]["centres"]
-            chart.x_ticks = list(zip(centres, group_splits[0]["labels"], strict=True))
-            chart.x_range = (min(centres) - 0.5, max(centres) + 0.5)
-        charts.append(chart)
-    return charts
-
-
-def scatter_panels(findings: Findings) -> list[Chart]:
-    """The metric over the most influential parameters, a dot a flight."""
-    if findings.measure is None:
-        return []
-    how, styles, charts = metric_label(findings.measure), styles_of(findings), []
-    values = how.factor * values_of(findings.rows, findings.measure)
-    highest = np.max(values[np.isfinite(values)], initial=-np.inf)
-    if np.isinf(highest):
-        return []
-    for key in influential_parameters(findings)[:SCATTERED]:
-        if not is_number(findings.rows[key]):
-            continue
-        chart = Chart(
-            title=f"{measure_words(findings.measure)} over {key_words(key)}",
-            x=_axis(key),
-            y=how.heading,
-            x_room=0.03,
-        )
-        for group, rows in findings.groups():
-            label, some = group.label, rows.iloc[:: len(rows) // DOTS + 1]
-            x = some[key].to_numpy(dtype=float)
-            y = how.factor * values_of(some, findings.measure)
-            # commands that fly each row again, as tips under the pointer
-            again = f"flighttune verify {findings.url} --run"
-            tips = np.array([f"run {run}: {again} {run}" for run in some["run"]])
-            finite = np.isfinite(y)
-            dots = {"size": 2.6, "opacity": 0.6, "tips": tips[finite].tolist()}
-            chart.points(x[finite], y[finite], styles[label].colour, run=label, **dots)
-            # flights that ended early have no value: they stand as high as the worst one
-            top, lost = np.full(len(x), highest), {"shape": "cross", "tips": tips[~finite].tolist()}
-            chart.points(x[~finite], top[~finite], LIMIT, run=label, **lost)
-        charts.append(chart)
-    return charts
-
-
-def _shares(
-    title: str, bars: dict[str, tuple[float, float, float]], styles: dict[str, LineStyle]
-) -> Chart:
-    """A row a group, from the top: its name, and below it the share with its interval."""
-    height = max(HEIGHT, HEAD_AND_FOOT + ROW * len(bars))
-    row = (height - HEAD_AND_FOOT) / len(bars)
-    chart = Chart(
-        title=title,
-        x="share [%], with interval",
-        height=height,
-        y_range=(0.0, float(len(bars))),
-        y_ticks=(),
-        downwards=True,
-    )
-    for place, (label, shares) in enumerate(bars.items()):
-        (value, lo, hi), colour = (100.0 * share for share in shares), styles[label].colour
-        y = place + 0.5 + BELOW / row
-        text = f"{percent(shares[0])} % [{percent(shares[1])}, {percent(shares[2])}]"
-        chart.name_row(place + 0.5, f"{label}: {text}")
-        chart.line([lo, hi], [y, y], colour, run=label, hover=False)
-        chart.points(value, y, colour, run=label, size=4.0)
-    low, high = min(lo for _, lo, _ in bars.values()), max(hi for _, _, hi in bars.values())
-    room = 6.0 * max(high - low, 0.01)
-    chart.x_range = max(-2.0, 100.0 * low - room), min(102.0, 100.0 * high + 2.5 * room)
-    return chart
-
-
-def _distribution(findings: Findings, measure: str) -> Chart:
-    """Curves end below 100 % where flights were not completed or have no value."""
-    how, styles = metric_label(measure), styles_of(findings)
-    curves = {}
-    for group, rows in findings.groups():
-        values = np.sort(how.factor * scores(rows, measure))
-        share = 100.0 * np.arange(1, len(values) + 1) / len(values)
-        finite = np.isfinite(values)
-        if finite.any():
-            curves[group.label] = values[finite], share[finite]
-    chart = Chart(
-        title=f"Flights by {measure_words(measure)}",
-        x=how.heading,
-        y="flights at or below [%]",
-        y_range=(0, 102),
-    )
-    bounds = {}
-    for requirement in findings.values["requirements"]:
-        if requirement["measure"] == measure:
-            subject = f" ({about(requirement)})" if about(requirement) else ""
-            bounds[bound_words(requirement) + subject] = how.factor * requirement["bound"]
-    for words, bound in bounds.items():
-        chart.legend.append((words, LIMIT, DASHED))
-        chart.upright(bound, LIMIT, dash=DASHED)
-    if curves or bounds:
-        sorted_values = [values for values, _ in curves.values()]
-        chart.x_range, chart.log = _scale(sorted_values, list(bounds.values()))
-    for label, (values, share) in curves.items():
-        # a step at every value, from the share of the value before
-        x, y = np.repeat(values, 2), np.repeat(np.append(0.0, share), 2)[1:-1]
-        chart.run_line(x, y, styles[label], label)
-    return chart
-
-
-def _convergence(findings: Findings, title: str, y: str, name: str, factor: float) -> Chart:
-    styles = styles_of(findings)
-    chart = Chart(title=title, x="flights of a group", y=y, log="x")
-    for curve in findings.convergence:
-        label, n = curve["group"], np.array(curve["n"], dtype=float)
-        value, lo, hi = arrays_of(curve[name], factor)
-        bounded = np.isfinite(lo) & np.isfinite(hi)
-        low, high = (np.where(bounded, side, np.nan) for side in (lo, hi))
-        chart.band(n, low, high, styles[label].colour, run=label)
-        chart.run_line(n, value, styles[label], label)
-    return chart
-
-
-def _scale(
-    values: Sequence[FloatArray], bounds: Sequence[float]
-) -> tuple[tuple[float, float], str]:
-    """Ends around all bounds and all values but the outer 0.5 %, and the logarithmic axes."""
-    inner = np.quantile(np.concatenate(values), [0.005, 0.995]).tolist() if values else []
-    low, high = min([*inner, *bounds]), max([*inner, *bounds])
-    if low > 0.0 and high / low > MANY_TIMES:
-        return (low / 1.1, high * 1.1), "x"
-    room = 0.04 * (high - low) or 0.1 * abs(high) or 1.0
-    return (low - room, high + room), ""
-
-
-def _axis(key: str) -> str:
-    unit = unit_of_key(key)
-    return f"{key_words(key)} [{unit}]" if unit != "1" else key_words(key)
-
+from flighttune.present.names import columns, key_words, listed, metric_label
+from flighttune.reports import campaign_charts as charts
+from flighttune.reports.campaign_charts import bound_words, influential_parameters, parameter
+from flighttune.reports.panels import TEXTS, by_plant
 
 CONFIDENCE = {
     "clopper-pearson": "Clopper and Pearson's interval",
@@ -240,31 +25,105 @@ CONFIDENCE = {
     "any-time": "an interval that holds at all numbers of independent draws together",
 }
 
+# Verb of each status that a flight can have.
+ENDS = {
+    "completed": "is completed",
+    "diverged": "diverges",
+    "ground_contact": "meets the ground",
+    "left_envelope": "leaves the envelope",
+}
+
+# Metrics of the page; the JSON object has all.
+METRICS = (
+    *(f"{channel}.{metric}" for metric in ("ITAE", "MO_rad") for channel in ("chi", "gamma")),
+    *(f"{channel}.{metric}" for metric in ("settling_s", "ST_rad") for channel in ("chi", "gamma")),
+    "flight.n_z_max",
+    "flight.alpha_max_rad",
+)
+
+INFLUENCES = 10
+
+
+def probability(p: float) -> str:
+    """A p-value as text; a very small one as an upper bound."""
+    return f"{p:.2g}" if p >= 1e-4 else "< 0.0001"
+
+
+REASON_COLUMNS = [
+    *columns("group"),
+    Column("count", "flights"),
+    Column("run", "first run"),
+    *columns("ended reason"),
+]
+INFLUENCE_COLUMNS = [
+    *columns("group parameter n"),
+    # below 0 the parameter explains less than chance would
+    Column("share", "rank variance", "%", lambda share: f"{max(0.0, share):.1f}", 100.0),
+    Column("rho", "rank correlation", digits="+.2f", ends=("lo", "hi")),
+    Column("partial", "partial", digits="+.2f"),
+    Column("p", "p-value of variance or correlation", digits=probability),
+    Column("apart", "significant"),
+]
+
 
 def write_campaign_report(findings: Findings, path: str | Path) -> Report:
     """Write one self-contained page about a campaign."""
-    campaign = findings.plan.campaign
-    styles = styles_of(findings)
+    plan = findings.plan
+    campaign, styles = plan.campaign, charts.styles_of(findings)
     shipped = campaign.scenario.removesuffix(".toml") in scenario_files()
-    return write_page(
+    sha256 = dataset_hash(findings.url) if findings.url else MISSING
+    tables = {
+        "rates": [success_table(findings), reasons_table(findings)],
+        "worst": [worst_table(findings)],
+        "measures": [metrics_table(findings)],
+        "matters": [influence_table(findings, x) for x in (findings.measure, SUCCESS) if x],
+        "paired": paired_tables(findings),
+    }
+    drawn = {
+        "runs": charts.rates(findings),
+        "measures": charts.distributions(findings),
+        "matters": [*charts.split_panels(findings), *charts.scatter_panels(findings)],
+        "convergence": charts.convergence(findings),
+    }
+    about = {
+        "interval": CONFIDENCE[findings.method],
+        "confidence": 100.0 * findings.confidence,
+        "url": findings.url,
+    }
+    page = write_page(
         Path(path),
         page_template("flighttune.reports", "campaign.html.jinja"),
         summary=summary(findings),
-        sections=_sections(findings),
+        sections=[
+            Section(
+                id=key,
+                title=texts.get("title", ""),
+                note=texts.get("note", "").format(**about),
+                charts=drawn.get(key, ()),
+                tables=tables.get(key, ()),
+            )
+            for key, texts in TEXTS["campaign"].items()
+        ],
         title=campaign.title,
         claim=campaign.verifies,
         legend=list(styles.items()),
         styles=styles,
         notes=notes(findings),
-        provenance=_provenance(findings),
+        provenance=_provenance(findings, sha256),
         url=findings.url,
         example_run=int(findings.rows["run"].to_numpy()[0]),
-        runs=findings.plan.runs,
+        runs=plan.runs,
         own_scenario="" if shipped else Path(campaign.scenario).name,
-        campaign_text=toml_text(findings.plan.as_dict()["campaign"]),
-        scenario_text=toml_text(findings.plan.scenario.as_dict()),
+        campaign_text=toml_text(plan.as_dict()["campaign"]),
+        scenario_text=toml_text(plan.scenario.as_dict()),
         version=findings.versions.get("flighttune", ""),
     )
+    shown = Answer(
+        values={**findings.values, "sha256": sha256},
+        tables=[*tables["rates"], *tables["paired"]],
+        notes=[*page.summary, *notes(findings)],
+    )
+    return replace(page, shown=shown)
 
 
 def summary(findings: Findings) -> tuple[str, ...]:
@@ -294,7 +153,7 @@ def notes(findings: Findings) -> tuple[str, ...]:
         lines.append(
             f"Not finished: the numbers are those of {len(findings.rows)} of {plan.runs} flights."
         )
-    lines.append(tables.success_sentences(findings))
+    lines.append(_success_sentences(findings))
     if plan.cycle > 1:
         lines.append(
             f"Draws of this design come in cycles of {plan.cycle}: intervals are for the effective "
@@ -310,66 +169,32 @@ def notes(findings: Findings) -> tuple[str, ...]:
     return tuple(lines)
 
 
-def _sections(findings: Findings) -> list[Section]:
-    groups = findings.values["groups"]
-    influences = [
-        tables.influence_table(groups, name) for name in (findings.measure, SUCCESS) if name
-    ]
-    return [
-        Section(charts=rates(findings)),
-        Section(
-            id="rates",
-            title="How often",
-            note=f"Of all flights of a group, with {CONFIDENCE[findings.method]}, of "
-            f"{100.0 * findings.confidence:g} % confidence in brackets.",
-            tables=[tables.success_table(findings, groups), tables.reasons_table(groups)],
-            legend=False,
-        ),
-        Section(
-            id="worst",
-            title="Worst flights",
-            note="With the most influential parameters. To fly one again: flighttune verify "
-            f"{findings.url} --run RUN",
-            tables=[tables.worst_table(findings, groups)],
-            legend=False,
-        ),
-        Section(
-            id="measures",
-            title="Metrics",
-            note="Curves count all flights: where some were not completed they end below 100 %. "
-            "The table is of completed flights that have a value; --json has the confidence "
-            "interval of each percentile.",
-            charts=distributions(findings),
-            tables=[tables.metrics_table(findings, groups)],
-        ),
-        Section(
-            id="matters",
-            title="What matters",
-            note="A rank correlation has a direction; the rank variance is the share that a "
-            "parameter explains alone, over ten classes of its values, whatever the shape. "
-            "Red crosses ended early.",
-            charts=[*split_panels(findings), *scatter_panels(findings)],
-            tables=influences,
-        ),
-        Section(
-            id="paired",
-            title="Gains on the same draws",
-            note="Every gain set flies every draw, so that only gains differ. A flight that was "
-            "not completed counts as the worst.",
-            tables=tables.paired_tables(findings),
-            legend=False,
-        ),
-        Section(
-            id="convergence",
-            title="Convergence",
-            note="Estimates from the first flights of each group, with intervals: enough have "
-            "flown where the band is as narrow as the question needs.",
-            charts=convergence(findings),
-        ),
-    ]
+def _success_sentences(findings: Findings) -> str:
+    """What makes a flight succeed: a sentence for each set of groups with the same requirements."""
+    plan, groups_of = findings.plan, defaultdict[str, list[str]](list)
+    for group in plan.groups:
+        ends_stated = [table.status for table in plan.scenario.expected(group.plant, group.gains)]
+        ends = dict.fromkeys(filter(None, ends_stated)) or ["completed"]
+        bounds = [
+            bound_words(bound)
+            for bound in findings.values["requirements"]
+            if goes_by(group.plant, bound["plant"]) and bound["gains"] in (None, group.gains)
+        ]
+        how = " or ".join(ENDS.get(end, f"ends with {_status_words(end)}") for end in ends)
+        groups_of[how + (f" with {listed(bounds)}" if bounds else "")].append(group.label)
+    if len(groups_of) == 1:
+        return f"A flight succeeds if it {next(iter(groups_of))}."
+    return " ".join(
+        f"A flight of {listed(labels, 'or')} succeeds if it {how}."
+        for how, labels in groups_of.items()
+    )
 
 
-def _provenance(findings: Findings) -> Table:
+def _status_words(status: str) -> str:
+    return status.replace("_", " ")
+
+
+def _provenance(findings: Findings, sha256: str) -> Table:
     plan = findings.plan
     versions = ", ".join(f"{name} {value}" for name, value in findings.versions.items())
     seconds = float(np.sum(findings.rows["wall_s"].to_numpy()))
@@ -380,9 +205,123 @@ def _provenance(findings: Findings) -> Table:
             "flights": f"{len(findings.rows)} of {plan.runs}, on {plan.draws} draws",
             "design": f"{plan.campaign.design.replace('_', ' ')}, seed {plan.campaign.seed}",
             "plan, SHA-256": plan.sha256,
-            "rows, SHA-256": dataset_hash(findings.url) if findings.url else MISSING,
+            "rows, SHA-256": sha256,
             "flown with": versions or MISSING,
             "time in flights": f"{seconds:.1f} s",
             "source of the campaign": plan.campaign.source or MISSING,
         },
     )
+
+
+def success_table(findings: Findings) -> Table:
+    """Success rate of each group, ends of its flights, and the metric that ranks them."""
+    groups = findings.values["groups"]
+    statuses = dict.fromkeys(status for group in groups for status in group["statuses"])
+    layout = [
+        *columns("group n successes"),
+        Column("success", "rate", "%", percent, ends=("lo", "hi")),
+        *(Column(f"statuses.{s}", _status_words(s), digits=".0f", missing="0") for s in statuses),
+    ]
+    if findings.measure is not None:
+        label, key = metric_label(findings.measure), f"metrics.{findings.measure}"
+        layout += [
+            replace(
+                label,
+                key=f"{key}.{percentile}",
+                name=f"{label.name}, {name}",
+                digits=figures,
+                ends=(f"{key}.{percentile}_interval.0", f"{key}.{percentile}_interval.1"),
+            )
+            for name, percentile in (("median", "p50"), ("95 %", "p95"))
+        ]
+    return Table(layout, groups, "Success", label="group")
+
+
+def reasons_table(findings: Findings) -> Table:
+    """Why flights failed; sentences that differ only in numbers are counted as one."""
+    records = [
+        {
+            "group": group["group"],
+            **reason,
+            "ended": _status_words(reason.get("status", "completed")),
+        }
+        for group in findings.values["groups"]
+        for reason in (*group["reasons"], *group["missed"])
+    ]
+    return Table(REASON_COLUMNS, records, "Why flights fail", label="group")
+
+
+def worst_table(findings: Findings) -> Table:
+    """The worst completed flights of each group, with the most influential parameters."""
+    groups = findings.values["groups"]
+    records = [{"group": group["group"], **flight} for group in groups for flight in group["worst"]]
+    layout = [
+        *columns("group run draw"),
+        *([metric_label(findings.measure)] if findings.measure else []),
+        Column("success", "succeeds"),
+        *map(parameter, influential_parameters(findings)),
+    ]
+    return Table(layout, records, "Worst completed flights", label="group")
+
+
+def metrics_table(findings: Findings) -> Table:
+    """Median of each metric of completed flights, with the 5th and 95th percentile."""
+    groups, records = findings.values["groups"], []
+    for metric in dict.fromkeys([findings.measure or "", *METRICS]):
+        spreads = {group["group"]: group["metrics"].get(metric) for group in groups}
+        if any(spreads.values()):
+            label = metric_label(metric)
+            percentiles = {
+                name: {p: spread[p] * label.factor for p in ("p05", "p50", "p95")}
+                for name, spread in spreads.items()
+                if spread is not None
+            }
+            records.append({"metric": label.heading, **percentiles})
+    names = [group["group"] for group in groups]
+    layout = [
+        Column("metric", "median [5 %, 95 %]"),
+        *(Column(f"{x}.p50", x, digits=figures, ends=(f"{x}.p05", f"{x}.p95")) for x in names),
+    ]
+    return Table(layout, records, "Metrics")
+
+
+def influence_table(findings: Findings, name: str) -> Table:
+    """Influence of each parameter on success or on a metric, the strongest first."""
+    records = [
+        {
+            "group": group["group"],
+            **rank,
+            "parameter": key_words(rank["parameter"]),
+            "p": min(rank["p_rho"], rank["p_share"]),
+        }
+        for group in findings.values["groups"]
+        for rank in group["sensitivity"].get(name, {"ranks": ()})["ranks"][:INFLUENCES]
+    ]
+    measure = name if name == SUCCESS else metric_label(name).name
+    return Table(INFLUENCE_COLUMNS, records, f"Influence on {measure}", label="group")
+
+
+def paired_tables(findings: Findings) -> list[Table]:
+    """Gain sets compared draw by draw: by the measure, and by success."""
+    records = [
+        {**pair, "pair": f"{pair['a']} against {pair['b']}, {pair['plant']}"}
+        for pair in findings.values["paired"]
+    ]
+    label = metric_label(findings.measure or "chi.ITAE")
+    ends = "median_lo", "median_hi"
+    first = [Column("pair", "first against second"), Column("n", "draws")]
+    by_measure = [
+        Column("win_rate", f"{label.name} lower with first", "%", percent, ends=("lo", "hi")),
+        replace(
+            label, key="median", name="median of first minus second", digits=figures, ends=ends
+        ),
+    ]
+    by_success = [
+        Column("only_a", "only first succeeds"),
+        Column("only_b", "only second succeeds"),
+        Column("p_success", "p-value of the two counts", digits=probability),
+    ]
+    return [
+        Table([*first, *by_measure], records, "Gains on the same draws"),
+        Table([*first, *by_success], records, "Success on the same draws"),
+    ]

@@ -14,23 +14,19 @@ from flighttune.control.margins import Margins, channel_responses, loop_margins
 from flighttune.errors import InputError
 from flighttune.flight.conditions import reference_of
 from flighttune.gaps.gap import Gap
-from flighttune.metrics import channel_metrics
+from flighttune.metrics import OFF_ROUTE, channel_metrics
 from flighttune.present.chart import DASHED, DOTTED, Chart, Sheet
 from flighttune.present.names import CHANNEL_NAMES, CHANNEL_SYMBOLS, SYMBOLS
 from flighttune.present.palette import HUES, INK, LIMIT, NEUTRAL
+from flighttune.recording.plots import displayed
 from flighttune.references.follow import RouteReference
 from flighttune.references.path import Path
-from flighttune.reports.panels import Drawn, draw_bounds, most_points
+from flighttune.reports.panels import SIGNALS, Drawn, draw_bounds, most_points
 from flighttune.scenario.load import scenario_of
 from flighttune.scenario.schema import Scenario
 from flighttune.simulate.run import claimed_along, claims_around, run_styles
 from flighttune.tuning.envelope import rate_chart, rate_curve
 from flighttune.units import DEG, DEG_PER_RAD
-
-ROUTE_ERRORS = (
-    ("cross_track", "To the right of the route", "e_y [m]"),
-    ("height_err", "Below the route", "e_h [m]"),
-)
 
 # The three charts along the route stand beside the map, in three rows of the page.
 ROW_HEIGHT, MAP_HEIGHT = 150.0, 510.0
@@ -57,15 +53,48 @@ def route_charts(flights: Drawn) -> list[Chart]:
     """Map, height, and distances from the route of flights along it; none without a route."""
     if (path := planned_path(flights)) is None:
         return []
-    return [_map(flights, path), _height(flights, path), *_errors(flights, path)]
-
-
-def _map(flights: Drawn, path: Path) -> Chart:
-    """The map of the route with flights."""
     s, most = path.points(APART), most_points(len(flights))
-    chart = route_map(scenario_of(flights[0][0]), path, s, _corridor(flights, "cross_track", s))
+    # of each signal the first band around it
+    sides, ends = (
+        next((ends for run, _ in flights for ends in claimed_along(run, signal, s)), None)
+        for signal in OFF_ROUTE
+    )
+    above = route_map(scenario_of(flights[0][0]), path, s, sides)
+    height = heights(path, s, ends, ROW_HEIGHT)
+    height.line(path.s / KM, path.up, NEUTRAL, name="planned", width=2.2)
+    errors = [along_route(path, *SIGNALS[signal], ROW_HEIGHT) for signal in OFF_ROUTE]
+    for chart in errors:
+        chart.level(0.0, NEUTRAL, dash="")
     for run, style in flights:
-        chart.run_line(run.signals["east"], run.signals["north"], style, run.label, most=most)
+        label, signals = run.label, run.signals
+        along = signals["along"].to_numpy() / KM
+        above.run_line(signals["east"], signals["north"], style, label, most=most)
+        height.run_line(along, -signals["down"].to_numpy(), style, label, most=most)
+        for chart, signal in zip(errors, OFF_ROUTE, strict=True):
+            draw_bounds(chart, run, along, signal, style.colour)
+            chart.run_line(along, signals[signal].to_numpy(), style, label, most=most)
+    for turn in path.stretches:
+        if turn.kind != "leg":  # turns have the waypoint's number
+            middle = turn.start + 0.5 * turn.length
+            up, number = float(np.interp(middle, path.s, path.up)), turn.name.split()[-1]
+            height.text(middle / KM, up, number, anchor="middle", shift=(0.0, -5.0))
+    low, high = height.y_ends()
+    height.y_range = low, high + 0.15 * (high - low)  # room for the numbers
+    return [above, height, *errors]
+
+
+def along_route(path: Path, title: str, unit: str, height: float) -> Chart:
+    """An empty chart over the distance along the route."""
+    ends = 0.0, path.length / KM
+    return Chart(title=title, x=DISTANCE_AXIS, y=unit, x_range=ends, height=height)
+
+
+def heights(path: Path, s: FloatArray, corridor: FloatArray | None, height: float) -> Chart:
+    """Height over the start along the route, with a corridor about it at distances `s`."""
+    chart = along_route(path, "Height over the start", "h [m]", height)
+    if corridor is not None:
+        high, low = (path.beside(s, below=end)[:, 2] for end in corridor)
+        chart.band(s / KM, low, high, NEUTRAL, name="corridor")
     return chart
 
 
@@ -113,54 +142,6 @@ def _wind_arrow(chart: Chart, wind: FloatArray) -> None:
     chart.text(*place, f"wind at the start {speed:.3g} m/s", shift=(0.0, 4.0))
 
 
-def _height(flights: Drawn, path: Path) -> Chart:
-    """Height over the start along the route, in its corridor; turns have the waypoint's number."""
-    chart = _along(path, "Height over the start", "h [m]")
-    s = path.points(APART)
-    if (corridor := _corridor(flights, "height_err", s)) is not None:
-        high, low = (path.beside(s, below=end)[:, 2] for end in corridor)
-        chart.band(s / KM, low, high, NEUTRAL, name="corridor")
-    chart.line(path.s / KM, path.up, NEUTRAL, name="planned", width=2.2)
-    for run, style in flights:
-        along, down = (run.signals[name].to_numpy() for name in ("along", "down"))
-        chart.run_line(along / KM, -down, style, run.label, most=most_points(len(flights)))
-    for turn in path.stretches:
-        if turn.kind != "leg":
-            middle = turn.start + 0.5 * turn.length
-            height, number = float(np.interp(middle, path.s, path.up)), turn.name.split()[-1]
-            chart.text(middle / KM, height, number, anchor="middle", shift=(0.0, -5.0))
-    low, high = chart.y_ends()
-    chart.y_range = low, high + 0.15 * (high - low)  # room for the numbers
-    return chart
-
-
-def _errors(flights: Drawn, path: Path) -> list[Chart]:
-    """Distances of flights from the route along it, in the band counted for them."""
-    charts = []
-    for signal, title, unit in ROUTE_ERRORS:
-        chart = _along(path, title, unit)
-        chart.level(0.0, NEUTRAL, dash="")
-        for run, style in flights:
-            along = run.signals["along"].to_numpy() / KM
-            draw_bounds(chart, run, along, signal, style.colour)
-            values, most = run.signals[signal].to_numpy(), most_points(len(flights))
-            chart.run_line(along, values, style, run.label, most=most)
-        charts.append(chart)
-    return charts
-
-
-def _along(path: Path, title: str, unit: str) -> Chart:
-    """An empty chart over the distance along the route."""
-    ends = 0.0, path.length / KM
-    return Chart(title=title, x=DISTANCE_AXIS, y=unit, x_range=ends, height=ROW_HEIGHT)
-
-
-def _corridor(flights: Drawn, signal: str, s: FloatArray) -> FloatArray | None:
-    """Both ends of the first band around a signal of a run, at distances along the route."""
-    bounds = (ends for run, _ in flights for ends in claimed_along(run, signal, s))
-    return next(bounds, None)
-
-
 # Colours of the loops cut at roll and at load factor, if no gains are compared.
 COLOURS = (HUES[0][0][0], HUES[1][0][0])
 
@@ -198,8 +179,10 @@ def loop_charts(model: LinearModel, gains: PIGains, margins: Sequence[Margins]) 
     low, high = math.log10(speeds[speeds > 0.0].min()), math.log10(speeds.max())
     omega = np.logspace(low - DECADES, high + DECADES, POINTS)
     responses = channel_responses(model, gains, omega)
-    magnitude = _bode("Loop cut at one input, the other closed: magnitude", "magnitude [dB]")
-    phase = _bode("Its phase", "phase [deg]")
+    title = "Loop cut at one input, the other closed: magnitude"
+    x = "frequency [rad/s]"
+    magnitude = Chart(title=title, x=x, y="magnitude [dB]", log="x")
+    phase = Chart(title="Its phase", x=x, y="phase [deg]", log="x")
     nyquist = _nyquist(margins)
     magnitude.level(0.0, NEUTRAL, dash="")
     phase.level(-180.0, NEUTRAL, dash="")
@@ -207,40 +190,35 @@ def loop_charts(model: LinearModel, gains: PIGains, margins: Sequence[Margins]) 
         name, colour, response = SYMBOLS.get(channel, channel), COLOURS[i % 2], responses[:, i]
         # the angle at low frequency lies between -360 and 0: a loop with integral action lags
         angle = np.unwrap(np.angle(response))
-        angle -= 2.0 * math.pi * math.ceil(angle[0] / (2.0 * math.pi))
+        angle = (angle - 2.0 * math.pi * math.ceil(angle[0] / (2.0 * math.pi))) / DEG
         decibel = 20.0 * np.log10(np.abs(response))
         magnitude.line(omega, decibel, colour, name=name)
-        phase.line(omega, angle / DEG, colour, name=name)
+        phase.line(omega, angle, colour, name=name)
         nyquist.line(response.real, response.imag, colour, name=name)
         nyquist.line(response.real, -response.imag, colour, dash=DOTTED, width=1.0)
         if not margins:
             continue
-        disk = margins[i]
+        # each margin: where the response comes to it, its words, its chart and place, its level
+        disk, marks = margins[i], []
         if math.isfinite(disk.phase_margin):
-            on_circle = np.exp(1j * (disk.phase_margin - math.pi))
-            k = int(np.argmin(np.abs(response - on_circle)))
-            margin = f"phase margin {disk.phase_margin / DEG:.1f}°"
-            tip = f"{name}: {margin} at {omega[k]:.2f} rad/s"
-            level = 360.0 * round((angle[k] / DEG + 180.0) / 360.0) - 180.0
-            phase.line([omega[k], omega[k]], [level, angle[k] / DEG], colour, width=3.0)
-            phase.points(omega[k], angle[k] / DEG, colour, tips=[tip])
-            phase.legend.append((margin, colour, "dot"))
-            nyquist.points(on_circle.real, on_circle.imag, colour, tips=[tip])
+            at = np.exp(1j * (disk.phase_margin - math.pi))
+            k = int(np.argmin(np.abs(response - at)))
+            words = f"phase margin {disk.phase_margin / DEG:.1f}°"
+            level = 360.0 * round((angle[k] + 180.0) / 360.0) - 180.0
+            marks.append((at, k, words, phase, angle[k], level))
         for gain in (disk.gain_increase, disk.gain_decrease):
-            if not (math.isfinite(gain) and gain > 0.0):
-                continue
-            k = int(np.argmin(np.abs(response + 1.0 / gain)))
-            margin = f"gain margin {20.0 * math.log10(gain):+.1f} dB"
-            tip = f"{name}: {margin} at {omega[k]:.2f} rad/s"
-            magnitude.line([omega[k], omega[k]], [decibel[k], 0.0], colour, width=3.0)
-            magnitude.points(omega[k], decibel[k], colour, tips=[tip])
-            magnitude.legend.append((margin, colour, "dot"))
-            nyquist.points(-1.0 / gain, 0.0, colour, tips=[tip], filled=False)
+            if math.isfinite(gain) and gain > 0.0:
+                at = complex(-1.0 / gain)
+                k = int(np.argmin(np.abs(response - at)))
+                words = f"gain margin {20.0 * math.log10(gain):+.1f} dB"
+                marks.append((at, k, words, magnitude, decibel[k], 0.0))
+        for at, k, words, chart, place, level in marks:
+            tip = f"{name}: {words} at {omega[k]:.2f} rad/s"
+            chart.line([omega[k], omega[k]], [level, place], colour, width=3.0)
+            chart.points(omega[k], place, colour, tips=[tip])
+            chart.legend.append((words, colour, "dot"))
+            nyquist.points(at.real, at.imag, colour, tips=[tip], filled=chart is phase)
     return [magnitude, phase, nyquist, _eigenvalues(eigenvalues)]
-
-
-def _bode(title: str, unit: str) -> Chart:
-    return Chart(title=title, x="frequency [rad/s]", y=unit, log="x")
 
 
 def _nyquist(margins: Sequence[Margins]) -> Chart:
@@ -284,12 +262,6 @@ def _eigenvalues(eigenvalues: npt.NDArray[np.complex128]) -> Chart:
 
 BAR_NAMES = ("paper's\nlaw", "+ exact\nlift", "+ inner\nloop", "+ six\nd.o.f.", "aircraft")
 
-# Errors of a flight along a route by the channel that corrects them: signal, words and symbol.
-ON_ROUTE = {
-    "chi": ("cross_track", "distance to the right of the route", "e_y [m]"),
-    "gamma": ("height_err", "distance below the route", "e_h [m]"),
-}
-
 
 def colours(gap: Gap) -> tuple[str, ...]:
     """Colour of each rung, lowest first, as in the recording; a step has that of its upper rung."""
@@ -321,21 +293,20 @@ def itae_chart(gap: Gap, channel: str) -> Chart:
         for i, line in enumerate(["none:", *why]):
             chart.text(0.5, 0.6, line, anchor="middle", shift=(0.0, 14.0 * i))
         return chart
-    steps = [float(np.asarray(s.metrics.at[channel, "ITAE"])) for s in gap.steps]
+    steps = [float(step.metrics.at[channel, "ITAE"]) for step in gap.steps]
     first, last = (
-        float(np.asarray(channel_metrics(run).at[channel, "ITAE"]))
-        for run in (gap.runs[0], gap.runs[-1])
+        float(channel_metrics(run).at[channel, "ITAE"]) for run in (gap.runs[0], gap.runs[-1])
     )
     ends = np.cumsum([first, *steps])
     lows = np.array([0.0, *np.minimum(ends[:-1], ends[1:]), 0.0])
-    heights = np.array([first, *np.abs(steps), last])
+    tops = lows + np.array([first, *np.abs(steps), last])
     rung_colours = colours(gap)
-    chart.y_range = (min(0.0, 1.1 * float(lows.min())), 1.12 * float((lows + heights).max()) or 1.0)
-    chart.bars(lows, lows + heights, [*rung_colours, rung_colours[-1]])
+    chart.y_range = (min(0.0, 1.1 * float(lows.min())), 1.12 * float(tops.max()) or 1.0)
+    chart.bars(lows, tops, [*rung_colours, rung_colours[-1]])
     for i, level in enumerate(ends.tolist()):
         chart.line([i - 0.32, i + 1.32], [level, level], INK, width=0.8)
     labels = [f"{first:.2f}", *(f"{step:+.2f}" for step in steps), f"{last:.2f}"]
-    for i, (text, up) in enumerate(zip(labels, (lows + heights).tolist(), strict=True)):
+    for i, (text, up) in enumerate(zip(labels, tops.tolist(), strict=True)):
         chart.text(i, up, text.replace("-", "−"), anchor="middle", shift=(0.0, -4.0))
     return chart
 
@@ -344,7 +315,7 @@ def steps_chart(gap: Gap, channel: str) -> Chart:
     """Contribution of each step over time, and their sum."""
     assert gap.whole is not None
     t = gap.runs[0].t
-    title = f"{gap.name}: {CHANNEL_NAMES[channel]}, what each step adds"
+    title = f"{CHANNEL_NAMES[channel]}, what each step adds"
     chart = _over_time(gap, title, f"Δ{CHANNEL_SYMBOLS[channel]} [deg]")
     for step, colour in zip(gap.steps, colours(gap)[1:], strict=True):
         chart.line(t, getattr(step, channel) * DEG_PER_RAD, colour, name=step.adds)
@@ -356,12 +327,11 @@ def steps_chart(gap: Gap, channel: str) -> Chart:
 def bound_chart(gap: Gap, channel: str) -> Chart:
     """The error on the aircraft with what is claimed of it, and whether the flight is inside."""
     run, colour = gap.aircraft, colours(gap)[-1]
-    signal, words = f"{channel}_err", f"{CHANNEL_NAMES[channel]} error"
-    symbol, factor = f"e_{CHANNEL_SYMBOLS[channel]} [deg]", DEG_PER_RAD
-    if gap.scenario.route is not None:
-        signal, words, symbol = ON_ROUTE[channel]
-        factor = 1.0
-    chart = _over_time(gap, f"{gap.name}: {words} on the aircraft", symbol)
+    signal, factor = f"{channel}_err", DEG_PER_RAD
+    if gap.scenario.route is not None:  # the error that the channel corrects
+        signal, factor = OFF_ROUTE[list(CHANNEL_SYMBOLS).index(channel)], 1.0
+    title, label = SIGNALS[signal]
+    chart = _over_time(gap, f"{title[0].lower()}{title[1:]} on the aircraft", label)
     chart.line(run.t, run.signals[signal].to_numpy() * factor, colour, name="error", width=1.8)
     for claim, (low, high) in claims_around(run.claims, signal):
         inside = claim.bounds.of([signal]).contain(run.signals)
@@ -374,22 +344,18 @@ def bound_chart(gap: Gap, channel: str) -> Chart:
 
 
 def _rungs(gap: Gap, channel: str) -> Chart:
-    title = f"{gap.name}: {CHANNEL_NAMES[channel]}"
-    chart = _over_time(gap, title, f"{CHANNEL_SYMBOLS[channel]} [deg]")
+    chart = _over_time(gap, CHANNEL_NAMES[channel], f"{CHANNEL_SYMBOLS[channel]} [deg]")
+    lowest = gap.runs[0]
+    reference = displayed(lowest.signals, f"{channel}_ref")
+    chart.line(lowest.t, reference, NEUTRAL, dash=DASHED, name="reference")
     for run, colour in zip(gap.runs, colours(gap), strict=True):
-        values = run.signals[channel].to_numpy()
-        reference = run.signals[f"{channel}_ref"].to_numpy()
-        if channel == "chi":
-            values, reference = np.unwrap(values), np.unwrap(reference)
-        if run is gap.runs[0]:
-            chart.line(run.t, reference * DEG_PER_RAD, NEUTRAL, dash=DASHED, name="reference")
-        chart.line(run.t, values * DEG_PER_RAD, colour, name=run.provenance.plant)
+        chart.line(run.t, displayed(run.signals, channel), colour, name=run.provenance.plant)
     return chart
 
 
 def _mismatch(gap: Gap, channel: str) -> Chart:
     assert gap.mismatch is not None
-    title = f"{gap.name}: mismatch, {CHANNEL_NAMES[channel]} rate flown minus that of the law"
+    title = f"mismatch, {CHANNEL_NAMES[channel]} rate flown minus that of the law"
     chart = _over_time(gap, title, f"d_{CHANNEL_SYMBOLS[channel]} [deg/s]")
     d = gap.mismatch.d[:, list(CHANNEL_SYMBOLS).index(channel)] * DEG_PER_RAD
     chart.line(gap.mismatch.t, d, colours(gap)[-1], run="mismatch")
@@ -397,4 +363,6 @@ def _mismatch(gap: Gap, channel: str) -> Chart:
 
 
 def _over_time(gap: Gap, title: str, unit: str) -> Chart:
-    return Chart(title=title, y=unit, x_range=(0.0, gap.aircraft.duration), linked=True)
+    """An empty chart over the flight of the aircraft."""
+    ends = 0.0, gap.aircraft.duration
+    return Chart(title=f"{gap.name}: {title}", y=unit, x_range=ends, linked=True)

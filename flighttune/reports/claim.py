@@ -2,6 +2,7 @@
 
 import hashlib
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,14 +17,14 @@ from flighttune.errors import InputError
 from flighttune.files.table import toml_text
 from flighttune.flight.flown import FlownScenario
 from flighttune.present.answer import facts_table, quoted
-from flighttune.present.chart import DOTTED, Chart, Sheet, dashes
+from flighttune.present.chart import DOTTED, HEIGHT, Chart, Sheet, dashes
 from flighttune.present.frame import Report, Section, write_answer
 from flighttune.present.names import shown_unit
 from flighttune.present.palette import HUES, LIMIT, NEUTRAL
 from flighttune.references.fence import read_fence
 from flighttune.references.maps import NOT_SEEN, ground_at, on_earth, rings_around
-from flighttune.reports.charts import APART, DISTANCE_AXIS, KM, ROUTE_ERRORS, route_map
-from flighttune.reports.panels import ERRORS, errors, flown_signals
+from flighttune.reports.charts import APART, DISTANCE_AXIS, KM, heights, route_map
+from flighttune.reports.panels import ERRORS, SIGNALS, TEXTS, errors, flown_signals, titles
 from flighttune.simulate.run import Run, run_styles
 from flighttune.tubes.enclosure import Tube
 from flighttune.units import DEG_PER_RAD
@@ -32,9 +33,6 @@ from flighttune.units import DEG_PER_RAD
 MIN_DRAWN = 100
 
 STRONG, LIGHT = (colour for colour, _ in HUES[0])
-
-# Titles and labels of signals; others have their names.
-TITLES = {name: (title, label) for name, title, label in (*ERRORS, *ROUTE_ERRORS)}
 
 
 def band_charts(
@@ -54,8 +52,7 @@ def _chart(band: SignalBounds, i: int) -> Chart:
     """One signal: the band, and flights in it, outside of it and nearest to leaving it."""
     about = band.about
     name, si = list(about.signals.items())[i]
-    unit, factor = shown_unit(si)
-    title, label = TITLES.get(name, (name, f"{name} [{unit}]"))
+    (title, label), (_, factor) = titles(name, si), shown_unit(si)
     edges, axis = band.flights.edges, "t [s]"
     if band.flights.over == "along":
         edges, axis = edges / KM, DISTANCE_AXIS
@@ -65,7 +62,7 @@ def _chart(band: SignalBounds, i: int) -> Chart:
     if about.predicted_from:
         flights, middle = flights - middle[..., None], np.zeros_like(middle)
     # both extremes of a window, one after the other
-    flights = flights.reshape(len(flights), -1)
+    flights = factor * flights.reshape(len(flights), -1)
     x = np.linspace(edges[0], edges[-1], flights.shape[1])
     low, high = (
         factor * np.repeat(middle[0] + sign * band.half_widths[:, i], 2) for sign in (-1.0, 1.0)
@@ -76,27 +73,43 @@ def _chart(band: SignalBounds, i: int) -> Chart:
     completed, within = np.isfinite(band.scores), band.scores <= band.scale
     inside, outside = (np.flatnonzero(completed & side) for side in (within, ~within))
     chosen = inside[:: max(1, len(inside) // MIN_DRAWN)]
-    _lines(chart, x, factor * flights[chosen], LIGHT, f"{len(chosen)} of {len(inside)} inside", 0.5)
-    _lines(chart, x, factor * flights[outside], LIMIT, f"{len(outside)} outside", 0.9)
+    for drawn, colour, words, width in (
+        (flights[chosen], LIGHT, f"{len(chosen)} of {len(inside)} inside", 0.5),
+        (flights[outside], LIMIT, f"{len(outside)} outside", 0.9),
+    ):
+        if len(drawn):  # all as one line that is broken between them
+            ys = np.pad(drawn, ((0, 0), (0, 1)), constant_values=np.nan).ravel()
+            xs = np.tile(np.append(x, np.nan), len(drawn))
+            chart.line(xs, ys, colour, name=words, width=width, most=len(xs), hover=False)
     if band.claims:
-        nearest = factor * flights[band.draws.tolist().index(band.nearest)]
+        nearest = flights[band.draws.tolist().index(band.nearest)]
         chart.line(x, nearest, STRONG, name=f"draw {band.nearest}, nearest to leaving")
     return chart
 
 
+def _corridor(band: Band, signal: str, s: FloatArray) -> FloatArray | None:
+    """What the band claims of a signal at distances along the route, if it does."""
+    about = band.about
+    if signal not in about.signals or not band.claims or about.predicted_from:
+        return None
+    bounds, i = band.bounds(s), list(about.signals).index(signal)
+    return np.stack([bounds.low[:, i], bounds.high[:, i]])
+
+
 def _map(band: Band, room: TurnBack | None) -> Chart:
     """The route from above with the corridor that the band claims, if it does, and its fences."""
-    about, (path, origin, _) = band.about, band.flights.route.where
-    s, sides = path.points(APART), None
-    if "cross_track" in about.signals and band.claims and not about.predicted_from:
-        bounds, i = band.bounds(s), list(about.signals).index("cross_track")
-        sides = np.stack([bounds.low[:, i], bounds.high[:, i]])
-    chart = route_map(band.flights.central, path, s, sides)
-    for tables in about.fences:
+    path, origin, _ = band.flights.route.where
+    s = path.points(APART)
+    chart = route_map(band.flights.central, path, s, _corridor(band, "cross_track", s))
+
+    def rings(lines: Iterable[FloatArray], colour: str, name: str) -> None:
+        """Lines of north and east as one that is broken between them."""
+        north, east = np.vstack([part for x in lines for part in (x, [[np.nan, np.nan]])]).T
+        chart.line(east, north, colour, name=name, most=len(north), hover=False)
+
+    for tables in band.about.fences:
         fence = read_fence(KEPT, origin, tables)
-        ends = np.stack([fence.start, fence.end, np.full_like(fence.end, np.nan)], axis=1)
-        north, east = ends.reshape(-1, 2).T
-        chart.line(east, north, LIMIT, name="fence", most=len(north), hover=False)
+        rings(np.stack([fence.start, fence.end], axis=1), LIMIT, "fence")
         if (rows := band.inside(tables).nearest) and np.isfinite(rows[0]["margin_m"]):
             nearest = min(rows, key=lambda row: row["margin_m"])
             ((at, across, _),) = path.beside(np.array([nearest["along_m"]]))
@@ -104,33 +117,25 @@ def _map(band: Band, room: TurnBack | None) -> Chart:
             chart.points(across, at, LIMIT, size=5.0, filled=False, name=words)
     if room is not None and room.claims and band.claims:
         for name, volume in room.volumes(band).items():
-            breaks = [
-                np.vstack([ring, [np.nan, np.nan]]) for ring in rings_around(path, volume.width)
-            ]
-            north, east = np.concatenate(breaks).T
-            chart.line(east, north, NEUTRAL, name=name, most=len(north), hover=False)
+            rings(rings_around(path, volume.width), NEUTRAL, name)
     return chart
 
 
 def _heights(band: Band, terrain: str | Path | None) -> Chart:
     """Height over the start along the route, in the band, with floor and ceiling of its fences."""
-    about, (path, origin, h_0) = band.about, band.flights.route.where
-    ends = 0.0, path.length / KM
-    chart = Chart(title="Height over the start", x=DISTANCE_AXIS, y="h [m]", x_range=ends)
+    path, origin, h_0 = band.flights.route.where
     s = path.points(APART)
-    if "height_err" in about.signals and band.claims and not about.predicted_from:
-        bounds, i = band.bounds(s), list(about.signals).index("height_err")
-        high, low = (path.beside(s, below=x[:, i])[:, 2] for x in (bounds.low, bounds.high))
-        chart.band(s / KM, low, high, NEUTRAL, name="corridor")
+    chart = heights(path, s, _corridor(band, "height_err", s), HEIGHT)
     chart.line(s / KM, np.interp(s, path.s, path.up), STRONG, name="planned")
     if terrain is not None:
         ground = ground_at(terrain, on_earth(path.beside(s), origin)) - h_0
         chart.line(s / KM, ground, NEUTRAL, name="ground")
-    for tables in about.fences:
+    for tables in band.about.fences:
         fence = read_fence(KEPT, origin, tables)
         for height, name in ((fence.high, "ceiling"), (fence.low, "floor")):
             if np.isfinite(height):
-                chart.line(np.array(ends), np.full(2, height), LIMIT, name=name)
+                ends = np.array([0.0, path.length / KM])
+                chart.line(ends, np.full(2, height), LIMIT, name=name)
     return chart
 
 
@@ -147,21 +152,6 @@ def _room(room: TurnBack) -> Chart:
         far, high = room.room.from_route, room.room.height
         chart.line([0.0, far, far], [high, high, 0.0], NEUTRAL, dash=DOTTED, name="the room")
     return chart
-
-
-def _lines(
-    chart: Chart, x: FloatArray, flights: FloatArray, colour: str, name: str, width: float
-) -> None:
-    """A line for each flight, as one line that is broken between them."""
-    if len(flights):
-        gap = np.full((len(flights), 1), np.nan)
-        ys = np.hstack([flights, gap]).ravel()
-        xs = np.tile(np.append(x, np.nan), len(flights))
-        chart.line(xs, ys, colour, name=name, width=width, most=len(xs), hover=False)
-
-
-BAND_NOTE = "A line joins the lowest and the highest value of a counted flight in each window."
-GIVEN = "The middle predicted from the wind of each flight is subtracted."
 
 
 def write_claim_page(
@@ -181,71 +171,74 @@ def write_claim_page(
     answer = claim.answer(source) if isinstance(claim, Counted) else claim.answer()
     facts = {"file": source, "its SHA-256": hashlib.sha256(Path(source).read_bytes()).hexdigest()}
     sentences, notes, charts = [claim.sentence], [*stale_notes(claim), *answer.notes], []
-    tables = [*answer.tables]
-    title, commands, scenario = "Bound on R_K", f"flighttune verify {source}", ""
-    campaign = ""
+    title, texts, tables = "Bound on R_K", {}, [*answer.tables]
     if isinstance(claim, Certificate):
         title = "Certificate"
     elif isinstance(claim, Tube):
         problem, settings, charts = claim.problem, claim.settings, tube_charts(claim)
-        title, scenario = f"Tube: {problem.scenario.title}", toml_text(problem.scenario.as_dict())
+        title = f"Tube: {problem.scenario.title}"
+        texts["scenario.toml"] = toml_text(problem.scenario.as_dict())
         facts["law"] = problem.law.name
         facts["settings"] = f"{settings.symbols} symbols, {settings.most} pieces at most"
     elif isinstance(claim, Counted):
-        about = claim.about
-        kind = "Count"
+        about, kind = claim.about, "Count"
+        campaign, on_route = about.plan["campaign"], claim.flights.over == "along"
+        texts["scenario.toml"] = toml_text(claim.flights.scenario.as_dict())
+        texts["campaign.toml"] = toml_text(campaign)
+        facts["flights"] = f"{len(claim.scores)} counted, {about.learned} learned from"
+        facts["flights lost"] = claim.lost
+        facts["seed"] = f"{campaign['seed']}"
+        notes = [note for note in notes if note != claim.sentence]
         if isinstance(claim, SignalBounds):
             charts, kind = band_charts(claim, room, terrain), "Counted band"
         elif isinstance(claim, TurnBack):
             charts = [_room(claim)]
-        title = f"{kind} of flights titled {quoted(about.plan['campaign']['title'])}"
-        facts["flights"] = f"{len(claim.scores)} counted, {about.learned} learned from"
-        facts["flights lost"] = claim.lost
-        facts["seed"] = f"{about.plan['campaign']['seed']}"
-        if claim.flights.over == "along":
+        title = f"{kind} of flights titled {quoted(campaign['title'])}"
+        if on_route:
             tables += claim.flights.route.answer().tables
-        sentences += claim.said_of_fences if isinstance(claim, Band) else []
-        notes = [note for note in notes if note != claim.sentence]
-        if isinstance(claim, Band) and claim.flights.over == "along":
+        if isinstance(claim, Band):
+            sentences += claim.said_of_fences
+        if isinstance(claim, Band) and on_route:
             notes, sentences = [*notes, *sentences], claim.summary(room)
-            title = f"Mission {quoted(about.plan['campaign']['title'])}"
+            title = f"Mission {quoted(campaign['title'])}"
             notes += [NOT_SEEN] * (terrain is None)
-        scenario = toml_text(claim.flights.scenario.as_dict())
-        campaign = toml_text(about.plan["campaign"])
         if room is not None:
             turning = room.answer()
-            notes.append(room.sentence)
-            notes += [note for note in turning.notes if "--run" not in note]
+            notes += [room.sentence, *(note for note in turning.notes if "--run" not in note)]
             tables.append(turning.tables[0])
         if isinstance(claim, SignalBounds):
-            notes += [BAND_NOTE, *([GIVEN] if about.predicted_from else [])]
-    drawn, said = [x for x in tables if x.name == "dispersions"], changed or answer.changed
-    others = [table for table in tables if table.name != "dispersions"]
-    return write_answer(
+            notes += [TEXTS["band"], *([TEXTS["predicted"]] if about.predicted_from else [])]
+    drawn, others = (
+        [table for table in tables if (table.name == "dispersions") == drawn]
+        for drawn in (True, False)
+    )
+    page = write_answer(
         path,
         title=title,
         summary=sentences,
         parts={
-            "responses": Section(note=" ".join(said), charts=charts, legend=False),
-            "flown": Section(tables=drawn, legend=False),
-            "claim": Section(note=" ".join(notes), tables=others, legend=False),
+            "responses": Section(note=" ".join(changed or answer.changed), charts=charts),
+            "flown": Section(tables=drawn),
+            "claim": Section(note=" ".join(notes), tables=others),
         },
         provenance=facts_table("Provenance", facts),
-        commands=commands,
-        texts={"scenario.toml": scenario, "campaign.toml": campaign},
+        commands=f"flighttune verify {source}",
+        texts=texts,
     )
+    return replace(page, shown=claim.answer())
 
 
 def tube_charts(tube: Tube) -> list[Chart]:
     """Both errors: the bounds of every flight."""
-    charts, bounds = [], tube.bounds
-    for i, (_, title, unit) in enumerate(ERRORS):
-        chart = Chart(title=title, y=unit, x_range=(0.0, float(bounds.t[-1])), linked=True)
+    charts, t = [], tube.bounds.t
+    for signal in (name for name in ERRORS if name in tube.bounds.names):
+        title, label = SIGNALS[signal]
+        chart = Chart(title=title, y=label, x_range=(0.0, float(t[-1])), linked=True)
         chart.level(0.0, NEUTRAL, dash="")
-        low, high = bounds.low[:, i] * DEG_PER_RAD, bounds.high[:, i] * DEG_PER_RAD
-        chart.band(bounds.t, low, high, STRONG, name="tube")
+        low, high = DEG_PER_RAD * tube.bounds.of([signal]).pairs[:, 0].T
+        chart.band(t, low, high, STRONG, name="tube")
         for edge in (low, high):
-            chart.line(bounds.t, edge, STRONG, width=1.2)
+            chart.line(t, edge, STRONG, width=1.2)
         charts.append(chart)
     return charts
 

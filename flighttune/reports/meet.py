@@ -22,7 +22,6 @@ from flighttune.flight.fly import fly
 from flighttune.flight.gains import certify_scenario
 from flighttune.flight.models import gain_set
 from flighttune.planning.plan import plain
-from flighttune.planning.schema import Campaign
 from flighttune.present.answer import Column, Table
 from flighttune.present.chart import DASHED, Chart
 from flighttune.present.frame import Report, Section, write_answer
@@ -30,7 +29,7 @@ from flighttune.present.names import in_words, listed, measure_words, metric_lab
 from flighttune.present.palette import HUES, INK, LIMIT, NEUTRAL
 from flighttune.reports import panels
 from flighttune.reports.page import flown_in_words, overview
-from flighttune.reports.tables import by_plant, provenance_table
+from flighttune.reports.panels import TEXTS, by_plant, provenance_table
 from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import TUNED, GainsTable
 from flighttune.simulate.run import run_styles
@@ -49,23 +48,12 @@ PAIRS = 3
 PAPER = "paper"
 FOUND = "found"  # name of the gains of a search beside those of its start
 
-NOTE = (
-    "Each dot is a gain set that was flown, the blue one is the result. A hollow one misses "
-    "another requirement. The best of a search is no bound: a longer one may find better gains."
-)
-MARGINS = "Of the linear loop that the gains are for."
-CLAIM = (
-    "Proven for the linear loop in still air, within its limits; the flights above are samples, "
-    "and nothing is claimed of others."
-)
-SHARE_NOTE = "Each dot is a gain set on the draws of the search; the result is counted on others."
-
 
 def write_meet_page(path: Path, meeting: Meeting, command: str) -> Report:
     """Write a page of a search, which `command` repeats; it flies start and result once more."""
-    rows, trials, scenario = meeting.requirements, meeting.trials, meeting.scenario
+    rows, trials, counted = meeting.requirements, meeting.trials, meeting.success
     required, trades, gains, *drawn, loop, margins, certificate, ended = meeting.answer().tables
-    note, counted = "", meeting.success
+    note = ""
     if counted:
         charts = [share_chart(trials, counted["wanted"])]
         note = (
@@ -77,25 +65,24 @@ def write_meet_page(path: Path, meeting: Meeting, command: str) -> Report:
         worst = np.argsort(-excess, kind="stable")[:PAIRS].tolist()
         charts = [chart(trials, rows, i, k) for i, k in combinations(worst, 2)]
     sets = {meeting.start: meeting.start_gains, FOUND: meeting.gains}
+    costs = TEXTS["shares" if counted else "candidates"]
     return _write(
         path,
-        f"Requirements and gains: {scenario.title}",
-        flown=_flown(meeting.worst or scenario, sets),
-        scenario=scenario,
+        f"Requirements and gains: {meeting.scenario.title}",
+        meeting.scenario,
+        sets,
+        _flown(meeting.worst or meeting.scenario, sets),
         summary=[*filter(None, [meeting.start_sentence, meeting.sentence, meeting.worse_sentence])],
-        note=note,
-        tables={
-            "requirements": [replace(required, title="")],
-            "margins": [margins, gains],
-            "flown": [*drawn, ended],
-            "claim": [certificate, loop],
+        parts={
+            "requirements": Section(tables=[replace(required, title="")]),
+            "responses": Section(note=note),
+            "margins": Section(note=TEXTS["margins"], tables=[margins, gains]),
+            "costs": Section(note=costs, charts=charts, tables=[trades], legend=False),
+            "flown": Section(tables=[*drawn, ended]),
+            "claim": Section(note=TEXTS["proven"], tables=[certificate, loop]),
         },
-        costs=Section(
-            note=SHARE_NOTE if counted else NOTE, charts=charts, tables=[trades], legend=False
-        ),
         commands=command,
-        campaign=meeting.campaign,
-        sets=sets,
+        campaign=toml_text(plain(meeting.campaign)) if meeting.campaign else "",
     )
 
 
@@ -120,19 +107,22 @@ def write_tune_page(path: Path, scenario: Scenario, result: TuningResult, comman
     return _write(
         path,
         f"Tuned gains: {scenario.title}",
-        flown=flown,
-        scenario=scenario,
+        scenario,
+        sets,
+        flown,
         summary=[
             *([f"Requirements met: {met}"] if met else []),
             f"R_K is {result.R_K:.4g} 1/s with an I_K of {result.I_K:.4g} s²{limits}",
         ],
-        tables={
-            "requirements": [Table(CHECKED_COLUMNS, [*map(in_words, rows)])],
-            "margins": [*margins, gains],
-            "claim": [Table(CERTIFICATE_COLUMNS, [certified]), tuning],
+        parts={
+            "requirements": Section(tables=[Table(CHECKED_COLUMNS, [*map(in_words, rows)])]),
+            "responses": Section(),
+            "margins": Section(note=TEXTS["margins"], tables=[*margins, gains]),
+            "claim": Section(
+                note=TEXTS["proven"], tables=[Table(CERTIFICATE_COLUMNS, [certified]), tuning]
+            ),
         },
         commands=command,
-        sets=sets,
     )
 
 
@@ -150,46 +140,34 @@ def _about(check: BoundCheck) -> tuple[str, ...]:
 def _write(
     path: Path,
     title: str,
-    *,
-    flown: FlownScenario,
     scenario: Scenario,
-    tables: Mapping[str, Sequence[Table]],
-    commands: str,
     sets: Mapping[str, PIGains],
-    note: str = "",
-    costs: Section | None = None,
-    campaign: Campaign | None = None,
-    **more: Any,
+    flown: FlownScenario,
+    *,
+    summary: Sequence[str],
+    parts: Mapping[str, Section],
+    commands: str,
+    campaign: str = "",
 ) -> Report:
     """Write a page of flights by gain sets; `scenario` is the one to repeat."""
     styles = run_styles(flown.runs)
     flights = [(run, styles[run.label]) for run in flown.runs if len(run.signals) > 1]
     charts = [*overview(flights), *panels.commands(flights)] if flights else []
-    notes = {"margins": MARGINS, "claim": CLAIM}
-    parts = {
-        key: Section(note=notes.get(key, ""), tables=own, legend=False)
-        for key, own in tables.items()
-    }
-    texts = {name: json.dumps(gains.as_lists()) for name, gains in sets.items()}
     return write_answer(
         path,
         title=title,
+        summary=summary,
         about=(flown_in_words(flown.scenario, flown.runs),),
-        parts={
-            **parts,
-            "responses": Section(note=note, charts=charts),
-            "costs": costs or Section(),
-        },
+        parts={**parts, "responses": replace(parts["responses"], charts=charts)},
         legend=[(run.label, style) for run, style in flights],
         styles=styles,
         provenance=provenance_table(scenario.title, scenario, flown.runs),
         commands=f"# with the files below in place of those of the command\n{commands}",
         texts={
             "scenario.toml": toml_text(scenario.as_dict()),
-            "campaign.toml": toml_text(plain(campaign)) if campaign else "",
-            **{f"{name}.json": text for name, text in texts.items()},
+            "campaign.toml": campaign,
+            **{f"{name}.json": json.dumps(gains.as_lists()) for name, gains in sets.items()},
         },
-        **more,
     )
 
 

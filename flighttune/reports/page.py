@@ -18,7 +18,7 @@ from flighttune.flight.flown import advice
 from flighttune.flight.models import tuning_problem
 from flighttune.gaps.gap import Gap, explain_flight, step_table
 from flighttune.gaps.watch import score_so_far
-from flighttune.present.answer import Answer, Table, facts_table
+from flighttune.present.answer import Answer, Table, facts_table, pick
 from flighttune.present.chart import Chart
 from flighttune.present.frame import Report, Section, page_template, write_answer, write_page
 from flighttune.present.names import CHANNEL_SYMBOLS
@@ -27,62 +27,45 @@ from flighttune.records.compare import (
     Comparison,
     Source,
     comparison_table,
-    load_source,
     overlaid,
     pairs_table,
     sources_of,
 )
-from flighttune.reports import panels, tables
+from flighttune.reports import panels
 from flighttune.reports.charts import (
     bound_chart,
+    gap_charts,
     itae_chart,
     planned_path,
     route_charts,
     steps_chart,
 )
+from flighttune.reports.panels import TEXTS, by_plant, provenance_table
 from flighttune.scenario.load import gains_notes, scenario_of
 from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import TUNED, TUNED_FED_BACK, TUNED_IDENTIFIED
-from flighttune.simulate.run import Run, claim_notes, priority_notes, run_styles
+from flighttune.simulate.run import Run, claim_notes, claimed, priority_notes, run_styles
 from flighttune.tuning.frontier import frontier, frontier_chart
 from flighttune.units import DEG_PER_RAD
 
 STRONG, _ = (colour for colour, _ in HUES[0])
 
-ABOVE = (("chi", "Course", "χ [deg]"), ("gamma", "Path angle", "γ [deg]"))
-BELOW = (
-    *(("phi", "Roll", "φ [deg]"), ("phi_cmd", "Roll command", "φ_cmd [deg]")),
-    *(("n_z", "Load factor", "n_z [1]"), ("n_z_cmd", "Load-factor command", "n_z,cmd [1]")),
-    *(("V_a", "Airspeed", "V_a [m/s]"), ("V_g", "Ground speed", "V_g [m/s]")),
-)
-NOTE = "Gaps of the log are gaps of its lines. Positions count from the start of the part shown."
+# Signals of logs, at the top and below.
+ABOVE, BELOW = "chi gamma", "phi phi_cmd n_z n_z_cmd V_a V_g"
 
+# Gain sets whose gap is drawn; the table has all of them.
+MAX_GAPS = 3
 
-def log_sections(flights: panels.Drawn, tables: Sequence[Table] = ()) -> list[Section]:
-    """Sections about flights of which one at least is a log: signals that any of them has."""
+FRONTIER_POINTS = 9
 
-    def charts(signals: Sequence[tuple[str, str, str]]) -> list[panels.Chart]:
-        there = {name for run, _ in flights for name in run.signals}
-        return [*panels.flown_signals(flights, [row for row in signals if row[0] in there])]
+# Samples of a reference that is described in words.
+ANGLES = 2001
 
-    placed = [(run, style) for run, style in flights if {"north", "east", "down"} <= {*run.signals}]
-    paths = panels.paths(placed) if placed else []
-    return [
-        Section(note=NOTE, charts=[*charts(ABOVE), *paths], tables=tables),
-        Section(id="commands", title="Commands, load and speed", charts=charts(BELOW)),
-    ]
+# Longest aircraft run for which the ladder is flown: beyond it a report would take minutes.
+LONGEST_LADDER = 6_000
 
-
-def log_facts(source: Source) -> Table:
-    """Contents and gaps of logs, and what they show about their own units and signs."""
-    facts: dict[str, str] = {}
-    for run in source.runs:
-        log = run.provenance.log or {}
-        samples = f"{run.duration:.1f} s from {log['from_s']:g} s on, {len(run.signals)} samples"
-        facts |= {"log": f"{log['file']} ({log['kind']})", "part": samples}
-        parts = {key: log.get(key, ()) for key in ("phases", "odd", "missing", "gaps", "checks")}
-        facts |= {key: "; ".join(lines) for key, lines in parts.items() if lines}
-    return facts_table("The log", facts)
+# Tables of runs that a terminal shows too; ``--json`` has the records of all.
+PRINTED = ("convergence", "certificates", "aircraft")
 
 
 def write_log_page(
@@ -90,8 +73,11 @@ def write_log_page(
 ) -> Report:
     """Write one self-contained page about the log of a real flight; parent folders are made."""
     (run,), styles = source.runs, run_styles(source.runs)
-    facts = log_facts(source)
-    sections = log_sections([(run, styles[run.label])], [facts])
+    log = run.provenance.log or {}
+    stated = {key: log.get(key, ()) for key in ("phases", "odd", "missing", "gaps", "checks")}
+    part = f"{run.duration:.1f} s from {log['from_s']:g} s on, {len(run.signals)} samples"
+    facts = {"log": f"{log['file']} ({log['kind']})", "part": part}
+    facts |= {key: "; ".join(lines) for key, lines in stated.items() if lines}
     summary, alarms, charts, failure = [f"A real flight of {run.duration:.1f} s."], [], [], ""
     for monitor in monitors:
         alarm, score = monitor.alarm(run), score_so_far(monitor.watches, run)
@@ -105,109 +91,80 @@ def write_log_page(
         chart.level(1.0, LIMIT)
         charts.append(chart)
         summary += [sentence, f"The monitor: {monitor.sentence}."]
-    if charts:
-        sections.insert(0, Section(id="monitor", title="Monitor", charts=charts, legend=False))
+    watched = Section(id="monitor", title="Monitor", charts=charts, legend=False)
+    sections = _of_logs([(run, styles[run.label])], facts_table("The log", facts))
     page = write_answer(
         path,
         summary=summary,
-        parts={section.id: section for section in sections},
+        parts={section.id: section for section in (watched, *sections)},
         title=str(run.provenance.scenario["title"]),
         legend=list(styles.items()),
         styles=styles,
         provenance=facts_table("Versions", run.provenance.versions),
         commands=f"flighttune report {source.name}",
     )
-    log = run.provenance.log or {}
-    shown = Answer(
-        values={"bytes": path.stat().st_size, "summary": summary, "log": log, "alarms": alarms},
-        notes=[
-            *summary,
-            *(line for key in ("phases", "odd", "checks") for line in log.get(key, ())),
-            *(f"missing: {line}" for line in source.missing),
-        ],
-        failure=failure,
+    notes = [
+        *summary,
+        *(line for key in ("phases", "odd", "checks") for line in stated[key]),
+        *(f"missing: {line}" for line in source.missing),
+    ]
+    values = {"bytes": path.stat().st_size, "summary": summary, "log": log, "alarms": alarms}
+    return replace(page, shown=Answer(values=values, notes=notes, failure=failure))
+
+
+def _of_logs(flights: panels.Drawn, table: Table) -> list[Section]:
+    """Sections about flights of which one at least is a log: signals that any of them has."""
+    there = {name for run, _ in flights for name in run.signals}
+    above, below = (
+        panels.flown_signals(flights, " ".join(x for x in signals.split() if x in there))
+        for signals in (ABOVE, BELOW)
     )
-    return Report(
-        path=path, summary=page.summary, sections=page.sections, tables=page.tables, shown=shown
-    )
+    placed = [(run, style) for run, style in flights if {"north", "east", "down"} <= {*run.signals}]
+    paths = panels.paths(placed) if placed else []
+    return [
+        Section(note=TEXTS["log"], charts=[*above, *paths], tables=[table]),
+        Section(id="commands", title="Commands, load and speed", charts=below),
+    ]
 
 
-# Gain sets whose gap is drawn; the table has all of them.
-MAX_GAPS = 3
-
-FRONTIER_POINTS = 9
-
-# Samples of a reference that is described in words.
-ANGLES = 2001
-
-# Longest aircraft run for which the ladder is flown: beyond it a report would take minutes.
-LONGEST_LADDER = 6_000
-
-CONVERGES = (
-    "A run converges if it was completed and both errors stay within their limits over the last "
-    f"quarter of the flight: {100.0 * tables.CONVERGED_PART:.0f} % of the largest error, and at "
-    f"least {tables.CONVERGED_AT_LEAST * DEG_PER_RAD:.1f}°. On a route it converges if it arrives."
-)
-ERRORS = "Errors are reference minus actual, the course error wrapped to ±180°."
-GAP = (
-    "The same gains under the same limits in the same air, on the paper's law, the exact point "
-    "mass, the point mass behind the inner loop and the aircraft. Red: the tube of the aircraft, "
-    "where one covers it; flighttune report takes --claim FILE."
-)
-BOUND = (
-    "The proof is about the linear loop. s stacks error rates and errors of flights of the law in "
-    "still air. Dashed: its bound, i.e. the decay of the linear loop plus what the disturbance in "
-    "the scenario can add (at most the dotted level). It pauses while a command is limited and "
-    "restarts when the reference changes slope. "
-    "An aircraft has no such bound; its tube bounds its errors."
-)
-NO_BOUND = (
-    "The proof is about the linear loop. No flight here is one of the law in still air with true "
-    "values measured, so no bound is drawn."
-)
-NO_CURVE = (
-    "There is no curve of R_K against I_K: no stable gains were found within the limits of the "
-    "scenario's tuning."
-)
-
-
-def write_report(source: str | Path | Source, path: str | Path) -> Report:
-    """Write one self-contained page about the runs of a scenario; `source` is as for `compare`."""
-    source = source if isinstance(source, Source) else load_source(source)
+def write_report(source: Source, path: Path) -> Report:
+    """Write one self-contained page about the runs of a scenario."""
     runs = [run for run in source.runs if len(run.signals) > 1]
-    scenario = _scenario(source, runs)
-    styles = run_styles(source.runs)
+    if not runs:
+        raise RecordingError(f"{source.name}: a run must have flown, got none.")
+    for run in runs[1:]:
+        first, other = ({**x.provenance.scenario, "gains": None} for x in (runs[0], run))
+        if other != first:
+            raise RecordingError(
+                f"{source.name}: the runs must be of one scenario, got another one for "
+                f"{run.label} than for {runs[0].label}; use compare for those."
+            )
+    scenario, origin, styles = scenario_of(runs[0]), runs[0].provenance, run_styles(source.runs)
     flights = [(run, styles[run.label]) for run in runs]
     claim = check_claim(scenario, source.runs)
-    convergence = tables.convergence_table(source.runs, claim)
-    converged = tables.by_plant(
+    convergence = panels.convergence_table(source.runs, claim)
+    converged = by_plant(
         (run.provenance.plant, record["converges"], 1)
         for run, record in zip(source.runs, convergence.records, strict=True)
     )
     gaps, without_gap = _gaps(scenario, runs)
-    certificate = _certificate_section(scenario, flights)
-    at_top, below = _areas(runs)
-    origin = runs[0].provenance
-    return write_page(
-        Path(path),
+    below = [panels.tracking_table(runs), panels.runs_table(source.runs)]
+    criterion = {
+        "part": 100.0 * panels.CONVERGED_PART,
+        "least": panels.CONVERGED_AT_LEAST * DEG_PER_RAD,
+    }
+    page = write_page(
+        path,
         page_template("flighttune.reports", "page.html.jinja"),
         about=(flown_in_words(scenario, runs), _gains_in_words(scenario, runs)),
         summary=(f"{claim.short}.", f"Converged: {converged}.", *gains_notes(runs)),
         closest=f"{claim.sentence}." if claim.verdict == "met" else "",
         missed=(*claim.missed, *filter(None, [advice(scenario, source.runs, "SCENARIO")])),
-        criterion=CONVERGES,
+        criterion=TEXTS["converges"].format(**criterion),
         sections=[
-            Section(note=at_top, charts=overview(flights), tables=[convergence]),
-            Section(
-                id="tracking",
-                title="Errors and metrics",
-                note=" ".join([ERRORS, *below]),
-                charts=panels.errors(flights),
-                tables=[tables.tracking_table(runs), tables.runs_table(source.runs)],
-            ),
-            _commands_section(flights, "Commands after magnitude and rate limits."),
+            *_of_flights(flights, convergence, below, "Commands after magnitude and rate limits."),
             *([_gap_section(gaps, runs)] if gaps else []),
-            certificate,
+            _certificate_section(scenario, flights),
         ],
         title=scenario.title,
         claim=scenario.verifies,
@@ -215,36 +172,37 @@ def write_report(source: str | Path | Source, path: str | Path) -> Report:
         styles=styles,
         without_gap=without_gap,
         missing=source.missing,
-        provenance=tables.provenance_table(source.name, scenario, runs),
+        provenance=provenance_table(source.name, scenario, runs),
         scenario_text=toml_text(origin.scenario),
         first_gains=next((run.provenance.gains_name for run in runs if run.provenance.gains), None),
         version=origin.versions.get("flighttune", ""),
     )
+    around, named = claimed(source.runs), [table for table in page.tables if table.name]
+    shown = Answer(
+        values={
+            "bytes": path.stat().st_size,
+            **pick(page, "summary sections"),
+            "tables": {table.name: table.records for table in named},
+            **around.values,
+        },
+        tables=[replace(table, name="") for table in named if table.name in PRINTED],
+        notes=[*page.summary, *around.notes],
+        failure=around.failure,
+    )
+    return replace(page, shown=shown)
 
 
 def write_comparison_page(comparison: Comparison, path: str | Path) -> Report:
     """Write one self-contained page about comparable runs."""
-    runs = overlaid(comparison)
-    flown = [run for run in runs if not run.provenance.log]
-    styles = run_styles(runs)
-    flights = [(run, styles[run.label]) for run in runs]
+    runs, sources = overlaid(comparison), sources_of(comparison)
+    flown, styles = [run for run in runs if not run.provenance.log], run_styles(runs)
+    flights, pairs = [(run, styles[run.label]) for run in runs], pairs_table(comparison)
     scenario = (flown or runs)[0].provenance.scenario
-    sources = sources_of(comparison)
-    at_top, below = _areas(runs)
     if len(flown) < len(runs):
-        sections = log_sections(flights, [pairs_table(comparison)])
+        sections = _of_logs(flights, pairs)
     else:
-        sections = [
-            Section(note=at_top, charts=overview(flights), tables=[pairs_table(comparison)]),
-            Section(
-                id="metrics",
-                title="Errors and metrics",
-                note=" ".join([ERRORS, *below]),
-                charts=panels.errors(flights),
-                tables=[comparison_table("metrics", comparison.metrics)],
-            ),
-            _commands_section(flights),
-        ]
+        metrics = comparison_table("metrics", comparison.metrics)
+        sections = _of_flights(flights, pairs, [metrics])
     return write_answer(
         path,
         summary=comparison.gains_notes,
@@ -252,7 +210,7 @@ def write_comparison_page(comparison: Comparison, path: str | Path) -> Report:
         title=f"{scenario.get('title', 'Flight')}: comparison",
         legend=list(styles.items()),
         styles=styles,
-        provenance=tables.provenance_table(", ".join(sources), scenario_of(flown[0]), flown)
+        provenance=provenance_table(", ".join(sources), scenario_of(flown[0]), flown)
         if flown
         else facts_table("Versions", runs[0].provenance.versions),
         commands=f"flighttune compare {' '.join(sources)}",
@@ -260,18 +218,26 @@ def write_comparison_page(comparison: Comparison, path: str | Path) -> Report:
     )
 
 
-def _scenario(source: Source, runs: Sequence[Run]) -> Scenario:
-    """The one scenario of all runs, whatever their gains."""
-    if not runs:
-        raise RecordingError(f"{source.name}: a run must have flown, got none.")
-    first, *scenarios = ({**run.provenance.scenario, "gains": None} for run in runs)
-    for run, scenario in zip(runs[1:], scenarios, strict=True):
-        if scenario != first:
-            raise RecordingError(
-                f"{source.name}: the runs must be of one scenario, got another one for "
-                f"{run.label} than for {runs[0].label}; use compare for those."
-            )
-    return scenario_of(runs[0])
+def write_gap_page(gap: Gap, tables: Sequence[Table], path: Path) -> Report:
+    """Write one self-contained page about a gap; InputError if the aircraft did not fly."""
+    origin, note = (
+        gap.aircraft.provenance,
+        [TEXTS["claim_of_aircraft"], *claim_notes([gap.aircraft])],
+    )
+    return write_answer(
+        path,
+        title=f"From the law to the aircraft: {gap.scenario.title}; gains {gap.name}",
+        about=(flown_in_words(gap.scenario, gap.runs),),
+        summary=gap.causes,
+        parts={
+            "responses": Section(note=" ".join(note), charts=gap_charts(gap)),
+            "numbers": Section(title="Numbers", tables=tables),
+        },
+        styles=run_styles(gap.runs),
+        provenance=provenance_table(gap.scenario.title, gap.scenario, gap.runs),
+        commands=f"flighttune gap scenario.toml --gains {origin.gains_name}",
+        texts={"scenario.toml": toml_text(origin.scenario)},
+    )
 
 
 def flown_in_words(scenario: Scenario, runs: Sequence[Run]) -> str:
@@ -283,17 +249,15 @@ def flown_in_words(scenario: Scenario, runs: Sequence[Run]) -> str:
         except FlightTuneError:  # of somebody else's recording
             aircraft.append(name)
     start, subject = stated_condition(scenario), "; ".join(aircraft) or "Guidance law"
-    at = f"{subject}: at {scenario.airspeed_words}"
+    at = f"{subject}: at {scenario.airspeed_words} in {scenario.air}"
     if scenario.route is not None:
-        passed = len(scenario.route.waypoint)
-        return f"{at} in {scenario.air}, {passed} waypoints."
+        return f"{at}, {len(scenario.route.waypoint)} waypoints."
     t = np.linspace(0.0, scenario.flight.duration_s, ANGLES)
     chi, gamma = reference_of(scenario).sampled(t)
     course, climb = _moves("course", start.chi, chi), _moves("path angle", start.gamma, gamma)
     if "goes from" in course:
         climb = climb.replace("goes from", "from")  # the page has no room to say it twice
-    angles = f"{course} and {climb}"
-    return f"{at} in {scenario.air}, {angles}."
+    return f"{at}, {course} and {climb}."
 
 
 def _moves(name: str, start: float, reference: FloatArray) -> str:
@@ -345,42 +309,54 @@ def _gaps(scenario: Scenario, runs: Sequence[Run]) -> tuple[list[Gap], list[str]
     return gaps, without
 
 
-def _areas(runs: Sequence[Run]) -> tuple[str, list[str]]:
-    """Captions of tubes and bands: at the top on a route, and below the errors."""
-    first, words = priority_notes(runs), claim_notes(runs)
-    if "along" in runs[0].signals:
-        return " ".join([*first, *words]), []
-    return " ".join(first), words
-
-
 def overview(flights: panels.Drawn) -> list[Chart]:
     """The charts at the top: of a route on a map and along it, else of course and path angle."""
     return route_charts(flights) or panels.tracking(flights)
 
 
-def _commands_section(flights: panels.Drawn, note: str = "") -> Section:
-    # The path along a route is drawn at the top.
+def _of_flights(
+    flights: panels.Drawn, at_top: Table, below: Sequence[Table], commands: str = ""
+) -> list[Section]:
+    """Sections about flights: overview, errors with metrics, commands."""
+    runs = [run for run, _ in flights]
+    first, areas = priority_notes(runs), claim_notes(runs)
+    # Of a route, tubes and bands are drawn at the top, and so is the path.
     path = [] if planned_path(flights) else panels.paths(flights)
-    title = "Commands and path" if path else "Commands"
-    return Section(id="commands", title=title, note=note, charts=[*panels.commands(flights), *path])
+    on_route = "along" in runs[0].signals
+    return [
+        Section(
+            note=" ".join([*first, *(areas if on_route else [])]),
+            charts=overview(flights),
+            tables=[at_top],
+        ),
+        Section(
+            id="tracking",
+            title="Errors and metrics",
+            note=" ".join([TEXTS["errors"], *([] if on_route else areas)]),
+            charts=panels.errors(flights),
+            tables=below,
+        ),
+        Section(
+            id="commands",
+            title="Commands and path" if path else "Commands",
+            note=commands,
+            charts=[*panels.commands(flights), *path],
+        ),
+    ]
 
 
 def _gap_section(gaps: Sequence[Gap], runs: Sequence[Run]) -> Section:
-    more = len(gaps) - MAX_GAPS
+    shown, more = gaps[:MAX_GAPS], len(gaps) - MAX_GAPS
+    note = [TEXTS["gap"], *(sentence for gap in shown for sentence in gap.causes)]
+    note += [f"The tables have {more} more."] if more > 0 else []
+    kinds = (itae_chart, steps_chart, bound_chart)
     return Section(
         id="gap",
         title="From the law to the aircraft",
-        note=GAP
-        + "".join(f" {sentence}" for gap in gaps[:MAX_GAPS] for sentence in gap.causes)
-        + (f" The tables have {more} more." if more > 0 else ""),
-        charts=[
-            kind(gap, channel)
-            for gap in gaps[:MAX_GAPS]
-            for channel in CHANNEL_SYMBOLS
-            for kind in (itae_chart, steps_chart, bound_chart)
-        ],
+        note=" ".join(note),
+        charts=[kind(gap, x) for gap in shown for x in CHANNEL_SYMBOLS for kind in kinds],
         columns=3,
-        tables=[replace(step_table(gaps), name="gap"), tables.paths_table(runs)],
+        tables=[replace(step_table(gaps), name="gap"), panels.paths_table(runs)],
         legend=False,
     )
 
@@ -398,15 +374,15 @@ def _certificate_section(scenario: Scenario, flights: panels.Drawn) -> Section:
     )
     # A gain set has the style of its run on the last plant, the strongest.
     marks = {run.provenance.gains_name: style for run, style in flights}
-    charts = panels.certificate_panels(flights, bounds)
-    stable = "frontier" in set(curve["name"])
-    if stable:
+    charts, notes = panels.certificate_panels(flights, bounds), ["bound" if bounds else "no_bound"]
+    if "frontier" in set(curve["name"]):
         charts += [frontier_chart(curve, marks, against=key) for key in ("I_K", "E_K")]
-    notes = [BOUND if bounds else NO_BOUND, "" if stable else NO_CURVE]
+    else:
+        notes.append("no_curve")
     return Section(
         id="certificate",
         title="Certificate",
-        note=" ".join(filter(None, notes)),
+        note=" ".join(TEXTS[note] for note in notes),
         charts=charts,
-        tables=[tables.gains_table(gains, curve), tables.certificates_table(scenario, gains)],
+        tables=[panels.gains_table(gains, curve), panels.certificates_table(scenario, gains)],
     )

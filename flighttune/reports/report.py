@@ -1,62 +1,22 @@
-"""The page of anything: of runs, of a campaign, of a gap, or of the claim in a file."""
+"""The page of anything: of runs, of a campaign, of a log, or of the claim in a file."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from flighttune.campaign.claims import within
-from flighttune.campaign.dataset import Dataset, dataset_hash
+from flighttune.campaign.dataset import Dataset
 from flighttune.campaign.statistics.findings import load_findings
 from flighttune.campaign.statistics.intervals import CONFIDENCE, Method
 from flighttune.claims.monitor import LogMonitor, Monitor
 from flighttune.errors import InputError
 from flighttune.files.load import BAND, CLAIMS, DATASET, MONITOR, load_one, written
-from flighttune.files.table import toml_text
-from flighttune.gaps.gap import Gap
 from flighttune.logs.log import Columns
-from flighttune.present.answer import Answer, Table, pick
-from flighttune.present.frame import Report, Section, write_answer
+from flighttune.present.frame import Report
 from flighttune.records.compare import Source, load_source
-from flighttune.reports import campaign_tables as tables
-from flighttune.reports.campaign import notes, summary, write_campaign_report
-from flighttune.reports.charts import gap_charts
+from flighttune.reports.campaign import write_campaign_report
 from flighttune.reports.claim import write_claim_page
-from flighttune.reports.page import flown_in_words, write_log_page, write_report
-from flighttune.reports.tables import provenance_table
-from flighttune.simulate.run import claim_notes, claimed, run_styles
-
-CLAIM_NOTE = (
-    "The error of the aircraft is drawn in the tubes and bands that cover its flight: "
-    "flighttune gap SCENARIO takes --claim FILE."
-)
-
-
-def write_gap_page(gap: Gap, tables: Sequence[Table], path: str | Path) -> Report:
-    """Write one self-contained page about a gap; InputError if the aircraft did not fly."""
-    origin = gap.aircraft.provenance
-    return write_answer(
-        path,
-        title=f"From the law to the aircraft: {gap.scenario.title}; gains {gap.name}",
-        about=(flown_in_words(gap.scenario, gap.runs),),
-        summary=gap.causes,
-        parts={
-            "responses": Section(
-                note=" ".join([CLAIM_NOTE, *claim_notes([gap.aircraft])]),
-                charts=gap_charts(gap),
-                legend=False,
-            ),
-            "numbers": Section(title="Numbers", tables=tables, legend=False),
-        },
-        styles=run_styles(gap.runs),
-        provenance=provenance_table(gap.scenario.title, gap.scenario, gap.runs),
-        commands=f"flighttune gap scenario.toml --gains {origin.gains_name}",
-        texts={"scenario.toml": toml_text(origin.scenario)},
-    )
-
-
-# Tables of runs that a terminal shows too; ``--json`` has the records of all.
-PRINTED = ("convergence", "certificates", "aircraft")
+from flighttune.reports.page import write_log_page, write_report
 
 
 def report(
@@ -115,58 +75,25 @@ def report(
     >>> ft.report("paper_as_printed@paper", "report.html").summary[0]
     'Claim met: 4 of 4 requirements.'
     """
-    changes = changes or {}
     if not isinstance(source, Source):
-        place, stated = Path(source), written(source, DATASET, *CLAIMS)
+        stated = written(source, DATASET, *CLAIMS)
+        if stated is not None and (claims or changes or columns):
+            raise InputError(
+                f"{Path(source)}: `--claim`, `--set` and `--column` are for runs, must be absent."
+            )
+        if isinstance(stated, Dataset):
+            findings = load_findings(str(Path(source))).by(interval, confidence)
+            return write_campaign_report(findings, path or Path(source) / "report.html")
         if stated is not None:
-            if claims or changes or columns:
-                raise InputError(
-                    f"{place}: `--claim`, `--set` and `--column` are for runs, and must be absent."
-                )
-            if isinstance(stated, Dataset):
-                page = Path(path or place / "report.html")
-                return _of_campaign(place, page, interval, confidence)
-            written_page = write_claim_page(stated, str(place), path or "report.html")
-            return replace(written_page, shown=stated.answer())
-        source = load_source(source, changes=changes, columns=columns)
+            return write_claim_page(stated, str(Path(source)), path or "report.html")
+        source = load_source(source, changes=changes or {}, columns=columns)
+    page = Path(path or "report.html")
     if any(run.provenance.log for run in source.runs):
         monitors = [load_one(file, "monitor", MONITOR, BAND) for file in claims]
         for file, monitor in zip(claims, monitors, strict=True):
             if not isinstance(monitor, Monitor | LogMonitor):
                 raise InputError(f"{file}: must be a monitor: a log is of no scenario.")
-        return write_log_page(source, Path(path or "report.html"), monitors)
+        return write_log_page(source, page, monitors)
     if columns:
         raise InputError(f"{source.name}: `--column` must be absent for what is no log.")
-    return _of_runs(within(source, claims), Path(path or "report.html"))
-
-
-def _of_campaign(folder: Path, path: Path, interval: Method, confidence: float) -> Report:
-    statistics = load_findings(str(folder)).by(interval, confidence)
-    groups = statistics.values["groups"]
-    shown = Answer(
-        values={**statistics.values, "sha256": dataset_hash(folder)},
-        tables=[
-            tables.success_table(statistics, groups),
-            tables.reasons_table(groups),
-            *tables.paired_tables(statistics),
-        ],
-        notes=[*summary(statistics), *notes(statistics)],
-    )
-    return replace(write_campaign_report(statistics, path), shown=shown)
-
-
-def _of_runs(source: Source, path: Path) -> Report:
-    page, around = write_report(source, path), claimed(source.runs)
-    named = [table for table in page.tables if table.name]
-    shown = Answer(
-        values={
-            "bytes": path.stat().st_size,
-            **pick(page, "summary sections"),
-            "tables": {table.name: table.records for table in named},
-            **around.values,
-        },
-        tables=[replace(table, name="") for table in named if table.name in PRINTED],
-        notes=[*page.summary, *around.notes],
-        failure=around.failure,
-    )
-    return replace(page, shown=shown)
+    return write_report(within(source, claims), page)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from made_up import made_up_run
 
-from flighttune.reports.tables import final_errors
+from flighttune.reports.panels import final_errors
 
 
 @pytest.mark.parametrize(

@@ -104,5 +104,5 @@ def test_a_page_of_a_route_begins_with_its_map_and_the_claim(run, tmp_path):
 def test_a_band_of_another_signal_has_a_chart_of_its_own(run):
     *_, chart = errors(drawn(claimed(run, V_a=(24.0, 26.0))))
 
-    assert (chart.title, chart.y) == ("V_a", "V_a [m/s]")
+    assert (chart.title, chart.y) == ("Airspeed", "V_a [m/s]")
     assert chart.y_ends()[0] < 24.0 < 26.0 < chart.y_ends()[1] < 27.0

@@ -277,6 +277,7 @@ def scenario(tmp_path):
 def test_a_title_in_a_proof_is_quoted_and_cannot_move_the_cursor(scenario, tmp_path):
     proof = tmp_path / "proof.npz"
     flighttune("tube", scenario(), "--out", proof)
+    assert [x.title for x in ft.plot(ft.load(proof)).charts] == ["Course error", "Path-angle error"]
     title = "A turn of 90 deg\x1b[2J, of 10^9 flights none left"
     rewritten(proof, {}, scenario={**claim_of(proof)["scenario"], "title": title})
 
