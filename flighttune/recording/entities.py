@@ -77,6 +77,11 @@ def log_lines(
     stream.send_columns(path, [times(t)], rr.Scalars.columns(scalars=values))
 
 
+def log_still(stream: rr.RecordingStream, path: str, *drawing: rr.AsComponents) -> None:
+    """Log what is there at all times."""
+    stream.log(path, *drawing, static=True)
+
+
 def on_screen(width: float) -> Any:
     """Thickness of a line or dot in points of the screen, at any distance."""
     return rr.components.Radius.ui_points(width)

@@ -18,8 +18,15 @@ from flighttune.present.answer import Column, Table
 from flighttune.present.names import METRIC_LABELS, SYMBOLS, columns
 from flighttune.present.palette import hue_tells_gains
 from flighttune.recording import entities, scene
-from flighttune.recording.entities import LEGEND, OVERVIEW_TAB, PAGE_TAB, DrawnRun, reading
-from flighttune.recording.plots import AIRCRAFT_TAB, LAW_TAB, TRACKING_TAB, Plot, value_range
+from flighttune.recording.entities import (
+    LEGEND,
+    OVERVIEW_TAB,
+    PAGE_TAB,
+    DrawnRun,
+    log_still,
+    reading,
+)
+from flighttune.recording.plots import TEXTS, Plot, value_range
 from flighttune.recording.scene import all_positions, drawn_scale, ground_grid
 from flighttune.simulate.run import Run, claim_notes, priority_notes, run_styles
 
@@ -42,14 +49,23 @@ def blueprint(
 ) -> rrb.Blueprint:
     """Lay out the runs that flew, with the plots of each tab; without runs only the page."""
     page = rrb.TextDocumentView(origin=entities.PAGE, name=PAGE_TAB)
-    if not flights:
-        return _layout([page])
-    tabs = {
-        OVERVIEW_TAB: _overview(flights, plots, on_map=on_map),
-        **{name: _tab(tab_plots, flights) for name, tab_plots in plots.items()},
-        PAGE_TAB: page,
-    }
-    return _layout([_below_sentence(name, tab) for name, tab in tabs.items()])
+    tabs: list[rrb.Container | rrb.View] = [page]
+    if flights:
+        views = {
+            OVERVIEW_TAB: _overview(flights, plots, on_map=on_map),
+            **{name: _tab(tab_plots, flights) for name, tab_plots in plots.items()},
+            PAGE_TAB: page,
+        }
+        tabs = [_below_sentence(name, view) for name, view in views.items()]
+    # The panels of the viewer are closed, and it adds nothing itself.
+    return rrb.Blueprint(
+        rrb.Tabs(*tabs, active_tab=0),
+        rrb.BlueprintPanel(state="collapsed"),
+        rrb.SelectionPanel(state="collapsed"),
+        rrb.TimePanel(state="collapsed", timeline=entities.TIMELINE, play_state="paused"),
+        auto_views=False,
+        auto_layout=False,
+    )
 
 
 def _below_sentence(name: str, tab: rrb.Container | rrb.View) -> rrb.Container:
@@ -71,7 +87,7 @@ def _overview(
         f"/{entities.GROUND}/**",
         origin=f"{entities.AIRCRAFT}/{followed.key}",
     )
-    runs = [drawn_run.run for drawn_run in flights]
+    runs = [flight.run for flight in flights]
     errors = OFF_ROUTE if any("along" in run.signals for run in runs) else ERRORS
     signals = (*errors, *([AIRSPEED] if any(run.status != "completed" for run in runs) else []))
     by_signal = {plot.signal: plot for tab in plots.values() for plot in tab}
@@ -104,39 +120,22 @@ def _tab(plots: Sequence[Plot], flights: Sequence[DrawnRun]) -> rrb.Grid:
 
 
 def _plot(plot: Plot, flights: Sequence[DrawnRun], share: float) -> rrb.TimeSeriesView:
-    runs = [drawn_run.run for drawn_run in flights]
-    span = value_range(plot, runs, share=share)
+    runs = [flight.run for flight in flights]
+    longest, span = max(run.duration for run in runs), value_range(plot, runs, share=share)
+    # One axis for all plots of short flights; of longer ones, each plot shows all of the flight:
+    # the viewer opens a shared axis with no more than half a minute to each side of now.
+    axis = rrb.TimeAxis(link=LinkAxis.LinkToGlobal)
+    if longest > SHARED_AXIS_S:
+        start, end = (rr.TimeRangeBoundary.absolute(seconds=s) for s in (0.0, longest))
+        axis = rrb.TimeAxis(view_range=rr.TimeRange(start=start, end=end))
     return rrb.TimeSeriesView(
         origin=f"{entities.PLOTS}/{plot.signal}",
         name=plot.heading,
-        axis_x=_time_axis(max(run.duration for run in runs)),
+        axis_x=axis,
         # Without a span the viewer chooses the range.
         axis_y=None if span is None else rrb.ScalarAxis(range=span),
         # A legend would cover small plots; the list on Overview names the runs.
         plot_legend=rrb.PlotLegend(visible=False),
-    )
-
-
-def _time_axis(seconds: float) -> rrb.TimeAxis:
-    """One axis for all plots of short flights; of longer ones, each plot shows all of the flight.
-
-    The viewer opens an axis that is shared with no more than half a minute to each side of now.
-    """
-    if seconds <= SHARED_AXIS_S:
-        return rrb.TimeAxis(link=LinkAxis.LinkToGlobal)
-    start, end = (rr.TimeRangeBoundary.absolute(seconds=s) for s in (0.0, seconds))
-    return rrb.TimeAxis(view_range=rr.TimeRange(start=start, end=end))
-
-
-def _layout(tabs: Sequence[rrb.Container | rrb.View]) -> rrb.Blueprint:
-    """Tabs, with the panels of the viewer closed and nothing added by the viewer itself."""
-    return rrb.Blueprint(
-        rrb.Tabs(*tabs, active_tab=0),
-        rrb.BlueprintPanel(state="collapsed"),
-        rrb.SelectionPanel(state="collapsed"),
-        rrb.TimePanel(state="collapsed", timeline=entities.TIMELINE, play_state="paused"),
-        auto_views=False,
-        auto_layout=False,
     )
 
 
@@ -162,38 +161,10 @@ ABOUT = {"verifies": "Verifies", "source": "Source"}
 
 NOT_SHOWN = "ITAE_mean"  # it follows from ITAE, which is on the page, and the time flown
 
-HOW_TO_READ = """\
-Plots show angles in degrees; files keep radians. Positions are local north, east and down from
-the start, in m. Errors are reference minus actual.
-
-Every run has a colour of its own, the same in 3D and in every plot; the list on Overview names
-them. Laws without an aircraft are drawn as outlines, and their paths dashed. The arrow of an
-aircraft is its velocity over ground, the grey one the wind, four times longer.
-
-Faint lines behind course, path angle and airspeed are what sensors gave the controller. Errors
-and metrics are of the true values."""
-
-# What each tab shows; that of the overview names colours and lines too.
-SENTENCES = {
-    OVERVIEW_TAB: "Where the runs flew and how far off they were.",
-    TRACKING_TAB: "What was asked for (grey), commanded (thin) and flown; limits are red.",
-    AIRCRAFT_TAB: "How the aircraft moved and in which air; the reference of V_a is grey.",
-    LAW_TAB: "Commands before the limits (red), integrator thin; and what the aircraft adds to the "
-    "law: steps from the plant before, rates of lift, inner loop (lag) and rest, distance.",
-    PAGE_TAB: "The runs, gains and metrics as tables, and the scenario as TOML.",
-}
-
-CLAIMS = (
-    "Lines around a signal are what is claimed of it: thin ones are proven (a tube), dashed ones "
-    "are counted (a band)."
-)
-
 RUN_COLUMNS = [*columns("run colour"), Column("flown_s", "flown", "s", ".2f"), *columns("outcome")]
 GAIN_COLUMNS = [
     *columns("gains"),
-    Column("R_K", "R_K", "1/s", "z.5f"),
-    Column("I_K", "I_K", "s²", "z.5f"),
-    Column("E_K", "E_K", "s²", "z.5f"),
+    *(Column(x, x, unit, "z.5f") for x, unit in (("R_K", "1/s"), ("I_K", "s²"), ("E_K", "s²"))),
     Column("K_P", "K_P", missing="none found"),
     Column("K_I", "K_I", missing="none found"),
 ]
@@ -207,22 +178,23 @@ def scenario_page(
 ) -> str:
     """The page of text in a recording, as Markdown; `indicators` are by name of the gain set."""
     metrics, flight = metric_tables(runs)
-    parts = [f"# {scenario.get('title', 'Flight')}", *_about(scenario)]
-    parts += ["## Runs", _runs(runs), "## Gains", _gains(runs, indicators or {})]
+    parts = [f"# {scenario.get('title', 'Flight')}"]
+    parts += [f"**{word}:** {scenario[key]}" for key, word in ABOUT.items() if scenario.get(key)]
+    parts += ["## Runs", *_runs(runs), "## Gains", _gains(runs, indicators or {})]
     if len(metrics):
         labels = [f"{run}, {SYMBOLS.get(channel, channel)}" for run, channel in metrics.index]
         parts += ["## Tracking", _metrics("run, channel", labels, metrics)]
         parts += ["## Aircraft", _metrics("run", list(map(str, flight.index)), flight)]
-    parts += ["## How to read it", HOW_TO_READ]
-    parts += ["## Scenario", f"```toml\n{toml_text(scenario)}```", *_made_with(runs)]
+    parts += ["## How to read it", TEXTS["how_to_read"]]
+    parts += ["## Scenario", f"```toml\n{toml_text(scenario)}```"]
+    if runs:
+        first, seconds = runs[0].provenance, sum(run.provenance.wall_s for run in runs)
+        versions = ", ".join(f"{name} {number}" for name, number in first.versions.items())
+        parts.append(f"Seed {first.seed}; {versions}; flown in {seconds:.2f} s.")
     return "\n\n".join(parts) + "\n"
 
 
-def _about(scenario: Mapping[str, Any]) -> list[str]:
-    return [f"**{word}:** {scenario[key]}" for key, word in ABOUT.items() if scenario.get(key)]
-
-
-def _runs(runs: Sequence[Run]) -> str:
+def _runs(runs: Sequence[Run]) -> list[str]:
     styles = run_styles(runs)
     records = [
         {
@@ -234,17 +206,15 @@ def _runs(runs: Sequence[Run]) -> str:
         for run in runs
     ]
     notes = [*priority_notes(runs), *claim_notes(runs)]
-    table = Table(RUN_COLUMNS, records).markdown()
-    return "\n\n".join([table, CLAIMS, *notes] if notes else [table])
+    claims = [TEXTS["claims"], *notes] if notes else []
+    return [Table(RUN_COLUMNS, records).markdown(), *claims]
 
 
 def _gains(runs: Sequence[Run], indicators: Mapping[str, tuple[float, float, float] | None]) -> str:
-    sets = {run.provenance.gains_name: run.provenance.gains for run in runs}
     records = []
-    for name, gains in sets.items():
-        R_K, I_K, E_K = indicators.get(name) or (None, None, None)
-        matrices = {} if gains is None else gains.as_lists()
-        records.append({"gains": name, "R_K": R_K, "I_K": I_K, "E_K": E_K, **matrices})
+    for name, gains in {x.provenance.gains_name: x.provenance.gains for x in runs}.items():
+        marks = dict(zip(("R_K", "I_K", "E_K"), indicators.get(name) or (), strict=False))
+        records.append({"gains": name, **marks, **(gains.as_lists() if gains else {})})
     return Table(GAIN_COLUMNS, records).markdown()
 
 
@@ -255,26 +225,16 @@ def _metrics(heading: str, labels: Sequence[str], metrics: pd.DataFrame) -> str:
     return Table(layout, records).markdown()
 
 
-def _made_with(runs: Sequence[Run]) -> list[str]:
-    if not runs:
-        return []
-    first = runs[0].provenance
-    versions = ", ".join(f"{name} {number}" for name, number in first.versions.items())
-    seconds = sum(run.provenance.wall_s for run in runs)
-    return [f"Seed {first.seed}; {versions}; flown in {seconds:.2f} s."]
-
-
 def log_legends(stream: rr.RecordingStream, flights: Sequence[DrawnRun]) -> None:
     """Log what each tab shows, and which run has which number and colour."""
-    texts = {reading(tab): sentence for tab, sentence in SENTENCES.items()}
+    texts = {reading(tab): about["shows"] for tab, about in TEXTS["tabs"].items()}
     texts[reading(OVERVIEW_TAB)] += f" {reading_line(flights)}"
     texts[LEGEND] = "".join(
-        f"{drawn_run.number}. {drawn_run.run.label}: {drawn_run.style.name}, "
-        f"{drawn_run.run.outcome}\n"
-        for drawn_run in flights
+        f"{flight.number}. {flight.run.label}: {flight.style.name}, {flight.run.outcome}\n"
+        for flight in flights
     )
     for entity, text in texts.items():
-        stream.log(entity, rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN), static=True)
+        log_still(stream, entity, rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN))
 
 
 def reading_line(flights: Sequence[DrawnRun]) -> str:

@@ -1,8 +1,10 @@
 """Plots over time: signals that share a plot, and plots that share a tab."""
 
 import math
+import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,8 +21,8 @@ if TYPE_CHECKING:
     from flighttune.recording.entities import DrawnRun
 
 
-# Components of the mismatch, in the order of the ladder.
-PARTS = {"lift": "actual lift", "lag": "inner loop", "rest": "rest"}
+# Components of the mismatch, in the order of the ladder: actual lift, inner loop and rest.
+PARTS = ("lift", "lag", "rest")
 
 # Why aircraft and law differ: the rates that lift, inner loop and the rest add to those of the law
 # under the same commands, and the resulting differences of course, path angle and path.
@@ -66,47 +68,17 @@ LABELS = 28.0  # an axis as high as a tab of a small window has room for so many
 LONGEST = 2.2  # an axis longer than this, over the range drawn, gets no second label
 SMALLEST_SPAN = 1e-6
 
-TRACKING_TAB, AIRCRAFT_TAB, LAW_TAB = "Tracking", "Aircraft and air", "Law"
+LAW_TAB = "Law"
 
 # Name of the measured value of a signal, in runs with sensors.
 SEEN_AS: dict[str, str] = dict(zip(SENSED, MEASURED, strict=True))
 
-# Tabs of plots, in order. A plot is left out if no run has any of its signals. Titles are short
-# enough for four plots side by side at 1280 pixels; `page.SENTENCES` tells what is thin or grey.
+# Sentences of a recording, and tabs of plots, in order.
+TEXTS = tomllib.loads(Path(__file__).with_name("texts.toml").read_text(encoding="utf-8"))
 TABS: dict[str, tuple[Plot, ...]] = {
-    TRACKING_TAB: (
-        Plot("chi", "Course chi", common="chi_ref"),
-        Plot("gamma", "Path angle", common="gamma_ref"),
-        Plot("chi_err", "chi error"),
-        Plot("gamma_err", "gamma error"),
-        Plot("V_err", "V_a error"),
-        Plot("cross_track", "Right of route"),
-        Plot("height_err", "Below route"),
-        Plot("phi", "Roll phi", thin="phi_cmd", limit="phi"),
-        Plot("n_z", "n_z", thin="n_z_cmd", limit="n_z"),
-        Plot("n_x", "n_x", thin="n_x_cmd", limit="n_x"),
-    ),
-    AIRCRAFT_TAB: (
-        Plot("V_a", "V_a", common="V_ref"),
-        *(Plot(name, name) for name in ("V_g", "alpha", "beta")),
-        *(Plot(name, name.capitalize()) for name in ("throttle", "aileron", "elevator", "rudder")),
-        Plot("h", "Height"),
-        *(Plot(name, name) for name in ("p", "q", "r")),
-        *(Plot(f"wind_{way}", f"Wind {way}") for way in ("north", "east", "down")),
-        Plot("d_chi", "d_chi"),
-        Plot("d_gamma", "d_gamma"),
-        Plot("alarm_score", "Monitor"),
-    ),
-    LAW_TAB: (
-        Plot("phi_unlimited", "phi command", thin="phi_integral", limit="phi"),
-        Plot("n_z_unlimited", "n_z command", thin="n_z_integral", limit="n_z"),
-        *(
-            Plot(f"{part}_{channel}", f"{channel} {part}")
-            for channel in CHANNELS
-            for part in ("step", *PARTS)
-        ),
-        Plot("distance", "Distance"),
-    ),
+    tab: tuple(Plot(signal, **plot) for signal, plot in texts["plots"].items())
+    for tab, texts in TEXTS["tabs"].items()
+    if "plots" in texts
 }
 
 

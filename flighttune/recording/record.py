@@ -18,7 +18,6 @@ import rerun.blueprint as rrb
 import rerun_bindings
 from rerun.error_utils import catch_and_log_exceptions
 
-from flighttune.arrays import FloatArray
 from flighttune.errors import RecordingError, need
 from flighttune.files.whole import whole_file
 from flighttune.flight.flown import FlownScenario
@@ -26,7 +25,14 @@ from flighttune.present.chart import peaks
 from flighttune.present.names import shown_unit
 from flighttune.present.palette import LIMIT, NEUTRAL, rgb
 from flighttune.recording import entities
-from flighttune.recording.entities import DrawnRun, application, log_lines, runs_to_draw, times
+from flighttune.recording.entities import (
+    DrawnRun,
+    application,
+    log_lines,
+    log_still,
+    runs_to_draw,
+    times,
+)
 from flighttune.recording.page import blueprint, log_legends, scenario_page
 from flighttune.recording.plots import Plot, displayed, limits_of, shown_plots, with_derived
 from flighttune.recording.scene import log_route, log_scene, route_of, somewhere
@@ -39,7 +45,7 @@ from flighttune.records.parquet import (
     record_bytes,
     signal_files,
 )
-from flighttune.simulate.run import Run, RunClaim, claims_around
+from flighttune.simulate.run import Run, claims_around
 
 DISPLAYS = ("DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET")
 LOCAL = "127.0.0.1"
@@ -221,32 +227,24 @@ def _bytes(runs: Sequence[Run], page: str, title: str, origin: Mapping[str, Any]
         memory = stream.memory_recording()
         if origin is not None:
             stream.send_property(ORIGIN, rr.AnyValues(**origin))
-        log_recording(stream, runs, page=page, title=title)
+        recorded = runs_to_draw(runs)
+        extended = with_derived(recorded)
+        plots, route = shown_plots([flight.run for flight in extended]), route_of(extended)
+        on_map = route is not None and route[1].geographic
+        _send_layout(stream, blueprint(extended, plots, on_map=on_map))
+        stream.send_recording_name(title)
+        text = rr.TextDocument(page, media_type=rr.MediaType.MARKDOWN)
+        log_still(stream, entities.PAGE, text)
+        if extended:
+            log_scene(stream, [somewhere(flight) for flight in recorded])
+            log_legends(stream, extended)
+        if route is not None:
+            log_route(stream, [somewhere(flight) for flight in extended], *route)
+        for plot in dict.fromkeys(plot for tab in plots.values() for plot in tab):
+            _log_plot(stream, plot, extended)
         return memory.drain_as_bytes()
     finally:
         stream.disconnect()
-
-
-def log_recording(
-    stream: rr.RecordingStream, runs: Sequence[Run], *, page: str, title: str
-) -> None:
-    """Log all runs of a scenario, their page and the layout; see `write_recording`."""
-    recorded = runs_to_draw(runs)
-    extended = with_derived(recorded)
-    plots = shown_plots([drawn_run.run for drawn_run in extended])
-    route = route_of(extended)
-    _send_layout(
-        stream, blueprint(extended, plots, on_map=route is not None and route[1].geographic)
-    )
-    stream.send_recording_name(title)
-    stream.log(entities.PAGE, rr.TextDocument(page, media_type=rr.MediaType.MARKDOWN), static=True)
-    if extended:
-        log_scene(stream, [somewhere(drawn_run) for drawn_run in recorded])
-        log_legends(stream, extended)
-    if route is not None:
-        log_route(stream, [somewhere(drawn_run) for drawn_run in extended], *route)
-    for plot in dict.fromkeys(plot for tab in plots.values() for plot in tab):
-        _log_plot(stream, plot, extended)
 
 
 def _send_layout(stream: rr.RecordingStream, layout: rrb.Blueprint) -> None:
@@ -269,64 +267,63 @@ def _send_layout(stream: rr.RecordingStream, layout: rrb.Blueprint) -> None:
 
 def _log_plot(stream: rr.RecordingStream, plot: Plot, flights: Sequence[DrawnRun]) -> None:
     folder = f"{entities.PLOTS}/{plot.signal}"
+
+    def log_signals(path: str, run: Run, signals: Sequence[str], **style: Any) -> None:
+        """Log signals of a run as lines of one entity, thinned."""
+        values = np.column_stack([displayed(run.signals, name) for name in signals])
+        samples = peaks(values)
+        log_lines(stream, path, rr.SeriesLines(**style), run.t[samples], values[samples])
+
     # The time axis reaches a little beyond the longest flight, in all plots alike.
-    end = entities.END * max(drawn_run.run.duration for drawn_run in flights)
+    end = entities.END * max(flight.run.duration for flight in flights)
     nothing = rr.Scalars.columns(scalars=[np.nan, np.nan])
     stream.send_columns(f"{folder}/{entities.AXIS}", [times([0.0, end])], nothing)
-    having = [drawn_run for drawn_run in flights if plot.signal in drawn_run.run.signals]
-    for drawn_run in having:
-        run, key = drawn_run.run, drawn_run.key
-        strong = f"{folder}/{key}"  # the first line of this entity is drawn strong
-        for path, signals, opacity in (
-            (strong, plot.signals, FAINT),
-            (f"{folder}/{entities.MEASURED}/{key}", [plot.measured or ""], FAINTEST),
-        ):
-            if not (names := [name for name in signals if name in run.signals]):
-                continue
-            labels = [f"{run.label}, {name}" for name in names]
-            colours = [(*drawn_run.style.rgb, opacity)] * len(names)
-            widths = [1.0] * len(names)
-            if path == strong:
-                labels[0], widths[0] = run.label, drawn_run.style.width
-                colours[0] = (*drawn_run.style.rgb, 255)
-            style = rr.SeriesLines(colors=colours, widths=widths, names=labels)
-            _log_signals(stream, path, style, run, names)
+    having = [flight for flight in flights if plot.signal in flight.run.signals]
+    for flight in having:
+        run, strong, rgb_of_run = flight.run, f"{folder}/{flight.key}", flight.style.rgb
+        # the first line of this entity is drawn strong
+        names = [name for name in plot.signals if name in run.signals]
+        thin = len(names) - 1
+        log_signals(
+            strong,
+            run,
+            names,
+            colors=[(*rgb_of_run, 255), *[(*rgb_of_run, FAINT)] * thin],
+            widths=[flight.style.width, *[1.0] * thin],
+            names=[run.label, *(f"{run.label}, {name}" for name in names[1:])],
+        )
+        if plot.measured and plot.measured in run.signals:
+            log_signals(
+                f"{folder}/{entities.MEASURED}/{flight.key}",
+                run,
+                [plot.measured],
+                colors=[(*rgb_of_run, FAINTEST)],
+                widths=[1.0],
+                names=[f"{run.label}, {plot.measured}"],
+            )
         for place, (claim, ends) in enumerate(claims_around(run.claims, plot.signal)):
             values = shown_unit(claim.units[plot.signal])[1] * ends.T
-            _log_claim(stream, f"{strong}_claim_{place}", claim, values, drawn_run)
-    longest = max((drawn_run.run for drawn_run in having), key=lambda run: run.duration)
+            # dashed where they are counted, thin where they are proven
+            samples, counted = peaks(values), claim.kind == "counted"
+            t, values = run.t[samples], values[samples]
+            if counted:
+                values[t % (DASH + GAP) > DASH] = np.nan
+            style = rr.SeriesLines(
+                colors=[(*rgb_of_run, 255 if counted else FAINT)] * 2,
+                widths=[1.0, 1.0],
+                names=[f"{run.label}, {claim.title}: {end}" for end in ("lowest", "highest")],
+            )
+            log_lines(stream, f"{strong}_claim_{place}", style, t, values)
+    longest = max((flight.run for flight in having), key=lambda run: run.duration)
     if plot.common is not None and plot.common in longest.signals:
-        style = rr.SeriesLines(colors=[rgb(NEUTRAL)], widths=[2.0], names=["reference"])
-        _log_signals(stream, f"{folder}/{entities.REFERENCE}", style, longest, [plot.common])
+        reference = {"colors": [rgb(NEUTRAL)], "widths": [2.0], "names": ["reference"]}
+        log_signals(f"{folder}/{entities.REFERENCE}", longest, [plot.common], **reference)
     bounds = limits_of(longest.provenance.scenario, plot.limit) if plot.limit else None
     if bounds is not None:
         names = ["lower limit", "upper limit"]
         style = rr.SeriesLines(colors=[rgb(LIMIT)] * 2, widths=[2.0] * 2, names=names)
         ends = longest.signals.index[[0, -1]]
         log_lines(stream, f"{folder}/{entities.LIMITS}", style, ends, np.array([bounds, bounds]))
-
-
-def _log_signals(
-    stream: rr.RecordingStream, path: str, style: rr.SeriesLines, run: Run, names: Sequence[str]
-) -> None:
-    values = np.column_stack([displayed(run.signals, name) for name in names])
-    samples = peaks(values)
-    t, values = run.t[samples], values[samples]
-    log_lines(stream, path, style, t, values)
-
-
-def _log_claim(
-    stream: rr.RecordingStream, path: str, claim: RunClaim, values: FloatArray, drawn_run: DrawnRun
-) -> None:
-    """Log the bounds of a signal: dashed where they are counted, thin where they are proven."""
-    samples, counted = peaks(values), claim.kind == "counted"
-    t, values = drawn_run.run.t[samples], values[samples]
-    if counted:
-        values[t % (DASH + GAP) > DASH] = np.nan
-    labels = [f"{drawn_run.run.label}, {claim.title}: {end}" for end in ("lowest", "highest")]
-    colours = [(*drawn_run.style.rgb, 255 if counted else FAINT)] * 2
-    style = rr.SeriesLines(colors=colours, widths=[1.0, 1.0], names=labels)
-    log_lines(stream, path, style, t, values)
 
 
 def show(flown: FlownScenario, *, width: int = 1280, height: int = 720) -> None:

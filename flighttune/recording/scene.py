@@ -23,10 +23,10 @@ from flighttune.plants.weather import WIND
 from flighttune.present.chart import evenly
 from flighttune.present.palette import LIMIT, NEUTRAL, rgb
 from flighttune.recording import entities
-from flighttune.recording.entities import MAP, ROUTE, DrawnRun, on_screen, times
+from flighttune.recording.entities import MAP, ROUTE, DrawnRun, log_still, on_screen, times
 from flighttune.recording.plots import positions
 from flighttune.references.follow import RouteReference
-from flighttune.references.maps import LatLon, on_earth
+from flighttune.references.maps import on_earth
 from flighttune.references.path import Path as RoutePath
 from flighttune.scenario.load import scenario_of
 from flighttune.scenario.route import RouteTable
@@ -54,24 +54,61 @@ def route_of(flights: Sequence[DrawnRun]) -> tuple[RoutePath, RouteTable] | None
 def log_route(
     stream: rr.RecordingStream, flights: Sequence[DrawnRun], path: RoutePath, table: RouteTable
 ) -> None:
-    """Log path, waypoints, corridors, and a map where the place is known."""
+    """Log path, waypoints and corridors; on a map too, with fences, where the place is known."""
     line = path.beside(path.points(APART)) * TO_NED
     waypoints = np.array([[p.north, p.east, -p.up] for p in table.waypoints()])
-    _log(stream, f"{ROUTE}/path", rr.LineStrips3D([line], colors=GREY, radii=on_screen(1.0)))
+    corridors = {
+        flight.key: (flight.style, corners)
+        for flight in flights
+        if (corners := _corners(flight.run, path)) is not None
+    }
+    log_still(stream, f"{ROUTE}/path", rr.LineStrips3D([line], colors=GREY, radii=on_screen(1.0)))
     names: dict[tuple[float, ...], str] = {}
     for number, point in enumerate(map(tuple, waypoints), start=1):  # it may end at its start
         names[point] = f"{names[point]}, {number}" if point in names else f"WP{number}"
     labels = {"labels": [*names.values()], "show_labels": True, "colors": GREY}
-    _log(stream, f"{ROUTE}/waypoints", rr.Points3D([*names], radii=on_screen(3.0), **labels))
-    for drawn_run in flights:
-        if (corners := _corners(drawn_run.run, path)) is not None:
-            _log_corridor(stream, drawn_run, corners)
-    if table.geographic:
-        _log_map(stream, flights, path, table, waypoints)
+    points = rr.Points3D([*names], radii=on_screen(3.0), **labels)
+    log_still(stream, f"{ROUTE}/waypoints", points)
+    for key, (style, corners) in corridors.items():
+        # A wall from one cross-section to the next is two triangles.
+        i, j = (4 * np.arange(len(corners) - 1)[:, None] + (np.arange(4) + k) % 4 for k in (0, 1))
+        triangles = np.stack([i, j, i + 4, j, j + 4, i + 4], axis=-1).reshape(-1, 3)
+        walls = rr.Mesh3D(
+            vertex_positions=corners.reshape(-1, 3),
+            triangle_indices=triangles,
+            albedo_factor=(*style.rgb, WALL),
+        )
+        log_still(stream, f"{ROUTE}/corridor/{key}/walls", walls)
+        edges = [*corners.transpose(1, 0, 2), *corners[::RIB, [0, 1, 2, 3, 0]]]
+        drawn = rr.LineStrips3D(edges, colors=[style.rgb], radii=on_screen(0.5))
+        log_still(stream, f"{ROUTE}/corridor/{key}/edges", drawn)
+    if not table.geographic:
+        return
 
+    def on_map(points: FloatArray) -> FloatArray:
+        """Latitude and longitude of points, thinned, deg."""
+        return on_earth(points[evenly(len(points))], table.origin)
 
-def _log(stream: rr.RecordingStream, path: str, drawing: rr.AsComponents) -> None:
-    stream.log(path, drawing, static=True)
+    def lines(name: str, each: Sequence[FloatArray], colour: str, radius: float = 1.0) -> None:
+        style = {"colors": [rgb(colour)], "radii": on_screen(radius)}
+        log_still(stream, f"{MAP}/{name}", rr.GeoLineStrings(lat_lon=each, **style))
+
+    lines("_path", [on_map(line)], NEUTRAL)
+    dots = rr.GeoPoints(lat_lon=on_map(waypoints), colors=GREY, radii=on_screen(4.0))
+    log_still(stream, f"{MAP}/_waypoints", dots)
+    if rings := [ring for flight in flights for c in flight.run.claims for ring in c.fences]:
+        lines("_fence", [np.array(ring)[:, 1::-1] for ring in rings], LIMIT, 1.5)
+    for key, (style, corners) in corridors.items():
+        sides = [on_map(corners[:, side]) for side in (0, 1)]
+        lines(f"_corridor/{key}", sides, style.colour, 0.5)
+    for flight in flights:
+        signals, now = flight.run.signals, f"{MAP}/{flight.key}/now"
+        flown = on_map(positions(signals))
+        lines(flight.key, [flown], flight.style.colour)
+        dot = rr.GeoPoints.from_fields(colors=[flight.style.rgb], radii=on_screen(6.0))
+        log_still(stream, now, dot)
+        time = times(signals.index[evenly(len(signals))])
+        stream.send_columns(now, [time], rr.GeoPoints.columns(positions=flown))
 
 
 def _corners(run: Run, path: RoutePath) -> FloatArray | None:
@@ -87,61 +124,6 @@ def _corners(run: Run, path: RoutePath) -> FloatArray | None:
     (left, right), (high, low) = to_sides, below
     sides = (left, high), (right, high), (right, low), (left, low)
     return np.stack([path.beside(s, *side) * TO_NED for side in sides], axis=1)
-
-
-def _log_corridor(stream: rr.RecordingStream, drawn_run: DrawnRun, corners: FloatArray) -> None:
-    """Log a corridor as a tube about the path, of the run's colour."""
-    folder = f"{ROUTE}/corridor/{drawn_run.key}"
-    # A wall from one cross-section to the next is two triangles.
-    i, j = (4 * np.arange(len(corners) - 1)[:, None] + (np.arange(4) + k) % 4 for k in (0, 1))
-    triangles = np.stack([i, j, i + 4, j, j + 4, i + 4], axis=-1).reshape(-1, 3)
-    colour = drawn_run.style.rgb
-    walls = rr.Mesh3D(
-        vertex_positions=corners.reshape(-1, 3),
-        triangle_indices=triangles,
-        albedo_factor=(*colour, WALL),
-    )
-    _log(stream, f"{folder}/walls", walls)
-    edges = [*corners.transpose(1, 0, 2), *corners[::RIB, [0, 1, 2, 3, 0]]]
-    thin = on_screen(0.5)
-    _log(stream, f"{folder}/edges", rr.LineStrips3D(edges, colors=[colour], radii=thin))
-
-
-def _log_map(
-    stream: rr.RecordingStream,
-    flights: Sequence[DrawnRun],
-    path: RoutePath,
-    table: RouteTable,
-    waypoints: FloatArray,
-) -> None:
-    """Log path, waypoints, fences, corridors and flights by latitude and longitude."""
-    origin = table.origin
-
-    def lines(name: str, each: Sequence[FloatArray], colour: str, radius: float = 1.0) -> None:
-        style = {"colors": [rgb(colour)], "radii": on_screen(radius)}
-        _log(stream, f"{MAP}/{name}", rr.GeoLineStrings(lat_lon=each, **style))
-
-    lines("_path", [_on_map(path.beside(path.points(APART)), origin)], NEUTRAL)
-    dots = rr.GeoPoints(lat_lon=_on_map(waypoints, origin), colors=GREY, radii=on_screen(4.0))
-    _log(stream, f"{MAP}/_waypoints", dots)
-    if rings := [ring for drawn_run in flights for c in drawn_run.run.claims for ring in c.fences]:
-        lines("_fence", [np.array(ring)[:, 1::-1] for ring in rings], LIMIT, 1.5)
-    for drawn_run in flights:
-        signals, colour = drawn_run.run.signals, drawn_run.style.colour
-        if (corners := _corners(drawn_run.run, path)) is not None:
-            sides = [_on_map(corners[:, side], origin) for side in (0, 1)]
-            lines(f"_corridor/{drawn_run.key}", sides, colour, 0.5)
-        line_flown, name = _on_map(positions(signals), origin), drawn_run.key
-        lines(name, [line_flown], colour)
-        dot = rr.GeoPoints.from_fields(colors=[rgb(colour)], radii=on_screen(6.0))
-        _log(stream, f"{MAP}/{name}/now", dot)
-        time = times(signals.index[evenly(len(signals))])
-        stream.send_columns(f"{MAP}/{name}/now", [time], rr.GeoPoints.columns(positions=line_flown))
-
-
-def _on_map(points: FloatArray, origin: LatLon) -> FloatArray:
-    """Latitude and longitude of points, thinned, shape (n, 2), deg."""
-    return on_earth(points[evenly(len(points))], origin)
 
 
 # Made by ``docs/figures/aircraft_glb.py``; body axes, m.
@@ -214,7 +196,7 @@ def drawn_scale(flights: Sequence[DrawnRun]) -> float:
 
 
 def enlargement(points: FloatArray, span: float) -> float:
-    """Factor by which aircraft are drawn larger than they are: a round number, at least 1."""
+    """The same of positions and the largest wing span: a round number, at least 1."""
     factor = float(np.linalg.norm(np.ptp(points, axis=0))) * SHARE_OF_FLIGHT / span
     return max(1.0, round_below(factor, FINELY_ROUND))
 
@@ -284,13 +266,11 @@ def somewhere(drawn_run: DrawnRun) -> DrawnRun:
 
 def log_scene(stream: rr.RecordingStream, flights: Sequence[DrawnRun]) -> None:
     """Log world axes (x north, y east, z down), paths and moving aircraft of all runs."""
-    points = all_positions(flights)
-    factor = drawn_scale(flights)
-    lines, spacing = ground_grid(points)
+    factor, (lines, spacing) = drawn_scale(flights), ground_grid(all_positions(flights))
     # x forward, y right, z down: north, east, down. Rerun's RIGHT_HAND_Z_DOWN is another frame.
-    stream.log(entities.WORLD, rr.ViewCoordinates.FRD, static=True)
+    log_still(stream, entities.WORLD, rr.ViewCoordinates.FRD)
     grid = rr.LineStrips3D(lines, radii=on_screen(0.5), colors=[GROUND_COLOUR])
-    stream.log(entities.GROUND, grid, static=True)
+    log_still(stream, entities.GROUND, grid)
     corner = lines[0][0]
     arrows = rr.Arrows3D(
         origins=[corner, corner],
@@ -299,58 +279,58 @@ def log_scene(stream: rr.RecordingStream, flights: Sequence[DrawnRun]) -> None:
         colors=[rgb(NEUTRAL)],
         radii=on_screen(1.5),
     )
-    stream.log(f"{entities.GROUND}/axes", arrows, static=True)
-    for drawn_run in flights:
-        signals = drawn_run.run.signals
-        width = factor * span_of(drawn_run.run)
-        _log_path(stream, drawn_run, signals, floor=float(corner[2]))
-        _log_aircraft(stream, drawn_run, signals, f"{entities.AIRCRAFT}/{drawn_run.key}", width)
+    log_still(stream, f"{entities.GROUND}/axes", arrows)
+    for flight in flights:
+        _log_path(stream, flight, floor=float(corner[2]))
+        _log_aircraft(stream, flight, factor * span_of(flight.run))
 
 
-def _log_path(
-    stream: rr.RecordingStream, drawn_run: DrawnRun, signals: pd.DataFrame, *, floor: float
-) -> None:
-    path = positions(signals)
+def _log_path(stream: rr.RecordingStream, flight: DrawnRun, *, floor: float) -> None:
+    path, colour = positions(flight.run.signals), flight.style.rgb
     path = path[evenly(len(path), most=PATH_POINTS)]
     # A law is dashed, so that both show where its path lies on that of an aircraft.
-    pieces = [path] if _is_aircraft(drawn_run) else dashes(path)
-    width = on_screen(drawn_run.style.width if _is_aircraft(drawn_run) else 1.0)
-    line = rr.LineStrips3D(pieces, radii=width, colors=[drawn_run.style.rgb])
-    stream.log(f"{entities.PATHS}/{drawn_run.key}", line, static=True)
+    pieces = [path] if _is_aircraft(flight) else dashes(path)
+    width = on_screen(flight.style.width if _is_aircraft(flight) else 1.0)
+    entity = f"{entities.PATHS}/{flight.key}"
+    log_still(stream, entity, rr.LineStrips3D(pieces, radii=width, colors=[colour]))
     # Paths often end together: each number stands a little before the one of the run above.
-    place = len(path) - 1 - (drawn_run.number - 1) * len(path) // NUMBERS % len(path)
+    place = len(path) - 1 - (flight.number - 1) * len(path) // NUMBERS % len(path)
     number = rr.Points3D(
         path[place : place + 1],
-        labels=[str(drawn_run.number)],
+        labels=[str(flight.number)],
         show_labels=True,
-        colors=[drawn_run.style.rgb],
+        colors=[colour],
         radii=on_screen(2.0),
     )
-    stream.log(f"{entities.PATHS}/{drawn_run.key}/number", number, static=True)
+    log_still(stream, f"{entity}/number", number)
     flat = np.column_stack([path[:, :2], np.full(len(path), floor)])
-    line = rr.LineStrips3D([flat], radii=on_screen(0.8), colors=[(*drawn_run.style.rgb, SHADOW)])
-    stream.log(f"{entities.SHADOWS}/{drawn_run.key}", line, static=True)
+    shadow = rr.LineStrips3D([flat], radii=on_screen(0.8), colors=[(*colour, SHADOW)])
+    log_still(stream, f"{entities.SHADOWS}/{flight.key}", shadow)
 
 
-def _log_aircraft(
-    stream: rr.RecordingStream, drawn_run: DrawnRun, signals: pd.DataFrame, frame: str, width: float
-) -> None:
+def _log_aircraft(stream: rr.RecordingStream, flight: DrawnRun, width: float) -> None:
     """Log the moving aircraft of a run, `width` (m) wide, with the arrows of velocity and wind."""
-    _log_arrows(stream, drawn_run, signals, frame, width)
-    signals = signals.iloc[evenly(len(signals))]
-    time = times(signals.index)
+    frame, colour = f"{entities.AIRCRAFT}/{flight.key}", flight.style.rgb
+    signals = flight.run.signals.iloc[evenly(len(flight.run.signals), most=INSTANTS)]
+    time = [times(signals.index)]
+    for name, vectors in _arrows(flight.run, signals, width).items():
+        shade = colour if name == "velocity" else WIND_COLOUR
+        style = rr.Arrows3D.from_fields(colors=[shade], radii=on_screen(1.0))
+        log_still(stream, f"{frame}/{name}", style)
+        stream.send_columns(f"{frame}/{name}", time, rr.Arrows3D.columns(vectors=vectors))
+    signals = flight.run.signals.iloc[evenly(len(flight.run.signals))]
+    time = [times(signals.index)]
     carried = rr.Transform3D.columns(translation=positions(signals), quaternion=headings(signals))
-    stream.send_columns(frame, [time], carried)
+    stream.send_columns(frame, time, carried)
     turned = rr.Transform3D.columns(quaternion=attitudes(signals))
-    stream.send_columns(f"{frame}/{entities.BODY}", [time], turned)
-    colour = drawn_run.style.rgb
-    if _is_aircraft(drawn_run):
+    stream.send_columns(f"{frame}/{entities.BODY}", time, turned)
+    if _is_aircraft(flight):
         # The scale is set on the instance, because the transform of the entity holds the attitude.
         size = rr.InstancePoses3D(scales=[[width / MODEL_SPAN] * 3])
         shape = rr.Asset3D(path=MODEL, albedo_factor=colour), size
     else:
         shape = (rr.LineStrips3D(_ghost(width), radii=on_screen(1.0), colors=[colour]),)
-    stream.log(f"{frame}/{entities.BODY}", *shape, static=True)
+    log_still(stream, f"{frame}/{entities.BODY}", *shape)
 
 
 def _is_aircraft(drawn_run: DrawnRun) -> bool:
@@ -376,27 +356,19 @@ def dashes(path: FloatArray) -> list[FloatArray]:
     return [piece for piece in pieces if len(piece) > 1]
 
 
-def _log_arrows(
-    stream: rr.RecordingStream, drawn_run: DrawnRun, signals: pd.DataFrame, frame: str, width: float
-) -> None:
-    """Log the arrows of velocity and wind, in axes that turn with the course."""
-    signals = signals.iloc[evenly(len(signals), most=INSTANTS)]
+def _arrows(run: Run, signals: pd.DataFrame, width: float) -> dict[str, FloatArray]:
+    """Arrows of velocity and wind at samples of a run, in axes that turn with its course, m."""
     airspeed = "V_a" if "V_a" in signals else "V_g"  # the log of a flight may have no airspeed
-    V = float(drawn_run.run.signals[airspeed].iloc[0])
+    V = float(run.signals[airspeed].iloc[0])
     scale = REACH * width / V if math.isfinite(V) and V > 0.0 else 0.0  # m per m/s
-    time = times(signals.index)
     chi, gamma = (signals[name].to_numpy(dtype=float) for name in ("chi", "gamma"))
     # With columns over ground beside them, `chi` and `gamma` are through the air: so is the speed.
     over_ground = "V_g" in signals and OVER_GROUND[0] not in signals
     speed = signals["V_g" if over_ground else airspeed].to_numpy(dtype=float)
     ahead = np.column_stack([np.cos(gamma), np.zeros_like(gamma), -np.sin(gamma)])
-    arrows = {"velocity": (ahead * (scale * speed)[:, None], drawn_run.style.rgb)}
+    arrows = {"velocity": ahead * (scale * speed)[:, None]}
     if set(WIND) <= set(signals) and np.abs(signals[list(WIND)].to_numpy()).max() > STILL_AIR:
         north, east, down = (signals[name].to_numpy(dtype=float) for name in WIND)
         level = (north + 1j * east) * np.exp(-1j * chi)  # turned back by the course
-        wind = np.column_stack([level.real, level.imag, down])
-        arrows["wind"] = (wind * (WIND_TIMES * scale), WIND_COLOUR)
-    for name, (vectors, colour) in arrows.items():
-        style = rr.Arrows3D.from_fields(colors=[colour], radii=on_screen(1.0))
-        stream.log(f"{frame}/{name}", style, static=True)
-        stream.send_columns(f"{frame}/{name}", [time], rr.Arrows3D.columns(vectors=vectors))
+        arrows["wind"] = np.column_stack([level.real, level.imag, down]) * (WIND_TIMES * scale)
+    return arrows
