@@ -1,11 +1,9 @@
 """The commands, and how errors end them."""
 
-import inspect
 import io
 import shlex
 import sys
-from collections.abc import Callable
-from functools import wraps
+from contextvars import copy_context
 from itertools import islice
 from types import MethodType
 from typing import Annotated, Any
@@ -14,36 +12,15 @@ import typer
 from typer.core import TyperGroup
 
 from flighttune import __version__
-from flighttune.cli import options
 from flighttune.cli.aircraft import adopt, design, identify, trim
-from flighttune.cli.band import band, mission, monitor, tube, worst
-from flighttune.cli.flights import campaign, fly, list_shipped, new, view
+from flighttune.cli.explain import band, compare, gap, monitor, tube, worst
+from flighttune.cli.flights import campaign, fly, list_shipped, mission, new, view
 from flighttune.cli.gains import certify, meet, tune, verify
-from flighttune.cli.pages import compare, export, gap, report, reproduce
-from flighttune.cli.show import COULD_NOT_RUN, INTERRUPTED, NO, emit, fail, output, working
+from flighttune.cli.options import COMMANDS, FLOWN_BY, FORMER, command
+from flighttune.cli.pages import export, report, reproduce
+from flighttune.cli.show import COULD_NOT_RUN, INTERRUPTED, NO, clear, fail, output
 from flighttune.errors import FlightTuneError, InfeasibleError, InputError, missing_extra
 from flighttune.files.whole import reason_of
-from flighttune.present.answer import Answer
-
-JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
-QuietOption = Annotated[
-    bool, typer.Option("--quiet", "-q", help="Print only failures, and the object of --json.")
-]
-
-# Commands and options of earlier versions, and what took their place.
-FORMER = {
-    "route": "mission FILE --plan",
-    "campaign run": "campaign FILE",
-    "refly": "verify FILE",
-    "frontier": "tune FILE --frontier",
-    "band --of": "tube SCENARIO --boxes FILE",
-    "mission --skip": "mission FILE --set route.skip=true",
-    "band --seed": "band FILE --set seed=N",
-    **{
-        f"band {option}": f"mission FILE {option}"
-        for option in ("--aircraft", "--fence", "--like", "--page", "--turn-back")
-    },
-}
 
 # Options of the group that may also stand behind a command.
 ANYWHERE = ("--workers", "--scheduler")
@@ -78,14 +55,10 @@ class Grouped(TyperGroup):
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:  # noqa: ARG002
         """Write the commands, each group of them under its heading."""
-        panels: dict[str, list[tuple[str, str]]] = {}
-        for name, command in self.commands.items():
-            panel = getattr(command, "rich_help_panel", None)
-            rows = panels.setdefault(panel if isinstance(panel, str) else "Commands", [])
-            rows.append((name, command.get_short_help_str(LONGEST_SENTENCE)))
-        for panel, rows in panels.items():
+        for panel, names in COMMANDS.items():
+            helps = [self.commands[x].get_short_help_str(LONGEST_SENTENCE) for x in names]
             with formatter.section(panel):
-                formatter.write_dl(rows)
+                formatter.write_dl([*zip(names, helps, strict=True)])
 
 
 app = typer.Typer(
@@ -100,73 +73,21 @@ app = typer.Typer(
     epilog="Begin with: flighttune fly paper. Exit status: 0 fine, 1 the answer is no, 2 could not "
     "run.",
 )
-# Commands by their heading in the help: function, name, status on a terminal, and an example.
-COMMANDS = {
-    "Tune": [
-        (tune, "tune", "tuning", "tune paper --out gains.json"),
-        (meet, "meet", "searching", "meet paper_identified --budget 20"),
-        (certify, "certify", "certifying", "certify paper --gains tuned --out certificate.json"),
-        (verify, "verify", "verifying", "verify certificate.json"),
-    ],
-    "Fly": [
-        (fly, "fly", "flying", "fly paper"),
-        (mission, "mission", "counting", "mission circuit --plan"),
-        (new, "new", "writing", "new my_turn --aircraft c172p"),
-        (view, "view", "opening", "view runs/paper"),
-        (list_shipped, "list", "listing", "list"),
-        (campaign, "campaign", "planning", "campaign first_campaign"),
-    ],
-    "Explain": [
-        (gap, "gap", "flying", "gap paper"),
-        (compare, "compare", "comparing", "compare paper@paper paper@tuned"),
-        (worst, "worst", "searching", "worst first_campaign --budget 40"),
-        (tube, "tube", "enclosing", "tube paper --gains paper"),
-        (band, "band", "counting", "band mission_in_wind --out mission.npz"),
-        (monitor, "monitor", "counting", "monitor mission_in_wind --out monitor.npz"),
-    ],
-    "Aircraft": [
-        (adopt, "adopt", "adopting", "adopt 737"),
-        (trim, "trim", "trimming", "trim aerosonde --V-a 25 --gamma 0"),
-        (design, "design", "designing", "design aerosonde --dry-run"),
-        (identify, "identify", "identifying", "identify aerosonde --V-a 25"),
-    ],
-    "Publish": [
-        (report, "report", "reporting", "report runs/paper"),
-        (reproduce, "reproduce", "reproducing", "reproduce gains"),
-        (export, "export", "exporting", "export paper --gains paper"),
-    ],
+BODIES = {
+    "list": list_shipped,
+    **{
+        body.__name__: body
+        for body in (
+            *(adopt, band, campaign, certify, compare, design, export, fly, gap, identify, meet),
+            *(mission, monitor, new, report, reproduce, trim, tube, tune, verify, view, worst),
+        )
+    },
 }
 
-
-def _add_command(
-    function: Callable[..., Answer | None], name: str, doing: str, example: str, panel: str
-) -> None:
-    """Add a command, with --json and -q, that prints and exits as the answer of `function` says."""
-    options = {} if function is view else {"as_json": JsonOption}
-    options["quiet"] = QuietOption
-
-    @wraps(function)
-    def command(*args: Any, quiet: bool = False, as_json: bool = False, **kwargs: Any) -> None:
-        with working(doing, quiet=quiet, as_json=as_json):
-            answer = function(*args, **kwargs)
-            if answer is not None:
-                emit(answer, kwargs.get(next(iter(signature.parameters), "")))
-
-    signature = inspect.signature(function)
-    added = [
-        inspect.Parameter(key, inspect.Parameter.KEYWORD_ONLY, default=False, annotation=option)
-        for key, option in options.items()
-    ]
-    command.__signature__ = signature.replace(  # type: ignore[attr-defined]
-        parameters=[*signature.parameters.values(), *added]
-    )
-    command.__annotations__ = function.__annotations__ | options
-    app.command(name, rich_help_panel=panel, epilog=f"Example: flighttune {example}")(command)
-
-
 for panel, commands in COMMANDS.items():
-    for function, name, doing, example in commands:
-        _add_command(function, name, doing, example, panel)
+    for name, texts in commands.items():
+        epilog = f"Example: flighttune {texts['example']}"
+        app.command(name, rich_help_panel=panel, epilog=epilog)(command(BODIES[name], texts))
 
 
 def _show_version(asked: bool) -> None:
@@ -202,13 +123,13 @@ def _options(
     ] = None,
 ) -> None:
     """Options of every command."""
-    options.FLOWN_BY.set({"workers": workers, "scheduler": scheduler})
+    FLOWN_BY.set({"workers": workers, "scheduler": scheduler})
 
 
 def main() -> None:
     """Run the command line; errors become one line on stderr and exit status 2."""
     try:
-        _run()
+        copy_context().run(_run)
     except KeyboardInterrupt:  # also while an error is printed
         sys.exit(INTERRUPTED)
 
@@ -237,7 +158,7 @@ def _run() -> None:
         fail(_reason(error), NO if isinstance(error, InfeasibleError) else COULD_NOT_RUN)
     finally:
         with output():
-            pass  # what help and completion left in the buffer
+            clear()  # and what help and completion left in the buffer is written
 
 
 def _reason(error: Exception) -> str:

@@ -4,14 +4,18 @@ import tomllib
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import Any
 
-from typer import Argument, Option
-
-from flighttune.cli import options
-from flighttune.cli.options import Verb, of
+from flighttune.cli.explain import page_note
+from flighttune.cli.options import FLOWN_BY, Verb, check_ending
 from flighttune.cli.show import fail, on_interrupt, say, show
-from flighttune.errors import CampaignError, InputError, OutputError, RecordingError
+from flighttune.errors import (
+    CampaignError,
+    InfeasibleError,
+    InputError,
+    OutputError,
+    RecordingError,
+)
 from flighttune.files.shipped import (
     aircraft_folders,
     campaign_files,
@@ -25,19 +29,14 @@ from flighttune.present.names import columns
 KEPT = "what has been flown is kept, go on with the same command and --resume"
 
 
-@of("flight.fly:fly", out="Folder to write to [default: runs/NAME].")
 def fly(
-    fly_scenario: Verb,
-    scenario: str,
-    out: Path,
-    view: Annotated[bool, Option("--view", help="Open the recording in the viewer.")] = False,
-    claim: options.ClaimOption = None,
+    fly_scenario: Verb, scenario: str, out: Path, view: bool, claims: list[Path] | None
 ) -> None:
     """Fly every gain set of SCENARIO on each of its plants and record it."""
     from flighttune.campaign.claims import within
     from flighttune.recording.record import record
 
-    name, flown = Path(scenario).stem, within(fly_scenario(), claim or ())
+    name, flown = Path(scenario).stem, within(fly_scenario(), claims or ())
     files = record(flown, out, name=name)
     answer = replace(flown.answer(files.signals), files={"recording": files.recording})
     show(answer)
@@ -47,13 +46,47 @@ def fly(
         fail(answer.failure, answer.status)
 
 
-@of(
-    "flight.new:new_scenario",
-    name={"metavar": "NAME"},
-    overshoot={"metavar": "DEG"},
-    settle={"metavar": "S"},
-)
-def new(new_scenario: Verb, like: Annotated[str | None, Option(hidden=True)] = None) -> Answer:
+def mission(
+    count_mission: Verb,
+    source: str,
+    changes: dict[str, Any],
+    page: Path | None,
+    out: Path | None,
+    plan: bool,
+) -> Answer:
+    """Plan a mission, fly it, and count whether it stays inside its fence.
+
+    The answer has the corridor of its flights, the probability that a new one leaves the fence and
+    where they come nearest to it. Exit status 1 if the planned path leaves the fence, or the count
+    does not support a probability of at most epsilon; 2 if the mission cannot be flown.
+    """
+    from flighttune.campaign.mission import mission_plan
+    from flighttune.files.load import BAND, kind_of
+    from flighttune.reports.claim import write_claim_page
+
+    settings = count_mission.keywords
+    of_route = "fences", "aircraft", "terrain", "changes", "out"
+    if plan:
+        check_ending(out, ".geojson", ".kml", ".plan")
+        for name in [x for x in settings if x not in of_route] + ["page"] * bool(page):
+            raise InputError(f"`{name}` must be absent with --plan, which flies nothing.")
+        return mission_plan(source, **settings)
+    check_ending(out, ".npz")
+    if kind_of(source) != BAND:
+        out = out or Path("runs") / f"{Path(source).stem}-band.npz"
+    try:
+        odds = count_mission(out=out)
+    except InfeasibleError:  # what is planned says why
+        of_plan = {key: settings[key] for key in of_route[:3] if key in settings}
+        return mission_plan(source, changes=changes, **of_plan)
+    answer, file = odds.answer(), out or Path(source)
+    notes = [*answer.notes, *([] if page else [page_note(file)])]
+    if page is not None:
+        write_claim_page(odds.band, str(file), page, odds.room, odds.terrain, answer.changed)
+    return replace(answer, notes=notes, files={**answer.files, "page": page})
+
+
+def new(new_scenario: Verb, like: str | None) -> Answer:
     """Write a scenario of your own, with comments, that an aircraft can fly."""
     if like is not None:
         file = scenario_files().get(like, like)
@@ -94,37 +127,14 @@ def _heading(path: Path) -> dict[str, str]:
     return {"name": path.stem, "title": tables["title"], "verifies": tables.get("verifies", "")}
 
 
-def view(
-    path: Annotated[
-        Path,
-        Argument(
-            metavar="PATH",
-            help="A recording, or the folder of one; or the log of a real flight, recorded first.",
-        ),
-    ],
-    port: Annotated[
-        int | None,
-        Option(
-            min=1,
-            max=65534,
-            help="Serve the viewer to a browser at this port, its data at the next one; both can "
-            "be tunnelled [default: a window; without a screen, a browser at 9090].",
-        ),
-    ] = None,
-    column: options.ColumnOption = None,
-    out: Annotated[
-        Path | None,
-        Option(help="Recording (.rrd) of a log to write [default: runs/NAME/NAME.rrd]."),
-    ] = None,
-) -> None:
+def view(path: Path, port: int | None, columns: list[str] | None, out: Path | None) -> None:
     """Open a recording, or the log of a real flight, in the Rerun viewer."""
     from flighttune.files.load import LOG, written
 
-    if (log := written(path, LOG, columns=column or ())) is not None:
+    if (log := written(path, LOG, columns=columns or ())) is not None:
         from flighttune.recording.record import write_log
 
-        name = log.provenance.gains_name
-        path = out or Path("runs") / name / f"{name}.rrd"
+        path = out or path
         write_log(log, path)
         say(f"recording: {path}")
     _open(path, port=port)
@@ -147,24 +157,15 @@ def _open(path: Path, *, port: int | None = None) -> None:
         run_viewer(recording, command)
 
 
-@of("campaign.engine.engine:run_campaign", out="Folder of the dataset [default: runs/NAME].")
 def campaign(
     run_campaign: Verb,
     campaign: str,
     runs: int | None,
     resume: bool,
     out: Path,
-    gains: Annotated[
-        list[str] | None,
-        Option(help=f"{options.GAINS} to fly; repeatable [default: those of the file]."),
-    ] = None,
-    settings: Annotated[
-        list[str] | None,
-        Option("--set", metavar="KEY=VALUE", help=f"{options.SETTING}; repeatable."),
-    ] = None,
-    dry_run: Annotated[
-        bool, Option("--dry-run", help="Show plan, time and disk space; write nothing.")
-    ] = False,
+    gains: list[str] | None,
+    changes: dict[str, Any],
+    dry_run: bool,
 ) -> Answer:
     """Fly CAMPAIGN and write a dataset with one row per run.
 
@@ -177,14 +178,13 @@ def campaign(
     from flighttune.planning.load import load_campaign
     from flighttune.planning.plan import plan_campaign
 
-    changes = options.changes(settings, "--set", "KEY=VALUE")
     planned = load_campaign(campaign, changes=changes, gains=gains or ())
     plan, file_of_plan = plan_campaign(planned, runs=runs), out / CAMPAIGN
     if resume and runs is None and file_of_plan.exists():
         # a campaign that was extended by --runs keeps its length
         plan = plan.with_runs(max(plan.runs, open_dataset(out).plan.runs))
     if dry_run:
-        return forecast(plan, options.FLOWN_BY.get()["workers"])
+        return forecast(plan, FLOWN_BY.get()["workers"])
     try:
         done = run_campaign(campaign=plan, out=out, runs=None)
     except (CampaignError, OutputError) as error:

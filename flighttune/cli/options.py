@@ -1,10 +1,12 @@
-"""Options: most are read from the verbs of the package, signature and docstring; some are alike.
+"""Commands made of the verbs of the package; options are read from signature and docstring.
 
-The text of a verb is read, not imported: a help starts without NumPy.
+The text of a verb is read, not imported: a help starts without NumPy. ``commands.toml`` has the
+rest.
 """
 
 import ast
 import re
+import tomllib
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack
 from contextvars import ContextVar
@@ -13,105 +15,138 @@ from importlib import import_module
 from inspect import Parameter, Signature, cleandoc, signature
 from pathlib import Path
 from types import MappingProxyType
-from typing import Annotated, Any, Literal, TypeAlias, get_origin
+from typing import Annotated, Any, Literal, TypeAlias, get_args, get_origin
 
 from typer import Argument, Option
 
 from flighttune import modules_of
-from flighttune.cli.show import campaign_display, progress_bar
+from flighttune.cli.show import campaign_display, emit, progress_bar, working
 from flighttune.errors import InputError
 from flighttune.files.shipped import aircraft_names, campaign_files, scenario_files
 from flighttune.present.answer import Answer
 from flighttune.units import DEG
+
+# Texts of all commands by their heading in the help, and of options that are alike.
+COMMANDS = tomllib.loads(Path(__file__).with_name("commands.toml").read_text(encoding="utf-8"))
+ALIKE, FORMER = COMMANDS.pop("alike"), COMMANDS.pop("former")
 
 # Workers of a command that flies: `--workers` and `--scheduler`, which all of them have.
 FLOWN_BY: ContextVar[Mapping[str, Any]] = ContextVar(
     "flown_by", default=MappingProxyType({"workers": None, "scheduler": None})
 )
 
-# The argument of a command that takes a scenario alone.
-SCENARIO = {
-    "metavar": "SCENARIO",
-    "help": "A scenario file, or the name of a shipped one.",
-    "autocompletion": scenario_files,
-}
+# The verb of a command: its `keywords` are the options that were given; it takes more.
+Verb: TypeAlias = partial[Any]
 
 
-GAINS = "Gain set (paper, K1..K6, tuned, a name from the scenario) or file of gains"
-SETTING = "Value of the scenario to set, such as flight.V_a_mps=30"
-
-
-def to_fly() -> list[str]:
-    """Names of what ships and can be flown, for completion."""
-    return [*campaign_files(), *scenario_files()]
-
-
-def changes(settings: list[str] | None, option: str, form: str) -> dict[str, Any]:
+def changes(settings: list[str]) -> dict[str, Any]:
     """The values of ``--set`` by key, read as TOML; a word that is not TOML is a string."""
     from flighttune.files.mistakes import shown
     from flighttune.files.table import toml_value
 
     values = {}
-    for setting in settings or ():
+    for setting in settings:
         key, sign, text = map(str.strip, setting.partition("="))
         if not (key and sign and text) or "\n" in setting:
-            raise InputError(f"{option}: must be {form} in one line, got {setting!r}.")
-        values[key] = toml_value(text, f"{option}: `{shown(key)}`")
+            raise InputError(f"--set: must be KEY=VALUE in one line, got {setting!r}.")
+        values[key] = toml_value(text, f"--set: `{shown(key)}`")
     return values
 
 
-def seed_of(changed: dict[str, Any]) -> int | None:
-    """The seed of the draws among values that are set, taken out of them."""
-    seed = changed.pop("seed", None)
-    if seed is not None and (type(seed) is not int or seed < 0):
-        raise InputError(f"--set: `seed` must be an integer from 0 on, got {seed!r}.")
-    return seed
-
-
-def numbers(pairs: list[str] | None, option: str, form: str) -> dict[str, float]:
-    """The numbers by name of an option of this form, such as NAME=VALUE."""
-    values = {}
-    for pair in pairs or ():
-        name, _, text = pair.partition("=")
-        try:
-            values[name] = float(text)
-        except ValueError:
-            raise InputError(f"{option} must be {form}, got {pair[:80]!r}.") from None
-    return values
-
-
-def number(text: str | None, option: str) -> float | None:
-    """The number that an option has beside words."""
-    try:
-        return None if text is None else float(text)
-    except ValueError:
-        raise InputError(f"{option}: must be a number, got {text!r}.") from None
-
-
-def spans(texts: list[str] | None, option: str, form: str) -> list[tuple[float, float]] | None:
-    """The ranges of an option of the form LOW:HIGH, if it was given."""
-    try:
-        ends = [(float(low), float(high)) for low, high in (x.split(":") for x in texts or ())]
-    except ValueError:
-        raise InputError(f"{option} must be {form}, got {', '.join(texts or ())[:80]!r}.") from None
-    return ends or None
-
-
-LAG = {
-    "metavar": "LOW:HIGH",
-    "help": "Smallest and largest lag of the inner loop, s; given twice: of roll and of lift.",
-    "read": spans,
+# What makes a value of the words of an option, and what a shell completes.
+READ: dict[str, Callable[[list[str]], Any]] = {
+    "changes": changes,
+    "numbers": lambda words: {name: float(x) for name, _, x in (w.partition("=") for w in words)},
+    "spans": lambda words: [(float(a), float(b)) for a, b in (w.split(":") for w in words)],
+}
+COMPLETE: dict[str, Callable[[], Any]] = {
+    "aircraft": aircraft_names,
+    "campaigns": campaign_files,
+    "scenarios": scenario_files,
+    "flights": lambda: [*campaign_files(), *scenario_files()],
 }
 
-ColumnOption = Annotated[
-    list[str] | None,
-    Option(
-        "--column",
-        metavar="NAME=COLUMN[:UNIT]",
-        help="Column of a log (TOPIC.FIELD of a binary one) with a signal, such as "
-        "chi=heading:deg, or a TOML file of such pairs; repeatable.",
-    ),
-]
+TYPES = {"str": str, "int": int, "float": float, "bool": bool, "Path": Path, "Columns": str}
+SEQUENCES, OF_PYTHON = {"Columns", "Iterable", "Sequence"}, {"Callable", "Mapping"}
+
+# Parameters that the command line supplies.
+SUPPLIED = {"progress": progress_bar, "observer": campaign_display}
+
+
+def command(body: Callable[..., Answer | None], texts: Mapping[str, Any]) -> Callable[..., None]:
+    """A command that calls `body`, with the verb of its `texts` before the values of its options.
+
+    The options are those of the verb and those of `body` with help in ``commands.toml``. The seed
+    of draws is one of the changes.
+    """
+    place, own = texts.get("verb", ""), signature(body).parameters
+    verb = _definition(*f"flighttune.{place}".split(":")) if place else None
+    arguments, of_body = _arguments(verb), [*own][bool(place) :]
+    first, several = next(iter([*arguments, *of_body]), ""), _several(verb)
+    drawn = arguments.get("seed", ("", 0))[1] is None
+    absent = {*SUPPLIED, *FLOWN_BY.get(), *texts.get("absent", ()), *(["seed"] if drawn else [])}
+    spelled = ALIKE | {x: y for x, y in texts.items() if isinstance(y, dict)}
+    kinds = {x: own[x].annotation for x in of_body} | dict.fromkeys(("as_json", "quiet"), bool)
+    made = [x for x in _parameters(verb, kinds, spelled, first) if x.name not in absent]
+    made.sort(key=lambda x: (x.name in ("as_json", "quiet"), x.name == "changes"))
+    defaults = {x.name: x.default for x in made}
+    read = {x: spelled[x] for x in defaults if "read" in spelled.get(x, ())}
+    files = {
+        x: spelled[x]["help"]
+        for x in of_body
+        if kinds[x] in (Path, Path | None) and x != first and "help" in spelled.get(x, ())
+    }
+
+    def run(*, quiet: bool, as_json: bool = False, **values: Any) -> None:
+        with working(texts["doing"], quiet=quiet, as_json=as_json):
+            for x, how in read.items():
+                values[x] = _read(values[x] or [], how["read"], _flag(x), how["metavar"])
+            if drawn and (seed := values["changes"].pop("seed", None)) is not None:
+                if type(seed) is not int or seed < 0:
+                    reason = f"`seed` must be an integer from 0 on, got {seed!r}."
+                    raise InputError(f"--set: {reason}")
+                values["seed"] = seed
+            source = values.get(first, "")
+            for x, text in files.items():
+                values[x] = _file_to_write(_flag(x), text, values[x], source)
+            taken, others = {x: values[x] for x in of_body}, values.pop(several, None) or ()
+            if place:
+                given = {
+                    x: values[x]
+                    for x in [*arguments][1:]
+                    if x in values and values[x] not in (None, [], {}, defaults.get(x))
+                }
+                call = partial(_called, place, [*arguments], source, *others, **given)
+                answer = body(call, **taken)
+            else:
+                answer = body(**taken)
+            if answer is not None:
+                emit(answer, source)
+
+    run.__signature__ = Signature(made)  # type: ignore[attr-defined]
+    run.__annotations__ = {x.name: x.annotation for x in made}
+    run.__doc__ = body.__doc__
+    return run
+
+
+def _read(words: list[str], how: str, flag: str, form: str) -> Any:
+    """The value of an option that has words of a form."""
+    try:
+        return READ[how](words)
+    except InputError:
+        raise
+    except ValueError:
+        raise InputError(f"{flag} must be {form}, got {', '.join(words)[:80]!r}.") from None
+
+
+def _file_to_write(flag: str, text: str, file: Path | None, source: Any) -> Path | None:
+    """A file, its ending checked, or its default: the help of its option says both."""
+    check_ending(file, *re.findall(r"\((\.\w+)\)", text), option=flag)
+    default = re.search(r"\[default: (runs/\S+)\]", text)
+    if file or not default:
+        return file
+    whole_log = re.sub(r"@[\d.:]*$", "", Path(str(source)).name)  # without the part of it
+    return Path(default[1].replace("NAME", Path(whole_log).stem))
 
 
 def check_ending(out: Path | None, *endings: str, option: str = "--out") -> None:
@@ -120,138 +155,20 @@ def check_ending(out: Path | None, *endings: str, option: str = "--out") -> None
         raise InputError(f"{out}: {option} must end in {endings[0]}.")
 
 
-ClaimOption = Annotated[
-    list[Path] | None,
-    Option(
-        "--claim",
-        metavar="FILE",
-        help="File of a tube or band: draw its bounds around the runs that it covers; monitor: "
-        "record its score and say when it alarms; repeatable.",
-    ),
-]
-
-
-# The verb of a command: its `keywords` are the options that were given; it takes more.
-Verb: TypeAlias = partial[Any]
-Body: TypeAlias = Callable[..., Answer | None]
-
-# Parameters that the command line supplies.
-SUPPLIED = {"progress": progress_bar, "observer": campaign_display}
-
-# Options that read the same in all commands.
-SPELLED: dict[str, Any] = {"columns": ColumnOption, "claims": ClaimOption}
-
-# What arguments and options have besides the text of the verb, in all commands; `read` makes values
-# of words of the form `metavar`.
-OF_CAMPAIGN = {"metavar": "CAMPAIGN", "autocompletion": campaign_files}
-ALIKE: dict[str, dict[str, Any]] = {
-    "scenario": SCENARIO,
-    "aircraft": {"metavar": "AIRCRAFT", "autocompletion": aircraft_names},
-    **dict.fromkeys(("campaign", "like"), OF_CAMPAIGN),
-    **{name: {"min": 1} for name in ("budget", "flights", "learn", "runs")},
-    "seed": {"min": 0},
-    "changes": {"metavar": "KEY=VALUE", "read": changes},
-    "assume": {"metavar": "CHANNEL=RAD_S", "read": numbers},
-    "values": {"metavar": "NAME=VALUE", "read": numbers},
-}
-
-# Flags of parameters that Python names otherwise.
-FLAGS = {
-    "changes": "--set",
-    "values": "--set",
-    "predicted_from": "--given",
-    "form": "--format",
-    "signals": "--signal",
-    "fences": "--fence",
-    "autopilot": "--with",
-}
-
-# What the help of an option says before its default.
-SENTENCES = {"changes": SETTING, "gains": GAINS, "plant": "Label of the plant as `fly` prints it"}
-
-TYPES = {"str": str, "int": int, "float": float, "bool": bool, "Path": Path}
-SEQUENCES, OF_PYTHON = {"Iterable", "Sequence"}, {"Callable", "Mapping"}
-
-
-def of(place: str, **spelled: Mapping[str, Any] | str | None) -> Callable[[Body], Body]:
-    """Make a command of a function: its options are those of a verb, ``module:name``, and its own.
-
-    The function is called with the verb, and with its further parameters: an ``Annotated`` one is
-    an option as it stands, another has the value of the option of the verb. `spelled` has what
-    `typer.Option` needs besides the text of the verb; a parameter with None has no option, and one
-    with a sentence is a file to write: the ending that the sentence has in brackets is checked, and
-    its default below ``runs/`` is filled in. The seed of draws is one of the changes.
-    """
-    module, _, name = place.partition(":")
-
-    def command_of(body: Body) -> Body:
-        _, *stated = signature(body).parameters.values()
-        files = {x: text for x, text in spelled.items() if isinstance(text, str)}
-        own = {x: _file_option(x, text) for x, text in files.items()}
-        for x in stated:
-            if get_origin(x.annotation) is Annotated:
-                own[x.name] = x.replace(kind=Parameter.KEYWORD_ONLY)
-        verb = _definition(module, name)
-        names = [x.arg for x in (*verb.args.args, *verb.args.kwonlyargs)]
-        stated_in = dict(zip(names[::-1], reversed(verb.args.kw_defaults), strict=False))
-        first, drawn = names[0], getattr(stated_in.get("seed"), "value", 0) is None
-        absent = {*own, *SUPPLIED, *FLOWN_BY.get()} | ({"seed"} if drawn else set())
-        absent |= {x for x in spelled if spelled[x] is None}
-        more = ALIKE | {x: y for x, y in spelled.items() if isinstance(y, Mapping)}
-        read = {x.name: x for x in _parameters(verb, absent, more)} | own
-        ordered = sorted(read.values(), key=lambda x: (x.name != first, x.name == "changes"))
-        defaults = {x: read[x].default for x in names[1:] if x in read}
-
-        def command(**values: Any) -> Answer | None:
-            for x in values.keys() & {x for x in names if "read" in more.get(x, ())}:
-                values[x] = more[x]["read"](values[x], FLAGS.get(x, f"--{x}"), more[x]["metavar"])
-            if drawn and (seed := seed_of(values["changes"])) is not None:
-                values["seed"] = seed
-            for x, text in files.items():
-                values[x] = _file_to_write(x, text, values[x], values[first])
-            stated_by_user = {
-                x: values[x]
-                for x in names[1:]
-                if x in values and values[x] not in (None, [], {}, defaults.get(x))
-            }
-            call = partial(_called, (module, name, names, values[first]), **stated_by_user)
-            return body(call, **{x.name: values[x.name] for x in stated})
-
-        command.__signature__ = Signature(ordered)  # type: ignore[attr-defined]
-        command.__annotations__ = {x.name: x.annotation for x in ordered}
-        command.__doc__, command.__name__ = body.__doc__, body.__name__
-        return command
-
-    return command_of
-
-
-def _file_option(name: str, text: str) -> Parameter:
-    annotation = Annotated[Path | None, Option(f"--{name}", help=text)]
-    return Parameter(name, Parameter.KEYWORD_ONLY, default=None, annotation=annotation)
-
-
-def _file_to_write(name: str, text: str, file: Path | None, source: Any) -> Path | None:
-    """A file, its ending checked, or its default: the help of its option says both."""
-    check_ending(file, *re.findall(r"\((\.\w+)\)", text), option=f"--{name}")
-    default = re.search(r"\[default: (runs/\S+)\]", text)
-    return Path(default[1].replace("NAME", Path(source).stem)) if default and not file else file
-
-
-def _called(verb: tuple[str, str, list[str], Any], *values: Any, **given: Any) -> Any:
+def _called(place: str, names: list[str], source: Any, /, *values: Any, **given: Any) -> Any:
     """Import a verb and call it, watched and flown as the command line says."""
-    module, name, [first, *names], source = verb
+    module, _, name = place.partition(":")
     given |= {x: value for x, value in FLOWN_BY.get().items() if x in names}
     with ExitStack() as stack:
         for supplied in SUPPLIED.keys() & {*names} - given.keys():
             given[supplied] = stack.enter_context(SUPPLIED[supplied]())
-        return getattr(import_module(f"flighttune.{module}"), name)(
-            given.pop(first, source), *values, **given
-        )
+        verb = getattr(import_module(f"flighttune.{module}"), name)
+        return verb(given.pop(names[0], source), *values, **given)
 
 
 def _definition(module: str, name: str) -> ast.FunctionDef:
     """Signature and docstring of a verb, from the text of its module."""
-    file = Path(__file__).parents[1].joinpath(*module.split(".")).with_suffix(".py")
+    file = Path(__file__).parents[2].joinpath(*module.split(".")).with_suffix(".py")
     pattern = re.compile(rf'^def {name}\(.*?^    """.*?"""', re.DOTALL | re.MULTILINE)
     (text,) = pattern.findall(file.read_text(encoding="utf-8"))
     *_, verb = ast.parse(text).body  # after its overloads
@@ -259,49 +176,71 @@ def _definition(module: str, name: str) -> ast.FunctionDef:
     return verb
 
 
+def _several(verb: ast.FunctionDef | None) -> str:
+    """The parameter of a verb that takes any number of values."""
+    return verb.args.vararg.arg if verb and verb.args.vararg else ""
+
+
+def _arguments(verb: ast.FunctionDef | None) -> dict[str, tuple[str, Any]]:
+    """Annotation and default of each parameter of a verb."""
+    if verb is None:
+        return {}
+    stated = [*verb.args.args, *verb.args.kwonlyargs]
+    defaults = [*verb.args.defaults, *verb.args.kw_defaults]
+    defaults = [None] * (len(stated) - len(defaults)) + defaults
+    several = {name: ("Sequence[str]", None) for name in [_several(verb)] if name}
+    return {
+        x.arg: (ast.unparse(x.annotation or ast.Constant("")), getattr(default, "value", None))
+        for x, default in zip(stated, defaults, strict=True)
+    } | several
+
+
 def _parameters(
-    verb: ast.FunctionDef, absent: set[str], spelled: Mapping[str, Any]
+    verb: ast.FunctionDef | None, own: Mapping[str, Any], spelled: Mapping[str, Any], first: str
 ) -> Iterator[Parameter]:
-    """Parameters of a verb that have an option, or the argument."""
-    entries = _entries(_docstring(verb))
-    arguments = [*verb.args.args, *verb.args.kwonlyargs]
-    stated = [*verb.args.defaults, *verb.args.kw_defaults]
-    defaults = [None] * (len(arguments) - len(stated)) + stated
-    for argument, default in zip(arguments, defaults, strict=True):
-        name, (described, _) = argument.arg, entries.get(argument.arg, ("", ""))
-        kind = _type(ast.unparse(argument.annotation or ast.Constant("")), described)
-        more = {**spelled.get(name, {})}
-        kind = list[str] if more.pop("read", None) else kind
-        if name in absent or not (kind or name in SPELLED):
+    """Arguments and options of a verb and, with help in `spelled`, of a command's own."""
+    entries, arguments = _entries(verb), _arguments(verb)
+    for name in dict.fromkeys([*arguments, *own]):
+        (described, _), more = entries.get(name, ("", "")), {**spelled.get(name, {})}
+        annotation, value = arguments.get(name, ("", None))
+        kind = _type(annotation, described)
+        if name in own and "help" in more:
+            kind, value = own[name], None
+        if more.pop("read", None):
+            kind = list[str]
+        if kind is None:
             continue
-        value, made = getattr(default, "value", None), partial(Option, _flag(name, described))
-        if argument is arguments[0]:
-            value, made = Parameter.empty, Argument
-        if (annotation := SPELLED.get(name)) is None:
-            more = {"help": _help(name, kind, entries), **more}
-            if re.search(r"float, rad\b(?!/)", described):
-                more["callback"] = _radians
-            annotation = Annotated[kind | None if value is None else kind, made(**more)]
+        if kind is bool:
+            value = bool(value)
+        made = partial(Option, *more.pop("flags", [_flag(name, described)]))
+        if name in (first, _several(verb)):
+            made = Argument
+            optional = kind == list[str] or type(None) in get_args(kind)
+            value = None if optional else Parameter.empty
+        sentence = more.pop("sentence", "")
+        if complete := more.pop("complete", None):
+            more["autocompletion"] = COMPLETE[complete]
+        if re.search(r"float, rad\b(?!/)", described):
+            more["callback"] = _radians
+        repeatable = get_origin(kind) is list and made is not Argument
+        more = {"help": _help(name, entries, sentence, repeatable=repeatable), **more}
+        annotation = Annotated[kind | None if value is None else kind, made(**more)]
         yield Parameter(name, Parameter.KEYWORD_ONLY, default=value, annotation=annotation)
 
 
-def _entries(docstring: str) -> dict[str, tuple[str, str]]:
+def _entries(verb: ast.FunctionDef | None) -> dict[str, tuple[str, str]]:
     """Type and text of each parameter in a NumPy docstring, or in that of the verb it names."""
-    section = re.search(r"Parameters\n-+\n(.*?)(?=\n\n\w+\n-+\n|\Z)", docstring, re.DOTALL)
+    text = cleandoc((verb and ast.get_docstring(verb)) or "")
+    section = re.search(r"Parameters\n-+\n(.*?)(?=\n\n\w+\n-+\n|\Z)", text, re.DOTALL)
     entry = re.compile(r"^(\w[\w, ]*) : ([^\n]*)\n?((?:    .*\n?)*)", re.MULTILINE)
     entries = {}
     for names, described, text in entry.findall(section[1] if section else ""):
         own = dict.fromkeys(names.split(", "), (described, text))
         if other := re.fullmatch(r"as for `(\w+)`", described):
-            module = modules_of("flighttune")[other[1]].removeprefix("flighttune.")
-            shared = _entries(_docstring(_definition(module, other[1])))
+            shared = _entries(_definition(modules_of("flighttune")[other[1]], other[1]))
             own = {name: shared[name] for name in own}
         entries |= own
     return entries
-
-
-def _docstring(verb: ast.FunctionDef) -> str:
-    return cleandoc(ast.get_docstring(verb) or "")
 
 
 def _type(annotation: str, described: str) -> Any:
@@ -315,9 +254,9 @@ def _type(annotation: str, described: str) -> Any:
     return list[types[-1]] if SEQUENCES & {*words} else types[0]
 
 
-def _help(name: str, kind: Any, entries: dict[str, tuple[str, str]]) -> str:
+def _help(name: str, entries: dict[str, tuple[str, str]], first: str, *, repeatable: bool) -> str:
     """The sentences of a parameter as the help of an option, its default in brackets."""
-    described, text = entries.get(name, ("", ""))
+    described, text = entries.get(name, ("", "."))
     text = re.sub(
         r"`(\w+)`", lambda x: _flag(x[1], entries[x[1]][0]) if x[1] in entries else x[0], text
     )
@@ -326,8 +265,7 @@ def _help(name: str, kind: Any, entries: dict[str, tuple[str, str]]) -> str:
     sentence, bracket, others = re.split(r"( \[default: |\.(?= |$))", text, maxsplit=1)
     unit = re.search(r"(?<!or )float, (?!1\b|optional)([^,]*)", described)
     unit = f", {'deg' if unit[1] == 'rad' else unit[1]}" if unit else ""
-    repeatable = "; repeatable" * (get_origin(kind) is list)
-    return f"{SENTENCES.get(name, sentence)}{unit}{repeatable}{bracket}{others}"
+    return f"{first or sentence}{unit}{'; repeatable' * repeatable}{bracket}{others}"
 
 
 def _radians(value: Any) -> Any:
@@ -335,7 +273,7 @@ def _radians(value: Any) -> Any:
     return [x * DEG for x in value] if isinstance(value, list) else value and value * DEG
 
 
-def _flag(name: str, described: str) -> str:
+def _flag(name: str, described: str = "") -> str:
     if name == "start" and described.startswith("float, rad"):  # `meet` starts from gains
         name = "start_deg"
-    return FLAGS.get(name, f"--{name.replace('_', '-')}")
+    return ALIKE.get(name, {}).get("flags", [f"--{name.replace('_', '-')}"])[0]

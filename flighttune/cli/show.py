@@ -45,20 +45,17 @@ _DOING: ContextVar[str] = ContextVar("doing", default="")
 @contextmanager
 def working(doing: str, *, quiet: bool, as_json: bool = False) -> Iterator[None]:
     """Show a status line on a terminal while the command runs, such as ``tuning ...``."""
-    asked, form = _QUIET.set(quiet), _JSON.set(as_json)
+    _QUIET.set(quiet)
+    _JSON.set(as_json)
     # Once a file, and with -q too: the file may be a stranger's.
-    notice = NOTICE.set(cache(lambda file: tell(f"runs the Python code of {file}")))
-    shown = _DOING.set(f"{doing} ..." if watched() else "")
-    if _DOING.get():
+    NOTICE.set(cache(lambda file: tell(f"runs the Python code of {file}")))
+    if watched():
+        _DOING.set(f"{doing} ...")
         print(_DOING.get(), end="", file=sys.stderr, flush=True)
     try:
         yield
     finally:
         clear()
-        _DOING.reset(shown)
-        NOTICE.reset(notice)
-        _QUIET.reset(asked)
-        _JSON.reset(form)
 
 
 def watched() -> bool:
@@ -115,9 +112,8 @@ def output() -> Iterator[None]:
 def say(line: str) -> None:
     """Print one line while a command still runs, with ``--json`` on stderr."""
     clear()
-    print(
-        printable(line), file=sys.stderr if _JSON.get() else sys.stdout, flush=True
-    )  # pipes get it at once
+    stream = sys.stderr if _JSON.get() else sys.stdout
+    print(printable(line), file=stream, flush=True)  # pipes get it at once
 
 
 def tell(line: str) -> None:
@@ -137,17 +133,22 @@ def fail(reason: str, status: int) -> NoReturn:
     sys.exit(status)
 
 
+def _bar(*, sentences: bool) -> Any:
+    """A bar of Rich on stderr where someone watches, else a context of None."""
+    if not watched():
+        return nullcontext()
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn
+
+    clear()
+    columns = (BarColumn(), TextColumn("{task.description}")) if sentences else ()
+    return Progress(*columns, console=Console(stderr=True), transient=True)
+
+
 @contextmanager
 def progress_bar() -> Iterator[Callable[[str, float], None] | None]:
     """A bar on stderr where someone watches, nothing elsewhere."""
-    if not watched():
-        yield None
-        return
-    from rich.console import Console
-    from rich.progress import Progress
-
-    clear()
-    with Progress(console=Console(stderr=True), transient=True) as bar:
+    with _bar(sentences=False) as bar:
         tasks: dict[str, Any] = {}
 
         def update(label: str, part: float) -> None:
@@ -155,7 +156,7 @@ def progress_bar() -> Iterator[Callable[[str, float], None] | None]:
                 tasks[label] = bar.add_task(printable(label), total=1.0)
             bar.update(tasks[label], completed=part)
 
-        yield update
+        yield None if bar is None else update
 
 
 class CampaignDisplay(CampaignObserver):
@@ -198,18 +199,11 @@ class CampaignDisplay(CampaignObserver):
 @contextmanager
 def campaign_display() -> Iterator[CampaignDisplay]:
     """Show the campaign of the block; the first Ctrl-C or SIGTERM stops it."""
-    bar = None
-    if watched():
-        from rich.console import Console
-        from rich.progress import BarColumn, Progress, TextColumn
-
-        columns = BarColumn(), TextColumn("{task.description}")
-        bar = Progress(*columns, console=Console(stderr=True), transient=True)
-        clear()
-    display = CampaignDisplay(bar)
-    with on_interrupt(display.stop), bar or nullcontext():
+    with _bar(sentences=True) as bar:
+        display = CampaignDisplay(bar)
         try:
-            yield display
+            with on_interrupt(display.stop):
+                yield display
         except StoppedError:
             fail("interrupted: its flights are not kept, and nothing is written", INTERRUPTED)
 

@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 from itertools import accumulate, count
 from pathlib import Path
 from string import Template
-from textwrap import fill
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
@@ -139,7 +138,7 @@ def monitor_source(monitor: Watching, *, title: str, dt: float) -> str:
     return Template((_FOLDER / "monitor.c").read_text(encoding="utf-8")).substitute(
         title=_comment(title),
         version=__version__,
-        claim=fill(_comment(f"Claim: {monitor.sentence}."), 100, subsequent_indent=" * "),
+        claim=_comment(monitor.sentence),
         dt=_number(dt),
         models=len(models),
         watches=len(watches),

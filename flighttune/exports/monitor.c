@@ -4,9 +4,9 @@
  * largest so far over its limit, and above 1 it alarms.
  * ${claim}
  *
- * Units: rad, m/s, s; load factor n_z in weights, +1 in level flight; surfaces positive trailing edge
- * down, throttle 0 to 1; *_err is reference minus actual. Repeat the last value of a signal that is
- * lost: what is not a number alarms at once.
+ * Units: rad, m/s, s; load factor n_z in weights, surfaces and throttle as in the table of signals of
+ * flighttune (docs/scenario.md), *_err is reference minus actual. A signal that is missing in a sample
+ * keeps its last value.
  *
  * Use: call ft_monitor_start, then ft_monitor_step every FT_MONITOR_DT seconds. One struct per
  * aircraft; no other memory, no allocation. C99 and its <math.h>.
@@ -84,8 +84,6 @@ ${step}
                     residual += weight[w][j] * term[j];
                 m->mean[w][i] = (1.0 - keep_mean[i]) * residual + keep_mean[i] * m->mean[w][i];
                 score = fabs(m->mean[w][i] - middle[w][i]) / half[w][i];
-                if (isnan(score))
-                    score = INFINITY;
                 if (score > largest) {
                     largest = score;
                     by = i;

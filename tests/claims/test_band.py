@@ -8,16 +8,18 @@ import pytest
 from scipy.stats import binom
 
 import flighttune as ft
-from flighttune.claims import count, shape
+from flighttune.claims import shape as shape_module
 from flighttune.claims.band import read_counted
+from flighttune.claims.count import allowed_outside, flights_needed
 from flighttune.claims.counted import About
+from flighttune.claims.shape import learned_shape, window_edges, window_extremes
 from flighttune.files.array import write_sealed
 from flighttune.files.table import tables_of
 from tests.made_up_band import band_flights
 
 # s and samples of the made-up flights, and their signals
 DT, SAMPLES, SIGNALS = 0.1, 41, {"chi_err": "rad", "h": "m"}
-EDGES = shape.window_edges(SAMPLES, 1, 2)
+EDGES = window_edges(SAMPLES, 1, 2)
 MOST_ABOVE = 250  # more of the flights of `worst_chance` are too wide with no probability
 SINGLE = 1e-6  # relative rounding of single precision, both ways
 
@@ -31,13 +33,13 @@ def random_flights(count, rng, wind=None):
 
 
 def extremes_of(flights):
-    return np.stack([shape.window_extremes(flight, EDGES) for flight in flights])
+    return np.stack([window_extremes(flight, EDGES) for flight in flights])
 
 
 def band_of(learned, counted, epsilon=0.05, confidence=0.95, winds=None):
     """A band learned from some flights and counted on others, which are values over time."""
     kept = winds or (np.zeros((len(learned), 0)), np.zeros((len(counted), 0)))
-    coefficients, half = shape.learned_shape(extremes_of(learned), kept[0], epsilon)
+    coefficients, half = learned_shape(extremes_of(learned), kept[0], epsilon)
     extremes = extremes_of(counted)
     about = About(
         signals=SIGNALS,
@@ -75,7 +77,7 @@ def test_windows_include_both_of_their_edges_and_are_rounded_outwards():
     values = np.array([0.0, 1.0, 2.0, 5.0, 4.0, 3.0, -7.0])[:, None] + 0.1
     edges = np.array([0, 3, 6])
 
-    low, high = np.moveaxis(shape.window_extremes(values, edges)[:, 0].astype(float), -1, 0)
+    low, high = np.moveaxis(window_extremes(values, edges)[:, 0].astype(float), -1, 0)
 
     assert low == pytest.approx([0.1, -6.9], rel=SINGLE)
     assert high == pytest.approx([5.1, 5.1], rel=SINGLE)
@@ -86,16 +88,16 @@ def test_windows_include_both_of_their_edges_and_are_rounded_outwards():
 def test_windows_of_values_that_last_to_the_next_sample_share_no_edge():
     values = np.array([0.0, 1.0, 2.0, 5.0, 4.0, 3.0])[:, None]
 
-    low, high = np.moveaxis(shape.window_extremes(values, np.array([0, 3, 6]))[:, 0], -1, 0)
+    low, high = np.moveaxis(window_extremes(values, np.array([0, 3, 6]))[:, 0], -1, 0)
 
     assert low == pytest.approx([0.0, 3.0], rel=SINGLE)
     assert high == pytest.approx([2.0, 5.0], rel=SINGLE)
 
 
 def test_windows_are_few_enough_for_memory():
-    assert len(shape.window_edges(1001, 1640, 2)) == shape.MAX_WINDOWS + 1
-    assert 2 * 2 * 1_000_000 * (len(shape.window_edges(1001, 1_000_000, 2)) - 1) <= 2**27
-    assert shape.window_edges(3, 10, 1).tolist() == [0, 1, 2]
+    assert len(window_edges(1001, 1640, 2)) == shape_module.MAX_WINDOWS + 1
+    assert 2 * 2 * 1_000_000 * (len(window_edges(1001, 1_000_000, 2)) - 1) <= 2**27
+    assert window_edges(3, 10, 1).tolist() == [0, 1, 2]
 
 
 def test_the_flights_outside_are_those_that_leave_the_bounds(walks, counted):
@@ -119,7 +121,7 @@ def test_a_peak_that_all_flights_share_is_not_spread_over_its_neighbours():
     flights[:, 20] *= 1e3
     extremes = np.repeat(flights.astype(np.float32)[:, :, None, None], 2, axis=-1)
 
-    _, half = shape.learned_shape(extremes, np.zeros((60, 0)), 0.05)
+    _, half = learned_shape(extremes, np.zeros((60, 0)), 0.05)
 
     assert half[[19, 21], 0].max() < 0.01 * half[20, 0]
 
@@ -194,9 +196,9 @@ def test_flights_that_did_not_complete_count(walks, counted):
     assert not none.claims
     assert "fresh flights 2 did not complete, and at most 1 may." in none.sentence
     learned = extremes_of(walks[0])
-    learned[shape.MIN_LEARNED - 1 :] = lost[0]
+    learned[shape_module.MIN_LEARNED - 1 :] = lost[0]
     with pytest.raises(ft.InputError, match=r"`learn` .*10.* 9"):
-        shape.learned_shape(learned, np.zeros((60, 0)), 0.05)
+        learned_shape(learned, np.zeros((60, 0)), 0.05)
 
 
 def test_each_reading_of_a_growing_count_spends_its_part_of_the_confidence(walks, counted):
@@ -224,7 +226,7 @@ def worst_chance(numbers, epsilon, confidence):
 
     def value(k, n, above):
         """Best chances from the k-th reading of n flights on, of which `above` are too wide."""
-        false = (above <= count.allowed_outside(n, epsilon, confidence)).astype(float)
+        false = (above <= allowed_outside(n, epsilon, confidence)).astype(float)
         if k + 1 == len(numbers):
             return false
         for other in numbers[k + 1](n):
@@ -245,7 +247,7 @@ CLAIMS = [(0.01, 0.999, 1640), (0.01, 0.999, 688), (0.05, 0.99, 90), (0.05, 0.95
 def test_a_number_of_flights_chosen_after_looking_makes_the_confidence_false():
     """Two readings of 688 flights on: another program's exact probability is 0.00304, not 0.002."""
     # the best numbers are the least of which one more may lie outside
-    best = [count.flights_needed(0.01, 0.999, outside) for outside in range(1, 120)]
+    best = [flights_needed(0.01, 0.999, outside) for outside in range(1, 120)]
     free = worst_chance([lambda _: [688], lambda _: best], 0.01, 0.999)
 
     assert free == pytest.approx(0.00304, abs=5e-5)

@@ -14,7 +14,7 @@ from plans import item, plan_file, waypoint
 
 import flighttune as ft
 from flighttune.campaign.engine.engine import forecast
-from flighttune.cli.app import COMMANDS
+from flighttune.cli.options import COMMANDS
 
 pytestmark = pytest.mark.slow
 
@@ -144,7 +144,7 @@ def test_a_command_prints_the_answer_of_its_verb(verb, tmp_path, monkeypatch):
 
 
 def test_every_command_with_an_answer_is_tried():
-    named = {name for commands in COMMANDS.values() for _, name, *_ in commands}
+    named = {name for commands in COMMANDS.values() for name in commands}
 
     assert {verb.partition(" ")[0] for verb in VERBS} == named - {*OTHERS} | {"campaign"}
 

@@ -88,15 +88,6 @@ def test_any_model_scores_as_in_the_program(models, count, from_s, tmp_path):
     assert alarm == (pytest.approx(at_s), why)
 
 
-def test_what_is_not_a_number_alarms_at_once(tmp_path):
-    monitor = MadeUp(MODELS, 1, 0.0)
-    run = made_up_run({name: [1.0, np.nan] for name in signals_of(MODELS)}, [0.0, DT])
-
-    scores, (at_s, _) = in_c(monitor_source(monitor, title="t", dt=DT), run, tmp_path)
-
-    assert (scores[0] < 1.0, scores[1], at_s) == (True, np.inf, DT)
-
-
 FLIGHT_S, FAULT_S = 12.0, 3.0
 
 

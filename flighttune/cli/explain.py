@@ -1,0 +1,165 @@
+"""Commands that compare and bound flights: gaps, bands, monitors, tubes, and the worst flight."""
+
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+from flighttune.cli.options import FLOWN_BY, Verb, check_ending
+from flighttune.cli.show import campaign_display, progress_bar
+from flighttune.errors import InputError
+from flighttune.present.answer import Answer
+
+
+def page_note(file: Path) -> str:
+    """How to make the page of a count in a file."""
+    return f"A page with its flights: flighttune report {file}"
+
+
+def gap(explain_gap: Verb, scenario: str, out: Path | None, claims: list[Path] | None) -> Answer:
+    """Fly gains on plants from the paper's law to the aircraft; show what each step adds.
+
+    The commands of a LOG are flown on law and aircraft, and the answer says how much of the
+    difference lag, mass, damping and wind explain. Exit status 1 if a flight ends early, or the
+    aircraft leaves its tube.
+    """
+    from flighttune.campaign.claims import within
+    from flighttune.gaps.of_log import LogGap
+    from flighttune.recording.record import record
+    from flighttune.reports.charts import gap_sheet
+    from flighttune.reports.page import write_gap_page
+
+    stem = f"{Path(scenario.partition('@')[0]).stem}-gap"
+    folder = out or Path("runs") / stem
+    if "aircraft" in explain_gap.keywords and claims:
+        raise InputError("--claim must be absent for a log.")
+    explained = explain_gap()
+    if isinstance(explained, LogGap):
+        explained.sheet().save(folder / "gap.svg")
+        return replace(explained.answer(), files={"figure": folder / "gap.svg"})
+    explained = within(explained, claims or ())
+    files = record(explained.flown(), folder, name=stem)
+    answer = explained.answer(files.signals)
+    figure = page = None
+    if explained.steps:
+        figure, page = folder / "gap.svg", folder / "gap.html"
+        gap_sheet(explained).save(figure)
+        write_gap_page(explained, answer.tables, page)
+    files = {"recording": files.recording, "figure": figure, "page": page}
+    return replace(answer, files=files)
+
+
+def compare(compare_runs: Verb, a: str, autopilot: Path | None, out: Path | None) -> Answer:
+    """Compare runs, or gains with what an autopilot flies now.
+
+    Of runs: metrics, which is better, and how far apart the paths are; exit status 2 if manoeuvre
+    or aircraft differ. --with FILE flies a mission by the parameters of PX4 or ArduPilot beside the
+    gains, on the same draws.
+    """
+    if autopilot:
+        check_ending(out, ".html")
+    compared = compare_runs()
+    is_page = out is not None and out.suffix.lower() == ".html"
+    files = {"recording": None if is_page else out, "page": out if is_page else None}
+    answer = compared.answer()
+    if out is None or answer.failure:
+        return replace(answer, files=dict.fromkeys(files))
+    if autopilot:
+        compared.page(out, f"flighttune compare {a} --with {autopilot}")
+    elif is_page:
+        from flighttune.reports.page import write_comparison_page
+
+        write_comparison_page(compared, out)
+    else:
+        from flighttune.recording.record import write_overlay
+
+        write_overlay(compared, out)
+    return replace(answer, files=files)
+
+
+def worst(search: Verb, out: Path) -> Answer:
+    """Search dispersions and disturbances for the flight with the smallest margin.
+
+    Writes that flight as a scenario for `flighttune fly`. Exit status 1 if it leaves a tube that is
+    proven for it.
+    """
+    flight = search()
+    flight.save(out)
+    return replace(flight.answer(), files={"scenario": out})
+
+
+def tube(
+    enclose: Verb,
+    scenario: str,
+    gains: str | None,
+    out: Path | None,
+    disturbance: str | None,
+    boxes: str | None,
+) -> Answer:
+    """Enclose all flights of SCENARIO with one gain set, limits included; prove the bounds.
+
+    Exit status 1 if the set cannot be bounded for the whole time, or if a flight leaves it.
+    """
+    from flighttune.campaign.band import residual
+    from flighttune.campaign.claims import load_residual
+    from flighttune.files.load import BAND, kind_of
+    from flighttune.tubes.tube import largest_disturbance
+
+    largest, base = disturbance == "largest", Path("runs") / Path(scenario).stem
+    if largest and (boxes, out) != (None, None):
+        raise InputError("`disturbance` must be a number with --boxes or --out, got largest.")
+    try:
+        bound = None if largest or disturbance is None else float(disturbance)
+    except ValueError:
+        raise InputError(f"--disturbance: must be a number, got {disturbance!r}.") from None
+    in_file, counted = boxes is not None and kind_of(boxes) == BAND, None
+    if boxes is not None and in_file:
+        counted = load_residual(boxes)
+    elif boxes is not None:
+        with campaign_display() as observer:
+            counted = residual(boxes, gains=gains, **FLOWN_BY.get(), observer=observer)
+    with progress_bar() as progress:
+        follow = None if progress is None else partial(progress, "tube")
+        if largest:
+            settings = {**enclose.keywords, "progress": follow}
+            del settings["disturbance"]
+            return largest_disturbance(scenario, **settings).answer()
+        enclosure = enclose(boxes=counted, disturbance=bound, progress=follow)
+    files: dict[str, Path | None] = {"proof": None}
+    if enclosure.problem.band is not None and not in_file:
+        files["boxes"] = Path(f"{base}-boxes.npz")
+        enclosure.problem.band.save(files["boxes"])
+    if enclosure.status == "bounded":
+        files["proof"] = out or Path(f"{base}-tube.npz")
+        enclosure.save(files["proof"])
+    return replace(enclosure.answer(gains or ""), files=files)
+
+
+def band(count_band: Verb, source: str, flights: int | None, out: Path | None) -> Answer:
+    """Bound signals by counting flights: a new one leaves the band with at most a probability.
+
+    Its shape is learned from some flights, and its scale counted on fresh ones: it holds for all
+    signals at all times, for any law, plant and weather. --set seed=N draws others. Exit status 1
+    if too many flights did not complete for any claim.
+    """
+    from flighttune.files.load import BAND, kind_of
+
+    if kind_of(source) != BAND:
+        out = out or Path("runs") / f"{Path(source).stem}-band.npz"
+    file = out or Path(source)
+    answer = count_band(out=out).answer(file)
+    out = out or (Path(source) if flights is not None else None)
+    files = {"band": out, "page": None}
+    return replace(answer, notes=[*answer.notes, page_note(file)], files=files)
+
+
+def monitor(count_monitor: Verb, out: Path) -> Answer:
+    """Count how often a monitor of flights raises a false alarm, or learn one from logs.
+
+    It learns from healthy flights what to expect of signals that an autopilot has. --set seed=N
+    draws others. Exit status 1 if too many flights did not complete for any claim.
+    """
+    from flighttune.claims.counted import Counted
+
+    counted = count_monitor()
+    answer = counted.answer(out) if isinstance(counted, Counted) else counted.answer()
+    return replace(answer, files={"monitor": out})
