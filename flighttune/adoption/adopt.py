@@ -162,11 +162,8 @@ class Adoption(Answering):
     @property
     def flights(self) -> Table:
         """Results of the turn by gain set."""
-        return Table(
-            title=f"{self.name} at {self.V_a:.0f} m/s: {self.turn_name}",
-            columns=FLIGHT_COLUMNS,
-            records=list(self.flown.values()),
-        )
+        title = f"{self.name} at {self.V_a:.0f} m/s: {self.turn_name}"
+        return Table(FLIGHT_COLUMNS, list(self.flown.values()), title)
 
     def answer(self) -> Answer:
         """How the aircraft flies its turn; a failure unless it is adopted."""
@@ -175,14 +172,11 @@ class Adoption(Answering):
         if math.isfinite(self.glide_ratio):
             glide = f", with a glide ratio of {self.glide_ratio:.1f} at {self.V_a:.0f} m/s"
             glide += f" ({100.0 * share:.0f} % of the drag is {drag})" if drag else ""
+        values = pick(self, "status reason engines seconds")
+        values |= {"V_a_mps": self.V_a, "glide_ratio": self.glide_ratio}
+        values |= {"largest_drag": {drag: share} if drag else {}}
         return Answer(
-            values={
-                **pick(self, "status reason engines seconds"),
-                "V_a_mps": self.V_a,
-                "glide_ratio": self.glide_ratio,
-                "largest_drag": dict([self.largest_drag]) if self.largest_drag[0] else {},
-                **pick(self, "fit_percent flown"),
-            },
+            values=values | pick(self, "fit_percent flown"),
             tables=[self.flights],
             notes=self.notes,
             verdict=f"{self.status} in {self.seconds:.0f} s{glide}",
@@ -508,8 +502,7 @@ def _measures(flown: FlownScenario, gains: str, plant: str) -> dict[str, Any]:
     channels = [channel for channel in CHANNEL_SYMBOLS if channel in measured]
     return {
         "gains": gains,
-        "status": run.status,
-        "reason": run.reason,
+        **pick(run, "status reason"),
         "ITAE": {channel: measured[channel]["ITAE"] for channel in channels},
         "ST_deg": {channel: measured[channel]["ST_rad"] / DEG for channel in channels},
     }
@@ -621,16 +614,13 @@ def draft_text(tables: Mapping[str, Any], begun: Mapping[str, Any], reason: str)
     surveyed = {key: tables[key] for key in changed}
     later = (name for name in ("surfaces", "engines", *LATER) if name not in surveyed)
     missing = ", ".join(f"[{name}]" for name in later)
-    return aircraft_text(
-        surveyed,
-        (
-            f"refused: {reason}",
-            f"missing: {missing}; their keys are in docs/aircraft.md",
-            "`flighttune adopt` can be told more: --set NAME=VALUE, --throttle, --aileron, "
-            "--elevator, --rudder PROPERTY, --glide, --no-rudder, --V-a; `replaces` in [surfaces] "
-            "goes past a flight control",
-        ),
+    missing = f"missing: {missing}; their keys are in docs/aircraft.md"
+    more = (
+        "`flighttune adopt` can be told more: --set NAME=VALUE, --throttle, --aileron, --elevator, "
+        "--rudder PROPERTY, --glide, --no-rudder, --V-a; `replaces` in [surfaces] goes past a "
+        "flight control"
     )
+    return aircraft_text(surveyed, (f"refused: {reason}", missing, more))
 
 
 def turn_text(aircraft: str, start: FlightCondition, tables: Mapping[str, Any]) -> str:

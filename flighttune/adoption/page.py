@@ -27,9 +27,6 @@ CRITERION = (
 )
 
 
-TRIMS = "Steady flight about the airspeed chosen."
-
-
 def write_adoption(adoption: Adoption) -> Path:
     """Write the page of an aircraft into its folder, and return it."""
     assert adoption.folder is not None
@@ -39,6 +36,9 @@ def write_adoption(adoption: Adoption) -> Path:
     answer = adoption.answer()
     styles = run_styles(adoption.turn.runs)
     flights = [(run, styles[run.label]) for run in adoption.turn.runs if len(run.signals)]
+    flown = {"airspeed": f"{adoption.V_a:.4g} m/s", "engines": str(adoption.engines)}
+    made_with = {"flighttune": version("flighttune"), "JSBSim": version("jsbsim")}
+    files = config.file, adoption.folder / TURN
     page = write_answer(
         adoption.folder / PAGE,
         title=f"{config.title} at {adoption.V_a:.0f} m/s",
@@ -60,30 +60,19 @@ def write_adoption(adoption: Adoption) -> Path:
             ),
             "trims": Section(
                 title="Where it flies",
-                note=TRIMS,
-                tables=[Table(title="Trims", columns=TRIM_COLUMNS, records=adoption.trims)],
+                note="Steady flight about the airspeed chosen.",
+                tables=[Table(TRIM_COLUMNS, adoption.trims, "Trims")],
                 legend=False,
             ),
         },
         legend=list(styles.items()),
         styles=styles,
-        provenance=facts_table(
-            "",
-            {
-                "airspeed": f"{adoption.V_a:.4g} m/s",
-                "engines": str(adoption.engines),
-                "flighttune": version("flighttune"),
-                "JSBSim": version("jsbsim"),
-            },
-        ),
+        provenance=facts_table("", flown | made_with),
         commands=f"""# from the folder that holds {adoption.name}/
 flighttune adopt {config.model} --V-a {adoption.V_a:.4g}
 flighttune fly {adoption.name}/turn.toml
 flighttune trim ./{adoption.name}
 flighttune identify ./{adoption.name}""",
-        texts={
-            "aircraft.toml": config.file.read_text(encoding="utf-8"),
-            TURN: (adoption.folder / TURN).read_text(encoding="utf-8"),
-        },
+        texts={file.name: file.read_text(encoding="utf-8") for file in files},
     )
     return page.path

@@ -116,10 +116,7 @@ MOVES = 1e-3
 GEAR = "gear/gear-pos-norm"
 
 # Positions in which drag is out, and the number of properties tried to put it in.
-OUT = (
-    *("fcs/speedbrake-pos-norm", "fcs/spoiler-pos-norm", "fcs/spoilers-pos-norm"),
-    *("fcs/flap-pos-norm", GEAR),
-)
+OUT = *(f"fcs/{x}-pos-norm" for x in ("speedbrake", "spoiler", "spoilers", "flap")), GEAR
 MAX_TRIED_IN = 100
 
 # Airspeed (m/s) and angle of attack of the states in which a model shows what it refers to.
@@ -260,10 +257,8 @@ def survey(
 def drag_at(bench: Bench, state: AirframeState) -> dict[str, Any]:
     """Values of `Survey` about the drag in a state of flight."""
     bench.accelerations(state)
-    return {
-        "glide_ratio": bench.fdm.reader("forces/lod-norm")(),
-        "largest_drag": _largest_drag(bench.fdm),
-    }
+    fdm = bench.fdm
+    return {"glide_ratio": fdm.reader("forces/lod-norm")(), "largest_drag": _largest_drag(fdm)}
 
 
 def wide_tables(model: str) -> dict[str, Any]:

@@ -215,6 +215,7 @@ class Gap(Answering):
     def answer(self, signals: Mapping[str, Path] | None = None) -> Answer:
         """The steps and the inner loop; a failure unless all rungs flew to the end."""
         ladder = self.flown().records(signals or {})
+        changes = [(x, *cause) for x in CHANNEL_SYMBOLS if (cause := self.cause(x))]
         lags = {
             name: {**lag_table(lag), "fit_percent": fit} for name, (lag, fit) in self.lags.items()
         }
@@ -241,11 +242,7 @@ class Gap(Answering):
                 "contributions": [step.values for step in self.steps],
                 "whole": None if self.whole is None else self.whole.values,
                 "largest_residual": self.residual if self.steps else None,
-                "cause": {
-                    channel: {"adds": cause[0], "ITAE": cause[1]}
-                    for channel in CHANNEL_SYMBOLS
-                    if (cause := self.cause(channel))
-                },
+                "cause": {x: {"adds": adds, "ITAE": change} for x, adds, change in changes},
                 "mismatch": mismatch,
                 "planning": self._largest,
                 **around.values,
@@ -450,14 +447,8 @@ def explain_flight(
         "point_mass": make(wind=wind, g=g),
         "point_mass_lag": make(lagged, wind=wind, g=g),
     }
-    fly = partial(
-        fly_once,
-        scenario,
-        gains=made_by.gains,
-        gains_name=made_by.gains_name,
-        limits=limits,
-        progress=progress,
-    )
+    by = pick(made_by, "gains gains_name")
+    fly = partial(fly_once, scenario, limits=limits, progress=progress, **by)
     runs = [
         fly(
             plant if wind is None else steered(plant, scenario),

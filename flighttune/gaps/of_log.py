@@ -126,42 +126,27 @@ PART_COLUMNS = [Column("from_s", "from", "s", ".1f"), *RUNG_COLUMNS[1:]]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LogGap(Answering):
-    """The difference between a real flight and a model that flies its commands.
+    """The difference between a real flight and a model that flies its commands."""
 
-    Attributes
-    ----------
-    log, aircraft : str
-        Names of log and model.
-    t : ndarray, shape (stretches, samples), s
-        Times of the stretches whose commands were flown, from the start of the log.
-    logged : mapping of str to ndarray, shape (stretches, samples)
-        Signals of the log in SI, the commands too; ``nose`` is pitch minus path angle,
-        ``tail`` ground speed minus airspeed.
-    flights : mapping of str to (mapping of str to ndarray, shape (stretches, samples))
-        Signals of what flew the commands: the paper's law, the exact point mass, that behind the
-        identified lag, the aircraft, and the aircraft as it explains most. NaN where a flight
-        ended.
-    factors : mapping of str to tuple of three floats
-        Value of each factor that explains most, and the ends of its interval at 95 %; without
-        those that the log cannot tell.
-    causes : mapping of str to tuple of two floats
-        Share of the aircraft's difference that each cause explains alone, and that is left
-        without it; squares are summed over all signals, each over its size in `SCALES`.
-    explained : float
-        Share that all factors explain.
-    notes : tuple of str
-        Sentences on what the log cannot tell, and why.
-    """
-
+    # names of log and model
     log: str
     aircraft: str
+    # (stretches, samples), s: times of the stretches whose commands were flown, in the log
     t: FloatArray
+    # in SI, the commands too; ``nose`` is pitch minus path angle, ``tail`` ground speed minus
+    # airspeed
     logged: Signals
+    # by what flew the commands: the paper's law, the exact point mass, that behind the identified
+    # lag, the aircraft, and the aircraft as it explains most; NaN where a flight ended
     flights: Mapping[str, Signals]
+    # value of each factor that explains most, and the ends of its interval at 95 %; without those
+    # that the log cannot tell
     factors: Mapping[str, tuple[float, float, float]]
+    # share of the aircraft's difference that each cause explains alone, and that is left without
+    # it; squares are summed over all signals, each over its size in `SCALES`
     causes: Mapping[str, tuple[float, float]]
-    explained: float
-    notes: tuple[str, ...]
+    explained: float  # share that all factors explain
+    notes: tuple[str, ...]  # sentences on what the log cannot tell, and why
 
     def answer(self) -> Answer:
         """Differences by what flew the commands, causes, factors, and where they part."""
@@ -192,14 +177,11 @@ class LogGap(Answering):
         ]
         chi, t = np.abs(np.nan_to_num(apart[self.aircraft]["chi"])), _compared(self.t, self.t)
         worst = np.unravel_index(np.argmax(chi), chi.shape)
-        causes_named = (
-            f"{', '.join(self.causes)} together explain {100.0 * self.explained:.1f} %"
-            if self.causes
-            else "the log can tell no cause"
-        )
+        share = f"{', '.join(self.causes)} together explain {100.0 * self.explained:.1f} %"
+        told = share if self.causes else "the log can tell no cause"
         verdict = (
-            f"Of the difference between {self.log} and {self.aircraft}, {causes_named}; the course "
-            f"parts most at {t[worst]:.1f} s, by {chi[worst] * DEG_PER_RAD:.1f} deg."
+            f"Of the difference between {self.log} and {self.aircraft}, {told}; the course parts "
+            f"most at {t[worst]:.1f} s, by {chi[worst] * DEG_PER_RAD:.1f} deg."
         )
         values = {"explained_percent": 100.0 * self.explained}
         ended = [

@@ -229,13 +229,9 @@ STEP_COLUMNS = [
 def steps_table(steps: Sequence[StepResponse]) -> Table:
     """Steps flown against what was asked for."""
     records = [
-        {
-            **pick(step, "name channel overshoot overshoot_allowed met"),
-            "V_a_mps": step.V_a,
-            "step": step.size,
-            "t90_s": step.t90,
-            "t90_allowed_s": step.t90_allowed,
-        }
+        pick(step, "name channel overshoot overshoot_allowed met")
+        | {"V_a_mps": step.V_a, "step": step.size}
+        | {"t90_s": step.t90, "t90_allowed_s": step.t90_allowed}
         for step in steps
     ]
     return Table(title="step responses", name="steps", columns=STEP_COLUMNS, records=records)
@@ -277,21 +273,11 @@ def step_figure(config: AircraftConfig, steps: Sequence[StepResponse]) -> Sheet:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class DesignedAircraft(Answering):
-    """An aircraft with the inner loop designed for it.
+    """An aircraft with the inner loop designed for it."""
 
-    Attributes
-    ----------
-    config : AircraftConfig
-        The aircraft with its new gains.
-    steps : tuple of StepResponse
-        Its step responses, flown with them.
-    before : mapping of str to float
-        Gains that the aircraft had, by name; empty without.
-    """
-
-    config: AircraftConfig
-    steps: tuple[StepResponse, ...]
-    before: Mapping[str, float]
+    config: AircraftConfig  # with its new gains
+    steps: tuple[StepResponse, ...]  # flown with them
+    before: Mapping[str, float]  # gains that the aircraft had, by name; empty without
 
     @property
     def gains(self) -> InnerLoopGains:
@@ -325,14 +311,9 @@ class DesignedAircraft(Answering):
             {"gain": name, "designed": value, "before": self.before.get(name)}
             for name, value in self.gains.gains.items()
         ]
-        return Answer(
-            values={"gains": self.gains.gains},
-            tables=[
-                Table(columns("gain designed before"), compared, self.config.title),
-                steps_table(self.steps),
-            ],
-            failure=self.missed,
-        )
+        gains = Table(columns("gain designed before"), compared, self.config.title)
+        values, tables = {"gains": self.gains.gains}, [gains, steps_table(self.steps)]
+        return Answer(values=values, tables=tables, failure=self.missed)
 
 
 def design(aircraft: AircraftConfig | str | Path) -> DesignedAircraft:

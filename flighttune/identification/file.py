@@ -63,13 +63,8 @@ class LagTable(_Table):
     @property
     def lag(self) -> InnerLag:
         """The lag; what its order does not have keeps the default."""
-        return InnerLag(
-            order=self.order,
-            natural_frequency=self.natural_frequency_rad_s,
-            damping=self.damping or 1.0,
-            lag=self.lag_s or 1.0,
-            delay=self.delay_s,
-        )
+        shape = {"damping": self.damping or 1.0, "lag": self.lag_s or 1.0, "delay": self.delay_s}
+        return InnerLag(order=self.order, natural_frequency=self.natural_frequency_rad_s, **shape)
 
 
 def lag_table(lag: InnerLag) -> dict[str, Any]:
@@ -215,16 +210,11 @@ LAG_COLUMNS = columns(
 
 def lags_table(aircraft: IdentifiedAircraft) -> Table:
     """Every lag with its fit, a row each channel of a condition."""
-    records = [
-        {
-            "V_a_mps": point.V_a,
-            "gamma_deg": point.gamma * DEG_PER_RAD,
-            "channel": name,
-            **channel.model_dump(exclude={"simpler"}),
-        }
-        for point in aircraft.conditions
-        for name, channel in point.channels.items()
-    ]
+    records = []
+    for point in aircraft.conditions:
+        place = {"V_a_mps": point.V_a, "gamma_deg": point.gamma * DEG_PER_RAD}
+        for name, channel in point.channels.items():
+            records.append({**place, "channel": name, **channel.model_dump(exclude={"simpler"})})
     title = f"{aircraft.aircraft}: identified inner loop"
     return Table(title=title, columns=LAG_COLUMNS, records=records)
 

@@ -151,27 +151,13 @@ def _of_one_order(identifications: Sequence[Identification]) -> tuple[Identifica
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class AircraftIdentification(Answering):
-    """Identification of an aircraft, and of its airframe without the inner loop.
+    """Identification of an aircraft, and of its airframe without the inner loop."""
 
-    Attributes
-    ----------
-    identified : IdentifiedAircraft
-        The content of a model file.
-    conditions : tuple of Identification
-        The flights, condition by condition.
-    skipped : tuple of str
-        Why a requested condition is missing: one sentence each.
-    modes : sequence of mapping
-        Modes of the airframe alone about the first condition.
-    folder : Path
-        Folder of the aircraft.
-    """
-
-    identified: IdentifiedAircraft
-    conditions: tuple[Identification, ...]
-    skipped: tuple[str, ...]
-    modes: Sequence[Mapping[str, Any]]
-    folder: Path
+    identified: IdentifiedAircraft  # content of a model file
+    conditions: tuple[Identification, ...]  # the flights, condition by condition
+    skipped: tuple[str, ...]  # why a requested condition is missing: one sentence each
+    modes: Sequence[Mapping[str, Any]]  # of the airframe alone about the first condition
+    folder: Path  # of the aircraft
 
     @property
     def place(self) -> str:
@@ -197,17 +183,11 @@ class AircraftIdentification(Answering):
         ]
         less = f"a lag explains less than {GOOD_FIT:g} % of {'; '.join(poor)}"
         title = f"{self.place}: airframe without the inner loop"
+        airframe = Table(MODE_COLUMNS, self.modes, title, name="modes")
+        values = {"aircraft": self.identified.aircraft, "channels": conditions[0]["channels"]}
         return Answer(
-            values={
-                "aircraft": self.identified.aircraft,
-                "channels": conditions[0]["channels"],
-                "conditions": conditions,
-                "skipped": self.skipped,
-            },
-            tables=[
-                lags_table(self.identified),
-                Table(MODE_COLUMNS, self.modes, title, name="modes"),
-            ],
+            values={**values, "conditions": conditions, "skipped": self.skipped},
+            tables=[lags_table(self.identified), airframe],
             notes=[FIT_NOTE, *(f"left out: {reason}" for reason in self.skipped)],
             failure=f"{self.identified.aircraft}: {less}" if poor else "",
         )

@@ -112,24 +112,14 @@ class ChannelOfLogs:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LogIdentification(Answering):
-    """The response of an inner loop as logs show it.
+    """The response of an inner loop as logs show it."""
 
-    Attributes
-    ----------
-    identified : IdentifiedAircraft or None
-        The content of a model file; None where a channel has no lag.
-    channels : mapping of str to ChannelOfLogs
-        Lags by channel, with their intervals.
-    untold : mapping of str to str
-        Why the logs cannot tell a channel, by its name.
-    names : tuple of str
-        The logs.
-    """
-
-    identified: IdentifiedAircraft | None
+    identified: (
+        IdentifiedAircraft | None
+    )  # content of a model file; None where a channel has no lag
     channels: Mapping[Channel, ChannelOfLogs]
-    untold: Mapping[str, str]
-    names: tuple[str, ...]
+    untold: Mapping[str, str]  # why the logs cannot tell a channel, by its name
+    names: tuple[str, ...]  # of the logs
 
     @property
     def title(self) -> str:
@@ -178,12 +168,9 @@ class LogIdentification(Answering):
             notes.append(f"residual rates up to {rates}: {evidence.sentence}")
         if self.identified is None:
             name = next(iter(self.untold))
-            return Answer(
-                values={"untold": dict(self.untold)},
-                tables=tables,
-                failure=f"{self.title}: {self.untold[name]}; give its bandwidth to be assumed, "
-                f"--assume {name}=RAD_S, or logs that show it",
-            )
+            ask = f"give its bandwidth to be assumed, --assume {name}=RAD_S, or logs that show it"
+            failure = f"{self.title}: {self.untold[name]}; {ask}"
+            return Answer(values={"untold": dict(self.untold)}, tables=tables, failure=failure)
         values = {**identified_tables(self.identified), "untold": dict(self.untold)}
         return Answer(values=values, tables=[*tables, lags_table(self.identified)], notes=notes)
 
@@ -563,16 +550,14 @@ def _aircraft(
     n_z, n_z_rate = _range(runs, "n_z", 1.0)
     missed = np.concatenate([_missed(run, lags) for run in runs])
     largest = dict(zip(("chi", "gamma"), missed.max(axis=0, initial=0.0).tolist(), strict=True))
+    seen = {"phi_deg": phi, "phi_rate_dps": phi_rate, "n_z": n_z, "n_z_rate_per_s": n_z_rate}
     evidence = LogEvidence.model_construct(
         logs=names,
         assumed=tuple(name for name in CHANNELS if name not in channels),
         frequency_95_rad_s={n: c.frequency for n, c in channels.items() if c.frequency},
         delay_95_s={n: c.delay for n, c in channels.items() if c.delay},
         stretches={name: channel.stretches for name, channel in channels.items()},
-        phi_deg=phi,
-        phi_rate_dps=phi_rate,
-        n_z=n_z,
-        n_z_rate_per_s=n_z_rate,
+        **seen,
         residual_rad_s=largest if len(missed) else None,
         residual_stretches=len(missed),
     )

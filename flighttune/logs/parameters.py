@@ -27,30 +27,14 @@ HELD = {"NPFG_PERIOD": 10.0, "NPFG_DAMPING": 0.7071}
 
 
 class Flown(NamedTuple):
-    """The guidance that a user flies now.
+    """The guidance that a user flies now."""
 
-    Attributes
-    ----------
-    law : Autopilot
-        Its law, by the parameters that it uses.
-    name : str
-        Guidance, autopilot and version in words.
-    rows : list of mapping
-        Every parameter used, with its ``value`` and where it is ``from``.
-    unused : list of str
-        Other parameters of the guidance, which the law does not use.
-    rest : int
-        Number of the parameters of the file that are of no guidance.
-    notes : list of str
-        Sentences about what the version changes.
-    """
-
-    law: Autopilot
-    name: str
-    rows: list[dict[str, Any]]
-    unused: list[str]
-    rest: int
-    notes: list[str]
+    law: Autopilot  # by the parameters that it uses
+    name: str  # guidance, autopilot and version in words
+    rows: list[dict[str, Any]]  # every parameter used, with its ``value`` and where it is ``from``
+    unused: list[str]  # other parameters of the guidance
+    rest: int  # number of the parameters of the file that are of no guidance
+    notes: list[str]  # sentences about what the version changes
 
 
 def flown_now(path: str | Path, version: str | None = None) -> Flown:

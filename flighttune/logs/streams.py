@@ -11,12 +11,8 @@ from flighttune.arrays import FloatArray
 from flighttune.errors import RecordingError
 from flighttune.logs.read import Stream
 
-# Angles by quaternion, and whether it is one from front-left-up to east-north-up.
-QUATERNIONS = {
-    "q": (("phi", "theta", "psi"), False),
-    "q_enu": (("phi", "theta", "psi"), True),
-    "q_cmd": (("phi_cmd", "theta_cmd", "psi_cmd"), False),
-}
+# Ending of the angles by quaternion, and whether it is one from front-left-up to east-north-up.
+QUATERNIONS = {"q": ("", False), "q_enu": ("", True), "q_cmd": ("_cmd", False)}
 
 # Cost of a turn between two samples over that of a nose that is off the course.
 SMOOTH = 20.0
@@ -27,9 +23,10 @@ def with_angles(raw: dict[str, Stream]) -> None:
 
     The sign of a part w that the log has not is the one that keeps attitude steady and nose ahead.
     """
-    for name, (angles, enu) in QUATERNIONS.items():
+    for name, (ending, enu) in QUATERNIONS.items():
+        phi, theta, psi = (f"{angle}{ending}" for angle in ("phi", "theta", "psi"))
         parts = {part: raw.pop(f"{name}_{part}") for part in "wxyz" if f"{name}_{part}" in raw}
-        if not set("xyz") <= set(parts) or angles[0] in raw:
+        if not set("xyz") <= set(parts) or phi in raw:
             continue
         t = parts["x"][0]
         x, y, z = (np.interp(t, *parts[part]) for part in "xyz")
@@ -44,9 +41,9 @@ def with_angles(raw: dict[str, Stream]) -> None:
             w = w * _signs(w, np.column_stack([x, y, z]), course)
         pitch = np.arcsin(np.clip(2.0 * (w * y - z * x), -1.0, 1.0))
         yaw = _yaw(w, x, y, z)
-        raw[angles[0]] = t, np.arctan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
-        raw[angles[1]] = t, -pitch if enu else pitch
-        raw[angles[2]] = t, 0.5 * math.pi - yaw if enu else yaw
+        raw[phi] = t, np.arctan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
+        raw[theta] = t, -pitch if enu else pitch
+        raw[psi] = t, 0.5 * math.pi - yaw if enu else yaw
 
 
 def _yaw(w: FloatArray, x: FloatArray, y: FloatArray, z: FloatArray) -> FloatArray:
