@@ -158,17 +158,14 @@ def largest_distances(draws):
         yield np.hypot(*observations[:, place].T).max()
 
 
-@pytest.mark.slow
-def test_the_law_flies_a_leg_and_a_turn_within_a_metre():
-    distances = [*largest_distances(range(5))]
+@pytest.mark.parametrize(
+    "draws", [pytest.param(5, marks=pytest.mark.slow), pytest.param(100, marks=pytest.mark.counts)]
+)
+def test_the_law_flies_a_leg_and_a_turn_within_a_metre(draws):
+    distances = [*largest_distances(range(draws))]
 
     assert max(distances) < CORRIDOR_M
     assert min(distances) > 0.0
-
-
-@pytest.mark.counts
-def test_the_law_flies_a_leg_and_a_turn_within_a_metre_in_a_hundred_draws():
-    assert max(largest_distances(range(100))) < CORRIDOR_M
 
 
 def test_a_flight_that_fails_is_terminated_and_loses_the_time_left():

@@ -225,9 +225,8 @@ def check_roll_in(scenario: Scenario) -> None:
         where, per_load = f"[reference.{channel}]", f.V_a_mps * DEG / f.g_mps2
         load = ramp.rate_dps * per_load
         bound = float(limits.upper[i] if load > 0.0 else limits.lower[i])
-        largest = (
-            math.tan(min(max(bound, -STEEPEST_ROLL), STEEPEST_ROLL)) if i == 0 else bound - 1.0
-        )
+        roll = min(max(bound, -STEEPEST_ROLL), STEEPEST_ROLL)
+        largest = math.tan(roll) if i == 0 else bound - 1.0
         if abs(load) > abs(largest):
             raise InputError(
                 f"{where} `rate_dps` must lie within {largest / per_load:.4g} deg/s where it rolls "

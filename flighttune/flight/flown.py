@@ -129,17 +129,17 @@ class FlownScenario(Answering):
 
         `signals`: files of recorded runs by label.
         """
+        shown = RUN_COLUMNS if self.scenario.route is None else ROUTE_COLUMNS
         tuning, place = self.scenario.tuning, "steady flight on the first reference"
         loop = f"linear loop on the kinematic law, {place}"
         if tuning.model == "identified":
             place = "nominal condition" if tuning.robust else place
             loop = f"linear loop on the identified aircraft, {place}"
-        unknown = {"R_K": None, "I_K": None, "E_K": None}
         loops = {name: pick(value, "R_K I_K E_K") for name, value in self.indicators.items()}
-        runs = [
-            {**record, "indicators": loops.get(record["gains"], unknown)}
-            for record in self.records(signals or {})
-        ]
+        runs = self.records(signals or {})
+        for run in runs:
+            run["indicators"] = loops.get(run["gains"], dict.fromkeys(("R_K", "I_K", "E_K")))
+        linear = [{"gains": name, **values} for name, values in loops.items()]
         notes = [f"{run.label}: {run.outcome}" for run in self.runs if run.status != "completed"]
         notes += priority_notes(self.runs)
         around = claimed(self.runs)
@@ -166,17 +166,8 @@ class FlownScenario(Answering):
                 **around.values,
             },
             tables=[
-                Table(
-                    RUN_COLUMNS if self.scenario.route is None else ROUTE_COLUMNS,
-                    runs,
-                    self.scenario.title,
-                    grouped=True,
-                ),
-                Table(
-                    columns("gains R_K I_K E_K"),
-                    [{"gains": name, **values} for name, values in loops.items()],
-                    loop,
-                ),
+                Table(shown, runs, self.scenario.title, grouped=True),
+                Table(columns("gains R_K I_K E_K"), linear, loop),
             ],
             notes=[*self.scenario.notes, *slopes, *around.notes, *notes],
             verdict=f"{sentence}. {next_step}" if next_step else sentence,
@@ -193,8 +184,7 @@ def advice(scenario: Scenario, runs: Sequence[Run], source: str, slopes: Sequenc
     lines, sound = dict[str, None](), list[Run]()
     for run in runs:
         name = run.provenance.gains_name
-        doubt = mistake(run) if scenario.law_table(name).of_the_user else ""
-        if doubt:
+        if scenario.law_table(name).of_the_user and (doubt := mistake(run)):
             lines[f"{name}: {doubt}"] = None
         else:
             sound.append(run)

@@ -179,12 +179,9 @@ class _Linearised:
         gram, gram_slopes = A.T @ A, A.T @ self._trim_slopes
         gram_slopes = gram_slopes + gram_slopes.mT
         spectrum, smallest = np.linalg.eigvalsh(Q0), np.linalg.eigvalsh(gram)[0]
-        factors = (
-            (spectrum[-1], Q0, Q_slopes),
-            (spectrum[0], Q0, Q_slopes),
-            (smallest, gram, gram_slopes),
-        )
-        for (matrix, slopes), (value, now, change) in zip(self._trim, factors, strict=True):
+        values = spectrum[-1], spectrum[0], smallest
+        parts = (Q0, Q_slopes), (Q0, Q_slopes), (gram, gram_slopes)
+        for (matrix, slopes), (now, change), value in zip(self._trim, parts, values, strict=True):
             matrix.value = now / value
             slopes.value = change.reshape(slopes.shape) / value
         self._room.value = math.log(self._problem.I_star / point.trim.I_K) - excess
