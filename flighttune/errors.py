@@ -109,17 +109,7 @@ class CampaignError(FlightTuneError, RuntimeError):
 
 
 class StoppedError(FlightTuneError):
-    """The observer of a count or search stopped its flights, of which none is kept.
-
-    Examples
-    --------
-    >>> observer = ft.CampaignObserver()
-    >>> observer.stopped = True
-    >>> few = {"epsilon": 0.3, "confidence": 0.9, "learn": 10, "workers": 1}
-    >>> ft.band("level_turn", start_deg=2.0, plant="kinematic", observer=observer, **few)
-    Traceback (most recent call last):
-    StoppedError: the observer stopped the flights.
-    """
+    """The observer of a count or search stopped its flights, of which none is kept."""
 
 
 def ending_of(code: int) -> str:

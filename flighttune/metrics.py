@@ -176,15 +176,13 @@ def channel_metrics(run: Run) -> "pd.DataFrame":
 
 
 def measures(run: Run) -> dict[str, dict[str, float]]:
-    """All measures of a run, as numbers.
+    """All measures of a run, as numbers; empty for one of fewer than two samples, and for a log.
 
-    Returns ``chi`` and ``gamma``: `channel_metrics`, ``peak_rad``, the largest magnitude of the
-    error, and ``end_error``, the mean error at the end, with the largest that counts as followed,
-    ``end_allowed``; ``flight``: `flight_metrics`; and where the airspeed is a channel ``V``, of
-    which ``min_mps`` is the lowest airspeed; its step measures count from the first change of its
-    reference. What only a requirement asks for is there too: `settling_measures`, and
-    the largest ratio of an error to its envelope (see `envelope_bounds`), for which ``cross_track``
-    and ``height_err`` have entries. Empty for a run of fewer than two samples, and for a log.
+    ``chi`` and ``gamma``: `channel_metrics`, ``peak_rad``, the largest magnitude of the error, and
+    the mean error at the end, ``end_error``, with ``end_allowed``; ``flight``: `flight_metrics`;
+    and where the airspeed is a channel ``V``, of which ``min_mps`` is the lowest airspeed. What
+    only a requirement asks for is there too: `settling_measures`, and the largest ratio of an error
+    to its envelope, for which ``cross_track`` and ``height_err`` have entries.
     """
     if len(run.signals) < 2 or run.provenance.log:
         return {}

@@ -17,7 +17,7 @@ from flighttune.control.linear_model import LinearModel
 from flighttune.errors import InfeasibleError, InputError
 from flighttune.files.whole import write_text
 from flighttune.flight import models
-from flighttune.flight.load import as_scenario, load_scenario, scenario_and_gains
+from flighttune.flight.load import as_scenario, scenario_and_gains
 from flighttune.flight.own import with_own
 from flighttune.identification.file import files_of
 from flighttune.present.answer import Answer, Answering, Table
@@ -101,16 +101,12 @@ def tune(
     """
     if isinstance(source, TuningProblem):
         return tune_problem(source, starts=STARTS if starts is None else starts)
-    scenario = source if isinstance(source, Scenario) else load_scenario(source, changes=changes)
-    chosen = {} if starts is None else {"starts": starts}
+    scenario = as_scenario(source, changes)
+    stated, chosen = scenario.tuning, {} if starts is None else {"starts": starts}
     check_at_least(1, **chosen)
-    settings = scenario.tuning.model_copy(
-        update={"model": model or scenario.tuning.model, **chosen}
-    )
-    everywhere = settings.model == "identified"
-    if everywhere and envelope:
-        settings = settings.model_copy(update={"robust": True})
-    scenario = scenario.model_copy(update={"tuning": settings})
+    everywhere = (model or stated.model) == "identified"
+    own = {"model": model or stated.model, "robust": stated.robust or (everywhere and envelope)}
+    scenario = scenario.model_copy(update={"tuning": stated.model_copy(update=own | chosen)})
     if lag is not None and (envelope or scenario.tuning.objective == "cost"):
         raise InputError("`lag` must be absent over an envelope, and with a quadratic cost.")
     if envelope and not everywhere and not (law or scenario.laws[0]).same_everywhere:

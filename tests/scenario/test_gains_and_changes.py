@@ -83,6 +83,12 @@ def test_gain_sets_that_cannot_be_flown_together_are_refused(names, message, tur
         with_gains(ft.load_scenario(turn), names, "turn")
 
 
+@pytest.mark.parametrize("verb", [ft.fly, ft.tune, ft.certify])
+def test_values_cannot_be_set_in_a_scenario_that_is_no_file(verb, turn):
+    with pytest.raises(ft.InputError, match=r"`changes` .* got flight\.V_a_mps"):
+        verb(ft.load_scenario(turn), changes={"flight.V_a_mps": 30.0})
+
+
 def test_values_set_by_key_are_flown_and_named_in_the_title(turn):
     scenario = ft.load_scenario(turn, changes={"flight.V_a_mps": 30, "limits.phi_deg": [-20, 20]})
     run = ft.fly(scenario).runs[0]

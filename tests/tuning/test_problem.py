@@ -1,4 +1,4 @@
-"""The problem, its polytope of gains, and starts that are stable."""
+"""The problem, its polytope of gains, stable starts, and the slopes that SLSQP is given."""
 
 from dataclasses import replace
 
@@ -9,10 +9,13 @@ import flighttune as ft
 from flighttune.control.inner_loop import with_input_lag
 from flighttune.control.linear_model import closed_loops
 from flighttune.tuning.problem import decoupled
-from flighttune.tuning.program import stabilising_starts
+from flighttune.tuning.program import Program, stabilising_starts
+from flighttune.tuning.tune import relaxed, searches
+from tests.tuning.conftest import ALL_LIMITS
 
 PRINTED_DIGITS = 5e-4
 ROUNDING = 1e-12
+STEP, TRUNCATION = 1e-5, 1e-6  # of central differences, whose error is relative to the largest
 
 
 def test_the_papers_gains_break_its_own_limits_by_the_amounts_known(printed):
@@ -77,3 +80,33 @@ def test_starts_are_stable_inside_the_bounds_and_the_same_for_one_seed(model, se
 def test_a_problem_that_makes_no_sense_is_refused_by_name(model, change, error, message):
     with pytest.raises(error, match=message):
         ft.loop.TuningProblem(model=model, **change)
+
+
+def test_slopes_of_several_models_are_those_of_central_differences(printed, model):
+    K_fixed = np.full((2, 4), np.nan)
+    K_fixed[0, 1] = 0.1
+    whole = {"I_star": 9.0, "K_fixed": K_fixed, "scaling": None}
+    lagged = with_input_lag(model, (4.0, 8.0))
+    several = [replace(printed, model=plant, **whole) for plant in (model, lagged)]
+    task = Program(several, "R_K")
+    z = np.array([2.5, 0.8, 0.3, -0.2, 2.7, 0.1, 0.9, 4.0, -3.0, -2.0, 1.0])
+
+    slopes = task.room_slopes(z)
+
+    moves = STEP * np.eye(len(z))
+    differences = np.array([task.room(z + move) - task.room(z - move) for move in moves]).T
+    assert slopes == pytest.approx(
+        differences / (2.0 * STEP), abs=TRUNCATION * np.abs(slopes).max()
+    )
+
+
+def test_starts_outside_the_limits_end_inside_where_there_is_room(printed):
+    problem = relaxed(printed, ALL_LIMITS, 7.0)
+    k = stabilising_starts(problem, 12)
+    outside = k[problem.slack(k).min(axis=1) < 0.0]
+
+    ends = searches(problem, outside, "R_K")
+
+    assert len(outside) > 2
+    assert all(end.within_limits and end.I_K <= problem.I_star for end in ends)
+    assert [end.R_K for end in ends] == pytest.approx([0.526] * len(ends), abs=5e-4)
