@@ -26,7 +26,7 @@ from flighttune.units import DEG
 
 # Epsilon, confidence and flights to learn from by default: of a band, and of a monitor.
 EPSILON, CONFIDENCE, LEARN = 0.01, 0.999, 500
-MONITOR_EPSILON, MONITOR_CONFIDENCE, MONITOR_LEARN = 0.05, 0.95, 100
+ALARMS, SURE, HEALTHY = 0.05, 0.95, 100
 
 
 def band(  # noqa: PLR0913 - each is a choice of the user, and has a default
@@ -292,10 +292,10 @@ def tube(
 def monitor(  # noqa: PLR0913 - as `band`
     source: Flights | Scenario | Campaign | Plan | Run | str | Path,
     *logs: Run | str | Path,
-    epsilon: float = MONITOR_EPSILON,
-    confidence: float = MONITOR_CONFIDENCE,
+    epsilon: float = ALARMS,
+    confidence: float = SURE,
     flights: int | None = None,
-    learn: int = MONITOR_LEARN,
+    learn: int = HEALTHY,
     gains: str | None = None,
     plant: str | None = None,
     air: str | None = None,
@@ -370,26 +370,20 @@ def monitor(  # noqa: PLR0913 - as `band`
     """
     of_file = isinstance(source, str | Path) and kind_of(source) == LOG
     if isinstance(source, Run) or logs or of_file:
-        defaults = {
-            "epsilon": MONITOR_EPSILON,
-            "confidence": MONITOR_CONFIDENCE,
-            "learn": MONITOR_LEARN,
-            "start_deg": 0.0,
-        }
-        chosen = {"epsilon": epsilon, "confidence": confidence, "learn": learn}
-        chosen |= {"start_deg": start_deg, "flights": flights, "gains": gains, "plant": plant}
-        chosen |= {"air": air, "seed": seed, "changes": changes or None}
+        defaults = {"epsilon": ALARMS, "confidence": SURE, "learn": HEALTHY}
+        chosen = dict[str, Any](epsilon=epsilon, confidence=confidence, learn=learn)
+        chosen |= {"start_deg": start_deg or None, "flights": flights, "gains": gains}
+        chosen |= {"plant": plant, "air": air, "seed": seed, "changes": changes or None}
         for name, value in chosen.items():
             if value != defaults.get(name):
                 raise InputError(
                     f"`{name}` must be absent with logs, whose number is what the claim rests on."
                 )
-        made: Monitor | LogMonitor = monitor_of_logs(
-            [
-                log if isinstance(log, Run) else load_one(str(log), A_LOG, LOG, columns=columns)
-                for log in (source, *logs)
-            ]
-        )
+        runs = [
+            log if isinstance(log, Run) else load_one(str(log), A_LOG, LOG, columns=columns)
+            for log in (source, *logs)
+        ]
+        made: Monitor | LogMonitor = monitor_of_logs(runs)
     elif columns:
         raise InputError("`columns` must be absent without a log.")
     else:
