@@ -5,6 +5,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from scipy.spatial import cKDTree
 
 from flighttune.arrays import FloatArray
@@ -202,17 +203,17 @@ def turning_back(plan: Plan, stated: str | float) -> Plan:
         if key.startswith("route.") or key == "flight.h_m":
             raise InputError(f"`{key}` must be the same in all flights that turn back.")
     s = path.points(APART)
-    north_east_up = path.beside(s)
+    north, east, up = path.beside(s).T
     V_a = np.interp(s, path.s, planned.reference.V)
     turn_rate = np.interp(s, path.s, path.curvature) * V_a / DEG
     gamma = np.arctan(np.interp(s, path.s, path.slope))
     places = {
         "along_m": s,
-        "north_m": north_east_up[:, 0],
-        "east_m": north_east_up[:, 1],
+        "north_m": north,
+        "east_m": east,
         "chi_deg": np.interp(s, path.s, path.course) / DEG,
         "gamma_deg": gamma / DEG,
-        "h_m": planned.where[2] + north_east_up[:, 2],
+        "h_m": planned.where[2] + up,
         "V_a_mps": V_a,
         "rate_dps": turn_rate * np.cos(gamma),
         "back_dps": rate_of(bank_deg * DEG, V_a + planned.wind, g),
@@ -223,9 +224,7 @@ def turning_back(plan: Plan, stated: str | float) -> Plan:
         "turn_deg": turn_deg,
         "detected_s": DETECTED_S + float(np.abs(V_a - start_mps).max()) / (CHANGE_N_X * g),
         "roll_rate_dps": phi_rate,
-        "place": [
-            dict(zip(places, row, strict=True)) for row in np.stack([*places.values()], 1).tolist()
-        ],
+        "place": pd.DataFrame(places).to_dict("records"),
     }
     tables = nominal.as_dict() | {"turn_back": table, "expect": []}
     del tables["route"]
