@@ -62,7 +62,7 @@ ITAE, MARGIN = "ITAE", "margin"
 WANTED = 0.2
 
 # Margins of the linear loop that are required unless the scenario states others
-MARGINS = {"gain_margin_dB": 6.0, "phase_margin_deg": 35.0}
+MARGINS: dict[str, Bound] = {"gain_margin_dB": 6.0, "phase_margin_deg": 35.0}
 
 # Measures of the loop, of which larger is better, that are named where they are worse than with the
 # gains of the start by more than this share; and the error at the end, rad or m/s, that is named
@@ -642,9 +642,7 @@ def _required(scenario: Scenario) -> list[str]:
 def _default_margins(scenario: Scenario) -> list[ExpectTable]:
     """`MARGINS` as a requirement, without those that the scenario bounds itself."""
     bounded = {in_rad(name) for table in scenario.expect for name in table.at_least.get("loop", ())}
-    left: dict[str, Bound] = {
-        name: bound for name, bound in MARGINS.items() if in_rad(name) not in bounded
-    }
+    left = {name: bound for name, bound in MARGINS.items() if in_rad(name) not in bounded}
     return [ExpectTable(at_least={"loop": left})] if left else []
 
 

@@ -12,11 +12,8 @@ import flighttune as ft
 from flighttune.campaign.beside import OURS, YOURS, Beside
 from flighttune.campaign.flying.rows import scenario_of_run
 
-SHORT = {
-    "route.waypoint": [
-        {"north_m": n, "east_m": e} for n, e in ((0.0, 0.0), (500.0, 0.0), (700.0, 300.0))
-    ]
-}
+CORNERS = (0.0, 0.0), (500.0, 0.0), (700.0, 300.0)
+SHORT = {"route.waypoint": [{"north_m": n, "east_m": e} for n, e in CORNERS]}
 FEW = {"flights": 2, "workers": 1, "changes": SHORT}
 
 
@@ -35,11 +32,8 @@ def beside(file):
 @pytest.mark.slow
 def test_both_fly_the_same_draws_and_the_answer_has_both(beside, file):
     keys = [*beside.plan.keys, "seed", "draw"]
-    yours, ours = (
-        beside.rows[beside.rows["gains"] == name][keys].reset_index(drop=True)
-        for name in (YOURS, OURS)
-    )
-    assert yours.equals(ours)
+    yours, ours = (beside.rows.loc[beside.rows["gains"] == x, keys] for x in (YOURS, OURS))
+    assert yours.to_dict("records") == ours.to_dict("records")
     assert len(yours) == 2
     answer = beside.answer()
     assert len(answer.summary) == 4
@@ -49,27 +43,21 @@ def test_both_fly_the_same_draws_and_the_answer_has_both(beside, file):
     assert "not the firmware; not checked against a log" in answer.summary[3]
     assert answer.values["unused"] == ["TECS_THR_DAMP"]
     assert answer.values["rest"] == 1
-    assert {row["from"] for row in answer.values["parameters"]} == {
-        file.name,
-        "default of ArduPilot 4.5",
-    }
+    sources = {row["from"] for row in answer.values["parameters"]}
+    assert sources == {file.name, "default of ArduPilot 4.5"}
 
 
 @pytest.mark.slow
 def test_ours_are_the_flights_that_a_campaign_has(beside):
     alone = ft.flights("circuit_in_wind", changes=SHORT).plan()
     row = beside.rows[(beside.rows["gains"] == OURS) & (beside.rows["draw"] == 1)].iloc[0]
-    names = [f"flight.{name}" for name in ("cross_track_m", "height_err_m", "V_a_dev_mps")]
     group = next(i for i, x in enumerate(alone.groups) if x.gains == beside.plan.groups[-1].gains)
-    run = ft.fly(scenario_of(alone, len(alone.groups) + group)).runs[-1]
+    number = len(alone.groups) + group
+    enough = alone.with_runs(max(alone.runs, number + 1))
+    run = ft.fly(scenario_of_run(enough, number)).runs[-1]
     flown = ft.loop.flight_metrics(run)
-    assert [row[name] for name in names] == pytest.approx(
-        [flown[name.removeprefix("flight.")] for name in names], rel=1e-9
-    )
-
-
-def scenario_of(plan, run):
-    return scenario_of_run(plan.with_runs(max(plan.runs, run + 1)), run)
+    for name in ("cross_track_m", "height_err_m", "V_a_dev_mps"):
+        assert row[f"flight.{name}"] == pytest.approx(flown[name], rel=1e-9)
 
 
 @pytest.mark.slow
