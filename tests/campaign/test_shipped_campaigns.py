@@ -14,6 +14,8 @@ FLOWN, ON_CIRCUITS = 12, 2
 LONG = {"circuit_in_wind_a4", "circuit_in_wind_c172p"}
 """Campaigns whose first flights alone take over 10 s."""
 
+FLYABLE = [pytest.param(x, marks=[pytest.mark.counts] * (x in LONG)) for x in CAMPAIGN_NAMES]
+
 
 @pytest.mark.parametrize("name", CAMPAIGN_NAMES)
 def test_every_campaign_says_what_it_is_for(name):
@@ -36,13 +38,7 @@ def test_the_table_of_campaigns_says_what_their_headers_say():
     ]
 
 
-@pytest.mark.parametrize(
-    "name",
-    [
-        pytest.param(name, marks=pytest.mark.counts if name in LONG else ())
-        for name in CAMPAIGN_NAMES
-    ],
-)
+@pytest.mark.parametrize("name", FLYABLE)
 def test_the_first_flights_of_every_campaign_are_flown(name):
     flown = 1 if name in LONG else ON_CIRCUITS if name.startswith("circuit") else FLOWN
     plan = ft.plan_campaign(ft.load_campaign(name), runs=flown)
