@@ -17,11 +17,11 @@ from fuzzing import EDGES, TEXTS, damaged, digit_changed, holder_of, places_in
 
 import flighttune as ft
 from flighttune.campaign import band as band_module
+from flighttune.files.array import write_sealed
 from flighttune.files.table import tables_of
 from flighttune.tubes.enclosure import load_tube
 from tests.campaign.test_band import ALONE, count
 from tests.campaign.test_band import FEW as FEW_OF
-from tests.claims.test_band import write_band
 from tests.made_up import shortened
 from tests.made_up_band import counted_boxes
 from tests.tubes.test_aircraft import flight
@@ -198,7 +198,7 @@ def forge_band(path, draw):
         arrays[name] = np.array(changed_text(str(arrays[name]), draw))
     else:
         arrays[name] = changed_rows(arrays[name], draw).astype(arrays[name].dtype)
-    write_band(path, arrays)
+    write_sealed(path, arrays)
 
 
 def another_claim(path, _):
