@@ -238,6 +238,10 @@ def _signals(
     names = dict.fromkeys(chosen or (OFF_ROUTE if plan.campaign.central.route else ERRORS))
     for name in names:
         if name not in run.signals:
+            if run.reason and not len(run.signals):
+                raise InputError(
+                    f"The flight without anything drawn must start: {run.reason.removesuffix('.')}."
+                )
             recorded = ", ".join(map(str, run.signals.columns))
             raise InputError(f"`signal` must be one of {recorded}, got {name!r}.")
     return {name: run.units.get(name) or SIGNAL_UNITS.get(name, "") for name in names}, ()

@@ -7,7 +7,7 @@ from typing import Any
 
 from flighttune.aircraft.aircraft import AircraftConfig, load_aircraft, start_faults
 from flighttune.control.gains import PIGains
-from flighttune.errors import InfeasibleError, InputError, ScenarioError
+from flighttune.errors import InfeasibleError, InputError, ScenarioError, TrimError
 from flighttune.files.mistakes import joined, validated
 from flighttune.files.shipped import scenario_files
 from flighttune.files.table import toml_tables
@@ -15,6 +15,7 @@ from flighttune.flight import conditions
 from flighttune.flight.models import gain_set, tuning_scaling
 from flighttune.identification.file import load_identified
 from flighttune.plants.jsbsim.plant import check_off_nominal
+from flighttune.references.follow import RouteReference
 from flighttune.references.mission import RouteFile
 from flighttune.scenario.load import existing_file, title_with, with_changes, with_files, with_gains
 from flighttune.scenario.schema import Scenario
@@ -23,6 +24,9 @@ from flighttune.units import DEG
 
 # Key of [flight] for each attribute of a condition that an aircraft bounds.
 FLIGHT_KEYS = {"V_a": "V_a_mps", "h": "h_m", "phi": "phi_deg", "n_z": "n_z"}
+
+# Path angle by which a route may be shallower than a glide, rad: 0.1 deg.
+OFF_GLIDE = 0.1 * DEG
 
 # Longest flight along the route of a file, s.
 LONGEST_S = 10_000.0
@@ -218,10 +222,31 @@ def _faults(scenario: Scenario, plant: PlantTable) -> Iterator[str]:
             check_off_nominal(config.with_off_nominal(plant.airframe))
         except InputError as error:
             yield f"[plant.airframe] {error}"
+    if scenario.route is not None and not config.engines.count:
+        yield from _glide_faults(scenario, config)
     ground = scenario.flight.ground_m
     for name, fault in start_faults(config, conditions.start_condition(scenario), ground):
         yield f"[flight] `{FLIGHT_KEYS[name]}` {fault}"
     yield from _limit_faults(scenario, config)
+
+
+def _glide_faults(scenario: Scenario, config: AircraftConfig) -> Iterator[str]:
+    """A route that does not descend as steeply as an aircraft without an engine glides."""
+    from flighttune.plants.jsbsim.trim import level  # where only the law flies, no JSBSim
+
+    f, route = scenario.flight, conditions.reference_of(scenario)
+    assert isinstance(route, RouteReference)  # of a scenario with a route
+    try:
+        glide = level(config, f.V_a_mps, f.h_m).gamma
+    except TrimError:  # the run says so
+        return
+    highest = max(route.path.stretches, key=lambda stretch: stretch.gamma)
+    if highest.gamma > glide + OFF_GLIDE:
+        yield (
+            f"[plant] `aircraft` must have an engine for a route that is not all descent: its "
+            f"path angle is {highest.gamma / DEG:.1f} deg on the {highest.words}, and "
+            f"{Path(config.file).parent.name} glides at {glide / DEG:.1f} deg"
+        )
 
 
 def _limit_faults(scenario: Scenario, config: AircraftConfig) -> Iterator[str]:

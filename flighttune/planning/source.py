@@ -76,16 +76,16 @@ class Flights:
         return () if self.mission is None else own_fence(self.mission)
 
     def starting(self, within_deg: float) -> "Flights":
-        """The flights of a scenario from starts drawn within this half-width, deg."""
+        """Flights of a scenario from starts drawn within this half-width, deg; 0 keeps theirs."""
         check_not_negative(start_deg=within_deg)
         self._check_scenario("start_deg", within_deg)
-        return replace(self, start_deg=within_deg)
+        return replace(self, start_deg=within_deg or self.start_deg)
 
     def disturbed(self, largest: float) -> "Flights":
-        """The flights of a scenario with both rates disturbed by up to this size, rad/s."""
+        """Flights of a scenario with both rates disturbed by up to this, rad/s; 0 keeps theirs."""
         check_not_negative(disturbance=largest)
         self._check_scenario("disturbance", largest)
-        return replace(self, disturbance=(largest, largest))
+        return replace(self, disturbance=(largest, largest) if largest else self.disturbance)
 
     def _check_scenario(self, name: str, value: float) -> None:
         if value and self.campaign is not None:

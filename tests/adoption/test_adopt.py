@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from commands import answer, flighttune
-from places import SHIPPED_AIRCRAFT
+from places import SHIPPED_AIRCRAFT, SHIPPED_SCENARIOS
 
 import flighttune as ft
 from flighttune.adoption.adopt import final_tables
@@ -754,6 +754,11 @@ def test_a_glider_turns_about_its_steady_glide(tmp_path):
     assert trims[0]["gamma_deg"] == pytest.approx(start.gamma / DEG, abs=CENTIDEGREE)
     _, err = flighttune("trim", tmp_path / "sgs126", "--gamma", 0, status=1)
     assert re.search(r"it has no engine and glides at -\d\.\d+ deg", err)
+    plan = SHIPPED_SCENARIOS / "survey.plan"
+    _, err = flighttune("mission", plan, "--plan", "--aircraft", tmp_path / "sgs126", status=2)
+    assert re.search(
+        r"must have an engine .* path angle is \d\.\d deg .* glides at -\d\.\d deg", err
+    )
     speeds = "--V-a", 1, "--V-a", found["V_a_mps"]
     (skipped,) = answer("identify", tmp_path / "sgs126", *speeds)["skipped"]
     assert "no steady glide at V_a 1 m/s" in skipped

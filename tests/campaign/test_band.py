@@ -151,6 +151,14 @@ def test_what_cannot_be_counted_is_refused_in_one_line(plan, settings, message):
     assert "\n" not in str(caught.value)
 
 
+def test_a_flight_that_cannot_start_is_the_reason_why_its_signals_cannot_be_counted():
+    dive = ft.load_scenario("level_turn", changes={"flight.gamma_deg": -30.0})
+    flights = ft.flights(dive).starting(1.0)
+
+    with pytest.raises(ft.InputError, match=r"must start: .* no steady flight .*[^.]\.$"):
+        ft.band(flights, plant="jsbsim:aerosonde", gains="paper", signals=["h"])
+
+
 @pytest.mark.slow
 def test_the_command_counts_reads_adds_and_verifies(tmp_path):
     disperse = '[[disperse]]\nkey="{key}"\ndistribution="uniform"\nlower={lower}\nupper={upper}\n'
