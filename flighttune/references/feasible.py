@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
+import numpy.typing as npt
 
 from flighttune.arrays import FloatArray
 from flighttune.control.controller import FlightCondition
@@ -113,17 +114,17 @@ class FeasibleReference:
 
     def rates(self, t: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the mean rates of chi and gamma (rad/s) over the sample of each time `t` (s)."""
-        sample = np.clip(np.floor(np.asarray(t) / self.dt + 1e-6).astype(np.intp), 0, len(self.chi))
-        chi, gamma = (
-            np.append(np.diff(angle), [0.0, 0.0])[sample] / self.dt
-            for angle in (self.chi, self.gamma)
-        )
-        return chi, gamma
+        sample = self._sample(t, len(self.chi))
+        chi, gamma = (np.append(np.diff(x), [0.0, 0.0])[sample] for x in (self.chi, self.gamma))
+        return chi / self.dt, gamma / self.dt
 
     def commands(self, t: FloatArray) -> FloatArray:
         """Return the feed-forward of roll (rad) and load factor (1) at times `t` (s), (n, 2)."""
-        sample = np.floor(np.asarray(t) / self.dt + 1e-6).astype(np.intp)
-        return self.planned[np.clip(sample, 0, len(self.planned) - 1)]
+        return self.planned[self._sample(t, len(self.planned) - 1)]
+
+    def _sample(self, t: FloatArray, last: int) -> npt.NDArray[np.intp]:
+        """Numbers of the samples in which times lie, from 0 to the last."""
+        return np.clip(np.floor(np.asarray(t) / self.dt + 1e-6).astype(np.intp), 0, last)
 
 
 @lru_cache(maxsize=64)
@@ -167,10 +168,9 @@ def feasible_reference(manoeuvre: Manoeuvre) -> FeasibleReference:
 
 
 def _check(manoeuvre: Manoeuvre) -> None:
+    limits = [*zip(COMMANDS, manoeuvre.lower, manoeuvre.upper, strict=True)]
     for end, commands in (("begin", manoeuvre.u_0), ("end", manoeuvre.u_end)):
-        for name, low, value, high in zip(
-            COMMANDS, manoeuvre.lower, commands, manoeuvre.upper, strict=True
-        ):
+        for (name, low, high), value in zip(limits, commands, strict=True):
             if not low <= value <= high:
                 raise InputError(
                     f"`{name}` of a feasible reference must {end} in {low:.4g} to {high:.4g} (the "

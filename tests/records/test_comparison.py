@@ -3,6 +3,7 @@
 import copy
 import dataclasses
 import math
+from itertools import product
 
 import pandas as pd
 import pytest
@@ -86,12 +87,6 @@ def test_runs_pair_by_label_then_by_plant_then_by_gains(fly_line):
     assert paired((law,), (tuned[1],)) == [(law, tuned[1])]
 
 
-def other(scenario, table, key, value):
-    changed = copy.deepcopy(scenario)
-    changed[table][key] = value
-    return changed
-
-
 @pytest.mark.parametrize(
     ("table", "key", "got"),
     [
@@ -103,9 +98,10 @@ def other(scenario, table, key, value):
 )
 def test_another_manoeuvre_cannot_be_compared(fly_line, table, key, got):
     run = fly_line()
-    changed = fly_line(scenario=other(run.provenance.scenario, table, key, got))
+    scenario = copy.deepcopy(run.provenance.scenario)
+    scenario[table][key] = got
 
-    found = ft.compare(run, changed)
+    found = ft.compare(run, fly_line(scenario=scenario))
 
     assert not found.comparable
     assert "the manoeuvre must be the same" in found.reason
@@ -122,12 +118,15 @@ def test_two_aircraft_cannot_be_compared_but_law_and_aircraft_can(fly_line):
     assert "the aircraft must be the same, got aerosonde and c172p" in refused.reason
 
 
+def never_flown(run):
+    nothing = pd.DataFrame(index=pd.Index([], name="t", dtype=float))
+    return dataclasses.replace(run, signals=nothing, status="no_gains", reason="infeasible")
+
+
 def test_a_run_that_never_flew_cannot_be_compared(fly_line):
     run = fly_line()
-    nothing = pd.DataFrame(index=pd.Index([], name="t", dtype=float))
-    never = dataclasses.replace(run, signals=nothing, status="no_gains", reason="infeasible")
 
-    assert "must have flown, got no_gains: infeasible" in ft.compare(run, never).reason
+    assert "must have flown, got no_gains: infeasible" in ft.compare(run, never_flown(run)).reason
 
 
 def test_a_run_cut_short_is_compared_over_the_time_both_flew(fly_line):
@@ -140,20 +139,17 @@ def test_a_run_cut_short_is_compared_over_the_time_both_flew(fly_line):
 
 def test_the_runs_of_one_source_are_compared_with_its_first(fly_line):
     runs = [fly_line(gains=gains) for gains in ("paper", "K1", "K2")]
-    nothing = pd.DataFrame(index=pd.Index([], name="t", dtype=float))
-    never = dataclasses.replace(runs[2], signals=nothing, status="no_gains", reason="infeasible")
 
-    found = ft.compare(Source(name="runs/mine", runs=(*runs, never)))
+    found = ft.compare(Source(name="runs/mine", runs=(*runs, never_flown(runs[2]))))
 
     assert [(pair.a, pair.b) for pair in found.pairs] == [(runs[0], run) for run in runs[1:]]
     assert found.missing == ("kinematic / K2: no gains: infeasible",)
 
 
 def test_behind_an_at_sign_gains_or_plant_choose_among_the_runs_of_a_folder(fly_line, tmp_path):
-    for plant in ("kinematic", "jsbsim:aerosonde"):
-        for gains in ("paper", "K1"):
-            run = fly_line(plant=plant, gains=gains)
-            (tmp_path / f"{plant[:3]}-{gains}.parquet").write_bytes(parquet_bytes(run))
+    for plant, gains in product(("kinematic", "jsbsim:aerosonde"), ("paper", "K1")):
+        run = fly_line(plant=plant, gains=gains)
+        (tmp_path / f"{plant[:3]}-{gains}.parquet").write_bytes(parquet_bytes(run))
 
     assert {r.provenance.gains_name for r in load_source(f"{tmp_path}@K1").runs} == {"K1"}
     assert len(load_source(f"{tmp_path}@kinematic").runs) == 2
