@@ -164,9 +164,8 @@ class Plan:
             theirs, tuned = other.gain_sets.get(name), name.rpartition(":")[2] in TUNED_SETS
             if tuned and mine is not None and theirs is not None:
                 close = TUNING_ROUNDING * np.abs(mine.K).max()
-                gain_sets[name] = (
-                    theirs if np.allclose(mine.numbers, theirs.numbers, 0.0, close) else mine
-                )
+                if np.allclose(mine.numbers, theirs.numbers, 0.0, close):
+                    gain_sets[name] = theirs
         return replace(self, gain_sets=gain_sets)
 
     def draw_of(self, run: int) -> int:

@@ -30,8 +30,8 @@ LIKE, SHIFTS = "circuit_in_wind", ("cg_aft_m", "cg_right_m", "cg_down_m")
 
 INERTIAS = "ixx_factor", "iyy_factor", "izz_factor"
 
-# Angular frequencies of a disturbance without a stated one, rad/s.
-FREQUENCIES = (0.05, 6.0)
+# Angular frequencies of a disturbance without a stated one, rad/s, and its phases, deg.
+FREQUENCIES, PHASES_DEG = (0.05, 6.0), (-180.0, 180.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -245,19 +245,13 @@ def about(
         scenario = on_plants(scenario, [plant])  # another may not stand the disturbance
     tables = scenario.as_dict()
     drawn: list[Dispersion] = []
-    if start_deg:
-        for key in ("flight.chi_deg", "flight.gamma_deg"):
-            drawn.append(Uniform(key=key, lower=-start_deg, upper=start_deg, acts="adds"))
-    if any(disturbance):
-        for channel, size in zip(CHANNEL_SYMBOLS, disturbance, strict=True):
-            if not size:
-                continue
-            for key, low, high in (
-                ("amplitude", -size, size),
-                ("omega_rad_s", *FREQUENCIES),
-                ("phase_deg", -180.0, 180.0),
-            ):
-                drawn.append(Uniform(key=f"disturbance.{channel}_{key}", lower=low, upper=high))
-        tables["disturbance"] = {"wave": "square"}
+    for key in ("flight.chi_deg", "flight.gamma_deg") if start_deg else ():
+        drawn.append(Uniform(key=key, lower=-start_deg, upper=start_deg, acts="adds"))
+    for channel, size in zip(CHANNEL_SYMBOLS, disturbance, strict=True):
+        ranges = {"amplitude": (-size, size), "omega_rad_s": FREQUENCIES, "phase_deg": PHASES_DEG}
+        for key, (low, high) in ranges.items() if size else ():
+            drawn.append(Uniform(key=f"disturbance.{channel}_{key}", lower=low, upper=high))
+        if size:
+            tables["disturbance"] = {"wave": "square"}
     table = CampaignTable(title=scenario.title, scenario=name, runs=1, disperse=drawn)
     return campaign_on(table, scenario_from(tables), name)
