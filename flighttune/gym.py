@@ -124,10 +124,11 @@ class FlightEnv(Env):
             self._plan = plan_campaign(campaign.model_copy(update=both))
             stated = self._plan.scenario
         self._world = self.scenario = scenario = with_own(_at(rate_hz, stated))
-        plants = *scenario.aircraft, *scenario.plant
-        self._plant = _chosen("plant", plant, [table.label for table in plants])
+        self._plant = plant or (*scenario.aircraft, *scenario.plant)[0].label
         names = sorted(scenario.gain_names, key=lambda name: name != TUNED_IDENTIFIED)
-        self._gains = _chosen("gains", gains, names)
+        if gains not in (None, *names):
+            raise InputError(f"`gains` must be one of {', '.join(names)}, got {gains}.")
+        self._gains = gains or names[0]
         self._gain_set = None if self._plan is None else self._plan.gain_sets[self._gains]
         self._episode = _Episode(scenario, self._plant)
         limits = self._episode.limits
@@ -324,10 +325,3 @@ def _at(rate_hz: float, scenario: Scenario) -> Scenario:
     tables = scenario.controller.model_dump() | {"rate_hz": rate_hz}
     controller = validated(ControllerTable, tables, "`FlightEnv`")
     return scenario.model_copy(update={"controller": controller})
-
-
-def _chosen(key: str, name: str | None, names: Sequence[str]) -> str:
-    """A plant or gain set by its name, by default the first."""
-    if name not in (None, *names):
-        raise InputError(f"`{key}` must be one of {', '.join(dict.fromkeys(names))}, got {name}.")
-    return name or names[0]
