@@ -18,7 +18,8 @@ from flighttune.units import G_PAPER
 # Time (s) to the disturbance of course and flight-path-angle rate (rad/s).
 Disturbance: TypeAlias = Callable[[float], tuple[float, float]]
 
-# Of a forcing: turning and lifting part of the load factor, n_x (0 without one), the disturbance.
+# A forcing is the turning and the lifting part of the load factor, n_x (0 without one), and the
+# disturbance; rates are those of the state in its order, airspeed last.
 Numbers: TypeAlias = tuple[float, ...]
 
 # Further signals of a point in a wind record.
@@ -194,6 +195,7 @@ class PointMassPlant:
             chi, gamma = course_of(over_ground)
             self._chi += math.remainder(chi - self._chi, math.tau)
             chi, wind_signals = self._chi, (*wind, math.hypot(*over_ground))
+        # Without lags the command is flown at once.
         phi, n_z, *n_x = [channel.at(self._t) for channel in self._channels] or self._command
         disturbance = self._disturbance(self._t)
         further = (*wind_signals, *n_x, *self._range)
@@ -258,7 +260,7 @@ class PointMassPlant:
             flown = (channel.over(step, count) for channel in self._channels)
             parts = list(map(self._parts, *flown))
         else:
-            parts = [self._parts(*self._command)] * (count + 1)
+            parts = [self._parts(*self._command)] * (count + 1)  # held: computed once
         return [(*each, *self._disturbance(start + i * step)) for i, each in enumerate(parts)]
 
     def _parts(self, phi: float, n_z: float, n_x: float = 0.0) -> tuple[float, float, float]:

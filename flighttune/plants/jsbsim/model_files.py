@@ -144,12 +144,10 @@ def wing_span(config: AircraftConfig) -> float | None:
     Raises PlantError if the file cannot be read.
     """
     span = main_root(config).find("metrics/wingspan")
-    if span is None or not span.text:
-        return None
-    try:
-        return float(span.text) * (1.0 if span.get("unit") == "M" else FT)
-    except ValueError:
-        return None
+    with suppress(ValueError):
+        if span is not None:
+            return float(span.text or "") * (1.0 if span.get("unit") == "M" else FT)
+    return None
 
 
 def model_files(config: AircraftConfig) -> tuple[Path, ...]:
