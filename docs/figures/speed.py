@@ -5,11 +5,14 @@ of them take ten minutes on two cores that do nothing else.
 """
 
 import json
+import platform
 import re
 import subprocess
 import sys
 from pathlib import Path
 from typing import Any
+
+import flighttune
 
 ROOT = Path(__file__).parents[2]
 PAGE = ROOT / "docs" / "speed.md"
@@ -92,7 +95,7 @@ def ratios(folder: Path) -> list[tuple[str, ...]]:
         (
             "R_K and I_K of many gain sets ([4 states](cost.svg))",
             peer,
-            f"{theory['peers'][name]['ratio']:.3g} times as fast",
+            f"{theory['peers'][name]['ratio']:.0f} times as fast",
             "",
         )
         for name, peer in PEERS.items()
@@ -141,7 +144,11 @@ def main() -> None:
     ]
     seconds = dict(tuning["seconds"])
     margins = seconds.pop("margins")
+    named = re.search(r"^model name\s*: (.*)", Path("/proc/cpuinfo").read_text(), re.MULTILINE)
     text = TEXT.format(
+        version=flighttune.__version__,
+        python=platform.python_version(),
+        processor=named[1] if named else platform.machine(),
         ratios=table(ratios(folder)),
         bare=f"{jsbsim['bare_us_a_step']:.1f}",
         kinematic=table(kinematic),
@@ -160,8 +167,9 @@ TEXT = """\
 How long do flights, campaigns and commands take, and against what? `make bench` measures each
 ratio against a named peer in the same run, and ends with exit status 1 if one misses its bar.
 `python docs/figures/speed.py FOLDER` writes this page. Figures differ from day to day with the same
-code: these were measured on two cores that others used at the same time, which slows Python more
-than the steps of JSBSim. Bare steps are `fdm.run()` of the same aircraft and time.
+code: these are of flighttune {version} with Python {python} on two cores of {processor} that others
+used at the same time, which slows Python more than the steps of JSBSim. Bare steps are `fdm.run()`
+of the same aircraft and time.
 
 | what | against | measured | bar |
 |---|---|--:|--:|
@@ -187,10 +195,9 @@ of four runs 4 s, and `campaign first_campaign` three times as long as `fly pape
 |---|--:|--:|
 {kinematic}
 
-Two cores that do nothing else fly 255 000 runs of JSBSim of 20 s an hour with a dispersed airframe,
-the start of the workers included, and one core 129 000
-(`python benchmarks/bench_campaign_scaling.py`); in wind and turbulence and with sensors two cores
-fly 221 000 (`flighttune campaign aerosonde_dispersed`).
+Two workers take 1.02 times the processor time of two plain processes for the same rows
+(`python benchmarks/bench_campaign_scaling.py`). Two cores with 4.2 µs a step that do nothing else
+fly 255 000 runs of JSBSim of 20 s an hour with a dispersed airframe (flighttune 0.3.0).
 """
 
 
