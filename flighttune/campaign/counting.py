@@ -432,6 +432,8 @@ def _extremes(
         flown = run.signals[signals].to_numpy()
     values, route = np.ravel(window_extremes(flown, samples)).tolist(), reference_of(scenario)
     moved = route.displacement(run.signals) if isinstance(route, RouteReference) else 0.0
+    # Behind its start, or blown back, a flight is not where its distances along and off say: it is
+    # outside of any band. What is learned from takes it: it is only a shape.
     if not anywhere and {*OFF_ROUTE} & {*signals} and moved > SAME_PLACE:
         values = LOST * (len(values) // 2)
     return [*values, *wind_at_start(scenario)] if windy else values
