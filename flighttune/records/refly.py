@@ -159,8 +159,14 @@ def reflights(
                 "to be flown again."
             )
     again = fly(scenario, laws=laws, plants=plants, progress=progress)
-    first = ((run, tuple(islice(differences(run, again[run.label]), 1))) for run in runs)
-    return tuple(CheckedRun(name=x.label, status=x.status, differences=found) for x, found in first)
+    return tuple(
+        CheckedRun(
+            name=run.label,
+            status=run.status,
+            differences=tuple(islice(differences(run, again[run.label]), 1)),
+        )
+        for run in runs
+    )
 
 
 def changed_versions(then: Mapping[str, str]) -> dict[str, tuple[str, str]]:

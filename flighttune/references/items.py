@@ -88,7 +88,7 @@ def read_items(
     skip: bool,
     terrain: str | Path | None = None,
 ) -> RouteFile:
-    """What is flown of items; `home`: latitude and longitude, deg, height above sea level, m.
+    """The route that items make; `home`: latitude and longitude, deg, height above sea level, m.
 
     `skip`: leave out commands that change the flight but have no place. Raises InputError, with the
     number and name of each item that cannot be flown.

@@ -325,9 +325,9 @@ class _Layout:
         return courses
 
     def _turns(self) -> Iterator[tuple[Pieces, float]]:
-        """What is flown at each waypoint: circles, a corner, or nothing beside a turn-around.
+        """The flight at each waypoint (circles, a corner, nothing beside a turn-around), its reach.
 
-        With it comes the distance from its beginning to the foot of the waypoint on the leg, m.
+        The reach is the distance from its beginning to the foot of the waypoint on the leg, m.
         """
         yield (), 0.0
         for i, (into, out) in enumerate(pairwise([*self.courses, self.courses[-1]]), start=1):
