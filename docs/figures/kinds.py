@@ -27,6 +27,9 @@ KINDS = {
 }
 COMMANDS = ("mission", "band", "meet", "export", "gap")
 
+# Before the reason of an error.
+FILES = re.compile(r"flighttune: |\S*/\S*: ")
+
 # Few flights are counted: whether a command answers, not what it says.
 FEW = ("--flights", "12", "--epsilon", "0.2", "--confidence", "0.8")
 
@@ -86,10 +89,13 @@ def asked(kind: str, model: str | Path, folder: Path) -> dict[str, str]:
 
 def text(rows: list[dict[str, str]]) -> str:
     """The table, and below it why a command has no answer."""
-    said = [(row["aircraft"], name, row[name]) for row in rows for name in COMMANDS]
-    reasons = [f"- `{model}`, `{name}`: {why}" for model, name, why in said if why != "yes"]
+    reasons = []
+    for name in COMMANDS:
+        if said := [(row["aircraft"], row[name]) for row in rows if row[name] != "yes"]:
+            models = ", ".join(model for model, _ in said)
+            reasons.append(f"- `{name}` of {models}, the first: {FILES.sub('', said[0][1])}")
     short = [row | {name: "no" for name in COMMANDS if row[name] != "yes"} for row in rows]
-    header = [Column(name) for name in ("kind", "aircraft", *COMMANDS)]
+    header = [Column(name, name) for name in ("kind", "aircraft", *COMMANDS)]
     return "\n".join([Table(columns=header, records=short).markdown(), "", *reasons]).rstrip()
 
 

@@ -89,7 +89,7 @@ SAME = 1e-9
 SAME_SHAPE = 1e-6
 
 # Signals of the kinds of counts that are not recorded, with their units.
-OWN_SIGNALS: Mapping[Of, Mapping[str, str]] = {"residual": RESIDUALS, "turn_back": ROOM}
+OWN_SIGNALS: Mapping[Of, dict[str, str]] = {"residual": {**RESIDUALS}, "turn_back": ROOM}
 
 # Keeps of a completed flight what is counted of it.
 Probe: TypeAlias = partial[list[float]]

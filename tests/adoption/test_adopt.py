@@ -815,7 +815,8 @@ def test_an_aircraft_that_was_not_adopted_is_not_written_over(tmp_path):
 def test_the_page_of_the_docs_names_every_model_of_the_wheel():
     text = (Path(__file__).parents[2] / "docs/hangar.md").read_text(encoding="utf-8")
     above, refusals = text.split("\n## Refused\n")
-    table, remarks = above.split("\n## Remarks\n")
+    above, remarks = above.split("\n## Remarks\n")
+    table, commands = above.split("\n## With every command\n")
     adopted = [line.split("|")[1].strip() for line in table.splitlines() if line.startswith("| ")][
         2:
     ]
@@ -824,5 +825,6 @@ def test_the_page_of_the_docs_names_every_model_of_the_wheel():
 
     assert sorted([*adopted, *flies, *refused]) == sorted(models_of_jsbsim())
     assert len(adopted) >= 44
+    assert commands.count("| yes | yes | yes | yes | yes |") == 8  # but for gliders
     known = "737", "A320", "c182", "DHC6", "J3Cub", "T38", "B747", "p51d", "sgs126", "f16"
     assert set(known) <= set(adopted)
