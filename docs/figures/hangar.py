@@ -177,8 +177,6 @@ into an aircraft that every command takes: {
         version("jsbsim")
     }.
 
-NASA's check cases 11 and 13 are not compared: their F-16 is another model than JSBSim's `f16`.
-
 ## Adopted
 
 Each aircraft flies a turn of 20° with a climb of 3°; a glider descends 3° steeper than its glide
