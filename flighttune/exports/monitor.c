@@ -1,11 +1,11 @@
 /* Monitor ${title}; made by flighttune ${version}.
  *
- * Residuals of signals that an autopilot has, from what healthy flights make expect: its score is the
- * largest so far over its limit, and above 1 it alarms.
+ * Residuals are signals of an autopilot minus what healthy flights predict. The score is the largest
+ * residual so far relative to its limit; a score above 1 is an alarm.
  * ${claim}
  *
  * Units: rad, m/s, s; load factor n_z in weights, surfaces and throttle as in the table of signals of
- * flighttune (docs/scenario.md), *_err is reference minus actual. A signal that is missing in a sample
+ * flighttune (docs/formats.md), *_err is reference minus actual. A signal that is missing in a sample
  * keeps its last value.
  *
  * Use: call ft_monitor_start, then ft_monitor_step every FT_MONITOR_DT seconds. One struct per
