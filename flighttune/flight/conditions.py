@@ -201,7 +201,8 @@ def lead_on(scenario: Scenario, plant: PlantTable | None) -> tuple[float, float]
     """Lags (s) of roll and lift behind their plan on a plant; None is a plant without lags.
 
     Each is the lag to a ramp and half of a sample, over which commands are held; zero where the
-    reference is not planned by its rates.
+    reference is not planned by its rates. A ScenarioError says that the model of an aircraft is
+    missing.
     """
     if scenario.route is None and not scenario.rolls_in:
         return 0.0, 0.0

@@ -162,7 +162,8 @@ class _Linearised:
             A.value = closed_loops(model, problem.K(point.k))
         if self._limited:
             self._set_radius(point, excess)
-        return None if solve(self._program) else np.clip(point.k + self._dk.value, low, high)
+        unsolved = solve(self._program)
+        return None if unsolved else np.clip(point.k + self._dk.value, low, high)
 
     def excess(self, k: FloatArray) -> float:
         """Excess of log I_K over its limit at free gains k; 0 without any."""
@@ -188,15 +189,19 @@ class _Linearised:
 
 
 def envelope_rate(gains: PIGains, envelope: Envelope, *, g: float) -> CommonQ:
-    """The rate of gains of the chi/gamma law over an envelope, and its common Q; `g` in m/s^2."""
+    """The rate of gains of the chi/gamma law over an envelope, and its common Q; `g` in m/s^2.
+
+    Raises InputError if `g` is not positive or the channels of the gains do not fit.
+    """
     return common_Q(vertex_loops(envelope, gains, g=g))
 
 
 def largest_factor(gains: PIGains, envelope: Envelope, trim: Envelope, *, g: float) -> float:
     """The largest scaling of an envelope about the trim over which gains have a common Q.
 
-    By bisection, to `FACTOR_TOLERANCE`: the scaled envelopes are nested. It is 0 if not even the
-    trim is certified, and at most `LARGEST_FACTOR`. InputError if the trim is outside.
+    `g` is in m/s^2; `trim` is a single condition, `Envelope.at`. The factor is found by bisection,
+    to `FACTOR_TOLERANCE`: the scaled envelopes are nested. It is 0 if not even the trim is
+    certified, and at most `LARGEST_FACTOR`. Raises InputError if the trim is outside the envelope.
     """
     _check_contains(envelope, trim)
 
@@ -230,7 +235,8 @@ def rate_curve(
 ) -> tuple[FloatArray, FloatArray]:
     """Factors on an envelope about the trim, `up_to` the largest, and the rates certified (1/s).
 
-    Both have shape (k,); the last rate is 0 where no common Q is found any more.
+    Both have shape (k,); the last rate is 0 where no common Q is found any more. `g` is in m/s^2.
+    Raises InputError if the trim is outside the envelope.
     """
     end = largest_factor(gains, envelope, trim, g=g)
     factors = np.linspace(0.0, END_SHOWN * end if end < up_to else up_to, SAMPLES)
@@ -241,7 +247,10 @@ def rate_curve(
 
 
 def rate_chart(curves: Mapping[str, tuple[FloatArray, FloatArray]], envelope: Envelope) -> Chart:
-    """Draw each `rate_curve` by the name of its gains; a cross where there is no common Q more."""
+    """Draw each `rate_curve` by the name of its gains; `envelope` is the one at 100 %.
+
+    A cross marks where a set of gains has no common Q any more.
+    """
     chart = Chart(
         title="Rate certified over an envelope",
         x="size of the envelope about the trim [%]",
@@ -267,9 +276,9 @@ def tune_over_envelope(
     Where the first gains have no common Q over the whole envelope, they are tuned for the part of
     it (scaled about the trim) that they do reach, which grows with them.
 
-    The model of the problem is the law's at the trim, where its I_K and input limits hold.
-    `starts`: searches from drawn gains, besides the one from the best gains for the trim.
-    InputError if the trim is outside the envelope, or for a state scaling or a bound on E_K.
+    The model of the problem is the law's at the trim, where its I_K and input limits hold; `g` is
+    in m/s^2. `starts`: searches from drawn gains, besides the one from the best gains for the trim.
+    Raises InputError if the trim is outside the envelope, or for a state scaling or a bound on E_K.
     """
     began = time.perf_counter()
     _check_contains(envelope, trim)

@@ -51,10 +51,13 @@ def frontier(
 
     The `I_star` of the problem plays no part. `points`: at least 2, from the smallest I_K on,
     closest there, to `WIDEST` times that or the largest of the gains `marked`. `starts`: searches
-    at each point from drawn gains, besides the one from the gains of the smallest I_K. A row each
-    point and marked set: ``name`` (``frontier`` or the mark), ``I_star`` (nan for marks), figures,
-    ``active`` (names, separated by spaces) and each gain, ``K_P[phi,chi]`` and so on. R_K never
-    falls along the frontier. Marks alone if no stable gains were found within the limits.
+    at each point from drawn gains, besides the one from the gains of the smallest I_K.
+
+    Returns a row for each point and marked set: ``name`` (``frontier`` or the mark), ``I_star``
+    (nan for marks), ``I_K``, ``R_K``, ``spectral_abscissa``, ``E_K``, ``within_limits``, ``active``
+    (names, separated by spaces) and each gain, ``K_P[phi,chi]`` and so on. R_K never falls along
+    the frontier. The rows are those of the marks alone if no stable gains were found within the
+    limits. Raises InputError if `points` is less than 2.
     """
     import pandas as pd
 
