@@ -26,7 +26,7 @@ from flighttune.units import DEG
 
 # Epsilon, confidence and flights to learn from by default: of a band, and of a monitor.
 EPSILON, CONFIDENCE, LEARN = 0.01, 0.999, 500
-ALARMS, SURE, HEALTHY = 0.05, 0.95, 100
+MONITOR_EPSILON, MONITOR_CONFIDENCE, MONITOR_LEARN = 0.05, 0.95, 100
 
 
 def band(  # noqa: PLR0913 - each is a choice of the user, and has a default
@@ -292,10 +292,10 @@ def tube(
 def monitor(  # noqa: PLR0913 - as `band`
     source: Flights | Scenario | Campaign | Plan | Run | str | Path,
     *logs: Run | str | Path,
-    epsilon: float = ALARMS,
-    confidence: float = SURE,
+    epsilon: float = MONITOR_EPSILON,
+    confidence: float = MONITOR_CONFIDENCE,
     flights: int | None = None,
-    learn: int = HEALTHY,
+    learn: int = MONITOR_LEARN,
     gains: str | None = None,
     plant: str | None = None,
     air: str | None = None,
@@ -370,7 +370,8 @@ def monitor(  # noqa: PLR0913 - as `band`
     """
     of_file = isinstance(source, str | Path) and kind_of(source) == LOG
     if isinstance(source, Run) or logs or of_file:
-        defaults = {"epsilon": ALARMS, "confidence": SURE, "learn": HEALTHY}
+        defaults = {"epsilon": MONITOR_EPSILON, "confidence": MONITOR_CONFIDENCE}
+        defaults["learn"] = MONITOR_LEARN
         chosen = dict[str, Any](epsilon=epsilon, confidence=confidence, learn=learn)
         chosen |= {"start_deg": start_deg or None, "flights": flights, "gains": gains}
         chosen |= {"plant": plant, "air": air, "seed": seed, "changes": changes or None}

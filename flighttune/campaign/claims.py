@@ -170,9 +170,10 @@ class Verified(Answering):
     def answer(self) -> Answer:
         """The checks and the claim; a failure if one of them does not hold."""
         value, valid, kind = self.claim, self.valid, self.claim.kind
-        # the note of a count has a command that takes its file
-        of_file = (self.source or "FILE",) if isinstance(value, Counted) else ()
-        claim = value.answer(*of_file)
+        if isinstance(value, Counted) and self.source:  # its note has a command that takes the file
+            claim = value.answer(self.source)
+        else:
+            claim = value.answer()
         checks = [asdict(check) for check in self.verification.checks]
         notes = *self.verification.notes, *claim.notes
         place = f"{self.source}: " if self.source else ""

@@ -91,7 +91,7 @@ SAME_SHAPE = 1e-6
 # Signals of the kinds of counts that are not recorded, with their units.
 OWN_SIGNALS: Mapping[Of, dict[str, str]] = {"residual": {**RESIDUALS}, "turn_back": ROOM}
 
-# Keeps of a completed flight what is counted of it.
+# A function that keeps the numbers of a completed flight that are counted.
 Probe: TypeAlias = partial[list[float]]
 
 C = TypeVar("C", bound=Counted)
@@ -142,7 +142,8 @@ def counted_on(
     """
     check_at_least(MIN_LEARNED, learn=learn)
     plan = plan.with_runs(learn + fresh_flights(flights, epsilon, confidence))
-    (group,), windy = plan.groups, predicted_from is not None
+    (group,) = plan.groups
+    windy = predicted_from is not None
     distribution = distribution_of(plan.campaign, group.plant)
     check_random(place, distribution, plan.campaign.central)
     for key in {*TIME_AXIS} & {*plan.keys}:
@@ -173,7 +174,7 @@ def counted_on(
             about=replace(about, coefficients=coefficients, half=half),
             flights=of,
             extremes=np.zeros((0, *shape, 2), np.float32),
-            wind=np.zeros((0, 2 * windy)),
+            wind=np.zeros((0, 2 if windy else 0)),
         )
         numbers = range(LOOK, plan.runs, LOOK) if until_sure else (BATCH * DOUBLED).tolist()
         ends = [learn + n for n in numbers if certain and learn + n < plan.runs] + [plan.runs]
@@ -190,7 +191,7 @@ def _learned(
 ) -> tuple[FloatArray, FloatArray]:
     """Coefficients and half-widths that follow from the first draws of a plan."""
     draws = range(about.learned // 2 if about.models else 0, about.learned)
-    kept = _flown(pool, plan, about, flights, draws, "learning")
+    kept = _flown(pool, plan, about, flights, draws, "learning", anywhere=True)
     epsilon, _ = about.planned or (about.epsilon, about.confidence)
     try:
         coefficients, half = learned_shape(*kept, epsilon)
@@ -367,8 +368,8 @@ def some_draws(band: Counted, flights: int) -> list[int]:
 
 def differing(band: Counted, draws: Sequence[int], pool: WorkerPool) -> list[int]:
     """The counted draws, in rising order, that differ by a bit when they are flown again."""
-    chosen, doing = np.searchsorted(band.draws, draws), "counting again"
-    again, wind = _flown(pool, plan_of(band), band.about, band.flights, draws, doing)
+    chosen = np.searchsorted(band.draws, draws)
+    again, wind = _flown(pool, plan_of(band), band.about, band.flights, draws, "counting again")
     differ = (again != band.extremes[chosen]).any(axis=(1, 2, 3))
     differ |= (wind != band.wind[chosen]).any(axis=1) & np.isfinite(band.scores[chosen])
     return [draw for draw, other in zip(draws, differ, strict=True) if other]
@@ -376,14 +377,16 @@ def differing(band: Counted, draws: Sequence[int], pool: WorkerPool) -> list[int
 
 def score(about: About, flights: BandFlights, run: Run, scenario: Scenario) -> float:
     """Scale at which a flight is just inside a band."""
-    numbers, shape = np.array(_probe(about, flights)(run, scenario)), (1, *about.half.shape, 2)
+    numbers = np.array(_probe(about, flights)(run, scenario))
+    shape = (1, *about.half.shape, 2)
     extremes, wind = np.split(numbers, [math.prod(shape)])
     return float(scores_of(extremes.reshape(shape), wind[None], about.coefficients, about.half)[0])
 
 
 def _probe(about: About, flights: BandFlights, anywhere: bool = False) -> Probe:
     """The function that keeps the extremes of each flight, `anywhere` or only at its places."""
-    windy, model = about.predicted_from is not None, about.models or flights.model
+    windy = about.predicted_from is not None
+    model = about.models or flights.model
     return partial(_extremes, list(about.signals), flights.edges, windy, model, anywhere)
 
 
@@ -394,12 +397,16 @@ def _flown(
     flights: BandFlights,
     runs: Sequence[int],
     doing: str = "counting",
+    *,
+    anywhere: bool = False,
 ) -> tuple[Extremes, FloatArray]:
     """Extremes of some runs, and their wind where the band is given it."""
-    probe = _probe(about, flights, anywhere=doing == "learning")
-    shape, probes = (*about.half.shape, 2), {"extremes": probe}
-    lost = LOST * about.half.size + [0.0, 0.0] * (about.predicted_from is not None)
-    extremes, winds, parts = [], [], range(0, len(runs), PART)
+    shape, probes = (*about.half.shape, 2), {"extremes": _probe(about, flights, anywhere)}
+    lost = LOST * about.half.size
+    if about.predicted_from is not None:
+        lost += [0.0, 0.0]
+    extremes, winds = [], []
+    parts = range(0, len(runs), PART)
     for number, first in enumerate(parts, 1):
         phase = f"{doing}{f', part {number} of {len(parts)}' if len(parts) > 1 else ''}"
         rows = pool.in_order(plan, runs[first : first + PART], doing=phase, probes=probes)
@@ -430,10 +437,11 @@ def _extremes(
         flown = room_of(run, scenario.turn_back)
     else:
         flown = run.signals[signals].to_numpy()
-    values, route = np.ravel(window_extremes(flown, samples)).tolist(), reference_of(scenario)
+    values = np.ravel(window_extremes(flown, samples)).tolist()
+    route = reference_of(scenario)
     moved = route.displacement(run.signals) if isinstance(route, RouteReference) else 0.0
-    # Behind its start, or blown back, a flight is not where its distances along and off say: it is
-    # outside of any band. What is learned from takes it: it is only a shape.
+    # A flight that is behind its start or blown back is not where its distances along and off the
+    # route say, so it is outside of any band. Flights that only teach the shape may be such ones.
     if not anywhere and {*OFF_ROUTE} & {*signals} and moved > SAME_PLACE:
         values = LOST * (len(values) // 2)
     return [*values, *wind_at_start(scenario)] if windy else values

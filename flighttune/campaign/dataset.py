@@ -161,7 +161,7 @@ class Dataset:
     def keep_signals(
         self, fly: Callable[[Plan, Sequence[int]], Iterable[tuple[int, bytes]]]
     ) -> None:
-        """Keep the recordings of the runs that are worth it, flown again for them, and no others.
+        """Fly the runs worth keeping again, keep their recordings, and remove all others.
 
         These are the first failures, the worst by a measure, and a sample.
         """

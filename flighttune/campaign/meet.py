@@ -166,7 +166,7 @@ class Search:
         least = len(starts) * self.each + counting
         if budget < least:
             sets = f"each of the {len(starts)} gain sets" if len(starts) > 1 else "the gains"
-            count = f" and {counting} for the count on fresh draws" * bool(counting)
+            count = f" and {counting} for the count on fresh draws" if counting else ""
             raise InputError(
                 f"`budget` must be at least {least} flights, {self.each} for {sets} of the "
                 f"start{count}, got {budget}."
@@ -235,7 +235,7 @@ class Search:
     def _trial(self, gains: PIGains, rows: Sequence[Sequence[Row]]) -> Trial:
         """The checks of rows of each campaign; those of gains not flown have no status."""
         (name,) = self._law.names_of(["0"])
-        # Of each draw the checks with their excesses, at least that of the error at the end
+        # The checks of each draw, with their excesses: at least that of the error at the end
         draws: dict[int, list[tuple[BoundCheck, float]]] = {}
         ends: dict[str, float] = {}
         metric = 0.0
@@ -255,8 +255,9 @@ class Search:
                     if why and not of_loop:
                         excess = np.fmax(excess, late - 1.0)
                         check = replace(check, value=math.nan, why=why) if check.met else check
-                    checked = check, excess if check.flown else LOST
-                    draws.setdefault(row.get("draw", 0), []).append(checked)
+                    if not check.flown:
+                        excess = LOST
+                    draws.setdefault(row.get("draw", 0), []).append((check, excess))
                 for channel, values in measured.items():
                     ends[channel] = max(ends.get(channel, 0.0), values.get("end_error", 0.0))
                 metric += _metric(row, self._metric) if flown else math.inf
@@ -310,6 +311,7 @@ class Search:
         K, largest = start.K, self._problem.K_max
         assert largest is not None
         free = K != 0.0
+        signs = np.sign(K[free])
         top = np.log(largest[free])
         seed = self._problem.seed + 1 + self.flights  # 0 is the time of day
         settings: dict[str, Any] = {"popsize": population, "seed": seed, "tolx": FINEST}
@@ -322,7 +324,7 @@ class Search:
                 return
             asked, candidates = strategy.ask(), []
             for x in asked:
-                K[free] = np.sign(K[free]) * np.exp(x)
+                K[free] = signs * np.exp(x)
                 candidates.append(_of_matrix(start, K))
             values = [self.value(trial) for trial in self.fly(candidates)]
             strategy.tell(asked, values)
@@ -557,7 +559,9 @@ def _count(
     count: Search, sets: Sequence[PIGains], wanted: float, until_sure: bool
 ) -> tuple[list[Trial], dict[str, Any]]:
     """Fly gains and start on fresh draws, all or until it is sure; the shares that meet all."""
-    trials, flags, n, answers = list[Trial](), list[npt.NDArray[np.bool_]](), 0, [""]
+    trials: list[Trial] = []
+    flags: list[npt.NDArray[np.bool_]] = []
+    n, answers = 0, [""]
     ends = [*range(0, count.draws, LOOK if until_sure else count.draws), count.draws]
     for begin, n in pairwise(ends):
         trials = count.fly(sets, range(begin, n))
@@ -665,7 +669,8 @@ def _varied(gains: PIGains, factors: tuple[float, float]) -> PIGains:
 
 def _of_matrix(gains: PIGains, K: FloatArray) -> PIGains:
     """Gains with other numbers, stacked as those of `PIGains.K`."""
-    return replace(gains, **dict(zip(("K_P", "K_I"), np.hsplit(K, 2), strict=True)))
+    K_P, K_I = np.hsplit(K, 2)
+    return replace(gains, K_P=K_P, K_I=K_I)
 
 
 def _squeezed(x: float) -> float:

@@ -221,7 +221,7 @@ class Meeting(Answering):
         """A note that the gains of the start need no search; empty if they do."""
         n = len(self.requirements)
         met = f"the gains of the start, {self.start}, already meet all {n} requirements"
-        return met * self.start_met
+        return met if self.start_met else ""
 
     @property
     def worse_sentence(self) -> str:
@@ -247,7 +247,8 @@ class Meeting(Answering):
         if self.metric["name"] == "margin":
             return f"{met}."
         active = [_subject(row) for row in rows if row["active"]]
-        limits = f"; {listed(active)} stop{'s' * (len(active) == 1)} it from falling" * bool(active)
+        stop = "stops" if len(active) == 1 else "stop"
+        limits = f"; {listed(active)} {stop} it from falling" if active else ""
         return (
             f"{met}. {self.metric['name']} is {self.metric['value']:.4g}, "
             f"{self.metric['start']:.4g} at the start{limits}."

@@ -97,11 +97,11 @@ def refly(
     if isinstance(recorded, Counted | Dataset):
         if isinstance(recorded, Counted):
             plan, versions = plan_of(recorded), {}
-            drawn = (*_draws_again(recorded, plan, name, run, count or DRAWN, observer),)
+            drawn = tuple(_draws_again(recorded, plan, name, run, count or DRAWN, observer))
         else:
             name, plan = str(recorded.folder), recorded.plan
             versions = changed_versions(recorded.versions)
-            drawn = (*_rows_again(recorded, name, run, count or DRAWN),)
+            drawn = tuple(_rows_again(recorded, name, run, count or DRAWN))
         flown = None if run is None else fly_again(plan, run, progress=progress)
         if flown is not None and run is not None and isinstance(recorded, Band):
             of_band = not recorded.why_not(flown[plan.group_of(run).label])
@@ -127,8 +127,10 @@ def refly(
 
 def _rows_again(dataset: Dataset, name: str, run: int | None, count: int) -> Iterator[CheckedRun]:
     """Rows of a campaign against their runs."""
-    plan, runs = dataset.plan, [] if run is None else [run]
-    if run is None:
+    plan = dataset.plan
+    if run is not None:
+        runs = [run]
+    else:
         rows = dataset.rows(["run", "status"]).to_pylist()
         numbers = [row["run"] for row in rows if row["status"] not in CRASHED]
         drawn = np.random.default_rng().choice(numbers, min(count, len(numbers)), replace=False)

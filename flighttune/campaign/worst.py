@@ -316,7 +316,7 @@ def worst(  # noqa: PLR0913 - each is a choice of the user, and has a default
 def _flights_of(claim: AnyClaim, place: str) -> tuple[Plan, dict[str, Any]]:
     """The plan of the flights of a claim, and how they are searched.
 
-    InputError if it is of no flights of which one can be worse than another.
+    Raises InputError if the claim is about gains, or leaves nothing to search.
     """
     if isinstance(claim, Certificate | RateBound):
         raise InputError(f"{place}must be of flights, to be searched, got a claim about gains.")

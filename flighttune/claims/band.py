@@ -538,12 +538,13 @@ def _endings_of(text: str) -> list[dict[str, Any]]:
 
 def _check(about: About, of: BandFlights, arrays: dict[str, Any]) -> None:
     """Refuse a shape that cannot be one, and arrays of other windows than the plan has."""
-    models, each = about.models, (len(of.edges) - 1, len(about.signals))
-    flights, given = len(arrays["extremes"]), about.predicted_from
-    shape = {"half": about.half, "coefficients": about.coefficients}
+    models, flights = about.models, len(arrays["extremes"])
+    each = len(of.edges) - 1, len(about.signals)  # windows and signals
+    given = about.predicted_from
+    learned = {"half": about.half, "coefficients": about.coefficients}
     shapes = {"half": each, "coefficients": (10 if given else 1, *each)}
     shapes |= {"extremes": (flights, *each, 2), "wind": (flights, 2 if given else 0)}
-    check_shapes("band", shape | arrays, shapes)
+    check_shapes("band", learned | arrays, shapes)
     if not (about.half > 0.0).all():
         raise InputError("`half` must be positive.")
     for name, unit in about.signals.items():
@@ -551,7 +552,8 @@ def _check(about: About, of: BandFlights, arrays: dict[str, Any]) -> None:
             raise InputError(
                 f"`signals`: {name} must be in {SIGNAL_UNITS[name]}, got {abridged(unit)}."
             )
-    if [x.name for x in models] != [*about.signals] * (about.of == "monitor"):
+    watched = [*about.signals] if about.of == "monitor" else []
+    if [x.name for x in models] != watched:
         raise InputError("`models` must be those of the `signals` of a monitor.")
     if any(len(x.weights) != len(x.terms) or replace(x, weights=()) not in MODELS for x in models):
         raise InputError(

@@ -111,7 +111,8 @@ def tube(
         bound = None if largest or disturbance is None else float(disturbance)
     except ValueError:
         raise InputError(f"--disturbance: must be a number, got {disturbance!r}.") from None
-    in_file, counted = boxes is not None and kind_of(boxes) == BAND, None
+    in_file = boxes is not None and kind_of(boxes) == BAND
+    counted = None
     if boxes is not None and in_file:
         counted = load_residual(boxes)
     elif boxes is not None:

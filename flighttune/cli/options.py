@@ -81,7 +81,8 @@ def command(body: Callable[..., Answer | None], texts: Mapping[str, Any]) -> Cal
     """
     place, own = texts.get("verb", ""), signature(body).parameters
     verb = _definition(*f"flighttune.{place}".split(":")) if place else None
-    arguments, of_body = _arguments(verb), [*own][bool(place) :]
+    # A command without a verb takes the values of its options alone.
+    arguments, of_body = _arguments(verb), [*own][1:] if place else [*own]
     first, several = next(iter([*arguments, *of_body]), ""), _several(verb)
     drawn = arguments.get("seed", ("", 0))[1] is None
     absent = {*SUPPLIED, *FLOWN_BY.get(), *texts.get("absent", ()), *(["seed"] if drawn else [])}
@@ -109,7 +110,8 @@ def command(body: Callable[..., Answer | None], texts: Mapping[str, Any]) -> Cal
             source = values.get(first, "")
             for x, text in files.items():
                 values[x] = _file_to_write(_flag(x), text, values[x], source)
-            taken, others = {x: values[x] for x in of_body}, values.pop(several, None) or ()
+            taken = {x: values[x] for x in of_body}
+            others = values.pop(several, None) or ()
             if place:
                 given = {
                     x: values[x]
@@ -201,7 +203,8 @@ def _parameters(
     """Arguments and options of a verb and, with help in `spelled`, of a command's own."""
     entries, arguments = _entries(verb), _arguments(verb)
     for name in dict.fromkeys([*arguments, *own]):
-        (described, _), more = entries.get(name, ("", "")), {**spelled.get(name, {})}
+        described, _ = entries.get(name, ("", ""))
+        more = {**spelled.get(name, {})}
         annotation, value = arguments.get(name, ("", None))
         kind = _type(annotation, described)
         if name in own and "help" in more:
@@ -265,7 +268,8 @@ def _help(name: str, entries: dict[str, tuple[str, str]], first: str, *, repeata
     sentence, bracket, others = re.split(r"( \[default: |\.(?= |$))", text, maxsplit=1)
     unit = re.search(r"(?<!or )float, (?!1\b|optional)([^,]*)", described)
     unit = f", {'deg' if unit[1] == 'rad' else unit[1]}" if unit else ""
-    return f"{first or sentence}{unit}{'; repeatable' * repeatable}{bracket}{others}"
+    repeated = "; repeatable" if repeatable else ""
+    return f"{first or sentence}{unit}{repeated}{bracket}{others}"
 
 
 def _radians(value: Any) -> Any:

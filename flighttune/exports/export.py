@@ -258,13 +258,14 @@ def export(
     'ft_outer_loop.c'
     """
     loaded, name, chosen = scenario_and_gains(scenario, gains, changes)
-    notes, monitor = loaded.gains_notes(plant, name), None
+    notes = loaded.gains_notes(plant, name)
     watching = load_one(claim, "monitor", BAND, MONITOR) if isinstance(claim, str | Path) else claim
     if watching is not None and not (isinstance(watching, Watching) and form == "c"):
         got = type(watching).__name__
         raise InputError(f"`claim` must be a monitor, for the form c, got a {got} for {form}.")
     if form == "c":
         source = export_c(loaded, name, chosen, Path(out), plant=plant)
+        monitor = None
         if watching is not None:
             dt = 1.0 / loaded.controller.rate_hz
             text = monitor_source(watching, title=loaded.title, dt=dt)

@@ -17,7 +17,7 @@ from flighttune.control.gains import PIGains
 from flighttune.control.guarded import MAX_LAG_S, LawError
 from flighttune.control.law import split_name
 from flighttune.control.limits import Limits
-from flighttune.control.linear_model import closed_loop
+from flighttune.control.linear_model import LinearModel, closed_loop
 from flighttune.errors import InputError, TrimError
 from flighttune.flight import conditions
 from flighttune.flight.apart import Progress, apart
@@ -98,9 +98,7 @@ def fly(
     for name, gain_set in sets.items():
         if gain_set is None:
             continue
-        loop = partial(linear_loop, scenario, name, gain_set)
-        own = scenario.law_table(name).module is not None
-        linear: Any = apart(lambda _, loop=loop: loop(), START_S)[0] if own else loop()
+        linear = _linear_loop(scenario, name, gain_set)
         if linear is not None:
             indicators_of[name] = indicators(closed_loop(*linear), errors=len(linear[0].errors))
     # In wind the first aircraft flies first: plants without weather replay the wind it met.
@@ -119,16 +117,30 @@ def fly(
     return FlownScenario(scenario, flown, MappingProxyType(indicators_of), tuning, arguments)
 
 
+def _linear_loop(
+    scenario: Scenario, name: str, gains: PIGains
+) -> tuple[LinearModel, PIGains] | None:
+    """`linear_loop`; in a copy of this process where the law is a file, which may end it."""
+    if scenario.law_table(name).module is None:
+        return linear_loop(scenario, name, gains)
+    loop, *_ = apart(lambda _: linear_loop(scenario, name, gains), START_S)
+    return loop
+
+
 def _flown(
-    fly_it: partial[Run], scenario: Scenario, table: PlantTable, name: str, seen: Progress | None
+    flight: partial[Run],
+    scenario: Scenario,
+    table: PlantTable,
+    name: str,
+    progress: Progress | None,
 ) -> Run:
     """A flight; in a copy of this process where its law or plant is a file, which may end it."""
     law = scenario.law_table(name)
     if not (law.module or table.module):
-        return fly_it(progress=seen)
+        return flight(progress=progress)
     duration = scenario.flight.duration_s
     silence = duration + MAX_LAG_S + START_S
-    run, end, part = apart(lambda told: fly_it(progress=told), silence, seen)
+    run, end, part = apart(lambda report: flight(progress=report), silence, progress)
     if run is not None:
         return run
     who = f"law {law.name}" if law.module else f"plant {table.label}"
@@ -216,8 +228,15 @@ def fly_alone(
         reason = f"the wind is that of {source}, which did not fly: {wind_run.reason}"
         return _without_samples(origin(gains), wind_run.status, reason)
     plant, lead = plant_of(table, scenario, wind), conditions.lead_on(scenario, table)
-    flight = partial(fly_once, scenario, plant, gains, plant_label=label, gains_name=gains_name)
-    return flight(lead=lead, progress=progress)
+    return fly_once(
+        scenario,
+        plant,
+        gains,
+        plant_label=label,
+        gains_name=gains_name,
+        lead=lead,
+        progress=progress,
+    )
 
 
 def steady_wind(scenario: Scenario) -> WindRecord | None:

@@ -102,7 +102,8 @@ def tune(
     if isinstance(source, TuningProblem):
         return tune_problem(source, starts=STARTS if starts is None else starts)
     scenario = as_scenario(source, changes)
-    stated, chosen = scenario.tuning, {} if starts is None else {"starts": starts}
+    stated = scenario.tuning
+    chosen = {} if starts is None else {"starts": starts}
     check_at_least(1, **chosen)
     everywhere = (model or stated.model) == "identified"
     own = {"model": model or stated.model, "robust": stated.robust or (everywhere and envelope)}
@@ -240,7 +241,8 @@ def certify_scenario(
     `full` proves the exact rate of the sampled loop too, and finds the largest envelope, which
     takes up to a second.
     """
-    settings, law = scenario.tuning, law or scenario.law_for(gains)
+    settings = scenario.tuning
+    law = law or scenario.law_for(gains)
     if L_d is None and scenario.disturbance is not None:
         bound = scenario.disturbance.sinusoid().rate_bound
         L_d = bound if 0.0 < bound < math.inf else None
@@ -257,11 +259,12 @@ def certify_scenario(
             f"models of {' and '.join(map(str, orders))} states."
         )
     model, scaling = models.linear_model(scenario, law), models.tuning_scaling(scenario, law)
-    g, largest = (scenario.flight.g_mps2 if over else None), None
-    rates, boxes, why, unsampled = (), (), "", ""
+    g = scenario.flight.g_mps2 if over else None
+    rates, unsampled = (), ""
     if not envelope:
         sampled = models.sampling(scenario, law) if full else None
         rates, unsampled = exact_rates(model, gains, scaling=scaling, sampling=sampled)
+    boxes, why = (), ""
     if lag is not None or identified:
         late = models.late_ranges(scenario, law, lag, everywhere)
         laws = [model, *(design.law_model for design in everywhere)]
@@ -285,6 +288,7 @@ def certify_scenario(
         table = scenario.identified_in
         files = files_of(table.identified or getattr(table, "aircraft", None))
         certificate = replace(certificate, files=files)
+    largest = None
     if over and full:
         largest = largest_factor(gains, over[1], over[0], g=scenario.flight.g_mps2)
     return replace(

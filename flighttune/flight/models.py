@@ -248,7 +248,8 @@ def tune_scenario(
     """The gains named ``tuned`` of a scenario, and how they were found.
 
     `law`: by default the scenario's first. `lag`: a range of lags (s) for which gains are found, as
-    `lag_problems`. `kept`: reuse the result if this process has solved the same problem.
+    `lag_problems`. `kept`: reuse the result if this process has solved the same problem. Raises
+    InputError or ScenarioError if an identified model is needed and missing.
     """
     law = law or scenario.laws[0]
     if scenario.tuning.feedback and law.inputs != RATES:
@@ -297,8 +298,8 @@ def gain_set(scenario: Scenario, name: str, tuning: TuningResult | None = None) 
     law, gains = scenario.law_of(name)
     inputs = {law.inputs for law in scenario.laws}
     # Numbers that do not say what they act on are those of the only kind of gains there is.
-    untold = "exact" if inputs == {RATES} else "paper"
-    numbers = {e.name: e.gains(untold) for e in scenario.gains if isinstance(e, GainsTable)}
+    law_of_numbers = "exact" if inputs == {RATES} else "paper"
+    numbers = {e.name: e.gains(law_of_numbers) for e in scenario.gains if isinstance(e, GainsTable)}
     available = {**paper_family(), **numbers}
     if gains in (TUNED, *IDENTIFIED) and gains not in numbers:
         if gains == TUNED_FED_BACK and law.inputs != RATES:

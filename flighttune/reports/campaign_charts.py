@@ -87,11 +87,13 @@ def _shares(findings: Findings) -> Chart:
     )
     shares = [[group[key] for key in ("success", "lo", "hi")] for group in groups]
     for place, (group, ends) in enumerate(zip(groups, shares, strict=True)):
-        label, (share, lo, hi) = group["group"], map(percent, ends)
+        label, colour = group["group"], styles[group["group"]].colour
+        share, lo, hi = map(percent, ends)
         chart.name_row(place + 0.5, f"{label}: {share} % [{lo}, {hi}]")
-        (value, *interval), y = [100.0 * end for end in ends], place + 0.5 + BELOW / row
-        chart.line(interval, [y, y], styles[label].colour, run=label, hover=False)
-        chart.points(value, y, styles[label].colour, run=label, size=4.0)
+        value, *interval = (100.0 * end for end in ends)
+        y = place + 0.5 + BELOW / row
+        chart.line(interval, [y, y], colour, run=label, hover=False)
+        chart.points(value, y, colour, run=label, size=4.0)
     low, high = min(lo for _, lo, _ in shares), max(hi for _, _, hi in shares)
     room = 6.0 * max(high - low, 0.01)
     chart.x_range = max(-2.0, 100.0 * low - room), min(102.0, 100.0 * high + 2.5 * room)
@@ -107,7 +109,8 @@ def distributions(findings: Findings) -> list[Chart]:
 
 def _distribution(findings: Findings, measure: str) -> Chart:
     """Curves end below 100 % where flights were not completed or have no value."""
-    how, styles, curves, bounds = metric_label(measure), styles_of(findings), {}, {}
+    how, styles = metric_label(measure), styles_of(findings)
+    curves, bounds = {}, {}
     for group, rows in findings.groups():
         values = np.sort(how.factor * scores(rows, measure))
         share = 100.0 * np.arange(1, len(values) + 1) / len(values)
@@ -215,11 +218,8 @@ def scatter_panels(findings: Findings) -> list[Chart]:
     for key in influential_parameters(findings)[:SCATTERED]:
         if not is_number(findings.rows[key]):
             continue
-        title, x = (
-            f"{measure_words(findings.measure)} over {key_words(key)}",
-            parameter(key).heading,
-        )
-        chart = Chart(title=title, x=x, y=how.heading, x_room=0.03)
+        title = f"{measure_words(findings.measure)} over {key_words(key)}"
+        chart = Chart(title=title, x=parameter(key).heading, y=how.heading, x_room=0.03)
         for group, rows in findings.groups():
             label, some = group.label, rows.iloc[:: len(rows) // DOTS + 1]
             across = some[key].to_numpy(dtype=float)

@@ -208,10 +208,8 @@ def write_claim_page(
             tables.append(turning.tables[0])
         if isinstance(claim, SignalBounds):
             notes += [TEXTS["band"], *([TEXTS["predicted"]] if about.predicted_from else [])]
-    drawn, others = (
-        [table for table in tables if (table.name == "dispersions") == drawn]
-        for drawn in (True, False)
-    )
+    drawn = [table for table in tables if table.name == "dispersions"]
+    others = [table for table in tables if table.name != "dispersions"]
     page = write_answer(
         path,
         title=title,

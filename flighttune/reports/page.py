@@ -220,10 +220,8 @@ def write_comparison_page(comparison: Comparison, path: str | Path) -> Report:
 
 def write_gap_page(gap: Gap, tables: Sequence[Table], path: Path) -> Report:
     """Write one self-contained page about a gap; InputError if the aircraft did not fly."""
-    origin, note = (
-        gap.aircraft.provenance,
-        [TEXTS["claim_of_aircraft"], *claim_notes([gap.aircraft])],
-    )
+    origin = gap.aircraft.provenance
+    note = [TEXTS["claim_of_aircraft"], *claim_notes([gap.aircraft])]
     return write_answer(
         path,
         title=f"From the law to the aircraft: {gap.scenario.title}; gains {gap.name}",

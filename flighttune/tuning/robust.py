@@ -43,7 +43,8 @@ def tune_worst_case(problems: Sequence[TuningProblem], *, starts: int = STARTS) 
     bound on I_K; orders of the models and scalings may differ. `Program` bounds the eigenvalues of
     Q of all models at once: kinks of the worst R_K, where models or eigenvalues meet, are no
     obstacle. R_K of the result is the smallest over the models, I_K, E_K and the spectral abscissa
-    are the largest. Gains between channels that do not touch each other are 0.
+    are the largest. Gains between channels that do not touch each other are 0. Raises InputError if
+    the bounds on gains differ.
     """
     began, whole = time.perf_counter(), problems[0]
     if not all(np.array_equal(case.gain_bounds, whole.gain_bounds) for case in problems):
@@ -78,7 +79,9 @@ def tune_worst_case(problems: Sequence[TuningProblem], *, starts: int = STARTS) 
     ]
     k, E_K = K[whole.free], max(loop.E_K for loop in loops)
     slack = zip(whole.limit_rows.names, whole.slack(k), strict=True)
-    broken = [name for name, left in slack if left < 0.0] + ["E_K"] * (E_K > whole.E_star)
+    broken = [name for name, left in slack if left < 0.0]
+    if E_K > whole.E_star:
+        broken.append("E_K")
     active, peak = tuple(broken), None
     if whole.objective != "R_K":
         peak = math.exp(max(Peaks(case, FINE).largest(k, fed) for case in problems))

@@ -23,8 +23,9 @@ PENALTY = 100.0
 SIMPLEX = {"xatol": 1e-3, "fatol": 1e-5, "maxfev": 200}
 RESTARTS = {"decay": 3, "rms": 1, "E_K": 2}
 
-# Frequencies: so many, from a part of the slowest pole's to many times the fastest's. Between two
-# of them a peak is higher by less than 1e-3, which the last step of a search takes off.
+# Numbers of frequencies during a search and at its end, and the lowest and highest one relative to
+# the slowest and the fastest pole. Between two of them a peak is higher by less than 1e-3, which
+# the last step of a search takes off.
 GRID, FINE, SLOWER, FASTER = 160, 4000, 0.02, 20.0
 
 # Times at which a response is integrated, denser at first, over so many slowest time constants
@@ -58,7 +59,8 @@ def searched(
     loops = [GustLoop(case) for case in problems]
 
     def parts(z: FloatArray) -> tuple[FloatArray, FloatArray]:
-        return k * z[:f], np.append(z, 0.0)[f : f + 1]  # without feedback z ends before it
+        """Free gains, and the inner feedback, which is zero unless it is searched too."""
+        return k * z[:f], z[f:] if first.feedback else np.zeros(1)
 
     def decay(K: FloatArray, fed: FloatArray) -> float:
         return max(float(np.linalg.eigvals(loop.matrix(K, fed)).real.max()) for loop in loops)
@@ -80,12 +82,13 @@ def searched(
         return max(each.largest(*parts(z)) for each in peaks) - most
 
     ends = np.sort(first.k_bounds / k, axis=0)
-    size = f + first.feedback
+    size = f + 1 if first.feedback else f  # of z: factors on the free gains, then the feedback
     low = np.append(np.maximum(ends[0], 0.0), 0.0)[:size]
     high = np.append(ends[1], MOST_FEEDBACK)[:size]
     answers: list[tuple[float, FloatArray]] = []
     for factor, fed in STARTS:
-        z, room = np.append(np.full(f, factor), fed)[:size], ROOM * first.feedback
+        z = np.append(np.full(f, factor), fed)[:size]
+        room = ROOM if first.feedback else 0.0
         for tightening in range(MAX_TIGHTENINGS):
             for _ in range(RESTARTS[aim] if tightening == 0 else 1):
                 z = minimize(

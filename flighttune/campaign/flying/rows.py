@@ -276,8 +276,9 @@ def fly_together(plan: Plan, draws: Sequence[Draw]) -> list[Row]:
     batches: dict[tuple[Group, Hashable], list[tuple[int, Drawn, Scenario]]] = {}
     for draw in draws:
         alone = [*draw.runs]  # what the kernel does not fly, or the scenario refuses
+        drawn = draw.drawn
+        assert drawn is not None  # runs of several draws are not flown together
         with suppress(FlightTuneError):
-            drawn = draw.drawn or {}
             scenario = plan.dispersed(drawn, plan.draw_of(draw.runs[0]))
             for run in draw.runs:
                 group = plan.group_of(run)
@@ -286,13 +287,14 @@ def fly_together(plan: Plan, draws: Sequence[Draw]) -> list[Row]:
                     batches.setdefault(key, []).append((run, drawn, scenario))
                     alone.remove(run)
         if alone:
-            rows += fly_draw(plan, Draw(tuple(alone), draw.drawn), {})
+            rows += fly_draw(plan, Draw(tuple(alone), drawn), {})
     for (group, _), flights in batches.items():
         gains = plan.gain_sets[group.gains]
         assert gains is not None
         scenarios = [scenario for _, _, scenario in flights]
         began = time.perf_counter()
-        results = list(fly_batch(scenarios, _flown_by(plan, group)[1], gains))
+        _, law = _flown_by(plan, group)
+        results = list(fly_batch(scenarios, law, gains))
         each_s = (time.perf_counter() - began) / len(flights)
         indicators = _indicators(plan, group, scenarios)
         for (run, drawn, scenario), result, both in zip(flights, results, indicators, strict=True):
@@ -325,9 +327,10 @@ def fly_draw(plan: Plan, draw: Draw, probes: Probes) -> Iterator[Row]:
 
 def lost_row(plan: Plan, run: int, drawn: Drawn | None, ending: int | str) -> Row:
     """Row of a run that ended the process that flew it, with this exit code or error."""
-    status, reason, limit = "crashed", str(ending), plan.campaign.time_limit_s
+    status, reason = "crashed", str(ending)
     drawn = plan.values_of(plan.draw_of(run)) if drawn is None else drawn
     if ending == -signal.SIGALRM:
+        limit = plan.campaign.time_limit_s
         status, reason = "timed_out", f"the flight must end within {limit:g} s of wall time"
     elif isinstance(ending, int):
         reason = f"the flight ended the process that flew it: {ending_of(ending)}"
@@ -361,8 +364,9 @@ def _fly_alone(
         run = fly_group(plan, scenario, group, wind_runs)
     except FlightTuneError as error:
         return _invalid(error, began)
-    result, spent = (run.status, run.reason, measures(run)), time.perf_counter() - began
-    columns = _outcome(plan, scenario, group, spent, *result)
+    measured = measures(run)
+    wall_s = time.perf_counter() - began
+    columns = _outcome(plan, scenario, group, wall_s, run.status, run.reason, measured)
     if run.status == "completed":
         columns |= {name: probe(run, scenario) for name, probe in probes.items()}
     elif probes and "along" in run.signals and len(run.signals):  # rows of campaigns stay the same

@@ -150,7 +150,8 @@ class Findings:
 
     def _summary(self, group: Group, rows: pd.DataFrame) -> dict[str, Any]:
         """Counts, rates and metrics of the flights of a group, and what matters for them."""
-        completed, rate, drawn = _completed(rows), self.successes(rows), rows[[*self.plan.keys]]
+        completed, drawn = _completed(rows), rows[[*self.plan.keys]]
+        rate = self.successes(rows)
         failed = completed.loc[~completed[SUCCESS].to_numpy(dtype=bool), ["run", "missed"]]
         # A flight that misses two requirements counts for both.
         failed = failed.assign(missed=failed["missed"].str.split(BETWEEN_SENTENCES))
@@ -222,9 +223,9 @@ class Findings:
 
     @cached_property
     def splits(self) -> list[dict[str, Any]]:
-        """Success over the classes of the parameter that matters most, of groups where one does.
+        """Success rate over classes of the most influential parameter, for groups that have one.
 
-        Each has group, parameter, label and centre of each class, and estimates.
+        Each row has group, parameter, label and centre of each class, and estimates.
         """
         splits = []
         for (group, rows), values in zip(self.groups(), self.values["groups"], strict=True):
@@ -254,17 +255,21 @@ class Findings:
     @cached_property
     def convergence(self) -> list[dict[str, Any]]:
         """Estimates from the first n flights of each group: `success`, and `p95` of the measure."""
-        measure, curves = self.measure or "", []
-        for group, rows in self.groups() if measure else ():
+        measure, curves = self.measure, []
+        if measure is None:
+            return []
+        for group, rows in self.groups():
             # from 10, or a quarter of the flights if less, evenly spaced in their logarithm
             first = max(1, min(FIRST_PREFIX, len(rows) // 4))
             counts = np.unique(np.geomspace(first, len(rows), POINTS).round().astype(int))
             has_value = (rows["status"] == "completed") & rows[measure].notna()
-            places, q = np.flatnonzero(has_value), PERCENTILES["p95"]
+            places = np.flatnonzero(has_value)
             measured, ends = rows.iloc[places], np.searchsorted(places, counts)
             curve: dict[str, Any] = {"group": group.label, "n": counts.tolist()}
             curve["success"] = [self.successes(rows.head(n)) for n in counts]
-            curve["p95"] = [self.percentile(measured.head(n), measure, q) for n in ends]
+            curve["p95"] = [
+                self.percentile(measured.head(n), measure, PERCENTILES["p95"]) for n in ends
+            ]
             curves.append(curve)
         return curves
 

@@ -146,7 +146,8 @@ def fig12(study: Study) -> Made:
     read += _command_charts(flight.t, read_commands, READING_LOOKS)
     phi, n_z = np.max(np.abs(flight.u), axis=0).tolist()
     phi_rate, n_z_rate = np.max(np.abs(flight.command_rates), axis=0).tolist()
-    _, rate_limited, anti_windup = (reading.converged for reading in readings.values())
+    rate_limited = readings["ranges and rate limits"].converged
+    anti_windup = readings["with rate limits and anti-windup"].converged
     return Made(
         figures={
             "fig12": sheet(
