@@ -136,7 +136,7 @@ class BandFlights:
         return planned_route(self.central)
 
     def flown_otherwise(self, run: Run) -> str:
-        """Which of plant, law and gains of a run is not that of these flights; empty if none."""
+        """The first of plant, law and gains of a run that differs; empty if none does."""
         origin, flown = run.provenance, run.provenance.gains
         if self.plant != origin.plant:
             return "plant"

@@ -64,8 +64,8 @@ class Watching(Answering):
 
     def alarm(self, run: Run) -> Alarm | None:
         """When a run is first outside of what is expected, and why; None if it never is."""
-        alarms = [watch.alarm(run) for watch in self.watches]
-        return None if None in alarms else max(filter(None, alarms))
+        alarms = [alarm for watch in self.watches if (alarm := watch.alarm(run)) is not None]
+        return max(alarms) if len(alarms) == len(self.watches) else None
 
     def why_not(self, run: Run) -> str:
         """Why the monitor says nothing of a run; empty if the run has the signals watched."""
@@ -84,7 +84,7 @@ class Watching(Answering):
             kind="counted",
             title="limit of the monitor",
             sentence=self.sentence,
-            bounds=Bounds(run.t, 0.0 * limit, limit, (SCORE,)),
+            bounds=Bounds(run.t, np.zeros_like(limit), limit, (SCORE,)),
             units={SCORE: SIGNAL_UNITS[SCORE]},
             signals={SCORE: score},
             alarm=self.alarm(run),
@@ -130,10 +130,10 @@ class Monitor(Counted, Watching):
         return (self.watch,)
 
     def why_not(self, run: Run) -> str:
-        """Why the monitor says nothing of a run: it watches others of its aircraft and gains."""
-        differs = self.flights.flown_otherwise(run)
-        said = f"its {differs} must be that of the flights counted" if differs else ""
-        return said or Watching.why_not(self, run)
+        """Why the monitor says nothing of a run: it is for its own plant, law and gains."""
+        if differs := self.flights.flown_otherwise(run):
+            return f"its {differs} must be that of the flights counted"
+        return Watching.why_not(self, run)
 
     @property
     def _leaves(self) -> str:

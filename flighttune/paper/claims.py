@@ -152,8 +152,8 @@ def exponential_stabilisation(study: Study) -> Checks:
     s = np.hypot(flight.channels["s_chi"], flight.channels["s_gamma"])
     late = flight.t >= 10.0  # the commands have left their ranges for the last time
     rate = decay_rate(flight.t[late], s[late])
-    settled, label = WORDS["settled"], "part of |s| left after 20 s, no disturbance"
-    yield _compare(label, s[-1] / s[0], "≤", settled)
+    label = "part of |s| left after 20 s, no disturbance"
+    yield _compare(label, s[-1] / s[0], "≤", WORDS["settled"])
     yield _compare("decay of |s| from 10 s on [1/s]", rate, "≥", half, f"≥ R_K/2 = {half:.4g}")
 
 
@@ -164,7 +164,7 @@ def optimal_controller(study: Study) -> float:
 
 
 def _of_gain_sets(study: Study, of: str) -> pd.Series:
-    """A size over the gain sets, from the highest R_K to the lowest, such as ``ITAE of chi``."""
+    """A quantity of the gain sets, from the highest R_K to the lowest, such as ``ITAE of chi``."""
     if of == "the spectral abscissa":
         return study.indicator("spectral_abscissa")
     if of == "eigenfrequency":
@@ -175,12 +175,12 @@ def _of_gain_sets(study: Study, of: str) -> pd.Series:
 
 
 def rank_with_R_K(study: Study, of: str) -> float:
-    """How much alike R_K and a size order the gain sets."""
+    """Rank correlation of R_K and a quantity over the gain sets."""
     return rank_correlation(study.indicator("R_K"), _of_gain_sets(study, of))
 
 
 def lower_with_higher_R_K(study: Study, of: str) -> FloatArray:
-    """Steps of a size from the highest R_K to the lowest."""
+    """Steps of a quantity from one gain set to the next, from the highest R_K to the lowest."""
     return np.diff(_of_gain_sets(study, of))
 
 

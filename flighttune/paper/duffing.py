@@ -201,12 +201,12 @@ class DuffingCases:
     @cached_property
     def disturbed(self) -> dict[str, DuffingCase]:
         """Figure 3 (a) under the assumed noise, and the hard end of what the bound allows."""
-        pushes = {
+        disturbances = {
             "noise": self.noise,
             "constant L_d": np.full((INTERVALS, 1), printed.DUFFING_L_D),
             "along the motion": along_the_motion(self.model),
         }
-        return {name: DuffingCase(self.model, d) for name, d in pushes.items()}
+        return {name: DuffingCase(self.model, d) for name, d in disturbances.items()}
 
     @cached_property
     def undisturbed(self) -> DuffingCase:

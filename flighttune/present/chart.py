@@ -498,6 +498,7 @@ def _around(ends: Range, size: float) -> Range:
 
 
 def _outline(x: FloatArray, y: FloatArray, look: str, end: str = "") -> _Mark:
+    """A line through points, closed by an `end` of ``Z``."""
     return lambda a: f'<path d="{_path(a.sx(x), a.sy(y))}{end}"{look}/>'
 
 

@@ -328,10 +328,13 @@ def bound_chart(gap: Gap, channel: str) -> Chart:
     """The error on the aircraft with what is claimed of it, and whether the flight is inside."""
     run, colour = gap.aircraft, colours(gap)[-1]
     signal, factor = f"{channel}_err", DEG_PER_RAD
+    distance = ""
     if gap.scenario.route is not None:  # the error that the channel corrects
         signal, factor = OFF_ROUTE[list(CHANNEL_SYMBOLS).index(channel)], 1.0
+        distance = "distance "
     title, label = SIGNALS[signal]
-    chart = _over_time(gap, f"{title[0].lower()}{title[1:]} on the aircraft", label)
+    words = f"{distance}{title[0].lower()}{title[1:]}"
+    chart = _over_time(gap, f"{words} on the aircraft", label)
     chart.line(run.t, run.signals[signal].to_numpy() * factor, colour, name="error", width=1.8)
     for claim, (low, high) in claims_around(run.claims, signal):
         inside = claim.bounds.of([signal]).contain(run.signals)

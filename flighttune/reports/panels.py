@@ -78,10 +78,10 @@ def panel(
     bounds: bool = False,
     si_unit: str = "",
 ) -> Chart:
-    """A signal over the longest flight, of the runs that have it.
+    """A signal over time, as far as the longest flight, of the runs that have it.
 
-    Below it a `reference`, the same for all runs, the `limits` of a command, `zero`, and with
-    `bounds` what is claimed of the signal.
+    The chart also has a `reference` that is the same for all runs, the `limits` of a command, a
+    line at `zero`, and with `bounds` what is claimed of the signal.
     """
     longest = max((run for run, _ in flights), key=lambda run: run.duration)
     (title, label), ends = titles(signal, si_unit), (0.0, longest.duration)

@@ -79,7 +79,8 @@ def report(
         stated = written(source, DATASET, *CLAIMS)
         if stated is not None and (claims or changes or columns):
             raise InputError(
-                f"{Path(source)}: `--claim`, `--set` and `--column` are for runs, must be absent."
+                f"{Path(source)}: `--claim`, `--set` and `--column` must be absent: they are for "
+                "runs."
             )
         if isinstance(stated, Dataset):
             findings = load_findings(str(Path(source))).by(interval, confidence)

@@ -29,7 +29,7 @@ from flighttune.present.chart import DASHED, Chart, Sheet
 from flighttune.present.palette import INK, LIMIT, NEUTRAL
 from flighttune.theory.indicators import IndicatorArrays, indicators, indicators_batch
 
-# Pushes of the oscillator besides noise
+# Disturbances of the oscillator besides noise
 HARD_COLOURS = {"constant L_d": GAMMA, "along the motion": GREEN}
 
 # Widest strip drawn, as a share of the region: at its edge R(f) is zero and I(f) infinite.
