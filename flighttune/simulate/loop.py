@@ -281,8 +281,11 @@ class Flight:
         u_unsat, limited, m = limiter.u_unsat, limiter.limited, 2 if priority is None else 3
         observe, advance, rows = plant.observe, plant.advance, self._rows
         pack, last = struct.Struct(f"{len(self._columns)}d").pack, len(self._t) - 1
-        end = math.inf if route is None else route.path.length
-        for k, (now, ref) in enumerate(zip(self._t.tolist(), references, strict=True)):
+        end, times = math.inf if route is None else route.path.length, self._t.tolist()
+        # A flight and its generator that hold each other would keep the plant, and JSBSim with it,
+        # until the next garbage collection.
+        del self
+        for k, (now, ref) in enumerate(zip(times, references, strict=True)):
             signals = observe()
             measured = measured_of(signals)
             if follow is not None:

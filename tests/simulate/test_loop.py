@@ -1,6 +1,7 @@
 """The sampled loop against the continuous law, behind sensors, and the shape of what it returns."""
 
 import math
+import weakref
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from flighttune.control.mimo_pi import INTEGRAL_SIGNALS
 from flighttune.flight.conditions import reference_of, start_condition
 from flighttune.plants.sensors import MEASURED, SENSED
 from flighttune.references.segments import Segment
-from flighttune.simulate.loop import LOOP_SIGNALS, simulate
+from flighttune.simulate.loop import LOOP_SIGNALS, Flight, simulate
 from flighttune.simulate.run import SIGNAL_UNITS
 from flighttune.units import wrap_angle
 
@@ -129,6 +130,17 @@ class StopsAfterThreeSamples(ft.loop.PointMassPlant):
         self.left -= 1
         super().advance(phi_cmd, n_z_cmd, duration)
         return ft.loop.Stop("ground_contact", "hit the ground") if self.left == 0 else None
+
+
+def test_a_flight_given_up_midway_frees_its_plant_at_once():
+    plant, law = ft.loop.PointMassPlant(turn="paper"), ft.loop.MimoPI(ft.PAPER_GAINS, dt=0.02)
+    flight = Flight(plant, law, PAPER_REFERENCE, PAPER_START, 10.0)
+    next(flight.samples)
+    kept = weakref.ref(plant)
+
+    del flight, plant
+
+    assert kept() is None
 
 
 def test_a_flight_that_ends_early_keeps_what_was_flown_and_its_reason():
