@@ -200,7 +200,7 @@ class ExactLaw(StatefulPI):
         """Command n_x; its integral stands where a limit holds it, as those of the other two."""
         state, law, (K_P, K_I, *limits) = self.state, self.law, channel
         V_ref = reference.V
-        assert V_ref is not None  # a reference of a law with this channel has one
+        assert V_ref is not None  # `airspeed_channel` has refused a reference without one
         rate = reference.V_dot / V_ref + state.integral[2]
         rate += sum(gain * error for gain, error in zip(K_P, state.error, strict=True))
         wanted = math.sin(gamma) + V_ref * law.per_g * rate

@@ -71,8 +71,16 @@ class PIState(NamedTuple):
 
 def empty_state(u: Sequence[float]) -> PIState:
     """A state with nothing integrated, the commands `u` in force before t = 0."""
-    u, m = [float(value) for value in u], len(u)
-    return PIState([0.0] * m, u, [*u], [0.0] * m, [FREE] * m, [False], expected=[*u])
+    before, m = [float(value) for value in u], len(u)
+    return PIState(
+        error=[0.0] * m,
+        u=before,
+        u_unsat=[*before],
+        integral=[0.0] * m,
+        limited=[FREE] * m,
+        started=[False],
+        expected=[*before],
+    )
 
 
 def channel_laws(
@@ -125,10 +133,14 @@ class StatefulPI(SelfLimiting):
     ) -> tuple[float, ChannelLaw]:
         """Error of the airspeed over its reference, and its channel within what the engines give.
 
-        The loop sees to it that there is an airspeed to follow, and a plant that takes n_x.
+        Raises InputError without an airspeed to follow or a measured n_x: `simulate` refuses such
+        a flight before it starts.
         """
-        assert measured.n_x is not None
-        assert reference.V is not None
+        if measured.n_x is None or reference.V is None:
+            raise InputError(
+                "`gains` must be of two errors without a reference of the airspeed and a measured "
+                "n_x, got three."
+            )
         (_, least, most), V_ref = measured.n_x, reference.V
         within = channel._replace(
             lower=max(channel.lower, least - BEYOND_STOP),

@@ -201,6 +201,17 @@ def test_a_plant_and_a_law_that_do_not_follow_the_airspeed_are_refused(plant, me
         flown(plant(), ft.loop.MimoPI(ft.PAPER_GAINS, dt=0.02), 1.0)
 
 
+@pytest.mark.parametrize("kind", ["paper", "exact"])
+def test_a_sample_without_an_airspeed_to_follow_is_refused(kind):
+    law = law_of(kind)
+    law.start(START)
+    place = {"h": 0.0, "position": (0.0, 0.0, 0.0), "wind": None}
+    measured = ft.loop.Measured(chi=0.0, gamma=0.0, V_a=V_0, phi=0.0, n_z=1.0, **place)
+
+    with pytest.raises(ft.InputError, match="`gains` must be of two errors without"):
+        law.step(measured, ft.loop.ReferenceSample(0.0, 0.0, 0.0, 0.0), 0.0)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("aircraft", ["aerosonde", "c172p", "a4", "x8"])
 def test_the_lag_of_thrust_of_a_shipped_aircraft_is_measured_again(aircraft):
