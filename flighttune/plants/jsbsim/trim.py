@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from flighttune.aircraft.aircraft import SURFACES, AircraftConfig, start_faults
+from flighttune.aircraft.aircraft import AircraftConfig, start_faults
 from flighttune.arrays import FloatArray
 from flighttune.errors import InputError, TrimError
 from flighttune.plants.base import FlightCondition
@@ -195,9 +195,11 @@ def trim(fdm: Fdm, condition: FlightCondition) -> AirframeState:
 
 
 @lru_cache(maxsize=64)
-def _found(files: Unchanged, condition: FlightCondition, steps: int, ground: float) -> list[float]:
+def _found(
+    files: Unchanged, condition: FlightCondition, steps: int, ground: float
+) -> tuple[float, ...]:
     fdm = Fdm(files.config, steps=steps, ground=ground)
-    return _TrimProblem(fdm, condition).steady().tolist()
+    return tuple(_TrimProblem(fdm, condition).steady().tolist())
 
 
 def level(config: AircraftConfig, V_a: float, h: float) -> FlightCondition:
@@ -307,7 +309,7 @@ class _TrimProblem:
 
     def state(self, x: FloatArray) -> AirframeState:
         """Return the steady turn that the unknowns `x` stand for."""
-        alpha, beta, *surfaces, psi_dot, throttle = x.tolist()
+        alpha, beta, aileron, elevator, rudder, psi_dot, throttle = x.tolist()
         gamma, phi = self.gamma(x), self._condition.phi
         theta = pitch_attitude(gamma, phi, alpha, beta)
         turning = psi_dot * math.cos(theta)
@@ -321,8 +323,10 @@ class _TrimProblem:
             p=-psi_dot * math.sin(theta),
             q=turning * math.sin(phi),
             r=turning * math.cos(phi),
+            aileron=aileron,
+            elevator=elevator,
+            rudder=rudder,
             throttle=0.0 if self._glides else throttle,
-            **dict(zip(SURFACES, surfaces, strict=True)),
         )
 
     def gamma(self, x: FloatArray) -> float:
@@ -331,11 +335,12 @@ class _TrimProblem:
 
     def residuals(self, x: FloatArray) -> FloatArray:
         """Return what is left of six accelerations and the lateral load factor at `x`."""
-        left_over = np.array([*self._bench.accelerations(self.state(x)).values()][:7])
-        left_over[:3] /= G_0
-        if self._rudderless:  # sideslip brings the yaw moment to zero, and n_y is what it is then
-            left_over[-1] = x[4]
-        return left_over
+        measured = self._bench.accelerations(self.state(x))
+        linear = [measured[name] / G_0 for name in ("u_dot", "v_dot", "w_dot")]
+        angular = [measured[name] for name in ("p_dot", "q_dot", "r_dot")]
+        # Without a rudder, sideslip brings the yaw moment to zero, and n_y is what it is then.
+        lateral = float(x[4]) if self._rudderless else measured["n_y"]
+        return np.array([*linear, *angular, lateral])
 
     def root(self, start: FloatArray) -> FloatArray | None:
         """Return the steady flight that Newton's method finds from `start`, if it does."""
@@ -515,7 +520,8 @@ def _trimmed(
     fdm: Fdm, condition: FlightCondition, *, thrust_short: bool, near: FloatArray | None
 ) -> tuple[FloatArray | None, dict[str, float] | None, str]:
     """Steady flight as unknowns and as numbers of a file, or what stands against it."""
-    faults = (f"`{name}` {fault}" for name, fault in start_faults(fdm.config, condition, 0.0))
+    outside_by = start_faults(fdm.config, condition, ground=0.0)
+    faults = (f"`{name}` {fault}" for name, fault in outside_by)
     if outside := "; ".join(faults).replace(f" ({fdm.config.file})", ""):
         return None, None, f"outside the envelope: {outside}"
     problem = _TrimProblem(fdm, condition)
