@@ -169,7 +169,7 @@ class PointMassPlant:
         self.signals: tuple[str, ...] = (*COMMON_SIGNALS, "d_chi", "d_gamma", *wind_signals)
         self._lags, self._g = lags or (), g
         self._wind, self._windy = wind or WindRecord.steady(), wind is not None
-        self._disturbance = disturbance or (lambda _: (0.0, 0.0))
+        self._disturbance = disturbance or _undisturbed
         self._step = min([LONGEST_STEP, *(FINEST / lag.natural_frequency for lag in self._lags)])
         self._range: tuple[float, ...] = ()  # least and largest n_x, if it is commanded
 
@@ -264,7 +264,9 @@ class PointMassPlant:
         return [(*each, *self._disturbance(start + i * step)) for i, each in enumerate(parts)]
 
     def _parts(self, phi: float, n_z: float, n_x: float = 0.0) -> tuple[float, float, float]:
-        return math.tan(phi) if self._paper else n_z * math.sin(phi), n_z * math.cos(phi), n_x
+        """Turning and lifting part of the load factor, and n_x."""
+        turning = math.tan(phi) if self._paper else n_z * math.sin(phi)
+        return turning, n_z * math.cos(phi), n_x
 
     def _rates(self, chi: float, gamma: float, V_a: float, forcing: Numbers, w_dot: NED) -> Numbers:
         """Rates of course, flight-path angle, position but for the wind, and airspeed."""
@@ -361,3 +363,8 @@ class PoweredPointMass(PointMassPlant):
         ahead = velocity_along(1.0, chi, gamma)
         pull = sum(w * u for w, u in zip(w_dot, ahead, strict=True))
         return (*path, self._g * (forcing[2] - math.sin(gamma)) - pull)
+
+
+# A function of the module, so that a plant can be copied to another process.
+def _undisturbed(_: float) -> tuple[float, float]:
+    return 0.0, 0.0
