@@ -243,18 +243,18 @@ def replay(
                 reason = f"sample {k + 1}: the set that is kept is not proven to be reached"
                 return Verification(valid=False, reason=reason)
     if ever is not None:
+        when = f"after {ever.samples} samples from sample {ever.sample} on"
         try:
             after, passed = return_map(
                 problem.loop, ever.W, ever.centre, ever.size, ever.samples, Replay(ever.chosen)
             )
-            broken = "the set is not proven to be kept"
-            if inside(after, ever.centre, ever.size):
-                broken = _broken(for_ever(np.array(after_end), passed), ever.bounds)
         except (Unbounded, IndexError, InputError, np.linalg.LinAlgError) as error:
-            broken = str(error)
+            return Verification(valid=False, reason=f"{when}: {error}")
+        broken = "the set is not proven to be kept"
+        if inside(after, ever.centre, ever.size):
+            broken = _broken(for_ever(np.array(after_end), passed), ever.bounds)
         if broken:
-            reason = f"after {ever.samples} samples from sample {ever.sample} on: {broken}"
-            return Verification(valid=False, reason=reason)
+            return Verification(valid=False, reason=f"{when}: {broken}")
     place = f"inside its bounds at {len(problem.t)} samples"
     return Verification.of(
         [
@@ -265,6 +265,7 @@ def replay(
 
 
 def _broken(proven: FloatArray, claimed: FloatArray) -> str:
+    """The first claimed bound that the ranges proven do not keep; empty if they keep all."""
     for name, (low, high), (least, most) in zip(QUANTITIES, proven, claimed, strict=True):
         if not least <= low:
             return f"{name} >= {least:.9g} is not proven, but {name} >= {low:.9g}"
