@@ -228,10 +228,10 @@ def point_mass_sample(
     def mean_rate(
         rate: Interval, slopes: Sequence[Interval], remainder: Interval
     ) -> tuple[Form, FloatArray]:
-        """A rate with gamma at its start, linear in the three, and its slope in gamma.
+        """The mean rate, linear in the three forms, with gamma as at the start; its slope in gamma.
 
-        All arguments are over g/V: the rate and its slopes at the middles, and what is of second
-        order.
+        `rate` and `slopes` are those at the middles, `remainder` encloses the terms of second
+        order; all three are over g/V.
         """
         rest, terms = rate * g_over_v + remainder * g_over_v, []
         for slope, form, m, radius in zip(

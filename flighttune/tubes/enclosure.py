@@ -508,7 +508,7 @@ def _tube_from(claim: Claim, arrays: Arrays, band: Residual | None) -> Tube:
     # Files of gains on roll and load factor may name the law of rates that the scenario had.
     law, _ = scenario.law_of(f"{claim.law}:", gains if gains.inputs == COMMANDS else None)
     table = scenario.plant_table(claim.plant)
-    reference, stored, ever = reference_samples(scenario, table), None, None
+    reference = reference_samples(scenario, table)
     if scenario.feasible:
         if (off := float(np.abs(arrays["reference"] - reference).max())) > SAME_REFERENCE:
             raise InputError(
@@ -516,6 +516,7 @@ def _tube_from(claim: Claim, arrays: Arrays, band: Residual | None) -> Tube:
                 f"got one that is off by {off:.3g}."
             )
         reference = read_only_matrix("reference", arrays["reference"])
+    stored = None
     if claim.band_sha256 is not None:
         low, high = np.moveaxis(arrays["boxes"], 2, 0)
         if len(claim.lags) != 2 or not (low <= high).all():
@@ -536,6 +537,7 @@ def _tube_from(claim: Claim, arrays: Arrays, band: Residual | None) -> Tube:
         reference=reference,
         stored=stored,
     )
+    ever = None
     if claim.hand_over is not None:
         (sample, samples), n = claim.hand_over, problem.loop.rows
         shapes = {"W": (n, n), "centre": (n,), "size": (n,), "bounds": (len(QUANTITIES), 2)}

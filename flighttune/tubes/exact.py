@@ -77,8 +77,10 @@ Commands: TypeAlias = tuple[list[Channel], Form, Form, tuple[Form, ...]]
 
 def enclosure_of(loop: SampledLoop, pieces: Pieces, plan: Plan) -> Enclosure:
     """The enclosure of a loop, by its law."""
+    if loop.law.inverts is None:
+        return Enclosure(loop, pieces, plan)
     kind = FedBackEnclosure if loop.law.feeds_back else ExactEnclosure
-    return (kind if loop.law.inverts else Enclosure)(loop, pieces, plan)
+    return kind(loop, pieces, plan)
 
 
 class ExactEnclosure(Enclosure):
@@ -121,7 +123,7 @@ class ExactEnclosure(Enclosure):
         )
 
     def _commands(self, state: Forms, errors: Forms, a: Quantity, b: Quantity) -> Commands | None:
-        """The commands for the lifts wanted; None if the pieces are other ones now."""
+        """The commands for the lifts wanted; None if the pieces were split or dropped."""
         # Roll and load factor come one after the other: the law inverts exactly with the roll that
         # is commanded, so that the load factor must see roll after its limits.
         turning = self._towards(0, arctangent(a, b).widened(COMPUTED), state[PHI], errors)

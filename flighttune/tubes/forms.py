@@ -358,10 +358,10 @@ def _taylor(angle: Quantity, value: Interval, slope: Interval, curvature: Interv
 
 
 def _linear(value: Interval, *parts: tuple[Quantity, Interval]) -> tuple[list[Term], Interval]:
-    """The terms of ``value + sum_k f_k (F_k - m_k)``, m the middles, and what they leave of it.
+    """``value + sum_k f_k (F_k - m_k)``, m the middles, as terms and the rest that they leave.
 
-    `parts`: the quantities F with the slopes f, of which a term has one float; what that misses of
-    the true slope is left.
+    `parts`: the quantities F and their slopes f. A term takes one float of a slope; the rest
+    encloses the difference to the true slope.
     """
     rest = value
     for quantity, slope in parts:

@@ -37,7 +37,7 @@ class Interval:
     low: FloatArray
     high: FloatArray
 
-    __array_ufunc__: ClassVar = None  # an array divided by an interval is an interval
+    __array_ufunc__: ClassVar = None  # NumPy leaves arithmetic with an interval to it
 
     @classmethod
     def point(cls, value: Floats) -> "Interval":
@@ -73,7 +73,7 @@ class Interval:
 
     @property
     def ordered(self) -> "Interval":
-        """The interval where it is one; of a piece without flights any range will do."""
+        """The interval, its ends in order: of a piece without flights any range will do."""
         return Interval(np.minimum(self.low, self.high), np.maximum(self.low, self.high))
 
     @property

@@ -106,6 +106,7 @@ class TubeProblem:
                 "`anti_windup` of [controller] must be conditional or none for a tube, got "
                 "back_calculation."
             )
+        # Of a point mass too: `sampled` refuses a law that no tube knows.
         inverts = self.sampled.inverts is not None
         if not aircraft:
             return

@@ -72,7 +72,7 @@ class Search:
             for law in loop.law.channels
         ]
         # A channel with feedback has two commands, one after the other.
-        self._scales = np.repeat(scales, 1 + loop.law.feeds_back)
+        self._scales = np.repeat(scales, 2 if loop.law.feeds_back else 1)
         self._tolerance, self._most = tolerance, most
         self.chosen: list[npt.NDArray[np.float32]] = []
 
