@@ -368,8 +368,9 @@ def _loop(gains: Sequence[Any], point: Sequence[Any], unit: Any) -> Rationals:
 
 def norm_checks(gains: ChannelGains, box: Box, Q: FloatArray, rate: float) -> list[Check]:
     """The inequalities by which the norm of Q decays at `rate` for every change inside a box."""
+    # The checks before the last are of Q alone, the same at every corner.
     first, *others = (decay_checks(loop, Q, rate=rate) for loop in corner_loops(gains, box))
-    return [*first, *(checks[-1] for checks in others)]  # the last check alone is of the loop
+    return [*first, *(checks[-1] for checks in others)]
 
 
 def norm_rate(gains: ChannelGains, box: Box, most: float) -> tuple[float, FloatArray] | None:

@@ -218,7 +218,8 @@ def certify_model(
     ellipsoid = radius = None
     if L_d is not None:
         E = disturbance_entry(model)
-        if alone:  # without slack rounding refutes it
+        if alone:
+            # Without slack the exact check would refute it by rounding alone.
             ellipsoid, reason = invariant_ellipsoid(loops[0], E, L_d=L_d, slack=1e-6), ""
         else:
             ellipsoid, reason = common_ellipsoid(loops, E, L_d=L_d)
@@ -240,8 +241,8 @@ def certify_model(
         model=model,
         gains=gains,
         Q=proven[0],
-        W=ellipsoid and ellipsoid.W,
-        multiplier=ellipsoid and ellipsoid.multiplier,
+        W=None if ellipsoid is None else ellipsoid.W,
+        multiplier=None if ellipsoid is None else ellipsoid.multiplier,
         hull=polytope,
         models=models,
         made_with={"flighttune": version("flighttune"), **solvers},

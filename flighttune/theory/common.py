@@ -172,7 +172,7 @@ class _Program(NamedTuple):
     decays: tuple[Any, ...]  # the inequality of each vertex
 
     def unsolved(self, A: FloatArray, L: FloatArray, speed: float) -> str:
-        """Solve it for vertices A over `speed`; the reason why there is no solution, if so."""
+        """Solve it for the vertices A over `speed`; why it has no solution, or an empty text."""
         for loop, value in zip(self.loops, L.T @ A @ np.linalg.inv(L.T) / speed, strict=True):
             loop.value = value
         self.unit.value = _from_coordinates(

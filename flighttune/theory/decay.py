@@ -91,10 +91,12 @@ def _lyapunov(loop: FloatArray, rate: float, dt: float | None) -> FloatArray | N
     faster = _faster(loop, rate, dt)
     try:
         if dt is None:
-            return _of_norm_one(lyapunov_solution(faster))
-        return _of_norm_one(solve_discrete_lyapunov(faster.T, np.eye(len(loop))))
+            Q = lyapunov_solution(faster)
+        else:
+            Q = solve_discrete_lyapunov(faster.T, np.eye(len(loop)))
     except (InputError, np.linalg.LinAlgError):
         return None
+    return _of_norm_one(Q)
 
 
 def roundest_norm(loop: FloatArray, rate: float, dt: float | None = None) -> FloatArray | None:
