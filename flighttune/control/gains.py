@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -157,9 +157,12 @@ class PIGains:
     ) -> "PIGains":
         """The gains that `as_lists` wrote."""
         K_P, K_I = read_only_matrix("K_P", K_P), read_only_matrix("K_I", K_I)
-        inputs, n = WITH_AIRSPEED[RATES if law == "exact" else COMMANDS], 2 + (len(K_P) > 2)
-        rest: dict[str, Any] = {"inputs": inputs[:n], "feedback": feedback or NO_FEEDBACK}
-        return cls(K_P=K_P, K_I=K_I, errors=ERRORS_WITH_AIRSPEED[:n], **rest)
+        inputs, errors = RATES if law == "exact" else COMMANDS, ERRORS
+        if len(K_P) > len(errors):
+            inputs, errors = WITH_AIRSPEED[inputs], ERRORS_WITH_AIRSPEED
+        # The class refuses other than two numbers.
+        fed = cast("tuple[float, float]", feedback or NO_FEEDBACK)
+        return cls(K_P=K_P, K_I=K_I, inputs=inputs, errors=errors, feedback=fed)
 
 
 # K* as printed below Eq. (43) of arXiv 2411.13140; rows phi, n_z; columns e_chi, e_gamma.

@@ -77,7 +77,7 @@ class Law(ABC):
     keys: ClassVar[frozenset[str]] = frozenset()
     required: ClassVar[tuple[str, ...]] = ()
     named_alone: ClassVar[bool] = True  # whether a scenario can name the kind without a table
-    inputs: ClassVar[tuple[str, str]] = COMMANDS  # channels that its gains act on; else `RATES`
+    inputs: ClassVar[tuple[str, str]] = COMMANDS  # channels that its gains act on, or `RATES`
     # Whether gains and `linear_model` say how it flies. Where they do not it has no claim, and the
     # runs have no gains.
     by_gains: ClassVar[bool] = True

@@ -347,6 +347,7 @@ def margins_table(margins: Sequence[Margins]) -> Table:
         }
         for row in margins
     ]
-    for record, row in zip(records[-1:], margins[-1:], strict=True):
-        record |= {"lag_margin_s": row.lag_margin, "disk_margin": row.disk_margin}
+    if margins:  # the last row is that of all channels at once
+        last = margins[-1]
+        records[-1] |= {"lag_margin_s": last.lag_margin, "disk_margin": last.disk_margin}
     return Table(MARGIN_COLUMNS, records, "stability margins", name="margins")
