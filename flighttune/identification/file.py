@@ -63,15 +63,25 @@ class LagTable(_Table):
     @property
     def lag(self) -> InnerLag:
         """The lag; what its order does not have keeps the default."""
-        shape = {"damping": self.damping or 1.0, "lag": self.lag_s or 1.0, "delay": self.delay_s}
-        return InnerLag(order=self.order, natural_frequency=self.natural_frequency_rad_s, **shape)
+        return InnerLag(
+            order=self.order,
+            natural_frequency=self.natural_frequency_rad_s,
+            damping=self.damping or 1.0,
+            lag=self.lag_s or 1.0,
+            delay=self.delay_s,
+        )
 
 
 def lag_table(lag: InnerLag) -> dict[str, Any]:
     """The keys of a `LagTable` and ``bandwidth_rad_s``."""
-    damping, time = lag.damping if lag.order > 1 else None, lag.lag if lag.order > 2 else None
-    shape = {"natural_frequency_rad_s": lag.natural_frequency, "damping": damping, "lag_s": time}
-    return {"order": lag.order, **shape, "delay_s": lag.delay, "bandwidth_rad_s": lag.bandwidth}
+    return {
+        "order": lag.order,
+        "natural_frequency_rad_s": lag.natural_frequency,
+        "damping": lag.damping if lag.order > 1 else None,
+        "lag_s": lag.lag if lag.order > 2 else None,
+        "delay_s": lag.delay,
+        "bandwidth_rad_s": lag.bandwidth,
+    }
 
 
 class IdentifiedChannel(LagTable):
@@ -87,11 +97,25 @@ class IdentifiedChannel(LagTable):
 
     @classmethod
     def of(
-        cls, lag: InnerLag, *, simpler: InnerLag | None = None, **fit: float | None
+        cls,
+        lag: InnerLag,
+        *,
+        fit_percent: float,
+        residual: float,
+        cross: float | None = None,
+        simpler: InnerLag | None = None,
     ) -> "IdentifiedChannel":
-        """The channel of a fit; not checked: rounding may put a lag beyond the range of files."""
-        least = LagTable.model_construct(**lag_table(simpler or lag))
-        return cls.model_construct(**lag_table(lag), **{"cross": None, **fit}, simpler=least)
+        """The channel of a fit; not checked: rounding may put a lag beyond the range of files.
+
+        `simpler`: the best lag of at most second order, by default the lag itself.
+        """
+        return cls.model_construct(
+            **lag_table(lag),
+            fit_percent=fit_percent,
+            residual=residual,
+            cross=cross,
+            simpler=LagTable.model_construct(**lag_table(simpler or lag)),
+        )
 
     @computed_field
     @property

@@ -450,8 +450,10 @@ class ChannelIdentification:
         best, other = self.candidates[0], self.frequency.other
         simpler = next(fit.lag for fit in self.candidates if fit.lag.order < 3)
         cross = None if other is None else float(np.abs(other).max())
-        fit = {"fit_percent": fit_percent(self.flown, self.fit), "residual": best.residual}
-        return IdentifiedChannel.of(best.lag, simpler=simpler, cross=cross, **fit)
+        percent = fit_percent(self.flown, self.fit)
+        return IdentifiedChannel.of(
+            best.lag, fit_percent=percent, residual=best.residual, cross=cross, simpler=simpler
+        )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
