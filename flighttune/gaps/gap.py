@@ -447,8 +447,14 @@ def explain_flight(
         "point_mass": make(wind=wind, g=g),
         "point_mass_lag": make(lagged, wind=wind, g=g),
     }
-    by = pick(made_by, "gains gains_name")
-    fly = partial(fly_once, scenario, limits=limits, progress=progress, **by)
+    fly = partial(
+        fly_once,
+        scenario,
+        gains=made_by.gains,
+        gains_name=made_by.gains_name,
+        limits=limits,
+        progress=progress,
+    )
     runs = [
         fly(
             plant if wind is None else steered(plant, scenario),

@@ -128,21 +128,23 @@ PART_COLUMNS = [Column("from_s", "from", "s", ".1f"), *RUNG_COLUMNS[1:]]
 class LogGap(Answering):
     """The difference between a real flight and a model that flies its commands."""
 
-    # names of log and model
+    # Names of log and model
     log: str
     aircraft: str
-    # (stretches, samples), s: times of the stretches whose commands were flown, in the log
+    # (stretches, samples), s: times of the stretches whose commands were flown, from the start of
+    # the log
     t: FloatArray
-    # in SI, the commands too; ``nose`` is pitch minus path angle, ``tail`` ground speed minus
-    # airspeed
+    # Signals of the log in SI, (stretches, samples) each, the commands too; ``nose`` is pitch minus
+    # path angle, ``tail`` ground speed minus airspeed
     logged: Signals
-    # by what flew the commands: the paper's law, the exact point mass, that behind the identified
-    # lag, the aircraft, and the aircraft as it explains most; NaN where a flight ended
+    # Signals of the same shape by what flew the commands: the paper's law, the exact point mass,
+    # that behind the identified lag, the aircraft, and the aircraft as it explains most; NaN where
+    # a flight ended
     flights: Mapping[str, Signals]
-    # value of each factor that explains most, and the ends of its interval at 95 %; without those
+    # Value of each factor that explains most, and the ends of its interval at 95 %; without those
     # that the log cannot tell
     factors: Mapping[str, tuple[float, float, float]]
-    # share of the aircraft's difference that each cause explains alone, and that is left without
+    # Share of the aircraft's difference that each cause explains alone, and that is left without
     # it; squares are summed over all signals, each over its size in `SCALES`
     causes: Mapping[str, tuple[float, float]]
     explained: float  # share that all factors explain

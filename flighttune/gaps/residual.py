@@ -100,8 +100,12 @@ def mismatch(run: Run) -> Mismatch:
 
 # Parts of a flight that the model misses, and their units; a feed-forward of the roll flown sees
 # the last two.
-RESIDUALS = dict.fromkeys(("residual_chi_dot", "residual_gamma_dot"), "rad/s")
-RESIDUALS |= dict.fromkeys(("residual_phi", "residual_phi_change"), "rad")
+RESIDUALS = {
+    "residual_chi_dot": "rad/s",
+    "residual_gamma_dot": "rad/s",
+    "residual_phi": "rad",
+    "residual_phi_change": "rad",
+}
 
 # Corrections of a residual. Each shrinks its error by about ``g sin(gamma) dt / V``, below 0.01 at
 # 50 Hz: five leave rounding.
