@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal, NamedTuple, TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -114,9 +114,9 @@ class ChannelOfLogs:
 class LogIdentification(Answering):
     """The response of an inner loop as logs show it."""
 
-    identified: (
-        IdentifiedAircraft | None
-    )  # content of a model file; None where a channel has no lag
+    # Content of a model file; None where a channel has no lag
+    identified: IdentifiedAircraft | None
+    # Lags by channel, with their intervals
     channels: Mapping[Channel, ChannelOfLogs]
     untold: Mapping[str, str]  # why the logs cannot tell a channel, by its name
     names: tuple[str, ...]  # of the logs
@@ -352,8 +352,8 @@ def _sections(run: Run, number: int, name: Channel, first: int) -> Iterator[Sect
                 stretch[piece] = first
                 first += 1
         if np.isfinite(stretch).any():
-            t, response = run.t[begin:end], measured[begin:end]
-            yield Section(number, t, dt, command, response, stretch)
+            t = run.t[begin:end]
+            yield Section(number, t, dt, command, measured[begin:end], stretch)
 
 
 def response(lag: InnerLag, dt: float, commanded: FloatArray, start: float) -> FloatArray:
@@ -365,8 +365,8 @@ def response(lag: InnerLag, dt: float, commanded: FloatArray, start: float) -> F
     return fit.lag_response(lag, dt / parts, fine, start)[::parts]
 
 
-# Samples that are fitted.
-Side: TypeAlias = npt.NDArray[np.bool_] | Literal[True]
+# Which samples are fitted; None for all.
+Side: TypeAlias = npt.NDArray[np.bool_] | None
 
 
 class _Excited:
@@ -401,11 +401,11 @@ class _Excited:
             whole += float(residual[used] @ residual[used])
         return both / whole if whole > 0.0 else 0.0
 
-    def fitted(self, order: Order, side: Side = True, damping: float = MAX_DAMPING) -> InnerLag:
+    def fitted(self, order: Order, side: Side = None, damping: float = MAX_DAMPING) -> InnerLag:
         """The lag of the least squares over stretches on a side, damped by `damping` at most."""
         lower, (frequency, delay, _, after) = BOUNDS
         bounds = lower, (frequency, delay, math.log(damping), after)
-        used = self.used & side
+        used = self.used if side is None else self.used & side
         return fit.best_lag(lambda lag: self.fresh(lag)[used], order, fit.TIME_STARTS, bounds)[0]
 
     def chosen(self) -> tuple[InnerLag, bool]:
@@ -439,12 +439,15 @@ def _channel(runs: Sequence[Run], name: Channel) -> ChannelOfLogs | str:
     """The lag of a channel, or why the logs cannot tell it."""
     if not (there := [run for run in runs if {name, f"{name}_cmd"} <= set(run.signals)]):
         return f"the logs have no {NAMES[name]} commands"
-    sections, count = list[Section](), 0
+    sections: list[Section] = []
+    count = 0
     for number, run in enumerate(there):
         sections += _sections(run, number, name, count)
         count = 1 + int(max((np.nanmax(section.stretch) for section in sections), default=-1))
     if count < MIN_STRETCHES:
-        least = "5 deg" if name == "phi" else f"{EXCITED[name]:g}"
+        least = f"{EXCITED[name] / UNITS[name]:g}"
+        if name == "phi":
+            least += " deg"
         return (
             f"{NAMES[name]} commands changed by more than {least} in {count} stretches of "
             f"{STRETCH_S:g} s without a gap, and must in {MIN_STRETCHES}"
@@ -531,7 +534,8 @@ def _aircraft(
     assume: Mapping[str, float],
 ) -> IdentifiedAircraft:
     """The content of a model file: lags, limits as seen, and where they are from."""
-    tables, lags = {}, list[InnerLag]()
+    tables: dict[Channel, IdentifiedChannel] = {}
+    lags: list[InnerLag] = []
     for name in CHANNELS:
         channel = channels.get(name)
         lag = channel.lag if channel else InnerLag(order=1, natural_frequency=assume[name])

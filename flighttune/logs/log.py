@@ -40,7 +40,8 @@ RAW = (
     *("phi_err", "theta_err", "n_z_err", "vehicle", "trusted", *EVENTS),
 )
 
-# Endings of the columns of a table that say their unit, such as `chi_deg`, the first ones first.
+# Endings of the columns of a table that say their unit, such as `chi_deg`: of a signal with several
+# columns the first of these is read.
 ENDINGS = ("_ms:ms", "_s:s", "_m:m", "_mps:m/s", "_rad:rad", "_deg:deg", "")
 
 CLOCKS = tuple(f"{name}{ending}" for name in ("t", "time", "timestamp") for ending in ("", "_s:s"))

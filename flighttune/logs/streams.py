@@ -191,8 +191,9 @@ def _far(t: FloatArray, times: FloatArray, gap: float) -> npt.NDArray[np.bool_]:
     return np.where(inside, wide & (times[right] != t), ~near)
 
 
-SENSORS = tuple(f"{name}_{axis}" for name in ("clip", "vibe") for axis in "xyz")
-EVENTS = ("mode", "armed", "airborne", "fix", *SENSORS)
+# Clipped samples and vibration of the accelerometers, by axis.
+CLIPS, VIBRATIONS = ("clip_x", "clip_y", "clip_z"), ("vibe_x", "vibe_y", "vibe_z")
+EVENTS = ("mode", "armed", "airborne", "fix", *CLIPS, *VIBRATIONS)
 
 FIX_3D = 3  # fix of a receiver of satellites from which on it has a position with height
 MAX_VIBRATION = 30.0  # m/s2, up to which ArduPilot's documentation takes vibration as acceptable
@@ -256,12 +257,12 @@ def _intervals(stream: Stream, last: float) -> Iterator[tuple[float, float, floa
 def _odd(events: Mapping[str, Stream], last: float) -> list[str]:
     """Sentences on clipping and vibration of the accelerometers, and on a lost position."""
     sentences = []
-    clips, vibes = ([events.get(x, NOTHING) for x in SENSORS[i : i + 3]] for i in (0, 3))
+    clips = (events.get(name, NOTHING) for name in CLIPS)
     rises = [(t[1:], np.maximum(np.diff(count), 0.0)) for t, count in clips]
     if count := sum(float(rise.sum()) for _, rise in rises):
         first = min(float(t[rise > 0.0][0]) for t, rise in rises if rise.any())
         sentences.append(f"accelerometers clipped {count:.0f} times, first at {first:.1f} s")
-    if len(sizes := np.hstack([size for _, size in vibes])):
+    if len(sizes := np.hstack([events.get(name, NOTHING)[1] for name in VIBRATIONS])):
         most = float(sizes.max())
         end = f", where up to {MAX_VIBRATION:g} is acceptable" if most > MAX_VIBRATION else ""
         sentences.append(f"vibration of the accelerometers up to {most:.3g} m/s2{end}")
