@@ -66,8 +66,8 @@ SIDES = ("left", "right", "up", "down")
 class Fence:
     """Where flights may be, in m from the start."""
 
-    rings: list[FloatArray]  # (edges, 2) each: north and east of where the edges begin
-    outside: list[bool]  # whether each ring is to stay out of
+    rings: tuple[FloatArray, ...]  # (edges, 2) each: north and east of where the edges begin
+    outside: tuple[bool, ...]  # whether each ring is to stay out of
     # (edges,): distance of each from the line that is straight in latitude and longitude
     sag: FloatArray
     names: tuple[str, ...]  # of the edges, then of ceiling and floor
@@ -292,12 +292,14 @@ def read_fence(path: Path, origin: LatLon, tables: Any = None) -> Fence:
             low, high = _heights(stated, low, high)
             outside = json_bool(stated.get("exclusion", False), "`exclusion`")
             numbers[outside] += 1
-            kind = f" of {'exclusion' if outside else 'area'} {numbers[outside]}"
-            kind *= len(shapes) > 1
+            kind = ""
+            if len(shapes) > 1:
+                kind = f" of {'exclusion' if outside else 'area'} {numbers[outside]}"
             begin, first = len(names), len(rings)
             for zone, points in enumerate(shape["geometry"]["coordinates"]):
                 ring, sag, corners = _edges(_ring(points), origin, MAX_EDGES - len(names))
-                names += [f"edge {i + 1}{f' of zone {zone}' * (zone > 0)}{kind}" for i in corners]
+                part = f" of zone {zone}" if zone else ""
+                names += [f"edge {i + 1}{part}{kind}" for i in corners]
                 out.append(outside or zone > 0)
                 rings.append(ring)
                 sags.append(sag)
@@ -311,8 +313,14 @@ def read_fence(path: Path, origin: LatLon, tables: Any = None) -> Fence:
                     f"`coordinates`: the start must be {'out' if outside else 'in'}side{kind}, got "
                     f"one at {origin} deg."
                 )
-    sag, names = np.concatenate(sags), [*names, "ceiling", "floor"]
-    return Fence(rings=rings, outside=out, sag=sag, names=tuple(names), low=low, high=high)
+    return Fence(
+        rings=tuple(rings),
+        outside=tuple(out),
+        sag=np.concatenate(sags),
+        names=(*names, "ceiling", "floor"),
+        low=low,
+        high=high,
+    )
 
 
 def _lines(ring: FloatArray) -> npt.NDArray[Any]:

@@ -1,4 +1,4 @@
-"""Guidance: a place beside a path to a reference, and a reference to roll, lift and airspeed."""
+"""Guidance: the reference for a position beside a path, and its roll, lift and airspeed."""
 
 import math
 from collections.abc import Mapping, Sequence

@@ -197,7 +197,8 @@ def add_row(rows: list[Row], row: Row, name: str) -> list[str]:
 
     A sentence where it is that one at another height, which no aeroplane flies.
     """
-    row, before = row | {"name": name}, rows[-1] if rows else row
+    row = row | {"name": name}
+    before = rows[-1] if rows else row
     apart = max(abs(row[key] - before[key]) for key in PLACE[:2])
     if not rows or "turns" in row or "turns" in before or apart >= SAME_PLACE_DEG:
         rows.append(row)
@@ -313,7 +314,10 @@ def _runs(numbers: Collection[int]) -> Iterator[str]:
     """Numbers in words, three or more in a row as a range."""
     for _, pairs in groupby(enumerate(sorted(numbers)), lambda pair: pair[1] - pair[0]):
         run = [number for _, number in pairs]
-        yield from [f"{run[0]} to {run[-1]}"] if len(run) > 2 else map(str, run)
+        if len(run) > 2:
+            yield f"{run[0]} to {run[-1]}"
+        else:
+            yield from map(str, run)
 
 
 def _at_home(home: tuple[float, ...], up: float) -> Row:

@@ -148,7 +148,7 @@ def route_plan(route: RouteMap, V_a: float, ground: float) -> tuple[str, str]:
     of a fence with more vertices than vehicles take.
     """
     path, origin, h_0 = route.where
-    passed = 0, 0, 0, None
+    no_options = 0, 0, 0, None  # of a waypoint: no hold, radius, side or yaw
 
     def at(s: float) -> tuple[float, ...]:
         point = path.beside(np.array([s]))
@@ -167,9 +167,9 @@ def route_plan(route: RouteMap, V_a: float, ground: float) -> tuple[str, str]:
             place = point.lat, point.lon, round(point.height - ground, 2)
             steps.append((TURNS, (turns, 0, radius, 1), place))
         else:
-            steps += [(WAYPOINT, passed, at(s)) for s in _passed(stretch)]
+            steps += [(WAYPOINT, no_options, at(s)) for s in _passed(stretch)]
     if path.stretches[-1].kind == "leg":
-        steps.append((WAYPOINT, passed, at(path.length)))
+        steps.append((WAYPOINT, no_options, at(path.length)))
     items = [
         {"type": "SimpleItem", "autoContinue": True, "doJumpId": number, "command": command}
         | {"frame": NO_FRAME if command == SPEED else ABOVE_HOME, "params": [*values, *place]}

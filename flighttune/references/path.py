@@ -227,15 +227,16 @@ def plan(waypoints: Sequence[Waypoint], ability: Ability) -> Path:
         raise InputError(f"`waypoints` must be at least 2, got {len(waypoints)}.")
     if waypoints[0].turns:
         raise InputError("`turns` must be absent at the first waypoint, where the flight starts.")
-    least = 1.0 / ability.curvature if ability.widen else -math.inf
     waypoints = [
-        replace(
-            point,
-            name=point.name or f"waypoint {number}",
-            radius=point.radius and max(point.radius, least),
-        )
+        replace(point, name=point.name or f"waypoint {number}")
         for number, point in enumerate(waypoints, start=1)
     ]
+    if ability.widen:
+        least = 1.0 / ability.curvature
+        waypoints = [
+            replace(point, radius=max(point.radius, least)) if point.radius else point
+            for point in waypoints
+        ]
     try:
         layout = _laid_out(waypoints, ability)
     except _NoRoomError as error:
@@ -299,8 +300,9 @@ class _Layout:
     def cost(self) -> float:
         """Length of the stretches, m, with a circle for each leg that is still too short."""
         flown = sum(piece.length for stretch in self.laid for piece in stretch.pieces)
-        beyond = any(stretch.aside > self.ability.turnaround for stretch in self.laid)
-        circles = len(self.short) + beyond * len(self.lengths)
+        circles = len(self.short)
+        if any(stretch.aside > self.ability.turnaround for stretch in self.laid):
+            circles += len(self.lengths)
         return flown + circles * math.tau / self.ability.curvature
 
     def _courses(self) -> list[float]:
