@@ -351,8 +351,15 @@ def _multiply(parent: Element, i: int, factor: str) -> None:
 _KG_M2 = SLUG * FT * FT
 _INCHES = 12.0
 
-_PLACES = (0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)
-INERTIAS = {f"i{'xyz'[i]}{'xyz'[j]}": (i, j) for i, j in _PLACES}
+# Place of each moment and product of inertia in the matrix.
+INERTIAS = {
+    "ixx": (0, 0),
+    "iyy": (1, 1),
+    "izz": (2, 2),
+    "ixy": (0, 1),
+    "ixz": (0, 2),
+    "iyz": (1, 2),
+}
 
 # Share of the largest inertia by which rounding may break the triangle inequality.
 _TRIANGLE = 1e-9

@@ -85,7 +85,7 @@ class Source:
         return replace(self, runs=with_claims(self.runs, claims))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Pair:
     """Two runs of one manoeuvre, compared."""
 
@@ -437,7 +437,15 @@ def _pair(source_a: str, source_b: str, a: Run, b: Run) -> Pair:
         run if run.duration <= end else replace(run, signals=run.signals.loc[:end])
         for run in (a, b)
     )
-    return Pair(a, b, source_a, source_b, distance, t_farthest, differs)
+    return Pair(
+        a=a,
+        b=b,
+        source_a=source_a,
+        source_b=source_b,
+        max_distance=distance,
+        t_max_distance=t_farthest,
+        differs=differs,
+    )
 
 
 def _metric_rows(pair: Pair) -> Iterator[dict[str, Any]]:

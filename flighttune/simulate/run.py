@@ -402,7 +402,10 @@ def _with_claim(run: Run, claim: RunClaim) -> Run:
 
 
 def claimed(runs: Sequence[Run]) -> Answer:
-    """What is claimed of runs, as part of an answer; to leave a proven tube and an alarm fail."""
+    """What is claimed of runs, as part of an answer.
+
+    A flight that leaves a proven tube is a failure, and so is an alarm.
+    """
     claims, failures = [], []
     for run in runs:
         for claim in run.claims:
