@@ -180,7 +180,11 @@ class Adoption(Answering):
             tables=[self.flights],
             notes=self.notes,
             verdict=f"{self.status} in {self.seconds:.0f} s{glide}",
-            files={"folder": folder, "draft": self.draft, "scenario": folder and folder / TURN},
+            files={
+                "folder": folder,
+                "draft": self.draft,
+                "scenario": folder / TURN if folder else None,
+            },
             failure="" if self.status == "adopted" else f"{self.status}: {self.reason}",
         )
 

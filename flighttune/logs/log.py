@@ -44,6 +44,7 @@ RAW = (
 # columns the first of these is read.
 ENDINGS = ("_ms:ms", "_s:s", "_m:m", "_mps:m/s", "_rad:rad", "_deg:deg", "")
 
+# Columns of a table that may be its clock, as COLUMN[:UNIT]; the first that it has is read.
 CLOCKS = tuple(f"{name}{ending}" for name in ("t", "time", "timestamp") for ending in ("", "_s:s"))
 
 # Columns as a user gives them: NAME=SOURCE[:UNIT], files of such, or a mapping.

@@ -245,13 +245,15 @@ def about(
         scenario = on_plants(scenario, [plant])  # another may not stand the disturbance
     tables = scenario.as_dict()
     drawn: list[Dispersion] = []
-    for key in ("flight.chi_deg", "flight.gamma_deg") if start_deg else ():
-        drawn.append(Uniform(key=key, lower=-start_deg, upper=start_deg, acts="adds"))
+    if start_deg:
+        for key in ("flight.chi_deg", "flight.gamma_deg"):
+            drawn.append(Uniform(key=key, lower=-start_deg, upper=start_deg, acts="adds"))
     for channel, size in zip(CHANNEL_SYMBOLS, disturbance, strict=True):
+        if not size:
+            continue
+        tables["disturbance"] = {"wave": "square"}
         ranges = {"amplitude": (-size, size), "omega_rad_s": FREQUENCIES, "phase_deg": PHASES_DEG}
-        for key, (low, high) in ranges.items() if size else ():
+        for key, (low, high) in ranges.items():
             drawn.append(Uniform(key=f"disturbance.{channel}_{key}", lower=low, upper=high))
-        if size:
-            tables["disturbance"] = {"wave": "square"}
     table = CampaignTable(title=scenario.title, scenario=name, runs=1, disperse=drawn)
     return campaign_on(table, scenario_from(tables), name)

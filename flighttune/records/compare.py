@@ -470,7 +470,8 @@ def overlaid(comparison: Comparison) -> list[Run]:
     runs: dict[tuple[str, str], Run] = {}
     for pair in comparison.pairs:
         for source, run in ((pair.source_a, pair.a), (pair.source_b, pair.b)):
-            if runs.setdefault((source, run.label), run).duration < run.duration:
+            earlier = runs.get((source, run.label))
+            if earlier is None or earlier.duration < run.duration:
                 runs[source, run.label] = run
     labels = [label for _, label in runs]
     for (source, label), run in runs.items():

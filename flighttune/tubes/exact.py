@@ -100,7 +100,9 @@ class ExactEnclosure(Enclosure):
         limits = itertools.product(range(2 * n), (1.0, -1.0))
         self._sides = {limit: np.full(len(pieces), OPEN) for limit in limits}
         # A pass begins only if it leaves room for the symbols behind the loop.
-        last = pieces.used + FRESH_SYMBOLS - SYMBOLS_AFTER_ROLL - MORE_WITH_FEEDBACK * (n > 1)
+        last = pieces.used + FRESH_SYMBOLS - SYMBOLS_AFTER_ROLL
+        if n > 1:
+            last -= MORE_WITH_FEEDBACK
         while True:
             # A pass that splits by the load factor leaves a constraint on the symbol of its roll
             # command, and the next pass linearises roll anew. So that symbol is kept although no
