@@ -351,7 +351,11 @@ def _heights(stated: Mapping[str, Any], low: float, high: float) -> tuple[float,
 def _edges(
     ring: FloatArray, origin: LatLon, most: int
 ) -> tuple[FloatArray, FloatArray, npt.NDArray[np.intp]]:
-    """Where edges that are straight in m begin, their sag, and the number of their corner."""
+    """Edges of a ring that are straight in m, at most `most`.
+
+    Returns where they begin, north and east (n, 2), m, the sag of each, m, and the number of the
+    corner that it belongs to. `ring`: latitudes and longitudes of the corners, deg.
+    """
     turned = (ring[:, 1] - origin[1] + 180.0) % 360.0 - 180.0
     ring = np.column_stack([ring[:, 0], turned + origin[1]])
     middle, corners = 0.5 * (ring + np.roll(ring, -1, axis=0)), _north_east(ring, origin)

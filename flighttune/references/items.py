@@ -173,7 +173,10 @@ def _fates(numbers: Mapping[Fate, dict[str, set[int]]], skip: bool) -> list[str]
 
 
 def _knows_home(flat: Sequence[Mapping[str, Any]], home: tuple[float, ...]) -> bool:
-    """Whether the place of home is stated: programs that do not know it write zeros."""
+    """Whether the place of home is stated: programs that do not know it write zeros.
+
+    Raises InputError if heights above sea level then stand beside others.
+    """
     placed = [item for item in flat if item.get("command") in PLACED and _placed(item)]
     first = [json_number(x, "a place") for x in placed[0]["params"][4:6]] if placed else [0.0]
     if any(home[:2]) or sum(map(abs, first)) <= NEAR_DEG:
@@ -274,7 +277,10 @@ def _name(item: Mapping[str, Any]) -> str:
 
 
 def _fate(item: Mapping[str, Any], rows: Sequence[Row], lost: bool) -> tuple[str, Fate]:
-    """Name of an item, with the reason of a refusal, and what becomes of it after some rows."""
+    """Name of an item, with the reason of a refusal, and what becomes of it after some rows.
+
+    `lost`: whether home has no place.
+    """
     name = _name(item)
     if item["type"] != "SimpleItem":
         return name, "refused"
