@@ -138,7 +138,10 @@ def command_room(limits: Limits) -> tuple[FloatArray, FloatArray]:
 def multisine(
     harmonics: npt.NDArray[np.int_], peak: float, rate: float, rng: np.random.Generator
 ) -> FloatArray:
-    """Amplitudes fall with the root of frequency: between peak and rate limit."""
+    """One period of a sum of sines within `peak` and `rate` (1/s), at every sample.
+
+    Their amplitudes fall with the root of frequency, a compromise between the two limits.
+    """
     t = np.arange(round(PERIOD / DT), dtype=np.float64) * DT
     angles = np.outer(harmonics * (2.0 * math.pi / PERIOD), t)
     amplitudes = 1.0 / np.sqrt(harmonics)
@@ -160,6 +163,7 @@ def pulses(t: FloatArray, start: float, unit: float) -> FloatArray:
 
 
 def ramped(command: FloatArray, rate: float) -> FloatArray:
+    """The command at every sample, followed at no more than `rate` per second."""
     ramped = np.zeros_like(command)
     for k in range(1, len(command)):
         step = command[k] - ramped[k - 1]

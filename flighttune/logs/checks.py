@@ -139,14 +139,14 @@ class _Check:
     def say(
         self, name: str, ratio: float, others: str, within: tuple[float, float] = TURNS
     ) -> None:
-        """Put in a sentence where a ratio is not that of equal units and signs."""
+        """Add a sentence where a ratio is not that of equal units and signs."""
         if math.isfinite(ratio) and not within[0] < ratio < within[1]:
             either = "" if others == "level flight" else f" (or its inverse on {others})"
             said = f"{name} is {ratio:.3g} times the value from {others}: {_cure(ratio)}{either}"
             self.wrong.append(said)
 
     def offset(self, name: str, angles: FloatArray, flying: FloatArray, others: str) -> None:
-        """Put in a sentence on an angle that is off by the same all along: a magnetic course."""
+        """Add a sentence on an angle that is off by the same all along, as a magnetic course is."""
         off = angles[np.isfinite(angles * flying)]
         turns = np.exp(1j * off)
         middle = float(np.angle(turns.mean())) if len(off) > 50 else 0.0
@@ -159,7 +159,7 @@ class _Check:
             )
 
     def motion(self) -> None:
-        """Put in course, path angle, and what is missing of position and velocity; check them."""
+        """Add course, path angle, and what is missing of position and velocity; check them."""
         values = self.values
         if "north" not in values and {"lat", "lon"} <= values.keys():
             values["north"], values["east"] = _plane(values["lat"], values["lon"])
@@ -241,7 +241,7 @@ class _Check:
                 self.notes.append(f"the nose is {degrees:.0f} deg off the course in the median")
 
     def load_factor(self) -> None:
-        """Put in the load factor; the median of a sensor's says whether it is upright."""
+        """Add the load factor; the median of a sensor's says whether the sensor is upright."""
         if "f_z" not in self.values or "n_z" in self.values:
             return
         n_z = -self.values["f_z"] / G_0

@@ -189,9 +189,9 @@ class TubeProblem:
         return boxes
 
     def _check_covered(self, band: Residual) -> None:
-        """Refuse flights of which none of those counted for a band could be one.
+        """Refuse a problem to which no flight counted for the band can belong.
 
-        Aircraft, gains, manoeuvre, limits, controller, starts and air must be theirs.
+        Aircraft, gains, manoeuvre, limits, controller, starts and air must be those of the band.
         """
         scenario, plant, counted = self.scenario, self.table, band.flights
         aircraft = counted.scenario.plant_table(counted.plant).aircraft
