@@ -71,7 +71,7 @@ _IMMORTAL = [_LOGGER] * 10_000
 
 
 def silence() -> QuietLogger:
-    """Silence JSBSim in this thread from now on; the value holds what it says."""
+    """Silence JSBSim in this thread from now on; the logger returned holds what it says."""
     _LOGGER.clear()
     jsbsim.set_logger(_LOGGER)
     return _LOGGER
