@@ -306,8 +306,8 @@ def slowest_channel() -> Channel:
 def _least(function: Callable[[float], float], ends: tuple[float, float], within: float) -> float:
     from scipy.optimize import minimize_scalar
 
-    found = minimize_scalar(function, bounds=ends, method="bounded", options={"xatol": within})
-    return float(found.x)
+    least = minimize_scalar(function, bounds=ends, method="bounded", options={"xatol": within})
+    return float(least.x)
 
 
 def optimal_channel(I_star: float) -> Channel | None:

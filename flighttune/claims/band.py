@@ -540,10 +540,10 @@ def _check(about: About, of: BandFlights, arrays: dict[str, Any]) -> None:
     """Refuse a shape that cannot be one, and arrays of other windows than the plan has."""
     models, flights = about.models, len(arrays["extremes"])
     each = len(of.edges) - 1, len(about.signals)  # windows and signals
-    given = about.predicted_from
+    by_wind = about.predicted_from
     learned = {"half": about.half, "coefficients": about.coefficients}
-    shapes = {"half": each, "coefficients": (10 if given else 1, *each)}
-    shapes |= {"extremes": (flights, *each, 2), "wind": (flights, 2 if given else 0)}
+    shapes = {"half": each, "coefficients": (10 if by_wind else 1, *each)}
+    shapes |= {"extremes": (flights, *each, 2), "wind": (flights, 2 if by_wind else 0)}
     check_shapes("band", learned | arrays, shapes)
     if not (about.half > 0.0).all():
         raise InputError("`half` must be positive.")

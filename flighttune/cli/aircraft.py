@@ -57,8 +57,8 @@ def adopt(
     from flighttune.adoption.page import write_adoption
 
     folder = out or Path("aircraft") / Path(os.path.abspath(model)).stem.removesuffix("-set")
-    given = {"aileron": aileron, "elevator": elevator, "rudder": rudder}
-    commands = {surface: names for surface, names in given.items() if names}
+    named = {"aileron": aileron, "elevator": elevator, "rudder": rudder}
+    commands = {surface: names for surface, names in named.items() if names}
     try:
         with on_interrupt():
             adoption = adopt_model(folder, commands=commands, rudder=not no_rudder, say=_progress)

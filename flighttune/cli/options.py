@@ -113,12 +113,12 @@ def command(body: Callable[..., Answer | None], texts: Mapping[str, Any]) -> Cal
             taken = {x: values[x] for x in of_body}
             others = values.pop(several, None) or ()
             if place:
-                given = {
+                chosen = {
                     x: values[x]
                     for x in [*arguments][1:]
                     if x in values and values[x] not in (None, [], {}, defaults.get(x))
                 }
-                call = partial(_called, place, [*arguments], source, *others, **given)
+                call = partial(_called, place, [*arguments], source, *others, **chosen)
                 answer = body(call, **taken)
             else:
                 answer = body(**taken)
@@ -157,15 +157,15 @@ def check_ending(out: Path | None, *endings: str, option: str = "--out") -> None
         raise InputError(f"{out}: {option} must end in {endings[0]}.")
 
 
-def _called(place: str, names: list[str], source: Any, /, *values: Any, **given: Any) -> Any:
+def _called(place: str, names: list[str], source: Any, /, *values: Any, **keywords: Any) -> Any:
     """Import a verb and call it, watched and flown as the command line says."""
     module, _, name = place.partition(":")
-    given |= {x: value for x, value in FLOWN_BY.get().items() if x in names}
+    keywords |= {x: value for x, value in FLOWN_BY.get().items() if x in names}
     with ExitStack() as stack:
-        for supplied in SUPPLIED.keys() & {*names} - given.keys():
-            given[supplied] = stack.enter_context(SUPPLIED[supplied]())
+        for supplied in SUPPLIED.keys() & {*names} - keywords.keys():
+            keywords[supplied] = stack.enter_context(SUPPLIED[supplied]())
         verb = getattr(import_module(f"flighttune.{module}"), name)
-        return verb(given.pop(names[0], source), *values, **given)
+        return verb(keywords.pop(names[0], source), *values, **keywords)
 
 
 def _definition(module: str, name: str) -> ast.FunctionDef:

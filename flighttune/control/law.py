@@ -162,7 +162,7 @@ class Law(ABC):
 
 
 def pi_settings(setup: LawSetup, law: str) -> dict[str, Any]:
-    """What both built-in laws take of a setup; InputError if it has no gains."""
+    """Settings of a setup that both built-in laws take; InputError if it has no gains."""
     if setup.gains is None:
         raise InputError(f"`gains` must be given to fly {law}.")
     return pick(setup, "gains limits dt anti_windup tracking_time g")

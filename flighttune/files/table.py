@@ -3,7 +3,7 @@
 The class of a value, a frozen dataclass, is the format of its file too. The keys are the names of
 the fields, and the first one names the format with its version. An unknown, missing or repeated
 key, a value of another type and another version are refused in one line that names file and key.
-What the class itself checks when it is made holds for files as well.
+Files are held to the checks that the class itself makes.
 """
 
 import hashlib

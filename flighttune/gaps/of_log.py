@@ -180,10 +180,10 @@ class LogGap(Answering):
         chi, t = np.abs(np.nan_to_num(apart[self.aircraft]["chi"])), _compared(self.t, self.t)
         worst = np.unravel_index(np.argmax(chi), chi.shape)
         share = f"{', '.join(self.causes)} together explain {100.0 * self.explained:.1f} %"
-        told = share if self.causes else "the log can tell no cause"
+        causes_say = share if self.causes else "the log can tell no cause"
         verdict = (
-            f"Of the difference between {self.log} and {self.aircraft}, {told}; the course parts "
-            f"most at {t[worst]:.1f} s, by {chi[worst] * DEG_PER_RAD:.1f} deg."
+            f"Of the difference between {self.log} and {self.aircraft}, {causes_say}; the course "
+            f"parts most at {t[worst]:.1f} s, by {chi[worst] * DEG_PER_RAD:.1f} deg."
         )
         values = {"explained_percent": 100.0 * self.explained}
         ended = [

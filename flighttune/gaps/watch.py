@@ -153,17 +153,17 @@ def columns_of(models: Sequence[SignalModel], run: Run, from_s: float = 0.0) -> 
     if not run.duration > from_s:
         raise InputError(f"{run.label}: must be over {from_s:g} s long, got {run.duration:.1f} s.")
     dt, columns = dt_of(run), []
-    known = {"1": np.ones(len(run.signals))}
+    quantities = {"1": np.ones(len(run.signals))}
 
     def quantity(name: str) -> FloatArray:
-        if name not in known:
+        if name not in quantities:
             function, signals = QUANTITIES.get(name, (np.positive, name))
             taken = (run.signals[x].ffill().bfill().to_numpy(float) for x in signals.split())
-            known[name] = function(*taken)
-        return known[name]
+            quantities[name] = function(*taken)
+        return quantities[name]
 
     def term(text: str) -> FloatArray:
-        total, rates = known["1"], False
+        total, rates = quantities["1"], False
         for operation, rate, name in FACTOR.findall(text):
             factor = quantity(name)
             if rate:

@@ -196,7 +196,7 @@ def drawn_scale(flights: Sequence[DrawnRun]) -> float:
 
 
 def enlargement(points: FloatArray, span: float) -> float:
-    """That factor for positions and the largest wing span, m: a round number, at least 1."""
+    """The factor for positions and the largest wing span, m: a round number, at least 1."""
     factor = float(np.linalg.norm(np.ptp(points, axis=0))) * SHARE_OF_FLIGHT / span
     return max(1.0, round_below(factor, FINELY_ROUND))
 

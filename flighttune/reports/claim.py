@@ -88,7 +88,7 @@ def _chart(band: SignalBounds, i: int) -> Chart:
 
 
 def _corridor(band: Band, signal: str, s: FloatArray) -> FloatArray | None:
-    """What the band claims of a signal at distances along the route, if it does."""
+    """The claim of a band about a signal at distances along the route, if it has one."""
     about = band.about
     if signal not in about.signals or not band.claims or about.predicted_from:
         return None

@@ -113,9 +113,9 @@ class Scenario(Table):
             (key, getattr(x, key)) for x in self.expect for key in ("gains", "plant")
         ):
             if label not in (None, *labels_of[key]):
-                known = ", ".join(dict.fromkeys(labels_of[key]))
+                labels = ", ".join(dict.fromkeys(labels_of[key]))
                 raise ValueError(
-                    f"`{key}` of [[expect]] must be one of {known}, got {abridged(label)}"
+                    f"`{key}` of [[expect]] must be one of {labels}, got {abridged(label)}"
                 )
         return self
 

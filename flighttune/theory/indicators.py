@@ -131,9 +131,9 @@ def indicators(
     stable, reason, E_K = bool(figures.stable), "", math.inf
     if stable:
         half = len(A_K) // 2
-        known = errors is not None or not (len(A_K) % 2 or A_K[half:, half:].any())
+        has_errors = errors is not None or not (len(A_K) % 2 or A_K[half:, half:].any())
         count = half if errors is None else errors
-        E_K = float(largest_errors(A_K, errors=count).max()) if known else math.nan
+        E_K = float(largest_errors(A_K, errors=count).max()) if has_errors else math.nan
     elif eigenvalues[0].real >= 0.0:
         reason = f"The eigenvalue {eigenvalues[0]:.6g} 1/s is not in the open left half plane."
     else:
