@@ -214,8 +214,8 @@ def _about_mission(scenario: Scenario, aircraft: str, like: str | None) -> Campa
             left_out += INERTIAS
             update["title"] += " with the aircraft's own inertias"
         update["disperse"] = [x for x in campaign.disperse if not x.key.endswith(left_out)]
-        own = [x for x in campaign.correlation if not x.keys[0].endswith(left_out)]
-        update["correlation"] = own
+        kept = [x for x in campaign.correlation if not x.keys[0].endswith(left_out)]
+        update["correlation"] = kept
     return campaign.model_copy(update=update)
 
 
