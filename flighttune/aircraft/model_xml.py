@@ -18,22 +18,12 @@ from flighttune.aircraft.aircraft import AXES, SURFACES, AircraftConfig, Fault, 
 from flighttune.arrays import FloatArray
 from flighttune.errors import InputError, PlantError
 from flighttune.files.shipped import nearest_name
+from flighttune.files.xml import node
 from flighttune.units import FT, SLUG
 
 INNER_LOOP = Path(__file__).with_name("inner_loop.xml")
 
 SURFACE_LAG, THROTTLE_LAG = 25.0, 5.0  # Bandwidth of the actuators, rad/s
-
-
-def node(tag: str, *inside: Element | str, **attributes: str) -> Element:
-    """An element with a text, or with other elements in it."""
-    element = Element(tag, attributes)
-    for part in inside:
-        if isinstance(part, str):
-            element.text = part
-        else:
-            element.append(part)
-    return element
 
 
 def put_in_front(root: Element, config: AircraftConfig) -> None:

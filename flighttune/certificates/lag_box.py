@@ -97,7 +97,7 @@ class LagBox:
     norm_rate : float, 1/s, or None
         A norm of the channel decays at this rate while the point moves inside the box as it likes.
     Q : ndarray, shape (3, 3) or (4, 4), or None
-        That norm is ``sqrt(x' Q x)``, x as in `corner_loops`.
+        The norm is ``sqrt(x' Q x)``, with x as in `corner_loops`.
     """
 
     lag: Range

@@ -260,10 +260,10 @@ def certify_scenario(
         )
     model, scaling = models.linear_model(scenario, law), models.tuning_scaling(scenario, law)
     g = scenario.flight.g_mps2 if over else None
-    rates, unsampled = (), ""
+    proven, unsampled = (), ""
     if not envelope:
         sampled = models.sampling(scenario, law) if full else None
-        rates, unsampled = exact_rates(model, gains, scaling=scaling, sampling=sampled)
+        proven, unsampled = exact_rates(model, gains, scaling=scaling, sampling=sampled)
     boxes, why = (), ""
     if lag is not None or identified:
         late = models.late_ranges(scenario, law, lag, everywhere)
@@ -280,7 +280,7 @@ def certify_scenario(
         L_d=L_d,
         conditions=[((design.V_a, design.gamma), design.model) for design in everywhere],
         scenario_sha256=scenario.sha256,
-        rates=rates,
+        rates=proven,
         boxes=boxes,
     )
     certificate = certification.certificate

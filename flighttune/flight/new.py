@@ -87,7 +87,7 @@ def new_scenario(
 def _first(aircraft: str, folder: Path) -> Any:
     """The template with the values of an aircraft; as values, for its texts may hold quotes.
 
-    Of a model from logs the plant is a point mass behind its lags.
+    The plant of a model from logs is a point mass behind its lags.
     """
     document: Any = tomlkit.parse(TEMPLATE)
     flight, limits, plants = document["flight"], document["limits"], document["plant"]

@@ -16,6 +16,7 @@ from flighttune.arrays import FloatArray, Floats
 from flighttune.errors import InputError, need
 from flighttune.files.mistakes import abridged
 from flighttune.files.table import file_text, hash_of, json_object, json_tables
+from flighttune.files.xml import node
 from flighttune.references.path import STEP
 from flighttune.references.path import Path as Route
 from flighttune.units import DEG
@@ -242,17 +243,17 @@ class RouteMap(NamedTuple):
         line, claim = self._line(), f"Corridor: {self.corridor.claim}." if self.corridor else ""
         own = []
         if self.stated:
-            value = _element("value", json.dumps(with_hash(self.stated, line.tolist())))
-            own = [_element("ExtendedData", _element("Data", value, name=ROUTE_KEY))]
-        document = _element("Document")
+            value = node("value", json.dumps(with_hash(self.stated, line.tolist())))
+            own = [node("ExtendedData", node("Data", value, name=ROUTE_KEY))]
+        document = node("Document")
         for name, (colour, area) in STYLES.items():
-            of_line = _element("LineStyle", _element("color", colour), _element("width", "3"))
-            of_area = _element("PolyStyle", _element("color", area))
-            document.append(_element("Style", of_line, of_area, id=name))
+            of_line = node("LineStyle", node("color", colour), node("width", "3"))
+            of_area = node("PolyStyle", node("color", area))
+            document.append(node("Style", of_line, of_area, id=name))
         shape = _shape(line, "LineString")
         document.append(_placemark(self.title, "path", *own, shape, description=claim))
         for properties, *rings in self._pieces():
-            shape = _element("MultiGeometry", *(_shape(ring, *RING) for ring in rings))
+            shape = node("MultiGeometry", *(_shape(ring, *RING) for ring in rings))
             name = "corridor from {from_m} m".format(**properties)
             document.append(_placemark(name, "corridor", shape))
         for mark in (*self.points, *self.rally):
@@ -262,7 +263,7 @@ class RouteMap(NamedTuple):
             corners = np.array([[lon, lat, 0.0] for lon, lat, *_ in ring])
             shape = _shape(corners, *RING, mode="clampToGround")
             document.append(_placemark("stay out" if exclusion else "stay in", "fence", shape))
-        kml = _element("kml", document, xmlns="http://www.opengis.net/kml/2.2")
+        kml = node("kml", document, xmlns="http://www.opengis.net/kml/2.2")
         return ElementTree.tostring(kml, encoding="unicode", xml_declaration=True) + "\n"
 
     def corridor_rings(self) -> list[list[list[float]]]:
@@ -294,24 +295,13 @@ class RouteMap(NamedTuple):
             yield {"name": "corridor", **rounded}, floor, ceiling
 
 
-def _element(tag: str, *parts: str | ElementTree.Element, **stated: str) -> ElementTree.Element:
-    """An element of KML from its text or its parts, and its attributes."""
-    element = ElementTree.Element(tag, stated)
-    for part in parts:
-        if isinstance(part, str):
-            element.text = part
-        else:
-            element.append(part)
-    return element
-
-
 def _placemark(
     name: str, style: str, *parts: ElementTree.Element, description: str = ""
 ) -> ElementTree.Element:
     """A placemark with its name and style."""
-    described = [_element("description", description)] if description else []
-    heads = _element("name", name), *described, _element("styleUrl", f"#{style}")
-    return _element("Placemark", *heads, *parts)
+    described = [node("description", description)] if description else []
+    heads = node("name", name), *described, node("styleUrl", f"#{style}")
+    return node("Placemark", *heads, *parts)
 
 
 def _shape(
@@ -319,10 +309,10 @@ def _shape(
 ) -> ElementTree.Element:
     """A shape, whose coordinates are in the last of the `nested` elements."""
     text = " ".join(",".join(map(str, point)) for point in points.tolist())
-    inner = _element("coordinates", text)
+    inner = node("coordinates", text)
     for tag in reversed(nested):
-        inner = _element(tag, inner)
-    return _element(kind, _element("altitudeMode", mode), inner)
+        inner = node(tag, inner)
+    return node(kind, node("altitudeMode", mode), inner)
 
 
 def _coordinates(

@@ -402,7 +402,7 @@ def _with_claim(run: Run, claim: RunClaim) -> Run:
 
 
 def claimed(runs: Sequence[Run]) -> Answer:
-    """What is claimed of runs, as part of an answer.
+    """The claims about runs, as part of an answer.
 
     A flight that leaves a proven tube is a failure, and so is an alarm.
     """

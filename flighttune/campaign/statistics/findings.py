@@ -132,7 +132,7 @@ class Findings:
 
     @cached_property
     def values(self) -> dict[str, Any]:
-        """What ``--json`` has: shares between 0 and 1, units as in the columns."""
+        """The values of ``--json``: shares between 0 and 1, units as in the columns."""
         plan, measure, confidence = self.plan, self.measure, self.confidence
         return {
             "dataset": self.url,
