@@ -240,9 +240,8 @@ def _signals(
     for name in names:
         if name not in run.signals:
             if run.reason and not len(run.signals):
-                raise InputError(
-                    f"The flight without anything drawn must start: {run.reason.removesuffix('.')}."
-                )
+                why = run.reason.removesuffix(".")
+                raise InputError(f"The flight at the median of what is drawn must start: {why}.")
             recorded = ", ".join(map(str, run.signals.columns))
             raise InputError(f"`signal` must be one of {recorded}, got {name!r}.")
     return {name: run.units.get(name) or SIGNAL_UNITS.get(name, "") for name in names}, ()

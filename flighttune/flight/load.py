@@ -243,8 +243,8 @@ def _glide_faults(scenario: Scenario, config: AircraftConfig) -> Iterator[str]:
     highest = max(route.path.stretches, key=lambda stretch: stretch.gamma)
     if highest.gamma > glide + OFF_GLIDE:
         yield (
-            f"[plant] `aircraft` must have an engine for a route that is not all descent: its "
-            f"path angle is {highest.gamma / DEG:.1f} deg on the {highest.words}, and "
+            "[plant] `aircraft` must have an engine for a route that is flatter than its glide: "
+            f"the path angle is {highest.gamma / DEG:.1f} deg on the {highest.words}, and "
             f"{Path(config.file).parent.name} glides at {glide / DEG:.1f} deg"
         )
 

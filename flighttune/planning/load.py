@@ -59,6 +59,14 @@ def load_campaign(
     >>> ft.load_campaign("first_campaign").runs
     40
     """
+    table, file = campaign_table(path, changes)
+    return campaign_about(table, file, scenario, gains)
+
+
+def campaign_table(
+    path: str | Path, changes: Mapping[str, Any] | None = None
+) -> tuple[CampaignTable, Path]:
+    """The tables of a campaign file with values to set, and the file; its scenario is not read."""
     folders = "campaigns", "scenarios/campaigns"
     file = existing_file(path, "campaign", campaign_files(), folders)
     tables = toml_tables(file)
@@ -70,7 +78,13 @@ def load_campaign(
             "overrides": {**tables.get("overrides", {}), **changes},
             "title": title_with(tables, changes),
         }
-    table = validated(CampaignTable, tables, str(file))
+    return validated(CampaignTable, tables, str(file)), file
+
+
+def campaign_about(
+    table: CampaignTable, file: Path, scenario: Scenario | None, gains: Sequence[str] = ()
+) -> Campaign:
+    """The campaign of a file's tables, about a scenario in place of the one that they name."""
     base = scenario or load_scenario(_scenario_of(table.scenario, file))
     nominal = _nominal(table, base, str(file))
     if gains:

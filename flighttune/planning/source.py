@@ -1,6 +1,6 @@
 """What is flown, as a value: a scenario, a mission, a campaign, or the folder of a campaign."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -15,7 +15,7 @@ from flighttune.files.shipped import campaign_files, scenario_files
 from flighttune.files.table import toml_tables
 from flighttune.flight.load import load_scenario
 from flighttune.flight.route import AIRCRAFT, mission_scenario
-from flighttune.planning.load import campaign_on, load_campaign
+from flighttune.planning.load import campaign_about, campaign_on, campaign_table, load_campaign
 from flighttune.planning.plan import Plan, on_plants, plan_campaign, recorded_plan
 from flighttune.planning.schema import Campaign, CampaignTable, Dispersion, Uniform
 from flighttune.plants.jsbsim.plant import check_off_nominal
@@ -206,30 +206,33 @@ def _about_mission(scenario: Scenario, aircraft: str, like: str | None) -> Campa
     own = LIKE if aircraft == AIRCRAFT else f"{LIKE}_{aircraft}"
     shipped = own in campaign_files()
     name = like or (own if shipped else LIKE)
-    campaign = load_campaign(name, scenario, changes={"plant.aircraft": aircraft})
-    update: dict[str, Any] = {"title": f"{scenario.title}, flown as {name}"}
+    table, file = campaign_table(name, {"plant.aircraft": aircraft})
+    title = f"{scenario.title}, flown as {name}"
     if like is None and not shipped:
         left_out = SHIFTS
-        if not _possible_inertias(aircraft, campaign):
+        if not _possible_inertias(aircraft, table.disperse):
             left_out += INERTIAS
-            update["title"] += " with the aircraft's own inertias"
-        update["disperse"] = [x for x in campaign.disperse if not x.key.endswith(left_out)]
-        kept = [x for x in campaign.correlation if not x.keys[0].endswith(left_out)]
-        update["correlation"] = kept
-    return campaign.model_copy(update=update)
+            title += " with the aircraft's own inertias"
+        drawn = [x for x in table.disperse if not x.key.endswith(left_out)]
+        related = [x for x in table.correlation if not x.keys[0].endswith(left_out)]
+        table = table.model_copy(update={"disperse": drawn, "correlation": related})
+    return campaign_about(table, file, scenario).model_copy(update={"title": title})
 
 
-def _possible_inertias(aircraft: str, campaign: Campaign) -> bool:
-    """Whether an aircraft can have the least and largest inertias that a campaign draws.
+def _possible_inertias(aircraft: str, drawn: Sequence[Dispersion]) -> bool:
+    """Whether an aircraft can have the least and largest inertias that are drawn.
 
     The models of some are flat: their inertias about two axes add up to that about the third.
     """
-    of = {x.key.rpartition(".")[2]: x for x in campaign.disperse if x.key.endswith(INERTIAS)}
-    ends = {key: x.at(np.array([key == "izz_factor"], dtype=float))[0] for key, x in of.items()}
-    try:
-        check_off_nominal(load_aircraft(aircraft).with_off_nominal(OffNominal(**ends)))
-    except InputError:
-        return False
+    config = load_aircraft(aircraft)
+    of = {x.key.rpartition(".")[2]: x for x in drawn if x.key.endswith(INERTIAS)}
+    for largest in of:  # that about one axis, with the least about the two others
+        ends = {key: x.at(np.array([float(key == largest)])).item() for key, x in of.items()}
+        off = OffNominal.model_validate(ends)
+        try:
+            check_off_nominal(config.with_off_nominal(off))
+        except InputError:
+            return False
     return True
 
 
