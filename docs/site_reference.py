@@ -147,7 +147,7 @@ def meanings(model: type[Table]) -> dict[str, str]:
 
 
 def _in_words(comment: str) -> str:
-    text = re.sub(r"^(m/s|rad/s|rad|1/s|s): | \(rad\)|`", "", comment)
+    text = re.sub(r"^(m/s|rad/s|rad|1/s|s): | \(rad\)", "", comment)
     return text if re.match(r"\w[A-Z]", text) else text[:1].lower() + text[1:]
 
 

@@ -148,6 +148,7 @@ def write_report(source: Source, path: Path) -> Report:
         for run, record in zip(source.runs, convergence.records, strict=True)
     )
     gaps, without_gap = _gaps(scenario, runs)
+    around, first = claimed(source.runs), [f"{claim.short}.", f"Converged: {converged}."]
     below = [panels.tracking_table(runs), panels.runs_table(source.runs)]
     criterion = {
         "part": 100.0 * panels.CONVERGED_PART,
@@ -157,7 +158,7 @@ def write_report(source: Source, path: Path) -> Report:
         path,
         page_template("flighttune.reports", "page.html.jinja"),
         about=(flown_in_words(scenario, runs), _gains_in_words(scenario, runs)),
-        summary=(f"{claim.short}.", f"Converged: {converged}.", *gains_notes(runs)),
+        summary=(*first, *([around.failure] if around.failure else []), *gains_notes(runs)),
         closest=f"{claim.sentence}." if claim.verdict == "met" else "",
         missed=(*claim.missed, *filter(None, [advice(scenario, source.runs, "SCENARIO")])),
         criterion=TEXTS["converges"].format(**criterion),
@@ -177,7 +178,7 @@ def write_report(source: Source, path: Path) -> Report:
         first_gains=next((run.provenance.gains_name for run in runs if run.provenance.gains), None),
         version=origin.versions.get("flighttune", ""),
     )
-    around, named = claimed(source.runs), [table for table in page.tables if table.name]
+    named = [table for table in page.tables if table.name]
     shown = Answer(
         values={
             "bytes": path.stat().st_size,
@@ -186,7 +187,7 @@ def write_report(source: Source, path: Path) -> Report:
             **around.values,
         },
         tables=[replace(table, name="") for table in named if table.name in PRINTED],
-        notes=[*page.summary, *around.notes],
+        notes=[*first, *gains_notes(runs), *around.notes],
         failure=around.failure,
     )
     return replace(page, shown=shown)

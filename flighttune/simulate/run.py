@@ -159,7 +159,7 @@ class Alarm(NamedTuple):
     @property
     def sentence(self) -> str:
         """The alarm in words."""
-        return f"Alarm at {self.at_s:.2f} s: {self.why} is not as without a fault."
+        return f"Alarm at {self.at_s:.2f} s: the {self.why} differs from that of healthy flights."
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -53,7 +53,9 @@ def test_fly_records_the_score_and_says_whether_when_and_why_it_alarms(
         assert 1.0 <= alarm.at_s < 2.0
         assert alarm.why in ("roll", "turn")
         assert score[score > 1.0].index[0] == pytest.approx(alarm.at_s)
-        assert f"Alarm at {alarm.at_s:.2f} s: {alarm.why} is not" in " ".join(said["notes"])
+        assert f"Alarm at {alarm.at_s:.2f} s: the {alarm.why} differs" in " ".join(said["notes"])
+        page = answer("report", runs, "--out", tmp_path / "page.html", status=1)
+        assert f"Alarm at {alarm.at_s:.2f} s" in " ".join(page["summary"])
     assert answer("verify", runs)["equal"]
     assert monitor.why_not(run) == "another monitor has scored it"
 
