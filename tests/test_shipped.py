@@ -38,6 +38,15 @@ def test_an_unknown_aircraft_is_answered_with_those_there_are(name):
         shipped.aircraft_folder(name)
 
 
+def test_a_folder_that_is_here_is_named_as_it_must_be_written(tmp_path, monkeypatch):
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine/aircraft.toml").touch()
+    monkeypatch.chdir(tmp_path)
+
+    with pytest.raises(ft.InputError, match=r"got 'mine'; the folder of this name is \./mine\.$"):
+        shipped.aircraft_folder("mine")
+
+
 def copied_sources(folder):
     """What an archive of the repository holds."""
     ignored = shutil.ignore_patterns(

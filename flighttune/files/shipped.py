@@ -78,9 +78,11 @@ def aircraft_folder(name: str) -> Path:
                 return (place / name).resolve()
     names = list(aircraft_folders())
     model = next((model for model in models_of_jsbsim() if model.lower() == name.lower()), "")
+    made = f"; `flighttune adopt {model}` makes it." if model else nearest_name(name, names)
+    here = os.path.isfile(Path(name) / "aircraft.toml")  # a name is not looked for here
     raise InputError(
         f"`aircraft` must be one of {', '.join(names)}, or a folder with one, got {name!r}"
-        + (f"; `flighttune adopt {model}` makes it." if model else nearest_name(name, names))
+        + (f"; the folder of this name is ./{name}." if here else made)
     )
 
 
