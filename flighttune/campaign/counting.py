@@ -140,7 +140,8 @@ def counted_on(
 
     It ends before all are flown where the answer is `certain`.
     """
-    check_at_least(MIN_LEARNED, learn=learn)
+    # Half of the flights that a monitor learns from teach its weights, the others its limits.
+    check_at_least(2 * MIN_LEARNED if kind.of == "monitor" else MIN_LEARNED, learn=learn)
     plan = plan.with_runs(learn + fresh_flights(flights, epsilon, confidence))
     (group,) = plan.groups
     windy = predicted_from is not None

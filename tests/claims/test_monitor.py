@@ -83,3 +83,8 @@ def test_models_of_other_signals_are_refused(monitor, tmp_path):
 
     with pytest.raises(ft.InputError, match=r"`models` .* those of the `signals`"):
         ft.load(tmp_path / "monitor.npz")
+
+
+def test_too_few_flights_to_learn_weights_and_limits_from_are_refused_before_any_flies():
+    with pytest.raises(ft.InputError, match="`learn` must be at least 20, got 19"):
+        ft.monitor("level_turn", start_deg=2.0, **{**FEW, "learn": 19})
