@@ -67,8 +67,8 @@ def bound_words(bound: Mapping[str, Any]) -> str:
 
 def rates(findings: Findings) -> list[Chart]:
     """Success rate of every group, and the measure that decides it."""
-    bounds = findings.values["requirements"]
-    decides = bounds[0]["measure"] if bounds else findings.measure
+    bounds = [bound["measure"] for bound in findings.values["requirements"]]
+    decides = next((name for name in bounds if name in findings.measures), findings.measure)
     return [_shares(findings), *([_distribution(findings, decides)] if decides else [])]
 
 

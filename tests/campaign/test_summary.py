@@ -16,6 +16,8 @@ from flighttune.campaign.statistics.intervals import (
     rate_interval,
     share,
 )
+from flighttune.reports.campaign_charts import rates
+from flighttune.scenario.tables import ExpectTable
 
 CRAFT = "jsbsim:aerosonde"
 
@@ -77,6 +79,19 @@ def test_requirements_are_counted_over_completed_flights_the_most_missed_first(f
     nearest = np.sort(rows["chi.ITAE"])[int(np.ceil(0.95 * len(rows))) - 1]
     assert itae["near"] == pytest.approx((nearest - 4.0) / 4.0)
     assert itae["bound"] == 4.0
+
+
+def test_a_bound_on_the_loop_counts_flights_of_gains_that_miss_it(plan):
+    """R_K on the kinematic law is 0.461 1/s with `paper`, 0.592 with K3 (`flighttune certify`)."""
+    bound = ExpectTable(at_least={"loop": {"R_K": 0.5}}, at_most={"chi": {"ITAE": 4.0}})
+    flown = findings_of(made_up_rows(plan), made_up_plan(bound))
+    done = flown.rows[flown.rows["status"] == "completed"]
+
+    loop, itae = flown.values["requirements"]
+
+    assert (loop["measure"], itae["measure"]) == ("loop.R_K", "chi.ITAE")
+    assert loop["missed"] == (done["gains"] == "paper").sum()
+    assert rates(flown)[1].title == "Flights by ITAE of course"
 
 
 def test_gain_sets_are_compared_on_the_same_draws(flown):

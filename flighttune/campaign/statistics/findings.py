@@ -26,7 +26,7 @@ from flighttune.campaign.statistics.intervals import (
     share,
 )
 from flighttune.errors import InputError
-from flighttune.flight.expectations import bound_checks
+from flighttune.flight.expectations import bound_checks, bounded_loop
 from flighttune.planning.plan import Group, Plan
 from flighttune.planning.schema import MEASURES
 from flighttune.present.answer import pick
@@ -206,10 +206,19 @@ class Findings:
         groups = list(zip(completed["plant"], completed["gains"], strict=True))
         for table in self.plan.scenario.expect:
             rows = completed.loc[[table.meant(*group) for group in groups]]
+            loops = {
+                name: bounded_loop([table], self.plan.scenario, name, self.plan.gain_sets[name])
+                for name in rows["gains"].unique()
+            }
             for check in bound_checks([table], {}):
                 measure = f"{check.subject}.{in_rad(check.measure)}"
                 bound = check.bound * (DEG if check.measure.endswith("_deg") else 1.0)
-                values = rows[measure].to_numpy(dtype=float)
+                if check.subject == "loop":  # of the undispersed loop, so that no flight has it
+                    key = in_rad(check.measure)
+                    of_gains = {name: loop["loop"].get(key) for name, loop in loops.items() if loop}
+                    values = rows["gains"].map(of_gains).to_numpy(dtype=float)
+                else:
+                    values = rows[measure].to_numpy(dtype=float)
                 beyond = values - bound if check.sense == "at_most" else bound - values
                 beyond = np.where(np.isnan(values), np.inf, beyond) / (abs(bound) or 1.0)
                 near = ordered_quantile(beyond, 0.95).item() if len(rows) else -np.inf
