@@ -4,6 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from figures.aircraft_glb import MODEL, aircraft_mesh, write_glb
+from scipy.spatial.transform import Rotation
 
 from flighttune.recording.scene import (
     ASPECT,
@@ -20,9 +21,7 @@ HALF_VIEW = np.tan(np.deg2rad(27.5))
 
 
 def turned(quaternion, vector):
-    x, y, z, w = quaternion
-    across = 2.0 * np.cross([x, y, z], vector)
-    return vector + w * across + np.cross([x, y, z], across)
+    return Rotation.from_quat(quaternion).apply(vector)  # x, y, z, w
 
 
 @pytest.mark.parametrize(
@@ -41,7 +40,7 @@ def test_an_attitude_points_nose_and_wing_the_right_way(angles, nose, right_wing
     signals = pd.DataFrame({"chi": [0.7], "phi": [phi], "theta": [theta], "psi": [psi]})
 
     def drawn(vector):
-        return turned(headings(signals)[0], turned(attitudes(signals)[0], np.array(vector)))
+        return turned(headings(signals)[0], turned(attitudes(signals)[0], vector))
 
     assert drawn([1.0, 0.0, 0.0]) == pytest.approx(nose, abs=ROUNDING)
     assert drawn([0.0, 1.0, 0.0]) == pytest.approx(right_wing, abs=ROUNDING)
@@ -51,21 +50,16 @@ def test_a_plant_without_pitch_and_heading_is_drawn_along_its_path():
     signals = pd.DataFrame({"chi": [0.7], "gamma": [0.3], "phi": [0.5]})
     along = [np.cos(0.3) * np.cos(0.7), np.cos(0.3) * np.sin(0.7), -np.sin(0.3)]
 
-    nose = turned(attitudes(signals)[0], np.array([1.0, 0.0, 0.0]))
+    nose = turned(attitudes(signals)[0], [1.0, 0.0, 0.0])
 
     assert turned(headings(signals)[0], nose) == pytest.approx(along, abs=ROUNDING)
 
 
+AROUND = np.linspace(0.0, 2.0 * np.pi, 80)
 FLIGHTS = {
     "climb north": np.linspace([0.0, 0.0, 0.0], [400.0, 20.0, -150.0], 50),
     "descent west": np.linspace([0.0, 0.0, 0.0], [-10.0, -900.0, 120.0], 50),
-    "circle": np.column_stack(
-        [
-            60.0 * np.sin(np.linspace(0.0, 2.0 * np.pi, 80)),
-            60.0 * np.cos(np.linspace(0.0, 2.0 * np.pi, 80)),
-            np.zeros(80),
-        ]
-    ),
+    "circle": 60.0 * np.column_stack([np.sin(AROUND), np.cos(AROUND), 0.0 * AROUND]),
     "zoom": np.linspace([0.0, 0.0, 0.0], [30.0, 5.0, -400.0], 50),
     "half an hour": np.linspace([0.0, 0.0, 0.0], [45e3, 9e3, -800.0], 500),
 }

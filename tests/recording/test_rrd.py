@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from rerun.chunk import RrdReader
+from scipy.spatial.transform import Rotation
 
 from flighttune.present.chart import MOST
 from flighttune.recording.entities import TIMELINE, runs_to_draw
@@ -99,16 +100,6 @@ def test_a_course_through_south_has_no_jump(four_runs, tmp_path):
     assert np.allclose(drawn[:, 0], np.rad2deg(np.linspace(3.0, 3.4, len(turning))))
 
 
-def rotation(x, y, z, w):
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-        ]
-    )
-
-
 def test_aircraft_are_where_they_flew_with_their_attitude(contents, four_runs):
     for key, run in zip(KEYS, four_runs, strict=True):
         frame = f"/world/aircraft/{key}"
@@ -116,7 +107,8 @@ def test_aircraft_are_where_they_flew_with_their_attitude(contents, four_runs):
         carried = contents.values(frame, "Transform3D:quaternion")[:, 0]
         turned = contents.values(f"{frame}/body", "Transform3D:quaternion")[:, 0]
         at = run.signals.iloc[123]
-        body = rotation(*carried[123]) @ rotation(*turned[123])
+        outer, inner = (Rotation.from_quat(x[123]).as_matrix() for x in (carried, turned))
+        body = outer @ inner
         pitch, heading = at.get("theta", at["gamma"]), at.get("psi", at["chi"])
         nose = [np.cos(pitch) * np.cos(heading), np.cos(pitch) * np.sin(heading), -np.sin(pitch)]
         right_wing_down = np.sin(at["phi"]) * np.cos(pitch)

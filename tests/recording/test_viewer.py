@@ -79,12 +79,8 @@ def viewer(first_shown):
 
 
 def count(picture, colour):
-    return int(drawn_in(picture, rgb(colour)).sum())
-
-
-def drawn_in(picture, colour):
-    """Pixels in a colour (red, green and blue, 0 to 255)."""
-    return np.abs(picture - np.asarray(colour)).max(axis=2) <= SAME_COLOUR
+    """Pixels in a colour."""
+    return int((np.abs(picture - np.array(rgb(colour))).max(axis=2) <= SAME_COLOUR).sum())
 
 
 def assert_all_drawn(runs, picture, where):
