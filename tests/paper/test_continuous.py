@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from fuzzing import first_or_all
 from scipy.integrate import solve_ivp
 
 import flighttune as ft
@@ -48,9 +49,7 @@ def softened_errors(gains, conditional, duration, k):
     ("name", "conditional", "duration"),
     [
         ("paper", False, 18.0),  # at every limit in turn, n_z = -2.1 last: 15.0 to 17.3 s
-        ("paper", True, 10.0),
-        ("K6", False, 10.0),
-        ("K6", True, 10.0),
+        *first_or_all([("K6", True, 10.0), ("paper", True, 10.0), ("K6", False, 10.0)]),
     ],
 )
 def test_errors_agree_with_an_implicit_method_on_the_softened_law(name, conditional, duration):
