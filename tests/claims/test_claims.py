@@ -12,7 +12,6 @@ from made_up import scenario_file
 
 import flighttune as ft
 from flighttune.certificates.bound import bound_rate
-from flighttune.files.table import write
 from flighttune.records.parquet import parquet_bytes, read_run
 from tests.tubes.test_soundness import made_up, tube
 
@@ -159,10 +158,10 @@ def test_a_claim_about_gains_is_drawn_around_no_flight():
 @pytest.mark.slow
 def test_every_claim_about_gains_has_a_page_with_its_sentence_and_hash(tmp_path):
     model = ft.loop.kinematic_model(V_a=25.0, gamma=0.0, g=9.81)
-    write(ft.certify(model, ft.PAPER_GAINS).certificate, tmp_path / "c")
-    write(bound_rate(model, 5.0), tmp_path / "b")
-    for name in ("c", "b"):
+    certificate = ft.certify(model, ft.PAPER_GAINS).certificate
+    for name, claim in (("c", certificate), ("b", bound_rate(model, 5.0))):
         file, page = tmp_path / name, tmp_path / f"{name}.html"
+        claim.save(file)
 
         printed = answer("report", file, "--out", page)
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from made_up import made_up_run, shortened
+from printed import A_K, E
 from recording.conftest import LAW, SCENARIO, flown
 from scipy.linalg import expm
 
@@ -13,8 +14,6 @@ from flighttune.claims.linear_loop import bound_of, error_states, linear_bound
 from flighttune.control.linear_model import disturbance_entry
 from flighttune.theory.lyapunov import invariant_ellipsoid
 
-MODEL = ft.loop.kinematic_model(V_a=25.0, gamma=0.26, g=9.81)
-A_K, E = ft.loop.closed_loop(MODEL, ft.PAPER_GAINS), disturbance_entry(MODEL)
 FIGURES, UNIT = ft.loop.indicators(A_K), invariant_ellipsoid(A_K, E, L_d=1.0)
 DT, L_D = 0.01, 0.015
 FIRST_SAMPLES = 0.02

@@ -7,7 +7,6 @@ from commands import answer
 from made_up import scenario_file
 
 import flighttune as ft
-from flighttune.claims.count import allowed_outside
 from tests.watched import flown, stuck, turn
 
 pytestmark = pytest.mark.slow
@@ -25,9 +24,8 @@ FAULTY = turn(4.0, 0.3, -0.3, **stuck(1.0))
 
 
 def test_the_limits_are_those_that_the_count_allows(monitor):
-    counted = len(monitor.scores)
-    assert counted == 29
-    assert monitor.outside == allowed_outside(counted, 0.3, 0.9)
+    # the largest k of which a binomial of 29 and 0.3 has k or fewer with at most 0.1
+    assert (len(monitor.scores), monitor.outside) == (29, 5)
     assert "raises an alarm with probability at most 0.3" in monitor.sentence
 
 
@@ -81,10 +79,10 @@ def test_models_of_other_signals_are_refused(monitor, tmp_path):
     changed = replace(monitor, about=replace(monitor.about, models=monitor.about.models[1:]))
     changed.save(tmp_path / "monitor.npz")
 
-    with pytest.raises(ft.InputError, match=r"`models` .* those of the `signals`"):
+    with pytest.raises(ft.InputError, match=r"`models` .* of the `signals`"):
         ft.load(tmp_path / "monitor.npz")
 
 
 def test_too_few_flights_to_learn_weights_and_limits_from_are_refused_before_any_flies():
-    with pytest.raises(ft.InputError, match="`learn` must be at least 20, got 19"):
+    with pytest.raises(ft.InputError, match="at least 20, got 19"):
         ft.monitor("level_turn", start_deg=2.0, **{**FEW, "learn": 19})

@@ -71,11 +71,11 @@ def test_a_flight_that_is_not_another_or_cannot_be_judged_is_refused(noisy, tmp_
     table.assign(V_a=np.maximum(0.0, T - 10.0)).to_csv(tmp_path / "standing.csv", index=False)
     short, standing = (ft.load_log(tmp_path / f"{name}.csv") for name in ("short", "standing"))
 
-    with pytest.raises(ft.InputError, match=r"different flights, got log / 1 twice"):
+    with pytest.raises(ft.InputError, match=r"flights, got log / 1 twice"):
         ft.monitor(*noisy, noisy[1])
-    with pytest.raises(ft.InputError, match=r"short: must be over 8 s long, got 6\.0 s"):
+    with pytest.raises(ft.InputError, match=r"short: .* 8 s long, got 6"):
         monitor.alarm(short)
-    with pytest.raises(ft.InputError, match="standing: V_a, elevator, n_z, q must be finite"):
+    with pytest.raises(ft.InputError, match="standing: V_a, elevator, n_z, q must"):
         ft.monitor(*(replace(standing, signals=k * standing.signals) for k in (1.0, 1.1, 1.2)))
 
 
