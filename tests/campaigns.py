@@ -20,6 +20,7 @@ from flighttune.aircraft.aircraft import load_aircraft
 from flighttune.campaign.engine import pool as pool_module
 from flighttune.campaign.engine.progress import CampaignProgress
 from flighttune.campaign.flying.rows import rows_flown
+from flighttune.files.table import toml_text
 from flighttune.plants.jsbsim.model_files import model_hash
 
 SCENARIO = """
@@ -40,20 +41,7 @@ feed_forward = true
 WIND = "[wind]\nspeed_mps = 3.0\nfrom_deg = 250.0\n[turbulence]\nseverity = 3\nwind_20ft_mps = 7.7"
 LAW = '[[plant]]\nkind = "kinematic"\n'
 AIRCRAFT = '[[plant]]\nkind = "jsbsim"\naircraft = "{}"\n'
-SPEED = """
-[[disperse]]
-key = "flight.V_a_mps"
-distribution = "normal"
-mean = 25.0
-sd = 0.5
-"""
-CHOICE = """
-[[disperse]]
-key = "{key}"
-distribution = "choice"
-values = {values}
-weights = {weights}
-"""
+SPEED = {"key": "flight.V_a_mps", "distribution": "normal", "mean": 25.0, "sd": 0.5}
 
 # JSBSim looks up a function by name when it evaluates it. In the first two a value hangs on itself,
 # in the other each of sixty is twice the one before: both only on an aircraft of more than 11.3 kg.
@@ -75,7 +63,7 @@ DOUBLING += '<function name="aero/scale-0"><property>aero/alpha-rad</property></
 
 def write_campaign(
     folder, *, runs=24, seed=3, duration=1.0, wind=WIND, law=True, aircraft=("aerosonde",),
-    top="", disperse=SPEED, keep="failures = 2\nworst = 1\nsample = 1",
+    top="", disperse=(SPEED,), keep="failures = 2\nworst = 1\nsample = 1",
 ):  # fmt: skip
     """Write a scenario and a campaign into a folder; return the campaign's file."""
     plants = (LAW if law else "") + "".join(map(AIRCRAFT.format, aircraft))
@@ -86,7 +74,8 @@ def write_campaign(
     file = folder / "campaign.toml"
     file.write_text(
         f'title = "Small"\nscenario = "short_turn_in_wind"\nseed = {seed}\nruns = {runs}\n{top}\n'
-        f"{disperse}\n[[success]]\nat_most.chi.peak_deg = 20.0\n[keep]\n{keep}\n"
+        f"{toml_text({'disperse': disperse})}\n"
+        f"[[success]]\nat_most.chi.peak_deg = 20.0\n[keep]\n{keep}\n"
     )
     return file
 

@@ -143,6 +143,7 @@ def test_a_band_that_is_given_the_wind_is_narrower():
         (None, {"predicted_from": "wind"}, "t: the wind must be drawn"),
         ([one_of("flight.chi_deg", 3.0)], {}, "t: `start_deg` must be given"),
         ([uniform("flight.duration_s", 1.0, 2.0)], {}, "`flight.duration_s` must be the same"),
+        (None, {"kind": ft.residual}, "`plant` must be an aircraft"),
     ],
 )
 def test_what_cannot_be_counted_is_refused_in_one_line(plan, settings, message):
@@ -155,15 +156,13 @@ def test_a_flight_that_cannot_start_is_the_reason_why_its_signals_cannot_be_coun
     dive = ft.load_scenario("level_turn", changes={"flight.gamma_deg": -30.0})
     flights = ft.flights(dive).starting(1.0)
 
-    with pytest.raises(ft.InputError, match=r"must start: .* no steady flight .*[^.]\.$"):
+    with pytest.raises(ft.InputError, match=r"must start: .* no steady .*[^.]\.$"):
         ft.band(flights, plant="jsbsim:aerosonde", gains="paper", signals=["h"])
 
 
 @pytest.mark.slow
 def test_the_command_counts_reads_adds_and_verifies(tmp_path):
-    disperse = '[[disperse]]\nkey="{key}"\ndistribution="uniform"\nlower={lower}\nupper={upper}\n'
-    drawn = "".join(disperse.format(**table) for table in START)
-    campaign = write_campaign(tmp_path, aircraft=(), wind="", disperse=drawn)
+    campaign = write_campaign(tmp_path, aircraft=(), wind="", disperse=START)
     file = tmp_path / "band.npz"
     claim = "--epsilon", 0.3, "--confidence", 0.9, "--gains", "soft"
 
@@ -209,7 +208,7 @@ def test_a_file_of_another_campaign_takes_no_options_of_a_source(counted, tmp_pa
 
 @pytest.mark.slow
 def test_a_band_on_a_route_follows_the_distance_along_it():
-    corner = [{"north_m": n, "east_m": e} for n, e in ((0.0, 0.0), (500.0, 0.0), (500.0, 500.0))]
+    corner = [{"north_m": n, "east_m": e} for n, e in ((0.0, 0.0), (300.0, 0.0), (300.0, 300.0))]
     changes = {"route.waypoint": corner, "flight.duration_s": 60.0}
     plan = ft.flights("circuit", changes=changes).starting(3.0).plan(plant="kinematic")
     band = count(plan)
@@ -217,9 +216,12 @@ def test_a_band_on_a_route_follows_the_distance_along_it():
 
     assert band.about.signals == {"cross_track": "m", "height_err": "m"}
     assert (band.flights.over, band.flights.edges[-1]) == ("along", math.ceil(path.length))
-    for run, score in enumerate(band.scores, start=band.about.learned):
-        signals = fly_group(plan, plan_of_band(band).scenario_of(run), plan.groups[0]).signals
-        assert band.bounds(signals["along"].to_numpy()).contain(signals) == (score <= band.scale)
+    ranks = np.argsort(band.scores)
+    for i in ranks[[0, -7, -6, -5, -1]]:  # the five of the highest scores are outside
+        scenario = plan_of_band(band).scenario_of(band.about.learned + int(i))
+        signals = fly_group(plan, scenario, plan.groups[0]).signals
+        inside = band.bounds(signals["along"].to_numpy()).contain(signals)
+        assert inside == (i not in ranks[-5:]) == (band.scores[i] <= band.scale)
 
 
 def test_a_route_shorter_than_a_window_of_each_metre_is_counted():
@@ -281,15 +283,10 @@ def test_residual_signals_have_shorter_windows_than_recorded_ones():
     assert np.diff(residual.edges) == pytest.approx(0.04)
 
 
-def test_residual_signals_need_an_aircraft():
-    with pytest.raises(ft.InputError, match=r"`plant` must be an aircraft"):
-        count(kind=ft.residual)
-
-
 def test_a_count_of_one_kind_is_not_taken_for_another(counted, tmp_path):
     """A band is no boxes of a tube; a file says what it is, and a class takes no other's values."""
     counted.save(tmp_path / "x.npz")
-    with pytest.raises(ft.InputError, match=r"residual signals .* got a Band"):
+    with pytest.raises(ft.InputError, match=r"residual .* got a Band"):
         ft.tube("paper", "paper", counted)
     said = flighttune("tube", "paper", "--boxes", tmp_path / "x.npz", status=2)[1]
     assert "x.npz: `boxes` must be of residual signals" in said

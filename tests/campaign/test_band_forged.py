@@ -50,24 +50,18 @@ def without_a_seed(band):
 
 
 @pytest.mark.parametrize(
-    "about",
+    ("times", "about"),
     [
-        lambda band: edited(band, "campaign", "disperse", 0, "upper", value=30),
-        lambda band: edited(band, "campaign", "seed", value=30),
-        lambda band: {"signals": dict(reversed(band.about.signals.items()))},
+        ([0.3], lambda _: {}),
+        ([1.0, 1.0], lambda _: {}),
+        ([1.0], lambda band: edited(band, "campaign", "seed", value=30)),
+        ([1.0], lambda band: {"signals": dict(reversed(band.about.signals.items()))}),
     ],
 )
-def test_a_forged_file_is_about_other_flights(counted, tmp_path, about):
-    path = forged(counted, tmp_path / "x.npz", about=about(counted))
-
-    assert "flown again must be equal" in verified(path, 1)
-
-
-@pytest.mark.parametrize("times", [[0.3], [0.0], [1.0, 1.0]])
-def test_a_forged_file_has_other_flights(counted, tmp_path, times):
+def test_a_forged_file_has_other_flights_or_is_about_others(counted, tmp_path, times, about):
     flights = np.concatenate([counted.extremes * np.float32(factor) for factor in times])
     wind = np.zeros((len(flights), 0))
-    path = forged(counted, tmp_path / "x.npz", extremes=flights, wind=wind)
+    path = forged(counted, tmp_path / "x.npz", about(counted), extremes=flights, wind=wind)
 
     assert "flown again must be equal" in verified(path, 1)
 
@@ -277,11 +271,11 @@ def test_no_sentence_uses_a_field_of_a_file_that_is_not_checked(tmp_path, kind):
                 table = table[key]
             table[place[-1]] = changed(table[place[-1]])
             try:
-                path = forged(counted, tmp_path / "x.npz", forgery)
-                verified = ft.verify(path, count=len(counted.scores), pool=pool)
+                band = ft.load(forged(counted, tmp_path / "x.npz", forgery))
+                lies = told(band) != claims  # all is flown again where it says something else
+                if lies and ft.verify(band, count=len(counted.scores), pool=pool).valid:
+                    said.append((".".join(map(str, place)), told(band)))
             except ft.InputError:
                 continue
-            if verified.valid and told(verified.claim) != claims:
-                said.append((".".join(map(str, place)), told(verified.claim)))
 
     assert said == []

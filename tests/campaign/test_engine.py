@@ -7,14 +7,12 @@ import time
 import psutil
 import pytest
 from campaigns import SPEED, Notes, bits, children, plan
+from dispersed import uniform
 
 import flighttune as ft
-from flighttune.campaign.dataset import Dataset, dataset_hash
-from flighttune.campaign.engine import pool as shared_out
-from flighttune.campaign.engine.pool import WorkerPool
-from flighttune.campaign.flying.columns import row_schema, table_of
+from flighttune.campaign.engine import pool
+from flighttune.campaign.flying.columns import table_of
 from flighttune.campaign.flying.rows import fly_runs
-from flighttune.flight.fly import library_versions
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("own_workers")]
 
@@ -22,13 +20,6 @@ pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("own_workers")]
 KEYS = ("plant.airframe.mass_factor", "plant.airframe.actuator_lag_factor",
         "plant.airframe.coefficient_factors.Cm_alpha", "sensors.chi_noise_sd_deg",
         "sensors.V_a_noise_sd_mps")  # fmt: skip
-UNIFORM = """
-[[disperse]]
-key = "{}"
-distribution = "uniform"
-lower = 0.95
-upper = 1.05
-""".format
 
 
 def test_every_run_is_there_once_with_the_bits_of_one_process(tmp_path, monkeypatch, capfd):
@@ -41,21 +32,19 @@ def test_every_run_is_there_once_with_the_bits_of_one_process(tmp_path, monkeypa
             listening.update(x.status for x in process.net_connections())
         return False
 
-    ours, notes = plan("files", disperse=SPEED + "".join(map(UNIFORM, KEYS))), Notes(listen)
-    here = Dataset("one", ours, library_versions())
-    here.write_plan()
-    here.write_part(fly_runs(ours, range(ours.runs)))
+    drawn = [SPEED, *(uniform(key, 0.95, 1.05) for key in KEYS)]
+    ours, notes = plan("files", disperse=drawn), Notes(listen)
+    alone = fly_runs(ours, range(ours.runs))
 
-    done = ft.run_campaign(ours, "out", workers=3, observer=notes)
+    done = ft.run_campaign(ours, "out", workers=2, observer=notes)
 
     rows = ft.load("out").rows()
-    assert dataset_hash("out") == dataset_hash("one")
-    assert bits(rows) == bits(here.rows())
-    assert rows.schema.equals(row_schema(ours))
+    assert bits(rows) == bits(alone)
+    assert rows.schema.equals(alone.schema)
     assert (done.runs, done.completed + done.failed + done.crashed) == (24, 24)
     assert {*rows.column("plant").to_pylist()} == {"kinematic", "jsbsim:aerosonde"}
     assert capfd.readouterr() == ("", "")
-    assert {path.name for path in tmp_path.iterdir()} == {"files", "one", "out"}
+    assert {path.name for path in tmp_path.iterdir()} == {"files", "out"}
     assert psutil.CONN_LISTEN not in listening
     assert not children()
 
@@ -63,10 +52,10 @@ def test_every_run_is_there_once_with_the_bits_of_one_process(tmp_path, monkeypa
 def test_many_kinematic_flights_are_shared_out_with_the_bits_of_a_few(tmp_path, monkeypatch):
     ours = plan(tmp_path, runs=300, wind="", aircraft=())
     few = fly_runs(ours, range(300))
-    monkeypatch.setattr(shared_out, "FEW", 100)
+    monkeypatch.setattr(pool, "FEW", 100)
 
-    with WorkerPool(2) as pool:
-        many = pool.in_order(ours, range(300))
+    with pool.WorkerPool(2) as workers:
+        many = workers.in_order(ours, range(300))
         started = len(children())
 
     assert bits(table_of(ours, many)) == bits(few)
@@ -76,18 +65,18 @@ def test_many_kinematic_flights_are_shared_out_with_the_bits_of_a_few(tmp_path, 
 def test_each_phase_counts_its_own_runs_from_its_first_flight_on(tmp_path):
     ours, notes = plan(tmp_path, runs=4, wind="", aircraft=()), Notes()
 
-    with WorkerPool(1, observer=notes) as pool:
-        assert pool.progress.rate_per_s == 0.0
+    with pool.WorkerPool(1, observer=notes) as workers:
+        assert workers.progress.rate_per_s == 0.0
         time.sleep(0.1)
         ready = time.perf_counter()
         for doing in ("learning", "counting"):
-            assert len(list(pool.rows(ours, range(4), doing=doing))) == 4
+            assert len(list(workers.rows(ours, range(4), doing=doing))) == 4
 
     shown = [(p.doing, p.done) for p in notes.seen]
     phases = [(doing, done) for doing in ("learning", "counting") for done in (0, 4)]
     assert [*dict.fromkeys(shown)] == [("starting", 0), *phases]
     assert {p.runs for p in notes.seen} == {4}
-    assert pool.progress.flown / pool.progress.rate_per_s < time.perf_counter() - ready
+    assert workers.progress.flown / workers.progress.rate_per_s < time.perf_counter() - ready
 
 
 def test_a_process_that_cannot_start_is_said_in_one_line(tmp_path, monkeypatch):
@@ -96,24 +85,6 @@ def test_a_process_that_cannot_start_is_said_in_one_line(tmp_path, monkeypatch):
 
     with pytest.raises(ft.FlightTuneError, match=r"start, got: no such file"):
         ft.run_campaign(ours, tmp_path / "out")
-
-
-def test_a_campaign_that_is_stopped_is_flown_on_from_where_it_was(tmp_path, address):
-    ours = plan(tmp_path, runs=160)
-    stops = Notes(lambda progress: progress.done > 0)
-
-    first = ft.run_campaign(ours, tmp_path / "out", workers=2, observer=stops)
-
-    there = ft.load(tmp_path / "out").rows().column("run").to_pylist()
-    assert first.interrupted
-    assert 0 < first.runs < 160
-    assert len(set(there)) == len(there) == first.runs
-    assert not children()
-
-    second = ft.run_campaign(ours, tmp_path / "out", scheduler=address, resume=True)
-
-    assert second.flown == 160 - first.runs
-    assert bits(ft.load(tmp_path / "out").rows()) == bits(fly_runs(ours, range(160)))
 
 
 @pytest.mark.soak

@@ -15,7 +15,6 @@ from textwrap import dedent
 import psutil
 import pytest
 from campaigns import (
-    CHOICE,
     CIRCULAR,
     DOUBLING,
     SPEED,
@@ -34,12 +33,12 @@ from campaigns import (
     wait_until,
     write_campaign,
 )
+from dispersed import one_of
 from fuzzing import first_or_all
 
 import flighttune as ft
 from flighttune.campaign.engine.flyer import Flyer
 from flighttune.campaign.flying.rows import fly_runs
-from flighttune.errors import CampaignError
 from tests.cli.test_code_of_files import LAW
 
 # real clusters, processes that are killed
@@ -99,7 +98,7 @@ def test_a_run_that_ends_its_process_is_one_row(
     ours = plan(
         tmp_path, runs=11, law=False, aircraft=(aircraft,),
         top=f"time_limit_s = {limit}\ngains = ['paper']",
-        disperse=SPEED + CHOICE.format(key=mass, values=[1.0, 1.05], weights=[0.9, 0.1]),
+        disperse=[SPEED, one_of(mass, 1.0, 1.05) | {"weights": [0.9, 0.1]}],
     )  # fmt: skip
     (poison,) = (run for run in range(11) if ours.parameters()[mass][ours.draw_of(run)] > 1.0)
     others = [run for run in range(11) if run != poison]
@@ -139,7 +138,7 @@ def test_a_worker_that_lacks_the_law_of_a_campaign_refuses_it_by_name(
     if added:
         law.write_text(dedent(LAW) + added)
 
-    with pytest.raises(CampaignError, match=rf"worker .*\[\[law\]\] level: .*{said}"):
+    with pytest.raises(ft.FlightTuneError, match=rf"worker .*\[\[law\]\] level: .*{said}"):
         ft.run_campaign(ours, tmp_path / "out", scheduler=address)
 
     law.write_text(dedent(LAW))
@@ -157,7 +156,7 @@ def test_a_law_whose_file_changes_meanwhile_ends_the_count_at_once(tmp_path):
             law.write_text(dedent(LAW) + "# other")
         return False
 
-    with pytest.raises(CampaignError, match=r"level: .* other contents now"):
+    with pytest.raises(ft.FlightTuneError, match=r"level: .* other contents now"):
         ft.run_campaign(ours, tmp_path / "out", workers=WORKERS, observer=Notes(change))
 
     rows = rows_of(tmp_path / "out").to_pylist()
@@ -167,20 +166,30 @@ def test_a_law_whose_file_changes_meanwhile_ends_the_count_at_once(tmp_path):
     assert done.statuses["completed"] >= RUNS - WORKERS
 
 
-def test_a_process_killed_in_mid_chunk_costs_nothing(tmp_path, ours, undisturbed):
-    killed = []
+def test_a_campaign_that_is_stopped_goes_on_and_a_process_killed_in_mid_chunk_costs_nothing(
+    tmp_path, ours, undisturbed
+):
+    out, killed = tmp_path / "out", []
 
     def kill_one(progress):
-        if progress.done and not killed:
+        if progress.done > first.runs and not killed:
             killed.append(flyers(psutil.Process())[0])
             killed[0].kill()
         return False
 
-    done = ft.run_campaign(ours, tmp_path / "out", workers=2, observer=Notes(kill_one))
+    stops = Notes(lambda progress: progress.done > 0)
+    first = ft.run_campaign(ours, out, workers=2, observer=stops)
+
+    there = rows_of(out).column("run").to_pylist()
+    assert first.interrupted
+    assert 0 < first.runs == len({*there}) == len(there) < RUNS
+    assert not children()
+
+    second = ft.run_campaign(ours, out, workers=2, resume=True, observer=Notes(kill_one))
 
     assert gone(killed)
-    assert bits(rows_of(tmp_path / "out")) == undisturbed
-    assert done.crashed == 0
+    assert (second.flown, second.crashed) == (RUNS - first.runs, 0)
+    assert bits(rows_of(out)) == undisturbed
 
 
 @pytest.mark.soak
@@ -275,11 +284,10 @@ def test_a_campaign_ended_at_any_time_goes_on_to_the_same_bits(tmp_path, file, u
 
 
 def test_a_flight_that_never_ends_outlives_a_killed_command_by_its_time_limit_at_most(tmp_path):
-    mass = "plant.airframe.mass_factor"
     file = write_campaign(
         tmp_path, runs=8, law=False, top="time_limit_s = 2.0\ngains = ['paper']",
         aircraft=(aircraft_with(tmp_path / "aircraft", DOUBLING),),
-        disperse=SPEED + CHOICE.format(key=mass, values=[1.05], weights=[1.0]),
+        disperse=[SPEED, one_of("plant.airframe.mass_factor", 1.05)],
     )  # fmt: skip
     with flying(file, "--out", tmp_path / "out", "--workers", "1") as command:
         some_parts(tmp_path / "out")
@@ -345,7 +353,7 @@ def test_a_worker_that_is_not_fit_is_one_line(tmp_path, ours, made, says):
 
     with (
         dask_cluster(tmp_path, path=folder) as (unfit, _),
-        pytest.raises(CampaignError, match=says),
+        pytest.raises(ft.FlightTuneError, match=says),
     ):
         ft.run_campaign(ours, tmp_path / "out", scheduler=unfit)
 
@@ -362,7 +370,7 @@ def test_an_aircraft_whose_undispersed_flight_does_not_end_is_one_line(tmp_path,
     ours = plan(tmp_path, runs=4, law=False, aircraft=(aircraft,), top="time_limit_s = 1.0")
     began = time.monotonic()
 
-    with pytest.raises(CampaignError, match=f"undispersed flights .*{said}"):
+    with pytest.raises(ft.FlightTuneError, match=f"undispersed flights .*{said}"):
         ft.run_campaign(ours, tmp_path / "out", workers=1)
     assert time.monotonic() - began < 120.0  # 11 s and two starts of a process; was twice 120 s
 
@@ -389,5 +397,5 @@ def test_an_aircraft_that_is_another_one_now_is_one_line(tmp_path, address):
     file = tmp_path / "aircraft" / "aerosonde.xml"
     file.write_text(file.read_text().replace("-38.21", "-38.22"))
 
-    with pytest.raises(CampaignError, match=r"files of aircraft .*planned"):
+    with pytest.raises(ft.FlightTuneError, match=r"files of aircraft .*planned"):
         ft.run_campaign(ours, tmp_path / "out", scheduler=address)

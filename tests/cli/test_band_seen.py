@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from campaigns import write_campaign
 from commands import answer, flighttune
+from dispersed import uniform
 
 import flighttune as ft
 from flighttune.campaign.counting import load_counted
@@ -17,13 +18,7 @@ pytestmark = pytest.mark.slow
 SINGLE = 1e-4
 """Relative: ends of windows are kept in single precision, rounded outwards."""
 
-STARTS = """
-[[disperse]]
-key = "flight.chi_deg"
-distribution = "uniform"
-lower = -5.0
-upper = 5.0
-"""
+STARTS = [uniform("flight.chi_deg", -5.0, 5.0)]
 
 
 @pytest.fixture(scope="module")
