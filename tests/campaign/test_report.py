@@ -20,7 +20,6 @@ from flighttune.scenario.tables import ExpectTable
 
 pytestmark = pytest.mark.slow
 
-ADDRESS = re.compile(r"""(?:src|href|xlink:href|action|data)\s*=\s*["']([^"']*)|url\(([^)]*)\)""")
 RUNS = 40
 
 

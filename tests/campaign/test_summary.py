@@ -188,7 +188,7 @@ def test_an_interval_at_any_time_is_of_the_first_independent_draws_alone(plan):
     with pytest.raises(ft.InputError, match="must be with run 0"):
         findings_of(rows[1:], plan).by("any-time")
     for other in (made_up_plan(design="sobol"), made_up_plan(design="latin_hypercube")):
-        with pytest.raises(ft.InputError, match="`interval` any-time must be with independent"):
+        with pytest.raises(ft.InputError, match="any-time must be with independent"):
             findings_of(made_up_rows(other), other).by("any-time")
 
 

@@ -2,6 +2,7 @@
 
 import hashlib
 import html
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,11 +12,11 @@ from commands import answer, flighttune
 from made_up import scenario_file
 
 import flighttune as ft
-from flighttune.certificates.bound import bound_rate
 from flighttune.records.parquet import parquet_bytes, read_run
 from tests.tubes.test_soundness import made_up, tube
 
 START_DEG, DISTURBANCE = 1.0, 0.004
+CLAIMS = Path(__file__).parents[1] / "files_of_0_3_0"
 
 
 def turn(**changes):
@@ -147,21 +148,15 @@ def test_a_file_that_is_no_claim_is_refused_in_one_true_line(recording, tmp_path
 
 
 def test_a_claim_about_gains_is_drawn_around_no_flight():
-    certificate = ft.certify(
-        ft.loop.kinematic_model(V_a=25.0, gamma=0.0, g=9.81), ft.PAPER_GAINS
-    ).certificate
-
     with pytest.raises(ft.InputError, match="must bound flights"):
-        flown().within(certificate)
+        flown().within(ft.load(CLAIMS / "certificate.json"))
 
 
 @pytest.mark.slow
 def test_every_claim_about_gains_has_a_page_with_its_sentence_and_hash(tmp_path):
-    model = ft.loop.kinematic_model(V_a=25.0, gamma=0.0, g=9.81)
-    certificate = ft.certify(model, ft.PAPER_GAINS).certificate
-    for name, claim in (("c", certificate), ("b", bound_rate(model, 5.0))):
-        file, page = tmp_path / name, tmp_path / f"{name}.html"
-        claim.save(file)
+    for kind in ("certificate", "bound"):
+        file, page = tmp_path / kind, tmp_path / f"{kind}.html"
+        shutil.copy(CLAIMS / f"{kind}.json", file)
 
         printed = answer("report", file, "--out", page)
 

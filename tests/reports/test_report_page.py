@@ -17,10 +17,6 @@ from flighttune.reports.page import LONGEST_LADDER
 pytestmark = pytest.mark.slow
 
 
-ADDRESS = re.compile(r"""(?:src|href|xlink:href|action|data)\s*=\s*["']([^"']*)|url\(([^)]*)\)""")
-LOCAL = ("data:", "#")
-
-
 def test_the_one_script_of_the_page_is_the_one_that_its_policy_allows(page):
     (script,) = re.findall(r"<script>(.*?)</script>", page, re.DOTALL)
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
