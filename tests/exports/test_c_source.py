@@ -23,7 +23,7 @@ from flighttune.references.follow import AirspeedPriority
 COMPILER = shutil.which("cc") or shutil.which("gcc")
 needs_compiler = pytest.mark.skipif(COMPILER is None, reason="no C compiler is installed")
 
-SAMPLES = 10_000
+SAMPLES = 3000
 GAINS = ft.PIGains(
     K_P=np.array([[2.7, -0.31], [0.12, 3.3]]), K_I=np.array([[1.1, 0.07], [-0.05, 1.9]])
 )
@@ -41,14 +41,6 @@ LAWS = {
 }
 
 
-def state_of(channels, exact):
-    """The state of a loop, as the file declares it."""
-    names = "u", "integral", "expected" if exact else "error"
-    each = [(name, ctypes.c_double * channels) for name in names]
-    fields = tuple(each) if exact else (*each, ("started", ctypes.c_int))
-    return type("Loop", (ctypes.Structure,), {"_fields_": fields})()
-
-
 def library(source, folder):
     """The library of a C file, built with every warning an error; each build has its own name."""
     file = folder / f"{uuid4().hex}.c"
@@ -60,18 +52,39 @@ def library(source, folder):
     return ctypes.CDLL(str(file.with_suffix(".so")))
 
 
-def compiled(source, folder, channels=2, *, exact=False):
-    """The library of a loop, and a state for it."""
-    loaded, state, number = library(source, folder), state_of(channels, exact), ctypes.c_double
-    if exact:
-        return loaded, state
-    loaded.ft_outer_loop_start.argtypes = [ctypes.POINTER(type(state)), *[number] * channels]
-    if channels == 3:
-        loaded.ft_outer_loop_step.restype = number
-    else:
-        loaded.ft_outer_loop_step.argtypes = [ctypes.POINTER(type(state)), *[number] * 6]
-        loaded.ft_outer_loop_step_along.argtypes = [ctypes.POINTER(type(state)), *[number] * 9]
-    return loaded, state
+class Loop:
+    """A loop of a C file, and its state."""
+
+    def __init__(self, source, folder, channels=2, *, exact=False):
+        names = "u", "integral", "expected" if exact else "error"
+        fields = [(name, ctypes.c_double * channels) for name in names]
+        if not exact:
+            fields.append(("started", ctypes.c_int))
+        self._state = type("State", (ctypes.Structure,), {"_fields_": fields})()
+        self._library = library(source, folder)
+
+    def call(self, name, *values):
+        """What a function of the file returns for numbers, and for a list of them as an array."""
+        function = getattr(self._library, f"ft_outer_loop_{name}")
+        function.restype = ctypes.c_double
+        arrays = [
+            (ctypes.c_double * len(x))(*x) if isinstance(x, list) else ctypes.c_double(x)
+            for x in values
+        ]
+        return function(ctypes.byref(self._state), *arrays)
+
+    @property
+    def answer(self):
+        """Commands and integrals."""
+        return [*self._state.u, *self._state.integral]
+
+
+def to_the_bit(answer, expected):
+    return np.array(answer).tobytes() == np.array(expected).tobytes()
+
+
+def measured(chi, gamma, phi, V_a=25.0, n_z=1.0, **more):
+    return ft.loop.Measured(chi, gamma, V_a, phi, n_z, 100.0, (0.0, 0.0, 0.0), None, **more)
 
 
 def random_samples():
@@ -91,17 +104,17 @@ def random_samples():
 @pytest.mark.parametrize("settings", LAWS.values(), ids=LAWS)
 def test_the_c_file_commands_what_mimo_pi_does_to_the_bit(settings, tmp_path):
     law = ft.loop.MimoPI(GAINS, dt=0.02, **{"limits": LIMITS, **settings})
-    loop, state = compiled(c_source(law, title="a */ b", gains="c\nd"), tmp_path)
+    loop = Loop(c_source(law, title="a */ b", gains="c\nd"), tmp_path)
     law.start(ft.loop.FlightCondition(V_a=25.0, phi=0.1, n_z=0.9))
-    loop.ft_outer_loop_start(state, 0.1, 0.9)
+    loop.call("start", 0.1, 0.9)
     limited = 0
-    for chi_ref, gamma_ref, chi, gamma, phi, V_a in random_samples():
-        measured = ft.loop.Measured(chi, gamma, V_a, phi, 1.0, 100.0, (0.0, 0.0, 0.0), None)
-        expected = law.step(measured, ft.loop.ReferenceSample(chi_ref, gamma_ref, 0.0, 0.0), 0.0)
+    for chi_ref, gamma_ref, *state in random_samples():
+        sample = ft.loop.ReferenceSample(chi_ref, gamma_ref, 0.0, 0.0)
+        expected = law.step(measured(*state), sample, 0.0)
 
-        loop.ft_outer_loop_step(state, chi_ref, gamma_ref, chi, gamma, phi, V_a)
+        loop.call("step", chi_ref, gamma_ref, *state)
 
-        assert np.array([*state.u, *state.integral]).tobytes() == np.array(expected).tobytes()
+        assert to_the_bit(loop.answer, expected)
         limited += any(law.state.limited)
     assert limited == 0 if settings.get("limits", LIMITS) is None else limited > SAMPLES / 2
 
@@ -111,22 +124,20 @@ def test_the_c_file_plans_roll_and_lift_for_the_rates_of_a_reference(tmp_path):
     """Expected: the law, given roll atan(chi' V / g) and lift cos(gamma) + gamma' V / g."""
     law, g = ft.loop.MimoPI(GAINS, LIMITS, dt=0.02, feed_forward=True), 9.81
     source = c_source(law, title="t", gains="g", lead=(0.17, 0.19), g=g)
-    loop, state = compiled(source, tmp_path)
+    loop = Loop(source, tmp_path)
     law.start(ft.loop.FlightCondition(V_a=25.0))
-    loop.ft_outer_loop_start(state, 0.0, 1.0)
+    loop.call("start", 0.0, 1.0)
     rng = np.random.default_rng(3)
     for chi, gamma, phi in rng.uniform(-0.3, 0.3, (500, 3)).tolist():
         chi_rate, gamma_rate, V = 0.3 * chi, 0.2 * gamma, 31.0
         lift = math.cos(0.1) + gamma_rate * (V / g)
         planned = math.atan(chi_rate * (V / g)), lift / math.cos(phi)
-        measured = ft.loop.Measured(chi, gamma, 25.0, phi, 1.0, 100.0, (0.0, 0.0, 0.0), None)
         sample = ft.loop.ReferenceSample(0.2, 0.1, chi_rate, gamma_rate, planned)
-        expected = law.step(measured, sample, 0.0)
+        expected = law.step(measured(chi, gamma, phi), sample, 0.0)
 
-        loop.ft_outer_loop_step_along(
-            state, 0.2, 0.1, chi_rate, gamma_rate, V, chi, gamma, phi, 25.0
-        )
-        assert [*state.u, *state.integral] == pytest.approx(list(expected), abs=1e-14)
+        loop.call("step_along", 0.2, 0.1, chi_rate, gamma_rate, V, chi, gamma, phi, 25.0)
+
+        assert loop.answer == pytest.approx(list(expected), abs=1e-14)
     assert "FT_LEAD_PHI 0.17" in source
 
 
@@ -139,23 +150,21 @@ def test_the_c_file_flies_the_airspeed_and_its_priority_as_fly_does(name, tmp_pa
     tuned = gain_set(scenario, gains)
     run = fly_alone(scenario, scenario.plant[0], tuned, gains)
     source = export_c(scenario, gains, tuned, tmp_path)
-    loop, state = compiled(source.read_text(), tmp_path, channels=3)
-    condition = start_condition(scenario)
-    loop.ft_outer_loop_start(state, *condition.commands(3))
-    wanted = ["gamma_given", "phi_cmd", "n_z_cmd", "n_x_cmd"]
-    integrals = ["phi_integral", "n_z_integral", "n_x_integral"]
-    seen = ["chi", "gamma", "phi", "V_a", "n_x_min", "n_x_max"]
-    rows = run.signals[["chi_ref", "gamma_ref", "V_ref", *seen, *wanted, *integrals]]
+    loop = Loop(source.read_text(), tmp_path, channels=3)
+    loop.call("start", *start_condition(scenario).commands(3))
+    given = [f"{x}_ref" for x in ("chi", "gamma", "V")]
+    given += ["chi", "gamma", "phi", "V_a", "n_x_min", "n_x_max"]
+    channels = "phi", "n_z", "n_x"
+    wanted = ["gamma_given", *(f"{x}_cmd" for x in channels), *(f"{x}_integral" for x in channels)]
     worst, cut = 0.0, 0
-    for chi_ref, gamma_ref, V_ref, *others in rows.to_numpy().tolist():
-        measured, expected = others[:6], others[6:]
-        sample = (ctypes.c_double * 13)(
-            chi_ref, gamma_ref, V_ref, 0.0, 0.0, 0.0, measured[3], *measured
-        )
-        given = loop.ft_outer_loop_step(ctypes.byref(state), sample)
-        got = [given, *state.u, *state.integral]
-        worst = max(worst, *(abs(a - b) for a, b in zip(got, expected, strict=True)))
-        cut += given < gamma_ref
+    for row in run.signals[[*given, *wanted]].to_numpy().tolist():
+        references, seen, expected = row[:3], row[3:9], row[9:]
+
+        asked = loop.call("step", [*references, 0.0, 0.0, 0.0, seen[3], *seen])
+
+        both = zip([asked, *loop.answer], expected, strict=True)
+        worst = max(worst, *(abs(a - b) for a, b in both))
+        cut += asked < references[1]
     assert worst < 1e-9
     assert cut > 100
 
@@ -177,9 +186,9 @@ def test_the_c_file_of_three_channels_keeps_to_limits_schedule_and_rates(tmp_pat
         rate_upper=np.array([0.6, 1.5, 0.9]),
     )
     law = ft.loop.MimoPI(gains, limits, dt=0.02, feed_forward=True, schedule_speed=25.0, g=g)
-    loop, state = compiled(c_source(law, title="t", gains="g", g=g), tmp_path, channels=3)
+    loop = Loop(c_source(law, title="t", gains="g", g=g), tmp_path, channels=3)
     law.start(ft.loop.FlightCondition(V_a=25.0, gamma=0.1))
-    loop.ft_outer_loop_start(state, 0.0, law.state.u[1], math.sin(0.1))
+    loop.call("start", 0.0, law.state.u[1], math.sin(0.1))
     cuts = 0
     for _ in range(2000):
         chi_ref, gamma_ref, chi, gamma, phi = rng.uniform(-0.9, 0.9, 5).tolist()
@@ -188,19 +197,16 @@ def test_the_c_file_of_three_channels_keeps_to_limits_schedule_and_rates(tmp_pat
         least, most = sorted(rng.uniform(-0.6, 0.6, 2).tolist())
         lift = (math.cos(gamma_ref) + gamma_rate * (V_a / g)) / math.cos(phi)
         planned = math.atan(chi_rate * (V_a / g)), lift
-        n_x = 0.0, least, most
-        measured = ft.loop.Measured(chi, gamma, V_a, phi, 1.0, 100.0, (0.0, 0.0, 0.0), None, n_x)
+        now = measured(chi, gamma, phi, V_a, n_x=(0.0, least, most))
         asked = ft.loop.ReferenceSample(chi_ref, gamma_ref, chi_rate, gamma_rate, planned)
         priority = AirspeedPriority(np.array([V_ref]), np.array([V_rate]), g)
-        sample = priority(0, measured, asked)
-        expected = law.step(measured, sample, 0.0)
+        sample = priority(0, now, asked)
+        expected = law.step(now, sample, 0.0)
         values = [chi_ref, gamma_ref, V_ref, chi_rate, gamma_rate, V_rate, V_a]
         values += [chi, gamma, phi, V_a, least, most]
 
-        given = loop.ft_outer_loop_step(ctypes.byref(state), (ctypes.c_double * 13)(*values))
-
-        assert given == pytest.approx(sample.gamma, abs=1e-14)
-        assert [*state.u, *state.integral] == pytest.approx(list(expected), abs=1e-12)
+        assert loop.call("step", values) == pytest.approx(sample.gamma, abs=1e-14)
+        assert loop.answer == pytest.approx(list(expected), abs=1e-12)
         cuts += sample.gamma < gamma_ref
     assert 200 < cuts < 1800
 
@@ -209,12 +215,12 @@ def test_the_c_file_of_three_channels_keeps_to_limits_schedule_and_rates(tmp_pat
 def test_the_file_of_a_scenario_has_the_tighter_limits_of_its_aircraft(tmp_path):
     scenario = ft.load_scenario("sensor_noise")  # rolls at 60 deg/s, its aircraft at 30
     source = export_c(scenario, "paper", gain_set(scenario, "paper"), tmp_path)
-    loop, state = compiled(source.read_text(), tmp_path)
-    loop.ft_outer_loop_start(state, 0.0, 1.0)
+    loop = Loop(source.read_text(), tmp_path)
+    loop.call("start", 0.0, 1.0)
 
-    loop.ft_outer_loop_step(state, 1.0, 0.5, 0.0, 0.0, 0.0, 25.0)
+    loop.call("step", 1.0, 0.5, 0.0, 0.0, 0.0, 25.0)
 
-    assert list(state.u) == pytest.approx([math.radians(30.0) / 50.0, 1.0 + 1.0 / 50.0])
+    assert loop.answer[:2] == pytest.approx([math.radians(30.0) / 50.0, 1.0 + 1.0 / 50.0])
 
 
 @needs_compiler
@@ -245,22 +251,20 @@ def test_the_c_file_of_the_exact_law_commands_what_it_does(
     law = ft.loop.ExactLaw(
         gains, limits, dt=0.02, anti_windup=anti_windup, priority=priority, lift_floor=0.3
     )
-    loop, state = compiled(c_source(law, title="t", gains="g"), tmp_path, exact=True)
+    loop = Loop(c_source(law, title="t", gains="g"), tmp_path, exact=True)
     law.start(ft.loop.FlightCondition(V_a=25.0, phi=0.1, n_z=0.9))
-    loop.ft_outer_loop_start(ctypes.byref(state), *map(ctypes.c_double, (0.1, 0.9)))
+    loop.call("start", 0.1, 0.9)
     rng, kinds = np.random.default_rng(41), set()
     rates = rng.uniform(-0.4, 0.4, (SAMPLES, 2)).tolist()
     loads = rng.uniform(-1.5, 2.0, SAMPLES).tolist()
     rows = zip(random_samples(), rates, loads, strict=True)
     for (chi_ref, gamma_ref, chi, gamma, phi, V), (chi_rate, gamma_rate), n_z in rows:
-        measured = ft.loop.Measured(chi, gamma, V, phi, n_z, 100.0, (0.0, 0.0, 0.0), None)
         sample = ft.loop.ReferenceSample(chi_ref, gamma_ref, chi_rate, gamma_rate)
-        expected = law.step(measured, sample, 0.0)
-        values = chi_ref, gamma_ref, chi_rate, gamma_rate, chi, gamma, phi, n_z, V
+        expected = law.step(measured(chi, gamma, phi, V, n_z), sample, 0.0)
 
-        loop.ft_outer_loop_step(ctypes.byref(state), (ctypes.c_double * 9)(*values))
+        loop.call("step", [chi_ref, gamma_ref, chi_rate, gamma_rate, chi, gamma, phi, n_z, V])
 
-        assert np.array([*state.u, *state.integral]).tobytes() == np.array(expected).tobytes()
+        assert to_the_bit(loop.answer, expected)
         kinds.add(tuple(law.state.limited))
     assert len(kinds) > 4, kinds
 
