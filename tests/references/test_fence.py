@@ -2,7 +2,6 @@
 
 import json
 from dataclasses import replace
-from itertools import pairwise
 from xml.etree import ElementTree
 
 import numpy as np
@@ -124,7 +123,7 @@ def test_an_empty_value_of_another_kind_is_not_taken_for_a_plan_without_a_fence(
     path = tmp_path / "x.plan"
     path.write_text(json.dumps({"mission": {}, "geoFence": fence}))
 
-    with pytest.raises(ft.InputError, match=r"`\w+` must be (an object|a list), got "):
+    with pytest.raises(ft.InputError, match=r"must be (an object|a list), got "):
         fence_tables([path])
 
 
@@ -295,17 +294,10 @@ def test_fences_of_mission_planner_are_read_in_both_forms(tmp_path):
     old.write_text(f"# saved by Mission Planner\n{lines}\n")
     assert limits_of(old) == pytest.approx(np.array([[30, 40]] * 3), abs=SCAN_STEP)
     short = planner_fence(tmp_path / "s.waypoints", (5001, 5, BOX))
-    with pytest.raises(ft.InputError, match=r"must have its 5 corners, got 4"):
+    with pytest.raises(ft.InputError, match="its 5 corners, got 4"):
         fence_tables([short])
     with pytest.raises(ft.InputError, match=r"must be a plan, .*\.xml"):
         fence_tables([tmp_path / "f.xml"])
-
-
-def winding(places, ring):
-    """How often a ring goes around each place: the sum of the angles under which edges appear."""
-    to = [np.arctan2(*(np.array(corner)[:, None] - places)) for corner in (*ring, ring[0])]
-    turned = sum(np.angle(np.exp(1j * (b - a))) for a, b in pairwise(to))
-    return np.round(turned / (2.0 * np.pi))
 
 
 def test_every_place_within_the_limits_is_inside(tmp_path):
@@ -313,6 +305,7 @@ def test_every_place_within_the_limits_is_inside(tmp_path):
     outer = ((-400, -80), (640, -60), (780, 520), (150, 800), (-420, 200), (100, 430), (200, 150))
     zone = ((500, 150), (560, 250), (450, 350))
     fence = read_fence(fence_file(tmp_path / "f.geojson", outer, zone), ORIGIN)
+    area = shapely.Polygon(outer, [zone])
     windows = np.linspace(0.0, path.length, 41)
     room = room_along(fence, path, windows, widest=300.0, overlap=0.0)
 
@@ -323,9 +316,8 @@ def test_every_place_within_the_limits_is_inside(tmp_path):
     north, east, course = (np.interp(s, path.s, x) for x in (path.north, path.east, path.course))
     for part in (-1.0, -0.5, 0.0, 0.5, 1.0):
         e = part * np.where(part < 0.0, left, right)
-        places = np.stack([north - e * np.sin(course), east + e * np.cos(course)])
-        assert (winding(places, outer) != 0).all()
-        assert (winding(places, zone) == 0).all()
+        places = north - e * np.sin(course), east + e * np.cos(course)
+        assert shapely.contains_xy(area, *places).all()
 
 
 def test_flights_are_counted_of_which_it_is_certain(band, box):

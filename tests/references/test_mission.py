@@ -512,7 +512,7 @@ def test_circles_at_zeros_are_around_the_item_before_as_arduplane_flies_them(rea
     with pytest.raises(ft.InputError, match=nowhere):
         read(*PATROL[:3], circle)
     for command in (16, 21, 85):
-        with pytest.raises(ft.InputError, match=r"item 3 \(.*, at 0, 0, which is no place\)"):
+        with pytest.raises(ft.InputError, match=r"item 3 \(.*, which is no place\)"):
             read(*PATROL[:2], item(command, 0, 0, 0, None, 0, 0, 50))
 
 
@@ -522,7 +522,7 @@ def test_a_waypoint_at_the_height_of_home_is_refused_by_its_item_and_the_key_of_
     low = waypoint(47.41, 8.52, 0), waypoint(47.4, 8.52, 60)
     file = plan_file(tmp_path / "m.plan", *PATROL[:2], CAMERA, *low)
 
-    with pytest.raises(ft.InputError, match=r"`ground_m`, 480 .* got 480 m at item 4\."):
+    with pytest.raises(ft.InputError, match=r"`ground_m`, 480 .* at item 4\."):
         ft.route(file)
     flown = ft.route(file, changes={"flight.ground_m": 400.0}).scenario.flight
     assert (flown.h_m, flown.ground_m) == (540.0, 400.0)

@@ -50,7 +50,7 @@ def test_a_path_below_the_ground_is_a_no(tmp_path):
     stdout, _ = flighttune(*words, status=1)
 
     assert "The planned path is 40.0 m below the ground on the leg to item 2" in stdout
-    with pytest.raises(InfeasibleError, match=r"40\.0 m below the ground on the leg to item 2"):
+    with pytest.raises(InfeasibleError, match=r"40\.0 m below the ground"):
         ft.mission(low, terrain=words[-1])
 
 
@@ -78,7 +78,7 @@ def test_a_raster_that_does_not_say_enough_is_refused(tmp_path, made, reason):
 def test_a_place_that_the_projection_of_the_raster_lacks_is_refused(tmp_path):
     file = terrain(tmp_path / "t.tif", crs="EPSG:32632")
 
-    with pytest.raises(ft.InputError, match=r"t\.tif: must be a raster with heights there"):
+    with pytest.raises(ft.InputError, match=r"t\.tif: .* heights there"):
         ground_at(file, np.array([[0.0, 98.5]]))
 
 
