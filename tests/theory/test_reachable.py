@@ -70,14 +70,6 @@ def test_the_ellipsoid_is_within_5_percent_and_the_papers_ball_7_6_times_above()
     assert ball / exact == pytest.approx(7.6, abs=0.05)
 
 
-def test_the_reach_of_decoupled_decays_is_known_on_paper():
-    """Each v_i alone: s_i reaches L_d / k_i; the farthest is along the slowest."""
-    exact, direction = largest_reach(ReachableSet.of(-np.diag([1.0, 4.0]), np.eye(2), L_d=0.5))
-
-    assert exact == pytest.approx(0.5, rel=QUADRATURE)
-    assert np.abs(direction) == pytest.approx([1.0, 0.0], abs=1e-3)
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("name", FLIGHTS)
 def test_the_worst_disturbance_reaches_the_exact_figure_within_1_percent(name):
@@ -249,18 +241,6 @@ def test_any_number_of_states_is_integrated_as_by_brute_force(seed):
     # kinks keep the plain sum, which also leaves out its tail, from more digits
     by_hand = ReachableSet.of(A, inputs, L_d=1.0).reach(c)
     assert integral == pytest.approx(by_hand, rel=1e-7)
-
-
-@pytest.mark.slow
-def test_the_impulse_response_of_python_control_has_the_same_integral():
-    control = pytest.importorskip("control")
-    t = np.linspace(0.0, 40.0, 8001)
-    loop = control.ss(A_K, E, np.eye(4)[2:], np.zeros((2, 2)))
-    response = control.impulse_response(loop, t).outputs  # (errors, inputs, time)
-
-    sizes = np.trapezoid(np.linalg.norm(response, axis=1), t)
-
-    assert largest_errors(A_K, errors=2) == pytest.approx(sizes, rel=1e-4)
 
 
 def test_a_stiff_or_defective_loop_keeps_its_digits():
