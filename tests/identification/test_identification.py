@@ -150,34 +150,30 @@ def test_prediction_in_time_is_what_scipy_simulates(lag):
     assert lag_response(lag, DT, command, 0.0) == pytest.approx(flown[::every, 0], abs=EXACT)
 
 
-@pytest.fixture(scope="module")
-def aerosonde():
-    return ft.identify("aerosonde")
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["paper", "level_turn"])
-def test_aerosonde_is_explained_on_a_whole_scenario(aerosonde, name):
+def test_aerosonde_is_explained_on_a_whole_scenario(name):
     (run,) = (
         r for r in ft.fly(ft.load_scenario(name)).runs if r.label == "jsbsim:aerosonde / paper"
     )
     signals = run.signals
     dt = signals.index[1]
-    for channel, lag in zip(("phi", "n_z"), aerosonde.identified.conditions[0].lags, strict=True):
+    lags = ft.loop.load_identified("aerosonde").conditions[0].lags
+    for channel, lag in zip(("phi", "n_z"), lags, strict=True):
         command, flown = signals[f"{channel}_cmd"].to_numpy(), signals[channel].to_numpy()
         model = flown[0] + lag_response(lag, dt, command - command[0], 0.0)
         assert fit_percent(flown, model) > GOOD_FIT
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("aircraft", ["aerosonde", "c172p", "a4"])
+@pytest.mark.parametrize("aircraft", ["aerosonde", "c172p", "a4", "x8"])
 def test_identifying_again_gives_the_shipped_model(aircraft):
     shipped = ft.loop.load_identified(aircraft).conditions[0]
 
     again = ft.identify(aircraft).identified.conditions[0]
 
     assert again.V_a == shipped.V_a
-    for channel in ("phi", "n_z"):
+    for channel in ("phi", "n_z", "n_x"):
         one, other = shipped.channels[channel], again.channels[channel]
         assert one.lag.order == other.lag.order
         for value in ("natural_frequency", "damping", "lag"):
@@ -186,9 +182,9 @@ def test_identifying_again_gives_the_shipped_model(aircraft):
         assert other.fit_percent > GOOD_FIT
 
 
-def test_the_file_holds_the_linear_model_with_names(aerosonde, tmp_path):
+def test_the_file_holds_the_linear_model_with_names(tmp_path):
     path = tmp_path / "model.json"
-    aerosonde.identified.save(path)
+    ft.loop.load_identified("aerosonde").save(path)
 
     table = json.loads(path.read_text())["conditions"][0]
 
