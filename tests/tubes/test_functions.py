@@ -245,16 +245,6 @@ LAGS = [
 
 
 @pytest.mark.parametrize("lag", LAGS)
-def test_states_pass_as_by_the_matrix_exponential(lag):
-    sampled = SampledLag.of(lag, DT)
-
-    assert sampled.transition[:, :-2] == pytest.approx(expm(lag.undelayed[0] * DT), abs=ROUNDING)
-    still = np.append(sampled.rest, [1.0, 1.0])
-    assert sampled.transition @ still == pytest.approx(sampled.rest, abs=ROUNDING)
-    assert sampled.mean @ still == pytest.approx(1.0, abs=ROUNDING)
-
-
-@pytest.mark.parametrize("lag", LAGS)
 def test_a_step_is_answered_as_in_flight_at_every_sample_and_on_average(lag):
     sampled, channel = SampledLag.of(lag, DT), LaggedChannel(lag, 0.0)
     given = [0.0] * (sampled.older + 1)
