@@ -1,19 +1,18 @@
 """After the time of the scenario: the set that flights stay in for ever."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from fuzzing import first_or_all
 
 import flighttune as ft
-from flighttune.flight.conditions import reference_of, start_condition
 from flighttune.simulate.disturbance import Sinusoid
-from flighttune.simulate.loop import simulate
 from flighttune.tubes.problem import QUANTITIES, tube_problem
 from flighttune.tubes.tube import tube_of
 from tests.tubes.test_proof import arrays_of, claim_of, rewritten
-from tests.tubes.test_soundness import made_up, tube
+from tests.tubes.test_soundness import disturbed_flight, made_up, tube
 
 pytestmark = pytest.mark.slow
 
@@ -47,22 +46,10 @@ def path(found, tmp_path_factory):
 
 @pytest.mark.parametrize("omega", first_or_all([0.7, 0.0, 1.5, 6.0]))
 def test_flights_ten_times_as_long_stay_inside(scenario, found, omega):
-    longer = lasting(scenario, LONGER)
+    longer = replace(found.problem, scenario=lasting(scenario, LONGER))
+    swing = Sinusoid(chi_amplitude=D, chi_omega=omega, gamma_amplitude=-D, gamma_omega=omega)
 
-    signals, _ = simulate(
-        ft.loop.PointMassPlant(
-            None,
-            disturbance=Sinusoid(
-                chi_amplitude=D, chi_omega=omega, gamma_amplitude=-D, gamma_omega=omega
-            ),
-            turn="paper",
-            g=scenario.flight.g_mps2,
-        ),
-        found.problem.controller(),
-        reference_of(longer),
-        condition=start_condition(longer),
-        duration=longer.flight.duration_s,
-    )
+    signals, _ = disturbed_flight(longer, disturbance=swing)
 
     after = signals[signals.index > scenario.flight.duration_s]
     for name, (low, high) in zip(QUANTITIES, found.hand_over.bounds, strict=True):

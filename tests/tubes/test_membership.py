@@ -19,7 +19,13 @@ from flighttune.tubes.exact import enclosure_of
 from flighttune.tubes.problem import tube_problem
 from flighttune.tubes.sample import LIFT, SPLITS, start_set
 from flighttune.tubes.search import Search
-from tests.tubes.test_soundness import BRAKING_LATE, EXACT_PAPER, disturbed_flight, made_up
+from tests.tubes.test_soundness import (
+    BRAKING_LATE,
+    EXACT_PAPER,
+    bang_bang,
+    disturbed_flight,
+    made_up,
+)
 
 DEG = math.pi / 180.0
 
@@ -171,7 +177,9 @@ def distances_at(case, plan_of, *, count, at, disturbance=0.0, start_deg=0.5, se
         off = problem.start * rng.uniform(-1.0, 1.0, 2)
         if i % 2:
             off[rng.integers(2)] = problem.start * rng.choice([-1.0, 1.0])
-        flown.append(disturbed_flight(problem, off, disturbance, rng))
+        flown.append(
+            disturbed_flight(problem, off, bang_bang(disturbance, 5 * problem.loop.dt, rng))
+        )
     plan = plan_of(problem.loop, rng)
     one_piece = start_set(problem.loop, problem.start, sides=1, symbols=120)
     enclosure = enclosure_of(problem.loop, one_piece, plan)

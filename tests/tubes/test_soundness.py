@@ -57,9 +57,9 @@ def made_up(
     )
 
 
-def tube(scenario, gains, **flights):
-    """The tube of a scenario's flights."""
-    return tube_of(tube_problem(scenario, gains, **flights))
+def tube(scenario, gains, *, for_ever=True, **flights):
+    """The tube of a scenario's flights, with what follows its end or without, which is faster."""
+    return tube_of(tube_problem(scenario, gains, **flights), for_ever=for_ever)
 
 
 RAMP = {"shape": "ramp", "start_s": 0.2, "duration_s": 1.0, "roll_in_s": 0.3}
@@ -144,10 +144,10 @@ def bang_bang(disturbance, held_s, rng):
     return at
 
 
-def disturbed_flight(problem, off, disturbance, rng, samples=5):
+def disturbed_flight(problem, off=(0.0, 0.0), disturbance=None, plant=None):
     """Signals of a flight that starts so far off, and its start.
 
-    It is disturbed to either side, for so many samples at least.
+    It is on a plant of its own, or on the point mass with a disturbance over time.
     """
     scenario, condition = problem.scenario, start_condition(problem.scenario)
     start = replace(condition, chi=condition.chi + off[0], gamma=condition.gamma + off[1])
@@ -161,9 +161,10 @@ def disturbed_flight(problem, off, disturbance, rng, samples=5):
 
     controller.step = noted
     signals, _ = simulate(
-        ft.loop.PointMassPlant(
+        plant
+        or ft.loop.PointMassPlant(
             problem.lags or None,
-            disturbance=bang_bang(disturbance, samples * controller.dt, rng),
+            disturbance=disturbance,
             turn="exact" if problem.loop.exact else "paper",
             g=scenario.flight.g_mps2,
         ),
@@ -191,8 +192,11 @@ def check_cases(check, cases, count):
 def all_stay(found, disturbance, rng):
     """Whether flights from inside or the edge of the starts stay in the tube, disturbed or not."""
     offs = rng.choice([-1.0, 1.0], (FLIGHTS, 2)) * rng.choice([1.0, rng.random()], (FLIGHTS, 2))
+    dt = found.problem.controller().dt
     flights = [
-        disturbed_flight(found.problem, off, disturbance, rng, rng.choice([1, 5, 25]))
+        disturbed_flight(
+            found.problem, off, bang_bang(disturbance, rng.choice([1, 5, 25]) * dt, rng)
+        )
         for off in found.problem.start * offs
     ]
     return all(found.bounds.contain(signals) for signals, _ in flights)
