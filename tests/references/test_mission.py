@@ -234,13 +234,6 @@ def test_what_is_true_or_false_is_nothing_else(read, key, value):
         read(*PATROL[:3], last)
 
 
-@pytest.mark.parametrize("speed", [0, -25, 1e308, float("nan"), "25", None, True])
-def test_a_cruise_speed_that_no_aircraft_has_is_refused(read, speed):
-    mission = {"plannedHomePosition": HOME, "items": PATROL, "cruiseSpeed": speed}
-    with pytest.raises(ft.InputError, match=r"m\.plan: .*`cruiseSpeed` must be "):
-        read(mission=mission)
-
-
 @pytest.mark.parametrize(
     ("changes", "says"),
     [
@@ -257,10 +250,21 @@ def test_a_value_of_an_item_that_cannot_be_flown_is_refused(read, changes, says)
         read(PATROL[0], PATROL[1] | changes, *PATROL[2:])
 
 
-@pytest.mark.parametrize("home", [(91, 8.5, 480), (47.4, -181, 480), (float("nan"), 8.5, 480)])
-def test_a_home_position_beyond_the_earth_is_refused(read, home):
-    with pytest.raises(ft.InputError, match=r"(home p|plannedHomeP)osition.* must "):
-        read(*PATROL, home=home)
+HOMES = (91, 8.5, 480), (47.4, -181, 480), (float("nan"), 8.5, 480)
+CRUISE_SPEEDS = 0, -25, 1e308, float("nan"), "25", None, True
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "named"),
+    [
+        *(("plannedHomePosition", home, "(home p|plannedHomeP)osition") for home in HOMES),
+        *(("cruiseSpeed", speed, "`cruiseSpeed`") for speed in CRUISE_SPEEDS),
+    ],
+)
+def test_a_home_beyond_the_earth_and_an_impossible_speed_are_refused(read, key, value, named):
+    mission = {"plannedHomePosition": HOME, "items": PATROL, key: value}
+    with pytest.raises(ft.InputError, match=rf"m\.plan: .*{named}.* must "):
+        read(mission=mission)
 
 
 def test_a_landing_pattern_is_a_circle_down_and_a_final_to_a_height_above_its_place(read):
@@ -385,19 +389,6 @@ def test_waypoints_of_mission_planner_are_read(read_text):
     assert route.flight == {"h_m": 538.0, "ground_m": 488.0}
 
 
-@pytest.mark.parametrize(
-    "wrong",
-    [
-        *("", "QGC WPL 110\n", WAYPOINTS.replace("588", "588\t5")),
-        WAYPOINTS.replace("\t16\t", "\t16.9\t"),
-        *(WAYPOINTS.replace("110", other) for other in ("120", "", "110 2")),
-    ],
-)
-def test_waypoints_that_are_none_are_refused(read_text, wrong):
-    with pytest.raises(ft.InputError, match=r"m\.waypoints"):
-        read_text(".waypoints", wrong)
-
-
 KML = """<?xml version="1.0" encoding="UTF-8"?>
 <kml xmlns="http://www.opengis.net/kml/2.2"><Document><Placemark><LineString>
 <altitudeMode>{}</altitudeMode><coordinates>8.5,47.4,548 8.5,47.42,560</coordinates>
@@ -464,12 +455,21 @@ def test_a_scenario_has_the_heights_and_the_notes_of_its_plan(tmp_path):
         ft.load_scenario(file)
 
 
-@pytest.mark.parametrize(
-    "text", ["{}", "[]", '{"mission": {}}', '{"mission": {"items": [{}]}}', '{"type": "Feature"}']
+NO_WAYPOINTS = (
+    *("", "QGC WPL 110\n", WAYPOINTS.replace("588", "588\t5")),
+    WAYPOINTS.replace("\t16\t", "\t16.9\t"),
+    *(WAYPOINTS.replace("110", other) for other in ("120", "", "110 2")),
 )
-def test_another_file_is_refused(read_text, text):
-    with pytest.raises(ft.InputError, match=r"m\.json") as refusal:
-        read_text(".json", text)
+NO_PLAN = "{}", "[]", '{"mission": {}}', '{"mission": {"items": [{}]}}', '{"type": "Feature"}'
+
+
+@pytest.mark.parametrize(
+    ("ending", "text"),
+    [*((".waypoints", text) for text in NO_WAYPOINTS), *((".json", text) for text in NO_PLAN)],
+)
+def test_another_file_is_refused(read_text, ending, text):
+    with pytest.raises(ft.InputError, match=rf"m\{ending}") as refusal:
+        read_text(ending, text)
     assert "Error" not in str(refusal.value)
 
 
