@@ -7,11 +7,11 @@ import pytest
 from places import SHIPPED_AIRCRAFT
 
 import flighttune as ft
-from flighttune.aircraft.aircraft import load_aircraft
 from flighttune.identification.design import Airframe, inner_loop_gains
 from flighttune.plants.jsbsim.bench import AirframeState
 from flighttune.plants.jsbsim.fdm import Fdm
 
+AEROSONDE = ft.loop.JSBSimPlant("aerosonde").config
 V_A, RHO_1000 = 25.0, 1.11164
 MASS, JX, JY, JZ, JXZ = 11.0, 0.8244, 1.135, 1.759, 0.1204
 S, B, C = 0.55, 2.8956, 0.18994
@@ -28,7 +28,7 @@ DRAG = 0.043 + 0.0232 * (WEIGHT / Q_S) ** 2
 
 @pytest.fixture(scope="module")
 def slopes():
-    fdm = Fdm(load_aircraft("aerosonde"))
+    fdm = Fdm(AEROSONDE)
     return Airframe.about(fdm, ft.loop.FlightCondition(V_a=V_A, h=1000.0))
 
 
@@ -68,7 +68,7 @@ def test_longitudinal_derivatives_are_those_of_the_coefficients(slopes):
 
 
 def test_roll_gains_place_the_poles_of_the_roll_error(slopes):
-    design = load_aircraft("aerosonde").design
+    design = AEROSONDE.design
     gains = inner_loop_gains(slopes, design)
 
     effect, damping = slopes.of("p_dot", "aileron"), -slopes.of("p_dot", "p")
@@ -85,7 +85,7 @@ def test_roll_gains_place_the_poles_of_the_roll_error(slopes):
 
 def test_the_rudder_feed_forward_balances_a_roll_without_sideslip(slopes):
     # Rolling at p without sideslip: r = alpha p + g/V phi, so r' = g/V p, by the coefficients.
-    gains = inner_loop_gains(slopes, load_aircraft("aerosonde").design)
+    gains = inner_loop_gains(slopes, AEROSONDE.design)
     alpha, span = slopes.trimmed.alpha, B / (2.0 * V_A)
     rolling = lateral(-0.51 * span + 0.25 * span * alpha, -0.069 * span - 0.095 * span * alpha)
     aileron, rudder = lateral(0.17, -0.011, 0.075), lateral(0.0024, -0.069, 0.19)
@@ -100,7 +100,7 @@ def test_the_rudder_feed_forward_balances_a_roll_without_sideslip(slopes):
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["aerosonde", "c172p", "a4"])
 def test_a_design_is_that_of_the_file_and_meets_what_it_asks_for(name):
-    shipped = load_aircraft(name).gains
+    shipped = ft.loop.JSBSimPlant(name).config.gains
 
     designed = ft.design(name)
 
@@ -114,8 +114,7 @@ def test_a_rudder_that_turns_the_wrong_way_is_refused(slopes):
 
     with pytest.raises(ft.loop.PlantError, match=r"r_dot by rudder .* 20"):
         inner_loop_gains(
-            Airframe(trimmed=AirframeState(V_a=V_A, alpha=0.05), slopes=backwards),
-            load_aircraft("aerosonde").design,
+            Airframe(trimmed=AirframeState(V_a=V_A, alpha=0.05), slopes=backwards), AEROSONDE.design
         )
 
 
@@ -142,7 +141,7 @@ def test_the_gyroscopic_moment_of_a_heavy_propeller_is_made_up_for(tmp_path):
 
 
 def test_without_a_design_table_there_is_nothing_to_design_for():
-    config = load_aircraft("aerosonde").model_copy(update={"design": None})
+    config = AEROSONDE.model_copy(update={"design": None})
 
     with pytest.raises(ft.InputError, match=r"aircraft.toml: `design` must be given"):
         ft.design(config)

@@ -103,9 +103,9 @@ def test_a_crosswind_that_rises_turns_the_nose_and_not_the_path_over_ground():
     ids=["no lag", "first and second order", "second and third order"],
 )
 @pytest.mark.slow
-def test_four_seconds_agree_with_another_integrator(lags):
-    dt, count = 0.02, 200
-    t = np.linspace(0.0, 4.0, 9)
+def test_two_seconds_agree_with_another_integrator(lags):
+    dt, count = 0.02, 100
+    t = np.linspace(0.0, 2.0, 5)
     wind = WindRecord(t=t, wind=np.random.default_rng(5).normal(scale=2.0, size=(len(t), 3)))
     commands = weaving(count, dt)
     start = ft.loop.FlightCondition(V_a=25.0, chi=0.4, gamma=0.1, phi=0.1, n_z=1.0)
@@ -114,7 +114,7 @@ def test_four_seconds_agree_with_another_integrator(lags):
     end = fly(plant, start, commands, dt)
 
     state = by_dop853(lags, wind, commands, dt)
-    velocity = np.array(velocity_along(25.0, *state[:2])) + wind.at(4.0)
+    velocity = np.array(velocity_along(25.0, *state[:2])) + wind.at(2.0)
     chi, gamma = course_of(tuple(velocity))
     assert math.remainder(end["chi"] - chi, math.tau) == pytest.approx(0.0, abs=INTEGRATION)
     assert end["gamma"] == pytest.approx(gamma, abs=INTEGRATION)

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 import flighttune as ft
-from flighttune.aircraft.aircraft import load_aircraft
 
 DEG = math.pi / 180.0
 RHO_1000 = 1.11164
@@ -79,4 +78,4 @@ def test_gear_that_meets_the_ground_ends_a_flight_with_its_centre_of_mass_above(
 @pytest.mark.parametrize("throttle_max", [0.0, -1.0, 1.5, math.nan])
 def test_an_upper_stop_of_the_throttle_lies_between_its_stops(throttle_max):
     with pytest.raises(ft.InputError, match="`throttle_max` must lie above 0"):
-        load_aircraft("aerosonde").with_throttle_max(throttle_max)
+        ft.loop.JSBSimPlant(throttle_max=throttle_max)

@@ -8,11 +8,11 @@ import pytest
 from scipy.linalg import block_diag
 
 import flighttune as ft
-from flighttune.aircraft.aircraft import load_aircraft
 from flighttune.plants.jsbsim.bench import CONTROLS
-from flighttune.plants.jsbsim.fdm import Fdm
 from flighttune.plants.jsbsim.linearize import STATES, linearize, modes
 from flighttune.plants.jsbsim.trim import trim
+
+from .conftest import fdm_of
 
 JSBSIM_STATES = ("Vt", "Alpha", "Theta", "Q", "Beta", "Phi", "P", "R")
 
@@ -24,9 +24,13 @@ SAME_MODE = 1e-3
 """Largest difference of an eigenvalue between two programs, 1/s."""
 
 
+def linearized(aircraft, condition):
+    return linearize(ft.loop.JSBSimPlant(aircraft).config, condition)
+
+
 @pytest.fixture(scope="module")
 def level():
-    return linearize(load_aircraft("aerosonde"), LEVEL)
+    return linearized("aerosonde", LEVEL)
 
 
 def mode(level, name):
@@ -37,7 +41,7 @@ def mode(level, name):
 
 @pytest.mark.parametrize(("name", "V_a"), [("aerosonde", 25.0), ("c172p", 50.0)])
 def test_has_the_five_modes_of_an_aircraft(name, V_a):
-    A, _ = linearize(load_aircraft(name), ft.loop.FlightCondition(V_a=V_a))
+    A, _ = linearized(name, ft.loop.FlightCondition(V_a=V_a))
 
     names = [motion["name"] for motion in modes(A)]
     assert names == ["short period", "phugoid", "dutch roll", "roll", "spiral"]
@@ -86,10 +90,10 @@ def test_motions_without_oscillation_keep_their_place_and_pairs_have_one_name():
 
 @pytest.mark.parametrize("gamma", [0.0, 0.3])
 def test_own_differences_give_the_modes_that_jsbsim_finds(gamma):
-    config, condition = load_aircraft("aerosonde"), ft.loop.FlightCondition(V_a=25.0, gamma=gamma)
-    own_A, own_B = linearize(config, condition)
+    condition = ft.loop.FlightCondition(V_a=25.0, gamma=gamma)
+    own_A, own_B = linearized("aerosonde", condition)
 
-    fdm = Fdm(config)
+    fdm = fdm_of("aerosonde")
     trim(fdm, condition)
     theirs = jsbsim.FGLinearization(fdm._exec)
     rows = [theirs.x_names.index(name) for name in JSBSIM_STATES]
@@ -102,4 +106,4 @@ def test_own_differences_give_the_modes_that_jsbsim_finds(gamma):
 
 def test_a_condition_without_steady_flight_is_refused():
     with pytest.raises(ft.loop.PlantError, match="throttle closed"):
-        linearize(load_aircraft("aerosonde"), ft.loop.FlightCondition(V_a=25.0, gamma=-0.5))
+        linearized("aerosonde", ft.loop.FlightCondition(V_a=25.0, gamma=-0.5))

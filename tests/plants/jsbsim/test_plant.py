@@ -9,8 +9,6 @@ import pytest
 import flighttune as ft
 from flighttune.simulate.run import SIGNAL_UNITS
 
-G_0 = 9.80665
-
 DEG = math.pi / 180.0
 
 

@@ -80,7 +80,7 @@ def test_lift_peaks_at_the_ends_of_the_envelope_of_the_aerosonde():
     xml = (SHIPPED_AIRCRAFT / "aerosonde" / "aerosonde.xml").read_text()
     (table,) = re.findall(r"<tableData>(.*?)</tableData>", xml, re.DOTALL)[:1]
     alpha, C_L = np.fromstring(table, sep=" ").reshape(-1, 2).T
-    envelope = load_aircraft("aerosonde").envelope
+    envelope = ft.loop.JSBSimPlant("aerosonde").config.envelope
 
     assert envelope.alpha[1] == pytest.approx(alpha[np.argmax(C_L)] * DEG)
     assert alpha[np.argmin(C_L)] * DEG <= envelope.alpha[0]

@@ -5,7 +5,6 @@ import pytest
 from made_up import shortened
 
 import flighttune as ft
-from flighttune.aircraft.aircraft import load_aircraft
 from flighttune.plants.jsbsim import plant as jsbsim_plant
 from flighttune.plants.jsbsim.fdm import Fdm
 from flighttune.plants.jsbsim.plant import steps_for
@@ -40,7 +39,7 @@ def test_half_the_step_moves_the_ITAE_by_little(aircraft, scenario, seconds, all
 @pytest.mark.parametrize("aircraft", ["aerosonde", "c172p"])
 def test_the_computer_runs_once_in_so_many_steps(aircraft):
     steps = 4
-    config = load_aircraft(aircraft)
+    config = ft.loop.JSBSimPlant(aircraft).config
     plant = ft.loop.JSBSimPlant(config, steps=steps)
     plant.start(ft.loop.FlightCondition(V_a=config.design.V_a))
     plant.advance(0.3, 1.2, 0.1)
@@ -58,7 +57,7 @@ def test_the_computer_runs_once_in_so_many_steps(aircraft):
 
 @pytest.mark.parametrize("aircraft", ["aerosonde", "c172p", "a4"])
 def test_the_trim_does_not_hang_on_the_step(aircraft):
-    config = load_aircraft(aircraft)
+    config = ft.loop.JSBSimPlant(aircraft).config
     condition = ft.loop.FlightCondition(V_a=config.design.V_a, h=config.design.h)
     points = [trim(Fdm(config, steps=n), condition) for n in (1, 3)]
 
@@ -66,7 +65,7 @@ def test_the_trim_does_not_hang_on_the_step(aircraft):
 
 
 def test_a_sample_of_the_outer_loop_is_whole_steps():
-    config, rates = load_aircraft("aerosonde"), (50.0, 200.0, 80.0, 240.0, 7.0, 1000.0)
+    config, rates = ft.loop.JSBSimPlant("aerosonde").config, (50.0, 200.0, 80.0, 240.0, 7.0, 1000.0)
 
     assert [steps_for(config, rate) for rate in rates] == [1, 1, 2, 6, 7, 5]
     with pytest.raises(ft.InputError, match=r"`controller\.rate_hz` .*200 Hz.* 7\.3"):

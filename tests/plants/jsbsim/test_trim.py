@@ -10,12 +10,12 @@ import pytest
 from places import SHIPPED_AIRCRAFT
 
 import flighttune as ft
-from flighttune.aircraft.aircraft import load_aircraft
 from flighttune.flight.conditions import start_condition
 from flighttune.flight.fly import plant_of
 from flighttune.plants.jsbsim.bench import AirframeState, Bench
-from flighttune.plants.jsbsim.fdm import Fdm
-from flighttune.plants.jsbsim.trim import interior_root, level, trim_table
+from flighttune.plants.jsbsim.trim import interior_root
+
+from .conftest import fdm_of
 
 DEG = math.pi / 180.0
 
@@ -63,11 +63,8 @@ def test_trim_error_names_the_elevator_at_its_stop(changed_aircraft):
 
 def test_a_glide_that_is_not_steady_is_said_so(changed_aircraft):
     folder = changed_aircraft("aircraft.toml", r"\[engines\]", "[engines]\\ncount = 0")
-    config = load_aircraft(folder)
 
-    with pytest.raises(ft.loop.PlantError, match=r"glide .*2 m/s, h 1000"):
-        level(config, 2.0, 1000.0)
-    slow, steady = trim_table(config, V_a=[2.0, 25.0])
+    slow, steady = ft.trim(folder, V_a=[2.0, 25.0]).records
     assert slow["reason"] == "no steady glide at V_a 2 m/s, h 1000 m"
     assert steady["trim"]
 
@@ -107,7 +104,7 @@ def test_a_thrust_that_falls_before_it_grows_steeply_is_trimmed(tmp_path):
 
 
 def level_throttle(aircraft):
-    return trim_table(load_aircraft(aircraft), V_a=[25.0], gamma=[0.0])[0]["trim"]["throttle"]
+    return ft.trim(aircraft, V_a=[25.0], gamma=[0.0]).records[0]["trim"]["throttle"]
 
 
 FILTER = """<system name="lever"><property>a/lever</property><channel name="lever">
@@ -138,7 +135,7 @@ STALLS = """<system name="lever"><property>a/lever</property><property>a/runs</p
 def test_a_thrust_that_depends_on_the_throttles_before_it_is_said_so(tmp_path):
     folder = behind_lever(tmp_path / "stalls", STALLS, settle_s=3.0)
 
-    (row,) = trim_table(load_aircraft(folder), V_a=[25.0], gamma=[0.0])
+    (row,) = ft.trim(folder, V_a=[25.0], gamma=[0.0]).records
 
     reason = r"its thrust depends on its history, at the throttle 0\.9\d+ it is 1 weights larger .*"
     assert re.fullmatch(reason, row["reason"])
@@ -163,7 +160,7 @@ LAG = """<system name="yoke"><channel name="yoke"><lag_filter name="a/yoke">
 def test_filters_of_the_flight_control_are_at_rest_on_the_bench(changed_aircraft):
     read = r"(?s)(<function name=.aero/moment/roll.*?)fcs/left-aileron-pos-rad(.*)(</fdm_config>)"
     folder = changed_aircraft("aerosonde.xml", read, rf"\1a/yoke\2{LAG}\3")
-    fdm = Fdm(load_aircraft(folder))
+    fdm = fdm_of(folder)
     bench, yoke = Bench(fdm, 1000.0), fdm.reader("a/yoke")
 
     for aileron in (-0.3, 0.1, 0.0):
