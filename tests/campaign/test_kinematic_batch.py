@@ -104,8 +104,8 @@ DISTURBED_BY = {"disturbance": WAVE, "expect": [SUCCESS]}
 @pytest.mark.parametrize(
     ("tables", "dispersed", "runs"),
     [
-        (DISTURBED_BY, EVERYTHING, 160),
-        ({**DISTURBED_BY, "sensors": {"noise_time_constant_s": 0.3}}, (*EVERYTHING, *SEEN), 160),
+        (DISTURBED_BY, EVERYTHING, 100),
+        ({**DISTURBED_BY, "sensors": {"noise_time_constant_s": 0.3}}, (*EVERYTHING, *SEEN), 100),
         ({"reference": MOVING}, MOVED, 60),
         ({**DISTURBED_BY, "law": [EXACT], "gains": ["paper"]}, EVERYTHING, 80),
         ({**DISTURBED_BY, "law": [EXACT], "gains": [FED], "limits": HIGH}, EVERYTHING, 40),

@@ -82,7 +82,7 @@ def test_requirements_on_the_airspeed_are_met_as_fly_measures_it():
     lagged, *_ = step.pop("plant")
     of = scenario_from(step | {"plant": [lagged], "expect": [at_most("V", MO_mps=0.1)]})
 
-    values, gains, _ = searched(of, start="speed", budget=20)
+    values, gains, _ = searched(of, start="speed", budget=12)
 
     tables = of.as_dict()
     tables["gains"] = [{"name": "own", "law": "exact", **gains.as_lists()}]

@@ -184,16 +184,9 @@ def test_the_row_of_a_crashed_run_is_a_row_of_the_plan():
     assert found["chi.ITAE"] is found["wall_s"] is None
     for name in ("run", "draw", "plant", "gains", "seed", *plan.keys, "R_K", "I_K", "E_K"):
         assert found[name] == whole[name]
-
-
-def test_a_lost_run_whose_drawn_value_is_refused_has_no_indicators():
-    plan = still_plan()
-    drawn = dict.fromkeys(plan.values_of(0), -1.0) | {"flight.V_a_mps": -1.0}
-
-    row = lost_row(plan, 0, drawn, -signal.SIGSEGV)
-
-    assert row["status"] == "crashed"
-    assert row["R_K"] is row["I_K"] is row["E_K"] is None
+    refused = lost_row(plan, 0, dict.fromkeys(plan.values_of(0), -1.0), -signal.SIGSEGV)
+    assert refused["status"] == "crashed"
+    assert refused["R_K"] is refused["I_K"] is refused["E_K"] is None
 
 
 @pytest.mark.slow

@@ -13,7 +13,6 @@ from scipy.stats import chi2
 
 import flighttune as ft
 from flighttune.campaign import worst as worst_module
-from flighttune.campaign.engine.pool import WorkerPool
 from flighttune.campaign.flying.rows import fly_runs
 from flighttune.campaign.worst import SEEDS_EVERY, StatedSet, search_worst, value_of
 from flighttune.metrics import measures
@@ -70,7 +69,7 @@ def test_chance_is_that_of_the_worst_flight_so_far_and_others_are_tried():
 @pytest.mark.slow
 def test_the_worst_flight_is_worse_than_random_ones_and_is_flown_again_as_it_was():
     plan = small_plan()
-    with WorkerPool(1) as pool:
+    with flown_here(worst_module) as pool:
         searched = StatedSet(plan, pool, metric="chi.peak_rad")
         worst = searched.find_worst(budget=320, seed=1)
 

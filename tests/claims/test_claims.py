@@ -20,7 +20,7 @@ CLAIMS = Path(__file__).parents[1] / "files_of_0_3_0"
 
 
 def turn(**changes):
-    scenario = made_up(chi_err_deg=20.0, gamma_deg=0.0, duration_s=1.0)
+    scenario = made_up(chi_err_deg=20.0, gamma_deg=0.0, duration_s=0.5)
     return ft.scenario_from(scenario.as_dict() | {"gains": ["paper"], "expect": []} | changes)
 
 

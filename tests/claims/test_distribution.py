@@ -6,11 +6,9 @@ from dispersed import AEROSONDE, WIND, campaign_of, one_of, tables_of, uniform
 import flighttune as ft
 from flighttune.campaign.counted_flights import at_random, distribution_of
 
-GUST = {"axis": "right", "peak_mps": 12.0, "start_s": 1.0, "length_m": 30.0}
 # 2 m/s^2 from 1 s on, for 1.5 s: from 25 to 28 m/s.
 V_RAMP = {"chi_deg": 0.0, "gamma_deg": 0.0}
 V_RAMP["V_mps"] = [{"shape": "ramp", "start_s": 1.0, "duration_s": 1.5, "rate_mps2": 2.0}]
-WAVE = {"chi_amplitude": 0.1, "chi_omega_rad_s": 0.3}
 
 
 def route_at(*airspeeds, holds_airspeed=True):

@@ -16,18 +16,12 @@ import psutil
 import pytest
 from fuzzing import first_or_all
 
-import flighttune as ft
-from flighttune.recording.record import DISPLAYS, viewer
+from flighttune.recording.record import DISPLAYS
 
 pytestmark = pytest.mark.slow
 
 LONGEST_S = 120.0
 COMMAND = [sys.executable, "-u", "-m", "flighttune", "view"]
-
-
-def test_what_is_no_recording_gives_one_line(tmp_path):
-    with pytest.raises(ft.RecordingError, match="got no such file"):
-        viewer(tmp_path / "none.rrd")
 
 
 def pair_of_ports():
