@@ -9,6 +9,7 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
+from campaigns import write_campaign
 from commands import answer
 from plans import item, plan_file, waypoint
 
@@ -18,12 +19,12 @@ from flighttune.cli.options import COMMANDS
 
 pytestmark = pytest.mark.slow
 
-SHORT = {"flight.duration_s": 2.0}
-SET = "--set", "flight.duration_s=2.0"
+SHORT = {"flight.duration_s": 1.0}
+SET = "--set", "flight.duration_s=1.0"
 IDENTIFIED = {"tuning.model": "identified"}
-FEW = {"start_deg": 2.0, "plant": "kinematic", "epsilon": 0.3, "confidence": 0.9, "learn": 10}
+FEW = {"start_deg": 2.0, "plant": "kinematic", "epsilon": 0.5, "confidence": 0.9, "learn": 10}
 MONITORED = FEW | {"learn": 20, "plant": "jsbsim:aerosonde"}
-TURN = {"flight.duration_s": 12.0}
+TURN = {"flight.duration_s": 4.0}
 LONG = "tune --prove", "tune --envelope"
 OTHERS = "adopt", "list", "new", "reproduce", "view"
 
@@ -53,7 +54,7 @@ def short_mission():
 
 
 def planned():
-    said = forecast(ft.plan_campaign(ft.load_campaign("first_campaign"), runs=8), 1)
+    said = forecast(ft.plan_campaign(ft.load_campaign(write_campaign("."))), 1)
     return SimpleNamespace(answer=lambda: said, _repr_html_=said.html)
 
 
@@ -63,7 +64,7 @@ def options(settings):
 
 
 VERBS = {
-    "campaign": (planned, ["first_campaign", "--dry-run", "--runs", 8, "--workers", 1]),
+    "campaign": (planned, ["campaign.toml", "--dry-run", "--workers", 1]),
     "tune": (lambda: ft.tune("paper"), ["paper"]),
     "tune --prove": (lambda: ft.tune("paper", prove=True), ["paper", "--prove", "bound.json"]),
     "tune --envelope": (
@@ -79,8 +80,8 @@ VERBS = {
     "fly": (lambda: ft.fly("paper", changes=SHORT), ["paper", *SET]),
     "mission --plan": (lambda: ft.route("circuit"), ["circuit", "--plan"]),
     "mission": (
-        lambda: ft.mission(short_mission(), epsilon=0.3, confidence=0.9, flights=7),
-        ["m.plan", "--epsilon", 0.3, "--confidence", 0.9, "--flights", 7],
+        lambda: ft.mission(short_mission(), epsilon=0.5, confidence=0.9, flights=4),
+        ["m.plan", "--epsilon", 0.5, "--confidence", 0.9, "--flights", 4],
     ),
     "verify run": (lambda: ft.refly(recorded()), []),
     "worst": (
@@ -99,11 +100,11 @@ VERBS = {
     "tube": (lambda: ft.tube("paper", "paper", changes=SHORT), ["paper", "--gains", "paper", *SET]),
     "band": (
         lambda: ft.band("level_turn", changes=TURN, **FEW),
-        ["level_turn", "--set", "flight.duration_s=12.0", *options(FEW)],
+        ["level_turn", "--set", "flight.duration_s=4.0", *options(FEW)],
     ),
     "monitor": (
         lambda: ft.monitor("level_turn", changes=TURN, **MONITORED),
-        ["level_turn", "--set", "flight.duration_s=12.0", *options(MONITORED)],
+        ["level_turn", "--set", "flight.duration_s=4.0", *options(MONITORED)],
     ),
     "gap": (lambda: ft.gap("paper", "paper", changes=SHORT), ["paper", "--gains", "paper", *SET]),
     "export": (
