@@ -11,7 +11,6 @@ from commands import answer, flighttune
 from dispersed import uniform
 
 import flighttune as ft
-from flighttune.campaign.counting import load_counted
 
 pytestmark = pytest.mark.slow
 
@@ -37,7 +36,7 @@ def page_text(page):
 
 
 def test_a_draw_of_a_band_is_flown_with_the_band_around_it(file, tmp_path):
-    band = load_counted(file)
+    band = ft.load(file)
     outside = band.about.learned + int(np.argmax(band.scores))
 
     for draw, inside in ((band.nearest, True), (outside, False)):
@@ -55,7 +54,7 @@ def test_a_draw_of_a_band_is_flown_with_the_band_around_it(file, tmp_path):
 
 
 def test_a_page_of_a_recorded_run_states_the_claim_of_its_band_again(file, tmp_path):
-    band = load_counted(file)
+    band = ft.load(file)
     flown = answer("verify", file, "--run", band.nearest, cwd=tmp_path)
 
     made = answer("report", tmp_path / flown["recording"], "--out", tmp_path / "r.html")
@@ -68,7 +67,7 @@ def test_a_page_of_a_recorded_run_states_the_claim_of_its_band_again(file, tmp_p
 
 
 def test_the_page_of_a_band_names_the_flight_nearest_to_leaving(file, tmp_path):
-    band = load_counted(file)
+    band = ft.load(file)
 
     made = answer("report", file, "--out", tmp_path / "b.html")
 

@@ -1,7 +1,7 @@
 """The command line as a user meets it: output, exit status, one line for what went wrong."""
 
 import json
-import subprocess
+import re
 import sys
 import tomllib
 from pathlib import Path
@@ -17,14 +17,13 @@ from places import STUDIES
 import flighttune as ft
 from flighttune.cli import main
 from flighttune.cli.app import app
-from flighttune.records.parquet import read_run
 
 
 def test_the_signals_of_a_run_are_where_fly_says(tmp_path):
-    flown = answer("fly", "paper", "--out", tmp_path)
-    assert flown["recording"] == str(tmp_path / "paper.rrd")
+    flown = answer("fly", "paper_as_printed", "--out", tmp_path)
+    assert flown["recording"] == str(tmp_path / "paper_as_printed.rrd")
     for run in flown["runs"]:
-        stored = read_run(run["signals"])
+        (stored,) = ft.load(run["signals"]).runs
         error, t = stored.signals["chi_err"].to_numpy(), stored.signals.index.to_numpy()
         itae = np.sum(np.diff(t) * 0.5 * ((t * abs(error))[1:] + (t * abs(error))[:-1]))
         assert run["metrics"]["chi"]["ITAE"] == pytest.approx(itae, rel=1e-9)
@@ -107,6 +106,21 @@ def test_infeasible_gains_are_not_flown_and_say_so(tmp_path):
         ("worst first_campaign --out x.json", "x.json: --out must end in .toml"),
         ("meet paper --page page.pdf", "page.pdf: --page must end in .html"),
         ("meet gust_in_turn", "[[expect]] must bound a measure"),
+        ("compare paper paper@tuned", "paper@paper"),
+        ("tune paper --nope", "--nope"),
+        ("tune paper --nope", "flighttune tune --help"),
+        ("fly", "SCENARIO"),
+        ("fliy paper", "fliy"),
+        ("--workers 0 band paper", "'--workers'"),
+        ("band paper --workers=0", "'--workers'"),
+        # of an earlier version
+        ("route circuit --out x.kml", "is `flighttune mission circuit --plan` now"),
+        ("band m.plan --fence=f.kml", "is `flighttune mission m.plan --fence` now"),
+        (
+            "band random_starts --of residual",
+            "`flighttune tube SCENARIO --boxes random_starts` now",
+        ),
+        ("band circuit --seed 3", "is `flighttune band circuit --set seed=N` now"),
     ],
 )
 def test_what_cannot_run_gets_one_line_and_exit_status_two(arguments, message, tmp_path):
@@ -138,15 +152,7 @@ def test_quiet_prints_failures_only():
     assert "nowhere" in err
 
 
-def commands_of(group, above=()):
-    for name, command in group.commands.items():
-        if hasattr(command, "commands"):
-            yield from commands_of(command, (*above, name))
-        else:
-            yield (*above, name), command
-
-
-COMMANDS = dict(commands_of(typer.main.get_command(app)))
+COMMANDS = {(name,): x for name, x in typer.main.get_command(app).commands.items()}
 
 
 @pytest.mark.parametrize("command", COMMANDS, ids=" ".join)
@@ -165,8 +171,7 @@ def test_every_option_has_a_help_without_words_of_python(command):
     for parameter in command.params:
         if not parameter.hidden:
             assert parameter.help.endswith((".", "].")), parameter.name
-            assert "``" not in parameter.help, parameter.name
-            assert "optional" not in parameter.help, parameter.name
+            assert not re.search("``|optional", parameter.help), parameter.name
 
 
 @pytest.mark.parametrize(
@@ -235,48 +240,8 @@ def test_a_title_neither_steers_the_terminal_nor_makes_rerun_warn(title, tmp_pat
     assert capfd.readouterr() == ("", "")
 
 
-@pytest.mark.parametrize(
-    ("words", "wrong", "help_of"),
-    [
-        (["tune", "paper", "--nope"], "--nope", "flighttune tune --help"),
-        (["fly"], "SCENARIO", "flighttune fly --help"),
-        (["fliy", "paper"], "fliy", "flighttune --help"),
-    ],
-)
-def test_what_cannot_be_read_of_a_command_line_is_one_line(words, wrong, help_of):
-    command = [sys.executable, "-m", "flighttune", *words]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-
-    assert (done.returncode, done.stdout) == (2, "")
-    (line,) = done.stderr.splitlines()
-    assert wrong in line
-    assert help_of in line
-
-
-@pytest.mark.parametrize(
-    ("words", "now"),
-    [
-        (["route", "circuit", "--out", "x.kml"], "flighttune mission circuit --plan"),
-        (["band", "m.plan", "--fence=f.kml"], "flighttune mission m.plan --fence"),
-        (
-            ["band", "random_starts", "--of", "residual"],
-            "flighttune tube SCENARIO --boxes random_starts",
-        ),
-        (["band", "circuit", "--seed", "3"], "flighttune band circuit --set seed=N"),
-    ],
-)
-def test_a_command_or_option_of_an_earlier_version_names_the_new_one(words, now):
-    stdout, stderr = flighttune(*words, status=2)
-
-    assert stdout == ""
-    assert stderr.count("\n") == 1
-    assert f"is `{now}` now" in stderr
-
-
-def test_workers_may_stand_before_and_behind_a_command_that_has_at_most_twelve_options():
-    for words in (("--workers", 0, "band", "paper"), ("band", "paper", "--workers=0")):
-        assert "'--workers'" in flighttune(*words, status=2)[1]
-    for name, command in typer.main.get_command(app).commands.items():
+def test_a_command_has_at_most_twelve_options():
+    for (name, *_), command in COMMANDS.items():
         options = [p.name for p in command.params if p.param_type_name == "option" and not p.hidden]
         most = 13 if name == "mission" else 12  # beside what is printed
         assert len({*options} - {"as_json", "quiet"}) <= most, name

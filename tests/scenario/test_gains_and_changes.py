@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from commands import answer, flighttune
 from fuzzing import to_toml
+from printed import TABLE_2
 
 import flighttune as ft
-from flighttune.control.gains import PAPER_EPSILON
 from flighttune.flight.models import gain_set
 from flighttune.planning.plan import plan_from
 from flighttune.scenario.load import with_gains
@@ -63,7 +63,7 @@ def test_chosen_gain_sets_take_the_place_of_the_scenarios(names, flown, turn, mo
 
     assert list(chosen.gain_names) == flown
     assert len(chosen.expect) == ("my_gains" in flown)
-    numbers = {"K3": np.array(ft.PAPER_GAINS.K_P) - PAPER_EPSILON["K3"] * np.eye(2)}
+    numbers = {"K3": np.array(ft.PAPER_GAINS.K_P) - TABLE_2["K3"][0] * np.eye(2)}
     assert gain_set(chosen, flown[0]).K_P == pytest.approx(
         numbers.get(flown[0], np.array(K["K_P"]))
     )
@@ -190,6 +190,7 @@ def test_flights_about_a_scenario_and_of_a_campaign_take_them_too(turn, monkeypa
     assert not campaign.differences(as_kept)
 
 
+SECOND = "--set", "flight.duration_s=1.0"
 OF_ANOTHER = "The gains other were tuned for the c172p at 50 m/s; here they fly on "
 
 
@@ -218,6 +219,18 @@ def test_gains_of_another_aircraft_or_airspeed_are_named(tuned_for, plant, V_a, 
     assert [*ft.scenario_from(TURN | own).notes] == [sentence] * bool(tuned)
 
 
+@pytest.fixture(scope="module")
+def of_the_cessna(tmp_path_factory):
+    """A file of gains that `tune --out` wrote for a c172p at 50 m/s."""
+    file = tmp_path_factory.mktemp("cessna") / "turn.toml"
+    plants = [{"kind": "kinematic"}, {"kind": "jsbsim", "aircraft": "c172p"}]
+    fast = {"V_a_mps": 50.0, "duration_s": 4.0}
+    tables = {"gains": ["paper"], "expect": [], "flight": fast, "plant": plants}
+    file.write_text(to_toml(TURN | tables))
+    answer("tune", file, "--out", file.with_name("other.json"))
+    return file.with_name("other.json")
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "command",
@@ -227,29 +240,22 @@ def test_gains_of_another_aircraft_or_airspeed_are_named(tuned_for, plant, V_a, 
         ("compare",),
         ("report",),
         ("export", "--format", "c"),
-        ("tube", "--plant", "kinematic"),
+        ("tube", "--plant", "kinematic", *SECOND),
         ("worst", "--start-deg", 2, "--budget", 32, "--workers", 1),
-        ("band", "--start-deg", 2, "--epsilon", 0.5, "--confidence", 0.5, "--learn", 10),
+        ("band", "--start-deg", 2, "--epsilon", 0.5, "--confidence", 0.5, "--learn", 10, *SECOND),
         ("meet", "--budget", 2),
     ],
     ids=lambda command: command[0],
 )
-def test_every_command_names_gains_tuned_for_another_aircraft(command, tmp_path):
-    """They are those that `tune --out` wrote for a c172p at 50 m/s."""
+def test_every_command_names_gains_tuned_for_another_aircraft(command, of_the_cessna, tmp_path):
     file, name = tmp_path / "turn.toml", "--start" if command[0] == "meet" else "--gains"
-    plants = [{"kind": "kinematic"}, {"kind": "jsbsim", "aircraft": "c172p"}]
-    fast = {"V_a_mps": 50.0, "duration_s": 4.0}
-    file.write_text(
-        to_toml(TURN | {"gains": ["paper"], "expect": [], "flight": fast, "plant": plants})
-    )
-    answer("tune", file, "--out", tmp_path / "other.json")
-    plants[1]["aircraft"] = "aerosonde"
+    plants = [{"kind": "kinematic"}, {"kind": "jsbsim", "aircraft": "aerosonde"}]
     expect = [{"at_most": {"chi": {"MO_deg": 20.0}}}]
     file.write_text(to_toml(TURN | {"gains": ["paper"], "expect": expect, "plant": plants}))
 
-    source = (file, *command[1:], name, tmp_path / "other.json")
+    source = (file, *command[1:], name, of_the_cessna)
     if command[0] in ("compare", "report"):
-        source = f"{file}@{tmp_path / 'other.json'}", *command[1:]
+        source = f"{file}@{of_the_cessna}", *command[1:]
 
     # Such gains follow to the end in no flight of 4 s, and 2 flights find no others
     said = answer(command[0], *source, cwd=tmp_path, status=command[0] in ("fly", "meet"))
