@@ -319,12 +319,12 @@ def paper_with(gains):
 
 
 def designed(identified):
-    """Every model of an identified aircraft, with margins."""
+    """Indicators and margins of every model of an identified aircraft."""
     for condition in identified.conditions:
+        model = design_model(condition, g=G_0, hold=0.01).model
         answered(
-            lambda model=condition: loop_margins(
-                design_model(model, g=G_0, hold=0.01).model, ft.PAPER_GAINS
-            )
+            lambda model=model: ft.loop.indicators(ft.loop.closed_loop(model, ft.PAPER_GAINS)),
+            lambda model=model: loop_margins(model, ft.PAPER_GAINS),
         )
 
 
@@ -336,13 +336,6 @@ def started_apart(config):
 
 def trimmed(config):
     trim_table(config, V_a=[20.0, 30.0], gamma=[0.0, 0.1], phi=0.0, h=1000.0)
-
-
-def modelled(identified):
-    for condition in identified.conditions[:2]:
-        ft.loop.indicators(
-            ft.loop.closed_loop(design_model(condition, g=G_0, hold=0.01).model, ft.PAPER_GAINS)
-        )
 
 
 def closed(gains):
@@ -425,9 +418,7 @@ KINDS = {
         started_apart,
         files=lambda text, _: xml_files(text),
     ),
-    "identified": Kind(
-        "x.json", lambda _: IDENTIFIED, to_json, ft.loop.load_identified, modelled, designed
-    ),
+    "identified": Kind("x.json", lambda _: IDENTIFIED, to_json, ft.loop.load_identified, designed),
     "flown gains": Kind("x.json", gains_of, to_json, compared),
     "mission": Kind("x.plan", mission, to_json, of_map, thoroughly=planned_whole),
     "map": Kind("x.geojson", lambda _: MAP, to_json, of_map, thoroughly=planned_whole),

@@ -9,7 +9,6 @@ import pytest
 from made_up import made_up_scenario
 
 import flighttune as ft
-from flighttune.plants.sensors import MEASURED, SENSED
 from flighttune.recording.entities import runs_to_draw
 
 NOMINAL, HEAVY = "jsbsim:aerosonde", "jsbsim:aerosonde:heavy_aft"
@@ -113,6 +112,7 @@ OFF = {f"{name}_factor": factor for name, factor in FACTORS.items()} | {
     "coefficient_factors": {"Cm_alpha": 0.8, "Cl_p": 0.9},
 }
 SIX = {"duration_s": 6.0}
+SENSED = ["chi", "gamma", "V_a"]
 AIRCRAFT = {"kind": "jsbsim", "aircraft": "aerosonde"}
 PLANTS = [{"kind": "kinematic"}, AIRCRAFT | {"airframe": OFF}]
 
@@ -147,7 +147,8 @@ def test_the_example_comes_to_what_it_expects():
 
 
 def errors_seen(run):
-    return run.signals[[*MEASURED]].to_numpy() - run.signals[[*SENSED]].to_numpy()
+    seen = [f"{name}_meas" for name in SENSED]
+    return run.signals[seen].to_numpy() - run.signals[SENSED].to_numpy()
 
 
 def test_every_plant_and_every_aircraft_has_the_same_errors_and_its_own_flight(erring):

@@ -44,8 +44,8 @@ def test_a_run_knows_what_made_it_and_tells_its_progress():
 @pytest.mark.parametrize("rate_hz", [10.0, 30.0, 60.0, 100.0, 250.0])
 def test_any_controller_rate_flies_on_the_full_aircraft(rate_hz):
     settings = {"rate_hz": rate_hz, "feed_forward": True}
-    short = {"V_a_mps": 25.0, "duration_s": 2.0}
+    short = {"V_a_mps": 25.0, "duration_s": 1.0}
     (_, run) = ft.fly(scenario(controller=settings, flight=short)).runs
 
     assert run.status == "completed"
-    assert len(run.signals) == round(2.0 * rate_hz) + 1
+    assert len(run.signals) == round(rate_hz) + 1

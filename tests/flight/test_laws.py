@@ -7,7 +7,6 @@ from made_up import made_up_scenario
 import flighttune as ft
 from flighttune.claims.linear_loop import linear_bound
 from flighttune.flight.models import gain_set
-from flighttune.records.parquet import parquet_bytes, read_run
 
 ENVELOPE = {
     "V_a_mps": [20.0, 30.0],
@@ -60,13 +59,12 @@ def test_numbers_are_in_the_units_of_the_law_that_flies_or_that_the_table_names(
 
 def test_a_run_of_the_exact_law_is_read_and_flown_again_to_the_bit(tmp_path):
     tables = [{"name": "slow", "kind": "exact", "lift_floor": 0.3, "priority": "chi"}]
-    run = ft.fly(scenario(law=tables)).runs[0]
-    (tmp_path / "run.parquet").write_bytes(parquet_bytes(run))
-    again = read_run(tmp_path / "run.parquet")
+    flown = ft.fly(scenario(law=tables))
+    again = ft.load(ft.record(flown, tmp_path).recording).runs
 
-    assert again.label == "kinematic / slow:paper"
-    assert again.provenance.gains == run.provenance.gains
-    assert ft.refly([again]).equal
+    assert again[0].label == "kinematic / slow:paper"
+    assert again[0].provenance.gains == flown.runs[0].provenance.gains
+    assert ft.refly(again[:1]).equal
 
 
 def test_the_exact_law_on_the_point_mass_is_its_linear_loop():

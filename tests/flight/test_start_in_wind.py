@@ -57,8 +57,7 @@ def through_air(now, from_deg, down=0.0):
     )
 
 
-@pytest.mark.parametrize("gamma_deg", [0.0, 4.0])
-@pytest.mark.parametrize("from_deg", FROM)
+@pytest.mark.parametrize(("from_deg", "gamma_deg"), [*zip(FROM, (0.0, 4.0, 4.0, 0.0), strict=True)])
 @pytest.mark.parametrize("aircraft", AIRCRAFT)
 def test_an_aircraft_starts_on_its_course_over_ground_and_in_trim(aircraft, from_deg, gamma_deg):
     V_a, gamma = AIRCRAFT[aircraft], math.radians(gamma_deg)

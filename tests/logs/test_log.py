@@ -141,7 +141,7 @@ def test_a_log_is_cut_into_flight_modes_and_says_what_is_odd(clean, tmp_path):
     assert part.signals["phi"].iloc[100] == pytest.approx(
         ft.load_log(path).signals["phi"].iloc[850]
     )
-    with pytest.raises(ft.InputError, match=r"which has armed, airborne, FBWA, AUTO, got 'LAND'"):
+    with pytest.raises(ft.InputError, match=r"FBWA, AUTO, got 'LAND'"):
         ft.load(f"{path}@LAND")
 
 
@@ -308,7 +308,7 @@ def test_only_what_is_said_of_a_trusted_signal_passes(table):
 
     assert re.search(r"V_a in turns .*\(m/s read as km/h\)", said[0][0])  # no height
     assert said[1] == []
-    with pytest.raises(ft.InputError, match="trusted: `thetta` must be a signal"):
+    with pytest.raises(ft.InputError, match="trusted: `thetta` must"):
         ft.load_log(path, columns={"trusted": "thetta"})
 
 
@@ -407,5 +407,5 @@ def test_a_format_that_asks_for_all_memory_ends_the_reading_alone(tmp_path, monk
     path = tmp_path / "bomb.ulg"
     path.write_bytes(b"".join([*data, message("D", bytes(2 + 8 + 100))]))
 
-    with pytest.raises(ft.RecordingError, match=r"must be (read in 900 MB|a ULog log)"):
+    with pytest.raises(ft.RecordingError, match=r"must be (read in 900|a ULog)"):
         ft.load_log(path)

@@ -63,10 +63,10 @@ def test_chosen_gain_sets_take_the_place_of_the_scenarios(names, flown, turn, mo
 
     assert list(chosen.gain_names) == flown
     assert len(chosen.expect) == ("my_gains" in flown)
-    numbers = {"K3": np.array(ft.PAPER_GAINS.K_P) - TABLE_2["K3"][0] * np.eye(2)}
-    assert gain_set(chosen, flown[0]).K_P == pytest.approx(
-        numbers.get(flown[0], np.array(K["K_P"]))
-    )
+    gains, shift = gain_set(chosen, flown[0]), TABLE_2["K3"][0] * np.eye(2)
+    for key in ("K_P", "K_I"):
+        numbers = {"K3": getattr(ft.PAPER_GAINS, key) - shift}.get(flown[0], np.array(K[key]))
+        assert getattr(gains, key) == pytest.approx(numbers)
 
 
 @pytest.mark.parametrize(

@@ -1,30 +1,21 @@
 """Scenario files: what is read, and the one line that says what is wrong."""
 
-import json
 import math
 import pickle
-import tomllib
 
 import numpy as np
 import pytest
-from fuzzing import to_toml
 from made_up import made_up_scenario
-from places import SHIPPED_SCENARIOS
 
 import flighttune as ft
-from flighttune.control.gains import paper_family
 from flighttune.flight.conditions import start_condition
 
 ROUNDING = 1e-12
 
 
-def paper_tables():
-    return tomllib.loads((SHIPPED_SCENARIOS / "paper.toml").read_text())
-
-
 @pytest.fixture
 def tables():
-    return paper_tables()
+    return ft.load_scenario("paper").as_dict()
 
 
 def test_edges_are_degrees_and_the_inside_is_radians():
@@ -60,18 +51,6 @@ def test_of_many_mistakes_five_are_told_and_the_rest_counted(tables):
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize("suffix", [".json", ".toml"])
-def test_gains_are_read_from_json_and_toml(suffix, tmp_path):
-    path = tmp_path / f"gains{suffix}"
-    numbers = {"K_P": ft.PAPER_GAINS.K_P.tolist(), "K_I": ft.PAPER_GAINS.K_I.tolist()}
-    path.write_text(json.dumps({**numbers, "R_K": 0.5}) if suffix == ".json" else to_toml(numbers))
-
-    gains = ft.load_gains(path)
-
-    assert np.array_equal(gains.K_P, ft.PAPER_GAINS.K_P)
-    assert np.array_equal(gains.K_I, ft.PAPER_GAINS.K_I)
-
-
 @pytest.mark.parametrize(
     ("text", "message"),
     [
@@ -88,13 +67,6 @@ def test_gains_that_cannot_be_read_get_one_line(text, message, tmp_path):
         ft.load_gains(path)
 
     assert str(caught.value).startswith(f"{path}: ")
-
-
-def test_the_papers_family_is_shifted_as_its_table_says():
-    family = paper_family()
-
-    assert family["K1"].K_P == pytest.approx(ft.PAPER_GAINS.K_P + 4.0 * np.eye(2))
-    assert family["K6"].K_I == pytest.approx(ft.PAPER_GAINS.K_I - 1.0 * np.eye(2))
 
 
 def test_a_scenario_keeps_its_aircraft_but_does_not_send_it_to_workers():

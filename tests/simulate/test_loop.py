@@ -9,8 +9,6 @@ from scipy.integrate import solve_ivp
 
 import flighttune as ft
 from flighttune.control.mimo_pi import INTEGRAL_SIGNALS
-from flighttune.flight.conditions import reference_of, start_condition
-from flighttune.plants.sensors import MEASURED, SENSED
 from flighttune.references.segments import Segment
 from flighttune.simulate.loop import LOOP_SIGNALS, Flight, simulate
 from flighttune.simulate.run import SIGNAL_UNITS
@@ -45,25 +43,9 @@ def continuous_paper_peaks():
 
 
 def test_the_papers_mode_peaks_where_the_continuous_law_does():
-    scenario = ft.load_scenario("paper_as_printed")
-    controller = ft.loop.MimoPI(
-        ft.PAPER_GAINS,
-        scenario.limits.limits(),
-        dt=1.0 / scenario.controller.rate_hz,
-        anti_windup=scenario.controller.anti_windup,
-        feed_forward=scenario.controller.feed_forward,
-    )
-    plant = ft.loop.PointMassPlant(turn="paper", disturbance=scenario.disturbance.sinusoid())
+    (run,) = ft.fly("paper_as_printed", "paper").runs
 
-    signals, _ = simulate(
-        plant,
-        controller,
-        reference_of(scenario),
-        condition=start_condition(scenario),
-        duration=20.0,
-    )
-
-    peaks = signals[["chi_err", "gamma_err"]].max().to_numpy()
+    peaks = run.signals[["chi_err", "gamma_err"]].max().to_numpy()
     assert peaks == pytest.approx(continuous_paper_peaks(), abs=PEAK_TOLERANCE)
 
 
@@ -191,6 +173,7 @@ LIMITS = ft.loop.Limits(
 )
 NOISY = ft.loop.Sensors(bias=(0.02, -0.01, 1.0), noise_sd=(0.01, 0.02, 0.5), seed=3)
 MICRORADIAN = 1e-6
+SENSED = "chi", "gamma", "V_a"
 
 
 def sensed(sensors, reference=TURN, limits=LIMITS, duration=8.0, **law):
@@ -205,7 +188,8 @@ def test_sensors_without_error_change_no_bit_of_what_was_there():
     loop = [*LOOP_SIGNALS[:-2], *INTEGRAL_SIGNALS, *LOOP_SIGNALS[-2:]]
     assert list(alone.columns) == [*ft.loop.PointMassPlant(turn="paper").signals, *loop]
     assert perfect[list(alone.columns)].equals(alone)
-    assert [column for column in perfect if column not in alone] == list(MEASURED)
+    seen = [f"{name}_meas" for name in SENSED]
+    assert [column for column in perfect if column not in alone] == seen
 
 
 def test_errors_are_the_true_ones_and_what_was_seen_stands_beside_them():

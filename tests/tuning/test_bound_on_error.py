@@ -33,7 +33,6 @@ def test_the_bound_on_the_error_is_met(bounded):
     assert free.E_K > bounded.E_star
     assert result.status == "optimal"
     assert result.E_K <= bounded.E_star
-    assert result.gains is not None
     loop = ft.loop.closed_loop(bounded.model, result.gains)
     assert ft.loop.indicators(loop, errors=2).E_K == result.E_K
     assert "E_K" in result.active

@@ -9,7 +9,6 @@ from scipy.linalg import solve_continuous_are
 
 import flighttune as ft
 from flighttune.control.inner_loop import with_input_lag
-from flighttune.control.linear_model import closed_loops
 from flighttune.tuning.problem import quadratic_cost
 
 INTEGRATED = 1e-6
@@ -33,7 +32,7 @@ def test_the_cost_is_the_integral_over_the_transient(problem, lag):
         problem = replace(problem, model=with_input_lag(problem.model, [4.0, 6.0]), scaling=None)
     model, K = problem.model, ft.PAPER_GAINS.K
     n = len(model.states)
-    A = closed_loops(model, K)
+    A = ft.loop.closed_loop(model, ft.PAPER_GAINS)
 
     def flow(_, z):
         error = model.C @ z[:n]
@@ -65,13 +64,7 @@ def test_the_cost_of_the_papers_gains(problem):
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("I_star", "R_min", "J"),
-    [
-        (5.0, 0.0, 1.96),
-        (5.0, 0.53, 1.96),
-        (FREE, 0.3, 1.25),
-        (FREE, 0.45, 1.33),
-        (FREE, 0.53, 1.38),
-    ],
+    [(5.0, 0.0, 1.96), (5.0, 0.53, 1.96), (FREE, 0.3, 1.25), (FREE, 0.53, 1.38)],
 )
 def test_the_least_cost_is_that_of_another_program(problem, I_star, R_min, J):
     found = ft.tune(replace(problem, I_star=I_star, R_min=R_min), starts=2)

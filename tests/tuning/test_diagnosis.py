@@ -38,12 +38,7 @@ def test_the_roll_rate_limit_is_the_one_worth_relaxing(printed, printed_diagnosi
     assert worst["use"] == pytest.approx(printed_diagnosis.common_factor, rel=1e-6)
     dropped = ft.tune(relaxed(printed, ("phi_rate",), np.inf))
     assert dropped.smallest_I_K == pytest.approx(worst["smallest_I_K_without"], rel=1e-6)
-    assert {one["name"] for one in printed_diagnosis.limits} == {
-        "phi",
-        "phi_rate",
-        "n_z",
-        "n_z_rate",
-    }
+    assert {one["name"] for one in printed_diagnosis.limits} == {*ALL_LIMITS}
     assert all(limit["factor_alone"] == np.inf for limit in printed_diagnosis.limits)
 
 

@@ -7,7 +7,6 @@ import pytest
 
 import flighttune as ft
 from flighttune.control.inner_loop import inner_loop_scaling, with_inner_loop
-from flighttune.control.linear_model import closed_loops
 from flighttune.tuning.problem import decoupled
 from flighttune.tuning.robust import channels, tune_worst_case
 
@@ -17,19 +16,18 @@ STEP = 0.02
 """Relative change of a gain that must not improve an optimum."""
 
 
-def problem(w=8.0, gamma=0.25, **kept):
+def problem(w=8.0, gamma=0.25, lags=None, **kept):
     law = ft.loop.kinematic_model(V_a=25.0, gamma=gamma, g=9.81)
-    lags = [
-        ft.loop.InnerLag(order=2, natural_frequency=f, damping=0.7, delay=0.05)
-        for f in (w, 2.0 * w)
-    ]
+    second = {"order": 2, "damping": 0.7, "delay": 0.05}
+    lags = lags or [ft.loop.InnerLag(natural_frequency=f, **second) for f in (w, 2.0 * w)]
     return ft.loop.TuningProblem(
         model=with_inner_loop(law, lags), scaling=inner_loop_scaling(law, lags), seed=1, **kept
     )
 
 
 def rate(one, K):
-    return ft.loop.indicators(closed_loops(one.model, K), scaling=one.scaling).R_K
+    loop = ft.loop.closed_loop(one.model, one.gains(K))
+    return ft.loop.indicators(loop, scaling=one.scaling).R_K
 
 
 def test_one_model_gives_the_optimum_of_the_decoupled_problem():
@@ -66,11 +64,7 @@ def test_the_worst_of_several_models_is_better_than_that_of_gains_for_one():
 
 
 def test_models_of_different_order_go_together():
-    law = ft.loop.kinematic_model(V_a=25.0, gamma=0.0, g=9.81)
-    lags = [ft.loop.InnerLag(order=1, natural_frequency=5.0)] * 2
-    other = ft.loop.TuningProblem(
-        model=with_inner_loop(law, lags), scaling=inner_loop_scaling(law, lags), seed=1
-    )
+    other = problem(gamma=0.0, lags=[ft.loop.InnerLag(order=1, natural_frequency=5.0)] * 2)
 
     assert tune_worst_case([problem(), other]).status == "optimal"
 

@@ -1,6 +1,7 @@
 """Rates over an envelope: rigorous against corners, K* against tuned gains, and tuned for it."""
 
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -15,7 +16,8 @@ from flighttune.tuning.envelope import (
     rate_curve,
     tune_over_envelope,
 )
-from flighttune.tuning.tune import tune_by_gradient
+from flighttune.tuning.tune import relaxed
+from tests.tuning.conftest import ALL_LIMITS
 
 pytestmark = pytest.mark.slow
 
@@ -111,7 +113,7 @@ def test_gains_tuned_for_the_envelope_beat_those_tuned_for_the_trim_and_keep_the
         tuned.I_K
     )
     assert envelope_rate(tuned.gains, MODERATE, g=G).R == pytest.approx(tuned.R_envelope)
-    nominal = tune_by_gradient(ft.loop.TuningProblem(model=model, I_star=10.0))
+    nominal = ft.tune(ft.loop.TuningProblem(model=model, I_star=10.0))
     assert tuned.R_envelope > 1.005 * envelope_rate(nominal.gains, MODERATE, g=G).R
     assert tuned.R_K < nominal.R_K
 
@@ -130,15 +132,9 @@ def test_no_gains_nearby_are_better(model, tuned):
     assert max(feasible) < (1.0 + LOCAL) * tuned.R_envelope
 
 
-def test_input_limits_hold_at_the_gains_tuned_for_an_envelope(model):
-    limits = ft.loop.Limits(
-        lower=8.0 * np.array([-np.pi / 4, -2.1]),
-        upper=8.0 * np.array([np.pi / 4, 2.1]),
-        rate_lower=8.0 * np.array([-np.pi / 6, -1.0]),
-        rate_upper=8.0 * np.array([np.pi / 6, 1.0]),
-    )
-    x_0 = np.array([-np.pi / 3, -np.pi / 6])
-    problem = ft.loop.TuningProblem(model=model, I_star=10.0, limits=limits, x_0=x_0)
+def test_input_limits_hold_at_the_gains_tuned_for_an_envelope(printed):
+    problem = replace(relaxed(printed, ALL_LIMITS, 8.0), I_star=10.0)
+    limits, x_0 = problem.limits, problem.x_0
 
     found = tune_over_envelope(problem, GENTLE, TRIM, g=G, starts=0)
 
