@@ -48,9 +48,9 @@ def verified():
 
 
 def short_mission():
-    """A plan of 300 m to the north."""
+    """A plan of 170 m to the north."""
     takeoff = item(22, 15, 0, 0, None, 47.4, 8.5, 60)
-    return plan_file(Path("m.plan"), takeoff, waypoint(47.4027, 8.5, 60))
+    return plan_file(Path("m.plan"), takeoff, waypoint(47.4015, 8.5, 60))
 
 
 def planned():
@@ -96,8 +96,14 @@ VERBS = {
     "compare": (lambda: ft.compare("paper@paper", "paper@K1"), ["paper@paper", "paper@K1"]),
     "trim": (lambda: ft.trim("aerosonde", V_a=[25.0]), ["aerosonde", "--V-a", 25]),
     "design": (lambda: ft.design("aerosonde"), ["aerosonde", "--dry-run"]),
-    "identify": (lambda: ft.identify("aerosonde"), ["aerosonde"]),
-    "tube": (lambda: ft.tube("paper", "paper", changes=SHORT), ["paper", "--gains", "paper", *SET]),
+    "identify": (
+        lambda: ft.identify("aerosonde", V_a=[25.0], gamma=[0.0]),
+        ["aerosonde", "--V-a", 25, "--gamma", 0],
+    ),
+    "tube": (
+        lambda: ft.tube("paper", "paper", plant="kinematic", changes=SHORT),
+        ["paper", "--gains", "paper", "--plant", "kinematic", *SET],
+    ),
     "band": (
         lambda: ft.band("level_turn", changes=TURN, **FEW),
         ["level_turn", "--set", "flight.duration_s=4.0", *options(FEW)],

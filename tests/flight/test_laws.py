@@ -39,11 +39,12 @@ def test_a_scenario_of_the_papers_law_alone_has_the_same_hash_as_ever():
 def test_gains_of_the_papers_law_are_mapped_and_tuned_ones_are_those_of_the_law():
     mapped = gain_set(scenario(), "exact:paper")
     own = scenario(law="exact", gains=["tuned"])
+    tuned = ft.tune(own)
 
     assert mapped == ft.loop.rate_gains(ft.PAPER_GAINS, V_a=25.0)
-    assert gain_set(own, "exact:tuned") == ft.tune(own).gains
-    assert ft.tune(own).gains.law == "exact"
-    assert ft.tune(own).I_K <= 5.0 + 1e-6
+    assert gain_set(own, "exact:tuned") == tuned.gains
+    assert tuned.gains.law == "exact"
+    assert tuned.I_K <= 5.0 + 1e-6
 
 
 def test_numbers_are_in_the_units_of_the_law_that_flies_or_that_the_table_names():

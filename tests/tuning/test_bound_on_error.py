@@ -50,9 +50,9 @@ def test_an_error_that_is_not_reached_is_named(model):
 @pytest.mark.slow
 def test_the_error_is_bounded_on_the_identified_aircraft_too():
     (problem,) = identified_problems(ft.load_scenario("paper_identified"))
-    free = tune_worst_case([problem], starts=2)
+    free = tune_worst_case([problem], starts=1)
 
-    result = tune_worst_case([replace(problem, E_star=0.9 * free.E_K)], starts=2)
+    result = tune_worst_case([replace(problem, E_star=0.9 * free.E_K)], starts=1)
     missed = tune_worst_case([replace(problem, E_star=1e-3)], starts=1)
 
     assert result.status == "optimal"
