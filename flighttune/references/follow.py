@@ -99,7 +99,7 @@ class RouteReference:
     def rates(self, t: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Their rates from times `t` (s) on, rad/s."""
         if np.size(t) < 2:  # a slope needs two times
-            low, high = (np.array(self.sampled(t + side)) for side in (-SLOPE_S, SLOPE_S))
+            low, high = (np.array(self.sampled(np.add(t, side))) for side in (-SLOPE_S, SLOPE_S))
             chi, gamma = (high - low) / (2.0 * SLOPE_S)
             return chi, gamma
         chi, gamma = (np.gradient(values, t) for values in self.sampled(t))

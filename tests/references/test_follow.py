@@ -162,6 +162,17 @@ def test_a_flight_that_is_carried_back_has_no_places_there():
     )
 
 
+def test_a_route_has_its_rates_at_one_time_and_at_a_list_of_one():
+    """In the middle of a turn the course changes by the airspeed over the radius."""
+    reference = reference_of(scenario(LAW))
+    turn = next(stretch for stretch in reference.path.stretches if stretch.kind == "turn")
+    t = (turn.start + 0.5 * turn.length) / 25.0
+
+    for times in (t, [t], np.array([t])):
+        chi_dot, _ = reference.rates(times)
+        assert chi_dot == pytest.approx(25.0 / turn.radius, rel=1e-3)
+
+
 def straight(duration_s, **start):
     """A flight of the law at 25 m/s along a route of 1000 m to the north."""
     waypoints = [{"north_m": north, "east_m": 0.0, "up_m": 0.0} for north in (0.0, 1000.0)]
