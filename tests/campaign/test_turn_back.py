@@ -4,8 +4,10 @@ import json
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
+import pandas as pd
 import pytest
 from commands import answer, flighttune
 from geographiclib.geodesic import Geodesic
@@ -19,8 +21,10 @@ from shapely.geometry import shape
 
 import flighttune as ft
 from flighttune.campaign.counted_flights import distribution_of, plan_in, room_of, turning_back
+from flighttune.campaign.counting import flights_of
 from flighttune.campaign.flying.rows import fly_group
-from flighttune.claims.band import TurnRoom
+from flighttune.claims.band import ROOM, TurnBack, TurnRoom
+from flighttune.claims.counted import About
 from flighttune.references.maps import Volume, volumes_geojson
 
 BANK, SPEED, G = 30.0, 25.0, 9.81
@@ -162,6 +166,42 @@ def test_the_room_is_around_the_flight_geography_down_to_the_ground():
 
     assert room.around(Volume(10.0, 95.0, 130.0, ""), "new") == (310.0, 89.0, 136.0, "new")
     assert room.around(Volume(10.0, 4.0, 130.0, ""), "").low == 0.0
+
+
+def test_a_climb_and_a_descent_after_detection_both_take_room(turning):
+    table = turning.scenario.turn_back
+    t = table.detected_s + np.array([-1.0, 0.0, 1.0, 2.0])
+    for sign in (1.0, -1.0):
+        down = sign * np.array([50.0, 0.0, -7.0, 3.0])
+        signals = pd.DataFrame({"north": 0.0, "east": 0.0, "down": down})
+        room = room_of(SimpleNamespace(t=t, signals=signals), table)
+        assert room[:, 1].tolist() == [0.0, 0.0, 7.0, 7.0]
+
+
+def made_up(kind, plan, signals, away):
+    """A count of seven flights that come this far to either side, m."""
+    flights = flights_of(plan, kind.of, len(signals), 7)
+    half = np.tile(away, (len(flights.edges) - 1, 1))
+    about = About(
+        of=kind.of, signals=signals, coefficients=0.0 * half[None], half=half, predicted_from=None,
+        plan=plan.with_runs(17).as_dict(), learned=10, epsilon=0.3, confidence=0.9,
+    )  # fmt: skip
+    extremes = np.tile(half[..., None] * [-1.0, 1.0], (7, 1, 1, 1)).astype(np.float32)
+    return kind(about=about, flights=flights, extremes=extremes, wind=np.zeros((7, 0)))
+
+
+def test_volumes_are_over_the_ground_and_their_room_is_in_whole_metres():
+    """The start is 100 m above the ground, and the route climbs by 20 m."""
+    waypoints = [{"north_m": n, "east_m": 0.0, "up_m": n / 40.0} for n in (0.0, 800.0)]
+    changes = {"route.waypoint": waypoints, "flight.ground_m": 900.0}
+    plan = ft.flights("circuit", changes=changes).plan(plant="kinematic", gains="paper")
+    corridor = made_up(ft.Band, plan, {"cross_track": "m", "height_err": "m"}, [5.0, 2.0])
+    room = made_up(TurnBack, turning_back(plan, BANK), ROOM, [271.2, 3.4])
+
+    geography, contingency, buffer = (x[:3] for x in room.volumes(corridor).values())
+    assert geography == pytest.approx((5.0, 98.0, 122.0), abs=CLIMBS)
+    assert contingency == pytest.approx((277.0, 94.0, 126.0), abs=CLIMBS)
+    assert buffer == pytest.approx((277.0 + 126.0, 0.0, 126.0), abs=CLIMBS)
 
 
 @pytest.mark.slow

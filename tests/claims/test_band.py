@@ -326,3 +326,11 @@ def test_a_forged_file_is_refused_in_one_line(counted, tmp_path, change, message
     with pytest.raises(ft.InputError, match=f"x.npz: {message}") as caught:
         load_walks(path)
     assert "\n" not in str(caught.value)
+
+
+def test_a_count_is_decided_by_one_flight_more_than_may_be_outside(counted):
+    """Of 93 flights 1 may be outside at 95 % / 95 % (Wilks)."""
+    for lost, decided in ((1, False), (2, True)):
+        extremes = counted.extremes.copy()
+        extremes[:lost] = [-np.inf, np.inf]
+        assert replace(counted, extremes=extremes).decided == decided

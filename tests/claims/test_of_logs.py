@@ -138,3 +138,17 @@ def test_an_edited_file_and_another_claim_are_refused(noisy, tmp_path):
 
     with pytest.raises(ft.RecordingError):
         ft.load(file)
+
+
+def test_a_log_is_judged_by_others_alone_and_an_alarm_takes_all_of_them(noisy):
+    """The last log has three times the noise of the others: of no limit but theirs."""
+    monitor, signals = ft.monitor(*noisy), noisy[4].signals
+    wanted = 0.5 * np.sin(signals["phi"]) + 0.1 * signals["p"]
+
+    def alarm(noise):
+        r = wanted + noise * (signals["r"] - wanted)
+        return monitor.alarm(replace(noisy[4], signals=signals.assign(r=r)))
+
+    assert monitor.logs[4].score == pytest.approx(0.06 / 0.022, rel=0.5)
+    # By what the four others teach it alarms at 1.5 times its noise, with its own limit not.
+    assert [alarm(noise) is not None for noise in (1.0, 1.5, 4.0)] == [False, False, True]

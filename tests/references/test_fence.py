@@ -96,6 +96,21 @@ def test_a_leg_in_a_rectangle_has_the_distances_of_its_edges(tmp_path):
     }
 
 
+@pytest.mark.parametrize(
+    ("first", "sag", "overlap", "right"), [(320, 0, 0, 40), (320, 5, 0, 35), (320, 0, 30, 25)]
+)
+def test_the_sag_of_edges_and_the_overlap_of_windows_take_room(
+    tmp_path, first, sag, overlap, right
+):
+    """The edge is at 40 m to the right, the zone up to 310 m along at 25 m."""
+    leg = plan([Waypoint(north=0.0, east=0.0), Waypoint(north=800.0, east=0.0)], ABILITY)
+    fence = read_fence(fence_file(tmp_path / "f.geojson", BOX, SQUARE), ORIGIN)
+    sagging = replace(fence, sag=fence.sag + sag)
+    room = room_along(sagging, leg, np.array([first, 500.0]), widest=50.0, overlap=overlap)
+
+    assert room.limits[0, 0, 1] == pytest.approx(right, abs=SCAN_STEP)
+
+
 def degrees(*places):
     """Latitude and longitude of places north and east of the start, m, as plans have them."""
     return on_earth(np.array(places, dtype=float), ORIGIN).tolist()
@@ -240,6 +255,10 @@ def test_the_margin_of_a_path_is_the_distance_that_shapely_finds(tmp_path):
         nearest = fence.nearest(path)
 
         assert nearest["margin_m"] == pytest.approx(signed.min(), abs=0.01), name
+        i = signed.argmin()  # from there to the nearest place of an edge
+        north, east = np.diff(shapely.shortest_line(points[i], area.boundary).coords, axis=0)[0]
+        right = np.cos(path.course[i]) * east - np.sin(path.course[i]) * north
+        assert nearest["side"] == ("right" if right > 0.0 else "left"), name
         out = np.flatnonzero(signed < 0.0)
         assert nearest["leaves_m"] == (pytest.approx(out[0], abs=1.0) if len(out) else None)
 
@@ -334,6 +353,15 @@ def test_flights_are_counted_of_which_it_is_certain(band, box):
     assert (of_flights["side"], of_flights["edge"]) == ("right", "edge 2")
     assert 400.0 - 1.0 - SCAN_STEP <= of_flights["along_m"] <= 500.0
     assert of_band["margin_m"] == pytest.approx(30.0 - band.scale, abs=SCAN_STEP)
+
+
+def test_a_sure_no_supports_no_epsilon(band, box):
+    """Four of 40 outside are far more than a hundredth."""
+    about = replace(band.about, until_sure=True, epsilon=0.01)
+    counted = replace(band, about=about).inside(json.loads(box.read_text()))
+
+    assert "is not certainly inside the fence with probability above 0.01" in counted.sentence
+    assert (counted.epsilon, counted.supported) == (1.0, False)
 
 
 def test_a_fence_needs_one_start_for_all_flights(band, box):
