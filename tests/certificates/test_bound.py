@@ -1,6 +1,7 @@
 """The optimum of one channel against its Lyapunov equation and `tune`; the bound over all gains."""
 
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pytest
@@ -143,3 +144,25 @@ def test_a_side_below_zero_proves_nothing_more(bound):
 def test_a_bound_that_cannot_be_stated_is_refused(model, I_star, message):
     with pytest.raises(ft.InputError, match=message):
         bound_rate(model, I_star)
+
+
+def test_the_margin_of_a_box_is_that_of_its_worst_corner():
+    """The inequalities of `RateBound` at all W and T whose entries are at their bounds."""
+    I_star, (R, R_high, sigma, sigma_high), rng = (
+        5.0,
+        (0.6, 0.7, 0.3, 0.4),
+        np.random.default_rng(0),
+    )
+    w, share, eye = I_star * R_high**2 * sigma_high, sigma**2, np.eye(2)
+    roots = [rng.normal(size=(n, n)) for n in (2, 2, 2, 4)]
+    X = [root @ root.T + np.eye(len(root)) for root in roots]
+    sums = []
+    for a, b, c, d, e in product(*[(-w, w)] * 3, *[(-2.0, 2.0)] * 2):
+        W, T = np.array([[a, b], [b, c]]), np.array([[b, c], [d, e]])
+        third = (R + w) / w * W - R * eye + share / w * (T + T.T)
+        parts = W - R * eye, eye - W / w, third, np.block([[-T - T.T, T.T], [T, eye]])
+        sums.append(sum(np.trace(x @ part) for x, part in zip(X, parts, strict=True)))
+
+    numbers = np.concatenate([x[np.tril_indices(len(x))] for x in X])
+    margin = bound_module._box_margin((R, R_high, sigma, sigma_high), numbers, I_star)
+    assert float(margin) == pytest.approx(-max(sums), rel=ROUNDING)

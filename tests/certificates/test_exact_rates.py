@@ -115,3 +115,13 @@ def test_certify_says_why_the_sampled_loop_has_no_exact_rate():
 
     assert [rate["loop"] for rate in answer.values["certificate"]["exact_rates"]] == ["continuous"]
     assert any("sampled at 1000 Hz" in note for note in answer.notes)
+
+
+def test_a_sampled_loop_has_the_integral_of_its_law(mission):
+    """The exact law sums each error after its command, the paper's takes the trapezoid."""
+    sampling, model = mission.exact_rates[1].sampling, mission.model
+    other = replace(sampling, trapezoidal=not sampling.trapezoidal)
+
+    checks = [x.checks(model, mission.gains) for x in (sampling, other)]
+    assert not sampling.trapezoidal
+    assert [[check.exact for check in each] for each in checks] == [[True, True], [True, False]]

@@ -3,6 +3,7 @@
 import itertools
 import json
 from dataclasses import replace
+from fractions import Fraction
 from functools import cache
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 from scipy.linalg import expm
 
 import flighttune as ft
+from flighttune.certificates import lag_box
 from flighttune.certificates.lag_box import constant_rate, constant_rate_proven, norm_rate
 
 # Relative distance between a proven rate and the least over the points of a grid: four digits.
@@ -99,6 +101,14 @@ FORGERIES = {
     "a faster norm": lambda box: {"norm_rate": 1.02 * box["norm_rate"]},
     "another norm": lambda box: {"Q": (np.array(box["Q"]) + 0.1 * np.eye(3)).tolist()},
     "another law": lambda box: {"b": [0.9, 0.9]},
+    # of a law with b = 1, at a rate so slow that it holds over either range
+    "a slower law": lambda _: {"b": [0.5, 0.9], "rate": 1e-3, "norm_rate": None, "Q": None},
+    "a law that turns more": lambda _: {
+        "b": [1.1, 1.5],
+        "rate": 1e-3,
+        "norm_rate": None,
+        "Q": None,
+    },
     "a law that diverges": lambda box: {"a": [0.0, 0.05]},
     "a delay": lambda box: {"delay": [0.05, 0.1], "norm_rate": None, "Q": None},
 }
@@ -221,6 +231,28 @@ def test_the_rate_for_constant_lags_is_the_least_of_a_dense_grid(gains, box):
     assert (1.0 - FOUR_DIGITS) * least < rate < (1.0 + BETWEEN_POINTS) * least
     assert constant_rate_proven(gains, LAGS[box], rate)
     assert not constant_rate_proven(gains, LAGS[box], (1.0 + FOUR_DIGITS) * least)
+
+
+@pytest.mark.parametrize("gains", [LARGEST_R_K, FED_BACK])
+@pytest.mark.parametrize("delay", [0.0, 0.03])
+def test_the_rate_at_a_point_is_that_of_its_slowest_root(gains, delay):
+    point = 0.15, delay, 0.1, 0.9
+    slowest, box = slowest_root(gains, *point), [(x, x) for x in point]
+
+    assert constant_rate_proven(gains, box, (1.0 - BETWEEN_POINTS) * slowest)
+    assert not constant_rate_proven(gains, box, (1.0 + BETWEEN_POINTS) * slowest)
+
+
+def test_bernstein_coefficients_are_those_of_powers_and_decide_between_the_nodes(monkeypatch):
+    """x^n has (i over n) / (3 over n); (x - 1/2)^2 - 1/1000 is positive at all nodes."""
+    powers = [(3 * lag_box.TO_BERNSTEIN @ lag_box.NODES**n).tolist() for n in range(4)]
+    assert powers == [[3, 3, 3, 3], [0, 1, 2, 3], [0, 0, 1, 3], [0, 0, 0, 3]]
+
+    def conditions(_, __, point):
+        return np.array([(point[0] - Fraction(1, 2)) ** 2 - Fraction(1, 1000)])
+
+    monkeypatch.setattr(lag_box, "_conditions", conditions)
+    assert not constant_rate_proven(LARGEST_R_K, ((0.0, 1.0), (0.0, 0.0), *LAW), 1.0)
 
 
 def loop(gains, lag, delay, a, b):

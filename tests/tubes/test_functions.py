@@ -2,6 +2,7 @@
 
 from fractions import Fraction
 from itertools import product
+from types import SimpleNamespace
 
 import mpmath
 import numpy as np
@@ -16,6 +17,7 @@ from flighttune.plants.lagged import LaggedChannel
 from flighttune.theory import exact
 from flighttune.tubes import forms, proof
 from flighttune.tubes.dynamics import SampledLag
+from flighttune.tubes.enclosure import _rounded_up
 from flighttune.tubes.forms import Pieces, Quantity, combined
 from flighttune.tubes.interval import LARGEST_ANGLE, Interval, cosine, sine_and_cosine
 
@@ -289,3 +291,24 @@ def test_values_within_a_sample_contain_the_response_and_little_more(lag):
         response = (still * u + expm(A * t) @ (y - still * u))[0]
         assert values.low[0] <= response <= values.high[0]
     assert values.high[0] - values.low[0] <= 0.2 + 3.0 * DT * (np.abs(A[0]).sum() + B[0])
+
+
+def test_bounds_for_ever_are_of_the_tube_and_of_the_second_round():
+    """A round begins in a box that is wider than the flights: the first one is left out."""
+    passed = np.zeros((4, 4, 2))
+    passed[:2], passed[2, :, 0], passed[3, :, 1] = [-9.0, 9.0], -1.0, 2.0
+
+    assert proof.for_ever(np.zeros((2, 4, 2)), passed).tolist() == [[-1.0, 2.0]] * 4
+
+
+@pytest.mark.parametrize(("end", "wide"), [(0, -2.0), (1, 2.0)])
+def test_a_loop_is_settled_once_its_boxes_stay_within_the_last(end, wide):
+    boxes = np.tile([-1.0, 1.0], (6, 4, 1))
+    boxes[1, :, end] *= 0.5
+    boxes[2, 3, end] = wide
+
+    assert proof.settled_from(SimpleNamespace(reference=np.zeros((6, 7)), boxes=boxes)) == 3
+
+
+def test_a_bound_in_two_figures_is_not_below_it():
+    assert [_rounded_up(x) for x in (0.0, 0.0831, 0.1, 12.1)] == ["0", "0.084", "0.1", "13"]
