@@ -160,6 +160,30 @@ def test_integrators_stand_while_the_command_of_their_channel_is_limited(anti_wi
         assert chi < 0.2 * 0.7 * 0.5 * 50 * DT  # led back to the rate that the limited roll gives
 
 
+@pytest.mark.parametrize(("lift", "stands"), [(0.05, True), (0.15, False)])
+def test_the_course_waits_while_the_lift_wanted_is_below_its_floor(lift, stands):
+    law = ft.loop.ExactLaw(GAINS, dt=DT)
+    rate = (lift - 1.0) * G / 25.0
+
+    command(law, seen(), ft.loop.ReferenceSample(0.1, 0.0, 0.0, rate))
+
+    assert law.state.integral[0] == pytest.approx(0.0 if stands else 0.7 * 0.1 * DT, abs=ROUNDING)
+
+
+def test_back_calculation_of_the_climb_settles_where_the_excess_balances_the_error():
+    """Beyond the largest load factor: V/g times the rate by which the integral is led back."""
+    tracking, error = 0.8, 0.1
+    law = ft.loop.ExactLaw(
+        GAINS, limits(n_z=(-1.0, 1.02)), dt=DT, anti_windup="back_calculation", braking=None,
+        tracking_time=tracking,
+    )  # fmt: skip
+
+    command(law, seen(), ft.loop.ReferenceSample(0.0, error), samples=2000)
+
+    excess = law.state.u_unsat[1] - 1.02
+    assert excess == pytest.approx(25.0 / G * 0.6 * error * tracking, rel=1e-9)
+
+
 def test_a_steady_error_is_integrated_away_under_a_slow_rate_limit():
     """No lock: an increment larger than a rate-limited step does not stop its own integrator."""
     gains, slow = rates((0.0, 0.0), (5.0, 5.0)), limits(rate=(0.05, 0.05))

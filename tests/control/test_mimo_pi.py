@@ -77,14 +77,17 @@ def test_magnitude_and_rate_limits_hold_and_are_told_apart():
     assert controller.state.limited == [1, 1]
 
 
-def test_a_start_outside_the_range_comes_back_as_fast_as_the_rate_limit_lets_it():
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_start_outside_the_range_comes_back_as_fast_as_the_rate_limit_lets_it(side):
+    """The command wanted, 0.7, is outside of the range of 0.5 too."""
     held = limits((0.5, 9.0), (1.0, 9.0))
-    controller = ft.loop.MimoPI(diagonal([0.0, 0.0], [0.0, 0.0]), held, dt=0.1)
-    controller.state = empty_state((1.0, 0.0))
+    controller = ft.loop.MimoPI(diagonal([1.0, 0.0], [0.0, 0.0]), held, dt=0.1)
+    controller.state = empty_state((side, 0.0))
 
-    commands = flown(controller, (0.0, 0.0), 12)[:, 0]
+    commands = side * flown(controller, (0.7 * side, 0.0), 12)[:, 0]
 
-    assert commands[:10] == pytest.approx(1.0 - 0.1 * np.arange(1, 11), abs=ROUNDING)
+    wanted = np.maximum(1.0 - 0.1 * np.arange(1, 13), 0.5)
+    assert commands == pytest.approx(wanted, abs=ROUNDING)
 
 
 def test_conditional_integration_never_drives_the_command_beyond_a_limit():
@@ -95,6 +98,14 @@ def test_conditional_integration_never_drives_the_command_beyond_a_limit():
         assert np.all(np.abs(controller.state.u_unsat) <= 0.4 + ROUNDING)
 
     assert controller.state.u == pytest.approx([0.4, -0.4], abs=ROUNDING)
+
+
+def test_conditional_integration_stands_where_the_proportion_alone_is_beyond_a_limit():
+    controller = ft.loop.MimoPI(diagonal([1.0, 1.0], [0.5, 0.5]), limits((0.4, 0.4)), dt=0.1)
+
+    flown(controller, (1.0, -1.0), 5)
+
+    assert controller.state.integral == [0.0, 0.0]
 
 
 def test_conditional_integration_lets_go_as_soon_as_the_error_changes_sign():

@@ -9,6 +9,7 @@ import flighttune as ft
 from flighttune.control.inner_loop import with_input_lag
 from flighttune.tuning.problem import decoupled
 from flighttune.tuning.program import Program, stabilising_starts
+from flighttune.tuning.result import assessment
 from flighttune.tuning.tune import relaxed, searches
 from tests.tuning.conftest import ALL_LIMITS
 
@@ -27,6 +28,35 @@ def test_the_papers_gains_break_its_own_limits_by_the_amounts_known(printed):
         below, above = (slack[f"{channel}_{end}"] for end in ("min", "rate_max"))
         assert below == pytest.approx(u - limits.lower[i], abs=PRINTED_DIGITS)
         assert above == pytest.approx(limits.rate_upper[i] - rate, abs=PRINTED_DIGITS)
+
+
+def test_each_limit_has_its_own_bound(printed):
+    limits = ft.loop.Limits(
+        lower=(-1.0, -5.0), upper=(2.0, 6.0), rate_lower=(-3.0, -7.0), rate_upper=(4.0, 8.0)
+    )
+    rows = replace(printed, limits=limits).limit_rows
+
+    bounds = dict(zip(rows.names, rows.bound, strict=True))
+    assert [bounds[f"phi{end}"] for end in ("_min", "_max", "_rate_min", "_rate_max")] == [
+        1,
+        2,
+        3,
+        4,
+    ]
+    assert [bounds[f"n_z{end}"] for end in ("_min", "_max", "_rate_min", "_rate_max")] == [
+        5,
+        6,
+        7,
+        8,
+    ]
+
+
+@pytest.mark.parametrize(("beyond", "within"), [(1e-3, True), (-1e-3, False)])
+def test_gains_beyond_either_of_their_bounds_are_not_within_limits(model, beyond, within):
+    K = ft.PAPER_GAINS.K
+    for name, end in (("K_max", K.max() + beyond), ("K_min", K.min() - beyond)):
+        problem = ft.loop.TuningProblem(model=model, **{name: np.full((2, 4), end)})
+        assert assessment(problem, K).within_limits == within
 
 
 def test_fixed_gains_take_part_in_the_limits_but_not_in_the_search(printed):

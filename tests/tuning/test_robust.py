@@ -41,6 +41,7 @@ def test_one_model_gives_the_optimum_of_the_decoupled_problem():
 def test_no_small_change_of_a_gain_improves_the_worst_rate_of_its_channel():
     several = [problem(w) for w in (5.0, 8.0, 12.0)]
     found = tune_worst_case(several)
+    assert found.R_K == pytest.approx(min(rate(one, found.gains.K) for one in several))
     for number in range(2):
         parts = [channels(one)[number] for one in several]
         own = found.gains.K[np.ix_(parts[0][0], [number, 2 + number])]
