@@ -84,6 +84,13 @@ def test_mission_planner_separates_as_it_likes(tmp_path, separator):
     assert (now.unused, now.rest) == (["TECS_THR_DAMP"], 1)
 
 
+def test_a_parameter_by_its_new_name_stands_before_that_by_its_former(tmp_path):
+    file = tmp_path / "plane.param"
+    file.write_text("NAVL1_PERIOD,14\nLIM_ROLL_CD,5500\nROLL_LIMIT_DEG,40\n")
+
+    assert flown_now(file).law.parameters["ROLL_LIMIT_DEG"] == 40.0
+
+
 def test_a_log_of_ardupilot_has_its_parameters_and_version(tmp_path):
     now = flown_now(write_dataflash(tmp_path / "plane.bin", PLANE))
 

@@ -8,6 +8,7 @@ import pytest
 from scipy.special import fresnel
 
 import flighttune as ft
+from flighttune.references.follow import airspeeds_along
 from flighttune.references.path import Ability, Waypoint, plan
 
 DEG = math.pi / 180.0
@@ -237,3 +238,13 @@ def test_a_circle_by_time_takes_it_and_less_than_a_turn_more():
 
     time = path.stretches[1].length / AROUND.V_a
     assert 120.0 <= time <= 120.0 + (math.tau * 200.0 + 60.0) / AROUND.V_a
+
+
+def test_an_airspeed_changes_by_a_twentieth_of_g_from_the_waypoint_on():
+    path = plan(points((0, 0), (300, 0), (2000, 0)), ABILITY)
+
+    V = airspeeds_along(path, 25.0, {2: 30.0}, 9.81)
+
+    s = path.s - 300.0  # V^2 grows by twice the acceleration for each metre
+    wanted = np.sqrt(625.0 + 2.0 * 9.81 * 0.05 * np.clip(s, 0.0, None))
+    assert V == pytest.approx(np.minimum(wanted, 30.0), abs=1e-9)
