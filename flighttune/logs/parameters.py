@@ -10,11 +10,8 @@ from flighttune.errors import InputError
 from flighttune.files.whole import reason_of
 from flighttune.logs.read import read_parameters
 
-# MAV_TYPE of aeroplanes, and of VTOLs in the order of MAVLink.
-WINGED = (1, *range(19, 26))
-
-# What QGroundControl calls such vehicles in the head of its files, and ArduPilot in its logs.
-WITH_WINGS = re.compile(r"fixed.?wing|vtol|plane", re.IGNORECASE)
+# Aeroplanes and VTOLs in the head of files of QGroundControl and in logs, with their MAV_TYPE.
+WITH_WINGS = re.compile(r"fixed.?wing|vtol|plane|MAV_TYPE (1|19|2[0-5])$", re.IGNORECASE)
 
 # Beginnings of the names of parameters that only multicopters use.
 OF_COPTERS = ("MPC_", "MC_ROLL", "ATC_", "PSC_", "WPNAV_", "MOT_SPIN")
@@ -53,8 +50,8 @@ def flown_now(path: str | Path, version: str | None = None) -> Flown:
     table = guidance()[period]
     former = table.get("former", {})
     renamed = {now: (values[was] * by, was) for was, (now, by) in former.items() if was in values}
-    used = {name: (values[name], path.name) for name, *_ in table["parameters"] if name in values}
-    used = renamed | used
+    own = ((name, (values[name], path.name)) for name, *_ in table["parameters"] if name in values)
+    used = renamed | dict(own)
     autopilot, of_source = table["source"].split()
     notes = []
     if period == "NPFG_PERIOD" and not version:
@@ -90,12 +87,9 @@ def flown_now(path: str | Path, version: str | None = None) -> Flown:
 
 def _check_wings(path: Path, values: Mapping[str, float], vehicle: str) -> None:
     """Refuse the parameters of a vehicle without wings, and those without a guidance."""
-    kind, got = values.get("MAV_TYPE", 1), ""
-    if vehicle and not WITH_WINGS.search(vehicle):
-        got = vehicle
-    elif kind not in WINGED:
-        got = f"MAV_TYPE {kind:g}"
-    elif not period_among(values):
+    stated = vehicle or "plane", f"MAV_TYPE {values.get('MAV_TYPE', 1):g}"
+    got = next((x for x in stated if not WITH_WINGS.search(x)), "")
+    if not got and not period_among(values):
         copter = " as of a copter" if any(name.startswith(OF_COPTERS) for name in values) else ""
         got = f"none of {', '.join(guidance())} in {len(values)} parameters{copter}"
     if got:

@@ -6,11 +6,11 @@ memory and print: it is read in a copy of this process, with bounds on memory an
 
 import math
 import os
+import struct
 import traceback
 from collections import defaultdict
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from functools import partial
-from itertools import chain
 from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
 
@@ -44,6 +44,8 @@ PATIENCE_S, PATIENCE_PER_BYTE = 10.0, 1e-5
 
 # Stages of a version of PX4 by their least number: version.h.
 STAGES = ((255, ""), (192, "rc"), (128, "beta"), (64, "alpha"), (0, "dev"))
+
+MAV_PARAM_TYPE_REAL32 = 9  # of MAVLink; smaller types are integers
 
 MAX_CELLS = 50_000_000  # numbers of a table, rows times columns
 
@@ -271,11 +273,11 @@ def _ulog_parameters(path: Path) -> tuple[dict[str, float], str, str]:
     from pyulog import ULog
 
     log = ULog(str(path), [], True)
-    changed = ((name, value) for _, name, value in log.changed_parameters)
+    changed = {name: value for _, name, value in log.changed_parameters}
     *numbers, kind = log.get_version_info() or ("", 255)
     stage = next(name for least, name in STAGES if kind >= least)
     version = f"{'.'.join(map(str, numbers))} {stage}".strip()
-    return dict(chain(log.initial_parameters.items(), changed)), "", version
+    return log.initial_parameters | changed, "", version
 
 
 def _dataflash_parameters(path: Path) -> tuple[dict[str, float], str, str]:
@@ -290,7 +292,24 @@ def _dataflash_parameters(path: Path) -> tuple[dict[str, float], str, str]:
     return values, vehicle[0], vehicle[1].removeprefix("V")
 
 
-_PARAMETERS = {"ULog": _ulog_parameters, "DataFlash": _dataflash_parameters}
+def _mavlink_parameters(path: Path) -> tuple[dict[str, float], str, str]:
+    values, vehicle = {}, ""
+    for topic, _, message in _mavlink(path, ["PARAM_VALUE"]):
+        if not topic:
+            vehicle = f"MAV_{message.upper()}"
+            continue
+        value, whole = message.param_value, message.param_type < MAV_PARAM_TYPE_REAL32
+        if whole and not value.is_integer():  # PX4 sends the bytes of an integer, not its value
+            (value,) = struct.unpack("<i", struct.pack("<f", value))
+        values[message.param_id] = float(value)
+    return values, vehicle, ""
+
+
+_PARAMETERS = {
+    "ULog": _ulog_parameters,
+    "DataFlash": _dataflash_parameters,
+    "MAVLink": _mavlink_parameters,
+}
 
 _READERS = {
     "ULog": _read_ulog,

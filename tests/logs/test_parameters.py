@@ -4,6 +4,7 @@ import struct
 
 import pytest
 from log_files import _format, message
+from pymavlink.mavutil import mavlink
 
 import flighttune as ft
 from flighttune.logs.parameters import flown_now
@@ -54,6 +55,19 @@ def write_dataflash(path, values, vehicle="ArduPlane V4.5.7 (0123abcd)"):
     return path
 
 
+def write_tlog(path, values, vehicle=1, whole=()):
+    """A telemetry log with the vehicle and parameters, `whole` as the bytes of integers."""
+    link = mavlink.MAVLink(None, srcSystem=1, srcComponent=1)
+    sent = [mavlink.MAVLink_heartbeat_message(vehicle, 3, 0, 0, 4, 3)]
+    kept = [(name, value, mavlink.MAV_PARAM_TYPE_REAL32) for name, value in values.items()]
+    for name, value in whole:
+        (same,) = struct.unpack("<f", struct.pack("<i", value))
+        kept.append((name, same, mavlink.MAV_PARAM_TYPE_INT32))
+    sent += [mavlink.MAVLink_param_value_message(name.encode(), x, k, 9, 0) for name, x, k in kept]
+    path.write_bytes(b"".join(struct.pack(">Q", 10**15) + each.pack(link) for each in sent))
+    return path
+
+
 PX4 = {"NPFG_PERIOD": 12.5, "FW_AIRSPD_TRIM": 21.0, "NPFG_GSP_MAX_TK": 5.0, "RC1_MIN": 1000.0}
 PLANE = {"NAVL1_PERIOD": 14.0, "LIM_ROLL_CD": 5500.0, "TECS_THR_DAMP": 0.5, "RC1_MIN": 1000.0}
 
@@ -96,6 +110,21 @@ def test_a_log_of_ardupilot_has_its_parameters_and_version(tmp_path):
 
     assert now.law.parameters == {"NAVL1_PERIOD": 14.0, "ROLL_LIMIT_DEG": 55.0}
     assert now.name == "L1 and TECS of ArduPilot 4.5.7"
+
+
+def test_a_telemetry_log_has_its_parameters_and_vehicle(tmp_path):
+    file = tmp_path / "flight.tlog"
+    now = flown_now(write_tlog(file, PLANE))
+    assert now.law.parameters == {"NAVL1_PERIOD": 14.0, "ROLL_LIMIT_DEG": 55.0}
+
+    # https://mavlink.io/en/services/parameter.html: PX4 encodes integers by their bytes
+    whole = ("MAV_TYPE", 22), ("NPFG_LB_PERIOD", 1), ("NPFG_UB_PERIOD", 0)
+    now = flown_now(write_tlog(file, PX4, 22, whole), "1.15")
+    assert now.law.parameters == {
+        "NPFG_PERIOD": 12.5, "NPFG_LB_PERIOD": 1.0, "NPFG_UB_PERIOD": 0.0
+    }  # fmt: skip
+    with pytest.raises(ft.InputError, match="got MAV_TYPE 2"):
+        flown_now(write_tlog(file, PLANE, 2))
 
 
 def test_px4_of_before_npfg_flies_l1_unless_it_is_told_otherwise(tmp_path):
