@@ -24,7 +24,7 @@ from flighttune.scenario.schema import Scenario
 from flighttune.theory.indicators import indicators
 
 # How rows of the margins are named that are required unless the scenario states others.
-BY_DEFAULT = "default"
+BY_DEFAULT = "by default"
 
 REQUIREMENT_COLUMNS = [
     *columns("run"),

@@ -51,7 +51,7 @@ LegendEntry: TypeAlias = tuple[str, str, str]
 NO_ENTRY = ("", "", "")
 
 # A letter with a letter or digit as its index, such as `n_z`; `tuned_identified` is none.
-SYMBOL = re.compile(r"\b([^\W\d_])_(\w)\b")
+SYMBOL = re.compile(r"\b([^\W\d_])_(cmd|\w,cmd|\w)\b")
 
 # Text after a lowered index in SVG stays down unless an empty space lifts it.
 SVG_INDEX = '<tspan dy="3" font-size=".8em">{}</tspan><tspan dy="-3">\u200b</tspan>'

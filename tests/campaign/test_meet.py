@@ -123,9 +123,9 @@ def test_margins_of_the_loop_are_required_unless_others_are_stated(overshoot, me
 
     few, rows = searched(stated, budget=2)[0]["requirements"], met[0]["requirements"]
 
-    by_default = {x["measure"]: x["bound"] for x in rows if x["run"] == "default"}
+    by_default = {x["measure"]: x["bound"] for x in rows if x["run"] == "by default"}
     assert by_default == {"loop.gain_margin_dB": 6.0, "loop.phase_margin_deg": 35.0}
-    assert [x["measure"] for x in few if x["run"] == "default"] == ["loop.gain_margin_dB"]
+    assert [x["measure"] for x in few if x["run"] == "by default"] == ["loop.gain_margin_dB"]
     least = loop_measures(overshoot, "tuned", met[1], ["phase_margin_rad"])["phase_margin_rad"]
     assert rows[-1]["value"] == pytest.approx(least / DEG)
 
