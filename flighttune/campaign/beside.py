@@ -147,35 +147,33 @@ class Beside(Answering):
     def margins(self) -> dict[str, Table]:
         """Margins of both loops behind the identified inner loop; none without a model of it."""
         with suppress(InputError):
-            return {
-                name: replace(table, title=f"margins of {name}", name=f"margins_{name}")
-                for name, table in loops(self.plan, self.now).items()
-            }
+            return loops(self.plan, self.now)
         return {}
 
     def answer(self) -> Answer:
         """Accuracy, losses, margins and what was emulated, in four lines; then the tables."""
-        accuracy, lost, n = self.accuracy, self._lost, self.plan.draws
-        needed = flights_needed(EPSILON, CONFIDENCE)
-        bound = (
-            f"largest errors that {percent(1.0 - EPSILON)} % of flights keep to, each by itself, "
-            f"at {percent(CONFIDENCE)} %"
-            if n >= needed
-            else f"largest errors of {n}; {needed} are needed for a bound"
-        )
+        accuracy, n = self.accuracy, self.plan.draws
+        ended = self.rows[self.rows["status"] != "completed"].assign(run=lambda x: x["draw"])
+        by_law = {name: ended[ended["gains"] == name] for name in (YOURS, OURS)}
+        lost = {name: rows.to_dict(orient="records") for name, rows in by_law.items()}
+        kept = f"Errors that {percent(1.0 - EPSILON)} % of flights keep to"
+        bound = f"{kept}, each by itself, at a confidence of {percent(CONFIDENCE)} %"
+        if n < (needed := flights_needed(EPSILON, CONFIDENCE)):
+            kept = f"Largest errors of {n}"
+            bound = f"{kept}; {needed} are needed for a bound"
         both, better, said = [], [], []
         for x in accuracy[:HEADLINE]:
             yours, ours = (number(x[name], ".3g") for name in (YOURS, OURS))
             both.append(f"{x['of']} {yours} | {ours} {x['unit']}")
             better.append(f"{x['of']} {x['better']} ({percent(x['lo'])} to {percent(x['hi'])} %)")
         for rows in lost.values():
-            ended = ", ".join(dict.fromkeys(row["status"].replace("_", " ") for row in rows))
-            said.append(f"{len(rows)} ({ended})" if rows else "0")
+            why = ", ".join(dict.fromkeys(row["status"].replace("_", " ") for row in rows))
+            said.append(f"{len(rows)} ({why})" if rows else "0")
         unused = ", ".join(self.now.unused) or "none"
         checked = "" if self.tracking else "; not checked against a log"
         return Answer(
             summary=[
-                f"Yours | ours: {', '.join(both)}; lost {' | '.join(said)} of {n}.",
+                f"{kept}, yours | ours: {', '.join(both)}; lost {' | '.join(said)} of {n}.",
                 f"Ours is better of {n} draws in: {', '.join(better)}.",
                 self._in_your_terms,
                 f"Yours: the equations of {self.now.name} above the inner loop here, not the "
@@ -192,12 +190,12 @@ class Beside(Answering):
             },
             tables=[
                 Table(ACCURACY, accuracy, bound),
-                *self.margins.values(),
                 *(
                     replace(endings_table(rows), title=f"lost of {name}", name=f"lost_of_{name}")
                     for name, rows in lost.items()
                 ),
                 Table(TRACKING, self.tracking, "the log, and the flights with your guidance"),
+                *self.margins.values(),
                 Table(PARAMETERS, self.now.rows, f"parameters of {self.now.name}"),
             ],
             notes=[
@@ -208,14 +206,6 @@ class Beside(Answering):
                 f"Not used of the guidance: {unused}. Parameters of other parts: {self.now.rest}.",
             ],
         )
-
-    @property
-    def _lost(self) -> dict[str, list[dict[str, Any]]]:
-        """Flights that did not complete, with their draw as ``run``."""
-        lost = self.rows[self.rows["status"] != "completed"].assign(run=lambda x: x["draw"])
-        return {
-            name: lost[lost["gains"] == name].to_dict(orient="records") for name in (YOURS, OURS)
-        }
 
     @property
     def _in_your_terms(self) -> str:
@@ -235,15 +225,17 @@ class Beside(Answering):
 
     def page(self, path: str | Path, command: str) -> Report:
         """Write the answer as one self-contained page; `command` repeats it."""
-        answer = self.answer()
-        (accuracy, *others), ours = answer.tables, self.plan.groups[-1].gains
+        answer, ours = self.answer(), self.plan.groups[-1].gains
+        # margins, if there are any, are the tables from the fifth on
+        (*notes, unused), (*found, parameters) = answer.notes, answer.tables
         return write_answer(
             path,
             title=f"{self.plan.scenario.title}: {self.now.name} beside {ours}",
             summary=answer.summary,
             parts={
-                "accuracy": Section(id="accuracy", title="Accuracy", tables=[accuracy], open=True),
-                "flown": Section(note=" ".join(answer.notes), tables=others, legend=False),
+                "accuracy": Section(note=" ".join(notes), tables=found[:4]),
+                "margins": Section(tables=found[4:]),
+                "flown": Section(note=unused, tables=[parameters]),
             },
             provenance=facts_table("Provenance", library_versions()),
             commands=command,
@@ -269,13 +261,12 @@ def loops(plan: Plan, now: Flown) -> dict[str, Table]:
     model = identified_models(scenario, made_law("exact"))[0].model
     law = now.law.make(law_setup(scenario, ours, Limits.none(2)))
     a, b, c, d = (np.diag(x) for x in law.linear(scenario.flight.V_a_mps))
-    on_route = isinstance(reference, RouteReference)
     per_T = 1.0 / reference.look_ahead if isinstance(reference, RouteReference) else 0.0
-    yours = np.array([a, c + b * on_route, d * on_route])
+    yours = np.array([a, c + b * (per_T > 0.0), d * (per_T > 0.0)])
     rows = np.array([ours.K_P, ours.K_I + ours.K_P * per_T, ours.K_I * per_T])
     both = _guided(model, yours, NO_FEEDBACK), _guided(model, rows, ours.feedback)
-    cuts = (margins_table(cut_margins(loop, CUT)) for loop in both)
-    return dict(zip((YOURS, OURS), cuts, strict=True))
+    cuts = zip((YOURS, OURS), (margins_table(cut_margins(loop, CUT)) for loop in both), strict=True)
+    return {x: replace(cut, title=f"margins of {x}", name=f"margins_{x}") for x, cut in cuts}
 
 
 def _rate_gains(plan: Plan) -> PIGains:
@@ -354,7 +345,7 @@ def compare(  # type: ignore[misc] # noqa: PLR0913 - each is a choice of the use
         Where a log has its signals, as for `load_log`.
     autopilot : str or Path, optional
         Compare with what this autopilot flies: its parameters as QGroundControl (.params) or
-        Mission Planner (.param, .parm) writes them, or its log (.ulg, .bin).
+        Mission Planner (.param, .parm) writes them, or its log (.ulg, .bin, .tlog).
     version : str, optional
         Version of the autopilot, such as 1.15, by default that of the file.
     log : str, optional
@@ -452,13 +443,11 @@ def _logged(
     kept = _kept(run, None)
     if np.isnan(kept).all():
         raise InputError(f"{log}: must have one of the signals {', '.join(LOGGED)}, got none.")
-    notes = []
+    differ: list[str] = []
     with suppress(InputError):
         flown = flown_now(place, version).law.parameters
         differ = [x for x in flown if flown[x] != now.law.parameters.get(x, flown[x])]
-        if differ:
-            notes = [f"The log was flown with other parameters: {', '.join(differ)}."]
-    return kept, notes
+    return kept, [f"The log was flown with other parameters: {', '.join(differ)}."] * bool(differ)
 
 
 def _tracking(logged: Sequence[float], rows: pd.DataFrame) -> list[dict[str, Any]]:
@@ -474,9 +463,9 @@ def _within(tracking: Sequence[Mapping[str, Any]]) -> str:
     """Whether the log lies among the flights."""
     inside = [x["of"] for x in tracking if x["low"] <= x["log"] <= x["high"]]
     outside = [x["of"] for x in tracking if x["of"] not in inside]
-    yours = "the flights with your guidance in"
-    said = [f"among {yours} {listed(inside)}"] * bool(inside)
-    said += [f"outside of {yours} {listed(outside)}"] * bool(outside)
+    yours = "the flights with your guidance"
+    said = [f"among {yours} in {listed(inside)}"] * bool(inside)
+    said += [f"outside of {'them' if inside else yours} in {listed(outside)}"] * bool(outside)
     return (
         f"The log lies {listed(said)}, by the {100.0 * SHARE:g}th percentile of the size of each; "
         "it had another mission and other wind."

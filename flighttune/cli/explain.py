@@ -4,7 +4,7 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
-from flighttune.cli.options import FLOWN_BY, Verb, check_ending
+from flighttune.cli.options import FLOWN_BY, Verb, check_ending, this_command
 from flighttune.cli.show import campaign_display, progress_bar
 from flighttune.errors import InputError
 from flighttune.present.answer import Answer
@@ -48,7 +48,7 @@ def gap(explain_gap: Verb, scenario: str, out: Path | None, claims: list[Path] |
     return replace(answer, files=files)
 
 
-def compare(compare_runs: Verb, a: str, autopilot: Path | None, out: Path | None) -> Answer:
+def compare(compare_runs: Verb, autopilot: Path | None, out: Path | None) -> Answer:
     """Compare runs, or gains with what an autopilot flies now.
 
     Of runs: metrics, which is better, and how far apart the paths are; exit status 2 if manoeuvre
@@ -64,7 +64,7 @@ def compare(compare_runs: Verb, a: str, autopilot: Path | None, out: Path | None
     if out is None or answer.failure:
         return replace(answer, files=dict.fromkeys(files))
     if autopilot:
-        compared.page(out, f"flighttune compare {a} --with {autopilot}")
+        compared.page(out, this_command())
     elif is_page:
         from flighttune.reports.page import write_comparison_page
 
@@ -112,10 +112,8 @@ def tube(
     except ValueError:
         raise InputError(f"--disturbance: must be a number, got {disturbance!r}.") from None
     in_file = boxes is not None and kind_of(boxes) == BAND
-    counted = None
-    if boxes is not None and in_file:
-        counted = load_residual(boxes)
-    elif boxes is not None:
+    counted = load_residual(boxes) if boxes is not None and in_file else None
+    if boxes is not None and not in_file:
         with campaign_display() as observer:
             counted = residual(boxes, gains=gains, **FLOWN_BY.get(), observer=observer)
     with progress_bar() as progress:

@@ -1,12 +1,10 @@
 """Commands that find gains, certify them and check certificates."""
 
-import shlex
-import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from flighttune.cli.options import FLOWN_BY, Verb, check_ending
+from flighttune.cli.options import FLOWN_BY, Verb, check_ending, this_command
 from flighttune.cli.show import campaign_display, progress_bar
 from flighttune.errors import InputError
 from flighttune.present.answer import Answer
@@ -47,12 +45,8 @@ def tune(
         from flighttune.flight.load import as_scenario
         from flighttune.reports.meet import write_tune_page
 
-        write_tune_page(page, as_scenario(source, changes), result, _command())
+        write_tune_page(page, as_scenario(source, changes), result, this_command())
     return answer
-
-
-def _command() -> str:
-    return shlex.join(["flighttune", *sys.argv[1:]])
 
 
 def meet(search: Verb, page: Path | None, out: Path | None) -> Answer:
@@ -67,7 +61,7 @@ def meet(search: Verb, page: Path | None, out: Path | None) -> Answer:
     if page is not None:
         from flighttune.reports.meet import write_meet_page
 
-        write_meet_page(page, meeting, _command())
+        write_meet_page(page, meeting, this_command())
     return answer
 
 

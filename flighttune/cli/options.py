@@ -6,6 +6,8 @@ rest.
 
 import ast
 import re
+import shlex
+import sys
 import tomllib
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack
@@ -37,6 +39,11 @@ FLOWN_BY: ContextVar[Mapping[str, Any]] = ContextVar(
 
 # The verb of a command: its `keywords` are the options that were given; it takes more.
 Verb: TypeAlias = partial[Any]
+
+
+def this_command() -> str:
+    """The command as it was given."""
+    return shlex.join(["flighttune", *sys.argv[1:]])
 
 
 def changes(settings: list[str]) -> dict[str, Any]:

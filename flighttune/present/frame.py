@@ -32,6 +32,7 @@ class Section:
 
 # Parts of a page that answers, in this order: anchor, title, whether it is seen at first.
 PARTS = (
+    ("accuracy", "Accuracy", True),
     ("requirements", "Requirements", True),
     ("responses", "Responses", True),
     ("margins", "Margins of the loop", False),
@@ -105,9 +106,8 @@ def write_answer(
     `parts` are `PARTS` by their anchor; others come after them. `texts` are files that the
     `commands` need, by name.
     """
-    order = [key for key, *_ in PARTS]
     names = {key: {"id": key, "title": name, "open": seen} for key, name, seen in PARTS}
-    ordered = sorted(parts, key=lambda key: order.index(key) if key in order else len(order))
+    ordered = [*(x for x in names if x in parts), *(x for x in parts if x not in names)]
     return write_page(
         Path(path),
         page_template("flighttune.present", "answer.html.jinja"),

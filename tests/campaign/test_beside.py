@@ -1,6 +1,7 @@
 """Gains beside the guidance that a user flies now, on the same draws."""
 
 import math
+import re
 
 import numpy as np
 import pytest
@@ -113,7 +114,7 @@ def test_a_log_lies_among_the_flights_or_not(beside, file, tmp_path):
     near = write_dataflash(tmp_path / "near.bin", t, signals)
     off = {"cross_track": 0.0 * t + 50.0, "phi_cmd": 2.0 * signals["phi_cmd"]}
     far = write_dataflash(tmp_path / "far.bin", t, signals | off)
-    for log, among in ((near, None), (far, "outside of the flights with your guidance in cross")):
+    for log, among in ((near, None), (far, "outside of")):
         answer = ft.compare("circuit_in_wind", autopilot=file, log=str(log), **FEW).answer()
         cross, height, roll = answer.values["tracking"]
         assert "not checked" not in answer.summary[3]
@@ -127,6 +128,7 @@ def test_a_log_lies_among_the_flights_or_not(beside, file, tmp_path):
             assert cross["log"] == pytest.approx(50.0)
             assert roll["log"] > roll["high"]
             (said,) = [note for note in answer.notes if among in note]
+            assert re.search(r"outside of [a-z ]+ in cross track", said)
             assert "commanded roll, by the 95th percentile of the size" in said
 
 
@@ -154,5 +156,13 @@ def test_a_scenario_without_draws_is_flown_once_and_written_as_a_page(tmp_path, 
     out, _ = flighttune(
         "compare", "level_turn", "--with", file, "--out", page, "--workers", "1", status=0
     )
-    assert "largest errors of 1; 59 are needed for a bound" in " ".join(out.split())
-    assert "not the firmware" in page.read_text()
+    assert "Largest errors of 1; 59 are needed for a bound" in " ".join(out.split())
+    shown = page.read_text()
+    parts = re.findall(r'<(section|details) id="(\w+)"( open)?', shown)
+    assert parts[:3] == [
+        ("section", "accuracy", ""),
+        ("details", "margins", ""),
+        ("details", "flown", ""),
+    ]
+    assert "not the firmware" in shown
+    assert "--workers 1" in shown
