@@ -135,32 +135,23 @@ chi_deg = [{{shape = "ramp", start_s = 5.0, duration_s = 6.0, rate_dps = 5.0}}]
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("gains", "keys"),
+    ("aircraft", "V", "gains", "anti_windup", "engine"),
     [
-        (
-            "tuned_identified",
-            {"aircraft": "c172p", "V": 55.0, "anti_windup": "conditional", "engine": ""},
-        ),
+        ("c172p", 55.0, "tuned_identified", "conditional", ""),
         pytest.param(
-            "exact:tuned_identified",
-            {
-                "aircraft": "x8",
-                "V": 18.0,
-                "anti_windup": "back_calculation",
-                "engine": ", throttle_max = 0.3, throttle_max_from_s = 4.01",
-            },
+            *("x8", 18.0, "exact:tuned_identified", "back_calculation"),
+            ", throttle_max = 0.3, throttle_max_from_s = 4.01",
             marks=pytest.mark.soak,
         ),
     ],
-    ids=["c172p", "x8"],
 )
-def test_speed_has_priority_as_in_fly(gains, keys, tmp_path):
+def test_speed_has_priority_as_in_fly(aircraft, V, gains, anti_windup, engine, tmp_path):
     """A climb that the engine cannot carry, with a turn in wind, and an engine that fails."""
-    text = CLIMB_IN_WIND.format(wind=0.15 * keys["V"], **keys)
-    scenario = ft.scenario_from(
-        tomllib.loads(text) | {"title": "a climb", "law": ["paper", "exact"]}
+    text = CLIMB_IN_WIND.format(
+        aircraft=aircraft, V=V, wind=0.15 * V, anti_windup=anti_windup, engine=engine
     )
-    found = apart(scenario, gains, f"jsbsim:{keys['aircraft']}", tmp_path)
+    tables = tomllib.loads(text) | {"title": "a climb", "law": ["paper", "exact"]}
+    found = apart(ft.scenario_from(tables), gains, f"jsbsim:{aircraft}", tmp_path)
 
     assert max(found.values()) < SAME, found
     written = pd.read_csv(tmp_path / "sent to a colleague" / CSV)
@@ -196,31 +187,32 @@ def test_a_law_in_python_is_refused_by_name(tmp_path):
         export_jsbsim(ft.scenario_from(tables), "mine:paper", gain_set(scenario, "paper"), tmp_path)
 
 
+OTHERS = {
+    "in a turn over high ground": {
+        "flight": {"phi_deg": 20.0, "gamma_deg": 5.0, "chi_deg": 200.0, "ground_m": 300.0}
+    },
+    "between samples of the inner loop": {
+        "controller": {"rate_hz": 80.0, "anti_windup": "back_calculation", "schedule": True}
+    },
+    "another start": {
+        "controller": {"anti_windup": "none", "feed_forward": False},
+        "flight": {"n_z": 1.4},
+    },
+    "wind": {
+        "wind": {"speed_mps": 18.0, "from_deg": 70.0, "down_mps": 1.0},
+        "controller": {"schedule": True},
+    },
+}
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "changed",
-    [
-        {"flight": {"phi_deg": 20.0, "gamma_deg": 5.0, "chi_deg": 200.0, "ground_m": 300.0}},
-        {"controller": {"rate_hz": 80.0, "anti_windup": "back_calculation", "schedule": True}},
-        {"controller": {"anti_windup": "none", "feed_forward": False}, "flight": {"n_z": 1.4}},
-        {
-            "wind": {"speed_mps": 18.0, "from_deg": 70.0, "down_mps": 1.0},
-            "controller": {"schedule": True},
-        },
-    ],
-    ids=[
-        "in a turn over high ground",
-        "between samples of the inner loop",
-        "another start",
-        "wind",
-    ],
-)
+@pytest.mark.parametrize("changed", OTHERS.values(), ids=OTHERS)
 @pytest.mark.parametrize("gains", ["paper", "exact:paper"])
 def test_starts_and_settings_of_other_scenarios_are_those_of_fly(gains, changed, tmp_path):
     tables = ft.load_scenario("level_turn").as_dict()
     for table, keys in changed.items():
         tables[table] = tables.get(table, {}) | keys
-    tables["flight"]["duration_s"] = 15.0
+    tables["flight"]["duration_s"] = 8.0
 
     found = apart(ft.scenario_from(tables), gains, "jsbsim:aerosonde", tmp_path)
 
