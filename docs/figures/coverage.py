@@ -2,7 +2,7 @@
 
 python docs/figures/coverage.py LOGS identify|gap [RATE FIRST END]
 
-LOGS flights are drawn; RATE (Hz), FIRST and END count a part of them, with the same numbers.
+LOGS flights are drawn; RATE (Hz, 0 for all), FIRST and END count a part, with the same numbers.
 """
 
 import math
