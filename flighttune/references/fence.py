@@ -365,7 +365,8 @@ def _edges(
     parts = np.ceil(np.sqrt(sag / MAX_SAG)).clip(min=1.0).astype(int)
     if parts.sum() > most:
         raise InputError(
-            f"`coordinates` must have at most {MAX_EDGES} corners, with those that long edges need."
+            f"a fence must have at most {MAX_EDGES} edges, with those of circles and those that long "
+            "edges are cut into."
         )
     numbers = np.repeat(np.arange(len(ring)), parts)
     share = np.concatenate([np.arange(n) / n for n in parts])[:, None]
