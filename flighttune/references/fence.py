@@ -365,8 +365,8 @@ def _edges(
     parts = np.ceil(np.sqrt(sag / MAX_SAG)).clip(min=1.0).astype(int)
     if parts.sum() > most:
         raise InputError(
-            f"a fence must have at most {MAX_EDGES} edges, with those of circles and those that long "
-            "edges are cut into."
+            f"a fence must have at most {MAX_EDGES} edges, with those of circles and the parts of "
+            "long ones."
         )
     numbers = np.repeat(np.arange(len(ring)), parts)
     share = np.concatenate([np.arange(n) / n for n in parts])[:, None]
