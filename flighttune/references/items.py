@@ -27,6 +27,7 @@ WAYPOINT, UNLIMITED, TURNS, TIMED, RETURN, LAND, TAKEOFF = 16, 17, 18, 19, 20, 2
 TO_HEIGHT, VTOL_TAKEOFF, VTOL_LAND, JUMP, SPEED, SET_HOME = 31, 84, 85, 177, 178, 179
 CIRCLES, TAKEOFFS = (UNLIMITED, TURNS, TIMED, TO_HEIGHT), (TAKEOFF, VTOL_TAKEOFF)
 RALLY = 5100
+AREAS = (*range(5000, 5005), RALLY)  # fences and rally points
 ENDS = (RETURN, LAND, VTOL_LAND)
 PLACED = (WAYPOINT, *CIRCLES, LAND, VTOL_LAND)
 
@@ -106,9 +107,10 @@ def read_items(
     notes: dict[str, None] = {}
     # changes of speed: index of the row from which on it is flown, airspeed if any, number of item
     changes: list[tuple[int, float | None, int]] = []
-    end = len(flat)
+    end, passed = len(flat), set[int]()
     for number in _in_order(flat):
         item = flat[number - 1]
+        passed.add(number)
         name, fate = _fate(item, rows, lost)
         command, label = item.get("command"), f"item {number} ({name})"
         if fate == "flown" and command == SPEED:
@@ -128,8 +130,10 @@ def read_items(
         if command in ENDS and fate != "refused":
             end = number
             break
-    for number, item in enumerate(flat[end:], start=end + 1):
-        numbers["not flown"][f"{_name(item)}, after the end of item {end}"].add(number)
+    for number, item in enumerate(flat, start=1):
+        if number not in passed:
+            why = f"after the end of item {end}" if number > end else "which a jump leaves out"
+            numbers["not flown"][f"{_name(item)}, {why}"].add(number)
     last = max(1, len(rows) - 1)  # no flight goes on from there
     speeds = {i: (V, number) for i, V, number in changes if V is not None and i < last}
     flown = {number for _, number in speeds.values()}
@@ -219,6 +223,8 @@ def _flat(items: Sequence[Mapping[str, Any]]) -> Iterator[Mapping[str, Any]]:
             yield from _flat(parts)
         elif item.get("complexItemType") in ("fwLandingPattern", "vtolLandingPattern"):
             yield from _landing(item)
+        elif len(item.get("params", ())) == 4 and "coordinate" in item:  # plans before 2018
+            yield {**item, "params": [*item["params"], *item["coordinate"]]}
         else:
             yield item
 
@@ -228,19 +234,27 @@ def _landing(item: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
     approach = item.get("landingApproachCoordinate") or item["loiterCoordinate"]
     radius = json_number(item.get("loiterRadius", 0.0), "`loiterRadius`")
     radius = math.copysign(radius, 1.0 if _flag(item, "loiterClockwise") else -1.0)
-    frame = ABOVE_HOME[0] if _flag(item, "altitudesAreRelative") else ABOVE_SEA[0]
     down = VTOL_LAND if item["complexItemType"] == "vtolLandingPattern" else LAND
     circle = TO_HEIGHT if _flag(item, "useLoiterToAlt") else WAYPOINT
-    simple = {"type": "SimpleItem", "frame": frame}
-    yield simple | {"command": 189, "params": [0, 0, 0, 0, 0, 0, 0]}
     before = [0, radius, 0, 1] if circle == TO_HEIGHT else [0, 0, 0, None]
-    yield simple | {"command": circle, "params": [*before, *approach]}
-    yield simple | {"command": down, "params": [0, 0, 0, None, *item["landCoordinate"]]}
+    stops = [206, 2001] * _flag(item, "stopTakingPhotos", False)
+    stops += [2501] * _flag(item, "stopVideoPhotos", False)  # QGroundControl's name for videos
+    stops += [SPEED] * _flag(item, "useDoChangeSpeed", False)
+    for command in (189, *stops):
+        params = [0, item.get("finalApproachSpeed"), -1, *[0] * 4]  # of a change of speed
+        yield {"type": "SimpleItem", "frame": 2, "command": command, "params": params}
+    ends = {"loiter": (circle, before, approach), "land": (down, [0] * 4, item["landCoordinate"])}
+    for part, (command, values, coordinate) in ends.items():
+        # In version 1 circle and landing have a key each.
+        relative = _flag(item, "altitudesAreRelative") and _flag(item, f"{part}AltitudeRelative")
+        frame = ABOVE_HOME[0] if relative else ABOVE_SEA[0]
+        params = [*values, *coordinate]
+        yield {"type": "SimpleItem", "frame": frame, "command": command, "params": params}
 
 
-def _flag(item: Mapping[str, Any], key: str) -> bool:
-    """A value of an item that is true or false; true if it is absent."""
-    return json_bool(item.get(key, True), f"`{key}`")
+def _flag(item: Mapping[str, Any], key: str, absent: bool = True) -> bool:
+    """A value of an item that is true or false, or what holds if it is absent."""
+    return json_bool(item.get(key, absent), f"`{key}`")
 
 
 def _in_order(items: Sequence[Mapping[str, Any]]) -> Iterator[int]:
@@ -256,8 +270,9 @@ def _in_order(items: Sequence[Mapping[str, Any]]) -> Iterator[int]:
         item, label, onward = items[number - 1], f"item {number} ({COMMANDS[JUMP]})", number + 1
         if item.get("command") == JUMP:
             target, most = (json_number(x, label) for x in item["params"][:2])
-            if not 0 <= most <= MAX_REPEATS:  # -1 repeats for ever
-                raise InputError(f"{label} must repeat at most {MAX_REPEATS} times, got {most:g}.")
+            if not 0 <= most <= MAX_REPEATS:
+                got = "-1, without an end" if most == -1 else f"{most:g}"
+                raise InputError(f"{label} must repeat at most {MAX_REPEATS} times, got {got}.")
             if target not in numbers:
                 raise InputError(f"{label} must lead to an item.")
             if repeats[number] < most:
@@ -273,7 +288,7 @@ def _name(item: Mapping[str, Any]) -> str:
         return abridged(item.get("complexItemType"))
     command = item["command"]
     json_number(command, "`command`")
-    return COMMANDS.get(command, f"command {abridged(command)}")
+    return COMMANDS.get(command, f"command {command:g}")
 
 
 def _fate(item: Mapping[str, Any], rows: Sequence[Row], lost: bool) -> tuple[str, Fate]:
@@ -283,7 +298,8 @@ def _fate(item: Mapping[str, Any], rows: Sequence[Row], lost: bool) -> tuple[str
     """
     name = _name(item)
     if item["type"] != "SimpleItem":
-        return name, "refused"
+        lacking = ", whose items are not in the file" * ("TransectStyleComplexItem" in item)
+        return f"{name}{lacking}", "refused"
     command, frame = item["command"], item["frame"]
     json_number(frame, "`frame`")  # false would be 0, a height above sea level
     if command in HARMLESS:
@@ -302,7 +318,7 @@ def _fate(item: Mapping[str, Any], rows: Sequence[Row], lost: bool) -> tuple[str
     if command in (*TAKEOFFS, *CIRCLES) or (command in PLACED and placed):
         if frame in (*ABOVE_SEA, *ABOVE_HOME, *ABOVE_TERRAIN):
             return name, "flown"
-        return f"{name}, frame {abridged(frame)}", "refused"
+        return f"{name}, frame {frame:g}", "refused"
     if command in PLACED:
         return f"{name}, at 0, 0, which is no place", "refused"
     return name, "refused" if placed or command == SET_HOME else "no place"
@@ -420,8 +436,9 @@ def _airspeeds(rows: Sequence[Row], speeds: Mapping[int, tuple[float, int]]) -> 
     if not speeds:
         return []
     stated = ", ".join(f"{speed:g} m/s by item {number}" for speed, number in speeds.values())
+    each = "each " * (len(speeds) > 1)
     whole = (
-        ", each from its place on where the law holds the airspeed (`holds_airspeed` of [route])"
+        f", {each}from its place on where the law holds the airspeed (`holds_airspeed` of [route])"
     )
     return [f"The plan sets an airspeed of {stated}{whole * bool(later)}."]
 
@@ -436,21 +453,26 @@ HEADER, COLUMNS = "QGC WPL 110", 12
 
 
 def planner_items(text: str) -> tuple[list[float], list[dict[str, Any]]]:
-    """Home (latitude, longitude, height) and items of a file of Mission Planner."""
+    """Home (latitude, longitude, height) and items of a file of Mission Planner.
+
+    Home is zeros in a file of a fence or of rally points alone, as MAVProxy writes it.
+    """
     first, *lines = [line.split() for line in stated_lines(text)] or [[]]
-    if " ".join(first) != HEADER or not lines or {*map(len, lines)} != {COLUMNS}:
+    if " ".join(first) != HEADER or {*map(len, lines)} != {COLUMNS}:
         raise InputError(f"must begin with {HEADER} and have {COLUMNS} values in each line.")
-    home, *numbers = [[float(value) for value in line] for line in lines]
-    items = [
-        {"type": "SimpleItem", "command": _whole(command), "frame": _whole(frame)}
+    home, *others = items = [
+        {"type": "SimpleItem", "command": command, "frame": frame}
         | {"doJumpId": number, "params": values}
-        for number, _, frame, command, *values, _ in numbers
+        for number, _, frame, command, *values, _ in [map(float, line) for line in lines]
     ]
-    return home[8:11], items
-
-
-def _whole(value: float) -> float:
-    return int(value) if value.is_integer() else value
+    if home["command"] in AREAS:
+        return [0.0, 0.0, 0.0], items
+    if home["command"] != WAYPOINT or home["doJumpId"] != 0:
+        raise InputError(
+            "the first line must be the home position, which is item 0 and a waypoint (16), got "
+            f"item {home['doJumpId']:g} ({_name(home)})."
+        )
+    return home["params"][4:], others
 
 
 def stated_lines(text: str) -> list[str]:

@@ -167,7 +167,8 @@ def reading(path: Path, kind: str) -> Iterator[None]:
     except KeyError as error:
         raise InputError(f"{path}: must be {kind}, got none with `{error.args[0]}`.") from error
     except (TypeError, ValueError, IndexError, AttributeError, OverflowError) as error:
-        raise InputError(f"{path}: must be {kind}, got values of another kind.") from error
+        reason = f" ({error})" if isinstance(error, ValueError) else ""
+        raise InputError(f"{path}: must be {kind}, got values of another kind{reason}.") from error
 
 
 def feature(kind: str, coordinates: Any, properties: Mapping[str, Any]) -> dict[str, Any]:

@@ -108,14 +108,20 @@ def _plan(tables: Mapping[str, Any], skip: bool, terrain: str | Path | None) -> 
     return read._replace(route=read.route | {"rally": rally})
 
 
+# Modes of a line of KML that has heights; in others they are to be ignored.
+STATED_HEIGHTS = "absolute", "relativeToGround"
+
+
 def _line(shapes: Sequence[Mapping[str, Any]]) -> RouteFile:
     lines = [x for x in shapes if x["geometry"]["type"] == "LineString"]
     if len(lines) != 1:
         raise InputError(f"must have one LineString, got {len(lines)}.")
     line = lines[0]["geometry"]
-    points = line["coordinates"]
+    points, mode = line["coordinates"], line.get("altitudeMode", "absolute")
     if read := _written(json_part(lines[0], "properties", dict).get(ROUTE_KEY), points):
         return read
+    if mode not in STATED_HEIGHTS:
+        points = [point[:2] for point in points]
     if len({len(point[:3]) for point in points}) > 1:
         raise InputError("`coordinates` must have a height at every point of a line, or at none.")
     rows: list[Row] = []
@@ -125,11 +131,13 @@ def _line(shapes: Sequence[Mapping[str, Any]]) -> RouteFile:
         same += add_row(rows, place(name, [point[1], point[0], *point[2:3], 0.0][:3]), name)
     notes = ["Of the shapes in the file the LineString alone is read."] * (len(shapes) > 1)
     flight = {"h_m": rows[0]["up_m"]} if rows else {}
-    if line.get("altitudeMode", "absolute") != "absolute":
-        flight, notes = {}, [*notes, "Heights in the file are above the ground: `h_m` is assumed."]
     # Programs that know no heights write zeros.
-    elif not any(row["up_m"] for row in rows):
-        flight, notes = {}, [*notes, "The file has no heights: the route is level, at `h_m`."]
+    if not any(row["up_m"] for row in rows):
+        clamped = "" if mode in STATED_HEIGHTS else f" that count, as it is {mode}"
+        flight = {}
+        notes.append(f"The file has no heights{clamped}: the route is level, at `h_m`.")
+    elif mode != STATED_HEIGHTS[0]:
+        flight, notes = {}, [*notes, "Heights in the file are above the ground: `h_m` is assumed."]
     return RouteFile({"waypoint": rows, "notes": [*notes, *same]}, flight)
 
 

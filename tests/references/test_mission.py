@@ -144,7 +144,7 @@ def test_commands_that_change_the_flight_are_left_out_on_request_alone(read):
 
 REFUSED = {
     "'StructureScan'": SCAN,
-    "'CorridorScan'": {
+    "'CorridorScan', whose items are not in the file": {
         "type": "ComplexItem",
         "complexItemType": "CorridorScan",
         "TransectStyleComplexItem": {"Items": []},
@@ -212,6 +212,16 @@ def test_a_jump_repeats_its_items_as_often_as_it_says(read):
     assert route.values("lat_deg") == [47.4, *[47.41, 47.4] * 3]
 
 
+def test_an_item_that_a_jump_leaves_out_is_listed(read):
+    items = PATROL[0], jump(4, 1), *PATROL[2:]
+    route = read(*(dict(x, doJumpId=i) for i, x in enumerate(items, start=1)))
+
+    assert route.names == ["item 1", "item 4"]
+    assert "Not flown of the plan: item 3 (NAV_LOITER_TURNS 18, which a jump leaves out)." in (
+        route.notes
+    )
+
+
 LANDING = {
     "type": "ComplexItem",
     "complexItemType": "fwLandingPattern",
@@ -277,6 +287,34 @@ def test_a_landing_pattern_is_a_circle_down_and_a_final_to_a_height_above_its_pl
     ]
     assert "Item 7 (NAV_LAND 21) is flown to 10 m above its place." in route.notes
     assert "item 5 (DO_LAND_START 189)" in route.notes[1]
+
+
+def test_landing_patterns_of_version_1_have_a_kind_of_height_for_each_of_their_places(read):
+    """QGroundControl: ``loiterAltitudeRelative`` and ``landAltitudeRelative``, before version 2."""
+    old = {key: x for key, x in LANDING.items() if not key.startswith(("alt", "landing"))}
+    old |= {"loiterCoordinate": [47.39, 8.51, 520], "landCoordinate": [47.4, 8.51, 0]}
+    old |= {"loiterAltitudeRelative": False, "landAltitudeRelative": True}
+
+    assert read(*PATROL, old).rows[-2:] == read(*PATROL, LANDING).rows[-2:]  # home is at 480 m
+
+
+def test_the_items_of_a_landing_pattern_are_counted_as_the_vehicle_gets_them(read):
+    """QGroundControl sends two items that stop photos, one that stops a video, and the speed."""
+    stops = {"stopTakingPhotos": True, "stopVideoPhotos": True}
+    slower = {"useDoChangeSpeed": True, "finalApproachSpeed": 20}
+    route = read(*PATROL, LANDING | stops | slower)
+
+    assert "Item 11 (NAV_LAND 21) is flown to 10 m above its place." in route.notes
+    assert "item 7 (IMAGE_STOP_CAPTURE 2001), item 8 (VIDEO_STOP_CAPTURE 2501)" in route.notes[1]
+    assert route.rows[-3]["V_mps"] == 20.0
+
+
+def test_items_of_plans_before_2018_have_their_place_beside_four_parameters(read):
+    old = [
+        x | {"params": x["params"][:4], "coordinate": x["params"][4:]} for x in (*PATROL, RETURN)
+    ]
+
+    assert read(*old).rows == read(*PATROL, RETURN).rows
 
 
 def test_a_return_ends_above_home_and_what_follows_is_not_flown(read):
@@ -404,6 +442,11 @@ def test_a_line_of_kml_is_read(read_text):
     above_ground = read_text(".kml", KML.format("relativeToGround"))
     assert above_ground.flight == {}
     assert "above the ground" in above_ground.notes[0]
+    # KML: its heights are to be ignored.
+    clamped = read_text(".kml", KML.format("clampToGround"))
+    assert clamped.flight == {}
+    assert clamped.values("up_m") == [0.0, 0.0]
+    assert "no heights that count, as it is clampToGround" in clamped.notes[0]
 
 
 def line(*points):
@@ -459,6 +502,7 @@ NO_WAYPOINTS = (
     *("", "QGC WPL 110\n", WAYPOINTS.replace("588", "588\t5")),
     WAYPOINTS.replace("\t16\t", "\t16.9\t"),
     *(WAYPOINTS.replace("110", other) for other in ("120", "", "110 2")),
+    *(WAYPOINTS.replace(".", ","), "\n".join(WAYPOINTS.splitlines()[::2])),  # without home
 )
 NO_PLAN = "{}", "[]", '{"mission": {}}', '{"mission": {"items": [{}]}}', '{"type": "Feature"}'
 
