@@ -255,9 +255,7 @@ def _asked_fence(
 ) -> tuple[dict[str, Any], Path]:
     """The GeoJSON of the fence that is asked about, and its file; empty without one."""
     files = [Path(fence) for fence in fences or own]
-    areas = fence_tables(files)
-    if fences and not areas:
-        raise InputError(f"{files[0]}: must have a Polygon or circle for a fence, got none.")
+    areas = fence_tables(files, asked=bool(fences))
     if alone and (turns or not areas):
         got = "`turn_back`, which needs a corridor" if areas else "no fence"
         raise InputError(f"`until_sure` must be about a fence alone, got {got}.")
@@ -305,7 +303,7 @@ def mission_plan(
         planned = route(source, aircraft=aircraft, terrain=terrain, changes=changes)
         corridor, shapes = None, []
     files = [*map(Path, fences)] or ([] if shapes else [*own_fence(Path(source))])
-    shapes += [tables] if (tables := fence_tables(files)) else []
+    shapes += [tables] if (tables := fence_tables(files, asked=bool(fences))) else []
     origin = planned.where[1]
     answer = _over_ground(planned.answer(), planned, terrain, band)
     places = [read_fence(files[0] if files else KEPT, origin, shape) for shape in shapes]

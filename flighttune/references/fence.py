@@ -176,14 +176,16 @@ def own_fence(mission: Path) -> tuple[Path, ...]:
     return (mission,) if mission.suffix.lower() in OWN else ()
 
 
-def fence_tables(files: Sequence[Path]) -> dict[str, Any]:
+def fence_tables(files: Sequence[Path], *, asked: bool = False) -> dict[str, Any]:
     """The fences of files of plans, KML and GeoJSON as one, in GeoJSON; {} if they have none.
 
-    Flights must stay inside all areas, and outside all with the property ``exclusion``.
+    Flights must stay inside all areas, and outside all with the property ``exclusion``. Raises
+    InputError if a file is `asked` for its fence and has none.
     """
     shapes: list[Mapping[str, Any]] = []
     single: list[dict[str, Any]] = []
     for file in files:
+        before = len(shapes)
         kind, content = map_file(file, FENCE_FILES, KINDS)
         with reading(file, KINDS):
             if kind == "kml":
@@ -195,6 +197,8 @@ def fence_tables(files: Sequence[Path]) -> dict[str, Any]:
             else:
                 single.append(content)
                 shapes += features(content)
+            if asked and not any(x["geometry"]["type"] == "Polygon" for x in shapes[before:]):
+                raise InputError("must have a Polygon or circle for a fence, got none.")
     if len(files) == 1 and single:
         return single[0]
     polygons = [x for x in shapes if x["geometry"]["type"] == "Polygon"]
@@ -228,7 +232,10 @@ def _planner_fence(text: str) -> dict[str, list[dict[str, Any]]]:
 
 def _of_plan(stated: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
     """Polygons and circles of a plan of QGroundControl."""
-    for area in [x for key in ("polygons", "circles") for x in json_part(stated, key, list)]:
+    areas = [x for key in ("polygons", "circles") for x in json_part(stated, key, list)]
+    if corners := json_part(stated, "polygon", list):  # version 1, of plans before 2018
+        areas.append({"polygon": corners})
+    for area in areas:
         inside = json_bool(area.get("inclusion", True), "`inclusion`")
         if "circle" in area:
             lat, lon = (json_number(x, "`center`") for x in area["circle"]["center"][:2])

@@ -133,6 +133,22 @@ def plan_with(path, polygons=(), circles=()):
     return path
 
 
+def test_plans_before_2018_have_one_polygon_to_stay_in(tmp_path):
+    old, new = tmp_path / "old.plan", plan_with(tmp_path / "new.plan", [(True, BOX)])
+    fence = {"version": 1, "polygon": degrees(*BOX), "parameters": []}
+    old.write_text(json.dumps({"mission": {}, "geoFence": fence}))
+
+    assert fence_tables([old]) == fence_tables([new])
+
+
+def test_a_file_that_is_asked_for_its_fence_has_one(tmp_path, box):
+    none = plan_with(tmp_path / "none.plan")
+    fences = "--fence", box, "--fence", none
+
+    said = flighttune("mission", "circuit", "--plan", *SETTINGS, *fences, status=2)[1]
+    assert "none.plan: must have a Polygon or circle for a fence, got none." in said
+
+
 @pytest.mark.parametrize("fence", [False, {"polygons": ""}, {"circles": {}}])
 def test_an_empty_value_of_another_kind_is_not_taken_for_a_plan_without_a_fence(tmp_path, fence):
     path = tmp_path / "x.plan"
@@ -312,6 +328,12 @@ def test_fences_of_mission_planner_are_read_in_both_forms(tmp_path):
     old = tmp_path / "old.fen"
     old.write_text(f"# saved by Mission Planner\n{lines}\n")
     assert limits_of(old) == pytest.approx(np.array([[30, 40]] * 3), abs=SCAN_STEP)
+    # MAVProxy writes no home.
+    homeless = tmp_path / "h.waypoints"
+    homeless.write_text(file.read_text().replace(MISSION_PLANNER.splitlines()[1], ""))
+    assert fence_tables([homeless]) == fence_tables([file])
+    homeless.write_text(whole.read_text().replace(MISSION_PLANNER.splitlines()[1], ""))
+    assert fence_tables([homeless]) == fence_tables([whole])
     short = planner_fence(tmp_path / "s.waypoints", (5001, 5, BOX))
     with pytest.raises(ft.InputError, match="its 5 corners, got 4"):
         fence_tables([short])
