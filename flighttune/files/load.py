@@ -67,7 +67,8 @@ CAMPAIGN = "campaign.json"  # the file that makes a folder that of a campaign
 
 # What files begin with; a telemetry log has the time of its first message before it.
 RERUN, PARQUET, ARCHIVE = b"RRF", b"PAR1", b"PK"
-LOG_STARTS = {"ULog": b"ULog\x01\x12\x35", "DataFlash": b"\xa3\x95", "csv": b"<LABELS>"}
+DATAFLASH = (b"\xa3\x95", b"FMT,")  # as text too
+LOG_STARTS = {"ULog": b"ULog\x01\x12\x35", "DataFlash": DATAFLASH, "csv": b"<LABELS>"}
 MAVLINK_STARTS = b"\xfe\xfd"
 
 # Kind of a file whose content does not tell it: a table has no mark.

@@ -181,10 +181,17 @@ def _read_ulog(path: Path, sources: Sequence[str]) -> tuple[dict[str, Stream], s
 Message: TypeAlias = tuple[str, float, Any]
 
 
-def _dataflash(path: Path, topics: Collection[str]) -> Iterator[Message]:
-    from pymavlink.DFReader import DFReader_binary
+def _dataflash_log(path: Path) -> Any:
+    """A DataFlash log, also one that was converted to text."""
+    from pymavlink.DFReader import DFReader_binary, DFReader_text
 
-    log, first = DFReader_binary(str(path), zero_time_base=True), {}
+    with path.open("rb") as file:
+        reader = DFReader_text if file.read(4) == b"FMT," else DFReader_binary
+    return reader(str(path), zero_time_base=True)
+
+
+def _dataflash(path: Path, topics: Collection[str]) -> Iterator[Message]:
+    log, first = _dataflash_log(path), {}
     while (message := log.recv_match(type=[*topics, "MSG"])) is not None:
         topic = message.get_type()
         if topic == "MSG":
@@ -247,10 +254,22 @@ def _table(path: Path, **options: Any) -> Any:
     """Columns of a table. JSBSim's socket sends a mark before its labels, which no row has."""
     import pandas as pd
 
-    names = [str(name) for name in pd.read_csv(path, nrows=0).columns]
+    with path.open(encoding="utf-8-sig") as file:
+        first, row = file.readline(), file.readline()
+    mark = max(",;\t", key=first.count)
+    form = {"sep": mark, "skipinitialspace": True}
+    names = [str(name) for name in pd.read_csv(path, nrows=0, **form).columns]
     if names and names[0].strip() == "<LABELS>":
         options |= {"names": names[1:], "header": None, "skiprows": 1}
-    return pd.read_csv(path, **options)
+    if (cells := len(row.rstrip(f"{mark}\r\n ").split(mark))) > len(names) and '"' not in row:
+        raise InputError(
+            f"{path}: its first line must have a label for each cell of a row, got {len(names)} "
+            f"labels and {cells} cells; with decimal commas, semicolons must be between cells."
+        )
+    table = pd.read_csv(path, **form, **options)
+    if mark == ";":  # then commas are decimal
+        table = table.replace({r"^(.*),(.*)$": r"\1.\2"}, regex=True)
+    return table
 
 
 def _read_csv(path: Path, sources: Sequence[str]) -> tuple[dict[str, Stream], str]:
@@ -263,7 +282,7 @@ def _read_csv(path: Path, sources: Sequence[str]) -> tuple[dict[str, Stream], st
         for name in sources
     }
     clock, t = table[sources[0]], values[sources[0]]
-    if not pd.api.types.is_numeric_dtype(clock):  # dates
+    if np.isfinite(t).sum() < 0.5 * clock.count():  # dates
         stamps = pd.to_datetime(clock, errors="coerce")
         t = ((stamps - stamps.min()) / pd.Timedelta(seconds=1)).to_numpy(float)
     return {name: (t, column) for name, column in values.items()}, ""
@@ -281,9 +300,7 @@ def _ulog_parameters(path: Path) -> tuple[dict[str, float], str, str]:
 
 
 def _dataflash_parameters(path: Path) -> tuple[dict[str, float], str, str]:
-    from pymavlink.DFReader import DFReader_binary
-
-    log, values, vehicle = DFReader_binary(str(path), zero_time_base=True), {}, ("", "")
+    log, values, vehicle = _dataflash_log(path), {}, ("", "")
     while (message := log.recv_match(type=["PARM", "MSG"])) is not None:
         if message.get_type() == "PARM":
             values[str(message.Name)] = float(message.Value)

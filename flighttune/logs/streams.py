@@ -74,6 +74,8 @@ FINEST_DT, COARSEST_DT = 0.02, 0.2
 # A stream has a gap where its samples are further apart than this many of its periods.
 GAP = 4.0
 
+SLOWEST_S = 5.0  # longest period of roll in a log of a flight, s
+
 USUAL = 0.99  # share of the steps between samples that make a period
 
 MAX_SAMPLES = 1_000_000
@@ -105,9 +107,15 @@ def on_one_base(
             commanded = np.where(last >= 0, error + measured[np.maximum(last, 0)], np.nan)
             raw[f"{name}_cmd"] = in_order(place, name, (t, commanded))
     if "phi" not in raw:
-        raise RecordingError(f"{place}: must have roll, got a log without attitude.")
+        column = ", in a column `phi_deg` or by --column phi=COLUMN:UNIT" * table
+        raise RecordingError(f"{place}: must have roll at two times or more{column}, got none.")
     t_phi = raw["phi"][0]
     periods = {name: _period(t) for name, (t, _) in raw.items()}
+    if periods["phi"] > SLOWEST_S:
+        raise RecordingError(
+            f"{place}: must have roll every {SLOWEST_S:g} s, got one every {periods['phi']:.3g} s; "
+            "of a table whose clock counts ms, --column t=COLUMN:ms is the time."
+        )
     # The fastest stream sets the sample time: on a slower base its samples would be means.
     dt = min(max(min(periods.values()), FINEST_DT), COARSEST_DT)
     first, last = t_phi[0] + start, min(t_phi[-1], t_phi[0] + end)

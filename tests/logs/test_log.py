@@ -100,6 +100,37 @@ def test_a_dataflash_log_with_a_clock_in_ms_is_read(clean, tmp_path):
     assert old.signals["phi"].to_numpy()[:1000] == pytest.approx(phi, abs=BETWEEN)
 
 
+def test_a_dataflash_log_that_was_converted_to_text_is_read(tmp_path):
+    """Mission Planner writes such; its angles are in deg. A log of the age of clocks in ms."""
+    formats = (
+        "FMT, 128, 89, FMT, BBnNZ, Type,Length,Name,Format,Columns",
+        ("FMT, 1, 17, ATT, Icccc, TimeMS,DesRoll,Roll,Pitch,Yaw"),
+    )
+    rows = [f"ATT, {5000 + 100 * i}, 12.00, {0.1 * i:.2f}, 2.00, 90.00" for i in range(200)]
+    gps = "FMT, 2, 30, GPS, BIHff, Status,TimeMS,Week,Spd,GCrs"
+    fixes = [f"GPS, 3, {5000 + 200 * i}, 1800, 22.0, 90.0" for i in range(100)]
+    path = tmp_path / "old.log"
+    path.write_text("\n".join([*formats, gps, *rows, *fixes, ""]))
+
+    signals = ft.load_log(path).signals
+
+    assert signals["phi"][10.0] == pytest.approx(np.deg2rad(10.0))
+    assert signals["phi_cmd"][10.0] == pytest.approx(np.deg2rad(12.0))
+
+
+@pytest.mark.parametrize("form", [{"sep": ";", "decimal": ","}, {"sep": ";"}, {"sep": "\t"}])
+def test_a_table_has_commas_semicolons_or_tabs_between_its_cells(table, form):
+    path = table()
+    expected = ft.load_log(path).signals
+    pd.read_csv(path).to_csv(path, index=False, **form)
+    assert ft.load_log(path).signals.equals(expected)
+
+    labels, *rows = path.read_text().splitlines()
+    units = form["sep"].join(["[-]"] * len(labels.split(form["sep"])))
+    path.write_text("\n".join([labels.replace(form["sep"], form["sep"] + " "), units, *rows]))
+    assert ft.load_log(path).signals.equals(expected)
+
+
 def test_two_signals_may_have_one_field_of_a_message(clean, tmp_path):
     path = write_dataflash(tmp_path / "flight.bin", *clean)
 
@@ -364,6 +395,9 @@ def content(data):
         (still, "x.ulg", "must be the log of a flight, got a speed of at most 0"),
         (stamped(-40.0), "x.ulg", "the clock of `.*` must run forward, got a jump by -"),
         (content(b"a,b\n1,2\n"), "x.csv", "the time must be a column `t`"),
+        (content(b"t,phi\n0,5,0,1\n"), "x.csv", "2 labels and 4 cells; with decimal commas"),
+        (content(b"t,phi,V_g\n0,0,9\n50,0,9\n"), "x.csv", "one every 50 s: .*t=COLUMN:ms"),
+        (content(b"t,roll\n0,0\n1,0\n"), "x.csv", "must have roll .*--column phi="),
         (empty, "x.ulg", "must have roll"),
         (stamped(40_000.0), "x.ulg", "without a break of over 3600 s"),
         (
