@@ -460,11 +460,12 @@ def planner_items(text: str) -> tuple[list[float], list[dict[str, Any]]]:
     first, *lines = [line.split() for line in stated_lines(text)] or [[]]
     if " ".join(first) != HEADER or {*map(len, lines)} != {COLUMNS}:
         raise InputError(f"must begin with {HEADER} and have {COLUMNS} values in each line.")
-    home, *others = items = [
+    items: list[dict[str, Any]] = [
         {"type": "SimpleItem", "command": command, "frame": frame}
         | {"doJumpId": number, "params": values}
         for number, _, frame, command, *values, _ in [map(float, line) for line in lines]
     ]
+    home, *others = items
     if home["command"] in AREAS:
         return [0.0, 0.0, 0.0], items
     if home["command"] != WAYPOINT or home["doJumpId"] != 0:
