@@ -18,7 +18,7 @@ from flighttune.campaign.engine.pool import WorkerPool
 from flighttune.campaign.engine.progress import CampaignObserver
 from flighttune.campaign.flying.columns import measured_in
 from flighttune.campaign.flying.rows import Row
-from flighttune.campaign.meeting import BY_DEFAULT, Meeting, Trial
+from flighttune.campaign.meeting import BY_DEFAULT, Meeting, Status, Trial
 from flighttune.campaign.statistics.intervals import CONFIDENCE, ordered_quantile, share
 from flighttune.claims.count import LOOK, sure
 from flighttune.control.gains import PAPER_GAINS, PIGains
@@ -74,6 +74,10 @@ SUCCESS = 0.95
 
 # Flights of a search by default, without and with a campaign
 BUDGET, CAMPAIGN_BUDGET = 600, 6000
+
+# Status of gains that meet what is required or not, and of those that are surely such or neither
+MET: tuple[Status, Status] = "missed", "met"
+SURELY: Mapping[str, Status] = {"yes": "met", "no": "missed", "": "not sure"}
 
 # Draws on which each candidate of a search over a campaign is flown, and the least for the count
 DRAWS, COUNTED = 32, 200
@@ -493,18 +497,19 @@ def meet(
             search.search([*starts.values()], budget - counting)
         best = nearest = search.best()
         flown_start, counted, worst = trials[first], None, None
-        met, start_met = best.met, flown_start.met
+        status, start_met = MET[best.met], flown_start.met
         if dispersed is not None:
             of_count = at_random(dispersed) if until_sure else dispersed
             fresh_flights = [flights_to_meet(scenarios[0], law_table, of_count)]
             count = Search(fresh_flights, law, pool, draws=fresh, success=success)
             both = best.gains, flown_start.gains
             (nearest, flown_start), counted = _count(count, both, success, until_sure)
-            met, start_met = counted.pop("enough")
+            status, of_start = counted.pop("statuses")
+            start_met = of_start == "met"
             search.flights += count.flights
             worst = count.in_draw(nearest.worst_draw)
     return Meeting(
-        status="met" if met else "missed",
+        status=status,
         scenario=scenarios[0],
         campaign=dispersed,
         gains=nearest.gains,
@@ -516,7 +521,7 @@ def meet(
         metric={"name": metric, "value": nearest.metric, "start": flown_start.metric},
         requirements=[*_requirements(nearest, flown_start, search.conflicting(nearest))],
         worse=[*_worse(scenarios[0], law, nearest, flown_start)],
-        trade_offs=[] if met or dispersed else [*search.trade_offs(best)],
+        trade_offs=[] if best.met or dispersed else [*search.trade_offs(best)],
         success=counted,
         worst=worst,
         trials=[*search.trials.values()],
@@ -576,22 +581,22 @@ def _count(
             break
     if until_sure:  # an interval is not valid at a number of draws that the draws decide
         shares = [{"value": float(met.mean()), "n": n} for met in flags]
-        by, enough = "evidence", [answer == "yes" for answer in answers]
+        by, statuses = "evidence", [SURELY[answer] for answer in answers]
     else:
         # The lower end of the interval decides, unless it is below `wanted` for any count.
         cycles = np.arange(n) // cycle(count.campaigns[0])
         by = "lo" if share(np.ones(n, dtype=bool), cycles).lo >= wanted else "value"
         shares = [asdict(share(met, cycles)) for met in flags]
-        enough = [part[by] >= wanted for part in shares]
+        statuses = [MET[part[by] >= wanted] for part in shares]
     by_default = trials[0].default
     return trials, {
         "share": shares[0],
         "of_start": shares[1],
         "by": by,
         "sure": answers[0],
-        "enough": [
-            met and bool((trial.excess[:, by_default] <= 0.0).all())
-            for met, trial in zip(enough, trials, strict=True)
+        "statuses": [
+            status if (trial.excess[:, by_default] <= 0.0).all() else "missed"
+            for status, trial in zip(statuses, trials, strict=True)
         ],
         "wanted": wanted,
         "worst_draw": trials[0].worst_draw,

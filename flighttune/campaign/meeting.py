@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -22,6 +22,8 @@ from flighttune.present.answer import Answer, Answering, Column, Table, interval
 from flighttune.present.names import columns, endings_table, in_words, listed, measure_words
 from flighttune.scenario.schema import Scenario
 from flighttune.theory.indicators import indicators
+
+Status: TypeAlias = Literal["met", "missed", "not sure"]
 
 # How rows of the margins are named that are required unless the scenario states others.
 BY_DEFAULT = "by default"
@@ -106,7 +108,7 @@ class Meeting(Answering):
 
     Attributes
     ----------
-    status : "met" or "missed"
+    status : "met", "missed" or "not sure"
     scenario : Scenario
         The first one, whose first law the gains are for.
     campaign : Campaign or None
@@ -156,7 +158,7 @@ class Meeting(Answering):
     ('missed', ['loop.gain_margin_dB'])
     """
 
-    status: Literal["met", "missed"]
+    status: Status
     scenario: Scenario
     campaign: Campaign | None
     gains: PIGains

@@ -398,6 +398,19 @@ def test_the_share_of_a_campaign_is_counted_until_it_is_sure(campaign, bound, dr
     assert meeting.worst.flight.V_a_mps == drawn["flight.V_a_mps"].iloc[success["worst_draw"]]
 
 
+def test_gains_of_which_the_draws_say_neither_yes_nor_no_have_a_status_of_their_own(campaign):
+    base, file = campaign
+    file.write_text(CAMPAIGN.replace("MO_deg = 8.0", "MO_deg = 60.0"), encoding="utf-8")
+    # 0.99^-n / 2 exceeds 2 / 0.05 from 437 draws on, and there are 200
+    fixed = {"start": "tuned_identified", "budget": 480, "success": 0.99, "workers": 1}
+
+    meeting = ft.meet(base, campaign=file, until_sure=True, **fixed)
+
+    assert (meeting.status, meeting.success["sure"], meeting.start_met) == ("not sure", "", False)
+    assert meeting.success["share"] == {"value": 1.0, "n": 200}
+    assert "it is not sure whether" in meeting.answer().failure
+
+
 def test_gains_whose_loop_is_unstable_are_surely_missed_without_a_flight(campaign):
     base, file = campaign
     fixed = {"start": shifted(ft.PAPER_GAINS, 4.0), "budget": 480, "workers": 1}
