@@ -68,7 +68,8 @@ def tune(
         same in every flight is tuned as at the trim.
     lag : two numbers, or two of each channel, s, optional
         Smallest and largest lag of the inner loop: the slowest decay behind lags between them is
-        made fastest, within the sensitivity of [tuning]; `certify` proves its rate.
+        made fastest, within the sensitivity of [tuning], by default its `lag_s`; `certify` proves
+        its rate.
     starts : int, optional
         Searches from random starts; by default what the scenario's [tuning] says.
     prove : bool
@@ -108,7 +109,8 @@ def tune(
     everywhere = (model or stated.model) == "identified"
     own = {"model": model or stated.model, "robust": stated.robust or (everywhere and envelope)}
     scenario = scenario.model_copy(update={"tuning": stated.model_copy(update=own | chosen)})
-    if lag is not None and (envelope or scenario.tuning.objective == "cost"):
+    lag = stated.lag_s if lag is None else lag
+    if lag is not None and (envelope or stated.objective == "cost"):
         raise InputError("`lag` must be absent over an envelope, and with a quadratic cost.")
     if envelope and not everywhere and not (law or scenario.laws[0]).same_everywhere:
         if scenario.tuning.objective != "R_K":

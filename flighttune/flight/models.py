@@ -248,8 +248,9 @@ def tune_scenario(
     """The gains named ``tuned`` of a scenario, and how they were found.
 
     `law`: by default the scenario's first. `lag`: a range of lags (s) for which gains are found, as
-    `lag_problems`. `kept`: reuse the result if this process has solved the same problem. Raises
-    InputError or ScenarioError if an identified model is needed and missing.
+    `lag_problems`, by default that of [tuning]. `kept`: reuse the result if this process has solved
+    the same problem. Raises InputError or ScenarioError if an identified model is needed and
+    missing.
     """
     law = law or scenario.laws[0]
     if scenario.tuning.feedback and law.inputs != RATES:
@@ -257,6 +258,7 @@ def tune_scenario(
             f"`feedback` of [tuning] must be false but for the exact law, got the law {law.name!r}."
         )
     identified = scenario.tuning.model == "identified"
+    lag = scenario.tuning.lag_s if lag is None else lag
     if lag is not None:
         problems = lag_problems(scenario, law, lag)
     elif identified:
@@ -308,7 +310,7 @@ def gain_set(scenario: Scenario, name: str, tuning: TuningResult | None = None) 
                 f"{law.name!r}."
             )
         if gains in IDENTIFIED:
-            settings = {"model": "identified", **IDENTIFIED[gains]}
+            settings = {"model": "identified", "lag_s": None, **IDENTIFIED[gains]}
             tuned = scenario.tuning.model_copy(update=settings)
             scenario, tuning = scenario.model_copy(update={"tuning": tuned}), None
         tuning = tuning or tune_scenario(scenario, law, kept=True)

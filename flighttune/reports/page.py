@@ -275,10 +275,14 @@ def _moves(name: str, start: float, reference: FloatArray) -> str:
 def _gains_in_words(scenario: Scenario, runs: Sequence[Run]) -> str:
     """Sources of the gains of the runs, in one line."""
     identified = "largest R_K on the identified aircraft"
-    on_the_law = f"largest R_K with I_K ≤ {scenario.tuning.I_star:g} on the guidance law"
+    tuned, tuning = identified, scenario.tuning
+    if tuning.lag_s is not None:
+        tuned = "fastest decay behind lags of {:g} to {:g} s".format(*tuning.lag_s)
+    elif tuning.model == "kinematic":
+        tuned = f"largest R_K with I_K ≤ {tuning.I_star:g} on the guidance law"
     origins = {
         "paper": "K*, arXiv 2411.13140",
-        TUNED: identified if scenario.tuning.model == "identified" else on_the_law,
+        TUNED: tuned,
         TUNED_IDENTIFIED: identified,
         TUNED_FED_BACK: "least errors in turbulence on the identified aircraft, fed back",
     }

@@ -744,6 +744,9 @@ class TuningTable(q.Table):
     # Of phi and n_z, first order, before the kinematic law; none if left out
     lag_rad_s: Annotated[list[q.Bandwidth], Field(min_length=2, max_length=2)] | None = None
     sample_delay: bool = False  # true: half a sample of delay on the kinematic model
+    # Smallest and largest lag of the inner loop, s: the slowest decay behind lags between them is
+    # made fastest in place of R_K, as by `tune --lag`; not for tuned_identified. None if left out
+    lag_s: Annotated[list[q.TimeConstant], Field(min_length=2, max_length=2)] | None = None
     input_limits: bool = False  # true: the first command stays inside the limits
     structure: Literal["full", "decoupled"] = "full"
     gain_max: q.PositiveGain | None = None  # largest entry; 1000 if left out
@@ -801,6 +804,12 @@ class TuningTable(q.Table):
         if self.objective != "cost":
             cost_keys = "error_weights", "command_weights", "R_min"
             self.must_lack('without objective = "cost"', *cost_keys)
+        else:
+            self.must_lack('with objective = "cost"', "lag_s")
+        if self.lag_s is not None:
+            self.must_lack("with `lag_s`", "lag_rad_s")
+            if self.lag_s[0] > self.lag_s[1]:
+                raise ValueError(f"`lag_s` must have its low end first, got {self.lag_s}")
         return self
 
 

@@ -13,6 +13,7 @@ from scipy.linalg import expm
 import flighttune as ft
 from flighttune.certificates import lag_box
 from flighttune.certificates.lag_box import constant_rate, constant_rate_proven, norm_rate
+from flighttune.flight.models import gain_set
 
 # Relative distance between a proven rate and the least over the points of a grid: four digits.
 FOUR_DIGITS = 5e-5
@@ -178,9 +179,25 @@ def test_gains_tuned_for_a_range_of_lags_have_the_largest_rate_of_all_gains():
     assert min(box.norm_rate for box in boxes) > max(box.rate for box in behind_lags().boxes)
 
 
-def test_a_range_of_lags_is_tuned_for_at_one_condition():
+@pytest.mark.soak
+def test_the_range_of_lags_that_a_scenario_states_is_that_of_its_gains_named_tuned():
+    changes = {"tuning.lag_s": [0.2, 0.6], "tuning.starts": 1}
+    stated = ft.load_scenario("mission", changes=changes)
+
+    tuned = ft.tune("mission", lag=(0.2, 0.6), starts=1)
+
+    assert gain_set(stated, "tuned") == ft.tune("mission", changes=changes).gains == tuned.gains
+    without = ft.load_scenario("mission", changes={"tuning.starts": 1})
+    identified = gain_set(without, "tuned_identified")
+    assert gain_set(stated, "tuned_identified") == identified != tuned.gains
+
+
+@pytest.mark.parametrize(
+    "stated", [{"lag": (0.2, 0.6)}, {"changes": {"tuning.lag_s": [0.2, 0.6]}}], ids=str
+)
+def test_a_range_of_lags_is_tuned_for_at_one_condition(stated):
     with pytest.raises(ft.InputError, match="`lag` must be absent"):
-        ft.tune("paper", envelope=True, lag=(0.2, 0.6))
+        ft.tune("paper", envelope=True, **stated)
 
 
 # Relative excess over the same, by the part of the box between two points.
