@@ -148,7 +148,7 @@ def dt_of(run: Run) -> float:
 def columns_of(models: Sequence[SignalModel], run: Run, from_s: float = 0.0) -> list[FloatArray]:
     """The terms of each model and last its target, from a time on, shape (terms + 1, n) each.
 
-    Gaps of a log keep the value before them.
+    Of a sensor that errs it is what is measured. Gaps of a log keep the value before them.
     """
     if not run.duration > from_s:
         raise InputError(f"{run.label}: must be over {from_s:g} s long, got {run.duration:.1f} s.")
@@ -158,7 +158,8 @@ def columns_of(models: Sequence[SignalModel], run: Run, from_s: float = 0.0) -> 
     def quantity(name: str) -> FloatArray:
         if name not in quantities:
             function, signals = QUANTITIES.get(name, (np.positive, name))
-            taken = (run.signals[x].ffill().bfill().to_numpy(float) for x in signals.split())
+            measured = (f"{x}_meas" if f"{x}_meas" in run.signals else x for x in signals.split())
+            taken = (run.signals[x].ffill().bfill().to_numpy(float) for x in measured)
             quantities[name] = function(*taken)
         return quantities[name]
 
