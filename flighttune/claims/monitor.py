@@ -153,8 +153,9 @@ class Monitor(Counted, Watching):
         return [
             f"Expected are {listed([f'{x.name} ({x.target})' for x in models])}, from "
             f"{listed(signals_of(models))} as recorded: "
-            "surfaces and throttle are positions, and no noise is added to a sensor. A flight that "
-            "did not complete counts as an alarm. How often faults are found is not in the claim."
+            "surfaces and throttle are positions, and sensors err only as [sensors] says. A flight "
+            "that did not complete counts as an alarm. How often faults are found is not in the "
+            "claim."
         ]
 
 

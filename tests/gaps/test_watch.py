@@ -1,6 +1,7 @@
 """What a monitor expects, against signals whose laws are known, and lags in closed form."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -51,6 +52,15 @@ def test_flights_teach_the_law_that_they_obey(turning):
     (learned,) = taught(models, [moments(columns_of(models, turning()))])
 
     assert learned.weights == pytest.approx((0.0, 9.81, 0.0), abs=1e-6)
+
+
+def test_of_a_sensor_that_errs_what_it_measures_is_watched(turning):
+    run = turning()
+    run = replace(run, signals=run.signals.assign(V_a=25.0, V_a_meas=22.0))
+
+    ((*_, airspeed),) = columns_of(models_of({"V_a"}), run)
+
+    assert airspeed == pytest.approx(22.0, rel=ROUNDING)
 
 
 def test_a_step_that_is_not_expected_alarms_when_its_lag_reaches_the_limit(turning):
