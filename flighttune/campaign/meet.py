@@ -25,13 +25,7 @@ from flighttune.control.gains import PAPER_GAINS, PIGains
 from flighttune.control.law import Law, plain_laws, split_name
 from flighttune.control.linear_model import closed_loop
 from flighttune.errors import InputError
-from flighttune.flight.expectations import (
-    BoundCheck,
-    bound_checks,
-    bounded_loop,
-    end_share,
-    not_followed,
-)
+from flighttune.flight.expectations import BoundCheck, bound_checks, bounded_loop, not_followed
 from flighttune.flight.load import as_scenario, scenario_and_gains
 from flighttune.flight.models import gain_set, identified_models, loop_measures, tuning_problem
 from flighttune.metrics import AIRSPEED
@@ -239,7 +233,7 @@ class Search:
     def _trial(self, gains: PIGains, rows: Sequence[Sequence[Row]]) -> Trial:
         """The checks of rows of each campaign; those of gains not flown have no status."""
         (name,) = self._law.names_of(["0"])
-        # The checks of each draw, with their excesses: at least that of the error at the end
+        # The checks of each draw, with their excesses; LOST where a flight does not follow
         draws: dict[int, list[tuple[BoundCheck, float]]] = {}
         ends: dict[str, float] = {}
         metric = 0.0
@@ -252,14 +246,13 @@ class Search:
                 flown = row.get("status") == "completed"
                 tables = scenario.expected(row["plant"], name)
                 measured = {**(measured_in(row) if flown else {}), **loop}
-                why, (late, _) = not_followed(tables, measured), end_share(tables, measured)
+                why = not_followed(tables, measured)
                 for check in bound_checks(tables, measured, where + row["plant"]):
                     of_loop, excess = check.subject == "loop", check.margin
                     check = replace(check, flown=flown or of_loop)
-                    if why and not of_loop:
-                        excess = np.fmax(excess, late - 1.0)
-                        check = replace(check, value=math.nan, why=why) if check.met else check
-                    if not check.flown:
+                    if why and not of_loop and check.met:
+                        check = replace(check, value=math.nan, why=why)
+                    if not check.flown or (why and not of_loop):
                         excess = LOST
                     draws.setdefault(row.get("draw", 0), []).append((check, excess))
                 for channel, values in measured.items():

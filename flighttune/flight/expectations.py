@@ -184,8 +184,21 @@ def _wrong_end(tables: Sequence[ExpectTable], status: str, reason: str) -> str:
 
 
 def not_followed(tables: Sequence[ExpectTable], measured: Measured) -> str:
-    """Why a completed run does not follow its reference to the end; empty if it does."""
-    share, channel = end_share(tables, measured)
+    """Why a completed run does not follow its reference to the end; empty if it does.
+
+    It is not asked without a bound, where another end is stated, or of a channel with a lower bound
+    on an error or a time, which a poor flight meets.
+    """
+    bounds = [*bound_checks(tables, {})]
+    if not bounds or any(table.status not in (None, "completed") for table in tables):
+        return ""
+    poor = {check.subject for check in _lower(bounds)}
+    shares = (
+        (values["end_error"] / values["end_allowed"], channel)
+        for channel, values in measured.items()
+        if "end_error" in values and channel not in poor
+    )
+    share, channel = max(shares, default=(0.0, ""))
     if share <= 1.0:
         return ""
     per, unit = (1.0, "m/s") if channel == metrics.AIRSPEED else (DEG, "deg")
@@ -194,24 +207,6 @@ def not_followed(tables: Sequence[ExpectTable], measured: Measured) -> str:
         f"{channel} does not follow its reference to the end: the mean error there must be at most "
         f"{most:.3g} {unit}, got {mean:.3g}"
     )
-
-
-def end_share(tables: Sequence[ExpectTable], measured: Measured) -> tuple[float, str]:
-    """Largest mean error at the end relative to what is allowed, and its channel; 0 if none counts.
-
-    None counts without a bound, or where another end is stated; nor does that of a channel with a
-    lower bound on an error or a time, which a poor flight meets.
-    """
-    bounds = [*bound_checks(tables, {})]
-    if not bounds or any(table.status not in (None, "completed") for table in tables):
-        return 0.0, ""
-    poor = {check.subject for check in _lower(bounds)}
-    shares = (
-        (values["end_error"] / values["end_allowed"], channel)
-        for channel, values in measured.items()
-        if "end_error" in values and channel not in poor
-    )
-    return max(shares, default=(0.0, ""))
 
 
 def _lower(bounds: Sequence[BoundCheck]) -> list[BoundCheck]:
