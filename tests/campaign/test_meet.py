@@ -255,6 +255,17 @@ def test_an_envelope_is_met_as_fly_and_a_formula_of_its_runs_have_it():
         assert ratio == pytest.approx((error / bound).max(), abs=1e-6)
 
 
+def test_gains_that_never_settle_rank_behind_those_that_settle_late():
+    late = scenario(at_most(settling_s=2.0))  # 6.1 s with K*
+    weak = ft.PIGains(K_P=0.3 * ft.PAPER_GAINS.K_P, K_I=0.003 * ft.PAPER_GAINS.K_I)
+    with WorkerPool(1) as pool:
+        search = Search([flights_to_meet(late, late.law_tables[0])], late.laws[0], pool)
+        never, paper = search.fly([weak, ft.PAPER_GAINS])
+
+    assert np.isnan(never.checks[0][0].value)
+    assert search.value(never) > search.value(paper)
+
+
 def test_unstable_and_known_candidates_are_not_flown(overshoot):
     law = overshoot.laws[0]
     with WorkerPool(1) as pool:
