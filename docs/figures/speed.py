@@ -166,9 +166,9 @@ TEXT = """\
 
 How long do flights, campaigns and commands take, and against what? `make bench` measures each
 ratio against a named peer in the same run, and ends with exit status 1 if one misses its bar.
-`python docs/figures/speed.py FOLDER` writes this page. These figures are
+`python docs/figures/speed.py FOLDER` writes this page. The figures are
 of flighttune {version} with Python {python} on two cores of {processor} that others
-used at the same time, which slows Python more than the steps of JSBSim. Bare steps are `fdm.run()`
+used too, which slows Python more than the steps of JSBSim. Bare steps are `fdm.run()`
 of the same aircraft and time.
 
 | what | against | measured | bar |
