@@ -48,7 +48,7 @@ ENDINGS = ("_ms:ms", "_s:s", "_m:m", "_mps:m/s", "_rad:rad", "_deg:deg", "")
 CLOCKS = tuple(f"{name}{ending}" for name in ("t", "time", "timestamp") for ending in ("", "_s:s"))
 
 # Columns as a user gives them: NAME=SOURCE[:UNIT], files of such, or a mapping.
-Columns: TypeAlias = Sequence[str | Path] | Mapping[str, str]
+Columns: TypeAlias = str | Path | Sequence[str | Path] | Mapping[str, str]
 
 
 def _column(name: str, source: str, place: str) -> Column:
@@ -77,7 +77,7 @@ def given_columns(columns: Columns) -> dict[str, Column]:
     if isinstance(columns, Mapping):
         pairs = {name: (source, "columns") for name, source in columns.items()}
         columns = ()
-    for entry in columns:
+    for entry in [columns] if isinstance(columns, str | Path) else columns:
         name, equals, source = str(entry).partition("=")
         if equals:
             pairs[name] = source, "--column"
@@ -153,7 +153,7 @@ def load_log(
     path : str or Path
         A ULog (PX4), a DataFlash log (ArduPilot), a telemetry log (MAVLink) or a table (.csv); the
         first three are known by their content.
-    columns : mapping of str to str, or sequence of str or Path
+    columns : mapping of str to str, str, Path, or sequence of these two
         Where the log has signals, over what is known of its kind: ``{"chi": "COLUMN:UNIT"}``,
         ``"chi=COLUMN:UNIT"``, or TOML files of such pairs. In a binary log a column is
         ``TOPIC.FIELD``. Signals are those of runs and, as `sources.toml` says, attitude

@@ -251,6 +251,8 @@ def test_units_signs_and_names_of_a_table_are_given(clean, tmp_path):
 
     for name in ("phi", "V_a"):
         assert run.signals[name].to_numpy()[1:-1] == pytest.approx(signals[name][1:-1], abs=1e-9)
+    alone = ft.load_log(path, columns=str(given))
+    assert alone.signals["phi"].equals(run.signals["phi"])
 
 
 @pytest.mark.parametrize(
