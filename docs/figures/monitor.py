@@ -12,6 +12,7 @@ import numpy as np
 from scipy.stats import multivariate_normal
 
 import flighttune as ft
+from flighttune.claims.monitor import Monitor
 from flighttune.flight.fly import fly_alone
 from flighttune.gaps.watch import columns_of, dt_of, residuals
 
@@ -103,6 +104,7 @@ def main(flights=60, healthy=None):
     healthy = healthy or flights
     draws = Draws(max(FIRST + max(flights, healthy), TAUGHT + flights))
     monitor = ft.monitor(CAMPAIGN, learn=LEARN)
+    assert isinstance(monitor, Monitor)
     band = ft.band(CAMPAIGN, learn=LEARN, epsilon=0.05, confidence=0.95)
 
     def missing(run):

@@ -14,7 +14,7 @@ from geographiclib.geodesic import Geodesic
 
 from flighttune.arrays import FloatArray, Floats
 from flighttune.errors import InputError, need
-from flighttune.files.mistakes import abridged
+from flighttune.files.mistakes import abridged, shown
 from flighttune.files.table import file_text, hash_of, json_object, json_tables
 from flighttune.files.xml import node
 from flighttune.references.path import STEP
@@ -167,7 +167,7 @@ def reading(path: Path, kind: str) -> Iterator[None]:
     except KeyError as error:
         raise InputError(f"{path}: must be {kind}, got none with `{error.args[0]}`.") from error
     except (TypeError, ValueError, IndexError, AttributeError, OverflowError) as error:
-        reason = f" ({error})" if isinstance(error, ValueError) else ""
+        reason = f" ({shown(str(error))})" if isinstance(error, ValueError) else ""
         raise InputError(f"{path}: must be {kind}, got values of another kind{reason}.") from error
 
 
