@@ -148,7 +148,7 @@ def dt_of(run: Run) -> float:
 def columns_of(models: Sequence[SignalModel], run: Run, from_s: float = 0.0) -> list[FloatArray]:
     """The terms of each model and last its target, from a time on, shape (terms + 1, n) each.
 
-    Of a sensor that errs it is what is measured. Gaps of a log keep the value before them.
+    Where a sensor errs, they are of what it measures. Gaps of a log keep the value before them.
     """
     if not run.duration > from_s:
         raise InputError(f"{run.label}: must be over {from_s:g} s long, got {run.duration:.1f} s.")

@@ -114,7 +114,7 @@ def on_one_base(
     if periods["phi"] > SLOWEST_S:
         raise RecordingError(
             f"{place}: must have roll every {SLOWEST_S:g} s, got one every {periods['phi']:.3g} s; "
-            "of a table whose clock counts ms, --column t=COLUMN:ms is the time."
+            "if the clock of a table counts ms, give --column t=COLUMN:ms."
         )
     # The fastest stream sets the sample time: on a slower base its samples would be means.
     dt = min(max(min(periods.values()), FINEST_DT), COARSEST_DT)

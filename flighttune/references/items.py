@@ -241,7 +241,8 @@ def _landing(item: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
     stops += [2501] * _flag(item, "stopVideoPhotos", False)  # QGroundControl's name for videos
     stops += [SPEED] * _flag(item, "useDoChangeSpeed", False)
     for command in (189, *stops):
-        params = [0, item.get("finalApproachSpeed"), -1, *[0] * 4]  # of a change of speed
+        # A change of speed alone reads its parameters; frame 2 is that of items without a place.
+        params = [0, item.get("finalApproachSpeed"), -1, *[0] * 4]
         yield {"type": "SimpleItem", "frame": 2, "command": command, "params": params}
     ends = {"loiter": (circle, before, approach), "land": (down, [0] * 4, item["landCoordinate"])}
     for part, (command, values, coordinate) in ends.items():

@@ -133,7 +133,7 @@ def _line(shapes: Sequence[Mapping[str, Any]]) -> RouteFile:
     flight = {"h_m": rows[0]["up_m"]} if rows else {}
     # Programs that know no heights write zeros.
     if not any(row["up_m"] for row in rows):
-        clamped = "" if mode in STATED_HEIGHTS else f" that count, as it is {mode}"
+        clamped = "" if mode in STATED_HEIGHTS else f" that count, as its line is {mode}"
         flight = {}
         notes.append(f"The file has no heights{clamped}: the route is level, at `h_m`.")
     elif mode != STATED_HEIGHTS[0]:

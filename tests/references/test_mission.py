@@ -446,7 +446,7 @@ def test_a_line_of_kml_is_read(read_text):
     clamped = read_text(".kml", KML.format("clampToGround"))
     assert clamped.flight == {}
     assert clamped.values("up_m") == [0.0, 0.0]
-    assert "no heights that count, as it is clampToGround" in clamped.notes[0]
+    assert "no heights that count, as its line is clampToGround" in clamped.notes[0]
 
 
 def line(*points):

@@ -213,7 +213,7 @@ class Findings:
             for check in bound_checks([table], {}):
                 measure = f"{check.subject}.{in_rad(check.measure)}"
                 bound = check.bound * (DEG if check.measure.endswith("_deg") else 1.0)
-                if check.subject == "loop":  # of the undispersed loop, so that no flight has it
+                if check.subject == "loop":  # of the undispersed loop: no flight has a column of it
                     key = in_rad(check.measure)
                     of_gains = {name: loop["loop"].get(key) for name, loop in loops.items() if loop}
                     values = rows["gains"].map(of_gains).to_numpy(dtype=float)
