@@ -214,13 +214,11 @@ class Controller(Protocol):
 
 
 class SelfLimiting(ABC):
-    """Base of controllers that apply the limits of their flight themselves.
+    """Base of controllers that apply the limits of their flight themselves."""
 
-    The loop records their ``limiter`` and adds no limits of its own. A base class, not a
-    protocol: a user's controller with a `limiter` of its own is wrapped in `GuardedLaw`, which
-    limits its commands.
-    """
-
+    # The loop records their ``limiter`` and adds no limits of its own. This is a base class, not a
+    # protocol: a user's controller with a `limiter` of its own is wrapped in `GuardedLaw`, which
+    # limits its commands.
     dt: float
     signals: Mapping[str, str]
 

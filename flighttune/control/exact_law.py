@@ -214,11 +214,7 @@ class ExactLaw(StatefulPI):
 
 
 def turning_speed(measured: Measured, estimate: tuple[float, ...] | None = None) -> float:
-    """Speed that turns lift into rates of course and path angle, m/s: the airspeed in still air.
-
-    With wind it is `speed_in_wind`. An `estimate` of the wind (north, east, down, m/s) stands for
-    the one measured.
-    """
+    """Speed that turns lift into rates, m/s, in the wind measured, or its `estimate` (NED, m/s)."""
     chi, gamma, V_a, *_ = measured
     wind = measured.wind if estimate is None else estimate
     return V_a if wind is None else speed_in_wind(chi, gamma, V_a, wind)
@@ -245,10 +241,7 @@ def speed_in_wind(chi: float, gamma: float, V_a: float, wind: Sequence[float]) -
 
 
 def rate_model(*, airspeed: bool = False) -> LinearModel:
-    """Error dynamics of the exact law while no limit holds: ``e' = -nu`` on rates of the reference.
-
-    They are the same at every airspeed, path angle, roll and load factor.
-    """
+    """Error dynamics of the exact law while no limit holds: ``e' = -nu`` in every flight."""
     n = 3 if airspeed else 2
     return law_model(np.zeros((n, n)), -np.eye(n), RATES)
 
@@ -282,14 +275,12 @@ def with_feedback(
     step_down: float,
     step_up: float,
 ) -> tuple[float, float, int]:
-    """Command with what is lacking of the one expected, after its limits, and which limit holds.
-
-    In between stands the command expected that would have led to the one after the limits.
-    `limited` says which limit holds the command expected. Written so that Numba compiles it too;
-    the arguments from `before` on are those of `limit_command`.
-    """
+    """Command with what is lacking of the one expected, after its limits, and which limit holds."""
+    # `limited` says which limit holds the command expected. The arguments from `before` on are
+    # those of `limit_command`. Numba compiles this function too.
     wanted = expected + k * (expected - measured)
     u, kind = limit_command(wanted, before, lower, upper, step_down, step_up)
+    # In between stands the command expected that would have led to the one after the limits.
     return u, (u + k * measured) / (1.0 + k), limited or kind
 
 

@@ -34,15 +34,7 @@ MAX_SHOWN = 40
 
 
 def failure(name: str, error: BaseException, t: float | None) -> str:
-    """Source, time and reason of an exception, in one line.
-
-    Parameters
-    ----------
-    name : str
-        Name of the law or plant.
-    t : float or None, s
-        Time of the flight, if one had begun.
-    """
+    """Source, time (s; None before a flight) and reason of an exception, in one line."""
     when = "" if t is None else f" at t = {t:.2f} s"
     said = _shown(error, str, 2**15)
     return f"{name}{when}: {type(error).__name__}: {said}{_place(error)}"
@@ -84,21 +76,15 @@ class LawError(Exception):
 
 
 class GuardedLaw(SelfLimiting):
-    """A law in limits that ends the flight, in one line, where it fails.
-
-    Parameters
-    ----------
-    limits : Limits
-        Of (phi, n_z), or (phi, n_z, n_x). They hold for whatever the law commands, also where it
-        has a limiter of its own, whose commands before the limits are then the ones recorded.
-    name : str
-        Name for messages.
-    """
+    """A law in limits that ends the flight, in one line, where it fails."""
 
     def __init__(self, law: Controller, limits: Limits, name: str = "law") -> None:
         self._law, self._name = law, name
         self.dt: float = law.dt
         self.signals = {str(name): str(unit) for name, unit in law.signals.items()}
+        # The limits of (phi, n_z), or (phi, n_z, n_x), hold for whatever the law commands, also
+        # where it has a limiter of its own, whose commands before the limits are then the ones
+        # recorded.
         self._m, self._limits = len(limits.lower), CommandLimiter(limits, self.dt)
         self._recorded: Any = self._limits
         self._spent = 0.0
@@ -122,14 +108,7 @@ class GuardedLaw(SelfLimiting):
             raise LawError(f"{self._name}: `limiter` must be a CommandLimiter, got {shown_value}.")
 
     def step(self, measured: Measured, reference: ReferenceSample, t: float) -> Sequence[float]:
-        """Return the commands of the law after the limits, and what it wants recorded.
-
-        Raises
-        ------
-        LawError
-            If the law raises, returns other than its commands and signals as finite numbers, or
-            takes longer than the flight.
-        """
+        """Commands of the law after the limits; LawError if it fails or takes too long."""
         began = time.perf_counter()
         try:
             returned: object = self._law.step(measured, reference, t)
@@ -162,13 +141,7 @@ class GuardedLaw(SelfLimiting):
         return (*self._limits.limit(*values[:m]), *values[m:])
 
     def linear(self) -> tuple[LinearModel, PIGains] | None:
-        """Model and gains of the law, as its ``linear`` returns them; None where it has none.
-
-        Raises
-        ------
-        LawError
-            If it raises, or returns something else.
-        """
+        """Model and gains of the law's ``linear``, None without one; LawError if it fails."""
         linear = getattr(self._law, "linear", None)
         try:
             returned = None if linear is None else linear()

@@ -21,41 +21,18 @@ from flighttune.errors import InputError, ShapeError
 
 
 def with_input_lag(model: LinearModel, bandwidths: npt.ArrayLike) -> LinearModel:
-    """The model behind a first-order lag of each input, `bandwidths` (rad/s) one or m numbers.
-
-    Its states are (x, u) and its inputs the commands; the loop closes on the errors alone: output
-    feedback. Raises ShapeError or InputError if a bandwidth is missing or not positive.
-    """
+    """The model behind a first-order lag of each input, `bandwidths` (rad/s) one or m numbers."""
     each = _one_per_input("bandwidths", bandwidths, len(model.inputs)).tolist()
     return with_inner_loop(model, [InnerLag(order=1, natural_frequency=w) for w in each])
 
 
 def with_input_delay(model: LinearModel, delay: npt.ArrayLike) -> LinearModel:
-    """The model behind a delay of its inputs, by a Pade section.
+    """The model behind a Pade section ``(1 - s h/2) / (1 + s h/2)`` of each input, `delay` h in s.
 
-    A sampled controller with zero-order hold delays its command by half its sample time on
-    average; add the time it computes. The delay stands after the command: apply this to a model
-    that has its lag already.
-
-    Parameters
-    ----------
-    model : LinearModel
-        n states, m inputs, p errors.
-    delay : array_like, shape (m,) or (), s
-        Delay h of each input, positive: a first-order Pade section ``(1 - s h/2) / (1 + s h/2)``.
-
-    Returns
-    -------
-    LinearModel
-        n + m states; a section's own state is its command behind a lag of h/2, so that it has the
-        unit of the input.
-
-    Raises
-    ------
-    ShapeError
-        If `delay` is not one number or m of them.
-    InputError
-        If a delay is not positive and finite.
+    A sampled controller with zero-order hold delays its command by half its sample time on average;
+    add the time it computes. The delay stands after the command: apply this to a model that has its
+    lag already. A section's own state is its command behind a lag of h/2, so that it has the unit
+    of the input.
     """
     each = _one_per_input("delay", delay, len(model.inputs))
     late = [(np.array([[-2.0 / h]]), np.array([2.0 / h]), [2.0], -1.0) for h in each]
@@ -199,11 +176,7 @@ class InnerLag:
 
 
 def with_inner_loop(model: LinearModel, lags: Sequence[InnerLag]) -> LinearModel:
-    """The model behind the inner loop of each input, whose inputs are the commands.
-
-    Its states are those of `model`, then of each lag in turn; the loop closes on the errors alone:
-    output feedback.
-    """
+    """The model behind the inner loop of each input: its states, then those of each lag in turn."""
     if len(lags) != len(model.inputs):
         raise ShapeError(f"`lags` must be {len(model.inputs)}, one an input, got {len(lags)}.")
     filters, names = [], []
@@ -216,14 +189,11 @@ def with_inner_loop(model: LinearModel, lags: Sequence[InnerLag]) -> LinearModel
 
 
 def inner_loop_scaling(model: LinearModel, lags: Sequence[InnerLag]) -> FloatArray:
-    """Units of s = (x', e) of `with_inner_loop` in which a lag counts by its effect on x'.
-
-    A state of the lag of input i is measured in units of ``1 / norm(B[:, i])``, B of `model`, which
-    is without the inner loop: of the chi/gamma law the rate of roll then enters as the angular
-    acceleration it causes. States and errors of `model` keep their units. Raises InputError if an
-    input acts on nothing.
-    """
+    """Units of s = (x', e) of `with_inner_loop` in which a lag counts by its effect on x'."""
     n, _, p = model.shape
+    # A state of the lag of input i is measured in units of ``1 / norm(B[:, i])``, B without the
+    # inner loop: the roll rate of the chi/gamma law then enters as the angular acceleration it
+    # causes.
     effect = np.linalg.norm(model.B, axis=0)
     if not (effect > 0.0).all():
         raise InputError(f"`model` must have inputs that act on it, got B = {model.B.tolist()}.")
@@ -250,20 +220,10 @@ def sampled_loop(
     commands. `trapezoidal`: the integral takes the mean of two errors, as `MimoPI` does; else each
     error after the command of its sample, as `ExactLaw` does.
 
-    Returns
-    -------
-    loop : ndarray, shape (N, N)
-        N = n + lag states + commands under way + m + p. Acts on the state at a sample before its
-        command: states of the model, of the lags in turn, commands of each input from the last one
-        back, integrals in the unit of the inputs, and the errors of the sample before.
-    units : ndarray, shape (N,)
-        In these a command and a lag's state count by the rate that they cause, as in
-        `inner_loop_scaling`.
-
-    Raises
-    ------
-    ShapeError, InputError
-        If models, lags and gains do not fit, or N is above `MAX_SAMPLED`.
+    The map, shape (N, N), acts on the state at a sample before its command: states of the model, of
+    the lags in turn, commands of each input from the last one back, integrals in the unit of the
+    inputs, and the errors of the sample before. In the units, shape (N,), a command and a lag's
+    state count by the rate that they cause, as in `inner_loop_scaling`.
     """
     model.check_channels(gains)
     check_positive(dt=dt)

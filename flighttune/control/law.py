@@ -94,20 +94,14 @@ class Law(ABC):
         """Make the controller of a flight."""
 
     def controller(self, setup: LawSetup, /) -> SelfLimiting:
-        """Make a controller that applies the limits of the flight, or one that is guarded.
-
-        Raises LawError if a law of the user's cannot be made, or has another sample time.
-        """
+        """Controller in the limits of the flight; LawError if a user's law cannot be made."""
         flown_law = self.make(setup)
         if isinstance(flown_law, SelfLimiting):
             return flown_law
         return GuardedLaw(flown_law, setup.limits, f"law {self.name}")
 
     def linear_model(self, trim: Trim, /) -> LinearModel:
-        """Error dynamics that its gains act on: from `inputs` to the errors of course and path.
-
-        Raises InputError if there is no such flight condition.
-        """
+        """Error dynamics that its gains act on: from `inputs` to the errors of course and path."""
         return kinematic_model(V_a=trim.V_a, gamma=trim.gamma, g=trim.g, airspeed=trim.airspeed)
 
     def loop(
@@ -204,10 +198,7 @@ def plain_laws() -> tuple[str, ...]:
 
 
 def made_law(kind: str, name: str | None = None, **options: Any) -> Law:
-    """A law of some kind; options that it does not have, or that are None, are left out.
-
-    Raises InputError if there is no such kind.
-    """
+    """A law of some kind; options that it does not have, or that are None, are left out."""
     if (law := law_kinds().get(kind)) is None:
         raise InputError(f"`law` must be of kind {', '.join(law_kinds())}, got {kind!r}.")
     fields = law.__dataclass_fields__

@@ -80,11 +80,9 @@ class Limits:
 def limit_command(
     command: float, before: float, lower: float, upper: float, step_down: float, step_up: float
 ) -> tuple[float, int]:
-    """One command after its limits, and which holds it; written so that Numba compiles it too.
-
-    `before` is in force at the sample before; `step_down` and `step_up` are the largest steps in a
-    sample, the rate limits times the sample time.
-    """
+    """One command after its limits, and which holds it; written so that Numba compiles it too."""
+    # `step_down` and `step_up` are the rate limits times the sample time, from the command
+    # `before`.
     # The reach of one sample, cut to the range. Where they do not meet (a start outside the
     # range) the rate limit rules: the command comes back at it instead of jumping.
     low, high = before + step_down, before + step_up

@@ -199,12 +199,10 @@ def fed_by(model: LinearModel, feedback: Sequence[float] | FloatArray) -> Linear
 def inner_feedback(
     model: LinearModel, feedback: Sequence[float] | FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Inner feedback k of each input and k M, shapes (m,) and (m, n), of that of the first inputs.
-
-    A model without the state that is measured answers at once: there is nothing to feed back.
-    """
+    """Inner feedback k of each input, shape (m,), from that of the first ones, and k M, (m, n)."""
     M, k = measured_rows(model), np.zeros(len(model.inputs))
     k[: len(feedback)] = feedback[: len(k)]
+    # A model without the state that is measured answers at once: there is nothing to feed back.
     k *= M.any(axis=1)
     return k, k[:, None] * M
 
@@ -239,11 +237,7 @@ def velocity_form(model: LinearModel) -> tuple[FloatArray, FloatArray]:
 
 
 def disturbance_entry(model: LinearModel) -> FloatArray:
-    """E of ``d_s = E d'``: where the derivative of a state disturbance enters s = (x', e).
-
-    ``[I; 0]``, shape (n + p, n): the disturbance reaches the velocity form only through its
-    derivative.
-    """
+    """E of ``d_s = E d'``, (n + p, n): a disturbance enters s = (x', e) by its derivative alone."""
     n, _, p = model.shape
     return np.vstack([np.eye(n), np.zeros((p, n))])
 
@@ -297,13 +291,7 @@ class Envelope:
         return cls(V_a=(V_a, V_a), gamma=(gamma, gamma), phi=(0.0, 0.0), n_z=(n_z, n_z))
 
     def scaled(self, trim: "Envelope", factor: float) -> "Envelope":
-        """Every end moved to ``trim + factor (end - trim)``.
-
-        Raises
-        ------
-        InputError
-            If `factor` is negative, or the result is not an envelope.
-        """
+        """Every end moved to ``trim + factor (end - trim)``; InputError if `factor` is negative."""
         if not factor >= 0.0:
             raise InputError(f"`factor` must not be negative, got {factor}.")
         ranges = trim.ranges + factor * (self.ranges - trim.ranges)
@@ -347,15 +335,11 @@ class JacobianHull:
 
 
 def jacobian_hull(envelope: Envelope, *, g: float) -> JacobianHull:
-    """A polytope, rounded outward, with the law's Jacobian at every condition of an envelope.
-
-    Notes
-    -----
-    Interval arithmetic: the sine grows over +-pi/2, the cosine has its maximum where roll is zero,
-    and a product is extreme at ends of its factors. A function that is affine in each of several
-    numbers lies, over a box of them, in the convex hull of its corner values.
-    """
+    """A polytope, rounded outward, with the law's Jacobian at every condition of an envelope."""
     check_positive("m/s^2", g=g)
+    # Interval arithmetic: the sine grows over +-pi/2, the cosine has its maximum where roll is
+    # zero, and a product is extreme at ends of its factors. A function that is affine in each of
+    # several numbers lies, over a box of them, in the convex hull of its corner values.
     factor = (g / envelope.V_a[1], g / envelope.V_a[0])
     level = envelope.phi[0] <= 0.0 <= envelope.phi[1]
     cosines = sorted(map(math.cos, envelope.phi))
@@ -370,12 +354,6 @@ def jacobian_hull(envelope: Envelope, *, g: float) -> JacobianHull:
 
 
 def vertex_loops(envelope: Envelope, gains: PIGains, *, g: float) -> FloatArray:
-    """A_K at the vertices of `jacobian_hull`, shape (k, 4, 4).
-
-    Raises
-    ------
-    InputError
-        As `jacobian_hull`, or if the channels of `gains` are not (chi, gamma) to (phi, n_z).
-    """
+    """A_K at the vertices of `jacobian_hull`, shape (k, 4, 4)."""
     models = jacobian_hull(envelope, g=g).models()
     return np.array([closed_loop(model, gains) for model in models])

@@ -77,18 +77,12 @@ class Margins:
 
 
 def loop_margins(model: LinearModel, gains: PIGains) -> tuple[Margins, ...]:
-    """Margins of the loop that `gains` close on `model`, each input's and all at once.
-
-    There are none if the loop is not stable.
-
-    Notes
-    -----
-    The disk margin is balanced: the structured singular value of ``(S - T)/2``. P. Seiler,
-    A. Packard and P. Gahinet, *An introduction to disk margins*, IEEE Control Systems 40(5), 2020.
-    """
+    """Margins of the loop of `gains` on `model`, each input's and all at once; none if unstable."""
     if not _is_stable(closed_loop(model, gains)):
         return ()
     loop = _opened(model, gains)
+    # The disk margin is balanced: the structured singular value of ``(S - T)/2``. P. Seiler, A.
+    # Packard and P. Gahinet, *An introduction to disk margins*, IEEE Control Systems 40(5), 2020.
     disk = _disk_margin(loop)
     # the disk meets the real axis at 1/gain and gain, and the unit circle at +-phase
     gain = (2.0 + disk) / (2.0 - disk) if disk < 2.0 else math.inf
@@ -122,20 +116,15 @@ def cut_margins(loop: Loop, inputs: Sequence[str]) -> tuple[Margins, ...]:
 def channel_responses(
     model: LinearModel, gains: PIGains, omega: FloatArray
 ) -> npt.NDArray[np.complex128]:
-    """Responses of the loop cut at one input at a time, the other loops closed, shape (k, m).
-
-    `omega` (shape (k,), rad/s). A loop is on the verge of instability where its response is -1.
-    """
+    """Responses, (k, m), of the loop cut at one input, the others closed, at `omega`, rad/s."""
     A, B, C = _opened(model, gains)
+    # A loop is on the verge of instability where its response is -1.
     cut = (_cut_at(i, A, B, C) for i in range(B.shape[1]))
     return np.stack([_response(loop, omega)[:, 0, 0] for loop in cut], axis=1)
 
 
 def lag_margin(model: LinearModel, gains: PIGains) -> float:
-    """Smallest time constant, s, of a first-order lag common to all inputs that destabilises.
-
-    0 if the loop is unstable without a lag, inf if no lag up to `LONGEST_LAG` destabilises.
-    """
+    """Smallest time constant, s, of a first-order lag common to all inputs that destabilises."""
     from scipy.optimize import brentq
 
     if not _is_stable(closed_loop(model, gains)):
@@ -162,13 +151,7 @@ def lag_margin(model: LinearModel, gains: PIGains) -> float:
 
 
 def delay_margin(model: LinearModel, gains: PIGains) -> float:
-    """Smallest delay, s, common to all inputs that destabilises a loop; 0 if it is unstable.
-
-    Notes
-    -----
-    ``L(jw) exp(-jwh)`` has the eigenvalue -1 where an eigenvalue of L(jw) has the modulus 1; its
-    phase says at which delay h.
-    """
+    """Smallest delay, s, common to all inputs that destabilises a loop; 0 if it is unstable."""
     from scipy.optimize import brentq
 
     A_K = closed_loop(model, gains)
@@ -183,6 +166,8 @@ def delay_margin(model: LinearModel, gains: PIGains) -> float:
     decades = np.log10(np.abs(np.linalg.eigvals(A_K)))
     low, high = decades.min() - 2.0, decades.max() + 2.0
     omega = np.logspace(low, high, int((high - low) * GRID_PER_DECADE))
+    # ``L(jw) exp(-jwh)`` has the eigenvalue -1 where an eigenvalue of L(jw) has the modulus 1; its
+    # phase says at which delay h.
     excess = np.abs(eigenvalues(omega)) - 1.0
     delays = [math.inf]
     for step, k in np.argwhere(excess[:-1] * excess[1:] <= 0.0):
@@ -251,20 +236,18 @@ def _channel_margins(loop: Loop, i: int, name: str) -> Margins:
 
 
 def _disk_margin(loop: Loop) -> float:
-    """``1 / mu`` with the largest structured singular value mu of ``M = (S - T)/2``.
-
-    Exact for one and two inputs, a lower bound for more. At one frequency mu is the smallest norm
-    of ``D M D^-1`` over diagonal D. With that D kept for all frequencies, the zeros of a pencil say
-    where the norm exceeds a level (N. A. Bruinsma and M. Steinbuch, Systems & Control Letters 14,
-    1990); everywhere else mu is below the level as well. Frequencies are excluded in this way until
-    none is left (C. Lawrence, A. Tits and P. Van Dooren, Automatica 36, 2000), so that no peak
-    hides between the points of a grid.
-    """
+    """``1 / mu`` with the largest structured singular value mu of ``M = (S - T)/2``."""
     A, B, C = loop
     closed = (A - B @ C, B, -C)  # M = I/2 + this one's response
     speeds = np.abs(np.linalg.eigvals(closed[0]))
     peak = 0.5  # M at infinity
     candidates = [(float(speeds.min()) / BAND, float(speeds.max()) * BAND)]
+    # At one frequency mu is the smallest norm of ``D M D^-1`` over diagonal D, exactly for one and
+    # two inputs; for more the margin is a lower bound. With that D kept for all frequencies, the
+    # zeros of a pencil say where the norm exceeds a level (N. A. Bruinsma and M. Steinbuch, Systems
+    # & Control Letters 14, 1990); everywhere else mu is below the level as well. Frequencies are
+    # excluded in this way until none is left (C. Lawrence, A. Tits and P. Van Dooren, Automatica
+    # 36, 2000), so that no peak hides between the points of a grid.
     while candidates:
         low, high = max(candidates, key=lambda ends: ends[1] / ends[0])
         M = 0.5 * np.eye(B.shape[1]) + _response(closed, math.sqrt(low * high))
@@ -276,12 +259,10 @@ def _disk_margin(loop: Loop) -> float:
 
 
 def _balancing(M: npt.NDArray[np.complex128]) -> FloatArray:
-    """Diagonal of the D with the smallest Frobenius norm of ``D M D^-1``.
-
-    Of two inputs it has the smallest 2-norm too: the determinant does not depend on D, so that the
-    larger singular value falls with the sum of the squares.
-    """
+    """Diagonal of the D with the smallest Frobenius norm of ``D M D^-1``."""
     size = np.abs(M) + 1e-15 * np.linalg.norm(M)  # finite where inputs are decoupled
+    # With two inputs it has the smallest 2-norm too: the determinant does not depend on D, so that
+    # the larger singular value falls with the sum of the squares.
     d = np.ones(len(M))
     for _ in range(SWEEPS):
         for i in range(len(M)):
@@ -306,15 +287,14 @@ def _above(level: float, loop: Loop, intervals: list[Interval]) -> list[Interval
 
 
 def _level_crossings(level: float, loop: Loop, direct: float) -> FloatArray:
-    """Frequencies where a singular value of ``G = direct I + C (s - A)^-1 B`` equals `level`.
-
-    There ``[[level I, G(s)], [G(-s)', level I]]`` is singular. Unlike the Hamiltonian matrix its
-    pencil needs no inverse of ``level^2 - direct^2``, which vanishes where the peak is at infinity.
-    """
+    """Frequencies where a singular value of ``G = direct I + C (s - A)^-1 B`` equals `level`."""
     from scipy.linalg import block_diag
 
     A, B, C = loop
     zero = np.zeros_like(B)
+    # There ``[[level I, G(s)], [G(-s)', level I]]`` is singular. Unlike the Hamiltonian matrix its
+    # pencil needs no inverse of ``level^2 - direct^2``, which vanishes where the peak is at
+    # infinity.
     return _zeros_on_axis(
         block_diag(A, -A.T),
         np.block([[zero, B], [C.T, zero]]),

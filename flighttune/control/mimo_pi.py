@@ -113,17 +113,14 @@ class StatefulPI(SelfLimiting):
         self.state = empty_state(condition.commands(len(self.gains.inputs)))
 
     def tracking_gain(self, anti_windup: str, tracking_time: float | None) -> float:
-        """Sample time over tracking time; 0 without back-calculation.
-
-        The tracking time is by default the integral time ``norm(K_P) / norm(K_I)``, which is
-        infinite without integral gain.
-        """
+        """Sample time over tracking time; 0 without back-calculation."""
         if anti_windup not in get_args(AntiWindup):
             names = ", ".join(get_args(AntiWindup))
             raise InputError(f"`anti_windup` must be one of {names}, got {anti_windup!r}.")
         if anti_windup != "back_calculation":
             return 0.0
         if tracking_time is None:
+            # The default is the integral time, which is infinite without integral gain.
             size, integral = (float(np.linalg.norm(K)) for K in (self.gains.K_P, self.gains.K_I))
             tracking_time = size / integral if integral else math.inf
         return self.dt / max(tracking_time, self.dt)
@@ -131,11 +128,8 @@ class StatefulPI(SelfLimiting):
     def airspeed_channel(
         self, channel: ChannelLaw, measured: Measured, reference: ReferenceSample
     ) -> tuple[float, ChannelLaw]:
-        """Error of the airspeed over its reference, and its channel within what the engines give.
-
-        Raises InputError without an airspeed to follow or a measured n_x: `simulate` refuses such
-        a flight before it starts.
-        """
+        """Relative error of the airspeed, and its channel within what the engines give."""
+        # The loop refuses such a flight before it starts.
         if measured.n_x is None or reference.V is None:
             raise InputError(
                 "`gains` must be of two errors without a reference of the airspeed and a measured "

@@ -46,16 +46,11 @@ class CommonQ:
 
 
 def common_Q(vertices: npt.ArrayLike) -> CommonQ:
-    """The common Q with the highest rate at some vertices, shape (k, n, n), 1/s.
-
-    Notes
-    -----
-    Maximise R subject to ``A' Q + Q A + R I <= 0`` at every vertex and ``0 <= Q <= I``: bounded and
-    always feasible, with R = 0 where there is no common Q. For any X_k >= 0 whose traces add up to
-    one, R is at most the sum of the positive eigenvalues of ``-sum(A_k X_k + X_k A_k')``.
-    """
+    """The common Q with the highest rate R at some vertices, shape (k, n, n), 1/s."""
     A = square_matrices("vertices", vertices, 3)
     L, speed = _coordinates(A)
+    # Maximise R subject to ``A' Q + Q A + R I <= 0`` at every vertex and ``0 <= Q <= I``: bounded
+    # and always feasible, with R = 0 where there is no common Q.
     program = _rate_program(*A.shape[:2])
     if unsolved := program.unsolved(A, L, speed):
         return CommonQ(status="failed", reason=unsolved)
@@ -67,6 +62,8 @@ def common_Q(vertices: npt.ArrayLike) -> CommonQ:
     X = vectors * np.maximum(values, 0.0)[:, None, :] @ vectors.mT
     X = X / max(float(np.trace(X, axis1=1, axis2=2).sum()), 1e-300)
     flow = -(A @ X).sum(axis=0)
+    # For any X_k >= 0 whose traces add up to one, R is at most the sum of the positive eigenvalues
+    # of ``-sum(A_k X_k + X_k A_k')``.
     bound = float(np.maximum(np.linalg.eigvalsh(flow + flow.T), 0.0).sum())
     Q, R = _from_coordinates(program.form.value, L), 0.0
     slack = -np.linalg.eigvalsh(A.mT @ Q + Q @ A)[:, -1].max()
@@ -91,13 +88,8 @@ def common_ellipsoid(
 ) -> tuple[Ellipsoid | None, str]:
     """The ellipsoid with the smallest radius that no vertex leaves, for disturbances of norm L_d.
 
-    `vertices` (shape (k, n, n), 1/s) are the loops of ``s' = A s + E v``. Returns the ellipsoid,
-    with the a of ``A W + W A' + a W + (L_d^2 / a) E E' <= 0`` as its multiplier, or None and why
-    none was found.
-
-    Notes
-    -----
-    A linear matrix inequality in W for every multiplier a, and a one-dimensional search over a;
+    `vertices` (shape (k, n, n), 1/s) are the loops of ``s' = A s + E v``. Returns None and a reason
+    where none was found. The multiplier is the a of ``A W + W A' + a W + (L_d^2 / a) E E' <= 0``:
     S. Boyd et al., *Linear Matrix Inequalities in System and Control Theory*, section 6.1.2.
     """
     A = square_matrices("vertices", vertices, 3)
@@ -207,10 +199,7 @@ def _from_coordinates(S: FloatArray, L: FloatArray) -> FloatArray:
 
 
 def _coordinates(A: FloatArray) -> tuple[FloatArray, float]:
-    """L that makes the Lyapunov solution of the mean vertex ``L L'`` up to a factor, and its rate.
-
-    Their unit is that of the state: the largest eigenvalue of ``L L'`` is one.
-    """
+    """L of norm 1 and a rate: ``L L' / rate`` is the Lyapunov solution of the mean vertex."""
     mean = A.mean(axis=0)
     L = np.eye(len(mean))
     if not np.linalg.eigvals(mean).real.max() < 0.0:

@@ -59,25 +59,19 @@ def identity(n: int) -> Rationals:
 
 
 def integers(matrix: Rationals) -> tuple[Rationals, int]:
-    """`matrix` times a common denominator, as integers, and that denominator.
-
-    Products and sums of integers take a fifth of the time of those of `Fraction`, which are reduced
-    one by one.
-    """
+    """`matrix` times a common denominator, as integers, and that denominator."""
+    # Integers are multiplied and added in a fifth of the time of `Fraction`, which reduces each
+    # result.
     denominator = math.lcm(*(entry.denominator for entry in matrix.flat))
     return np.vectorize(int, otypes=[object])(matrix * denominator), denominator
 
 
 def positive_definite(matrix: Rationals) -> bool:
-    """Whether a rational matrix is symmetric with only positive eigenvalues: a proof, not a test.
-
-    Notes
-    -----
-    The leading minors of a matrix of integers (the same one times a common denominator) by
-    Bareiss's elimination, in which every division comes out even; Sylvester's criterion.
-    """
+    """Prove that a rational matrix is symmetric with only positive eigenvalues, or disprove it."""
     if not np.array_equal(matrix, matrix.T):
         return False
+    # Sylvester's criterion. Bareiss's elimination gives the leading minors of the matrix of
+    # integers, and every division comes out even.
     reduced, previous = integers(matrix)[0], 1
     while len(reduced):
         if (pivot := reduced[0, 0]) <= 0:
@@ -198,11 +192,7 @@ def radius_checks(
     radius: float,
     L_d: float,
 ) -> list[Check]:
-    """The inequalities of the radius claim; their margins are divided by ``radius^2``.
-
-    `W` (shape (n, n), square of the unit of s) is the ellipsoid, `E` (n, m) the disturbance's
-    entry.
-    """
+    """Inequalities of the radius claim: ellipsoid `W` (n, n), disturbance's entry `E` (n, m)."""
     positive = {"radius": radius, "multiplier": multiplier, "L_d": L_d}
     checks = [
         Check(name=f"{name} > 0", margin=value, exact=bool(value > 0.0))
@@ -211,6 +201,7 @@ def radius_checks(
     if not all(check.exact for check in checks):
         return checks
     a, eye = Fraction(multiplier), identity(len(W))
+    # Their margins are divided by ``radius^2``.
     unit = Fraction(radius) ** 2
     form, entry = exact(W) / unit, exact(E)
     load = (entry @ entry.T) * (Fraction(L_d) ** 2 / (a * unit))
@@ -223,14 +214,7 @@ def radius_checks(
 
 
 def provable_rate(vertices: Sequence[Rationals], Q: FloatArray) -> tuple[FloatArray, float] | None:
-    """Q inflated until the rate claim can be proven, and the rate it then proves; None if none.
-
-    Parameters
-    ----------
-    vertices : sequence of ndarray of Fraction, shape (n, n)
-    Q : ndarray, shape (n, n), s
-        With ``A' Q + Q A + I <= 0`` up to rounding.
-    """
+    """Q inflated until ``A' Q + Q A + I <= 0`` is provable, and the rate it proves; or None."""
     for factor in FACTORS:
         larger = factor * (Q + Q.T) / 2.0
         rate = float(1.0 / np.linalg.eigvalsh(larger)[-1]) * (2.0 - FACTORS[0])

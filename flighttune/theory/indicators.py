@@ -216,15 +216,13 @@ def scaled(A: FloatArray, scaling: FloatArray) -> FloatArray:
 
 
 def _rate_and_radius(A: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """R_K and I_K of loops whose eigenvalues are on the left, shape (N, n, n).
-
-    A Q that is not positive refutes the eigenvalues: the loop is unstable within rounding.
-    """
+    """R_K and I_K of loops whose eigenvalues are on the left, shape (N, n, n)."""
     if not len(A):
         return np.empty(0), np.empty(0)
     spectrum = np.linalg.eigvalsh(lyapunov_solution(A))
     smallest, largest = spectrum[:, 0], spectrum[:, -1]
     sigma_min = np.linalg.svd(A, compute_uv=False)[:, -1]
+    # A Q that is not positive refutes the eigenvalues: the loop is unstable within rounding.
     proven = (smallest > 0.0) & (sigma_min > 0.0) & np.isfinite(largest)
     R_K, I_K = np.zeros(len(A)), np.full(len(A), np.inf)
     R_K[proven] = 1.0 / largest[proven]

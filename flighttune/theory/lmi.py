@@ -43,12 +43,10 @@ def blocks(rows: Sequence[Sequence[Any]]) -> Any:
 
 
 def combination(weights: Any, matrices: Any) -> Any:
-    """``sum_i weights[i] matrices[i]``: unknown weights, an array or parameter of matrices.
-
-    The matrices come flattened, shape (d, n * n), because a parameter has at most two axes.
-    """
+    """``sum_i weights[i] matrices[i]``: unknown weights, and matrices of shape (d, n * n)."""
     import cvxpy
 
+    # A parameter has at most two axes: the matrices come flattened.
     n = math.isqrt(matrices.shape[1])
     return cvxpy.reshape(matrices.T @ weights, (n, n), order="C")
 
@@ -61,17 +59,13 @@ def largest(objective: Any, constraints: Sequence[Any]) -> Any:
 
 
 def solve(problem: Any, *, equilibrate: bool = False) -> str:
-    """Solve a problem of `largest` for the values that its parameters have now.
-
-    Problems that come scaled lose some digits where the solver scales (`equilibrate`) them again.
-
-    Returns the reason why the unknowns have no values; empty where they have.
-    """
+    """Solve a problem of `largest`; why its unknowns have no values, or an empty text."""
     import cvxpy
 
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message="Solution may be inaccurate")
         try:
+            # Problems that come scaled lose some digits where the solver scales them again.
             problem.solve(solver="CLARABEL", equilibrate_enable=equilibrate, **SOLVER_OPTIONS)
             status = problem.status
         except cvxpy.SolverError:

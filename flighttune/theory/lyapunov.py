@@ -31,15 +31,8 @@ def lyapunov_solution(A: npt.ArrayLike, S: npt.ArrayLike | None = None) -> Float
     """Q of ``A' Q + Q A + S = 0``, for one stable matrix or a stack of them, symmetric to the bit.
 
     `A` has shape (..., n, n), 1/s; `S`, symmetric and by default the identity, broadcasts against
-    it. Q is the integral of ``exp(A't) S exp(At)``. The dual equation ``A X + X A' + S = 0`` is
-    that of the transposed matrices. Raises ShapeError or InputError if the matrices do not fit, `S`
-    is not symmetric, or two eigenvalues of a matrix add up to zero: there is no unique solution.
-
-    Notes
-    -----
-    Up to `KRONECKER_STATES` states: one linear system in the upper triangle of Q for each matrix.
-    Above: the Schur form of Bartels and Stewart, by SciPy. The relative error is about 1e-16 times
-    the ratio of the fastest rate to the distance from instability.
+    it. The dual equation ``A X + X A' + S = 0`` is that of the transposed matrices. The relative
+    error is about 1e-16 times the ratio of the fastest rate to the distance from instability.
     """
     A = square_matrices("A", A)
     S = np.broadcast_to(np.eye(A.shape[-1]), A.shape) if S is None else square_matrices("S", S)
@@ -83,11 +76,7 @@ def _kronecker(A: FloatArray, S: FloatArray) -> FloatArray:
 
 @cache
 def _upper_triangle(n: int) -> tuple[Indices, Indices, Indices]:
-    """Rows and columns of the entries of Q solved for, and where the system's entries come from.
-
-    Each entry of the system is the sum of at most two entries of A: sources has shape
-    (2, n (n + 1)/2, n (n + 1)/2), into the entries of A row by row and a zero after them.
-    """
+    """Rows and columns of the entries of Q solved for, and where the system's entries come from."""
     rows, columns = np.triu_indices(n)
     size, zero = len(rows), n * n
     position = np.empty((n, n), dtype=int)
@@ -97,6 +86,8 @@ def _upper_triangle(n: int) -> tuple[Indices, Indices, Indices]:
         for k in range(n):
             terms[equation][position[k, j]].append(k * n + i)
             terms[equation][position[i, k]].append(k * n + j)
+    # Each entry of the system is the sum of at most two entries of A. Their sources, shape (2, k,
+    # k) with ``k = n (n + 1)/2``, lead into the entries of A row by row and a zero after them.
     padded = [[(*term, zero, zero)[:2] for term in row] for row in terms]
     return rows, columns, np.moveaxis(np.array(padded), -1, 0)
 
@@ -131,20 +122,10 @@ def paper_balls(A_K: npt.ArrayLike, A: npt.ArrayLike, *, I_K: float, L_d: float)
 
     `A_K` (shape (n + p, n + p), 1/s) is the closed loop in velocity form, `A` (shape (n, n)) the
     open-loop Jacobian df/dx, `I_K` in s^2 and `L_d` the bound on the norm of the disturbance's
-    derivative.
-
-    Returns
-    -------
-    ndarray, shape (3,), unit of s
-        With L_f the norm of A_K (Theorem 1 applied to the velocity form), of its upper left block
-        ``df/dx + df/du K_P`` (Theorem 2 with f(x, u(x)) read as the loop under K_P), and of
-        ``df/dx`` (Theorem 2 to the letter of its formula). The theorem's proof covers only the
-        first: the loop can leave the ball of either of the others.
-
-    Notes
-    -----
-    Theorem 2 of arXiv 2411.13140. Its statement uses L_f = ||df(0)/dx||; its proof applies
-    Theorem 1 to ``s' = A_K s + d_s``, whose Jacobian is A_K.
+    derivative. The readings of Theorem 2 of arXiv 2411.13140 are the norms of A_K (its proof
+    applies Theorem 1 to ``s' = A_K s + d_s``), of the upper left block ``df/dx + df/du K_P`` (f(x,
+    u(x)) as the loop under K_P), and of ``df/dx`` (the letter of its formula). The proof covers
+    only the first: the loop can leave the ball of either of the others.
     """
     A_K, A = square_matrices("A_K", A_K, 2), square_matrices("A", A, 2)
     n = len(A)
@@ -158,13 +139,9 @@ def invariant_ellipsoid(
 ) -> Ellipsoid:
     """The invariant ellipsoid of ``s' = A s + E v``, ``|v| <= L_d``, with the smallest radius.
 
-    `slack`: part of the disturbance's term left in the inequality, so that it holds strictly.
-    Raises ShapeError or InputError if the matrices do not fit or `A` is not stable.
-
-    Notes
-    -----
-    For each a in (0, -2 abscissa) a Lyapunov equation gives W; a is found by a search in one
-    dimension. S. Boyd et al., *Linear Matrix Inequalities in System and Control Theory*, 6.1.2.
+    `slack` is the part of the disturbance's term left in the inequality, so that it holds strictly.
+    For each a in (0, -2 abscissa) a Lyapunov equation gives W: S. Boyd et al., *Linear Matrix
+    Inequalities in System and Control Theory*, section 6.1.2.
     """
     from scipy.optimize import minimize_scalar
 

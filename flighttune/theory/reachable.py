@@ -85,20 +85,17 @@ def error_slopes(
 ) -> tuple[FloatArray, FloatArray]:
     """`largest_errors` of one loop and their slopes to about 1e-6, shapes (p,) and (p, f).
 
-    `in_k` (shape (f, n + p, n + p)): slopes of `A_K` in f parameters. The integral is analytic in
-    them but where the response vanishes: its value at a step along the imaginary axis has the slope
-    as its imaginary part, without a difference.
+    `in_k` (shape (f, n + p, n + p)): slopes of `A_K` in f parameters.
     """
     E, C = _entry_and_errors(A_K[None], errors)
+    # The integral is analytic in the parameters but where the response vanishes: its value at a
+    # step along the imaginary axis has the slope as its imaginary part, without a difference.
     reached = largest_outputs(A_K + 1j * STEP * in_k, E, C)
     return reached[0].real, reached.imag.T / STEP
 
 
 def largest_outputs(A: Numbers, E: FloatArray, C: FloatArray) -> Numbers:
-    """Integral of the norm of each row of ``C exp(At) E``, shape (N, p); inf where not stable.
-
-    A has shape (N, n, n), E (n, m) and C (p, n).
-    """
+    """Integral of the norm of each row of ``C exp(At) E``, shape (N, p); inf where not stable."""
     reached = np.full((len(A), len(C)), np.inf, dtype=A.dtype)
     for start in range(0, len(A), CHUNK_LOOPS):
         part = A[start : start + CHUNK_LOOPS]
@@ -171,16 +168,14 @@ def _integrals(
 
 
 def _propagators(A: Numbers, fastest: FloatArray) -> tuple[FloatArray, Numbers, Numbers]:
-    """First widths, and the exponentials at the nodes of a panel and across it.
-
-    Shapes (N,), (N, NODES, n, n) and (N, n, n). Doubling a width squares all of them. `fastest`
-    (shape (N,)): sizes of the largest eigenvalues.
-    """
+    """First widths (N,), exponentials at the nodes of a panel (N, NODES, n, n) and across it."""
     fourth = np.linalg.matrix_power(A, 4)
     sizes = [np.linalg.norm(fourth, 1, axis=(1, 2)) ** (1 / 4)]
     sizes.append(np.linalg.norm(fourth @ A, 1, axis=(1, 2)) ** (1 / 5))
     # close to the fastest eigenvalue, where the norm of A may be far above
     size = np.maximum(np.max(sizes, axis=0), 1e-3 * np.linalg.norm(A, 1, axis=(1, 2)))
+    # `fastest`, shape (N,), has the sizes of the largest eigenvalues. Doubling a width squares the
+    # exponentials.
     width = PHASE / fastest
     width = np.ldexp(width, -np.maximum(np.ceil(np.log2(size * width)), 0.0).astype(int))
     step, term = A * width[:, None, None], np.broadcast_to(np.eye(A.shape[-1]), A.shape)
@@ -232,10 +227,7 @@ def _norm_integrals(
 
 
 def _norm_sums(width: FloatArray, values: Numbers) -> tuple[Numbers, Numbers]:
-    """Integrals of the norm over panels, shape (K,), and its highest coefficients, shape (2, K).
-
-    `values` (shape (m, NODES, K)): responses at the nodes.
-    """
+    """Integrals of the norm of `values` (m, NODES, K) over panels, and its highest coefficients."""
     squares = values[0] * values[0]  # no conjugate: the square root is of an analytic function
     for part in values[1:]:
         squares += part * part
@@ -253,16 +245,15 @@ def _entry_and_errors(A_K: FloatArray, errors: int) -> tuple[FloatArray, FloatAr
 
 
 def _lobatto() -> tuple[FloatArray, FloatArray, list[FloatArray]]:
-    """Nodes on (0, 1), weights of the integral and of the highest two coefficients, and halves.
-
-    The halves are the matrices to the values at the nodes of either half. The ends of a panel are
-    nodes: a kink between an end and the node next to it would change nothing without them.
-    """
+    """Nodes on (0, 1), weights of the integral and of the highest two coefficients, and halves."""
     last = np.polynomial.Legendre.basis(NODES - 1)
+    # The ends of a panel are nodes: a kink between an end and the node next to it would change
+    # nothing without them.
     nodes = np.concatenate([[-1.0], last.deriv().roots(), [1.0]])
     weights = 2.0 / (NODES * (NODES - 1) * last(nodes) ** 2)
     basis = np.polynomial.legendre.legvander
     to_coefficients = np.linalg.inv(basis(nodes, NODES - 1))
+    # These matrices lead to the values at the nodes of either half.
     halves = [basis((nodes + end) / 2.0, NODES - 1) @ to_coefficients for end in (-1.0, 1.0)]
     rules = np.array([weights / 2.0, *to_coefficients[-2:]])
     return (nodes + 1.0) / 2.0, rules, halves

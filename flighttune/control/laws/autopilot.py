@@ -304,14 +304,12 @@ class TecsOfArduPilot(Tecs):
 
 
 class Guidance:
-    """Course and height by the guidance of an autopilot, above the inner loop of the aircraft.
+    """Course and height by the guidance of an autopilot, above the inner loop of the aircraft."""
 
-    On a route it follows the path itself: its nearest point, tangent and curvature. A reference
-    over time is a track through the aircraft with the course and turn that are asked for. The pitch
-    that TECS wants becomes a load factor by the rate ``(wanted - pitch) / time constant``, and the
-    pitch at the start counts as trimmed. The throttle is that of the plant.
-    """
-
+    # On a route it follows the path itself: its nearest point, tangent and curvature. A reference
+    # over time is a track through the aircraft with the course and turn that are asked for. The
+    # pitch that TECS wants becomes a load factor by the rate ``(wanted - pitch) / time constant``,
+    # and the pitch at the start counts as trimmed. The throttle is that of the plant.
     def __init__(self, setup: LawSetup, of: "Autopilot") -> None:
         x = SimpleNamespace(**of.roles)
         self.dt, self.g, self.signals = setup.dt, setup.g, {"climb_angle": "rad"}
@@ -399,11 +397,9 @@ def guidance() -> Mapping[str, Mapping[str, Any]]:
 
 
 def period_among(parameters: Mapping[str, Any]) -> str:
-    """The period that says which guidance flies; empty if there is none.
-
-    PX4 1.13 has two, and flies L1 unless FW_USE_NPFG is set.
-    """
+    """The period that says which guidance flies; empty if there is none."""
     names = [name for name in guidance() if name in parameters]
+    # PX4 1.13 has two, and flies L1 unless FW_USE_NPFG is set.
     if "FW_L1_PERIOD" in names and not parameters.get("FW_USE_NPFG"):
         return "FW_L1_PERIOD"
     return names[0] if names else ""

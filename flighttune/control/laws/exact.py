@@ -47,11 +47,9 @@ class Exact(Law):
         return rate_model(airspeed=trim.airspeed)
 
     def state_scaling(self, model: LinearModel, lags: Sequence[InnerLag]) -> FloatArray:
-        """Units of the states; each error in units of `LAGS_PER_ERROR` lags of its channel.
-
-        So gains go with one over that lag on any aircraft.
-        """
+        """Units of the states; each error in units of `LAGS_PER_ERROR` lags of its channel."""
         scaling = super().state_scaling(model, lags)
+        # Gains then go with one over that lag on any aircraft.
         scaling[-len(lags) :] = [LAGS_PER_ERROR * lag.whole for lag in lags]
         return scaling
 

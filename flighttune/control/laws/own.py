@@ -58,10 +58,7 @@ class Own(Law):
     def loop(
         self, _model: LinearModel, _gains: PIGains, setup: LawSetup, /
     ) -> tuple[LinearModel, PIGains] | None:
-        """Result of its ``linear()``; None where it has none, or the law cannot be made.
-
-        InputError if ``linear()`` raises, or returns something else.
-        """
+        """Result of its ``linear()``, None without it or its law; InputError if it fails."""
         try:
             controller = self.controller(setup)
         except LawError:
