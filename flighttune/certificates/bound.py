@@ -182,10 +182,7 @@ def bound_rate(
 
 
 def no_faster_gains(I_star: float, R_bound: float) -> tuple[FloatArray, FloatArray] | None:
-    """Boxes and multipliers of a `RateBound`; None where `MAX_BOXES` boxes are not enough.
-
-    Boxes are halved until each is refuted.
-    """
+    """Boxes, halved until each is refuted, and multipliers of a `RateBound`; None if too many."""
     boxes: list[Sequence[float]] = []
     multipliers: list[FloatArray] = []
     pending = [(R_bound, 1.0, 0.0, 1.0)]
@@ -210,10 +207,8 @@ def no_faster_gains(I_star: float, R_bound: float) -> tuple[FloatArray, FloatArr
 
 
 def _box_margin(box: Sequence[float], multipliers: npt.ArrayLike, I_star: float) -> Fraction:
-    """Distance of the sum of a box below zero for all W and T; -1 where it proves nothing.
-
-    The linear terms cancel up to rounding, and ``|W_ij| <= w``, ``|T_ij| <= 2`` bounds the rest.
-    """
+    """Distance of the sum of a box below zero for all W and T; -1 where it proves nothing."""
+    # The linear terms cancel up to rounding, and ``|W_ij| <= w``, ``|T_ij| <= 2`` bounds the rest.
     low, R_high, sigma_low, sigma_high = map(Fraction, box)
     w, s = Fraction(I_star) * R_high**2 * sigma_high, max(sigma_low, Fraction(0)) ** 2
     entries, X = iter(exact(multipliers)), []
@@ -277,22 +272,18 @@ class Channel(NamedTuple):
 
 
 def least_radius(R_K: float) -> Channel:
-    """The channel with the smallest I_K of all with this R_K, which is between 0 and 1.
-
-    Notes
-    -----
-    With ``W = Q^-1`` and an angle theta, ``A = W (U - I)^-1`` for the rotation U by theta, so that
-    ``W = [[a, cos(theta) - 1], [cos(theta) - 1, sin(theta)]]`` and ``sigma_min(A) = R_K / h`` with
-    ``h = 2 sin(theta / 2)``. The eigenvalues of W are R_K and
-    ``w = sin(theta) + h^4 / (4 (sin(theta) - R_K))``; ``I_K = w h / R_K^3``, ``p = (R_K + w) / 2``
-    and ``q = R_K w / h^2``.
-    """
+    """The channel with the smallest I_K of all with this R_K, which is between 0 and 1."""
 
     def parts(theta: float) -> tuple[float, float]:
         h = 2.0 * math.sin(theta / 2.0)
         return h, math.sin(theta) + h**4 / (4.0 * (math.sin(theta) - R_K))
 
     ends = math.asin(R_K), math.pi - math.asin(R_K)
+    # With ``W = Q^-1`` and an angle theta, ``A = W (U - I)^-1`` for the rotation U by theta, so
+    # that ``W = [[a, cos(theta) - 1], [cos(theta) - 1, sin(theta)]]`` and
+    # ``sigma_min(A) = R_K / h`` with ``h = 2 sin(theta / 2)``. The eigenvalues of W are R_K and
+    # ``w = sin(theta) + h^4 / (4 (sin(theta) - R_K))``; ``I_K = w h / R_K^3``,
+    # ``p = (R_K + w) / 2`` and ``q = R_K w / h^2``.
     h, w = parts(_least(lambda theta: math.prod(parts(theta)), ends, 1e-10))
     return Channel(R_K, w * h / R_K**3, (R_K + w) / 2.0, R_K * w / h**2)
 

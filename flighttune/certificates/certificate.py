@@ -396,10 +396,7 @@ def load_certificate(path: str | Path) -> Certificate:
 def law_gravity(
     conditions: Sequence[tuple[float, float]], models: Sequence[LinearModel]
 ) -> float | None:
-    """The g with which models are the chi/gamma law at conditions (V_a, gamma), behind any lags.
-
-    None where there is no such g: for another law, or gains that grow with airspeed.
-    """
+    """The g with which models, behind any lags, are the chi/gamma law at (V_a, gamma); or None."""
     g = 0.0
     for (V_a, gamma), model in zip(conditions, models, strict=True):
         p = len(model.errors)
@@ -409,6 +406,7 @@ def law_gravity(
         )
         B = np.array([lagged.get(name, direct[name]) for name in direct]).T[:p]
         g = g or -V_a * float(B[0, 0])
+        # There is no such g for another law, or for gains that grow with airspeed.
         if g <= 0.0 or abs(gamma) >= math.pi / 2.0:
             return None
         law = kinematic_model(V_a=V_a, gamma=gamma, g=g, airspeed=p == len(ERRORS_WITH_AIRSPEED))
@@ -428,11 +426,8 @@ def vertex_matrices(
     hull: JacobianHull | None,
     models: Sequence[LinearModel] = (),
 ) -> tuple[Rationals, ...]:
-    """A_K at every vertex of the polytope, or of the model and `models`, without rounding.
-
-    ``[[A + B K_P C, B K_I], [C, 0]]`` in rational arithmetic, the inner feedback of gains in A and
-    B; loops that are the same are one vertex.
-    """
+    """A_K at every vertex of the polytope, or of the model and `models`, without rounding."""
+    # The inner feedback of gains is in A and B. Loops that are the same are one vertex.
     K_P, K_I = exact(gains.K_P), exact(gains.K_I)
     nothing = exact(np.zeros((len(model.errors),) * 2))
 

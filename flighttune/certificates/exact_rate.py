@@ -149,13 +149,9 @@ def exact_rates(
     scaling: FloatArray | None = None,
     sampling: Sampling | None = None,
 ) -> tuple[tuple[ExactRate, ...], str]:
-    """The exact rates of the continuous loop and of the sampled one; empty where none is proven.
-
-    `scaling` (shape (n + p,)): units of s = (x', e) in which the norm is looked for. Without
-    `sampling` there is the continuous rate alone. The text says why a sampled loop has no rate: it
-    has too many states for the exact check, or is not stable.
-    """
+    """The exact rates of the continuous and of the sampled loop; why the sampled one has none."""
     loop = closed_loop(model, gains)
+    # The norm is looked for in these units of s = (x', e).
     units = np.ones(len(loop)) if scaling is None else np.asarray(scaling, dtype=float)
     rates = []
     if (proven := decay(loop * units / units[:, None])) is not None:

@@ -185,10 +185,7 @@ def span(ends: Range) -> str:
 
 
 def _uncoupled(models: Sequence[LinearModel], gains: PIGains) -> list[Entries] | None:
-    """The entries a and b of each model; None where its law or the gains couple the channels.
-
-    Lags and delays between law and command, whose static gain is one, are taken out.
-    """
+    """The entries a and b of each model; None where its law or the gains couple the channels."""
     if not all(np.array_equal(K, np.diag(np.diag(K))) for K in (gains.K_P, gains.K_I)):
         return None
     entries = []
@@ -201,6 +198,7 @@ def _uncoupled(models: Sequence[LinearModel], gains: PIGains) -> list[Entries] |
             inside = model.A[p:, p:]
             if not np.linalg.eigvals(inside).real.max() < 0.0:
                 return None
+            # Lags and delays between law and command, whose static gain is one, are taken out.
             B = B - model.A[:p, p:] @ np.linalg.solve(inside, model.B[p:])
         if any(np.abs(x - np.diag(np.diag(x))).max() > SAME_ENTRIES for x in (A, B)):
             return None
@@ -220,7 +218,7 @@ def lag_boxes(
     """The proven boxes of every channel; none, and the reason, where they cannot be proven.
 
     `models` have the entries of the law that the boxes contain; `lag` and `delay` (s) are the
-    ranges, shape (2,) or one a channel, (p, 2). Raises InputError if a range is none.
+    ranges, shape (2,) or one a channel, (p, 2).
     """
     entries, p = _uncoupled(models, gains), len(gains.errors)
     if entries is None:
@@ -312,10 +310,7 @@ def constant_rate_proven(gains: ChannelGains, box: Box, rate: float) -> bool:
 
 
 def constant_rate(gains: ChannelGains, box: Box) -> float:
-    """The largest rate that is proven for every constant point of a box, 1/s; 0 if there is none.
-
-    It is below the true one by a relative `ACCURACY`.
-    """
+    """The largest rate, 1/s, proven for every constant point of a box; 0 if there is none."""
     axes = [np.linspace(*ends, 7) if ends[0] < ends[1] else ends[:1] for ends in box]
     slowest = min(true_rate_at(gains, point) for point in itertools.product(*axes))
     if not slowest > 0.0:
@@ -341,12 +336,10 @@ def true_rate_at(gains: ChannelGains, point: Sequence[float]) -> float:
 
 
 def corner_loops(gains: ChannelGains, box: Box) -> list[Rationals]:
-    """Loops at the corners of (1/lag, 1/delay, a, b), of states (e, xi, y, z) without rounding.
-
-    The states y and z are in units in which the largest b is one; without a delay there is no z.
-    """
+    """Loops at the corners of (1/lag, 1/delay, a, b), of states (e, xi, y, z) without rounding."""
     corners = itertools.product(*(dict.fromkeys(map(Fraction, ends)) for ends in box))
     exact_gains = [Fraction(gain) for gain in gains]
+    # The states y and z are in units in which the largest b is one; without a delay there is no z.
     return [_loop(exact_gains, corner, Fraction(box[3][1])) for corner in corners]
 
 
@@ -374,10 +367,7 @@ def norm_checks(gains: ChannelGains, box: Box, Q: FloatArray, rate: float) -> li
 
 
 def norm_rate(gains: ChannelGains, box: Box, most: float) -> tuple[float, FloatArray] | None:
-    """The largest rate up to `most` of one norm for every change inside a box, with its Q.
-
-    None where no norm is found that decays.
-    """
+    """The largest rate up to `most` of one norm for every change inside a box, and its Q."""
     loops = np.array(corner_loops(gains, box), dtype=float)
     best, low, high = None, 0.0, most
     rate = (1.0 - NORM_ACCURACY) * most

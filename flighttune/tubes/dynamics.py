@@ -48,17 +48,13 @@ REMAINDER = Fraction(1, 10**22)
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SampledLag:
-    """A lag with delay from one sample to the next, n states and m commands in force.
-
-    Notes
-    -----
-    All entries are the exact ones, rounded once.
-    """
+    """A lag with delay from one sample to the next, n states and m commands in force."""
 
     # `A` and `B` (shapes (n, n) and (n,)): matrices of the lag; its first state is the response
     A: FloatArray
     B: FloatArray
     # shape (n, n + 2): state after the sample, of state, older and newer command
+    # All entries are the exact ones, rounded once.
     transition: FloatArray
     mean: FloatArray  # shape (n + 2,): mean of the response over the sample, of the same
     # Delay in whole samples: the newer command in force was given so many samples before, the older
@@ -92,17 +88,14 @@ class SampledLag:
     def values_within(
         self, state: list[Interval], end: Interval, command: Interval, h: float
     ) -> Interval:
-        """All values of the response over a sample of `h` seconds.
+        """All values of the response over a sample of `h` seconds; Unbounded if not enclosed.
 
-        Raises Unbounded if they cannot be enclosed. `state` is that at the start, `end` the
-        response at the end, `command` what is in force within.
-
-        Notes
-        -----
-        The response leaves the straight line from start to end by at most h/4 times how far apart
-        its rate can be. The rate is bounded by a box Y of states with ``y + [0, t] (A Y + B u)``
-        inside Y: Picard's operator maps the curves in it into itself. There is such a box where t
-        times the norm of A is well below 1, so a sample is taken in some steps.
+        `state` is that at the start, `end` the response at the end, `command` what is in force
+        within. The response leaves the straight line from start to end by at most h/4 times how far
+        apart its rate can be. The rate is bounded by a box Y of states with
+        ``y + [0, t] (A Y + B u)`` inside Y: Picard's operator maps the curves in it into itself.
+        There is such a box where t times the norm of A is well below 1, so a sample is taken in
+        some steps.
         """
         n = self.order
         box = np.stack([getattr(interval, end) for end in ("low", "high") for interval in state])
@@ -157,15 +150,13 @@ class SampledLag:
 
 
 def _exponential(M: Rationals, t: Fraction) -> Rationals:
-    """``exp(M t)`` but for less than `REMAINDER` an entry.
-
-    The terms left out of the series are below ``x^n/n! / (1 - x/(n+1))``, x the norm of ``M t``.
-    """
+    """``exp(M t)`` but for less than `REMAINDER` an entry."""
     size = max(sum(abs(entry) for entry in row) for row in M) * t
     total = term = identity(len(M))
     # Entries to 1e-40: their length would grow with every product.
     shortened = np.vectorize(lambda x: Fraction(round(x * 10**40), 10**40), otypes=[object])
     # The bound on the terms left out holds once n + 1 is above the norm.
+    # They are below ``x^n/n! / (1 - x/(n+1))``, x the norm of ``M t``.
     n, remainder = 0, Fraction(1)
     while n < LEAST_TERMS or size >= n or remainder / (1 - size / (n + 1)) > REMAINDER:
         n += 1

@@ -467,15 +467,12 @@ def bounds_of(t: FloatArray, pairs: FloatArray) -> Bounds:
 
 
 def load_tube(path: str | Path, band: Residual | None = None) -> Tube:
-    """Read a tube and rebuild its problem from the scenario in the file.
-
-    Bounds and choices in it are not trusted before `Tube.verify` has checked them. The boxes of an
-    aircraft are those of the file, and must be those of the `band`, if there is one. Raises
-    InputError if the file cannot be read, is no tube, or has another reference or other boxes than
-    those rebuilt; the message names the file and what is wrong.
-    """
+    """Read a tube and rebuild its problem from the scenario in the file."""
     try:
         arrays = read_arrays(Path(path), "tube", MEMBERS, MAX_BYTES, MAX_COMPRESSED)
+        # Bounds and choices in the file are not trusted before `Tube.verify` has checked them. The
+        # boxes of an aircraft are those of the file, and must be those of the `band`, if there is
+        # one.
         claim = value_of(json_object(str(arrays["claim"]), "`claim`"), Claim)
         return _tube_from(claim, arrays, band)
     except OSError as error:

@@ -205,12 +205,10 @@ class ExactEnclosure(Enclosure):
         )
 
     def _lifting(self, state: Forms, errors: Forms, phi: Form, b: Form) -> Channel:
-        """The load factor ``b / cos(phi)`` before its limits.
-
-        The load factor in force is v / cos(phi) of the roll before: the difference is
-        ``(b - v) / cos(phi)`` plus v times what one over the cosine changes. Each load factor
-        enclosed by itself would seem to meet its rate limit.
-        """
+        """The load factor ``b / cos(phi)`` before its limits."""
+        # The load factor in force is v / cos(phi) of the roll before: the difference is
+        # ``(b - v) / cos(phi)`` plus v times what one over the cosine changes. Each load factor
+        # enclosed by itself would seem to meet its rate limit.
         before, roll = (self._angle(angle, "roll") for angle in (state[PHI], phi))
         more = combined((1.0, b), (-1.0, state[EXTRA_LIFT]))
         v = self._ranged(state[EXTRA_LIFT])
@@ -296,11 +294,9 @@ class ExactEnclosure(Enclosure):
 
 
 class FedBackEnclosure(ExactEnclosure):
-    """An `Enclosure` of the exact law with feedback of roll and load factor.
+    """An `Enclosure` of the exact law with feedback of roll and load factor."""
 
-    The row `EXTRA_LIFT` is the load-factor command itself.
-    """
-
+    # The row `EXTRA_LIFT` is the load-factor command itself.
     commands_each = 2
 
     def _commands(self, state: Forms, errors: Forms, a: Quantity, b: Quantity) -> Commands | None:

@@ -75,11 +75,9 @@ Flags: TypeAlias = npt.NDArray[np.bool_]
 
 
 def combined(*terms: Term, shift: Floats | Interval = 0.0) -> Form:
-    """``shift + sum_k a_k F_k`` for numbers ``a_k``: one for all pieces, or one each.
-
-    With an interval as `shift` the form encloses the sum for each number in it.
-    """
+    """``shift + sum_k a_k F_k`` for numbers ``a_k``: one for all pieces, or one each."""
     if isinstance(shift, Interval):
+        # The form encloses the sum for each number in the interval.
         return combined(*terms, shift=shift.middle).widened(shift.radius)
     (a, form), *others = terms
     weight = np.abs(a)
@@ -191,10 +189,7 @@ class Pieces:
         return outward(residual[:, 0] - radius, residual[:, 0] + radius)
 
     def constrain(self, which: Indices, row: Indices, form: Form, to: Interval) -> None:
-        """Take up in the pieces `which` that `form` is inside `to`, in constraint row `row`.
-
-        Form and interval are those of the pieces `which` alone.
-        """
+        """Take up in row `row` of the constraints of pieces `which` that `form` is in `to`."""
         self.constrained[row] = True
         scale = 1.0 / to.radius
         q = combined((scale, form), shift=-to.middle * scale)
@@ -212,13 +207,7 @@ class Pieces:
         self.values, self.err = self.values[flags], self.err[flags]
 
     def reduce(self, pairs: Indices) -> None:
-        """Merge or drop the noise symbols `pairs`, shape (n, 2).
-
-        Of a pair (a, b), ``g_a xi_a + g_b xi_b`` is the sum of ``(g_a + g_b) (xi_a + xi_b)/2`` and
-        ``(g_a - g_b) (xi_a - xi_b)/2``, or the other way round where that is smaller; the first
-        becomes one symbol, the second joins a box. With b negative a alone joins the box. The box,
-        an interval a row, takes one symbol a row.
-        """
+        """Merge or drop the noise symbols `pairs`, shape (n, 2)."""
         named = pairs[pairs >= 0]
         repeated = len(np.unique(named)) < len(named)
         if repeated or (pairs[:, 0] < 0).any() or (named >= self.used).any():
@@ -228,6 +217,10 @@ class Pieces:
         first, second = g[:, :, pair[:, 0]], g[:, :, pair[:, 1]]
         # xi_a and xi_b are in +-1, and so are half their sum and half their difference: either may
         # be a symbol.
+        # ``g_a xi_a + g_b xi_b`` is the sum of ``(g_a + g_b) (xi_a + xi_b)/2`` and
+        # ``(g_a - g_b) (xi_a - xi_b)/2``, or the other way round where that is smaller; the first
+        # becomes one symbol, the second joins a box. With b negative a alone joins the box. The
+        # box, an interval a row, takes one symbol a row.
         difference, total = first - second, first + second
         flip = np.abs(difference).sum(axis=(0, 1)) > np.abs(total).sum(axis=(0, 1))
         joined = np.where(flip, difference, total)
@@ -277,15 +270,13 @@ def secant(angle: Quantity) -> Quantity:
 
 
 def secant_change(roll: Quantity, change: Quantity) -> Form:
-    """``1/cos F - 1/cos(F + D)`` for a change D, by the mean-value theorem in F and D.
-
-    Two secants enclosed one by one would be as wide as both. The slope in D is ``-sec'(F + D)``, in
-    F it is ``sec'(F) - sec'(F + D)``: minus D times ``sec''`` in between.
-    """
+    """``1/cos F - 1/cos(F + D)`` for a change D, by the mean-value theorem in F and D."""
     before, by = roll.values, change.values
     after = before + by
     check_inside(after, "roll")
     across = before.hull(after)
+    # Two secants enclosed one by one would be as wide as both. The slope in D is ``-sec'(F + D)``,
+    # in F it is ``sec'(F) - sec'(F + D)``: minus D times ``sec''`` in between.
     in_roll, in_change = -(_secant_curvature(across) * by), -_secant_slope(after)
     x_0, moved = before.middle, by.middle
     value = 1.0 / cosine(Interval.point(x_0)) - 1.0 / cosine(Interval.point(x_0) + moved)
@@ -358,16 +349,13 @@ def _taylor(angle: Quantity, value: Interval, slope: Interval, curvature: Interv
 
 
 def _linear(value: Interval, *parts: tuple[Quantity, Interval]) -> tuple[list[Term], Interval]:
-    """``value + sum_k f_k (F_k - m_k)``, m the middles, as terms and the rest that they leave.
-
-    `parts`: the quantities F and their slopes f. A term takes one float of a slope; the rest
-    encloses the difference to the true slope.
-    """
+    """``value + sum_k f_k (F_k - m_k)``, m the middles, as terms and the rest that they leave."""
     rest = value
     for quantity, slope in parts:
         rest = rest - Interval.point(slope.middle) * quantity.values.middle
     for (_, values), slope in parts:
         rest = rest + (slope - slope.middle) * within((values - values.middle).largest)
+    # A term takes one float of a slope f; the rest encloses the difference to the true slope.
     return [(slope.middle, quantity.form) for quantity, slope in parts], rest
 
 

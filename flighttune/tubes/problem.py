@@ -162,11 +162,7 @@ class TubeProblem:
 
     @cached_property
     def boxes(self) -> AircraftBoxes | None:
-        """Boxes counted for the flights of an aircraft; None for another plant.
-
-        Raises InputError if the band does not cover these flights, or is not the one of the boxes
-        stored.
-        """
+        """Boxes counted for the flights of an aircraft, or stored; None for another plant."""
         band, stored = self.band, self.stored
         if band is None:
             return stored
@@ -189,10 +185,7 @@ class TubeProblem:
         return boxes
 
     def _check_covered(self, band: Residual) -> None:
-        """Refuse a problem to which no flight counted for the band can belong.
-
-        Aircraft, gains, manoeuvre, limits, controller, starts and air must be those of the band.
-        """
+        """Refuse a problem to which no flight counted for the band can belong."""
         scenario, plant, counted = self.scenario, self.table, band.flights
         aircraft = counted.scenario.plant_table(counted.plant).aircraft
         if plant.aircraft != aircraft or counted.changed:
@@ -330,16 +323,14 @@ def tube_problem(
     band: Residual | None = None,
     law: Law | None = None,
 ) -> TubeProblem:
-    """The flights of a scenario on one of its plants.
+    """The flights of a scenario on one of its plants, by default an aircraft where there is a band.
 
-    `plant` is a label; by default the first aircraft with a band, else the first plant that is
-    none. Course and flight-path angle start within `start` (rad) of the scenario's. The
-    disturbance of each rate is within `disturbance` (rad/s) of zero, in any shape; by default
-    within the amplitudes of the scenario's [disturbance], or zero; of a plant identified from logs
-    within the largest residual rate of these. With the `band` of the
-    residual signals of an aircraft its model flies, under every disturbance in its boxes. The `law`
-    is by default the first of the scenario that takes the gains. Raises InputError if a value
-    cannot be used, or the tube does not know the law.
+    Course and flight-path angle start within `start` (rad) of the scenario's. The disturbance of
+    each rate is within `disturbance` (rad/s) of zero, in any shape; by default within the
+    amplitudes of the scenario's [disturbance], or zero; of a plant identified from logs within the
+    largest residual rate of these. With the `band` of the residual signals of an aircraft its model
+    flies, under every disturbance in its boxes. The `law` is by default the first that takes the
+    gains.
     """
     scenario.check_over_time("a tube")
     aircraft = band is not None
@@ -379,10 +370,7 @@ def residual_of_logs(table: PlantTable) -> float | None:
 
 
 def reference_samples(scenario: Scenario, plant: PlantTable) -> FloatArray:
-    """Reference of a scenario at its samples, as `TubeProblem.reference`.
-
-    Where it rolls in, the vertical lift in weights stands in place of the load factor planned.
-    """
+    """Reference of a scenario at its samples, as `TubeProblem.reference`."""
     t, reference = sample_times(scenario), reference_of(scenario)
     followed = np.zeros((len(t), 6))
     followed[:, REFERENCE] = np.stack(reference.sampled(t), axis=1)
@@ -391,6 +379,7 @@ def reference_samples(scenario: Scenario, plant: PlantTable) -> FloatArray:
         rates = np.stack(reference.rates(t, lead_on(scenario, plant)))
         turn, bend = rates * scenario.flight.V_a_mps / reference.g
         if scenario.controller.feed_forward:
+            # The vertical lift in weights stands in place of the load factor planned.
             lift = np.cos(followed[:, REFERENCE][:, 1]) + bend
             followed[:, PLANNED] = np.column_stack([np.arctan(turn), lift])
     else:

@@ -67,16 +67,14 @@ def continued(loop: SampledLoop, samples: int) -> SampledLoop:
 
 
 def settled_from(loop: SampledLoop) -> int:
-    """First sample from which the reference is constant and boxes are within the last ones.
-
-    The number of samples if the reference still moves at the end.
-    """
+    """First sample from which the reference is constant and boxes are within the last ones."""
     still = (loop.reference == loop.reference[-1]).all(axis=1)
     still &= (loop.reference[:, RATES] == 0.0).all(axis=1)
     still &= (loop.boxes[..., 0] >= loop.boxes[-1, :, 0]).all(axis=1)
     still &= (loop.boxes[..., 1] <= loop.boxes[-1, :, 1]).all(axis=1)
     changing = np.flatnonzero(~still)
     first = int(changing[-1]) + 1 if len(changing) else 0
+    # It is the number of samples if the reference still moves at the end.
     return first if first + 1 < len(still) else len(still)
 
 
@@ -94,13 +92,12 @@ def inside(ranges: FloatArray, centre: FloatArray, size: FloatArray) -> bool:
 
 
 def parallelotope(W: FloatArray, centre: FloatArray, size: FloatArray) -> Pieces:
-    """All z with ``|W z - centre| <= size``, as one piece.
-
-    With V near the inverse of W, ``R = I - W V`` and ``q = W z``, z is ``V (q + R (I - R)^-1 q)``.
-    """
+    """All z with ``|W z - centre| <= size``, as one piece."""
     n = len(W)
     V = np.linalg.inv(W)
     rounding = (n + MORE_ROUNDINGS) * ULP
+    # With V near the inverse of W, ``R = I - W V`` and ``q = W z``, z is
+    # ``V (q + R (I - R)^-1 q)``.
     R = (np.abs(np.eye(n) - W @ V) + rounding * (np.abs(W) @ np.abs(V))).sum(axis=1) * UP
     if not R.max() < 0.5:
         raise Unbounded("the set of the hand-over has no inverse")
@@ -119,11 +116,10 @@ def parallelotope(W: FloatArray, centre: FloatArray, size: FloatArray) -> Pieces
 def return_map(
     loop: SampledLoop, W: FloatArray, centre: FloatArray, size: FloatArray, samples: int, plan: Plan
 ) -> tuple[FloatArray, FloatArray]:
-    """Propagate the set of a `HandOver` through 2 N samples.
+    """Propagate the set of a `HandOver` through 2 N samples; Unbounded where a limit may act.
 
     Returns the ranges of ``W z`` after the first round, shape (n, 2), and of errors and commands at
     every sample, (2 N, 4, 2). There is no second round if the first does not end inside the set.
-    Raises Unbounded if it cannot be enclosed, or a limit may act on a command.
     """
     still = settled(loop, 2 * samples)
     enclosure = enclosure_of(still, parallelotope(W, centre, size), plan)
@@ -142,20 +138,15 @@ def return_map(
 
 
 def for_ever(after_end: FloatArray, passed: FloatArray) -> FloatArray:
-    """Bounds of errors and commands at all times after the last sample, shape (4, 2).
-
-    `after_end` (shape (N, 4, 2)): ranges of the tube at the first N samples after the last one,
-    when all flights are in T. `passed`: see `return_map`.
-    """
+    """Bounds of errors and commands at all times after the last sample, shape (4, 2)."""
+    # `after_end`, shape (N, 4, 2), has the ranges of the tube at the first N samples after the last
+    # one, when all flights are in T; `passed` is that of `return_map`.
     later = np.concatenate([after_end, passed[len(passed) // 2 :]])
     return np.stack([later[:, :, 0].min(axis=0), later[:, :, 1].max(axis=0)], axis=1)
 
 
 class Replay:
-    """A `Plan` that reads what a search chose.
-
-    `chosen` (shape (n,)) must be finite.
-    """
+    """A `Plan` that reads what a search chose, shape (n,), finite."""
 
     def __init__(self, chosen: npt.NDArray[np.float32]) -> None:
         self._chosen, self._at = chosen, 0
@@ -205,17 +196,14 @@ def replay(
     can_limit: npt.NDArray[np.bool_],
     ever: HandOver | None,
 ) -> Verification:
-    """Prove every sample of a tube again from the choices of the search that found it.
-
-    The tube is valid if at every sample the set proven is inside the bounds; else the reason names
-    the sample and the inequality. The arguments are those of a `Tube`, and the pieces of its
-    starts.
-    """
+    """Prove every sample of a tube again from the choices of the search that found it."""
     # Every sample is enclosed by the code that the search used, with a `Replay` in place of its
     # `Search`: choices (where to split, which symbols to merge, which multipliers) decide how wide
     # the set becomes, never whether it encloses. A wrong choice can therefore only lose the claim,
     # and none is trusted. Without looking for choices it is about five times as fast (0.7 s of
     # 3.4 s for 5 s of `paper`).
+    # The tube is valid if at every sample the set proven is inside the bounds; else the reason
+    # names the sample and the inequality.
     loop = problem.loop if ever is None else continued(problem.loop, ever.samples)
     enclosure = enclosure_of(loop, starts, Replay(chosen))
     margins, claimed = np.full(len(QUANTITIES), np.inf), bounds.pairs

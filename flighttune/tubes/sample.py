@@ -217,10 +217,7 @@ Flown: TypeAlias = tuple[list[Form], list[Interval], FloatArray]
 
 
 def start_set(loop: SampledLoop, within_start: float, sides: int, symbols: int) -> Pieces:
-    """All starts within `within_start` (rad) of course and flight-path angle.
-
-    They are in `sides` squared pieces of at most as many `symbols`.
-    """
+    """All starts within `within_start` (rad) of course and path angle, `sides` squared pieces."""
     chi, gamma, phi, n_z = loop.start
     edges = np.linspace(-within_start, within_start, sides + 1)
     # Midpoints and half width of the pieces along one axis.

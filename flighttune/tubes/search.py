@@ -167,10 +167,7 @@ def _row_to_replace(pieces: Pieces, form: Form) -> Indices:
 
 
 def coordinates(loop: SampledLoop) -> tuple[FloatArray, int] | None:
-    """Rows W in which the settled loop contracts, and after how many samples; None if never.
-
-    Any W will do; in this one the linear loop shrinks the norm of ``W z``.
-    """
+    """Rows W in which the settled loop contracts, and after how many samples; None if never."""
     steady, n = loop.steady, loop.rows
     pieces = Pieces(steady[np.newaxis], 0, SYMBOLS)
     pieces.values[0, :, 1 : 1 + n] = LINEARISED_SIZE * np.eye(n)
@@ -182,6 +179,7 @@ def coordinates(loop: SampledLoop) -> tuple[FloatArray, int] | None:
     A = pieces.values[0, :n, 1 : 1 + n] / LINEARISED_SIZE
     if not np.abs(np.linalg.eigvals(A)).max() < 1.0:
         return None
+    # Any W will do; in this one the linear loop shrinks the norm of ``W z``.
     W = np.concatenate([_contracting(A, slow=slow) for slow in (True, False)])
     step = W @ A @ np.linalg.inv(W)
     power = np.eye(n)
@@ -193,15 +191,13 @@ def coordinates(loop: SampledLoop) -> tuple[FloatArray, int] | None:
 
 
 def _contracting(A: FloatArray, *, slow: bool) -> FloatArray:
-    """Rows of the slow or of the fast modes, in which the norm shrinks.
-
-    Commands follow errors and integrals within a sample. Where the set had room for commands that
-    do not, as it has without a separation of the modes, a rate limit would hold them.
-    """
+    """Rows of the slow or of the fast modes, in which the norm shrinks."""
 
     def wanted(re: float, im: float) -> bool:
         return (np.hypot(re, im) >= FAST_EIGENVALUE) == slow
 
+    # Commands follow errors and integrals within a sample. Where the set had room for commands that
+    # do not, as it has without a separation of the modes, a rate limit would hold them.
     sorted_modes: Any = schur(A.T, sort=wanted)
     T, Q, count = sorted_modes
     if not count:

@@ -205,13 +205,11 @@ def _attempt(
 
 
 def flights_inside(enclosure: Tube) -> bool:
-    """Whether the scenario's own flight and those from the corners of the starts are inside.
-
-    A tube that is not bounded is compared as far as it goes.
-    """
+    """Whether the scenario's own flight and those from the corners of the starts are inside."""
     problem = enclosure.problem
     scenario, condition = problem.scenario, start_condition(problem.scenario)
     corners = {(0.0, 0.0), *product((-problem.start, problem.start), repeat=2)}
+    # A tube that is not bounded is compared as far as it goes.
     for chi, gamma in sorted(corners):
         signals, _ = simulate(
             plant_of(problem.table, scenario),

@@ -101,11 +101,9 @@ def ascend(problem: TuningProblem, models: Sequence[LinearModel], start: Point) 
 
 
 class _Linearised:
-    """The program of one step: unknowns dk, Q, R and the relative changes of I_K's factors.
+    """The program of one step: unknowns dk, Q, R and the relative changes of I_K's factors."""
 
-    It is compiled once; what changes from step to step are its parameters.
-    """
-
+    # It is compiled once; what changes from step to step are its parameters.
     def __init__(self, problem: TuningProblem, models: Sequence[LinearModel]) -> None:
         self._problem, self._models = problem, models
         self._limited = math.isfinite(problem.I_star)
@@ -130,16 +128,14 @@ class _Linearised:
         self._program = largest(R, constraints)
 
     def _radius_constraints(self, f: int, n: int) -> list[Any]:
-        """``log I_K <= log I_star - excess`` at the trim, in bounds on Q0 and on A'A.
-
-        ``I_K = lambda_max(Q0)^2 / (lambda_min(Q0) sigma_min(A))``. The matrices are linearised, not
-        their eigenvalues, so that kinks stay kinks.
-        """
+        """``log I_K <= log I_star - excess`` at the trim, in bounds on Q0 and on A'A."""
         self._trim = [(parameter(n, n, symmetric=True), parameter(f, n * n)) for _ in range(3)]
         self._room = parameter()
         highest, lowest, gram = (
             matrix + combination(self._dk, slopes) for matrix, slopes in self._trim
         )
+        # ``I_K = lambda_max(Q0)^2 / (lambda_min(Q0) sigma_min(A))``. The matrices are linearised,
+        # not their eigenvalues, so that kinks stay kinks.
         rise, eye = unknown(3), np.eye(n)  # relative changes of the three eigenvalues
         # I_K has sigma_min(A), the root of the smallest eigenvalue of A'A: hence one half.
         return [
@@ -189,20 +185,12 @@ class _Linearised:
 
 
 def envelope_rate(gains: PIGains, envelope: Envelope, *, g: float) -> CommonQ:
-    """The rate of gains of the chi/gamma law over an envelope, and its common Q; `g` in m/s^2.
-
-    Raises InputError if `g` is not positive or the channels of the gains do not fit.
-    """
+    """The rate of gains of the chi/gamma law over an envelope, and its common Q; `g` in m/s^2."""
     return common_Q(vertex_loops(envelope, gains, g=g))
 
 
 def largest_factor(gains: PIGains, envelope: Envelope, trim: Envelope, *, g: float) -> float:
-    """The largest scaling of an envelope about the trim over which gains have a common Q.
-
-    `g` is in m/s^2; `trim` is a single condition, `Envelope.at`. The factor is found by bisection,
-    to `FACTOR_TOLERANCE`: the scaled envelopes are nested. It is 0 if not even the trim is
-    certified, and at most `LARGEST_FACTOR`. Raises InputError if the trim is outside the envelope.
-    """
+    """The largest scaling of an envelope about the trim over which gains have a common Q."""
     _check_contains(envelope, trim)
 
     def certified(factor: float) -> bool:
@@ -212,6 +200,8 @@ def largest_factor(gains: PIGains, envelope: Envelope, trim: Envelope, *, g: flo
             return False
         return envelope_rate(gains, scaled, g=g).R > 0.0
 
+    # Scaled envelopes are nested, so that bisection finds the factor, to `FACTOR_TOLERANCE`: 0 if
+    # not even the trim is certified, and at most `LARGEST_FACTOR`.
     inside, outside = 0.0, 1.0
     while certified(outside):
         inside, outside = outside, 2.0 * outside
@@ -233,24 +223,18 @@ def _check_contains(envelope: Envelope, trim: Envelope) -> None:
 def rate_curve(
     gains: PIGains, envelope: Envelope, trim: Envelope, *, g: float, up_to: float = 2.0
 ) -> tuple[FloatArray, FloatArray]:
-    """Factors on an envelope about the trim, `up_to` the largest, and the rates certified (1/s).
-
-    Both have shape (k,); the last rate is 0 where no common Q is found any more. `g` is in m/s^2.
-    Raises InputError if the trim is outside the envelope.
-    """
+    """Factors on an envelope about the trim, at most `up_to`, and the rates certified, 1/s."""
     end = largest_factor(gains, envelope, trim, g=g)
     factors = np.linspace(0.0, END_SHOWN * end if end < up_to else up_to, SAMPLES)
     rates = [envelope_rate(gains, envelope.scaled(trim, factor), g=g).R for factor in factors]
+    # The last rate is 0 where no common Q is found any more.
     if end < up_to:
         factors, rates = np.append(factors, end), [*rates, 0.0]
     return factors, np.array(rates)
 
 
 def rate_chart(curves: Mapping[str, tuple[FloatArray, FloatArray]], envelope: Envelope) -> Chart:
-    """Draw each `rate_curve` by the name of its gains; `envelope` is the one at 100 %.
-
-    A cross marks where a set of gains has no common Q any more.
-    """
+    """Draw each `rate_curve` by the name of its gains; `envelope` is the one at 100 %."""
     chart = Chart(
         title="Rate certified over an envelope",
         x="size of the envelope about the trim [%]",
@@ -273,12 +257,10 @@ def tune_over_envelope(
 ) -> TuningResult:
     """Gains with the largest rate over an envelope, under the constraints of a tuning problem.
 
-    Where the first gains have no common Q over the whole envelope, they are tuned for the part of
-    it (scaled about the trim) that they do reach, which grows with them.
-
     The model of the problem is the law's at the trim, where its I_K and input limits hold; `g` is
-    in m/s^2. `starts`: searches from drawn gains, besides the one from the best gains for the trim.
-    Raises InputError if the trim is outside the envelope, or for a state scaling or a bound on E_K.
+    in m/s^2. Where the first gains have no common Q over the whole envelope, they are tuned for the
+    part of it (scaled about the trim) that they do reach. `starts`: searches from drawn gains,
+    besides the one from the best gains for the trim.
     """
     began = time.perf_counter()
     _check_contains(envelope, trim)

@@ -94,21 +94,18 @@ def frontier_chart(
     *,
     against: Literal["I_K", "E_K"] = "I_K",
 ) -> Chart:
-    """Draw the frontier and the marked gains, each with its name, over I_K or over E_K.
-
-    `styles` are those of the gains in other figures; other gains are dark. A mark that breaks the
-    input limits is hollow, one without a stable loop is left out. The axis is logarithmic where it
-    spans more than one decade.
-    """
+    """Draw the frontier and the marked gains, each with its name, over I_K or over E_K."""
     title, x = AXES[against]
     along, marks = (table[(table["name"] == "frontier") == yes] for yes in (True, False))
     marks = marks[marks["R_K"] > 0.0]
     radii = np.concatenate([np.asarray(table[against], dtype=float) for table in (along, marks)])
+    # The axis is logarithmic where it spans more than one decade.
     spread = len(radii) > 1 and radii.max() > DECADE * radii.min()
     chart = Chart(title=title, x=x, y="R_K, guaranteed rate [1/s]", log="x" if spread else "")
     chart.line(along[against], along["R_K"], NEUTRAL, width=2.4, name="largest R_K found")
     columns = (np.asarray(marks[key]) for key in ("name", against, "R_K", "within_limits"))
     points = list(zip(*columns, strict=True))
+    # A mark that breaks the input limits is hollow. Gains without a style are dark.
     for name, size, R_K, within in points:
         tip = f"{name}: R_K {R_K:.4f} 1/s, {against} {size:.3f} s²" + (
             "" if within else ", beyond the limits"

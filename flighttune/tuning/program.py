@@ -46,22 +46,15 @@ class Program:
 
     R_K and I_K have kinks where eigenvalues of Q or singular values of A_K meet, and optima like to
     lie there. So the variables are z = (k, top, bottom, sigma_floor, factor): free gains and bounds
-    on the spectra, ``log(lambda_i) <= top``, ``log(lambda_i) >= bottom`` and ``log(sigma_i) >=
-    sigma_floor`` for every i. Then ``log R_K = -top`` and ``log I_K = 2 top - bottom -
-    sigma_floor`` are linear, and only the bounds are curved. The factor multiplies chosen limits.
+    on the spectra, ``log(lambda_i) <= top``, ``log(lambda_i) >= bottom`` and
+    ``log(sigma_i) >= sigma_floor`` for every i. Then ``log R_K = -top`` and
+    ``log I_K = 2 top - bottom - sigma_floor`` are linear, and only the bounds are curved. The
+    factor multiplies the limit rows that are `relaxable`, shape (r,), by default none.
 
-    Parameters
-    ----------
-    problems : sequence of TuningProblem
-        One for each model, with the same free gains. The first has the constraints; the spectra of
-        all are bounded by the same (top, bottom, sigma_floor).
-    objective : "R_K" (maximised), "I_K", "factor", "trace" or "cost" (minimised)
-        The last two are the trace of Q and the first problem's quadratic cost. ``I_K <= I_star`` is
-        a constraint unless I_K is minimised.
-    relaxable : ndarray of bool, shape (r,), optional
-        Which limit rows the factor multiplies; none by default.
-    min_R_K : float, 1/s
-        A smaller rate is not allowed.
+    Of the `problems`, one for each model with the same free gains, the first has the constraints;
+    the spectra of all are bounded by the same numbers. The `objective` R_K is maximised; I_K, the
+    factor, the trace of Q or the first problem's quadratic cost is minimised. ``I_K <= I_star`` is
+    a constraint unless I_K is minimised.
     """
 
     def __init__(
@@ -106,15 +99,14 @@ class Program:
     def descend(
         self, k: FloatArray, I_star: FloatArray | None = None
     ) -> tuple[FloatArray, FloatArray]:
-        """Free gains and factors where SLSQP stops, shapes (N, f) and (N,), from free gains `k`.
-
-        These are local optima, or where no more progress was made; constraints may be broken there.
-        `I_star` (shape (N,), s^2): bounds on I_K of each start, in place of the problem's.
-        """
+        """Free gains, (N, f), and factors, (N,), where SLSQP stops from `k`."""
         if not k.size:  # no start, or every gain is fixed
             return k, np.ones(len(k))
+        # `I_star`, shape (N,), s^2, bounds I_K of each start in place of the problem's.
         limits = np.full(len(k), self._I_star) if I_star is None else I_star
         z = np.array([self._minimum(*start) for start in zip(k, limits, strict=True)])
+        # These are local optima, or where no more progress was made; constraints may be broken
+        # there.
         # SLSQP may leave the bounds by rounding; gains must not.
         return np.clip(z[:, :-4], *self._problem.k_bounds), z[:, -1]
 
@@ -199,10 +191,7 @@ class Program:
         return np.hstack([steep, np.zeros((len(steep), 4))])
 
     def _spectra(self, k: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Logarithms of the spectra of Q, Q and A_K of all models, and their slopes in k.
-
-        Shapes (3, n) and (3, n, f), n the states of all models together.
-        """
+        """Logarithms of the spectra of Q, Q and A_K of all models, (3, n), and slopes (3, n, f)."""
         key = k.tobytes()
         if self._last[0] != key:
             parts = [
@@ -214,17 +203,15 @@ class Program:
 
 
 def _log_spectra(A: FloatArray, in_k: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Logarithms of the spectra of one scaled loop A, and their slopes in the free gains.
-
-    `in_k` has the slopes of A. With ``A X_i + X_i A' + v_i v_i' = 0`` the slope of the eigenvalue
-    of Q with eigenvector v_i is ``2 Q X_i`` in A; that of a singular value is ``u_i v_i'``.
-    """
+    """Logarithms of the spectra of a scaled loop A, and their slopes in gains from those of A."""
     unstable = SIGNS * UNSTABLE_LOG * np.ones(len(A)), np.zeros((3, len(A), len(in_k)))
     if not np.isfinite(A).all() or np.linalg.eigvals(A).real.max() >= 0.0:
         return unstable
     try:
         Q = solution_of_checked(A, np.eye(len(A)))
         values, vectors = np.linalg.eigh(Q)
+        # With ``A X_i + X_i A' + v_i v_i' = 0`` the slope of the eigenvalue of Q with eigenvector
+        # v_i is ``2 Q X_i`` in A; that of a singular value is ``u_i v_i'``.
         # One Lyapunov equation of the transposed loop for each eigenvector.
         loads = vectors.T[:, :, None] * vectors.T[:, None, :]
         X = solution_of_checked(np.broadcast_to(A.T, loads.shape), loads)
@@ -256,15 +243,13 @@ VARIANTS = 16
 
 
 def stabilising_starts(problem: TuningProblem, starts: int) -> FloatArray:
-    """Free gains of stable loops, shape (at most `starts`, f), the best R_K first.
-
-    Candidates are linear-quadratic regulators of the velocity form with random weights, projected
-    on what the loop may feed back, scaled and disturbed at random, moved inside the bounds, and
-    half of them shrunk into the input limits. The result is spread over the better half of the
-    stable ones; it may be empty.
-    """
+    """Free gains of stable loops, shape (at most `starts`, f), the best R_K first."""
     if not starts:
         return np.empty((0, problem.k_bounds.shape[1]))
+    # Candidates are linear-quadratic regulators of the velocity form with random weights, projected
+    # on what the loop may feed back, scaled and disturbed at random, moved inside the bounds, and
+    # half of them shrunk into the input limits. The result is spread over the better half of the
+    # stable ones; it may be empty.
     rng = np.random.default_rng(np.random.SeedSequence(problem.seed))
     regulators = _regulators(problem.model, rng)[:, None, :, :]
     shape = (len(regulators), VARIANTS, *problem.free.shape)

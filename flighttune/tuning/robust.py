@@ -40,11 +40,8 @@ def tune_worst_case(problems: Sequence[TuningProblem], *, starts: int = STARTS) 
     """Gains whose smallest R_K over several models is largest, channel by channel.
 
     `problems`: one a model, with the same inputs, errors, bounds, limits and structure, and no
-    bound on I_K; orders of the models and scalings may differ. `Program` bounds the eigenvalues of
-    Q of all models at once: kinks of the worst R_K, where models or eigenvalues meet, are no
-    obstacle. R_K of the result is the smallest over the models, I_K, E_K and the spectral abscissa
-    are the largest. Gains between channels that do not touch each other are 0. Raises InputError if
-    the bounds on gains differ.
+    bound on I_K; orders of the models and scalings may differ. R_K of the result is the smallest
+    over the models; I_K, E_K and the spectral abscissa are the largest.
     """
     began, whole = time.perf_counter(), problems[0]
     if not all(np.array_equal(case.gain_bounds, whole.gain_bounds) for case in problems):
@@ -106,10 +103,7 @@ def tune_worst_case(problems: Sequence[TuningProblem], *, starts: int = STARTS) 
 
 
 def _tuned(problems: list[TuningProblem], starts: int) -> tuple[FloatArray, int, int, float] | None:
-    """Best gains of one channel over its models, searches made, those that agree, and feedback.
-
-    None if no gains stabilise all the models, or keep the sensitivity that is asked for.
-    """
+    """Best gains of one channel over its models, searches made, those that agree, and feedback."""
     first = problems[0]
     candidates = np.vstack([stabilising_starts(problem, starts) for problem in problems])
     worst = np.array([_worst_rate(problems, k) for k in candidates])
@@ -142,10 +136,7 @@ def _worst_rate(problems: list[TuningProblem], k: FloatArray) -> float:
 
 
 def channels(problem: TuningProblem) -> tuple[Channel, ...]:
-    """The channels of a problem whose model is decoupled, in the order of their first input.
-
-    The whole problem where it is coupled. The gains between channels are left out: they are 0.
-    """
+    """The channels of a decoupled problem, in the order of their first input; else the whole."""
     from scipy.sparse.csgraph import connected_components
 
     model = problem.model

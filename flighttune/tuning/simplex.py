@@ -45,11 +45,11 @@ SAME_END = 1e-2
 def searched(
     problems: Sequence[TuningProblem], k: FloatArray
 ) -> tuple[FloatArray, float, int] | None:
-    """Free gains and inner feedback of one command, and how many searches agree on them.
+    """Free gains and inner feedback of one command, and how many searches agree; None without any.
 
-    `problems`: of the same free gains; the first says what is sought and the largest sensitivity.
-    `k` (shape (f,)): gains that stabilise all of them; with the aim "rms" the loop must decay as
-    fast as with these, or the integrals would be given up. None if no search keeps the sensitivity.
+    `problems` have the same free gains; the first says what is sought and the largest sensitivity.
+    `k` (shape (f,)) stabilises all of them; with the aim "rms" the loop must decay as fast as with
+    these, or the integrals would be given up.
     """
     from scipy.optimize import minimize
 
@@ -111,10 +111,7 @@ def searched(
 
 
 class Peaks:
-    """Largest singular value of ``S = 1 / (1 - K G)`` at the commands, over frequencies.
-
-    Minus, because errors fall with the commands: ``G = C (s - A)^-1 B`` has their sign.
-    """
+    """Largest singular value of ``S = 1 / (1 - K G)`` at the commands, over frequencies."""
 
     def __init__(self, problem: TuningProblem, count: int) -> None:
         self._problem, model = problem, problem.model
@@ -126,6 +123,7 @@ class Peaks:
             1j * omega * np.eye(len(model.A)) - model.A,
             np.broadcast_to(model.B, (count, *model.B.shape)),
         )
+        # The sign is minus because errors fall with the commands.
         G, self._followed = -model.C @ x, measured_rows(model) @ x
         # A stacked gain (K_P, K_I) acts on G and on its integral.
         self._GI = np.concatenate([G, G / (1j * omega)], axis=1)
@@ -173,15 +171,11 @@ class GustLoop:
     def errors(self, K: FloatArray, feedback: FloatArray) -> FloatArray:
         """Rms of each error in its gusts over that of their angle, shape (p,), of a stable loop.
 
-        Notes
-        -----
         Gusts across the flight turn the path by their speed over the airspeed, at once:
         ``e = C x - d`` with the Dryden spectrum of MIL-F-8785C,
-        ``(1 + 3 (w/a)^2) / (1 + (w/a)^2)^2``, a the airspeed over its scale. The path turns with a
-        force that is measured, so that the inner feedback sees d': the errors are those of the
-        sensitivity at the commands. White noise makes d by
-        ``(sqrt(3) s/a + 1) / (s/a + 1)^2``; the covariance of all states together is the solution
-        of a Lyapunov equation.
+        ``(1 + 3 (w/a)^2) / (1 + (w/a)^2)^2``, a the airspeed over its scale; white noise makes d by
+        ``(sqrt(3) s/a + 1) / (s/a + 1)^2``. The path turns with a force that is measured, so that
+        the inner feedback sees d': the errors are those of the sensitivity at the commands.
         """
         (n, _, p), model = self.model.shape, self.model
         N, k = n + p, inner_feedback(model, feedback)[0]

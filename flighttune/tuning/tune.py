@@ -26,11 +26,7 @@ RATE_GIVEN_UP = 1e-4
 
 
 def tune_problem(problem: TuningProblem, *, starts: int = STARTS) -> TuningResult:
-    """Gains of the largest R_K, or the least cost, that meet the constraints of a problem.
-
-    `starts`: searches by the gradient method, from random starts. The status is "infeasible" or
-    "failed" where there is no answer. Raises InputError if `starts` is not at least 1.
-    """
+    """Gains of the largest R_K, or the least cost, that meet the constraints of a problem."""
     check_at_least(1, starts=starts)
     began = time.perf_counter()
     search = tune_by_gradient if problem.weights is None else tune_by_cost
@@ -41,11 +37,9 @@ def tune_by_gradient(problem: TuningProblem, *, starts: int = STARTS) -> TuningR
     """Gains of the largest R_K, by SLSQP on exact gradients from several starts.
 
     The optimisation model of arXiv 2411.13140, section 4.4. The problem is not convex: that no
-    feasible gains were found is no proof that none exist.
-
-    The same problem gives the same result; infeasible and failed ones are results too. Where I_K
-    does not bind, R_K is that of the slowest channel and leaves the others open: the gains are
-    those of (nearly) that rate with the smallest trace of Q, the mean-square transient.
+    feasible gains were found is no proof that none exist. Where I_K does not bind, R_K is that of
+    the slowest channel and leaves the others open: the gains are those of (nearly) that rate with
+    the smallest trace of Q, the mean-square transient.
     """
     # SLSQP finds a local optimum of a problem that is not convex, so several starts must do: on
     # `paper` all four end within 1e-4 of R_K 0.53976, and `agreeing` tells the user how many did.
@@ -92,10 +86,7 @@ def tune_by_gradient(problem: TuningProblem, *, starts: int = STARTS) -> TuningR
 
 
 def tune_by_cost(problem: TuningProblem, *, starts: int = STARTS) -> TuningResult:
-    """Gains of the least quadratic cost with an R_K of at least `R_min`, by the gradient method.
-
-    The first search begins at the gains of the largest R_K, which are feasible if any are.
-    """
+    """Gains of the least quadratic cost with an R_K of at least `R_min`, by the gradient method."""
     fastest = tune_by_gradient(replace(problem, weights=None, R_min=0.0), starts=starts)
     if fastest.status != "optimal" or fastest.gains is None:
         return fastest
@@ -105,6 +96,7 @@ def tune_by_cost(problem: TuningProblem, *, starts: int = STARTS) -> TuningResul
             f"constraints, got {problem.R_min:g}."
         )
         return replace(fastest, status="infeasible", reason=reason)
+    # The first search begins at the gains of the largest R_K, which are feasible if any are.
     k = np.vstack([fastest.gains.K[problem.free], stabilising_starts(problem, starts)])
     ends = searches(problem, k, "cost", min_R_K=problem.R_min)
     if not (feasible := [end for end in ends if end.meets(problem)]):
@@ -122,10 +114,7 @@ def tune_by_cost(problem: TuningProblem, *, starts: int = STARTS) -> TuningResul
 
 
 def smallest_radius(problem: TuningProblem, k: FloatArray) -> Assessment | None:
-    """The smallest I_K within limits and bounds from free gains k, shape (starts, f), whatever E_K.
-
-    The search ends when two starts agree.
-    """
+    """The smallest I_K within limits and bounds from free gains k, (starts, f), whatever E_K."""
     best, problem = None, replace(problem, E_star=math.inf)
     for start in k:
         (end,) = searches(problem, start[None], "I_K")
@@ -157,11 +146,7 @@ def searches(
 
 
 def diagnosis(problem: TuningProblem) -> Diagnosis:
-    """Distance of a problem from feasibility, and the input limit that is in the way.
-
-    The problem is not convex: the diagnosis describes the best gains found and proves nothing. The
-    common factor is a variable of the smooth program, not found by trial.
-    """
+    """Distance of a problem from feasibility, and the input limit that is in the way."""
     k = stabilising_starts(problem, STARTS)
     smallest = smallest_radius(problem, k)
     unlimited = replace(problem, I_star=math.inf)
@@ -169,6 +154,8 @@ def diagnosis(problem: TuningProblem) -> Diagnosis:
     names, *_, bound = problem.limit_rows
     limit_of_row = [_limit(row) for row in names]
     groups = tuple(dict.fromkeys(limit_of_row))
+    # The problem is not convex: the diagnosis describes the best gains found and proves nothing.
+    # The common factor is a variable of the smooth program, not found by trial.
     factor, at_factor = _smallest_factor(problem, groups, k)
     share = np.full(len(names), math.nan)  # of each limit, that the gains at the factor use
     if at_factor is not None:
