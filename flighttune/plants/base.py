@@ -15,13 +15,8 @@ from flighttune.errors import FlightTuneError, InputError, ScenarioError, TrimEr
 
 
 def plant_label(kind: str, aircraft: str | None = None, name: str | None = None) -> str:
-    """Label of a plant: ``kind``, ``kind:aircraft``, and ``:name`` behind it where it has one.
-
-    A plant of the user's is called by its name alone.
-
-    `kind` is that in the scenario; `name` distinguishes the plant from another one of the same kind
-    and aircraft.
-    """
+    """Label of a plant: ``kind``, ``kind:aircraft``, and ``:name`` behind it where it has one."""
+    # A plant of the user's is called by its name alone.
     if kind == "python" and name:
         return name
     return ":".join(part for part in (kind, Path(aircraft).name if aircraft else "", name) if part)
@@ -33,11 +28,7 @@ def goes_by(label: str, plant: str | None) -> bool:
 
 
 def aircraft_of(label: str, tables: Sequence[Mapping[str, Any]]) -> str | None:
-    """The aircraft of a label; None for a plant that is none.
-
-    `label` is one of `plant_label`; `tables` are the ``[[plant]]`` tables of the scenario flown, as
-    plain values.
-    """
+    """The aircraft of a label in the ``[[plant]]`` tables of a scenario; None for another plant."""
     for table in tables:
         if plant_label(table.get("kind", ""), table.get("aircraft"), table.get("name")) == label:
             return table.get("aircraft")
@@ -154,11 +145,7 @@ N_X_SIGNALS = ("n_x", "n_x_min", "n_x_max")
 
 
 class WrappedPlant:
-    """A plant flown as it is, for a subclass that shows further or other signals of it.
-
-    `plant` was not flown before. Kind and limits are those of the plant; `signals` has at its end
-    the `further` ones that the subclass shows.
-    """
+    """A plant flown as it is, for a subclass that shows `further` signals behind those of it."""
 
     def __init__(self, plant: Plant, further: tuple[str, ...]) -> None:
         self.kind, self.signals, self.limits = plant.kind, plant.signals + further, plant.limits
@@ -184,15 +171,10 @@ _MOTION = ("V_g", "wind_north", "wind_east", "wind_down")
 
 
 class AirPathPlant(WrappedPlant):
-    """A plant whose `chi` and `gamma` are those of its velocity through the air.
+    """A plant whose `chi` and `gamma` are those of its velocity through the air."""
 
-    Its controller steers that path, and its errors are errors of it; position stays that over
-    ground. ``docs/weather.md`` tells where this makes a wind the same as a rate of the path.
-
-    `plant`: a plant that was not flown before and shows ground speed and wind. Kind and limits are
-    those of the plant; `signals` has `OVER_GROUND` at its end.
-    """
-
+    # Its controller steers that path, and its errors are errors of it; position stays that over
+    # ground. ``docs/weather.md`` tells where this makes a wind the same as a rate of the path.
     def __init__(self, plant: Plant) -> None:
         super().__init__(plant, OVER_GROUND)
         self._motion = itemgetter(*map(plant.signals.index, _MOTION))
@@ -215,10 +197,7 @@ class AirPathPlant(WrappedPlant):
 
 
 class GuardedPlant:
-    """A plant that ends the flight where it raises or shows a value that is not finite.
-
-    Raises InputError if the signals do not begin with `COMMON_SIGNALS`.
-    """
+    """A plant that ends the flight where it raises or shows a value that is not finite."""
 
     def __init__(self, plant: Plant, name: str) -> None:
         self._plant, self._name = plant, name
@@ -231,10 +210,7 @@ class GuardedPlant:
     def made(
         cls, label: str, maker: Callable[..., Plant] | None, parameters: Mapping[str, Any]
     ) -> "GuardedPlant":
-        """A fresh plant of a class of the user's.
-
-        Raises ScenarioError if it cannot be made.
-        """
+        """A fresh plant of a class of the user's; ScenarioError if it cannot be made."""
         name = f"plant {label}"
         if maker is None:
             raise InputError(f"`{name}` must be loaded before it is flown.")
@@ -244,10 +220,7 @@ class GuardedPlant:
             raise ScenarioError(failure(name, error, 0.0)) from error
 
     def start(self, condition: FlightCondition) -> None:
-        """Start the plant.
-
-        Raises TrimError if it cannot, for whatever reason.
-        """
+        """Start the plant, or raise TrimError if it cannot, for whatever reason."""
         self._t, self._stop, self._last = 0.0, None, ()
         try:
             self._plant.start(condition)
@@ -257,10 +230,7 @@ class GuardedPlant:
             raise TrimError(failure(self._name, error, 0.0)) from error
 
     def observe(self) -> tuple[float, ...]:
-        """Return the values of `signals`; the last ones where there are none, and end the flight.
-
-        Raises TrimError if there are none at the start.
-        """
+        """Values of `signals`; the last ones, and the end of the flight, where there are none."""
         try:
             signals = tuple(map(float, self._plant.observe()))
             if len(signals) != len(self.signals) or not all(map(math.isfinite, signals)):

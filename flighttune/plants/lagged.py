@@ -24,11 +24,7 @@ MAX_TRANSITIONS = 4096
 
 @lru_cache(maxsize=256)  # flights of one aircraft ask for the same few again and again
 def transition(lag: InnerLag, t: float) -> FloatArray:
-    """Transition matrix ``exp(A t)`` of a lag's distance from rest under a constant command.
-
-    A is that of `InnerLag.undelayed`, without the delay. `t` (s) is not negative. The matrix is
-    read-only and has shape (order, order).
-    """
+    """``exp(A t)``, shape (order, order), of a lag without its delay; `t` in s."""
     from scipy.linalg import expm
 
     matrix = np.asarray(expm(lag.undelayed[0] * t))
@@ -43,10 +39,7 @@ def rest(lag: InnerLag) -> FloatArray:
 
 
 class LaggedChannel:
-    """One channel: its state between the instants at which commands take effect.
-
-    `value` (unit of the channel) is flown and commanded before t = 0.
-    """
+    """One channel: its state between commands; it flies and is commanded `value` before t = 0."""
 
     def __init__(self, lag: InnerLag, value: float) -> None:
         self._lag, self._rest = lag, rest(lag).tolist()

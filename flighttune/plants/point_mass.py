@@ -49,42 +49,19 @@ def turn_rates(
     turn: TurnLaw = "paper",
     g: float = G_PAPER,
 ) -> tuple[FloatArray, FloatArray]:
-    r"""Course and flight-path-angle rates of a point mass in coordinated flight.
+    """Course and flight-path-angle rates (rad/s) of a point mass in coordinated flight.
 
-    Parameters
-    ----------
-    V_a : array_like, shape (...), m/s
-        Airspeed, positive.
-    gamma, phi : array_like, shape (...), rad
-        Flight-path angle, climb positive; roll angle about the velocity, right wing down positive.
-    n_z : array_like, shape (...), 1
-        Load factor: lift over weight.
-    turn : {"paper", "exact"}
-        Equations of motion: see Notes.
-    g : float, m/s^2
-        Acceleration of gravity.
-
-    Returns
-    -------
-    chi_dot, gamma_dot : ndarray, shape (...), rad/s
-        Rates of course (clockwise from north) and of flight-path angle.
-
-    Raises
-    ------
-    InputError
-        If an airspeed is not positive.
-
-    Notes
-    -----
-    Lift ``n_z m g`` stands normal to the velocity, rolled by phi. Exactly, its horizontal part
-    ``n_z sin(phi)`` turns the level speed ``V_a cos(gamma)``: R. W. Beard and T. W. McLain, *Small
-    Unmanned Aircraft*, Princeton 2012, section 9.3, with ``C_L q S = n_z m g``. The paper's law,
-    Eq. (38) of arXiv 2411.13140 without its disturbance, takes the course rate of a level
-    coordinated turn, ``tan(phi)``, whatever the load factor.
+    All arrays have the shape (...): airspeed (m/s), path angle, roll about the velocity, right wing
+    down positive (rad), and load factor.
     """
     if not np.all(np.greater(V_a, 0.0)):
         raise InputError(f"`V_a` must be positive, got {np.min(V_a):g} m/s.")
     g_over_v = g / np.asarray(V_a, dtype=float)
+    # Lift ``n_z m g`` stands normal to the velocity, rolled by phi. Exactly, its horizontal part
+    # ``n_z sin(phi)`` turns the level speed ``V_a cos(gamma)``: R. W. Beard and T. W. McLain,
+    # *Small Unmanned Aircraft*, Princeton 2012, section 9.3, with ``C_L q S = n_z m g``. The
+    # paper's law, Eq. (38) of arXiv 2411.13140 without its disturbance, takes the course rate of a
+    # level coordinated turn, ``tan(phi)``, whatever the load factor.
     turning = np.tan(phi) if turn == "paper" else n_z * np.sin(phi) / np.cos(gamma)
     return g_over_v * turning, g_over_v * (n_z * np.cos(phi) - np.cos(gamma))
 

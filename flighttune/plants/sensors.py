@@ -96,13 +96,10 @@ class Sensors:
 
 
 class SensedPlant(WrappedPlant):
-    """A plant that also shows its course, climb and airspeed as sensors have them.
+    """A plant that also shows its course, climb and airspeed as sensors have them, `MEASURED`."""
 
-    `plant`: a plant that was not flown before. `errors` (shape (n, 3), rad, rad, m/s): measured
-    minus true value at each of the n times it will be observed. Kind and limits are those of the
-    plant; `signals` has `MEASURED` at its end.
-    """
-
+    # `errors`, shape (n, 3), rad, rad and m/s, are measured minus true value at each of the n times
+    # the plant is observed.
     def __init__(self, plant: Plant, errors: FloatArray) -> None:
         super().__init__(plant, MEASURED)
         self._errors = zip(*errors.T.tolist(), strict=True)

@@ -73,11 +73,7 @@ class WindRecord:
 
 
 def course_of(velocity: NED) -> tuple[float, float]:
-    """Course and flight-path angle of a velocity in north, east, down.
-
-    `chi`, `gamma` (rad): course clockwise from north in (-pi, pi]; angle above the horizon, climb
-    positive.
-    """
+    """Course, clockwise from north, and flight-path angle (rad), climb positive, of a velocity."""
     north, east, down = velocity
     return math.atan2(east, north), math.atan2(-down, math.hypot(north, east))
 
@@ -89,13 +85,10 @@ def velocity_along(V: float, chi: float, gamma: float) -> NED:
 
 
 def path_through_air(V_a: float, chi: float, gamma: float, wind: NED) -> tuple[float, float]:
-    """Course and path angle through the air (rad) of a flight along `chi`, `gamma` over ground.
-
-    Wind triangle: the velocity over ground is that through the air, of length `V_a` (m/s), plus
-    `wind` (m/s). Raises InputError if no speed over ground closes the triangle.
-    """
+    """Course and path angle through the air (rad) of a flight along `chi`, `gamma` over ground."""
     if wind == CALM:
         return chi, gamma
+    # Wind triangle: the velocity over ground is that through the air, of length `V_a`, plus `wind`.
     path = velocity_along(1.0, chi, gamma)
     along = sum(map(mul, wind, path))
     across = math.dist(wind, [along * part for part in path])
@@ -168,11 +161,9 @@ class Turbulence:
 
 
 def turbulence_scales(h: float) -> tuple[float, float]:
-    """Scales of the Dryden gusts to the side and down at a height of `h` (m) above ground, m.
-
-    MIL-F-8785C, sections 3.7.2 and 3.7.3, as JSBSim has them: by height below 1000 ft, 1750 ft from
-    2000 ft on, a straight line between.
-    """
+    """Scales of the Dryden gusts to the side and down at a height of `h` (m) above ground, m."""
+    # MIL-F-8785C, sections 3.7.2 and 3.7.3, as JSBSim has them: by height below 1000 ft, 1750 ft
+    # from 2000 ft on, a straight line between.
     feet = max(h / FT, 10.0)
     if feet >= 1000.0:
         scale = min(1000.0 + 0.75 * (feet - 1000.0), 1750.0)

@@ -80,33 +80,17 @@ def fly_sampled(
 ) -> BatchResult:
     """Fly N discrete controllers on the kinematic plant, every flight as `simulate` would.
 
-    Parameters
-    ----------
-    controllers : sequence of MimoPI or of ExactLaw, length N
-        Alike but for gains, limits and speed of the schedule. They are read, not flown.
-    conditions, disturbances, sensors : sequences, length N
-        Start, disturbance and sensors of each flight; without switching times. No sensors where
-        true values are measured.
-    ref : ndarray, shape (N or 1, k or 1, 2), rad
-        Course and flight-path angle to follow: constant, or one a sample.
-    duration : float, s
-        Time to fly, at least a sample; rounded to whole samples.
-    ref_rates : ndarray, shape of `ref`, rad/s, optional
-        Their rates, which the exact law follows.
-    g : float or array_like, shape (N,), m/s^2
-        Acceleration of gravity.
+    Controllers are alike but for gains, limits and speed of the schedule; they are read, not flown.
+    Each flight has its condition, disturbance (without switching times) and, where its values are
+    not the true ones, sensors. `ref` (rad) and `ref_rates` (rad/s), which the exact law follows,
+    have the shape (N or 1, k or 1, 2): course and flight-path angle, constant or one a sample.
+    `duration` (s) is rounded to whole samples; `g` (m/s^2) is one number or N.
 
-    Returns
-    -------
-    BatchResult
-        Trajectories, of 112 bytes a sample, are those of the single run but for rounding (1e-12).
-        Integrals of the exact law (rad/s) stand in ``phi_integral`` and ``n_z_integral``.
-
-    Notes
-    -----
-    The controller is `pi_step` or `exact_step`, the function of the law itself, compiled. The first
-    call in a new installation compiles for some seconds; the result is kept on disk.
+    Trajectories, of 112 bytes a sample, are those of the single run but for rounding (1e-12).
+    Integrals of the exact law (rad/s) stand in ``phi_integral`` and ``n_z_integral``.
     """
+    # The controller is `pi_step` or `exact_step`, the function of the law itself, compiled. The
+    # first call in a new installation compiles for some seconds; the result is kept on disk.
     first, N = controllers[0], len(controllers)
     dt = first.dt
     t = np.arange(round(duration / dt) + 1, dtype=np.float64) * dt

@@ -17,12 +17,8 @@ AHEAD = 1e-9
 class Sinusoid:
     """``d_chi = a_chi sin(omega_chi t), d_gamma = a_gamma cos(omega_gamma t)``, or their signs.
 
-    A channel with switching times has its amplitude instead, of the other sign after each of them.
-
-    Notes
-    -----
-    Eq. (39) of arXiv 2411.13140, which calls the amplitudes Lipschitz constants. The bound of the
-    derivative that enters the guarantees is `rate_bound`.
+    Eq. (39) of arXiv 2411.13140, which calls the amplitudes Lipschitz constants. A channel with
+    switching times has its amplitude instead, of the other sign after each of them.
     """
 
     # rad/s: Amplitudes a_chi, a_gamma
@@ -63,11 +59,10 @@ class Sinusoid:
         """Oscillating wind that turns a path through the air at these rates, to first order.
 
         `V_a` (m/s) is the airspeed, `chi` and `gamma` (rad) the direction of flight about which the
-        wind is laid: horizontal and across for the course, normal to the path for the climb, with
-        amplitudes ``V_a cos(gamma) a_chi/omega_chi`` and ``V_a a_gamma/omega_gamma``.
-        ``design/oscillating_wind.md`` derives it. Both frequencies must be positive where there is
-        an amplitude.
+        wind is laid. ``design/oscillating_wind.md`` derives it.
         """
+        # The wind is horizontal and across the path for the course, and normal to the path for the
+        # climb.
         across = V_a * math.cos(gamma) * _quotient(self.chi_amplitude, self.chi_omega)
         normal = V_a * _quotient(self.gamma_amplitude, self.gamma_omega)
         return OscillatingWind(
@@ -95,17 +90,13 @@ class Sinusoid:
 
     @property
     def rate_bound(self) -> float:
-        """L_d: bound of the norm of the derivative, rad/s^2.
-
-        With one frequency and no phase it is the larger amplitude times the frequency (the
-        derivatives are a quarter period apart), else the norm of both products. A square wave, or
-        a disturbance that switches, has none: it is infinite.
-        """
+        """L_d: bound of the norm of the derivative, rad/s^2; infinite where it switches."""
         chi, gamma = self.chi_amplitude, self.gamma_amplitude
         products = chi * self.chi_omega, gamma * self.gamma_omega
         switches = self.chi_switches if chi else None, self.gamma_switches if gamma else None
         if any(switches) or (self.square and any(products)):
             return math.inf
+        # The derivatives are then a quarter period apart.
         if abs(self.chi_omega) == abs(self.gamma_omega) and self.chi_phase == self.gamma_phase:
             return max(map(abs, products))
         return math.hypot(*products)

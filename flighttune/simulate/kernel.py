@@ -67,11 +67,9 @@ for of_errors in (
 
 
 def kernel(function: Callable[..., Any]) -> Any:
-    """Compile `function` and keep the result on disk.
-
-    Numba looks only at the file of the function to see whether a kept result is still good. The
-    digest of every source that goes into it is therefore made a part of its name.
-    """
+    """Compile `function` and keep the result on disk."""
+    # Numba looks only at the file of the function to see whether a kept result is still good. The
+    # digest of every source that goes into it is therefore made a part of its name.
     function.__qualname__ = f"{function.__qualname__}_{DIGEST}"
     try:
         return njit(cache=True)(function)
@@ -81,12 +79,11 @@ def kernel(function: Callable[..., Any]) -> Any:
 
 @kernel
 def fly_block(first, end, sensor_errors, flights, result):
-    """Fly the flights from `first` up to `end` into their places of `result`.
-
-    `sensor_errors` is measured minus true course, flight-path angle and airspeed, one row a flight
-    of the block and one a sample; of no flight where the controller sees the true values.
-    """
+    """Fly the flights from `first` up to `end` into their places of `result`."""
     for i in range(first, end):
+        # Sensor errors are measured minus true course, flight-path angle and airspeed, one row a
+        # flight of the block and one a sample; there are none where the controller sees the true
+        # values.
         errors = sensor_errors[i - first] if len(sensor_errors) else sensor_errors.reshape((0, 3))
         rows = result.trajectories[i]
         result.samples[i], result.ends[i] = _fly(i, errors, flights, result.t, rows)
@@ -224,12 +221,10 @@ def _disturbance(wave, t):
 
 @njit
 def _runge_kutta_step(x, forcing, disturbances, step):
-    """Course and flight-path angle after one step of `PointMassPlant` with the paper's law.
-
-    `forcing` is what the command makes of them: ``g tan(phi)/V``, ``n_z cos(phi)`` and ``g/V``;
-    `disturbances` are those at start, middle and end of the step.
-    """
+    """Course and flight-path angle after one step of `PointMassPlant` with the paper's law."""
+    # The command makes `forcing`: ``g tan(phi)/V``, ``n_z cos(phi)`` and ``g/V``.
     (chi, gamma), (turn, lift, g_over_v) = x, forcing
+    # These are the disturbances at start, middle and end of the step.
     first, middle, last = disturbances
     half, sixth = 0.5 * step, step / 6.0
     k_1 = g_over_v * (lift - math.cos(gamma)) + first[1]

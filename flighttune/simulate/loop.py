@@ -77,50 +77,23 @@ def simulate(
     lead: tuple[float, float] | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> tuple[pd.DataFrame, Stop | None]:
-    """Fly `plant` under `controller` along `reference` from `condition`.
+    """Fly `plant` under `controller` along `reference` from `condition` for `duration` (s).
 
-    Parameters
-    ----------
-    plant : Plant
-        A plant that was not flown before.
-    controller : Controller
-        From (chi, gamma) to (phi, n_z), within limits of its own, as `Law.controller` makes it; its
-        sample time is the step of the loop. It is started from the roll and load factor of
-        `condition`. It may have a third command, n_x, where the plant takes it and the reference
-        has an airspeed; the signals then also hold `AIRSPEED_SIGNALS`.
-    reference : Reference, FeasibleReference or RouteReference
-        Course and flight-path angle to follow, or a route, at whose end the flight ends; the
-        signals then also hold `ROUTE_SIGNALS`.
-    condition : FlightCondition
-        Start of the flight.
-    duration : float, s
-        Time to fly, positive; rounded to whole samples.
-    sensors : Sensors, optional
-        Sensors through which the controller sees course, climb and airspeed; by default it sees the
-        true values. With sensors the signals also hold `MEASURED`; the errors are the true ones.
-    lead : tuple of two floats, s, optional
-        Lags of roll and lift, by which they are planned ahead where the reference rolls in or is a
-        route. By default nothing is planned for a reference over time.
-    progress : callable, optional
-        Called with the time flown in s, about once a second of flight.
+    The plant was not flown before. The controller, from (chi, gamma) to (phi, n_z) within limits of
+    its own, as `Law.controller` makes it, is started from the roll and load factor of `condition`;
+    its sample time is the step of the loop. It may have a third command, n_x, where the plant takes
+    it and the reference has an airspeed; the signals then also hold `AIRSPEED_SIGNALS`. A flight
+    along a route ends at its end and has `ROUTE_SIGNALS`. With `sensors` the controller sees
+    course, climb and airspeed through them, and the signals hold `MEASURED`; the errors are the
+    true ones. `lead`: lags of roll and lift (s) by which they are planned ahead where the reference
+    rolls in or is a route. `progress` is called with the time flown (s), about once a second of
+    flight.
 
-    Returns
-    -------
-    signals : DataFrame, indexed by `t` in s
-        One row a sample: signals of the plant, then `LOOP_SIGNALS` with those of the controller;
-        SI and radians; read-only. It ends with the last sample before the stop where the flight
-        ended early.
-    stop : Stop or None
-        Why the flight ended early; None where it lasted as long as asked. A controller that raises,
-        or whose commands cannot be used, ends it with ``law_failed``.
-
-    Raises
-    ------
-    InputError
-        If `duration` is shorter than one sample, or only one of plant, controller and reference
-        has an airspeed.
-    TrimError
-        If the plant finds no steady flight at `condition`.
+    Returns one row a sample, indexed by `t` in s, SI and radians, read-only: signals of the plant,
+    then `LOOP_SIGNALS` with those of the controller. The table ends with the last sample before the
+    stop where the flight ended early, with the reason as the second value. A controller that
+    raises, or whose commands cannot be used, ends it with ``law_failed``. Raises TrimError if the
+    plant finds no steady flight at `condition`.
     """
     flight = Flight(plant, controller, reference, condition, duration, sensors, lead)
     if (flown := flight.fly_compiled(progress)) is not None:
@@ -157,14 +130,10 @@ def _fed_back(controller: Controller, plant: Plant) -> Callable[[], float] | Non
 class Flight:
     """One flight that waits at every sample for its commands: `simulate` gives those of a law.
 
-    Parameters are those of `simulate`. `controller` is started, and its `dt`, `limiter` and names
-    of signals count; who flies calls its `step`, or takes commands from elsewhere.
-
-    Attributes
-    ----------
-    samples : generator
-        Yields each `Sample`, receives what `Controller.step` returns at it, and returns why the
-        flight ended early, or None. With the first sample plant and controller are started.
+    Parameters are those of `simulate`; whoever flies calls the controller's `step`, or takes
+    commands from elsewhere. `samples` yields each `Sample`, receives what `Controller.step` returns
+    at it, and returns why the flight ended early, or None. Its first one starts plant and
+    controller.
     """
 
     def __init__(
@@ -218,11 +187,9 @@ class Flight:
     def fly_compiled(
         self, progress: Callable[[float], None] | None
     ) -> tuple[pd.DataFrame, Stop | None] | None:
-        """Fly a long route under the exact law on an aircraft, each sample by compiled code.
-
-        Returns what `simulate` does: the numbers of `samples` but for rounding. None for any other
-        flight, and without Numba.
-        """
+        """Fly a long route under the exact law on an aircraft by compiled code; None for others."""
+        # It returns what `simulate` does: the numbers of `samples` but for rounding. Without Numba
+        # there is none.
         (plant, controller, condition, route, lead), t = self._given, self._t
         shown = {*plant.signals}
         if (
@@ -310,10 +277,7 @@ class Flight:
         return None
 
     def signals(self) -> pd.DataFrame:
-        """The table of `simulate`, of the samples so far whose commands are there.
-
-        The flight cannot go on after it.
-        """
+        """The table of `simulate`, of the samples so far; the flight cannot go on after it."""
         values = np.frombuffer(self._rows, dtype=np.float64).reshape(-1, len(self._columns))
         return _table(values, self._columns, self._t, self._wrapped)
 

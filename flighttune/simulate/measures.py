@@ -38,11 +38,9 @@ ErrorMeasures = namedtuple("ErrorMeasures", METRICS)
 def error_measures(
     t: FloatArray, ref: FloatArray, error: FloatArray, effort: FloatArray, limited: FloatArray
 ) -> ErrorMeasures:
-    """Tracking measures of one channel at the times `t` (two or more, s, from 0).
-
-    `error` (rad) is the reference `ref` minus actual, `effort` the command minus that of steady
-    flight on the reference, and `limited` not zero where a limit holds the command.
-    """
+    """Tracking measures of one channel at the times `t` (two or more, s, from 0)."""
+    # `error` is reference minus actual, `effort` the command minus that of steady flight on the
+    # reference, and `limited` not zero where a limit holds the command.
     weighted, spacing = t * np.abs(error), t[1:] - t[:-1]
     itae = float(np.sum(spacing * (weighted[1:] + weighted[:-1]))) / 2.0
     steady = error[t >= STEADY_FROM * t[-1]]
@@ -88,11 +86,9 @@ def moves(ref: FloatArray) -> npt.NDArray[np.intp]:
 
 
 def settling_time(t: FloatArray, ref: FloatArray, error: FloatArray, band: float) -> float:
-    """Longest time from the end of a change of `ref` until `error` stays within `band`.
-
-    With a `band` of 0 it is 5 % of the commanded change. `flighttune.metrics` has the definition.
-    """
+    """Longest time from the end of a change of `ref` until `error` stays within `band`."""
     size = np.abs(error)
+    # A band of 0 stands for 5 % of the commanded change: `flighttune.metrics` has the definition.
     if band == 0.0:
         change = commanded_change(ref, error)
         band = SETTLING_BAND * max(change, SMALLEST_STEP)

@@ -126,16 +126,14 @@ class Bounds:
         )
 
     def share(self, signals: pd.DataFrame) -> float:
-        """Largest share of the bounds that a flight uses; it leaves them beyond 1.
-
-        Inside, it is the largest distance from the middle over the largest half width of its
-        signal: a share of the width at each time would be large at the start of every flight,
-        where a tube is narrow.
-        """
+        """Largest share of the bounds that a flight uses; it leaves them beyond 1."""
         t = signals.index.to_numpy(dtype=float)
         widths = [np.interp(t, self.t, column) for column in self.half_widths.T]
         pointwise = self.distances(signals) / np.maximum(np.column_stack(widths), NARROWEST)
         largest = float(pointwise.max())
+        # Inside, the share is the largest distance from the middle over the largest half width of
+        # its signal: a share of the width at each time would be large at the start of every flight,
+        # where a tube is narrow.
         return largest if largest > 1.0 else float(self.reach(signals).max())
 
     def reach(self, signals: pd.DataFrame) -> FloatArray:
@@ -402,10 +400,7 @@ def _with_claim(run: Run, claim: RunClaim) -> Run:
 
 
 def claimed(runs: Sequence[Run]) -> Answer:
-    """The claims about runs, as part of an answer.
-
-    A flight that leaves a proven tube is a failure, and so is an alarm.
-    """
+    """The claims about runs, as part of an answer."""
     claims, failures = [], []
     for run in runs:
         for claim in run.claims:
@@ -414,6 +409,7 @@ def claimed(runs: Sequence[Run]) -> Answer:
             if SCORE in claim.units:
                 row["alarm"] = alarm and alarm._asdict()
             claims.append(row)
+            # A flight that leaves a proven tube is a failure, and so is an alarm.
             if alarm is not None:
                 failures.append(f"{run.label}: {alarm.sentence}")
             elif claim.kind == "proven" and not inside:

@@ -23,20 +23,16 @@ Run: TypeAlias = Callable[[], bool]
 
 
 def wind_writers(fdm: Fdm) -> list[Callable[[float], bool]]:
-    """Return functions that set the wind of `fdm` (ft/s), north, east and down, for steps to come.
-
-    It goes into JSBSim's ``gust-*`` properties: ``wind-*`` is reset by every evaluation. Gust and
-    turbulence add to it.
-    """
+    """Return functions that set the wind of `fdm` (ft/s), north, east and down, from now on."""
+    # JSBSim resets its ``wind-*`` properties in every evaluation, and adds gust and turbulence to
+    # ``gust-*``.
     return [fdm.writer(f"atmosphere/gust-{axis}-fps") for axis in _NED]
 
 
 def carry_along(fdm: Fdm, wind: NED) -> None:
-    """Put `fdm`, in steady flight in still air, into the same flight in air that moves with `wind`.
-
-    Velocity through the air, attitude, rates and accelerations stay; the velocity over ground is
-    that of the still air plus `wind` (m/s, north, east, down).
-    """
+    """Put `fdm`, in steady flight in still air, into the same flight in a steady `wind` (m/s)."""
+    # Velocity through the air, attitude, rates and accelerations stay; the velocity over ground is
+    # that of the still air plus `wind` (m/s).
     ground = [fdm.reader(f"velocities/v-{axis}-fps")() for axis in _NED]
     for axis, write, still, moved in zip("ned", wind_writers(fdm), ground, wind, strict=True):
         write(moved / FT)
@@ -45,11 +41,7 @@ def carry_along(fdm: Fdm, wind: NED) -> None:
 
 
 def weather_step(fdm: Fdm, weather: Weather, rate: float) -> Run:
-    """Let `weather` begin, and return a function that flies one integration step in it.
-
-    `fdm`: the aircraft, at the start of its flight. `rate` (1/s): integration rate. Returns
-    ``fdm.run`` itself where nothing has to be set during the flight.
-    """
+    """Let `weather` begin, and return a function that flies one step in it, at `rate` (1/s)."""
     if weather.turbulence is not None:
         _begin_turbulence(fdm, weather.turbulence)
     step = fdm.run
@@ -97,16 +89,14 @@ def _gusty(fdm: Fdm, gust: Gust, rate: float, run: Run) -> Run:
 
 
 def _changing(fdm: Fdm, weather: Weather, rate: float, run: Run) -> Run:
-    """Return a step that writes the wind of its end before it is flown.
-
-    It is exact at instants `_REFRESH` steps apart, and linear in between.
-    """
+    """Return a step that writes the wind of its end before it is flown."""
     (write_north, write_east, write_down), h_ft = wind_writers(fdm), fdm.reader("position/h-sl-ft")
     h_start = h_ft()
 
     def wind_at(t: float, h: float) -> list[float]:
         return [component / FT for component in weather.deterministic(t, h * FT + fdm.ground)]
 
+    # The wind is exact at instants `_REFRESH` steps apart, and linear in between.
     def steps() -> Iterator[bool]:
         h_last, (north, east, down) = h_start, wind_at(0.0, h_start)  # ft/s, as JSBSim has it
         for k in count(_REFRESH, _REFRESH):

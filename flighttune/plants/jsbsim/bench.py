@@ -63,10 +63,7 @@ class AirframeState:
 
 
 class Bench:
-    """An aircraft at one height, its inner loop disengaged, actuators and engine settled.
-
-    `fdm`: the aircraft; it is left in the state measured last. `h` (m): height above sea level.
-    """
+    """An aircraft at the height `h` (m), inner loop disengaged, actuators and engine settled."""
 
     def __init__(self, fdm: Fdm, h: float) -> None:
         self.fdm = fdm
@@ -88,11 +85,7 @@ class Bench:
         self._settled_for = (math.nan, math.nan)
 
     def accelerations(self, state: AirframeState) -> dict[str, float]:
-        """Put the aircraft into `state` and measure.
-
-        Returns ``u_dot``, ``v_dot``, ``w_dot`` (m/s^2), ``p_dot``, ``q_dot``, ``r_dot`` (rad/s^2),
-        ``n_y`` and ``n_z`` (1): load factors along the right wing and the lift axis.
-        """
+        """Accelerations (m/s^2, rad/s^2), and load factors to the right and along lift."""
         first = math.isnan(self._settled_for[0])
         if first and self.fdm.electric and self.fdm.engine_settles and state.throttle != SPIN_UP:
             # From rest, full throttle makes the speed of a light propeller diverge, and a closed
@@ -135,11 +128,9 @@ def slopes(
     trimmed: AirframeState,
     half_widths: Mapping[str, float],
 ) -> dict[str, FloatArray]:
-    """Central differences of `measure` about `trimmed` by each attribute of `half_widths`, in turn.
-
-    Airspeed and throttle, which the engine follows, must come last: all other slopes are then taken
-    with the engine settled at `trimmed`.
-    """
+    """Central differences of `measure` about `trimmed` by each attribute of `half_widths`."""
+    # Airspeed and throttle, which the engine follows, must come last: all other slopes are then
+    # taken with the engine settled at `trimmed`.
     derivatives = {}
     for name, half in half_widths.items():
         above, below = (
@@ -173,14 +164,9 @@ ALPHA, HEIGHT, FULL = 3.0 * DEG, 1000.0, 0.95
 
 
 def check_moves(config: AircraftConfig) -> None:
-    """Refuse an aircraft that does not do what its file says.
-
-    A check that passed or failed is remembered in this process while the files stay the same.
-
-    The gains of `config` must have been made for its files as they are. Raises PlantError if an
-    engine does not run or push, a surface does not move what it should or has no effect over the
-    last half of its travel, or its travel differs from the file.
-    """
+    """Refuse an aircraft whose engines or surfaces do not do what its file says."""
+    # A check is remembered in this process while the files stay the same. Gains must have been made
+    # for the files as they are.
     nominal = config.with_off_nominal(None)
     fault = _fault(Unchanged(nominal, config.gains.made_for if config.gains else None))
     if fault:

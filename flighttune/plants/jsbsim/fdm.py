@@ -130,14 +130,12 @@ STARTING = 8.0
 
 
 class Fdm:
-    """A loaded aircraft over a flat Earth at rest; property nodes only by names that exist.
+    """A loaded aircraft over a flat Earth at rest; property nodes only by names that exist."""
 
-    `steps` is the number of integration steps in one sample of the inner loop's computer. JSBSim's
-    sea level is laid at the `ground` (m above sea level), with the air of that height: turbulence
-    of JSBSim, which takes heights above sea level for heights above ground, is then right. Raises
-    PlantError, with the words of JSBSim, if it cannot load the aircraft.
-    """
-
+    # `steps` is the number of integration steps in one sample of the inner loop's computer.
+    # JSBSim's sea level is laid at the `ground` (m above sea level), with the air of that height:
+    # turbulence of JSBSim, which takes heights above sea level for heights above ground, is then
+    # right.
     def __init__(self, config: AircraftConfig, *, steps: int = 1, ground: float = 0.0) -> None:
         model_files.check_loads(config)
         self.config = config
@@ -227,32 +225,20 @@ class Fdm:
             self.writer("propulsion/set-running")(-1.0)
 
     def reader(self, name: str) -> Callable[[], float]:
-        """Return a function that reads the property `name` (JSBSim's units).
-
-        Raises PlantError if the aircraft has no such property.
-        """
+        """Return a function that reads the property `name` (JSBSim's units), which must exist."""
         return self._node(name).get_double_value
 
     def writer(self, name: str) -> Callable[[float], bool]:
-        """Return a function that writes the property `name` (JSBSim's units).
-
-        Raises PlantError if the aircraft has no such property or it cannot be written.
-        """
+        """Return a function that writes the property `name` (JSBSim's units), which must exist."""
         node = self._node(name)
         if not node.get_attribute(jsbsim.Attribute.WRITE):
             raise PlantError(f"{self._model}: property `{name}` must be writable, got read-only.")
         return node.set_double_value
 
     def evaluate(self) -> None:
-        """Put the aircraft into the state of the ``ic/`` properties and evaluate its forces there.
-
-        Lags and rate limits of the aircraft's systems settle at once and no time passes. What
-        JSBSim computes early in a step (``accelerations/N*``, what systems see) is that of the
-        evaluation before.
-
-        Raises PlantError if JSBSim cannot: for example for want of a property that the aircraft
-        refers to.
-        """
+        """Put the aircraft into the state of the ``ic/`` properties and evaluate its forces."""
+        # No time passes. What JSBSim computes early in a step (``accelerations/N*``, what systems
+        # see) is that of the evaluation before.
         silence()
         try:
             # Only with the trim status set do lags and rate limits settle in one evaluation.
@@ -266,10 +252,7 @@ class Fdm:
             raise PlantError(f"{self._model}: JSBSim does not take the state of `ic/`.")
 
     def settle_engine(self) -> None:
-        """Let the engine come to a steady state at the throttle and airspeed there are.
-
-        The aircraft does not move meanwhile. Nothing happens where `config` gives no time for it.
-        """
+        """Let the engine settle at throttle and airspeed while the aircraft stays still."""
         if self.engine_settles:
             self.start_engines()
             rate = _LONG_STEP_RATE if self._long_steps else _SETTLING_RATE
@@ -282,22 +265,16 @@ class Fdm:
             self.hold(_SHORT_STEPS * self.engine_settles, still=_SETTLED_CHANGE)
 
     def hold(self, duration: float, *, rate: float = _SETTLING_RATE, still: float = 0.0) -> bool:
-        """Let `duration` (s) pass for engines and flight control while the aircraft stays still.
-
-        `duration` (s). `rate` (1/s): integration steps a second. `still`: a sample that changes the
-        thrust by a smaller share of it ends the wait. Returns whether one did.
-        """
+        """Let `duration` (s) pass for an aircraft that stays still, as `run_still` does."""
         if self.light:  # they settle in the steps in which they fly
             rate = max(rate, self.rate)
         # Whole samples of the inner loop, so that its next one falls on the start of the flight.
         return self.run_still(math.ceil(duration * rate / self.steps), rate, still)
 
     def rest(self) -> None:
-        """Hold the aircraft in the steps of its flight until the thrust is steady.
-
-        An evaluation leaves a turboprop without power, and a steady state depends on the step.
-        """
+        """Hold the aircraft in the steps of its flight until the thrust is steady."""
         now = self._thrust()
+        # An evaluation leaves a turboprop without power, and a steady state depends on the step.
         for _ in range(math.ceil(_MAX_SETTLINGS * self.engine_settles)):
             before = now
             self.run_still(math.ceil(self.config.inner_loop_rate), self.rate)
@@ -306,15 +283,13 @@ class Fdm:
                 return
 
     def run_still(self, samples: int, rate: float, still: float = 0.0) -> bool:
-        """Let samples of the inner loop pass, at `rate` (1/s), while the aircraft stays still.
-
-        A sample that changes the thrust by a smaller share of it than `still` ends the wait.
-        Returns whether one did.
-        """
+        """Let samples of the inner loop pass, at `rate` (1/s), while the aircraft stays still."""
         # Integrators of type 0 hold the aircraft still while time passes.
         states = [(write, read()) for write, read in self.integrators.values()]
         for write, _ in states:
             write(0.0)
+        # A sample that changes the thrust by a smaller share of it than `still` ends the wait, and
+        # the result says so.
         at_rest = False
         self._exec.set_dt(1.0 / rate)
         try:
@@ -342,10 +317,9 @@ class Fdm:
         return Body(self.reader("inertia/weight-lbs")(), np.array(cg), inertia)
 
     def abandon(self) -> None:
-        """Keep the broken aircraft until the process ends.
-
-        JSBSim evaluates an aircraft once more when it frees it, and ends the process if that fails.
-        """
+        """Keep the broken aircraft until the process ends."""
+        # JSBSim evaluates an aircraft once more when it frees it, and ends the process if that
+        # fails.
         ctypes.pythonapi.Py_IncRef(ctypes.py_object(self._exec))
 
     @property

@@ -27,9 +27,7 @@ def linearize(config: AircraftConfig, condition: FlightCondition) -> tuple[Float
     """Linearise the airframe of an aircraft about steady flight at `condition`.
 
     Returns A and B of ``x' = A x + B u``, shapes (8, 8) and (8, 4): states `STATES`, inputs
-    `CONTROLS`, SI and rad, inner loop off and without actuator lags, by central differences on the
-    bench. Raises InputError if `condition` lies outside the aircraft's envelope. Raises PlantError
-    if the aircraft cannot be built. Raises TrimError if there is no steady flight at `condition`.
+    `CONTROLS`, SI and rad, inner loop off and without actuator lags.
     """
     fdm = Fdm(config)
     x_0 = trim(fdm, condition)
@@ -59,20 +57,17 @@ def _state_rates(state: AirframeState, measured: dict[str, float]) -> FloatArray
 
 
 def modes(A: FloatArray) -> list[dict[str, Any]]:
-    """Natural motions of an airframe with its controls fixed, A of `linearize`, as records.
-
-    Longitudinal motions come first, in each plane the fastest; an oscillation is listed once, by
-    its eigenvalue with positive imaginary part. The two largest longitudinal eigenvalues are the
-    short period, the others the phugoid; either may be two motions without oscillation. The faster
-    lateral pair is the dutch roll; the largest real eigenvalue is the roll mode, the smallest the
-    spiral.
-    """
+    """Natural motions of an airframe with its controls fixed, A of `linearize`, as records."""
     longitudinal, lateral = (
         sorted(map(complex, np.linalg.eigvals(block)), key=abs, reverse=True)
         for block in (A[:4, :4], A[4:, 4:])
     )
     pairs = [value for value in lateral if _oscillates(value)]
     real = [value for value in lateral if not _oscillates(value)]
+    # In each plane the fastest comes first. The two largest longitudinal eigenvalues are the short
+    # period, the others the phugoid; either may be two motions without oscillation. The faster
+    # lateral pair is the dutch roll; the largest real eigenvalue is the roll mode, the smallest the
+    # spiral.
     named = [
         *zip(["short period"] * 2 + ["phugoid"] * 2, longitudinal, strict=True),
         *zip(["dutch roll"] * 2 + ["roll-spiral"] * 2, pairs, strict=False),

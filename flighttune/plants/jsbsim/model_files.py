@@ -130,19 +130,13 @@ def source_folders(config: AircraftConfig) -> ModelFolders:
 
 
 def main_root(config: AircraftConfig) -> Element:
-    """The root of a model's main file.
-
-    Raises PlantError if it cannot be read.
-    """
+    """The root of a model's main file."""
     kind = MODEL_FILE if config.model.endswith(".xml") else "`model` must be shipped with jsbsim"
     return read_xml(source_folders(config).file, f"{config.file}: {kind}")
 
 
 def wing_span(config: AircraftConfig) -> float | None:
-    """Wing span in a model's main file, m; None if there is none.
-
-    Raises PlantError if the file cannot be read.
-    """
+    """Wing span in a model's main file, m; None if there is none."""
     span = main_root(config).find("metrics/wingspan")
     with suppress(ValueError):
         if span is not None:
@@ -151,10 +145,7 @@ def wing_span(config: AircraftConfig) -> float | None:
 
 
 def model_files(config: AircraftConfig) -> tuple[Path, ...]:
-    """The main file of an aircraft's model and all the files it is made of.
-
-    Raises PlantError if one cannot be read, or is not in the folders of the model.
-    """
+    """The main file of an aircraft's model and all the files it is made of."""
     folders = source_folders(config)
     files, pending = [], [folders.file]
     while pending:
@@ -208,10 +199,7 @@ def has_engine(unchanged: Unchanged, tags: tuple[str, ...]) -> bool:
 
 
 def model_hash(config: AircraftConfig) -> str:
-    """Hash of an aircraft's model, and of what its file says about surfaces and engines.
-
-    Raises PlantError if the main file cannot be read.
-    """
+    """Hash of an aircraft's model, and of what its file says about surfaces and engines."""
     return _hash(unchanged(config))
 
 
@@ -225,10 +213,7 @@ def _hash(unchanged: Unchanged) -> str:
 
 
 def _stamps(config: AircraftConfig) -> tuple[tuple[str, int, int], ...]:
-    """The aircraft's file and the XML files in its folder and its model's, two levels deep.
-
-    With the time of their last change and their size.
-    """
+    """XML files of an aircraft and its model, two levels deep, times of change and sizes."""
     # Strings and directory entries: a flight asks three to five times, and paths take ten times as
     # long.
     model = os.path.join(config.folder, config.model)
@@ -256,11 +241,8 @@ def model_folders(config: AircraftConfig, weigh: Weigh, steps: int = 1) -> Itera
 
     Its main file is in a private folder, without its connections to files and sockets, with the
     systems of ours in front of its own, with the factors of an aircraft off the nominal in it, and
-    for several integration `steps` in a sample of the inner loop. What else is in the folder of
-    the model is linked beside it.
-
-    Raises PlantError if there is no such model, or no room for the private folder. Raises
-    InputError if the aircraft cannot be off the nominal that way.
+    for several integration `steps` in a sample of the inner loop. The rest of the model's folder is
+    linked beside it.
     """
     folders = source_folders(config)
     text = main_file_text(config, weigh, steps)
@@ -293,10 +275,7 @@ def model_folders(config: AircraftConfig, weigh: Weigh, steps: int = 1) -> Itera
 
 
 def main_file_text(config: AircraftConfig, weigh: Weigh, steps: int = 1) -> str:
-    """Return the main file that JSBSim shall load.
-
-    Raises PlantError or InputError as `model_folders`.
-    """
+    """Return the main file that JSBSim shall load."""
     off = config.off_nominal or _NOMINAL
     # Values are filled in behind the cache: dispersed flights share one template.
     factors = (off.loaded, repr(off.fault), *off.scaled, *off.coefficient_factors)
@@ -361,15 +340,10 @@ def _slow_computer(root: Element, steps: int, folders: ModelFolders) -> None:
 
 
 def check_loads(config: AircraftConfig) -> None:
-    """Refuse an aircraft whose files make JSBSim end the process.
-
-    Files that this process has not loaded yet are loaded by another one first, which takes about
-    0.3 s. Shipped aircraft are known to load.
-
-    Raises PlantError if JSBSim ends the process, or does not come to an end.
-    """
+    """Refuse an aircraft whose files make JSBSim end the process, or never come to an end."""
     if is_trusted(config.folder) or not sys.executable:
         return
+    # Another process loads files that this one has not loaded yet first, in about 0.3 s.
     if how := _end_of_trial(unchanged(config)):
         raise PlantError(f"{source_folders(config).file}: JSBSim must load it, but {how}.")
 
@@ -385,10 +359,8 @@ def _end_of_trial(files: Unchanged) -> str:
 
 
 def failure_of_python(*arguments: str, time_limit: float) -> str:
-    """Reason why a new process of Python failed with these arguments; empty if it did not.
-
-    `time_limit` is in s. JSBSim may crash or never return: it then ends that process alone.
-    """
+    """Why a new process of Python failed within `time_limit` (s); empty if it did not."""
+    # JSBSim may crash or never return: it then ends that process alone.
     try:
         code = subprocess.run(
             # -P: a `jsbsim.py` in the working directory must not be imported.

@@ -340,11 +340,7 @@ class JSBSimPlant:
 
 
 def inner_loop_settings(config: AircraftConfig) -> dict[str, float]:
-    """Limits and gains of an aircraft's inner loop by JSBSim property, in rad, s and 1.
-
-    Raises PlantError if it has no gains, or they were made for another state of the model or of its
-    file.
-    """
+    """Limits and gains of an aircraft's inner loop by JSBSim property, in rad, s and 1."""
     from flighttune.plants.jsbsim.model_files import model_hash
 
     file = config.folder / GAINS_FILE
@@ -373,10 +369,7 @@ def inner_loop_settings(config: AircraftConfig) -> dict[str, float]:
 
 
 def steps_for(config: AircraftConfig, rate: float) -> int:
-    """Fewest integration steps in a sample of the inner loop that make a sample of the outer whole.
-
-    `rate` (1/s): samples of the outer loop. Raises InputError if no number up to `MAX_STEPS` does.
-    """
+    """Fewest steps in a sample of the inner loop that make a sample of the outer loop whole."""
     inner = config.inner_loop_rate
     for steps in range(1, MAX_STEPS + 1):
         ratio = steps * inner / rate
@@ -389,12 +382,7 @@ def steps_for(config: AircraftConfig, rate: float) -> int:
 
 
 def check_off_nominal(config: AircraftConfig) -> None:
-    """Refuse an aircraft that cannot be off the nominal as `config` says.
-
-    Raises InputError if the aircraft lacks the property that a factor multiplies, or no body has
-    such inertias; the message names the key of the factor. Raises PlantError if its files cannot be
-    read.
-    """
+    """Refuse an aircraft that cannot be off the nominal as `config` says; name the factor's key."""
     from flighttune.plants.jsbsim.fdm import weigh
     from flighttune.plants.jsbsim.model_files import main_file_text
 

@@ -28,12 +28,10 @@ _PLACES = (
 def signal_reader(
     fdm: Fdm, chi_0: float, psi_0: float, *, n_x: bool = False
 ) -> Callable[[], tuple[float, ...]]:
-    """Return a function that reads the signals of `JSBSimPlant` from `fdm`.
+    """Return a function that reads the signals of `JSBSimPlant`; `fdm` starts its flight.
 
-    `fdm`: the aircraft, already at the start of its flight: its position becomes the origin.
     `chi_0`, `psi_0` (rad): course and heading near which the continuous angles begin. `n_x`: show
-    the longitudinal load factor and its range too. Raises PlantError if the aircraft lacks a
-    property.
+    the longitudinal load factor and its range too. The position becomes the origin.
     """
     read = fdm.reader
     phi, theta, psi, chi, gamma, alpha, beta, p, q, r, *motion = map(read, _PLACES)
@@ -80,12 +78,9 @@ def signal_reader(
 
 
 def guard(fdm: Fdm) -> tuple[Callable[[], bool], Callable[[], tuple[StopStatus, str] | None]]:
-    """Return functions that say whether a flight may go on, and why not.
-
-    The envelope is that of the aircraft's configuration; the ground lies at JSBSim's sea level. The
-    first is false for anything that is not a number. The second returns None if nothing is wrong
-    with the state: JSBSim ended the run by itself.
-    """
+    """Return functions that say whether a flight may go on, and why not."""
+    # The first function is false for anything that is not a number. The second returns None if
+    # nothing is wrong with the state: JSBSim ended the run by itself.
     # Local names and JSBSim's units: the check runs every few steps of every flight.
     read, envelope = fdm.reader, fdm.config.envelope
     alpha, theta = read("aero/alpha-rad"), read("attitude/theta-rad")

@@ -49,16 +49,13 @@ def interior_root(
     enough: float = 0.0,
     rounding: float = _ROUNDING,
 ) -> FloatArray | None:
-    """Return the root that Newton's method finds from `start`.
-
-    Slopes are one-sided differences; after a step that went well they are brought up to date by
-    Broyden's formula instead.
+    """Return the root that Newton's method finds from `start`, strictly inside the bounds, or None.
 
     `residuals` maps n unknowns to n residuals of order 1; `start`, `bounds` (lowest and highest
-    values) and `widths` (differences for the slopes) have shape (n,), and `start` is strictly
-    inside the bounds. The search ends at a residual of `enough`, by default at rounding.
-    A step from below `rounding` that gains nothing ends it too. The result is None where another
-    step gains too little, as it does where the root lies beyond the bounds.
+    values) and `widths` (one-sided differences for the slopes, kept up to date by Broyden's
+    formula) have shape (n,). The search ends at a residual of `enough`, or where a step from below
+    `rounding` gains nothing. Another step that gains too little fails, as where the root is beyond
+    the bounds.
     """
     lower, upper = bounds
     x, r, slopes, wall = start, residuals(start), None, None
@@ -203,10 +200,7 @@ def _found(
 
 
 def level(config: AircraftConfig, V_a: float, h: float) -> FlightCondition:
-    """Level flight at V_a (m/s) and height (m), or the glide of an aircraft without an engine.
-
-    Raises TrimError if it has no steady glide.
-    """
+    """Level flight at V_a (m/s) and h (m), or the steady glide of an aircraft without an engine."""
     condition = FlightCondition(V_a=V_a, h=h)
     if config.engines.count:
         return condition
@@ -217,16 +211,14 @@ def level(config: AircraftConfig, V_a: float, h: float) -> FlightCondition:
 
 
 def steepest(config: AircraftConfig, condition: FlightCondition) -> tuple[float, str] | None:
-    """Path angle (rad) nearest to that of `condition` that can be held, and what is against more.
-
-    It lies between level flight and that of `condition`, to 0.1 deg, wings level at its airspeed.
-    None if the aircraft can hold that of `condition`, or if there is no level flight.
-    """
+    """Path angle (rad) nearest to that of `condition` that can be held, and what limits it."""
 
     def against(gamma: float) -> str:
         flight = replace(condition, gamma=gamma, phi=0.0)
         return _trimmed(Fdm(config), flight, thrust_short=False, near=None)[-1]
 
+    # It lies between level flight and that of `condition`, to 0.1 deg, wings level at its airspeed.
+    # There is none if the aircraft can hold that of `condition`, or has no level flight.
     reason, steady, lost = against(condition.gamma), 0.0, condition.gamma
     if not reason or against(0.0):
         return None
@@ -275,13 +267,10 @@ class _TrimProblem:
         self.start: FloatArray = np.clip(guess, self.lower + 0.02 * span, self.upper - 0.02 * span)
 
     def steady(self, *, thrust_short: bool = False, near: FloatArray | None = None) -> FloatArray:
-        """Return the unknowns of steady flight, or raise TrimError as `trim` does.
-
-        `thrust_short`: whether thrust is known to be too little for a shallower climb: the throttle
-        is then tried at its stop at once. `near`: a steady flight from which the search begins. The
-        answer is the same.
-        """
+        """Return the unknowns of steady flight, or raise TrimError as `trim` does."""
         x = None
+        # Where thrust is known to be too little for a shallower climb, the throttle is tried at its
+        # stop at once. A search that begins at a steady flight `near` has the same answer.
         if not thrust_short:
             x = None if near is None else self.root(near)
             x = self.root(self.start) if x is None else x
@@ -348,13 +337,11 @@ class _TrimProblem:
         return interior_root(self.residuals, start, bounds, widths=self.widths, **self.limits)
 
     def best_compromise(self, start: FloatArray) -> FloatArray:
-        """Return the least squares of `residuals` within the bounds.
-
-        Most flights that cannot be trimmed lack thrust or have too much of it, so that the throttle
-        is tried at its stops first. An engine that takes its time then settles once only. In
-        between the root is looked for from other throttles: thrust may fall with the throttle
-        before it grows.
-        """
+        """Return the least squares of `residuals` within the bounds."""
+        # Most flights that cannot be trimmed lack thrust or have too much of it, so that the
+        # throttle is tried at its stops first. An engine that takes its time then settles once
+        # only. In between the root is looked for from other throttles: thrust may fall with the
+        # throttle before it grows.
         span = self.upper - self.lower
         # Residual 0 is u_dot: what is negative at full throttle lacks thrust.
         opened = self.best_at(self.upper[-1], start)
@@ -444,16 +431,9 @@ def _least_squares(
 
 
 def pitch_attitude(gamma: float, phi: float, alpha: float, beta: float) -> float:
-    """Return theta (rad) of flight at `gamma` with `phi`, `alpha`, `beta` (rad), in still air.
-
-    Notes
-    -----
-    Eq. (3.6-19) ff. of [1]_, the rate-of-climb constraint of a trimmed aircraft.
-
-    References
-    ----------
-    .. [1] B. L. Stevens, F. L. Lewis and E. N. Johnson, *Aircraft Control and Simulation*, Wiley.
-    """
+    """Return theta (rad) of flight at `gamma` with `phi`, `alpha`, `beta` (rad), in still air."""
+    # The rate-of-climb constraint, eq. (3.6-19) ff. of B. L. Stevens, F. L. Lewis and E. N.
+    # Johnson, *Aircraft Control and Simulation*, Wiley.
     a = math.cos(alpha) * math.cos(beta)
     b = math.sin(phi) * math.sin(beta) + math.cos(phi) * math.sin(alpha) * math.cos(beta)
     climb = math.sin(gamma)
@@ -483,11 +463,9 @@ def trim_table(
 ) -> list[dict[str, Any]]:
     """Return the steady flights of an aircraft at every airspeed with every flight-path angle.
 
-    `V_a` (m/s): airspeeds; by default `SPEEDS` over the envelope. `gamma` (rad): flight-path
-    angles; by default `CLIMBS`. `phi`, `h` (rad and m): bank and height of all of them. A record
-    has the condition, and in ``trim`` the steady flight or None, for which ``reason`` tells why;
-    angles are in degrees. Raises InputError if an airspeed or angle is no number for a flight.
-    Raises PlantError if the aircraft cannot be built.
+    `V_a` (m/s) are by default `SPEEDS` airspeeds over the envelope, `gamma` (rad) `CLIMBS`; `phi`
+    (rad) and `h` (m) are those of all. A record has the condition, angles in degrees, and in
+    ``trim`` the steady flight or None, for which ``reason`` tells why.
     """
     speeds = np.linspace(*config.envelope.V_a, SPEEDS).tolist() if V_a is None else V_a
     turn, records = {"phi_deg": phi * DEG_PER_RAD, "h_m": h}, []
