@@ -129,19 +129,13 @@ class FeasibleReference:
 
 @lru_cache(maxsize=64)
 def feasible_reference(manoeuvre: Manoeuvre) -> FeasibleReference:
-    """The fastest reference that the commands of a manoeuvre can make an aircraft fly.
-
-    Raises InputError if the limits let no manoeuvre through, or none was found.
-
-    Notes
-    -----
-    The commands are piecewise linear between `KNOTS` intervals of equal length. Their values and
-    the duration minimise the duration under the exact point mass: a sequence of linear programs in
-    a trust region with an exact penalty (R. Fletcher, *Practical Methods of Optimization*, 2nd ed.,
-    section 14.4). Behind the lag of the inner loop the same commands end a little elsewhere; the
-    end aimed at is corrected by that until the flight ends where it should.
-    """
+    """The fastest reference that the commands of a manoeuvre can make an aircraft fly."""
     _check(manoeuvre)
+    # The commands are piecewise linear between `KNOTS` intervals of equal length. Their values and
+    # the duration minimise the duration under the exact point mass: a sequence of linear programs
+    # in a trust region with an exact penalty (R. Fletcher, *Practical Methods of Optimization*, 2nd
+    # ed., section 14.4). Behind the lag of the inner loop the same commands end a little elsewhere;
+    # the end aimed at is corrected by that until the flight ends where it should.
     aimed, plan, radius = manoeuvre, _first_plan(manoeuvre), FIRST_RADIUS
     steps, flown = MAX_STEPS, 0
     sampled = replace(manoeuvre, dt=max(manoeuvre.dt, COARSE))
@@ -215,12 +209,10 @@ def _first_plan(manoeuvre: Manoeuvre) -> FloatArray:
 def _fastest(
     manoeuvre: Manoeuvre, x: FloatArray, radius: float, steps: int
 ) -> tuple[FloatArray, float]:
-    """The plan of the shortest duration near `x`, and by how much it misses its end and rates.
-
-    `radius` is that of the trust region, which at most `steps` linear programs move.
-    """
+    """The plan of the shortest duration near `x`, and by how much it misses its end and rates."""
     from scipy.optimize import linprog
 
+    # At most `steps` linear programs move the trust region, which begins with `radius`.
     size = 2 * KNOTS - 1
     rows, bounds = _rate_rows(manoeuvre)
     low = np.append(np.repeat(manoeuvre.lower, KNOTS - 1), 0.2)

@@ -94,10 +94,7 @@ class Fence:
         )
 
     def nearest(self, path: Route) -> dict[str, Any]:
-        """Where a path has its smallest margin, m, negative if it is outside there.
-
-        Its keys are those of `Room.nearest`, and ``leaves_m``: where it leaves first, if it does.
-        """
+        """Where a path has its smallest margin (m, negative outside), and where it leaves first."""
         import shapely
 
         inside = path.s <= path.length
@@ -143,14 +140,11 @@ class Room(NamedTuple):
     fence: Fence
 
     def nearest(self, away: FloatArray) -> dict[str, Any]:
-        """Where flights with the distances `away` have the smallest margin.
-
-        The margin, m, is measured across the path, and from the nearest edge if the path itself is
-        outside.
-        """
+        """Where flights with the distances `away` have the smallest margin, m, across the path."""
         margins = self.limits - away
         i = int(np.argmin(margins))
         if math.isinf(margins.flat[i]):
+            # The path itself is outside there: its margin counts from the nearest edge.
             path = self.fence.nearest(self.path)
             return {**path, "margin_m": path["margin_m"] - float(away.flat[i])}
         along = float(self.along.flat[i])
@@ -179,8 +173,8 @@ def own_fence(mission: Path) -> tuple[Path, ...]:
 def fence_tables(files: Sequence[Path], *, asked: bool = False) -> dict[str, Any]:
     """The fences of files of plans, KML and GeoJSON as one, in GeoJSON; {} if they have none.
 
-    Flights must stay inside all areas, and outside all with the property ``exclusion``. Raises
-    InputError if a file is `asked` for its fence and has none.
+    Flights must stay inside all areas, and outside all with the property ``exclusion``. A file that
+    is `asked` for its fence must have one.
     """
     shapes: list[Mapping[str, Any]] = []
     single: list[dict[str, Any]] = []
@@ -276,14 +270,13 @@ def read_fence(path: Path, origin: LatLon, tables: Any = None) -> Fence:
 
     The file has Polygons in longitude and latitude, of which inner rings, and all with the property
     ``exclusion``, are zones not to enter. The properties ``min_up_m`` and ``max_up_m`` of a feature
-    are heights above the start. Edges are straight in longitude and latitude, the shorter way round
-    the Earth. `tables`: the content in GeoJSON, if it has been read. Raises InputError if it is no
-    fence around the start.
+    are heights above the start. `tables`: the content in GeoJSON, if it has been read.
     """
     import shapely
 
     tables = tables or fence_tables([path])
     low, high = FAR
+    # Edges are straight in longitude and latitude, the shorter way round the Earth.
     rings, sags = [], []
     names: list[str] = []
     out: list[bool] = []
@@ -409,17 +402,14 @@ def room_along(
     `windows` (shape (windows + 1,), m) are edges of windows of distance along the path, `widest`
     the largest distance to the side of the flights that are judged, and `overlap` (m) how far the
     path of a window is looked at beyond both its edges.
-
-    Notes
-    -----
-    A place at the distance e to the right of the path is at most ``SCAN_STEP / 2 (1 + k e)`` from
-    the place with the same e at the nearest point of the table, with the largest curvature k. Edges
-    are therefore widened by this at ``e = widest``. If the line across the path at each point is
-    clear of all widened edges as far as the flights come, the surface that these lines sweep is
-    clear of the edges, and inside like the start.
     """
     s = SCAN_STEP * np.arange(int((path.length + overlap) / SCAN_STEP) + 2, dtype=np.float64)
     north, east, up, course = path.at(s)
+    # A place at the distance e to the right of the path is at most ``SCAN_STEP / 2 (1 + k e)`` from
+    # the place with the same e at the nearest point of the table, with the largest curvature k.
+    # Edges are therefore widened by this at ``e = widest``. If the line across the path at each
+    # point is clear of all widened edges as far as the flights come, the surface that these lines
+    # sweep is clear of the edges, and inside like the start.
     wide = 0.5 * SCAN_STEP * (1.0 + np.abs(path.curvature).max() * widest)
     steep = 0.5 * SCAN_STEP * np.abs(path.slope).max()
     free = np.full((len(s), 2, 2), np.inf)

@@ -45,28 +45,17 @@ MIN_SPEED = 1.0
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RouteReference:
-    """The reference of a flight along a path.
-
-    Attributes
-    ----------
-    path : Path
-    V_a : float, m/s
-        Largest airspeed of the flight.
-    look_ahead : float, s
-        Time in which an error of position would be flown off at the speed of the flight.
-    g : float, m/s^2
-        Acceleration of gravity.
-    holds_airspeed : bool
-        Whether the law holds `V_a`, by n_x.
-    airspeeds : ndarray, shape (n,), or None, m/s
-        Airspeed at each point of the path; None where it is `V_a` everywhere.
-    """
+    """The reference of a flight along a path."""
 
     path: Path
+    # Largest airspeed of the flight, m/s.
     V_a: float
+    # Time (s) in which an error of position would be flown off at the speed of the flight.
     look_ahead: float
     g: float
+    # Whether the law holds `V_a`, by n_x.
     holds_airspeed: bool = False
+    # Airspeed at each point of the path, shape (n,), m/s; None where it is `V_a` everywhere.
     airspeeds: FloatArray | None = None
 
     @property
@@ -106,13 +95,10 @@ class RouteReference:
         return chi, gamma
 
     def not_arrived(self, t: float, place: Place) -> Stop | None:
-        """Why a flight that lasted `t` (s) and came to `place` did not fly all of it.
-
-        At the end it must be within the look-ahead distance of the route; where the airspeed is
-        held, height may be given up for it.
-        """
+        """Why a flight that lasted `t` (s) and came to `place` did not fly all of it; or None."""
         along, *off = place
         left, most = self.path.length - along, self.look_ahead * self.V_a
+        # Where the airspeed is held, height may be given up for it.
         beside = abs(off[0]) if self.holds_airspeed else math.hypot(*off)
         if left > 0.0:
             return Stop("not_arrived", f"t = {t:g} s: {left:.0f} m of the route are left.")
@@ -122,13 +108,12 @@ class RouteReference:
         return None
 
     def displacement(self, signals: pd.DataFrame) -> float:
-        """Largest distance, m, of the positions of a flight from those that its places give.
-
-        The distance along the route counts as never decreasing, as in the windows of a band: it is
-        that of the start behind it, and the largest so far of a flight carried back by the wind.
-        """
+        """Largest distance, m, of the positions of a flight from those that its places give."""
         along, *off = signals[[*ROUTE_SIGNALS]].to_numpy().T
         positions = signals[["north", "east", "down"]].to_numpy() * (1.0, 1.0, -1.0)
+        # The distance along the route counts as never decreasing, as in the windows of a band: it
+        # is that of the start behind it, and the largest so far of a flight carried back by the
+        # wind.
         places = self.path.beside(np.maximum.accumulate(along), *off)
         return float(np.linalg.norm(positions - places, axis=1).max())
 
@@ -144,10 +129,7 @@ class RouteReference:
         return self.table.tolist()
 
     def follower(self, dt: float, h_0: float, lead: tuple[float, float] = (0.0, 0.0)) -> "Follower":
-        """Guidance of one flight with samples of `dt` (s) that starts at the height `h_0` (m).
-
-        Roll and lift are planned `lead` (s) ahead.
-        """
+        """Guidance of a flight from `h_0` (m); roll and lift are planned `lead` (s) ahead."""
         return Follower(self, dt, h_0, lead)
 
 
@@ -241,11 +223,6 @@ STEEPEST_DIVE = -0.5
 class AirspeedPriority:
     """Puts the airspeed into a reference, sample by sample, and keeps its path angle flyable.
 
-    `V`, `V_dot` (m/s, m/s^2): the airspeed to fly and its rate at each sample, where the reference
-    has none by its place on a route. `g` (m/s^2).
-
-    Notes
-    -----
     With n_x at most what the engines give, ``V' = g (n_x - sin(gamma))`` stays above
     ``-kappa (V - V_low)`` as long as ``sin(gamma) <= n_x + kappa (V - V_low) / g``: V then never
     falls through V_low, `LEAST_SHARE` of its reference. The path angle asked for is cut to that. At
@@ -253,6 +230,8 @@ class AirspeedPriority:
     reference, and keeping it would cost the path.
     """
 
+    # `V` and `V_dot` hold at each sample where the reference has no airspeed by its place on a
+    # route.
     def __init__(self, V: FloatArray, V_dot: FloatArray, g: float) -> None:
         self._samples = list(zip(V.tolist(), V_dot.tolist(), strict=True))
         self._per_g = APPROACH / g
@@ -275,10 +254,6 @@ WIND_ESTIMATE_S = 5.0
 class Planner:
     """Plans the commands of one flight, sample by sample.
 
-    `dt` (s): time between samples. `g` (m/s^2): acceleration of gravity.
-
-    Notes
-    -----
     Turning the velocity over ground at the rate chi' takes the roll ``atan(chi' V_t / g)``, and
     bending it at gamma' the vertical lift ``cos(gamma) + gamma' V_t / g`` in weights, with V_t the
     `turning_speed`. The wind in V_t is not the one measured: that would show the law what no
@@ -312,10 +287,7 @@ def speed_over(north: float, east: float, dt: float) -> float:
 
 
 def path_at(rows: Sequence[Sequence[float]], s: float) -> tuple[float, ...]:
-    """The path at a distance s, m.
-
-    Returns s, north, east, course, its cosine and sine, curvature, height, slope.
-    """
+    """The path at s (m): s, north, east, course, its cosine and sine, curvature, height, slope."""
     part = s / STEP
     i = int(part)
     if i > len(rows) - 1:  # half the time of `min`

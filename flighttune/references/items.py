@@ -89,16 +89,13 @@ def read_items(
     skip: bool,
     terrain: str | Path | None = None,
 ) -> RouteFile:
-    """The route that items make; `home`: latitude and longitude, deg, height above sea level, m.
-
-    `skip`: leave out commands that change the flight but have no place. Raises InputError, with the
-    number and name of each item that cannot be flown.
-    """
+    """The route that items make; `home`: latitude and longitude, deg, height above sea level, m."""
     if not (abs(home[0]) <= 90.0 and abs(home[1]) <= 180.0):  # also catches NaN
         raise InputError(
             "the home position must have a latitude up to 90 and a longitude up to 180 deg, got "
             f"{home[0]:g} and {home[1]:g}."
         )
+    # With `skip`, commands that change the flight but have no place are left out.
     flat = [_above_sea(item, terrain) for item in _flat(items)]
     lost = not _knows_home(flat, home)
     rows: list[Row] = []
@@ -177,10 +174,7 @@ def _fates(numbers: Mapping[Fate, dict[str, set[int]]], skip: bool) -> list[str]
 
 
 def _knows_home(flat: Sequence[Mapping[str, Any]], home: tuple[float, ...]) -> bool:
-    """Whether the place of home is stated: programs that do not know it write zeros.
-
-    Raises InputError if heights above sea level then stand beside others.
-    """
+    """Whether the place of home is stated: programs that do not know it write zeros."""
     placed = [item for item in flat if item.get("command") in PLACED and _placed(item)]
     first = [json_number(x, "a place") for x in placed[0]["params"][4:6]] if placed else [0.0]
     if any(home[:2]) or sum(map(abs, first)) <= NEAR_DEG:
@@ -200,12 +194,10 @@ def _placed(item: Mapping[str, Any]) -> bool:
 
 
 def add_row(rows: list[Row], row: Row, name: str) -> list[str]:
-    """Add a row that the file calls `name`, unless it is the one before: take-offs often are.
-
-    A sentence where it is that one at another height, which no aeroplane flies.
-    """
+    """Add a row called `name`, unless it is the one before; a note if the heights differ."""
     row = row | {"name": name}
     before = rows[-1] if rows else row
+    # A take-off is often the row before once more. No aeroplane flies two heights at one place.
     apart = max(abs(row[key] - before[key]) for key in PLACE[:2])
     if not rows or "turns" in row or "turns" in before or apart >= SAME_PLACE_DEG:
         rows.append(row)
@@ -293,10 +285,7 @@ def _name(item: Mapping[str, Any]) -> str:
 
 
 def _fate(item: Mapping[str, Any], rows: Sequence[Row], lost: bool) -> tuple[str, Fate]:
-    """Name of an item, with the reason of a refusal, and what becomes of it after some rows.
-
-    `lost`: whether home has no place.
-    """
+    """Name of an item, with the reason of a refusal, and what becomes of it after some rows."""
     name = _name(item)
     if item["type"] != "SimpleItem":
         lacking = ", whose items are not in the file" * ("TransectStyleComplexItem" in item)
@@ -454,10 +443,7 @@ HEADER, COLUMNS = "QGC WPL 110", 12
 
 
 def planner_items(text: str) -> tuple[list[float], list[dict[str, Any]]]:
-    """Home (latitude, longitude, height) and items of a file of Mission Planner.
-
-    Home is zeros in a file of a fence or of rally points alone, as MAVProxy writes it.
-    """
+    """Home (latitude, longitude, height) and items of a file of Mission Planner."""
     first, *lines = [line.split() for line in stated_lines(text)] or [[]]
     if " ".join(first) != HEADER or {*map(len, lines)} != {COLUMNS}:
         raise InputError(f"must begin with {HEADER} and have {COLUMNS} values in each line.")
@@ -467,6 +453,7 @@ def planner_items(text: str) -> tuple[list[float], list[dict[str, Any]]]:
         for number, _, frame, command, *values, _ in [map(float, line) for line in lines]
     ]
     home, *others = items
+    # A file of a fence or of rally points alone has no home, as MAVProxy writes it.
     if home["command"] in AREAS:
         return [0.0, 0.0, 0.0], items
     if home["command"] != WAYPOINT or home["doJumpId"] != 0:

@@ -27,10 +27,7 @@ LatLon: TypeAlias = tuple[float, float]
 
 @lru_cache(maxsize=4096)  # the flights of a campaign have the same waypoints
 def north_east(place: LatLon, origin: LatLon) -> tuple[float, float]:
-    """North and east, m, of a place: its distance from `origin` along a geodesic, and its azimuth.
-
-    Longitudes count modulo 360.
-    """
+    """North and east, m, of a place, by distance and azimuth of the geodesic from `origin`."""
     line = Geodesic.WGS84.Inverse(*origin, *place, Geodesic.DISTANCE | Geodesic.AZIMUTH)
     distance, azimuth = line["s12"], line["azi1"] * DEG
     return distance * math.cos(azimuth), distance * math.sin(azimuth)
@@ -277,16 +274,14 @@ class RouteMap(NamedTuple):
         return line
 
     def _pieces(self) -> Iterator[tuple[dict[str, Any], FloatArray, FloatArray]]:
-        """Properties of each window of the corridor, and the rings of its floor and ceiling.
-
-        The rings are closed and counterclockwise, as GeoJSON asks for. Loiters overlap themselves,
-        windows do not.
-        """
+        """Properties of each window of the corridor, and the rings of its floor and ceiling."""
         path, corridor = self.where[0], self.corridor
         for (begin, end), low, high in zip(*corridor[:3], strict=True) if corridor else ():
             window = slice(int(begin / STEP), int(end / STEP) + 2)
             turn, up = np.abs(path.curvature[window]).max() * (end - begin), path.up[window]
             s = np.linspace(begin, end, 2 + int(max((end - begin) / APART, turn / CHORD)))
+            # The rings are closed and counterclockwise, as GeoJSON asks for. Loiters overlap
+            # themselves, windows do not.
             right = np.repeat([high[0], low[0], high[0]], [len(s), len(s), 1])
             s = np.concatenate([s, s[::-1], s[:1]])
             floor, ceiling = _coordinates(self.where, s, right, high[1], low[1])
@@ -328,13 +323,11 @@ def _coordinates(
 
 
 def rings_around(path: Route, width: float) -> list[FloatArray]:
-    """Rings of the area within `width` (m) of a path, the outer one first: north, east, (n, 2).
-
-    No place within the width is outside of it: its corners are beyond.
-    """
+    """Rings of the area within `width` (m) of a path, the outer one first: north, east, (n, 2)."""
     from shapely import LineString  # here: it is not needed otherwise
 
     off_path = np.abs(path.curvature).max() * APART**2 / 8.0  # of a chord between two points
+    # No place within the width is outside of it: its corners are beyond.
     beyond = (width + off_path) / math.cos(math.pi / (4 * CORNERS))
     area = LineString(path.beside(path.points(APART))[:, :2]).buffer(beyond, quad_segs=CORNERS)
     return [np.array(ring.coords) for ring in (area.exterior, *area.interiors)]
@@ -366,11 +359,7 @@ LOWEST, HIGHEST = -500.0, 9000.0
 
 
 def ground_at(file: str | Path, places: FloatArray) -> FloatArray:
-    """Height of the ground at places (n, 2), latitude and longitude in deg, above sea level, m.
-
-    It is linear between the posts of a file that rasterio reads, such as GeoTIFF and .hgt. Raises
-    InputError if it cannot be read, is not in metres, or has no height at a place.
-    """
+    """Height of the ground, m above sea level, at places (n, 2), latitude and longitude in deg."""
     need("`--terrain`", "rasterio")
     import rasterio
     from rasterio._err import CPLE_BaseError  # of a place that a projection does not have
@@ -380,6 +369,7 @@ def ground_at(file: str | Path, places: FloatArray) -> FloatArray:
 
     if not Path(file).is_file():
         raise InputError(f"{file}: there is no such file of a terrain.")
+    # Height is linear between the posts of a file that rasterio reads, such as GeoTIFF and .hgt.
     try:
         with rasterio.open(file) as data, np.errstate(invalid="ignore"):
             unit = (data.units[0] or "") if data.count == 1 else f"{data.count} bands"
@@ -414,11 +404,7 @@ def _none_at(file: str | Path, lat: float, lon: float) -> InputError:
 
 
 def clearance(file: str | Path, where: Where, corridor: Corridor | None = None) -> dict[str, Any]:
-    """The lowest place over the ground of a path, or of its corridor, looked at every 5 m.
-
-    Returns its height over the ground (m, negative below it), distance along the path (m), stretch,
-    latitude and longitude (deg), the height of the ground there (m), and the file.
-    """
+    """The lowest place over the ground of a path, or of its corridor, looked at every 5 m."""
     path, origin, h_0 = where
     s, right, below = path.points(LOOKED_AT), np.zeros(()), np.zeros(())
     if corridor is not None:

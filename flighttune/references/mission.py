@@ -54,8 +54,6 @@ def read_route(path: Path, *, skip: bool = False, terrain: str | Path | None = N
 
     `skip`: leave out commands that change the flight but have no place. Commands that leave the
     path as it is are always left out. `terrain`: a file that heights above terrain are flown by.
-    Raises InputError if the file cannot be read, is none of these, or has an item that cannot be
-    flown.
     """
     kind, content = map_file(path, ROUTE_FILES, KINDS)
     with reading(path, KINDS):
@@ -149,12 +147,10 @@ ABOVE_HOME, NO_FRAME = 3, 2
 
 
 def route_plan(route: RouteMap, V_a: float, ground: float) -> tuple[str, str]:
-    """A plan of a path at the airspeed `V_a` (m/s) from a home position at `ground` (m).
-
-    Circles have the radius and the turns that are planned, and turn-arounds are waypoints along
-    their path. A corridor takes the place of the areas to stay in. The sentence says what becomes
-    of a fence with more vertices than vehicles take.
-    """
+    """A plan of a path at `V_a` (m/s) from a home at `ground` (m), and a note on its fence."""
+    # Circles have the radius and the turns that are planned, and turn-arounds are waypoints along
+    # their path. A corridor takes the place of the areas to stay in. The note says what becomes of
+    # a fence with more vertices than vehicles take.
     path, origin, h_0 = route.where
     no_options = 0, 0, 0, None  # of a waypoint: no hold, radius, side or yaw
 
@@ -245,15 +241,13 @@ HALVINGS = 14
 
 
 def _fewer_vertices(route: RouteMap) -> tuple[list[Area], str]:
-    """Areas that hold the windows of a corridor, or a path, with at most `MOST` vertices.
-
-    The corridor takes the place of the areas to stay in, and is cut off at those that hold it.
-    Circles stay circles. Areas to stay in become smaller, those to stay out of larger. The sentence
-    has the distance that this costs; it is empty where nothing changes.
-    """
+    """Areas, of at most `MOST` vertices, that hold a path or windows of its corridor; a note."""
     import shapely
 
     (path, origin, _), windows = route.where, route.corridor_rings()
+    # The corridor takes the place of the areas to stay in, and is cut off at those that hold it.
+    # Circles stay circles. Areas to stay in become smaller, those to stay out of larger. The note
+    # has the distance that this costs; it is empty where nothing changes.
     circles = [
         (x, out) for x, out in route.areas if circle_of(x, outside=out) and (out or not windows)
     ]

@@ -59,36 +59,25 @@ HALVINGS, SLOWEST = 10, 0.4
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Waypoint:
-    """A point to pass, or the centre of circles to fly.
+    """A point to pass, or the centre of circles to fly."""
 
-    Attributes
-    ----------
-    north, east, up : float, m
-        Position from the start of the flight.
-    turns : float
-        Circles to fly around the point at least, clockwise positive; the last goes on until the
-        course is that of the next leg. 0 to pass the point.
-    radius : float or None, m
-        Radius of the circles; None for the smallest that can be flown.
-    climb : float or None, rad
-        Size of the path angle at which the leg to the point changes its height, from its beginning
-        on; None for a steady change along the whole leg.
-    hold : float, s
-        Time that the circles take at least, at the airspeed.
-    spiral : bool
-        Whether the circles take the change of height, in place of the leg to the point.
-    name : str
-        Its name in messages; by default ``waypoint`` with its number.
-    """
-
+    # Position from the start of the flight, m.
     north: float
     east: float
     up: float = 0.0
+    # Circles to fly around the point at least, clockwise positive; the last goes on until the
+    # course is that of the next leg. With 0 the point is passed.
     turns: float = 0.0
+    # Radius of the circles, m; None for the smallest that can be flown.
     radius: float | None = None
+    # Size of the path angle (rad) at which the leg to the point changes its height, from its
+    # beginning on; None for a steady change along the whole leg.
     climb: float | None = None
+    # Time (s) that the circles take at least, at the airspeed.
     hold: float = 0.0
+    # Whether the circles take the change of height, in place of the leg to the point.
     spiral: bool = False
+    # Its name in messages; by default ``waypoint`` with its number.
     name: str = ""
 
     @property
@@ -212,11 +201,6 @@ class _NoRoomError(InputError):
 def plan(waypoints: Sequence[Waypoint], ability: Ability) -> Path:
     """Plan the path of a route, from its first waypoint, which has no circles, through the others.
 
-    Raises InputError if a corner is too sharp, a leg too short, circles are too small, a climb is
-    too steep or the route too long; the message has the number of the waypoint, and what would do.
-
-    Notes
-    -----
     Corners have the smallest radius that the ability allows, and every turn takes its roll in and
     out at the largest rate. A leg is the line that touches what is flown at both ends: it goes
     through a point that is passed, and beside circles by their radius and what the roll-in adds.
@@ -256,17 +240,15 @@ def plan(waypoints: Sequence[Waypoint], ability: Ability) -> Path:
 
 
 class _Layout:
-    """Stretches through waypoints, with turn-arounds in place of the legs `around`.
-
-    `courses` (rad) are those of the legs, and `lengths` (m) what the turns at their ends leave of
-    them, negative where they have no room. `corners` are the waypoints whose turn the legs before
-    and after them share.
-    """
+    """Stretches through waypoints, with turn-arounds in place of the legs `around`."""
 
     def __init__(
         self, waypoints: Sequence[Waypoint], ability: Ability, around: Iterable[int] = ()
     ) -> None:
         self.waypoints, self.ability, self.around = waypoints, ability, {*around}
+        # Courses (rad) are those of the legs, and lengths (m) what the turns at their ends leave of
+        # them, negative where they have no room. Corners are the waypoints whose turn the legs
+        # before and after them share.
         self.courses = self._courses()
         turns, reaches = zip(*self._turns(), strict=True)
         self.corners = {i for i, x in enumerate(turns) if x and not waypoints[i].turns}
@@ -327,11 +309,9 @@ class _Layout:
         return courses
 
     def _turns(self) -> Iterator[tuple[Pieces, float]]:
-        """The flight at each waypoint (circles, a corner, nothing beside a turn-around), its reach.
-
-        The reach is the distance from its beginning to the foot of the waypoint on the leg, m.
-        """
+        """Circles, a corner or, beside a turn-around, nothing at each waypoint; the reach."""
         yield (), 0.0
+        # The reach is the distance from its beginning to the foot of the waypoint on the leg, m.
         for i, (into, out) in enumerate(pairwise([*self.courses, self.courses[-1]]), start=1):
             point = self.waypoints[i]
             if point.turns:
@@ -588,10 +568,7 @@ def _climb(
 def _heights(
     s: FloatArray, at: FloatArray, up: FloatArray, ability: Ability
 ) -> tuple[FloatArray, FloatArray]:
-    """Heights of a profile in which each change of the climb is spread, and their slopes.
-
-    They are means over the distance of a pull-up. InputError says that it has no room.
-    """
+    """Heights of a profile in which each change of the climb is spread, and their slopes."""
     climbs = np.diff(up) / np.diff(at)
     bends = np.abs(np.diff(np.arctan(climbs)))
     pull_up = max(PULL_UP_S, ability.V_a * bends.max(initial=0.0) / (ability.g * PULL_UP_N_Z))
@@ -601,6 +578,7 @@ def _heights(
             f"`waypoints`: changes of the climb must be {pull_up * ability.V_a:.0f} m apart at "
             f"{ability.V_a:g} m/s, got {apart:.0f} m; gentler climbs may be closer."
         )
+    # Heights are means over the distance of a pull-up.
     half = 0.5 * pull_up * ability.V_a
     # The climbs at the ends go on for as far as the means reach.
     far = BEYOND_S * ability.speed + 2.0 * half

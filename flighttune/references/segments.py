@@ -14,16 +14,14 @@ SAME_INSTANT = 1e-9
 
 @dataclass(frozen=True, slots=True)
 class Segment:
-    """A change that adds to a reference from `start` on, straight between its breaks.
-
-    With a `roll_in` its rate is the mean over that time: each change of the rate takes so long,
-    half of it before the break. The change is the same in all, and so is the time of its middle.
-    """
+    """A change that adds to a reference from `start` on, straight between its breaks."""
 
     start: float  # s
     breaks: tuple[float, ...]  # s after the start, rising
     jumps: tuple[float, ...] = ()  # at each break, in the unit of the channel
     rates: tuple[float, ...] = ()  # from each break to the next, in that unit per second
+    # The rate is the mean over this time: each change of the rate takes so long, half of it before
+    # the break. The change is the same in all, and so is the time of its middle.
     roll_in: float = 0.0  # s, at most the time between two breaks; without jumps
 
     @property

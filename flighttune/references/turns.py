@@ -91,15 +91,7 @@ def centre(curvature: float, rolling: float) -> tuple[float, float]:
 
 
 def ways(start: Pose, end: Pose, curvature: float, rolling: float) -> Iterator[Pieces]:
-    """Ways from one pose to another by turns of one curvature: two with a straight, or three.
-
-    Notes
-    -----
-    These are the words of Dubins (1957) with clothoids. A full turn keeps its centre, which lies x
-    ahead of the beginning of its roll-in and y beside it, and the mirror image at its end: straight
-    lines begin x beyond the foot of the centre at the distance y, and two opposite turns meet half
-    way between centres that are ``2 hypot(x, y)`` apart.
-    """
+    """Ways from one pose to another by turns of one curvature: two with a straight, or three."""
     x, y = centre(curvature, rolling)
     least = curvature * rolling
 
@@ -109,6 +101,10 @@ def ways(start: Pose, end: Pose, curvature: float, rolling: float) -> Iterator[P
         angle += math.tau * (angle < least)
         return turned(side * curvature, angle, rolling)
 
+    # These are the words of Dubins (1957) with clothoids. A full turn keeps its centre, which lies
+    # x ahead of the beginning of its roll-in and y beside it, and the mirror image at its end:
+    # straight lines begin x beyond the foot of the centre at the distance y, and two opposite turns
+    # meet half way between centres that are ``2 hypot(x, y)`` apart.
     for first, last in product((1, -1), repeat=2):
         a, b = start.beside(x, first * y), end.beside(-x, last * y)
         apart, bearing = _vector(a, b)
