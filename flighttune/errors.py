@@ -145,11 +145,7 @@ EXTRAS = {
 
 
 def need(what: str, *modules: str) -> None:
-    """Refuse a feature whose modules are not all installed.
-
-    `what`: the feature, as the message names it. `*modules`: any of `EXTRAS`. Raises InputError if
-    one is missing; names the extra.
-    """
+    """Refuse a feature whose modules, any of `EXTRAS`, are not all installed; name the extra."""
     if absent := [module for module in modules if find_spec(module) is None]:
         raise InputError(_message(what, absent))
 

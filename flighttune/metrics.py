@@ -215,15 +215,13 @@ def measures_of(
 
 
 def envelope_bounds(name: str, t: FloatArray, subject: str, columns: Columns) -> FloatArray:
-    """Bound of an error at each sample, shape of `t`, SI, of the measure `name` of a `subject`.
-
-    Its times count from the end of the last change of the reference of that channel, from the start
-    of the flight before the first: while the reference changes, the first bound holds. Along a
-    route, whose guidance changes it all the time, they count from the start.
-    """
+    """Bound of an error at each sample, shape of `t`, SI, of the measure `name` of a `subject`."""
     parts = [part.split() for part in name.removeprefix(ENVELOPE).split(", ")]
     times = [float(part[3]) if len(part) > 2 else 0.0 for part in parts]
     bounds = np.array([float(size) * (DEG if unit == "deg" else 1.0) for size, unit, *_ in parts])
+    # Times count from the end of the last change of the reference of that channel, from the start
+    # of the flight before the first: while the reference changes, the first bound holds. Along a
+    # route, whose guidance changes it all the time, they count from the start.
     changed = np.zeros_like(t)
     if OFF_ROUTE[0] not in columns:
         moved = moves(columns[f"{subject}_ref"])
@@ -255,30 +253,25 @@ def _airspeed_measures(t: FloatArray, columns: Columns, measure: Measure) -> dic
 
 
 def _end_errors(t: FloatArray, columns: Columns, channel: str) -> dict[str, float]:
-    """Mean error at the end, in magnitude, and the largest with which a flight has followed.
-
-    The end is the last quarter of the time, or what of it comes after the last change of the
-    reference. Where thrust is short the path angle is held against the one that the law is given.
-    Empty on a route, at whose end a flight arrives or not, and for an airspeed without a change.
-    """
+    """Mean error at the end, in magnitude, and the largest with which a flight has followed."""
     ref, error = columns[f"{channel}_ref"], columns[f"{channel}_err"]
     change, least = commanded_change(ref, error), 0.0 if channel == AIRSPEED else ALWAYS_ALLOWED
+    # A flight arrives at the end of a route or not.
     if OFF_ROUTE[0] in columns or max(change, least) < SMALLEST_STEP:
         return {}
+    # Where thrust is short the path angle is held against the one that the law is given.
     if channel == "gamma" and "gamma_given" in columns:
         error = error + columns["gamma_given"] - ref
     moved = moves(ref)
+    # The end is the last quarter of the time, or what of it comes after the last change of the
+    # reference.
     begin = max(STEADY_FROM * t[-1], t[moved[-1]] if len(moved) else 0.0)
     mean = abs(float(np.mean(error[t >= begin])))
     return {"end_error": mean, "end_allowed": max(FOLLOWED * change, least)}
 
 
 def stated_bounds(subject: str, limits: Mapping[str, Any]) -> dict[str, float]:
-    """Bounds of a subject by measure.
-
-    ``settling_s`` beside a ``band_deg`` is named for both; ``within``, rows of time (s) and bound,
-    is a measure with its bounds in the name, which must be at most 1.
-    """
+    """Bounds of a subject by measure, with their band or envelope in the name."""
     bounds = {name: bound for name, bound in limits.items() if name not in ("band_deg", "within")}
     if "band_deg" in limits:
         bounds[f"settling_s within {limits['band_deg']:.12g} deg"] = bounds.pop("settling_s")
@@ -309,12 +302,7 @@ def settling_band(name: str) -> float | None:
 def settling_measures(
     t: FloatArray, ref: FloatArray, error: FloatArray, names: Sequence[str]
 ) -> dict[str, float]:
-    """Settling times within bands of their own, and why a response does not settle, by name.
-
-    ``settling_band_rad`` is 5 % of the commanded change, ``late_rad`` the largest error over the
-    last quarter of the time. Times count as for ``settling_s``, without a change from t = 0. Empty
-    without `names` of any.
-    """
+    """Settling times within bands of their own, and why a response does not settle, by name."""
     if all(name.startswith(ENVELOPE) for name in names):
         return {}
     bands = {name: band for name in names if (band := settling_band(name)) is not None}

@@ -95,10 +95,8 @@ def _norm(name: str, surface: Surface) -> Element:
 
 
 def _read(variable: str, config: AircraftConfig) -> Element:
-    """The function that the aerodynamics read instead of a position that flight control commands.
-
-    For an elevon it is the sum of the positions of aileron and elevator.
-    """
+    """The function that aerodynamics read instead of a position that flight control commands."""
+    # For an elevon it is the sum of the positions of aileron and elevator.
     parts = Element("sum")
     for name, surface in config.surfaces.named():
         for sign in (sign for sign in ("", "-") if f"{sign}{variable}" in surface.replaces):
@@ -168,11 +166,7 @@ _NOT_OPERATIONS = ("description", "documentation")
 
 
 def scale_axis(root: Element, key: str, file: Path, by: str = "") -> None:
-    """Multiply every function of the axis that belongs to `key`, one of `AXES`.
-
-    `root` is the main file `file` of the aircraft. The factor is the property `by`, or else the
-    placeholder `key`. Raises InputError if the aircraft has no such axis.
-    """
+    """Multiply all functions of the axis of `key`, one of `AXES`, by a property or placeholder."""
     axes, wanted = root.findall("aerodynamics/axis"), key.partition("_")[0].upper()
     functions = [f for axis in axes if axis.get("name") == wanted for f in axis.iter("function")]
     if not functions:
@@ -185,11 +179,7 @@ def scale_axis(root: Element, key: str, file: Path, by: str = "") -> None:
 
 
 def scale_coefficient(root: Element, name: str, file: Path) -> None:
-    """Multiply the one aerodynamic function, or named part of one, that is called `name`.
-
-    `root` is the main file `file` of the aircraft; `name` is the name in it, or the part behind its
-    last slash. Raises InputError if no function, or more than one, has that name.
-    """
+    """Multiply the aerodynamic function, or part, of a `name`, or with it behind its last slash."""
     named = [
         (parent, i, child.get("name", "").strip())
         for aerodynamics in root.iterfind("aerodynamics")
@@ -214,13 +204,10 @@ def scale_coefficient(root: Element, name: str, file: Path) -> None:
 
 
 def scale_thrust(root: Element, folders: Sequence[Path], file: Path) -> None:
-    """Multiply the thrust of every engine: of its propeller, or of what pushes directly.
-
-    `root` is the main file `file` of the aircraft. The files of engines and thrusters are looked
-    for in `folders`, in this order, and put into it. Raises InputError if it is not known how.
-    Raises PlantError if the file of an engine or thruster cannot be read.
-    """
+    """Multiply the thrust of every engine: of its propeller, or of what pushes directly."""
     for engine in root.iterfind("propulsion/engine"):
+        # The files of engines and thrusters are looked for in `folders`, in this order, and put
+        # into the main file.
         motor = _inlined(engine, folders)
         thruster = engine.find("thruster")
         thruster_kind = None if thruster is None else _inlined(thruster, folders)
@@ -309,17 +296,14 @@ def _inlined(holder: Element, folders: Sequence[Path]) -> Element:
 
 
 def found_file(name: str, folders: Sequence[Path], named_in: Path) -> Path:
-    """The file that JSBSim finds under a name; in the last of the folders where there is none.
-
-    `named_in`: the file with that name in it. Raises PlantError if the file is not in `folders`, by
-    its path or behind a symlink: a file of somebody else must not reach out of its folder.
-    """
+    """The file that JSBSim finds under a name; in the last of the folders where there is none."""
     file = name if name.endswith(".xml") else f"{name}.xml"
     # Of a name that is too long for any file system, `Path.exists` raises an error.
     files = (folder / file for folder in folders if os.path.exists(folder / file))
     path = next(files, folders[-1] / file)
     if os.path.exists(path) and not os.path.isfile(path):  # JSBSim would wait for a pipe
         raise PlantError(f"{named_in}: `file` must name a file, got {path}.")
+    # A file of somebody else must not reach out of its folder, by its path or behind a symlink.
     for place in (Path(os.path.normpath(path)), Path(os.path.realpath(path))):
         if not any(place.is_relative_to(folder) for folder in folders):
             raise PlantError(
@@ -377,12 +361,7 @@ class MassBalance:
     pounds_per_slug: float  # lbf of weight in a slug of mass, as JSBSim converts
 
     def values(self, off: OffNominal) -> dict[str, float]:
-        """Numbers of the empty aircraft that make the whole one as `off` says.
-
-        `off`: factors on the whole aircraft, and the shift of its centre of gravity. The keys are
-        the placeholders of `open_mass_balance`; units are lbf, in and slug ft^2. Raises InputError
-        if load and fuel alone weigh as much, or no body has such inertias.
-        """
+        """Numbers of the empty aircraft, lbf, in and slug ft^2, that make the whole one `off`."""
         weight = off.mass_factor * self.whole.weight
         empty_weight = self.empty.weight + weight - self.whole.weight
         ballast = BALLAST * weight if off.slides else 0.0

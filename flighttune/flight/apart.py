@@ -41,18 +41,15 @@ def before_running(files: Iterable[str]) -> None:
 def apart(
     call: Callable[[Progress], Any], silence: float, progress: Progress | None = None
 ) -> tuple[Any, str, float]:
-    """Result of `call` in a copy of this process, how the copy ended, and the part flown by then.
-
-    Without a result it is None and the end in words. The copy ends by itself where `call` reports
-    no progress for `silence` seconds, as Python could not while a library computes. What it prints
-    goes to stderr.
-    """
+    """Result of `call` in a copy of this process or None, how that ended, and the part flown."""
     import multiprocessing  # here: --help must be quick
 
     need_fork("code of your own and the reader of a log")
     # a copy has the classes of the user's, which another process would have to import again
     fork = multiprocessing.get_context("fork")
     receiver, sender = fork.Pipe(duplex=False)
+    # The copy ends by itself where `call` reports no progress for `silence` seconds, as Python
+    # could not while a library computes. What it prints goes to stderr.
     process = fork.Process(target=_answer, args=(call, silence, sender))
     part = 0.0
     with warnings.catch_warnings():  # the threads of the libraries take no part in a flight

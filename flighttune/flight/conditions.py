@@ -146,16 +146,13 @@ def slopes_not_held(scenario: Scenario) -> tuple[str, ...]:
 
 
 def manoeuvre_of(scenario: Scenario) -> Manoeuvre:
-    """The change that a reference of shape feasible makes, within the limits less the margin.
-
-    The limits are those of the scenario and of all its aircraft; the lag is that of the first
-    plant. Below the airspeed an aircraft is designed for its largest load factor falls with the
-    square of airspeed, as lift does.
-    """
+    """The change that a reference of shape feasible makes, within the limits less the margin."""
     reference, f, limits = scenario.reference, scenario.flight, command_limits(scenario)
     assert reference is not None  # of shape feasible
     for plant in scenario.aircraft:
         own, design = plant.config.limits.limits(), plant.config.design
+        # Below the airspeed an aircraft is designed for its largest load factor falls with the
+        # square of airspeed, as lift does.
         lift = 1.0 if design is None else min(1.0, (f.V_a_mps / design.V_a) ** 2)
         at_lift = np.array([1.0, lift])
         limits = limits.within(replace(own, lower=at_lift * own.lower, upper=at_lift * own.upper))
@@ -198,16 +195,12 @@ def lags_of(plant: PlantTable, V_a: float, gamma: float) -> tuple[InnerLag, Inne
 
 
 def lead_on(scenario: Scenario, plant: PlantTable | None) -> tuple[float, float]:
-    """Lags (s) of roll and lift behind their plan on a plant; None is a plant without lags.
-
-    Each is the lag to a ramp and half of a sample, over which commands are held; zero where the
-    reference is not planned by its rates. A ScenarioError says that the model of an aircraft is
-    missing.
-    """
+    """Lags (s) of roll and lift behind their plan on a plant; None is a plant without lags."""
     if scenario.route is None and not scenario.rolls_in:
         return 0.0, 0.0
     _, gamma = reference_of(scenario).initial
     lags = plant and lags_of(plant, scenario.flight.V_a_mps, gamma)
+    # Each is the lag to a ramp and half of a sample, over which commands are held.
     phi, n_z = (0.0, 0.0) if lags is None else (lags[0].whole, lags[1].whole)
     hold = 0.5 / scenario.controller.rate_hz
     return phi + hold, n_z + hold

@@ -178,8 +178,8 @@ class FlownScenario(Answering):
 def advice(scenario: Scenario, runs: Sequence[Run], source: str, slopes: Sequence[str] = ()) -> str:
     """One line with what may help the runs that miss an upper bound; empty if nothing is known to.
 
-    It begins with likely mistakes in laws of the user. `source` is the scenario as the commands in
-    the line name it, `slopes` are sentences on those of the reference that cannot be held.
+    It begins with likely mistakes in laws of the user. `source` is the scenario as commands name
+    it, `slopes` are sentences on those of the reference that cannot be held.
     """
     lines, sound = dict[str, None](), list[Run]()
     for run in runs:

@@ -209,16 +209,14 @@ def fly_alone(
     wind_run: Run | None = None,
     progress: Progress | None = None,
 ) -> Run:
-    """Fly one gain set of a scenario on one of its plants.
-
-    `gains` is None where tuning found none. A plant that is no aircraft replays the wind of
-    `wind_run`, a flight of the same gains; without one it flies in the steady wind of the scenario.
-    """
+    """Fly one gain set of a scenario, None where tuning found none, on one of its plants."""
     scenario, label = with_own(scenario), table.label
     table, origin = scenario.plant_table(label), partial(provenance, scenario, label, gains_name)
     if gains is None:
         reason = "tuning found no gains that meet the constraints"
         return _without_samples(origin(None), "no_gains", reason)
+    # A plant that is no aircraft replays the wind of a flight of the same gains; without one it
+    # flies in the steady wind of the scenario.
     if wind_run is None:
         wind = steady_wind(scenario)
     elif len(wind_run.signals):
@@ -265,9 +263,9 @@ def fly_once(
 ) -> Run:
     """Fly the manoeuvre of a scenario once, on a plant that has not flown before.
 
-    `limits` are by default those of the scenario and of the plant; `lead` is that of `simulate`. A
-    run that diverged, left the envelope, hit the ground or could not start says so in its status
-    and reason; only an aircraft that cannot be built raises a PlantError.
+    `limits` are by default those of the scenario and of the plant. A run that diverged, left the
+    envelope, hit the ground or could not start says so in its status and reason; only an aircraft
+    that cannot be built raises a PlantError.
     """
     scenario, started = with_own(scenario), time.perf_counter()
     duration = scenario.flight.duration_s

@@ -239,9 +239,8 @@ def certify_scenario(
 ) -> Certification:
     """A certificate of gains on the linear model of a scenario, or the reason for its absence.
 
-    The arguments are those of `certify`; the law is by default the first that takes the gains.
-    `full` proves the exact rate of the sampled loop too, and finds the largest envelope, which
-    takes up to a second.
+    The arguments are those of `certify`. `full` proves the exact rate of the sampled loop too, and
+    finds the largest envelope, which takes up to a second.
     """
     settings = scenario.tuning
     law = law or scenario.law_for(gains)

@@ -143,12 +143,7 @@ def scenario_and_gains(
     wanted: PIGains | str | None,
     changes: Mapping[str, Any] | None = None,
 ) -> tuple[Scenario, str, PIGains]:
-    """A scenario, the name of one gain set, and its gains.
-
-    `source` is a scenario, a file or the name of a shipped one, and `changes` are values to set in
-    it; `wanted` is a gain set by name or file, by default the first, or gains. Raises
-    InfeasibleError if tuning finds no such gains.
-    """
+    """A scenario with `changes`, and the name and gains of the `wanted` set, or of the first."""
     scenario = as_scenario(source, changes)
     place = scenario.title if isinstance(source, Scenario) else str(source)
     if isinstance(wanted, PIGains):
@@ -162,12 +157,8 @@ def scenario_and_gains(
 
 
 def check_scenario(scenario: Scenario, source: str) -> None:
-    """Read the aircraft of a scenario, and refuse it where one cannot start or none can be tuned.
-
-    Steady flight at the start is not required here: without it a run ends with a status. The
-    ScenarioError names `source`, the file of the scenario, and every key, or the first reason why a
-    route cannot be planned.
-    """
+    """Read the aircraft of a scenario; refuse it where one cannot start or none can be tuned."""
+    # Steady flight at the start is not required here: without it a run ends with a status.
     try:
         if scenario.route is not None:
             conditions.reference_of(scenario)

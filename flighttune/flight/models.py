@@ -58,8 +58,8 @@ def identified_models(
     """A law, by default the first, behind the identified inner loop and half a sample of delay.
 
     The model is about wings-level flight on the first reference with the lags of the nearest
-    condition. If `everywhere`, or where [tuning] says ``robust``, there is one model for each
-    condition, at its own airspeed and climb.
+    condition. If `everywhere`, or where [tuning] says ``robust``, each condition has one of its
+    own.
     """
     identified, law = scenario.identified_in.identified_model, law or scenario.laws[0]
     V_a, gamma = scenario.flight.V_a_mps, reference_of(scenario).initial[1]
@@ -141,11 +141,7 @@ def tuning_scaling(scenario: Scenario, law: Law | None = None) -> FloatArray | N
 
 
 def identified_problems(scenario: Scenario, law: Law | None = None) -> tuple[TuningProblem, ...]:
-    """The problems whose smallest R_K the gains named ``tuned_identified`` maximise.
-
-    They are on the identified model of the first reference or, where [tuning] says ``robust``, of
-    every identified condition; I_K has no bound. The law is by default the scenario's first.
-    """
+    """The problems whose smallest R_K the gains named ``tuned_identified`` maximise."""
     law = law or scenario.laws[0]
     return tuple(
         _problem(
@@ -159,11 +155,9 @@ def identified_problems(scenario: Scenario, law: Law | None = None) -> tuple[Tun
 
 
 def _weight(model: LinearModel) -> FloatArray:
-    """The entry of A by which the weight pulls on the airspeed; zeros where it is no channel.
-
-    A gain on the error of the path angle cancels it, but for the lag of n_x (`_with_weight`).
-    Without the entry the three channels are tuned each by itself.
-    """
+    """The entry of A by which the weight pulls on the airspeed; zeros where it is no channel."""
+    # A gain on the error of the path angle cancels it, but for the lag of n_x (`_with_weight`).
+    # Without the entry the three channels are tuned each by itself.
     weight = np.zeros_like(model.A)
     if "V" in model.states:
         i, j = model.states.index("V"), model.states.index("gamma")
@@ -182,14 +176,12 @@ def _with_weight(result: TuningResult, scenario: Scenario, law: Law) -> TuningRe
 
 
 def _followed(scenario: Scenario, design: DesignModel, law: Law) -> FloatArray:
-    """Largest K_P and K_I from course to roll and from path angle to lift that a rate can follow.
-
-    From the largest bank phi, roll taken out at its largest rate and late by its lag turns the
-    course on by ``g/V phi T`` with ``T = phi / (2 rate) + lag``. That must not be more than the
-    course error that commands this bank, ``phi / K_P``: else every turn ends beyond its course, and
-    in a limit cycle. The integral must not have grown by as much meanwhile: its time is 4 T. The
-    load factor that the first error of the path angle commands, ``K_P gamma_err``, likewise.
-    """
+    """Largest K_P and K_I, course to roll and path angle to lift, that a rate can follow."""
+    # From the largest bank phi, roll taken out at its largest rate and late by its lag turns the
+    # course on by ``g/V phi T`` with ``T = phi / (2 rate) + lag``. That must not be more than the
+    # course error that commands this bank, ``phi / K_P``: else every turn ends beyond its course,
+    # and in a limit cycle. The integral must not have grown by as much meanwhile: its time is 4 T.
+    # The load factor that the first error of the path angle commands, ``K_P gamma_err``, likewise.
     limits, settings = command_limits(scenario), scenario.tuning
     phi, rates = min(limits.upper[0], -limits.lower[0]), limits.rate_upper
     roll_lag, lift_lag = design.whole_lags[:2]
@@ -247,10 +239,8 @@ def tune_scenario(
 ) -> TuningResult:
     """The gains named ``tuned`` of a scenario, and how they were found.
 
-    `law`: by default the scenario's first. `lag`: a range of lags (s) for which gains are found, as
-    `lag_problems`, by default that of [tuning]. `kept`: reuse the result if this process has solved
-    the same problem. Raises InputError or ScenarioError if an identified model is needed and
-    missing.
+    `lag`: a range of lags (s) for which gains are found, as `lag_problems`, by default that of
+    [tuning]. `kept`: reuse the result if this process has solved the same problem.
     """
     law = law or scenario.laws[0]
     if scenario.tuning.feedback and law.inputs != RATES:
@@ -292,11 +282,9 @@ def gain_sets(scenario: Scenario) -> tuple[dict[str, PIGains | None], TuningResu
 
 
 def gain_set(scenario: Scenario, name: str, tuning: TuningResult | None = None) -> PIGains | None:
-    """Gains by their name in a scenario; None for tuned gains of an infeasible problem.
-
-    Tuned gains are those of the law that the name has before its colon, others are mapped to it
-    (`Law.gains_from`). `tuning` is the result for ``tuned``, if there is one already.
-    """
+    """Gains by their name in a scenario; None for tuned gains of an infeasible problem."""
+    # Tuned gains are those of the law that the name has before its colon, others are mapped to it
+    # (`Law.gains_from`). `tuning` is the result for ``tuned``, if there is one already.
     law, gains = scenario.law_of(name)
     inputs = {law.inputs for law in scenario.laws}
     # Numbers that do not say what they act on are those of the only kind of gains there is.
@@ -368,18 +356,15 @@ def late_ranges(
 
 
 def lag_problems(scenario: Scenario, law: Law, lag: ArrayLike) -> tuple[TuningProblem, ...]:
-    """Problems whose slowest decay the gains for a range of lags maximise.
-
-    They are on the law behind lags that lie evenly in the range (s, shape (2,) or (p, 2)), and
-    behind the least and the largest delay, as `certify_scenario` has them. The sensitivity is that
-    of [tuning] or, as the lags are no longer uncertain, `LARGEST_SENSITIVITY`.
-    """
+    """Problems whose slowest decay the gains for a range of lags maximise."""
     alone, settings = law_model(scenario, law), scenario.tuning
     lags, delays = late_ranges(scenario, law, lag)
     p, problems = len(alone.errors), []
     bounds = np.broadcast_to(lags, (p, 2)), np.broadcast_to(delays, (p, 2))
     if not ((bounds[0] > 0.0) & (np.diff(bounds[0]) >= 0.0)).all():
         raise InputError(f"`lag` must be positive, its low end first, got {lag} s.")
+    # The lags lie evenly in the range, each behind the least and the largest delay, as
+    # `certify_scenario` has them.
     for late in dict.fromkeys(map(tuple, bounds[1].T.tolist())):
         for share in np.linspace(0.0, 1.0, LAGS_TUNED):
             each = [
@@ -425,13 +410,12 @@ def linear_loop(
 def loop_measures(
     scenario: Scenario, name: str, gains: PIGains, wanted: Collection[str]
 ) -> dict[str, float]:
-    """Measures of the linear loop of a gain set, as ``loop`` of ``[[expect]]`` bounds them.
+    """`LOOP_METRICS` of the linear loop of a gain set on the model that [tuning] names.
 
-    They are `LOOP_METRICS`, on the model that [tuning] names; empty for a law without a loop.
-    Margins and roll rate, which take longer, are there only if they are `wanted`. The
-    gain, phase and delay margins are the smallest of one input at a time; the disk margin is that
-    of all. The roll rate is that which lets the identified roll follow the gains at the largest
-    bank (design/roll_rate.md). An unstable loop has no margins.
+    Margins and roll rate, which take longer, are there only if they are `wanted`. The gain, phase
+    and delay margins are the smallest of one input at a time; the disk margin is that of all. The
+    roll rate is that which lets the identified roll follow the gains at the largest bank
+    (design/roll_rate.md). An unstable loop has no margins.
     """
     if (loop := linear_loop(scenario, name, gains)) is None:
         return {}

@@ -85,13 +85,11 @@ def new_scenario(
 
 
 def _first(aircraft: str, folder: Path) -> Any:
-    """The template with the values of an aircraft; as values, for its texts may hold quotes.
-
-    The plant of a model from logs is a point mass behind its lags.
-    """
+    """The template with the values of an aircraft; as values, for its texts may hold quotes."""
     document: Any = tomlkit.parse(TEMPLATE)
     flight, limits, plants = document["flight"], document["limits"], document["plant"]
     climb, change = "climb", CLIMB
+    # The plant of a model from logs is a point mass behind its lags.
     if Path(aircraft).suffix.lower() == ".json":
         identified = load_identified(aircraft)
         log, condition = identified.log, identified.conditions[0]

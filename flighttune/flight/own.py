@@ -33,13 +33,10 @@ def with_own(
     laws: Mapping[str, LawMaker] | None = None,
     plants: Mapping[str, PlantMaker] | None = None,
 ) -> Scenario:
-    """A scenario whose tables of the user's laws and plants hold their classes.
-
-    `laws` and `plants` are flown besides those of the scenario, or in place of its tables of that
-    name. A ScenarioError says that a file or class cannot be loaded or has changed, or that a law
-    or plant from Python is missing.
-    """
+    """A scenario whose tables of the user's laws and plants hold their classes."""
     laws, plants = laws or {}, plants or {}
+    # Those given here are flown besides the ones of the scenario, or in place of its tables of that
+    # name.
     names = {law.name for law in scenario.laws}
     more = [_python(name, made) for name, made in laws.items() if name not in names]
     labels = {plant.label for plant in scenario.plant}

@@ -360,17 +360,15 @@ def design(aircraft: AircraftConfig | str | Path) -> DesignedAircraft:
 
 
 def inner_loop_gains(airframe: Airframe, design: DesignTable) -> dict[str, float]:
-    """Return the gains by name, SI and rad.
-
-    Roll: the error of the roll model obeys ``e'' + 2 zeta omega e' + omega^2 e = 0``, omega being
-    `roll_error` of the design; the integrator is an order slower than the model. Pitch: least
-    squares of the linear step response, with actuator, to that of two equal real poles. Yaw:
-    damping of the dutch roll, and the static effect of the rudder on the lateral load factor.
-    Rolling at the rate p without sideslip takes the yaw rate
-    ``r = g/V phi + alpha p``: the feed-forward of the rudder meets the yaw moment of p, of that r
-    and of the aileron, and ``r' = g/V p``. Without a rudder its gains are 0. Speed: a first-order
-    loop on the slope of thrust.
-    """
+    """Return the gains by name, SI and rad."""
+    # Roll: the error of the roll model obeys ``e'' + 2 zeta omega e' + omega^2 e = 0``, omega being
+    # `roll_error` of the design; the integrator is an order slower than the model. Pitch: least
+    # squares of the linear step response, with actuator, to that of two equal real poles. Yaw:
+    # damping of the dutch roll, and the static effect of the rudder on the lateral load factor.
+    # Rolling at the rate p without sideslip takes the yaw rate ``r = g/V phi + alpha p``: the
+    # feed-forward of the rudder meets the yaw moment of p, of that r and of the aileron, and
+    # ``r' = g/V p``. Without a rudder its gains are 0. Speed: a first-order loop on the slope of
+    # thrust.
     d = airframe.of
     rudderless = "rudder" not in airframe.slopes["r_dot"]
     for sign, output, by in SIGNS:
@@ -459,12 +457,10 @@ def _n_z_step(
 
 
 def _gyroscopic(airframe: Airframe, bandwidth: float) -> dict[str, float]:
-    """Gains by which elevator and rudder make up for the moments of a propeller's momentum.
-
-    There are none where these couple pitch and yaw too slowly for the `bandwidth` (rad/s).
-    """
+    """Gains by which elevator and rudder make up for the moments of a propeller's momentum."""
     d = airframe.of
     if not -d("q_dot", "r") * d("r_dot", "q") > (STRONG * bandwidth) ** 2:
+        # These couple pitch and yaw too slowly for the `bandwidth` (rad/s).
         return {}
     gains = -d("q_dot", "r") / d("q_dot", "elevator"), -d("r_dot", "q") / d("r_dot", "rudder")
     return dict(zip(GYROSCOPIC, gains, strict=True))

@@ -105,15 +105,13 @@ class IdentifiedChannel(LagTable):
         cross: float | None = None,
         simpler: InnerLag | None = None,
     ) -> "IdentifiedChannel":
-        """The channel of a fit; not checked: rounding may put a lag beyond the range of files.
-
-        `simpler`: the best lag of at most second order, by default the lag itself.
-        """
+        """The channel of a fit; not checked: rounding may put a lag beyond the range of files."""
         return cls.model_construct(
             **lag_table(lag),
             fit_percent=fit_percent,
             residual=residual,
             cross=cross,
+            # The best lag of at most second order is by default the lag itself.
             simpler=LagTable.model_construct(**lag_table(simpler or lag)),
         )
 
@@ -268,22 +266,13 @@ def design_model(
     law: Law | None = None,
     airspeed: bool = False,
 ) -> DesignModel:
-    """Return the plant of the outer loop: the chi/gamma law behind the identified inner loop.
+    """Return the plant of the outer loop: a law, the paper's by default, behind the inner loop.
 
-    Parameters
-    ----------
-    V_a, gamma : float, m/s and rad, optional
-        Condition of the law, by default `condition`.
-    hold : float, s
-        Delay added to both channels: half the sample time of the controller.
-    schedule_speed : float, m/s, optional
-        Airspeed for which gains that grow with airspeed are stated: the inputs of the law are then
-        scaled by ``V_a / schedule_speed``, which is the same loop.
-    law : Law, optional
-        Law whose error dynamics stand behind the lags of roll and of load factor; by default the
-        paper's.
-    airspeed : bool
-        Make the airspeed a third channel, behind the lag of n_x.
+    `V_a` (m/s) and `gamma` (rad) are by default those of the condition. `hold` (s) is added to the
+    delay of all channels: half the sample time of the controller. With gains that are stated for
+    the airspeed `schedule_speed` and grow with it, the inputs of the law are scaled by
+    ``V_a / schedule_speed``, which is the same loop. An `airspeed` is a third channel, behind the
+    lag of n_x.
     """
     V_a = condition.V_a if V_a is None else V_a
     gamma = condition.gamma if gamma is None else gamma

@@ -62,13 +62,11 @@ ATTEMPTS = 4
 def multisines(limits: Limits, *, seed: int = 0) -> tuple[FloatArray, Lines]:
     """Return one period of multisines inside the limits, no frequency in both channels.
 
-    The seed draws many sets of phases; the set that lets the sines be largest is taken. R. Pintelon
-    and J. Schoukens, *System Identification: A Frequency Domain Approach*, 2nd ed., Wiley 2012,
-    chapter 5: random-phase multisines on a quasi-logarithmic grid, the channels on interleaved
-    lines so that one experiment shows every path.
-
-    Returns the changes of roll (rad) and load factor (1) at every sample, shape (samples, 2), and
-    the harmonics of `PERIOD` in roll and in load factor.
+    They are the changes of roll (rad) and load factor (1) at every sample, shape (samples, 2), and
+    the harmonics of `PERIOD` in each. R. Pintelon and J. Schoukens, *System Identification: A
+    Frequency Domain Approach*, 2nd ed., Wiley 2012, chapter 5: random-phase multisines on a
+    quasi-logarithmic grid, the channels on interleaved lines so that one experiment shows every
+    path.
     """
     harmonics = _harmonics(LINES)
     lines = harmonics[::2], harmonics[1::2]
@@ -82,11 +80,9 @@ def _harmonics(count: int) -> npt.NDArray[np.int_]:
 
 
 def check_manoeuvre(limits: Limits) -> FloatArray:
-    """Return 3-2-1-1 steps of both channels, ramped as fast as the limits allow, for validation.
-
-    The pulses of 3, 2, 1 and 1 units are the usual ones of flight test: R. V. Jategaonkar, *Flight
-    Vehicle System Identification*, 2nd ed., AIAA 2015, section 2.3.
-    """
+    """Return 3-2-1-1 steps of both channels, ramped as fast as the limits allow, for validation."""
+    # The pulses of 3, 2, 1 and 1 units are the usual ones of flight test: R. V. Jategaonkar,
+    # *Flight Vehicle System Identification*, 2nd ed., AIAA 2015, section 2.3.
     return _checks(*command_room(limits))
 
 
@@ -102,13 +98,11 @@ def _checks(peaks: npt.ArrayLike, rates: npt.ArrayLike) -> FloatArray:
 def thrust_changes(
     plant: JSBSimPlant, condition: FlightCondition, seed: int
 ) -> tuple[FloatArray, Lines, FloatArray]:
-    """Return a multisine of n_x about a trim, its harmonics, and the manoeuvre for validation.
-
-    They keep to a share of what the limits and the throttle leave at the trim.
-    """
+    """Return a multisine of n_x about a trim, its harmonics, and the manoeuvre for validation."""
     plant.start(condition)
     now, least, most = n_x_signals(plant)
     limits = plant.limits
+    # Both keep to a share of what the limits and the throttle leave at the trim.
     peak = PEAK_SHARE * min(min(most, limits.upper[2]) - now, now - max(least, limits.lower[2]))
     rate = min(float(limits.rate_upper[2]), FASTEST)
     if not peak > 0.0:
@@ -138,12 +132,10 @@ def command_room(limits: Limits) -> tuple[FloatArray, FloatArray]:
 def multisine(
     harmonics: npt.NDArray[np.int_], peak: float, rate: float, rng: np.random.Generator
 ) -> FloatArray:
-    """One period of a sum of sines within `peak` and `rate` (1/s), at every sample.
-
-    Their amplitudes fall with the root of frequency, a compromise between the two limits.
-    """
+    """One period of a sum of sines within `peak` and `rate` (1/s), at every sample."""
     t = np.arange(round(PERIOD / DT), dtype=np.float64) * DT
     angles = np.outer(harmonics * (2.0 * math.pi / PERIOD), t)
+    # Amplitudes fall with the root of frequency, a compromise between the two limits.
     amplitudes = 1.0 / np.sqrt(harmonics)
     best, largest = np.zeros_like(t), 0.0
     for _ in range(PHASE_DRAWS):
@@ -343,15 +335,13 @@ def candidates(response: FrequencyResponse) -> tuple[LagCandidate, ...]:
 def fitted_lag(
     t: FloatArray, commanded: FloatArray, measured: FloatArray, *, lag: InnerLag | None = None
 ) -> tuple[InnerLag, float]:
-    """Return the lag whose response is nearest to `measured`, and the percentage explained.
-
-    The samples are evenly spaced, commands held in between, and the first measured value is taken
-    as at rest. A `lag` from elsewhere is kept; `UNEXCITED` and NaN where nothing was commanded.
-    """
+    """Return the lag whose response is nearest to `measured`, and the percentage explained."""
     if not len(t) > 10:
         raise InputError(f"`t` must have more than 10 samples, got {len(t)}.")
     if np.ptp(commanded) <= SILENT:
         return lag or UNEXCITED, math.nan
+    # Samples are evenly spaced, commands are held in between, and the first measured value counts
+    # as at rest.
     dt = float(t[-1] - t[0]) / (len(t) - 1)
 
     def response(lag: InnerLag) -> FloatArray:

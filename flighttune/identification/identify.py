@@ -208,14 +208,12 @@ def identify_aircraft(
     h: float = 1000.0,
     seed: int = 0,
 ) -> AircraftIdentification:
-    """Identify the inner loop of an aircraft at every airspeed (m/s) with every path angle (rad).
-
-    Conditions without steady flight are left out and listed. The lags of a channel are of one
-    order, the one that suits all conditions together.
-    """
+    """Identify the inner loop of an aircraft at each airspeed (m/s) with each path angle (rad)."""
     plant = JSBSimPlant(aircraft)
     speeds = tuple(V_a) or (design_speed(plant.config),)
     fresh, measured, skipped = partial(JSBSimPlant, aircraft), [], []
+    # Conditions without steady flight are left out and listed. The lags of a channel are of one
+    # order, the one that suits all conditions together.
     for v, g in product(speeds, tuple(gamma) or (None,)):
         try:
             point = level(plant.config, v, h) if g is None else FlightCondition(V_a=v, gamma=g, h=h)

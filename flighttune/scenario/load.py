@@ -38,11 +38,7 @@ PATH = re.compile(rf"{SEGMENT}(?:\.{SEGMENT})*")
 
 
 def places_of(key: str, tables: Mapping[str, Any], value: Any) -> tuple[Place, ...]:
-    """Every place of a scenario that a dotted key means.
-
-    ``name[1]`` is a position in an array, from 0; ``plant`` without one is every plant that can
-    have this `value` there, ``plant[LABEL]`` the plant of that label.
-    """
+    """Every place of a scenario that a dotted key means."""
     if len(key) > MAX_KEY or not PATH.fullmatch(key):
         raise InputError(
             "must be names joined by dots, each with [position] or [name] after it, and have at "
@@ -50,6 +46,8 @@ def places_of(key: str, tables: Mapping[str, Any], value: Any) -> tuple[Place, .
         )
     # a position in brackets is a step of its own, `[0]`
     steps = tuple(re.findall(r"\[[^\[\]]+\]|[^.\[\]]+", key))
+    # Without a position, ``plant`` is every plant that can have this `value` there;
+    # ``plant[LABEL]`` is the plant of that label.
     if steps[0] == "plant" and not (steps[1:] and steps[1].startswith("[")):
         return _of_plants(steps[1:], tables["plant"], value)
     return (_walked(steps, tables),)

@@ -258,10 +258,7 @@ class RouteTable(q.Table):
         return speeds if self.holds_airspeed else {}
 
     def reference(self, flight: FlightTable, *, phi: float, phi_rate: float) -> RouteReference:
-        """The reference along the path through the waypoints.
-
-        `phi` (rad) and `phi_rate` (rad/s) are the limits of roll, of which the margin is left.
-        """
+        """The reference along the path, with the margin left of the limits of roll (rad, rad/s)."""
         share, (low, high) = 1.0 - self.margin, self.gamma_deg
         largest = max(flight.V_a_mps, *self.airspeeds.values(), 0.0)
         ability = Ability(

@@ -94,10 +94,7 @@ class LimitsTable(q.Table):
 
     @lru_cache(maxsize=64)  # noqa: B019 - equal tables share it
     def limits(self, *, airspeed: bool = False) -> Limits:
-        """The limits in rad, 1 and seconds; infinite where the file gives none.
-
-        They are of (phi, n_z), and of n_x where the `airspeed` is followed.
-        """
+        """Limits of (phi, n_z), and n_x with an `airspeed`, in rad, 1, s; inf by default."""
         m = 3 if airspeed else 2
         lower, upper = _ends(*(self.phi_deg, self.n_z, self.n_x)[:m])
         rates = self.phi_rate_dps, self.n_z_rate_per_s, self.n_x_rate_per_s
