@@ -537,10 +537,7 @@ def _missed(
 def final_tables(
     surveyed: Survey, model: Airframe, h: float, share: float, roll_rate: float = 1.0
 ) -> dict[str, Any]:
-    """Tables of the ``aircraft.toml``: envelope and limits, and bandwidths times `share`.
-
-    `roll_rate`: factor on the limit of the roll rate.
-    """
+    """Tables of the ``aircraft.toml``: envelope and limits, and bandwidths times `share`."""
     lift = surveyed.lift
     ratio = (surveyed.V_a / lift.V_s) ** 2
     n_z_max = min(LIFT_USED * ratio, MAX_LOAD_FACTOR)
@@ -580,15 +577,13 @@ def final_tables(
 
 
 def elevator_zero(model: Airframe) -> float:
-    """Zero in the right half plane from elevator to load factor, rad/s; inf where there is none.
-
-    The zero belongs to the short period: with n_z held at zero, the elevator is
-    ``-n_alpha/n_e alpha`` and the zeros are the roots of the remaining motion.
-    """
+    """Zero in the right half plane from elevator to load factor, rad/s; inf where there is none."""
     n_e = model.of("n_z", "elevator")
     if not n_e > 0.0:
         return math.inf
     moment = model.slopes["q_dot"]
+    # The zero belongs to the short period: with n_z held at zero, the elevator is
+    # ``-n_alpha/n_e alpha`` and the zeros are the roots of the remaining motion.
     stiffness = moment["alpha"] - moment["elevator"] * model.of("n_z", "alpha") / n_e
     damping = moment["q"]
     root = 0.25 * damping**2 + stiffness

@@ -211,11 +211,8 @@ def survey(
     values: Mapping[str, float] = MappingProxyType({}),
     glide: bool = False,
 ) -> Survey:
-    """Measure what a model can do at height h (m).
-
-    `tables` are those of `wide_tables`; what is found of a model that is refused stays in them.
-    `values`: of properties, instead of those assumed. `glide`: leave its engines off.
-    """
+    """Measure what a model can do at height h (m); a `glide` leaves its engines off."""
+    # What is found of a model that is refused stays in `tables`, which are those of `wide_tables`.
     model = _Model(tables, folder, h, V_a, values)
     say("step 1 of 9: reading the model")
     tables["engines"]["count"] = 0 if glide else _engine_count(model.config)
@@ -692,10 +689,7 @@ class _Model:
         return {name: table for name, (_, table) in answers.items()}, next(filter(None, drift), "")
 
     def _past_flight_control(self) -> tuple[dict[str, dict[str, Any]], str]:
-        """Surfaces that the aerodynamics read past the flight control, by name or what they move.
-
-        Without any, an addition to a refusal says what was measured.
-        """
+        """Surfaces that aerodynamics read past the flight control, by name or effect; a note."""
         read, surfaces = self.texts[0], self.tables["surfaces"]
         replaced, measured = {}, ""
         for name in surfaces:
@@ -715,11 +709,7 @@ class _Model:
         return {name: surfaces[name] | {"replaces": x} for name, x in replaced.items()}, ""
 
     def _movers(self) -> tuple[dict[str, list[str]], str]:
-        """Positions that the aerodynamics read, by the surface that moves the aircraft as they do.
-
-        Each is changed alone, in level flight. A minus is before one of the opposite sense. The
-        sentence says what was found.
-        """
+        """Positions that aerodynamics read, by the surface that moves the aircraft so; a note."""
         fdm, level = self.load().fdm, self.level()
         computed = {part.get("name", "") for root in self.roots for part in root.iter("function")}
         read = self.texts[0] - computed
@@ -728,6 +718,7 @@ class _Model:
         bench = self.load(declared=self.tables["declared"] | frozen)
         inertias = np.array([bench.fdm.reader(BODY[f"inertia {2 * axis}"])() for axis in "xyz"])
 
+        # Each is changed alone, in level flight. A minus is before one of the opposite sense.
         def moments(name: str, change: float) -> FloatArray:
             bench.fdm.writer(name)(frozen[name] + change)
             rates = bench.accelerations(level)

@@ -210,12 +210,9 @@ def campaign_display() -> Iterator[CampaignDisplay]:
 
 @contextmanager
 def on_interrupt(stop: Callable[[], object] | None = None) -> Iterator[None]:
-    """Call `stop` at the first of `SIGNALS` in the block; without it, raise KeyboardInterrupt.
-
-    With `stop`, later signals are handled as before the block. It is called from the signal
-    handler: it only asks for the end, and returns at once. Shells start commands in the
-    background with SIGINT ignored; in the block it is not.
-    """
+    """Call `stop` at the first of `SIGNALS` in the block; without it, raise KeyboardInterrupt."""
+    # Later signals are handled as before the block. As a signal handler, `stop` only asks for the
+    # end. Shells start commands in the background with SIGINT ignored; in the block it is not.
     before = {number: signal.getsignal(number) for number in SIGNALS}
     if FORKS and before[signal.SIGHUP] == signal.SIG_IGN:  # nohup wants it to be ignored
         del before[signal.SIGHUP]

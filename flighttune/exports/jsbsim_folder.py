@@ -418,10 +418,7 @@ def _script(
 def _engine_events(
     fdm: Fdm, throttle_trim: float
 ) -> list[tuple[str, float, bool, Mapping[str, float]]]:
-    """Events that start the engines and settle them at the throttle of the trim, as `fly` does.
-
-    Each has a name, a time, whether an engine must have stopped, and values to set.
-    """
+    """Events that start engines: name, time, whether an engine must have stopped, and values."""
     if not fdm.config.engines.count:
         return []
     piston = fdm.has("propulsion/magneto_cmd")

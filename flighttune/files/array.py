@@ -36,15 +36,12 @@ def read_arrays(
     max_compressed: int,
     unbounded: Collection[str] = (),
 ) -> Arrays:
-    """The arrays of a file; their sizes and names are checked before any of them is unpacked.
-
-    `kind` is what the file must be, `kinds` the types of the arrays that it may have, of which the
-    first must be there; floats must be finite unless they are `unbounded`.
-    """
+    """Arrays of a file by their types, finite unless `unbounded`; the first must be there."""
     try:
         if path.stat().st_size > max_compressed:
             raise InputError(f"the file must have at most {max_compressed} bytes, got more.")
         with zipfile.ZipFile(path) as archive:
+            # Sizes and names are checked before any array is unpacked.
             entries = archive.infolist()
             names = [entry.filename for entry in entries]
             for name in names:

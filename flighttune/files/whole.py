@@ -19,12 +19,9 @@ UNFINISHED, ABANDONED_S = ".flighttune-", 60.0
 
 @contextmanager
 def whole_file(path: Path, unfinished: Path | None = None) -> Iterator[Path]:
-    """Give a temporary name beside `path`, or in `unfinished`; rename it when the block ends well.
-
-    Several blocks in an `ExitStack` are renamed after all are written, the last one first. Raises
-    OutputError if a folder or the file cannot be written.
-    """
+    """Give a temporary name beside `path`, or in `unfinished`; rename it if the block ends well."""
     folder = path.parent if unfinished is None else unfinished
+    # Several blocks in an `ExitStack` are renamed after all are written, the last one first.
     part = folder / f"{UNFINISHED}{path.stem}-{uuid.uuid4().hex}{path.suffix}"
     try:
         for needed in (path.parent, folder):

@@ -358,11 +358,9 @@ class _Flights:
         return np.column_stack(columns)
 
     def fly(self, factors: Mapping[str, float], maker: PlantMaker | None = None) -> Signals:
-        """Signals of the aircraft, or of another plant, under the commands of every stretch.
-
-        They are flown in still air, over an Earth that is flat and at rest: a steady wind only
-        turns their start and carries them along.
-        """
+        """Signals of the aircraft, or of another plant, under the commands of every stretch."""
+        # Flights are in still air, over an Earth that is flat and at rest: a steady wind only turns
+        # their start and carries them along.
         air = {name: factors.get(name, FACTORS[name].nominal) for name in IN_AIR}
         key = maker, *air.values()
         if key not in self._in_air:
@@ -530,17 +528,15 @@ def _fitted(flights: _Flights) -> dict[str, tuple[float, float, float]]:
 def _step(
     flights: _Flights, x: Mapping[str, float], reach: float
 ) -> tuple[dict[str, tuple[float, float, float]], dict[str, str]]:
-    """Factors of the least difference by its slopes at `x`, with the ends of their intervals.
-
-    Each comes with at most `reach` times its size of change. The factor that the log tells least is
-    left out, until it tells the others; those left out have their reasons.
-    """
+    """Factors of least difference by slopes at `x`, with ends of intervals; why others are out."""
     from scipy.optimize import lsq_linear
 
     names, untold = [*x], dict[str, str]()
     slopes, here = flights.slopes(x), flights.difference(flights.fly(x)).ravel()
     nominal, sizes, low, high = np.array([FACTORS[name][3:] for name in names]).T
     at = (np.array([*x.values()]) - nominal) / sizes
+    # Each factor changes by at most `reach` times its size of change. The one that the log tells
+    # least is left out, until it tells the others.
     nearest = np.maximum((low - nominal) / sizes, at - reach)
     furthest = np.minimum((high - nominal) / sizes, at + reach)
     late = np.array([name.endswith("_late") for name in names]) / sizes

@@ -57,20 +57,8 @@ class Mismatch:
 
 
 def mismatch(run: Run) -> Mismatch:
-    r"""The mismatch d(t) of a run from the kinematic law of its scenario.
+    """The mismatch d(t) of a run, evenly sampled, from the kinematic law of its scenario.
 
-    Parameters
-    ----------
-    run : Run
-        A flight of at least four samples, evenly spaced; with courses that run on through +-pi.
-
-    Raises
-    ------
-    InputError
-        If the run is too short, or its scenario gives no airspeed.
-
-    Notes
-    -----
     Nothing is smoothed and no derivative of a sampled signal is taken: commands are held over a
     sample interval, so that the law's mean rates over it are those of the held commands, and the
     mean rates flown are the exact increments ``(x[k + 1] - x[k]) / dt``. The one term of the law
@@ -131,27 +119,19 @@ def residual_rates(
     commands: FloatArray,
     start: tuple[float, float],
 ) -> FloatArray:
-    r"""Disturbance of the two rates under which the model reproduces a flight.
+    """Disturbances (rad/s), shape (n - 1, 2), under which the model reproduces a flight.
 
-    Roll and load factor behind the lags are exact at any instant, delays included. Between the
-    instants at which a command takes effect the two rates are integrated by the classical
-    Runge-Kutta rule, with an error below 1e-8 rad/s at 50 Hz.
+    They are for each sample the constant ``(d_chi, d_gamma)`` with which
+    ``chi' = g n_z sin(phi) / (V cos(gamma)) + d_chi`` and
+    ``gamma' = g / V (n_z cos(phi) - cos(gamma)) + d_gamma`` lead from the flown course and path
+    angle to those one sample later. At the samples the flight therefore *is* one of the model under
+    these disturbances. Roll and load factor behind the lags are exact at any instant, delays
+    included; in between the classical Runge-Kutta rule errs by less than 1e-8 rad/s at 50 Hz.
 
-    `dt` (s): sample time of the controller. `angles` (shape (n, 2), rad): course and flight-path
-    angle at the samples; the course may jump by whole turns. `commands` (shape (n, 2), rad and 1):
-    roll and load factor commanded at each sample, held until the next one. `start` (rad and 1):
-    roll and load factor in force before the first sample; the lags are at rest there.
-
-    Returns
-    -------
-    ndarray, shape (n - 1, 2), rad/s
-        For each sample the constant ``(d_chi, d_gamma)`` with which
-
-        .. math:: \dot\chi = \frac{g n_z \sin\phi}{V \cos\gamma} + d_\chi,\quad
-                  \dot\gamma = \frac{g}{V} (n_z \cos\phi - \cos\gamma) + d_\gamma
-
-        lead from the flown course and path angle to those one sample later. At the samples the
-        flight therefore *is* one of the model under these disturbances.
+    `angles` (shape (n, 2), rad): course, which may jump by whole turns, and flight-path angle at
+    the samples. `commands` (shape (n, 2), rad and 1): roll and load factor commanded at each
+    sample, held until the next one. `start`: those in force before the first sample, where the lags
+    are at rest.
     """
     late = {lag.delay % dt for lag in model.lags}
     edges = sorted({0.0, *late, dt})

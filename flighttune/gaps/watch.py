@@ -146,13 +146,11 @@ def dt_of(run: Run) -> float:
 
 @np.errstate(divide="ignore", invalid="ignore")
 def columns_of(models: Sequence[SignalModel], run: Run, from_s: float = 0.0) -> list[FloatArray]:
-    """The terms of each model and last its target, from a time on, shape (terms + 1, n) each.
-
-    Where a sensor errs, they are of what it measures. Gaps of a log keep the value before them.
-    """
+    """The terms of each model and last its target, from a time on, shape (terms + 1, n) each."""
     if not run.duration > from_s:
         raise InputError(f"{run.label}: must be over {from_s:g} s long, got {run.duration:.1f} s.")
     dt, columns = dt_of(run), []
+    # Where a sensor errs, terms are of what it measures. Gaps of a log keep the value before them.
     quantities = {"1": np.ones(len(run.signals))}
 
     def quantity(name: str) -> FloatArray:

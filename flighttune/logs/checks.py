@@ -102,15 +102,13 @@ def _median(values: FloatArray) -> float:
 
 
 class _Check:
-    """Signals of a run from raw ones, and sentences about what was checked of them.
-
-    Columns are compared with the same by others, in means and slopes over 2 s.
-    """
+    """Signals of a run from raw ones, and sentences about what was checked of them."""
 
     def __init__(self, raw: Mapping[str, FloatArray], t: FloatArray) -> None:
         self.values, self.dt = dict(raw), float(t[1] - t[0])
         self.notes: list[str] = []
         self.wrong: list[str] = []  # on columns that contradict each other
+        # Columns are compared with the same by others, in means and slopes over 2 s.
         self._span = max(1, round(0.5 * PATH_S / self.dt))
 
     @property
@@ -288,12 +286,10 @@ class _Check:
                 self.say(f"wind_{axis}", ratio, "speeds and nose", (0.25, 2.5))
 
     def _without_lift(self, *names: str) -> list[FloatArray]:
-        """Means of signals without what goes with the angle of attack in a steady flight.
-
-        The nose is above the path by about alpha cos(phi), and alpha grows with n_z over V_a^2.
-        """
+        """Means of signals without what goes with the angle of attack in a steady flight."""
         level = np.cos(self.values["phi"])
         speed = self.values.get("V_a", self.values.get("V_g", level))
+        # The nose is above the path by about alpha cos(phi), and alpha grows with n_z over V_a^2.
         lift = level * self.values.get("n_z", 1.0 / np.maximum(level, 0.2)) / speed**2
         columns = [self.mean(self.values[name]) for name in names]
         terms = np.column_stack([self.mean(x) for x in (np.ones(len(level)), level, lift)])
@@ -347,10 +343,7 @@ def _plane(lat: FloatArray, lon: FloatArray) -> tuple[FloatArray, FloatArray]:
 def checked(
     raw: Mapping[str, FloatArray], t: FloatArray
 ) -> tuple[dict[str, FloatArray], list[str], list[str]]:
-    """Signals of a run from raw ones on one time base, and sentences about what was checked.
-
-    The last sentences are those on columns that contradict each other.
-    """
+    """Signals of a run from raw ones on one time base, notes, and contradictions of columns."""
     check = _Check(raw, t)
     check.motion()
     values = check.values

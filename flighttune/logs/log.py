@@ -98,10 +98,7 @@ def _tables() -> Mapping[str, Mapping[str, Any]]:
 def columns_of(
     given: Mapping[str, Column], place: str, kind: str, header: Sequence[str]
 ) -> dict[str, list[Column]]:
-    """Places of every signal in a log of a kind; a table has `header`, and a clock first.
-
-    Raises InputError if a table has no clock or not the columns `given`.
-    """
+    """Places of every signal in a log of a kind; a table has `header`, and a clock first."""
     stated = {name: [column] for name, column in given.items()}
     if kind != "csv":
         stated.pop("t", None)  # messages have their clock
@@ -259,10 +256,7 @@ def load_log(
 
 
 def load_part(name: str, columns: Columns) -> Run:
-    """The log of a file, or the part ``LOG@START:END`` or ``LOG@MODE`` of one.
-
-    `START` and `END` (s) may be empty.
-    """
+    """The log of a file, or the part ``LOG@START:END`` (s, either may be empty) or ``LOG@MODE``."""
     place, _, part = (name, "", "") if Path(name).exists() else name.partition("@")
     if ":" not in part:
         return load_log(place, columns=columns, mode=part)

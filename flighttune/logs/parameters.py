@@ -35,11 +35,7 @@ class Flown(NamedTuple):
 
 
 def flown_now(path: str | Path, version: str | None = None) -> Flown:
-    """The guidance of a parameter file or log; `version` of the autopilot where it says none.
-
-    Raises InputError or RecordingError if the file cannot be read, is of a vehicle without wings,
-    has no parameters of a guidance or an impossible one, or its version is needed and missing.
-    """
+    """The guidance of a parameter file or log; `version` of the autopilot where it says none."""
     path = Path(path)
     if not path.is_file():
         raise InputError(f"{path}: must be a file of parameters or a log, got no such file.")

@@ -69,11 +69,7 @@ def _kind_of(path: Path) -> str:
 
 
 def read_log(path: Path, places: Places) -> tuple[str, dict[str, Stream], str]:
-    """Kind of a log, its signals in SI, each from the first of its places, and the vehicle.
-
-    The first of `places` of a table is its clock. Raises RecordingError if the file is no log or
-    cannot be read.
-    """
+    """Kind of a log, its signals in SI, each from the first of its places, and the vehicle."""
     kind = _kind_of(path)
     if not kind:
         raise RecordingError(
@@ -99,10 +95,7 @@ def read_log(path: Path, places: Places) -> tuple[str, dict[str, Stream], str]:
 
 
 def read_parameters(path: Path) -> tuple[dict[str, float], str, str] | None:
-    """Last values of the parameters in a log, vehicle and version; None for a file without them.
-
-    Raises RecordingError if the log cannot be read.
-    """
+    """Last values of the parameters in a log, vehicle and version; None for a file without them."""
     kind = _kind_of(path)
     if kind not in _PARAMETERS:
         return None

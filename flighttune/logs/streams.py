@@ -19,10 +19,7 @@ SMOOTH = 20.0
 
 
 def with_angles(raw: dict[str, Stream]) -> None:
-    """Put roll, pitch and yaw (rad, north-east-down) in the place of quaternions.
-
-    The sign of a part w that the log has not is the one that keeps attitude steady and nose ahead.
-    """
+    """Put roll, pitch and yaw (rad, north-east-down) in the place of quaternions."""
     for name, (ending, enu) in QUATERNIONS.items():
         phi, theta, psi = (f"{angle}{ending}" for angle in ("phi", "theta", "psi"))
         parts = {part: raw.pop(f"{name}_{part}") for part in "wxyz" if f"{name}_{part}" in raw}
@@ -30,6 +27,8 @@ def with_angles(raw: dict[str, Stream]) -> None:
             continue
         t = parts["x"][0]
         x, y, z = (np.interp(t, *parts[part]) for part in "xyz")
+        # The sign of a part w that the log has not is the one that keeps attitude steady and nose
+        # ahead.
         if "w" in parts:
             w = np.interp(t, *parts["w"])
         else:
@@ -92,11 +91,7 @@ COMMANDS = ("phi_cmd", "theta_cmd", "n_z_cmd", "chi_ref", "gamma_ref")
 def on_one_base(
     place: str, raw: dict[str, Stream], start: float, end: float, *, table: bool
 ) -> tuple[FloatArray, dict[str, FloatArray]]:
-    """Times (s) from the start, and the streams at them; NaN in gaps.
-
-    `start` and `end` (s) count from the first attitude; of a `table` repeated samples are dropped.
-    Raises RecordingError if there is no attitude, or a clock jumps.
-    """
+    """Times from `start` to `end` (s) after the first attitude, and the streams; NaN in gaps."""
     raw = {name: in_order(place, name, stream) for name, stream in raw.items()}
     raw = {name: stream for name, stream in raw.items() if len(stream[0]) > 1}
     with_angles(raw)
@@ -220,10 +215,7 @@ class Phase(NamedTuple):
 def phases(
     place: str, raw: dict[str, Stream], modes: dict[str, str], states: dict[str, list[float]]
 ) -> tuple[list[Phase], list[str]]:
-    """Phases of a log, and sentences on what is odd; their streams are taken out of `raw`.
-
-    `modes`: names by number. `states`: least and largest value at which an aircraft is in a state.
-    """
+    """Phases of a log, and sentences on what is odd; their streams are taken out of `raw`."""
     events = {name: raw.pop(name) for name in EVENTS if name in raw}
     attitude = raw.get("phi", raw.get("q_x", raw.get("q_enu_x")))
     if attitude is None or not np.isfinite(attitude[0]).any():

@@ -54,23 +54,16 @@ class Duffing:
         return lyapunov_solution(self.jacobian(np.zeros(2)))
 
     def margin(self, x1: npt.ArrayLike) -> FloatArray:
-        """epsilon(x): smallest eigenvalue of ``-(J' P + P J)``, shape (...) to (...).
-
-        The condition of Theorem 1 holds at x where it is positive; it does not depend on x2.
-        """
+        """epsilon(x): smallest eigenvalue of ``-(J' P + P J)``, positive where Theorem 1 holds."""
         x1 = np.asarray(x1, dtype=float)
         J = self.jacobian(np.stack([x1, np.zeros_like(x1)], axis=-1))
         return np.asarray(np.linalg.eigvalsh(-(J.mT @ self.P + self.P @ J))[..., 0], dtype=float)
 
     @property
     def region(self) -> float:
-        """Half-width of the strip ``|x1| < c`` in which the condition of Theorem 1 holds for P.
-
-        Notes
-        -----
-        With ``a = 3 beta x1^2`` the matrix is ``-I - a (e1 (P e2)' + (P e2) e1')``. It is negative
-        as long as ``1 + 2 a p - a^2 q^2 > 0`` for ``P e2 = (p, q)``.
-        """
+        """Half-width of the strip ``|x1| < c`` in which the condition of Theorem 1 holds for P."""
+        # With ``a = 3 beta x1^2`` the matrix is ``-I - a (e1 (P e2)' + (P e2) e1')``. It is
+        # negative as long as ``1 + 2 a p - a^2 q^2 > 0`` for ``P e2 = (p, q)``.
         p, q = self.P[:, 1]
         a = (p + math.hypot(p, q)) / q**2
         return math.sqrt(a / (3.0 * self.beta)) if self.beta else math.inf
@@ -81,10 +74,8 @@ class Duffing:
 
     @property
     def smooth_region(self) -> float:
-        """Largest r with ``r <= epsilon / (2 beta_f |P|)``, beta_f that of the disc of radius r.
-
-        Lemma 3 weighted with P: the condition of Theorem 1 holds in this disc.
-        """
+        """Largest r with ``r <= epsilon / (2 beta_f |P|)``, beta_f that of the disc of radius r."""
+        # This is Lemma 3 weighted with P: the condition of Theorem 1 holds in this disc.
         return math.sqrt(1.0 / (2.0 * self.smoothness(1.0) * float(np.linalg.norm(self.P, 2))))
 
     def bound(self, L_d: float, *, half_width: float = 0.0) -> tuple[float, float]:
@@ -93,11 +84,6 @@ class Duffing:
         The Jacobian is taken over the strip ``|x1| <= half_width``. A strip of no width is the
         paper's choice, the Jacobian at the origin, and says nothing about any other point. Where
         the condition does not hold in the strip, the rate is 0 and the bound inf.
-
-        Notes
-        -----
-        ``R(f) = epsilon / lambda_max(P)``: the norm of f decays at half of it.
-        ``I(f) = 2 L_d L_f lambda_max(P)^2 / (epsilon lambda_min(P))``.
         """
         edges = np.array([0.0, half_width])
         epsilon = float(np.min(self.margin(edges)))
@@ -106,19 +92,18 @@ class Duffing:
         J = self.jacobian(np.stack([edges, np.zeros(2)], axis=-1))
         L_f = float(np.max(np.linalg.norm(J, 2, axis=(-2, -1))))
         P_min, P_max = np.linalg.eigvalsh(self.P).tolist()
+        # ``R(f) = epsilon / lambda_max(P)``, at half of which the norm of f decays, and
+        # ``I(f) = 2 L_d L_f lambda_max(P)^2 / (epsilon lambda_min(P))``.
         return epsilon / P_max, 2.0 * L_d * L_f * P_max**2 / (epsilon * P_min)
 
 
 def paths(model: Duffing, x_0: npt.ArrayLike, d: npt.ArrayLike, *, hold: float) -> FloatArray:
-    """States over time under disturbances d, shape (k, runs), held for `hold` seconds each.
-
-    Every path starts at `x_0`. The result, shape (k * `STEPS` + 1, runs, 2), stands at equal steps
-    of ``hold / STEPS``, by the classical Runge-Kutta rule.
-    """
+    """States (k `STEPS` + 1, runs, 2) under disturbances (k, runs), each held for `hold` (s)."""
     d = np.asarray(d, dtype=float)
     x = np.broadcast_to(np.asarray(x_0, dtype=float), (d.shape[1], 2)).copy()
     states = np.empty((len(d) * STEPS + 1, *x.shape))
     states[0] = x
+    # Every path starts at `x_0` and takes equal steps of the classical Runge-Kutta rule.
     step = hold / STEPS
     for k, now in enumerate(d):
         push = np.stack([np.zeros_like(now), now], axis=-1)
@@ -161,13 +146,12 @@ class DuffingCase:
 
     @property
     def bound_over_time(self) -> FloatArray:
-        """Upper bound of Theorem 1 on |f| over time (Lemma 5), shape (k,).
-
-        With ``V = f' P f``: ``sqrt(V) <= b + (sqrt(V_0) - b) exp(-rate t / 2)``, b its last value.
-        """
+        """Upper bound of Theorem 1 on |f| over time (Lemma 5), shape (k,)."""
         f_0, (rate, radius) = self.model.rates(self.x[0, 0]), self.theorem
         least = math.sqrt(np.linalg.eigvalsh(self.model.P)[0])
         start = math.sqrt(float(f_0 @ self.model.P @ f_0)) / least
+        # With ``V = f' P f``: ``sqrt(V) <= b + (sqrt(V_0) - b) exp(-rate t / 2)``, b its last
+        # value.
         return radius + (start - radius) * np.exp(-0.5 * rate * self.t)
 
     @property

@@ -62,15 +62,12 @@ class PaperFlight:
 
     @cached_property
     def measures(self) -> pd.DataFrame:
-        """The paper's measures over the printed 20 s: a row per channel, a column per measure.
-
-        Notes
-        -----
-        ITAE is the integral of ``t |x|`` by the trapezoidal rule; MO the largest value of x and PT
-        its time (the errors begin below zero and overshoot upwards); MS and ST the mean and
-        standard deviation over the last quarter; mean and std those over the whole time; energy the
-        integral of x^2. ``_rad`` is rad/s for rates. Section 5.2 of arXiv 2411.13140, in words.
-        """
+        """The paper's measures over the printed 20 s: a row per channel, a column per measure."""
+        # Section 5.2 of arXiv 2411.13140, in words: ITAE is the integral of ``t |x|`` by the
+        # trapezoidal rule; MO the largest value of x and PT its time (the errors begin below zero
+        # and overshoot upwards); MS and ST the mean and standard deviation over the last quarter;
+        # mean and std those over the whole time; energy the integral of x^2. ``_rad`` is rad/s for
+        # rates.
         inside, rows = self.t <= printed.DURATION + 0.5 * SAMPLE, {}
         t = self.t[inside]
         late = t >= 0.75 * t[-1]
@@ -129,16 +126,9 @@ def decay_rate(t: FloatArray, norm: FloatArray) -> float:
 
 
 def initial_commands(gains: PIGains) -> pd.DataFrame:
-    """Both commands and their rates at the first instant, ``phi``, ``phi rate`` and so on.
-
-    Each with its value, the `lower` and `upper` end of its printed range, and the value as a share
-    of the end on its side: above one it breaks that limit.
-
-    Notes
-    -----
-    ``u(t_0) = K (x_0; x_0 dt)`` and ``u'(t_0) = K (0; x_0)`` of section 4.4 with dt = 0.1 s.
-    """
+    """Both commands and their rates at the first instant, ranges, and shares of the limit used."""
     x_0, limits, nothing = printed.E_0, printed.printed_limits(), np.zeros(2)
+    # ``u(t_0) = K (x_0; x_0 dt)`` and ``u'(t_0) = K (0; x_0)`` of section 4.4 with dt = 0.1 s.
     states = np.concatenate([x_0, x_0 * printed.OPTIMISATION_DT]), np.concatenate([nothing, x_0])
     rows = {
         "value": np.column_stack([gains.K @ state for state in states]).ravel(),
@@ -180,17 +170,6 @@ class Signals(NamedTuple):
 class ContinuousLoop:
     """State y = (chi, gamma, z_phi, z_n_z, u_phi, u_n_z), z the integral parts of the commands.
 
-    Parameters
-    ----------
-    gains : PIGains
-    limits : Limits
-    conditional : bool
-        Stop the integrator of a command while a limit holds it and it would drive it further on;
-        with rate limits only.
-    disturbance : Sinusoid or None
-
-    Notes
-    -----
     With ``v = K_P e + z``: without rate limits ``u = clip(v)`` and ``z' = K_I e``. That law is
     continuous, and the error control of the integration finds its corners by itself.
 

@@ -168,19 +168,17 @@ def errata(study: Study) -> list[Table]:
 
 
 def numbers(study: Study) -> dict[str, Any]:
-    """Every name that stands in braces in ``errata.toml``.
-
-    I_K without the loose step of Theorem 1 is ``sharper``. The bound ``direct`` on an error is from
-    ``V = s' Q s``: ``V' = -|s|^2 + 2 s' Q E d'`` with ``|s|^2 >= V / lambda_max`` and
-    ``s' Q E d' <= sqrt(V) |Q^(1/2) E| L_d`` give ``sqrt(V) <= 2 lambda_max |Q^(1/2) E| L_d`` in the
-    end, and ``e_i^2 <= V (Q^-1)_ii``.
-    """
+    """Every name that stands in braces in ``errata.toml``."""
     star, flight, model = study.indicators[STAR], study.flights[STAR], study.model
     _, rate_limited, anti_windup, unlimited = study.readings.values()
     L_d = printed.disturbance(printed.PRINTED_DISTURBANCE).rate_bound
     n_z_trim = math.cos(printed.GAMMA_C)
     A_K, E = closed_loop(model, study.star), disturbance_entry(model)
     loops, Q = {"star": star, "fast": study.indicators["K1"]}, np.array(star.Q)
+    # The bound ``direct`` on an error is from ``V = s' Q s``: ``V' = -|s|^2 + 2 s' Q E d'`` with
+    # ``|s|^2 >= V / lambda_max`` and ``s' Q E d' <= sqrt(V) |Q^(1/2) E| L_d`` give
+    # ``sqrt(V) <= 2 lambda_max |Q^(1/2) E| L_d`` in the end, and ``e_i^2 <= V (Q^-1)_ii``. I_K
+    # without the loose step of Theorem 1 is ``sharper``.
     level = 2.0 / star.R_K * math.sqrt(np.linalg.norm(E.T @ Q @ E, 2)) * L_d
     errors = np.linalg.inv(Q).diagonal()[E.shape[1] :]
     return {

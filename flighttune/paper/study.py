@@ -109,11 +109,9 @@ class Study:
         return self.by_gains.xs(channel, level=1)[measure].loc[self.from_high_to_low]
 
     def of_disturbances(self, channel: str, measure: str) -> pd.DataFrame:
-        """One measure of one channel: index L_d, columns omega_d.
-
-        The measure ``after`` is the largest magnitude after the printed 20 s.
-        """
+        """One measure of one channel: index L_d, columns omega_d."""
         table = pd.DataFrame.from_dict(printed.TABLE_3, orient="index", columns=["L_d", "omega_d"])
+        # This measure is the largest magnitude after the printed 20 s.
         if measure == "after":
             values = [flight.after(channel, printed.DURATION) for flight in self.disturbed.values()]
         else:

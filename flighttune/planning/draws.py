@@ -158,20 +158,10 @@ def run_seeds(seed: int, first: int, end: int) -> npt.NDArray[np.int64]:
 def correlated(
     u: FloatArray, keys: Sequence[str], correlations: Sequence[CorrelationTable]
 ) -> FloatArray:
-    r"""Independent uniform coordinates made dependent by a Gaussian copula, each still uniform.
-
-    `u`, shape (n, len(keys)), and the result are inside the open unit interval. An InputError says
-    that correlations contradict each other.
-
-    Notes
-    -----
-    Normal scores with the correlation ``2 sin(pi rho / 6)`` have the rank correlation ``rho``
-    (Spearman's) [1]_.
-
-    References
-    ----------
-    .. [1] W. H. Kruskal, "Ordinal measures of association", J. Am. Stat. Assoc. 53 (1958) 814-861.
-    """
+    """Independent uniform coordinates, (n, keys), made dependent by a Gaussian copula."""
+    # Normal scores with the correlation ``2 sin(pi rho / 6)`` have Spearman's rank correlation
+    # ``rho``: W. H. Kruskal, "Ordinal measures of association", J. Am. Stat. Assoc. 53 (1958)
+    # 814-861.
     lower, named = copula_factor(correlations)
     columns = [keys.index(key) for key in named]
     scores = [ndtri(u[:, column]) for column in columns]

@@ -328,10 +328,7 @@ def plan_from(tables: Mapping[str, Any], source: str = "plan") -> Plan:
 
 
 def recorded_plan(folder: str | Path) -> tuple[Plan, dict[str, str]]:
-    """The plan in the folder of a campaign, and the versions of the libraries that shape its rows.
-
-    Raises RecordingError if there is none, or it was changed.
-    """
+    """The plan in the folder of a campaign, and versions of the libraries that shape its rows."""
     path = Path(folder) / CAMPAIGN
     if not path.exists():
         raise RecordingError(f"{folder}: must hold a campaign, got no {CAMPAIGN}.")

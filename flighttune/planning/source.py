@@ -220,12 +220,10 @@ def _about_mission(scenario: Scenario, aircraft: str, like: str | None) -> Campa
 
 
 def _possible_inertias(aircraft: str, drawn: Sequence[Dispersion]) -> bool:
-    """Whether an aircraft can have the least and largest inertias that are drawn.
-
-    The models of some are flat: their inertias about two axes add up to that about the third.
-    """
+    """Whether an aircraft can have the least and largest inertias that are drawn."""
     config = load_aircraft(aircraft)
     of = {x.key.rpartition(".")[2]: x for x in drawn if x.key.endswith(INERTIAS)}
+    # The models of some are flat: their inertias about two axes add up to that about the third.
     for largest in of:  # that about one axis, with the least about the two others
         ends = {key: x.at(np.array([float(key == largest)])).item() for key, x in of.items()}
         off = OffNominal.model_validate(ends)

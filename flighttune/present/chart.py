@@ -604,11 +604,7 @@ def key(colour: str, dash: str = "", width: float = 2.0) -> str:
 
 
 def peaks(values: FloatArray, *, most: int = MOST) -> np.ndarray:
-    """Samples to draw of a long flight: the lowest and the highest of every stretch.
-
-    The lines `values`, shape (n, k) or (n,), are over the same time; of each stretch with a gap
-    (NaN) one sample of the gap is kept too. The indices increase, from the first to the last.
-    """
+    """Samples to draw of a long flight: the lowest and the highest of every stretch, in order."""
     if (n := len(values)) <= most:
         return np.arange(n)
     edges = np.linspace(0, n, most // 2 + 1).astype(int)
@@ -617,6 +613,7 @@ def peaks(values: FloatArray, *, most: int = MOST) -> np.ndarray:
     samples = [np.array([0, n - 1])]
     for line in values.reshape(n, -1).T:
         stretches = line[inside]
+        # In each stretch with a gap one sample of the gap is kept too.
         gap = np.isnan(stretches)
         for extreme, missing in ((np.argmin, np.inf), (np.argmax, -np.inf)):
             filled = np.where(gap, missing, stretches)

@@ -101,11 +101,8 @@ def write_answer(
     texts: Mapping[str, str] | None = None,
     **more: Any,
 ) -> Report:
-    """Write a page that answers: a sentence, `parts` as far as there are any, how to repeat it.
-
-    `parts` are `PARTS` by their anchor; others come after them. `texts` are files that the
-    `commands` need, by name.
-    """
+    """Write a page that answers: a sentence, `parts` as far as there are any, how to repeat it."""
+    # Parts beside `PARTS` come after them.
     names = {key: {"id": key, "title": name, "open": seen} for key, name, seen in PARTS}
     ordered = [*(x for x in names if x in parts), *(x for x in parts if x not in names)]
     return write_page(

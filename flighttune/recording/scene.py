@@ -112,16 +112,14 @@ def log_route(
 
 
 def _corners(run: Run, path: RoutePath) -> FloatArray | None:
-    """The band around cross-track and height about the path, shape (points, 4, 3), NED in m.
-
-    Its corners are seen along the path, clockwise from the upper left; None without such a band.
-    """
+    """The band around cross-track and height about the path, shape (points, 4, 3), NED in m."""
     s = path.points(APART)
     s = s[s <= run.signals["along"].max()]
     to_sides, below = (next(claimed_along(run, name, s), None) for name in OFF_ROUTE)
     if to_sides is None or below is None:
         return None
     (left, right), (high, low) = to_sides, below
+    # Corners are seen along the path, clockwise from the upper left.
     sides = (left, high), (right, high), (right, low), (left, low)
     return np.stack([path.beside(s, *side) * TO_NED for side in sides], axis=1)
 

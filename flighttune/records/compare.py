@@ -215,13 +215,11 @@ def pairs_table(comparison: Comparison) -> Table:
 def load_source(
     name: str | Path, *, changes: Mapping[str, Any] | None = None, columns: Columns = ()
 ) -> Source:
-    """Find the runs of a name: a folder, Parquet file, recording or log, or a scenario to fly.
-
-    Behind an ``@`` a gain set, a plant or the label of a run chooses among its runs; of a scenario
-    also a file of gains, or a set it does not list; of a log ``START:END``, a part of it in s.
-    `changes` are by dotted key, `columns` those of a log.
-    """
+    """Find the runs of a name: a folder, Parquet file, recording or log, or a scenario to fly."""
     name = str(name)
+    # Behind an ``@`` a gain set, a plant or the label of a run chooses among its runs; of a
+    # scenario also a file of gains, or a set it does not list; of a log ``START:END``, a part of it
+    # in s.
     place, _, choice = name.partition("@") if not Path(name).exists() else (name, "", "")
     if (recording := written(name, *READERS, columns=columns)) is None:
         scenario = load_scenario(place, changes=changes, gains=[choice] if choice else ())

@@ -169,15 +169,12 @@ def loop_sheet(certification: Certification, title: str) -> Sheet:
 
 
 def loop_charts(model: LinearModel, gains: PIGains, margins: Sequence[Margins]) -> list[Chart]:
-    """Bode and Nyquist diagrams and the eigenvalues of the loop of gains on a linear model.
-
-    The loop is cut at each input with the other closed. Gain and phase margin are marked, and the
-    disk that no response enters; `margins` is empty where the loop is not stable.
-    """
+    """Bode and Nyquist diagrams and the eigenvalues of the loop of gains on a linear model."""
     eigenvalues = np.asarray(np.linalg.eigvals(closed_loop(model, gains)), dtype=complex)
     speeds = np.abs(eigenvalues)
     low, high = math.log10(speeds[speeds > 0.0].min()), math.log10(speeds.max())
     omega = np.logspace(low - DECADES, high + DECADES, POINTS)
+    # The loop is cut at each input with the other closed. An unstable one has no `margins` to mark.
     responses = channel_responses(model, gains, omega)
     title = "Loop cut at one input, the other closed: magnitude"
     x = "frequency [rad/s]"

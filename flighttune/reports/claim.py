@@ -38,10 +38,7 @@ STRONG, LIGHT = (colour for colour, _ in HUES[0])
 def band_charts(
     band: SignalBounds, room: TurnBack | None = None, terrain: str | Path | None = None
 ) -> list[Chart]:
-    """Each signal with the flights that were counted; on a route its map before them.
-
-    `room`: of flights of the route that turn back. `terrain`: a file of heights of the ground.
-    """
+    """Each signal with the flights that were counted; on a route its map and heights first."""
     charts = [_chart(band, i) for i in range(len(band.about.signals))]
     if not (isinstance(band, Band) and band.flights.over == "along"):
         return charts
@@ -164,8 +161,7 @@ def write_claim_page(
 ) -> Report:
     """Write one self-contained page about the claim in the file `source`.
 
-    `room`: of the flights of the same route that turn back, whose volumes are drawn on its map.
-    `terrain`: a file of heights of the ground, which are drawn. `changed`: sentences that stand
+    Its map has the volumes in which flights turn back in their `room`. `changed` are sentences
     above the charts, by default those of the claim's answer.
     """
     answer = claim.answer(source) if isinstance(claim, Counted) else claim.answer()

@@ -78,15 +78,12 @@ def panel(
     bounds: bool = False,
     si_unit: str = "",
 ) -> Chart:
-    """A signal over time, as far as the longest flight, of the runs that have it.
-
-    The chart also has a `reference` that is the same for all runs, the `limits` of a command, a
-    line at `zero`, and with `bounds` what is claimed of the signal.
-    """
+    """A signal over time, as far as the longest flight, of the runs that have it."""
     longest = max((run for run, _ in flights), key=lambda run: run.duration)
     (title, label), ends = titles(signal, si_unit), (0.0, longest.duration)
     chart = Chart(title=f"{title}{note}", y=label, x_range=ends, linked=True)
     most = most_points(len(flights))
+    # The reference is the same for all runs.
     if reference:
         values = displayed(longest.signals, reference)
         chart.line(longest.t, values, NEUTRAL, width=2.2, most=most)
