@@ -251,16 +251,14 @@ def _cut(rows: Sequence[Mapping[str, Any]], place: int) -> str:
 
 
 def loops(plan: Plan, now: Flown) -> dict[str, Table]:
-    """Margins of each loop cut at roll and at lift, behind the identified inner loop.
-
-    On a route the loops over the distances from it are closed, too: the guidance of the user has
-    them by its period, and that of the program by its look-ahead. InputError without a model.
-    """
+    """Margins of each loop cut at roll and at lift, behind the identified inner loop."""
     scenario, ours = plan.scenario, _rate_gains(plan)
     reference = reference_of(scenario)
     model = identified_models(scenario, made_law("exact"))[0].model
     law = now.law.make(law_setup(scenario, ours, Limits.none(2)))
     a, b, c, d = (np.diag(x) for x in law.linear(scenario.flight.V_a_mps))
+    # On a route the loops over the distances from it are closed, too: the guidance of the user has
+    # them by its period, and that of the program by its look-ahead.
     per_T = 1.0 / reference.look_ahead if isinstance(reference, RouteReference) else 0.0
     yours = np.array([a, c + b * (per_T > 0.0), d * (per_T > 0.0)])
     rows = np.array([ours.K_P, ours.K_I + ours.K_P * per_T, ours.K_I * per_T])

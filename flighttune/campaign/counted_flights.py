@@ -180,10 +180,7 @@ def check_one_path(plan: Plan, runs: Iterable[int]) -> None:
 
 
 def turning_back(plan: Plan, stated: str | float) -> Plan:
-    """The flights of a plan as they turn back: at any place of their route, to either side.
-
-    `stated` is the bank in deg, after ``circle:`` for a whole turn.
-    """
+    """Flights that turn back with a bank (deg), stated after ``circle:`` for a whole turn."""
     kind, _, bank = str(stated).rpartition(":")
     try:
         bank_deg, turn_deg = float(bank), TURNS[kind or "reversal"]
@@ -243,16 +240,14 @@ def turning_back(plan: Plan, stated: str | float) -> Plan:
 
 
 def room_of(run: Run, turn_back: TurnBackTable) -> FloatArray:
-    """How far a flight came from its route since it detected, shape (samples, 2), as in `ROOM`.
-
-    Its place of detection is put where it is on the route. The distance is that to the nearest
-    place, which is never less than that to the route.
-    """
+    """How far a flight came from its route since it detected, shape (samples, 2), as in `ROOM`."""
     _, north, east, *_ = turn_back.columns
     position = run.signals[["north", "east", "down"]].to_numpy()
     i = int(np.searchsorted(run.t, turn_back.detected_s))
     moved = position - position[i]
     places = cKDTree(np.column_stack([north, east]))
+    # Its place of detection is put where it is on the route. The distance is that to the nearest
+    # place, which is never less than that to the route.
     from_route, _ = places.query(moved[:, :2] + turn_back.here[1:3])
     room = np.column_stack([from_route, np.abs(moved[:, 2])])
     room[:i] = 0.0

@@ -136,10 +136,7 @@ def counted_on(
     until_sure: bool = False,
     by: By,
 ) -> C:
-    """A kind of count of the flights of a plan, of which the first are learned from.
-
-    It ends before all are flown where the answer is `certain`.
-    """
+    """A kind of count of the flights of a plan; it ends early where the answer is `certain`."""
     # Half of the flights that a monitor learns from teach its weights, the others its limits.
     check_at_least(2 * MIN_LEARNED if kind.of == "monitor" else MIN_LEARNED, learn=learn)
     plan = plan.with_runs(learn + fresh_flights(flights, epsilon, confidence))
@@ -227,10 +224,7 @@ def _moments(models: Sequence[SignalModel], run: Run, _: Scenario) -> list[float
 def _signals(
     plan: Plan, of: Of, chosen: Iterable[str] | None
 ) -> tuple[dict[str, str], tuple[SignalModel, ...]]:
-    """Units of the signals of a kind, or of some recorded ones, and the models of a monitor.
-
-    Recorded ones are by default the errors, or the distances from a route.
-    """
+    """Units of the signals of a kind, or of some recorded ones, and the models of a monitor."""
     if of in OWN_SIGNALS:
         return dict(OWN_SIGNALS[of]), ()
     run = fly_group(plan, plan.campaign.central, plan.groups[0])

@@ -161,13 +161,11 @@ class Dataset:
     def keep_signals(
         self, fly: Callable[[Plan, Sequence[int]], Iterable[tuple[int, bytes]]]
     ) -> None:
-        """Fly the runs worth keeping again, keep their recordings, and remove all others.
-
-        These are the first failures, the worst by a measure, and a sample.
-        """
+        """Fly the runs worth keeping again, keep their recordings, and remove all others."""
         campaign, keep = self.plan.campaign, self.plan.campaign.keep
         rows = self.rows(["success", "status", keep.worst_by]).to_pandas()
         rows = rows.loc[~rows["status"].isin(NO_SIGNALS)]
+        # The first failures, the worst by a measure, and a sample are worth keeping.
         failures = rows.loc[~rows["success"], "run"].head(keep.failures)
         measured = rows.dropna(subset=keep.worst_by)
         worst = measured.sort_values(keep.worst_by, ascending=False, kind="stable")["run"]

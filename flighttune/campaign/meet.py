@@ -123,13 +123,11 @@ def flights_to_meet(
 
 
 class Search:
-    """Flies candidates of one law in campaigns, and keeps all of them.
+    """Flies candidates of one law in campaigns, and keeps all of them."""
 
-    The `metric` is `ITAE`, `MARGIN` or a column of the rows, maybe with ``_deg`` in place of
-    ``_rad``. With several `draws` of a campaign the share of them on which all requirements are met
-    is maximised, and the excess that the share `success` of them keeps is minimised.
-    """
-
+    # The `metric` is `ITAE`, `MARGIN` or a column of the rows, maybe with ``_deg`` in place of
+    # ``_rad``. With several `draws` of a campaign the share of them on which all requirements are
+    # met is maximised, and the excess that the share `success` of them keeps is minimised.
     def __init__(
         self,
         campaigns: Sequence[Campaign],
@@ -172,10 +170,7 @@ class Search:
         return self.fly(starts)
 
     def fly(self, sets: Sequence[PIGains], draws: range | None = None) -> list[Trial]:
-        """Fly candidates in all scenarios; none that is unstable or has been flown before.
-
-        `draws` that are stated are flown besides those that were flown before them.
-        """
+        """Fly candidates in all scenarios; none that is unstable or has been flown on the draws."""
         stable = []
         for gains in dict.fromkeys(sets):
             loop = indicators_batch(closed_loop(self._model, gains))
@@ -298,13 +293,11 @@ class Search:
             start = ranked[(restart + 1) // 2 % len(ranked)] if restart % 2 else best.gains
 
     def _descend(self, start: PIGains, end: float, spread: float, population: int) -> None:
-        """Search from gains, up to `end` flights of this search; gains that are 0 stay so.
-
-        Covariance matrix adaptation (N. Hansen, arXiv 1604.00772) on the logarithms of the gains.
-        """
+        """Search from gains, up to `end` flights of this search; gains that are 0 stay so."""
         warnings.filterwarnings("ignore", "Could not import matplotlib")  # of cma
         import cma
 
+        # Covariance matrix adaptation (N. Hansen, arXiv 1604.00772) on the logarithms of the gains.
         K, largest = start.K, self._problem.K_max
         assert largest is not None
         free = K != 0.0
@@ -612,10 +605,7 @@ def _requirements(trial: Trial, start: Trial, active: Sequence[int]) -> Iterator
 
 
 def _worse(scenario: Scenario, law: Law, trial: Trial, start: Trial) -> Iterator[dict[str, Any]]:
-    """What is worse than with the gains of the start, asked for or not: margins, errors at the end.
-
-    Larger is better of `LOOP`, smaller of the largest mean error at the end of each channel.
-    """
+    """Margins and errors at the end that are worse than with the gains of the start."""
     name = law.names_of(["0"])[0]
     now, before = (loop_measures(scenario, name, x.gains, LOOP) for x in (trial, start))
     for measure in LOOP:

@@ -290,8 +290,7 @@ def mission_plan(
     """The route of a mission or scenario before a flight, written to a file if one is stated.
 
     Its path is judged by `fences`, or by the fence of the mission. The route of a band file is
-    written with its corridor. Raises InputError if the route cannot be flown, or `out` is the file
-    that is read.
+    written with its corridor.
     """
     if out is not None and out.exists() and Path(source).exists() and out.samefile(source):
         raise InputError(f"{out}: `--out` must be another file than the one that is read.")
@@ -341,10 +340,7 @@ def _over_ground(
 
 
 def planned_inside(planned: PlannedRoute, fence: Fence, nearest: Mapping[str, Any]) -> str:
-    """Whether a planned path stays inside a fence, in a sentence: where it is `nearest` to it.
-
-    Where it leaves, the sentence has what would keep it inside.
-    """
+    """Whether a planned path stays inside a fence, in a sentence, and what would keep it inside."""
     (path, origin, _), edge = planned.where, nearest["edge"]
     there = f"on the {nearest['stretch']}, {nearest['along_m']:.0f} m along"
     if nearest["leaves_m"] is None:

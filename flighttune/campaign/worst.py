@@ -314,10 +314,7 @@ def worst(  # noqa: PLR0913 - each is a choice of the user, and has a default
 
 
 def _flights_of(claim: AnyClaim, place: str) -> tuple[Plan, dict[str, Any]]:
-    """The plan of the flights of a claim, and how they are searched.
-
-    Raises InputError if the claim is about gains, or leaves nothing to search.
-    """
+    """The plan of the flights of a claim, and how they are searched."""
     if isinstance(claim, Certificate | RateBound):
         raise InputError(f"{place}must be of flights, to be searched, got a claim about gains.")
     if isinstance(claim, Counted):
@@ -374,18 +371,13 @@ class StatedSet:
     def find_worst(self, *, budget: int, seed: int) -> WorstFlight:
         """Search for the worst flight by at most `budget` flights.
 
-        Notes
-        -----
-        Evolution strategy with covariance matrix adaptation [1]_ on the normal scores of the
-        dispersed keys; the first generation is drawn from their distribution. The region is the
-        ball that holds the share `REGION` of that distribution; a point outside is moved to its
-        surface. The seed of turbulence and noise is that of the worst flight so far; every
-        `SEEDS_EVERY` generations that flight is flown with other seeds. With a disturbance, up to
-        half of the budget is first spent on bang-bang disturbances.
-
-        References
-        ----------
-        .. [1] N. Hansen, "The CMA evolution strategy: a tutorial", arXiv 1604.00772.
+        Evolution strategy with covariance matrix adaptation (N. Hansen, "The CMA evolution
+        strategy: a tutorial", arXiv 1604.00772) on the normal scores of the dispersed keys; the
+        first generation is drawn from their distribution. The region is the ball that holds the
+        share `REGION` of that distribution; a point outside is moved to its surface. The seed of
+        turbulence and noise is that of the worst flight so far; every `SEEDS_EVERY` generations
+        that flight is flown with other seeds. With a disturbance, up to half of the budget is first
+        spent on bang-bang disturbances.
         """
         check_at_least(POPULATION, budget=budget)
         self.pool.progress.budget = budget
@@ -428,15 +420,10 @@ class StatedSet:
         """Push each error, or that of one channel, at some times as far as a disturbance can.
 
         A flight is an array of signs, shape (1 + samples, 2): of the deviations of the start, then
-        of the disturbances from each sample to the next. Without a budget for a round nothing is
-        flown.
-
-        Notes
-        -----
-        For a linear loop the disturbance ``d_k = D sign(de(T)/dd_k)`` is the worst there is for the
-        error at time T. The first derivatives are about a disturbance that alternates, which hardly
-        moves the flight; limits bend the loop, so that those of later rounds are about the worst
-        flight so far.
+        of the disturbances from each sample to the next. For a linear loop the disturbance
+        ``d_k = D sign(de(T)/dd_k)`` is the worst there is for the error at time T. The first
+        derivatives are about a disturbance that alternates, which hardly moves the flight; limits
+        bend the loop, so that those of later rounds are about the worst flight so far.
         """
         scenario, pushed = self.plan.scenario, (0, 1) if channel is None else (channel,)
         samples = round(scenario.flight.duration_s * scenario.controller.rate_hz)

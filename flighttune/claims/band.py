@@ -98,10 +98,7 @@ class SignalBounds(Counted):
         return self.scale * self.about.half
 
     def bounds(self, t: FloatArray, wind: FloatArray | None = None) -> Bounds:
-        """The bounds at the times `t` (s), or the distances along a route (m).
-
-        `wind`, (2,), is the wind that they are given, if any.
-        """
+        """Bounds at the times `t` (s), or the distances along a route (m), in a `wind`, (2,)."""
         about = self.about
         if (about.predicted_from is None) != (wind is None):
             raise InputError(f"`wind` must be there for a band that is given it only, got {wind}.")
@@ -424,15 +421,13 @@ class TurnBack(Counted):
         )
 
     def volumes(self, corridor: Band) -> dict[str, Volume]:
-        """The volumes around the route that these flights turn back from.
-
-        The flight geography is as wide and high as the `corridor`, a band along the route, at its
-        widest. The contingency volume has the room to turn back around it, and the ground risk
-        buffer once more the height of that over ground.
-        """
+        """The volumes around the route that these flights turn back from."""
         if not (self.claims and isinstance(corridor, Band)):
             got = f"a {type(corridor).__name__}" if self.claims else "no claim of the room"
             raise InputError(f"volumes must be of a room and the band of its route, got {got}.")
+        # The flight geography is as wide and high as the corridor, a band along the route, at its
+        # widest. The contingency volume has the room to turn back around it, and the ground risk
+        # buffer once more the height of that over ground.
         planned = corridor.flights.route
         path, h_0 = planned.reference.path, planned.where[2]
         along, north, east, _, _, h, V_a, *_ = self.table.columns
@@ -491,11 +486,7 @@ KINDS: dict[Of, type[Counted]] = {kind.of: kind for kind in (Band, Residual, Tur
 
 
 def read_counted(path: str | Path, flights_of: Callable[[About], BandFlights]) -> Counted:
-    """Read a count, and compute its scores and scale; `flights_of` finds its flights from the plan.
-
-    Raises InputError if the file cannot be read, is not as it was written, is no band, or claims
-    what its flights do not support; the message names the file and what is wrong.
-    """
+    """Read a count, and compute scores and scale; `flights_of` finds its flights from the plan."""
     sealed_bytes(Path(path), "band file", "count it again with flighttune band")
     size = 4 * MAX_NUMBERS + 2**24
     try:

@@ -40,10 +40,7 @@ def allowed_outside(flights: int, epsilon: float, confidence: float) -> int:
 
 
 def supported_epsilon(outside: int, flights: int, confidence: float) -> float:
-    """Smallest epsilon that so many of `flights` outside support: the bound of Clopper and Pearson.
-
-    `allowed_outside` is `outside` for an epsilon just above it. It is 1 if all flights are outside.
-    """
+    """Smallest epsilon that so many `outside` support: the bound of Clopper and Pearson."""
     return 1.0 if outside == flights else float(bdtri(outside, flights, 1.0 - confidence))
 
 
@@ -56,10 +53,7 @@ def flights_needed(epsilon: float, confidence: float, outside: int = 0) -> int:
 
 
 def fresh_flights(flights: int | None, epsilon: float, confidence: float) -> int:
-    """Number of flights to count, by default the fewest of which `OUTSIDE` may lie outside.
-
-    Raises InputError if `flights` are too few.
-    """
+    """Number of flights to count, by default the fewest of which `OUTSIDE` may lie outside."""
     if flights is None:
         return flights_needed(epsilon, confidence, OUTSIDE)
     if allowed_outside(flights, epsilon, confidence) < 0:
@@ -86,34 +80,16 @@ def counted_scale(scores: FloatArray, epsilon: float, confidence: float) -> tupl
 def log_evidence(
     outside: Floats, flights: Floats, epsilon: Floats
 ) -> tuple[FloatArray, FloatArray]:
-    r"""Evidence that a probability is below, and that it is above, `epsilon`, at any time.
+    """Evidence that a probability is below, and that it is above, `epsilon`, at any time.
 
-    Parameters
-    ----------
-    outside, flights : array_like, shape (...)
-        Independent flights, and how many of them were outside, at one or more times.
-    epsilon : array_like, shape (...), 1
-        Probability of being outside, 0 to 1.
-
-    Returns
-    -------
-    below, above : ndarray, shape (...), 1
-        Natural logarithms of two mixtures of likelihood ratios against `epsilon`: of probabilities
-        below it, half of the weight on 0 and half uniform, and of uniform ones from it to 20 times
-        as much, at most 1.
-
-    Notes
-    -----
-    With ``k`` of ``n`` outside, a mixture over ``q`` is the integral of
-    ``(q / epsilon)^k ((1 - q) / (1 - epsilon))^(n - k)``. Where the probability is at least
-    `epsilon`, ``below`` is a supermartingale (``above`` where it is at most `epsilon`), and exceeds
-    1/alpha at any of all times with a probability of at most alpha: Ville's inequality [1]_, eq.
-    (2).
-
-    References
-    ----------
-    .. [1] S. R. Howard, A. Ramdas, J. McAuliffe and J. Sekhon, "Time-uniform Chernoff bounds via
-       nonnegative supermartingales", Probability Surveys 17 (2020).
+    Returns, shape (...), the natural logarithms of two mixtures of likelihood ratios against
+    `epsilon`: of probabilities below it, half of the weight on 0 and half uniform, and of uniform
+    ones from it to 20 times as much, at most 1. With ``k`` of ``n`` independent flights outside, a
+    mixture over ``q`` is the integral of ``(q / epsilon)^k ((1 - q) / (1 - epsilon))^(n - k)``.
+    Where the probability is at least `epsilon`, ``below`` is a supermartingale (``above`` where it
+    is at most `epsilon`), and exceeds 1/alpha at any of all times with a probability of at most
+    alpha: Ville's inequality, eq. (2) of S. R. Howard, A. Ramdas, J. McAuliffe and J. Sekhon,
+    "Time-uniform Chernoff bounds via nonnegative supermartingales", Probability Surveys 17 (2020).
     """
     k, n = np.asarray(outside, dtype=float), np.asarray(flights, dtype=float)
     epsilon, top = np.asarray(epsilon), np.minimum(1.0, WIDEST * np.asarray(epsilon))

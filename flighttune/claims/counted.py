@@ -203,10 +203,7 @@ class Counted(Answering):
 
     @property
     def readings(self) -> tuple[int, ...]:
-        """Numbers of flights at which it may have been read, which are fixed beforehand.
-
-        The first is planned, and each is twice the one before.
-        """
+        """Numbers of flights at which it may be read, fixed before: each twice the last."""
         if self.about.until_sure:  # at any, by a rule for that
             return ()
         numbers = self.first * DOUBLED
@@ -236,12 +233,10 @@ class Counted(Answering):
         return self.draws_of(len(self.extremes))
 
     def draws_of(self, flights: int) -> npt.NDArray[np.int64]:
-        """Draws of so many flights.
-
-        One draw is left out where the number planned is doubled: a count that was continued then
-        has other flights than one planned so long, and cannot pass for it.
-        """
+        """Draws of so many flights."""
         i = np.arange(flights)
+        # One draw is left out where the number planned is doubled: a count that was continued then
+        # has other flights than one planned so long, and cannot pass for it.
         return self.about.learned + i + np.searchsorted(self.first * DOUBLED, i, side="right")
 
     @property
@@ -319,10 +314,7 @@ class Counted(Answering):
         )
 
     def claiming(self, epsilon: float, confidence: float) -> Self:
-        """The same count with another claim, which shares the confidence with that planned.
-
-        InputError if its flights are too few.
-        """
+        """The same count with another claim, which shares the confidence with that planned."""
         planned = self.about.planned or (self.about.epsilon, self.about.confidence)
         claim: dict[str, Any] = {"epsilon": epsilon, "confidence": confidence}
         claim["planned"] = None if planned == (epsilon, confidence) else planned

@@ -171,12 +171,10 @@ class Distribution:
         return spread(values, columns(PLACE.sub("", end or start))[0].unit) if values else ""
 
     def start_range(self, scenario: Scenario, plant: PlantTable) -> float | None:
-        """Distance of its starts from a scenario's course and path angle, rad.
-
-        None unless its flights are those of the scenario in calm air in all but their starts, which
-        are drawn within as much to either side in both angles.
-        """
+        """Distance of its starts from a scenario's course and path angle, rad; None without one."""
         flown, drawn = flown_values(scenario, plant), set(self.dispersed)
+        # All but the starts must be as in the scenario, in calm air; these are drawn within as much
+        # to either side in both angles.
         alike = drawn <= set(STARTS) and {*flown} == {*self.fixed} | drawn and self.air == "calm"
         if not alike or any(table.get("distribution") not in BOUNDED for table in self.disperse):
             return None

@@ -44,12 +44,10 @@ class LinearBound:
 
 
 def linear_bound(run: Run) -> LinearBound | None:
-    """The bound that the gains of a run give it.
-
-    None if there is no bound: another plant than the model of the law, wind, sensors, a disturbance
-    that jumps, no gains, gains that feed roll or load factor back (here a sample late), an unstable
-    loop, a flight of fewer than four samples, or signals of the loop that are missing.
-    """
+    """The bound that the gains of a run give it, or None."""
+    # There is no bound for another plant than the model of the law, wind, sensors, a disturbance
+    # that jumps, no gains, gains that feed roll or load factor back (here a sample late), an
+    # unstable loop, a flight of fewer than four samples, or signals of the loop that are missing.
     trim, gains, L_d = trim_of(run), run.provenance.gains, stated_L_d(run)
     signals = run.signals
     if trim is None or gains is None or L_d is None or len(signals) < LEAST_SAMPLES:
@@ -88,24 +86,19 @@ def bound_of(run: Run, indicators: Indicators, unit: Ellipsoid, L_d: float) -> L
     """A run and the bound of its stable loop in velocity form, ``s' = A_K s + E v``.
 
     `unit` is its invariant ellipsoid for ``|v| <= 1``, `L_d` (rad/s^2) the bound of the norm of v,
-    the derivative of the disturbance.
-
-    Notes
-    -----
-    By superposition s is the free response from the start of a stretch plus what the disturbance
-    adds from rest. With ``A_K' Q + Q A_K + I = 0`` the free response obeys
-    ``||s|| <= sqrt(s_0' Q s_0 / lambda_min(Q)) exp(-R_K (t - t_0) / 2)``. With W of
+    the derivative of the disturbance. By superposition s is the free response from the start of a
+    stretch plus what the disturbance adds from rest. With ``A_K' Q + Q A_K + I = 0`` the free
+    response obeys ``||s|| <= sqrt(s_0' Q s_0 / lambda_min(Q)) exp(-R_K (t - t_0) / 2)``. With W of
     `invariant_ellipsoid` and its multiplier a, ``V = s' W^-1 s`` of the rest obeys
     ``V' <= a (L_d^2 - V)`` from V = 0.
-
-    The loop is linear: a stretch begins behind every move of the reference and where a limit lets
-    go of a command, and there is no bound while a limit holds one.
     """
     states, moved = error_states(run)
     limited = (run.signals.filter(items=LIMITED).to_numpy()[:-1] != 0.0).any(axis=1)
     t, Q = run.t[:-1] + 0.5 * np.diff(run.t), indicators.Q
     assert Q is not None  # of a stable loop
     free = ~(moved | limited)
+    # The loop is linear: a stretch begins behind every move of the reference and where a limit lets
+    # go of a command, and there is no bound while a limit holds one.
     begins = free & ~np.concatenate([[False], free[:-1]])
     start = np.maximum.accumulate(np.where(begins, np.arange(len(t)), 0))
     since = t - t[start]
@@ -121,22 +114,17 @@ def bound_of(run: Run, indicators: Indicators, unit: Ellipsoid, L_d: float) -> L
 
 
 def error_states(run: Run) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
-    """The states s = (e', e), shape (n, 4), rad/s and rad, and where the reference bends.
-
-    Both are in the middle of each interval.
-
-    Notes
-    -----
-    No derivative of a sampled signal is estimated: the mean rate of an angle over an interval is
-    its increment over the sample time, exactly. It is the rate in the middle of the interval to
-    second order in the sample time, and the error there is that at its start plus half the change.
-    """
+    """The states s = (e', e), shape (n, 4), rad/s and rad, and where the reference bends."""
     dt = np.diff(run.t)[:, None]
     angles, references, errors = (
         run.signals[[f"{channel}{end}" for channel in CHANNELS]].to_numpy()
         for end in ("", "_ref", "_err")
     )
     step = np.diff(references, axis=0)
+    # States are in the middle of each interval. No derivative of a sampled signal is estimated: the
+    # mean rate of an angle over an interval is its increment over the sample time, exactly. It is
+    # the rate in the middle of the interval to second order in the sample time, and the error there
+    # is that at its start plus half the change.
     slopes = (step - np.diff(angles, axis=0)) / dt
     bends = np.abs(np.diff(step, axis=0, prepend=step[:1])) > REFERENCE_MOVED
     return np.hstack([slopes, errors[:-1] + 0.5 * dt * slopes]), bends.any(axis=1)

@@ -283,11 +283,7 @@ def load_monitor(path: str | Path) -> LogMonitor:
 
 
 def monitor_of_logs(runs: Sequence[Run]) -> LogMonitor:
-    """The monitor that learns from logs of healthy flights, or healthy parts of logs.
-
-    Raises InputError if they are too few, too short or not different, their columns contradict each
-    other, or they lack the signals of every model.
-    """
+    """The monitor that learns from logs of healthy flights, or healthy parts of logs."""
     if len(runs) < MIN_LOGS:
         raise InputError(f"`logs` must be at least {MIN_LOGS} healthy flights, got {len(runs)}.")
     refuse_wrong(*runs)

@@ -48,22 +48,17 @@ Extremes: TypeAlias = npt.NDArray[np.floating]
 def window_edges(
     samples: int, flights: int, signals: int, *, most: int = MAX_WINDOWS
 ) -> npt.NDArray[np.intp]:
-    """First samples of the windows of a flight, at most `most`, and the last sample of all.
-
-    There are fewer windows if so many `flights` are counted that their extremes would not fit.
-    """
+    """First samples of the windows of a flight, at most `most`, and the last sample of all."""
+    # There are fewer windows if so many flights are counted that their extremes would not fit.
     fitting = MAX_NUMBERS // (2 * flights * signals)
     count = max(1, min(most, fitting, samples - 1))
     return np.round(np.linspace(0, samples - 1, count + 1)).astype(np.intp)
 
 
 def window_extremes(values: FloatArray, edges: npt.NDArray[np.intp]) -> Extremes:
-    """Extremes of one flight in windows that include both of their edges, rounded outwards.
-
-    `values` has shape (samples, signals); the result (windows, signals, 2). Without a row for the
-    last sample, values last from a sample to the next and windows have their first edge alone. A
-    signal without a value in a window may have had any.
-    """
+    """Extremes of one flight in windows, shape (windows, signals, 2), rounded outwards."""
+    # Windows include both of their edges. Without a row for the last sample, values last from a
+    # sample to the next and windows have their first edge alone.
     lasting = len(values) == edges[-1]
     before = values if lasting else values[:-1]
     low, high = (
@@ -71,6 +66,7 @@ def window_extremes(values: FloatArray, edges: npt.NDArray[np.intp]) -> Extremes
         for extreme in (np.fmin, np.fmax)
         for ends in [extreme.reduceat(before, edges[:-1])]
     )
+    # A signal without a value in a window may have had any.
     outwards = [
         np.nextafter(np.nan_to_num(ends, nan=far).astype(np.float32), np.float32(far))
         for ends, far in ((low, -np.inf), (high, np.inf))
@@ -94,20 +90,17 @@ def scores_of(
 def learned_shape(
     extremes: Extremes, wind: FloatArray, epsilon: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Middle and half-widths of a band, as in `About`.
-
-    The middle is fitted by least squares. Of all shapes each signal takes the one that is narrowest
-    after it is learned from some of the flights and scaled by the others: in its largest half-width
-    and in its geometric mean over time. The scale is that of the last `epsilon` of the flights, so
-    that all signals are left about equally often. Raises InputError if fewer than `MIN_LEARNED`
-    flights were completed.
-    """
+    """Middle and half-widths of a band, as in `About`."""
     completed = np.isfinite(extremes).all(axis=(1, 2, 3))
     extremes, wind = extremes[completed], wind[completed]
     if len(extremes) < MIN_LEARNED:
         raise InputError(
             f"`learn` must have {MIN_LEARNED} flights that are completed, got {len(extremes)}."
         )
+    # The middle is fitted by least squares. Of all shapes each signal takes the one that is
+    # narrowest after it is learned from some of the flights and scaled by the others: in its
+    # largest half-width and in its geometric mean over time. The scale is that of the last
+    # `epsilon` of the flights, so that all signals are left about equally often.
     middles = extremes.mean(axis=-1, dtype=float)
     fit, *_ = np.linalg.lstsq(_terms(wind), middles.reshape(len(middles), -1), rcond=None)
     coefficients = fit.reshape(-1, *middles.shape[1:])
@@ -148,15 +141,13 @@ def _narrowest(away: FloatArray, epsilon: float) -> tuple[FloatArray, FloatArray
 
 
 def _hull(away: FloatArray, inside: float, windows: int) -> tuple[FloatArray, FloatArray]:
-    """Centre and half-width that have a share `inside` of flights below, and above, at each time.
-
-    With 3 `windows` each window also takes those of its neighbours: the quantiles of few flights
-    are ragged in weather. In calm air this only spreads a peak over its neighbours.
-    """
+    """Centre and half-width with a share `inside` of flights below, and above, at each time."""
     from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
     low = np.quantile(away[..., 0], 1.0 - inside, axis=0)
     high = np.quantile(away[..., 1], inside, axis=0)
+    # With 3 windows each also takes those of its neighbours: the quantiles of few flights are
+    # ragged in weather. In calm air this only spreads a peak over its neighbours.
     low = minimum_filter1d(low, windows, mode="nearest")
     high = maximum_filter1d(high, windows, mode="nearest")
     return 0.5 * (low + high), 0.5 * (high - low)

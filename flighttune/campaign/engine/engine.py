@@ -35,10 +35,7 @@ COST_COLUMNS = [
 
 
 def forecast(plan: Plan, workers: int | None = None) -> Answer:
-    """Flights, dispersions, signals kept and the cost of a plan: it flies a few runs.
-
-    `workers` are the processes that will fly it, by default one per core.
-    """
+    """Flights, dispersions, signals kept and the cost of a plan: it flies a few runs."""
     # Whoever asks what a campaign costs shall not run code of somebody else.
     cost = {} if plan.code else _cost(plan, workers or cores())
     campaign, keep = plan.campaign, plan.campaign.keep

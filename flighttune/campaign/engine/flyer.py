@@ -53,10 +53,7 @@ class Flyer:
         self._start()
 
     def fly(self, work: bytes, draw: "Draw") -> list[Answer]:
-        """An answer for each run of a draw; `work` is what `work_of` makes.
-
-        PlantError if the process cannot fly this plan, or the flyer is stopped.
-        """
+        """An answer for each run of a draw; `work` is what `work_of` makes."""
         answers: list[Answer] = []
         # Runs that a process ended in, or before: someone, or the system out of memory, may have
         # ended it once.

@@ -64,12 +64,10 @@ class Threads:
 
 
 class WorkerPool:
-    """Flies runs with the workers of a campaign, for an observer that may stop it.
+    """Flies runs with the workers of a campaign, for an observer that may stop it."""
 
-    They are started, or connected to, when there is something to fly, and stop at the end of the
-    ``with`` block.
-    """
-
+    # Workers are started, or connected to, when there is something to fly, and stop at the end of
+    # the ``with`` block.
     def __init__(
         self,
         workers: int | None = None,
@@ -108,11 +106,7 @@ class WorkerPool:
         probes: Probes | None = None,
         draws: Sequence[Drawn] | None = None,
     ) -> Iterator[Row]:
-        """Fly runs of a plan, in rising order; their rows, as they come.
-
-        `doing` names a phase that counts its runs; `probes` and `draws` are those of `rows_flown`.
-        Raises StoppedError after the rows that are there, if the observer stopped the flights.
-        """
+        """Fly runs of a plan, in rising order; their rows, and StoppedError if stopped."""
         runs, probes, progress = list(runs), probes or {}, self.progress
         if not runs:
             return

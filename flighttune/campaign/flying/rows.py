@@ -138,11 +138,9 @@ def rows_flown(
     probes: Probes | None = None,
     draws: Sequence[Drawn] | None = None,
 ) -> Iterator[Row]:
-    """Fly runs of a plan, in rising order, in this process; their rows, draw by draw.
-
-    All columns but ``wall_s`` depend only on the plan and the run, to the bit. `draws` replace
-    those of the design; they may set keys that the campaign does not disperse.
-    """
+    """Fly runs of a plan, in rising order, in this process; their rows, draw by draw."""
+    # All columns but ``wall_s`` depend only on the plan and the run, to the bit. Draws that replace
+    # those of the design may set keys that the campaign does not disperse.
     for together, alone in blocks(plan, runs, probes or {}, draws):
         yield from fly_together(plan, together)
         for draw in alone:
@@ -225,11 +223,7 @@ def _moving(scenario: Scenario) -> bool:
 def fly_batch(
     scenarios: Sequence[Scenario], law: Law, gains: PIGains
 ) -> Iterator[FlightResult | None]:
-    """Fly one gain set on the kinematic plant in many `batchable` scenarios that are `alike`.
-
-    The bits of each flight do not depend on the others. None stands for a flight that has to be
-    flown alone to know why it ended.
-    """
+    """Fly one gain set on the kinematic plant in many `batchable` scenarios that are `alike`."""
     controller, duration = scenarios[0].controller, scenarios[0].flight.duration_s
     dt = 1.0 / controller.rate_hz
     t = np.arange(round(duration / dt) + 1, dtype=np.float64) * dt
@@ -239,6 +233,8 @@ def fly_batch(
     # the plant itself has no limits
     laws = [law.make(law_setup(s, gains, command_limits(s))) for s in scenarios]
     ref = np.array([np.column_stack(reference.sampled(instants)) for reference in references])
+    # The bits of each flight do not depend on the others. A flight without a result has to be flown
+    # alone to know why it ended.
     batch = fly_sampled(
         cast("list[MimoPI | ExactLaw]", laws),
         conditions,

@@ -232,10 +232,7 @@ class Findings:
 
     @cached_property
     def splits(self) -> list[dict[str, Any]]:
-        """Success rate over classes of the most influential parameter, for groups that have one.
-
-        Each row has group, parameter, label and centre of each class, and estimates.
-        """
+        """Success rate over classes of the most influential parameter, for groups that have one."""
         splits = []
         for (group, rows), values in zip(self.groups(), self.values["groups"], strict=True):
             ranks = values["sensitivity"][SUCCESS]["ranks"]
@@ -335,36 +332,19 @@ def influences(
 ) -> list[dict[str, Any]]:
     """Influence of every parameter on a measure, the strongest first.
 
-    Parameters
-    ----------
-    parameters : DataFrame
-        A row a flight; columns of numbers, or of anything else as categories.
-    measure : array_like, shape (flights,)
-        Flights without a value, or without one of a parameter, are left out; infinite ones count
-        by their rank.
-    confidence : float, 1
-        Confidence of intervals, and of what is `apart` from chance.
+    A record has the `parameter`; the number `n` of flights; Spearman's rank correlation `rho` from
+    `lo` to `hi`, NaN where the parameter is no number; `partial`, the same with the ranks of all
+    other parameters fixed, NaN if they are collinear; `share` of the variance of the measure's
+    ranks explained, 0 by chance; `p_rho` and `p_share`, corrected probabilities of such values
+    without any influence; and whether it is `apart`: chance is refused as the explanation of one of
+    them. Flights without a value of the measure or a parameter are left out, and so are parameters
+    that do not vary; infinite values count by their rank. There are none of fewer than 10 flights.
 
-    Returns
-    -------
-    list of dict
-        Empty where there are fewer than 10 flights or the measure does not vary. Parameters that do
-        not vary are left out. Of every other `parameter`: number `n` of flights; Spearman's rank
-        correlation `rho` from `lo` to `hi`, NaN where the parameter is no number; `partial`, the
-        same with the ranks of all other parameters fixed, NaN if they are collinear; `share` of the
-        variance of the measure's ranks explained, 0 by chance; `p_rho` and `p_share`, corrected
-        probabilities of such values without any influence; and whether it is `apart`: chance is
-        refused as the explanation of one of them.
-
-    Notes
-    -----
     The interval of `rho` is that of [1]_. `share` is epsilon squared of the Kruskal-Wallis test
     [2]_ over the values of the parameter, or over ten classes of equal size where it has more than
     ten, less what chance explains: ``(H - k + 1) / (n - k)`` for k classes. P-values are corrected
     together by Holm's method [3]_.
 
-    References
-    ----------
     .. [1] D. G. Bonett, T. A. Wright, "Sample size requirements for estimating Pearson, Kendall and
        Spearman correlations", Psychometrika 65 (2000) 23-28.
     .. [2] W. H. Kruskal, W. A. Wallis, "Use of ranks in one-criterion variance analysis", J. Am.

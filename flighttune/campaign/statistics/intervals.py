@@ -35,35 +35,17 @@ def rate_interval(
     *,
     method: Method = "wilson",
 ) -> tuple[FloatArray, FloatArray]:
-    r"""Interval of the probability behind a count of successes.
+    """Interval of the probability behind a count of successes; 0 to 1 without trials.
 
-    Parameters
-    ----------
-    successes, n : array_like, shape (...), 1
-        Successes, and trials they are of; not whole where they are effective numbers.
-    method : "wilson", "clopper-pearson" or "any-time"
-        Wilson's score interval; Clopper and Pearson's, which never covers less often than it
-        claims; or one that does not even if earlier trials decide whether there is another. All are
-        of independent trials.
-
-    Returns
-    -------
-    lo, hi : ndarray, shape (...), 1
-        0 and 1 without trials.
-
-    Notes
-    -----
-    Wilson [1]_, with ``z`` the normal quantile of ``(1 + confidence) / 2`` and
-    ``p = successes / n``: ``(p + z^2/2n ± z sqrt(p (1-p)/n + z^2/4n^2)) / (1 + z^2/n)``. Clopper
-    and Pearson [2]_: quantiles of beta distributions. At any time: the probabilities that the
-    evidence of `log_evidence` does not refuse after these trials.
-
-    References
-    ----------
-    .. [1] E. B. Wilson, "Probable inference, the law of succession, and statistical inference",
-       J. Am. Stat. Assoc. 22 (1927) 209-212.
-    .. [2] C. J. Clopper, E. S. Pearson, "The use of confidence or fiducial limits illustrated in
-       the case of the binomial", Biometrika 26 (1934) 404-413.
+    Trials are independent; `successes` and `n`, shape (...), are not whole where they are effective
+    numbers. Wilson's score interval is
+    ``(p + z^2/2n ± z sqrt(p (1-p)/n + z^2/4n^2)) / (1 + z^2/n)`` with ``p = successes / n`` and
+    ``z`` the normal quantile of ``(1 + confidence) / 2``: E. B. Wilson, "Probable inference, the
+    law of succession, and statistical inference", J. Am. Stat. Assoc. 22 (1927) 209-212. That of
+    Clopper and Pearson, by quantiles of beta distributions, never covers less often than it claims:
+    "The use of confidence or fiducial limits illustrated in the case of the binomial", Biometrika
+    26 (1934) 404-413. The any-time one does not even if earlier trials decide whether there is
+    another: it holds the probabilities that the evidence of `log_evidence` does not refuse.
     """
     k, trials = np.broadcast_arrays(np.asarray(successes, dtype=float), np.asarray(n, dtype=float))
     check_between(0.0, 1.0, confidence=confidence)
@@ -103,25 +85,13 @@ def quantile_interval(
     *,
     effective: float | None = None,
 ) -> tuple[float, float]:
-    """Interval of a quantile by order statistics, whatever the distribution.
+    """Interval of a quantile of `values` (no NaN) by order statistics, whatever the distribution.
 
-    Parameters
-    ----------
-    values : array_like, shape (n,)
-        Values of one distribution, without NaN.
-    effective : float, 1, optional
-        Number of independent values with as much information (`effective_size`); by default n.
-
-    Returns
-    -------
-    lo, hi : float
-        Two of the values; minus or plus infinity where there are too few to bound that side.
-
-    Notes
-    -----
     The number of values below the quantile is binomial: ``lo`` is the largest order statistic that
     is above the quantile with a probability of at most ``(1 - confidence) / 2``, ``hi`` the
-    smallest that is below it. The interval therefore covers at least as often as it says.
+    smallest that is below it; infinite where there are too few values to bound that side. The
+    interval therefore covers at least as often as it says. `effective`: number of independent
+    values with as much information (`effective_size`), by default all.
     """
     check_between(0.0, 1.0, q=q, confidence=confidence)
     tail = 0.5 - 0.5 * confidence
@@ -139,30 +109,13 @@ def quantile_interval(
 
 
 def effective_size(values: npt.ArrayLike, clusters: npt.ArrayLike) -> float:
-    """Effective sample size of clustered values.
+    """Effective sample size of clustered values, finite or booleans, of independent clusters.
 
-    Parameters
-    ----------
-    values : array_like, shape (n,)
-        Finite, or of booleans.
-    clusters : array_like, shape (n,)
-        Cluster of each value; values of different clusters are independent.
-
-    Returns
-    -------
-    float, 1
-        1 to n; n where every cluster holds one value or there is only one cluster, the number of
-        clusters where no value differs.
-
-    Notes
-    -----
-    n over the design effect of [1]_: the variance of the mean as a ratio of totals over clusters,
-    over that of n independent values. c clusters of one size whose members are all alike count as
-    c - 1.
-
-    References
-    ----------
-    .. [1] L. Kish, *Survey Sampling*, Wiley 1965, sections 6.4 and 8.2.
+    n over the design effect of L. Kish, *Survey Sampling*, Wiley 1965, sections 6.4 and 8.2: the
+    variance of the mean as a ratio of totals over clusters, over that of n independent values. It
+    is n where every cluster holds one value or there is only one cluster, and the number of
+    clusters where no value differs. c clusters of one size whose members are all alike count
+    as c - 1.
     """
     x = np.asarray(values, dtype=float)
     place = np.unique(np.asarray(clusters), return_inverse=True)[1]
