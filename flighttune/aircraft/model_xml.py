@@ -179,7 +179,7 @@ def scale_axis(root: Element, key: str, file: Path, by: str = "") -> None:
 
 
 def scale_coefficient(root: Element, name: str, file: Path) -> None:
-    """Multiply the aerodynamic function, or part, of a `name`, or with it behind its last slash."""
+    """Multiply the one function, or part, that is called `name`, all or behind its last slash."""
     named = [
         (parent, i, child.get("name", "").strip())
         for aerodynamics in root.iterfind("aerodynamics")
@@ -361,7 +361,7 @@ class MassBalance:
     pounds_per_slug: float  # lbf of weight in a slug of mass, as JSBSim converts
 
     def values(self, off: OffNominal) -> dict[str, float]:
-        """Numbers of the empty aircraft, lbf, in and slug ft^2, that make the whole one `off`."""
+        """Numbers of the empty aircraft (lbf, in, slug ft^2) that make the whole as `off` says."""
         weight = off.mass_factor * self.whole.weight
         empty_weight = self.empty.weight + weight - self.whole.weight
         ballast = BALLAST * weight if off.slides else 0.0

@@ -203,7 +203,7 @@ class Counted(Answering):
 
     @property
     def readings(self) -> tuple[int, ...]:
-        """Numbers of flights at which it may be read, fixed before: each twice the last."""
+        """Numbers of flights, fixed beforehand, at which it may be read: each doubles the last."""
         if self.about.until_sure:  # at any, by a rule for that
             return ()
         numbers = self.first * DOUBLED

@@ -217,7 +217,7 @@ Flown: TypeAlias = tuple[list[Form], list[Interval], FloatArray]
 
 
 def start_set(loop: SampledLoop, within_start: float, sides: int, symbols: int) -> Pieces:
-    """All starts within `within_start` (rad) of course and path angle, `sides` squared pieces."""
+    """All starts within `within_start` (rad) of both angles, in `sides` squared pieces."""
     chi, gamma, phi, n_z = loop.start
     edges = np.linspace(-within_start, within_start, sides + 1)
     # Midpoints and half width of the pieces along one axis.

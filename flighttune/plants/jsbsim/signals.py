@@ -28,10 +28,10 @@ _PLACES = (
 def signal_reader(
     fdm: Fdm, chi_0: float, psi_0: float, *, n_x: bool = False
 ) -> Callable[[], tuple[float, ...]]:
-    """Return a function that reads the signals of `JSBSimPlant`; `fdm` starts its flight.
+    """Return a function that reads the signals of `JSBSimPlant` from `fdm`.
 
     `chi_0`, `psi_0` (rad): course and heading near which the continuous angles begin. `n_x`: show
-    the longitudinal load factor and its range too. The position becomes the origin.
+    the longitudinal load factor and its range too. The place of `fdm` now becomes the origin.
     """
     read = fdm.reader
     phi, theta, psi, chi, gamma, alpha, beta, p, q, r, *motion = map(read, _PLACES)
