@@ -196,8 +196,7 @@ of four runs 4 s, and `campaign first_campaign` three times as long as `fly pape
 {kinematic}
 
 Two workers take 1.02 times the processor time of two plain processes for the same rows
-(`python benchmarks/bench_campaign_scaling.py`). Two cores with 4.2 µs a step that do nothing else
-fly 255 000 runs of JSBSim of 20 s an hour with a dispersed airframe (flighttune 0.3.0).
+(`python benchmarks/bench_campaign_scaling.py`).
 """
 
 
