@@ -246,8 +246,8 @@ def room_of(run: Run, turn_back: TurnBackTable) -> FloatArray:
     i = int(np.searchsorted(run.t, turn_back.detected_s))
     moved = position - position[i]
     places = cKDTree(np.column_stack([north, east]))
-    # Its place of detection is put where it is on the route. The distance is that to the nearest
-    # place, which is never less than that to the route.
+    # The place of detection is put where it is on the route. The distance to the nearest place is
+    # never less than that to the route.
     from_route, _ = places.query(moved[:, :2] + turn_back.here[1:3])
     room = np.column_stack([from_route, np.abs(moved[:, 2])])
     room[:i] = 0.0

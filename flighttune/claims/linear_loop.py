@@ -122,9 +122,9 @@ def error_states(run: Run) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
     )
     step = np.diff(references, axis=0)
     # States are in the middle of each interval. No derivative of a sampled signal is estimated: the
-    # mean rate of an angle over an interval is its increment over the sample time, exactly. It is
-    # the rate in the middle of the interval to second order in the sample time, and the error there
-    # is that at its start plus half the change.
+    # mean rate of an angle over an interval is its increment over the sample time, exactly, and the
+    # rate in the middle to second order in the sample time. The error there is that at the start
+    # plus half the change.
     slopes = (step - np.diff(angles, axis=0)) / dt
     bends = np.abs(np.diff(step, axis=0, prepend=step[:1])) > REFERENCE_MOVED
     return np.hstack([slopes, errors[:-1] + 0.5 * dt * slopes]), bends.any(axis=1)

@@ -280,7 +280,7 @@ def with_feedback(
     # those of `limit_command`. Numba compiles this function too.
     wanted = expected + k * (expected - measured)
     u, kind = limit_command(wanted, before, lower, upper, step_down, step_up)
-    # In between stands the command expected that would have led to the one after the limits.
+    # The second value is the expected command that would have led to the one after the limits.
     return u, (u + k * measured) / (1.0 + k), limited or kind
 
 

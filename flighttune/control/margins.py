@@ -261,8 +261,8 @@ def _disk_margin(loop: Loop) -> float:
 def _balancing(M: npt.NDArray[np.complex128]) -> FloatArray:
     """Diagonal of the D with the smallest Frobenius norm of ``D M D^-1``."""
     size = np.abs(M) + 1e-15 * np.linalg.norm(M)  # finite where inputs are decoupled
-    # With two inputs it has the smallest 2-norm too: the determinant does not depend on D, so that
-    # the larger singular value falls with the sum of the squares.
+    # With two inputs this D has the smallest 2-norm too: the determinant does not depend on D, so
+    # that the larger singular value falls with the sum of the squares.
     d = np.ones(len(M))
     for _ in range(SWEEPS):
         for i in range(len(M)):

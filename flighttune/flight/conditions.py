@@ -200,7 +200,7 @@ def lead_on(scenario: Scenario, plant: PlantTable | None) -> tuple[float, float]
         return 0.0, 0.0
     _, gamma = reference_of(scenario).initial
     lags = plant and lags_of(plant, scenario.flight.V_a_mps, gamma)
-    # Each is the lag to a ramp and half of a sample, over which commands are held.
+    # Each lag is that to a ramp and half of a sample, over which commands are held.
     phi, n_z = (0.0, 0.0) if lags is None else (lags[0].whole, lags[1].whole)
     hold = 0.5 / scenario.controller.rate_hz
     return phi + hold, n_z + hold

@@ -185,8 +185,8 @@ def _wrong_end(tables: Sequence[ExpectTable], status: str, reason: str) -> str:
 
 def not_followed(tables: Sequence[ExpectTable], measured: Measured) -> str:
     """Why a completed run does not follow its reference to the end; empty if it does."""
-    # It is not asked without a bound, where another end is stated, or of a channel with a lower
-    # bound on an error or a time, which a poor flight meets.
+    # The question is not asked without a bound, where another end is stated, or of a channel with a
+    # lower bound on an error or a time, which a poor flight meets.
     bounds = [*bound_checks(tables, {})]
     if not bounds or any(table.status not in (None, "completed") for table in tables):
         return ""

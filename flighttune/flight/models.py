@@ -156,8 +156,8 @@ def identified_problems(scenario: Scenario, law: Law | None = None) -> tuple[Tun
 
 def _weight(model: LinearModel) -> FloatArray:
     """The entry of A by which the weight pulls on the airspeed; zeros where it is no channel."""
-    # A gain on the error of the path angle cancels it, but for the lag of n_x (`_with_weight`).
-    # Without the entry the three channels are tuned each by itself.
+    # A gain on the error of the path angle cancels this pull, but for the lag of n_x
+    # (`_with_weight`). Without the entry the three channels are tuned each by itself.
     weight = np.zeros_like(model.A)
     if "V" in model.states:
         i, j = model.states.index("V"), model.states.index("gamma")
@@ -181,7 +181,8 @@ def _followed(scenario: Scenario, design: DesignModel, law: Law) -> FloatArray:
     # course on by ``g/V phi T`` with ``T = phi / (2 rate) + lag``. That must not be more than the
     # course error that commands this bank, ``phi / K_P``: else every turn ends beyond its course,
     # and in a limit cycle. The integral must not have grown by as much meanwhile: its time is 4 T.
-    # The load factor that the first error of the path angle commands, ``K_P gamma_err``, likewise.
+    # The same holds for the load factor that the first error of the path angle commands,
+    # ``K_P gamma_err``.
     limits, settings = command_limits(scenario), scenario.tuning
     phi, rates = min(limits.upper[0], -limits.lower[0]), limits.rate_upper
     roll_lag, lift_lag = design.whole_lags[:2]

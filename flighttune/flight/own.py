@@ -35,8 +35,8 @@ def with_own(
 ) -> Scenario:
     """A scenario whose tables of the user's laws and plants hold their classes."""
     laws, plants = laws or {}, plants or {}
-    # Those given here are flown besides the ones of the scenario, or in place of its tables of that
-    # name.
+    # Laws and plants from the caller are flown besides those of the scenario, or in place of its
+    # tables of that name.
     names = {law.name for law in scenario.laws}
     more = [_python(name, made) for name, made in laws.items() if name not in names]
     labels = {plant.label for plant in scenario.plant}

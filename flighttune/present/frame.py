@@ -102,7 +102,7 @@ def write_answer(
     **more: Any,
 ) -> Report:
     """Write a page that answers: a sentence, `parts` as far as there are any, how to repeat it."""
-    # Parts beside `PARTS` come after them.
+    # Parts that are not in `PARTS` come last.
     names = {key: {"id": key, "title": name, "open": seen} for key, name, seen in PARTS}
     ordered = [*(x for x in names if x in parts), *(x for x in parts if x not in names)]
     return write_page(

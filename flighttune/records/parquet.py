@@ -211,9 +211,9 @@ class Recording:
 def load_recording(path: str | Path) -> Recording:
     """Read the runs of a folder or of a Parquet file, for a ``.rrd`` file of those beside it."""
     path = Path(path)
-    # If a folder has files of several flights, the newest of the complete ones counts. Files that
-    # were written on their own belong together. Files whose names begin with a dot are left over
-    # from a killed command and not read.
+    # If a folder has files of several flights, the newest complete flight counts. Files that were
+    # written on their own belong together. Files whose names begin with a dot are left over from a
+    # killed command and not read.
     if path.is_dir():
         return _in_folder(path)
     kind = PARQUET_FILE if path.suffix.lower() == PARQUET else RECORDING_FILE

@@ -188,8 +188,7 @@ class Flight:
         self, progress: Callable[[float], None] | None
     ) -> tuple[pd.DataFrame, Stop | None] | None:
         """Fly a long route under the exact law on an aircraft by compiled code; None for others."""
-        # It returns what `simulate` does: the numbers of `samples` but for rounding. Without Numba
-        # there is none.
+        # The result is that of `simulate` but for rounding. Without Numba there is none.
         (plant, controller, condition, route, lead), t = self._given, self._t
         shown = {*plant.signals}
         if (

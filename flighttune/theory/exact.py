@@ -201,7 +201,7 @@ def radius_checks(
     if not all(check.exact for check in checks):
         return checks
     a, eye = Fraction(multiplier), identity(len(W))
-    # Their margins are divided by ``radius^2``.
+    # All margins of the claim are divided by ``radius^2``.
     unit = Fraction(radius) ** 2
     form, entry = exact(W) / unit, exact(E)
     load = (entry @ entry.T) * (Fraction(L_d) ** 2 / (a * unit))

@@ -105,9 +105,8 @@ class Program:
         # `I_star`, shape (N,), s^2, bounds I_K of each start in place of the problem's.
         limits = np.full(len(k), self._I_star) if I_star is None else I_star
         z = np.array([self._minimum(*start) for start in zip(k, limits, strict=True)])
-        # These are local optima, or where no more progress was made; constraints may be broken
-        # there.
-        # SLSQP may leave the bounds by rounding; gains must not.
+        # SLSQP stops at local optima, or where it makes no more progress; constraints may be broken
+        # there. It may leave the bounds by rounding; gains must not.
         return np.clip(z[:, :-4], *self._problem.k_bounds), z[:, -1]
 
     def _minimum(self, k: FloatArray, I_star: float) -> FloatArray:

@@ -306,10 +306,11 @@ class TecsOfArduPilot(Tecs):
 class Guidance:
     """Course and height by the guidance of an autopilot, above the inner loop of the aircraft."""
 
-    # On a route it follows the path itself: its nearest point, tangent and curvature. A reference
-    # over time is a track through the aircraft with the course and turn that are asked for. The
-    # pitch that TECS wants becomes a load factor by the rate ``(wanted - pitch) / time constant``,
-    # and the pitch at the start counts as trimmed. The throttle is that of the plant.
+    # On a route the guidance follows the path itself: its nearest point, tangent and curvature. A
+    # reference over time is a track through the aircraft with the course and turn that are asked
+    # for. The pitch that TECS wants becomes a load factor by the rate
+    # ``(wanted - pitch) / time constant``, and the pitch at the start counts as trimmed. The
+    # throttle is that of the plant.
     def __init__(self, setup: LawSetup, of: "Autopilot") -> None:
         x = SimpleNamespace(**of.roles)
         self.dt, self.g, self.signals = setup.dt, setup.g, {"climb_angle": "rad"}
