@@ -102,10 +102,10 @@ class Dataset:
         text = json.dumps({**tables, "sha256": hash_of(tables)}, indent=1)
         self._write(CAMPAIGN, f"{text}\n".encode())
 
-    def write_rows(self, fly: Callable[[Plan, Sequence[int]], Iterable[Row]]) -> None:
-        """Write rows of the runs that are missing as they are flown, consecutive ones together."""
+    def write_rows(self, fly: Callable[[Plan, Sequence[int]], Iterable[Row]], end: int) -> None:
+        """Write rows of missing runs below `end` as they are flown, consecutive ones together."""
         waiting: dict[int, Row] = {}
-        missing = self.missing
+        missing = [run for run in self.missing if run < end]
         runs = iter(missing)
         following = next(runs, None)
         began = written = time.perf_counter()

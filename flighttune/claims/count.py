@@ -116,6 +116,17 @@ def sure(outside: int, flights: int, epsilon: float, confidence: float) -> Liter
     return "yes" if below else "no" if above else ""
 
 
+def looks(draws: int) -> list[int]:
+    """Numbers of draws, the last one `draws`, after which it is asked whether an answer is sure.
+
+    Workers wait for the last flight before each, so that later ones are an eighth apart.
+    """
+    numbers = [LOOK]
+    while numbers[-1] < draws:
+        numbers.append(numbers[-1] + max(LOOK, numbers[-1] // 8))
+    return [*numbers[:-1], draws]
+
+
 def flights_again(epsilon: float) -> int:
     """Flights to fly again so that as many forged ones as double epsilon are missed by `MISSED`."""
     return math.ceil(math.log(MISSED) / math.log1p(-epsilon))

@@ -164,13 +164,15 @@ def campaign(
     resume: bool,
     out: Path,
     gains: list[str] | None,
+    until_sure: float | None,
     changes: dict[str, Any],
     dry_run: bool,
 ) -> Answer:
     """Fly CAMPAIGN and write a dataset with one row per run.
 
-    A flight that fails is a result: the exit status stays 0. It is 2 if the campaign was
-    cut short, 130 after Ctrl-C; --resume flies the missing runs.
+    A flight that fails is a result: the exit status stays 0, but is 1 if --until-sure is not
+    answered by yes. It is 2 if the campaign was cut short, 130 after Ctrl-C; --resume flies the
+    missing runs.
     """
     from flighttune.campaign.dataset import open_dataset
     from flighttune.campaign.engine.engine import forecast
@@ -178,7 +180,7 @@ def campaign(
     from flighttune.planning.load import load_campaign
     from flighttune.planning.plan import plan_campaign
 
-    planned = load_campaign(campaign, changes=changes, gains=gains or ())
+    planned = load_campaign(campaign, changes=changes, gains=gains or (), until_sure=until_sure)
     plan, file_of_plan = plan_campaign(planned, runs=runs), out / CAMPAIGN
     if resume and runs is None and file_of_plan.exists():
         # a campaign that was extended by --runs keeps its length

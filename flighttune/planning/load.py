@@ -29,6 +29,7 @@ def load_campaign(
     *,
     changes: Mapping[str, Any] | None = None,
     gains: Sequence[str] = (),
+    until_sure: float | None = None,
 ) -> Campaign:
     """Read and check a campaign file.
 
@@ -42,6 +43,8 @@ def load_campaign(
         Values of the scenario to set by dotted key, besides those of ``[overrides]``.
     gains : sequence of str, optional
         Gain sets in place of the campaign's, as of `load_scenario`.
+    until_sure : float, 1, optional
+        Share of successful flights to ask for, in place of the file's.
 
     Returns
     -------
@@ -59,12 +62,15 @@ def load_campaign(
     >>> ft.load_campaign("first_campaign").runs
     40
     """
-    table, file = campaign_table(path, changes)
-    return campaign_about(table, file, scenario, gains)
+    table, file = campaign_table(path, changes, until_sure)
+    campaign = campaign_about(table, file, scenario, gains)
+    if campaign.until_sure is not None and not campaign.nominal.expect:
+        raise ScenarioError(f"{file}: `until_sure` must be with [[success]], got no requirement.")
+    return campaign
 
 
 def campaign_table(
-    path: str | Path, changes: Mapping[str, Any] | None = None
+    path: str | Path, changes: Mapping[str, Any] | None = None, until_sure: float | None = None
 ) -> tuple[CampaignTable, Path]:
     """The tables of a campaign file with values to set, and the file; its scenario is not read."""
     folders = "campaigns", "scenarios/campaigns"
@@ -73,6 +79,8 @@ def campaign_table(
     _check_disperse(tables.get("disperse"), str(file))
     if "gains" in tables:
         tables["gains"] = gain_entries(tables["gains"], file.parent)
+    if until_sure is not None:
+        tables["until_sure"] = until_sure
     if changes:
         tables |= {
             "overrides": {**tables.get("overrides", {}), **changes},

@@ -40,6 +40,8 @@ KINDS = {bool: "boolean", str: "string"}
 # Values of one grid key
 MAX_POINTS = 10_000
 
+INDEPENDENT = "independent draws, which are those of `design` random without a grid"
+
 # Largest distance from a mean to the truncated range, in standard deviations
 MAX_SD = 8.0
 
@@ -244,6 +246,8 @@ class CampaignTable(Table):
     # Flights over all draws, gain sets and plants; of a grid one per cell and group if left out
     runs: Runs | None = None
     design: Design = "random"
+    # Fly no further once it is sure for every group whether at least this share of flights succeeds
+    until_sure: Annotated[float, Field(gt=0.0, lt=1.0)] | None = None
     time_limit_s: Positive = 60.0  # wall time after which a run is aborted
     # In place of the scenario's
     gains: Annotated[list[str | GainsTable], Field(min_length=1)] | None = None
@@ -267,6 +271,8 @@ class CampaignTable(Table):
             )
         if self.runs is None and self.design != "grid":
             raise ValueError("`runs` must be given: only `design` 'grid' can do without")
+        if self.until_sure is not None and (self.design != "random" or self.grids):
+            raise ValueError(f"`until_sure` must be with {INDEPENDENT}, got {self.design}")
         return self
 
     @model_validator(mode="after")

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from flighttune.campaign.dataset import dataset_hash
-from flighttune.campaign.statistics.findings import SUCCESS, Findings
+from flighttune.campaign.statistics.findings import SUCCESS, Findings, answer_words
 from flighttune.files.shipped import scenario_files
 from flighttune.files.table import toml_text
 from flighttune.planning.plan import draws_in_words
@@ -127,7 +127,7 @@ def write_campaign_report(findings: Findings, path: str | Path) -> Report:
 
 
 def summary(findings: Findings) -> tuple[str, ...]:
-    """Two sentences: the number of flights that succeed, and the quantities that matter most."""
+    """The answer if there is a question, the number of flights that succeed, and what matters."""
     groups = findings.values["groups"]
     n = sum(group["n"] for group in groups)
     succeeded = by_plant((group["plant"], group["successes"], group["n"]) for group in groups)
@@ -139,7 +139,9 @@ def summary(findings: Findings) -> tuple[str, ...]:
     )
     names = [name for name, count in strongest.items() if count == max(strongest.values())]
     matters = ", ".join(names) if names else "no parameter significantly"
+    answered = answer_words(findings.values.get("sure", {}), findings.plan.campaign.until_sure)
     return (
+        *filter(None, [answered]),
         f"Flights that succeed: {succeeded} ({draws_in_words(n, len(groups))}).",
         f"What matters most: {matters}.",
     )
@@ -149,9 +151,15 @@ def notes(findings: Findings) -> tuple[str, ...]:
     """Number of flights, what success is, and effect of the design on the intervals."""
     plan = findings.plan
     lines = [*plan.scenario.gains_notes()]
-    if len(findings.rows) < plan.runs:
+    answers, flown = findings.values.get("sure", {}), f"{len(findings.rows)} of {plan.runs} flights"
+    if answers and all(answers.values()):
+        lines.append(f"The campaign ended after {flown} by its own rule, sure of each answer.")
+    elif len(findings.rows) < plan.runs:
+        lines.append(f"Not finished: the numbers are those of {flown}.")
+    if findings.method == "any-time":
         lines.append(
-            f"Not finished: the numbers are those of {len(findings.rows)} of {plan.runs} flights."
+            "The intervals of success rates hold whenever the campaign ends (a mixture of "
+            "likelihood ratios); others and p-values presume a number of flights fixed before."
         )
     lines.append(_success_sentences(findings))
     if plan.cycle > 1:

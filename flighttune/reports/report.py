@@ -26,7 +26,7 @@ def report(
     claims: Sequence[str | Path] = (),
     changes: Mapping[str, Any] | None = None,
     columns: Columns = (),
-    interval: Method = "wilson",
+    interval: Method | None = None,
     confidence: float = CONFIDENCE,
 ) -> Report:
     """Write one page about runs, a campaign or a claim, which needs no network.
@@ -50,9 +50,10 @@ def report(
     columns : mapping or sequence
         Where a log has its signals, as for `load_log`.
     interval : {"wilson", "clopper-pearson", "any-time"}
-        Confidence interval of the success rates of a campaign; any-time is for independent draws
-        (``design`` random) and holds however often the page is made while they are flown, so that
-        the campaign may be stopped by what it says. It counts the flights before the first gap.
+        Confidence interval of the success rates of a campaign, by default wilson, and any-time if
+        it flies until it is sure; any-time is for independent draws (``design`` random) and holds
+        however often the page is made while they are flown, so that the campaign may be stopped by
+        what it says. It counts the flights before the first gap.
     confidence : float
         Confidence of the intervals of a campaign, 0 to 1, by default 0.95.
 

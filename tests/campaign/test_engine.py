@@ -6,7 +6,7 @@ import time
 
 import psutil
 import pytest
-from campaigns import SPEED, Notes, bits, children, plan
+from campaigns import SPEED, Notes, bits, children, plan, write_campaign
 from dispersed import uniform
 
 import flighttune as ft
@@ -85,6 +85,79 @@ def test_a_process_that_cannot_start_is_said_in_one_line(tmp_path, monkeypatch):
 
     with pytest.raises(ft.FlightTuneError, match=r"start, got: no such file"):
         ft.run_campaign(ours, tmp_path / "out")
+
+
+def asking(folder, share, top=""):
+    """A campaign whose gains `paper` succeed on every draw and whose gains `soft` on none."""
+    file = write_campaign(folder, runs=1000, duration=5.0, wind="", aircraft=(), top=top)
+    success = '[[success]]\ngains = "soft"\nat_most.chi.peak_deg = 1e-6\n'
+    file.write_text(file.read_text().replace("[keep]", f"{success}[keep]"))
+    return ft.plan_campaign(ft.load_campaign(file, until_sure=share))
+
+
+def test_a_campaign_ends_once_it_is_sure_and_resumed_to_the_same_bits(
+    tmp_path, monkeypatch, address
+):
+    monkeypatch.setattr(pool, "FEW", 1)  # kinematic flights go to the workers
+    ours, out = asking(tmp_path, 0.8), tmp_path / "out"
+    stops = Notes(lambda progress: progress.done)
+
+    first = ft.run_campaign(ours, out, workers=2, observer=stops)
+    done = ft.run_campaign(ours, out, resume=True, scheduler=address)
+    again = ft.run_campaign(ours, out, resume=True, workers=1)
+
+    # The integral of (1.25 (1 - q))^n, half at q = 0 and half over 0 to 0.2, passes 2 / 0.05 at n
+    # = 19. It is looked at every 12 draws, each of two gain sets.
+    flown = 2 * 24
+    assert (first.interrupted, first.sure) == (True, {})
+    assert (done.runs, done.planned, done.flown) == (flown, 1000, flown - first.runs)
+    assert done.sure == {"kinematic / paper": "yes", "kinematic / soft": "no"}
+    assert (again.flown, again.sure) == (0, done.sure)
+    assert bits(ft.load(out).rows()) == bits(fly_runs(ours, range(flown)))
+    assert (done.answer().status, ft.load(out).plan.campaign.until_sure) == (1, 0.8)
+
+    page = ft.report(out)
+    assert page.summary[0] == (
+        "At least 80 % of the flights of kinematic / paper succeed. Fewer than 80 % of the flights "
+        "of kinematic / soft succeed."
+    )
+    assert page.shown.values["interval"] == "any-time"
+    assert any(
+        f"ended after {flown} of 1000 flights by its own rule" in x for x in page.shown.notes
+    )
+    with pytest.raises(ft.InputError, match="`interval` must be any-time"):
+        ft.report(out, interval="wilson")
+    with pytest.raises(ft.InputError, match=r"until_sure: was 0\.8, is 0\.9"):
+        ft.run_campaign(asking(tmp_path, 0.9), out, resume=True)
+
+
+def test_a_campaign_that_is_not_sure_of_its_share_says_so(tmp_path):
+    ours, out = asking(tmp_path, 0.5), tmp_path / "out"
+
+    short = ft.run_campaign(ours.with_runs(10), out, workers=1)
+    done = ft.run_campaign(ours.with_runs(12), out, workers=1, resume=True)
+
+    # With n of n the integral of (2 (1 - q))^n as above is 21 at n = 5 and 41 at n = 6.
+    assert (short.runs, short.sure["kinematic / paper"]) == (10, "")
+    assert "It is not sure whether at least 50 % of the flights" in short.answer().failure
+    assert (done.runs, done.sure["kinematic / paper"]) == (12, "yes")
+
+
+@pytest.mark.parametrize(
+    ("share", "top", "got"),
+    [
+        (1.0, "", r"`until_sure` must be less than 1, got 1"),
+        (0.0, "", r"`until_sure` must be greater than 0, got 0"),
+        (0.9, 'design = "sobol"', r"`until_sure` must be with independent draws.* got sobol"),
+    ],
+)
+def test_a_share_that_cannot_be_asked_for_is_refused(tmp_path, share, top, got):
+    with pytest.raises(ft.ScenarioError, match=rf"campaign\.toml: {got}"):
+        asking(tmp_path, share, top=top)
+    file = write_campaign(tmp_path, wind="", aircraft=())
+    file.write_text(file.read_text().replace("[[success]]\nat_most.chi.peak_deg = 20.0", ""))
+    with pytest.raises(ft.ScenarioError, match=r"campaign\.toml: `until_sure` .*\[\[success\]\]"):
+        ft.load_campaign(file, until_sure=0.9)
 
 
 @pytest.mark.soak

@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +11,8 @@ from flighttune.campaign.dataset import RUNS, Dataset, locked, open_dataset, par
 from flighttune.campaign.engine.pool import WorkerPool
 from flighttune.campaign.engine.progress import CampaignObserver
 from flighttune.campaign.flying.columns import table_of
+from flighttune.campaign.statistics.findings import SUCCESS, Answers, answer_words, answers
+from flighttune.claims.count import looks
 from flighttune.errors import InputError, RecordingError, StoppedError
 from flighttune.files.load import CAMPAIGN
 from flighttune.flight.fly import library_versions
@@ -64,7 +66,7 @@ def forecast(plan: Plan, workers: int | None = None) -> Answer:
         values=values,
         tables=tables,
         notes=[
-            f"{plan.runs} flights = {counted}",
+            f"{'at most ' if campaign.until_sure else ''}{plan.runs} flights = {counted}",
             f"signals kept: {kept}, a sample of {keep.sample}",
             *(f"{unknown} {file}" for file in plan.code),
         ],
@@ -121,10 +123,16 @@ class CampaignOutcome(Answering):
     rate_per_s: float  # 1/s, flown / wall_s
     groups: int  # plants and gain sets that fly each draw
     endings: list[Mapping[str, Any]]  # run, status and reason of those that are not completed
+    # Of each group whether the share asked for succeeds: yes, no, or empty if it is not sure
+    sure: Mapping[str, str] = field(default_factory=dict)
+    until_sure: float | None = None  # share of flights that was asked for
     interrupted: bool = False  # stopped before its end
 
     def answer(self) -> Answer:
-        """Flights by their status, and the time they took; status 130 if they were interrupted."""
+        """Flights by their status, and the time they took; status 130 if they were interrupted.
+
+        Status 1 if the share asked for is not surely reached by all groups.
+        """
         counts = pick(self, "runs completed failed crashed succeeded")
         counts |= {key: n for key, n in self.statuses.items() if key not in counts}
         speed = f"{duration(self.wall_s)}, {rate(self.rate_per_s)} a second"
@@ -132,17 +140,21 @@ class CampaignOutcome(Answering):
             f"interrupted, {self.runs} of {self.planned} runs are in {self.dataset}; go on with "
             "the same command and --resume"
         )
+        answered = answer_words(self.sure, self.until_sure)
+        most = f" of at most {self.planned}" if self.until_sure else ""
+        reached = all(answer == "yes" for answer in self.sure.values())
         said = "planned runs completed failed crashed succeeded statuses flown kept"
         return Answer(
-            values=pick(self, f"{said} wall_s rate_per_s interrupted"),
+            values=pick(self, f"{said} wall_s rate_per_s interrupted{' sure' * bool(self.sure)}"),
             tables=[Table(columns(" ".join(counts)), [counts]), endings_table(self.endings)],
             notes=[
-                f"{self.runs} flights = {draws_in_words(self.runs, self.groups)}",
+                f"{self.runs}{most} flights = {draws_in_words(self.runs, self.groups)}",
                 f"flown now: {self.flown} in {speed}" if self.flown else "nothing was missing",
             ],
+            verdict=answered if reached else "",
             files={"dataset": self.dataset},
-            failure=interrupted if self.interrupted else "",
-            status=130,
+            failure=interrupted if self.interrupted else "" if reached else answered,
+            status=130 if self.interrupted else 1,
         )
 
 
@@ -204,10 +216,10 @@ def run_campaign(
         dataset = _dataset(out, plan, resume=resume)
         dataset.clean()
         _count(dataset, pool)
-        plan = dataset.plan
+        plan, sure = dataset.plan, {}
         interrupted = False
         try:
-            dataset.write_rows(pool.rows)
+            sure = _fly(dataset, pool)
             dataset.keep_signals(pool.signals)
         except StoppedError:
             interrupted = True
@@ -222,6 +234,8 @@ def run_campaign(
         kept=len(dataset.kept),
         groups=len(plan.groups),
         endings=progress.endings,
+        sure=sure,
+        until_sure=plan.campaign.until_sure,
         wall_s=wall,
         rate_per_s=progress.flown / wall,
         interrupted=interrupted,
@@ -256,6 +270,26 @@ def _dataset(out: str | Path, plan: Plan, *, resume: bool) -> Dataset:
     dataset = Dataset(out, plan, versions)
     dataset.write_plan()
     return dataset
+
+
+def _fly(dataset: Dataset, pool: WorkerPool) -> Answers:
+    """Fly all missing runs, or those until it is sure of every group; the answers."""
+    plan = dataset.plan
+    if plan.campaign.until_sure is None:
+        dataset.write_rows(pool.rows, plan.runs)
+        return {}
+    sure = {}
+    pool.progress.planned = plan.runs
+    for draws in looks(plan.draws):
+        # What a look counts must not depend on how many flights an earlier command has left.
+        end = min(draws * len(plan.groups), plan.runs)
+        dataset.write_rows(pool.rows, end)
+        rows = dataset.rows(["plant", "gains", SUCCESS]).to_pandas()
+        sure = answers(rows[rows["run"] < end], plan)
+        if all(sure.values()):
+            break
+    pool.progress.planned = 0
+    return sure
 
 
 def _count(dataset: Dataset, pool: WorkerPool) -> None:

@@ -21,6 +21,7 @@ class CampaignProgress:
     endings: list[Mapping[str, Any]] = field(default_factory=list)
     flown: int = 0  # rows of all phases that were flown since the pool was made
     budget: int = 0  # most rows of all phases, where a search or count has several; else 0
+    planned: int = 0  # runs of a campaign that may end before; else 0
     workers: int = 1  # tasks that can run at a time; 0 while there is no worker
     began: float | None = None  # s, of the performance counter, when the first flight began
 
@@ -70,13 +71,15 @@ class CampaignProgress:
     @property
     def part(self) -> tuple[int, int]:
         """Runs that are there, and those wanted: of all phases where there is a budget."""
-        return (self.flown, self.budget) if self.budget else (self.done, self.runs)
+        if self.budget:
+            return self.flown, self.budget
+        return self.done, self.planned or self.runs
 
     @property
     def sentence(self) -> str:
         """How many runs are done, left and failed."""
-        # a search may end before its budget is spent
-        most = "at most " if self.doing == "searching" else ""
+        # a search, or a campaign that flies until it is sure, may end before
+        most = "at most " if self.planned or self.doing == "searching" else ""
         done, runs = self.part
         parts = [f"{self.doing}: {done} of {most}{runs} runs"]
         if self.rate_per_s:

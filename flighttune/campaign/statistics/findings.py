@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -25,12 +25,13 @@ from flighttune.campaign.statistics.intervals import (
     scores,
     share,
 )
+from flighttune.claims.count import sure
 from flighttune.errors import InputError
 from flighttune.flight.expectations import bound_checks, bounded_loop
 from flighttune.planning.plan import Group, Plan
-from flighttune.planning.schema import MEASURES
+from flighttune.planning.schema import INDEPENDENT, MEASURES
 from flighttune.present.answer import pick
-from flighttune.present.names import endings, reasons
+from flighttune.present.names import endings, listed, reasons
 from flighttune.scenario.tables import in_rad
 from flighttune.units import DEG
 
@@ -53,8 +54,18 @@ SPLIT_INTO = 5
 # Worst flights that are listed of a group.
 WORST = 5
 
+# Answers about the share of flights that succeed, by label of group; empty if it is not sure.
+Answers: TypeAlias = dict[str, Literal["yes", "no", ""]]
+
 # A statistic and its p-value, both NaN if it is undefined.
 Test: TypeAlias = tuple[float, float]
+
+# Sentences of an answer about the share of flights that succeed.
+ANSWERS = {
+    "yes": "At least {share} of the flights of {groups} succeed.",
+    "no": "Fewer than {share} of the flights of {groups} succeed.",
+    "": "It is not sure whether at least {share} of the flights of {groups} succeed.",
+}
 
 # Classes of equal size that a number with many values is cut into.
 CLASSES = 10
@@ -79,15 +90,17 @@ class Findings:
     method: Method = "wilson"  # interval of shares
     confidence: float = CONFIDENCE  # 1; of all intervals
 
-    def by(self, method: Method, confidence: float = CONFIDENCE) -> "Findings":
-        """The same with all intervals by one method."""
+    def by(self, method: Method | None, confidence: float = CONFIDENCE) -> "Findings":
+        """The same with all intervals by one method, by default the one of the campaign."""
         rows, design = self.rows, self.plan.campaign.design
+        until_sure = self.plan.campaign.until_sure is not None
+        method = method or ("any-time" if until_sure else "wilson")
+        if until_sure and method != "any-time":
+            got = f"got {method}: the campaign ends once it is sure"
+            raise InputError(f"{self.url}: `interval` must be any-time, {got}.")
         if method == "any-time":
             if design != "random" or self.plan.cycle > 1:
-                raise InputError(
-                    "`interval` any-time must be with independent draws, which are those of "
-                    f"`design` random without a grid, got {design}."
-                )
+                raise InputError(f"`interval` any-time must be with {INDEPENDENT}, got {design}.")
             # A stop leaves rows behind runs that had not ended, and how a run ends decides when.
             rows = rows[rows["run"].to_numpy() == np.arange(len(rows))]
             if rows.empty:
@@ -134,6 +147,7 @@ class Findings:
     def values(self) -> dict[str, Any]:
         """The values of ``--json``: shares between 0 and 1, units as in the columns."""
         plan, measure, confidence = self.plan, self.measure, self.confidence
+        sure = answers(self.rows, plan, confidence)
         return {
             "dataset": self.url,
             "title": plan.campaign.title,
@@ -146,6 +160,7 @@ class Findings:
             "requirements": self._requirements(),
             "groups": [self._summary(*group) for group in self.groups()],
             "paired": paired(self.rows, measure, confidence=confidence) if measure else [],
+            **({"sure": sure} if sure else {}),
         }
 
     def _summary(self, group: Group, rows: pd.DataFrame) -> dict[str, Any]:
@@ -299,6 +314,29 @@ def findings_of(
     success = rows[SUCCESS].to_numpy(dtype=bool, na_value=False)
     rows = rows.assign(**texts, **numbers, success=success)
     return Findings(url=url, plan=plan, rows=rows, versions=versions or {})
+
+
+def answers(rows: pd.DataFrame, plan: Plan, confidence: float = CONFIDENCE) -> Answers:
+    """Of each group whether the share asked for succeeds, empty if it is not sure.
+
+    `rows` have plant, gains and success of the first runs. There is no answer without a question.
+    """
+    if (wanted := plan.campaign.until_sure) is None:
+        return {}
+    counts = rows.groupby(["plant", "gains"], sort=False)[SUCCESS].agg(["size", "sum"]).astype(int)
+    return {
+        Group(plant, gains).label: sure(n - met, n, 1.0 - wanted, confidence)
+        for (plant, gains), n, met in counts.itertuples()
+    }
+
+
+def answer_words(answers: Mapping[str, str], wanted: float | None) -> str:
+    """The answers about a share in sentences, one for all groups that have the same."""
+    return " ".join(
+        text.format(share=f"{100.0 * (wanted or 0.0):.10g} %", groups=listed(groups))
+        for kind, text in ANSWERS.items()
+        if (groups := [group for group, answer in answers.items() if answer == kind])
+    )
 
 
 def _completed(rows: pd.DataFrame) -> pd.DataFrame:
