@@ -227,11 +227,14 @@ def _signals(
     """Units of the signals of a kind, or of some recorded ones, and the models of a monitor."""
     if of in OWN_SIGNALS:
         return dict(OWN_SIGNALS[of]), ()
+    if of is None and not chosen:  # all runs have them, so that no flight need say it
+        names = OFF_ROUTE if plan.campaign.central.route else ERRORS
+        return {name: SIGNAL_UNITS[name] for name in names}, ()
     run = fly_group(plan, plan.campaign.central, plan.groups[0])
     if of == "monitor":
         models = models_of(run.signals)
         return units_of(models, SIGNAL_UNITS), models
-    names = dict.fromkeys(chosen or (OFF_ROUTE if plan.campaign.central.route else ERRORS))
+    names = dict.fromkeys(chosen or ())
     for name in names:
         if name not in run.signals:
             if run.reason and not len(run.signals):
