@@ -112,11 +112,13 @@ def write_ulog(path, t, signals, *, vehicle=2):
         out.append(message("F", f"{name}:uint64_t timestamp;{layout}".encode()))
     for number, name in enumerate(topics):
         out.append(message("A", struct.pack("<BH", 0, number) + name.encode()))
-    for k, stamp in enumerate(t):
-        for number, (_, values) in enumerate(topics.values()):
-            row = values[k].astype("<f4").tobytes()
-            out.append(message("D", struct.pack("<HQ", number, round(1e6 * stamp) + 10**6) + row))
-    path.write_bytes(b"".join(out))
+    stamps, rows = np.round(1e6 * t).astype("<u8") + 10**6, []
+    for number, (_, values) in enumerate(topics.values()):
+        numbers = np.ascontiguousarray(values, dtype="<f4")
+        length = 2 + 8 + 4 * numbers.shape[1]
+        head = np.frombuffer(struct.pack("<HBH", length, ord("D"), number), "u1")
+        rows += [np.tile(head, (len(t), 1)), stamps[:, None].view("u1"), numbers.view("u1")]
+    path.write_bytes(b"".join(out) + np.hstack(rows).tobytes())
     return path
 
 
@@ -150,12 +152,13 @@ def write_dataflash(path, t, signals, *, vehicle="ArduPlane V4.5", old=False, ev
         length = 3 + size + 4 * len(values)
         out.append(_format(number, length, name, layout, f"{clock},{columns}"))
     out.append(b"\xa3\x95" + struct.pack("<BQ64s", 129, 10**6, vehicle.encode()))
-    for k, stamp in enumerate(t):
-        for number, (_, values) in enumerate(messages.values(), 130):
-            row = np.array([column[k] for column in values], dtype="<f4").tobytes()
-            stamped = struct.pack(f"<B{code}", number, round(per_s * (stamp + 1.0)))
-            out.append(b"\xa3\x95" + stamped + row)
-    path.write_bytes(b"".join(out))
+    stamps = np.round(per_s * (t + 1.0)).astype(f"<u{struct.calcsize(code)}")
+    rows = []  # of each message, as bytes, shape (len(t), its length)
+    for number, (_, values) in enumerate(messages.values(), 130):
+        head = np.tile(np.frombuffer(struct.pack("<2sB", b"\xa3\x95", number), "u1"), (len(t), 1))
+        numbers = np.column_stack(values).astype("<f4")
+        rows += [head, stamps[:, None].view("u1"), numbers.view("u1")]
+    path.write_bytes(b"".join(out) + np.hstack(rows).tobytes())
     return path
 
 

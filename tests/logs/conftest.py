@@ -6,14 +6,16 @@ from log_files import LOAD, ROLL, sampled
 
 import flighttune as ft
 
+LASTS = 150.0  # s: of the flight
+
 
 @pytest.fixture(scope="session")
 def flight():
-    """Five minutes at 50 Hz: steps of course and path angle of many sizes, on a lagged plant."""
+    """Steps of course and path angle of many sizes at 50 Hz, on a lagged plant."""
     random = np.random.default_rng(7)
 
     def steps(size, every, sign=1.0):
-        for k in range(int(290.0 / every)):
+        for k in range(int((LASTS - 10.0) / every)):
             sign = -sign
             change = float(sign * size * (0.4 + 0.6 * random.random()))
             yield {"shape": "step", "start_s": 2.0 + every * k, "change_deg": change}
@@ -21,7 +23,7 @@ def flight():
     scenario = {
         "title": "Logged",
         "gains": [{"name": "mine", "K_P": [[1.0, 0], [0, 2.0]], "K_I": [[0.05, 0], [0, 0.2]]}],
-        "flight": {"V_a_mps": 22.0, "duration_s": 300.0},
+        "flight": {"V_a_mps": 22.0, "duration_s": LASTS},
         "reference": {"chi_deg": [*steps(50.0, 7.0)], "gamma_deg": [*steps(8.0, 5.0)]},
         "limits": {"phi_deg": [-45, 45], "n_z": [0.3, 2.0]},
         "controller": {"rate_hz": 50.0, "feed_forward": True},

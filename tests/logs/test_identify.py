@@ -106,7 +106,7 @@ def test_telemetry_identifies_roll_and_takes_the_other_channel_as_assumed(flight
 @pytest.mark.slow
 def test_several_logs_score_each_other(flight, log):
     whole = ft.load_log(log)
-    halves = [f"{log}@0:150", f"{log}@150:300"]
+    halves = [f"{log}@0:75", f"{log}@75:150"]
 
     found = ft.identify(*halves)
 
@@ -184,7 +184,7 @@ def test_the_tube_of_a_model_from_logs_is_of_the_residual_rates_that_they_show(m
 
     mean = 0.02 * np.sin(0.1 * np.pi) / (0.1 * np.pi)  # of the swing, over 1 s about its peak
     assert found.log.residual_rad_s["chi"] == pytest.approx(mean, abs=quiet.residual_rad_s["chi"])
-    assert found.log.residual_stretches > 30
+    assert found.log.residual_stretches > 20
     assert tube.status == "bounded"
     assert tube.problem.disturbance == max(found.log.residual_rad_s.values())
     assert "no claim about other flights" in " ".join(tube.answer().notes)

@@ -86,7 +86,7 @@ def test_a_gap_is_a_gap(clean, tmp_path):
     gap = run.signals["phi"].isna()
     assert gap.sum() * (run.t[1] - run.t[0]) == pytest.approx(3.0, abs=0.1)
     assert run.signals["phi"][40.0:49.9].notna().all()
-    assert "phi: 1.0% of the time" in run.provenance.log["gaps"]
+    assert "phi: 2.1% of the time" in run.provenance.log["gaps"]
 
 
 def test_a_dataflash_log_with_a_clock_in_ms_is_read(clean, tmp_path):
@@ -153,8 +153,8 @@ def test_a_log_is_cut_into_flight_modes_and_says_what_is_odd(clean, tmp_path):
     }
     path = write_dataflash(tmp_path / "flight.bin", t, signals, events=events)
 
-    log = ft.load_log(path).provenance.log
-    part = ft.load(f"{path}@auto")
+    whole, part = ft.load_log(path), ft.load(f"{path}@auto")
+    log = whole.provenance.log
 
     end = f"{t[-1]:.1f}"
     assert log["phases"] == [
@@ -163,15 +163,13 @@ def test_a_log_is_cut_into_flight_modes_and_says_what_is_odd(clean, tmp_path):
         f"FBWA for {t[-1] - 40.0:.1f} s: 0.0 to 30.0, 60.0 to 90.0, 100.0 to {end} s",
         "AUTO for 40.0 s: 30.0 to 60.0, 90.0 to 100.0 s",
     ]
-    assert re.search(r"clipped 2\d\d times, first at 81\.0 s", log["odd"][0])
+    assert re.search(r"clipped [67]\d times, first at 81\.0 s", log["odd"][0])
     assert "up to 40 m/s2, where up to 30 is acceptable" in log["odd"][1]
     assert re.search(r"for (3\.9|4\.0) s, first at 70\.0 s", log["odd"][2])
     assert part.duration == pytest.approx(70.0, abs=0.1)
     assert part.signals["phi"][:30.0].notna().all()
     assert part.signals["phi"][30.1:59.9].isna().all()
-    assert part.signals["phi"].iloc[100] == pytest.approx(
-        ft.load_log(path).signals["phi"].iloc[850]
-    )
+    assert part.signals["phi"].iloc[100] == pytest.approx(whole.signals["phi"].iloc[850])
     with pytest.raises(ft.InputError, match=r"FBWA, AUTO, got 'LAND'"):
         ft.load(f"{path}@LAND")
 
@@ -327,7 +325,7 @@ def test_pitch_and_height_without_a_vertical_speed_are_checked(table, columns, s
     )
 
     assert right["wrong"] == passed["wrong"] == []
-    assert re.search(says, wrong["wrong"][-1])
+    assert any(re.search(says, reason) for reason in wrong["wrong"])
     assert re.search(f"{says}.*, which --column trusted= passes", str(passed["checks"]))
 
 
