@@ -11,7 +11,7 @@ import pandas as pd
 import pytest
 from commands import answer, flighttune
 from geographiclib.geodesic import Geodesic
-from made_up import scenario_file
+from made_up import scenario_file, shortened
 from plans import item, plan_file, waypoint
 from scipy.integrate import cumulative_trapezoid
 from scipy.stats import binom
@@ -45,6 +45,12 @@ WRITTEN = 0.002
 CLIMBS = 0.3
 
 FEW = {"epsilon": 0.3, "confidence": 0.9, "learn": 10, "flights": 7, "workers": 1}
+
+
+@pytest.fixture
+def few_learned(monkeypatch):
+    """A shape of ten flights is as wide as fresh ones make it, as one of many."""
+    monkeypatch.setattr("flighttune.campaign.mission.LEARN_TURNS", 10)
 
 
 @pytest.fixture(scope="module")
@@ -205,11 +211,12 @@ def test_volumes_are_over_the_ground_and_their_room_is_in_whole_metres():
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("few_learned")
 def test_fresh_flights_keep_to_the_volume_that_is_written():
     """Flights of another seed from the edge of the flight geography, put on the route by hand."""
-    corners = [(0.0, 0.0, 0.0), (800.0, 0.0, 20.0), (800.0, 900.0, 20.0)]
+    corners = [(0.0, 0.0, 0.0), (400.0, 0.0, 20.0), (400.0, 450.0, 20.0)]
     waypoints = [{"north_m": n, "east_m": e, "up_m": up} for n, e, up in corners]
-    changes = {"route.waypoint": waypoints, "flight.ground_m": 900.0, "flight.duration_s": 120.0}
+    changes = {"route.waypoint": waypoints, "flight.ground_m": 900.0, "flight.duration_s": 40.0}
     few = {"plant": "kinematic", "gains": "paper", "learn": 10, "workers": 1, "changes": changes}
     corridor = ft.band("circuit", start_deg=1.0, epsilon=0.1, confidence=0.9, flights=22, **few)
     room = ft.mission(corridor, turn_back=BANK, epsilon=0.1, confidence=0.9).room
@@ -274,9 +281,10 @@ def test_a_flight_turns_back_at_the_airspeed_of_its_place(tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("few_learned")
 def test_the_room_of_another_route_or_of_a_distance_ahead_is_refused(tmp_path):
     few = {"plant": "kinematic", "gains": "paper", "start_deg": 1.0, **FEW}
-    flight = {"flight.duration_s": 30.0}
+    flight = {"flight.duration_s": 20.0}
     legs = [{"north_m": n, "east_m": 0.0} for n in (0.0, 300.0)]
     own = ft.band("circuit", changes={"route.waypoint": legs} | flight, **few)
     room = ft.mission(own, turn_back=30).room
@@ -298,11 +306,11 @@ def test_the_room_of_another_route_or_of_a_distance_ahead_is_refused(tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("few_learned")
 def test_the_command_counts_the_room_and_writes_the_volumes(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    circuit = ft.load_scenario("circuit")
     leg = {"waypoint": [{"north_m": n, "east_m": 0.0} for n in (0.0, 300.0)]}
-    legs = scenario_file(Path("leg.toml"), circuit, route=leg, expect=[])
+    legs = scenario_file(Path("leg.toml"), shortened("circuit", 13.0), route=leg)
     few = ("--epsilon", 0.3, "--confidence", 0.9, "--flights", 7, "--workers", 1)
     answer(
         "band", legs, "--plant", "kinematic", "--gains", "paper", "--start-deg", 1,
@@ -327,4 +335,5 @@ def test_the_command_counts_the_room_and_writes_the_volumes(tmp_path, monkeypatc
     assert "largest distance from the route" in page
     assert "A line joins" not in page
     assert answer("verify", told["room"])["valid"]
-    assert "got a TurnBack" in flighttune("fly", "paper", "--claim", told["room"], status=2)[1]
+    flying = "fly", "paper_as_printed", "--set", "flight.duration_s=1", "--claim", told["room"]
+    assert "got a TurnBack" in flighttune(*flying, status=2)[1]
