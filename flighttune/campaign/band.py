@@ -112,10 +112,10 @@ def band(  # noqa: PLR0913 - each is a choice of the user, and has a default
 
     Examples
     --------
-    >>> few = {"epsilon": 0.3, "confidence": 0.9, "learn": 10}
+    >>> few = {"epsilon": 0.3, "confidence": 0.9, "learn": 10, "flights": 7}
     >>> band = ft.band("level_turn", start_deg=2.0, plant="kinematic", **few)
     >>> len(band.scores), band.outside
-    (29, 5)
+    (7, 0)
     """
     by = workers, scheduler, observer
     if kept := written(source, BAND):  # of any kind of count
@@ -202,9 +202,9 @@ def residual(  # noqa: PLR0913 - as `band`
 
     Examples
     --------
-    >>> few = {"epsilon": 0.3, "confidence": 0.9, "learn": 10}
+    >>> few = {"epsilon": 0.3, "confidence": 0.9, "learn": 10, "flights": 7}
     >>> len(ft.residual("feasible", start_deg=2.0, **few).scores)
-    29
+    7
     """
     stated = flights_of_source(source, changes=changes).starting(start_deg)
     plan, by = drawn(stated, plant, gains, air, seed), (workers, scheduler, observer)
@@ -363,7 +363,7 @@ def monitor(  # noqa: PLR0913 - as `band`
 
     Examples
     --------
-    >>> few = {"epsilon": 0.3, "confidence": 0.9, "learn": 20, "workers": 1}
+    >>> few = {"epsilon": 0.3, "confidence": 0.9, "learn": 20, "flights": 7, "workers": 1}
     >>> monitor = ft.monitor("level_turn", start_deg=2.0, **few)
     >>> [model.name for model in monitor.watch.models]
     ['airspeed', 'elevator', 'trim', 'climb', 'roll', 'turn']

@@ -68,7 +68,7 @@ class MissionOdds(Answering):
     Examples
     --------
     >>> few = {"epsilon": 0.3, "confidence": 0.9, "flights": 7}
-    >>> short = {"route.waypoint": [{"north_m": n, "east_m": 0.0} for n in (0.0, 600.0)]}
+    >>> short = {"route.waypoint": [{"north_m": n, "east_m": 0.0} for n in (0.0, 300.0)]}
     >>> odds = ft.mission("circuit_in_wind", changes=short, **few)
     >>> odds.room is None, [*odds.band.about.signals]
     (True, ['cross_track', 'height_err'])
@@ -189,7 +189,7 @@ def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
     Examples
     --------
     >>> few = {"epsilon": 0.3, "confidence": 0.9, "flights": 7}
-    >>> short = {"route.waypoint": [{"north_m": n, "east_m": 0.0} for n in (0.0, 600.0)]}
+    >>> short = {"route.waypoint": [{"north_m": n, "east_m": 0.0} for n in (0.0, 300.0)]}
     >>> ft.mission("circuit_in_wind", changes=short, **few).answer().values["flights"]
     7
     """

@@ -139,8 +139,9 @@ class Residual(SignalBounds):
 
     Examples
     --------
-    >>> ft.residual("feasible", start_deg=2.0, epsilon=0.3, confidence=0.9, learn=10).outside
-    5
+    >>> few = {"epsilon": 0.3, "confidence": 0.9, "learn": 10, "flights": 7}
+    >>> ft.residual("feasible", start_deg=2.0, **few).outside
+    0
     """
 
     of: ClassVar[Of] = "residual"
@@ -177,7 +178,7 @@ class Band(SignalBounds):
 
     Examples
     --------
-    >>> few = {"epsilon": 0.3, "confidence": 0.9, "learn": 10, "workers": 1}
+    >>> few = {"epsilon": 0.3, "confidence": 0.9, "learn": 10, "flights": 7, "workers": 1}
     >>> band = ft.band("level_turn", start_deg=2.0, plant="kinematic", **few)
     >>> bounds = band.bounds([0.0, 1.0])
     >>> bounds.names, bounds.low.shape

@@ -106,10 +106,10 @@ class Monitor(Counted, Watching):
 
     Examples
     --------
-    >>> few = {"epsilon": 0.3, "confidence": 0.9, "learn": 20, "workers": 1}
+    >>> few = {"epsilon": 0.3, "confidence": 0.9, "learn": 20, "flights": 7, "workers": 1}
     >>> monitor = ft.monitor("level_turn", start_deg=2.0, **few)
     >>> len(monitor.scores), monitor.outside
-    (29, 5)
+    (7, 0)
     """
 
     of: ClassVar[Of] = "monitor"

@@ -260,7 +260,7 @@ def plot(value: FlownScenario | Run | Iterable[Run] | SignalBounds | Tube) -> Sh
     Examples
     --------
     >>> ft.plot(ft.fly(ft.load_scenario("paper_as_printed"))).save("flight.svg")
-    >>> few = {"epsilon": 0.3, "confidence": 0.9, "learn": 10}
+    >>> few = {"epsilon": 0.3, "confidence": 0.9, "learn": 10, "flights": 7}
     >>> band = ft.band("level_turn", start_deg=2.0, plant="kinematic", **few)
     >>> ft.plot(band).save("band.svg")
     """

@@ -101,10 +101,10 @@ class CampaignObserver:
     ...     def see(self, progress):
     ...         self.runs = progress.runs
     >>> seen = Seen()
-    >>> few = {"epsilon": 0.3, "confidence": 0.9, "learn": 10, "workers": 1}
+    >>> few = {"epsilon": 0.3, "confidence": 0.9, "learn": 10, "flights": 7, "workers": 1}
     >>> band = ft.band("level_turn", start_deg=2.0, plant="kinematic", observer=seen, **few)
     >>> seen.runs
-    29
+    7
     """
 
     stopped = False  # set to True to stop; what has been flown stays
