@@ -23,6 +23,9 @@ LEAST_RECORDING = 100_000
 DOCS = Path(__file__).parents[1] / "docs"
 NOTEBOOKS = [DOCS / "tour.ipynb", *sorted((DOCS / "notebooks").glob("*.ipynb"))]
 
+# What they show is what other tests count: agents, requirements, missions and logs.
+OF_OTHER_TESTS = "agent", "requirement", "mission"
+
 # Of a cell; until the last thread of a recording has ended: s
 LONGEST, ENDED_S = 120.0, 20.0
 
@@ -141,7 +144,7 @@ def test_the_widget_of_a_kernel_gets_a_recording_that_the_viewer_draws(kernel, t
 @pytest.mark.parametrize(
     "file",
     [
-        pytest.param(file, marks=[pytest.mark.counts] * (file.stem in ("agent", "requirement")))
+        pytest.param(file, marks=[pytest.mark.counts] * (file.stem in OF_OTHER_TESTS))
         for file in NOTEBOOKS
     ],
     ids=lambda file: file.stem,

@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from fuzzing import first_or_all
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from made_up import made_up_scenario
@@ -262,16 +261,15 @@ THREE_DIGITS = 5e-4
 """Half of the last digit in docs/exact_law.md, deg."""
 
 
-@pytest.mark.soak
+# Each takes half a minute for figures of a page; the tests around it prove tubes of this kind.
+@pytest.mark.counts
 @pytest.mark.parametrize(
     ("name", "half_widths"),
-    first_or_all(
-        [
-            ("exact:tuned_fed_back", (0.083, 0.080)),
-            ("tuned_identified", (0.185, 0.180)),
-            ("exact:tuned_identified", (0.111, 0.116)),
-        ]
-    ),
+    [
+        ("exact:tuned_fed_back", (0.083, 0.080)),
+        ("tuned_identified", (0.185, 0.180)),
+        ("exact:tuned_identified", (0.111, 0.116)),
+    ],
 )
 def test_the_level_turn_of_the_docs_has_the_half_widths_printed_there(name, half_widths):
     turn = ft.tube("exact_law", name, plant="point_mass", disturbance=0.002, changes=LEVEL_TURN)
