@@ -358,15 +358,16 @@ def monitor(  # noqa: PLR0913 - as `band`
     Notes
     -----
     A residual is a signal, behind a lag of 0.5 s, minus the weighted sum of its terms behind the
-    same lag. The score of a flight is the largest residual so far over its limit, so that one
-    number is counted for a flight (Wilks, as for `band`). Of a log the first 8 s are not judged.
+    same lag; of elevator and power also minus its own past. The score of a flight is the largest
+    residual so far over its limit, so that one number is counted for a flight (Wilks, as for
+    `band`). Of a log the first 8 s are not judged.
 
     Examples
     --------
     >>> few = {"epsilon": 0.3, "confidence": 0.9, "learn": 20, "flights": 7, "workers": 1}
     >>> monitor = ft.monitor("level_turn", start_deg=2.0, **few)
     >>> [model.name for model in monitor.watch.models]
-    ['airspeed', 'elevator', 'trim', 'climb', 'roll', 'turn']
+    ['airspeed', 'speed change', 'elevator', 'trim', 'climb', 'power', 'roll', 'turn']
     """
     of_file = isinstance(source, str | Path) and kind_of(source) == LOG
     if isinstance(source, Run) or logs or of_file:

@@ -195,7 +195,8 @@ def _learned(
         coefficients, half = learned_shape(*kept, epsilon)
     except InputError as error:
         raise InputError(f"{error}{why_ended(pool.progress.endings)}") from error
-    return coefficients, half * HEIGHT_ROOM if about.of == "turn_back" else half
+    room = HEIGHT_ROOM if about.of == "turn_back" else [x.room for x in about.models] or 1.0
+    return coefficients, half * room
 
 
 def _taught(pool: WorkerPool, plan: Plan, about: About) -> tuple[SignalModel, ...]:

@@ -135,6 +135,7 @@ def monitor_source(monitor: Watching, *, title: str, dt: float) -> str:
         for watch in watches
     )
     keep_mean = [math.exp(-dt / model.mean_s) if model.mean_s else 0.0 for model in models]
+    keep_past = [math.exp(-dt / model.past_s) if model.past_s else 1.0 for model in models]
     return Template((_FOLDER / "monitor.c").read_text(encoding="utf-8")).substitute(
         title=_comment(title),
         version=__version__,
@@ -153,6 +154,7 @@ def monitor_source(monitor: Watching, *, title: str, dt: float) -> str:
         half=_rows(watch.half.tolist() for watch in watches),
         keep_term=_number(math.exp(-dt / LAG_S)),
         keep_mean=_numbers(keep_mean),
+        keep_past=_numbers(keep_past),
         lag_s=_number(LAG_S),
         step="\n".join(f"    term[{i}] = {term};" for i, term in enumerate(terms)),
     )

@@ -31,6 +31,7 @@ struct ft_monitor {
     long samples;
     double lag[FT_LAGS];
     double mean[FT_WATCHES][FT_MODELS];
+    double past[FT_WATCHES][FT_MODELS];
     double largest[FT_WATCHES];
 };
 
@@ -41,6 +42,7 @@ static const double middle[FT_WATCHES][FT_MODELS] = {${middle}};
 static const double half[FT_WATCHES][FT_MODELS] = {${half}};
 static const double keep_term = ${keep_term}; /* of a lag over one sample */
 static const double keep_mean[FT_MODELS] = {${keep_mean}};
+static const double keep_past[FT_MODELS] = {${keep_past}}; /* 1 where the past is not subtracted */
 
 static double ft_lagged(struct ft_monitor *m, int i, double value)
 {
@@ -83,7 +85,10 @@ ${step}
                 for (j = first_term[i]; j < first_term[i + 1]; j++)
                     residual += weight[w][j] * term[j];
                 m->mean[w][i] = (1.0 - keep_mean[i]) * residual + keep_mean[i] * m->mean[w][i];
-                score = fabs(m->mean[w][i] - middle[w][i]) / half[w][i];
+                if (m->samples == FT_FIRST_JUDGED && keep_past[i] < 1.0)
+                    m->past[w][i] = residual;
+                m->past[w][i] += (1.0 - keep_past[i]) * (residual - m->past[w][i]);
+                score = fabs(m->mean[w][i] - m->past[w][i] - middle[w][i]) / half[w][i];
                 if (score > largest) {
                     largest = score;
                     by = i;

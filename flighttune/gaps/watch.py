@@ -67,6 +67,7 @@ class SignalModel:
     target: str
     terms: tuple[str, ...]
     mean_s: float = 0.0  # lag of the residual itself, s
+    past_s: float = 0.0  # lag of its own past that is subtracted from it, s; 0 subtracts none
     room: float = 1.0  # factor on its limit: more where healthy flights differ most
     weights: tuple[float, ...] = ()
 
@@ -80,23 +81,29 @@ class SignalModel:
 
 
 def _model(
-    name: str, target: str, terms: str, mean_s: float = 0.0, room: float = 1.0
+    name: str, target: str, terms: str, mean_s: float = 0.0, past_s: float = 0.0, room: float = 1.0
 ) -> SignalModel:
-    words = tuple(terms.split())
-    return SignalModel(name=name, target=target, terms=words, mean_s=mean_s, room=room)
+    parts = tuple(terms.split())
+    lags = {"mean_s": mean_s, "past_s": past_s}
+    return replace(SignalModel(name=name, target=target, terms=parts, room=room), **lags)
 
 
 # Of models of one name the first counts whose signals there are. In words: the airspeed is that
-# commanded; the elevator carries lift at this dynamic pressure; throttle, less drag and less what
-# accelerates, climbs; roll follows its command behind a lag; the nose turns with the roll.
+# commanded; airspeed and ground speed change together; the elevator carries lift at this dynamic
+# pressure; throttle, less drag and less what accelerates, climbs; roll follows its command behind
+# two lags; the nose turns with the roll. Mass, lift and trim differ from flight to flight, which
+# hides a change in a flight: elevator and power are compared with their own past.
 _ELEVATOR = "1 n_z/V_a/V_a q/V_a"
+_CLIMB, _POWER = "V_g*sin_gamma/V_a", "1 throttle n_z*n_z/V_a/V_a V_a*V_a"
 MODELS = (
     _model("airspeed", "V_err", "1"),
     _model("airspeed", "V_a", "1"),
-    _model("elevator", "elevator", _ELEVATOR),
-    _model("trim", "elevator", _ELEVATOR, 5.0),
-    _model("climb", "V_g*sin_gamma/V_a", "1 throttle n_z*n_z/V_a/V_a V_a*V_a d(V_a)"),
-    _model("roll", "d(phi)", "1 phi_cmd phi"),
+    _model("speed change", "d(V_a)", "1 d(V_g)", room=1.1),
+    _model("elevator", "elevator", _ELEVATOR, past_s=20.0),
+    _model("trim", "elevator", _ELEVATOR, mean_s=5.0, room=1.2),
+    _model("climb", _CLIMB, f"{_POWER} d(V_a)"),
+    _model("power", _CLIMB, f"{_POWER} d(V_g)", past_s=3.0),
+    _model("roll", "p", "1 phi_cmd phi d(p) d(phi_cmd)"),
     _model("turn", "r", "1 sin_phi/V_a p"),
     _model("turn", "r", "1 sin_phi/V_g p"),
 )
@@ -104,11 +111,11 @@ MODELS = (
 # drag where the flight is too slow, no force acts sideways, and roll and pitch follow their
 # commands at a rate that saturates.
 OF_LOGS = (
-    _model("airspeed", "V_err", "1", 0.0, 1.5),
+    _model("airspeed", "V_err", "1", room=1.5),
     _model("thrust", "slow*excess", "slow"),
     _model("side force", "f_y", "1 phi"),
-    _model("roll", "p", "1 to_roll", 4.0, 1.6),
-    _model("pitch", "d(theta)", "1 to_pitch", 2.0),
+    _model("roll", "p", "1 to_roll", mean_s=4.0, room=1.6),
+    _model("pitch", "d(theta)", "1 to_pitch", mean_s=2.0),
     _model("turn", "r", "1 sin_phi p"),
     *MODELS,
 )
@@ -204,11 +211,12 @@ def residuals(
     models: Sequence[SignalModel], columns: Sequence[FloatArray], dt: float
 ) -> FloatArray:
     """The part of its target that each model misses, shape (n, models)."""
-    missing = (
-        lagged(each[-1] - np.array(model.weights) @ each[:-1], dt, model.mean_s, 0.0)
-        for model, each in zip(models, columns, strict=True)
-    )
-    return np.column_stack(list(missing))
+    residual = []
+    for model, each in zip(models, columns, strict=True):
+        missing = each[-1] - np.array(model.weights) @ each[:-1]
+        past = lagged(missing, dt, model.past_s) if model.past_s else 0.0
+        residual.append(lagged(missing, dt, model.mean_s, 0.0) - past)
+    return np.column_stack(residual)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -248,4 +256,4 @@ def units_of(models: Sequence[SignalModel], units: Mapping[str, str]) -> dict[st
     return {x.name: RESIDUAL_UNITS.get(x.name) or units.get(x.target, "") for x in models}
 
 
-RESIDUAL_UNITS = {"climb": "1", "roll": "rad/s"}
+RESIDUAL_UNITS = {"climb": "1", "power": "1", "speed change": "m/s2"}

@@ -78,3 +78,18 @@ def test_a_step_that_is_not_expected_alarms_when_its_lag_reaches_the_limit(turni
     assert alarm.why == "turn"
     assert alarm.at_s - 40.0 == pytest.approx(LAG_S * math.log(4.0), abs=1.0 / RATE)
     assert watch.alarm(turning()) is None
+
+
+def test_a_residual_less_its_past_forgets_an_offset_and_then_a_step(turning):
+    """A step behind the lag, less itself behind the lag of the past, in continuous time."""
+    past_s, step, offset, began = 5.0, 0.2, 0.3, 40.0
+    models = models_of(turning().signals)
+    (model,) = taught(models, [moments(columns_of(models, turning()))])
+    run = turning(offset + np.where(T >= began, step, 0.0))
+
+    (missing,) = residuals([replace(model, past_s=past_s)], columns_of(models, run), 1.0 / RATE).T
+
+    since = np.maximum(T[: len(missing)] - began + 1.0 / RATE, 0.0)
+    lags = np.exp(-since / past_s) - np.exp(-since / LAG_S)
+    assert missing == pytest.approx(step * past_s / (past_s - LAG_S) * lags, abs=step / RATE)
+    assert missing[T[: len(missing)] < began] == pytest.approx(0.0, abs=1e-6)
