@@ -11,7 +11,6 @@ from test_shipped import built, copied_sources
 pytestmark = pytest.mark.soak
 
 COMMANDS = """
---version
 fly paper
 certify paper --out certificate.json
 verify certificate.json
@@ -23,6 +22,20 @@ export paper --out folder
 campaign first_campaign --runs 8
 """.strip().splitlines()
 NEED_AN_EXTRA = {"campaign first_campaign --out other --scheduler tcp://127.0.0.1:1": "cluster"}
+
+END = "end of a command"
+# To import the package anew for each would take half of the time of all.
+IN_ONE_PROCESS = f"""
+import sys
+from flighttune.cli import main
+for command in {COMMANDS}:
+    sys.argv = ["flighttune", *command.split()]
+    try:
+        main()
+    except SystemExit as ended:
+        assert not ended.code, (command, ended.code)
+    print("{END}", flush=True)
+"""
 
 
 @pytest.fixture(scope="module")
@@ -44,17 +57,20 @@ def test_a_stranger_flies_from_the_wheel(wheel, tmp_path):
     # Its own path and home alone, and a locale that has no Greek.
     clean = {"PATH": os.defpath, "HOME": str(home), "LC_ALL": "C", "PYTHONCOERCECLOCALE": "0"}
 
-    def run(command):
-        words = [folder / "bin" / "flighttune", *command.split()]
+    def run(program, *words):
+        words = [folder / "bin" / program, *words]
         return subprocess.run(words, cwd=work, env=clean, capture_output=True, check=False)
 
-    for command in COMMANDS:
-        done = run(command)
-        assert done.returncode == 0, (command, done.stderr)
-        assert b"Warning" not in done.stderr, command
-        assert done.stdout, command
+    one, many = run("flighttune", "--version"), run("python", "-c", IN_ONE_PROCESS)
+    for done in (one, many):
+        assert done.returncode == 0, done.stderr
+        assert b"Warning" not in done.stderr
+    printed = many.stdout.split(END.encode())
+    assert one.stdout
+    assert len(printed) == len(COMMANDS) + 1
+    assert all(text.strip() for text in printed[:-1])
     for command, extra in NEED_AN_EXTRA.items():
-        done = run(command)
+        done = run("flighttune", *command.split())
         assert (done.returncode, done.stdout) == (2, b""), command
         (line,) = done.stderr.decode("ascii").splitlines()
         assert f"'flighttune[{extra}]'" in line
