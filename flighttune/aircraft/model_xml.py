@@ -296,11 +296,11 @@ def _inlined(holder: Element, folders: Sequence[Path]) -> Element:
 
 
 def found_file(name: str, folders: Sequence[Path], named_in: Path) -> Path:
-    """The file that JSBSim finds under a name; in the last of the folders where there is none."""
+    """The file that JSBSim finds under a name; in the first of the folders where there is none."""
     file = name if name.endswith(".xml") else f"{name}.xml"
     # Of a name that is too long for any file system, `Path.exists` raises an error.
     files = (folder / file for folder in folders if os.path.exists(folder / file))
-    path = next(files, folders[-1] / file)
+    path = next(files, folders[0] / file)
     if os.path.exists(path) and not os.path.isfile(path):  # JSBSim would wait for a pipe
         raise PlantError(f"{named_in}: `file` must name a file, got {path}.")
     # A file of somebody else must not reach out of its folder, by its path or behind a symlink.

@@ -30,8 +30,9 @@ MODEL_FILE = "`model` must be a file of JSBSim's"
 # Elements by which JSBSim opens files and sockets on its first evaluation.
 CONNECTIONS = ("output", "input")
 
-# Elements whose files are in the folder of engines.
+# Elements whose files are in the folder of engines, and the names that JSBSim knows it by.
 ENGINES = ("engine", "thruster")
+ENGINE_FOLDERS = ("Engines", "engines", "Engine", "engine")
 
 # Engines without an inertia of their own: in long steps the speed of their propellers diverges.
 # Root tags of the files of engines: motors without inertia, which settle in milliseconds; rockets.
@@ -89,8 +90,7 @@ class ModelFolders:
     @property
     def parts(self) -> tuple[Path, ...]:
         """Folders in which a part of the model is looked for, in this order."""
-        names = ("Engines", "engines", "Engine", "engine", "Systems", "systems")  # as in JSBSim
-        folders = (self.model / name for name in ("", *names))
+        folders = (self.model / name for name in ("", *ENGINE_FOLDERS, "Systems", "systems"))
         above = (self.model.parent,) if self.below_aircraft else ()
         return (*folders, *above, *self.near, self.engines, self.systems)
 
@@ -119,10 +119,13 @@ def source_folders(config: AircraftConfig) -> ModelFolders:
     # In a folder laid out like JSBSim's own, parts that models share are two levels up. Those of
     # FlightGear's aircraft are in the folder of the aircraft, which may hold the main file below.
     above, aircraft = file.parent.parent.parent, file.parent.parent
+    # Engines are also found beside a main file that has no folder for them.
+    alone = not any((file.parent / folder).is_dir() for folder in ENGINE_FOLDERS)
+    beside = (file.parent,) if alone else ()
     near = tuple(
         next((place for place in places if place.is_dir()), places[0])
         for places in (
-            (above / "engine", above / "Engines", aircraft / "Engines"),
+            (above / "engine", above / "Engines", aircraft / "Engines", *beside),
             (above / "systems", above / "Systems", aircraft / "Systems"),
         )
     )
