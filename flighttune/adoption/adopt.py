@@ -95,7 +95,7 @@ AIRSPEED_FACTORS = 1.25, 1.4
 # Factor on the roll rate of the very last try: spoilers that roll an aircraft spill its lift.
 GENTLE = 0.4
 
-# No further try begins after this time, s.
+# No further try begins after this time of the processor, s.
 TIME_LEFT = 100.0
 
 # Height of the flights if none is given, m; the longest glide from there, and how much steeper than
@@ -121,6 +121,9 @@ AILERON_USED = 0.8
 LIFT_USED = 0.85
 
 MAX_LOAD_FACTOR, MIN_LOAD_FACTOR = 3.0, -1.0
+
+# The lowest load factor is at most this, so that there is room below level flight.
+LARGEST_LOWEST = 0.7
 
 # Smallest load factor that must be available for a turn.
 MIN_TURN_LOAD_FACTOR = 1.5
@@ -250,7 +253,7 @@ def adopt(
     >>> ft.adopt("ball", Path("aircraft/ball")).status
     'refused'
     """
-    began, began_at = time.monotonic(), time.time()
+    began, began_at, used = time.monotonic(), time.time(), time.process_time()
     model = _model(model, folder)
     file = made_folder(folder) / "aircraft.toml"
     if file.exists() and toml_tables(file).get("source") != SOURCE:
@@ -272,7 +275,7 @@ def adopt(
             surveyed = replace(surveyed, notes=(*surveyed.notes, note))
         engines = surveyed.tables["engines"]["count"]
         facts = {**pick(surveyed, "V_a glide_ratio largest_drag notes"), "engines": engines}
-        adoption = _best(surveyed, folder, start, say, began)
+        adoption = _best(surveyed, folder, start, say, used)
     except PlantError as error:
         file = folder / model if model.endswith(".xml") else ""
         reason = str(error).removesuffix(".").split(f"{MODEL_FILE}: ", 1)[-1]
@@ -358,7 +361,9 @@ def _of_flightgear(path: Path) -> Path:
     if other and not (named or mains):
         raise InputError(f"{path}: its flight model must be JSBSim's (jsb), got {other}.")
     if len({*named.values()}) != 1:
-        several = ", ".join(file.name for file in named or mains) or "none"
+        several = ", ".join(file.name for file in named or mains)
+        faults = (_fault(file) for file in sorted(path.glob("*.xml")) if file.is_file())
+        several = several or next(filter(None, faults), "none")
         raise InputError(f"{path}: must hold one aircraft of JSBSim's, got {several}.")
     file, aero = next(iter(named.items()))
     main = file.parent / f"{aero}.xml"
@@ -374,6 +379,15 @@ def _is_main(file: Path) -> bool:
         return file.is_file() and read_xml(file, str(file)).tag == "fdm_config"
     except PlantError:  # it cannot be read, and belongs to something else
         return False
+
+
+def _fault(file: Path) -> str:
+    """Why a file cannot be read; empty where it can."""
+    try:
+        read_xml(file, str(file))
+    except PlantError as error:
+        return str(error).removesuffix(".")
+    return ""
 
 
 def _settings(file: Path) -> dict[str, str]:
@@ -395,14 +409,17 @@ def _settings(file: Path) -> dict[str, str]:
     return values
 
 
-def _best(surveyed: Survey, folder: Path, h: float, say: Say, began: float) -> Adoption:
-    """The best of the tries; its files are left in the folder."""
+def _best(surveyed: Survey, folder: Path, h: float, say: Say, used: float) -> Adoption:
+    """The best of the tries; its files are left in the folder.
+
+    `used`: time of the processor at which the adoption began, s.
+    """
     best, files, refused = None, {}, None
     tries = [(share, surveyed.V_a, 1.0) for share in BANDWIDTH_SHARES]
     tries += [(1.0, factor * surveyed.V_a, 1.0) for factor in AIRSPEED_FACTORS]
     tries += [(1.0, AIRSPEED_FACTORS[-1] * surveyed.V_a, GENTLE)]
     for share, V_a, roll_rate in tries:
-        if best is not None and time.monotonic() - began > TIME_LEFT:
+        if best is not None and time.process_time() - used > TIME_LEFT:
             break
         slower = f", bandwidths times {share:g}" if best else ""
         say(f"step 5 of 9: trimming at {V_a:.0f} m/s{slower}")
@@ -546,8 +563,9 @@ def final_tables(
             f"at {surveyed.V_a:.0f} m/s it lifts {ratio:.2f} times its weight, a turn needs "
             f"{MIN_TURN_LOAD_FACTOR / LIFT_USED:.2f}"
         )
-    lowest = float(np.interp(lift.negative_stall, lift.alpha, lift.lift))
-    n_z_min = max(min(LIFT_USED * ratio * lowest, 0.4), MIN_LOAD_FACTOR)
+    lowest = ratio * float(np.interp(lift.negative_stall, lift.alpha, lift.lift))
+    lowest *= LIFT_USED if lowest < 0.0 else 1.0 / LIFT_USED  # on the side of level flight
+    n_z_min = max(min(lowest, LARGEST_LOWEST), MIN_LOAD_FACTOR)
     # Full aileron rolls at the rate power / damping in the end. Commands use a share of it, and may
     # take (bandwidth + damping) times their rate of the power. The load factor follows the elevator
     # the wrong way at first: its bandwidth stays below that zero. XX: the factor 0.12 of the rate
@@ -593,7 +611,8 @@ def elevator_zero(model: Airframe) -> float:
 def aircraft_text(tables: Mapping[str, Any], notes: Sequence[str]) -> str:
     """The text of an ``aircraft.toml``, with what was done to the model as comments."""
     document = tomlkit.document()
-    document.update({key: tables[key] for key in ("title", "source", "model")})
+    named = ("title", "source", "model", "inner_loop_rate_hz")
+    document.update({key: tables[key] for key in named if key in tables})
     for note in notes:
         document.add(tomlkit.comment(note))
     for name, comment in TABLES["comments"].items():

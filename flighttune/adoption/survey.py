@@ -83,9 +83,15 @@ SPARE_THRUST = 0.08
 # to be used at a part of its throttle.
 MAX_THRUST = 10.0
 
+# Integration steps a second that are tried in turn where the usual ones are too few, 1/s.
+FINER_RATES = 400.0, 1000.0
+
 # Nutation of the airframe by the angular momentum of a propeller, rad/s, that spoils its control:
 # above the bandwidth of the inner loop.
 FAST_NUTATION = 8.0
+
+# What is said of an engine that gives no thrust.
+ENGINE_SHOWS = "thrust-lbs", "power-hp", "propeller-rpm", "blade-angle", "n1", "n2"
 
 THROTTLE_POSITION = "fcs/throttle-pos-norm"
 
@@ -121,6 +127,9 @@ MAX_TRIED_IN = 100
 
 # Airspeed (m/s) and angle of attack of the states in which a model shows what it refers to.
 SHOWN_AT = ((60.0, 0.0), (15.0, 8.0 * DEG), (150.0, 0.0), (300.0, 2.0 * DEG))
+
+# Elements of a model's systems.
+SYSTEMS = ("system", "flight_control", "autopilot")
 
 # Departure from the final thrust, as a share of it, below which a thrust has settled.
 SETTLED = 1e-3
@@ -159,6 +168,10 @@ ONE_RADIAN = math.degrees(1.0)
 
 class Refusal(PlantError):
     """The model cannot be adopted as an aeroplane; the message says why, in one sentence."""
+
+
+class Diverges(Refusal):
+    """The thrust depends on the step of the integration, which is too long."""
 
 
 class TooWeak(Refusal):
@@ -290,7 +303,8 @@ def _part(config: AircraftConfig, tag: str) -> Element:
     if part is None:
         return Element(tag)
     name, folders = part.get("file"), source_folders(config).parts
-    return read_xml(found_file(name, folders, folders[0]), name) if name else part
+    file = str(source_folders(config).file)
+    return read_xml(found_file(name, folders, folders[0]), file) if name else part
 
 
 def _largest_drag(fdm: Fdm) -> tuple[str, float]:
@@ -402,6 +416,18 @@ class _Model:
                 texts |= {(part.text or "").strip().lstrip("-") for part in elements}
         return inside, outside
 
+    @cached_property
+    def reads_rudder(self) -> bool:
+        """Whether its aerodynamics read a property named for a rudder."""
+        return any("/" in text and "rudder" in text for text in self.texts[0])
+
+    @cached_property
+    def defined(self) -> set[str]:
+        """Properties that its systems define, for others to set."""
+        elements = (part for root in self.roots for part in (root, *root))
+        systems = (part for part in elements if part.tag in SYSTEMS)
+        return {(x.text or "").strip() for part in systems for x in part.findall("property")}
+
     def declare(self) -> None:
         """Declare the properties that the model refers to and nothing defines, and the values."""
         declared = self.tables["declared"]
@@ -505,29 +531,51 @@ class _Model:
 
     def find_throttle(self) -> None:
         """Find what moves the throttle of the engines where the usual command does not."""
-        bench, positions = self.load(), []
+        bench, declared = self.load(), self.tables["declared"]
         fdm = bench.fdm
         if "command" in self.tables["engines"] or not fdm.shows(THROTTLE_POSITION):
             return
         position, V = fdm.reader(THROTTLE_POSITION), SPEEDS[0] * self.lift.V_s
-        for throttle in (0.0, 1.0, 0.0):
+
+        def at(throttle: float) -> float:
             bench.accelerations(_level(V, self.lift.at(V)[0], throttle))
-            positions.append(position())
-        if positions[1] - positions[0] > 0.5:
+            return position()
+
+        def opening(names: set[str]) -> list[str]:
+            """Those properties of which the value 1 opens the throttle."""
+            shut, found = position(), []
+            for name in sorted(x for x in names if fdm.has(x)):
+                before, write = fdm.reader(name)(), fdm.writer(name)
+                write(1.0)
+                fdm.evaluate()
+                if position() - shut > 0.5 and name != THROTTLE_POSITION:
+                    found.append(name)
+                write(before)
+                fdm.evaluate()
+            return found
+
+        closed, opened = at(0.0), at(1.0)
+        if opened - closed > 0.5:
             return
-        levers = []
-        for name in sorted(x for x in self.texts[1] if not OWN.match(x) and fdm.has(x)):
-            before, write = fdm.reader(name)(), fdm.writer(name)
-            write(1.0)
-            fdm.evaluate()
-            if position() - positions[2] > 0.5 and name != THROTTLE_POSITION:
-                levers.append(name)
-            write(before)
-            fdm.evaluate()
-        if levers:
+        at(0.0)
+        if levers := opening({x for x in self.texts[1] if not OWN.match(x)}):
             self.tables["engines"]["command"] = levers[0]
             self.tables["linked"] |= dict.fromkeys(levers[1:], properties.THROTTLE)
             self.notes.append(f"its throttle is moved by {', '.join(levers)}")
+            return
+        # A factor of the command is 0 until a script of another simulator sets it.
+        at(1.0)
+        switches = opening(self.defined - self.values.keys())
+        zeros = [name for name, x in declared.items() if not x and name not in self.values]
+        for name in switches[:1] or zeros[:MAX_TRIED_IN]:
+            table = "settings" if switches else "declared"
+            set_ = self.tables[table] | {name: 1.0}
+            bench = self.load(**{table: set_})
+            position = bench.fdm.reader(THROTTLE_POSITION)
+            if at(1.0) - opened > 0.5:
+                self.tables[table] = set_
+                self.notes.append(f"its throttle follows its command by {name} = 1")
+                return
 
     def drive(self) -> None:
         """Choose the airspeed by the thrust, with the levers as they first let the model fly."""
@@ -552,6 +600,8 @@ class _Model:
                 if how:  # fuel changes the weight
                     lift = _swept(self.load(**tried), SPEEDS[0] * lift.V_s)
                 self.speed, self.spare = self._driven(tried, lift)
+            except Diverges:
+                raise
             except PlantError as error:
                 refused = refused or error
                 continue
@@ -585,12 +635,27 @@ class _Model:
             fdm.hold(wait, still=SETTLED * 1e-7 if fdm.electric else 0.0)
             return np.array([read() for read in thrusts])
 
+        def moderate(rate: float) -> bool:
+            """Whether at this rate the engines soon push as those of an aeroplane."""
+            other = self.load(**tables | {"inner_loop_rate_hz": rate})
+            other.accelerations(_level(V, lift.at(V)[0], 1.0))
+            other.fdm.start_engines()
+            other.fdm.hold(1.0)
+            return 0.0 < sum(read() for read in other.fdm.thrusts) <= MAX_THRUST * weight
+
         V = V_a or SPEEDS[0] * lift.V_s
         at_once = settled(V, 0.5, MAX_SETTLING_S)
         table["settle_s"] = _settling(bench, _level(V, lift.at(V)[0], 1.0), thrusts)
         wait = MAX_SETTLING_S if table["settle_s"] else 1.0
         full = settled(V, 1.0, wait)
-        other = _thrust_of_another_kind(fdm, full, weight, partial(settled, V, wait=wait))
+        try:
+            other = _thrust_of_another_kind(fdm, full, weight, partial(settled, V, wait=wait))
+        except Diverges:
+            finer = (rate for rate in FINER_RATES if rate > fdm.rate and moderate(rate))
+            if not (rate := next(finer, None)):
+                raise
+            tables["inner_loop_rate_hz"] = rate
+            return self._driven(tables, lift)
         if other:
             table |= other
             return self._driven(tables, lift)
@@ -627,6 +692,10 @@ class _Model:
             self.notes.append(
                 f"its engine is far too strong: full throttle is {engines['full']:.3g} of its "
                 "lever, where it pushes with about the weight"
+            )
+        if rate := self.tables.get("inner_loop_rate_hz"):
+            self.notes.append(
+                f"its propeller is too light for steps of 5 ms: its inner loop runs at {rate:g} Hz"
             )
         if "thrust" in engines:
             self.notes.append(f"its engine has no thrust: an external force pushes it ({EXTERNAL})")
@@ -683,7 +752,7 @@ class _Model:
             try:
                 answers[name] = _moved(bench, level, name)
             except Refusal as error:
-                if name != "rudder" or any(name in text for text in self.texts[0]):
+                if name != "rudder" or self.reads_rudder:
                     return {}, str(error)
         drift = (_drift(bench, level, name, effect) for name, (effect, _) in answers.items())
         return {name: table for name, (_, table) in answers.items()}, next(filter(None, drift), "")
@@ -698,11 +767,12 @@ class _Model:
                 rf"fcs/([\w-]+/)*(mag-)?(left-)?{names}-(pos|deflection)-(rad|deg|norm)"
             )
             replaced[name] = sorted(entry for entry in read if pattern.fullmatch(entry))
-        if not (replaced["aileron"] and replaced["elevator"]):
+        # The size of a deflection (mag) gives drag, not a moment.
+        if not all(any("mag-" not in x for x in replaced[name]) for name in VERBS):
             moving, measured = self._movers()
             replaced = {name: moving[name] for name in replaced}
         lacking = [name for name, positions in replaced.items() if not positions]
-        if lacking == ["rudder"] and not any("rudder" in text for text in read):
+        if lacking == ["rudder"] and not self.reads_rudder:
             del replaced["rudder"]
         elif lacking:
             return {}, measured
@@ -732,7 +802,7 @@ class _Model:
         sizes = np.nan_to_num(np.abs(effects))
         shares = sizes / np.maximum(sizes.max(axis=0, initial=0.0), MIN_EFFECT * inertias)
         moves = (shares >= MOVER) & (shares >= MOVER * shares.max(axis=1, keepdims=True))
-        moves[:, 2] &= (sizes[:, 2] > sizes[:, 0]) & ~moves[:, :2].any(axis=1)
+        moves[:, 2] &= (sizes[:, 2] > sizes[:, 0]) & ~moves[:, 0]
         movers = {
             surface: [
                 ("-" if effects[i, k] < 0.0 else "") + names[i] for i in np.flatnonzero(which)
@@ -772,18 +842,25 @@ def _thrust_of_another_kind(
         return {"thrust": EXTERNAL}
     for i, thrust in enumerate(full):
         if not thrust > 0.0:
-            runs = fdm.reader(f"propulsion/engine[{i}]/set-running")()
-            does = "does not push" if runs else "does not run"
-            raise Refusal(f"engine {i + 1} of {len(full)} {does} at full throttle")
-    if full.sum() <= MAX_THRUST * weight:
+            engine = f"propulsion/engine[{i}]"
+            does = "does not push" if fdm.reader(f"{engine}/set-running")() else "does not run"
+            shown = {name: f"{engine}/{name}" for name in ENGINE_SHOWS}
+            said = [f"{name} {fdm.reader(x)():.3g}" for name, x in shown.items() if fdm.shows(x)]
+            raise Refusal(
+                f"engine {i + 1} of {len(full)} {does} at full throttle: {', '.join(said)}"
+            )
+    strong = full.sum() > MAX_THRUST * weight
+    if not strong and fdm.rate not in FINER_RATES:
         return {}
     fdm.hold(MAX_SETTLING_S, rate=2.0 * fdm.rate)
-    if abs(sum(read() for read in fdm.thrusts) / full.sum() - 1.0) > SETTLED:
-        raise Refusal(
+    if not abs(sum(read() for read in fdm.thrusts) / full.sum() - 1.0) <= SETTLED:
+        raise Diverges(
             f"the speed of its propeller diverges: at full throttle it pushes with "
             f"{full.sum() / weight:.3g} times the weight, and with another step of the integration "
             f"otherwise (the inertia `ixx` of the propeller is too small for {1e3 / fdm.rate:g} ms)"
         )
+    if not strong:
+        return {}
     shares = 0.5 ** np.arange(1.0, 16.0)
     weak = (float(share) for share in shares if settled(throttle=share).sum() <= weight)
     share = next(weak, None)

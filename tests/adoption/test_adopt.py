@@ -13,7 +13,7 @@ from commands import answer, flighttune
 from places import SHIPPED_AIRCRAFT, SHIPPED_SCENARIOS
 
 import flighttune as ft
-from flighttune.adoption.adopt import final_tables
+from flighttune.adoption.adopt import aircraft_text, final_tables
 from flighttune.adoption.survey import survey, wide_tables
 from flighttune.aircraft.aircraft import aircraft_from, load_aircraft
 from flighttune.files.shipped import models_of_jsbsim
@@ -390,6 +390,11 @@ ELEVONS = {
     "rudder": ("fcs/fin_rad", "fcs/fin_rad"),
 }
 
+V_TAIL = NAMED_OTHERWISE | {
+    "elevator": ("tail/left_rad", "tail/right_rad"),
+    "rudder": ("tail/left_rad", "-tail/right_rad"),
+}
+
 
 @pytest.fixture
 def renamed(own):
@@ -418,7 +423,9 @@ def renamed(own):
     return write
 
 
-@pytest.mark.parametrize("parts", [NAMED_OTHERWISE, ELEVONS], ids=["named otherwise", "elevons"])
+@pytest.mark.parametrize(
+    "parts", [NAMED_OTHERWISE, ELEVONS, V_TAIL], ids=["named otherwise", "elevons", "V-tail"]
+)
 def test_controls_are_found_by_what_they_move(renamed, surveyed, tmp_path, parts):
     found = surveyed(renamed(parts))
 
@@ -426,7 +433,7 @@ def test_controls_are_found_by_what_they_move(renamed, surveyed, tmp_path, parts
     aileron, elevator, rudder = (sorted({*pair}) for pair in parts.values())
     assert surfaces["aileron"]["replaces"] == sorted(aileron, key=lambda x: x.lstrip("-"))
     assert surfaces["elevator"]["replaces"] == elevator
-    assert surfaces["rudder"]["replaces"] == rudder
+    assert surfaces["rudder"]["replaces"] == sorted(rudder, key=lambda x: x.lstrip("-"))
     assert found.tables["engines"]["command"] == "fcs/motor_ext_rad"
     assert "its throttle is moved by fcs/motor_ext_rad" in found.notes
     bench, level_ = Bench(Fdm(aircraft_from(found.tables, tmp_path)), 1000.0), {"V_a": 30.0}
@@ -532,6 +539,48 @@ def test_an_external_force_that_follows_the_throttle_is_thrust(own, surveyed, tm
     assert found.tables["engines"]["thrust"] == "forces/fbx-external-lbs"
     assert found.spare_thrust + 1.0 / found.glide_ratio == pytest.approx(thrust, rel=1e-3)
     check_moves(aircraft_from(found.tables, tmp_path))
+
+
+@pytest.mark.parametrize("switch", ["battery/is-on", "/systems/battery/is-on"])
+def test_a_switch_that_opens_the_throttle_is_on(own, surveyed, switch):
+    defined = "" if switch[0] == "/" else f"<property>{switch}</property>"
+    motor = "<fcs_function name='b/m'><function><product><property>fcs/throttle-cmd-norm</property>"
+    motor += f"<property>{switch}</property></product></function>"
+    motor += "<output>fcs/throttle-pos-norm</output></fcs_function>"
+
+    found = surveyed(own(*more(system(motor).replace("<channel", f"{defined}<channel"))))
+
+    assert found.tables["declared" if switch[0] == "/" else "settings"][switch] == 1.0
+    assert f"its throttle follows its command by {switch} = 1" in found.notes
+    assert found.spare_thrust > 0.0
+
+
+@pytest.mark.slow
+def test_a_light_propeller_flies_in_finer_steps(own, surveyed):
+    heavier, found = (surveyed(own(power=1500, ixx=ixx)) for ixx in (5e-4, 1e-4))
+
+    assert "inner_loop_rate_hz" not in heavier.tables
+    assert found.tables["inner_loop_rate_hz"] == 400.0
+    assert "inner_loop_rate_hz = 400" in aircraft_text(found.tables, found.notes)
+    assert "its inner loop runs at 400 Hz" in found.notes[-1]
+    # A steady propeller pushes alike whatever its inertia.
+    assert found.spare_thrust == pytest.approx(heavier.spare_thrust, rel=1e-6)
+
+
+def test_engines_are_found_beside_a_main_file_without_a_folder_for_them(own, surveyed):
+    folder = own().parent
+    for part in (folder / "Engines").iterdir():
+        part.rename(folder / part.name)
+    (folder / "Engines").rmdir()
+
+    assert surveyed(folder / "aerosonde.xml").tables["engines"]["count"] == 1
+
+
+def test_a_part_that_is_not_there_is_looked_for_beside_the_main_file(own, surveyed):
+    file = own("(?s)<aerodynamics>.*</aerodynamics>", '<aerodynamics file="gone.xml"/>')
+
+    with pytest.raises(ft.loop.PlantError, match=re.escape(f"{file.parent}/gone.xml: No such")):
+        surveyed(file)
 
 
 def test_an_electric_engine_settles_in_the_steps_of_its_flight(own, surveyed):
@@ -664,6 +713,13 @@ def test_files_of_flightgear_that_include_each_other_are_read_once(own, tmp_path
     (tmp_path / "jsb.xml").write_text(jsb)
     (file.parent / "3.xml").write_text(both.format("0.xml", "../../jsb.xml"))
     assert "got none" in refusal(file.with_name("sonde-set.xml"))
+
+
+def test_of_a_folder_without_a_main_file_the_fault_of_a_file_is_told(own, refusal):
+    file = own()
+    file.write_bytes(b"\n" + file.read_bytes())  # nothing may stand before the declaration
+
+    assert f"{file}: XML or text declaration not at start" in refusal(file.parent)
 
 
 def test_a_folder_stands_for_its_only_main_file_or_that_of_its_name(own, refusal):
