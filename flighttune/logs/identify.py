@@ -357,12 +357,13 @@ def _sections(run: Run, number: int, name: Channel, first: int) -> Iterator[Sect
 
 
 def response(lag: InnerLag, dt: float, commanded: FloatArray, start: float) -> FloatArray:
-    """Response of a lag, at rest at `start`, to commands that are straight between samples."""
-    # Control loops are faster than logs: commands are no steps at the samples.
+    """Response of a lag, at rest at `start`, to commands that are held about every `HELD_S`."""
+    # Control loops are faster than logs: their commands between samples are taken from the straight
+    # line. Each is held from half its time before to half after, for a sample may have any age.
     parts, count = math.ceil(dt / HELD_S - 1e-6), len(commanded)
-    middles = (np.arange(parts * (count - 1)) + 0.5) / parts
-    fine = np.append(np.interp(middles, np.arange(count), commanded), commanded[-1])
-    return fit.lag_response(lag, dt / parts, fine, start)[::parts]
+    held = np.interp(np.arange(parts * (count - 1) + 1) / parts, np.arange(count), commanded)
+    halves = np.repeat(held, 2)[1:]
+    return fit.lag_response(lag, 0.5 * dt / parts, halves, start)[:: 2 * parts]
 
 
 # Which samples are fitted; None for all.
@@ -593,8 +594,7 @@ def _missed(run: Run, lags: Sequence[InnerLag]) -> FloatArray:
         gamma = columns[5, piece]
         rates = np.array(turn_rates(V_a[piece], gamma, phi, n_z, turn="exact", g=G_0))
         angles = np.array([np.unwrap(columns[4, piece]), gamma])
-        # Samples of the rates hold until the next one: their sum is the turn they make.
-        turned = np.cumsum(rates, axis=1) * dt
+        turned = dt * (np.cumsum(rates, axis=1) - 0.5 * rates)  # trapezoids, but for a constant
         missed = angles[:, span:] - angles[:, :-span] - (turned[:, span:] - turned[:, :-span])
         mean = np.abs(missed[:, wait:]) / (span * dt)
         count = mean.shape[1] // size

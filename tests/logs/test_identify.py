@@ -9,7 +9,7 @@ from commands import answer, flighttune
 from log_files import LOAD, ROLL, sampled, write_csv, write_tlog, write_ulog
 
 import flighttune as ft
-from flighttune.logs.identify import interval_of
+from flighttune.logs.identify import interval_of, response
 
 SAMPLE = 0.04
 """s: of the logs."""
@@ -45,6 +45,18 @@ def test_lag_and_delay_come_back(identification):
         low, high = told.frequency
         assert low < told.lag.natural_frequency < high < 1.2 * low
         assert told.fit_percent > 97.0
+
+
+@pytest.mark.parametrize(("dt", "steps"), [(0.02, (0.01,)), (0.04, (0.01, 0.03))])
+def test_a_step_between_two_samples_is_where_a_loop_of_50_Hz_would_give_it(dt, steps):
+    """At 50 Hz in their middle, for a sample is 10 ms old in the mean; else at either time."""
+    lag, t = ft.loop.InnerLag(order=1, natural_frequency=5.0), dt * np.arange(20)
+    commanded = np.where(t < 4.5 * dt, 0.0, 1.0)
+
+    answered = response(lag, dt, commanded, 0.0)
+
+    since = [np.maximum(0.0, t - 4.0 * dt - step) for step in steps]
+    assert answered == pytest.approx(np.mean(1.0 - np.exp(-5.0 * np.array(since)), axis=0), abs=1e-9)
 
 
 def test_the_interval_of_a_mean_is_students():
