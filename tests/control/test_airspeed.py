@@ -172,6 +172,10 @@ def test_a_climb_beyond_the_engine_gives_way_to_the_airspeed(kind):
     kept = signals["gamma_given"] < signals["gamma_ref"]
     assert kept.iloc[-1]
     assert not kept.iloc[:50].any()
+    # n_x goes 0.05 beyond what the engine gives, and is recorded as limited there
+    stop = signals["n_x_cmd"] > 0.25 + 0.05 - ROUNDING
+    assert signals["n_x_cmd"].max() == pytest.approx(0.25 + 0.05, abs=ROUNDING)
+    assert (signals["n_x_limited"] == stop).all()
 
 
 @pytest.mark.parametrize("kind", ["paper", "exact"])

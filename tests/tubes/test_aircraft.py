@@ -3,6 +3,7 @@
 import json
 import re
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -17,7 +18,7 @@ from flighttune.campaign import band as band_module
 from flighttune.campaign.counted_flights import plan_of
 from flighttune.claims.shape import LEAST
 from flighttune.gaps.residual import residual_rates
-from flighttune.tubes.enclosure import load_tube
+from flighttune.tubes.enclosure import Tube, load_tube
 from flighttune.tubes.problem import tube_problem
 from flighttune.tubes.tube import flights_inside, tube_of
 from tests.campaign.test_band import ALONE, count
@@ -96,6 +97,23 @@ def test_starts_are_those_of_the_boxes():
     assert found.status == "bounded"
     with pytest.raises(ft.InputError, match=r"`start`.* 2 deg.*2.292 deg"):
         tube(scenario, ft.PAPER_GAINS, band=wider, start=0.04)
+
+
+@pytest.mark.parametrize(
+    ("start_deg", "of"), [(1.9, "residual_rates"), (2.0, "flight"), (2.2, "flight")]
+)
+def test_only_a_tube_from_all_starts_counted_bounds_flights(start_deg, of):
+    """The course starts 2 deg to either side, and so does the path angle."""
+    scenario = flight(duration_s=0.1)
+    starts = uniform("flight.chi_deg", 2.0, 6.0), uniform("flight.gamma_deg", -2.0, 2.0)
+    known = counted_boxes(scenario, WIDE, ROLL, *starts)
+    problem = SimpleNamespace(
+        band=known, scenario=scenario, table=scenario.plant[0], start=np.deg2rad(start_deg)
+    )
+
+    counted = Tube.probability.fget(SimpleNamespace(problem=problem, status="bounded"))
+
+    assert (counted.of, counted.at_most) == (of, 0.05)
 
 
 def test_what_the_boxes_say_nothing_about_is_refused():

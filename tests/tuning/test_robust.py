@@ -7,6 +7,7 @@ import pytest
 
 import flighttune as ft
 from flighttune.control.inner_loop import inner_loop_scaling, with_inner_loop
+from flighttune.tuning import robust
 from flighttune.tuning.problem import decoupled
 from flighttune.tuning.robust import channels, tune_worst_case
 
@@ -84,6 +85,19 @@ def test_input_limits_are_kept():
     assert found.status == "optimal"
     assert np.abs(asked).max() <= 0.3
     assert found.R_K < tune_worst_case([free]).R_K
+
+
+@pytest.mark.parametrize(("share", "status"), [(0.75, "infeasible"), (1.01, "optimal")])
+def test_gains_whose_error_is_above_its_bound_are_no_optimum(monkeypatch, share, status):
+    """With poles -1 and -2 the error after an impulse is ``2 exp(-2t) - exp(-t)``: E_K = 1/2."""
+    law = ft.loop.kinematic_model(V_a=25.0, gamma=0.0, g=9.81)
+    own = np.array([[3.0, 2.0]]) * 25.0 / 9.81
+    monkeypatch.setattr(robust, "_tuned", lambda *_: (own, 1, 1, 0.0))
+
+    found = tune_worst_case([ft.loop.TuningProblem(model=law, E_star=0.5 * share)])
+
+    assert found.E_K == pytest.approx(0.5, rel=1e-6)
+    assert (found.status, found.active) == (status, ("E_K",) * (share < 1.0))
 
 
 def test_problems_with_other_bounds_are_refused():
