@@ -329,6 +329,8 @@ def _set_controls(
         leader = first.removeprefix("-")
         for wrong in (x for x in (first, *others) if not re.fullmatch(f"-?{PROPERTY_NAME[1:]}", x)):
             raise InputError(f"--{surface} must be a property of the model, got {wrong[:80]}.")
+        if len({name.removeprefix("-") for name in names}) < len(names):
+            raise InputError(f"--{surface} must name a property once, got {', '.join(names)}.")
         tables["surfaces"][surface]["command"] = leader
         for other in others:
             same = other.startswith("-") == first.startswith("-")

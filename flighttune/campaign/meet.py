@@ -70,7 +70,7 @@ SUCCESS = 0.95
 BUDGET, CAMPAIGN_BUDGET = 600, 6000
 
 # Status of gains that meet what is required or not, and of those that are surely such or neither
-MET: tuple[Status, Status] = "missed", "met"
+MET: Mapping[bool, Status] = {False: "missed", True: "met"}
 SURELY: Mapping[str, Status] = {"yes": "met", "no": "missed", "": "not sure"}
 
 # Draws on which each candidate of a search over a campaign is flown, and the least for the count

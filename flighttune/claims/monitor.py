@@ -217,6 +217,11 @@ class LogMonitor(Watching):
                 raise InputError("`logs` must have a weight for each term, and positive limits.")
 
     @property
+    def names(self) -> set[str]:
+        """Names of the logs."""
+        return {log.name for log in self.logs}
+
+    @property
     def epsilon(self) -> float:
         """Largest probability of a false alarm in a flight, over the draw of the logs too."""
         return 1.0 / (len(self.logs) + 1)
@@ -282,14 +287,27 @@ def load_monitor(path: str | Path) -> LogMonitor:
         raise InputError(f"{path}: {error}") from error
 
 
+def _overlap(run: Run, other: Run) -> bool:
+    """Whether two logs have some seconds of one file: its name, and its roll within 0.01 rad."""
+    first, second = ((run.provenance.log or {}), (other.provenance.log or {}))
+    if not first or not second or first["file"] != second["file"]:
+        return False
+    t, times = run.t + first["from_s"], other.t + second["from_s"]
+    there = (t > times[0]) & (t < times[-1])
+    gap = np.interp(t, times, other.signals["phi"]) - run.signals["phi"].to_numpy()
+    return bool(there.any() and np.nanmedian(np.abs(gap[there])) < 0.01)
+
+
 def monitor_of_logs(runs: Sequence[Run]) -> LogMonitor:
     """The monitor that learns from logs of healthy flights, or healthy parts of logs."""
     if len(runs) < MIN_LOGS:
         raise InputError(f"`logs` must be at least {MIN_LOGS} healthy flights, got {len(runs)}.")
     refuse_wrong(*runs)
     for run, other in combinations(runs, 2):
-        if run.signals.equals(other.signals):
-            raise InputError(f"`logs` must be of different flights, got {run.label} twice.")
+        if run.signals.equals(other.signals) or _overlap(run, other):
+            raise InputError(
+                f"`logs` must be of different flights, got {run.label} twice or parts that overlap."
+            )
     for run in runs:
         if run.duration < 2.0 * SETTLED_S:
             raise InputError(

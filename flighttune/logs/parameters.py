@@ -63,7 +63,9 @@ def flown_now(path: str | Path, version: str | None = None) -> Flown:
             "later, state `version` 1.17.0."
         )
     if autopilot == "PX4" and OLD_TECS.match(version):
-        notes.append(f"PX4 {version} has an older TECS; that of {table['source']} flies.")
+        lost = " FW_T_TIME_CONST, the time in which its pitch mends the balance of energy, has no "
+        lost = f"{lost}counterpart in it." * ("FW_T_TIME_CONST" in values)
+        notes.append(f"PX4 {version} has an older TECS; that of {table['source']} flies.{lost}")
     missing = f"default of {table['source']}"
     rows = [
         {"name": name, **dict(zip(("value", "from"), used.get(name, (x, missing)), strict=True))}

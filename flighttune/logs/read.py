@@ -86,12 +86,27 @@ def read_log(path: Path, places: Places) -> tuple[str, dict[str, Stream], str]:
         (clock, *_) = columns.pop("t", [Column("", 1.0)])
         signals = {}
         for name, each in columns.items():
-            if column := next((column for column in each if column.source in streams), None):
-                t, values = streams[column.source]
-                signals[name] = clock.factor * t, column.factor * values
+            there = [column for column in each if column.source in streams]
+            rows = [column.factor * streams[column.source][1] for column in there]
+            for column, values in zip(there[1:], rows[1:], strict=True) if kind == "csv" else ():
+                if _contradict(rows[0], values):
+                    raise RecordingError(
+                        f"{path}: columns of `{name}` must agree, got {there[0].source} and "
+                        f"{column.source}: --column {name}=COLUMN:UNIT chooses one."
+                    )
+            if there:
+                signals[name] = clock.factor * streams[there[0].source][0], rows[0]
         return kind, signals, vehicle
 
     return _confined(path, kind, read)
+
+
+def _contradict(values: FloatArray, others: FloatArray) -> bool:
+    """Whether two columns differ by over 1 % in the median, whole turns apart."""
+    both = (np.abs(values) < 1e9) & (np.abs(others) < 1e9)  # false for NaN
+    values, others = values[both], others[both]
+    gap = np.abs(np.remainder(values - others + math.pi, math.tau) - math.pi)
+    return bool(both.any() and np.median(gap) > 0.01 * np.abs(values).max())
 
 
 def read_parameters(path: Path) -> tuple[dict[str, float], str, str] | None:

@@ -17,7 +17,7 @@ from flighttune.errors import InputError
 from flighttune.files.table import toml_text
 from flighttune.flight.flown import FlownScenario
 from flighttune.present.answer import facts_table, quoted
-from flighttune.present.chart import DOTTED, HEIGHT, Chart, Sheet, dashes
+from flighttune.present.chart import DASHED, DOTTED, HEIGHT, Chart, Sheet, dashes
 from flighttune.present.frame import Report, Section, write_answer
 from flighttune.present.names import shown_unit
 from flighttune.present.palette import HUES, LIMIT, NEUTRAL
@@ -99,14 +99,16 @@ def _map(band: Band, room: TurnBack | None) -> Chart:
     s = path.points(APART)
     chart = route_map(band.flights.central, path, s, _corridor(band, "cross_track", s))
 
-    def rings(lines: Iterable[FloatArray], colour: str, name: str) -> None:
+    def rings(lines: Iterable[FloatArray], colour: str, name: str, dash: str = "") -> None:
         """Lines of north and east as one that is broken between them."""
         north, east = np.vstack([part for x in lines for part in (x, [[np.nan, np.nan]])]).T
-        chart.line(east, north, colour, name=name, most=len(north), hover=False)
+        chart.line(east, north, colour, name=name, dash=dash, most=len(north), hover=False)
 
-    for tables in band.about.fences:
-        fence = read_fence(KEPT, origin, tables)
-        rings(np.stack([fence.start, fence.end], axis=1), LIMIT, "fence")
+    fences = band.about.fences
+    for number, tables in enumerate(fences, start=1):
+        fence, name = read_fence(KEPT, origin, tables), f"fence {number}" * (len(fences) > 1)
+        dash = DASHED * (number > 1)
+        rings(np.stack([fence.start, fence.end], axis=1), LIMIT, name or "fence", dash)
         if (rows := band.inside(tables).nearest) and np.isfinite(rows[0]["margin_m"]):
             nearest = min(rows, key=lambda row: row["margin_m"])
             ((at, across, _),) = path.beside(np.array([nearest["along_m"]]))

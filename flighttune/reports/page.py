@@ -91,6 +91,8 @@ def write_log_page(
         chart.level(1.0, LIMIT)
         charts.append(chart)
         summary += [sentence, f"The monitor: {monitor.sentence}."]
+        if isinstance(monitor, LogMonitor) and run.provenance.gains_name in monitor.names:
+            summary.append("It learned from a log of this name, of which it claims nothing.")
     watched = Section(id="monitor", title="Monitor", charts=charts, legend=False)
     sections = _of_logs([(run, styles[run.label])], facts_table("The log", facts))
     page = write_answer(

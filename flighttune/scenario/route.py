@@ -10,6 +10,7 @@ from pydantic import Field, model_validator
 
 from flighttune import quantities as q
 from flighttune.arrays import FloatArray
+from flighttune.errors import InputError
 from flighttune.references.follow import CHANGE_N_X, RouteReference, airspeeds_along
 from flighttune.references.maps import LatLon, north_east
 from flighttune.references.path import Ability, Waypoint, plan
@@ -261,6 +262,10 @@ class RouteTable(q.Table):
         """The reference along the path, with the margin left of the limits of roll (rad, rad/s)."""
         share, (low, high) = 1.0 - self.margin, self.gamma_deg
         largest = max(flight.V_a_mps, *self.airspeeds.values(), 0.0)
+        if share * phi >= 0.5 * math.pi:
+            raise InputError(
+                f"the roll limit without `margin` must be below 90 deg, got {share * phi / DEG:g}."
+            )
         ability = Ability(
             V_a=largest,
             wind=self.wind_at(largest),

@@ -73,6 +73,10 @@ def test_a_flight_that_is_not_another_or_cannot_be_judged_is_refused(noisy, tmp_
 
     with pytest.raises(ft.InputError, match=r"flights, got log / 1 twice"):
         ft.monitor(*noisy, noisy[1])
+    table.to_csv(tmp_path / "whole.csv", index=False)
+    parts = [ft.load_log(tmp_path / "whole.csv", start=start) for start in (0.0, 10.0)]
+    with pytest.raises(ft.InputError, match=r"log / whole twice or parts that overlap"):
+        ft.monitor(noisy[1], *parts)
     with pytest.raises(ft.InputError, match=r"short: .* 8 s long, got 6"):
         monitor.alarm(short)
     with pytest.raises(ft.InputError, match="standing: V_a, elevator, n_z, q must"):

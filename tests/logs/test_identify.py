@@ -56,7 +56,9 @@ def test_a_step_between_two_samples_is_where_a_loop_of_50_Hz_would_give_it(dt, s
     answered = response(lag, dt, commanded, 0.0)
 
     since = [np.maximum(0.0, t - 4.0 * dt - step) for step in steps]
-    assert answered == pytest.approx(np.mean(1.0 - np.exp(-5.0 * np.array(since)), axis=0), abs=1e-9)
+    assert answered == pytest.approx(
+        np.mean(1.0 - np.exp(-5.0 * np.array(since)), axis=0), abs=1e-9
+    )
 
 
 def test_the_interval_of_a_mean_is_students():

@@ -430,6 +430,15 @@ def test_a_wrong_column_is_one_line(table, columns, says):
         ft.load_log(table(), columns=columns)
 
 
+def test_two_columns_of_a_signal_must_agree(table):
+    file = table(phi_rad=lambda signals: signals["phi"])
+    assert ft.load_log(file).signals["phi"].abs().max() > 0.1
+    file = table(phi_rad=lambda signals: -signals["phi"])
+    with pytest.raises(ft.RecordingError, match=r"`phi` must agree, got phi_rad and phi_deg"):
+        ft.load_log(file)
+    assert ft.load_log(file, columns="phi=phi_deg:deg").signals["phi"].abs().max() > 0.1
+
+
 @pytest.mark.slow
 def test_a_format_that_asks_for_all_memory_ends_the_reading_alone(tmp_path, monkeypatch):
     monkeypatch.setattr("flighttune.logs.read.PATIENCE_S", 2.0)

@@ -137,6 +137,8 @@ def test_px4_of_before_npfg_flies_l1_unless_it_is_told_otherwise(tmp_path):
     assert flown_now(file).law.parameters == {"NPFG_PERIOD": 11.0}
     write_params(file, {"FW_L1_PERIOD": 15.0}, version="1.12.3")
     assert "has an older TECS" in " ".join(flown_now(file).notes)
+    write_params(file, {"FW_L1_PERIOD": 15.0, "FW_T_TIME_CONST": 5.0}, version="1.11.0")
+    assert "FW_T_TIME_CONST, the time in which" in " ".join(flown_now(file).notes)
 
 
 def test_builds_of_px4_that_do_not_use_the_period_are_flown_without_it(tmp_path):

@@ -248,3 +248,11 @@ def test_an_airspeed_changes_by_a_twentieth_of_g_from_the_waypoint_on():
     s = path.s - 300.0  # V^2 grows by twice the acceleration for each metre
     wanted = np.sqrt(625.0 + 2.0 * 9.81 * 0.05 * np.clip(s, 0.0, None))
     assert V == pytest.approx(np.minimum(wanted, 30.0), abs=1e-9)
+
+
+def test_a_route_is_planned_below_90_deg_of_bank():
+    tables = ft.load_scenario("circuit").as_dict() | {"plant": [{"kind": "kinematic"}]}
+    tables |= {"limits": {"phi_deg": [-120.0, 120.0], "phi_rate_dps": 30.0}, "expect": []}
+
+    with pytest.raises(ft.InputError, match="must be below 90 deg, got 96"):
+        ft.route(ft.scenario_from(tables))
