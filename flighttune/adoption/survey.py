@@ -542,17 +542,17 @@ class _Model:
             return position()
 
         def opening(names: set[str]) -> list[str]:
-            """Those properties of which the value 1 opens the throttle."""
-            shut, found = position(), []
+            """The properties that open the throttle when they are set to 1."""
+            shut, opens = position(), []
             for name in sorted(x for x in names if fdm.has(x)):
                 before, write = fdm.reader(name)(), fdm.writer(name)
                 write(1.0)
                 fdm.evaluate()
                 if position() - shut > 0.5 and name != THROTTLE_POSITION:
-                    found.append(name)
+                    opens.append(name)
                 write(before)
                 fdm.evaluate()
-            return found
+            return opens
 
         closed, opened = at(0.0), at(1.0)
         if opened - closed > 0.5:

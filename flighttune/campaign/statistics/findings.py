@@ -317,7 +317,7 @@ def findings_of(
 
 
 def answers(rows: pd.DataFrame, plan: Plan, confidence: float = CONFIDENCE) -> Answers:
-    """Of each group whether the share asked for succeeds, empty if it is not sure.
+    """Whether the share asked for succeeds in each group, empty if it is not sure.
 
     `rows` have plant, gains and success of the first runs. There is no answer without a question.
     """
