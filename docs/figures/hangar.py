@@ -168,8 +168,8 @@ def hangar_text(answers: Sequence[dict[str, Any]]) -> str:
     kinds = page[page.index("## With every command") : page.index("## Remarks")]
     return f"""# The hangar: every model of JSBSim's own set
 
-JSBSim comes with {len(answers)} models. This page says which of them `flighttune adopt MODEL` turns
-into an aircraft that every command takes: {
+JSBSim comes with {len(answers)} models. This page says which `flighttune adopt MODEL` turns
+into an aircraft for every command: {
         ", ".join(f"{len(of[status])} {status}" for status in STATUSES)
     }.
 [Use an aircraft of your own](aircraft.md) says what the statuses mean. The page is made by
@@ -179,8 +179,8 @@ into an aircraft that every command takes: {
 
 ## Adopted
 
-Each aircraft flies a turn of 20° with a climb of 3°; a glider descends 3° steeper than its glide
-instead. One with an engine also flies the [circuit](routes.md#what-it-reaches), scaled to its
+Each aircraft flies a turn of 20° with a climb of 3°; a glider descends 3° steeper than its
+glide. One with an engine also flies the [circuit](routes.md#what-it-reaches), scaled to its
 airspeed: the table has its largest distance to the side of the route. In height it is {
         height:.2g} m at
 most.
@@ -204,10 +204,12 @@ What else is said of a model, of its engines, inertias and flight control, `adop
 
 ## The turns
 
-The figure shows course and path angle in degrees over 40 s, with the gains tuned on the identified
-model.
+The figure has degrees over 40 s.
 
 ![Course and path angle of the turn of each aircraft with their references](hangar.svg)
+
+NASA's check cases 11 and 13 are not compared: their F-16 is not JSBSim's `f16`, and simupy-flight
+is not on PyPI.
 """
 
 
