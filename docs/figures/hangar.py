@@ -204,7 +204,7 @@ What else is said of a model, of its engines, inertias and flight control, `adop
 
 ## The turns
 
-The figure has degrees over 40 s.
+The figure shows 40 s, in degrees.
 
 ![Course and path angle of the turn of each aircraft with their references](hangar.svg)
 

@@ -21,6 +21,7 @@ from flighttune.errors import InputError, RecordingError, need
 from flighttune.files.load import kind_of_log
 from flighttune.files.whole import reason_of
 from flighttune.flight.apart import apart
+from flighttune.simulate.run import SIGNAL_UNITS
 
 # Time (s) and value of the samples of one field.
 Stream: TypeAlias = tuple[FloatArray, FloatArray]
@@ -89,7 +90,7 @@ def read_log(path: Path, places: Places) -> tuple[str, dict[str, Stream], str]:
             there = [column for column in each if column.source in streams]
             rows = [column.factor * streams[column.source][1] for column in there]
             for column, values in zip(there[1:], rows[1:], strict=True) if kind == "csv" else ():
-                if _contradict(rows[0], values):
+                if _contradict(rows[0], values, angle=SIGNAL_UNITS.get(name) == "rad"):
                     raise RecordingError(
                         f"{path}: columns of `{name}` must agree, got {there[0].source} and "
                         f"{column.source}: --column {name}=COLUMN:UNIT chooses one."
@@ -101,12 +102,14 @@ def read_log(path: Path, places: Places) -> tuple[str, dict[str, Stream], str]:
     return _confined(path, kind, read)
 
 
-def _contradict(values: FloatArray, others: FloatArray) -> bool:
-    """Whether two columns differ by over 1 % in the median, whole turns apart."""
+def _contradict(values: FloatArray, others: FloatArray, *, angle: bool) -> bool:
+    """Whether two columns differ in the median by over 1 %; angles may be whole turns apart."""
     both = (np.abs(values) < 1e9) & (np.abs(others) < 1e9)  # false for NaN
     values, others = values[both], others[both]
-    gap = np.abs(np.remainder(values - others + math.pi, math.tau) - math.pi)
-    return bool(both.any() and np.median(gap) > 0.01 * np.abs(values).max())
+    gap = values - others
+    if angle:
+        gap = np.remainder(gap + math.pi, math.tau) - math.pi
+    return bool(both.any() and np.median(np.abs(gap)) > 0.01 * np.abs(values).max())
 
 
 def read_parameters(path: Path) -> tuple[dict[str, float], str, str] | None:

@@ -433,6 +433,9 @@ def test_a_wrong_column_is_one_line(table, columns, says):
 def test_two_columns_of_a_signal_must_agree(table):
     file = table(phi_rad=lambda signals: signals["phi"])
     assert ft.load_log(file).signals["phi"].abs().max() > 0.1
+    off = 32.0 * np.pi  # 100.5 m, of angles 16 whole turns
+    with pytest.raises(ft.RecordingError, match=r"columns of `h` must agree"):
+        ft.load_log(table(h_m=lambda x: -x["down"], h=lambda x: off - x["down"]))
     file = table(phi_rad=lambda signals: -signals["phi"])
     with pytest.raises(ft.RecordingError, match=r"must agree, got phi_rad and phi_deg"):
         ft.load_log(file)
