@@ -83,8 +83,10 @@ class SignalModel:
 def _model(
     name: str, target: str, terms: str, mean_s: float = 0.0, past_s: float = 0.0, room: float = 1.0
 ) -> SignalModel:
-    parts, lags = tuple(terms.split()), {"mean_s": mean_s, "past_s": past_s}
-    return SignalModel(name=name, target=target, terms=parts, room=room, **lags)
+    parts = tuple(terms.split())
+    return SignalModel(
+        name=name, target=target, terms=parts, mean_s=mean_s, past_s=past_s, room=room
+    )
 
 
 # Of models of one name the first counts whose signals there are. In words: the airspeed is that
