@@ -61,6 +61,8 @@ FAR = (-np.inf, np.inf)
 
 SIDES = ("left", "right", "up", "down")
 
+ALL_AREAS = " Flights stay inside all areas, as of ArduPilot; those of a plan for PX4 are one area."
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Fence:
@@ -159,7 +161,10 @@ class Room(NamedTuple):
 
 # Files that may have a fence, and those in which it is that of the mission itself.
 KINDS = "a plan, waypoints or a fence of Mission Planner, KML or GeoJSON with a Polygon"
-FENCE_FILES, OWN = (".plan", ".json", ".geojson", ".kml", *PLANNER), (".plan", *PLANNER)
+FENCE_FILES, OWN = (".plan", ".json", ".geojson", ".kml", ".kmz", *PLANNER), (".plan", *PLANNER)
+
+# Number of PX4 among the firmwares of MAVLink.
+PX4 = 12
 
 # Commands of a fence of MAVLink: polygons to stay in and out of, corner by corner, and circles.
 CORNERS, CIRCLES = {5001: True, 5002: False}, {5003: True, 5004: False}
@@ -187,7 +192,8 @@ def fence_tables(files: Sequence[Path], *, asked: bool = False) -> dict[str, Any
             elif kind == "planner":
                 shapes += _of_plan(_planner_fence(content))
             elif kind == "plan":
-                shapes += _of_plan(json_part(content, "geoFence", dict))
+                areas = [*_of_plan(json_part(content, "geoFence", dict))]
+                shapes += _one_area(areas) if _px4(content) else areas
             else:
                 single.append(content)
                 shapes += features(content)
@@ -239,7 +245,39 @@ def _of_plan(stated: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
             corners = _circle((lat, lon), radius, outside=not inside)
         else:
             corners = [[point[1], point[0]] for point in area["polygon"]]
-        yield feature("Polygon", [[*corners, corners[0]]], {"exclusion": not inside})
+        yield feature("Polygon", [[*corners, *corners[:1]]], {"exclusion": not inside})
+
+
+def _px4(plan: Mapping[str, Any]) -> bool:
+    """Whether a plan is for PX4, by its number of a firmware."""
+    return json_part(plan, "mission", dict).get("firmwareType") == PX4
+
+
+def _one_area(shapes: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Shapes with one area to stay in for all of them: PX4 stays inside at least one."""
+    import shapely
+
+    stay = [x for x in shapes if not x["properties"]["exclusion"]]
+    # Longitudes count from that of the first corner, as a route may cross the date line.
+    first = stay[0]["geometry"]["coordinates"][0][0][0] if stay else 0.0
+    areas = [
+        shapely.Polygon([((lon - first + 180.0) % 360.0, lat) for lon, lat in ring])
+        for ring in (x["geometry"]["coordinates"][0] for x in stay)
+    ]
+    if len(areas) < 2 or not all(area.is_valid for area in areas):  # the reader says which is not
+        return shapes
+    whole: Any = shapely.union_all(areas)
+    if whole.geom_type != "Polygon":
+        raise InputError(
+            f"the {len(areas)} areas to stay in must overlap, got areas apart: PX4 stays inside of "
+            "at least one, and no flight gets from one to another. Delete those without the route."
+        )
+    rings = [
+        [[(lon + first) % 360.0 - 180.0, lat] for lon, lat in ring.coords]
+        for ring in (whole.exterior, *whole.interiors)
+    ]
+    others = [x for x in shapes if x["properties"]["exclusion"]]
+    return [feature("Polygon", rings, {"exclusion": False}), *others]
 
 
 def _circle(centre: LatLon, radius: float, *, outside: bool) -> list[list[float]]:
@@ -311,7 +349,7 @@ def read_fence(path: Path, origin: LatLon, tables: Any = None) -> Fence:
             if inside[0] == outside or any(inside[1:]):
                 raise InputError(
                     f"`coordinates`: the start must be {'out' if outside else 'in'}side{kind}, got "
-                    f"one at {origin} deg."
+                    f"one at {origin} deg.{ALL_AREAS * (bool(kind) and not outside)}"
                 )
     return Fence(
         rings=tuple(rings),

@@ -121,7 +121,7 @@ def plan_with(path, polygons=(), circles=()):
     fence = {
         "version": 2,
         "polygons": [
-            {"inclusion": inside, "polygon": degrees(*ring), "version": 1}
+            {"inclusion": inside, "polygon": degrees(*ring) if ring else [], "version": 1}
             for inside, ring in polygons
         ],
         "circles": [
@@ -208,6 +208,7 @@ def test_several_fences_of_several_kinds_hold_at_once(tmp_path):
         ([(True, BOX), (False, BOX)], [], "outside of exclusion 1"),
         ([], [(True, (400.0, 0.0), -5.0)], "`radius` of a circle must be positive, got -5"),
         ([], [], "must have a Polygon for a fence, got none"),
+        ([(True, [])], [], "at least three corners, got 0"),
         ([("false", BOX)], [], "`inclusion` must be true or false, got 'false'"),
         ([], [(0, (400.0, 0.0), 5.0)], "`inclusion` must be true or false, got 0"),
     ],
@@ -218,6 +219,27 @@ def test_a_plan_whose_fence_cannot_hold_is_refused(tmp_path, polygons, circles, 
     with pytest.raises(ft.InputError, match=says) as refusal:
         read_fence(file, ORIGIN)
     assert str(refusal.value).startswith(str(file))
+
+
+@pytest.mark.parametrize("origin", [ORIGIN, (-17.0, 179.9995)])
+def test_px4_stays_inside_at_least_one_area_and_ardupilot_inside_all(tmp_path, origin):
+    """PX4's Geofence::isInsidePolygonOrCircle; AC_PolyFence_loader without INCLUSION_UNION."""
+    ahead, apart = ([(n + far, e) for n, e in BOX] for far in (500.0, 3000.0))
+
+    def fence(firmware, *rings):
+        areas = [{"polygon": on_earth(np.array(ring), origin).tolist()} for ring in rings]
+        tables = {"mission": {"firmwareType": firmware}, "geoFence": {"polygons": areas}}
+        file = tmp_path / "m.plan"
+        file.write_text(json.dumps(tables))
+        return read_fence(file, origin)
+
+    (ring,) = fence(12, BOX, ahead).rings
+    assert ring.max(axis=0) == pytest.approx(np.max(ahead, axis=0), abs=0.01)
+    assert ring.min(axis=0) == pytest.approx(np.min(BOX, axis=0), abs=0.01)
+    with pytest.raises(ft.InputError, match=r"of area 2, .* for PX4"):
+        fence(3, BOX, ahead)
+    with pytest.raises(ft.InputError, match=r"areas .* must overlap"):
+        fence(12, BOX, apart)
 
 
 @pytest.mark.parametrize("lon", [179.995, -179.995])
