@@ -2,12 +2,14 @@
 
 import json
 import math
+import zlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias, TypeVar
 from xml.etree import ElementTree
+from zipfile import BadZipFile, ZipFile
 
 import numpy as np
 from geographiclib.geodesic import Geodesic
@@ -15,7 +17,7 @@ from geographiclib.geodesic import Geodesic
 from flighttune.arrays import FloatArray, Floats
 from flighttune.errors import InputError, need
 from flighttune.files.mistakes import abridged, shown
-from flighttune.files.table import file_text, hash_of, json_object, json_tables
+from flighttune.files.table import MAX_BYTES, file_text, hash_of, json_object, json_tables
 from flighttune.files.xml import node
 from flighttune.references.path import STEP
 from flighttune.references.path import Path as Route
@@ -148,10 +150,34 @@ def map_file(path: Path, endings: Sequence[str], kinds: str) -> tuple[str, Any]:
     """The kind of a file (``kml``, ``planner``, ``plan`` or ``geojson``), and its content."""
     if (ending := path.suffix.lower()) not in endings:
         raise InputError(f"{path}: must be {kinds}, got {path.suffix}.")
+    if ending == ".kmz":
+        return "kml", _kmz_text(path)
     if ending in (".kml", *PLANNER):
         return "kml" if ending == ".kml" else "planner", file_text(path)
     tables = json_tables(path)
     return "plan" if "mission" in tables else "geojson", tables
+
+
+def _kmz_text(path: Path) -> str:
+    """The text of the only KML in a zip archive."""
+    try:
+        with ZipFile(path) as archive:
+            names = [name for name in archive.namelist() if name.lower().endswith(".kml")]
+            if len(names) != 1:
+                got = f": {abridged(', '.join(names))}" * bool(names)
+                raise InputError(f"{path}: must hold one .kml file, got {len(names)}{got}.")
+            with archive.open(names[0]) as file:
+                data = file.read(MAX_BYTES + 1)
+            if len(data) > MAX_BYTES:
+                raise InputError(f"{path}: its .kml must have at most {MAX_BYTES} bytes, got more.")
+            return data.decode("utf-8-sig")
+    except (OSError, EOFError, RuntimeError, ValueError, BadZipFile, zlib.error) as error:
+        if isinstance(error, InputError):
+            raise
+        reason = shown(str(getattr(error, "strerror", None) or error))
+        raise InputError(
+            f"{path}: must be a zip archive with a .kml file, got {reason}."
+        ) from error
 
 
 @contextmanager
@@ -203,7 +229,13 @@ def kml_features(text: str) -> list[dict[str, Any]]:
 
 
 def _points(text: str) -> list[list[float]]:
-    return [[float(value) for value in point.split(",")] for point in text.split()]
+    points = [point.split(",") for point in text.split()]
+    if wrong := [point for point in points if "" in point]:
+        raise InputError(
+            "`coordinates` must be longitude,latitude,height without blanks after the commas, got "
+            f"{abridged(','.join(wrong[0]))}."
+        )
+    return [[float(value) for value in point] for point in points]
 
 
 def with_hash(route: Mapping[str, Any], path: object) -> dict[str, Any]:
@@ -392,6 +424,9 @@ def ground_at(file: str | Path, places: FloatArray) -> FloatArray:
             posts[(posts < LOWEST) | (posts > HIGHEST)] = np.nan
     except (rasterio.errors.RasterioError, CPLE_BaseError) as error:
         reason = str(error).rstrip(".")
+        if Path(file).suffix.lower() == ".hgt":
+            reason += "; .hgt files are named by a corner, as N47E008.hgt, and have 1201 or 3601 "
+            reason += "posts to a side"
         raise InputError(f"{file}: must be a raster with heights there, got {reason}.") from error
     heights = map_coordinates(posts, at - first[:, None], order=1, mode="nearest")
     if (lost := np.isnan(heights)).any():
