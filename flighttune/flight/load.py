@@ -28,6 +28,9 @@ FLIGHT_KEYS = {"V_a": "V_a_mps", "h": "h_m", "phi": "phi_deg", "n_z": "n_z"}
 # Path angle by which a route may be shallower than a glide, rad: 0.1 deg.
 OFF_GLIDE = 0.1 * DEG
 
+# Key of the airspeed of all of a flight, or of its start.
+SPEED = "flight.V_a_mps"
+
 # Longest flight along the route of a file, s.
 LONGEST_S = 10_000.0
 
@@ -94,48 +97,35 @@ def route_scenario(
     file: Path, mission: RouteFile, aircraft: str, changes: Mapping[str, Any] | None = None
 ) -> Scenario:
     """A scenario in which an aircraft flies what a file states, within limits of its own."""
-    first = load_identified(aircraft).conditions[0]
+    first, changes = load_identified(aircraft).conditions[0], changes or {}
     condition = {"V_a_mps": first.V_a, "h_m": first.h, "duration_s": LONGEST_S}
     tables = {
         "title": file.stem,
         "law": ["exact"],
         "gains": [TUNED_FED_BACK],
         "flight": condition | mission.flight,
-        "route": mission.route,
         "limits": dict(mission.limits),
         "controller": {"feed_forward": True},
         "tuning": {"identified": aircraft},
         "plant": [{"kind": "jsbsim", "aircraft": aircraft}],
     }
-    if "flight.V_a_mps" not in (changes or {}) and "holds_airspeed" not in mission.route:
-        tables["route"], speeds = _with_airspeeds(mission.route, load_aircraft(aircraft))
-        if speeds and tables["route"]["holds_airspeed"]:
+    route, start = dict(mission.route), tables["flight"]
+    if SPEED in changes:
+        route.pop("airspeed_assumed", None)
+    elif "V_a_mps" not in mission.flight:
+        route["airspeed_assumed"] = True
+    speeds = [row["V_mps"] for row in route["waypoint"] if "V_mps" in row]
+    if speeds and SPEED not in changes and "holds_airspeed" not in route:
+        route["holds_airspeed"] = load_aircraft(aircraft).limits.n_x is not None
+        if route["holds_airspeed"]:
             tables["controller"] |= {"schedule": True}
-        elif speeds:
-            tables["flight"]["V_a_mps"] = max(tables["flight"]["V_a_mps"], *speeds)
-    tables = with_changes(tables, changes or {}, f"{file}:")
+        elif max(speeds) >= start["V_a_mps"]:
+            start["V_a_mps"] = max(speeds)
+            route.pop("airspeed_assumed", None)
+    tables = with_changes({**tables, "route": route}, changes, f"{file}:")
     scenario = validated(Scenario, tables, str(file))
     check_scenario(scenario, str(file))
     return scenario
-
-
-def _with_airspeeds(
-    route: Mapping[str, Any], config: AircraftConfig
-) -> tuple[dict[str, Any], list[float]]:
-    """A route with the changes of airspeed that an aircraft flies, and these airspeeds, m/s."""
-    (low, high), rows, notes = config.envelope.V_a, [], [*route["notes"]]
-    for row in route["waypoint"]:
-        V = row.get("V_mps")
-        if V is not None and not low < V < high:
-            row = {key: value for key, value in row.items() if key != "V_mps"}
-            notes.append(
-                f"The airspeed of {V:g} m/s from {row['name']} on is not flown: "
-                f"{config.folder.name} flies {low:g} to {high:g} m/s, and keeps its airspeed there."
-            )
-        rows.append(row)
-    speeds = [row["V_mps"] for row in rows if "V_mps" in row]
-    third = {"holds_airspeed": config.limits.n_x is not None} if speeds else {}
-    return {**route, "waypoint": rows, "notes": notes, **third}, speeds
 
 
 def scenario_and_gains(

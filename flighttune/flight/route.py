@@ -8,11 +8,12 @@ from typing import Any
 
 import numpy as np
 
+from flighttune.aircraft.aircraft import load_aircraft
 from flighttune.errors import InputError
 from flighttune.files.load import kind_of
 from flighttune.files.whole import write_text
 from flighttune.flight.conditions import reference_of, slopes_not_held
-from flighttune.flight.load import as_scenario, route_scenario
+from flighttune.flight.load import SPEED, as_scenario, route_scenario
 from flighttune.present.answer import Answer, Answering, Column, Table, pick, printable
 from flighttune.references.follow import RouteReference
 from flighttune.references.maps import Corridor, Mark, RouteMap, Where, areas_of, on_earth
@@ -206,16 +207,16 @@ class PlannedRoute(Answering):
         }
 
 
-def planned_route(scenario: Scenario, *, speed_assumed: bool = False) -> PlannedRoute:
+def planned_route(scenario: Scenario) -> PlannedRoute:
     """The planned route of a scenario; InputError if it has a reference over time."""
     reference, table = reference_of(scenario), scenario.route
     if table is None or not isinstance(reference, RouteReference):
         raise InputError(f"{scenario.title}: `route` must be given, got a reference over time.")
-    wind, assumed = table.wind_at(reference.V_a), " (assumed)"
+    wind = table.wind_at(reference.V_a)
     slowest = f"{reference.V.min():g} to " if reference.airspeeds is not None else ""
     conditions = (
-        f"airspeed {slowest}{reference.V_a:g} m/s{assumed * speed_assumed}, "
-        f"turns for wind up to {wind:.3g} m/s{assumed * (table.wind_mps is None)}, "
+        f"airspeed {slowest}{reference.V_a:g} m/s{scenario.assumed_words}, "
+        f"turns for wind up to {wind:.3g} m/s{' (assumed)' * (table.wind_mps is None)}, "
         f"start {scenario.flight.h_m:g} m above sea level"
     )
     return PlannedRoute(scenario=scenario, reference=reference, wind=wind, conditions=conditions)
@@ -226,8 +227,8 @@ def mission_scenario(
     aircraft: str | None,
     changes: Mapping[str, Any] | None,
     terrain: str | Path | None,
-) -> tuple[Scenario, bool] | None:
-    """The scenario of a mission, and whether its airspeed is assumed; None for another source."""
+) -> Scenario | None:
+    """The scenario of a mission; None for another source."""
     file = Path(source)
     if (ending := file.suffix.lower()) not in ROUTE_FILES:
         if ending not in ("", ".toml") and file.is_file() and not kind_of(file):
@@ -239,9 +240,10 @@ def mission_scenario(
     skip = changes.pop("route.skip", False)
     if not isinstance(skip, bool):
         raise InputError(f"{file}: `route.skip` must be true or false, got {skip}.")
-    mission = read_route(file, skip=skip, terrain=terrain)
-    stated = {*mission.flight, *(key.removeprefix("flight.") for key in changes)}
-    return route_scenario(file, mission, aircraft or AIRCRAFT, changes), "V_a_mps" not in stated
+    aircraft = aircraft or AIRCRAFT
+    speeds = None if SPEED in changes else load_aircraft(aircraft).envelope.V_a
+    mission = read_route(file, skip=skip, terrain=terrain, airspeeds=speeds)
+    return route_scenario(file, mission, aircraft, changes)
 
 
 def route(
@@ -286,5 +288,4 @@ def route(
         mission = mission_scenario(source, aircraft, changes, terrain)
     if mission is None and aircraft is not None:
         raise InputError(f"{source}: `aircraft` must be absent for a scenario.")
-    scenario, speed_assumed = mission or (as_scenario(source, changes), False)
-    return planned_route(scenario, speed_assumed=speed_assumed)
+    return planned_route(mission or as_scenario(source, changes))

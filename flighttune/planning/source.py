@@ -167,9 +167,8 @@ def flights(
         return source if isinstance(source, Flights) else _of(source)
     place = str(source)
     if mission := mission_scenario(place, aircraft, changes, terrain):
-        scenario, _ = mission
-        drawn = _about_mission(scenario, aircraft or AIRCRAFT, like)
-        return Flights(place=place, scenario=scenario, campaign=drawn, mission=Path(place))
+        drawn = _about_mission(mission, aircraft or AIRCRAFT, like)
+        return Flights(place=place, scenario=mission, campaign=drawn, mission=Path(place))
     if aircraft is not None or like is not None:
         raise InputError(f"{place}: `aircraft` and `like` must be absent: it is no mission.")
     if _is_scenario(place):

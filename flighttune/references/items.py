@@ -69,6 +69,9 @@ SPEEDS = "an airspeed", "a ground speed", "a climb speed", "a descent speed"
 DEFAULT_SPEED = -2
 
 
+# Airspeeds of a route that no aircraft bounds, m/s.
+ANY_AIRSPEED = (0.0, math.inf)
+
 # Largest latitude and longitude of a route whose home position may have zeros, deg.
 NEAR_DEG = 5.0
 
@@ -88,6 +91,7 @@ def read_items(
     home: tuple[float, ...],
     skip: bool,
     terrain: str | Path | None = None,
+    airspeeds: tuple[float, float] | None = ANY_AIRSPEED,
 ) -> RouteFile:
     """The route that items make; `home`: latitude and longitude, deg, height above sea level, m."""
     if not (abs(home[0]) <= 90.0 and abs(home[1]) <= 180.0):  # also catches NaN
@@ -102,8 +106,9 @@ def read_items(
     rally: list[Row] = []
     numbers: dict[Fate, dict[str, set[int]]] = defaultdict(lambda: defaultdict(set))
     notes: dict[str, None] = {}
-    # changes of speed: index of the row from which on it is flown, airspeed if any, number of item
-    changes: list[tuple[int, float | None, int]] = []
+    # changes of speed: index of the row from which on it is flown, airspeed if any, number, name
+    # and fate of its item
+    changes: list[tuple[int, float | None, int, str, Fate]] = []
     end, passed = len(flat), set[int]()
     for number in _in_order(flat):
         item = flat[number - 1]
@@ -113,7 +118,7 @@ def read_items(
         if fate == "flown" and command == SPEED:
             airspeed, others = _speed(label, item)
             notes |= dict.fromkeys(others)
-            changes.append((max(0, len(rows) - 1), airspeed, number))
+            changes.append((max(0, len(rows) - 1), airspeed, number, *_change(airspeed, airspeeds)))
             continue
         numbers[fate][name].add(number)
         if command == RALLY:
@@ -132,10 +137,15 @@ def read_items(
             why = f"after the end of item {end}" if number > end else "which a jump leaves out"
             numbers["not flown"][f"{_name(item)}, {why}"].add(number)
     last = max(1, len(rows) - 1)  # no flight goes on from there
-    speeds = {i: (V, number) for i, V, number in changes if V is not None and i < last}
+    speeds = {
+        i: (V, number)
+        for i, V, number, _, fate in changes
+        if V is not None and fate == "flown" and i < last
+    }
     flown = {number for _, number in speeds.values()}
-    for *_, number in changes:
-        numbers["flown" if number in flown else "not flown"][COMMANDS[SPEED]].add(number)
+    for *_, number, name, fate in changes:
+        unused = fate == "flown" and number not in flown
+        numbers["not flown" if unused else fate][name].add(number)
     fates = _fates(numbers, skip) if rows else _fates(numbers, skip)[1:]
     if lost and rows:
         fates.append(
@@ -164,7 +174,8 @@ def _fates(numbers: Mapping[Fate, dict[str, set[int]]], skip: bool) -> list[str]
         skips = f"; `--set route.skip=true` leaves out {listed_items(no_place)}"
         raise InputError(
             "`items` must be waypoints, circles, a take-off at the beginning, landings, returns, "
-            "surveys or corridor scans, at heights above home, sea level or terrain, got "
+            "surveys or corridor scans, at heights above home, sea level or terrain and at "
+            "airspeeds that the aircraft flies, got "
             f"{wrong}{skips if no_place and not skip else ''}."
         )
     fates = [f"Flown of the plan: {listed_items(numbers['flown'])}."]
@@ -416,6 +427,19 @@ def _speed(label: str, item: Mapping[str, Any]) -> tuple[float | None, list[str]
         others.append(f"a throttle of {throttle:g} %")
     hint = f": in still air `--set flight.V_a_mps={value:g}` is as fast" if kind == 1 else ""
     return airspeed, [f"I{label[1:]} sets {x}, which is not flown{hint}." for x in others]
+
+
+def _change(airspeed: float | None, able: tuple[float, float] | None) -> tuple[str, Fate]:
+    """Name of a change of speed, with the reason if it is not flown, and what becomes of it."""
+    name = COMMANDS[SPEED]
+    if airspeed is None:
+        return name, "not flown"
+    if able is None:
+        return f"{name}, in favour of `flight.V_a_mps`", "not flown"
+    if able[0] < airspeed < able[1]:
+        return name, "flown"
+    low, high = able
+    return f"{name}, to {airspeed:g} m/s, but the aircraft flies {low:g} to {high:g}", "no place"
 
 
 def _airspeeds(rows: Sequence[Row], speeds: Mapping[int, tuple[float, int]]) -> list[str]:

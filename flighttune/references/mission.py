@@ -12,6 +12,7 @@ from flighttune.errors import InputError
 from flighttune.files.table import hash_of
 from flighttune.references.fence import circle_of
 from flighttune.references.items import (
+    ANY_AIRSPEED,
     SPEED,
     TAKEOFF,
     TURNS,
@@ -42,27 +43,34 @@ from flighttune.references.path import Stretch
 from flighttune.units import DEG
 
 # Endings of files that are read.
-ROUTE_FILES = (".plan", ".json", ".geojson", ".waypoints", ".txt", ".kml")
+ROUTE_FILES = (".plan", ".json", ".geojson", ".waypoints", ".txt", ".kml", ".kmz")
 
 KINDS = (
     "a plan of QGroundControl, waypoints of Mission Planner, or KML or GeoJSON with a LineString"
 )
 
 
-def read_route(path: Path, *, skip: bool = False, terrain: str | Path | None = None) -> RouteFile:
+def read_route(
+    path: Path,
+    *,
+    skip: bool = False,
+    terrain: str | Path | None = None,
+    airspeeds: tuple[float, float] | None = ANY_AIRSPEED,
+) -> RouteFile:
     """Read a route: a .plan of QGroundControl, .waypoints of Mission Planner, KML or GeoJSON.
 
     `skip`: leave out commands that change the flight but have no place. Commands that leave the
     path as it is are always left out. `terrain`: a file that heights above terrain are flown by.
+    `airspeeds`: the range of the aircraft, m/s; None if all is flown at one that the user states.
     """
     kind, content = map_file(path, ROUTE_FILES, KINDS)
     with reading(path, KINDS):
         if kind == "planner":
             (*home, height), items = planner_items(content)
             home = (*home, json_number(height, "the height of home"))
-            read = read_items(items, home, skip, terrain)
+            read = read_items(items, home, skip, terrain, airspeeds)
         elif kind == "plan":
-            read = _plan(content, skip, terrain)
+            read = _plan(content, skip, terrain, airspeeds)
         else:
             read = _line(kml_features(content) if kind == "kml" else features(content))
         rows = read.route["waypoint"]
@@ -91,7 +99,7 @@ def _written(stated: object, path: object) -> RouteFile | None:
     return RouteFile({**stated["route"], **rows, "notes": notes}, flight, {**stated["limits"]})
 
 
-def _plan(tables: Mapping[str, Any], skip: bool, terrain: str | Path | None) -> RouteFile:
+def _plan(tables: Mapping[str, Any], *options: Any) -> RouteFile:
     mission = tables["mission"]
     if read := _written(tables.get(ROUTE_KEY), mission):
         return read
@@ -100,7 +108,7 @@ def _plan(tables: Mapping[str, Any], skip: bool, terrain: str | Path | None) -> 
     stated = [*json_part(mission, "plannedHomePosition", list), None, None, None][:3]
     height = json_number(stated[2], "the height above sea level in `plannedHomePosition`")
     home = (*(json_number(x, "`plannedHomePosition`", 0.0) for x in stated[:2]), height)
-    read = read_items(mission["items"], home, skip, terrain)
+    read = read_items(mission["items"], home, *options)
     points = json_part(json_part(tables, "rallyPoints", dict), "points", list)
     rally = [place(f"rally point {i}", point[:3]) for i, point in enumerate(points, start=1)]
     return read._replace(route=read.route | {"rally": rally})

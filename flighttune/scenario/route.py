@@ -191,6 +191,8 @@ class RouteTable(q.Table):
     look_ahead_s: q.TimeConstant = 3.0
     # true: the law holds the airspeed by n_x; the aircraft does if left out
     holds_airspeed: bool | None = None
+    # true: the file of the mission states no airspeed at its start
+    airspeed_assumed: bool | None = None
     lat_deg: Latitude = 0.0  # of the start, for maps, if the waypoints have none
     lon_deg: Longitude = 0.0
     widen: bool = False  # true: circles that are too small get the smallest radius

@@ -397,7 +397,15 @@ class Scenario(Table):
         if self.route is None or len(speeds) > MAX_SPEEDS:
             ends = min(self.airspeeds), max(self.airspeeds)
             speeds = [" to ".join(dict.fromkeys(f"{V:.6g}" for V in ends))]
-        return f"{listed(speeds)} m/s"
+        return f"{listed(speeds)} m/s{self.assumed_words}"
+
+    @property
+    def assumed_words(self) -> str:
+        """That the airspeed, or that of the start, is assumed; empty if it is stated."""
+        if self.route is None or not self.route.airspeed_assumed:
+            return ""
+        changes = len({*self.airspeeds}) > 1
+        return f" ({f'{self.airspeeds[0]:.6g} m/s at the start is ' * changes}assumed)"
 
     @property
     def feasible(self) -> bool:

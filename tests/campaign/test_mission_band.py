@@ -106,7 +106,7 @@ def test_what_is_not_flyable_or_not_fenced_is_refused_before_a_flight(tmp_path):
     delayed = plan_file(tmp_path / "d.plan", *places)
     for source, options, words in (
         (file, ("--set", "route.turnaround_m=0", "--set", "route.wind_mps=60"), "must be"),
-        (file, ("--aircraft", "c172p"), "`V_a_mps` must lie in 32 to 75"),
+        (file, ("--aircraft", "c172p"), "item 2 (DO_CHANGE_SPEED 178, to 26 m/s, but"),
         (file, ("--like", "nowhere"), "nowhere"),
         (far, (), "the start must be inside"),
         ("circuit_in_wind", ("--aircraft", "aerosonde"), "it is no mission"),

@@ -1,6 +1,7 @@
 """What is read of plans, waypoint files, KML and GeoJSON, and what is refused."""
 
 import json
+from zipfile import ZIP_DEFLATED, ZipFile
 
 import pytest
 from commands import answer, flighttune
@@ -351,19 +352,33 @@ def test_airspeeds_of_a_plan_are_flown_from_their_places_on(read):
     assert "airspeed 24 m/s, turns for" in whole
 
 
-@pytest.mark.parametrize(("slow", "flown"), [(20, 20.0), (12, None)])
-def test_a_change_of_speed_before_the_landing_leaves_what_comes_before_as_it_is(
-    tmp_path, slow, flown
-):
-    """One that the aircraft does not fly is said: the Aerosonde flies 15 to 45 m/s."""
-    route = ft.route(plan_file(tmp_path / "m.plan", *PATROL, speed(slow), LAND))
+def test_a_change_of_speed_before_the_landing_leaves_what_comes_before_as_it_is(tmp_path):
+    route = ft.route(plan_file(tmp_path / "m.plan", *PATROL, speed(20), LAND))
     V, stretches = route.reference.V, route.reference.path.stretches
 
     before = int(next(x.start for x in stretches if x.name == "item 6"))
     assert (V[:before] == 25.0).all()  # at which the Aerosonde is identified
-    assert V[-1] == pytest.approx(flown or 25.0)
-    said = [note for note in route.scenario.notes if "is not flown" in note]
-    assert ["12 m/s from item 4 on" in note for note in said] == [True] * (flown is None)
+    assert V[-1] == pytest.approx(20.0)
+    assert "airspeed 20 to 25 m/s (25 m/s at the start is assumed), turns" in route.conditions
+
+
+@pytest.mark.parametrize("number", [1, 3])
+def test_an_airspeed_that_the_aircraft_does_not_fly_is_refused_by_its_item(tmp_path, number):
+    """The Aerosonde flies 15 to 45 m/s."""
+    items = [*PATROL]
+    items.insert(number - 1, speed(150))
+    file = plan_file(tmp_path / "m.plan", *items)
+    named = f"item {number} (DO_CHANGE_SPEED 178, to 150 m/s, but the aircraft flies 15 to 45)"
+
+    with pytest.raises(ft.InputError) as refusal:
+        ft.route(file)
+    assert str(refusal.value).endswith(f"`--set route.skip=true` leaves out {named}.")
+    left_out = ft.route(file, changes={"route.skip": True})
+    assert f"Not flown of the plan: {named}." in left_out.scenario.notes
+    assert "airspeed 25 m/s (assumed)" in left_out.conditions
+    whole = ft.route(file, changes={"flight.V_a_mps": 30.0})
+    assert "airspeed 30 m/s, turns" in whole.conditions
+    assert not any("DO_CHANGE" in note for note in whole.scenario.notes if note[0] == "F")
 
 
 @pytest.mark.parametrize(
@@ -447,6 +462,40 @@ def test_a_line_of_kml_is_read(read_text):
     assert clamped.flight == {}
     assert clamped.values("up_m") == [0.0, 0.0]
     assert "no heights that count, as its line is clampToGround" in clamped.notes[0]
+    with pytest.raises(ft.InputError, match=r"without blanks .* got '8.5,'"):
+        read_text(".kml", KML.format("absolute").replace("8.5,", "8.5, "))
+
+
+def archive(path, **texts):
+    with ZipFile(path, "w", ZIP_DEFLATED) as file:
+        for name, text in texts.items():
+            file.writestr(f"{name}.kml", text)
+    return path
+
+
+def test_a_kmz_is_read_as_the_kml_that_it_holds(read_text, tmp_path):
+    route = Read(archive(tmp_path / "m.kmz", doc=KML.format("absolute")))
+
+    assert route.rows == read_text(".kml", KML.format("absolute")).rows
+    assert "The path can be flown" in flighttune("mission", "--plan", route.file)[0]
+
+
+@pytest.mark.parametrize(
+    ("texts", "says"),
+    [
+        ({}, "must hold one .kml file, got 0."),
+        ({"a": "", "b": ""}, "must hold one .kml file, got 2: 'a.kml, b.kml'."),
+        ({"a": " " * 17_000_000}, "its .kml must have at most 16000000 bytes, got more."),
+        (None, "must be a zip archive with a .kml file, got File is not a zip file."),
+    ],
+)
+def test_a_kmz_without_one_kml_of_an_ordinary_size_is_refused(tmp_path, texts, says):
+    file = tmp_path / "m.kmz"
+    file.write_text("no archive") if texts is None else archive(file, **texts)
+
+    with pytest.raises(ft.InputError) as refusal:
+        read_route(file)
+    assert str(refusal.value) == f"{file}: {says}"
 
 
 def line(*points):
@@ -517,7 +566,7 @@ def test_another_file_is_refused(read_text, ending, text):
     assert "Error" not in str(refusal.value)
 
 
-@pytest.mark.parametrize("ending", [".mission", ".kmz", ".xml"])
+@pytest.mark.parametrize("ending", [".mission", ".gpx", ".xml"])
 def test_files_of_other_programs_are_refused_in_one_line_that_names_what_is_read(tmp_path, ending):
     file = tmp_path / f"m{ending}"
     file.write_text("")
