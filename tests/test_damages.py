@@ -94,7 +94,7 @@ def changed_rows(rows, draw):
 
 
 def proven(folder):
-    tube(PROVEN, ft.PAPER_GAINS, disturbance=0.02).save(folder / "tube.npz")
+    tube(PROVEN, ft.PAPER_GAINS, for_ever=False, disturbance=0.02).save(folder / "tube.npz")
     return folder / "tube.npz"
 
 
@@ -102,7 +102,7 @@ def proven_of_aircraft(folder):
     scenario = flight(duration_s=0.2)
     boxes = counted_boxes(scenario)
     boxes.save(folder / "boxes.npz")
-    tube(scenario, ft.PAPER_GAINS, band=boxes).save(folder / "tube.npz")
+    tube(scenario, ft.PAPER_GAINS, for_ever=False, band=boxes).save(folder / "tube.npz")
     return folder / "tube.npz"
 
 

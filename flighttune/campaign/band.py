@@ -268,7 +268,7 @@ def tube(
 
     Examples
     --------
-    >>> tube = ft.tube("paper", "paper", changes={"flight.duration_s": 2.0})
+    >>> tube = ft.tube("level_turn", "paper", changes={"flight.duration_s": 2.5})
     >>> tube.status, tube.problem.plant
     ('bounded', 'kinematic')
     """
@@ -365,7 +365,8 @@ def monitor(  # noqa: PLR0913 - as `band`
     Examples
     --------
     >>> few = {"epsilon": 0.3, "confidence": 0.9, "learn": 20, "flights": 7, "workers": 1}
-    >>> monitor = ft.monitor("level_turn", start_deg=2.0, **few)
+    >>> short = {"flight.duration_s": 4.0}
+    >>> monitor = ft.monitor("level_turn", start_deg=2.0, changes=short, **few)
     >>> [model.name for model in monitor.watch.models]
     ['airspeed', 'speed change', 'elevator', 'trim', 'climb', 'power', 'roll', 'turn']
     """

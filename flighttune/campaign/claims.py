@@ -110,7 +110,7 @@ def load(path: str | Path, *, columns: Columns = ()) -> Loaded:
 
     Examples
     --------
-    >>> ft.tube("paper", "paper", changes={"flight.duration_s": 2.0}).save("tube.npz")
+    >>> ft.tube("level_turn", "paper", changes={"flight.duration_s": 2.5}).save("tube.npz")
     >>> ft.load("tube.npz").status
     'bounded'
     """

@@ -180,7 +180,7 @@ class Tube(Answering):
 
     Examples
     --------
-    >>> tube = ft.tube("paper", "paper", changes={"flight.duration_s": 2.0})
+    >>> tube = ft.tube("level_turn", "paper", changes={"flight.duration_s": 2.5})
     >>> flown = ft.fly(tube.problem.scenario).within(tube)
     >>> [claim.kind for claim in flown.runs[0].claims]
     ['proven']

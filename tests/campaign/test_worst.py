@@ -141,7 +141,7 @@ def test_the_command_writes_a_scenario_that_flies_to_what_it_says(tmp_path):
 def proven(tmp_path_factory):
     """A tube of 0.3 s of the law from a box of starts, disturbed, and its file."""
     scenario = made_up(chi_err_deg=15.0, gamma_deg=5.0, duration_s=0.3)
-    proven = tube_of(scenario, ft.PAPER_GAINS, start=0.01, disturbance=0.02)
+    proven = tube_of(scenario, ft.PAPER_GAINS, for_ever=False, start=0.01, disturbance=0.02)
     file = tmp_path_factory.mktemp("tube") / "proof"  # no ending: it is known by its content
     proven.save(file)
     return proven, file
@@ -181,7 +181,7 @@ def test_a_flight_outside_of_a_tube_contradicts_its_proof(proven):
 
 @pytest.mark.slow
 def test_a_tube_has_flights_and_metric_of_its_own(proven):
-    tube, of_one = proven[0], tube_of(made_up(duration_s=0.1), ft.PAPER_GAINS)
+    tube, of_one = proven[0], tube_of(made_up(duration_s=0.1), ft.PAPER_GAINS, for_ever=False)
     for source, options, reason in (
         (tube, {"metric": "margin"}, "must be absent for a tube"),
         (tube, {"budget": 1}, "`budget` must be"),

@@ -26,7 +26,8 @@ def turn(**changes):
 
 @pytest.fixture(scope="module")
 def proven():
-    return tube(turn(), ft.PAPER_GAINS, start=np.radians(START_DEG), disturbance=DISTURBANCE)
+    around = {"start": np.radians(START_DEG), "disturbance": DISTURBANCE}
+    return tube(turn(), ft.PAPER_GAINS, for_ever=False, **around)
 
 
 def flown(**changes):

@@ -21,6 +21,7 @@ pytestmark = pytest.mark.slow
 
 SHORT = {"flight.duration_s": 1.0}
 SET = "--set", "flight.duration_s=1.0"
+TURNING = {"flight.duration_s": 2.5}
 IDENTIFIED = {"tuning.model": "identified"}
 FEW = {"start_deg": 2.0, "plant": "kinematic", "epsilon": 0.5, "confidence": 0.9, "learn": 10}
 MONITORED = FEW | {"learn": 20, "plant": "jsbsim:aerosonde"}
@@ -101,8 +102,8 @@ VERBS = {
         ["aerosonde", "--V-a", 25, "--gamma", 0],
     ),
     "tube": (
-        lambda: ft.tube("paper", "paper", plant="kinematic", changes=SHORT),
-        ["paper", "--gains", "paper", "--plant", "kinematic", *SET],
+        lambda: ft.tube("level_turn", "paper", changes=TURNING),
+        ["level_turn", "--gains", "paper", "--set", "flight.duration_s=2.5"],
     ),
     "band": (
         lambda: ft.band("level_turn", changes=TURN, **FEW),

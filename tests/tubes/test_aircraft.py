@@ -47,7 +47,7 @@ def flight(**changes):
 def test_the_aircraft_flies_inside_its_tube_which_is_proven_again(tmp_path, feed_forward):
     scenario = flight(feed_forward=feed_forward, duration_s=0.4)
 
-    found = tube(scenario, ft.PAPER_GAINS, band=counted_boxes(scenario))
+    found = tube(scenario, ft.PAPER_GAINS, band=counted_boxes(scenario), for_ever=False)
 
     assert found.status == "bounded"
     assert flights_inside(found)
@@ -223,7 +223,7 @@ def test_boxes_and_an_aircraft_go_together(proof, tmp_path):
 
 @pytest.mark.slow
 def test_of_a_tube_that_a_flight_leaves_no_file_is_written(tmp_path):
-    scenario = flight(duration_s=0.6)
+    scenario = flight(duration_s=0.3, ramp_dps=1.0)
     path = scenario_file(tmp_path / "flight.toml", scenario)
     # The aircraft leaves boxes that are this narrow, and so does its flight their tube.
     counted_boxes(scenario, half_width=1e-7).save(tmp_path / "boxes.npz")

@@ -80,6 +80,7 @@ def test_it_is_in_the_file_and_proven_again(found, path):
 @pytest.mark.parametrize(
     ("name", "change", "said"),
     [
+        ("ever_W", lambda W: 0.9 * W, "sample .*: the set that is kept"),
         ("ever_size", lambda size: 0.5 * size, "sample .*: the set that is kept"),
         ("ever_size", lambda size: 300.0 * size, "after .* samples from sample "),
         ("ever_bounds", lambda bounds: 0.9 * bounds, "after .*chi_err >= .* is not proven"),
