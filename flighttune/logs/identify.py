@@ -257,7 +257,7 @@ def identify(
 
     Examples
     --------
-    >>> made = ft.identify("aerosonde", V_a=[25.0])
+    >>> made = ft.identify("aerosonde", V_a=[25.0], gamma=[0.0])
     >>> made.identified.conditions[0].channels["phi"].fit_percent > 90.0
     True
     >>> import numpy as np, pandas

@@ -14,7 +14,8 @@ from flighttune.campaign.engine import pool
 from flighttune.campaign.flying.columns import table_of
 from flighttune.campaign.flying.rows import fly_runs
 
-pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("own_workers")]
+pytestmark = pytest.mark.slow
+own_processes = pytest.mark.usefixtures("own_workers")
 
 
 KEYS = ("plant.airframe.mass_factor", "plant.airframe.actuator_lag_factor",
@@ -22,6 +23,7 @@ KEYS = ("plant.airframe.mass_factor", "plant.airframe.actuator_lag_factor",
         "sensors.V_a_noise_sd_mps")  # fmt: skip
 
 
+@own_processes
 def test_every_run_is_there_once_with_the_bits_of_one_process(tmp_path, monkeypatch, capfd):
     """And neither this process nor one below it listens on an address."""
     monkeypatch.chdir(tmp_path)
@@ -49,6 +51,7 @@ def test_every_run_is_there_once_with_the_bits_of_one_process(tmp_path, monkeypa
     assert not children()
 
 
+@own_processes
 def test_many_kinematic_flights_are_shared_out_with_the_bits_of_a_few(tmp_path, monkeypatch):
     ours = plan(tmp_path, runs=300, wind="", aircraft=())
     few = fly_runs(ours, range(300))
@@ -62,6 +65,7 @@ def test_many_kinematic_flights_are_shared_out_with_the_bits_of_a_few(tmp_path, 
     assert started == 2
 
 
+@own_processes
 def test_each_phase_counts_its_own_runs_from_its_first_flight_on(tmp_path):
     ours, notes = plan(tmp_path, runs=4, wind="", aircraft=()), Notes()
 
@@ -79,6 +83,7 @@ def test_each_phase_counts_its_own_runs_from_its_first_flight_on(tmp_path):
     assert workers.progress.flown / workers.progress.rate_per_s < time.perf_counter() - ready
 
 
+@own_processes
 def test_a_process_that_cannot_start_is_said_in_one_line(tmp_path, monkeypatch):
     ours = plan(tmp_path, runs=4)
     monkeypatch.setattr(sys, "executable", "/no/such/python")

@@ -280,21 +280,19 @@ def test_a_flight_turns_back_at_the_airspeed_of_its_place(tmp_path):
     assert "at 20 to 27 m/s" in distribution_of(plan.campaign, plan.groups[0].plant).sentence("x")
 
 
-@pytest.mark.slow
-@pytest.mark.usefixtures("few_learned")
 def test_the_room_of_another_route_or_of_a_distance_ahead_is_refused(tmp_path):
-    few = {"plant": "kinematic", "gains": "paper", "start_deg": 1.0, **FEW}
-    flight = {"flight.duration_s": 20.0}
-    legs = [{"north_m": n, "east_m": 0.0} for n in (0.0, 300.0)]
-    own = ft.band("circuit", changes={"route.waypoint": legs} | flight, **few)
-    room = ft.mission(own, turn_back=30).room
-    turned = [legs[0], {"north_m": 0.0, "east_m": 300.0}]  # as long, to the east
-    longer = [*legs, {"north_m": 400.0, "east_m": 0.0}]
-    for others, says in ((longer, r"along 300 m .*along 400 m"), (turned, "on one route")):
-        changes = {"route.waypoint": others} | flight
-        corridor = ft.band("circuit", changes=changes, **few)
+    def plan(*waypoints):
+        legs = [{"north_m": north, "east_m": east} for north, east in waypoints]
+        changes = {"route.waypoint": legs, "flight.duration_s": 20.0}
+        return ft.flights("circuit", changes=changes).plan(plant="kinematic", gains="paper")
+
+    own, away = plan((0.0, 0.0), (300.0, 0.0)), {"cross_track": "m", "height_err": "m"}
+    room = made_up(TurnBack, turning_back(own, BANK), ROOM, [271.2, 3.4])
+    turned = plan((0.0, 0.0), (0.0, 300.0))  # as long, to the east
+    longer = plan((0.0, 0.0), (300.0, 0.0), (400.0, 0.0))
+    for other, says in ((longer, r"along 300 m .*along 400 m"), (turned, "on one route")):
         with pytest.raises(ft.InputError, match=says):
-            room.volumes(corridor)
+            room.volumes(made_up(ft.Band, other, away, [5.0, 2.0]))
     with pytest.raises(ft.InputError, match="got a TurnBack"):
         room.volumes(room)
 
