@@ -45,7 +45,7 @@ START = FlightCondition(V_a=25.0, chi=math.pi / 3, gamma=math.pi / 4, phi=math.p
 WAVES = Sinusoid(chi_amplitude=0.1, chi_omega=0.15, gamma_amplitude=0.1, gamma_omega=0.15)
 FAMILY = paper_family()
 TIMES_AS_FAST = 100.0
-MANY, SECONDS = 10_000, 5.0
+MANY, SECONDS = 10_000, 8.0
 SLACK = 1.3
 PART = 500
 SAME = 1e-9  # rad

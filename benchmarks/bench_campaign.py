@@ -35,8 +35,8 @@ from flighttune.simulate.batch import cores
 
 STEPS, BARE_SECONDS = 4000, 60.0
 BLOCK, REPEATS = (1, 1) if running.QUICK else (25, 8)
-HIGHEST_RATIO = {"still air": 1.6, "airframe dispersed": 1.6}
-MANY, SECONDS = 100 if running.QUICK else 100_000, 30.0
+HIGHEST_RATIO = {"still air": 2.4, "airframe dispersed": 2.4}
+MANY, SECONDS = 100 if running.QUICK else 100_000, 160.0
 
 
 def dispersed(key: str, lower: float, upper: float) -> dict[str, object]:

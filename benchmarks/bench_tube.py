@@ -32,9 +32,9 @@ from flighttune.tubes.tube import flights_inside, tube_of
 from flighttune.units import DEG
 
 ROWS = {
-    "K*, start within 5 deg": ("paper", 5.0, 0.0, (5.3, 6.1), 0.03, 20.0, 1.1),
+    "K*, start within 5 deg": ("paper", 5.0, 0.0, (5.3, 6.1), 0.03, 80.0, 1.1),
     "tuned_identified, start within 5 deg": ("tuned_identified", 5.0, 0.0, None, None, None, None),
-    "K*, |d| <= 0.0075 rad/s": ("paper", 0.0, 0.0075, (2.1, 1.6), 1.2, 20.0, 1.5),
+    "K*, |d| <= 0.0075 rad/s": ("paper", 0.0, 0.0075, (2.1, 1.6), 1.2, 50.0, 1.5),
     "tuned_identified, |d| <= 0.0075 rad/s": ("tuned_identified", 0.0, 0.0075) + (None,) * 4,
     "K*, |d| <= 0.01 rad/s": ("paper", 0.0, 0.01) + (None,) * 4,
     "K*, |d| <= 0.02 rad/s": ("paper", 0.0, 0.02, (np.inf, np.inf), np.inf, 60.0, None),
@@ -43,8 +43,8 @@ ROWS = {
 end (deg), processor time (s), ratio to the widest flights found."""
 
 AIRCRAFT = {
-    "feasible": (("feasible", 1.0), (0.6, 0.4), 0.3, 3.0, 2.0),
-    "paper_identified": (("random_starts", 0.0), (4.0, 1.5), 0.6, 60.0, 2.5),
+    "feasible": (("feasible", 1.0), (0.6, 0.4), 0.3, 30.0, 2.0),
+    "paper_identified": (("random_starts", 0.0), (4.0, 1.5), 0.6, 110.0, 2.5),
 }
 """Of the Aerosonde in calm air, by scenario: source and starts, deg, then the same targets."""
 

@@ -167,9 +167,9 @@ TEXT = """\
 How long do flights, campaigns and commands take, and against what? `make bench` measures each
 ratio against a named peer in the same run, and ends with exit status 1 if one misses its bar.
 `python docs/figures/speed.py FOLDER` writes this page. The figures are
-of flighttune {version} with Python {python} on two cores of {processor} that others
-used too, which slows Python more than the steps of JSBSim. Bare steps are `fdm.run()`
-of the same aircraft and time.
+of flighttune {version} with Python {python} on two cores of {processor}. Bare steps are
+`fdm.run()` of the same aircraft and time. About half of the loop is Python for each sample, so that
+bars, a tenth above these figures, depend on the interpreter.
 
 | what | against | measured | bar |
 |---|---|--:|--:|
@@ -182,9 +182,8 @@ One million gain sets take {million} s of one core. Recording 600 s of flight wi
 Tuning, the diagnosis of the printed limits and a frontier of 25 points take {tuned} s each, margins
 {margins} s (`python benchmarks/bench_tuning.py`).
 
-A command may take three times as long as the import of its libraries, plus its own work; `report`
-of four runs 4 s, and `campaign first_campaign` three times as long as `fly paper`
-(`python benchmarks/bench_commands.py`).
+A command may take three times as long as the import of its libraries, plus its own work; `campaign
+first_campaign` three times as long as `fly paper` (`python benchmarks/bench_commands.py`).
 
 ## Campaigns
 
