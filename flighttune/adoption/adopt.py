@@ -365,7 +365,8 @@ def _of_flightgear(path: Path) -> Path:
     if len({*named.values()}) != 1:
         several = ", ".join(file.name for file in named or mains)
         faults = (_fault(file) for file in sorted(path.glob("*.xml")) if file.is_file())
-        several = several or next(filter(None, faults), "none")
+        upper = (f"{file.name}, whose ending must be .xml" for file in sorted(path.glob("*.XML")))
+        several = several or next(filter(None, [*faults, *upper]), "none")
         raise InputError(f"{path}: must hold one aircraft of JSBSim's, got {several}.")
     file, aero = next(iter(named.items()))
     main = file.parent / f"{aero}.xml"

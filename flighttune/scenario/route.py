@@ -266,7 +266,8 @@ class RouteTable(q.Table):
         largest = max(flight.V_a_mps, *self.airspeeds.values(), 0.0)
         if share * phi >= 0.5 * math.pi:
             raise InputError(
-                f"the roll limit without `margin` must be below 90 deg, got {share * phi / DEG:g}."
+                f"[limits] `phi_deg` must be below {90.0 / share:g} deg, so that a route with the "
+                f"`margin` {self.margin:g} rolls to less than 90 deg, got {phi / DEG:g} deg."
             )
         ability = Ability(
             V_a=largest,
