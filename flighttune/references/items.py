@@ -436,7 +436,7 @@ def _change(airspeed: float | None, able: tuple[float, float] | None) -> tuple[s
         return name, "not flown"
     if able is None:
         return f"{name}, in favour of `flight.V_a_mps`", "not flown"
-    if able[0] < airspeed < able[1]:
+    if able[0] <= airspeed <= able[1]:
         return name, "flown"
     low, high = able
     return f"{name}, to {airspeed:g} m/s, but the aircraft flies {low:g} to {high:g}", "no place"
