@@ -38,7 +38,7 @@ from flighttune.planning.source import Flights
 from flighttune.planning.source import flights as flights_of_source
 from flighttune.present.answer import Answer, Answering, Column, Table, facts_table, number, percent
 from flighttune.present.frame import Report, Section, write_answer
-from flighttune.present.names import endings_table, listed
+from flighttune.present.names import columns, endings_table, listed
 from flighttune.records.compare import Comparison, Source, load_source
 from flighttune.records.compare import compare as compare_runs
 from flighttune.references.follow import RouteReference
@@ -92,13 +92,7 @@ ACCURACY = [
     Column("share", "share", "%", percent, ends=("lo", "hi")),
 ]
 PARAMETERS = [Column("name", "parameter"), Column("value", "flown"), Column("from", "from")]
-TRACKING = [
-    Column("of", "in 95 % of the time, below"),
-    Column("log", "log", digits=".3g"),
-    Column("low", "least of the flights", digits=".3g"),
-    Column("high", "largest of them", digits=".3g"),
-    Column("unit", "unit"),
-]
+TRACKING = columns("of log low high unit", of="beside_log")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

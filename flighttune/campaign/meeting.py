@@ -28,30 +28,11 @@ Status: TypeAlias = Literal["met", "missed", "not sure"]
 # How rows of the margins are named that are required unless the scenario states others.
 BY_DEFAULT = "by default"
 
-REQUIREMENT_COLUMNS = [
-    *columns("run"),
-    Column("words", "requirement"),
-    Column("sense", "must be"),
-    Column("bound", "bound"),
-    Column("value", "value"),
-    Column("start", "at the start"),
-    Column("unit", "unit"),
-    Column("margin", "margin", "%", "z.1f", 100.0),
-    Column("active", "active"),
-]
-SHARE_COLUMNS = [
-    *REQUIREMENT_COLUMNS[:4],
-    Column("value", "worst flight"),
-    Column("unit", "unit"),
-    Column("share", "met", "%", percent),
-    Column("share_start", "met at the start", "%", percent),
-]
-TRADE_COLUMNS = [
-    *REQUIREMENT_COLUMNS[:5],
-    Column("unit", "unit"),
-    Column("alone", "best seen"),
-    Column("beside", "best seen with the others met", missing="none"),
-]
+REQUIREMENT_COLUMNS = columns(
+    "run words sense bound value start unit margin active", of="requirements"
+)
+SHARE_COLUMNS = [*REQUIREMENT_COLUMNS[:4], *columns("value unit share share_start", of="shares")]
+TRADE_COLUMNS = [*REQUIREMENT_COLUMNS[:5], *columns("unit alone beside", of="trade_offs")]
 TRADED = "the best of each among the gains flown here"
 LOOP_COLUMNS = columns("R_K I_K E_K spectral_abscissa")
 CERTIFICATE_COLUMNS = [Column("in_words", "status"), *columns("rate growth radius")]

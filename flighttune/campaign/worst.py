@@ -37,7 +37,7 @@ from flighttune.planning.plan import Plan, plan_campaign
 from flighttune.planning.schema import MEASURES, Campaign
 from flighttune.planning.source import Flights, about, flights
 from flighttune.plants.jsbsim.plant import LARGEST_SEED
-from flighttune.present.answer import Answer, Answering, Column, Table, pick
+from flighttune.present.answer import Answer, Answering, Table, pick
 from flighttune.present.names import CHANNEL_SYMBOLS, columns, endings_table
 from flighttune.scenario.load import scenario_from, with_gains
 from flighttune.scenario.schema import GainsTable, Scenario
@@ -73,18 +73,11 @@ ROUNDING = 1e-9
 # Value of a flight that was not flown to its end, beyond all others.
 FAILED = 1e3
 
-WORST_COLUMNS = [
-    *columns("plant gains value"),
-    Column("first", "worst of the first draws, which are random"),
-    Column("distance", "standard deviations from the median"),
-    Column("radius", "radius of the 99.9 % region"),
-    *columns("status"),
-    Column("ratio.chi", "tube over flight χ"),
-    Column("ratio.gamma", "tube over flight γ"),
-    Column("ratio_of_search.chi", "over the widest flight of the search χ"),
-    Column("ratio_of_search.gamma", "over the widest flight of the search γ"),
-    Column("family", "disturbance"),
-]
+WORST_COLUMNS = columns(
+    "plant gains value first distance radius status ratio.chi ratio.gamma ratio_of_search.chi "
+    "ratio_of_search.gamma family",
+    of="worst",
+)
 
 Seeds = npt.NDArray[np.int64]
 Indices = npt.NDArray[np.intp]

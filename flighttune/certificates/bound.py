@@ -21,7 +21,8 @@ from flighttune.arrays import FloatArray, check_positive, set_read_only
 from flighttune.control.linear_model import LinearModel
 from flighttune.errors import InputError
 from flighttune.files.table import STRICT, read, write
-from flighttune.present.answer import Answer, Answering, Column, Table, pick
+from flighttune.present.answer import Answer, Answering, Table, pick
+from flighttune.present.names import columns as columns_by
 from flighttune.theory.exact import Check, Verification, as_float, exact, positive_definite
 from flighttune.theory.lmi import blocks, largest, parameter, solve, unknown
 
@@ -43,10 +44,7 @@ MAX_BOXES = 5000
 # A box is halved along R_K where that side is longer than this share of the other one.
 WIDE = 0.7
 
-BOUND_COLUMNS = [
-    Column("I_star", "largest I_K", "s²", "z.6g"),
-    Column("R_bound", "bound on R_K", "1/s", "z.6g"),
-]
+BOUND_COLUMNS = columns_by("I_star R_bound", of="bound")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -28,7 +28,7 @@ from flighttune.control.linear_model import (
 )
 from flighttune.errors import InputError
 from flighttune.files.table import STRICT, read, write
-from flighttune.present.answer import Answer, Answering, Column, Table, pick, quoted
+from flighttune.present.answer import Answer, Answering, Table, pick, quoted
 from flighttune.present.names import columns, listed
 from flighttune.theory.decay import true_rate
 from flighttune.theory.exact import (
@@ -61,13 +61,7 @@ MAX_I_K = 200.0
 MAX_STATES = 24
 
 
-EXACT_COLUMNS = [
-    Column("loop", "loop"),
-    *columns("decay"),
-    # States of a lag count by the rate that they cause.
-    Column("growth", "largest growth of the norm"),
-    Column("true_rate", "true rate", "1/s", "z.6g"),
-]
+EXACT_COLUMNS = columns("loop decay growth true_rate", of="exact_rates")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -34,7 +34,7 @@ from flighttune.arrays import FloatArray, check_positive, set_read_only
 from flighttune.control.gains import PIGains
 from flighttune.control.linear_model import LinearModel, Range
 from flighttune.errors import InputError
-from flighttune.present.answer import Column
+from flighttune.present.names import columns
 from flighttune.theory.decay import decay_checks, roundest_norm, true_rate
 from flighttune.theory.exact import Check, Rationals, exact
 
@@ -66,14 +66,7 @@ SAME_ENTRIES = 1e-12
 # Least and most of the numbers of a box; one beyond is a slip of the unit.
 BOUNDS = {"lag": (1e-4, 60.0), "delay": (0.0, 60.0), "a": (-60.0, 60.0), "b": (1e-6, 1e6)}
 
-BOX_COLUMNS = [
-    Column("error", "channel"),
-    Column("lag", "lag [s]"),
-    Column("delay", "delay [s]"),
-    Column("rate", "rate if constant", "1/s", "z.6g"),
-    Column("norm_rate", "rate if changing", "1/s", "z.6g"),
-    Column("growth", "largest growth of the norm"),
-]
+BOX_COLUMNS = columns("error lag delay rate norm_rate growth", of="lag_boxes")
 
 NOT_ENCLOSED = (
     "A box has a lag of first order, and a delay as a first-order Pade section. It does not "

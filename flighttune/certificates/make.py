@@ -35,15 +35,8 @@ ANY_ENVELOPE = (
     "everywhere."
 )
 INDICATOR_COLUMNS = [Column("units", "units of state"), *columns("R_K I_K E_K spectral_abscissa")]
-EIGENVALUE_COLUMNS = [
-    Column("real", "real part", "1/s"),
-    Column("imaginary", "imaginary part", "rad/s"),
-]
-CERTIFICATE_COLUMNS = [
-    Column("in_words", "status"),
-    *columns("rate growth radius L_d"),
-    Column("largest_factor", "largest certified envelope, times that of the scenario"),
-]
+EIGENVALUE_COLUMNS = columns("real imaginary", of="eigenvalues")
+CERTIFICATE_COLUMNS = columns("in_words rate growth radius L_d largest_factor", of="certificate")
 
 # Airspeed (m/s) and flight-path angle (rad), and the model there.
 Condition = tuple[tuple[float, float], LinearModel]

@@ -27,8 +27,8 @@ from flighttune.files.mistakes import abridged
 from flighttune.files.table import json_object, value_of
 from flighttune.gaps.watch import MODELS
 from flighttune.metrics import OFF_ROUTE
-from flighttune.present.answer import Answer, Column, Table, number, pick, printable
-from flighttune.present.names import listed, why_ended
+from flighttune.present.answer import Answer, Table, number, pick, printable
+from flighttune.present.names import columns, listed, why_ended
 from flighttune.references.fence import DISTANCE_SIGNS, read_fence, room_along
 from flighttune.references.follow import SAME_PLACE
 from flighttune.references.maps import Corridor, Volume, Where, areas_of
@@ -45,14 +45,7 @@ KEPT = Path("fence")
 # Distance in samples, at the airspeed, by which positions may lie beyond the edges of a window.
 OVERLAP_SAMPLES = 2.0
 
-NEAREST_COLUMNS = [
-    Column("what", "nearest to the fence"),
-    Column("margin_m", "margin", "m", "z.2f"),
-    Column("side", "side"),
-    Column("edge", "edge"),
-    Column("along_m", "along", "m", ".0f"),
-    Column("stretch", "stretch"),
-]
+NEAREST_COLUMNS = columns("what margin_m side edge along_m stretch", of="fence")
 
 
 # What is said of a new flight and a fence where it is sure whether flights stay inside.

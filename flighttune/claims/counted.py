@@ -25,8 +25,8 @@ from flighttune.flight.route import PlannedRoute, planned_route
 from flighttune.gaps.residual import ConformantModel
 from flighttune.gaps.watch import SignalModel
 from flighttune.plants.base import plant_label
-from flighttune.present.answer import Answer, Answering, Column, Table, number, pick, quoted
-from flighttune.present.names import endings_table, listed, shown_unit
+from flighttune.present.answer import Answer, Answering, Table, number, pick, quoted
+from flighttune.present.names import columns, endings_table, listed, shown_unit
 from flighttune.scenario.load import leaves
 from flighttune.scenario.schema import Scenario
 from flighttune.simulate.run import Kind, Run, along_route
@@ -49,15 +49,7 @@ SAME_GAINS = 1e-6
 # Tables of a scenario that a run must share with the flights of a band drawn around it.
 SHARED = ("flight", "reference", "route", "law", "limits", "controller", "sensors")
 
-WIDTH_COLUMNS = [
-    Column("signal", "signal"),
-    Column("largest", "largest half-width", digits=".3g"),
-    Column("last_quarter", "in the last quarter", digits=".3g"),
-    Column("end", "at the end", digits=".3g"),
-    Column("low", "lowest bound", digits=".3g"),
-    Column("high", "highest bound", digits=".3g"),
-    Column("unit", "unit"),
-]
+WIDTH_COLUMNS = columns("signal largest last_quarter end low high unit", of="widths")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -29,8 +29,8 @@ from flighttune.gaps.watch import (
     taught,
 )
 from flighttune.logs.checks import refuse_wrong
-from flighttune.present.answer import Answer, Answering, Column, Table, number
-from flighttune.present.names import listed
+from flighttune.present.answer import Answer, Answering, Table, number
+from flighttune.present.names import columns, listed
 from flighttune.simulate.run import SCORE, SIGNAL_UNITS, Alarm, Bounds, Run, RunClaim
 
 MIN_LOGS = 3
@@ -39,12 +39,7 @@ SETTLED_S = 8.0
 MAX_BYTES = 2**24
 SMALLEST = 1e-12  # limit (SI) and score: residuals of rounding alone are no fault
 
-COLUMNS = [
-    Column("name", "healthy log"),
-    Column("seconds", "judged [s]", digits=".1f"),
-    Column("score", "score by the others", digits=".3g"),
-    Column("why", "largest residual"),
-]
+COLUMNS = columns("name seconds score why", of="healthy_logs")
 
 
 class Watching(Answering):

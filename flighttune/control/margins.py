@@ -13,7 +13,7 @@ from flighttune.arrays import FloatArray
 from flighttune.control.gains import PIGains
 from flighttune.control.inner_loop import with_input_lag
 from flighttune.control.linear_model import LinearModel, closed_loop, inner_feedback, velocity_form
-from flighttune.present.answer import Column, Table, pick
+from flighttune.present.answer import Table, pick
 from flighttune.present.names import columns
 
 GRID_PER_DECADE = 60
@@ -41,12 +41,9 @@ DISK_ACCURACY = 1e-10
 # Iterations that balance three or more inputs; the first one balances two.
 SWEEPS = 10
 
-MARGIN_COLUMNS = [
-    *columns("loop"),
-    Column("gain_decrease", "gain from"),
-    Column("gain_increase", "gain to"),
-    *columns("phase_margin_deg delay_margin_s lag_margin_s"),
-]
+MARGIN_COLUMNS = columns(
+    "loop gain_decrease gain_increase phase_margin_deg delay_margin_s lag_margin_s", of="margins"
+)
 
 TOGETHER = "all at once"  # name of the margins of all inputs
 

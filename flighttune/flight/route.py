@@ -14,13 +14,13 @@ from flighttune.files.load import kind_of
 from flighttune.files.whole import write_text
 from flighttune.flight.conditions import reference_of, slopes_not_held
 from flighttune.flight.load import SPEED, as_scenario, route_scenario
-from flighttune.present.answer import Answer, Answering, Column, Table, pick, printable
+from flighttune.present.answer import Answer, Answering, Table, pick, printable
+from flighttune.present.names import columns
 from flighttune.references.follow import RouteReference
 from flighttune.references.maps import Corridor, Mark, RouteMap, Where, areas_of, on_earth
 from flighttune.references.mission import KINDS, ROUTE_FILES, read_route, route_plan
 from flighttune.references.path import STEP
 from flighttune.scenario.schema import Scenario
-from flighttune.units import DEG
 
 # Aircraft that flies a file by default.
 AIRCRAFT = "aerosonde"
@@ -28,19 +28,9 @@ AIRCRAFT = "aerosonde"
 # Difference of radii that is none, m.
 WIDER_M = 0.5
 
-COLUMNS = [
-    Column("kind", "stretch"),
-    Column("name", "to or at"),
-    Column("start_m", "begins at", "m", ".0f"),
-    Column("length_m", "length", "m", ".0f"),
-    Column("course", "course", "deg", ".0f", 1.0 / DEG),
-    Column("turn", "turn", "deg", ".0f", 1.0 / DEG),
-    Column("radius_m", "radius", "m", ".0f"),
-    Column("roll", "roll in still air", "deg", ".0f", 1.0 / DEG),
-    Column("roll_downwind", "roll downwind", "deg", ".0f", 1.0 / DEG),
-    Column("gamma", "path angle", "deg", ".1f", 1.0 / DEG),
-    Column("time_s", "time in still air", "s", ".0f"),
-]
+COLUMNS = columns(
+    "kind name start_m length_m course turn radius_m roll roll_downwind gamma time_s", of="route"
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

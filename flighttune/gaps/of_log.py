@@ -108,13 +108,7 @@ Signals: TypeAlias = Mapping[str, FloatArray]
 # A fresh plant from the factors.
 PlantMaker: TypeAlias = Callable[[Mapping[str, float]], Plant]
 
-RUNG_COLUMNS = [
-    Column("flown", "commands flown on"),
-    *(Column(name, name, "deg", ".2f", 1.0 / DEG) for name in ("chi", "gamma", "phi")),
-    Column("n_z", "n_z", "1", ".3f"),
-    Column("tail", "V_g - V_a", "m/s", ".2f"),
-    Column("nose", "nose", "deg", ".2f", 1.0 / DEG),
-]
+RUNG_COLUMNS = columns_by("flown chi gamma phi n_z tail nose", of="rungs_of_log")
 CAUSE_COLUMNS = columns_by("cause alone_percent without_percent")
 FACTOR_COLUMNS = [
     Column("title", "factor"),

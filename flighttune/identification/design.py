@@ -24,7 +24,7 @@ from flighttune.plants.jsbsim.model_files import model_hash
 from flighttune.plants.jsbsim.plant import JSBSimPlant
 from flighttune.plants.jsbsim.properties import GYROSCOPIC
 from flighttune.plants.jsbsim.trim import level, trim
-from flighttune.present.answer import Answer, Answering, Column, Table, pick
+from flighttune.present.answer import Answer, Answering, Table, pick
 from flighttune.present.chart import DASHED, Chart, Sheet
 from flighttune.present.names import columns
 from flighttune.present.palette import HUES, INK
@@ -218,12 +218,7 @@ def check_steps(config: AircraftConfig) -> tuple[StepResponse, ...]:
     return tuple(steps)
 
 
-STEP_COLUMNS = [
-    *columns("name t90_s t90_allowed_s"),
-    Column("overshoot", "overshoot", "%", factor=100.0),
-    Column("overshoot_allowed", "allowed", "%", factor=100.0),
-    *columns("met"),
-]
+STEP_COLUMNS = columns("name t90_s t90_allowed_s overshoot overshoot_allowed met", of="steps")
 
 
 def steps_table(steps: Sequence[StepResponse]) -> Table:

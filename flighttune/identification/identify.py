@@ -35,7 +35,7 @@ from flighttune.plants.base import FlightCondition
 from flighttune.plants.jsbsim.linearize import linearize, modes
 from flighttune.plants.jsbsim.plant import JSBSimPlant
 from flighttune.plants.jsbsim.trim import level
-from flighttune.present.answer import Answer, Answering, Column, Table
+from flighttune.present.answer import Answer, Answering, Table
 from flighttune.present.chart import DASHED, Chart, Sheet
 from flighttune.present.names import columns
 from flighttune.present.palette import HUES, NEUTRAL
@@ -120,12 +120,9 @@ DESIGN_SPEED = "V_a-design-mps"
 # Share of the variance, in percent, that the lags of a channel should explain.
 GOOD_FIT = 90.0
 
-MODE_COLUMNS = [
-    *columns("name"),
-    Column("eigenvalue_per_s.0", "real part", "1/s"),
-    Column("eigenvalue_per_s.1", "imaginary part", "rad/s"),
-    *columns("natural_frequency_rad_s damping"),
-]
+MODE_COLUMNS = columns(
+    "name eigenvalue_per_s.0 eigenvalue_per_s.1 natural_frequency_rad_s damping", of="modes"
+)
 FIT_NOTE = (
     "fit: share of the variance explained in a manoeuvre not used for the fit; cross: largest "
     "response of the other channel, 1/rad (phi) and rad (n_z)"

@@ -28,7 +28,7 @@ from flighttune.identification.identify import AircraftIdentification, identify_
 from flighttune.logs.checks import refuse_wrong
 from flighttune.logs.log import Columns
 from flighttune.plants.point_mass import turn_rates
-from flighttune.present.answer import Answer, Answering, Column, Table, pick
+from flighttune.present.answer import Answer, Answering, Table, pick
 from flighttune.present.chart import DASHED, Chart, Sheet
 from flighttune.present.names import columns as columns_by
 from flighttune.present.palette import HUES, NEUTRAL
@@ -68,11 +68,10 @@ NAMES = {"phi": "roll", "n_z": "load-factor"}
 UNSEEN = {"phi": ((-45.0, 45.0), 60.0), "n_z": ((0.5, 1.5), 2.0)}
 SHOWN_S = 40.0
 
-CHANNEL_COLUMNS = [
-    *columns_by("channel order natural_frequency frequency_interval delay delay_interval"),
-    Column("fit_percent", "held out", "%", ".1f"),
-    *columns_by("stretches"),
-]
+CHANNEL_COLUMNS = columns_by(
+    "channel order natural_frequency frequency_interval delay delay_interval fit_percent stretches",
+    of="responses",
+)
 
 
 class Section(NamedTuple):

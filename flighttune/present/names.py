@@ -8,17 +8,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from flighttune.present.answer import Column, Table
+from flighttune.present.answer import Column, Table, percent
 from flighttune.units import DEG_PER_RAD
 
 _NUMBER = re.compile(r"(?<![\w.])[-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?|(?<=[\s=])-?(?:inf|nan)\b")
-
-COLUMNS = [
-    Column("ended", "ended"),
-    Column("count", "flights"),
-    Column("reason", "reason, with the ranges of its numbers"),
-    Column("run", "first draw"),
-]
 
 
 def endings(rows: Iterable[Mapping[str, Any]]) -> list[dict[str, Any]]:
@@ -35,7 +28,8 @@ def endings(rows: Iterable[Mapping[str, Any]]) -> list[dict[str, Any]]:
 def endings_table(rows: Iterable[Mapping[str, Any]]) -> Table:
     """How often, why and where flights did not complete."""
     records = [{"ended": row["status"].replace("_", " "), **row} for row in endings(rows)]
-    return Table(COLUMNS, records, "flights that did not complete", name="endings")
+    shown = columns("ended count reason run", of="endings")
+    return Table(shown, records, "flights that did not complete", name="endings")
 
 
 def why_ended(rows: Iterable[Mapping[str, Any]]) -> str:
@@ -73,9 +67,13 @@ TABLES = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="u
 WORDS, UNIT_OF_SUFFIX = TABLES["words"], TABLES["unit_of_suffix"]
 
 
-def _labelled(key: str, name: str, unit: str = "", digits: str = "z.4g") -> Column:
-    factor = DEG_PER_RAD if "_rad" in key and unit.startswith("deg") else 1.0
-    return Column(key, name, unit, digits, factor)
+def _labelled(
+    key: str, name: str, unit: str = "", digits: str = "z.4g", more: Mapping[str, Any] | None = None
+) -> Column:
+    settings = {"digits": percent if digits == "percent" else digits, **(more or {})}
+    if settings.get("factor") == "rad" or ("_rad" in key and unit.startswith("deg")):
+        settings["factor"] = DEG_PER_RAD
+    return Column(key, name, unit, **settings)
 
 
 METRIC_LABELS, QUANTITIES = (
@@ -159,9 +157,13 @@ def listed(words: Sequence[str], joint: str = "and") -> str:
     return f" {joint} ".join(filter(None, [", ".join(words[:-1]), *words[-1:]]))
 
 
-def columns(keys: str) -> list[Column]:
-    """Columns of a table by the keys of its records, separated by spaces."""
-    return [_column(key) for key in keys.split()]
+def columns(keys: str, of: str = "") -> list[Column]:
+    """Columns of a table by the keys of its records, separated by spaces.
+
+    Labels that only one table has are in ``[tables.NAME]``; `of` is that name.
+    """
+    own = {key: _labelled(key, *row) for key, row in TABLES["tables"][of].items()} if of else {}
+    return [own.get(key) or _column(key) for key in keys.split()]
 
 
 def _column(key: str) -> Column:

@@ -162,12 +162,7 @@ ABOUT = {"verifies": "Verifies", "source": "Source"}
 NOT_SHOWN = "ITAE_mean"  # it follows from ITAE, which is on the page, and the time flown
 
 RUN_COLUMNS = [*columns("run colour"), Column("flown_s", "flown", "s", ".2f"), *columns("outcome")]
-GAIN_COLUMNS = [
-    *columns("gains"),
-    *(Column(x, x, unit, "z.5f") for x, unit in (("R_K", "1/s"), ("I_K", "s²"), ("E_K", "s²"))),
-    Column("K_P", "K_P", missing="none found"),
-    Column("K_I", "K_I", missing="none found"),
-]
+GAIN_COLUMNS = columns("gains R_K I_K E_K K_P K_I", of="gains_recorded")
 
 
 def scenario_page(

@@ -18,7 +18,7 @@ from flighttune.flight.fly import fly
 from flighttune.flight.load import load_scenario
 from flighttune.logs.log import Columns
 from flighttune.metrics import FLIGHT_METRICS, METRICS, measures, unit_of
-from flighttune.present.answer import Answer, Answering, Column, Table, pick
+from flighttune.present.answer import Answer, Answering, Table, pick
 from flighttune.present.names import columns, shown_unit
 from flighttune.records.parquet import Recording
 from flighttune.scenario.load import gains_notes, leaves
@@ -45,23 +45,11 @@ MANOEUVRE = ("V_a_mps", "h_m", "chi_deg", "gamma_deg", "phi_deg", "n_z", "durati
 # Keys that are text, or are compared elsewhere.
 DESCRIPTION = ("title", "verifies", "source", "gains", "plant", "reference", "route")
 
-COMPARED = (
-    Column("pair", "A | B"),
-    *columns("channel metric unit"),
-    Column("a", "A", digits=".4f", missing="never"),
-    Column("b", "B", digits=".4f", missing="never"),
-    Column("diff", "B − A", digits=".4f", missing="-"),
-    *columns("better"),
+COMPARED = columns("pair channel metric unit a b diff better", of="compared")
+PAIR_COLUMNS = columns(
+    "run_a run_b source_a source_b compared_s max_distance_m max_distance_at_s better.a better.b",
+    of="pairs",
 )
-PAIR_COLUMNS = [
-    Column("run_a", "run of A"),
-    Column("run_b", "run of B"),
-    Column("source_a", "A"),
-    Column("source_b", "B"),
-    *columns("compared_s max_distance_m max_distance_at_s"),
-    Column("better.a", "A better in", digits=".0f"),
-    Column("better.b", "B better in", digits=".0f"),
-]
 COLUMNS = ("pair", "run_a", "run_b", "channel", "name", "unit", "a", "b", "diff", "better")
 
 

@@ -13,19 +13,14 @@ from flighttune.errors import RecordingError
 from flighttune.flight.flown import FlownScenario
 from flighttune.flight.fly import Progress, fly, library_versions
 from flighttune.flight.own import LawMaker, PlantMaker
-from flighttune.present.answer import Answer, Answering, Column, Table, pick
+from flighttune.present.answer import Answer, Answering, Table, pick
 from flighttune.present.names import columns
 from flighttune.scenario.load import as_recorded, scenario_from
 from flighttune.simulate.run import SCORE, Run, claimed
 
 EQUAL = "equal to the bit"
 COLUMNS = columns("run status result")
-DIFFERENCE_COLUMNS = [
-    *columns("run what"),
-    Column("t", "t", "s"),
-    Column("recorded", "recorded", digits=".17g"),
-    Column("reflown", "flown again", digits=".17g"),
-]
+DIFFERENCE_COLUMNS = columns("run what t recorded reflown", of="differences")
 
 
 @dataclass(frozen=True, slots=True)

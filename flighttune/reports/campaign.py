@@ -49,12 +49,7 @@ def probability(p: float) -> str:
     return f"{p:.2g}" if p >= 1e-4 else "< 0.0001"
 
 
-REASON_COLUMNS = [
-    *columns("group"),
-    Column("count", "flights"),
-    Column("run", "first run"),
-    *columns("ended reason"),
-]
+REASON_COLUMNS = columns("group count run ended reason", of="reasons")
 INFLUENCE_COLUMNS = [
     *columns("group parameter n"),
     # below 0 the parameter explains less than chance would

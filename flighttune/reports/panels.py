@@ -258,18 +258,10 @@ CONVERGENCE_COLUMNS = [
     ),
 ]
 ROUTE_COLUMNS = columns("run flight requirements cross_track_m height_err_m V_a_dev_mps")
-GAIN_COLUMNS = [
-    *columns("gains R_K I_K E_K"),
-    Column("K_P", "K_P, rows φ n_z, columns χ γ"),
-    Column("K_I", "K_I", "1/s"),
-]
-CERTIFICATE_COLUMNS = [
-    *columns("gains"),
-    Column("rate", "proven at trim", "1/s"),
-    *columns("growth radius L_d checks"),
-    Column("envelope_rate", "proven over envelope", "1/s"),
-    Column("status", "status"),
-]
+GAIN_COLUMNS = columns("gains R_K I_K E_K K_P K_I", of="gains")
+CERTIFICATE_COLUMNS = columns(
+    "gains rate growth radius L_d checks envelope_rate status", of="certificates"
+)
 
 
 def tracking_table(runs: Sequence[Run]) -> Table:

@@ -40,25 +40,11 @@ from flighttune.tubes.proof import HandOver, replay, settled_from
 from flighttune.tubes.sample import start_set
 from flighttune.units import DEG, DEG_PER_RAD
 
-WIDTH_COLUMNS = [
-    *columns("error"),
-    Column("max", "largest half-width", "deg"),
-    Column("end", "at the end", "deg"),
-    Column("ever", "ever after", "deg"),
-]
-FLIGHT_COLUMNS = [
-    *columns("plant duration_s V_a_mps rate_hz"),
-    Column("start.chi", "course at the start", "deg", factor=DEG_PER_RAD),
-    Column("start.gamma", "path angle at the start", "deg", factor=DEG_PER_RAD),
-    Column("within", "start within", "deg", factor=DEG_PER_RAD),
-    Column("end.chi", "course of the reference at the end", "deg", factor=DEG_PER_RAD),
-    Column("end.gamma", "path angle of the reference at the end", "deg", factor=DEG_PER_RAD),
-]
-DISTURBANCE_COLUMNS = [
-    *columns("channel"),
-    Column("low", "lowest", "rad/s"),
-    Column("high", "highest", "rad/s"),
-]
+WIDTH_COLUMNS = columns("error max end ever", of="tube")
+FLIGHT_COLUMNS = columns(
+    "plant duration_s V_a_mps rate_hz start.chi start.gamma within end.chi end.gamma", of="tube"
+)
+DISTURBANCE_COLUMNS = columns("channel low high", of="tube")
 LIMIT_KEYS = ("lower", "upper", "rate_lower", "rate_upper")
 LIMIT_COLUMNS = [*columns(f"command {' '.join(LIMIT_KEYS)}"), Column("held_s", "can hold", "s")]
 # Why a tube is wrong that its own flight leaves

@@ -28,21 +28,9 @@ ROUNDING = 1e-9
 BINDING = 1e-5
 
 RESULT_COLUMNS = columns("status R_K I_K E_K spectral_abscissa active method starts wall_s")
-ENVELOPE_COLUMNS = [
-    *columns("status"),
-    Column("R_envelope", "rate over the envelope", "1/s"),
-    *columns("R_K I_K E_K spectral_abscissa wall_s"),
-]
-DIAGNOSIS_COLUMNS = [
-    Column("smallest_I_K", "smallest I_K", "s²"),
-    Column("largest_R_K", "largest R_K", "1/s"),
-    Column("common_factor", "common factor that makes it feasible"),
-]
-LIMIT_COLUMNS = [
-    Column("name", "limit"),
-    Column("factor_alone", "factor on it alone that makes it feasible"),
-    Column("smallest_I_K_without", "smallest I_K without it", "s²"),
-]
+ENVELOPE_COLUMNS = columns("status R_envelope R_K I_K E_K spectral_abscissa wall_s", of="tuning")
+DIAGNOSIS_COLUMNS = columns("smallest_I_K largest_R_K common_factor", of="tuning")
+LIMIT_COLUMNS = columns("name factor_alone smallest_I_K_without", of="tuning")
 PLAIN = "units of state: plain, as in `certify`"
 SCALED = "units of state: scaled by [tuning]; `certify` gives R_K in plain ones too"
 

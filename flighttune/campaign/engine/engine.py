@@ -18,7 +18,7 @@ from flighttune.files.load import CAMPAIGN
 from flighttune.flight.fly import library_versions
 from flighttune.planning.load import load_campaign
 from flighttune.planning.plan import Plan, draws_in_words, plan_campaign
-from flighttune.present.answer import Answer, Answering, Column, Table, pick
+from flighttune.present.answer import Answer, Answering, Table, pick
 from flighttune.present.names import columns, duration, endings_table, rate
 from flighttune.records.refly import changed_versions
 from flighttune.simulate.batch import cores
@@ -29,11 +29,7 @@ ENOUGH_S = 0.25
 # Factor by which the number of runs grows from one timing to the next
 MORE = 4
 
-COST_COLUMNS = [
-    *columns("core_s workers wall_s"),
-    Column("rows_bytes", "rows", "MB", factor=1e-6),
-    Column("signals_bytes", "signals, at most", "MB", factor=1e-6),
-]
+COST_COLUMNS = columns("core_s workers wall_s rows_bytes signals_bytes", of="cost")
 
 
 def forecast(plan: Plan, workers: int | None = None) -> Answer:

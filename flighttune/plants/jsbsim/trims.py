@@ -8,19 +8,14 @@ from typing import Any
 
 from flighttune.aircraft.aircraft import load_aircraft
 from flighttune.plants.jsbsim.trim import trim_table
-from flighttune.present.answer import Answer, Answering, Column, Table, figures
+from flighttune.present.answer import Answer, Answering, Table, figures
 from flighttune.present.names import columns
 
 COLUMNS = columns(
     "V_a_mps gamma_deg trim.alpha_deg trim.beta_deg trim.elevator_deg trim.rudder_deg "
     "trim.throttle reason"
 )
-SPEED_COLUMNS = [
-    *columns("V_a_mps"),
-    Column("gamma", "steady at γ", "deg"),
-    Column("throttle", "throttle"),
-    Column("reason", "not steady at γ [deg], and why"),
-]
+SPEED_COLUMNS = columns("V_a_mps gamma throttle reason", of="trims")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
