@@ -121,7 +121,7 @@ def tube(
         if largest:
             settings = {**enclose.keywords, "progress": follow}
             del settings["disturbance"]
-            return largest_disturbance(scenario, **settings).answer()
+            return largest_disturbance(scenario, **settings)
         enclosure = enclose(boxes=counted, disturbance=bound, progress=follow)
     files: dict[str, Path | None] = {"proof": None}
     if enclosure.problem.band is not None and not in_file:

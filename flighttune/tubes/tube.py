@@ -2,7 +2,7 @@
 
 from bisect import bisect_left
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -15,7 +15,7 @@ from flighttune.errors import InfeasibleError
 from flighttune.flight.conditions import lead_on, reference_of, start_condition
 from flighttune.flight.fly import plant_of
 from flighttune.flight.load import scenario_and_gains
-from flighttune.present.answer import Answer, Answering, Column, Table, pick
+from flighttune.present.answer import Answer, Column, Table, pick
 from flighttune.present.names import columns
 from flighttune.scenario.schema import Scenario
 from flighttune.simulate.loop import simulate
@@ -37,33 +37,6 @@ DISTURBANCES = [float(f"{digits}e{power}") for power in range(-6, 0) for digits 
 TRIED_COLUMNS = [Column("disturbance", "disturbance", "rad/s", ".2g"), *columns("status reason")]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class LargestDisturbance(Answering):
-    """The tubes of a search for the largest disturbance for which the set is bounded, by size.
-
-    The largest bounded one is known to two digits if one that is larger follows it. None is bounded
-    if the first of `DISTURBANCES`, or the scenario's own, is not.
-    """
-
-    tubes: Sequence[Tube]
-
-    def answer(self) -> Answer:
-        """The disturbances that were tried; a failure if none is bounded."""
-        records = [
-            {"disturbance": tube.problem.disturbance, **pick(tube, "status reason")}
-            for tube in self.tubes
-        ]
-        bounded = [row["disturbance"] for row in records if row["status"] == "bounded"]
-        largest = max(bounded, default=None)
-        verdict = f"largest disturbance for which the set is bounded: {largest} rad/s"
-        return Answer(
-            values={"largest_disturbance": largest},
-            tables=[Table(TRIED_COLUMNS, records, "tried", name="tried")],
-            verdict=verdict if bounded else "",
-            failure="" if bounded else "for no disturbance tried the set is bounded.",
-        )
-
-
 def largest_disturbance(
     scenario: Scenario | str | Path,
     gains: PIGains | str | None = None,
@@ -72,8 +45,13 @@ def largest_disturbance(
     start: float = 0.0,
     changes: Mapping[str, Any] | None = None,
     progress: Callable[[float], None] | None = None,
-) -> LargestDisturbance:
-    """Look for the largest disturbance, to two digits, for which the set of `tube` is bounded."""
+) -> Answer:
+    """Look for the largest disturbance, to two digits, for which the set of `tube` is bounded.
+
+    The answer has those that were tried. The largest bounded one is known to two digits if one that
+    is larger follows it. None is bounded, which is a failure, if the first of `DISTURBANCES`, or
+    the scenario's own, is not.
+    """
     problem = stated_problem(scenario, gains, changes, plant=plant, start=start)
     tried: dict[float, Tube] = {}
 
@@ -84,7 +62,18 @@ def largest_disturbance(
     scenario_size = float(problem.disturbances[1].max())
     larger = [size for size in DISTURBANCES if size > scenario_size]
     bisect_left([scenario_size, *larger] if scenario_size else larger, True, key=lost)
-    return LargestDisturbance(tubes=[tried[size] for size in sorted(tried)])
+    records = [
+        {"disturbance": size, **pick(tube, "status reason")} for size, tube in sorted(tried.items())
+    ]
+    bounded = [row["disturbance"] for row in records if row["status"] == "bounded"]
+    largest = max(bounded, default=None)
+    verdict = f"largest disturbance for which the set is bounded: {largest} rad/s"
+    return Answer(
+        values={"largest_disturbance": largest},
+        tables=[Table(TRIED_COLUMNS, records, "tried", name="tried")],
+        verdict=verdict if bounded else "",
+        failure="" if bounded else "for no disturbance tried the set is bounded.",
+    )
 
 
 def enclosed(problem: TubeProblem, progress: Callable[[float], None] | None = None) -> Tube:

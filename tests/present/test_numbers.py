@@ -1,14 +1,18 @@
 """Numbers, shares, angles and metrics as text."""
 
 import math
+import re
+from pathlib import Path
 
 import pytest
 
+import flighttune
 from flighttune.metrics import AIRSPEED_METRICS, FLIGHT_METRICS, LOOP_METRICS, METRICS
 from flighttune.present.answer import number
 from flighttune.present.names import (
     METRIC_LABELS,
     QUANTITIES,
+    TABLES,
     key_words,
     measure_words,
     metric_label,
@@ -20,6 +24,15 @@ from flighttune.present.names import (
 )
 def test_numbers_without_a_value_are_a_dash(value, text):
     assert number(value) == text
+
+
+def test_every_label_of_a_single_table_is_one_of_its_columns():
+    code = "".join(path.read_text() for path in Path(flighttune.__file__).parent.rglob("*.py"))
+    used = {name: set() for name in TABLES["tables"]}
+    for keys, name in re.findall(r'columns\w*\(\s*((?:"[^"]*"\s*)+),\s*of="(\w+)"', code):
+        used[name] |= set(keys.replace('"', " ").split())
+    for name, labels in TABLES["tables"].items():
+        assert labels.keys() <= used[name]
 
 
 def test_every_metric_has_a_label_and_angles_are_in_degrees():
