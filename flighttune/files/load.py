@@ -109,7 +109,7 @@ def kind_of(source: str | Path) -> str:
         return RECORDING
     if stated in READERS:
         return stated
-    if head.startswith(ARCHIVE) and path.suffix.lower() != ".kmz":
+    if head.startswith(ARCHIVE) and path.suffix.lower() != ".kmz":  # a map, packed as a zip
         raise RecordingError(
             f"{path}: must be a file that can be read, got an archive that flighttune did not "
             "write, or that is damaged or cut off."

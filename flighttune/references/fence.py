@@ -61,7 +61,7 @@ FAR = (-np.inf, np.inf)
 
 SIDES = ("left", "right", "up", "down")
 
-ALL_AREAS = " Flights stay inside all areas, as of ArduPilot; those of a plan for PX4 are one area."
+ALL_AREAS = " Flights must stay inside all areas; those of a plan for PX4 count as one."
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -249,7 +249,7 @@ def _of_plan(stated: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
 
 
 def _px4(plan: Mapping[str, Any]) -> bool:
-    """Whether a plan is for PX4, by its number of a firmware."""
+    """Return true if a plan is for PX4, by the number of its firmware."""
     return json_part(plan, "mission", dict).get("firmwareType") == PX4
 
 
@@ -269,8 +269,8 @@ def _one_area(shapes: list[dict[str, Any]]) -> list[dict[str, Any]]:
     whole: Any = shapely.union_all(areas)
     if whole.geom_type != "Polygon":
         raise InputError(
-            f"the {len(areas)} areas to stay in must overlap, got areas apart: PX4 stays inside of "
-            "at least one, and no flight gets from one to another. Delete those without the route."
+            f"the {len(areas)} areas to stay in must overlap, got areas apart: PX4 stays inside at "
+            "least one, and no flight gets from one to another. Delete those that the route misses."
         )
     rings = [
         [[(lon + first) % 360.0 - 180.0, lat] for lon, lat in ring.coords]

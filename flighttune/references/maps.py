@@ -171,9 +171,9 @@ def _kmz_text(path: Path) -> str:
             if len(data) > MAX_BYTES:
                 raise InputError(f"{path}: its .kml must have at most {MAX_BYTES} bytes, got more.")
             return data.decode("utf-8-sig")
+    except InputError:
+        raise
     except (OSError, EOFError, RuntimeError, ValueError, BadZipFile, zlib.error) as error:
-        if isinstance(error, InputError):
-            raise
         reason = shown(str(getattr(error, "strerror", None) or error))
         raise InputError(
             f"{path}: must be a zip archive with a .kml file, got {reason}."
