@@ -51,7 +51,7 @@ from flighttune.references.mission import read_route
 
 G_0 = 9.80665
 
-CASES = [pytest.param(20, marks=pytest.mark.slow), pytest.param(4000, marks=pytest.mark.counts)]
+CASES = [pytest.param(20, marks=pytest.mark.slow), pytest.param(1000, marks=pytest.mark.counts)]
 """Files of each kind, in the short and in the long run."""
 
 SAMPLE = 40
