@@ -38,11 +38,12 @@ def test_the_nearest_place_counts(places):
     assert load_aircraft("aerosonde").folder == shipped
 
 
-def test_a_name_that_is_nowhere_is_answered_with_those_there_are(places):
+@pytest.mark.parametrize("name", ["yours", __file__])
+def test_a_name_or_file_that_is_none_is_answered_with_those_there_are(places, name):
     copied(places[0], "mine")
 
     with pytest.raises(ft.InputError, match="a4, aerosonde, c172p, mine, x8"):
-        load_aircraft("yours")
+        load_aircraft(name)
 
 
 def test_who_has_no_home_has_the_shipped_aircraft(tmp_path, monkeypatch):

@@ -370,10 +370,9 @@ class AircraftConfig(q.Table):
 
 def load_aircraft(aircraft: str | Path) -> AircraftConfig:
     """Return the aircraft of a name, or of a folder that holds an ``aircraft.toml``."""
-    if isinstance(aircraft, str) and Path(aircraft).name == aircraft:
-        folder = aircraft_folder(aircraft)
-    else:
-        folder = Path(aircraft).resolve()
+    folder = Path(aircraft).resolve()
+    if folder.is_file() or (isinstance(aircraft, str) and Path(aircraft).name == aircraft):
+        folder = aircraft_folder(str(aircraft))
     return _read(folder, stamp(folder / "aircraft.toml"), stamp(folder / GAINS_FILE))
 
 
