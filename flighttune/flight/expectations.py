@@ -110,16 +110,18 @@ class ClaimCheck:
         return f"Claim not met: of {stated} {words}"
 
     @property
+    def closest(self) -> str:
+        """The bound that is met with the least to spare, of a claim that is met."""
+        if self.verdict != "met" or not self.bounds:
+            return ""
+        tightest = max(self.bounds, key=lambda check: check.margin)
+        poor = "a poor flight meets a lower bound; " if self.lower else ""
+        return f"{poor}closest to its bound: {tightest.run}: {tightest.sentence}"
+
+    @property
     def sentence(self) -> str:
         """The verdict with the first requirement that is missed, or with the tightest bound."""
-        if self.missed:
-            return f"{self.short}; {self.missed[0]}"
-        if not self.bounds:
-            return self.short
-        tightest = max(self.bounds, key=lambda check: check.margin)
-        closest = f"closest to its bound: {tightest.run}: {tightest.sentence}"
-        poor = bool(self.lower)
-        return f"{self.short}; {'a poor flight meets a lower bound; ' * poor}{closest}"
+        return "; ".join(filter(None, [self.short, *(self.missed[:1] or [self.closest])]))
 
 
 def check_claim(scenario: Scenario, runs: Sequence[Run]) -> ClaimCheck:

@@ -161,7 +161,7 @@ def write_report(source: Source, path: Path) -> Report:
         page_template("flighttune.reports", "page.html.jinja"),
         about=(flown_in_words(scenario, runs), _gains_in_words(scenario, runs)),
         summary=(*first, *([around.failure] if around.failure else []), *gains_notes(runs)),
-        closest=f"{claim.sentence}." if claim.verdict == "met" else "",
+        closest=f"{claim.closest[:1].upper()}{claim.closest[1:]}." if claim.closest else "",
         missed=(*claim.missed, *filter(None, [advice(scenario, source.runs, "SCENARIO")])),
         criterion=TEXTS["converges"].format(**criterion),
         sections=[
