@@ -330,26 +330,30 @@ def read_fence(path: Path, origin: LatLon, tables: Any = None) -> Fence:
             low, high = _heights(stated, low, high)
             outside = json_bool(stated.get("exclusion", False), "`exclusion`")
             numbers[outside] += 1
-            kind = ""
+            area, kind = "exclusion" if outside else "area", ""
             if len(shapes) > 1:
-                kind = f" of {'exclusion' if outside else 'area'} {numbers[outside]}"
-            begin, first = len(names), len(rings)
+                kind = f" of {area} {numbers[outside]}"
+            first = len(rings)
+            drawn: list[FloatArray] = []
+            edges: list[str] = []  # of the corners alone, which cross elsewhere than parts of them
             for zone, points in enumerate(shape["geometry"]["coordinates"]):
-                ring, sag, corners = _edges(_ring(points), origin, MAX_EDGES - len(names))
+                drawn.append(_ring(points, origin))
+                ring, sag, corners = _edges(drawn[-1], origin, MAX_EDGES - len(names))
                 part = f" of zone {zone}" if zone else ""
+                edges += [f"edge {i + 1}{part}{kind}" for i in range(len(drawn[-1]))]
                 names += [f"edge {i + 1}{part}{kind}" for i in corners]
                 out.append(outside or zone > 0)
                 rings.append(ring)
                 sags.append(sag)
-            polygon = rings[first:]
-            edges = np.concatenate([*map(_lines, polygon)])
-            for i, j in np.argwhere(shapely.crosses(edges[:, None], edges))[:1] + begin:
-                raise InputError(f"`coordinates` must not cross, got {names[i]} and {names[j]}.")
-            inside = [shapely.Polygon(ring).contains(shapely.Point(0.0, 0.0)) for ring in polygon]
+            lines = np.concatenate([*map(_lines, drawn)])
+            for i, j in np.argwhere(shapely.crosses(lines[:, None], lines))[:1]:
+                raise InputError(f"its edges must not cross, got {edges[i]} and {edges[j]}.")
+            start = shapely.Point(0.0, 0.0)
+            inside = [shapely.Polygon(ring).contains(start) for ring in rings[first:]]
             if inside[0] == outside or any(inside[1:]):
                 raise InputError(
-                    f"`coordinates`: the start must be {'out' if outside else 'in'}side{kind}, got "
-                    f"one at {origin} deg.{ALL_AREAS * (bool(kind) and not outside)}"
+                    f"the start must be {'out' if outside else 'in'}side{kind or f' of the {area}'}"
+                    f", got one at {origin} deg.{ALL_AREAS * (bool(kind) and not outside)}"
                 )
     return Fence(
         rings=tuple(rings),
@@ -394,8 +398,6 @@ def _edges(
     Returns where they begin, north and east (n, 2), m, the sag of each, m, and the number of the
     corner that it belongs to. `ring`: latitudes and longitudes of the corners, deg.
     """
-    turned = (ring[:, 1] - origin[1] + 180.0) % 360.0 - 180.0
-    ring = np.column_stack([ring[:, 0], turned + origin[1]])
     middle, corners = 0.5 * (ring + np.roll(ring, -1, axis=0)), _north_east(ring, origin)
     straight = 0.5 * (corners + np.roll(corners, -1, axis=0))
     sag = np.hypot(*(_north_east(middle, origin) - straight).T)
@@ -416,8 +418,8 @@ def _north_east(places: FloatArray, origin: LatLon) -> FloatArray:
     return np.array([north_east((lat, lon), origin) for lat, lon in places.tolist()])
 
 
-def _ring(points: Iterable[Any]) -> FloatArray:
-    """Latitude and longitude of the corners of a ring, deg, each once."""
+def _ring(points: Iterable[Any], origin: LatLon) -> FloatArray:
+    """Latitude and longitude of the corners of a ring, deg, each once, about a place."""
     corners = [[json_number(point[i], "every coordinate") for i in (1, 0)] for point in points]
     ring = np.array(corners).reshape(-1, 2)
     wrong = ~(np.abs(ring) <= (85.0, 180.0)).all(axis=1)  # also catches NaN
@@ -429,7 +431,8 @@ def _ring(points: Iterable[Any]) -> FloatArray:
     ring = ring[(ring != np.roll(ring, -1, axis=0)).any(axis=1)]
     if len(ring) < 3:
         raise InputError(f"`coordinates` must have at least three corners, got {len(ring)}.")
-    return ring
+    turned = (ring[:, 1] - origin[1] + 180.0) % 360.0 - 180.0
+    return np.column_stack([ring[:, 0], turned + origin[1]])
 
 
 def room_along(

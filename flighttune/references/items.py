@@ -72,6 +72,9 @@ DEFAULT_SPEED = -2
 # Airspeeds of a route that no aircraft bounds, m/s.
 ANY_AIRSPEED = (0.0, math.inf)
 
+# Largest latitude of a waypoint, deg: nearer to a pole a course turns within a flight.
+MAX_LAT_DEG = 85.0
+
 # Largest latitude and longitude of a route whose home position may have zeros, deg.
 NEAR_DEG = 5.0
 
@@ -94,18 +97,13 @@ def read_items(
     airspeeds: tuple[float, float] | None = ANY_AIRSPEED,
 ) -> RouteFile:
     """The route that items make; `home`: latitude and longitude, deg, height above sea level, m."""
-    if not (abs(home[0]) <= 90.0 and abs(home[1]) <= 180.0):  # also catches NaN
-        raise InputError(
-            "the home position must have a latitude up to 90 and a longitude up to 180 deg, got "
-            f"{home[0]:g} and {home[1]:g}."
-        )
     # With `skip`, commands that change the flight but have no place are left out.
-    flat = [_above_sea(item, terrain) for item in _flat(items)]
+    flat = [_above_sea(_whole(i, x), terrain) for i, x in enumerate(_flat(items), start=1)]
     lost = not _knows_home(flat, home)
     rows: list[Row] = []
     rally: list[Row] = []
     numbers: dict[Fate, dict[str, set[int]]] = defaultdict(lambda: defaultdict(set))
-    notes: dict[str, None] = {}
+    notes: dict[str, dict[str, set[int]]] = {}  # sentences, and the items that {} stands for
     # changes of speed: index of the row from which on it is flown, airspeed if any, number, name
     # and fate of its item
     changes: list[tuple[int, float | None, int, str, Fate]] = []
@@ -117,7 +115,7 @@ def read_items(
         command, label = item.get("command"), f"item {number} ({name})"
         if fate == "flown" and command == SPEED:
             airspeed, others = _speed(label, item)
-            notes |= dict.fromkeys(others)
+            notes |= {sentence: {} for sentence in others}
             changes.append((max(0, len(rows) - 1), airspeed, number, *_change(airspeed, airspeeds)))
             continue
         numbers[fate][name].add(number)
@@ -127,8 +125,9 @@ def read_items(
             row = _row(label, item, home, rows)
             if not rows and command not in (WAYPOINT, *TAKEOFFS):
                 rows.append(_at_home(home, row["up_m"]))
-                notes["The route begins above home."] = None
-            notes |= dict.fromkeys([*_notes(label, item), *add_row(rows, row, f"item {number}")])
+                notes["The route begins above home."] = {}
+            for sentence in (*_notes(label, item), *add_row(rows, row, f"item {number}")):
+                notes.setdefault(sentence, {}).setdefault(name, set()).add(number)
         if command in ENDS and fate != "refused":
             end = number
             break
@@ -154,8 +153,18 @@ def read_items(
         )
     flight = {"h_m": home[2] + rows[0]["up_m"], "ground_m": home[2]} if rows else {}
     flight |= {"V_a_mps": speeds[0][0]} if 0 in speeds else {}
-    said = [*fates, *notes, *_airspeeds(rows, speeds)]
+    others = (text.replace("{}", listed_items(about)) for text, about in notes.items())
+    said = [*fates, *others, *_airspeeds(rows, speeds)]
     return RouteFile({"waypoint": rows, "widen": True, "rally": rally, "notes": said}, flight)
+
+
+def _whole(number: int, item: Mapping[str, Any]) -> Mapping[str, Any]:
+    """An item that has what those of its type need."""
+    for key in ("command", "frame", "params") if item.get("type") == "SimpleItem" else ("type",):
+        if key not in item:
+            raise InputError(f"item {number} must have `{key}`, got none.")
+    json_number(item.get("command", 0), f"`command` of item {number}")
+    return item
 
 
 def _above_sea(item: Mapping[str, Any], terrain: str | Path | None) -> Mapping[str, Any]:
@@ -186,6 +195,11 @@ def _fates(numbers: Mapping[Fate, dict[str, set[int]]], skip: bool) -> list[str]
 
 def _knows_home(flat: Sequence[Mapping[str, Any]], home: tuple[float, ...]) -> bool:
     """Whether the place of home is stated: programs that do not know it write zeros."""
+    if not (abs(home[0]) <= 90.0 and abs(home[1]) <= 180.0):  # also catches NaN
+        raise InputError(
+            "the home position must have a latitude up to 90 and a longitude up to 180 deg, got "
+            f"{home[0]:g} and {home[1]:g}."
+        )
     placed = [item for item in flat if item.get("command") in PLACED and _placed(item)]
     first = [json_number(x, "a place") for x in placed[0]["params"][4:6]] if placed else [0.0]
     if any(home[:2]) or sum(map(abs, first)) <= NEAR_DEG:
@@ -291,7 +305,6 @@ def _name(item: Mapping[str, Any]) -> str:
     if item["type"] != "SimpleItem":
         return abridged(item.get("complexItemType"))
     command = item["command"]
-    json_number(command, "`command`")
     return COMMANDS.get(command, f"command {command:g}")
 
 
@@ -390,16 +403,16 @@ def _circles(label: str, command: int, values: Sequence[Any]) -> Row:
 
 
 def _notes(label: str, item: Mapping[str, Any]) -> Iterator[str]:
-    """A sentence where an item is flown in another way than it says."""
+    """A sentence where an item is flown in another way than it says, {} for all it is said of."""
     command, values, subject = item["command"], item["params"], f"I{label[1:]}"
     if command in TAKEOFFS:
         yield f"The route begins where the take-off of {label} ends."
     if command == WAYPOINT:
         hold, *radii = (json_number(x, f"every parameter of {label}", 0.0) for x in values[:3])
         if hold:
-            yield f"The hold time of {label}, {hold:g} s, is not flown."
+            yield f"The hold time of {{}}, {hold:g} s, is not flown."
         if any(radii):
-            yield f"The radius of {label} is not used: the path passes inside of the corner."
+            yield "The radius of {} is not used: the path passes inside of the corner."
     if not _flag(item, "autoContinue"):
         yield f"{subject} waits until it is told to go on, which is not flown."
     if command in FLOWN_AS:
@@ -409,7 +422,7 @@ def _notes(label: str, item: Mapping[str, Any]) -> Iterator[str]:
     if command in CIRCLES and _height_before(item):
         yield f"{subject} has the height 0, in ArduPilot that of the item before."
     if item["frame"] in ABOVE_TERRAIN and item.get("AMSLAltAboveTerrain") is None:
-        yield f"The height of {label} is above terrain, which is unknown: it counts from home."
+        yield "The height of {} is above terrain, which is unknown: it counts from home."
 
 
 def _speed(label: str, item: Mapping[str, Any]) -> tuple[float | None, list[str]]:
@@ -459,7 +472,13 @@ def _airspeeds(rows: Sequence[Row], speeds: Mapping[int, tuple[float, int]]) -> 
 
 def place(name: str, values: Sequence[Any]) -> Row:
     """Latitude, longitude and height of a point of a file."""
-    return {key: json_number(x, f"`{key}` of {name}") for key, x in zip(PLACE, values, strict=True)}
+    row = {key: json_number(x, f"`{key}` of {name}") for key, x in zip(PLACE, values, strict=True)}
+    if abs(row["lat_deg"]) > MAX_LAT_DEG or abs(row["lon_deg"]) > 180.0:
+        raise InputError(
+            f"{name} must have a latitude up to {MAX_LAT_DEG:g} and a longitude up to 180 deg, got "
+            f"{row['lat_deg']:.9g} and {row['lon_deg']:.9g}."
+        )
+    return row
 
 
 # First words of the files of Mission Planner, and the values of an item in a line of them.
@@ -469,12 +488,13 @@ HEADER, COLUMNS = "QGC WPL 110", 12
 def planner_items(text: str) -> tuple[list[float], list[dict[str, Any]]]:
     """Home (latitude, longitude, height) and items of a file of Mission Planner."""
     first, *lines = [line.split() for line in stated_lines(text)] or [[]]
-    if " ".join(first) != HEADER or {*map(len, lines)} != {COLUMNS}:
-        raise InputError(f"must begin with {HEADER} and have {COLUMNS} values in each line.")
+    if " ".join(first) != HEADER or not lines:
+        got = abridged(" ".join(first)) if lines else "none"
+        raise InputError(f"must begin with {HEADER} and have items, got {got}.")
     items: list[dict[str, Any]] = [
         {"type": "SimpleItem", "command": command, "frame": frame}
         | {"doJumpId": number, "params": values}
-        for number, _, frame, command, *values, _ in [map(float, line) for line in lines]
+        for number, _, frame, command, *values, _ in map(_numbers, lines)
     ]
     home, *others = items
     # A file of a fence or of rally points alone has no home, as MAVProxy writes it.
@@ -486,6 +506,18 @@ def planner_items(text: str) -> tuple[list[float], list[dict[str, Any]]]:
             f"item {home['doJumpId']:g} ({_name(home)})."
         )
     return home["params"][4:], others
+
+
+def _numbers(words: Sequence[str]) -> list[float]:
+    """The values of an item in a line."""
+    try:
+        values = [*map(float, words)]
+    except ValueError:
+        values = []
+    if len(values) != COLUMNS:
+        got = abridged(" ".join(words))
+        raise InputError(f"must have {COLUMNS} numbers with points in each line, got {got}.")
+    return values
 
 
 def stated_lines(text: str) -> list[str]:

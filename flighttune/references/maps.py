@@ -53,6 +53,9 @@ CORNERS = 16
 # Key of what a written file says about the route that its path was planned from.
 ROUTE_KEY = "flighttune"
 
+# Ends of the names of the coordinate system of GeoJSON.
+WGS_84 = "CRS84", "EPSG::4326", "EPSG:4326", "EPSG::4979"
+
 # Numbers of a file are smaller in size.
 TOO_LARGE = 1e9
 
@@ -155,7 +158,7 @@ def map_file(path: Path, endings: Sequence[str], kinds: str) -> tuple[str, Any]:
     if ending in (".kml", *PLANNER):
         return "kml" if ending == ".kml" else "planner", file_text(path)
     tables = json_tables(path)
-    return "plan" if "mission" in tables else "geojson", tables
+    return "plan" if ending == ".plan" or "mission" in tables else "geojson", tables
 
 
 def _kmz_text(path: Path) -> str:
@@ -202,13 +205,34 @@ def feature(kind: str, coordinates: Any, properties: Mapping[str, Any]) -> dict[
 
 def features(tables: Mapping[str, Any]) -> Sequence[Mapping[str, Any]]:
     """The features of a GeoJSON object; a shape alone is one without properties."""
+    # GeoJSON of before RFC 7946 may have another coordinate system, 100 m beside this one.
+    system = json_part(json_part(tables, "crs", dict), "properties", dict).get("name", WGS_84[0])
+    if not str(system).endswith(WGS_84):
+        raise InputError(f"`crs` must be WGS 84 (CRS84 or EPSG:4326), got {abridged(system)}.")
     if tables["type"] == "FeatureCollection":
-        return [feature for feature in tables["features"] if feature["geometry"] is not None]
-    return [tables if tables["type"] == "Feature" else {"geometry": tables}]
+        return [part for shape in tables["features"] for part in _parts(shape)]
+    return [*_parts(tables if tables["type"] == "Feature" else {"geometry": tables})]
+
+
+def _parts(shape: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
+    """A feature without its collections: one for each line, polygon or point."""
+    geometry = shape["geometry"]
+    if geometry is None:
+        return
+    kind = geometry["type"]
+    if kind == "GeometryCollection":
+        for part in geometry["geometries"]:
+            yield from _parts({**shape, "geometry": part})
+    elif kind in ("MultiLineString", "MultiPolygon"):
+        for part in geometry["coordinates"]:
+            single = {"type": kind.removeprefix("Multi"), "coordinates": part}
+            yield {**shape, "geometry": single}
+    else:
+        yield shape
 
 
 def kml_features(text: str) -> list[dict[str, Any]]:
-    """Lines and polygons of KML as features of GeoJSON, with their ``altitudeMode``."""
+    """Lines, tracks, polygons and points of KML as features of GeoJSON, with ``altitudeMode``."""
     if "<!DOCTYPE" in text:  # entities could make a small file a large one
         raise InputError("must be KML without a document type.")
     try:
@@ -219,23 +243,34 @@ def kml_features(text: str) -> list[dict[str, Any]]:
     stated = root.findtext(f".//{{*}}Data[@name='{ROUTE_KEY}']/{{*}}value")
     own = {ROUTE_KEY: json_object(stated, f"`{ROUTE_KEY}`")} if stated else {}
     for shape in root.iter():
-        if (kind := shape.tag.rpartition("}")[2]) in ("LineString", "Polygon"):
+        kind = shape.tag.rpartition("}")[2]
+        if kind in ("LineString", "Polygon"):
             rings = [_points(x.text or "") for x in shape.iterfind(".//{*}coordinates")]
-            mode = shape.findtext(".//{*}altitudeMode", "clampToGround")
             line = kind == "LineString"
             shapes.append(feature(kind, rings[0] if line else rings, own if line else {}))
-            shapes[-1]["geometry"]["altitudeMode"] = mode
+        elif kind == "Point":  # it is counted alone
+            shapes.append(feature(kind, [], {}))
+        elif kind == "Track":  # its points have blanks for commas
+            points = [",".join((x.text or "").split()) for x in shape.iterfind("{*}coord")]
+            shapes.append(feature("LineString", _points(" ".join(points)), {}))
+        else:
+            continue
+        mode = shape.findtext(".//{*}altitudeMode", "clampToGround")
+        shapes[-1]["geometry"]["altitudeMode"] = mode
     return shapes
 
 
 def _points(text: str) -> list[list[float]]:
-    points = [point.split(",") for point in text.split()]
-    if wrong := [point for point in points if "" in point]:
-        raise InputError(
-            "`coordinates` must be longitude,latitude,height without blanks after the commas, got "
-            f"{abridged(','.join(wrong[0]))}."
-        )
-    return [[float(value) for value in point] for point in points]
+    points = []
+    for point in text.split():
+        try:
+            points.append([float(value) for value in point.split(",")])
+        except ValueError as error:
+            raise InputError(
+                "`coordinates` must be longitude,latitude,height in numbers with points, without "
+                f"blanks after the commas, got {abridged(point)}."
+            ) from error
+    return points
 
 
 def with_hash(route: Mapping[str, Any], path: object) -> dict[str, Any]:

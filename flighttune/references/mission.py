@@ -2,6 +2,7 @@
 
 import json
 import math
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -9,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from flighttune.errors import InputError
+from flighttune.files.mistakes import shown
 from flighttune.files.table import hash_of
 from flighttune.references.fence import circle_of
 from flighttune.references.items import (
@@ -75,9 +77,9 @@ def read_route(
             read = _line(kml_features(content) if kind == "kml" else features(content))
         rows = read.route["waypoint"]
         if len(rows) < 2:
-            raise InputError(
-                f"must have at least 2 waypoints, got {len(rows)}; `--fence` takes files of fences."
-            )
+            rally = len(read.route.get("rally", ()))
+            other = f" and {rally} rally points" if rally else "; `--fence` takes files of fences"
+            raise InputError(f"must have at least 2 waypoints, got {len(rows)}{other}.")
     start = rows[0].get("up_m", 0.0)
     above = {
         key: [row | {"up_m": row.get("up_m", 0.0) - start} for row in read.route.get(key, ())]
@@ -121,7 +123,9 @@ STATED_HEIGHTS = "absolute", "relativeToGround"
 def _line(shapes: Sequence[Mapping[str, Any]]) -> RouteFile:
     lines = [x for x in shapes if x["geometry"]["type"] == "LineString"]
     if len(lines) != 1:
-        raise InputError(f"must have one LineString, got {len(lines)}.")
+        kinds = Counter(shown(str(x["geometry"]["type"])) for x in shapes)
+        got = ", ".join(f"{count} of {kind}" for kind, count in kinds.items()) or "none"
+        raise InputError(f"must have one LineString, or in KML one track, got {got}.")
     line = lines[0]["geometry"]
     points, mode = line["coordinates"], line.get("altitudeMode", "absolute")
     if read := _written(json_part(lines[0], "properties", dict).get(ROUTE_KEY), points):
@@ -135,7 +139,7 @@ def _line(shapes: Sequence[Mapping[str, Any]]) -> RouteFile:
     for number, point in enumerate(points, start=1):
         name = f"point {number}"
         same += add_row(rows, place(name, [point[1], point[0], *point[2:3], 0.0][:3]), name)
-    notes = ["Of the shapes in the file the LineString alone is read."] * (len(shapes) > 1)
+    notes = ["Of the shapes in the file the line alone is read."] * (len(shapes) > 1)
     flight = {"h_m": rows[0]["up_m"]} if rows else {}
     # Programs that know no heights write zeros.
     if not any(row["up_m"] for row in rows):

@@ -242,6 +242,16 @@ def test_px4_stays_inside_at_least_one_area_and_ardupilot_inside_all(tmp_path, o
         fence(12, BOX, apart)
 
 
+def test_long_edges_that_cross_in_their_middle_are_refused(tmp_path):
+    """A long edge is cut into straight parts: parts that meet do not cross, the edges do."""
+    corners = [[8.5, 47.39], [8.52, 47.41], [8.52, 47.39], [8.5, 47.41]]
+    file = tmp_path / "f.geojson"
+    file.write_text(json.dumps({"type": "Polygon", "coordinates": [[*corners, corners[0]]]}))
+
+    with pytest.raises(ft.InputError, match="must not cross, got edge 1 and edge 3"):
+        read_fence(file, (47.4, 8.51))
+
+
 @pytest.mark.parametrize("lon", [179.995, -179.995])
 def test_a_fence_over_the_date_line_is_around_what_is_inside_of_it(tmp_path, lon):
     box = fence_file(tmp_path / "f.geojson", BOX, origin=(-17.0, lon))

@@ -507,7 +507,7 @@ def test_shapes_beside_the_line_are_said_to_be_left(read_text):
     features = [{"type": "Feature", "properties": {}, "geometry": shape} for shape in shapes]
     route = read_text(".geojson", {"type": "FeatureCollection", "features": features})
 
-    assert route.notes == ["Of the shapes in the file the LineString alone is read."]
+    assert route.notes == ["Of the shapes in the file the line alone is read."]
 
 
 def test_a_line_has_heights_at_every_point_or_at_none(read_text):
@@ -545,6 +545,70 @@ def test_a_scenario_has_the_heights_and_the_notes_of_its_plan(tmp_path):
     file.write_text(SCENARIO.format(flight="h_m = 1000.0"))
     with pytest.raises(ft.InputError, match=r"`h_m` .*540, .*m\.plan, .*1000 m"):
         ft.load_scenario(file)
+
+
+TRACK = """<kml xmlns:gx="http://www.google.com/kml/ext/2.2"><Placemark><gx:Track>
+<altitudeMode>absolute</altitudeMode><when>2026-05-01T10:00:00Z</when>
+<gx:coord>8.5 47.4 548</gx:coord><gx:coord>8.5 47.42 560</gx:coord></gx:Track></Placemark></kml>
+"""
+POINT = "<kml><Placemark><Point><coordinates>8.5,47.4</coordinates></Point></Placemark></kml>"
+LINE = line([8.5, 47.4, 548.0], [8.5, 47.42, 560.0])
+LINES = {"type": "MultiLineString", "coordinates": [LINE["coordinates"]]}
+
+
+@pytest.mark.parametrize(
+    ("ending", "text"),
+    [
+        (".kml", TRACK),
+        (".geojson", {"type": "Feature", "properties": {}, "geometry": LINES}),
+        (".geojson", {"type": "GeometryCollection", "geometries": [LINE]}),
+        (".geojson", LINE | {"crs": {"properties": {"name": "urn:ogc:def:crs:OGC:1.3:CRS84"}}}),
+    ],
+)
+def test_a_track_and_a_collection_of_one_line_are_read_as_the_line(read_text, ending, text):
+    assert read_text(ending, text).rows == read_text(".geojson", LINE).rows
+
+
+@pytest.mark.parametrize(
+    ("ending", "text", "says"),
+    [
+        (".kml", POINT, "must have one LineString, or in KML one track, got 1 of Point"),
+        (".geojson", LINES | {"coordinates": [LINE["coordinates"]] * 2}, "got 2 of LineString"),
+        (".geojson", LINE | {"crs": {"properties": {"name": "EPSG:4314"}}}, "got 'EPSG:4314'"),
+        (".geojson", line([-33.9, 151.2], [-33.8, 151.2]), "point 1 must have a latitude up to 85"),
+        (".kml", KML.format("absolute").replace(",548", ";548"), "got '8.5,47.4;548'"),
+        (".waypoints", WAYPOINTS.replace(".", ","), r"12 numbers with points .* got '0 1 0 16 "),
+        (".waypoints", WAYPOINTS.replace("110", "120"), "got 'QGC WPL 120'"),
+        (".plan", "{}", "got none with `mission`"),
+    ],
+)
+def test_a_line_that_cannot_be_read_is_refused_by_what_is_wrong(read_text, ending, text, says):
+    with pytest.raises(ft.InputError, match=says):
+        read_text(ending, text)
+
+
+@pytest.mark.parametrize("key", ["type", "command", "frame", "params"])
+def test_an_item_that_lacks_a_key_is_refused_by_its_number(read, key):
+    less = {name: value for name, value in PATROL[1].items() if name != key}
+
+    with pytest.raises(ft.InputError, match=rf"item 2 must have `{key}`, got none"):
+        read(PATROL[0], less, *PATROL[2:])
+
+
+def test_rally_points_alone_are_no_route(read):
+    points = {"points": [[47.4, 8.5, 60]] * 2}
+
+    with pytest.raises(ft.InputError, match="got 0 and 2 rally points"):
+        read(rallyPoints=points)
+
+
+def test_what_holds_for_several_items_is_said_once(read):
+    high = [waypoint(*PLACE[:1], 8.51 + 0.01 * i, 60, frame=10) for i in range(4)]
+
+    assert [note for note in read(*high).notes if "terrain" in note] == [
+        "The height of items 1 to 4 (NAV_WAYPOINT 16) is above terrain, which is unknown: it "
+        "counts from home."
+    ]
 
 
 NO_WAYPOINTS = (
