@@ -474,7 +474,10 @@ class _Model:
         for name, value in self.values.items():
             kind = "declared" if name in tables["declared"] else "settings"
             if kind == "settings" and not fdm.has(name):
-                raise InputError(f"--set {name}: the model must have or read it, it does neither.")
+                other = f"; it reads /{name}, with a slash" if f"/{name}" in read else ""
+                raise InputError(
+                    f"--set {name}: the model must have or read it, it does neither{other}."
+                )
             tables[kind][name] = value
         body = {quantity: fdm.reader(name)() for quantity, name in BODY.items()}
         for quantity, value in body.items():

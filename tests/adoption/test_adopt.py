@@ -557,6 +557,15 @@ def test_a_switch_that_opens_the_throttle_is_on(own, surveyed, switch):
     assert found.spare_thrust > 0.0
 
 
+def test_a_value_of_a_property_with_a_slash_needs_the_slash(own, refusal):
+    part = "<pure_gain name='x'><input>/systems/switch</input></pure_gain>"
+
+    said = refusal(own(*more(system(part))), "--set", "systems/switch=1")
+
+    assert "--set systems/switch: the model must have or read it" in said
+    assert "it does neither; it reads /systems/switch, with a slash." in said
+
+
 @pytest.mark.slow
 def test_a_light_propeller_flies_in_finer_steps(own, surveyed):
     heavier, found = (surveyed(own(power=1500, ixx=ixx)) for ixx in (5e-4, 1e-4))
