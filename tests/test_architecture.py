@@ -131,3 +131,11 @@ def test_text_files_have_the_same_encoding_and_line_ends_on_every_system():
                 called = f"{where(path)}:{node.lineno}: {node.func.attr}"
                 assert node.func.attr != "write_text", called
                 assert node.func.attr != "read_text" or node.keywords, called
+
+
+def test_marks_of_soak_are_in_the_files_that_they_mark():
+    """`make soak` imports only the files that have one."""
+    marking = [path for path in (ROOT / "tests").rglob("*.py") if "mark.soak" in path.read_text()]
+
+    assert len(marking) > 10
+    assert {path.name for path in marking if not path.name.startswith("test_")} == {"conftest.py"}

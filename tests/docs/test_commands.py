@@ -2,6 +2,7 @@
 
 import re
 import shlex
+import tomllib
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
@@ -9,7 +10,7 @@ from pathlib import Path
 import pytest
 import typer
 from commands import flighttune
-from figures.commands import PAGE, helps, page
+from figures.commands import PAGE, page
 from packaging.version import Version
 
 from flighttune.cli.app import app
@@ -102,14 +103,23 @@ LONG = re.compile(
 """Commands that take ten seconds to minutes, and which other tests run on less."""
 
 
+EXAMPLES = [
+    f"flighttune {texts['example']}"
+    for part in tomllib.loads((ROOT / "flighttune/cli/commands.toml").read_text()).values()
+    for texts in part.values()
+    if "example" in texts
+]
+"""Of the help of each command, which the site appends to the page of all."""
+
+
 def printed(path):
     """Commands on a page: lines of blocks, examples of the help, and code in a sentence."""
-    text = path.read_text(encoding="utf-8") + (helps() if path == PAGE else "")
-    text = text.replace(" \\\n", " ")
+    text = path.read_text(encoding="utf-8").replace(" \\\n", " ")
     prose, *fenced = re.split(r"^```", text, flags=re.MULTILINE)
     blocks = [block for block in fenced[::2] if re.match(r"(sh|text)?\n", block)]
     prose = " ".join([prose, *fenced[1::2]])
-    lines = [line.strip().removeprefix("Example: ") for b in blocks for line in b.splitlines()]
+    lines = [line.strip() for block in blocks for line in block.splitlines()]
+    lines += EXAMPLES if path == PAGE else []
     lines += [" ".join(code.split()) for code in re.findall(r"`([^`]+)`", prose)]
     for line in lines:
         command = line.partition(" #")[0].strip()

@@ -48,16 +48,15 @@ FLOWN = (
 """Scenarios in which something differs: aircraft, sensors, engine, airframe or law."""
 
 
-def flights():
-    """Scenarios over time in still air, the first gains by a law of ours."""
-    for name in SCENARIO_NAMES:
+def flights(names):
+    """Scenarios over time in still air, the first gains by a law of ours, and each aircraft."""
+    for name in names:
         scenario = ft.load_scenario(name)
         gains, *_ = (one for one in scenario.gain_names if scenario.law_of(one)[0].kind != "python")
         of_time = not (scenario.route or weather_of(scenario))
         for table in scenario.plant if of_time else ():
             if table.kind == "jsbsim":
-                marks = () if name in FLOWN else pytest.mark.counts
-                yield pytest.param(name, gains, table.label, marks=marks)
+                yield scenario, gains, table.label
 
 
 def flown_by_jsbsim(command, cwd=None):
@@ -102,11 +101,22 @@ def apart(scenario, gains_name, plant, folder):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("name", "gains", "plant"), list(flights()))
-def test_jsbsim_alone_flies_as_fly_does(name, gains, plant, tmp_path):
-    found = apart(ft.load_scenario(name), gains, plant, tmp_path)
+@pytest.mark.parametrize(
+    "names",
+    [
+        *([name] for name in FLOWN),
+        pytest.param(sorted({*SCENARIO_NAMES} - {*FLOWN}), marks=pytest.mark.counts),
+    ],
+    ids=lambda names: names[0],
+)
+def test_jsbsim_alone_flies_as_fly_does(names, tmp_path):
+    differences = {
+        (scenario.title, plant): apart(scenario, gains, plant, tmp_path / str(k))
+        for k, (scenario, gains, plant) in enumerate(flights(names))
+    }
 
-    assert max(found.values()) < SAME, found
+    assert differences
+    assert all(max(found.values()) < SAME for found in differences.values()), differences
 
 
 @pytest.mark.soak

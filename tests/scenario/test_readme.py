@@ -11,7 +11,6 @@ import flighttune as ft
 from flighttune.flight.new import new_scenario
 
 PAGE = (Path(__file__).parents[2] / "scenarios" / "README.md").read_text(encoding="utf-8")
-KEYS = [*keys()]
 
 
 def leaves(annotation):
@@ -42,7 +41,7 @@ def test_the_page_names_every_table(place):
 
 
 def test_the_list_of_keys_gives_range_default_and_the_comment_beside_the_key():
-    rows = [row for row in KEYS if row.startswith(("| `sensitivity_max`", "| `roll_in_s`"))]
+    rows = [row for row in keys() if row.startswith(("| `sensitivity_max`", "| `roll_in_s`"))]
 
     assert rows == [
         "| `roll_in_s` | number, >= 0, <= 1e+06 | `0.0` | "
