@@ -38,7 +38,7 @@ LAW = '''
             return phi, n_z + cos(measured.gamma) / cos(measured.phi), self.sum[0]
 '''
 NEW = "--gains rectangles:paper"
-BOTH = 'paper_as_printed --set law=["paper","rectangles"] --set expect=[]'
+BOTH = 'paper_as_printed --set law=["paper","rectangles"] --set expect=[] --set flight.duration_s=8'
 COMMANDS = {
     f"fly {BOTH} --out runs/both": 0,
     "verify runs/both": 0,

@@ -82,9 +82,9 @@ class RateBound(Answering):
 
     Examples
     --------
-    >>> bound = ft.tune("paper", prove=True).bound
+    >>> bound = ft.tune("paper", changes={"tuning.I_star": 20.0}, prove=True).bound
     >>> round(bound.R_bound, 3), bound.verify().valid
-    (0.545, True)
+    (0.926, True)
     """
 
     I_star: float
