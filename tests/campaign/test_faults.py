@@ -178,7 +178,7 @@ def test_a_campaign_that_is_stopped_goes_on_and_a_process_killed_in_mid_chunk_co
         return False
 
     stops = Notes(lambda progress: progress.done > 0)
-    first = ft.run_campaign(ours, out, workers=2, observer=stops)
+    first = ft.run_campaign(ours, out, workers=1, observer=stops)
 
     there = rows_of(out).column("run").to_pylist()
     assert first.interrupted
