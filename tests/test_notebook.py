@@ -142,23 +142,29 @@ def test_the_widget_of_a_kernel_gets_a_recording_that_the_viewer_draws(kernel, t
 
 @pytest.mark.soak
 @pytest.mark.parametrize(
-    "file",
+    "files",
     [
-        pytest.param(file, marks=[pytest.mark.counts] * (file.stem in OF_OTHER_TESTS))
-        for file in NOTEBOOKS
+        [file for file in NOTEBOOKS if file.stem not in OF_OTHER_TESTS],
+        pytest.param([file for file in NOTEBOOKS if file.stem in OF_OTHER_TESTS],
+                     marks=pytest.mark.counts),
     ],
-    ids=lambda file: file.stem,
-)
-def test_a_notebook_runs_and_shows_what_is_kept_in_it(file, tmp_path):
-    notebook = nbformat.read(file, as_version=4)
-    kept = kinds_of_outputs(notebook)
+    ids=["short", "long"],
+)  # fmt: skip
+def test_a_notebook_runs_and_shows_what_is_kept_in_it(files, tmp_path):
+    """One after the other in a single kernel, each with its names alone."""
+    notebooks = [nbformat.read(file, as_version=4) for file in files]
+    kept = [kinds_of_outputs(notebook) for notebook in notebooks]
+    joined = nbformat.v4.new_notebook()
+    for notebook in notebooks:
+        joined.cells += [nbformat.v4.new_code_cell("%reset -f"), *notebook.cells]
     place = {"metadata": {"path": tmp_path}}
 
-    nbclient.NotebookClient(notebook, timeout=LONGEST, resources=place).execute()
+    nbclient.NotebookClient(joined, timeout=LONGEST, resources=place).execute()
 
-    code = [cell for cell in notebook.cells if cell.cell_type == "code"]
+    code = [cell for cell in joined.cells if cell.cell_type == "code"]
     assert not [out for cell in code for out in cell.outputs if out.output_type == "error"]
-    assert kinds_of_outputs(notebook) == kept, "keep a notebook with its outputs"
+    for file, notebook, kinds in zip(files, notebooks, kept, strict=True):
+        assert kinds_of_outputs(notebook) == kinds, f"keep {file.name} with its outputs"
 
 
 @pytest.mark.parametrize("file", NOTEBOOKS, ids=lambda file: file.stem)

@@ -41,7 +41,7 @@ COMMANDS = (
     "tune paper --out gains.json",
     "certify paper --gains paper --out certificate.json",
     "verify certificate.json",
-    "tune paper --frontier --out frontier",
+    "tune paper --frontier --points 3 --out frontier",
     "gap paper --out gap",
     "tube paper --gains paper --set flight.duration_s=12 --out tube.npz",
     "band paper --start-deg 2 --epsilon 0.3 --confidence 0.9 --learn 10 --flights 7 --out band.npz",
@@ -50,12 +50,12 @@ COMMANDS = (
     "report fly --out report.html",
     "trim aerosonde --V-a 25",
     "design aerosonde --dry-run",
-    "identify aerosonde --out identified.json",
+    "identify aerosonde --V-a 25 --out identified.json",
     "export paper_identified --gains paper --out exported",
     "campaign first_campaign --runs 8 --out campaign",
     "report campaign",
     "verify campaign --run 1",
-    "worst first_campaign --budget 64 --out worst.toml",
+    "worst first_campaign --budget 40 --out worst.toml",
     "list",
 )
 """Each sees what those before it have written. Left out: what takes minutes or does not end."""

@@ -43,7 +43,8 @@ def recording(flown, tmp_path_factory):
 
 
 def in_a_viewer(flown, folder):
-    with HeadlessViewer(ft.record(flown, folder).recording) as opened:
+    """A smaller window, which a processor draws in less time."""
+    with HeadlessViewer(ft.record(flown, folder).recording, size=(1120, 700)) as opened:
         yield opened
 
 
