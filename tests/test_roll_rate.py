@@ -6,7 +6,6 @@ from pathlib import Path
 import pytest
 
 import flighttune as ft
-from flighttune.flight.models import gain_set
 
 FOLDER = Path(__file__).parent / "adopted" / "B747"
 HALF_A_DEGREE = math.radians(0.5)
@@ -30,14 +29,15 @@ def measured(scenario, channel):
 @pytest.mark.slow
 def test_the_gain_is_that_of_a_roll_taken_out_in_time():
     scenario = turn(roll_rate=True)
-    gains = gain_set(scenario, "tuned_identified")
+    gains = ft.tune(scenario, model="identified").gains
     lag = late_by(FOLDER, 0)
     phi, rate = math.radians(45.0), math.radians(scenario.limits.phi_rate_dps)
     late = phi / (2.0 * rate) + lag
 
     assert gains.K_P[0, 0] <= scenario.flight.V_a_mps / 9.81 / late * (1.0 + 1e-6)
     assert gains.K_I[0, 0] <= gains.K_P[0, 0] / (4.0 * late) * 1.5
-    assert gain_set(turn(roll_rate=False), "tuned_identified").K_P[0, 0] > 2.0 * gains.K_P[0, 0]
+    free = ft.tune(turn(roll_rate=False), model="identified").gains
+    assert free.K_P[0, 0] > 2.0 * gains.K_P[0, 0]
 
 
 @pytest.mark.slow
@@ -56,7 +56,8 @@ def test_the_path_angle_of_a_slow_load_factor_settles_and_swings_without():
     lag = late_by(folder, 1)
     first, V_over_g = math.radians(3.0), bounded.flight.V_a_mps / 9.81
 
-    K_P, K_I = (getattr(gain_set(bounded, "tuned_identified"), key)[1, 1] for key in ("K_P", "K_I"))
+    gains = ft.tune(bounded, model="identified").gains
+    K_P, K_I = gains.K_P[1, 1], gains.K_I[1, 1]
 
     late = K_P * first / (2.0 * bounded.limits.n_z_rate_per_s) + lag
     assert K_P <= V_over_g / late * (1.0 + 1e-6)

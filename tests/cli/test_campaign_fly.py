@@ -10,7 +10,7 @@ from commands import answer, flighttune
 from dispersed import AEROSONDE, KINEMATIC, SOFT, WIND, one_of, plan_of, tables_of, uniform
 
 import flighttune as ft
-from flighttune.campaign.dataset import Dataset, open_dataset
+from flighttune.campaign.dataset import Dataset
 from flighttune.campaign.flying.rows import fly_runs
 from flighttune.flight.fly import library_versions
 
@@ -47,7 +47,7 @@ def folder(tmp_path_factory):
 def test_what_a_run_drew_is_printed_so_that_it_can_be_typed_again(folder, tmp_path):
     out, _ = flighttune("verify", folder, "--run", 2, cwd=tmp_path)
 
-    row = open_dataset(folder).rows().to_pylist()[2]
+    row = ft.load(folder).rows().to_pylist()[2]
     for key in ("flight.chi_deg", "seed"):
         (text,) = re.findall(rf"^ *{re.escape(key)} +(\S+)", out, re.MULTILINE)
         assert float(text) == row[key]
@@ -56,7 +56,7 @@ def test_what_a_run_drew_is_printed_so_that_it_can_be_typed_again(folder, tmp_pa
 def test_a_run_is_flown_into_a_recording_and_is_what_its_row_says(folder, tmp_path):
     found = answer("verify", folder, "--run", 2, cwd=tmp_path)
 
-    ((run,), row) = found["runs"], open_dataset(folder).rows().to_pylist()[2]
+    ((run,), row) = found["runs"], ft.load(folder).rows().to_pylist()[2]
     assert found["equal"]
     assert run["run"] == "run 2: kinematic / soft, draw 0"
     assert run["drawn"] == {key: row[key] for key in run["drawn"]}
