@@ -40,12 +40,18 @@ RAW = (
     *("phi_err", "theta_err", "n_z_err", "vehicle", "trusted", *EVENTS),
 )
 
-# Endings of the columns of a table that say their unit, such as `chi_deg`: of a signal with several
-# columns the first of these is read.
-ENDINGS = ("_ms:ms", "_s:s", "_m:m", "_mps:m/s", "_rad:rad", "_deg:deg", "")
+# Endings of the columns of a table that say their unit, such as `chi_deg` and `chi [deg]`: of a
+# signal with several columns the first of these is read.
+ENDINGS = (
+    *("_ms:ms", "_s:s", "_m:m", "_mps:m/s", "_rad:rad", "_deg:deg", ""),
+    *("_ft:ft", "_fps:ft/s", "_kt:kn", "_kmh:km/h"),
+    *(f" [{unit}]:{unit}" for unit in UNITS if unit not in ("", "g", "mG")),  # n_z in g is 1
+)
 
 # Columns of a table that may be its clock, as COLUMN[:UNIT]; the first that it has is read.
-CLOCKS = tuple(f"{name}{ending}" for name in ("t", "time", "timestamp") for ending in ("", "_s:s"))
+CLOCKS = tuple(
+    f"{name}{ending}" for name in ("t", "time", "timestamp") for ending in ("", "_s:s", " [s]:s")
+)
 
 # Columns as a user gives them: NAME=SOURCE[:UNIT], files of such, or a mapping.
 Columns: TypeAlias = str | Path | Sequence[str | Path] | Mapping[str, str]
@@ -110,7 +116,9 @@ def columns_of(
                 f"{place}: the column of `{name}` must be one of the file's, got "
                 f"{column.source!r}{nearest_name(column.source, header)}"
             )
-    of_jsbsim = _tables()["JSBSim"] if {"Phi (deg)", "Time"} <= {*header} else {}
+    shipped = _tables()["JSBSim"]
+    rolls = {column.source for column in _columns("phi", shipped["phi"], kind)}
+    of_jsbsim = shipped if "Time" in header and rolls & {*header} else {}
     places = {}
     for name in (*SIGNAL_UNITS, *RAW):
         sources = *of_jsbsim.get(name, ()), *(f"{name}{ending}" for ending in ENDINGS)
@@ -121,10 +129,21 @@ def columns_of(
     if "t" not in places:
         raise InputError(
             f"{place}: the time must be a column `t`, or given as --column t=COLUMN:UNIT, got "
-            f"columns {', '.join(map(shown, header[:8]))}{' ...' if len(header) > 8 else ''}."
+            f"columns {', '.join(map(shown, header[:MAX_SHOWN]))}"
+            f"{' ...' if len(header) > MAX_SHOWN else ''}."
         )
     return {"t": places["t"], **places}
 
+
+def _unread(columns: Sequence[str]) -> list[str]:
+    """A sentence on the columns of a table that no signal is read from."""
+    more = f" and {len(columns) - MAX_SHOWN} more" if len(columns) > MAX_SHOWN else ""
+    names = ", ".join(map(shown, columns[:MAX_SHOWN]))
+    return [f"no signal is read from {names}{more}: --column NAME=COLUMN:UNIT does"] * bool(names)
+
+
+# Columns that a message lists.
+MAX_SHOWN = 8
 
 PLANT = "log"  # label of the plant of a run that is a log
 
@@ -190,7 +209,7 @@ def load_log(
     trusted = given.pop("trusted", Column("", 1.0)).source.replace(",", " ").split()
     for name in trusted:
         _column(name, "", "trusted")  # refuses what is no signal
-    kind, raw, vehicle = read_log(path, partial(columns_of, given, str(path)))
+    kind, raw, vehicle, unread = read_log(path, partial(columns_of, given, str(path)))
     if "vehicle" in raw:  # PX4: of a VTOL it changes
         vehicle = f"type {np.max(raw.pop('vehicle')[1]):g} of PX4"
     large = []
@@ -235,7 +254,7 @@ def load_log(
         "from_s": start,
         "phases": in_words(listed),
         "odd": odd,
-        "missing": [f"no {name}" for name in missing],
+        "missing": [f"no {name}" for name in missing] + _unread(unread),
         "gaps": gaps + large,
         "checks": [*wrong, *notes],
         "wrong": wrong,

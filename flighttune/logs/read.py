@@ -8,6 +8,7 @@ import math
 import os
 import struct
 import traceback
+from codecs import BOM_UTF16_BE, BOM_UTF16_LE
 from collections import defaultdict
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from functools import partial
@@ -69,8 +70,8 @@ def _kind_of(path: Path) -> str:
     return "csv" if table and kind in ("", "MAVLink") else kind
 
 
-def read_log(path: Path, places: Places) -> tuple[str, dict[str, Stream], str]:
-    """Kind of a log, its signals in SI, each from the first of its places, and the vehicle."""
+def read_log(path: Path, places: Places) -> tuple[str, dict[str, Stream], str, list[str]]:
+    """Kind of a log, its signals in SI, each from its first place, vehicle and unread columns."""
     kind = _kind_of(path)
     if not kind:
         raise RecordingError(
@@ -79,7 +80,7 @@ def read_log(path: Path, places: Places) -> tuple[str, dict[str, Stream], str]:
         )
     need(f"a log of kind {kind}", *({"ULog": ["pyulog"], "csv": []}.get(kind, ["pymavlink"])))
 
-    def read() -> tuple[str, dict[str, Stream], str]:
+    def read() -> tuple[str, dict[str, Stream], str, list[str]]:
         header = [*map(str, _table(path, nrows=0).columns)] if kind == "csv" else []
         columns = {**places(kind, header)}
         sources = dict.fromkeys(column.source for each in columns.values() for column in each)
@@ -97,7 +98,7 @@ def read_log(path: Path, places: Places) -> tuple[str, dict[str, Stream], str]:
                     )
             if there:
                 signals[name] = clock.factor * streams[there[0].source][0], rows[0]
-        return kind, signals, vehicle
+        return kind, signals, vehicle, [name for name in header if name not in sources]
 
     return _confined(path, kind, read)
 
@@ -265,13 +266,16 @@ def _table(path: Path, **options: Any) -> Any:
     """Columns of a table. JSBSim's socket sends a mark before its labels, which no row has."""
     import pandas as pd
 
-    with path.open(encoding="utf-8-sig") as file:
+    encoding = _encoding(path)
+    with path.open(encoding=encoding) as file:
         first, row = file.readline(), file.readline()
     mark = max(",;\t", key=first.count)
-    form = {"sep": mark, "skipinitialspace": True}
-    names = [str(name) for name in pd.read_csv(path, nrows=0, **form).columns]
-    if names and names[0].strip() == "<LABELS>":
-        options |= {"names": names[1:], "header": None, "skiprows": 1}
+    form = {"sep": mark, "skipinitialspace": True, "encoding": encoding}
+    labels = [str(name) for name in pd.read_csv(path, nrows=0, **form).columns]
+    names = [label.strip() for label in labels]
+    mark_of_socket = names[:1] == ["<LABELS>"]
+    if mark_of_socket or names != labels:
+        options |= {"names": names[mark_of_socket:], "header": None, "skiprows": 1}
     if (cells := len(row.rstrip(f"{mark}\r\n ").split(mark))) > len(names) and '"' not in row:
         raise InputError(
             f"{path}: its first line must have a label for each cell of a row, got {len(names)} "
@@ -281,6 +285,19 @@ def _table(path: Path, **options: Any) -> Any:
     if mark == ";":  # then commas are decimal
         table = table.replace({r"^(.*),(.*)$": r"\1.\2"}, regex=True)
     return table
+
+
+def _encoding(path: Path) -> str:
+    """Encoding of a table by its labels: UTF-8, UTF-16 with a mark, or that of older programs."""
+    with path.open("rb") as file:
+        first = file.readline()
+    if first.startswith((BOM_UTF16_LE, BOM_UTF16_BE)):
+        return "utf-16"
+    try:
+        first.decode("utf-8")
+    except UnicodeDecodeError:
+        return "latin-1"
+    return "utf-8-sig"
 
 
 def _read_csv(path: Path, sources: Sequence[str]) -> tuple[dict[str, Stream], str]:

@@ -92,6 +92,8 @@ def on_one_base(
     place: str, raw: dict[str, Stream], start: float, end: float, *, table: bool
 ) -> tuple[FloatArray, dict[str, FloatArray]]:
     """Times from `start` to `end` (s) after the first attitude, and the streams; NaN in gaps."""
+    if table and "phi" in raw:
+        _check_clock(place, *raw["phi"])
     raw = {name: in_order(place, name, stream) for name, stream in raw.items()}
     raw = {name: stream for name, stream in raw.items() if len(stream[0]) > 1}
     with_angles(raw)
@@ -139,6 +141,18 @@ def on_one_base(
         column[_far(t, times, gap)] = np.nan
         values[name] = np.angle(np.exp(1j * column)) if name in ANGLES else column
     return t - first, values
+
+
+def _check_clock(place: str, t: FloatArray, phi: FloatArray) -> None:
+    """Refuse a clock that counts whole seconds, say: most samples would go, the rest come late."""
+    there = np.isfinite(t) & np.isfinite(phi)
+    t, phi = t[there], phi[there]
+    same = int(np.count_nonzero((np.diff(t) == 0.0) & (np.diff(phi) != 0.0)))
+    if same > 0.5 * len(t) and _period(np.unique(t)) > FINEST_DT:
+        raise RecordingError(
+            f"{place}: the clock must tell samples apart, got {same} of {len(t)} with the time of "
+            "the one before and another roll."
+        )
 
 
 def in_order(place: str, name: str, stream: Stream) -> Stream:

@@ -141,6 +141,46 @@ def test_a_table_has_commas_semicolons_or_tabs_between_its_cells(table, form):
     assert ft.load_log(path).signals.equals(expected)
 
 
+@pytest.mark.parametrize("encoding", ["utf-16", "latin-1"])
+def test_a_table_of_older_programs_is_read_and_its_other_columns_listed(tmp_path, encoding):
+    t, path = np.arange(300) / 25.0, tmp_path / "flight.csv"
+    columns = {"t_s ": t, "phi_deg ": 10.0 * np.sin(t), "V_a_mps ": 25.0, "Höhe [°]": 1.0}
+    pd.DataFrame(columns).to_csv(path, index=False, encoding=encoding)
+
+    run = ft.load_log(path)
+
+    assert run.signals["phi"].to_numpy() == pytest.approx(np.radians(10.0 * np.sin(t)), abs=1e-9)
+    said = "no signal is read from Höhe [°]: --column NAME=COLUMN:UNIT does"
+    assert said in run.provenance.log["missing"]
+
+
+@pytest.mark.parametrize(
+    ("label", "value"),
+    [("V_a_kt", 50.0), ("V_a [km/h]", 92.6), ("/fdm/jsbsim/velocities/vt-fps", 84.39)],
+)
+def test_units_in_the_labels_of_a_table_are_read(clean, tmp_path, label, value):
+    """50 kn are 92.6 km/h and 84.39 ft/s."""
+    (t, signals), path = clean, tmp_path / "flight.csv"
+    of_jsbsim = label.startswith("/")
+    time, roll = ("Time", "/fdm/jsbsim/attitude/phi-deg") if of_jsbsim else ("t [s]", "phi [deg]")
+    degrees = np.degrees(signals["phi"])
+    pd.DataFrame({time: t, roll: degrees, label: value}).to_csv(path, index=False)
+
+    read = ft.load_log(path).signals
+
+    assert read["phi"].to_numpy() == pytest.approx(signals["phi"], abs=1e-9)
+    assert read["V_a"].to_numpy() == pytest.approx(50.0 * 0.514444, abs=1e-3)
+
+
+def test_a_clock_of_whole_seconds_is_refused(table):
+    """Of 25 samples with one time the first would be kept, and a fast lag taken for a slow one."""
+    path = table()
+    pd.read_csv(path).assign(t_s=lambda rows: np.floor(rows["t_s"])).to_csv(path, index=False)
+
+    with pytest.raises(ft.InputError, match=r"clock must tell samples apart, got \d+ of"):
+        ft.load_log(path)
+
+
 def test_two_signals_may_have_one_field_of_a_message(clean, tmp_path):
     path = write_dataflash(tmp_path / "flight.bin", *clean)
 
