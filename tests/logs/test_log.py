@@ -177,7 +177,7 @@ def test_a_clock_of_whole_seconds_is_refused(table):
     path = table()
     pd.read_csv(path).assign(t_s=lambda rows: np.floor(rows["t_s"])).to_csv(path, index=False)
 
-    with pytest.raises(ft.InputError, match=r"clock must tell samples apart, got \d+ of"):
+    with pytest.raises(ft.InputError, match="must tell samples apart"):
         ft.load_log(path)
 
 
