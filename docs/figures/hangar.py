@@ -1,8 +1,9 @@
 """Write docs/hangar.md and its picture, `adopt` on every model of JSBSim's own set.
 
-Run it by ``python docs/figures/hangar.py``. Each model is adopted by a command of its own, as many
-at once as there are cores; its turn is exported and its circuit flown. This takes about ten minutes
-on two cores; then the turns are flown again and drawn.
+Run it by ``python docs/figures/hangar.py [FOLDER]``. Each model is adopted by a command of its own,
+as many at once as there are cores; its turn is exported and its circuit flown. FOLDER keeps the
+answers: models whose answers are there are not asked again. This takes about ten minutes on two
+cores; then the turns are flown again and drawn.
 """
 
 import json
@@ -15,7 +16,7 @@ from collections.abc import Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from importlib.metadata import version
 from pathlib import Path
-from tempfile import TemporaryDirectory
+from tempfile import mkdtemp
 from typing import Any
 
 import flighttune as ft
@@ -48,6 +49,9 @@ COLUMNS = [*columns("model V_a_mps"), Column("circuit.cross_track_m", "beside ci
 
 def adopted(model: str, folder: Path) -> dict[str, Any]:
     """The answer of the command for a model; a crash or an endless flight refuses it."""
+    kept = folder.with_name(f"{model}.json")
+    if kept.exists():
+        return json.loads(kept.read_text(encoding="utf-8"))
     done = None
     answer: dict[str, Any]
     try:
@@ -62,6 +66,7 @@ def adopted(model: str, folder: Path) -> dict[str, Any]:
     if answer["status"] != "refused":
         answer |= proved(folder)
     print(f"{model}: {answer['status']}", flush=True)
+    kept.write_text(json.dumps({"model": model, **answer}), encoding="utf-8")
     return {"model": model, **answer}
 
 
@@ -73,8 +78,7 @@ def flighttune(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
 
 def proved(folder: Path) -> dict[str, Any]:
     """Difference of the exported turn (rad, 1) and errors of the circuit, or why there are none."""
-    turn = ("export", folder / "turn.toml", "--gains", "tuned_identified", "--json")
-    exported = flighttune(*turn, "--out", folder / "export")
+    exported = flighttune("export", folder / "turn.toml", "--json", "--out", folder / "export")
     differences = json.loads(exported.stdout or "{}").get("differences", {"": math.nan})
     return {"export": max(differences.values()), "circuit": circuit(folder)}
 
@@ -118,13 +122,13 @@ def circuit_of(
     factors = {"north_m": size, "east_m": size, "radius_m": size, "up_m": size * climb}
     for point in tables["route"]["waypoint"]:
         point |= {key: factors.get(key, climb) * point[key] for key in point.keys() - {"turns"}}
-    tables["route"] |= {"margin": margin, "look_ahead_s": look_ahead * 3.0}
+    tables["route"] |= {"margin": margin, "look_ahead_s": look_ahead * 3.0, "widen": True}
     tables["flight"] |= {"V_a_mps": V_a, "duration_s": 1000.0 * size * before / V_a}
     for expected in tables["expect"]:  # an error of position grows with the way ahead
         most = expected["at_most"]["flight"]
         most |= {key: faster * look_ahead * value for key, value in most.items()}
     tables["plant"][1]["aircraft"] = turn["plant"][0]["aircraft"]
-    return tables | {"limits": limits, "tuning": {"roll_rate": True}}
+    return tables | {"limits": limits, "tuning": turn["tuning"]}
 
 
 def turn_chart(model: str, scenario: Path) -> Chart:
@@ -175,7 +179,8 @@ into an aircraft for every command: {
 [Use an aircraft of your own](aircraft.md) says what the statuses mean. The page is made by
 `python docs/figures/hangar.py`, here with flighttune {ft.__version__} and JSBSim {
         version("jsbsim")
-    }.
+    }:
+turns and circuits are flown by the exact law with `tuned_fed_back`.
 
 ## Adopted
 
@@ -226,7 +231,9 @@ def write_page(folder: Path, answers: Sequence[dict[str, Any]]) -> None:
 
 
 if __name__ == "__main__":
-    with TemporaryDirectory() as temporary, ProcessPoolExecutor(os.cpu_count()) as pool:
+    folder = Path(sys.argv[1] if len(sys.argv) > 1 else mkdtemp())
+    folder.mkdir(parents=True, exist_ok=True)
+    with ProcessPoolExecutor(os.cpu_count()) as pool:
         models = models_of_jsbsim()
-        folders = [Path(temporary) / model for model in models]
-        write_page(Path(temporary), [*pool.map(adopted, models, folders)])
+        answers = [*pool.map(adopted, models, [folder / model for model in models])]
+    write_page(folder, answers)
