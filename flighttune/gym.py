@@ -16,9 +16,8 @@ from flighttune.errors import InputError, ScenarioError, TrimError, need
 from flighttune.files.mistakes import validated
 from flighttune.flight.conditions import command_limits, lead_on
 from flighttune.flight.flown import FlownScenario
-from flighttune.flight.fly import manoeuvre, plant_of, provenance, steady_wind
+from flighttune.flight.fly import manoeuvre, plant_of, provenance, steady_wind, with_own
 from flighttune.flight.models import gain_set, law_setup
-from flighttune.flight.own import with_own
 from flighttune.planning.plan import plan_campaign
 from flighttune.planning.schema import Campaign
 from flighttune.planning.source import Flights, flights

@@ -15,8 +15,7 @@ from flighttune.claims.band import Band
 from flighttune.claims.counted import Counted
 from flighttune.errors import InputError, RecordingError, ScenarioError
 from flighttune.files.load import BAND, DATASET, RECORDING, load_one
-from flighttune.flight.fly import Progress
-from flighttune.flight.own import LawMaker, PlantMaker
+from flighttune.flight.fly import LawMaker, PlantMaker, Progress
 from flighttune.planning.plan import Plan
 from flighttune.records.parquet import Recording
 from flighttune.records.refly import CheckedRun, Difference, Reflown, changed_versions, reflights

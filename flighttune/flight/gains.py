@@ -17,8 +17,8 @@ from flighttune.control.linear_model import LinearModel
 from flighttune.errors import InfeasibleError, InputError
 from flighttune.files.whole import write_text
 from flighttune.flight import models
+from flighttune.flight.fly import with_own
 from flighttune.flight.load import as_scenario, scenario_and_gains
-from flighttune.flight.own import with_own
 from flighttune.identification.file import files_of
 from flighttune.present.answer import Answer, Answering, Table
 from flighttune.present.chart import Sheet

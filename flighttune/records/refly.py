@@ -11,8 +11,7 @@ import numpy as np
 from flighttune.control.gains import PIGains
 from flighttune.errors import RecordingError
 from flighttune.flight.flown import FlownScenario
-from flighttune.flight.fly import Progress, fly, library_versions
-from flighttune.flight.own import LawMaker, PlantMaker
+from flighttune.flight.fly import LawMaker, PlantMaker, Progress, fly, library_versions
 from flighttune.present.answer import Answer, Answering, Table, pick
 from flighttune.present.names import columns
 from flighttune.scenario.load import as_recorded, scenario_from

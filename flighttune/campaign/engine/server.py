@@ -14,8 +14,7 @@ from multiprocessing.connection import Connection
 from flighttune.aircraft.aircraft import files_hash
 from flighttune.campaign.flying.rows import Draw, Row, fly_again, fly_draw, warm_up
 from flighttune.errors import FlightTuneError, PlantError
-from flighttune.flight.fly import library_versions
-from flighttune.flight.own import with_own
+from flighttune.flight.fly import library_versions, with_own
 from flighttune.planning.plan import Plan
 from flighttune.records.parquet import parquet_bytes
 from flighttune.records.refly import changed_versions
