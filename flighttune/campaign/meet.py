@@ -25,7 +25,7 @@ from flighttune.control.gains import PAPER_GAINS, PIGains
 from flighttune.control.law import Law, plain_laws, split_name
 from flighttune.control.linear_model import closed_loop
 from flighttune.errors import InputError
-from flighttune.flight.expectations import BoundCheck, bound_checks, bounded_loop, not_followed
+from flighttune.flight.flown import BoundCheck, bound_checks, bounded_loop, not_followed
 from flighttune.flight.load import as_scenario, scenario_and_gains
 from flighttune.flight.models import gain_set, identified_models, loop_measures, tuning_problem
 from flighttune.metrics import AIRSPEED

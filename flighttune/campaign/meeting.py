@@ -14,7 +14,7 @@ from flighttune.campaign.statistics.intervals import CONFIDENCE
 from flighttune.control.gains import PIGains, gains_lists, gains_table
 from flighttune.control.linear_model import closed_loop
 from flighttune.control.margins import loop_margins, margins_table
-from flighttune.flight.expectations import BoundCheck
+from flighttune.flight.flown import BoundCheck
 from flighttune.flight.gains import certify_scenario
 from flighttune.flight.models import linear_model
 from flighttune.planning.schema import Campaign

@@ -30,7 +30,7 @@ from flighttune.files.load import CLAIMS, load_one, written
 from flighttune.files.load import TUBE as TUBE_FILE
 from flighttune.files.table import toml_text
 from flighttune.files.whole import write_text
-from flighttune.flight.expectations import bound_checks
+from flighttune.flight.flown import bound_checks
 from flighttune.flight.fly import fly
 from flighttune.planning.draws import LARGEST_POINT, SEED, SMALLEST_POINT, correlated
 from flighttune.planning.plan import Plan, plan_campaign

@@ -16,8 +16,7 @@ from flighttune.campaign.meeting import CERTIFICATE_COLUMNS, REQUIREMENT_COLUMNS
 from flighttune.control.gains import PIGains
 from flighttune.errors import InputError
 from flighttune.files.table import toml_text
-from flighttune.flight.expectations import BoundCheck
-from flighttune.flight.flown import FlownScenario
+from flighttune.flight.flown import BoundCheck, FlownScenario
 from flighttune.flight.fly import fly
 from flighttune.flight.gains import certify_scenario
 from flighttune.flight.models import gain_set

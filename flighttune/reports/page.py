@@ -13,8 +13,7 @@ from flighttune.claims.monitor import LogMonitor, Monitor
 from flighttune.errors import FlightTuneError, RecordingError
 from flighttune.files.table import toml_text
 from flighttune.flight.conditions import reference_of, stated_condition
-from flighttune.flight.expectations import check_claim
-from flighttune.flight.flown import advice
+from flighttune.flight.flown import advice, check_claim
 from flighttune.flight.models import tuning_problem
 from flighttune.gaps.gap import Gap, explain_flight, step_table
 from flighttune.gaps.watch import score_so_far

@@ -10,7 +10,7 @@ import numpy as np
 from flighttune.arrays import FloatArray
 from flighttune.claims.linear_loop import LinearBound
 from flighttune.control.gains import PIGains
-from flighttune.flight.expectations import ClaimCheck, envelopes
+from flighttune.flight.flown import ClaimCheck, envelopes
 from flighttune.flight.gains import certify_scenario
 from flighttune.metrics import CHANNELS, channel_metrics, flight_metrics
 from flighttune.present.answer import MISSING, Column, Table, facts_table

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from made_up import made_up_run, made_up_scenario
 
-from flighttune.flight.expectations import check_claim
+from flighttune.flight.flown import check_claim
 
 T = np.linspace(0.0, 10.0, 101)
 

@@ -23,8 +23,7 @@ from flighttune.control.linear_model import closed_loop
 from flighttune.control.mimo_pi import MimoPI
 from flighttune.errors import FlightTuneError, InputError, ending_of
 from flighttune.flight.conditions import command_limits, reference_of, start_condition
-from flighttune.flight.expectations import bounded_loop, missed
-from flighttune.flight.flown import FlownScenario
+from flighttune.flight.flown import FlownScenario, bounded_loop, missed
 from flighttune.flight.fly import Progress, fly, fly_alone
 from flighttune.flight.models import law_setup, linear_model
 from flighttune.metrics import CHANNELS, MEASURED, measures, measures_of, required_names

@@ -27,7 +27,7 @@ from flighttune.campaign.statistics.intervals import (
 )
 from flighttune.claims.count import sure
 from flighttune.errors import InputError
-from flighttune.flight.expectations import bound_checks, bounded_loop
+from flighttune.flight.flown import bound_checks, bounded_loop
 from flighttune.planning.plan import Group, Plan
 from flighttune.planning.schema import INDEPENDENT, MEASURES
 from flighttune.present.answer import pick
