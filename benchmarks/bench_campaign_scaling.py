@@ -61,7 +61,7 @@ KEYS = (
 )
 PLAIN = """
 import json, sys, time
-from flighttune.planning.load import load_campaign
+from flighttune.planning.source import load_campaign
 from flighttune.planning.plan import plan_campaign
 from flighttune.campaign.flying.rows import fly_runs, warm_up
 plan = plan_campaign(load_campaign(sys.argv[1]))

@@ -20,8 +20,8 @@ import running
 
 import flighttune as ft
 from flighttune.campaign.dataset import open_dataset
-from flighttune.planning.load import load_campaign
 from flighttune.planning.plan import plan_campaign
+from flighttune.planning.source import load_campaign
 
 BASE = "paper"
 LAWS = {

@@ -44,12 +44,12 @@ from flighttune.gaps.gap import gap as gap
 from flighttune.identification.design import design as design
 from flighttune.logs.identify import identify as identify
 from flighttune.logs.log import load_log as load_log
-from flighttune.planning.load import load_campaign as load_campaign
 from flighttune.planning.plan import Plan as Plan
 from flighttune.planning.plan import plan_campaign as plan_campaign
 from flighttune.planning.schema import Campaign as Campaign
 from flighttune.planning.source import Flights as Flights
 from flighttune.planning.source import flights as flights
+from flighttune.planning.source import load_campaign as load_campaign
 from flighttune.plants.jsbsim.trims import trim as trim
 from flighttune.recording.record import record as record
 from flighttune.recording.record import show as show

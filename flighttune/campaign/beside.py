@@ -31,10 +31,9 @@ from flighttune.flight.fly import library_versions
 from flighttune.flight.models import identified_models, law_setup
 from flighttune.logs.log import Columns, load_part
 from flighttune.logs.parameters import Flown, flown_now
-from flighttune.planning.load import campaign_on
 from flighttune.planning.plan import Plan
 from flighttune.planning.schema import Campaign
-from flighttune.planning.source import Flights
+from flighttune.planning.source import Flights, campaign_on
 from flighttune.planning.source import flights as flights_of_source
 from flighttune.present.answer import Answer, Answering, Column, Table, facts_table, number, percent
 from flighttune.present.frame import Report, Section, write_answer

@@ -15,9 +15,9 @@ from flighttune.errors import InputError
 from flighttune.flight.conditions import limits_on
 from flighttune.flight.route import planned_route
 from flighttune.planning.draws import dispersed_places
-from flighttune.planning.load import campaign_on
 from flighttune.planning.plan import Plan, aircraft_hashes, plan_from
 from flighttune.planning.schema import Campaign, Choice, Dispersion, Grid, Uniform
+from flighttune.planning.source import campaign_on
 from flighttune.references.follow import CHANGE_N_X
 from flighttune.scenario.load import scenario_from, spelled
 from flighttune.scenario.route import DETECTED_S, TurnBackTable, rate_of

@@ -30,9 +30,9 @@ from flighttune.flight.load import as_scenario, scenario_and_gains
 from flighttune.flight.models import gain_set, identified_models, loop_measures, tuning_problem
 from flighttune.metrics import AIRSPEED
 from flighttune.planning.draws import SEED, cycle
-from flighttune.planning.load import campaign_on, load_campaign
 from flighttune.planning.plan import Group, Plan, aircraft_hashes
 from flighttune.planning.schema import MEASURES, Campaign, CampaignTable
+from flighttune.planning.source import campaign_on, load_campaign
 from flighttune.plants.base import goes_by
 from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import (

@@ -177,8 +177,8 @@ def campaign(
     from flighttune.campaign.dataset import open_dataset
     from flighttune.campaign.engine.engine import forecast
     from flighttune.files.load import CAMPAIGN
-    from flighttune.planning.load import load_campaign
     from flighttune.planning.plan import plan_campaign
+    from flighttune.planning.source import load_campaign
 
     planned = load_campaign(campaign, changes=changes, gains=gains or (), until_sure=until_sure)
     plan, file_of_plan = plan_campaign(planned, runs=runs), out / CAMPAIGN

@@ -16,8 +16,8 @@ from flighttune.claims.count import looks
 from flighttune.errors import InputError, RecordingError, StoppedError
 from flighttune.files.load import CAMPAIGN
 from flighttune.flight.fly import library_versions
-from flighttune.planning.load import load_campaign
 from flighttune.planning.plan import Plan, draws_in_words, plan_campaign
+from flighttune.planning.source import load_campaign
 from flighttune.present.answer import Answer, Answering, Table, pick
 from flighttune.present.names import columns, duration, endings_table, rate
 from flighttune.records.refly import changed_versions
