@@ -10,7 +10,7 @@ import numpy as np
 import flighttune as ft
 from flighttune.control.linear_model import closed_loops
 from flighttune.theory.indicators import indicators
-from flighttune.tuning.robust import FINE, Peaks, channels
+from flighttune.tuning.envelope import FINE, Peaks, channels
 
 IDENTIFIED = {"law": "paper", "tuning.model": "identified"}
 SCENARIOS = "level_turn", "gust_in_turn", "turbulent_climb", "crosswind_course", "paper_identified"

@@ -27,9 +27,9 @@ from flighttune.plants.weather import turbulence_scales
 from flighttune.scenario.schema import GainsTable, Scenario
 from flighttune.scenario.tables import SHAPED, TUNED, TUNED_FED_BACK, TUNED_IDENTIFIED
 from flighttune.theory.indicators import indicators
+from flighttune.tuning.envelope import tune_worst_case
 from flighttune.tuning.problem import LARGEST_GAIN, TuningProblem, decoupled
 from flighttune.tuning.result import TuningResult
-from flighttune.tuning.robust import tune_worst_case
 from flighttune.tuning.tune import tune_problem
 from flighttune.units import wrap_angle
 

@@ -9,10 +9,9 @@ import flighttune as ft
 from flighttune.control.inner_loop import with_input_lag
 from flighttune.control.linear_model import Envelope
 from flighttune.flight.models import identified_problems
-from flighttune.tuning.envelope import tune_over_envelope
+from flighttune.tuning.envelope import tune_over_envelope, tune_worst_case
 from flighttune.tuning.problem import decoupled
 from flighttune.tuning.result import assessment
-from flighttune.tuning.robust import tune_worst_case
 
 BINDING = 1e-5
 LEVEL = Envelope.at(V_a=25.0, gamma=0.0)

@@ -8,8 +8,8 @@ import pytest
 import flighttune as ft
 from flighttune.control.inner_loop import inner_loop_scaling, with_inner_loop
 from flighttune.tuning import robust
+from flighttune.tuning.envelope import channels, tune_worst_case
 from flighttune.tuning.problem import decoupled
-from flighttune.tuning.robust import channels, tune_worst_case
 
 SAME = 1e-4
 """Relative difference between two searches for one optimum."""
