@@ -13,7 +13,7 @@ from flighttune.control.controller import FlightCondition
 from flighttune.control.gains import PIGains
 from flighttune.control.guarded import GuardedLaw, LawError
 from flighttune.errors import InputError, ScenarioError, TrimError, need
-from flighttune.files.mistakes import validated
+from flighttune.files.table import validated
 from flighttune.flight.conditions import command_limits, lead_on
 from flighttune.flight.flown import FlownScenario
 from flighttune.flight.fly import manoeuvre, plant_of, provenance, steady_wind, with_own

@@ -26,9 +26,8 @@ from flighttune.aircraft.aircraft import (
 from flighttune.aircraft.model_xml import read_xml
 from flighttune.control.gains import PAPER_GAINS, PAPER_SPEED
 from flighttune.errors import InputError, PlantError, TrimError
-from flighttune.files.mistakes import shown
 from flighttune.files.shipped import models_of_jsbsim, nearest_name
-from flighttune.files.table import toml_tables
+from flighttune.files.table import shown, toml_tables
 from flighttune.files.whole import made_folder, write_text
 from flighttune.flight.flown import FlownScenario
 from flighttune.flight.fly import fly

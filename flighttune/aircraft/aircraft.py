@@ -15,9 +15,8 @@ from flighttune import quantities as q
 from flighttune.control.controller import FlightCondition
 from flighttune.control.limits import Limits
 from flighttune.errors import InputError
-from flighttune.files.mistakes import validated
 from flighttune.files.shipped import aircraft_folder
-from flighttune.files.table import hash_of, json_tables, stamp, toml_tables
+from flighttune.files.table import hash_of, json_tables, stamp, toml_tables, validated
 from flighttune.files.whole import write_text
 from flighttune.present.answer import printable
 from flighttune.units import DEG

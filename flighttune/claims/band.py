@@ -23,8 +23,7 @@ from flighttune.claims.shape import MAX_NUMBERS
 from flighttune.errors import InputError
 from flighttune.files.array import FLOAT, SINGLE, TEXT, check_shapes, read_arrays
 from flighttune.files.load import sealed_bytes
-from flighttune.files.mistakes import abridged
-from flighttune.files.table import json_object, value_of
+from flighttune.files.table import abridged, json_object, value_of
 from flighttune.gaps.watch import MODELS
 from flighttune.metrics import OFF_ROUTE
 from flighttune.present.answer import Answer, Table, number, pick, printable

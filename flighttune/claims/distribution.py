@@ -9,7 +9,7 @@ from typing import Annotated, Any
 from pydantic import Field
 
 from flighttune.errors import InputError
-from flighttune.files.mistakes import abridged
+from flighttune.files.table import abridged
 from flighttune.present.answer import Table
 from flighttune.present.names import columns, key_words, listed
 from flighttune.scenario.schema import Scenario

@@ -48,8 +48,7 @@ def this_command() -> str:
 
 def changes(settings: list[str]) -> dict[str, Any]:
     """The values of ``--set`` by key, read as TOML; a word that is not TOML is a string."""
-    from flighttune.files.mistakes import shown
-    from flighttune.files.table import toml_value
+    from flighttune.files.table import shown, toml_value
 
     values = {}
     for setting in settings:

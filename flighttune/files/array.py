@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from flighttune.errors import InputError
 from flighttune.files.load import BLANK, seal
-from flighttune.files.mistakes import shown
+from flighttune.files.table import shown
 from flighttune.files.whole import whole_file
 
 FLOAT, SINGLE, BOOL, TEXT = np.dtype("<f8"), np.dtype("<f4"), np.dtype(bool), np.dtype("<U")

@@ -16,8 +16,7 @@ from typing import Any, BinaryIO
 from zipfile import ZipFile
 
 from flighttune.errors import RecordingError
-from flighttune.files.mistakes import abridged
-from flighttune.files.table import json_tables
+from flighttune.files.table import abridged, json_tables
 from flighttune.files.whole import reason_of
 
 MARK = b"SHA-256="

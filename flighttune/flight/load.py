@@ -8,9 +8,8 @@ from typing import Any
 from flighttune.aircraft.aircraft import AircraftConfig, load_aircraft, start_faults
 from flighttune.control.gains import PIGains
 from flighttune.errors import InfeasibleError, InputError, ScenarioError, TrimError
-from flighttune.files.mistakes import joined, validated
 from flighttune.files.shipped import scenario_files
-from flighttune.files.table import toml_tables
+from flighttune.files.table import joined, toml_tables, validated
 from flighttune.flight import conditions
 from flighttune.flight.models import gain_set, tuning_scaling
 from flighttune.identification.file import load_identified

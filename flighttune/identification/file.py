@@ -23,9 +23,8 @@ from flighttune.control.inner_loop import InnerLag, Order, with_inner_loop
 from flighttune.control.law import Law, Trim, made_law
 from flighttune.control.linear_model import LinearModel
 from flighttune.errors import InputError, ScenarioError
-from flighttune.files.mistakes import abridged, shown, validated
 from flighttune.files.shipped import aircraft_folder
-from flighttune.files.table import json_tables, stamp
+from flighttune.files.table import abridged, json_tables, shown, stamp, validated
 from flighttune.files.whole import write_text
 from flighttune.present.answer import Table
 from flighttune.present.chart import Sheet

@@ -14,9 +14,8 @@ import numpy as np
 import pandas as pd
 
 from flighttune.errors import InputError
-from flighttune.files.mistakes import shown
 from flighttune.files.shipped import nearest_name
-from flighttune.files.table import toml_tables
+from flighttune.files.table import shown, toml_tables
 from flighttune.flight.fly import library_versions
 from flighttune.logs.checks import check_flight, checked, degrees_as_radians
 from flighttune.logs.read import Column, read_log

@@ -13,8 +13,7 @@ from flighttune.aircraft.aircraft import files_hash
 from flighttune.control.gains import PIGains
 from flighttune.errors import InputError, RecordingError, ScenarioError
 from flighttune.files.load import CAMPAIGN
-from flighttune.files.mistakes import abridged, validated
-from flighttune.files.table import hash_of, json_tables
+from flighttune.files.table import abridged, hash_of, json_tables, validated
 from flighttune.flight.load import check_scenario
 from flighttune.flight.models import gain_sets
 from flighttune.planning.draws import cycle, dispersed_places, drawn, with_drawn

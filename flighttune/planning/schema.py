@@ -10,7 +10,7 @@ from pydantic import Field, field_validator, model_validator
 from scipy.special import ndtri
 
 from flighttune.arrays import FloatArray
-from flighttune.files.mistakes import abridged
+from flighttune.files.table import abridged
 from flighttune.metrics import FLIGHT_METRICS
 from flighttune.quantities import Finite, NotNegative, PathName, Positive, Table
 from flighttune.scenario.load import MAX_KEY

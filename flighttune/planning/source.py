@@ -11,9 +11,8 @@ from flighttune.aircraft.aircraft import OffNominal, load_aircraft
 from flighttune.arrays import check_not_negative
 from flighttune.errors import InputError, ScenarioError
 from flighttune.files.load import DATASET, SHOWN, kind_of
-from flighttune.files.mistakes import abridged, shown, validated
 from flighttune.files.shipped import campaign_files, scenario_files
-from flighttune.files.table import toml_tables
+from flighttune.files.table import abridged, shown, toml_tables, validated
 from flighttune.flight.load import check_identified, check_scenario, load_scenario
 from flighttune.flight.route import AIRCRAFT, mission_scenario
 from flighttune.planning.draws import copula_factor, dispersed_places, with_drawn

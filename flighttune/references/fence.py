@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from flighttune.arrays import FloatArray
 from flighttune.errors import InputError
-from flighttune.files.mistakes import abridged
+from flighttune.files.table import abridged
 from flighttune.references.items import HEADER, planner_items, stated_lines
 from flighttune.references.maps import (
     PLANNER,

@@ -12,7 +12,7 @@ from typing import Any, Literal, NamedTuple, TypeAlias
 import numpy as np
 
 from flighttune.errors import InputError
-from flighttune.files.mistakes import abridged
+from flighttune.files.table import abridged
 from flighttune.references.maps import ground_at, json_bool, json_number, json_part
 
 # Values of a row of the table `waypoint` of [route], and keys of its place.

@@ -16,8 +16,15 @@ from geographiclib.geodesic import Geodesic
 
 from flighttune.arrays import FloatArray, Floats
 from flighttune.errors import InputError, need
-from flighttune.files.mistakes import abridged, shown
-from flighttune.files.table import MAX_BYTES, file_text, hash_of, json_object, json_tables
+from flighttune.files.table import (
+    MAX_BYTES,
+    abridged,
+    file_text,
+    hash_of,
+    json_object,
+    json_tables,
+    shown,
+)
 from flighttune.files.xml import node
 from flighttune.references.path import STEP
 from flighttune.references.path import Path as Route

@@ -18,9 +18,8 @@ from pydantic import ValidationError
 from flighttune.control.gains import PIGains
 from flighttune.control.law import DEFAULT, split_name
 from flighttune.errors import InputError, ScenarioError
-from flighttune.files.mistakes import abridged, mistakes, shown, validated
 from flighttune.files.shipped import aircraft_folders, campaign_files, nearest_name, scenario_files
-from flighttune.files.table import json_tables, toml_tables
+from flighttune.files.table import abridged, json_tables, mistakes, shown, toml_tables, validated
 from flighttune.files.whole import reason_of
 from flighttune.references.mission import read_route
 from flighttune.scenario.schema import GainsTable, Scenario

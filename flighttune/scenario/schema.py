@@ -10,9 +10,8 @@ from pydantic import Field, model_validator
 from flighttune.control.gains import COMMANDS, PIGains, paper_family
 from flighttune.control.law import DEFAULT, Law, law_name, made_law, split_name
 from flighttune.errors import InputError
-from flighttune.files.mistakes import abridged
 from flighttune.files.shipped import nearest_name
-from flighttune.files.table import hash_of
+from flighttune.files.table import abridged, hash_of
 from flighttune.metrics import CHANNELS, OFF_ROUTE, UNSETTLED, required_names
 from flighttune.plants.sensors import Sensors
 from flighttune.present.names import listed

@@ -31,7 +31,7 @@ from flighttune.control.law import DEFAULT, Law, law_kinds, made_law, plain_laws
 from flighttune.control.limits import AntiWindup, Limits
 from flighttune.control.linear_model import Envelope
 from flighttune.errors import InputError
-from flighttune.files.mistakes import abridged
+from flighttune.files.table import abridged
 from flighttune.identification.file import IdentifiedAircraft, load_identified
 from flighttune.plants.base import PLANT_KINDS, PlantKind, goes_by, plant_label
 from flighttune.plants.jsbsim.plant import DEEPEST_GROUND, HIGHEST_GROUND, LARGEST_SEED
