@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from flighttune.arrays import FloatArray
-from flighttune.control.controller import FlightCondition
+from flighttune.control.controller import FlightCondition, GuardedLaw, LawError
 from flighttune.control.gains import PIGains
-from flighttune.control.guarded import GuardedLaw, LawError
 from flighttune.errors import InputError, ScenarioError, TrimError, need
 from flighttune.files.table import validated
 from flighttune.flight.conditions import command_limits, lead_on

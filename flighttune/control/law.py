@@ -15,10 +15,9 @@ from types import MappingProxyType
 from typing import Any, ClassVar, NamedTuple
 
 from flighttune.arrays import FloatArray
-from flighttune.control.controller import Controller, LawSetup, SelfLimiting
+from flighttune.control.controller import Controller, GuardedLaw, LawSetup, SelfLimiting
 from flighttune.control.exact_law import ExactLaw, RateLaw
 from flighttune.control.gains import COMMANDS, RATES, PIGains, command_gains, rate_gains
-from flighttune.control.guarded import GuardedLaw
 from flighttune.control.inner_loop import InnerLag, inner_loop_scaling
 from flighttune.control.linear_model import LinearModel, kinematic_model
 from flighttune.control.mimo_pi import ChannelLaw, MimoPI

@@ -16,9 +16,8 @@ from typing import Any, TypeVar
 
 import pandas as pd
 
-from flighttune.control.controller import Controller
+from flighttune.control.controller import FAILURES, MAX_LAG_S, Controller, LawError, failure
 from flighttune.control.gains import PIGains
-from flighttune.control.guarded import FAILURES, MAX_LAG_S, LawError, failure
 from flighttune.control.law import split_name
 from flighttune.control.limits import Limits
 from flighttune.control.linear_model import LinearModel, closed_loop

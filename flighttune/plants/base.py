@@ -8,8 +8,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Literal, NamedTuple, Protocol, TypeAlias
 
-from flighttune.control.controller import FlightCondition
-from flighttune.control.guarded import FAILURES, failure
+from flighttune.control.controller import FAILURES, FlightCondition, failure
 from flighttune.control.limits import Limits
 from flighttune.errors import FlightTuneError, InputError, ScenarioError, TrimError
 

@@ -15,13 +15,13 @@ from flighttune.arrays import FloatArray
 from flighttune.control.controller import (
     Controller,
     FlightCondition,
+    LawError,
     Measured,
     ReferenceSample,
     SelfLimiting,
 )
 from flighttune.control.exact_law import ExactLaw
 from flighttune.control.gains import COMMANDS, ERRORS_WITH_AIRSPEED, WITH_AIRSPEED, PIGains
-from flighttune.control.guarded import LawError
 from flighttune.errors import InputError
 from flighttune.plants.base import COMMON_SIGNALS, N_X_SIGNALS, OVER_GROUND, Plant, Stop
 from flighttune.plants.sensors import MEASURED, SensedPlant, Sensors

@@ -7,7 +7,7 @@ import pytest
 from plain_members import Glider, Proportional
 
 import flighttune as ft
-from flighttune.control.guarded import GuardedLaw, LawError
+from flighttune.control.controller import GuardedLaw, LawError
 from flighttune.simulate.loop import simulate
 
 START = ft.loop.FlightCondition(V_a=25.0, h=800.0, chi=0.4, gamma=0.1)

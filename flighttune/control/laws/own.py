@@ -4,9 +4,15 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
-from flighttune.control.controller import Controller, LawSetup
+from flighttune.control.controller import (
+    FAILURES,
+    Controller,
+    GuardedLaw,
+    LawError,
+    LawSetup,
+    failure,
+)
 from flighttune.control.gains import PIGains
-from flighttune.control.guarded import FAILURES, GuardedLaw, LawError, failure
 from flighttune.control.law import Law
 from flighttune.control.linear_model import LinearModel
 from flighttune.errors import InputError
