@@ -27,11 +27,10 @@ from flighttune.present.palette import line_styles
 from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import TuningModel, flown_aircraft
 from flighttune.tuning.envelope import largest_factor, tune_over_envelope
-from flighttune.tuning.frontier import POINTS, frontier_chart
-from flighttune.tuning.frontier import frontier as frontier_table
 from flighttune.tuning.problem import TuningProblem
 from flighttune.tuning.result import TuningResult
-from flighttune.tuning.tune import STARTS, diagnosis, tune_problem
+from flighttune.tuning.tune import POINTS, STARTS, diagnosis, frontier_chart, tune_problem
+from flighttune.tuning.tune import frontier as frontier_table
 
 if TYPE_CHECKING:
     import pandas as pd

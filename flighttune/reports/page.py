@@ -44,7 +44,7 @@ from flighttune.scenario.load import gains_notes, scenario_of
 from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import TUNED, TUNED_FED_BACK, TUNED_IDENTIFIED
 from flighttune.simulate.run import Run, claim_notes, claimed, priority_notes, run_styles
-from flighttune.tuning.frontier import frontier, frontier_chart
+from flighttune.tuning.tune import frontier, frontier_chart
 from flighttune.units import DEG_PER_RAD
 
 STRONG, _ = (colour for colour, _ in HUES[0])

@@ -7,7 +7,7 @@ from commands import flighttune
 import flighttune as ft
 from flighttune.certificates.bound import optimal_channel
 from flighttune.control.gains import paper_family
-from flighttune.tuning.frontier import frontier
+from flighttune.tuning.tune import frontier
 
 pytestmark = pytest.mark.slow
 
