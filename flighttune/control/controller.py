@@ -1,4 +1,4 @@
-"""Interface of a control law, and the guard around one of the user: limits, and an end where it fails."""
+"""Interface of a control law; the guard around one of the user: limits, and an end if it fails."""
 
 import math
 import textwrap

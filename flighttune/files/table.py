@@ -1,4 +1,4 @@
-"""TOML and JSON files, read whole and strictly: tables, values of classes, and what is wrong in them.
+"""TOML and JSON files, read whole and strictly: tables, values of classes, and their mistakes.
 
 The class of a value, a frozen dataclass, is the format of its file too. The keys are the names of
 the fields, and the first one names the format with its version. An unknown, missing or repeated

@@ -1,4 +1,4 @@
-"""Tuning by SLSQP on exact gradients from several starts, what makes a problem infeasible, and frontiers."""
+"""Tuning by SLSQP on exact gradients from several starts; infeasible problems; frontiers."""
 
 import math
 import time

@@ -17,7 +17,7 @@ from flighttune.campaign import counting
 from flighttune.campaign.counting import count_more, differing, some_draws
 from flighttune.claims.shape import learned_shape
 from flighttune.files.table import tables_of
-from flighttune.flight import own
+from flighttune.flight import fly
 from tests.campaign.test_band import ALONE, WITH_FIVE, count, small_plan
 from tests.claims.test_band import forged
 from tests.cli.test_code_of_files import LAW
@@ -141,7 +141,7 @@ def test_a_band_whose_flights_run_code_is_not_checked_without_it(tmp_path):
     law = {"name": "mine", "kind": "python", "module": str(code), "class": "Mine"}
     count(small_plan(law=[law])).save(path)
     mark.unlink()
-    own._module.cache_clear()
+    fly._module.cache_clear()
 
     told = " ".join(verified(path, 1).split())
     assert "claimed, not checked: a new flight" in told
@@ -149,7 +149,7 @@ def test_a_band_whose_flights_run_code_is_not_checked_without_it(tmp_path):
     assert "allow --run-code" in told
     assert "counted" not in told.replace("claimed, not checked", "")
     assert not mark.exists()
-    own._module.cache_clear()
+    fly._module.cache_clear()
     assert "flown again and give the shape" in " ".join(verified(path, 0, "--run-code").split())
     assert mark.exists()
 

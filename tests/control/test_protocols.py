@@ -143,10 +143,10 @@ def test_a_law_that_cannot_start_ends_the_flight_without_samples():
 
 
 def test_a_law_that_takes_longer_than_the_flight_ends_it(monkeypatch):
-    from flighttune.control import guarded
+    from flighttune.control import controller
 
     clock = iter(np.arange(1e4))  # every look at the clock is a second later
-    monkeypatch.setattr(guarded.time, "perf_counter", lambda: next(clock))
+    monkeypatch.setattr(controller.time, "perf_counter", lambda: next(clock))
     signals, stop = flown(Proportional())
 
     assert stop.status == "law_failed"

@@ -7,7 +7,7 @@ import pytest
 
 import flighttune as ft
 from flighttune.control.inner_loop import inner_loop_scaling, with_inner_loop
-from flighttune.tuning import robust
+from flighttune.tuning import envelope
 from flighttune.tuning.envelope import channels, tune_worst_case
 from flighttune.tuning.problem import decoupled
 
@@ -92,7 +92,7 @@ def test_gains_whose_error_is_above_its_bound_are_no_optimum(monkeypatch, share,
     """With poles -1 and -2 the error after an impulse is ``2 exp(-2t) - exp(-t)``: E_K = 1/2."""
     law = ft.loop.kinematic_model(V_a=25.0, gamma=0.0, g=9.81)
     own = np.array([[3.0, 2.0]]) * 25.0 / 9.81
-    monkeypatch.setattr(robust, "_tuned", lambda *_: (own, 1, 1, 0.0))
+    monkeypatch.setattr(envelope, "_tuned", lambda *_: (own, 1, 1, 0.0))
 
     found = tune_worst_case([ft.loop.TuningProblem(model=law, E_star=0.5 * share)])
 
