@@ -9,8 +9,8 @@ import pytest
 import flighttune as ft
 from flighttune.files.table import tables_of
 from flighttune.flight.models import identified_problems
-from flighttune.theory.common import common_Q
 from flighttune.theory.indicators import scaled
+from flighttune.theory.lyapunov import common_Q
 
 pytestmark = pytest.mark.slow
 

@@ -25,10 +25,9 @@ from flighttune.control.margins import loop_margins, margins_table
 from flighttune.errors import InputError
 from flighttune.present.answer import Answer, Answering, Column, Table, pick
 from flighttune.present.names import columns
-from flighttune.theory.common import common_ellipsoid, common_Q
 from flighttune.theory.exact import FACTORS, Verification, provable_rate
 from flighttune.theory.indicators import Indicators, indicators
-from flighttune.theory.lyapunov import invariant_ellipsoid
+from flighttune.theory.lyapunov import common_ellipsoid, common_Q, invariant_ellipsoid
 
 ANY_ENVELOPE = (
     "The certificate holds over any envelope: the error dynamics of the exact law are the same "

@@ -26,9 +26,8 @@ from flighttune.paper.parameters import DURATION, STAR, printed_limits
 from flighttune.paper.study import Study, rank_correlation
 from flighttune.plants.point_mass import turn_rates
 from flighttune.present.answer import number
-from flighttune.theory.common import common_Q
 from flighttune.theory.indicators import Indicators, indicators
-from flighttune.theory.lyapunov import lyapunov_solution, paper_balls
+from flighttune.theory.lyapunov import common_Q, lyapunov_solution, paper_balls
 from flighttune.theory.reachable import largest_outputs
 
 Verdict: TypeAlias = Literal["reproduced", "partly", "not reproduced", "not checkable"]

@@ -35,10 +35,9 @@ from flighttune.control.linear_model import (
 from flighttune.errors import InputError
 from flighttune.present.chart import DASHED, Chart
 from flighttune.present.palette import HUES, NEUTRAL
-from flighttune.theory.common import CommonQ, common_Q
 from flighttune.theory.indicators import Indicators, indicators, indicators_batch
 from flighttune.theory.lmi import combination, largest, parameter, solve, unknown
-from flighttune.theory.lyapunov import lyapunov_solution
+from flighttune.theory.lyapunov import CommonQ, common_Q, lyapunov_solution
 from flighttune.tuning.problem import TuningProblem
 from flighttune.tuning.program import Program, loop_slopes, stabilising_starts
 from flighttune.tuning.result import ROUNDING, TuningResult, assessment, result

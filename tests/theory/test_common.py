@@ -8,8 +8,7 @@ from printed import A_K, L_D, E
 
 import flighttune as ft
 from flighttune.theory import common
-from flighttune.theory.common import common_ellipsoid, common_Q
-from flighttune.theory.lyapunov import invariant_ellipsoid
+from flighttune.theory.lyapunov import common_ellipsoid, common_Q, invariant_ellipsoid
 
 SOLVER = 1e-6
 EIGENVALUE_ROUNDING = 1e-9

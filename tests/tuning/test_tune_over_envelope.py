@@ -8,7 +8,7 @@ import pytest
 
 import flighttune as ft
 from flighttune.control.linear_model import Envelope, jacobian_hull
-from flighttune.theory.common import common_Q
+from flighttune.theory.lyapunov import common_Q
 from flighttune.tuning.envelope import (
     envelope_rate,
     largest_factor,
