@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from printed import A_K, L_D, E
 
 import flighttune as ft
-from flighttune.theory import common
+from flighttune.theory import lyapunov
 from flighttune.theory.lyapunov import common_ellipsoid, common_Q, invariant_ellipsoid
 
 SOLVER = 1e-6
@@ -108,7 +108,7 @@ def test_a_solver_that_lies_is_not_believed(monkeypatch):
             constraint.save_dual_value(np.eye(4))
         return ""
 
-    monkeypatch.setattr(common, "solve", liar)
+    monkeypatch.setattr(lyapunov, "solve", liar)
     found = common_Q(np.array([A_K, A_K]))
 
     assert found.status != "optimal"
