@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 
 from flighttune.errors import InputError
-from flighttune.files.mistakes import shown
-from flighttune.files.table import hash_of
+from flighttune.files.table import hash_of, shown
 from flighttune.references.fence import circle_of
 from flighttune.references.items import (
     ANY_AIRSPEED,
