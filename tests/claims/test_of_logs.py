@@ -79,7 +79,7 @@ def test_a_flight_that_is_not_another_or_cannot_be_judged_is_refused(noisy, tmp_
         ft.monitor(noisy[1], *parts)
     with pytest.raises(ft.InputError, match=r"short: .* 8 s long, got 6"):
         monitor.alarm(short)
-    with pytest.raises(ft.InputError, match="standing: V_a, elevator, n_z, q must"):
+    with pytest.raises(ft.InputError, match="V_a, elevator, n_z, q must"):
         ft.monitor(*(replace(standing, signals=k * standing.signals) for k in (1.0, 1.1, 1.2)))
 
 

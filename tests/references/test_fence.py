@@ -248,7 +248,7 @@ def test_long_edges_that_cross_in_their_middle_are_refused(tmp_path):
     file = tmp_path / "f.geojson"
     file.write_text(json.dumps({"type": "Polygon", "coordinates": [[*corners, corners[0]]]}))
 
-    with pytest.raises(ft.InputError, match="got edge 1 and edge 3"):
+    with pytest.raises(ft.InputError, match="edge 1 and edge 3"):
         read_fence(file, (47.4, 8.51))
 
 
