@@ -23,7 +23,7 @@ from flighttune.claims.band import Band, TurnBack
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
 MORE = ("--flights", "208")  # of the X8 more flights are lost than 93 allow
-# 0.5 in place of the 0.25 of its scenario
+# The braking of the law, 0.5: flights were counted before the scenario stated 0.25.
 BRAKING = ("--set", 'law="exact"')
 ROUTES = {
     "circuit_in_wind": ("circuit_in_wind", "--turn-back", "30"),

@@ -44,8 +44,11 @@ RAW = (
 ENDINGS = (
     *("_ms:ms", "_s:s", "_m:m", "_mps:m/s", "_rad:rad", "_deg:deg", ""),
     *("_ft:ft", "_fps:ft/s", "_kt:kn", "_kmh:km/h"),
-    *(f" [{unit}]:{unit}" for unit in UNITS if unit not in ("", "g", "mG")),  # n_z in g is 1
+    *(f" [{unit}]:{unit}" for unit in UNITS if unit not in ("", "g", "mG")),  # these two mean m/s2
 )
+
+# Columns that a message lists.
+MAX_SHOWN = 8
 
 # Columns of a table that may be its clock, as COLUMN[:UNIT]; the first that it has is read.
 CLOCKS = tuple(
@@ -135,14 +138,12 @@ def columns_of(
 
 
 def _unread(columns: Sequence[str]) -> list[str]:
-    """A sentence on the columns of a table that no signal is read from."""
+    """A sentence that names the columns of a table from which no signal is read."""
     more = f" and {len(columns) - MAX_SHOWN} more" if len(columns) > MAX_SHOWN else ""
     names = ", ".join(map(shown, columns[:MAX_SHOWN]))
-    return [f"no signal is read from {names}{more}: --column NAME=COLUMN:UNIT does"] * bool(names)
+    said = f"no signal is read from {names}{more}; --column NAME=COLUMN:UNIT reads one"
+    return [said] if names else []
 
-
-# Columns that a message lists.
-MAX_SHOWN = 8
 
 PLANT = "log"  # label of the plant of a run that is a log
 

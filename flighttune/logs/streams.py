@@ -144,7 +144,7 @@ def on_one_base(
 
 
 def _check_clock(place: str, t: FloatArray, phi: FloatArray) -> None:
-    """Refuse a clock that counts whole seconds, say: most samples would go, the rest come late."""
+    """Refuse a clock too coarse for the samples: most would be lost, and the others come late."""
     there = np.isfinite(t) & np.isfinite(phi)
     t, phi = t[there], phi[there]
     same = int(np.count_nonzero((np.diff(t) == 0.0) & (np.diff(phi) != 0.0)))

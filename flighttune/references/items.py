@@ -159,7 +159,7 @@ def read_items(
 
 
 def _whole(number: int, item: Mapping[str, Any]) -> Mapping[str, Any]:
-    """An item that has what those of its type need."""
+    """The item, which is refused without a key that its type needs."""
     for key in ("command", "frame", "params") if item.get("type") == "SimpleItem" else ("type",):
         if key not in item:
             raise InputError(f"item {number} must have `{key}`, got none.")

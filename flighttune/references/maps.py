@@ -212,7 +212,7 @@ def feature(kind: str, coordinates: Any, properties: Mapping[str, Any]) -> dict[
 
 def features(tables: Mapping[str, Any]) -> Sequence[Mapping[str, Any]]:
     """The features of a GeoJSON object; a shape alone is one without properties."""
-    # GeoJSON of before RFC 7946 may have another coordinate system, 100 m beside this one.
+    # GeoJSON older than RFC 7946 may state another coordinate system, some 100 m beside WGS 84.
     system = json_part(json_part(tables, "crs", dict), "properties", dict).get("name", WGS_84[0])
     if not str(system).endswith(WGS_84):
         raise InputError(f"`crs` must be WGS 84 (CRS84 or EPSG:4326), got {abridged(system)}.")
@@ -222,7 +222,7 @@ def features(tables: Mapping[str, Any]) -> Sequence[Mapping[str, Any]]:
 
 
 def _parts(shape: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
-    """A feature without its collections: one for each line, polygon or point."""
+    """The features of one line, polygon or point each that a feature consists of."""
     geometry = shape["geometry"]
     if geometry is None:
         return

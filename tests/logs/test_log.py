@@ -150,7 +150,7 @@ def test_a_table_of_older_programs_is_read_and_its_other_columns_listed(tmp_path
     run = ft.load_log(path)
 
     assert run.signals["phi"].to_numpy() == pytest.approx(np.radians(10.0 * np.sin(t)), abs=1e-9)
-    said = "no signal is read from Höhe [°]: --column NAME=COLUMN:UNIT does"
+    said = "no signal is read from Höhe [°]; --column NAME=COLUMN:UNIT reads one"
     assert said in run.provenance.log["missing"]
 
 
