@@ -1,4 +1,4 @@
-"""A recording in a browser at the speed of the clock: it opens with the layout that it has.
+"""Recordings in a browser at the speed of the clock: they open with the layout they are sent with.
 
 The viewer makes a layout of its own while data stream in, unless the one of the recording is active
 before. With virtual time data are there before the viewer looks, and either opens well.
@@ -13,7 +13,6 @@ from contextlib import contextmanager, suppress
 import numpy as np
 import pytest
 from browser import chromium_at_real_speed
-from fuzzing import first_or_all
 from pictures import opened_recording, pixels
 
 import flighttune as ft
@@ -38,11 +37,17 @@ LONGEST_S, REST_S = 180.0, 2.0
 
 
 @pytest.fixture(scope="module")
-def overview(tmp_path_factory):
-    """The word as the viewer without a browser draws it, on a recording of another flight."""
-    flown = ft.fly(ft.load_scenario("paper_as_printed"))
-    recording = ft.record(flown, tmp_path_factory.mktemp("overview")).recording
-    with opened_recording(recording, tabs=False) as opened:
+def recordings(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("in_browser")
+    names = ("paper", "circuit")
+    flown = [ft.fly(ft.load_scenario(name)) for name in names]
+    return [ft.record(flown[k], folder / names[k]).recording for k in range(2)]
+
+
+@pytest.fixture(scope="module")
+def overview(recordings):
+    """The word as the viewer without a browser draws it."""
+    with opened_recording(recordings[0], tabs=False) as opened:
         return pixels(opened.picture()).mean(axis=2)[WORD]
 
 
@@ -87,9 +92,9 @@ def opens_with(tab, url, word, file):
     return False
 
 
-# the longer one first, whose data stream in for longer
-@pytest.mark.parametrize("name", first_or_all(["circuit", "paper"]))
-def test_a_recording_opens_in_a_browser_on_its_overview(name, overview, tmp_path):
-    recording = ft.record(ft.fly(ft.load_scenario(name)), tmp_path / name).recording
-    with chromium_at_real_speed(SIZE) as tab, served(recording) as url:
-        assert opens_with(tab, url, overview, tmp_path / f"{name}.png")
+def test_recordings_open_in_a_browser_on_their_overview(recordings, overview, tmp_path):
+    """One after the other."""
+    with chromium_at_real_speed(SIZE) as tab:
+        for place in (1, 0):
+            with served(recordings[place]) as url:
+                assert opens_with(tab, url, overview, tmp_path / f"{place}.png"), place
