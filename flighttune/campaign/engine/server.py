@@ -35,7 +35,8 @@ def serve(pipe: Connection) -> None:
                     plan, fly = _prepared(work)
                     with_own(plan.scenario)  # refuses a law whose file has changed since
             except Exception as error:
-                pipe.send(str(error) if isinstance(error, FlightTuneError) else repr(error))
+                own = isinstance(error, FlightTuneError)
+                pipe.send(str(error) if own else f"{type(error).__name__}: {error}")
                 continue
             pipe.send("")  # from here on a crash is that of the flight
             answers = fly(draw)
