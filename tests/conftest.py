@@ -5,6 +5,8 @@ Property tests judge results, not the clock, and try the same cases every time.
 
 import gc
 import os
+from contextlib import chdir
+from pathlib import Path
 
 import pytest
 from hypothesis import settings
@@ -68,7 +70,8 @@ class KeptFlyer(Flyer):
         if IDLE:
             self._process, self._pipe, self._scratch = IDLE.pop()
         else:
-            super()._start()
+            with chdir(Path(__file__).parent):  # that of this test may be gone for later ones
+                super()._start()
 
 
 pool.Flyer = KeptFlyer

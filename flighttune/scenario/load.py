@@ -200,6 +200,9 @@ def with_gains(
     wanted: list[str] = []
     for name in names:
         entry: str | GainsTable
+        if not isinstance(name, str | Path):
+            got = type(name).__name__
+            raise InputError(f"`gains` must be names or files (which its .save writes), got {got}.")
         if Path(name).suffix.lower() in GAINS_FILES:
             entry = gains_table(Path(name))
             gains, law = entry.name, f"{scenario.law_of('', entry.gains())[0].name}:"
