@@ -97,6 +97,8 @@ THROTTLE_POSITION = "fcs/throttle-pos-norm"
 
 PROPELLER_RPM = "propulsion/engine/propeller-rpm"
 
+FUEL, FIRST_TANK = "propulsion/total-fuel-lbs", "propulsion/tank/contents-lbs"
+
 # Thrust that a model gives as an external force along its body axis.
 EXTERNAL = "forces/fbx-external-lbs"
 
@@ -590,10 +592,9 @@ class _Model:
             for name in sorted(texts)
             if re.fullmatch(pattern, name)
         }
-        tanks = [name for name in fdm.names("propulsion/tank") if name.endswith("/pct-full")]
         for how, levers in LEVERS.items():
             tried = deepcopy(tables) | {"linked": tables["linked"] | (links if how else {})}
-            names = (*tables["declared"], *tables["settings"], *tanks)
+            names = (*tables["declared"], *tables["settings"])
             for name, (pattern, value) in product(names, levers):
                 if re.search(pattern, name) and name not in self.values:
                     tried["declared" if name in tables["declared"] else "settings"][name] = value
@@ -691,6 +692,13 @@ class _Model:
         engines = self.tables["engines"]
         if not engines["count"]:
             self.notes.append("it flies without an engine, about its steady glide")
+            return
+        bench = self.load()
+        if (fdm := bench.fdm).shows(FUEL) and not fdm.electric and not fdm.reader(FUEL)():
+            self.notes.append(
+                "its tanks are empty: it flies without the weight of fuel, and its engines run "
+                f"because fuel is frozen; `--set {FIRST_TANK}=LBS` fills the first tank"
+            )
         if "full" in engines:
             self.notes.append(
                 f"its engine is far too strong: full throttle is {engines['full']:.3g} of its "
@@ -704,10 +712,7 @@ class _Model:
             self.notes.append(f"its engine has no thrust: an external force pushes it ({EXTERNAL})")
         propellers = (root for root in self.roots if root.tag == "propeller")
         inertias = [float(root.findtext("ixx", "0")) for root in propellers]
-        if not (engines["count"] and inertias):
-            return
-        bench = self.load()
-        if not (fdm := bench.fdm).shows(PROPELLER_RPM):
+        if not (inertias and fdm.shows(PROPELLER_RPM)):
             return
         bench.accelerations(self.level())
         rpm = fdm.reader(PROPELLER_RPM)()

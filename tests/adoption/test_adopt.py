@@ -7,6 +7,7 @@ import re
 import shutil
 from pathlib import Path
 
+import jsbsim
 import numpy as np
 import pytest
 from commands import answer, flighttune
@@ -494,6 +495,21 @@ def test_engines_stay_off_in_a_glide_and_inertias_that_no_body_has_are_named(own
     assert found.notes[0].endswith("those of no body: inertia xx exceeds the sum of the others")
     assert found.tables["engines"]["count"] == 0
     assert "it flies without an engine, about its steady glide" in found.notes
+
+
+def test_empty_tanks_are_said_unless_a_value_fills_them(tmp_path, surveyed):
+    folder = shutil.copytree(Path(jsbsim.get_default_root_dir(), "aircraft/c172p"), tmp_path / "p")
+    file = folder / "c172p.xml"
+    file.write_text(re.sub("(<contents.*?>)[^<]*", r"\1 0 ", file.read_text()))
+
+    empty = surveyed(file)
+    filled = surveyed(file, values={"propulsion/tank/contents-lbs": 100.0})
+
+    assert [note for note in empty.notes if note not in filled.notes] == [
+        "its tanks are empty: it flies without the weight of fuel, and its engines run because "
+        "fuel is frozen; `--set propulsion/tank/contents-lbs=LBS` fills the first tank"
+    ]
+    assert filled.lift.V_s > empty.lift.V_s
 
 
 def test_a_propeller_that_makes_the_airframe_a_gyroscope_is_named(own, surveyed):
