@@ -27,6 +27,7 @@ FAULTS = {
     "airspeed sensor 3 m/s low": {"V_a_bias_mps": -3.0},
 }
 ERRORS = ["chi_err", "gamma_err"]
+OPEN, SOON_S = 0.05, 8.0
 
 # Flights whose residuals with a fault are learned, samples of residuals in a second, times after
 # the fault at which flights are judged (s), and what keeps a covariance of few flights regular.
@@ -146,6 +147,13 @@ def main(flights=60, healthy=None):
             early = int((column < 0.0).sum())
             at = np.round(np.quantile(seen, [0.1, 0.5, 0.9]), 1) if len(seen) else "-"
             print(f"  {what}: {len(seen)} found, after s (10, 50, 90 %) {at}; {early} before it")
+        if "throttle_factor" in fault:
+            # With a closed throttle, an engine that lost its power flies as before.
+            opened = [
+                first((run.t >= FROM_S) & (run.signals["throttle"] > OPEN), run.t) for run in runs
+            ]
+            soon = int((after[:, 0] + FROM_S - opened <= SOON_S).sum())
+            print(f"  monitor: {soon} within {SOON_S:g} s of the throttle's passing {OPEN:g}")
         taught = [missing(draws.fly(TAUGHT + i, fault)) for i in range(flights)]
         shares = known_fault(learned, counted, taught, [missing(run) for run in runs])
         print("  a monitor that knows the fault and its time: found after s", end="")
