@@ -41,7 +41,7 @@ test: $(STAMP) picture-packages
 	$(PYTEST) -m "not (soak or counts)"; tests=$$?; \
 	wait $$lint; status=$$?; cat $(VENV)/lint.txt; [ $$tests = 0 ] && [ $$status = 0 ]
 
-# What takes minutes: long fuzzing, thousands of flights, every picture at every size.
+# What takes long: whole commands, campaigns, missions, benchmarks, every picture at every size.
 soak: $(STAMP) picture-packages
 	$(PYTEST) -m "soak and not counts"
 

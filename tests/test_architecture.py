@@ -122,7 +122,7 @@ def test_a_heavy_library_is_imported_in_one_place(imported, library):
         assert library not in roots or where(path).startswith(ONLY_IN[library]), where(path)
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_text_files_have_the_same_encoding_and_line_ends_on_every_system():
     """UTF-8 is said where they are read; one function writes them, with the line ends of Unix."""
     for path in MODULES.values():

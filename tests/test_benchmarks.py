@@ -13,18 +13,15 @@ def run(file, *options):
     return subprocess.run([sys.executable, file, *options], capture_output=True, text=True)
 
 
-LONG = {
-    *("bench_batch", "bench_campaign", "bench_campaign_scaling", "bench_commands"),
-    *("bench_guidance", "bench_laws", "bench_meet", "bench_tube", "bench_tuning"),
-}
-"""Benchmarks that take over a quarter of a minute even so."""
+SHORT = "bench_feasible", "bench_gym", "bench_logs"
+"""Benchmarks that take less than ten seconds so; a night tries the others."""
 
 
 @pytest.mark.soak
 @pytest.mark.parametrize(
     "name",
     [
-        pytest.param(file.stem, marks=[pytest.mark.counts] * (file.stem in LONG))
+        pytest.param(file.stem, marks=[pytest.mark.counts] * (file.stem not in SHORT))
         for file in sorted(FOLDER.glob("bench_*.py"))
     ],
 )

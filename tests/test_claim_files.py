@@ -27,7 +27,7 @@ SAID = {
 }
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 @pytest.mark.parametrize("name", SAID)
 def test_a_claim_of_0_3_0_is_valid_with_its_numbers(name):
     verified = ft.verify(FILES / name)
@@ -122,7 +122,7 @@ def claim_or_none(path):
     return verified.claim if verified.valid else None
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 @pytest.mark.parametrize(("name", "path", "value"), [*forgeries()])
 def test_a_forged_field_is_refused_or_no_sentence_takes_it_for_a_fact(tmp_path, name, path, value):
     file, copy = FILES / name, tmp_path / name

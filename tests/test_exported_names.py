@@ -92,14 +92,8 @@ def test_public_values_explain_every_attribute():
             assert found, f"`{value.__name__}`: `{field.name}`"
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "name",
-    [
-        pytest.param(name, marks=pytest.mark.soak if name == "run_campaign" else ())
-        for name in NAMES
-    ],
-)
+@pytest.mark.soak
+@pytest.mark.parametrize("name", NAMES)
 def test_the_example_of_a_public_name_runs_as_it_is_printed(name, tmp_path, monkeypatch):
     if name == "show":
         pytest.importorskip("rerun_notebook", reason="needs flighttune[notebook]")

@@ -17,7 +17,7 @@ OPTIONAL = tomllib.loads((Path(__file__).parents[1] / "pyproject.toml").read_tex
 OUT_OF_NAMESAKE = {"rerun_notebook": "rerun-sdk[notebook]"}
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 @pytest.mark.parametrize(("module", "extra"), EXTRAS.items())
 def test_each_module_comes_with_the_extra_of_its_message(module, extra):
     distribution = OUT_OF_NAMESAKE.get(module) or packages_distributions()[module][0]

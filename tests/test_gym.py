@@ -90,7 +90,7 @@ def test_under_the_actions_of_the_law_it_flies_what_fly_does(world, gains):
             assert np.array_equal(column, run.signals[name])
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_seeds_give_the_same_bits_beside_other_environments():
     def make():
         return ft.gym.FlightEnv("circuit_in_wind")

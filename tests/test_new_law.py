@@ -89,6 +89,7 @@ def told(tmp_path_factory):
 pytestmark = pytest.mark.slow
 
 
+@pytest.mark.soak
 def test_it_is_flown_recorded_flown_again_compared_and_reported(told):
     statuses = {run["gains"]: run["status"] for run in told["fly"]["runs"]}
     assert statuses["rectangles:paper"] == "completed"

@@ -28,6 +28,7 @@ def flown(name):
     return ft.fly(name)
 
 
+@pytest.mark.soak
 @pytest.mark.parametrize(
     "name", [pytest.param(x, marks=[pytest.mark.counts] * (x == LONG)) for x in SCENARIO_NAMES]
 )
@@ -52,6 +53,7 @@ def test_tuned_gains_converge_on_the_full_aircraft():
     assert np.rad2deg(np.abs(last.to_numpy())).max() < 1.5
 
 
+@pytest.mark.soak
 @pytest.mark.parametrize("script", SCRIPTS, ids=lambda path: path.name)
 def test_every_script_runs_and_is_short(script, tmp_path, monkeypatch):
     assert len(script.read_text().splitlines()) < LONGEST_SCRIPT

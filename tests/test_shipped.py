@@ -77,7 +77,7 @@ def dist(tmp_path_factory):
     return built(copied_sources(folder / "source"), folder / "out", "wheel", "sdist")
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_the_sdist_builds_the_wheel_of_the_checkout(dist, tmp_path):
     wheel, sdist = dist
     with tarfile.open(sdist) as archive:

@@ -36,7 +36,7 @@ def adopted(tmp_path_factory):
     return folder, answer("adopt", "T38", "--out", folder)
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_a_jet_is_adopted(adopted):
     folder, found = adopted
 
@@ -133,7 +133,7 @@ def test_an_airframe_without_stability_in_yaw_is_adopted(tmp_path):
     assert (found["status"], found["engines"]) == ("adopted", 6)
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_a_rocket_glides_past_a_flight_control_that_jumps_and_does_not_meet_the_ground(tmp_path):
     # Beyond 0.2 of the stick the flight control of x24b.xml takes the elevator to its stop: its
     # gain grows with the position of the elevator.
@@ -582,7 +582,7 @@ def test_a_value_of_a_property_with_a_slash_needs_the_slash(own, refusal):
     assert "it does neither; it reads /systems/switch, with a slash." in said
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_a_light_propeller_flies_in_finer_steps(own, surveyed):
     heavier, found = (surveyed(own(power=1500, ixx=ixx)) for ixx in (5e-4, 1e-4))
 
@@ -784,7 +784,7 @@ def test_what_is_said_of_an_aircraft_is_for_the_airspeed_at_which_it_is_adopted(
     assert found["glide_ratio"] == pytest.approx(-1.0 / math.tan(start.gamma), rel=0.1)
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_a_glider_turns_about_its_steady_glide(tmp_path):
     found = answer("adopt", "sgs126", "--out", tmp_path / "sgs126")
     trims = answer("trim", tmp_path / "sgs126", "--V-a", found["V_a_mps"])["trims"]
@@ -827,7 +827,7 @@ def test_parts_of_jsbsim_are_found_beside_those_two_levels_up(own, surveyed, tmp
     assert surveyed(file).V_a > 0.0
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_a_model_of_ones_own_has_its_engines_beside_it(tmp_path):
     shutil.copytree(SHIPPED_AIRCRAFT / "aerosonde", tmp_path / "models")
     for file in (tmp_path / "models").glob("*.json"):

@@ -117,7 +117,7 @@ def test_any_recorded_signal_has_a_band():
     assert np.isfinite(counted.half_widths).all()
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_a_band_that_is_given_the_wind_is_narrower():
     wind = uniform("wind.speed_mps", 0.0, 8.0), uniform("wind.from_deg", 0.0, 360.0)
     plan = small_plan(*wind, plants=[AEROSONDE], wind=WIND)
@@ -160,7 +160,7 @@ def test_a_flight_that_cannot_start_is_the_reason_why_its_signals_cannot_be_coun
         ft.band(flights, plant="jsbsim:aerosonde", gains="paper", signals=["h"])
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_the_command_counts_reads_adds_and_verifies(tmp_path):
     campaign = write_campaign(tmp_path, aircraft=(), wind="", disperse=START)
     file = tmp_path / "band.npz"
@@ -206,7 +206,7 @@ def test_a_file_of_another_campaign_takes_no_options_of_a_source(counted, tmp_pa
         assert f"`{name}` must be absent for a band file" in stderr
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_a_band_on_a_route_follows_the_distance_along_it():
     corner = [{"north_m": n, "east_m": e} for n, e in ((0.0, 0.0), (300.0, 0.0), (300.0, 300.0))]
     changes = {"route.waypoint": corner, "flight.duration_s": 60.0}

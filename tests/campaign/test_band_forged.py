@@ -254,7 +254,7 @@ UNTIL_SURE = {"epsilon": 0.3, "confidence": 0.9, "until_sure": True}
 TRUE_TOO = "schedule", "V_a_mps", "bank_deg", "h_m"
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 @pytest.mark.parametrize("kind", KINDS)
 def test_no_sentence_uses_a_field_of_a_file_that_is_not_checked(tmp_path, kind):
     counted = made(kind, tmp_path)

@@ -30,7 +30,7 @@ def beside(file):
     return ft.compare("circuit_in_wind", autopilot=file, **FEW)
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_both_fly_the_same_draws_and_the_answer_has_both(beside, file):
     keys = [*beside.plan.keys, "seed", "draw"]
     yours, ours = (beside.rows.loc[beside.rows["gains"] == x, keys] for x in (YOURS, OURS))
@@ -150,7 +150,7 @@ def test_what_cannot_be_compared_is_refused_in_a_line(tmp_path, monkeypatch, opt
     assert words in failure
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_a_scenario_without_draws_is_flown_once_and_written_as_a_page(tmp_path, file):
     page = tmp_path / "page.html"
     out, _ = flighttune(

@@ -32,6 +32,7 @@ def file(tmp_path_factory):
     return write_campaign(tmp_path_factory.mktemp("files"), runs=RUNS)
 
 
+@pytest.mark.soak
 def test_one_json_object_says_what_was_flown(tmp_path, file, address):
     out = tmp_path / "out"
 
@@ -71,6 +72,7 @@ def test_gains_of_a_file_are_flown_by_workers_elsewhere_resumed_and_kept(
     assert ft.load(out).plan.scenario.flight.V_a_mps == 26.5
 
 
+@pytest.mark.soak
 def test_a_bar_shows_how_far_it_is_where_someone_watches(tmp_path, file, address):
     ours, theirs = pty.openpty()
     command = [sys.executable, "-m", "flighttune", "campaign", str(file), "--runs", "40",
@@ -148,6 +150,7 @@ def test_a_dry_run_shows_plan_cost_and_room_and_writes_nothing(tmp_path, file):
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.soak
 def test_nobody_at_the_address_is_one_line(tmp_path, file):
     nobody = "--scheduler", "tcp://127.0.0.1:1", "--out", tmp_path / "out"
 

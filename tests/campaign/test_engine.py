@@ -23,6 +23,7 @@ KEYS = ("plant.airframe.mass_factor", "plant.airframe.actuator_lag_factor",
         "sensors.V_a_noise_sd_mps")  # fmt: skip
 
 
+@pytest.mark.soak
 @own_processes
 def test_every_run_is_there_once_with_the_bits_of_one_process(tmp_path, monkeypatch, capfd):
     """And neither this process nor one below it listens on an address."""
@@ -51,6 +52,7 @@ def test_every_run_is_there_once_with_the_bits_of_one_process(tmp_path, monkeypa
     assert not children()
 
 
+@pytest.mark.soak
 @own_processes
 def test_many_kinematic_flights_are_shared_out_with_the_bits_of_a_few(tmp_path, monkeypatch):
     ours = plan(tmp_path, runs=300, wind="", aircraft=())
@@ -100,6 +102,7 @@ def asking(folder, share, top=""):
     return ft.plan_campaign(ft.load_campaign(file, until_sure=share))
 
 
+@pytest.mark.soak
 def test_a_campaign_ends_once_it_is_sure_and_resumed_to_the_same_bits(
     tmp_path, monkeypatch, address
 ):
@@ -148,6 +151,7 @@ def test_a_campaign_that_is_not_sure_of_its_share_says_so(tmp_path):
     assert (done.runs, done.sure["kinematic / paper"]) == (12, "yes")
 
 
+@pytest.mark.soak
 @pytest.mark.parametrize(
     ("share", "top", "got"),
     [

@@ -79,6 +79,7 @@ def rows_of(out):
     return ft.load(out).rows()
 
 
+@pytest.mark.soak
 @pytest.mark.parametrize(
     ("functions", "limit", "status", "reason"),
     [
@@ -166,6 +167,7 @@ def test_a_law_whose_file_changes_meanwhile_ends_the_count_at_once(tmp_path):
     assert done.statuses["completed"] >= RUNS - WORKERS
 
 
+@pytest.mark.soak
 def test_a_campaign_that_is_stopped_goes_on_and_a_process_killed_in_mid_chunk_costs_nothing(
     tmp_path, ours, undisturbed
 ):
@@ -215,6 +217,7 @@ def test_the_scheduler_gone_is_one_line_and_the_rest_is_flown_here(
     assert bits(rows_of(out)) == undisturbed
 
 
+@pytest.mark.soak
 def test_the_main_process_killed_leaves_no_worker_and_whole_files(
     tmp_path, file, ours, undisturbed, address
 ):
@@ -283,6 +286,7 @@ def test_a_campaign_ended_at_any_time_goes_on_to_the_same_bits(tmp_path, file, u
         sys.stdout.write(f"{what}: {times}\n")
 
 
+@pytest.mark.soak
 def test_a_flight_that_never_ends_outlives_a_killed_command_by_its_time_limit_at_most(tmp_path):
     file = write_campaign(
         tmp_path, runs=8, law=False, top="time_limit_s = 2.0\ngains = ['paper']",
@@ -337,6 +341,7 @@ def test_a_full_disk_is_one_line_and_what_is_there_stays(
         subprocess.run(["umount", "-l", str(disk)], check=True)
 
 
+@pytest.mark.soak
 @pytest.mark.parametrize(
     ("made", "says"),
     first_or_all(
@@ -358,6 +363,7 @@ def test_a_worker_that_is_not_fit_is_one_line(tmp_path, ours, made, says):
         ft.run_campaign(ours, tmp_path / "out", scheduler=unfit)
 
 
+@pytest.mark.soak
 @pytest.mark.parametrize(
     ("functions", "said"),
     [
@@ -391,6 +397,7 @@ def test_a_process_killed_in_a_flight_and_again_while_it_starts_costs_no_run(tmp
     assert Counter(ft.load(tmp_path / "out").rows()["status"].to_pylist()) == {"completed": 4}
 
 
+@pytest.mark.soak
 def test_an_aircraft_that_is_another_one_now_is_one_line(tmp_path, address):
     aircraft = aircraft_with(tmp_path / "aircraft", "")
     ours = plan(tmp_path, runs=4, law=False, aircraft=(aircraft,))

@@ -30,7 +30,7 @@ def test_intervals_of_a_share_are_those_of_scipy(method, confidence):
         assert hi[i] == pytest.approx(expected.high, abs=ROUNDING)
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_an_interval_at_any_time_holds_however_often_a_campaign_is_looked_at():
     # 2000 simulated campaigns that are looked at after every 12 flights, up to 240
     p, looks, campaigns = 0.9, np.arange(12, 241, 12), 2000

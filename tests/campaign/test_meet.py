@@ -62,6 +62,7 @@ def flown(of, gains):
     return ft.fly(scenario_from(tables))
 
 
+@pytest.mark.soak
 def test_gains_meet_the_requirements_when_they_are_flown(overshoot, met):
     values, gains, _ = met
 
@@ -189,6 +190,7 @@ NEAREST = 1.1
 
 
 # of 600 flights of the lagged law each
+@pytest.mark.soak
 @pytest.mark.parametrize("name", first_or_all([*SETS]))
 def test_a_no_is_within_a_tenth_of_a_long_independent_search(name):
     required, best = SETS[name]
@@ -200,10 +202,12 @@ def test_a_no_is_within_a_tenth_of_a_long_independent_search(name):
     assert flown(required, gains).claim.verdict == values["status"].replace("missed", "not met")
 
 
+@pytest.mark.soak
 def test_the_answer_does_not_depend_on_the_workers(overshoot, met):
     assert repr(searched(overshoot, workers=2)[:2]) == repr(met[:2])
 
 
+@pytest.mark.soak
 def test_a_turn_faster_than_the_largest_bank_allows_is_refused_with_the_nearest_gains():
     """10 to 90 % of 60 deg at 45 deg of roll and 25 m/s take 2.13 s at least."""
     least = 0.8 * 60.0 * DEG * 25.0 / (9.81 * math.tan(45.0 * DEG))
@@ -347,6 +351,7 @@ def campaign(tmp_path, overshoot):
     return base, file
 
 
+@pytest.mark.soak
 def test_the_share_of_a_campaign_is_counted_on_draws_that_the_search_has_not_seen(
     tmp_path, campaign
 ):
@@ -409,6 +414,7 @@ def test_the_share_of_a_campaign_is_counted_until_it_is_sure(campaign, bound, dr
     assert meeting.worst.flight.V_a_mps == drawn["flight.V_a_mps"].iloc[success["worst_draw"]]
 
 
+@pytest.mark.soak
 def test_gains_of_which_the_draws_say_neither_yes_nor_no_have_a_status_of_their_own(campaign):
     base, file = campaign
     file.write_text(CAMPAIGN.replace("MO_deg = 8.0", "MO_deg = 60.0"), encoding="utf-8")
@@ -466,6 +472,7 @@ def test_a_scenario_without_requirements_is_refused():
         searched(scenario({"gains": "paper", **at_most(MO_deg=3.0)}))
 
 
+@pytest.mark.soak
 def test_the_command_prints_writes_gains_and_a_page(tmp_path, overshoot):
     file, out, page = tmp_path / "own.toml", tmp_path / "gains.json", tmp_path / "own.html"
     scenario_file(file, overshoot)

@@ -33,7 +33,7 @@ def mission(path, area=AREA, *, corner=(47.404, 8.506)):
     )
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_one_command_says_whether_a_mission_stays_inside_its_own_fence(tmp_path):
     file, page, out = (tmp_path / name for name in ("m.plan", "m.html", "m.npz"))
     mission(file, corner=HALF)
@@ -153,7 +153,7 @@ def test_a_no_comes_as_soon_as_more_flights_are_outside_than_may_be(monkeypatch)
     assert "the count ended after 24 of 93 flights" in said.failure
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 @pytest.mark.parametrize(
     ("lost_every", "flights", "said"),
     [
@@ -193,7 +193,7 @@ def test_what_is_not_about_a_fence_alone_is_not_counted_until_it_is_sure(tmp_pat
         ft.mission(source, until_sure=True, **more)
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_the_air_of_a_mission_may_be_that_of_another_campaign(tmp_path):
     calm = tmp_path / "calm.toml"
     calm.write_text(

@@ -61,6 +61,7 @@ def test_the_page_counts_each_plant_apart(made_up, page):
     assert page.summary[0].startswith(f"Flights that succeed: {shares} (")
 
 
+@pytest.mark.soak
 def test_the_json_object_has_what_the_rows_say(told, flown_folder):
     rows = pd.concat(map(pd.read_parquet, parts(flown_folder)))
 

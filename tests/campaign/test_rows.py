@@ -53,7 +53,7 @@ def whole(request):
     return plan, fly_runs(plan, range(plan.runs))
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 @settings(max_examples=6)
 @given(data=st.data())
 def test_rows_are_the_same_however_runs_are_divided_into_chunks(whole, data):

@@ -104,6 +104,7 @@ def test_what_bends_is_found_by_its_share_and_not_by_its_correlation(flown):
     assert not of(found, "nothing")["apart"]
 
 
+@pytest.mark.soak
 def test_the_interval_of_a_rank_correlation_covers():
     pearson = 0.6
     truth = 6.0 / np.pi * np.arcsin(pearson / 2.0)  # of two jointly normal numbers

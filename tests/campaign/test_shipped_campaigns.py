@@ -17,6 +17,7 @@ LONG = {"circuit_in_wind_a4", "circuit_in_wind_c172p"}
 FLYABLE = [pytest.param(x, marks=[pytest.mark.counts] * (x in LONG)) for x in CAMPAIGN_NAMES]
 
 
+@pytest.mark.soak
 def test_every_campaign_says_what_it_is_for_as_the_table_of_campaigns_does():
     folder = ROOT / "scenarios/campaigns"
     rows = [x for x in (folder / "README.md").read_text().splitlines() if x.startswith("| `")]
@@ -30,6 +31,7 @@ def test_every_campaign_says_what_it_is_for_as_the_table_of_campaigns_does():
     ]
 
 
+@pytest.mark.soak
 @pytest.mark.parametrize("name", FLYABLE)
 def test_the_first_flights_of_every_campaign_are_flown(name):
     flown = ON_CIRCUITS if name.startswith("circuit") else FLOWN
@@ -40,6 +42,7 @@ def test_the_first_flights_of_every_campaign_are_flown(name):
     assert rows["status"].value_counts()["completed"] > flown / 2
 
 
+@pytest.mark.soak
 def test_the_first_campaign_comes_to_what_its_header_says():
     plan = ft.plan_campaign(ft.load_campaign("first_campaign"))
     success = fly_runs(plan, range(plan.runs)).to_pandas().groupby(["plant", "gains"])["success"]

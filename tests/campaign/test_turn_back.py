@@ -210,7 +210,7 @@ def test_volumes_are_over_the_ground_and_their_room_is_in_whole_metres():
     assert buffer == pytest.approx((277.0 + 126.0, 0.0, 126.0), abs=CLIMBS)
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 @pytest.mark.usefixtures("few_learned")
 def test_fresh_flights_keep_to_the_volume_that_is_written():
     """Flights of another seed from the edge of the flight geography, put on the route by hand."""
@@ -257,7 +257,7 @@ def test_fresh_flights_keep_to_the_volume_that_is_written():
     assert by_ahead > 0.5 * fresh  # a distance ahead is no width
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_a_flight_turns_back_at_the_airspeed_of_its_place(tmp_path):
     """Three legs at 20, 27 and 23 m/s; the wind of the plan is 9 m/s, a third of the largest."""
     speed = partial(item, 178, 0, frame=2)
@@ -303,7 +303,7 @@ def test_the_room_of_another_route_or_of_a_distance_ahead_is_refused(tmp_path):
     assert "\n" not in str(refusal.value)
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 @pytest.mark.usefixtures("few_learned")
 def test_the_command_counts_the_room_and_writes_the_volumes(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)

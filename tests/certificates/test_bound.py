@@ -52,7 +52,7 @@ def test_no_smaller_bound_can_be_met():
     assert optimal_channel(1.0001 * least.I_K).R_K == pytest.approx(least.R_K, abs=0.02)
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 @pytest.mark.parametrize("I_star", np.geomspace(4.86, 60.0, 6))
 def test_tune_finds_the_closed_optimum(I_star):
     found = ft.tune(ft.loop.TuningProblem(model=MODEL, I_star=I_star), starts=3)

@@ -271,7 +271,7 @@ def test_the_quadratic_form_decays_at_the_certified_rate_inside_the_envelope(
     assert (form[1:] <= allowed * (1.0 + INTEGRATION) + 1e-14).all()
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 @pytest.mark.parametrize("V_a", [22.0, 28.0])
 @pytest.mark.parametrize("sense", [-1.0, 1.0])
 def test_a_disturbance_of_the_papers_rate_leaves_the_loop_inside_the_certified_radius(

@@ -57,7 +57,7 @@ def test_the_box_of_an_assumed_lag_has_the_least_rate_of_its_lags():
         assert (box.lag, box.delay) == ((0.2, 0.6), (0.0, 0.0))
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_the_box_of_an_identified_aircraft_has_the_lags_and_delays_of_all_conditions():
     model, certificate = ft.loop.load_identified("aerosonde"), over_conditions()
 
@@ -237,7 +237,7 @@ def least_on_a_grid(gains, box):
     return min(slowest_root(gains, *point) for point in itertools.product(*axes))
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 @pytest.mark.parametrize("box", LAGS)
 @pytest.mark.parametrize("gains", [LARGEST_R_K, FASTEST, FED_BACK])
 def test_the_rate_for_constant_lags_is_the_least_of_a_dense_grid(gains, box):

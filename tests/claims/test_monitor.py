@@ -23,12 +23,14 @@ HEALTHY = turn(4.0, 0.3, -0.3)
 FAULTY = turn(4.0, 0.3, -0.3, **stuck(1.0))
 
 
+@pytest.mark.soak
 def test_the_limits_are_those_that_the_count_allows(monitor):
     # the largest k of which a binomial of 29 and 0.3 has k or fewer with at most 0.1
     assert (len(monitor.scores), monitor.outside) == (29, 5)
     assert "raises an alarm with probability at most 0.3" in monitor.sentence
 
 
+@pytest.mark.soak
 @pytest.mark.parametrize(("scenario", "status"), [(HEALTHY, 0), (FAULTY, 1)])
 def test_fly_records_the_score_and_says_whether_when_and_why_it_alarms(
     monitor, scenario, status, tmp_path

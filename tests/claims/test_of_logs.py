@@ -116,7 +116,7 @@ def flight(draw, folder, **plant):
     return folder / f"{draw}.csv"
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_a_fault_in_a_log_alarms_when_it_began_and_the_page_says_why(tmp_path):
     healthy = [flight(draw, tmp_path) for draw in range(5)]
     broken = flight(5, tmp_path, **stuck(FAULT_S))

@@ -133,6 +133,7 @@ def of_the_value(found):
     return kept
 
 
+@pytest.mark.soak
 @pytest.mark.parametrize(
     "verb", [pytest.param(x, marks=[pytest.mark.counts] * (x in LONG)) for x in VERBS]
 )

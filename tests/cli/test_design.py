@@ -72,6 +72,7 @@ def aerosonde(tmp_path_factory):
     return json.loads(printed), out
 
 
+@pytest.mark.soak
 def test_the_model_file_can_be_tuned_on(aerosonde, tmp_path):
     found, out = aerosonde
     scenario = tmp_path / "mine.toml"

@@ -39,6 +39,7 @@ def files_in(folder):
     return sorted(path for path in folder.rglob("*") if path.is_file())
 
 
+@pytest.mark.soak
 def test_a_disk_that_fills_up_is_one_line_and_leaves_what_was_there(disk, short, tmp_path, capfd):
     flighttune("fly", short, "--out", tmp_path)
     needed = sum(-(-path.stat().st_size // PAGE) for path in files_in(tmp_path))

@@ -8,7 +8,7 @@ from commands import answer, flighttune
 import flighttune as ft
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_tune_and_certify_say_their_units_of_state_and_agree_in_the_same_ones():
     tables = ft.load_scenario("paper_identified").as_dict()
     tables["tuning"] = {"model": "identified", "identified": "aerosonde"}
@@ -34,7 +34,7 @@ def test_verify_takes_the_workers_of_the_command_line(tmp_path):
     assert answer("--workers", 1, "verify", file)["valid"]
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_certify_draws_the_margins_that_it_prints_and_the_rate_over_the_envelope(tmp_path):
     found = answer(
         "certify", "paper", "--gains", "paper", "--envelope", "--figure", tmp_path / "loop.svg"

@@ -20,6 +20,7 @@ def ended(command, **streams):
     )
 
 
+@pytest.mark.soak
 def test_an_encoding_may_lack_greek_letters():
     command = "compare paper_as_printed@paper paper_as_printed@K1"
     text, _ = flighttune(*command.split())

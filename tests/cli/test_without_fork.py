@@ -31,6 +31,7 @@ REFUSED = (
 )
 
 
+@pytest.mark.soak
 def test_what_needs_a_copy_is_refused_in_one_line_and_what_does_not_fly_works(tmp_path):
     (tmp_path / "flight.csv").write_text("t,chi\n0.0,0.0\n1.0,0.0\n")
 

@@ -32,7 +32,7 @@ def test_the_first_example_flies_and_records(tmp_path):
     assert list((tmp_path / "runs/mine").glob("*.rrd"))
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_the_example_of_an_agent_flies_and_records(tmp_path):
     names = example(-1, tmp_path)
 

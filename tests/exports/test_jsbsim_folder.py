@@ -100,7 +100,7 @@ def apart(scenario, gains_name, plant, folder):
     return {name: float(np.abs(values).max()) for name, values in apart.items()}
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 @pytest.mark.parametrize(
     "names",
     [
@@ -143,7 +143,7 @@ chi_deg = [{{shape = "ramp", start_s = 5.0, duration_s = 6.0, rate_dps = 5.0}}]
 """
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 @pytest.mark.parametrize(
     ("aircraft", "V", "gains", "anti_windup", "engine"),
     [
@@ -168,7 +168,7 @@ def test_speed_has_priority_as_in_fly(aircraft, V, gains, anti_windup, engine, t
     assert written["gamma_rad"].iloc[-1] < math.radians(11.0)  # of 12 deg that are asked for
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 @pytest.mark.parametrize(("priority", "feedback"), [("gamma", [0.5, 0.3]), ("chi", [0.0, 0.0])])
 def test_the_exact_law_flies_alike_where_lift_is_short(priority, feedback, tmp_path):
     tables = ft.load_scenario("paper").as_dict() | {"expect": []}
@@ -215,7 +215,7 @@ OTHERS = {
 }
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 @pytest.mark.parametrize("changed", OTHERS.values(), ids=OTHERS)
 @pytest.mark.parametrize("gains", ["paper", "exact:paper"])
 def test_starts_and_settings_of_other_scenarios_are_those_of_fly(gains, changed, tmp_path):

@@ -91,7 +91,7 @@ def test_any_model_scores_as_in_the_program(models, count, from_s, tmp_path):
 FLIGHT_S, FAULT_S = 12.0, 3.0
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_the_file_beside_the_loop_alarms_as_the_recorded_flight_does(tmp_path):
     few = {"epsilon": 0.3, "confidence": 0.9, "learn": 20, "workers": 1}
     changes = {"flight.duration_s": FLIGHT_S}

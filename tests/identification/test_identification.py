@@ -95,7 +95,7 @@ SECOND = ft.loop.InnerLag(order=2, natural_frequency=8.0, damping=0.6, delay=0.1
 THIRD = ft.loop.InnerLag(order=3, natural_frequency=9.0, damping=0.5, lag=0.3, delay=0.02)
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 @pytest.mark.parametrize("lags", [(FIRST, SECOND), (THIRD, SECOND)], ids=["low", "third order"])
 def test_lags_of_every_order_are_recovered(lags):
     plant = partial(SyntheticPlant, *map(transfer, lags))
@@ -165,7 +165,7 @@ def test_aerosonde_is_explained_on_a_whole_scenario(name):
         assert fit_percent(flown, model) > GOOD_FIT
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 @pytest.mark.parametrize("aircraft", ["aerosonde", "c172p", "a4", "x8"])
 def test_identifying_again_gives_the_shipped_model(aircraft):
     shipped = ft.loop.load_identified(aircraft).conditions[0]

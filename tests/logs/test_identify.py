@@ -34,7 +34,7 @@ def model(log, identification):
     return log.with_name("mine.json")
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_lag_and_delay_come_back(identification):
     assert not identification.untold
     for channel, true in (("phi", ROLL), ("n_z", LOAD)):
@@ -104,7 +104,7 @@ def test_what_the_logs_cannot_tell_is_said(flight, tmp_path):
     assert not (tmp_path / "runs").exists()
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_telemetry_identifies_roll_and_takes_the_other_channel_as_assumed(flight, tmp_path):
     path = write_tlog(tmp_path / "flight.tlog", *sampled(flight))
 
@@ -117,7 +117,7 @@ def test_telemetry_identifies_roll_and_takes_the_other_channel_as_assumed(flight
     assert (tmp_path / "mine.svg").stat().st_size > 1000
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_several_logs_score_each_other(flight, log):
     whole = ft.load_log(log)
     halves = [f"{log}@0:75", f"{log}@75:150"]
@@ -132,7 +132,7 @@ def test_several_logs_score_each_other(flight, log):
     )
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_a_model_from_logs_is_an_aircraft_without_an_airframe(model):
     folder = model.parent
     flighttune("new", "mine", "--aircraft", "mine.json", cwd=folder)
@@ -168,7 +168,7 @@ def test_lags_of_a_plant_are_given_or_identified(table, says):
         ft.fly(ft.scenario_from(tables))
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_commands_of_a_log_fly_on_the_model_identified_from_it(log, model):
     told = answer("gap", log, "--aircraft", model, cwd=log.parent)
 

@@ -435,7 +435,7 @@ def content(data):
     return lambda path, t, signals: path.write_bytes(data) and path
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 @pytest.mark.parametrize(
     ("make", "name", "says"),
     [

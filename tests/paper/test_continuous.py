@@ -44,7 +44,7 @@ def softened_errors(gains, conditional, duration, k):
     return REF - solve_ivp(loop, (0.0, duration), start, method="Radau", **settings).y[:2].T
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 @pytest.mark.parametrize(
     ("name", "conditional", "duration"),
     [
@@ -65,7 +65,7 @@ def test_errors_agree_with_an_implicit_method_on_the_softened_law(name, conditio
     assert np.abs(flight.error[::HALF_A_SECOND] - expected).max() < TRAJECTORY
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 @pytest.mark.parametrize("anti_windup", ["none", "conditional"])
 def test_the_sampled_controller_comes_closer_in_proportion_to_its_sample_time(anti_windup):
     exact = fly(

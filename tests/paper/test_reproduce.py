@@ -35,7 +35,7 @@ def charts_of(reproduction):
     return [chart for sheet in figures for chart in sheet.charts]
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 @pytest.mark.parametrize("name", ORDER)
 def test_an_item_has_figures_a_table_and_a_text(reproduction, name):
     made, folder = reproduction
@@ -72,7 +72,7 @@ def test_the_committed_errata_are_those_computed_now(reproduction):
     assert new == pytest.approx(old, rel=ROUNDING, abs=1e-9)
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_the_command_prints_the_answer_of_its_verb_with_the_values_of_an_item_and_all_claims(
     study, reproduction, tmp_path, monkeypatch
 ):

@@ -64,7 +64,7 @@ def campaigns(draw):
     )
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 @settings(max_examples=8)
 @given(campaign=campaigns())
 def test_a_plan_comes_back_from_json_and_pickle_to_the_bit(campaign):
@@ -195,7 +195,7 @@ def test_a_plan_of_no_flights_is_refused(runs):
         plan_of(SPEED).with_runs(runs)
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_gains_that_a_process_keeps_are_those_of_a_search_of_its_own():
     found = {I_star: ft.tune("paper", changes={"tuning.I_star": I_star}).gains for I_star in (5, 8)}
 

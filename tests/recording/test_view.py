@@ -71,6 +71,7 @@ def served(recording, monkeypatch):
                     process.kill()
 
 
+@pytest.mark.soak
 @pytest.mark.parametrize("number", first_or_all(["SIGTERM", "SIGHUP", "SIGINT"]))
 def test_a_command_that_is_ended_leaves_no_viewer_behind(served, number):
     running, port, _ = served
@@ -82,6 +83,7 @@ def test_a_command_that_is_ended_leaves_no_viewer_behind(served, number):
     assert not listening(port + 1)
 
 
+@pytest.mark.soak
 @pytest.mark.parametrize("server", first_or_all(["page", "data"]))
 def test_a_port_that_is_taken_is_one_line(recording, server):
     with socket.socket() as probe:
@@ -120,6 +122,7 @@ def sockets_of(pid):
     return found
 
 
+@pytest.mark.soak
 @pytest.mark.skipif(not Path("/proc/net/tcp").exists(), reason="sockets are listed on Linux only")
 def test_the_page_and_its_data_are_served_on_this_machine_only(served):
     running, port, line = served

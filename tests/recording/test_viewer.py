@@ -93,6 +93,7 @@ def assert_all_drawn(runs, picture, where):
         assert count(picture, style.colour) >= FEWEST_PIXELS, f"{label} is not in {where}"
 
 
+@pytest.mark.soak
 def test_every_version_of_the_viewer_draws_what_it_opens_with(flown, first_shown, tmp_path):
     _, window, complaints = first_shown
     (tmp_path / "window.png").write_bytes(window)
@@ -118,6 +119,7 @@ def views_drawn(opened, tab):
     return views
 
 
+@pytest.mark.soak
 def test_no_view_is_empty_and_nothing_is_complained_of(viewer, flown):
     viewer.show("Overview", at=4.4)
     views = views_drawn(viewer, "Overview")
@@ -151,6 +153,7 @@ def test_in_a_flight_that_fails_the_view_follows_the_one_that_fails(four_runs, c
     assert leader(drawn[:4]).run is four_runs[3]
 
 
+@pytest.mark.soak
 def test_the_aircraft_move_in_both_cameras(viewer):
     views = viewer.views("Overview")
     scenes = [view for name, view in views.items() if name == SCENE or name.startswith("Behind")]

@@ -37,7 +37,7 @@ def scenario(plants, **tables):
     return ft.scenario_from(made | {"route": ROUTE} | {k: v for k, v in tables.items() if v})
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_compiled_samples_fly_as_the_plain_loop_does(monkeypatch):
     """The plain loop is the reference; wind, turbulence and a law that feeds back are in it."""
     pytest.importorskip("numba")
@@ -104,7 +104,7 @@ def test_an_error_of_position_is_flown_off_in_the_look_ahead():
 SPACING = 0.1  # m, of the points of a path that a position is held against
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 @settings(max_examples=6, phases=[Phase.generate])  # shrinking takes minutes
 @given(
     course=st.floats(-180.0, 180.0),

@@ -45,7 +45,7 @@ def biased_point(reference, bias, *, aside=0.0, wind=0.0, seconds=120.0):
     return np.array(places), between_samples
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 @pytest.mark.parametrize(("from_deg", "chi_deg"), [(None, 10.0), (0.0, 0.0), (90.0, 0.0)])
 def test_the_law_flies_a_circuit_within_the_corridor_of_its_course_error(from_deg, chi_deg):
     """Four turns and a loiter, once from a course that is wrong at the start."""
@@ -68,7 +68,7 @@ SIDEWAYS = [((eps, 0.0), 120.0, wind) for eps in (-5.0 * DEG, 10.0 * DEG) for wi
 IN_HEIGHT = [((0.0, eps), 60.0, 0.0) for eps in (-2.0 * DEG, 2.0 * DEG)]
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 @pytest.mark.parametrize(("bias", "seconds", "wind"), SIDEWAYS + IN_HEIGHT)
 def test_an_angle_that_is_always_wrong_leads_to_the_edge_of_the_corridor(bias, seconds, wind):
     """In turns and a climb too; half of the corridor would not do."""

@@ -28,6 +28,7 @@ def told(chromium, page, tmp_path_factory):
     return told_at_widths(chromium, page, tmp_path_factory.mktemp("frames"))
 
 
+@pytest.mark.soak
 @pytest.mark.parametrize("width", [DESK, TABLET, PHONE, NARROW])
 def test_the_page_fits_its_width_and_cuts_no_text_off(told, width):
     assert told[width]["needs"] <= width
@@ -45,6 +46,7 @@ def test_charts_stand_side_by_side_down_to_a_small_tablet(told, width, columns):
     assert told[width]["columns"] == columns
 
 
+@pytest.mark.soak
 def test_no_request_leaves_the_machine(chromium, written, tmp_path):
     outside = "http://127.0.0.1:9/outside.png"
     (tmp_path / "outside.html").write_text(f'<img src="{outside}">', encoding="utf-8")

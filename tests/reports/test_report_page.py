@@ -17,6 +17,7 @@ from flighttune.reports.page import LONGEST_LADDER
 pytestmark = pytest.mark.slow
 
 
+@pytest.mark.soak
 def test_the_one_script_of_the_page_is_the_one_that_its_policy_allows(page):
     (script,) = re.findall(r"<script>(.*?)</script>", page, re.DOTALL)
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
@@ -118,6 +119,7 @@ def test_words_of_a_scenario_are_text_and_not_markup(paper_source, tmp_path):
     assert "&lt;script&gt;alert" in text
 
 
+@pytest.mark.soak
 def test_an_aircraft_beside_its_nominal_self_has_a_gap_of_its_own(tmp_path):
     written = ft.report("heavy_and_aft@paper", tmp_path / "both.html")
 

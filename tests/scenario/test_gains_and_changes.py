@@ -231,7 +231,7 @@ def of_the_cessna(tmp_path_factory):
     return file.with_name("other.json")
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 @pytest.mark.parametrize(
     "command",
     [

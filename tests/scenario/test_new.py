@@ -17,7 +17,7 @@ from flighttune.flight.new import new_scenario
 ADOPTED = Path(__file__).parents[1] / "adopted"
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 @pytest.mark.parametrize("aircraft", [*aircraft_names(), ADOPTED / "c182", ADOPTED / "B747"])
 def test_a_new_scenario_meets_its_claim_at_the_first_flight(aircraft, tmp_path):
     answer("new", "mine", "--aircraft", aircraft, cwd=tmp_path)

@@ -63,7 +63,7 @@ def stable_loops(draw):
     return T @ D @ np.linalg.inv(T)
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 @settings(max_examples=30, suppress_health_check=list(HealthCheck))
 @given(stable_loops())
 def test_solver_and_closed_form_agree_on_stiff_and_nearly_unstable_loops(A):

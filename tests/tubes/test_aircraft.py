@@ -56,7 +56,7 @@ def test_the_aircraft_flies_inside_its_tube_which_is_proven_again(tmp_path, feed
     assert ft.verify(tmp_path / "tube.npz").valid
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_a_set_that_is_lost_bounds_no_flight(tmp_path):
     """At the ends of its boxes the rates are those of a tight turn."""
     scenario = flight(duration_s=1.5)
@@ -174,7 +174,7 @@ def test_boxes_whose_flights_are_made_up_are_refused_with_the_tube(proof):
         ft.verify(ft.load(proof[1]), boxes=proof[1])
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_with_its_band_boxes_are_rebuilt_and_flown_again(tmp_path):
     scenario = flight(duration_s=0.3, feed_forward=True)
     path = scenario_file(tmp_path / "flight.toml", scenario)

@@ -44,6 +44,7 @@ def path(found, tmp_path_factory):
     return path
 
 
+@pytest.mark.soak
 @pytest.mark.parametrize("omega", first_or_all([0.7, 0.0, 1.5, 6.0]))
 def test_flights_ten_times_as_long_stay_inside(scenario, found, omega):
     longer = replace(found.problem, scenario=lasting(scenario, LONGER))
@@ -70,6 +71,7 @@ def test_bounds_for_ever_are_those_of_the_tube_of_a_longer_flight(scenario, foun
     assert (np.ptp(found.hand_over.bounds[:2], axis=1) < WIDER * widths).all()
 
 
+@pytest.mark.soak
 def test_it_is_in_the_file_and_proven_again(found, path):
     again = ft.load(path)
 
@@ -77,6 +79,7 @@ def test_it_is_in_the_file_and_proven_again(found, path):
     assert again.verify().valid
 
 
+@pytest.mark.soak
 @pytest.mark.parametrize(
     ("name", "change", "said"),
     [

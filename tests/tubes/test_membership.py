@@ -275,7 +275,7 @@ def check_membership(plant, exact, *, count, at, seed):
     return plan
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 @pytest.mark.parametrize("exact", [False, True, "fed back"])
 @pytest.mark.parametrize("plant", ["kinematic", "second"])
 def test_whole_states_are_in_the_set_whatever_the_plan(plant, exact):

@@ -216,7 +216,7 @@ LITTLE = 20_000_000
 """Bytes that reading may take to refuse a file: that of `proven` has a thousandth of it."""
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 @pytest.mark.parametrize(
     ("name", "stated"), [("chosen.npy", None), ("chosen.npy", 1000), ("colour.npy", 1000)]
 )
@@ -255,7 +255,7 @@ def test_choices_that_split_the_set_without_end_are_refused(proven, tmp_path):
     assert "the choices make the set too large" in ft.verify(path).reason
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_the_check_does_not_import_the_search():
     code = "import sys, flighttune.tubes.enclosure; print([m for m in sys.modules if 'tube' in m])"
     shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
@@ -306,7 +306,7 @@ def test_a_set_that_cannot_be_bounded_is_an_answer_with_time_and_reason(scenario
     assert not out.exists()
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_the_largest_disturbance_that_is_bounded_is_found_to_two_digits(scenario):
     stdout, _ = flighttune("tube", scenario(duration=0.1), "--disturbance", "largest", "--json")
 

@@ -61,7 +61,7 @@ def test_the_cost_of_the_papers_gains(problem):
     assert quadratic_cost(problem, ft.PAPER_GAINS.K)[0] == pytest.approx(2.33, abs=LAST_DIGIT)
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 @pytest.mark.parametrize(
     ("I_star", "R_min", "J"),
     [(5.0, 0.0, 1.96), (5.0, 0.53, 1.96), (FREE, 0.3, 1.25), (FREE, 0.53, 1.38)],
@@ -96,7 +96,7 @@ def integrating(model):
     return A, np.vstack([model.B, np.zeros((2, 2))])
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_a_bound_on_the_largest_error_costs_more_and_holds(problem):
     found = ft.tune(replace(problem, R_min=0.3, E_star=0.8), starts=1)
 

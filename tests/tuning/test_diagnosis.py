@@ -17,6 +17,7 @@ def printed_diagnosis(printed):
     return diagnosis(printed)
 
 
+@pytest.mark.soak
 def test_the_printed_problem_needs_between_5_5_and_6_times_its_limits(printed, printed_diagnosis):
     factor = printed_diagnosis.common_factor
 
@@ -42,6 +43,7 @@ def test_the_roll_rate_limit_is_the_one_worth_relaxing(printed, printed_diagnosi
     assert all(limit["factor_alone"] == np.inf for limit in printed_diagnosis.limits)
 
 
+@pytest.mark.soak
 def test_a_single_limit_in_the_way_has_a_factor_of_its_own(printed):
     found = diagnosis(relaxed(printed, ("phi", "n_z", "n_z_rate"), 20.0))
 
@@ -50,6 +52,7 @@ def test_a_single_limit_in_the_way_has_a_factor_of_its_own(printed):
     assert worst["factor_alone"] == pytest.approx(found.common_factor, rel=1e-6)
 
 
+@pytest.mark.soak
 def test_without_limits_there_is_no_factor(model):
     unlimited = diagnosis(ft.loop.TuningProblem(model=model, I_star=5.0))
     assert (unlimited.common_factor, unlimited.limits) == (0.0, ())

@@ -40,7 +40,7 @@ def test_the_optimum_for_the_printed_i_k_beats_the_papers(model):
     assert found.R_K > 1.1 * ft.loop.indicators(ft.loop.closed_loop(model, ft.PAPER_GAINS)).R_K
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_an_i_star_below_the_smallest_i_k_is_infeasible_and_says_how_far(model):
     found = ft.tune(ft.loop.TuningProblem(model=model, I_star=4.8))
 
@@ -92,7 +92,7 @@ def test_gains_tuned_for_the_lag_are_well_damped_where_the_papers_are_not(model)
     )
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_channels_that_the_rate_leaves_open_do_not_depend_on_the_seed(model):
     lagged = with_input_lag(model, (4.0, 8.0))
 
@@ -124,7 +124,7 @@ def test_gains_that_are_all_fixed_are_only_assessed(model, I_star, status):
     assert found.I_K == pytest.approx(4.9162, abs=HALF_LAST_DIGIT)
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_state_scaling_changes_what_is_optimal(model):
     scaling = np.array([0.5, 0.5, 1.0, 1.0])
 

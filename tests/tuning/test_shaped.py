@@ -103,7 +103,7 @@ def abscissa(parts, gains):
     return np.linalg.eigvals(loop(parts, gains)).real.max()
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 @pytest.mark.parametrize("i", [0, 1])
 @pytest.mark.parametrize(
     ("objective", "cost", "same"), [("E_K", largest_error, SAME), ("decay", abscissa, SAME_DECAY)]
@@ -123,7 +123,7 @@ def test_a_sensitivity_that_no_gains_have_is_refused():
     assert "with a sensitivity of at most 1" in result.reason
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_a_larger_sensitivity_makes_errors_smaller_and_stays_below_the_wide_bound():
     results = tuned("E_K", sensitivity_max=1.2), tuned("E_K"), tuned("E_K", sensitivity_max=1.6)
 

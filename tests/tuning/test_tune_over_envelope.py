@@ -84,12 +84,14 @@ def test_one_common_Q_holds_at_a_thousand_conditions_drawn_from_the_envelope():
         assert np.linalg.eigvalsh(A.T @ Q + Q @ A + np.eye(4))[-1] < SOLVER
 
 
+@pytest.mark.soak
 def test_the_papers_gains_certify_a_narrower_envelope_than_the_tuned_ones():
     factors = [largest_factor(gains, MODERATE, TRIM, g=G) for gains in SETS]
 
     assert factors == pytest.approx([0.822, 1.410, 1.994], abs=2e-3)
 
 
+@pytest.mark.soak
 def test_a_curve_of_rates_starts_at_that_of_the_trim_and_falls(model):
     _, rates = rate_curve(TUNED, MODERATE, TRIM, g=G, up_to=1.2)
 
@@ -103,6 +105,7 @@ def tuned(model):
     return tune_over_envelope(ft.loop.TuningProblem(model=model, I_star=10.0), MODERATE, TRIM, g=G)
 
 
+@pytest.mark.soak
 def test_gains_tuned_for_the_envelope_beat_those_tuned_for_the_trim_and_keep_the_radius(
     model, tuned
 ):
@@ -117,6 +120,7 @@ def test_gains_tuned_for_the_envelope_beat_those_tuned_for_the_trim_and_keep_the
     assert tuned.R_K < nominal.R_K
 
 
+@pytest.mark.soak
 def test_no_gains_nearby_are_better(model, tuned):
     problem = ft.loop.TuningProblem(model=model, I_star=10.0)
     models = jacobian_hull(MODERATE, g=G).models()
@@ -131,6 +135,7 @@ def test_no_gains_nearby_are_better(model, tuned):
     assert max(feasible) < (1.0 + LOCAL) * tuned.R_envelope
 
 
+@pytest.mark.soak
 def test_input_limits_hold_at_the_gains_tuned_for_an_envelope(printed):
     problem = replace(relaxed(printed, ALL_LIMITS, 8.0), I_star=10.0)
     limits, x_0 = problem.limits, problem.x_0
@@ -145,6 +150,7 @@ def test_input_limits_hold_at_the_gains_tuned_for_an_envelope(printed):
     assert 0.6 < found.R_envelope < 0.7066  # without limits
 
 
+@pytest.mark.soak
 def test_an_envelope_out_of_reach_is_a_result_that_says_how_far_gains_got(model):
     wide = envelope((15.0, 40.0), (-30.0, 60.0), (-60.0, 60.0), (-1.0, 3.0))
 
@@ -158,6 +164,7 @@ def test_an_envelope_out_of_reach_is_a_result_that_says_how_far_gains_got(model)
     assert found.gains is not None
 
 
+@pytest.mark.soak
 def test_a_problem_without_feasible_gains_is_infeasible_here_too(model):
     found = tune_over_envelope(ft.loop.TuningProblem(model=model, I_star=4.0), GENTLE, TRIM, g=G)
 

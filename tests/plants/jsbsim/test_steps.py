@@ -17,7 +17,7 @@ SHARE = 0.004
 """Part by which the metrics of a propeller aircraft may move."""
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 @pytest.mark.parametrize(
     ("aircraft", "scenario", "seconds", "allowed"),
     [

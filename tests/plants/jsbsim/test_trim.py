@@ -131,7 +131,7 @@ STALLS = """<system name="lever"><property>a/lever</property><property>a/runs</p
 </fcs_function></channel></system>"""
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_a_thrust_that_depends_on_the_throttles_before_it_is_said_so(tmp_path):
     folder = behind_lever(tmp_path / "stalls", STALLS, settle_s=3.0)
 
