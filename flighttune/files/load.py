@@ -103,7 +103,8 @@ def kind_of(source: str | Path) -> str:
         return DATASET if (path / CAMPAIGN).is_file() else RECORDING
     with suppress(OSError), path.open("rb") as file:
         head = file.read(16)
-        stated = stated_format(file)
+        # `zipfile` reads a device to its end, and there are some without one.
+        stated = stated_format(file) if path.is_file() else ""
     if head.startswith((RERUN, PARQUET)):
         return RECORDING
     if stated in READERS:

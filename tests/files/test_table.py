@@ -8,16 +8,15 @@ import pytest
 from places import SHIPPED_SCENARIOS
 
 import flighttune as ft
-from flighttune.aircraft.aircraft import load_aircraft
 from flighttune.certificates.certificate import load_certificate
-from flighttune.files.table import MAX_BYTES, toml_tables
+from flighttune.files.table import toml_tables
 
 TOML, JSON = ".toml", ".json"
 
 
 def of_aircraft(path):
     """An aircraft's file has one name."""
-    return load_aircraft(path.rename(path.with_name("aircraft.toml")).parent)
+    return ft.loop.JSBSimPlant(path.rename(path.with_name("aircraft.toml")).parent)
 
 
 READERS = [
@@ -57,7 +56,7 @@ def written(path, text):
         (f"a = 1{'0' * 400}", f'{{"a": 1{"0" * 400}}}', "`"),
         ("a = 1\na = 2", '{"b": {"a": 1, "\\u0061": 2}}', "[Oo]verwrite|`a` is given twice"),
         ('a = "\\ud800"', '{"a": "\\ud800"}', "Unicode|`"),
-        (b" " * (MAX_BYTES + 1), b" " * (MAX_BYTES + 1), "at most 16000000 bytes"),
+        (b" " * 16_000_001, b" " * 16_000_001, "at most 16000000 bytes"),
     ],
     ids=["coding", "text", "arrays", "tables", "huge", "twice", "surrogate", "large"],
 )
@@ -86,7 +85,9 @@ def test_a_word_of_any_length_is_abridged_where_a_table_checks_itself(tmp_path):
 
 def test_a_file_without_an_end_is_not_read_to_its_end():
     with pytest.raises(ft.InputError, match="at most 16000000 bytes"):
-        load_certificate("/dev/zero")
+        ft.load_gains("/dev/zero")
+    with pytest.raises(ft.RecordingError, match="got no such file"):
+        ft.load("/dev/zero")
 
 
 @pytest.mark.parametrize("name", ["paper", "c172_cruise_turn"])
