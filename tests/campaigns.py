@@ -2,7 +2,6 @@
 
 import json
 import os
-import shutil
 import signal
 import subprocess
 import sys
@@ -13,15 +12,13 @@ from pathlib import Path
 from unittest import mock
 
 import psutil
-from places import SHIPPED_AIRCRAFT
+from airframes import changed_aerosonde
 
 import flighttune as ft
-from flighttune.aircraft.aircraft import load_aircraft
 from flighttune.campaign.engine import pool as pool_module
 from flighttune.campaign.engine.progress import CampaignProgress
-from flighttune.campaign.flying.rows import rows_flown
+from flighttune.campaign.flying.rows import fly_runs, rows_flown
 from flighttune.files.table import toml_text
-from flighttune.plants.jsbsim.model_files import model_hash
 
 SCENARIO = """
 title = "A short turn in wind"
@@ -85,6 +82,11 @@ def plan(folder, **settings):
     return ft.plan_campaign(ft.load_campaign(write_campaign(folder, **settings)))
 
 
+def table_flown(plan, runs=None):
+    """Rows of these runs of a plan, of all by default, flown in this process."""
+    return fly_runs(plan, range(plan.runs) if runs is None else runs)
+
+
 class Notes:
     """An observer that writes everything down, and stops a campaign when `until` says so."""
 
@@ -101,14 +103,9 @@ class Notes:
 
 def aircraft_with(folder, functions):
     """A copy of the Aerosonde in a folder, with more aerodynamic functions; its path."""
-    folder = Path(folder)
-    shutil.copytree(SHIPPED_AIRCRAFT / "aerosonde", folder)
-    file = folder / "aerosonde.xml"
-    file.write_text(file.read_text().replace("<aerodynamics>", f"<aerodynamics>{functions}"))
-    gains = json.loads((folder / "gains.json").read_text())
-    gains["made_for"] = model_hash(load_aircraft(folder))
-    (folder / "gains.json").write_text(json.dumps(gains))
-    return str(folder)
+    added = f"<aerodynamics>{functions}"
+    made = changed_aerosonde(Path(folder), lambda text: text.replace("<aerodynamics>", added))
+    return str(made)
 
 
 def bits(rows):

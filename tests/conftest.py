@@ -13,14 +13,13 @@ from hypothesis import settings
 
 from flighttune.campaign.engine import pool
 from flighttune.campaign.engine.flyer import Flyer
-from flighttune.files.shipped import TRUST_AIRCRAFT
 from flighttune.simulate.batch import cores
 
 settings.register_profile("here", deadline=None, derandomize=True, database=None)
 settings.load_profile("here")
 
 # The aircraft of the tests are ours: a trial of each copy would cost 0.3 s.
-os.environ[TRUST_AIRCRAFT] = "1"
+os.environ["FLIGHTTUNE_TRUST_AIRCRAFT"] = "1"
 os.environ.pop("COLUMNS", None)  # a worker of xdist has the width of a terminal there is not
 
 

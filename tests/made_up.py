@@ -4,6 +4,7 @@ import pandas as pd
 
 import flighttune as ft
 from flighttune.files.table import toml_text
+from flighttune.records.parquet import parquet_bytes
 from flighttune.simulate.run import Provenance
 
 
@@ -58,3 +59,17 @@ def made_up_run(
             wall_s=0.1 + 0.2,
         ),
     )
+
+
+def run_file(path, run):
+    """Write the Parquet file of a run; its path."""
+    path.write_bytes(parquet_bytes(run))
+    return path
+
+
+def run_folder(folder, *runs):
+    """Write a folder with the Parquet files of some runs; its path."""
+    folder.mkdir()
+    for number, run in enumerate(runs):
+        run_file(folder / f"{number}.parquet", run)
+    return folder

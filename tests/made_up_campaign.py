@@ -5,14 +5,13 @@ import pandas as pd
 from dispersed import campaign_of, one_of, uniform
 
 import flighttune as ft
-from flighttune.scenario.tables import ExpectTable
 
 
-def made_up_plan(*expect: ExpectTable, runs: int = 800, design: str = "random") -> ft.Plan:
+def made_up_plan(*expect: dict, runs: int = 800, design: str = "random") -> ft.Plan:
     """A plan of two plants and two gain sets, with three parameters of which one does nothing."""
-    stated = expect or [ExpectTable(at_most={"chi": {"ITAE": 4.0, "settling_s": 5.0}})]
+    stated = expect or [{"at_most": {"chi": {"ITAE": 4.0, "settling_s": 5.0}}}]
     campaign = campaign_of(
-        ft.load_scenario("level_turn").model_copy(update={"expect": list(stated)}),
+        ft.load_scenario("level_turn", changes={"expect": list(stated)}),
         uniform("flight.V_a_mps", 23.0, 27.0),
         uniform("flight.phi_deg", -10.0, 10.0),
         one_of("limits.n_z_rate_per_s", 0.8, 1.0, 1.2),

@@ -3,6 +3,7 @@
 import numpy as np
 
 import flighttune as ft
+from flighttune.control.inner_loop import with_input_lag
 from flighttune.control.linear_model import disturbance_entry
 
 MODEL = ft.loop.kinematic_model(V_a=25.0, gamma=np.pi / 12.0, g=9.81)
@@ -23,3 +24,20 @@ TABLE_2 = {
 
 LAST_DIGIT_R, LAST_DIGIT_I = 1e-4, 1e-3
 """One unit of the last digit: the table cuts some figures and rounds others."""
+
+MARKED = {
+    "paper": ft.PAPER_GAINS,
+    **{
+        name: ft.PIGains(
+            K_P=ft.PAPER_GAINS.K_P - epsilon * np.eye(2),
+            K_I=ft.PAPER_GAINS.K_I - epsilon * np.eye(2),
+        )
+        for name, (epsilon, *_) in TABLE_2.items()
+    },
+}
+"""The gains of the paper by name: K* and K* - epsilon [I I]."""
+
+
+def lagged(roll=4.0, load=8.0):
+    """The paper's model behind first-order lags of roll and load factor, rad/s."""
+    return with_input_lag(MODEL, (roll, load))

@@ -6,8 +6,8 @@ import numpy as np
 
 from flighttune.aircraft.aircraft import OffNominal
 from flighttune.plants.jsbsim import properties
-from flighttune.units import FT, LBF
 
+FT, LBF = 0.3048, 4.4482216152605  # m, N
 MASS, MOTOR = 11.0, 120.0  # kg, N
 J = {"ixx": 0.8244, "iyy": 1.135, "izz": 1.759, "ixz": 0.1204}  # kg m2
 S, SPAN, CHORD = 0.55, 2.8956, 0.18994

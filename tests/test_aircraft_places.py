@@ -3,10 +3,14 @@
 import shutil
 
 import pytest
+from places import SHIPPED_AIRCRAFT
 
 import flighttune as ft
-from flighttune.aircraft.aircraft import load_aircraft
-from flighttune.files.shipped import OWN_AIRCRAFT, aircraft_folder, aircraft_folders
+
+
+def config_of(aircraft):
+    """What the file of an aircraft says."""
+    return ft.loop.JSBSimPlant(aircraft).config
 
 
 @pytest.fixture
@@ -15,57 +19,55 @@ def places(tmp_path, monkeypatch):
     work, own = tmp_path / "work", tmp_path / "own"
     work.mkdir()
     monkeypatch.chdir(work)
-    monkeypatch.setenv(OWN_AIRCRAFT, str(own))
+    monkeypatch.setenv("FLIGHTTUNE_AIRCRAFT", str(own))
     return work / "aircraft", own
 
 
 def copied(place, name="aerosonde"):
-    return shutil.copytree(aircraft_folder("aerosonde"), place / name)
+    return shutil.copytree(SHIPPED_AIRCRAFT / "aerosonde", place / name)
 
 
 def test_the_nearest_place_counts(places):
-    shipped = aircraft_folder("aerosonde")
     here, own = places
 
     copied(own)
-    assert load_aircraft("aerosonde").folder == own / "aerosonde"
+    assert config_of("aerosonde").folder == own / "aerosonde"
 
     copied(here)
-    assert load_aircraft("aerosonde").folder == here / "aerosonde"
+    assert config_of("aerosonde").folder == here / "aerosonde"
 
     shutil.rmtree(here)
     shutil.rmtree(own)
-    assert load_aircraft("aerosonde").folder == shipped
+    assert config_of("aerosonde").folder == SHIPPED_AIRCRAFT / "aerosonde"
 
 
-@pytest.mark.parametrize("name", ["yours", __file__])
+@pytest.mark.parametrize("name", ["yours", "", "..", __file__])
 def test_a_name_or_file_that_is_none_is_answered_with_those_there_are(places, name):
     copied(places[0], "mine")
 
     with pytest.raises(ft.InputError, match="a4, aerosonde, c172p, mine, x8"):
-        load_aircraft(name)
+        config_of(name)
 
 
 def test_who_has_no_home_has_the_shipped_aircraft(tmp_path, monkeypatch):
     """As in a container that runs under a number nobody has."""
     monkeypatch.chdir(tmp_path)
-    for name in ("HOME", "USERPROFILE", "XDG_DATA_HOME", OWN_AIRCRAFT):
+    for name in ("HOME", "USERPROFILE", "XDG_DATA_HOME", "FLIGHTTUNE_AIRCRAFT"):
         monkeypatch.delenv(name, raising=False)
     monkeypatch.setattr("os.path.expanduser", lambda path: path)
 
-    assert load_aircraft("aerosonde").folder == aircraft_folder("aerosonde")
-    assert "aerosonde" in aircraft_folders()
+    assert config_of("aerosonde").folder == SHIPPED_AIRCRAFT / "aerosonde"
 
 
 def test_a_file_is_read_once_and_again_when_it_was_written_to(tmp_path):
     folder = copied(tmp_path)
     file = folder / "aircraft.toml"
-    first = load_aircraft(folder)
-    assert load_aircraft(folder) is first
+    first = config_of(folder)
+    assert config_of(folder) is first
 
     file.write_text(file.read_text().replace(first.title, first.title[::-1]))
-    assert load_aircraft(folder).title == first.title[::-1] != first.title
+    assert config_of(folder).title == first.title[::-1] != first.title
 
     file.unlink()
     with pytest.raises(ft.InputError, match=r"aircraft\.toml: .*readable"):
-        load_aircraft(folder)
+        config_of(folder)

@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
+from campaigns import table_flown
 from fuzzing import (
     files,
     holder_of,
@@ -29,15 +30,13 @@ from fuzzing import (
 )
 from hypothesis import HealthCheck, given, settings
 from made_up import made_up_scenario, scenario_file, shortened
-from places import SHIPPED_AIRCRAFT
+from places import SHIPPED_AIRCRAFT, SHIPPED_SCENARIOS
 from plans import HOME, PATROL, item, plan_file
 
 import flighttune as ft
 from flighttune.aircraft.aircraft import load_aircraft
 from flighttune.campaign.dataset import Dataset, open_dataset
-from flighttune.campaign.flying.rows import fly_runs
 from flighttune.control.margins import loop_margins
-from flighttune.files.shipped import campaign_files, scenario_files
 from flighttune.files.table import tables_of
 from flighttune.flight.load import route_scenario
 from flighttune.flight.models import law_model
@@ -69,14 +68,14 @@ GAINS = {"K_P": [[1.7, 0.6], [-0.6, 2.0]], "K_I": [[3.5, 0.2], [-0.2, 3.5]]}
 DIAGONAL = {"K_P": np.diag([1.5, 1.4]), "K_I": np.diag([0.9, 0.8])}
 
 
-def shipped(files, name):
+def shipped(name):
     """A shipped scenario or campaign without what would take long: requirements and tuning."""
-    tables = tomllib.loads(files()[name].read_text(encoding="utf-8"))
+    tables = tomllib.loads((SHIPPED_SCENARIOS / f"{name}.toml").read_text(encoding="utf-8"))
     return {**{key: tables[key] for key in tables if key != "expect"}, "gains": ["paper"]}
 
 
 SCENARIO = {
-    **shipped(scenario_files, "level_turn"),
+    **shipped("level_turn"),
     "law": [
         {"name": "paper", "kind": "paper"},
         {"name": "mine", "kind": "exact", "priority": "chi", "lift_floor": 0.3, "braking": 2.0},
@@ -127,16 +126,16 @@ class Own:
     def step(self, measured, reference, t):
         return 0.0, 1.0
 """
-HEAVY = shipped(scenario_files, "heavy_and_aft")["plant"][1]
+HEAVY = shipped("heavy_and_aft")["plant"][1]
 AIRBORNE = {
-    **shipped(scenario_files, "gust_in_turn"),
+    **shipped("gust_in_turn"),
     "wind": {"level": [{"h_m": 0.0, "speed_mps": 3.0, "from_deg": 90.0, "down_mps": 0.1}]},
     "turbulence": {"severity": 3, "wind_20ft_mps": 5.0},
     "plant": [{**HEAVY, "throttle_max": 0.9}],
 }
-SWINGING = shipped(scenario_files, "oscillating_wind")
+SWINGING = shipped("studies/oscillating_wind")
 CAMPAIGN = {
-    **shipped(campaign_files, "aerosonde_dispersed"),
+    **shipped("campaigns/aerosonde_dispersed"),
     "scenario": "level_turn",
     "runs": 8,
     "gains": ["paper", {"name": "mine", **GAINS}],
@@ -350,7 +349,7 @@ def closed(gains):
 
 def first_runs(plan, runs=2):
     if plan.scenario.flight.duration_s < LONG_S:
-        fly_runs(plan, range(min(plan.runs, runs)))
+        table_flown(plan, range(min(plan.runs, runs)))
 
 
 def started(config):
@@ -371,9 +370,10 @@ def in_folder(load):
     return lambda path: load(path.parent)
 
 
-def every_shipped(files):
-    """The tables of every shipped file that does not look for a feasible reference."""
-    return lambda _: [tomllib.loads(file.read_text(encoding="utf-8")) for file in files().values()]
+def every_shipped(*patterns):
+    """The tables of every shipped file of these names."""
+    files = [file for pattern in patterns for file in sorted(SHIPPED_SCENARIOS.glob(pattern))]
+    return lambda _: [tomllib.loads(file.read_text(encoding="utf-8")) for file in files]
 
 
 KINDS = {
@@ -381,7 +381,11 @@ KINDS = {
     "wind": Kind("x.toml", lambda _: AIRBORNE, to_toml, ft.load_scenario, flown, flown_whole),
     "swing": Kind("x.toml", lambda _: SWINGING, to_toml, ft.load_scenario, flown, flown_whole),
     "scenario": Kind(
-        "x.toml", every_shipped(scenario_files), to_toml, ft.load_scenario, thoroughly=flown_whole
+        "x.toml",
+        every_shipped("*.toml", "studies/*.toml"),
+        to_toml,
+        ft.load_scenario,
+        thoroughly=flown_whole,
     ),
     "gains": Kind("x.toml", lambda _: GAINS, to_toml, ft.load_gains, closed, paper_with),
     "campaign": Kind(
@@ -394,7 +398,7 @@ KINDS = {
     ),
     "shipped campaign": Kind(
         "x.toml",
-        every_shipped(campaign_files),
+        every_shipped("campaigns/*.toml"),
         to_toml,
         ft.load_campaign,
         thoroughly=lambda campaign: first_runs(ft.plan_campaign(campaign), 8),

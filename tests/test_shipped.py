@@ -10,32 +10,24 @@ import zipfile
 from pathlib import Path
 
 import pytest
+from commands import answer
+from places import AIRCRAFT_NAMES, CAMPAIGN_NAMES, LISTED_NAMES, SCENARIO_NAMES
 
 import flighttune as ft
-from flighttune.files import shipped
 
 REPOSITORY = Path(__file__).parents[1]
 
 
 def test_every_aircraft_scenario_and_campaign_of_the_checkout_is_listed():
-    scenarios = REPOSITORY / "scenarios"
-    folders = {path.name for path in (REPOSITORY / "aircraft").iterdir() if path.is_dir()}
+    told = answer("list")
+    listed = {entry["name"] for key in ("begin_with", "scenarios") for entry in told[key]}
 
-    assert set(shipped.aircraft_names()) == folders
-    listed = {path.stem for path in scenarios.glob("*.toml")}
-    studies = {path.stem for path in (scenarios / "studies").glob("*.toml")}
-    assert set(shipped.listed_files()) == listed
+    assert told["aircraft"] == AIRCRAFT_NAMES
+    assert listed == {*LISTED_NAMES}
     assert len(listed) <= 22
-    assert set(shipped.scenario_files()) == listed | studies
-    campaigns = {path.stem for path in (scenarios / "campaigns").glob("*.toml")}
-    assert set(shipped.campaign_files()) == campaigns
-    assert not campaigns & set(shipped.scenario_files())
-
-
-@pytest.mark.parametrize("name", ["lost", "", "..", "../aircraft/aerosonde", "/etc"])
-def test_an_unknown_aircraft_is_answered_with_those_there_are(name):
-    with pytest.raises(ft.InputError, match=rf"`aircraft` .*, got '{name}'"):
-        shipped.aircraft_folder(name)
+    assert told["notes"][0] == f"studies: {', '.join(sorted({*SCENARIO_NAMES} - listed))}"
+    assert [entry["name"] for entry in told["campaigns"]] == CAMPAIGN_NAMES
+    assert not {*CAMPAIGN_NAMES} & {*SCENARIO_NAMES}
 
 
 def test_a_folder_that_is_here_is_named_as_it_must_be_written(tmp_path, monkeypatch):
@@ -44,7 +36,7 @@ def test_a_folder_that_is_here_is_named_as_it_must_be_written(tmp_path, monkeypa
     monkeypatch.chdir(tmp_path)
 
     with pytest.raises(ft.InputError, match=r"'mine'; .* is \./mine\.$"):
-        shipped.aircraft_folder("mine")
+        ft.loop.JSBSimPlant("mine")
 
 
 def copied_sources(folder):

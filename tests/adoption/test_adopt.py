@@ -16,7 +16,7 @@ from places import SHIPPED_AIRCRAFT, SHIPPED_SCENARIOS
 import flighttune as ft
 from flighttune.adoption.adopt import aircraft_text, final_tables
 from flighttune.adoption.survey import survey, wide_tables
-from flighttune.aircraft.aircraft import aircraft_from, load_aircraft
+from flighttune.aircraft.aircraft import aircraft_from
 from flighttune.files.shipped import models_of_jsbsim
 from flighttune.flight.conditions import start_condition
 from flighttune.identification.design import Airframe
@@ -841,7 +841,7 @@ def test_a_model_of_ones_own_has_its_engines_beside_it(tmp_path):
     assert found["V_a_mps"] == pytest.approx(1.6 * stall, rel=0.02)
     # It has no flight control: its aerodynamics read positions that nothing else writes.
     assert "its flight control is bypassed" in found["notes"][0]
-    assert load_aircraft(tmp_path / "mine").model == "../models/aerosonde.xml"
+    assert ft.loop.JSBSimPlant(tmp_path / "mine").config.model == "../models/aerosonde.xml"
 
 
 def test_an_aircraft_that_was_not_adopted_is_not_written_over(tmp_path):

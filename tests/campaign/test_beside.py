@@ -10,7 +10,7 @@ from log_files import sampled, write_dataflash
 from scipy.stats import binomtest
 
 import flighttune as ft
-from flighttune.campaign.beside import OURS, YOURS, Beside
+from flighttune.campaign.beside import Beside
 from flighttune.campaign.flying.rows import scenario_of_run
 
 CORNERS = (0.0, 0.0), (500.0, 0.0), (700.0, 300.0)
@@ -33,7 +33,7 @@ def beside(file):
 @pytest.mark.soak
 def test_both_fly_the_same_draws_and_the_answer_has_both(beside, file):
     keys = [*beside.plan.keys, "seed", "draw"]
-    yours, ours = (beside.rows.loc[beside.rows["gains"] == x, keys] for x in (YOURS, OURS))
+    yours, ours = (beside.rows.loc[beside.rows["gains"] == x, keys] for x in ("yours", "ours"))
     assert yours.to_dict("records") == ours.to_dict("records")
     assert len(yours) == 2
     answer = beside.answer()
@@ -55,7 +55,7 @@ def test_both_fly_the_same_draws_and_the_answer_has_both(beside, file):
 @pytest.mark.slow
 def test_ours_are_the_flights_that_a_campaign_has(beside):
     alone = ft.flights("circuit_in_wind", changes=SHORT).plan()
-    row = beside.rows[(beside.rows["gains"] == OURS) & (beside.rows["draw"] == 1)].iloc[0]
+    row = beside.rows[(beside.rows["gains"] == "ours") & (beside.rows["draw"] == 1)].iloc[0]
     group = next(i for i, x in enumerate(alone.groups) if x.gains == beside.plan.groups[-1].gains)
     number = len(alone.groups) + group
     enough = alone.with_runs(max(alone.runs, number + 1))
@@ -78,7 +78,7 @@ def test_margins_are_those_of_a_frequency_response(beside):
     phase = np.unwrap(np.angle(L))
     crossing = np.flatnonzero((np.abs(L[:-1]) > 1.0) & (np.abs(L[1:]) <= 1.0))[-1]
     turn = np.flatnonzero((phase[:-1] > -np.pi) & (phase[1:] <= -np.pi))[-1]
-    roll = beside.margins[YOURS].records[0]
+    roll = beside.margins["yours"].records[0]
     assert roll["phase_margin_deg"] == pytest.approx(np.degrees(phase[crossing]) + 180.0, abs=0.5)
     assert roll["gain_increase"] == pytest.approx(1.0 / np.abs(L[turn]), rel=0.03)
 
@@ -91,7 +91,7 @@ def test_counts_and_bounds_are_those_of_scipy_and_order_statistics(beside):
     rows["draw"] = np.repeat(np.arange(n), 2)
     rows["flight.cross_track_m"] = np.column_stack([yours, ours]).ravel()
     rows["status"] = "completed"
-    rows.loc[rows["gains"].eq(YOURS) & rows["draw"].eq(3), "status"] = "left_envelope"
+    rows.loc[rows["gains"].eq("yours") & rows["draw"].eq(3), "status"] = "left_envelope"
     many = Beside(now=beside.now, plan=beside.plan.with_runs(2 * n), rows=rows, tracking=[])
     cross, *_ = many.accuracy
     better = int(np.sum(ours < np.where(np.arange(n) == 3, np.inf, yours)))
@@ -99,8 +99,8 @@ def test_counts_and_bounds_are_those_of_scipy_and_order_statistics(beside):
     assert (cross["better"], cross["flights"]) == (better, n)
     assert (cross["lo"], cross["hi"]) == pytest.approx((interval.low, interval.high), abs=1e-9)
     # one of 93 may be outside at 5 % and 0.95 (S. S. Wilks): the second largest; lost is infinite
-    assert cross[OURS] == np.sort(ours)[-2]
-    assert cross[YOURS] == np.max(np.delete(yours, 3))
+    assert cross["ours"] == np.sort(ours)[-2]
+    assert cross["yours"] == np.max(np.delete(yours, 3))
     assert "; lost 1 (left envelope) | 0 of 93." in many.answer().summary[0]
 
 

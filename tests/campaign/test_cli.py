@@ -9,12 +9,20 @@ import sys
 from contextlib import suppress
 
 import pytest
-from campaigns import bits, children, flying, gone, some_parts, wait_until, write_campaign
+from campaigns import (
+    bits,
+    children,
+    flying,
+    gone,
+    some_parts,
+    table_flown,
+    wait_until,
+    write_campaign,
+)
 from commands import answer, flighttune
 from fuzzing import first_or_all
 
 import flighttune as ft
-from flighttune.campaign.flying.rows import fly_runs
 
 # real clusters, processes that are killed
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("own_workers")]
@@ -112,7 +120,7 @@ def test_ctrl_c_ends_it_and_resume_goes_on(tmp_path, file, address):
 
     ours = ft.plan_campaign(ft.load_campaign(file))
     ft.run_campaign(ours, out, scheduler=address, resume=True)
-    assert bits(ft.load(out).rows()) == bits(fly_runs(ours, range(RUNS)))
+    assert bits(ft.load(out).rows()) == bits(table_flown(ours))
 
 
 @pytest.mark.soak

@@ -6,13 +6,12 @@ import time
 
 import psutil
 import pytest
-from campaigns import SPEED, Notes, bits, children, plan, write_campaign
+from campaigns import SPEED, Notes, bits, children, plan, table_flown, write_campaign
 from dispersed import uniform
 
 import flighttune as ft
 from flighttune.campaign.engine import pool
 from flighttune.campaign.flying.columns import table_of
-from flighttune.campaign.flying.rows import fly_runs
 
 pytestmark = pytest.mark.slow
 own_processes = pytest.mark.usefixtures("own_workers")
@@ -37,7 +36,7 @@ def test_every_run_is_there_once_with_the_bits_of_one_process(tmp_path, monkeypa
 
     drawn = [SPEED, *(uniform(key, 0.95, 1.05) for key in KEYS)]
     ours, notes = plan("files", disperse=drawn), Notes(listen)
-    alone = fly_runs(ours, range(ours.runs))
+    alone = table_flown(ours)
 
     done = ft.run_campaign(ours, "out", workers=2, observer=notes)
 
@@ -56,7 +55,7 @@ def test_every_run_is_there_once_with_the_bits_of_one_process(tmp_path, monkeypa
 @own_processes
 def test_many_kinematic_flights_are_shared_out_with_the_bits_of_a_few(tmp_path, monkeypatch):
     ours = plan(tmp_path, runs=300, wind="", aircraft=())
-    few = fly_runs(ours, range(300))
+    few = table_flown(ours, range(300))
     monkeypatch.setattr(pool, "FEW", 100)
 
     with pool.WorkerPool(2) as workers:
@@ -121,7 +120,7 @@ def test_a_campaign_ends_once_it_is_sure_and_resumed_to_the_same_bits(
     assert (done.runs, done.planned, done.flown) == (flown, 1000, flown - first.runs)
     assert done.sure == {"kinematic / paper": "yes", "kinematic / soft": "no"}
     assert (again.flown, again.sure) == (0, done.sure)
-    assert bits(ft.load(out).rows()) == bits(fly_runs(ours, range(flown)))
+    assert bits(ft.load(out).rows()) == bits(table_flown(ours, range(flown)))
     assert (done.answer().status, ft.load(out).plan.campaign.until_sure) == (1, 0.8)
 
     page = ft.report(out)

@@ -30,6 +30,7 @@ from campaigns import (
     parts,
     plan,
     some_parts,
+    table_flown,
     wait_until,
     write_campaign,
 )
@@ -38,7 +39,6 @@ from fuzzing import first_or_all
 
 import flighttune as ft
 from flighttune.campaign.engine.flyer import Flyer
-from flighttune.campaign.flying.rows import fly_runs
 from tests.cli.test_code_of_files import LAW
 
 # real clusters, processes that are killed
@@ -72,7 +72,7 @@ def ours(file):
 @pytest.fixture(scope="module")
 def undisturbed(ours):
     """Rows as one process flies them."""
-    return bits(fly_runs(ours, range(RUNS)))
+    return bits(table_flown(ours))
 
 
 def rows_of(out):
@@ -111,7 +111,7 @@ def test_a_run_that_ends_its_process_is_one_row(
     crashed = rows.take([poison]).to_pylist()[0]
     assert (crashed["status"], crashed["success"]) == (status, False)
     assert reason in crashed["reason"]
-    assert bits(rows.take(others)) == bits(fly_runs(ours, others))
+    assert bits(rows.take(others)) == bits(table_flown(ours, others))
     assert done.statuses == {"completed": 10, status: 1}
     assert (done.crashed, done.failed) == ((1, 0) if status == "crashed" else (0, 1))
 

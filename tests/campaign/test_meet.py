@@ -8,6 +8,7 @@ from unittest import mock
 
 import numpy as np
 import pytest
+from campaigns import table_flown
 from commands import answer, flighttune
 from fuzzing import first_or_all
 from made_up import scenario_file
@@ -15,9 +16,7 @@ from made_up import scenario_file
 import flighttune as ft
 from flighttune import load_gains, load_scenario, scenario_from
 from flighttune.campaign.engine.pool import WorkerPool
-from flighttune.campaign.flying.rows import fly_runs
 from flighttune.campaign.meet import Search, flights_to_meet
-from flighttune.control.gains import shifted
 from flighttune.control.margins import loop_margins
 from flighttune.flight.models import gain_set, linear_model, loop_measures
 from flighttune.reports.meet import write_meet_page
@@ -28,6 +27,8 @@ DEG = math.pi / 180.0
 
 # Both are flown at once by the compiled kernel.
 LAW = {"kind": "kinematic"}
+
+UNSTABLE = ft.PIGains(K_P=ft.PAPER_GAINS.K_P - 4.0 * np.eye(2), K_I=ft.PAPER_GAINS.K_I)
 
 
 def scenario(*expect, plant=LAW, name="paper_identified", **more):
@@ -274,7 +275,7 @@ def test_unstable_and_known_candidates_are_not_flown(overshoot):
     law = overshoot.laws[0]
     with WorkerPool(1) as pool:
         search = Search([flights_to_meet(overshoot, overshoot.law_tables[0])], law, pool)
-        unstable, same = search.fly([shifted(ft.PAPER_GAINS, 4.0), ft.PAPER_GAINS])
+        unstable, same = search.fly([UNSTABLE, ft.PAPER_GAINS])
         once = search.flights
         search.fly([ft.PAPER_GAINS])
 
@@ -364,7 +365,7 @@ def test_the_share_of_a_campaign_is_counted_on_draws_that_the_search_has_not_see
     both = f"gains = {json.dumps(tables)}".replace('": ', '" = ')
     file.write_text(file.read_text().replace('gains = ["paper"]', both))
     plan = ft.plan_campaign(ft.load_campaign(file), runs=400)
-    rows = fly_runs(plan, range(400)).to_pandas()
+    rows = table_flown(plan, range(400)).to_pandas()
     success = meeting.success
     assert meeting.flights <= 1500
     assert success["share"]["n"] == 200
@@ -430,7 +431,7 @@ def test_gains_of_which_the_draws_say_neither_yes_nor_no_have_a_status_of_their_
 
 def test_gains_whose_loop_is_unstable_are_surely_missed_without_a_flight(campaign):
     base, file = campaign
-    fixed = {"start": shifted(ft.PAPER_GAINS, 4.0), "budget": 480, "workers": 1}
+    fixed = {"start": UNSTABLE, "budget": 480, "workers": 1}
 
     meeting = ft.meet(base, campaign=file, until_sure=True, **fixed)
 

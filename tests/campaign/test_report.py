@@ -16,7 +16,6 @@ import flighttune as ft
 from flighttune.campaign.dataset import dataset_hash
 from flighttune.campaign.statistics.findings import findings_of, load_findings
 from flighttune.reports.campaign import notes, write_campaign_report
-from flighttune.scenario.tables import ExpectTable
 
 pytestmark = pytest.mark.slow
 
@@ -146,7 +145,7 @@ def test_every_part_is_on_the_page(page):
 
 @pytest.mark.parametrize("completed", [True, False])
 def test_a_bound_of_zero_is_drawn_and_says_whose_it_is(completed, tmp_path):
-    made = made_up_plan(ExpectTable(gains="K3", at_most={"chi": {"ITAE": 0.0}}), runs=40)
+    made = made_up_plan({"gains": "K3", "at_most": {"chi": {"ITAE": 0.0}}}, runs=40)
     rows = made_up_rows(made)
     rows["chi.ITAE"] = np.geomspace(0.01, 10.0, len(rows))  # spans decades
     if not completed:

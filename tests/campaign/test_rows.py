@@ -9,7 +9,7 @@ from unittest.mock import Mock
 import numpy as np
 import pyarrow as pa
 import pytest
-from campaigns import bits
+from campaigns import bits, table_flown
 from dispersed import (
     AEROSONDE,
     KINEMATIC,
@@ -26,7 +26,7 @@ from hypothesis import strategies as st
 
 import flighttune as ft
 from flighttune.campaign.flying.columns import row_schema, table_of
-from flighttune.campaign.flying.rows import fly_runs, lost_row, scenario_of_run, warm_up
+from flighttune.campaign.flying.rows import lost_row, scenario_of_run, warm_up
 from flighttune.control.margins import channel_margins
 from flighttune.flight import models
 
@@ -50,7 +50,7 @@ def windy_plan():
 @pytest.fixture(scope="module", params=[windy_plan, still_plan], ids=["wind", "still air"])
 def whole(request):
     plan = request.param()
-    return plan, fly_runs(plan, range(plan.runs))
+    return plan, table_flown(plan)
 
 
 @pytest.mark.soak
@@ -64,7 +64,7 @@ def test_rows_are_the_same_however_runs_are_divided_into_chunks(whole, data):
     edges = [0, *cuts, plan.runs]
     chunks = [order[a:b] for a, b in pairwise(edges)][wanted]
 
-    found = pa.concat_tables([fly_runs(plan, chunk) for chunk in chunks]).sort_by("run")
+    found = pa.concat_tables([table_flown(plan, chunk) for chunk in chunks]).sort_by("run")
 
     runs = [run for chunk in chunks for run in chunk]
     assert bits(found) == bits(rows.take(sorted(runs)))
@@ -100,7 +100,7 @@ def test_the_schema_is_that_of_the_plan_with_units(whole):
     plan, rows = whole
 
     assert rows.schema.equals(row_schema(plan), check_metadata=True)
-    assert fly_runs(plan, []).schema.equals(row_schema(plan), check_metadata=True)
+    assert table_flown(plan, []).schema.equals(row_schema(plan), check_metadata=True)
     units = {f.name: f.metadata[b"unit"].decode() for f in rows.schema if f.metadata}
     assert units["flight.V_a_mps"] == "m/s"
     assert units["chi.ITAE"] == "rad s^2"
@@ -121,7 +121,7 @@ def test_the_schema_is_that_of_the_plan_with_units(whole):
 def test_a_drawn_value_that_is_refused_is_a_row_that_names_its_key(key, value):
     plan = plan_of(tables_of((AEROSONDE,)), one_of(key, value), runs=2)
 
-    rows = fly_runs(plan, range(2)).to_pylist()
+    rows = table_flown(plan).to_pylist()
 
     for row in rows:
         assert row["status"] == "invalid"
@@ -140,7 +140,7 @@ def test_gains_that_tuning_did_not_find_are_rows_too():
     plan = plan_of(tables, *START, runs=4)
     assert plan.gain_sets["tuned"] is None
 
-    rows = fly_runs(plan, range(4)).to_pylist()
+    rows = table_flown(plan).to_pylist()
 
     assert [row["status"] for row in rows] == ["no_gains", "completed"] * 2
     assert rows[0]["R_K"] is None
@@ -158,7 +158,7 @@ def test_a_start_without_steady_flight_and_a_flight_into_the_ground_are_rows():
         tables, one_of("plant.throttle_max", 0.02, 1.0), one_of("flight.h_m", 20.0, 500.0), runs=20
     )
 
-    rows = fly_runs(plan, range(20)).to_pylist()
+    rows = table_flown(plan).to_pylist()
 
     for row in rows:
         weak, low = row["plant.throttle_max"] < 1.0, row["flight.h_m"] < 100.0
@@ -177,7 +177,7 @@ def test_the_row_of_a_crashed_run_is_a_row_of_the_plan():
 
     assert lost_row(plan, 7, None, -signal.SIGSEGV) == row  # as of a batch of many draws
     (found,) = table_of(plan, [row]).to_pylist()
-    whole = fly_runs(plan, [7]).to_pylist()[0]
+    whole = table_flown(plan, [7]).to_pylist()[0]
     assert found["status"] == "crashed"
     assert found["missed"] == "crashed: the flight ended the process that flew it: SIGSEGV"
     assert not found["success"]
@@ -234,7 +234,7 @@ def test_a_bound_on_the_loop_is_in_every_row_and_its_margins_are_computed_once(m
     bound = {"at_least": {"loop": {"phase_margin_deg": 179.0}}}
     plan = plan_of(tables_of((KINEMATIC,), gains=["paper", "K3"], expect=[bound]), *START, runs=8)
 
-    rows = fly_runs(plan, range(8)).to_pylist()
+    rows = table_flown(plan).to_pylist()
 
     assert all("loop.phase_margin_deg must be at least 179" in row["missed"] for row in rows)
     assert counted.call_count == len(plan.groups) == 2

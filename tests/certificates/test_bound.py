@@ -5,13 +5,12 @@ from itertools import product
 
 import numpy as np
 import pytest
+from printed import MODEL, lagged
 
 import flighttune as ft
 from flighttune.certificates import bound as bound_module
 from flighttune.certificates.bound import bound_rate, least_radius, optimal_channel, slowest_channel
-from flighttune.control.inner_loop import with_input_lag
 
-MODEL = ft.loop.kinematic_model(V_a=25.0, gamma=np.pi / 12.0, g=9.81)
 ROUNDING = 1e-9
 SEARCHED = 1e-6  # an optimum found by a search is as good as one root
 
@@ -136,10 +135,7 @@ def test_a_side_below_zero_proves_nothing_more(bound):
 
 @pytest.mark.parametrize(
     ("model", "I_star", "message"),
-    [
-        (with_input_lag(MODEL, np.array([2.0, 2.0])), 5.0, "errors as its states"),
-        (MODEL, np.inf, "`I_star` must be finite"),
-    ],
+    [(lagged(2.0, 2.0), 5.0, "errors as its states"), (MODEL, np.inf, "`I_star` must be finite")],
 )
 def test_a_bound_that_cannot_be_stated_is_refused(model, I_star, message):
     with pytest.raises(ft.InputError, match=message):

@@ -9,10 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from commands import answer, flighttune
-from made_up import scenario_file
+from made_up import run_file, scenario_file
 
 import flighttune as ft
-from flighttune.records.parquet import parquet_bytes
 from tests.tubes.test_soundness import made_up, tube
 
 START_DEG, DISTURBANCE = 1.0, 0.004
@@ -51,8 +50,7 @@ def test_a_run_keeps_the_tube_that_covers_it_and_is_the_same_when_read_again(pro
     assert "chi_err" in run.signals
     assert not [name for name in run.signals if "low" in name or "high" in name]
 
-    (tmp_path / "run.parquet").write_bytes(parquet_bytes(run))
-    (again,) = ft.load(tmp_path / "run.parquet").runs[0].claims
+    (again,) = ft.load(run_file(tmp_path / "run.parquet", run)).runs[0].claims
     assert again.sentence == claim.sentence == proven.sentence
     assert again.bounds.names == ("chi_err", "gamma_err")
     assert np.array_equal(again.bounds.pairs, claim.bounds.pairs)

@@ -6,12 +6,12 @@ import re
 import numpy as np
 import pyarrow as pa
 import pytest
+from campaigns import table_flown
 from commands import answer, flighttune
 from dispersed import AEROSONDE, KINEMATIC, SOFT, WIND, one_of, plan_of, tables_of, uniform
 
 import flighttune as ft
 from flighttune.campaign.dataset import Dataset
-from flighttune.campaign.flying.rows import fly_runs
 from flighttune.flight.fly import library_versions
 
 CHANGED, REFUSED = 3, 8
@@ -34,7 +34,7 @@ def folder(tmp_path_factory):
         tables, uniform("flight.chi_deg", 10.0, 30.0),
         one_of("flight.V_a_mps", 25.0, 25.0, math.nan), runs=13, seed=2,
     )  # fmt: skip
-    rows = fly_runs(plan, range(12))
+    rows = table_flown(plan, range(12))
     assert rows["status"][REFUSED].as_py() == "invalid"
     place = rows.schema.get_field_index("chi.ITAE")
     numbers = rows["chi.ITAE"].to_pylist()

@@ -6,11 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from commands import answer, flighttune
-from made_up import shortened
+from made_up import run_file, run_folder, shortened
 
 import flighttune as ft
-from flighttune.records.parquet import parquet_bytes
-from flighttune.records.refly import differences
 
 pytestmark = pytest.mark.slow
 
@@ -25,10 +23,7 @@ def folder(tmp_path_factory):
 def rewritten(folder, path, *, change):
     """A folder with the same runs, the last one changed."""
     *runs, last = ft.load(folder).runs
-    path.mkdir()
-    for number, run in enumerate([*runs, change(last)]):
-        (path / f"{number}.parquet").write_bytes(parquet_bytes(run))
-    return path
+    return run_folder(path, *runs, change(last))
 
 
 def with_gains(run, K_P):
@@ -77,18 +72,17 @@ def test_other_gains_are_told_before_what_came_of_them(folder, tmp_path):
     assert "K_P[0][0] differs: " in flighttune("verify", path, status=1)[1]
 
 
-def test_a_run_of_fewer_samples_differs_in_their_number(folder):
+def test_a_run_of_fewer_samples_differs_in_their_number(folder, tmp_path):
     run = ft.load(folder).runs[0]
-    shorter = replace(run, signals=run.signals.iloc[:40])
+    path = run_file(tmp_path / "short.parquet", replace(run, signals=run.signals.iloc[:40]))
 
-    assert next(differences(shorter, run)).what == "samples"
+    assert "samples differs: " in flighttune("verify", path, status=1)[1]
 
 
 def test_a_run_that_is_not_of_its_scenario_cannot_fly_again(folder, tmp_path):
     run = ft.load(folder).runs[0]
     strange = replace(run, provenance=replace(run.provenance, plant="ladder"))
-    path = tmp_path / "strange.parquet"
-    path.write_bytes(parquet_bytes(strange))
+    path = run_file(tmp_path / "strange.parquet", strange)
 
     _, err = flighttune("verify", path, status=2)
 

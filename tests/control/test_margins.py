@@ -6,14 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from printed import MODEL
+from printed import MARKED, MODEL, lagged
 
 import flighttune as ft
-from flighttune.control.inner_loop import with_input_delay, with_input_lag
+from flighttune.control.inner_loop import with_input_delay
 from flighttune.control.margins import delay_margin, lag_margin, loop_margins
 
-LAGGED = with_input_lag(MODEL, (4.0, 8.0))
-K6 = ft.PIGains(K_P=ft.PAPER_GAINS.K_P - np.eye(2), K_I=ft.PAPER_GAINS.K_I - np.eye(2))
+LAGGED, K6 = lagged(), MARKED["K6"]
 BELOW, ABOVE = 0.99, 1.01
 PADE_SECTIONS = 6
 ROUNDING = 1e-9
@@ -34,9 +33,9 @@ def with_input_gains(model, factors):
 
 @pytest.mark.parametrize("gains", [ft.PAPER_GAINS, K6])
 def test_a_lag_at_the_margin_puts_a_pair_on_the_imaginary_axis(gains):
-    lag = lag_margin(MODEL, gains)
+    edge = 1.0 / lag_margin(MODEL, gains)
 
-    assert abscissa(with_input_lag(MODEL, 1.0 / lag), gains) == pytest.approx(0.0, abs=ROUNDING)
+    assert abscissa(lagged(edge, edge), gains) == pytest.approx(0.0, abs=ROUNDING)
 
 
 def delayed_by(delay, model):

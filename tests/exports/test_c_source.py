@@ -13,11 +13,7 @@ import pytest
 from commands import answer
 
 import flighttune as ft
-from flighttune.control.gains import RATES
-from flighttune.exports.export import c_source, export_c
-from flighttune.flight.conditions import start_condition
-from flighttune.flight.fly import fly_alone
-from flighttune.flight.models import gain_set
+from flighttune.exports.export import c_source
 from flighttune.references.follow import AirspeedPriority
 
 COMPILER = shutil.which("cc") or shutil.which("gcc")
@@ -147,11 +143,10 @@ def test_the_c_file_plans_roll_and_lift_for_the_rates_of_a_reference(tmp_path):
 def test_the_c_file_flies_the_airspeed_and_its_priority_as_fly_does(name, tmp_path):
     """The file is given the signals of a flight in which the path angle gives way."""
     scenario, gains = ft.load_scenario(name), "tuned_identified"
-    tuned = gain_set(scenario, gains)
-    run = fly_alone(scenario, scenario.plant[0], tuned, gains)
-    source = export_c(scenario, gains, tuned, tmp_path)
+    run = ft.fly(scenario, gains)[f"{scenario.plant[0].label} / {gains}"]
+    source = ft.export(scenario, gains, out=tmp_path, form="c").source
     loop = Loop(source.read_text(), tmp_path, channels=3)
-    loop.call("start", *start_condition(scenario).commands(3))
+    loop.call("start", 0.0, 1.0, 0.0)  # level, straight on
     given = [f"{x}_ref" for x in ("chi", "gamma", "V")]
     given += ["chi", "gamma", "phi", "V_a", "n_x_min", "n_x_max"]
     channels = "phi", "n_z", "n_x"
@@ -214,7 +209,7 @@ def test_the_c_file_of_three_channels_keeps_to_limits_schedule_and_rates(tmp_pat
 @needs_compiler
 def test_the_file_of_a_scenario_has_the_tighter_limits_of_its_aircraft(tmp_path):
     scenario = ft.load_scenario("sensor_noise")  # rolls at 60 deg/s, its aircraft at 30
-    source = export_c(scenario, "paper", gain_set(scenario, "paper"), tmp_path)
+    source = ft.export(scenario, "paper", out=tmp_path, form="c").source
     loop = Loop(source.read_text(), tmp_path)
     loop.call("start", 0.0, 1.0)
 
@@ -243,7 +238,9 @@ def test_the_c_file_of_the_exact_law_commands_what_it_does(
     priority, feedback, anti_windup, tmp_path
 ):
     """Errors of a milliradian to several turns, at limits, brakes and the floor of lift."""
-    gains = ft.PIGains(K_P=GAINS.K_P, K_I=GAINS.K_I, inputs=RATES, feedback=feedback)
+    gains = ft.PIGains(
+        K_P=GAINS.K_P, K_I=GAINS.K_I, inputs=("chi_dot", "gamma_dot"), feedback=feedback
+    )
     # Rate limits that seldom hold, so that ranges, brakes and none do too.
     limits = replace(
         LIMITS, rate_lower=50.0 * LIMITS.rate_lower, rate_upper=50.0 * LIMITS.rate_upper
@@ -273,4 +270,4 @@ def test_the_exact_law_with_an_airspeed_has_no_c_file(tmp_path):
     scenario = ft.load_scenario("climb_beyond_power", changes={"law": "exact"})
     name = "exact:tuned_identified"
     with pytest.raises(ft.InputError, match=r"`V_mps` .* must be absent"):
-        export_c(scenario, name, gain_set(scenario, name), tmp_path)
+        ft.export(scenario, name, out=tmp_path, form="c")

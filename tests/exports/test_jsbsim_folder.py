@@ -4,7 +4,6 @@ import math
 import os
 import re
 import shlex
-import shutil
 import subprocess
 import sys
 import tomllib
@@ -14,19 +13,14 @@ from xml.etree import ElementTree
 import numpy as np
 import pandas as pd
 import pytest
+from airframes import changed_aerosonde
 from commands import answer, flighttune
 from fuzzing import first_or_all
 from made_up import shortened
-from places import SCENARIO_NAMES, SHIPPED_AIRCRAFT, SHIPPED_SCENARIOS
+from places import SCENARIO_NAMES, SHIPPED_SCENARIOS
 
 import flighttune as ft
-from flighttune.aircraft.aircraft import load_aircraft, save_gains
-from flighttune.exports.jsbsim_folder import CSV, export_jsbsim
-from flighttune.flight.conditions import weather_of
-from flighttune.flight.fly import fly_alone
-from flighttune.flight.models import gain_set
-from flighttune.plants.jsbsim.model_files import model_hash
-from flighttune.units import G_PAPER
+from flighttune.exports.jsbsim_folder import CSV
 
 SAME = 1e-9
 """Rad, 1 of load factor, and m/s.
@@ -53,7 +47,7 @@ def flights(names):
     for name in names:
         scenario = ft.load_scenario(name)
         gains, *_ = (one for one in scenario.gain_names if scenario.law_of(one)[0].kind != "python")
-        of_time = not (scenario.route or weather_of(scenario))
+        of_time = not (scenario.route or scenario.windy or scenario.disturbance)
         for table in scenario.plant if of_time else ():
             if table.kind == "jsbsim":
                 yield scenario, gains, table.label
@@ -77,15 +71,13 @@ def flown_by_jsbsim(command, cwd=None):
 
 def apart(scenario, gains_name, plant, folder):
     """Largest difference of each signal between JSBSim's flight and that of `fly`."""
-    gains = gain_set(scenario, gains_name)
     made = folder / "made"
-    exported = export_jsbsim(scenario, gains_name, gains, made, plant=plant)
+    exported = ft.export(scenario, gains_name, out=made, plant=plant)
     assert exported.same, exported.verdict
     (made / CSV).unlink()
     moved = made.rename(folder / "sent to a colleague")
     flown_by_jsbsim(exported.command.replace(str(made), shlex.quote(str(moved))))
-    table = next(one for one in scenario.plant if one.label == plant)
-    flown = fly_alone(scenario, table, gains, gains_name).signals
+    flown = ft.fly(scenario, gains_name)[f"{plant} / {gains_name}"].signals
     written = pd.read_csv(moved / CSV)
     assert list(written.columns) == COLUMNS
     assert len(written) == round(scenario.flight.duration_s * scenario.controller.rate_hz) + 1
@@ -176,7 +168,7 @@ def test_the_exact_law_flies_alike_where_lift_is_short(priority, feedback, tmp_p
     tables["law"] = [{"name": "mine", "kind": "exact", **options}]
     tables["limits"]["n_z"] = [-2.1, 1.1]
     # The paper's K*, whose rates over errors are its angles by g/V.
-    per_V = np.array([G_PAPER / 25.0])
+    per_V = np.array([9.81 / 25.0])
     gains = {"K_P": ft.PAPER_GAINS.K_P * per_V, "K_I": ft.PAPER_GAINS.K_I * per_V}
     tables["gains"] = [
         {"name": "fed", "law": "exact", "feedback": feedback}
@@ -194,7 +186,7 @@ def test_a_law_in_python_is_refused_by_name(tmp_path):
     tables = scenario.as_dict() | {"law": [law], "expect": []}
 
     with pytest.raises(ft.InputError, match="got the law 'mine'"):
-        export_jsbsim(ft.scenario_from(tables), "mine:paper", gain_set(scenario, "paper"), tmp_path)
+        ft.export(ft.scenario_from(tables), "mine:paper", out=tmp_path)
 
 
 OTHERS = {
@@ -243,11 +235,7 @@ CLOCK = """
 
 def turn_of_changed(change, folder):
     """A level turn of the Aerosonde, the text of whose main file is changed."""
-    shutil.copytree(SHIPPED_AIRCRAFT / "aerosonde", folder)
-    file = folder / "aerosonde.xml"
-    file.write_text(change(file.read_text()))
-    config = load_aircraft(folder)
-    save_gains(config.gains.model_copy(update={"made_for": model_hash(config)}), folder)
+    changed_aerosonde(folder, change)
     scenario = folder.parent / "turn.toml"
     text = (SHIPPED_SCENARIOS / "level_turn.toml").read_text().replace('"aerosonde"', f'"{folder}"')
     scenario.write_text(text)
@@ -327,7 +315,7 @@ def test_a_title_with_control_characters_is_written_as_xml(tmp_path):
     tables["reference"] = {"chi_deg": 0.0, "gamma_deg": 0.0}
     scenario = ft.scenario_from(tables)
 
-    export_jsbsim(scenario, "paper", gain_set(scenario, "paper"), tmp_path)
+    ft.export(scenario, "paper", out=tmp_path)
 
     script = ElementTree.parse(tmp_path / "flight.xml").getroot()
     assert script.get("name") == ' [31mred    <&> "end"'

@@ -110,9 +110,8 @@ def test_a_law_with_a_linear_model_has_indicators(scenario):
     class Linear(Proportional):
         def linear(self):
             from flighttune.control.exact_law import rate_model
-            from flighttune.control.gains import PAPER_GAINS, rate_gains
 
-            return rate_model(), rate_gains(PAPER_GAINS, V_a=25.0)
+            return rate_model(), ft.loop.rate_gains(ft.PAPER_GAINS, V_a=25.0)
 
     flown = ft.fly(scenario, laws={"mine": lambda _: Linear()})
 

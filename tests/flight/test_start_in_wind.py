@@ -9,7 +9,7 @@ from made_up import made_up_scenario
 
 import flighttune as ft
 from flighttune.flight.conditions import start_condition, stated_condition
-from flighttune.flight.fly import fly_alone, plant_of
+from flighttune.flight.fly import plant_of
 
 SPEED = 8.0
 FROM = (10.0, 100.0, 190.0, 280.0)
@@ -99,7 +99,7 @@ def test_a_point_mass_starts_along_its_course_or_with_its_nose_there(kind, start
 def test_in_calm_air_both_starts_are_one_to_the_bit(wind, plant):
     calm = {} if wind is None else {"wind": wind}
     on_course, by_heading = (
-        fly_alone(scenario, scenario.plant[0], ft.PAPER_GAINS, "paper").signals
+        ft.fly(scenario).runs[0].signals
         for start in ("course", "heading")
         for scenario in [
             made_up_scenario(

@@ -8,10 +8,7 @@ import pytest
 from made_up import made_up_scenario
 
 import flighttune as ft
-from flighttune.flight.conditions import start_condition
-from flighttune.flight.fly import fly_once
 from flighttune.gaps.residual import ConformantModel, mismatch, residual_rates, residuals_of
-from flighttune.simulate.disturbance import Sinusoid
 
 MICRO = 1e-6
 """Rates agree to this, rad/s: both sides integrate by the classical Runge-Kutta rule."""
@@ -22,6 +19,7 @@ SCENARIO = made_up_scenario(
     limits={"phi_deg": [-30.0, 30.0], "phi_rate_dps": 40.0, "n_z_rate_per_s": 1.0},
     controller={"feed_forward": True},
 )
+START = ft.loop.FlightCondition(V_a=25.0, gamma=math.pi / 6.0, phi=math.radians(5.0), h=1000.0)
 LAGS = {
     "first order, no delay": ft.loop.InnerLag(order=1, natural_frequency=6.0),
     "second order, delay within a sample": ft.loop.InnerLag(
@@ -34,14 +32,14 @@ LAGS = {
 
 
 def flown(scenario, plant):
-    return fly_once(scenario, plant, ft.PAPER_GAINS, plant_label=plant.kind, gains_name="paper")
+    return ft.fly(scenario, "paper", plants={"own": lambda: plant})["own / paper"]
 
 
 def residuals(lags, disturbance):
     plant = ft.loop.PointMassPlant(lags, disturbance=disturbance, g=SCENARIO.flight.g_mps2)
     run = flown(SCENARIO, plant)
     model = ConformantModel(V_a=25.0, g=SCENARIO.flight.g_mps2, lags=lags)
-    return residuals_of(model, run, start_condition(SCENARIO))
+    return residuals_of(model, run, START)
 
 
 @pytest.mark.parametrize(("roll", "load"), [*zip(LAGS, [*LAGS][::-1], strict=True)])
@@ -68,11 +66,11 @@ def test_the_roll_of_another_lag_is_off_by_how_the_two_differ():
     run = flown(SCENARIO, plant)
     model = ConformantModel(V_a=25.0, g=SCENARIO.flight.g_mps2, lags=(fast, load))
 
-    found = residuals_of(model, run, start_condition(SCENARIO))
+    found = residuals_of(model, run, START)
 
     # Both first-order lags, step by step.
     commands = run.signals["phi_cmd"].to_numpy()
-    rolls = np.full((2, len(commands)), start_condition(SCENARIO).phi)
+    rolls = np.full((2, len(commands)), START.phi)
     for k in range(len(commands) - 1):
         left = np.exp(-0.02 * np.array([4.0, 6.0]))
         rolls[:, k + 1] = left * rolls[:, k] + (1.0 - left) * commands[k]
@@ -97,7 +95,6 @@ PAPER, V_A, G = ft.load_scenario("paper"), 25.0, 9.81
 NOTHING = 1e-5
 """What the mean of cos(gamma) over an interval may be off by, rad/s."""
 EXACT = 1e-9
-SINUSOID = Sinusoid(chi_amplitude=0.03, chi_omega=0.8, gamma_amplitude=0.02, gamma_omega=0.8)
 
 
 @pytest.fixture(scope="module")
@@ -116,7 +113,11 @@ def test_the_kinematic_law_has_no_mismatch_with_itself(undisturbed, turned):
 
 
 def test_the_mismatch_of_a_disturbed_law_is_the_mean_of_its_disturbance():
-    found = mismatch(flown(PAPER, ft.loop.PointMassPlant(turn="paper", disturbance=SINUSOID)))
+    def disturbance(t):
+        return 0.03 * math.sin(0.8 * t), 0.02 * math.cos(0.8 * t)
+
+    plant = ft.loop.PointMassPlant(turn="paper", disturbance=disturbance)
+    found = mismatch(flown(PAPER, plant))
 
     ends = np.append(found.t, 20.0)
     chi = -0.03 / 0.8 * np.diff(np.cos(0.8 * ends)) / 0.02
@@ -124,7 +125,7 @@ def test_the_mismatch_of_a_disturbed_law_is_the_mean_of_its_disturbance():
     assert found.d[:, 0] == pytest.approx(chi, abs=EXACT)
     assert found.d[:, 1] == pytest.approx(gamma, abs=NOTHING)
     settled = found.d_dot[100:]
-    assert np.linalg.norm(settled, axis=1).max() == pytest.approx(SINUSOID.rate_bound, rel=2e-3)
+    assert np.linalg.norm(settled, axis=1).max() == pytest.approx(0.8 * 0.03, rel=2e-3)
 
 
 def test_the_mismatch_of_the_point_mass_is_lift_that_the_law_does_not_know():

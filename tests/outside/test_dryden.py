@@ -8,7 +8,6 @@ import pytest
 from scipy.signal import periodogram
 
 import flighttune as ft
-from flighttune.aircraft.aircraft import load_aircraft
 from flighttune.plants.jsbsim.air import weather_step
 from flighttune.plants.jsbsim.fdm import Fdm
 from flighttune.plants.jsbsim.trim import trim
@@ -61,7 +60,7 @@ def across(omega, L, sigma):
 
 def gusts(h):
     """Turbulence met by an aircraft that is held where it is: (seeds, samples, 3), m/s."""
-    config = load_aircraft("a4").model_copy(update={"inner_loop_rate": RATE})
+    config = ft.loop.JSBSimPlant("a4").config.model_copy(update={"inner_loop_rate": RATE})
     fdm = Fdm(config)
     trim(fdm, ft.loop.FlightCondition(V_a=V_A, h=h * FPS))
     for write, _ in fdm.integrators.values():

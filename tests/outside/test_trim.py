@@ -12,7 +12,6 @@ import jsbsim
 import pytest
 
 import flighttune as ft
-from flighttune.aircraft.aircraft import load_aircraft
 from flighttune.plants.jsbsim.fdm import Fdm, silence
 from flighttune.plants.jsbsim.model_files import EARTH
 from flighttune.plants.jsbsim.trim import trim
@@ -67,7 +66,7 @@ def jsbsim_trim(config, V_a, gamma):
     ],
 )
 def test_twenty_trims_are_those_of_jsbsim(name):
-    config = load_aircraft(AIRCRAFT[name])
+    config = ft.loop.JSBSimPlant(AIRCRAFT[name]).config
     assert config.design is not None
     for speed in SPEEDS:
         for climb in CLIMBS:

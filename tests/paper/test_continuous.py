@@ -5,20 +5,20 @@ import math
 import numpy as np
 import pytest
 from fuzzing import first_or_all
+from printed import MARKED
 from scipy.integrate import solve_ivp
 
 import flighttune as ft
-from flighttune.control.gains import paper_family
-from flighttune.paper import parameters as printed
+from flighttune.paper import parameters
 from flighttune.paper.flight import fly
 from flighttune.simulate.loop import simulate
 
 TRAJECTORY = 1e-6  # rad, what the reproduction of the paper asks for
 STEEPNESS = 1e5  # 1/s: an error of the softened law of some 1e-5 rad, in proportion to its inverse
 HALF_A_SECOND = 50  # samples
-REF = np.array([printed.CHI_C, printed.GAMMA_C])
-WAVE = printed.disturbance(printed.PRINTED_DISTURBANCE)
-RANGES, BOTH = printed.printed_ranges(), printed.printed_limits()
+REF = np.array([parameters.CHI_C, parameters.GAMMA_C])
+WAVE = parameters.disturbance(parameters.PRINTED_DISTURBANCE)
+RANGES, BOTH = parameters.printed_ranges(), parameters.printed_limits()
 
 
 def softened_errors(gains, conditional, duration, k):
@@ -53,7 +53,7 @@ def softened_errors(gains, conditional, duration, k):
     ],
 )
 def test_errors_agree_with_an_implicit_method_on_the_softened_law(name, conditional, duration):
-    gains = paper_family()[name]
+    gains = MARKED[name]
 
     flight = fly(gains, WAVE, limits=BOTH, conditional=conditional, duration=duration)
 

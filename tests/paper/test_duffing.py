@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from flighttune.paper.duffing import STEPS, Duffing, DuffingCase, paths
-from flighttune.paper.parameters import DUFFING_A, DUFFING_L_D, DUFFING_X_0
+from flighttune.paper.duffing import Duffing, DuffingCase, paths
 
 ROUNDING = 1e-12
 DIFFERENCE = 1e-6
@@ -15,7 +14,8 @@ DERIVATIVE = 1e-8
 SAME_PATH = 1e-6
 GOLDEN = (1.0 + math.sqrt(5.0)) / 2.0
 
-PRINTED = Duffing(**DUFFING_A)
+PRINTED = Duffing(alpha=0.5, beta=0.25, delta=1.5)
+X_0, L_D = (1.5, 0.0), 2.5
 
 
 def test_P_of_the_printed_oscillator_is_that_solved_by_hand():
@@ -23,11 +23,11 @@ def test_P_of_the_printed_oscillator_is_that_solved_by_hand():
 
 
 def test_rate_and_bound_of_the_printed_oscillator_follow_from_the_golden_ratio():
-    rate, radius = PRINTED.bound(DUFFING_L_D)
+    rate, radius = PRINTED.bound(L_D)
     norm_J = math.sqrt((3.5 + math.sqrt(3.5**2 - 4.0 * 0.25)) / 2.0)
 
     assert rate == pytest.approx(GOLDEN**-2, rel=ROUNDING)
-    assert radius == pytest.approx(2.0 * DUFFING_L_D * norm_J * GOLDEN**4 / GOLDEN**-2, rel=1e-9)
+    assert radius == pytest.approx(2.0 * L_D * norm_J * GOLDEN**4 / GOLDEN**-2, rel=1e-9)
 
 
 @pytest.mark.parametrize("alpha", [0.2, 0.5, 1.5])
@@ -68,9 +68,9 @@ def test_the_condition_of_the_theorem_ends_where_the_quadratic_says():
 def test_paths_are_those_of_an_independent_integrator():
     hold, d = 0.1, np.array([[2.5], [-1.0], [0.3], [0.0], [-2.5]])
 
-    x = paths(PRINTED, DUFFING_X_0, d, hold=hold)[:, 0]
+    x = paths(PRINTED, X_0, d, hold=hold)[:, 0]
 
-    seen = np.array(DUFFING_X_0)
+    seen, steps = np.array(X_0), len(x) // len(d)
     for k, push in enumerate(d[:, 0]):
         seen = solve_ivp(
             lambda _, y, push=push: [y[1], -1.5 * y[1] - 0.5 * y[0] - 0.25 * y[0] ** 3 + push],
@@ -79,7 +79,7 @@ def test_paths_are_those_of_an_independent_integrator():
             rtol=1e-11,
             atol=1e-12,
         ).y[:, -1]
-        assert x[(k + 1) * STEPS] == pytest.approx(seen, abs=SAME_PATH)
+        assert x[(k + 1) * steps] == pytest.approx(seen, abs=SAME_PATH)
 
 
 def test_inside_a_strip_V_decays_at_the_rate_of_the_theorem_for_that_strip():
@@ -98,7 +98,7 @@ def test_smoothness_alone_proves_the_condition_in_a_smaller_disc():
     x, y = np.random.default_rng(0).uniform(-r, r, (2, 10_000, 2)) / math.sqrt(2.0)
     apart = np.linalg.norm(PRINTED.jacobian(x) - PRINTED.jacobian(y), 2, axis=(1, 2))
 
-    assert r == pytest.approx(1.0 / (math.sqrt(12.0 * DUFFING_A["beta"]) * GOLDEN), rel=ROUNDING)
+    assert r == pytest.approx(1.0 / (math.sqrt(12.0 * 0.25) * GOLDEN), rel=ROUNDING)
     assert np.max(apart / np.linalg.norm(x - y, axis=1)) <= PRINTED.smoothness(r)
     assert PRINTED.margin(r) > 0.0
     assert r < PRINTED.region

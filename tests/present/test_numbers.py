@@ -1,4 +1,4 @@
-"""Numbers, shares, angles and metrics as text."""
+"""Names of metrics and of keys as text."""
 
 import math
 import re
@@ -8,7 +8,6 @@ import pytest
 
 import flighttune
 from flighttune.metrics import AIRSPEED_METRICS, FLIGHT_METRICS, LOOP_METRICS, METRICS
-from flighttune.present.answer import number
 from flighttune.present.names import (
     METRIC_LABELS,
     QUANTITIES,
@@ -17,13 +16,6 @@ from flighttune.present.names import (
     measure_words,
     metric_label,
 )
-
-
-@pytest.mark.parametrize(
-    ("value", "text"), [(0.123456, "0.1235"), (math.nan, "–"), (math.inf, "∞"), (-math.inf, "−∞")]
-)
-def test_numbers_without_a_value_are_a_dash(value, text):
-    assert number(value) == text
 
 
 def test_every_label_of_a_single_table_is_one_of_its_columns():

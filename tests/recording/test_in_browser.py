@@ -16,9 +16,8 @@ from browser import chromium_at_real_speed
 from pictures import opened_recording, pixels
 
 import flighttune as ft
-from flighttune.recording.record import DISPLAYS
 
-from .test_view import COMMAND, pair_of_ports
+from .test_view import COMMAND, DISPLAYS, pair_of_ports
 
 pytestmark = [
     pytest.mark.soak,

@@ -10,10 +10,11 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+from made_up import run_file
 
 import flighttune as ft
 from flighttune.files.load import BLANK, seal
-from flighttune.records.parquet import DESCRIPTION, SEAL, parquet_bytes, parts_of
+from flighttune.records.parquet import SEAL, parts_of
 from flighttune.simulate.run import SIGNAL_UNITS
 
 
@@ -33,9 +34,7 @@ def assert_same(again, run):
 
 def test_a_run_comes_back_to_the_bit(four_runs, without_gains, tmp_path):
     for k, run in enumerate([*four_runs, without_gains]):
-        (tmp_path / f"{k}.parquet").write_bytes(parquet_bytes(run))
-
-        assert_same(read(tmp_path / f"{k}.parquet"), run)
+        assert_same(read(run_file(tmp_path / f"{k}.parquet", run)), run)
 
 
 def test_gains_and_values_at_the_edge_of_float64_come_back_to_the_bit(four_runs, tmp_path):
@@ -45,8 +44,7 @@ def test_gains_and_values_at_the_edge_of_float64_come_back_to_the_bit(four_runs,
     made = replace(four_runs[0].provenance, gains=third)
     run = replace(four_runs[0], signals=pd.DataFrame({"chi": edge}, index=t), provenance=made)
 
-    (tmp_path / "run.parquet").write_bytes(parquet_bytes(run))
-    again = read(tmp_path / "run.parquet")
+    again = read(run_file(tmp_path / "run.parquet", run))
 
     assert_same(again, run)
     assert again.provenance.gains.K.tobytes() == third.K.tobytes()
@@ -54,9 +52,8 @@ def test_gains_and_values_at_the_edge_of_float64_come_back_to_the_bit(four_runs,
 
 
 def test_units_and_a_description_in_json_are_in_the_file_for_others(four_runs, tmp_path):
-    (tmp_path / "run.parquet").write_bytes(parquet_bytes(four_runs[1]))
-    schema = pq.read_schema(tmp_path / "run.parquet")
-    made = json.loads(schema.metadata[DESCRIPTION])["provenance"]
+    schema = pq.read_schema(run_file(tmp_path / "run.parquet", four_runs[1]))
+    made = json.loads(schema.metadata[b"flighttune.run"])["provenance"]
 
     for name, unit in (("t", b"s"), ("alpha", b"rad"), ("V_a", b"m/s")):
         assert schema.field(name).metadata == {b"unit": unit}
@@ -74,8 +71,8 @@ def test_the_sha_256_of_a_run_is_that_of_its_description_and_signals(four_runs):
     assert sha256 == digest.hexdigest()
 
 
-def test_the_sha_256_in_a_file_is_that_of_all_its_other_bytes(four_runs):
-    data = parquet_bytes(four_runs[0])
+def test_the_sha_256_in_a_file_is_that_of_all_its_other_bytes(four_runs, tmp_path):
+    data = run_file(tmp_path / "run.parquet", four_runs[0]).read_bytes()
     (stated,) = re.findall(rb"SHA-256=([0-9a-f]{64})", data)
 
     assert hashlib.sha256(data.replace(b"SHA-256=" + stated, b"")).hexdigest() == stated.decode()
@@ -86,22 +83,22 @@ def test_a_text_that_looks_like_the_sha_256_does_no_harm(four_runs, tmp_path):
     title = f"as SHA-256={'7' * 64} and SHA-256={'0' * 64} say"
     scenario = {**made.scenario, "title": title}
     run = replace(four_runs[0], provenance=replace(made, scenario=scenario))
-    path = tmp_path / "flight.parquet"
-    path.write_bytes(parquet_bytes(run))
 
-    assert read(path).provenance.scenario["title"] == title
+    assert read(run_file(tmp_path / "flight.parquet", run)).provenance.scenario["title"] == title
 
 
 def test_what_is_no_whole_file_of_ours_is_refused(four_runs, tmp_path, monkeypatch):
     """Of an older version, which is sealed too, of another program, in another unit, or cut off."""
-    data = parquet_bytes(four_runs[0])
+    path = tmp_path / "run.parquet"
+    data = run_file(path, four_runs[0]).read_bytes()
     with monkeypatch.context() as patched:
         patched.setitem(SIGNAL_UNITS, "chi", "deg")
-        in_degrees = parquet_bytes(four_runs[0])
+        in_degrees = run_file(path, four_runs[0]).read_bytes()
     foreign, table = pa.BufferOutputStream(), pa.table({"t": [0.0, 1.0]})
     pq.write_table(table, foreign)
     old = pa.BufferOutputStream()
-    pq.write_table(table.replace_schema_metadata({DESCRIPTION: '{"format": 99}', SEAL: BLANK}), old)
+    stated = {b"flighttune.run": '{"format": 99}', SEAL: BLANK}
+    pq.write_table(table.replace_schema_metadata(stated), old)
     for content, says in (
         (foreign.getvalue().to_pybytes(), "of another program"),
         (seal(old.getvalue().to_pybytes()), "layout must be 3, got"),
@@ -109,6 +106,6 @@ def test_what_is_no_whole_file_of_ours_is_refused(four_runs, tmp_path, monkeypat
         (b"", "an empty file"),
         (data[:-1], "cut off"),
     ):
-        (tmp_path / "run.parquet").write_bytes(content)
+        path.write_bytes(content)
         with pytest.raises(ft.RecordingError, match=says):
-            ft.load(tmp_path / "run.parquet")
+            ft.load(path)

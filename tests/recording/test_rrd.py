@@ -12,7 +12,6 @@ from flighttune.present.chart import MOST
 from flighttune.recording.entities import TIMELINE, runs_to_draw
 from flighttune.recording.plots import TABS, with_derived
 from flighttune.recording.record import write_recording
-from flighttune.simulate.run import SIGNAL_UNITS
 
 FLOAT32_POSITION = 1e-4
 """Positions are float32 in Rerun: 0.03 mm at 500 m, m."""
@@ -203,7 +202,7 @@ def test_what_sensors_showed_is_drawn_faintly_below_the_run_beside_its_signal(
 @pytest.mark.slow
 def test_ten_minutes_are_drawn_with_every_peak_in_thirty_megabytes(four_runs, tmp_path):
     t = np.arange(30_001) * 0.02
-    names = list(SIGNAL_UNITS)[:40]
+    names = four_runs[-1].signals.columns[:40]
     noise = 0.2 * np.random.default_rng(1).normal(size=(len(t), len(names)))  # incompressible
     signals = pd.DataFrame(noise, columns=names, index=pd.Index(t, name="t"))
     signals["V_a"] = 25.0

@@ -6,13 +6,13 @@ import shutil
 import numpy as np
 import pytest
 import tomlkit
+from commands import answer
 from made_up import made_up_scenario, scenario_tables
 from places import SHIPPED_AIRCRAFT
 from scipy.integrate import quad
 
 import flighttune as ft
 from flighttune.campaign.flying.rows import batchable
-from flighttune.flight.new import new_scenario
 from flighttune.references.follow import WIND_ESTIMATE_S, Planner
 from flighttune.references.segments import Segment
 
@@ -188,6 +188,6 @@ def test_gap_says_what_planning_takes_away():
 
 
 def test_a_new_scenario_rolls_in(tmp_path):
-    file = new_scenario(str(tmp_path / "mine"), aircraft="c172p")
+    answer("new", "mine", "--aircraft", "c172p", cwd=tmp_path)
 
-    assert ft.load_scenario(file).rolls_in
+    assert ft.load_scenario(tmp_path / "mine.toml").rolls_in

@@ -4,7 +4,6 @@ import pytest
 from browser import headless_chromium
 
 import flighttune as ft
-from flighttune.records.compare import Source
 
 
 @pytest.fixture(scope="session")
@@ -31,12 +30,6 @@ def written(run_folder):
 def page(written):
     """Its text."""
     return written.path.read_text(encoding="utf-8")
-
-
-@pytest.fixture(scope="session")
-def paper_source(flown_paper):
-    """The flown manoeuvre as a source."""
-    return Source(name="paper", runs=flown_paper.runs)
 
 
 @pytest.fixture(scope="session")

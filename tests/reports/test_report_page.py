@@ -9,9 +9,9 @@ import re
 import numpy as np
 import pandas as pd
 import pytest
+from made_up import run_file, run_folder
 
 import flighttune as ft
-from flighttune.records.compare import Source
 from flighttune.reports.page import LONGEST_LADDER
 
 pytestmark = pytest.mark.slow
@@ -69,14 +69,14 @@ def test_the_tables_have_the_numbers_of_the_runs(written, flown_paper):
     assert records_of(written, "gains")["paper"]["K_P"] == ft.PAPER_GAINS.K_P.tolist()
 
 
-def test_a_flight_that_ended_at_once_has_its_row_its_count_and_its_reason(paper_source, tmp_path):
-    first, second, *_ = paper_source.runs  # both of the law
+def test_a_flight_that_ended_at_once_has_its_row_its_count_and_its_reason(flown_paper, tmp_path):
+    first, second, *_ = flown_paper.runs  # both of the law
     why = "roll command 155.7 deg: the law has no value."
     ended = dataclasses.replace(
         first, signals=first.signals[:1], status="diverged", reason=f"t = 0 s: {why}"
     )
 
-    page = ft.report(Source(name="x", runs=(ended, second)), tmp_path / "report.html")
+    page = ft.report(run_folder(tmp_path / "x", ended, second), tmp_path / "report.html")
 
     rows = records_of(page, "convergence")
     assert list(rows) == [first.label, second.label]
@@ -87,15 +87,15 @@ def test_a_flight_that_ended_at_once_has_its_row_its_count_and_its_reason(paper_
     assert why in page.path.read_text()
 
 
-def test_the_ladder_of_a_very_long_flight_is_left_to_gap_and_that_is_said(paper_source, tmp_path):
-    craft = paper_source.runs[2]
+def test_the_ladder_of_a_very_long_flight_is_left_to_gap_and_that_is_said(flown_paper, tmp_path):
+    craft = flown_paper.runs[2]
     rows = 2 * LONGEST_LADDER
     signals = pd.DataFrame(
         np.resize(craft.signals.to_numpy(), (rows, craft.signals.shape[1])),
         index=pd.Index(np.arange(rows) * 0.02, name="t"),
         columns=craft.signals.columns,
     )
-    long = Source(name="long", runs=(dataclasses.replace(craft, signals=signals),))
+    long = run_file(tmp_path / "x.parquet", dataclasses.replace(craft, signals=signals))
 
     written = ft.report(long, tmp_path / "long.html")
 
@@ -103,16 +103,16 @@ def test_the_ladder_of_a_very_long_flight_is_left_to_gap_and_that_is_said(paper_
     assert f"{craft.label}: {rows} samples are more than" in written.path.read_text()
 
 
-def test_words_of_a_scenario_are_text_and_not_markup(paper_source, tmp_path):
-    wicked = "<script>alert('1')</script> & co"
+def test_words_of_a_scenario_are_text_and_not_markup(flown_paper, tmp_path):
+    wicked = "<script>alert('1')<script> & co"
 
     def named(run):
         made = run.provenance
         scenario = {**made.scenario, "title": wicked}
         return dataclasses.replace(run, provenance=dataclasses.replace(made, scenario=scenario))
 
-    runs = tuple(named(run) for run in paper_source.runs if run.provenance.plant == "kinematic")
-    written = ft.report(Source(name=wicked, runs=runs), tmp_path / "wicked.html")
+    runs = tuple(named(run) for run in flown_paper.runs if run.provenance.plant == "kinematic")
+    written = ft.report(run_folder(tmp_path / wicked, *runs), tmp_path / "wicked.html")
     text = written.path.read_text()
 
     assert "<script>alert" not in text

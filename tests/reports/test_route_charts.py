@@ -6,11 +6,11 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 from claimed import SENTENCE, claimed
+from made_up import run_file
 
 import flighttune as ft
 from flighttune.present.chart import DASHED
 from flighttune.present.palette import LIMIT
-from flighttune.records.compare import Source
 from flighttune.reports.charts import route_charts
 from flighttune.reports.panels import errors
 from flighttune.simulate.run import run_styles
@@ -91,7 +91,7 @@ def test_the_arrow_points_where_the_air_moves(run):
 
 @pytest.mark.slow
 def test_a_page_of_a_route_begins_with_its_map_and_the_claim(run, tmp_path):
-    source = Source(name="leg", runs=(run,))
+    source = run_file(tmp_path / "leg.parquet", run)
 
     page = ft.report(source, tmp_path / "r.html").path.read_text(encoding="utf-8")
 

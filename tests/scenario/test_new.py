@@ -1,5 +1,6 @@
 """A scenario of one's own: written by ``new`` or copied, it flies at the first try."""
 
+import re
 import shutil
 from pathlib import Path
 
@@ -8,17 +9,15 @@ import pytest
 import tomlkit
 from commands import answer, flighttune
 from made_up import made_up_scenario
+from places import AIRCRAFT_NAMES, SHIPPED_AIRCRAFT
 
 import flighttune as ft
-from flighttune.aircraft.aircraft import load_aircraft
-from flighttune.files.shipped import aircraft_folders, aircraft_names
-from flighttune.flight.new import new_scenario
 
 ADOPTED = Path(__file__).parents[1] / "adopted"
 
 
 @pytest.mark.soak
-@pytest.mark.parametrize("aircraft", [*aircraft_names(), ADOPTED / "c182", ADOPTED / "B747"])
+@pytest.mark.parametrize("aircraft", [*AIRCRAFT_NAMES, ADOPTED / "c182", ADOPTED / "B747"])
 def test_a_new_scenario_meets_its_claim_at_the_first_flight(aircraft, tmp_path):
     answer("new", "mine", "--aircraft", aircraft, cwd=tmp_path)
     flown = answer("fly", "mine.toml", cwd=tmp_path)
@@ -26,7 +25,7 @@ def test_a_new_scenario_meets_its_claim_at_the_first_flight(aircraft, tmp_path):
     assert flown["claim"]["verdict"] == "met"
     assert flown["claim"]["requirements"] == 8
     assert [run["plant"] for run in flown["runs"]] == ["kinematic", f"jsbsim:{Path(aircraft).name}"]
-    envelope = load_aircraft(aircraft).envelope.V_a
+    envelope = ft.loop.JSBSimPlant(aircraft).config.envelope.V_a
     assert envelope[0] < ft.load_scenario(tmp_path / "mine.toml").flight.V_a_mps < envelope[1]
 
 
@@ -63,7 +62,7 @@ class = "Law"
 
 def stranger(folder, **texts):
     """A copy of the Aerosonde with other texts in its aircraft.toml."""
-    shutil.copytree(aircraft_folders()["aerosonde"], folder)
+    shutil.copytree(SHIPPED_AIRCRAFT / "aerosonde", folder)
     document = tomlkit.parse((folder / "aircraft.toml").read_text())
     document.update(texts)
     (folder / "aircraft.toml").write_text(tomlkit.dumps(document))
@@ -86,13 +85,13 @@ def test_the_texts_of_an_aircraft_stay_values_and_comments(tmp_path):
     """A folder and a title of quotes and brackets, which once went into the file as they were."""
     theirs = stranger(tmp_path / "e\"]'v", title="\"\"\"'''] # [[law]] {h}")
 
-    new_scenario(str(tmp_path / "mine of two words"), aircraft=str(theirs))
+    answer("new", "mine of two words", "--aircraft", theirs, cwd=tmp_path)
     text = (tmp_path / "mine of two words.toml").read_text()
 
     made = ft.load_scenario(tmp_path / "mine of two words.toml")
     assert [table.kind for table in made.law_tables] == ["exact"]
-    assert load_aircraft(made.plant[1].aircraft).folder == theirs
-    assert f"flighttune fly '{tmp_path}/mine of two words.toml' " in text
+    assert ft.loop.JSBSimPlant(made.plant[1].aircraft).config.folder == theirs
+    assert "flighttune fly 'mine of two words.toml' " in text
 
 
 @pytest.mark.parametrize("name", ["", ".", "..", "below/", "x" * 300])
@@ -106,7 +105,7 @@ def test_a_name_that_no_file_can_have_is_refused_in_one_line(name, tmp_path):
 
 def test_a_weaker_engine_is_no_other_model():
     """The A-4's file says nothing of engines: a throttle limit was once taken for another model."""
-    config = load_aircraft("a4")
+    config = ft.loop.JSBSimPlant("a4").config
 
     assert config.with_throttle_max(0.9).fingerprint == config.fingerprint
 
@@ -140,14 +139,15 @@ def test_requirements_of_options_are_those_of_the_scenario(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("name", "options", "reason"),
+    ("name", "option", "reason"),
     [
-        ("mine\n[[law]]", {}, "`NAME` must .*printable characters"),
-        ("mine", {"overshoot": 0.0}, "`--overshoot` must be positive and finite, got 0"),
-        ("mine", {"settle": float("nan")}, "`--settle` must be positive and finite, got nan"),
+        ("mine\n[[law]]", "--settle=8", "`NAME` must .*printable characters"),
+        ("mine", "--overshoot=0", "`--overshoot` must be positive and finite, got 0"),
+        ("mine", "--settle=nan", "`--settle` must be positive and finite, got nan"),
     ],
 )
-def test_what_cannot_be_is_one_line_and_writes_nothing(name, options, reason, tmp_path):
-    with pytest.raises(ft.InputError, match=reason):
-        new_scenario(str(tmp_path / name), **options)
+def test_what_cannot_be_is_one_line_and_writes_nothing(name, option, reason, tmp_path):
+    _, err = flighttune("new", name, option, status=2, cwd=tmp_path)
+
+    assert re.search(reason, err)
     assert not [*tmp_path.iterdir()]

@@ -4,11 +4,11 @@ import types
 from pathlib import Path
 
 import pytest
+from commands import answer
 from pydantic import BaseModel
 from site_reference import keys, meanings
 
 import flighttune as ft
-from flighttune.flight.new import new_scenario
 
 PAGE = (Path(__file__).parents[2] / "scenarios" / "README.md").read_text(encoding="utf-8")
 
@@ -70,7 +70,8 @@ def test_a_key_without_a_default_says_what_holds_without_it(place):
 
 @pytest.fixture
 def example(tmp_path):
-    return new_scenario(str(tmp_path / "example"))
+    answer("new", "example", cwd=tmp_path)
+    return tmp_path / "example.toml"
 
 
 @pytest.mark.slow

@@ -12,7 +12,6 @@ from flighttune.control.mimo_pi import INTEGRAL_SIGNALS
 from flighttune.references.segments import Segment
 from flighttune.simulate.loop import LOOP_SIGNALS, Flight, simulate
 from flighttune.simulate.run import SIGNAL_UNITS
-from flighttune.units import wrap_angle
 
 PEAK_TOLERANCE = 0.002
 PAPER_LIMITS = ft.loop.Limits(
@@ -200,7 +199,7 @@ def test_errors_are_the_true_ones_and_what_was_seen_stands_beside_them():
         seen, true = (signals[column].to_numpy() for column in (f"{name}_meas", name))
         assert np.array_equal(seen, true + errors[:, j])
     apart = signals["chi_ref"] - signals["chi"]
-    assert signals["chi_err"].tolist() == [wrap_angle(angle) for angle in apart]
+    assert signals["chi_err"].tolist() == [math.remainder(angle, math.tau) for angle in apart]
     assert np.array_equal(signals["gamma_err"], signals["gamma_ref"] - signals["gamma"])
 
 

@@ -7,13 +7,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from printed import A_K, L_D, MODEL, TABLE_2, E
+from printed import A_K, L_D, MODEL, TABLE_2, E, lagged
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 from worst_reach import ReachableSet, largest_reach, worst_disturbance
 
 import flighttune as ft
-from flighttune.control.inner_loop import with_input_lag
 from flighttune.control.linear_model import closed_loops
 from flighttune.theory import reachable as tabulated
 from flighttune.theory.lyapunov import invariant_ellipsoid, paper_balls
@@ -266,14 +265,14 @@ def test_a_loop_without_a_figure_is_a_result(monkeypatch):
 
 def test_lags_behind_a_model_have_no_disturbance_of_their_own():
     """With a lag of 1e-5 s the figure is that of the loop without it, whatever the lag's unit."""
-    lagged = closed_loops(with_input_lag(MODEL, 1e5), ft.PAPER_GAINS.K)
+    loop = closed_loops(lagged(1e5, 1e5), ft.PAPER_GAINS.K)
 
-    measured = ft.loop.indicators(lagged, errors=2)
+    measured = ft.loop.indicators(loop, errors=2)
 
     assert measured.E_K == pytest.approx(ft.loop.indicators(A_K).E_K, rel=1e-3)
-    assert math.isnan(ft.loop.indicators(lagged).E_K)
+    assert math.isnan(ft.loop.indicators(loop).E_K)
     with pytest.raises(ft.InputError, match="`A_K`"):
-        ft.loop.indicators(lagged, errors=8)
+        ft.loop.indicators(loop, errors=8)
 
 
 def test_a_loop_has_its_bits_in_any_stack():

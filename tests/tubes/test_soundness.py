@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 from made_up import made_up_scenario
 
 import flighttune as ft
-from flighttune.control.gains import RATES
 from flighttune.flight.conditions import lead_on, reference_of, start_condition
 from flighttune.simulate.loop import simulate
 from flighttune.tubes.enclosure import Settings
@@ -129,7 +128,13 @@ def exact_problems(draw):
     scenario = with_exact(manoeuvre(draw, 8.0, feed_forward=True), plant, [BRAKING_LATE])
     share = st.floats(0.0, 0.9)
     fed = draw(st.one_of(st.just((0.0, 0.0)), st.tuples(share, share)))
-    gains = coupled(draw, st.floats(0.3, 2.0), st.floats(-0.2, 0.2), inputs=RATES, feedback=fed)
+    gains = coupled(
+        draw,
+        st.floats(0.3, 2.0),
+        st.floats(-0.2, 0.2),
+        inputs=("chi_dot", "gamma_dot"),
+        feedback=fed,
+    )
     return scenario, gains
 
 

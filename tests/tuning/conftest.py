@@ -1,16 +1,33 @@
 """The optimisation model of arXiv 2411.13140 with the numbers of its section 4."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from printed import MODEL
 
 import flighttune as ft
 
-ALL_LIMITS = ("phi", "n_z", "phi_rate", "n_z_rate")
+DECOUPLED = np.array([[np.nan, 0.0, np.nan, 0.0], [0.0, np.nan, 0.0, np.nan]])
+"""Gains of which each command has those of its own channel."""
+
+
+def relaxed(problem, *factors):
+    """The problem with its limits of phi, n_z and their rates times these factors."""
+    by = np.array(factors * (4 // len(factors)))
+    limits = problem.limits
+    wider = ft.loop.Limits(
+        lower=by[:2] * limits.lower,
+        upper=by[:2] * limits.upper,
+        rate_lower=by[2:] * limits.rate_lower,
+        rate_upper=by[2:] * limits.rate_upper,
+    )
+    return replace(problem, limits=wider)
 
 
 @pytest.fixture(scope="session")
 def model():
-    return ft.loop.kinematic_model(V_a=25.0, gamma=np.pi / 12.0, g=9.81)
+    return MODEL
 
 
 @pytest.fixture(scope="session")

@@ -4,24 +4,23 @@ import math
 from dataclasses import replace
 
 import pytest
+from printed import lagged
 
 import flighttune as ft
-from flighttune.control.inner_loop import with_input_lag
 from flighttune.control.linear_model import Envelope
 from flighttune.flight.models import identified_problems
 from flighttune.tuning.envelope import tune_over_envelope, tune_worst_case
-from flighttune.tuning.problem import decoupled
 from flighttune.tuning.result import assessment
+from tests.tuning.conftest import DECOUPLED
 
 BINDING = 1e-5
 LEVEL = Envelope.at(V_a=25.0, gamma=0.0)
 
 
 @pytest.fixture(scope="module")
-def bounded(model):
+def bounded():
     """Behind a lag, where the fastest gains are not those of the smallest error."""
-    lagged = with_input_lag(model, 4.0)
-    return ft.loop.TuningProblem(model=lagged, E_star=0.8, K_fixed=decoupled(lagged))
+    return ft.loop.TuningProblem(model=lagged(4.0, 4.0), E_star=0.8, K_fixed=DECOUPLED)
 
 
 def test_the_bound_on_the_error_is_met(bounded):

@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from printed import lagged
 from scipy.integrate import solve_ivp
 from scipy.linalg import solve_continuous_are
 
 import flighttune as ft
-from flighttune.control.inner_loop import with_input_lag
 from flighttune.tuning.problem import quadratic_cost
 
 INTEGRATED = 1e-6
@@ -29,7 +29,7 @@ def problem(model):
 @pytest.mark.parametrize("lag", [False, True])
 def test_the_cost_is_the_integral_over_the_transient(problem, lag):
     if lag:
-        problem = replace(problem, model=with_input_lag(problem.model, [4.0, 6.0]), scaling=None)
+        problem = replace(problem, model=lagged(4.0, 6.0), scaling=None)
     model, K = problem.model, ft.PAPER_GAINS.K
     n = len(model.states)
     A = ft.loop.closed_loop(model, ft.PAPER_GAINS)

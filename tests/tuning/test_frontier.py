@@ -3,15 +3,14 @@
 import numpy as np
 import pytest
 from commands import flighttune
+from printed import MARKED
 
 import flighttune as ft
 from flighttune.certificates.bound import optimal_channel
-from flighttune.control.gains import paper_family
 from flighttune.tuning.tune import frontier
 
 pytestmark = pytest.mark.slow
 
-MARKED = paper_family()
 HALF_LAST_DIGIT = 5e-5
 
 

@@ -5,12 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from evolution import tune_by_evolution
+from printed import lagged
 
 import flighttune as ft
-from flighttune.control.inner_loop import with_input_lag
-from flighttune.tuning.problem import decoupled
-from flighttune.tuning.tune import relaxed
-from tests.tuning.conftest import ALL_LIMITS
+from tests.tuning.conftest import DECOUPLED, relaxed
 
 FIFTH_DIGIT = 1e-5
 THIRD_DIGIT = 1e-3
@@ -68,7 +66,7 @@ def test_the_printed_limits_are_infeasible_and_the_binding_ones_are_named(printe
 @pytest.mark.slow
 @pytest.mark.parametrize(("factor", "R_K"), [(7.0, 0.526), (8.0, 0.540)])
 def test_relaxed_limits_cost_what_they_are_known_to(printed, factor, R_K):
-    wider = relaxed(printed, ALL_LIMITS, factor)
+    wider = relaxed(printed, factor)
 
     found = ft.tune(wider)
 
@@ -78,26 +76,22 @@ def test_relaxed_limits_cost_what_they_are_known_to(printed, factor, R_K):
     assert wider.slack(found.gains.K.ravel()).min() >= 0.0
 
 
-def test_gains_tuned_for_the_lag_are_well_damped_where_the_papers_are_not(model):
-    lagged = with_input_lag(model, (4.0, 8.0))
-
-    found = ft.tune(ft.loop.TuningProblem(model=lagged, K_fixed=decoupled(lagged)))
+def test_gains_tuned_for_the_lag_are_well_damped_where_the_papers_are_not():
+    found = ft.tune(ft.loop.TuningProblem(model=lagged(), K_fixed=DECOUPLED))
 
     assert found.status == "optimal"
     assert found.R_K == pytest.approx(0.1153, abs=HALF_LAST_DIGIT)
     assert found.gains.K[1, [1, 3]] == pytest.approx([2.90, 0.92], abs=FLAT)
-    assert worst_damping(ft.loop.closed_loop(lagged, found.gains)) > 0.85
-    assert worst_damping(ft.loop.closed_loop(lagged, ft.PAPER_GAINS)) == pytest.approx(
+    assert worst_damping(ft.loop.closed_loop(lagged(), found.gains)) > 0.85
+    assert worst_damping(ft.loop.closed_loop(lagged(), ft.PAPER_GAINS)) == pytest.approx(
         0.12, abs=5e-3
     )
 
 
 @pytest.mark.soak
-def test_channels_that_the_rate_leaves_open_do_not_depend_on_the_seed(model):
-    lagged = with_input_lag(model, (4.0, 8.0))
-
-    coupled = ft.tune(ft.loop.TuningProblem(model=lagged, seed=1))
-    own = ft.tune(ft.loop.TuningProblem(model=lagged, K_fixed=decoupled(lagged)))
+def test_channels_that_the_rate_leaves_open_do_not_depend_on_the_seed():
+    coupled = ft.tune(ft.loop.TuningProblem(model=lagged(), seed=1))
+    own = ft.tune(ft.loop.TuningProblem(model=lagged(), K_fixed=DECOUPLED))
 
     assert coupled.gains.K == pytest.approx(own.gains.K, abs=FLAT)
     assert coupled.R_K == pytest.approx(own.R_K, rel=2e-4)
@@ -106,9 +100,7 @@ def test_channels_that_the_rate_leaves_open_do_not_depend_on_the_seed(model):
 def test_structure_and_bounds_are_kept_and_named(model):
     K_max = np.full((2, 4), 3.0)
 
-    found = ft.tune(
-        ft.loop.TuningProblem(model=model, I_star=6.0, K_fixed=decoupled(model), K_max=K_max)
-    )
+    found = ft.tune(ft.loop.TuningProblem(model=model, I_star=6.0, K_fixed=DECOUPLED, K_max=K_max))
 
     assert found.gains.K[[0, 0, 1, 1], [1, 3, 0, 2]].tolist() == [0.0] * 4
     assert found.gains.K.max() <= 3.0

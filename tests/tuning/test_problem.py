@@ -4,14 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from printed import lagged
 
 import flighttune as ft
-from flighttune.control.inner_loop import with_input_lag
-from flighttune.tuning.problem import decoupled
 from flighttune.tuning.program import Program, stabilising_starts
 from flighttune.tuning.result import assessment
-from flighttune.tuning.tune import relaxed, searches
-from tests.tuning.conftest import ALL_LIMITS
+from flighttune.tuning.tune import searches
+from tests.tuning.conftest import DECOUPLED, relaxed
 
 PRINTED_DIGITS = 5e-4
 ROUNDING = 1e-12
@@ -72,16 +71,15 @@ def test_fixed_gains_take_part_in_the_limits_but_not_in_the_search(printed):
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_starts_are_stable_inside_the_bounds_and_the_same_for_one_seed(model, seed):
-    lagged = with_input_lag(model, (4.0, 8.0))
+def test_starts_are_stable_inside_the_bounds_and_the_same_for_one_seed(seed):
     problem = ft.loop.TuningProblem(
-        model=lagged, K_fixed=decoupled(lagged), K_max=np.full((2, 4), 3.0), seed=seed
+        model=lagged(), K_fixed=DECOUPLED, K_max=np.full((2, 4), 3.0), seed=seed
     )
 
     k = stabilising_starts(problem, 6)
 
     assert k.shape == (6, 4)
-    loops = [ft.loop.closed_loop(lagged, problem.gains(K)) for K in problem.K(k)]
+    loops = [ft.loop.closed_loop(problem.model, problem.gains(K)) for K in problem.K(k)]
     assert np.linalg.eigvals(loops).real.max() < 0.0
     assert k.max() <= 3.0
     assert np.array_equal(k, stabilising_starts(problem, 6))
@@ -106,8 +104,7 @@ def test_slopes_of_several_models_are_those_of_central_differences(printed, mode
     K_fixed = np.full((2, 4), np.nan)
     K_fixed[0, 1] = 0.1
     whole = {"I_star": 9.0, "K_fixed": K_fixed, "scaling": None}
-    lagged = with_input_lag(model, (4.0, 8.0))
-    several = [replace(printed, model=plant, **whole) for plant in (model, lagged)]
+    several = [replace(printed, model=plant, **whole) for plant in (model, lagged())]
     task = Program(several, "R_K")
     z = np.array([2.5, 0.8, 0.3, -0.2, 2.7, 0.1, 0.9, 4.0, -3.0, -2.0, 1.0])
 
@@ -121,7 +118,7 @@ def test_slopes_of_several_models_are_those_of_central_differences(printed, mode
 
 
 def test_starts_outside_the_limits_end_inside_where_there_is_room(printed):
-    problem = relaxed(printed, ALL_LIMITS, 7.0)
+    problem = relaxed(printed, 7.0)
     k = stabilising_starts(problem, 12)
     outside = k[problem.slack(k).min(axis=1) < 0.0]
 

@@ -9,7 +9,7 @@ import flighttune as ft
 from flighttune.control.inner_loop import inner_loop_scaling, with_inner_loop
 from flighttune.tuning import envelope
 from flighttune.tuning.envelope import channels, tune_worst_case
-from flighttune.tuning.problem import decoupled
+from tests.tuning.conftest import DECOUPLED
 
 SAME = 1e-4
 """Relative difference between two searches for one optimum."""
@@ -34,7 +34,7 @@ def rate(one, K):
 def test_one_model_gives_the_optimum_of_the_decoupled_problem():
     one = problem()
 
-    found, plain = tune_worst_case([one]), ft.tune(replace(one, K_fixed=decoupled(one.model)))
+    found, plain = tune_worst_case([one]), ft.tune(replace(one, K_fixed=DECOUPLED))
 
     assert found.R_K == pytest.approx(plain.R_K, rel=2.0 * SAME)
 

@@ -16,8 +16,7 @@ from flighttune.tuning.envelope import (
     rate_curve,
     tune_over_envelope,
 )
-from flighttune.tuning.tune import relaxed
-from tests.tuning.conftest import ALL_LIMITS
+from tests.tuning.conftest import relaxed
 
 pytestmark = pytest.mark.slow
 
@@ -137,7 +136,7 @@ def test_no_gains_nearby_are_better(model, tuned):
 
 @pytest.mark.soak
 def test_input_limits_hold_at_the_gains_tuned_for_an_envelope(printed):
-    problem = replace(relaxed(printed, ALL_LIMITS, 8.0), I_star=10.0)
+    problem = replace(relaxed(printed, 8.0), I_star=10.0)
     limits, x_0 = problem.limits, problem.x_0
 
     found = tune_over_envelope(problem, GENTLE, TRIM, g=G, starts=0)

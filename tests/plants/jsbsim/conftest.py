@@ -7,23 +7,10 @@ from contextlib import suppress
 
 import numpy as np
 import pytest
+from airframes import of_this_model
 from places import SHIPPED_AIRCRAFT
 
 import flighttune as ft
-from flighttune.aircraft.aircraft import load_aircraft, save_gains
-from flighttune.plants.jsbsim.fdm import Fdm
-from flighttune.plants.jsbsim.model_files import model_hash
-
-
-def fdm_of(aircraft, **settings):
-    """The flight dynamics of an aircraft in JSBSim."""
-    return Fdm(load_aircraft(aircraft), **settings)
-
-
-def of_this_model(folder):
-    """Let the gains in a folder be those of its model as it is now."""
-    config = load_aircraft(folder)
-    save_gains(config.gains.model_copy(update={"made_for": model_hash(config)}), folder)
 
 
 class Flight:

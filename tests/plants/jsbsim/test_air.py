@@ -4,13 +4,11 @@ import math
 
 import numpy as np
 import pytest
+from airframes import fdm_of
 
 import flighttune as ft
-from flighttune.plants.jsbsim.plant import LARGEST_SEED
 from flighttune.plants.weather import Gust, OscillatingWind, Turbulence, Weather, WindProfile
 from flighttune.simulate.disturbance import Sinusoid
-
-from .conftest import fdm_of
 
 DEG = math.pi / 180.0
 KNOT = 0.514444
@@ -175,7 +173,7 @@ def test_turbulence_near_the_ground_takes_the_height_above_it(fly):
 
 def test_turbulence_is_the_same_for_one_seed_and_another_for_another(fly):
     """The minimal standard generator of JSBSim has no state 0, and takes it for 1."""
-    seeds = (5, 5, 6, 0, 1, LARGEST_SEED)
+    seeds = (5, 5, 6, 0, 1, 2**31 - 3)
 
     flights = [fly((0.0, 1.0), duration=2.0, weather=BUMPY, seed=seed) for seed in seeds]
 

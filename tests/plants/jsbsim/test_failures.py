@@ -5,11 +5,10 @@ import re
 import threading
 
 import pytest
+from airframes import fdm_of
 
 import flighttune as ft
 from flighttune.aircraft.aircraft import OffNominal
-
-from .conftest import fdm_of
 
 LEVEL = ft.loop.FlightCondition(V_a=25.0)
 

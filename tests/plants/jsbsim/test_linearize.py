@@ -5,14 +5,13 @@ import math
 import jsbsim
 import numpy as np
 import pytest
+from airframes import fdm_of
 from scipy.linalg import block_diag
 
 import flighttune as ft
 from flighttune.plants.jsbsim.bench import CONTROLS
 from flighttune.plants.jsbsim.linearize import STATES, linearize, modes
 from flighttune.plants.jsbsim.trim import trim
-
-from .conftest import fdm_of
 
 JSBSIM_STATES = ("Vt", "Alpha", "Theta", "Q", "Beta", "Phi", "P", "R")
 

@@ -10,12 +10,11 @@ import jsbsim
 import numpy as np
 import pytest
 from places import SHIPPED_AIRCRAFT
-from published_aerosonde import accelerations, evaluated, measured
+from published_aerosonde import FT, LBF, accelerations, evaluated, measured
 
 import flighttune as ft
-from flighttune.aircraft.aircraft import OffNominal, load_aircraft
+from flighttune.aircraft.aircraft import OffNominal
 from flighttune.plants.jsbsim.fdm import Fdm
-from flighttune.units import FT, SLUG
 
 DEG = math.pi / 180.0
 ONE_PER_MILLE = 1e-3
@@ -54,7 +53,7 @@ def off_nominal(cg_shift=(0.0, 0.0, 0.0), coefficients=(), **factors):
 
 
 def aircraft(name, **off):
-    return Fdm(load_aircraft(name).with_off_nominal(off_nominal(**off)))
+    return Fdm(ft.loop.JSBSimPlant(name, off_nominal=off_nominal(**off)).config)
 
 
 @pytest.mark.parametrize("off", [*ALONE, ALL], ids=str)
@@ -65,7 +64,7 @@ def test_accelerations_are_those_of_the_published_coefficients_with_the_factors(
     force, angular = measured(fdm)
 
     expected, expected_angular = accelerations(*state, off_nominal(**off))
-    body = np.array(force) / (fdm.reader("inertia/mass-slugs")() * SLUG)
+    body = np.array(force) / (fdm.reader("inertia/mass-slugs")() * LBF / FT)
     assert list(body) == pytest.approx(list(expected), rel=ONE_PER_MILLE, abs=0.01)
     assert angular == pytest.approx(list(expected_angular), rel=ONE_PER_MILLE, abs=0.01)
     changed = [*expected, *expected_angular] != pytest.approx(

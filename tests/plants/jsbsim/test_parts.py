@@ -4,19 +4,17 @@ import shutil
 import subprocess
 
 import pytest
+from airframes import fdm_of
 from commands import flighttune
-from places import SHIPPED_AIRCRAFT
+from places import AIRCRAFT_NAMES, SHIPPED_AIRCRAFT
 
 import flighttune as ft
-from flighttune.aircraft.aircraft import load_aircraft
-from flighttune.files.shipped import TRUST_AIRCRAFT, aircraft_names
 from flighttune.plants.jsbsim import model_files
-from flighttune.plants.jsbsim.fdm import Fdm
 
 
 @pytest.fixture(autouse=True)
 def nothing_is_trusted(monkeypatch):
-    monkeypatch.delenv(TRUST_AIRCRAFT)
+    monkeypatch.delenv("FLIGHTTUNE_TRUST_AIRCRAFT")
     model_files._end_of_trial.cache_clear()
 
 
@@ -59,11 +57,9 @@ def test_a_part_elsewhere_is_refused_and_nothing_of_it_is_written(naming, tmp_pa
 
 
 def test_a_name_that_comes_back_into_the_folder_is_a_part(naming):
-    config = load_aircraft(naming("Engines/../Engines/direct"))
+    fdm = fdm_of(naming("Engines/../Engines/direct"))
 
-    Fdm(config)
-
-    assert {file.name for file in model_files.model_files(config)} == {
+    assert {file.name for file in model_files.model_files(fdm.config)} == {
         "aerosonde.xml", "aerosonde_motor.xml", "direct.xml"
     }  # fmt: skip
 
@@ -74,7 +70,7 @@ def test_a_model_of_jsbsims_is_a_name_and_no_path(naming):
     file.write_text(file.read_text().replace('"aerosonde.xml" ', '"../../elsewhere/x"'))
 
     with pytest.raises(ft.InputError, match="`model`"):
-        load_aircraft(folder)
+        fdm_of(folder)
 
 
 CRASHES = (
@@ -107,24 +103,24 @@ def test_a_command_ends_with_one_line_too(changed_aircraft):
 
 
 def test_files_are_tried_once_and_again_when_they_change(trials, changed_aircraft):
-    config = load_aircraft(changed_aircraft("aerosonde.xml", "x", "x"))
+    folder = changed_aircraft("aerosonde.xml", "x", "x")
 
-    Fdm(config)
-    Fdm(config)
+    fdm_of(folder)
+    fdm_of(folder)
     assert len(trials) == 1
 
-    file = config.folder / "aerosonde.xml"
+    file = folder / "aerosonde.xml"
     file.write_text(file.read_text() + "<!-- changed -->")
-    Fdm(config)
+    fdm_of(folder)
     assert len(trials) == 2
 
 
 def test_shipped_aircraft_are_not_tried_and_copies_of_them_are(trials, tmp_path):
-    for name in aircraft_names():
-        Fdm(load_aircraft(name))
+    for name in AIRCRAFT_NAMES:
+        fdm_of(name)
     assert not trials
 
     copy = tmp_path / "aircraft" / "aerosonde"
     shutil.copytree(SHIPPED_AIRCRAFT / "aerosonde", copy)
-    Fdm(load_aircraft(copy))
+    fdm_of(copy)
     assert len(trials) == 1

@@ -6,14 +6,12 @@ import re
 import numpy as np
 import published_aerosonde
 import pytest
+from airframes import fdm_of
 from places import SHIPPED_AIRCRAFT
 from published_aerosonde import RHO_1000_M, evaluated, measured, turning, wind_to_body
 from scipy.optimize import fsolve
 
 import flighttune as ft
-from flighttune.aircraft.aircraft import load_aircraft
-
-from .conftest import fdm_of
 
 DEG = math.pi / 180.0
 ONE_PER_MILLE = 1e-3
@@ -143,4 +141,4 @@ def test_aileron_and_elevator_must_be_there(changed_aircraft):
     folder = changed_aircraft("aircraft.toml", r"elevator = .*", "", aircraft="x8")
 
     with pytest.raises(ft.InputError, match=r"\[surfaces\] `elevator`"):
-        load_aircraft(folder)
+        ft.loop.JSBSimPlant(folder)

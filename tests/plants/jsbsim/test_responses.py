@@ -4,8 +4,7 @@ import math
 
 import numpy as np
 import pytest
-
-from .conftest import fdm_of
+from airframes import fdm_of
 
 DEG = math.pi / 180.0
 FINE = 0.005
