@@ -10,12 +10,14 @@ import flighttune as ft
 def made_up_plan(*expect: dict, runs: int = 800, design: str = "random") -> ft.Plan:
     """A plan of two plants and two gain sets, with three parameters of which one does nothing."""
     stated = expect or [{"at_most": {"chi": {"ITAE": 4.0, "settling_s": 5.0}}}]
+    gains = ["paper", "K3"]
+    tables = ft.load_scenario("level_turn").as_dict() | {"gains": gains, "expect": list(stated)}
     campaign = campaign_of(
-        ft.load_scenario("level_turn", changes={"expect": list(stated)}),
+        ft.scenario_from(tables),
         uniform("flight.V_a_mps", 23.0, 27.0),
         uniform("flight.phi_deg", -10.0, 10.0),
         one_of("limits.n_z_rate_per_s", 0.8, 1.0, 1.2),
-        gains=["paper", "K3"], scenario="level_turn", seed=1, runs=runs, design=design,
+        gains=gains, scenario="level_turn", seed=1, runs=runs, design=design,
     )  # fmt: skip
     return ft.plan_campaign(campaign)
 
