@@ -273,8 +273,9 @@ class _Flights:
                 names = ", ".join(name for names in DAMPING for name in names)
                 self._leave("damping", why=f"{self.label} has no aerodynamics named {names}")
         if "n_z" not in self.logged:
-            self._leave(
-                "n_z_late", why="without load-factor commands the log's load factor is flown"
+            self.notes.append(
+                "The log has no load-factor commands: its load factor is flown, and is later by "
+                "about minus the lag of the model."
             )
         if "h" not in run.signals:
             self.notes.append(f"The log has no height: the air is that at {NO_HEIGHT:g} m.")

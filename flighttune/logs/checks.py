@@ -24,6 +24,12 @@ EQUAL = (0.7, 1.4)
 # The same of what steps, lags and wind disturb more.
 TURNS = (0.4, 2.0)
 
+# The same of a flight that is level, or turns level, in the median.
+LEVEL = (0.6, 1.6)
+
+# The same of roll and turns: speeds in knots give 0.51 or 1.94, flights of ALFA 0.6 to 1.2.
+IN_TURNS = (0.55, 1.8)
+
 # Units taken for each other, and the factor that mends it; sizes between two of them are near both.
 MISTAKEN = (
     {"ft read as m": FT, "m read as ft": 1.0 / FT}
@@ -228,7 +234,8 @@ class _Check:
         there = np.isfinite(sideways * level) & (np.abs(np.abs(phi) - 45.0 * DEG) < 35.0 * DEG)
         if np.count_nonzero(there) * self.dt > 5.0:
             ratio = float(np.sum((sideways * level)[there]) / np.sum(level[there] ** 2))
-            end = "" if TURNS[0] < ratio < TURNS[1] else ": unit or sign of roll or course is wrong"
+            right = LEVEL[0] < ratio < LEVEL[1]
+            end = "" if right else ": unit or sign of roll, course or speed is wrong"
             self.notes.append(
                 f"the course turns {ratio:.2f} times as fast as the roll makes it{end}"
             )
@@ -256,8 +263,13 @@ class _Check:
         """Check load factor, path angle, climb and airspeed against what others make them."""
         values, flying = self.values, self.flying
         for name in ("n_z", "n_z_cmd"):
-            middle = _median(values[name] * flying) if name in values else math.nan
-            self.say(f"{name}, in the median of the flight,", middle, "level flight", (0.6, 1.6))
+            column = values.get(name, np.nan) * flying
+            middle = _median(column)
+            if abs(middle) < min(LEVEL[0], 2.0 * _median(np.abs(column - middle))):
+                said = f"{name} is {middle:.2g} in the median of the flight, where 1 is level"
+                self.wrong.append(f"{said}: a change by +1 would do (gravity is left out)")
+            else:
+                self.say(f"{name}, in the median of the flight,", middle, "level flight", LEVEL)
         if {"gamma", "theta"} <= values.keys():
             steep, pitch = self._without_lift("gamma", "theta")
             self.say("gamma", _ratio(steep, pitch, 0.15 * STILL), "theta and lift", (0.4, 2.5))
@@ -318,7 +330,7 @@ class _Check:
         if "V_g" in values:
             sideways = self.mean(turn * values["V_g"])
             ratio = _ratio(self.mean(G_0 * np.tan(phi)), sideways, 0.1)
-            self.say("phi", ratio, "course and speed in turns", (0.4, 2.5))
+            self.say("phi", ratio, "course and speed in turns", IN_TURNS)
         if "phi_cmd" in values:
             behind = (max(1, round(late / self.dt)) for late in BEHIND_S)
             ratios = [_ratio(values["phi_cmd"][:-k], (phi * flying)[k:], STILL) for k in behind]

@@ -27,9 +27,9 @@ from flighttune.units import DEG, FT, G_0, KNOT
 # Value of each unit that a log may have, in SI.
 UNITS = (
     dict.fromkeys(("", "1", "rad", "rad/s", "s", "m", "m/s", "m/s^2", "m/s2"), 1.0)
-    | {"deg": DEG, "deg/s": DEG, "ms": 1e-3, "mm": 1e-3, "cm": 1e-2, "cm/s": 1e-2}
-    | {"ft": FT, "ft/s": FT, "cdeg": 0.01 * DEG, "1e-7deg": 1e-7 * DEG, "us": 1e-6, "ns": 1e-9}
-    | {"km": 1e3, "km/h": 1.0 / 3.6, "kn": KNOT, "g": G_0, "mG": 1e-3 * G_0}
+    | {"deg": DEG, "deg/s": DEG, "°": DEG, "°/s": DEG, "cdeg": 0.01 * DEG, "1e-7deg": 1e-7 * DEG}
+    | {"ms": 1e-3, "us": 1e-6, "ns": 1e-9, "mm": 1e-3, "cm": 1e-2, "cm/s": 1e-2, "km": 1e3}
+    | {"ft": FT, "ft/s": FT, "km/h": 1.0 / 3.6, "kn": KNOT, "g": G_0, "mG": 1e-3 * G_0}
 )
 
 # What a log may have besides signals of a run; `sources.toml` says what they are.
@@ -39,12 +39,12 @@ RAW = (
     *("phi_err", "theta_err", "n_z_err", "vehicle", "trusted", *EVENTS),
 )
 
-# Endings of the columns of a table that say their unit, such as `chi_deg` and `chi [deg]`: of a
-# signal with several columns the first of these is read.
+# Endings of the columns of a table that say their unit, such as `chi_deg`, `chi [deg]` and
+# `chi (deg)`: of a signal with several columns the first of these is read.
 ENDINGS = (
     *("_ms:ms", "_s:s", "_m:m", "_mps:m/s", "_rad:rad", "_deg:deg", ""),
     *("_ft:ft", "_fps:ft/s", "_kt:kn", "_kmh:km/h"),
-    *(f" [{unit}]:{unit}" for unit in UNITS if unit not in ("", "g", "mG")),  # these two mean m/s2
+    *(f" {begin}{unit}{end}:{unit}" for unit in UNITS if unit for begin, end in ("[]", "()")),
 )
 
 # Columns that a message lists.
@@ -72,7 +72,9 @@ def _column(name: str, source: str, place: str) -> Column:
             f"{place}: the unit of `{name}` must be one of {', '.join(filter(None, UNITS))}, with "
             f"a minus in front for the other sign, got {unit!r}."
         )
-    return Column(field, sign * UNITS[unit.removeprefix("-")])
+    # A load factor counts g, an acceleration m/s2.
+    load_factor = name.startswith("n_") and unit.endswith(("g", "G"))
+    return Column(field, sign * UNITS[unit.removeprefix("-")] / (G_0 if load_factor else 1.0))
 
 
 def _columns(name: str, sources: Iterable[str], place: str) -> list[Column]:
@@ -118,9 +120,13 @@ def columns_of(
                 f"{place}: the column of `{name}` must be one of the file's, got "
                 f"{column.source!r}{nearest_name(column.source, header)}"
             )
-    shipped = _tables()["JSBSim"]
+    # Properties also stand without the path that JSBSim's own output puts before them.
+    shipped = {
+        x: [*sources, *(source.removeprefix("/fdm/jsbsim/") for source in sources)]
+        for x, sources in _tables()["JSBSim"].items()
+    }
     rolls = {column.source for column in _columns("phi", shipped["phi"], kind)}
-    of_jsbsim = shipped if "Time" in header and rolls & {*header} else {}
+    of_jsbsim = shipped if rolls & {*header} else {}
     places = {}
     for name in (*SIGNAL_UNITS, *RAW):
         sources = *of_jsbsim.get(name, ()), *(f"{name}{ending}" for ending in ENDINGS)

@@ -108,10 +108,11 @@ def on_one_base(
         raise RecordingError(f"{place}: must have roll at two times or more{column}, got none.")
     t_phi = raw["phi"][0]
     periods = {name: _period(t) for name, (t, _) in raw.items()}
-    if periods["phi"] > SLOWEST_S:
+    if (period := periods["phi"]) > SLOWEST_S:
+        unit = "ms" if period < SLOWEST_S / 1e-3 else "us"
         raise RecordingError(
-            f"{place}: must have roll every {SLOWEST_S:g} s, got one every {periods['phi']:.3g} s; "
-            "if the clock of a table counts ms, give --column t=COLUMN:ms."
+            f"{place}: must have roll every {SLOWEST_S:g} s, got one every {period:.3g} s; if the "
+            f"clock of a table counts {unit}, give --column t=COLUMN:{unit}."
         )
     # The fastest stream sets the sample time: on a slower base its samples would be means.
     dt = min(max(min(periods.values()), FINEST_DT), COARSEST_DT)
@@ -173,7 +174,7 @@ def in_order(place: str, name: str, stream: Stream) -> Stream:
 def _period(t: FloatArray) -> float:
     """Mean time between samples, s, without the longest breaks: messages may come in bursts."""
     steps = np.sort(np.diff(t))
-    return float(np.mean(steps[: max(1, round(USUAL * len(steps)))]))
+    return float(np.mean(steps[: max(1, round(USUAL * len(steps)))])) if len(steps) else math.inf
 
 
 def _fresh(values: FloatArray) -> npt.NDArray[np.intp]:

@@ -3,6 +3,7 @@
 import math
 
 import numpy as np
+import pandas as pd
 import pytest
 from commands import answer, flighttune
 from log_files import heavy_cessna, sampled, write_csv
@@ -45,6 +46,17 @@ def test_mass_lag_and_wind_of_a_flight_come_back(log):
     assert (law["flown"], aircraft["flown"]) == ("kinematic", "c172p")
     assert explained["phi"] < 0.2 * aircraft["phi"] < aircraft["phi"] < law["phi"]
     assert (log.parent / "gap" / "gap.svg").stat().st_size > 10_000
+
+
+@pytest.mark.soak
+def test_the_mass_comes_back_without_load_factor_commands(log):
+    table = pd.read_csv(log).drop(columns="n_z_cmd")
+    table.to_csv(log.with_stem("without"), index=False)
+
+    gap = ft.gap(log.with_stem("without"), aircraft="c172p")
+
+    assert gap.factors["mass"][0] == pytest.approx(MASS, abs=2.0 * MASS_ERROR)
+    assert "The log has no load-factor commands: its load factor is flown" in gap.notes[0]
 
 
 def of_two_parameters(second):

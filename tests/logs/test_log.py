@@ -156,20 +156,28 @@ def test_a_table_of_older_programs_is_read_and_its_other_columns_listed(tmp_path
 
 @pytest.mark.parametrize(
     ("label", "value"),
-    [("V_a_kt", 50.0), ("V_a [km/h]", 92.6), ("/fdm/jsbsim/velocities/vt-fps", 84.39)],
+    [
+        ("V_a_kt", 50.0),
+        ("V_a [km/h]", 92.6),
+        ("/fdm/jsbsim/velocities/vt-fps", 84.39),
+        ("velocities/vt-fps", 84.39),
+    ],
 )
-def test_units_in_the_labels_of_a_table_are_read(clean, tmp_path, label, value):
+@pytest.mark.parametrize("encoding", ["utf-8", "latin-1"])
+def test_units_in_the_labels_of_a_table_are_read(clean, tmp_path, label, value, encoding):
     """50 kn are 92.6 km/h and 84.39 ft/s."""
     (t, signals), path = clean, tmp_path / "flight.csv"
-    of_jsbsim = label.startswith("/")
-    time, roll = ("Time", "/fdm/jsbsim/attitude/phi-deg") if of_jsbsim else ("t [s]", "phi [deg]")
-    degrees = np.degrees(signals["phi"])
-    pd.DataFrame({time: t, roll: degrees, label: value}).to_csv(path, index=False)
+    before, jsbsim, _ = label.rpartition("velocities/vt-fps")
+    time = f"{before}simulation/sim-time-sec" if jsbsim else "t [s]"
+    roll = f"{before}attitude/phi-deg" if jsbsim else "phi (°)"
+    columns = {time: t, roll: np.degrees(signals["phi"]), label: value, "n_z [g]": signals["n_z"]}
+    pd.DataFrame(columns).to_csv(path, index=False, encoding=encoding)
 
     read = ft.load_log(path).signals
 
     assert read["phi"].to_numpy() == pytest.approx(signals["phi"], abs=1e-9)
     assert read["V_a"].to_numpy() == pytest.approx(50.0 * 0.514444, abs=1e-3)
+    assert read["n_z"].to_numpy() == pytest.approx(signals["n_z"], abs=1e-9)
 
 
 def test_a_clock_of_whole_seconds_is_refused(table):
@@ -308,8 +316,8 @@ def test_units_signs_and_names_of_a_table_are_given(clean, tmp_path):
     [
         ("n_z", lambda n_z: -n_z, "after its sign was turned"),
         ("north", lambda north: north / FT, "axes of velocity or position are wrong"),
-        ("phi", lambda phi: -phi, "sign of roll or course is wrong"),
-        ("phi", np.degrees, "sign of roll or course is wrong"),
+        ("phi", lambda phi: -phi, "sign of roll, course or speed is wrong"),
+        ("phi", np.degrees, "sign of roll, course or speed is wrong"),
     ],
 )
 def test_what_a_log_says_about_its_own_signs_is_said(clean, tmp_path, name, change, says):
@@ -324,7 +332,12 @@ def test_what_a_log_says_about_its_own_signs_is_said(clean, tmp_path, name, chan
 @pytest.mark.parametrize(
     ("columns", "says"),
     [
-        ({"n_z": "n_z:g"}, "n_z, .*: a factor of 0.102 would do"),
+        ({"n_z": "n_z_mps2"}, "n_z, .*: a factor of 0.102 would do"),
+        ({"n_z": "excess"}, r"n_z is 0\.0.*: a change by \+1 would do"),
+        (
+            {f"v_{axis}": f"v_{axis}:kn" for axis in ("north", "east")} | {"V_a": "V_a_mps:kn"},
+            r"phi is (1\.9|2).* speed in turns: a factor of 0\.5144 would do \(kn read as m/s\)",
+        ),
         ({"n_z": "n_z:-1"}, "n_z, .*: a factor of -1 would do"),
         ({"V_a": "V_a_mps:kn"}, r"V_a in turns .*: a factor of 1\.944 would do \(m/s read as kn\)"),
         ({"V_a": "feet"}, r"V_a in turns .*: a factor of 0\.3048 would do \(ft read as m\)"),
@@ -340,6 +353,8 @@ def test_what_a_log_says_about_its_own_signs_is_said(clean, tmp_path, name, chan
 def test_a_column_that_others_contradict_is_said_with_its_factor(clean, table, columns, says):
     path = table(
         feet=lambda x: x["V_a"] / FT,
+        n_z_mps2=lambda x: 9.80665 * x["n_z"],
+        excess=lambda x: x["n_z"] - 1.0,
         magnetic=lambda x: x["chi"] - np.radians(12.0),
         p=lambda x: np.gradient(x["phi"], clean[0]),
         h_feet=lambda x: -x["down"] / FT,
