@@ -180,7 +180,8 @@ def _fates(numbers: Mapping[Fate, dict[str, set[int]]], skip: bool) -> list[str]
     """Sentences on what is flown of items and what is not; InputError refuses some."""
     no_place = numbers["no place"]
     if wrong := listed_items(numbers["refused"] | ({} if skip else no_place)):
-        skips = f"; `--set route.skip=true` leaves out {listed_items(no_place)}"
+        left = "it" if wrong == listed_items(no_place) else listed_items(no_place)
+        skips = f"; `--set route.skip=true` leaves {left} out"
         raise InputError(
             "`items` must be waypoints, circles, a take-off at the beginning, landings, returns, "
             "surveys or corridor scans, at heights above home, sea level or terrain and at "

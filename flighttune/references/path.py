@@ -5,7 +5,7 @@ are those seen from above.
 """
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import accumulate, pairwise
@@ -488,7 +488,11 @@ def _path(layout: _Layout) -> Path:
         for rate in (np.cos(courses), np.sin(courses))
     )
     profile = _profile(layout, ends.tolist())
-    height, slope = _heights(s[::SUBSTEPS], *profile, ability)
+
+    def place(distance: float) -> str:
+        return waypoints[laid[int(np.searchsorted(ends, distance)) - 1].waypoint - 1].name
+
+    height, slope = _heights(s[::SUBSTEPS], *profile, ability, place)
     climbs = np.diff(np.interp(ends, *profile)) / np.maximum(np.diff(ends), NO_LENGTH)
     stretches = tuple(
         Stretch(
@@ -566,17 +570,25 @@ def _climb(
 
 
 def _heights(
-    s: FloatArray, at: FloatArray, up: FloatArray, ability: Ability
+    s: FloatArray,
+    at: FloatArray,
+    up: FloatArray,
+    ability: Ability,
+    place: Callable[[float], str],  # name of the waypoint at a distance or next after it
 ) -> tuple[FloatArray, FloatArray]:
     """Heights of a profile in which each change of the climb is spread, and their slopes."""
     climbs = np.diff(up) / np.diff(at)
     bends = np.abs(np.diff(np.arctan(climbs)))
     pull_up = max(PULL_UP_S, ability.V_a * bends.max(initial=0.0) / (ability.g * PULL_UP_N_Z))
-    apart = np.diff(at[1:-1][bends > NO_TURN]).min(initial=math.inf)
-    if pull_up > PULL_UP_S and pull_up * ability.V_a > apart:
+    changes = at[1:-1][bends > NO_TURN]
+    apart = np.diff(changes)
+    if pull_up > PULL_UP_S and pull_up * ability.V_a > apart.min(initial=math.inf):
+        near = int(np.argmin(apart))
+        names = " and ".join(dict.fromkeys(place(float(x)) for x in changes[near : near + 2]))
         raise InputError(
-            f"`waypoints`: changes of the climb must be {pull_up * ability.V_a:.0f} m apart at "
-            f"{ability.V_a:g} m/s, got {apart:.0f} m; gentler climbs may be closer."
+            f"`waypoints`: changes of the climb at {names} must be {pull_up * ability.V_a:.0f} m "
+            f"apart at {ability.V_a:g} m/s, got {apart[near]:.0f} m; they may be closer "
+            "where climbs are gentler or the airspeed is lower."
         )
     # Heights are means over the distance of a pull-up.
     half = 0.5 * pull_up * ability.V_a

@@ -372,7 +372,7 @@ def test_an_airspeed_that_the_aircraft_does_not_fly_is_refused_by_its_item(tmp_p
 
     with pytest.raises(ft.InputError) as refusal:
         ft.route(file)
-    assert str(refusal.value).endswith(f"`--set route.skip=true` leaves out {named}.")
+    assert str(refusal.value).endswith(f"{named}; `--set route.skip=true` leaves it out.")
     left_out = ft.route(file, changes={"route.skip": True})
     assert f"Not flown of the plan: {named}." in left_out.scenario.notes
     assert "airspeed 25 m/s (assumed)" in left_out.conditions
