@@ -23,7 +23,7 @@ from flighttune.planning.source import Flights, flights
 from flighttune.plants.base import N_X_SIGNALS
 from flighttune.plants.jsbsim.plant import LARGEST_SEED
 from flighttune.scenario.schema import Scenario
-from flighttune.scenario.tables import TUNED_IDENTIFIED, ControllerTable
+from flighttune.scenario.tables import ControllerTable, default_gains
 from flighttune.simulate.loop import Flight, Sample, step_of
 from flighttune.simulate.run import Run, RunStatus
 from flighttune.units import DEG, wrap_angle
@@ -61,7 +61,7 @@ class FlightEnv(Env):
         Label of the plant; by default the first aircraft, else the first plant. A plant without
         weather meets the wind of the start.
     gains : str, optional
-        Gain set of `baseline`; by default ``tuned_identified`` if there is one, else the first.
+        Gain set of `baseline`; by default the one tuned for the aircraft, else the first.
     rate_hz : float, 1/s
         Actions per second. It replaces the rate of the scenario, and gains are tuned for it.
 
@@ -123,10 +123,10 @@ class FlightEnv(Env):
             stated = self._plan.scenario
         self._world = self.scenario = scenario = with_own(_at(rate_hz, stated))
         self._plant = plant or (*scenario.aircraft, *scenario.plant)[0].label
-        names = sorted(scenario.gain_names, key=lambda name: name != TUNED_IDENTIFIED)
+        names = scenario.gain_names
         if gains not in (None, *names):
             raise InputError(f"`gains` must be one of {', '.join(names)}, got {gains}.")
-        self._gains = gains or names[0]
+        self._gains = gains or default_gains(names)
         self._gain_set = None if self._plan is None else self._plan.gain_sets[self._gains]
         self._episode = _Episode(scenario, self._plant)
         limits = self._episode.limits

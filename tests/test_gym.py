@@ -52,6 +52,17 @@ def flown_by_the_law(env, **reset):
     return np.array(observations), np.array(rewards), (info, terminated, truncated, last)
 
 
+@pytest.mark.slow
+def test_the_law_has_gains_tuned_for_the_aircraft_where_others_are_listed_before():
+    both = ft.load_scenario("circuit", changes={"gains": ["paper", "tuned_fed_back"]})
+    actions = {}
+    for gains in (None, FED, "exact:paper"):
+        env = ft.gym.FlightEnv(both, gains=gains)
+        obs, _ = env.reset(seed=1)
+        actions[gains] = env.baseline(obs).tolist()
+    assert actions[None] == actions[FED] != actions["exact:paper"]
+
+
 @pytest.mark.parametrize("world", ["mission", "circuit_in_wind", "speed_change_in_turn"])
 def test_it_keeps_the_rules_of_gymnasium(world):
     with warnings.catch_warnings():

@@ -77,7 +77,7 @@ def band(  # noqa: PLR0913 - each is a choice of the user, and has a default
     predicted_from : {"wind"}, optional
         Put the band around a middle that is predicted from the wind of each flight.
     gains : str, optional
-        Gain set by name or file, by default tuned_identified, else the first.
+        Gain set by name or file, by default the one tuned for the aircraft, else the first.
     plant : str, optional
         Label of the plant, by default the first aircraft, else the first.
     air : {"calm", "wind", "light", "moderate", "severe"}, optional

@@ -37,7 +37,7 @@ from flighttune.plants.base import goes_by
 from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import (
     TUNED,
-    TUNED_IDENTIFIED,
+    TUNED_FOR_AIRCRAFT,
     Bound,
     ExpectTable,
     LawTable,
@@ -105,7 +105,8 @@ def flights_to_meet(
     scenario: Scenario, law: LawTable, table: CampaignTable | None = None
 ) -> Campaign:
     """Flights of a scenario by a law, dispersed as the `table` of a campaign says."""
-    tuned_names = {None, TUNED_IDENTIFIED, *law.law().names_of([TUNED_IDENTIFIED])}
+    tuned = list(TUNED_FOR_AIRCRAFT)
+    tuned_names = {None, *tuned, *law.law().names_of(tuned)}
     expect = [
         requirement.model_copy(update={"gains": None, "status": None})
         for requirement in scenario.expect
@@ -114,7 +115,7 @@ def flights_to_meet(
     if not expect:
         raise InputError(
             f"{scenario.title}: [[expect]] must bound a measure for all gain sets, or for "
-            f"{TUNED_IDENTIFIED}, to be met, got no such bound."
+            f"{' or '.join(tuned)}, to be met, got no such bound."
         )
     # The gains of the scenario are not flown, and none are tuned for the median.
     changed = {"expect": expect, "gains": ["paper"], "law": [law]}
@@ -359,7 +360,7 @@ def starting_gains(scenario: Scenario, law: Law) -> dict[str, PIGains]:
     """Gains tuned for a law, and those of a scenario, by name; without what does not exist."""
     sets: dict[str, PIGains | None] = {}
     listed = [split_name(name)[1] for name in scenario.gain_names]
-    for name in dict.fromkeys([TUNED_IDENTIFIED, TUNED, *listed]):
+    for name in dict.fromkeys([*TUNED_FOR_AIRCRAFT, TUNED, *listed]):
         with suppress(InputError):  # e.g. no aircraft is identified
             sets[name] = gain_set(scenario, law.names_of([name])[0])
     return {name: gains for name, gains in sets.items() if gains is not None}

@@ -216,7 +216,7 @@ def worst(  # noqa: PLR0913 - each is a choice of the user, and has a default
         requirement relative to its bound, by default margin if there are requirements, else
         ``chi.ITAE``.
     gains : str, optional
-        Gain set by name or file, by default tuned_identified, else the first.
+        Gain set by name or file, by default the one tuned for the aircraft, else the first.
     plant : str, optional
         Label of the plant, by default the first.
     completed : bool

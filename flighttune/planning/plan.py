@@ -22,7 +22,7 @@ from flighttune.plants.base import goes_by
 from flighttune.quantities import Table
 from flighttune.scenario.load import Place, as_recorded, leaves, with_values
 from flighttune.scenario.schema import Scenario
-from flighttune.scenario.tables import TUNED, TUNED_FED_BACK, TUNED_IDENTIFIED
+from flighttune.scenario.tables import TUNED, TUNED_FOR_AIRCRAFT, default_gains
 
 # Version of the plain values of a plan; other versions are refused
 VERSION = 1
@@ -33,7 +33,7 @@ FORMAT = 3
 # Keys that are text for the reader and change no row
 FOR_THE_READER = ("title", "verifies", "source")
 
-TUNED_SETS = TUNED, TUNED_IDENTIFIED, TUNED_FED_BACK
+TUNED_SETS = TUNED, *TUNED_FOR_AIRCRAFT
 
 # Largest difference between two tunings of the same problem, as a share of the largest gain
 TUNING_ROUNDING = 1e-6
@@ -140,7 +140,7 @@ class Plan:
         if chosen not in plants:
             raise InputError(f"`plant` must be one of {', '.join(plants)}, got {plant}.")
         names = list(self.gain_sets)
-        name = gains or (TUNED_IDENTIFIED if TUNED_IDENTIFIED in names else names[0])
+        name = gains or default_gains(names)
         if self.gain_sets.get(name) is None:
             got = f"{name!r}, which tuning did not find" if name in names else repr(name)
             raise InputError(f"`gains` must be one of {', '.join(names)}, got {got}.")

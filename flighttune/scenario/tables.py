@@ -712,6 +712,16 @@ TUNED_IDENTIFIED = "tuned_identified"
 # turbulence.
 TUNED_FED_BACK = "tuned_fed_back"
 
+# Those above, the best first.
+TUNED_FOR_AIRCRAFT = TUNED_FED_BACK, TUNED_IDENTIFIED
+
+
+def default_gains(names: Sequence[str]) -> str:
+    """The gain set flown where none is asked for: one tuned for the aircraft, or the first."""
+    sets = {name.rpartition(":")[2]: name for name in reversed(names)}
+    return next((sets[name] for name in TUNED_FOR_AIRCRAFT if name in sets), names[0])
+
+
 TuningModel: TypeAlias = Literal["kinematic", "identified"]
 
 
