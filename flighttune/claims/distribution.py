@@ -94,8 +94,8 @@ class Distribution:
 
     def sentence(self, flown: str) -> str:
         """The distribution in words; `flown` names the plant and its law."""
-        air = [AIR[name].format(text) for name, text in self._air.items()]
-        if not {*MOVING} & {*self._air}:
+        air = [AIR[name].format(text) for name, text in self.air_words.items()]
+        if not {*MOVING} & {*self.air_words}:
             air.insert(0, "calm air")
         drawn = [
             f"{words} {values}" + (f" ({how})" if how != "uniform" else "")
@@ -113,7 +113,7 @@ class Distribution:
             ("flown", flown, ""),
             ("airspeed", self.airspeeds, ""),
             *((_words(x), self._range(x), "fixed") for x in START_AND_GAINS if x in self.fixed),
-            *((name, text, "") for name, text in (self._air or {"air": "calm"}).items()),
+            *((name, text, "") for name, text in (self.air_words or {"air": "calm"}).items()),
             *(row for _, *row in self._drawn),
         ]
         for pair in self.correlation:
@@ -135,7 +135,7 @@ class Distribution:
         return tables.get(key) or bare.get(PLACE.sub("", key))
 
     @property
-    def _air(self) -> dict[str, str]:
+    def air_words(self) -> dict[str, str]:
         """The parts that move the air, disturb the rates, and add errors of sensors."""
         intensity = self._range("turbulence.intensity")
         if severity := self._range("turbulence.severity"):

@@ -98,8 +98,13 @@ def heights(path: Path, s: FloatArray, corridor: FloatArray | None, height: floa
     return chart
 
 
-def route_map(scenario: Scenario, path: Path, s: FloatArray, corridor: FloatArray | None) -> Chart:
-    """Seen from above, north up: planned path, waypoints, wind, and a corridor at distances `s`."""
+def route_map(
+    scenario: Scenario, path: Path, s: FloatArray, corridor: FloatArray | None, wind: str = ""
+) -> Chart:
+    """Seen from above, north up: planned path, waypoints, wind, and a corridor at distances `s`.
+
+    `wind`: of flights with winds of their own, which the scenario's does not tell.
+    """
     chart = Chart(title="Map", x="east [m]", y="north [m]", equal=True, height=MAP_HEIGHT)
     inside = path.s <= path.length
     east, north = path.east[inside], path.north[inside]
@@ -121,16 +126,20 @@ def route_map(scenario: Scenario, path: Path, s: FloatArray, corridor: FloatArra
         chart.points(east, north, INK, size=4.0)
         chart.label_points([(e, n, "rally") for n, e in rally])
     if scenario.wind is not None:
-        _wind_arrow(chart, np.array(scenario.wind.profile().at(scenario.flight.h_m)[:2]))
+        vector = np.array(scenario.wind.profile().at(scenario.flight.h_m)[:2])
+        _wind_arrow(chart, vector, wind or f"at the start {np.hypot(*vector):.3g} m/s")
     return chart
 
 
-def _wind_arrow(chart: Chart, wind: FloatArray) -> None:
-    """An arrow with the wind in the upper left corner, and its speed."""
+def _wind_arrow(chart: Chart, wind: FloatArray, words: str) -> None:
+    """An arrow with the wind in the upper left corner, where it has a direction, and words."""
     if (speed := float(np.hypot(*wind))) == 0.0:
         return
     (left, right), (_, top) = chart.x_ends(), chart.y_ends()
     size = ARROW * (right - left)
+    if words.endswith("anywhere"):
+        chart.text(left + 0.2 * size, top - 0.7 * size, f"wind {words}", shift=(0.0, 4.0))
+        return
     ahead = size * wind[::-1] / speed  # east and north
     aside = 0.2 * ahead[::-1] * [-1.0, 1.0]
     tail = np.array([left, top]) + 0.7 * size * np.array([1.0, -1.0]) - 0.5 * ahead
@@ -139,7 +148,7 @@ def _wind_arrow(chart: Chart, wind: FloatArray) -> None:
         across, up = np.transpose(line)
         chart.line(across, up, INK, width=1.8)
     place = (left + 1.4 * size, top - 0.7 * size)
-    chart.text(*place, f"wind at the start {speed:.3g} m/s", shift=(0.0, 4.0))
+    chart.text(*place, f"wind {words}", shift=(0.0, 4.0))
 
 
 # Colours of the loops cut at roll and at load factor, if no gains are compared.

@@ -97,7 +97,8 @@ def _map(band: Band, room: TurnBack | None) -> Chart:
     """The route from above with the corridor that the band claims, if it does, and its fences."""
     path, origin, _ = band.flights.route.where
     s = path.points(APART)
-    chart = route_map(band.flights.central, path, s, _corridor(band, "cross_track", s))
+    wind = band.flights.distribution.air_words.get("wind", "")
+    chart = route_map(band.flights.central, path, s, _corridor(band, "cross_track", s), wind)
 
     def rings(lines: Iterable[FloatArray], colour: str, name: str, dash: str = "") -> None:
         """Lines of north and east as one that is broken between them."""

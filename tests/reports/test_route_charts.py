@@ -11,7 +11,7 @@ from made_up import run_file
 import flighttune as ft
 from flighttune.present.chart import DASHED
 from flighttune.present.palette import LIMIT
-from flighttune.reports.charts import route_charts
+from flighttune.reports.charts import planned_path, route_charts, route_map
 from flighttune.reports.panels import errors
 from flighttune.simulate.run import run_styles
 from tests.present.test_chart import SVG, points
@@ -87,6 +87,18 @@ def test_the_arrow_points_where_the_air_moves(run):
     assert east[1] > east[0]
     assert north[1] == pytest.approx(north[0], abs=PIXEL_M)
     assert "wind at the start 6 m/s" in chart.svg()
+
+
+def test_winds_from_anywhere_have_words_and_no_arrow(run):
+    tables = {**run.provenance.scenario, "wind": {"speed_mps": 6.0, "from_deg": 270.0}}
+    path = planned_path(drawn(run))
+    assert path is not None
+
+    chart = route_map(ft.scenario_from(tables), path, path.s, None, "0 to 6 m/s from anywhere")
+
+    assert "wind 0 to 6 m/s from anywhere" in chart.svg()
+    with pytest.raises(StopIteration):
+        path_with(chart, "var(--ink)")
 
 
 @pytest.mark.slow
