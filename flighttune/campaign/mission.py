@@ -380,5 +380,5 @@ def _ways_inside(planned: PlannedRoute, fence: Fence, waypoint: int) -> str:
     return (
         f"It stays inside with {' or '.join(ways)}."
         if ways
-        else f"No lower airspeed or wind does: route and fence must be {least} m further apart."
+        else f"No lower airspeed or wind does: the route or the fence must be moved by {least} m."
     )

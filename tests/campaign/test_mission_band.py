@@ -79,7 +79,7 @@ def test_a_mission_planned_across_its_fence_leaves_it_before_a_flight(tmp_path):
 
     assert said.startswith("No: the planned path leaves the fence on the leg to item 4")
     assert "is up to 225.5 m outside" in said
-    assert "route and fence must be 226 m further apart" in said
+    assert "the route or the fence must be moved by 226 m" in said
     assert "the planned path leaves the fence" in failure
     assert not (tmp_path / "m.npz").exists()
     with pytest.raises(ft.FlightTuneError, match="leg to item 4"):
