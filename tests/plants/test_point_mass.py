@@ -8,6 +8,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import flighttune as ft
+from flighttune.plants.point_mass import turn_rates
 from flighttune.plants.weather import WindRecord
 
 G = 9.81
@@ -207,6 +208,8 @@ def test_impossible_values_are_refused():
         ft.loop.PointMassPlant(g=0.0)
     with pytest.raises(ft.InputError, match="`t` of a wind"):
         WindRecord(t=[0.0, 0.0], wind=np.zeros((2, 3)))
+    with pytest.raises(ft.InputError, match="`V_a` must be positive"):
+        turn_rates([25.0, math.nan], gamma=0.0, phi=0.0, n_z=1.0, turn="exact")
 
 
 def test_held_commands_and_disturbance_agree_with_high_accuracy_integration():

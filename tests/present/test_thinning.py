@@ -2,21 +2,7 @@
 
 import numpy as np
 
-from flighttune.present.chart import MAX_DRAWN, peaks, thinned
-
-
-def test_a_long_line_keeps_ends_and_every_single_spike():
-    t = np.arange(50_000)
-    lines = np.column_stack([np.sin(t / 3000.0), np.zeros(len(t))])
-    spikes = [7, 12_345, 33_333, 49_998]
-    lines[spikes, 1] = [5.0, -5.0, 3.0, -2.0]
-
-    kept = peaks(lines, most=1000)
-
-    assert {0, 49_999, *spikes} <= set(kept.tolist())
-    assert np.all(np.diff(kept) > 0)
-    assert len(kept) <= 2 * 1000 + 2
-    assert np.abs(np.interp(t, kept, lines[kept, 0]) - lines[:, 0]).max() < 0.02
+from flighttune.present.chart import MAX_DRAWN, thinned
 
 
 def test_a_thinned_line_keeps_its_peaks_its_gaps_and_its_ends():

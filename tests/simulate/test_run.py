@@ -3,7 +3,6 @@
 import pickle
 
 import numpy as np
-import pandas as pd
 import pytest
 
 import flighttune as ft
@@ -31,14 +30,6 @@ def test_signals_take_no_new_column_and_lose_none(run, change):
 
     assert list(run.signals.columns) == columns
     assert np.array_equal(run.signals.to_numpy(), values)
-
-
-def test_what_is_made_of_them_is_a_table_like_any_other(run):
-    mine = run.signals.assign(mine=1.0)
-    mine["twice"] = 2.0 * mine["chi"]
-
-    assert type(mine) is type(run.signals.copy()) is type(run.signals[["chi"]]) is pd.DataFrame
-    assert "twice" not in run.signals
 
 
 def test_a_run_sent_to_another_process_is_as_closed(run):

@@ -36,18 +36,9 @@ def test_each_limit_has_its_own_bound(printed):
     rows = replace(printed, limits=limits).limit_rows
 
     bounds = dict(zip(rows.names, rows.bound, strict=True))
-    assert [bounds[f"phi{end}"] for end in ("_min", "_max", "_rate_min", "_rate_max")] == [
-        1,
-        2,
-        3,
-        4,
-    ]
-    assert [bounds[f"n_z{end}"] for end in ("_min", "_max", "_rate_min", "_rate_max")] == [
-        5,
-        6,
-        7,
-        8,
-    ]
+    ends = "_min", "_max", "_rate_min", "_rate_max"
+    found = [bounds[f"{command}{end}"] for command in ("phi", "n_z") for end in ends]
+    assert found == [1, 2, 3, 4, 5, 6, 7, 8]
 
 
 @pytest.mark.parametrize(("beyond", "within"), [(1e-3, True), (-1e-3, False)])
