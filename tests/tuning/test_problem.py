@@ -61,6 +61,13 @@ def test_fixed_gains_take_part_in_the_limits_but_not_in_the_search(printed):
     assert slack == pytest.approx(printed.slack(ft.PAPER_GAINS.K.ravel()), abs=ROUNDING)
 
 
+def test_in_a_decoupled_structure_each_command_has_the_gains_of_its_own_channel():
+    scenario = ft.load_scenario("paper", changes={"tuning.structure": "decoupled"})
+    problem = ft.loop.tuning_problem(scenario)
+
+    assert np.array_equal(problem.K_fixed, DECOUPLED, equal_nan=True)
+
+
 @pytest.mark.parametrize("seed", range(5))
 def test_starts_are_stable_inside_the_bounds_and_the_same_for_one_seed(seed):
     problem = ft.loop.TuningProblem(
