@@ -402,6 +402,9 @@ def existing_file(
     """A file, or the shipped one of that name, maybe with its ending and one of its `folders`."""
     file = Path(path)
     if file.is_file():
+        if file.suffix.lower() not in ("", ".toml"):
+            also = "a file of another kind that the command reads"
+            raise ScenarioError(f"{path}: must be a {kind} (.toml), or {also}, got {file.suffix}.")
         return file
     name = file.name.removesuffix(".toml")
     if name in shipped and file.parent in (Path(), *map(Path, folders)):

@@ -96,6 +96,7 @@ def test_infeasible_gains_are_not_flown_and_say_so(tmp_path):
         ("export oscillating_wind --gains paper --out x", "`disturbance.as_wind` must be absent"),
         ("export paper_as_printed --gains paper --out x", "`plant` must"),
         ("campaign first_campain", "did you mean first_campaign?"),
+        (f"certify {__file__}", ".py: must be a scenario (.toml), or a file of another kind"),
         ("reproduce gain", "got gain; did you mean gains?"),
         ("band feasible_starts --start-deg 2", "must be absent for what is no scenario"),
         ("report paper --column a=b", "`--column` must be absent for what is no log"),
