@@ -55,6 +55,7 @@ def test_units_and_a_description_in_json_are_in_the_file_for_others(four_runs, t
     schema = pq.read_schema(run_file(tmp_path / "run.parquet", four_runs[1]))
     made = json.loads(schema.metadata[b"flighttune.run"])["provenance"]
 
+    assert all(field.metadata[b"unit"] for field in schema)
     for name, unit in (("t", b"s"), ("alpha", b"rad"), ("V_a", b"m/s")):
         assert schema.field(name).metadata == {b"unit": unit}
     assert made["scenario"]["flight"]["V_a_mps"] == 25.0
