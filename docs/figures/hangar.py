@@ -64,7 +64,7 @@ def adopted(model: str, folder: Path) -> dict[str, Any]:
         reason = f"its process ended with status {done.returncode}: {done.stderr}"
         answer = {"status": "refused", "reason": reason}
     if answer["status"] != "refused":
-        answer |= proved(folder)
+        answer |= proved(folder, fly=answer["status"] == "adopted")
     print(f"{model}: {answer['status']}", flush=True)
     kept.write_text(json.dumps({"model": model, **answer}), encoding="utf-8")
     return {"model": model, **answer}
@@ -76,11 +76,12 @@ def flighttune(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, capture_output=True, text=True, timeout=MAX_TIME_S)
 
 
-def proved(folder: Path) -> dict[str, Any]:
+def proved(folder: Path, *, fly: bool) -> dict[str, Any]:
     """Difference of the exported turn (rad, 1) and errors of the circuit, or why there are none."""
     exported = flighttune("export", folder / "turn.toml", "--json", "--out", folder / "export")
     differences = json.loads(exported.stdout or "{}").get("differences", {"": math.nan})
-    return {"export": max(differences.values()), "circuit": circuit(folder)}
+    flown = circuit(folder) if fly else {}
+    return {"export": max(differences.values()), "circuit": flown}
 
 
 def circuit(folder: Path) -> dict[str, Any]:
@@ -153,7 +154,9 @@ def listed(said: Iterable[tuple[str, str]]) -> str:
 
 def remarks_of(answer: dict[str, Any]) -> list[str]:
     """Why a model is not adopted, or does not fly the circuit."""
-    return [*filter(None, (answer["reason"], answer.get("circuit", {}).get("why")))]
+    why = answer.get("circuit", {}).get("why", "")
+    before, ended, reason = why.partition("tuned_fed_back: ")
+    return [*filter(None, (answer["reason"], f"misses the circuit: {reason}" if ended else before))]
 
 
 def hangar_text(answers: Sequence[dict[str, Any]]) -> str:
@@ -164,9 +167,9 @@ def hangar_text(answers: Sequence[dict[str, Any]]) -> str:
         sum(one["flown"]["tuned"]["ITAE"][c] < one["flown"]["paper"]["ITAE"][c] for one in adopted)
         for c in ("chi", "gamma")
     )
-    fits = [min(one["fit_percent"][key] for one in flown) for key in ("phi", "n_z")]
+    fits = [min(one["fit_percent"][key] for one in adopted) for key in ("phi", "n_z")]
     height = max(one["circuit"].get("height_err_m", 0.0) for one in adopted)
-    most = max(one["export"] for one in flown)
+    most = max(one["export"] for one in adopted)
     page = PAGE.read_text(encoding="utf-8")
     # kinds.py writes this part.
     kinds = page[page.index("## With every command") : page.index("## Remarks")]
@@ -199,7 +202,7 @@ Gains tuned on the identified model have a smaller ITAE than the paper's K* scal
 
 {kinds}## Remarks
 
-What else is said of a model, of its engines, inertias and flight control, `adopt` prints.
+`adopt` prints what else is said of a model.
 
 {listed((one["model"], remark) for one in flown for remark in remarks_of(one))}
 
