@@ -11,19 +11,11 @@ from typing import Literal, TypeAlias, TypeVar
 import numpy as np
 
 from flighttune.arrays import FloatArray, check_at_least
-from flighttune.campaign.counted_flights import (
-    at_random,
-    check_one_path,
-    check_random,
-    distribution_of,
-    in_air,
-    plan_in,
-    plan_of,
-    room_of,
-)
+from flighttune.campaign import counted_flights
 from flighttune.campaign.engine.pool import WorkerPool
 from flighttune.campaign.engine.progress import CampaignObserver
 from flighttune.campaign.flying.rows import fly_group
+from flighttune.claims import shape as shapes
 from flighttune.claims.band import ROOM, Band, read_counted
 from flighttune.claims.count import LOOK, fresh_flights
 from flighttune.claims.counted import (
@@ -36,33 +28,11 @@ from flighttune.claims.counted import (
     axis_of,
     wind_at_start,
 )
-from flighttune.claims.shape import (
-    MAX_NUMBERS,
-    MAX_RESIDUAL_WINDOWS,
-    MAX_WINDOWS,
-    MIN_LEARNED,
-    PART,
-    Extremes,
-    learned_shape,
-    predicted,
-    scores_of,
-    window_edges,
-    window_extremes,
-)
 from flighttune.errors import InputError
 from flighttune.files.load import BAND, written
 from flighttune.flight.conditions import reference_of, start_condition
+from flighttune.gaps import watch
 from flighttune.gaps.residual import RESIDUALS, ConformantModel, conformant_model, residuals_of
-from flighttune.gaps.watch import (
-    SignalModel,
-    columns_of,
-    dt_of,
-    models_of,
-    moments,
-    residuals,
-    taught,
-    units_of,
-)
 from flighttune.metrics import OFF_ROUTE
 from flighttune.planning.plan import Plan
 from flighttune.planning.source import Flights
@@ -115,7 +85,9 @@ def drawn(
     group = plan.chosen_group(
         plant or next(labels, None), gains if gains in plan.gain_sets else None
     )
-    campaign = at_random(plan.campaign if air is None else in_air(plan.campaign, air))
+    campaign = counted_flights.at_random(
+        plan.campaign if air is None else counted_flights.in_air(plan.campaign, air)
+    )
     if seed is not None:
         campaign = campaign.model_copy(update={"seed": seed})
     return replace(plan.of_group(group), campaign=campaign)
@@ -138,12 +110,14 @@ def counted_on(
 ) -> C:
     """A kind of count of the flights of a plan; it ends early where the answer is `certain`."""
     # Half of the flights that a monitor learns from teach its weights, the others its limits.
-    check_at_least(2 * MIN_LEARNED if kind.of == "monitor" else MIN_LEARNED, learn=learn)
+    check_at_least(
+        2 * shapes.MIN_LEARNED if kind.of == "monitor" else shapes.MIN_LEARNED, learn=learn
+    )
     plan = plan.with_runs(learn + fresh_flights(flights, epsilon, confidence))
     (group,) = plan.groups
     windy = predicted_from is not None
-    distribution = distribution_of(plan.campaign, group.plant)
-    check_random(place, distribution, plan.campaign.central)
+    distribution = counted_flights.distribution_of(plan.campaign, group.plant)
+    counted_flights.check_random(place, distribution, plan.campaign.central)
     for key in {*TIME_AXIS} & {*plan.keys}:
         raise InputError(f"{place}: `{key}` must be the same in all flights of a band.")
     if windy and not any(key.startswith("wind.") for key in distribution.dispersed):
@@ -192,14 +166,14 @@ def _learned(
     kept = _flown(pool, plan, about, flights, draws, "learning", anywhere=True)
     epsilon, _ = about.planned or (about.epsilon, about.confidence)
     try:
-        coefficients, half = learned_shape(*kept, epsilon)
+        coefficients, half = shapes.learned_shape(*kept, epsilon)
     except InputError as error:
         raise InputError(f"{error}{why_ended(pool.progress.endings)}") from error
     room = HEIGHT_ROOM if about.of == "turn_back" else [x.room for x in about.models] or 1.0
     return coefficients, half * room
 
 
-def _taught(pool: WorkerPool, plan: Plan, about: About) -> tuple[SignalModel, ...]:
+def _taught(pool: WorkerPool, plan: Plan, about: About) -> tuple[watch.SignalModel, ...]:
     """The models of a monitor with the weights of the first half of the flights learned from."""
     models = about.models
     if not models:
@@ -215,16 +189,18 @@ def _taught(pool: WorkerPool, plan: Plan, about: About) -> tuple[SignalModel, ..
         [part.reshape(size, size) for part, size in zip(flight, sizes, strict=True)]
         for flight in flights
     )
-    return taught(models, squares)
+    return watch.taught(models, squares)
 
 
-def _moments(models: Sequence[SignalModel], run: Run, _: Scenario) -> list[float]:
-    return np.concatenate([x.ravel() for x in moments(columns_of(models, run))]).tolist()
+def _moments(models: Sequence[watch.SignalModel], run: Run, _: Scenario) -> list[float]:
+    return np.concatenate(
+        [x.ravel() for x in watch.moments(watch.columns_of(models, run))]
+    ).tolist()
 
 
 def _signals(
     plan: Plan, of: Of, chosen: Iterable[str] | None
-) -> tuple[dict[str, str], tuple[SignalModel, ...]]:
+) -> tuple[dict[str, str], tuple[watch.SignalModel, ...]]:
     """Units of the signals of a kind, or of some recorded ones, and the models of a monitor."""
     if of in OWN_SIGNALS:
         return dict(OWN_SIGNALS[of]), ()
@@ -233,8 +209,8 @@ def _signals(
         return {name: SIGNAL_UNITS[name] for name in names}, ()
     run = fly_group(plan, plan.campaign.central, plan.groups[0])
     if of == "monitor":
-        models = models_of(run.signals)
-        return units_of(models, SIGNAL_UNITS), models
+        models = watch.models_of(run.signals)
+        return watch.units_of(models, SIGNAL_UNITS), models
     names = dict.fromkeys(chosen or ())
     for name in names:
         if name not in run.signals:
@@ -253,12 +229,12 @@ def flights_of(plan: Plan, of: Of, signals: int, flights: int) -> BandFlights:
     length, per_unit = central.flight.duration_s, central.controller.rate_hz
     if of == "residual":
         central.check_over_time("a band of residual signals")
-    most = MAX_RESIDUAL_WINDOWS if of == "residual" else MAX_WINDOWS
+    most = shapes.MAX_RESIDUAL_WINDOWS if of == "residual" else shapes.MAX_WINDOWS
     followed, gains = reference_of(central), plan.gain_sets[group.gains]
     assert gains is not None  # of the group that was chosen
     if isinstance(followed, RouteReference):
         over, length, per_unit = "along", math.ceil(followed.path.length), 1.0
-    edges = window_edges(round(length * per_unit) + 1, flights, signals, most=most)
+    edges = shapes.window_edges(round(length * per_unit) + 1, flights, signals, most=most)
     if of == "turn_back":  # the largest after detection
         assert central.turn_back is not None  # its signals are of such flights
         edges = np.array([math.ceil(central.turn_back.detected_s * per_unit), edges[-1]])
@@ -267,7 +243,7 @@ def flights_of(plan: Plan, of: Of, signals: int, flights: int) -> BandFlights:
     return BandFlights(
         over=over,
         edges=edges / per_unit,
-        distribution=distribution_of(plan.campaign, group.plant),
+        distribution=counted_flights.distribution_of(plan.campaign, group.plant),
         scenario=plan.scenario,
         central=central,
         plant=group.plant,
@@ -282,10 +258,10 @@ def load_counted(path: str | Path) -> Counted:
     """Read a count; its windows, and the words for its flights, are those of its plan."""
 
     def of_plan(about: About) -> BandFlights:
-        plan = plan_in(about)
+        plan = counted_flights.plan_in(about)
         first = plan.runs - about.learned
-        if not 1 <= first <= MAX_NUMBERS:
-            raise InputError(f"`plan.runs` must be 1 to {MAX_NUMBERS} more than `learned`.")
+        if not 1 <= first <= shapes.MAX_NUMBERS:
+            raise InputError(f"`plan.runs` must be 1 to {shapes.MAX_NUMBERS} more than `learned`.")
         return flights_of(plan, about.of, len(about.signals), first)
 
     counted = read_counted(path, of_plan)
@@ -298,7 +274,9 @@ def load_counted(path: str | Path) -> Counted:
             f"before, got {counted.about.learned + counted.first}."
         )
     if counted.about.fences:
-        check_one_path(plan_in(counted.about), counted.draws.tolist())
+        counted_flights.check_one_path(
+            counted_flights.plan_in(counted.about), counted.draws.tolist()
+        )
     return counted
 
 
@@ -315,7 +293,7 @@ def kept_band(source: object) -> Band | None:
 def count_more(band: C, flights: int, pool: WorkerPool) -> C:
     """The count after `flights` draws of its campaign in all: an InputError refuses fewer."""
     counted = len(band.scores)
-    most = MAX_NUMBERS // (2 * band.about.half.size)
+    most = shapes.MAX_NUMBERS // (2 * band.about.half.size)
     allowed = [n for n in (band.first * DOUBLED).tolist() if counted < n <= most]
     if flights not in allowed:
         raise InputError(
@@ -324,23 +302,27 @@ def count_more(band: C, flights: int, pool: WorkerPool) -> C:
             "looking at a count would make its confidence false."
         )
     runs = band.draws_of(flights)[counted:].tolist()
-    plan = plan_of(band).with_runs(runs[-1] + 1)
+    plan = counted_flights.plan_of(band).with_runs(runs[-1] + 1)
     more = _flown(pool, plan, band.about, band.flights, runs)
     return band.with_flights(*more, pool.progress.endings)
 
 
 def check_shape(band: Counted, pool: WorkerPool) -> None:
     """Fly the flights learned from again; an InputError refuses a shape that they do not give."""
-    about, plan = band.about, plan_of(band)
+    about, plan = band.about, counted_flights.plan_of(band)
     models = about.models
-    units = units_of(models, SIGNAL_UNITS) if models else _signals(plan, about.of, about.signals)[0]
+    units = (
+        watch.units_of(models, SIGNAL_UNITS)
+        if models
+        else _signals(plan, about.of, about.signals)[0]
+    )
     if [*units.items()] != [*about.signals.items()]:
         raise InputError("`signals` must have the units of the flights.")
     for model, again in zip(models, _taught(pool, plan, about), strict=True):
         if not np.allclose(model.weights, again.weights, rtol=SAME_SHAPE, atol=0.0):
             raise InputError(f"`weights` of {model.name} must be those that its flights teach.")
     coefficients, half = _learned(pool, plan, about, band.flights)
-    moved = predicted(band.wind, coefficients - about.coefficients)
+    moved = shapes.predicted(band.wind, coefficients - about.coefficients)
     for name, off in (("half", half - about.half), ("coefficients", moved)):
         if not (np.abs(off) <= SAME_SHAPE * half).all():
             raise InputError(
@@ -367,7 +349,9 @@ def some_draws(band: Counted, flights: int) -> list[int]:
 def differing(band: Counted, draws: Sequence[int], pool: WorkerPool) -> list[int]:
     """The counted draws, in rising order, that differ by a bit when they are flown again."""
     chosen = np.searchsorted(band.draws, draws)
-    again, wind = _flown(pool, plan_of(band), band.about, band.flights, draws, "counting again")
+    again, wind = _flown(
+        pool, counted_flights.plan_of(band), band.about, band.flights, draws, "counting again"
+    )
     differ = (again != band.extremes[chosen]).any(axis=(1, 2, 3))
     differ |= (wind != band.wind[chosen]).any(axis=1) & np.isfinite(band.scores[chosen])
     return [draw for draw, other in zip(draws, differ, strict=True) if other]
@@ -378,7 +362,9 @@ def score(about: About, flights: BandFlights, run: Run, scenario: Scenario) -> f
     numbers = np.array(_probe(about, flights)(run, scenario))
     shape = (1, *about.half.shape, 2)
     extremes, wind = np.split(numbers, [math.prod(shape)])
-    return float(scores_of(extremes.reshape(shape), wind[None], about.coefficients, about.half)[0])
+    return float(
+        shapes.scores_of(extremes.reshape(shape), wind[None], about.coefficients, about.half)[0]
+    )
 
 
 def _probe(about: About, flights: BandFlights, anywhere: bool = False) -> Probe:
@@ -397,17 +383,17 @@ def _flown(
     doing: str = "counting",
     *,
     anywhere: bool = False,
-) -> tuple[Extremes, FloatArray]:
+) -> tuple[shapes.Extremes, FloatArray]:
     """Extremes of some runs, and their wind where the band is given it."""
     shape, probes = (*about.half.shape, 2), {"extremes": _probe(about, flights, anywhere)}
     lost = LOST * about.half.size
     if about.predicted_from is not None:
         lost += [0.0, 0.0]
     extremes, winds = [], []
-    parts = range(0, len(runs), PART)
+    parts = range(0, len(runs), shapes.PART)
     for number, first in enumerate(parts, 1):
         phase = f"{doing}{f', part {number} of {len(parts)}' if len(parts) > 1 else ''}"
-        rows = pool.in_order(plan, runs[first : first + PART], doing=phase, probes=probes)
+        rows = pool.in_order(plan, runs[first : first + shapes.PART], doing=phase, probes=probes)
         values = np.array([row.get("extremes", lost) for row in rows])
         extremes.append(values[:, : math.prod(shape)].astype(np.float32).reshape(-1, *shape))
         winds.append(values[:, math.prod(shape) :])
@@ -418,7 +404,7 @@ def _extremes(
     signals: list[str],
     edges: FloatArray,
     windy: bool,
-    model: ConformantModel | tuple[SignalModel, ...] | None,
+    model: ConformantModel | tuple[watch.SignalModel, ...] | None,
     anywhere: bool,
     run: Run,
     scenario: Scenario,
@@ -428,14 +414,14 @@ def _extremes(
     samples = np.searchsorted(axis, edges - SAME).clip(max=len(axis) - 1)
     samples[:-1] = samples[:-1].clip(max=len(axis) - 2)  # a window has a sample before its last
     if isinstance(model, tuple):
-        flown = residuals(model, columns_of(model, run), dt_of(run))
+        flown = watch.residuals(model, watch.columns_of(model, run), watch.dt_of(run))
     elif model is not None:
         flown = residuals_of(model, run, start_condition(scenario))  # from each sample to the next
     elif scenario.turn_back is not None and [*ROOM] == signals:
-        flown = room_of(run, scenario.turn_back)
+        flown = counted_flights.room_of(run, scenario.turn_back)
     else:
         flown = run.signals[signals].to_numpy()
-    values = np.ravel(window_extremes(flown, samples)).tolist()
+    values = np.ravel(shapes.window_extremes(flown, samples)).tolist()
     route = reference_of(scenario)
     moved = route.displacement(run.signals) if isinstance(route, RouteReference) else 0.0
     # A flight that is behind its start or blown back is not where its distances along and off the

@@ -14,21 +14,8 @@ import numpy.typing as npt
 from flighttune.arrays import FloatArray
 from flighttune.errors import InputError
 from flighttune.files.table import abridged
+from flighttune.references import maps
 from flighttune.references.items import HEADER, planner_items, stated_lines
-from flighttune.references.maps import (
-    PLANNER,
-    LatLon,
-    feature,
-    features,
-    json_bool,
-    json_number,
-    json_part,
-    kml_features,
-    map_file,
-    north_east,
-    on_earth,
-    reading,
-)
 from flighttune.references.path import Path as Route
 
 # Distance between the points of a path across which the fence is looked for, m.
@@ -161,7 +148,10 @@ class Room(NamedTuple):
 
 # Files that may have a fence, and those in which it is that of the mission itself.
 KINDS = "a plan, waypoints or a fence of Mission Planner, KML or GeoJSON with a Polygon"
-FENCE_FILES, OWN = (".plan", ".json", ".geojson", ".kml", ".kmz", *PLANNER), (".plan", *PLANNER)
+FENCE_FILES, OWN = (
+    (".plan", ".json", ".geojson", ".kml", ".kmz", *maps.PLANNER),
+    (".plan", *maps.PLANNER),
+)
 
 # Number of PX4 among the firmwares of MAVLink.
 PX4 = 12
@@ -185,18 +175,18 @@ def fence_tables(files: Sequence[Path], *, asked: bool = False) -> dict[str, Any
     single: list[dict[str, Any]] = []
     for file in files:
         before = len(shapes)
-        kind, content = map_file(file, FENCE_FILES, KINDS)
-        with reading(file, KINDS):
+        kind, content = maps.map_file(file, FENCE_FILES, KINDS)
+        with maps.reading(file, KINDS):
             if kind == "kml":
-                shapes += kml_features(content)
+                shapes += maps.kml_features(content)
             elif kind == "planner":
                 shapes += _of_plan(_planner_fence(content))
             elif kind == "plan":
-                areas = [*_of_plan(json_part(content, "geoFence", dict))]
+                areas = [*_of_plan(maps.json_part(content, "geoFence", dict))]
                 shapes += _one_area(areas) if _px4(content) else areas
             else:
                 single.append(content)
-                shapes += features(content)
+                shapes += maps.features(content)
             if asked and not any(x["geometry"]["type"] == "Polygon" for x in shapes[before:]):
                 raise InputError("must have a Polygon or circle for a fence, got none.")
     if len(files) == 1 and single:
@@ -232,25 +222,25 @@ def _planner_fence(text: str) -> dict[str, list[dict[str, Any]]]:
 
 def _of_plan(stated: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
     """Polygons and circles of a plan of QGroundControl."""
-    areas = [x for key in ("polygons", "circles") for x in json_part(stated, key, list)]
-    if corners := json_part(stated, "polygon", list):  # version 1, of plans before 2018
+    areas = [x for key in ("polygons", "circles") for x in maps.json_part(stated, key, list)]
+    if corners := maps.json_part(stated, "polygon", list):  # version 1, of plans before 2018
         areas.append({"polygon": corners})
     for area in areas:
-        inside = json_bool(area.get("inclusion", True), "`inclusion`")
+        inside = maps.json_bool(area.get("inclusion", True), "`inclusion`")
         if "circle" in area:
-            lat, lon = (json_number(x, "`center`") for x in area["circle"]["center"][:2])
-            radius = json_number(area["circle"]["radius"], "`radius`")
+            lat, lon = (maps.json_number(x, "`center`") for x in area["circle"]["center"][:2])
+            radius = maps.json_number(area["circle"]["radius"], "`radius`")
             if not (radius > 0.0 and abs(lat) <= 90.0):  # also catches NaN
                 raise InputError(f"`radius` of a circle must be positive, got {radius:g}.")
             corners = _circle((lat, lon), radius, outside=not inside)
         else:
             corners = [[point[1], point[0]] for point in area["polygon"]]
-        yield feature("Polygon", [[*corners, *corners[:1]]], {"exclusion": not inside})
+        yield maps.feature("Polygon", [[*corners, *corners[:1]]], {"exclusion": not inside})
 
 
 def _px4(plan: Mapping[str, Any]) -> bool:
     """Return true if a plan is for PX4, by the number of its firmware."""
-    return json_part(plan, "mission", dict).get("firmwareType") == PX4
+    return maps.json_part(plan, "mission", dict).get("firmwareType") == PX4
 
 
 def _one_area(shapes: list[dict[str, Any]]) -> list[dict[str, Any]]:
@@ -277,24 +267,24 @@ def _one_area(shapes: list[dict[str, Any]]) -> list[dict[str, Any]]:
         for ring in (whole.exterior, *whole.interiors)
     ]
     others = [x for x in shapes if x["properties"]["exclusion"]]
-    return [feature("Polygon", rings, {"exclusion": False}), *others]
+    return [maps.feature("Polygon", rings, {"exclusion": False}), *others]
 
 
-def _circle(centre: LatLon, radius: float, *, outside: bool) -> list[list[float]]:
+def _circle(centre: maps.LatLon, radius: float, *, outside: bool) -> list[list[float]]:
     """Longitudes and latitudes of the corners that stand for a circle, deg, from the north on."""
     radius /= math.cos(math.pi / CIRCLE_CORNERS) if outside else 1.0
     angles = np.arange(CIRCLE_CORNERS) * (math.tau / CIRCLE_CORNERS)
     places = radius * np.column_stack([np.cos(angles), np.sin(angles)])
-    return on_earth(places, centre)[:, ::-1].tolist()
+    return maps.on_earth(places, centre)[:, ::-1].tolist()
 
 
-def circle_of(ring: list[list[float]], *, outside: bool) -> tuple[LatLon, float] | None:
+def circle_of(ring: list[list[float]], *, outside: bool) -> tuple[maps.LatLon, float] | None:
     """Centre (deg) and radius (m) of the circle that a closed ring stands for; None if for none."""
     if len(ring) != CIRCLE_CORNERS + 1:
         return None
     north, south = ring[0][1::-1], ring[CIRCLE_CORNERS // 2][1::-1]
-    half = 0.5 * north_east((north[0], north[1]), (south[0], south[1]))[0]
-    lat, lon = on_earth(np.array([[half, 0.0]]), (south[0], south[1]))[0].tolist()
+    half = 0.5 * maps.north_east((north[0], north[1]), (south[0], south[1]))[0]
+    lat, lon = maps.on_earth(np.array([[half, 0.0]]), (south[0], south[1]))[0].tolist()
     radius = round(half * (math.cos(math.pi / CIRCLE_CORNERS) if outside else 1.0), 3)
     if radius <= 0.0:
         return None
@@ -303,7 +293,7 @@ def circle_of(ring: list[list[float]], *, outside: bool) -> tuple[LatLon, float]
     return ((lat, lon), radius) if same else None
 
 
-def read_fence(path: Path, origin: LatLon, tables: Any = None) -> Fence:
+def read_fence(path: Path, origin: maps.LatLon, tables: Any = None) -> Fence:
     """The fence of a file, about the start of a flight at `origin`.
 
     The file has Polygons in longitude and latitude, of which inner rings, and all with the property
@@ -319,16 +309,18 @@ def read_fence(path: Path, origin: LatLon, tables: Any = None) -> Fence:
     names: list[str] = []
     out: list[bool] = []
     numbers = {True: 0, False: 0}
-    with reading(path, KINDS):
+    with maps.reading(path, KINDS):
         shapes = [
-            x for x in (features(tables) if tables else ()) if x["geometry"]["type"] == "Polygon"
+            x
+            for x in (maps.features(tables) if tables else ())
+            if x["geometry"]["type"] == "Polygon"
         ]
         if not shapes:
             raise InputError("must have a Polygon for a fence, got none.")
         for shape in shapes:
-            stated = json_part(shape, "properties", dict)
+            stated = maps.json_part(shape, "properties", dict)
             low, high = _heights(stated, low, high)
-            outside = json_bool(stated.get("exclusion", False), "`exclusion`")
+            outside = maps.json_bool(stated.get("exclusion", False), "`exclusion`")
             numbers[outside] += 1
             area, kind = "exclusion" if outside else "area", ""
             if len(shapes) > 1:
@@ -377,7 +369,7 @@ def _heights(stated: Mapping[str, Any], low: float, high: float) -> tuple[float,
     if unknown := [key for key in stated if key not in KNOWN]:
         raise InputError(f"`properties` may be {', '.join(KNOWN)}, got {abridged(unknown[0])}.")
     floor, ceiling = (
-        json_number(stated[key], f"`{key}`") if key in stated else far
+        maps.json_number(stated[key], f"`{key}`") if key in stated else far
         for key, far in zip(HEIGHTS, FAR, strict=True)
     )
     if stated.get("exclusion") and (floor, ceiling) != FAR:
@@ -391,7 +383,7 @@ def _heights(stated: Mapping[str, Any], low: float, high: float) -> tuple[float,
 
 
 def _edges(
-    ring: FloatArray, origin: LatLon, most: int
+    ring: FloatArray, origin: maps.LatLon, most: int
 ) -> tuple[FloatArray, FloatArray, npt.NDArray[np.intp]]:
     """Edges of a ring that are straight in m, at most `most`.
 
@@ -414,13 +406,13 @@ def _edges(
     return _north_east(placed, origin), (sag / parts**2)[numbers], numbers
 
 
-def _north_east(places: FloatArray, origin: LatLon) -> FloatArray:
-    return np.array([north_east((lat, lon), origin) for lat, lon in places.tolist()])
+def _north_east(places: FloatArray, origin: maps.LatLon) -> FloatArray:
+    return np.array([maps.north_east((lat, lon), origin) for lat, lon in places.tolist()])
 
 
-def _ring(points: Iterable[Any], origin: LatLon) -> FloatArray:
+def _ring(points: Iterable[Any], origin: maps.LatLon) -> FloatArray:
     """Latitude and longitude of the corners of a ring, deg, each once, about a place."""
-    corners = [[json_number(point[i], "every coordinate") for i in (1, 0)] for point in points]
+    corners = [[maps.json_number(point[i], "every coordinate") for i in (1, 0)] for point in points]
     ring = np.array(corners).reshape(-1, 2)
     wrong = ~(np.abs(ring) <= (85.0, 180.0)).all(axis=1)  # also catches NaN
     if wrong.any():

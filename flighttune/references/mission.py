@@ -11,6 +11,7 @@ import numpy as np
 
 from flighttune.errors import InputError
 from flighttune.files.table import hash_of, shown
+from flighttune.references import maps
 from flighttune.references.fence import circle_of
 from flighttune.references.items import (
     ANY_AIRSPEED,
@@ -24,21 +25,6 @@ from flighttune.references.items import (
     place,
     planner_items,
     read_items,
-)
-from flighttune.references.maps import (
-    ROUTE_KEY,
-    Area,
-    LatLon,
-    RouteMap,
-    features,
-    json_number,
-    json_part,
-    kml_features,
-    map_file,
-    north_east,
-    on_earth,
-    reading,
-    with_hash,
 )
 from flighttune.references.path import Stretch
 from flighttune.units import DEG
@@ -64,16 +50,16 @@ def read_route(
     path as it is are always left out. `terrain`: a file that heights above terrain are flown by.
     `airspeeds`: the range of the aircraft, m/s; None if all is flown at one that the user states.
     """
-    kind, content = map_file(path, ROUTE_FILES, KINDS)
-    with reading(path, KINDS):
+    kind, content = maps.map_file(path, ROUTE_FILES, KINDS)
+    with maps.reading(path, KINDS):
         if kind == "planner":
             (*home, height), items = planner_items(content)
-            home = (*home, json_number(height, "the height of home"))
+            home = (*home, maps.json_number(height, "the height of home"))
             read = read_items(items, home, skip, terrain, airspeeds)
         elif kind == "plan":
             read = _plan(content, skip, terrain, airspeeds)
         else:
-            read = _line(kml_features(content) if kind == "kml" else features(content))
+            read = _line(maps.kml_features(content) if kind == "kml" else maps.features(content))
         rows = read.route["waypoint"]
         if len(rows) < 2:
             rally = len(read.route.get("rally", ()))
@@ -91,9 +77,11 @@ def _written(stated: object, path: object) -> RouteFile | None:
     """The route that flighttune wrote beside a path, if that is still the path of the file."""
     if not isinstance(stated, Mapping) or stated.get("path_sha256") != hash_of(path):
         return None
-    flight = {key: json_number(value, f"`{key}`") for key, value in stated["flight"].items()}
+    flight = {key: maps.json_number(value, f"`{key}`") for key, value in stated["flight"].items()}
     rows = {
-        key: [{**row, "up_m": json_number(row["up_m"], "`up_m`")} for row in stated["route"][key]]
+        key: [
+            {**row, "up_m": maps.json_number(row["up_m"], "`up_m`")} for row in stated["route"][key]
+        ]
         for key in ("waypoint", "rally")
     }
     notes = ["The waypoints are those from which flighttune planned the path of the file."]
@@ -102,15 +90,15 @@ def _written(stated: object, path: object) -> RouteFile | None:
 
 def _plan(tables: Mapping[str, Any], *options: Any) -> RouteFile:
     mission = tables["mission"]
-    if read := _written(tables.get(ROUTE_KEY), mission):
+    if read := _written(tables.get(maps.ROUTE_KEY), mission):
         return read
-    if (speed := json_number(mission.get("cruiseSpeed", 1.0), "`cruiseSpeed`")) <= 0.0:
+    if (speed := maps.json_number(mission.get("cruiseSpeed", 1.0), "`cruiseSpeed`")) <= 0.0:
         raise InputError(f"`cruiseSpeed` must be positive, got {speed:g} m/s.")
-    stated = [*json_part(mission, "plannedHomePosition", list), None, None, None][:3]
-    height = json_number(stated[2], "the height above sea level in `plannedHomePosition`")
-    home = (*(json_number(x, "`plannedHomePosition`", 0.0) for x in stated[:2]), height)
+    stated = [*maps.json_part(mission, "plannedHomePosition", list), None, None, None][:3]
+    height = maps.json_number(stated[2], "the height above sea level in `plannedHomePosition`")
+    home = (*(maps.json_number(x, "`plannedHomePosition`", 0.0) for x in stated[:2]), height)
     read = read_items(mission["items"], home, *options)
-    points = json_part(json_part(tables, "rallyPoints", dict), "points", list)
+    points = maps.json_part(maps.json_part(tables, "rallyPoints", dict), "points", list)
     rally = [place(f"rally point {i}", point[:3]) for i, point in enumerate(points, start=1)]
     return read._replace(route=read.route | {"rally": rally})
 
@@ -127,7 +115,7 @@ def _line(shapes: Sequence[Mapping[str, Any]]) -> RouteFile:
         raise InputError(f"must have one LineString, or in KML one track, got {got}.")
     line = lines[0]["geometry"]
     points, mode = line["coordinates"], line.get("altitudeMode", "absolute")
-    if read := _written(json_part(lines[0], "properties", dict).get(ROUTE_KEY), points):
+    if read := _written(maps.json_part(lines[0], "properties", dict).get(maps.ROUTE_KEY), points):
         return read
     if mode not in STATED_HEIGHTS:
         points = [point[:2] for point in points]
@@ -157,7 +145,7 @@ APART = 45.0 * DEG
 ABOVE_HOME, NO_FRAME = 3, 2
 
 
-def route_plan(route: RouteMap, V_a: float, ground: float) -> tuple[str, str]:
+def route_plan(route: maps.RouteMap, V_a: float, ground: float) -> tuple[str, str]:
     """A plan of a path at `V_a` (m/s) from a home at `ground` (m), and a note on its fence."""
     # Circles have the radius and the turns that are planned, and turn-arounds are waypoints along
     # their path. A corridor takes the place of the areas to stay in. The note says what becomes of
@@ -167,7 +155,7 @@ def route_plan(route: RouteMap, V_a: float, ground: float) -> tuple[str, str]:
 
     def at(s: float) -> tuple[float, ...]:
         point = path.beside(np.array([s]))
-        (lat, lon), up = on_earth(point, origin)[0].tolist(), float(point[0, 2])
+        (lat, lon), up = maps.on_earth(point, origin)[0].tolist(), float(point[0, 2])
         return round(lat, 8), round(lon, 8), round(h_0 + up - ground, 2)
 
     steps: list[tuple[int, tuple[float | None, ...], tuple[float, ...]]] = [
@@ -218,7 +206,7 @@ def route_plan(route: RouteMap, V_a: float, ground: float) -> tuple[str, str]:
         },
     }
     if route.stated:
-        tables[ROUTE_KEY] = with_hash(route.stated, tables["mission"])
+        tables[maps.ROUTE_KEY] = maps.with_hash(route.stated, tables["mission"])
     return json.dumps(tables, indent=1) + "\n", said
 
 
@@ -251,7 +239,7 @@ SIZES = (0.01, *np.geomspace(0.1, 2000.0, 40).tolist())
 HALVINGS = 14
 
 
-def _fewer_vertices(route: RouteMap) -> tuple[list[Area], str]:
+def _fewer_vertices(route: maps.RouteMap) -> tuple[list[maps.Area], str]:
     """Areas, of at most `MOST` vertices, that hold a path or windows of its corridor; a note."""
     import shapely
 
@@ -299,22 +287,27 @@ def _fewer_vertices(route: RouteMap) -> tuple[list[Area], str]:
     return [*rings, *circles], said
 
 
-def _vertices(areas: Sequence[Area]) -> int:
+def _vertices(areas: Sequence[maps.Area]) -> int:
     return sum(len(ring) - 1 for ring, _ in areas)
 
 
-def _polygon(ring: list[list[float]], origin: LatLon) -> Any:
+def _polygon(ring: list[list[float]], origin: maps.LatLon) -> Any:
     """A closed ring as a polygon north and east of a place, m."""
     import shapely
 
-    return shapely.Polygon([north_east((lat, lon), origin) for lon, lat, *_ in ring]).buffer(0.0)
+    return shapely.Polygon([maps.north_east((lat, lon), origin) for lon, lat, *_ in ring]).buffer(
+        0.0
+    )
 
 
-def _rings(shape: Any, outside: bool, origin: LatLon) -> list[Area]:
+def _rings(shape: Any, outside: bool, origin: maps.LatLon) -> list[maps.Area]:
     """The rings of a polygon, whose holes are areas to stay out of."""
     parts = [] if shape.is_empty else getattr(shape, "geoms", [shape])
     return [
-        (on_earth(np.array(ring.coords), origin)[:, ::-1].round(8).tolist(), outside or number > 0)
+        (
+            maps.on_earth(np.array(ring.coords), origin)[:, ::-1].round(8).tolist(),
+            outside or number > 0,
+        )
         for part in parts
         for number, ring in enumerate([part.exterior, *part.interiors])
     ]

@@ -12,25 +12,17 @@ import numpy.typing as npt
 from scipy.linalg import schur, solve_discrete_lyapunov
 
 from flighttune.arrays import FloatArray
+from flighttune.tubes import sample
 from flighttune.tubes.exact import enclosure_of
 from flighttune.tubes.forms import Form, Indices, Pieces
 from flighttune.tubes.interval import Interval, Unbounded
 from flighttune.tubes.proof import SYMBOLS, HandOver, for_ever, inside, return_map, settled
-from flighttune.tubes.sample import (
-    CHI_ERR,
-    EXTRA_LIFT,
-    GAMMA_ERR,
-    SPLITS,
-    Channel,
-    Cut,
-    SampledLoop,
-)
 
 # Symbols removed at a time
 REMOVED_AT_ONCE = 70
 
 # Cost of widening a row when symbols are removed; 1 for the other rows
-WEIGHT = {EXTRA_LIFT: 0.5, CHI_ERR: 0.1, GAMMA_ERR: 0.1}
+WEIGHT = {sample.EXTRA_LIFT: 0.5, sample.CHI_ERR: 0.1, sample.GAMMA_ERR: 0.1}
 
 CONSTRAINT_WEIGHT = 0.02
 
@@ -66,7 +58,7 @@ class Search:
     at which splitting stops; by default there is no split.
     """
 
-    def __init__(self, loop: SampledLoop, *, tolerance: float = 1.0, most: int = 0) -> None:
+    def __init__(self, loop: sample.SampledLoop, *, tolerance: float = 1.0, most: int = 0) -> None:
         scales = [
             law.step_up if np.isfinite(law.step_up) else 0.01 * min(law.upper - law.lower, 1e3)
             for law in loop.law.channels
@@ -103,7 +95,7 @@ class Search:
         rise = np.maximum(high, 0.0) - np.maximum(low, 0.0)
         return self._record(rise / np.maximum(high - low, 1e-300))
 
-    def cut(self, pieces: Pieces, channels: Sequence[Channel]) -> Cut | None:
+    def cut(self, pieces: Pieces, channels: Sequence[sample.Channel]) -> sample.Cut | None:
         """Split at the first limit that some flights of a piece clearly meet, some clearly not."""
         if len(pieces) < self._most:
             for i, channel in enumerate(channels):
@@ -159,14 +151,14 @@ class Search:
 
 def _row_to_replace(pieces: Pieces, form: Form) -> Indices:
     """A free row of the constraints, or the one that says most nearly what the new one will."""
-    q = pieces.values[:, pieces.rows : pieces.rows + SPLITS, 1:]
+    q = pieces.values[:, pieces.rows : pieces.rows + sample.SPLITS, 1:]
     g = form.coefficients[:, 1:]
     size = np.linalg.norm(q, axis=2) * np.linalg.norm(g, axis=1)[:, np.newaxis]
     alike = np.abs((q @ g[:, :, np.newaxis])[:, :, 0]) / np.maximum(size, 1e-300)
     return np.where(size == 0.0, 2.0, alike).argmax(axis=1)
 
 
-def coordinates(loop: SampledLoop) -> tuple[FloatArray, int] | None:
+def coordinates(loop: sample.SampledLoop) -> tuple[FloatArray, int] | None:
     """Rows W in which the settled loop contracts, and after how many samples; None if never."""
     steady, n = loop.steady, loop.rows
     pieces = Pieces(steady[np.newaxis], 0, SYMBOLS)
@@ -208,7 +200,7 @@ def _contracting(A: FloatArray, *, slow: bool) -> FloatArray:
 
 
 def settled_set(
-    loop: SampledLoop,
+    loop: sample.SampledLoop,
     W: FloatArray,
     samples: int,
     hulls: Mapping[int, FloatArray],

@@ -11,18 +11,7 @@ from flighttune.control.linear_model import closed_loop, closed_loops
 from flighttune.paper import parameters as printed
 from flighttune.paper.duffing import Duffing, DuffingCases
 from flighttune.paper.flight import initial_commands, largest_share
-from flighttune.paper.items.base import (
-    CHI,
-    GAIN_COLOURS,
-    GAMMA,
-    GREEN,
-    INDICATOR_LABELS,
-    MAGENTA,
-    STRONG,
-    Made,
-    marked_line,
-    sheet,
-)
+from flighttune.paper.items import base
 from flighttune.paper.parameters import DURATION, INDICATORS, STAR
 from flighttune.paper.study import Study
 from flighttune.present.chart import DASHED, Chart, Sheet
@@ -30,21 +19,21 @@ from flighttune.present.palette import INK, LIMIT, NEUTRAL
 from flighttune.theory.indicators import IndicatorArrays, indicators, indicators_batch
 
 # Disturbances of the oscillator besides noise
-HARD_COLOURS = {"constant L_d": GAMMA, "along the motion": GREEN}
+HARD_COLOURS = {"constant L_d": base.GAMMA, "along the motion": base.GREEN}
 
 # Widest strip drawn, as a share of the region: at its edge R(f) is zero and I(f) infinite.
 WIDEST_STRIP = 0.999
 
 OPTIMUM = "optimum without input constraints"
 NEAREST = "smallest I_K within the input constraints"
-GAIN_SET_COLOURS = {STAR: INK, OPTIMUM: GREEN, NEAREST: MAGENTA}
+GAIN_SET_COLOURS = {STAR: INK, OPTIMUM: base.GREEN, NEAREST: base.MAGENTA}
 
 
-def fig3(study: Study) -> Made:
+def fig3(study: Study) -> base.Made:
     """Draw panels (a) to (d) and the region."""
     duffing, cases = study.duffing, study.duffing.table.reset_index()
     noisy, strips = duffing.disturbed["noise"], _strips(duffing.model)
-    return Made(
+    return base.Made(
         figures={"fig3": _oscillator_panels(duffing), "fig3_region": _region(duffing, strips)},
         tables={"fig3": _time_histories(duffing), "fig3_cd": cases, "fig3_region": strips},
         values={
@@ -100,34 +89,39 @@ def _oscillator_panels(duffing: DuffingCases) -> Sheet:
     case, calm = duffing.disturbed["noise"], duffing.undisturbed
     # The logarithmic axis begins at 1e-3: a smaller value would leave a gap in the band.
     low, high = np.maximum(case.norm_f.min(axis=1), 1e-3), case.norm_f.max(axis=1)
-    a.band(case.t, low, high, CHI, name=f"{case.norm_f.shape[1]} noise runs")
-    a.line(case.t, case.norm_f[:, 0], CHI, width=0.9, name="one of them")
+    a.band(case.t, low, high, base.CHI, name=f"{case.norm_f.shape[1]} noise runs")
+    a.line(case.t, case.norm_f[:, 0], base.CHI, width=0.9, name="one of them")
     for name, colour in HARD_COLOURS.items():
         a.line(case.t, duffing.disturbed[name].norm_f[:, 0], colour, name=name)
     a.line(calm.t, calm.norm_f[:, 0], NEUTRAL, dash=DASHED, name="no disturbance")
     a.line(case.t, case.bound_over_time, INK, width=2.0, name="bound of Theorem 1")
     title = f"mean over the runs, β = α/2, δ = {printed.DUFFING_A['delta']:g}"
     b = Chart(title=title, y="mean of ‖f(x)‖ [1/s]", x_range=(0.0, DURATION))
-    for colour, (alpha, flight) in zip(STRONG, duffing.family.items(), strict=True):
+    for colour, (alpha, flight) in zip(base.STRONG, duffing.family.items(), strict=True):
         b.line(flight.t, flight.norm_f.mean(axis=1), colour, name=f"α = {alpha:g}")
     b.y_range = 0.0, b.y_ends()[1]
     c = Chart(title="measures of ‖f(x)‖ against R(f)", x="R(f) [1/s]", y="‖f(x)‖ [1/s]")
     d = Chart(title="measures of ‖f(x)‖ against I(f)", x="I(f) [1/s]", y="‖f(x)‖ [1/s]", log="x")
     for chart, key in ((c, "R_f"), (d, "I_f")):
         chart.x_room, chart.y_range = 0.05, (0.0, 0.75)
-        for measure, name, colour in (("mean", "mean", CHI), ("std", "standard deviation", GAMMA)):
-            marked_line(chart, duffing.table[key], duffing.table[measure], (colour, ""), name=name)
-    return sheet([a, b, c, d])
+        for measure, name, colour in (
+            ("mean", "mean", base.CHI),
+            ("std", "standard deviation", base.GAMMA),
+        ):
+            base.marked_line(
+                chart, duffing.table[key], duffing.table[measure], (colour, ""), name=name
+            )
+    return base.sheet([a, b, c, d])
 
 
 def _region(duffing: DuffingCases, strips: pd.DataFrame) -> Sheet:
     c, x = duffing.model.region, duffing.disturbed["noise"].x[:, :8]
     title, x_range, y_range = "where the condition of Theorem 1 holds", (-3.2, 3.2), (-2.8, 2.8)
     plane = Chart(title=title, x="x_1 [1]", y="x_2 [1/s]", x_range=x_range, y_range=y_range)
-    plane.band([-c, c], [-2.8, -2.8], [2.8, 2.8], CHI, name=f"it holds: |x_1| < {c:.3f}")
+    plane.band([-c, c], [-2.8, -2.8], [2.8, 2.8], base.CHI, name=f"it holds: |x_1| < {c:.3f}")
     for run in range(x.shape[1]):
         name = "" if run else f"noise, {x.shape[1]} runs"
-        plane.line(x[:, run, 0], x[:, run, 1], CHI, width=0.5, name=name, hover=False)
+        plane.line(x[:, run, 0], x[:, run, 1], base.CHI, width=0.5, name=name, hover=False)
     for name, colour in HARD_COLOURS.items():
         x_1, x_2 = duffing.disturbed[name].x[:, 0].T
         plane.line(x_1, x_2, colour, name=name, hover=False)
@@ -146,7 +140,7 @@ def _region(duffing: DuffingCases, strips: pd.DataFrame) -> Sheet:
         chart.line(strips["c"], strips[key], INK)
         chart.upright(c, LIMIT, dash=DASHED)
         charts.append(chart)
-    return sheet(charts)
+    return base.sheet(charts)
 
 
 def _shifted_by(study: Study, epsilon: FloatArray) -> IndicatorArrays:
@@ -156,7 +150,7 @@ def _shifted_by(study: Study, epsilon: FloatArray) -> IndicatorArrays:
     return indicators_batch(closed_loops(study.model, gains))
 
 
-def gains(study: Study) -> Made:
+def gains(study: Study) -> base.Made:
     """Compare K* with the optimum, its indicators with the printed ones, and its constraints."""
     star, best, near = study.indicators[STAR], study.optimum, study.constrained
     candidates = {STAR: study.star, OPTIMUM: best.gains, NEAREST: near.gains}
@@ -164,7 +158,7 @@ def gains(study: Study) -> Made:
     table = pd.DataFrame({name: _row(study, gain_set) for name, gain_set in sets.items()}).T
     optimal = best.gains.as_lists() if best.gains else {"K_P": None, "K_I": None}
     (R_K, I_K), uses = INDICATORS[STAR], initial_commands(study.star)
-    return Made(
+    return base.Made(
         figures={
             "gains": _plane(study),
             "gains_indicators": _disagreement(study),
@@ -203,19 +197,19 @@ def _row(study: Study, gain_set: PIGains) -> dict[str, float]:
 
 def _plane(study: Study) -> Sheet:
     chart = Chart(title="The plane of the indicators", height=300.0)
-    chart.x, chart.y = INDICATOR_LABELS.values()
+    chart.x, chart.y = base.INDICATOR_LABELS.values()
     chart.x_range, chart.y_range = (0.15, 0.85), (4.5, 10.0)
     curve = _shifted_by(study, np.linspace(-6.0, 1.25, 300))
     chart.line(curve.R_K, curve.I_K, NEUTRAL, name="K* − ε (I, I)", hover=False)
     chart.level(printed.I_STAR, name=f"I* = {printed.I_STAR:g}")
     for name, row in study.indicators.items():
-        chart.points(row.R_K, row.I_K, GAIN_COLOURS[name])
+        chart.points(row.R_K, row.I_K, base.GAIN_COLOURS[name])
     chart.points(*INDICATORS[STAR], LIMIT, name="K* as printed", shape="cross", size=5.0)
     best = study.optimum
     if math.isfinite(best.I_K):
-        chart.points(best.R_K, best.I_K, GREEN, name=OPTIMUM, shape="plus", size=6.0)
+        chart.points(best.R_K, best.I_K, base.GREEN, name=OPTIMUM, shape="plus", size=6.0)
     chart.label_points([(row.R_K, row.I_K, name) for name, row in study.indicators.items()])
-    return sheet([chart])
+    return base.sheet([chart])
 
 
 def _disagreement(study: Study) -> Sheet:
@@ -235,13 +229,13 @@ def _disagreement(study: Study) -> Sheet:
         ]
         # A logarithmic axis has no zero: the bar of full agreement ends at its lower edge.
         tops = np.maximum(sizes, 1e-3)
-        chart.bars(np.full(len(tops), 1e-3), tops, [GAIN_COLOURS[name] for name in INDICATORS])
+        chart.bars(np.full(len(tops), 1e-3), tops, [base.GAIN_COLOURS[name] for name in INDICATORS])
         chart.level(1.0, name="one unit of the last printed digit")
         for place, (size, top) in enumerate(zip(sizes, tops, strict=True)):
             text = f"{size:.2g}" if size < 10.0 else f"{size:.0f}"
             chart.text(place, top, text, anchor="middle", shift=(0.0, -5.0))
         charts.append(chart)
-    return sheet(charts)
+    return base.sheet(charts)
 
 
 def _constraints(sets: dict[str, PIGains]) -> Sheet:
@@ -264,10 +258,10 @@ def _constraints(sets: dict[str, PIGains]) -> Sheet:
             chart.text(place, share, text, anchor="middle", shift=(0.0, -4.0))
     chart.level(1.0, name="limit")
     chart.y_range = 0.0, 1.05 * chart.y_ends()[1]
-    return sheet([chart])
+    return base.sheet([chart])
 
 
-def table2(study: Study) -> Made:
+def table2(study: Study) -> base.Made:
     """Compare the printed table with the computed one."""
     rows = {}
     for name, row in study.indicators.items():
@@ -277,7 +271,7 @@ def table2(study: Study) -> Made:
         rows[name] = {"epsilon": epsilon, **pairs, "spectral_abscissa": row.spectral_abscissa}
     table = pd.DataFrame.from_dict(rows, orient="index").rename_axis("type")
     distance = (table["R_K"] - table["R_K_printed"]).abs()
-    return Made(
+    return base.Made(
         figures={"table2": _table2_panels(study, table)},
         tables={"table2": table.reset_index()},
         values=table[["R_K", "I_K"]].to_dict("index"),
@@ -288,22 +282,22 @@ def table2(study: Study) -> Made:
 def _table2_panels(study: Study, table: pd.DataFrame) -> Sheet:
     epsilon, charts = np.linspace(-4.5, 1.15, 300), []
     curve = _shifted_by(study, epsilon)
-    for key, label in INDICATOR_LABELS.items():
+    for key, label in base.INDICATOR_LABELS.items():
         chart = Chart(title=f"{key} of K* − ε (I, I)", x="ε [1]", y=label, x_room=0.05)
         chart.line(epsilon, getattr(curve, key), NEUTRAL, name="computed")
         rows = table[["epsilon", f"{key}_printed"]].itertuples()
         marks = [(x, y, str(name)) for name, x, y in rows]
         for x, y, name in marks:
             if name != STAR:
-                chart.points(x, y, GAIN_COLOURS[name])
+                chart.points(x, y, base.GAIN_COLOURS[name])
         star = table.loc[STAR, f"{key}_printed"]
         chart.points(0.0, star, LIMIT, name="K* as printed", shape="cross", size=5.0)
         chart.label_points(marks)
         charts.append(chart)
-    return sheet(charts)
+    return base.sheet(charts)
 
 
-def fig6(study: Study) -> Made:
+def fig6(study: Study) -> base.Made:
     """Draw the eigenvalues of A_K(0) with K*, and the disturbance."""
     values, t = study.indicators[STAR].eigenvalues, np.linspace(0.0, DURATION, 401)
     disturbance = printed.disturbance(printed.PRINTED_DISTURBANCE)
@@ -314,10 +308,10 @@ def fig6(study: Study) -> Made:
     plane.upright(0.0, LIMIT)
     plane.points(values.real, values.imag, INK)
     history = Chart(title="disturbance", y="disturbance [rad/s]", x_range=(0.0, DURATION))
-    history.line(t, d_chi, CHI, name="d_χ")
-    history.line(t, d_gamma, GAMMA, name="d_γ")
-    return Made(
-        figures={"fig6": sheet([plane, history])},
+    history.line(t, d_chi, base.CHI, name="d_χ")
+    history.line(t, d_gamma, base.GAMMA, name="d_γ")
+    return base.Made(
+        figures={"fig6": base.sheet([plane, history])},
         tables={
             "fig6": eigenvalues,
             "fig6_b": pd.DataFrame({"t_s": t, "d_chi_radps": d_chi, "d_gamma_radps": d_gamma}),
