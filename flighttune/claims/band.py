@@ -330,7 +330,7 @@ class Band(SignalBounds):
         sure = f"at a confidence of {confidence:.6g} for all that is said here"
         if self.not_completed > allowed:
             answer = f"No: of {flights} flights {self.lost}; at most {allowed} of {self.first} may."
-            odds = f"They ended so:{why_ended(self.endings)}."
+            odds = f"They ended so:{why_ended(self.endings).removesuffix('.')}."
         elif fenced is None:
             answer = "Yes: the mission can be flown. It has no fence to stay inside."
             odds = (
@@ -367,7 +367,7 @@ class Band(SignalBounds):
         if room is not None and room.claims:
             wide += f" Turning back takes {room.room.from_route:.0f} m beyond it."
         flown = self.flights.distribution.sentence(self.flights.flown).partition("; drawn")[0]
-        return [answer, odds, wide, f"It holds for {flown}; {planned.answer().verdict}."]
+        return [answer, odds, wide, f"It holds for {flown}, over {planned.answer().verdict}."]
 
 
 # Signals of flights that turn back, m, each the largest since they detected that they must: the
