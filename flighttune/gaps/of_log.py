@@ -274,8 +274,8 @@ class _Flights:
                 self._leave("damping", why=f"{self.label} has no aerodynamics named {names}")
         if "n_z" not in self.logged:
             self.notes.append(
-                "The log has no load-factor commands: its load factor is flown, and is later by "
-                "about minus the lag of the model."
+                "The log has no load-factor commands: its load factor is flown in their place, so "
+                "that a delay of about minus the lag of the model is found."
             )
         if "h" not in run.signals:
             self.notes.append(f"The log has no height: the air is that at {NO_HEIGHT:g} m.")
