@@ -347,7 +347,7 @@ def test_a_band_of_a_law_that_raises_says_why_and_how_often(tmp_path):
     file = tmp_path / "own.toml"
     file.write_text(to_toml(tables | {"route": {"waypoint": leg}, "limits": limits}))
     few = {"epsilon": 0.5, "confidence": 0.5, "learn": 10, "workers": 1}
-    ended = r"10 law_failed: .*'missing'.* It was 2[56]( to 26)? m along the route\."
+    ended = r"10 law_failed: .*'missing'.* on the leg to waypoint 2, 2[56]( to 26)? m along\."
 
     with pytest.raises(ft.InputError, match=rf"`learn` .* got 0\. {ended}$"):
         ft.band(file, start_deg=1.0, **few)

@@ -26,6 +26,7 @@ from flighttune.flight.conditions import command_limits, reference_of, start_con
 from flighttune.flight.flown import FlownScenario, bounded_loop, missed
 from flighttune.flight.fly import Progress, fly, fly_alone
 from flighttune.flight.models import law_setup, linear_model
+from flighttune.flight.route import planned_route
 from flighttune.metrics import CHANNELS, MEASURED, measures, measures_of, required_names
 from flighttune.planning.plan import Group, Plan
 from flighttune.planning.schema import MEASURES
@@ -365,7 +366,9 @@ def _fly_alone(
     if run.status == "completed":
         columns |= {name: probe(run, scenario) for name, probe in probes.items()}
     elif probes and "along" in run.signals and len(run.signals):  # rows of campaigns stay the same
-        columns["reason"] += f" It was {run.signals['along'].iloc[-1]:.0f} m along the route."
+        along = float(run.signals["along"].iloc[-1])
+        stretch = planned_route(scenario).reference.path.stretch_at(along).words
+        columns["reason"] += f" It was on the {stretch}, {along:.0f} m along."
     return columns
 
 
