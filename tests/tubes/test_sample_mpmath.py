@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from mpmath import mp, mpf
 
-from flighttune.tubes import exact as exact_module
 from flighttune.tubes import sample as sample_module
 from flighttune.tubes.exact import enclosure_of
 from flighttune.tubes.forms import Pieces
@@ -27,8 +26,7 @@ WIDTHS = np.array([0.02, 0.02, 0.02, 0.04, 0.01, 0.01, 0.02, 0.02])
 @pytest.fixture
 def thirty_digits(monkeypatch):
     # What is added for computed flights would hide a fault of rounding.
-    for module in (sample_module, exact_module):
-        monkeypatch.setattr(module, "COMPUTED", 0.0)
+    monkeypatch.setattr(sample_module, "COMPUTED", 0.0)
     with mp.workdps(DIGITS):
         yield
 
