@@ -99,6 +99,7 @@ def test_it_is_flown_recorded_flown_again_compared_and_reported(told):
         assert "rectangles:paper" in json.dumps(told[command])
 
 
+@pytest.mark.soak
 def test_its_gains_are_tuned_and_certified_on_its_linear_model(told):
     tuned, certified = told["tune"], told["certify"]
 

@@ -58,7 +58,7 @@ def test_a_jet_is_adopted(adopted):
     assert "Adopted means: both fits reach" in page
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_other_commands_take_the_folder(adopted, tmp_path):
     folder, found = adopted
 

@@ -52,7 +52,7 @@ def test_both_fly_the_same_draws_and_the_answer_has_both(beside, file):
     assert said in answer.summary[2]
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_ours_are_the_flights_that_a_campaign_has(beside):
     alone = ft.flights("circuit_in_wind", changes=SHORT).plan()
     row = beside.rows[(beside.rows["gains"] == "ours") & (beside.rows["draw"] == 1)].iloc[0]

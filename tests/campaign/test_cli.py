@@ -58,6 +58,7 @@ def test_one_json_object_says_what_was_flown(tmp_path, file, address):
     assert said.startswith(f"flighttune: {out}: must not hold a campaign, got one of 8 runs")
 
 
+@pytest.mark.soak
 def test_gains_of_a_file_are_flown_by_workers_elsewhere_resumed_and_kept(
     tmp_path, address, monkeypatch
 ):

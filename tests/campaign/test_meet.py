@@ -79,6 +79,7 @@ def test_gains_meet_the_requirements_when_they_are_flown(overshoot, met):
     assert chi["margin"] == pytest.approx(1.0 - chi["value"] / 3.0)
 
 
+@pytest.mark.soak
 def test_requirements_on_the_airspeed_are_met_as_fly_measures_it():
     step = load_scenario("speed_change_in_turn").as_dict()
     lagged, *_ = step.pop("plant")

@@ -60,6 +60,7 @@ def test_fly_records_the_score_and_says_whether_when_and_why_it_alarms(
     assert monitor.why_not(run) == "another monitor has scored it"
 
 
+@pytest.mark.soak
 def test_its_file_is_verified_and_other_weights_are_not(monitor, tmp_path):
     monitor.save(tmp_path / "monitor.npz")
     read = ft.load(tmp_path / "monitor.npz")

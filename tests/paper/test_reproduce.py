@@ -53,7 +53,7 @@ def test_an_item_has_figures_a_table_and_a_text(reproduction, name):
     assert "## Assumed" in text
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_the_table_of_a_figure_holds_what_was_flown(reproduction, study):
     table = pd.read_csv(reproduction[1] / "fig8.csv")
 

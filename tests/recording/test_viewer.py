@@ -102,6 +102,7 @@ def test_every_version_of_the_viewer_draws_what_it_opens_with(flown, first_shown
     assert complaints == []
 
 
+@pytest.mark.soak
 def test_it_has_the_tabs_in_order_and_refuses_others(viewer):
     assert list(viewer.tabs) == TABS
     with pytest.raises(ft.RecordingError, match="Overview"):

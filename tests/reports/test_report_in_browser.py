@@ -36,6 +36,7 @@ def test_the_page_fits_its_width_and_cuts_no_text_off(told, width):
     assert told[width]["cut"] == []
 
 
+@pytest.mark.soak
 @pytest.mark.parametrize("width", [PHONE, NARROW])
 def test_tables_are_cards_on_a_phone(told, width):
     assert told[width]["sideways"] == []
