@@ -54,7 +54,7 @@ def test_one_command_says_whether_a_mission_stays_inside_its_own_fence(tmp_path)
     assert "at a confidence of 0.9 for all that is said here: 0 of 9 flights did" in odds
     assert wide.startswith("The corridor is at most")
     assert "jsbsim:aerosonde under the" in holds
-    assert "at 26 m/s in wind 0 to 8 m/s from anywhere, light turbulence; " in holds
+    assert "at 26 m/s in wind 0 to 8 m/s from anywhere, light turbulence, over " in holds
     assert "wind 0 to 8 m/s from anywhere, light turbulence" in said["distribution"]
     assert 14.0 < said["route"]["time"] < 15.0  # 0.38 km at 26 m/s
     assert any("item 2 (DO_CHANGE_SPEED 178)" in note for note in said["notes"])
