@@ -1,7 +1,7 @@
 """Missions: planned, counted inside their fence, and turned back from."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
@@ -13,6 +13,7 @@ import numpy as np
 
 from flighttune.campaign.counted_flights import check_one_path, plan_of, turning_back
 from flighttune.campaign.counting import By, counted_on, drawn, kept_band
+from flighttune.campaign.engine.pool import WorkerPool
 from flighttune.campaign.engine.progress import CampaignObserver
 from flighttune.claims.band import KEPT, Band, TurnBack, check_off_route
 from flighttune.claims.count import flights_needed, fresh_flights
@@ -42,6 +43,9 @@ EPSILON, CONFIDENCE, LEARN, OUTSIDE = 0.05, 0.95, 15, 1
 # Flights that turn back to learn from.
 LEARN_TURNS = 60
 
+# Shares of the airspeed at which flights that ended early are flown again, the nearest first.
+SHARES = 0.9, 1.1, 0.8, 1.2
+
 # Values of a key that are tried for a path inside its fence, and the lowest airspeed, a share.
 TRIED, SLOWEST = 8, 0.4
 
@@ -64,6 +68,8 @@ class MissionOdds(Answering):
         The file of the band.
     terrain : Path or None
         The file of the terrain, if one was looked at.
+    way : str
+        At which airspeed flights that ended early complete, in a sentence; empty without any.
 
     Examples
     --------
@@ -79,6 +85,7 @@ class MissionOdds(Answering):
     files: Mapping[str, Path | None]
     file: Path | None = None
     terrain: str | Path | None = None
+    way: str = ""
 
     def with_room(self, room: TurnBack) -> "MissionOdds":
         """The answer with the room to turn back, written beside the file of the band."""
@@ -96,13 +103,15 @@ class MissionOdds(Answering):
         """The answer of the band, with the room to turn back beside it; a failure if one fails."""
         answer, room = self.band.answer(self.file or "FILE"), self.room
         answer = _over_ground(answer, self.band.flights.route, self.terrain, self.band)
+        whether, odds, *others = self.band.summary(room)
+        summary = [whether, f"{odds} {self.way}".rstrip(), *others]
         if room is None:
-            return replace(answer, files=self.files)
+            return replace(answer, summary=summary, files=self.files)
         said = room.answer(self.files.get("room") or "FILE")
         total = self.band.confidence + room.confidence - 1.0
         return replace(
             answer,
-            summary=self.band.summary(room),
+            summary=summary,
             values={**answer.values, "confidence": total, "turn_back": said.values},
             tables=[*answer.tables, said.tables[0]],
             notes=[*answer.notes, *said.notes, said.verdict],
@@ -197,12 +206,18 @@ def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
     of_flights = {"aircraft": aircraft, "like": like, "changes": changes}
     file, kept = None if out is None else Path(out), kept_band(source)
     own: Sequence[Path] = ()
-    if kept is None:
+
+    def planned(**more: Any) -> tuple[Plan, Flights]:
         assert not isinstance(source, Band)
+        changed = {**of_flights, "changes": {**(changes or {}), **more} or None}
+        stated = flights_of_source(source, **changed, terrain=terrain)
+        return drawn(stated, None, None, None, seed), stated
+
+    if kept is None:
         epsilon = EPSILON if epsilon is None else epsilon
         confidence = CONFIDENCE if confidence is None else confidence
-        stated = flights_of_source(source, **of_flights, terrain=terrain)
-        plan, place, own = drawn(stated, None, None, None, seed), stated.place, stated.fences
+        plan, stated = planned()
+        place, own = stated.place, stated.fences
     else:
         own_count = {"seed": seed is not None, "flights": flights, "until_sure": until_sure}
         for name, value in {**of_flights, **own_count}.items():
@@ -243,11 +258,30 @@ def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
     if out is not None:
         band.save(out)
     files = {"band": None if out is None else Path(out)}
-    odds = MissionOdds(band=band, files=files, file=file, terrain=terrain)
+    way = "" if kept else _airspeed_to_complete(band, plan, planned, by)
+    odds = MissionOdds(band=band, files=files, file=file, terrain=terrain, way=way)
     if turning is None:
         return odds
     turns = flights_needed(epsilon, confidence, OUTSIDE)
     return odds.with_room(count(TurnBack, plan=turning, flights=turns, learn=LEARN_TURNS))
+
+
+def _airspeed_to_complete(
+    band: Band, plan: Plan, planned: Callable[..., tuple[Plan, Flights]], by: By
+) -> str:
+    """At which airspeed flights that ended early complete; empty where not too many did."""
+    if not (lost := band.too_many_lost):
+        return ""
+    with WorkerPool(*by) as pool:
+        for share in SHARES:
+            V = float(f"{share * plan.scenario.flight.V_a_mps:.3g}")
+            with suppress(InfeasibleError, InputError):  # neither route nor aircraft need have it
+                other, _ = planned(**{"flight.V_a_mps": V})
+                rows = pool.in_order(other.with_runs(plan.runs), lost)
+                if all(row["status"] == "completed" for row in rows):
+                    they = "it completes" if len(lost) == 1 else f"these {len(lost)} complete"
+                    return f"With `--set flight.V_a_mps={V:g}` {they}."
+    return f"With {', '.join(f'{x:g}' for x in sorted(SHARES))} times the airspeed they do not."
 
 
 def _asked_fence(

@@ -321,6 +321,13 @@ class Band(SignalBounds):
             failure="" if count.supported else asked,
         )
 
+    @property
+    def too_many_lost(self) -> list[int]:
+        """Draws that did not complete, where they are more than a claim allows; else none."""
+        of = max(self.first, len(self.scores)), self.about.epsilon, self.about.confidence
+        lost = self.not_completed > allowed_outside(*of)
+        return self.draws[np.isinf(self.scores)].tolist() if lost else []
+
     def summary(self, room: "TurnBack | None" = None) -> list[str]:
         """The answer of a mission in four lines: whether, the odds, how wide, and for what."""
         about, flights, planned = self.about, len(self.scores), self.flights.route
@@ -328,7 +335,7 @@ class Band(SignalBounds):
         fenced = self.inside(about.fences[-1]) if about.fences else None
         confidence = self.confidence - (0.0 if room is None else 1.0 - room.confidence)
         sure = f"at a confidence of {confidence:.6g} for all that is said here"
-        if self.not_completed > allowed:
+        if self.too_many_lost:
             answer = f"No: of {flights} flights {self.lost}; at most {allowed} of {self.first} may."
             odds = f"They ended so:{why_ended(self.endings).removesuffix('.')}."
         elif fenced is None:

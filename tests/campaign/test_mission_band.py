@@ -206,3 +206,18 @@ def test_the_air_of_a_mission_may_be_that_of_another_campaign(tmp_path):
 
     assert "calm air" in band.sentence or "wind" not in band.sentence
     assert band.half_widths.max() < 0.5  # m: in calm air the circuit is flown within 0.2 m
+
+
+@pytest.mark.soak
+def test_an_airspeed_at_which_lost_flights_complete_is_said_and_flies():
+    """At 17.2 m/s the aircraft stalls in turbulence."""
+    few = {"epsilon": 0.3, "confidence": 0.9, "flights": 7}
+    short = {"route.waypoint": [{"north_m": n, "east_m": 0.0} for n in (0.0, 300.0)]}
+    at = {
+        V: ft.mission("circuit_in_wind", changes=short | {"flight.V_a_mps": V}, **few).answer()
+        for V in (17.2, 18.9)
+    }
+
+    assert "got 16.15 deg. It was on the leg to waypoint 2, 110 m along." in at[17.2].summary[1]
+    assert at[17.2].summary[1].endswith("With `--set flight.V_a_mps=18.9` it completes.")
+    assert at[18.9].summary[0].startswith("Yes: ")
