@@ -25,14 +25,8 @@ from flighttune.planning.schema import Campaign
 from flighttune.planning.source import Flights
 from flighttune.planning.source import flights as flights_of_source
 from flighttune.present.answer import Answer, Answering
+from flighttune.references import maps
 from flighttune.references.fence import Fence, fence_tables, own_fence, read_fence
-from flighttune.references.maps import (
-    NOT_SEEN,
-    clearance,
-    clearance_words,
-    on_earth,
-    volumes_geojson,
-)
 from flighttune.scenario.load import scenario_from, with_changes
 from flighttune.scenario.schema import Scenario
 
@@ -95,7 +89,7 @@ class MissionOdds(Answering):
             room.save(files["room"])
             if room.claims and self.band.claims:
                 files["volumes"] = self.file.with_suffix(".geojson")
-                text = volumes_geojson(self.band.flights.route.where, room.volumes(self.band))
+                text = maps.volumes_geojson(self.band.flights.route.where, room.volumes(self.band))
                 write_text(files["volumes"], f"{text}\n")
         return replace(self, room=room, files=files)
 
@@ -301,8 +295,8 @@ def _check_path(
 ) -> None:
     """Refuse a path below the ground or outside its fence, and a fence that cannot be counted."""
     planned, fresh = planned_route(plan.campaign.central), kept is None
-    if fresh and terrain and (low := clearance(terrain, planned.where))["over_ground_m"] < 0.0:
-        raise InfeasibleError(clearance_words("The planned path", low))
+    if fresh and terrain and (low := maps.clearance(terrain, planned.where))["over_ground_m"] < 0.0:
+        raise InfeasibleError(maps.clearance_words("The planned path", low))
     if not areas:
         return
     place = read_fence(fence, planned.where[1], areas)
@@ -359,16 +353,16 @@ def _over_ground(
 ) -> Answer:
     """An answer with the lowest place of a path, and of its corridor, over the ground."""
     if terrain is None:
-        return replace(answer, notes=[*answer.notes, NOT_SEEN])
-    seen = {"path": clearance(terrain, planned.where)}
+        return replace(answer, notes=[*answer.notes, maps.NOT_SEEN])
+    seen = {"path": maps.clearance(terrain, planned.where)}
     if band is not None and band.claims and not band.about.predicted_from:
-        seen["corridor"] = clearance(terrain, planned.where, band.corridor())
+        seen["corridor"] = maps.clearance(terrain, planned.where, band.corridor())
     below = min(lowest["over_ground_m"] for lowest in seen.values()) < 0.0
     said = zip(("The planned path", "The corridor"), seen.values(), strict=False)
     return replace(
         answer,
         values={**answer.values, "terrain": seen},
-        changed=[*starmap(clearance_words, said), *answer.changed],
+        changed=[*starmap(maps.clearance_words, said), *answer.changed],
         failure=answer.failure or BELOW_GROUND * below,
     )
 
@@ -383,7 +377,7 @@ def planned_inside(planned: PlannedRoute, fence: Fence, nearest: Mapping[str, An
             f"{nearest['margin_m']:.1f} m, {nearest['side']} ({edge})."
         )
     leaves = nearest["leaves_m"]
-    lat, lon = on_earth(path.beside(np.array([leaves])), origin)[0]
+    lat, lon = maps.on_earth(path.beside(np.array([leaves])), origin)[0]
     ways = _ways_inside(planned, fence, path.stretch_at(leaves).waypoint)
     return (
         f"No: the planned path leaves the fence on the {path.stretch_at(leaves).words}, "

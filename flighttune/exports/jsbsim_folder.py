@@ -25,13 +25,7 @@ from flighttune.control.law import OuterLoop
 from flighttune.control.mimo_pi import BEYOND_STOP
 from flighttune.errors import InputError
 from flighttune.files.whole import whole_file, write_text
-from flighttune.flight.conditions import (
-    command_limits,
-    lead_on,
-    reference_of,
-    start_condition,
-    weather_of,
-)
+from flighttune.flight import conditions
 from flighttune.flight.fly import aircraft_table, fly_once, plant_of
 from flighttune.flight.models import law_setup
 from flighttune.plants.jsbsim import properties
@@ -125,7 +119,7 @@ def export_jsbsim(
     """Write a flight as files that JSBSim flies by itself, fly them, and compare with `fly`."""
     scenario.check_over_time("an export", airspeed=True)
     table = aircraft_table(scenario, plant)
-    if weather := weather_of(scenario):
+    if weather := conditions.weather_of(scenario):
         moves = {
             "gust": weather.gust,
             "turbulence": weather.turbulence,
@@ -140,10 +134,12 @@ def export_jsbsim(
     aircraft_plant = plant_of(table, scenario)
     assert isinstance(aircraft_plant, JSBSimPlant)
     law, _ = scenario.law_of(name, gains)
-    setup = law_setup(scenario, gains, command_limits(scenario).within(aircraft_plant.limits))
+    setup = law_setup(
+        scenario, gains, conditions.command_limits(scenario).within(aircraft_plant.limits)
+    )
     if (loop := law.outer_loop(setup)) is None:
         raise law.refusal("outer_loop", "exported")
-    aircraft_plant.start(start_condition(scenario))
+    aircraft_plant.start(conditions.start_condition(scenario))
     fdm, folder = aircraft_plant.fdm, folder.absolute()
     assert fdm is not None
     frames = round(fdm.rate * setup.dt)
@@ -151,7 +147,7 @@ def export_jsbsim(
     whole = frames * fdm.steps
     still = AT_REST + 4.0 * fdm.engine_settles
     t_0 = math.ceil(still * fdm.rate / whole) * whole / fdm.rate
-    lead = lead_on(scenario, table)
+    lead = conditions.lead_on(scenario, table)
     sampled = _sampled(scenario, setup, loop, lead, scenario.sensors_on(table.label))
     values = _values(scenario, setup, loop, fdm)
     if "ft/outer/plan/n_z" in sampled:
@@ -267,7 +263,7 @@ def _outer_loop(loop: OuterLoop, frames: int, *, airspeed: bool) -> Element:
 
 def _values(scenario: Scenario, setup: LawSetup, loop: OuterLoop, fdm: Fdm) -> dict[str, float]:
     """Properties of the aircraft at rest before the flight, and those of the law."""
-    condition, limits, gains = start_condition(scenario), setup.limits, setup.gains
+    condition, limits, gains = conditions.start_condition(scenario), setup.limits, setup.gains
     assert gains is not None
     # An actuator with hysteresis begins where its input is in the first evaluation, and JSBSim runs
     # the flight control after the systems.
@@ -324,7 +320,7 @@ def _sampled(
     sensors: Sensors | None,
 ) -> dict[str, FloatArray]:
     """Inputs of the law at every sample that are not measured, by property."""
-    t, followed = _times(scenario, setup), reference_of(scenario)
+    t, followed = _times(scenario, setup), conditions.reference_of(scenario)
     chi, gamma = followed.sampled(t)
     sampled = {"ft/outer/chi-ref-rad": chi, "ft/outer/gamma-ref-rad": gamma}
     if isinstance(followed, Reference) and (airspeed := followed.airspeed(t)):

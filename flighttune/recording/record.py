@@ -36,15 +36,8 @@ from flighttune.recording.entities import (
 from flighttune.recording.page import blueprint, log_legends, scenario_page
 from flighttune.recording.plots import Plot, displayed, limits_of, shown_plots, with_derived
 from flighttune.recording.scene import log_route, log_scene, route_of, somewhere
+from flighttune.records import parquet
 from flighttune.records.compare import Comparison, comparison_table, overlaid
-from flighttune.records.parquet import (
-    ORIGIN,
-    check_recording,
-    files_shown,
-    parts_of,
-    record_bytes,
-    signal_files,
-)
 from flighttune.simulate.run import Run, claims_around
 
 DISPLAYS = ("DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET")
@@ -68,7 +61,7 @@ def stream_url(port: int) -> str:
 
 def viewer(path: str | Path, *, port: int | None = None) -> tuple[list[str], str]:
     """Command that opens a recording, and the address of the page if a browser is served."""
-    check_recording(path)
+    parquet.check_recording(path)
     command = [rerun_program(), "--bind", LOCAL, str(Path(path).resolve())]
     if port is None and has_screen():
         return [*command, "--port", "auto"], ""
@@ -156,8 +149,8 @@ def record(flown: FlownScenario, folder: str | Path, *, name: str = "flight") ->
     """
     folder = Path(folder)
     recording = folder / f"{name}.rrd"
-    paths = signal_files(flown.runs, folder)
-    runs = [parts_of(run) for run in flown.runs]
+    paths = parquet.signal_files(flown.runs, folder)
+    runs = [parquet.parts_of(run) for run in flown.runs]
     flight = [sha256 for _, _, sha256 in runs]
     picture = recording_bytes(
         flown.runs,
@@ -166,11 +159,11 @@ def record(flown: FlownScenario, folder: str | Path, *, name: str = "flight") ->
         # Without the private part of the path.
         origin={"folder": folder.name if folder.is_absolute() else str(folder), "sha256": flight},
     )
-    replaced = files_shown(recording) if recording.exists() else []
+    replaced = parquet.files_shown(recording) if recording.exists() else []
     # Nothing gets its name before all is written; the last one entered is renamed first.
     with ExitStack() as files:
         for path, parts in zip(paths, runs, strict=True):
-            files.enter_context(whole_file(path)).write_bytes(record_bytes(parts, flight))
+            files.enter_context(whole_file(path)).write_bytes(parquet.record_bytes(parts, flight))
         files.enter_context(whole_file(recording)).write_bytes(picture)
     for path in {*replaced} - {*paths}:
         path.unlink(missing_ok=True)
@@ -226,7 +219,7 @@ def _bytes(runs: Sequence[Run], page: str, title: str, origin: Mapping[str, Any]
     try:
         memory = stream.memory_recording()
         if origin is not None:
-            stream.send_property(ORIGIN, rr.AnyValues(**origin))
+            stream.send_property(parquet.ORIGIN, rr.AnyValues(**origin))
         recorded = runs_to_draw(runs)
         extended = with_derived(recorded)
         plots, route = shown_plots([flight.run for flight in extended]), route_of(extended)

@@ -16,15 +16,7 @@ from geographiclib.geodesic import Geodesic
 
 from flighttune.arrays import FloatArray, Floats
 from flighttune.errors import InputError, need
-from flighttune.files.table import (
-    MAX_BYTES,
-    abridged,
-    file_text,
-    hash_of,
-    json_object,
-    json_tables,
-    shown,
-)
+from flighttune.files import table
 from flighttune.files.xml import node
 from flighttune.references.path import STEP
 from flighttune.references.path import Path as Route
@@ -132,14 +124,14 @@ def json_number(value: object, name: str, null: float | None = None) -> float:
     if value is None and null is not None:
         return null
     if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < TOO_LARGE:
-        raise InputError(f"{name} must be a number, got {abridged(value)}.")
+        raise InputError(f"{name} must be a number, got {table.abridged(value)}.")
     return float(value)
 
 
 def json_bool(value: object, name: str) -> bool:
     """A value of a file that is true or false; InputError if it is another."""
     if not isinstance(value, bool):
-        raise InputError(f"{name} must be true or false, got {abridged(value)}.")
+        raise InputError(f"{name} must be true or false, got {table.abridged(value)}.")
     return value
 
 
@@ -148,7 +140,7 @@ def json_part(tables: Mapping[str, Any], key: str, kind: type[P]) -> P:
     value = tables.get(key)
     if not isinstance(value, kind | None):
         what = "a list" if kind is list else "an object"
-        raise InputError(f"`{key}` must be {what}, got {abridged(value)}.")
+        raise InputError(f"`{key}` must be {what}, got {table.abridged(value)}.")
     return kind() if value is None else value
 
 
@@ -163,8 +155,8 @@ def map_file(path: Path, endings: Sequence[str], kinds: str) -> tuple[str, Any]:
     if ending == ".kmz":
         return "kml", _kmz_text(path)
     if ending in (".kml", *PLANNER):
-        return "kml" if ending == ".kml" else "planner", file_text(path)
-    tables = json_tables(path)
+        return "kml" if ending == ".kml" else "planner", table.file_text(path)
+    tables = table.json_tables(path)
     return "plan" if ending == ".plan" or "mission" in tables else "geojson", tables
 
 
@@ -174,17 +166,19 @@ def _kmz_text(path: Path) -> str:
         with ZipFile(path) as archive:
             names = [name for name in archive.namelist() if name.lower().endswith(".kml")]
             if len(names) != 1:
-                got = f": {abridged(', '.join(names))}" * bool(names)
+                got = f": {table.abridged(', '.join(names))}" * bool(names)
                 raise InputError(f"{path}: must hold one .kml file, got {len(names)}{got}.")
             with archive.open(names[0]) as file:
-                data = file.read(MAX_BYTES + 1)
-            if len(data) > MAX_BYTES:
-                raise InputError(f"{path}: its .kml must have at most {MAX_BYTES} bytes, got more.")
+                data = file.read(table.MAX_BYTES + 1)
+            if len(data) > table.MAX_BYTES:
+                raise InputError(
+                    f"{path}: its .kml must have at most {table.MAX_BYTES} bytes, got more."
+                )
             return data.decode("utf-8-sig")
     except InputError:
         raise
     except (OSError, EOFError, RuntimeError, ValueError, BadZipFile, zlib.error) as error:
-        reason = shown(str(getattr(error, "strerror", None) or error))
+        reason = table.shown(str(getattr(error, "strerror", None) or error))
         raise InputError(
             f"{path}: must be a zip archive with a .kml file, got {reason}."
         ) from error
@@ -200,7 +194,7 @@ def reading(path: Path, kind: str) -> Iterator[None]:
     except KeyError as error:
         raise InputError(f"{path}: must be {kind}, got none with `{error.args[0]}`.") from error
     except (TypeError, ValueError, IndexError, AttributeError, OverflowError) as error:
-        reason = f" ({shown(str(error))})" if isinstance(error, ValueError) else ""
+        reason = f" ({table.shown(str(error))})" if isinstance(error, ValueError) else ""
         raise InputError(f"{path}: must be {kind}, got values of another kind{reason}.") from error
 
 
@@ -215,7 +209,9 @@ def features(tables: Mapping[str, Any]) -> Sequence[Mapping[str, Any]]:
     # GeoJSON older than RFC 7946 may state another coordinate system, some 100 m beside WGS 84.
     system = json_part(json_part(tables, "crs", dict), "properties", dict).get("name", WGS_84[0])
     if not str(system).endswith(WGS_84):
-        raise InputError(f"`crs` must be WGS 84 (CRS84 or EPSG:4326), got {abridged(system)}.")
+        raise InputError(
+            f"`crs` must be WGS 84 (CRS84 or EPSG:4326), got {table.abridged(system)}."
+        )
     if tables["type"] == "FeatureCollection":
         return [part for shape in tables["features"] for part in _parts(shape)]
     return [*_parts(tables if tables["type"] == "Feature" else {"geometry": tables})]
@@ -248,7 +244,7 @@ def kml_features(text: str) -> list[dict[str, Any]]:
         raise InputError(f"must be KML: {error}.") from error
     shapes = []
     stated = root.findtext(f".//{{*}}Data[@name='{ROUTE_KEY}']/{{*}}value")
-    own = {ROUTE_KEY: json_object(stated, f"`{ROUTE_KEY}`")} if stated else {}
+    own = {ROUTE_KEY: table.json_object(stated, f"`{ROUTE_KEY}`")} if stated else {}
     for shape in root.iter():
         kind = shape.tag.rpartition("}")[2]
         if kind in ("LineString", "Polygon"):
@@ -275,14 +271,14 @@ def _points(text: str) -> list[list[float]]:
         except ValueError as error:
             raise InputError(
                 "`coordinates` must be longitude,latitude,height in numbers with points, without "
-                f"blanks after the commas, got {abridged(point)}."
+                f"blanks after the commas, got {table.abridged(point)}."
             ) from error
     return points
 
 
 def with_hash(route: Mapping[str, Any], path: object) -> dict[str, Any]:
     """A route to write beside the path that was planned from it; another path has another hash."""
-    return {**route, "path_sha256": hash_of(path)}
+    return {**route, "path_sha256": table.hash_of(path)}
 
 
 class RouteMap(NamedTuple):

@@ -22,14 +22,7 @@ from flighttune.present.chart import Chart
 from flighttune.present.frame import Report, Section, page_template, write_answer, write_page
 from flighttune.present.names import CHANNEL_SYMBOLS
 from flighttune.present.palette import HUES, LIMIT
-from flighttune.records.compare import (
-    Comparison,
-    Source,
-    comparison_table,
-    overlaid,
-    pairs_table,
-    sources_of,
-)
+from flighttune.records import compare
 from flighttune.reports import panels
 from flighttune.reports.charts import (
     bound_chart,
@@ -68,7 +61,7 @@ PRINTED = ("convergence", "certificates", "aircraft")
 
 
 def write_log_page(
-    source: Source, path: Path, monitors: Sequence[Monitor | LogMonitor] = ()
+    source: compare.Source, path: Path, monitors: Sequence[Monitor | LogMonitor] = ()
 ) -> Report:
     """Write one self-contained page about the log of a real flight; parent folders are made."""
     (run,), styles = source.runs, run_styles(source.runs)
@@ -128,7 +121,7 @@ def _of_logs(flights: panels.Drawn, table: Table) -> list[Section]:
     ]
 
 
-def write_report(source: Source, path: Path) -> Report:
+def write_report(source: compare.Source, path: Path) -> Report:
     """Write one self-contained page about the runs of a scenario."""
     runs = [run for run in source.runs if len(run.signals) > 1]
     if not runs:
@@ -194,16 +187,16 @@ def write_report(source: Source, path: Path) -> Report:
     return replace(page, shown=shown)
 
 
-def write_comparison_page(comparison: Comparison, path: str | Path) -> Report:
+def write_comparison_page(comparison: compare.Comparison, path: str | Path) -> Report:
     """Write one self-contained page about comparable runs."""
-    runs, sources = overlaid(comparison), sources_of(comparison)
+    runs, sources = compare.overlaid(comparison), compare.sources_of(comparison)
     flown, styles = [run for run in runs if not run.provenance.log], run_styles(runs)
-    flights, pairs = [(run, styles[run.label]) for run in runs], pairs_table(comparison)
+    flights, pairs = [(run, styles[run.label]) for run in runs], compare.pairs_table(comparison)
     scenario = (flown or runs)[0].provenance.scenario
     if len(flown) < len(runs):
         sections = _of_logs(flights, pairs)
     else:
-        metrics = comparison_table("metrics", comparison.metrics)
+        metrics = compare.comparison_table("metrics", comparison.metrics)
         sections = _of_flights(flights, pairs, [metrics])
     return write_answer(
         path,
