@@ -1,5 +1,7 @@
 """Why the printed problem is infeasible, held against tuning at the factors diagnosed."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -25,6 +27,16 @@ def test_the_printed_problem_needs_between_5_5_and_6_times_its_limits(printed, p
     assert ft.tune(relaxed(printed, ABOVE * factor)).status == "optimal"
     assert ft.tune(relaxed(printed, BELOW * factor)).status == "infeasible"
     assert printed_diagnosis.binding == ("phi_rate_min",)
+
+
+@pytest.mark.soak
+def test_a_start_on_the_other_side_needs_the_same_factor_on_the_opposite_bounds(
+    printed, printed_diagnosis
+):
+    mirrored = diagnosis(replace(printed, x_0=-printed.x_0))
+
+    assert mirrored.common_factor == pytest.approx(printed_diagnosis.common_factor, rel=1e-6)
+    assert mirrored.binding == ("phi_rate_max",)
 
 
 def test_the_extremes_within_the_printed_limits_are_the_known_ones(printed_diagnosis):
