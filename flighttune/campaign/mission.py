@@ -252,7 +252,7 @@ def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
     if out is not None:
         band.save(out)
     files = {"band": None if out is None else Path(out)}
-    way = "" if kept else _airspeed_to_complete(band, plan, planned, by)
+    way = _airspeed_to_complete(band, plan, planned, by) if kept is None else ""
     odds = MissionOdds(band=band, files=files, file=file, terrain=terrain, way=way)
     if turning is None:
         return odds
@@ -264,7 +264,8 @@ def _airspeed_to_complete(
     band: Band, plan: Plan, planned: Callable[..., tuple[Plan, Flights]], by: By
 ) -> str:
     """At which airspeed flights that ended early complete; empty where not too many did."""
-    if not (lost := band.too_many_lost):
+    lost = sorted(row["run"] for row in band.endings)
+    if not (lost and band.too_many_lost):
         return ""
     with WorkerPool(*by) as pool:
         for share in SHARES:

@@ -322,11 +322,10 @@ class Band(SignalBounds):
         )
 
     @property
-    def too_many_lost(self) -> list[int]:
-        """Draws that did not complete, where they are more than a claim allows; else none."""
-        of = max(self.first, len(self.scores)), self.about.epsilon, self.about.confidence
-        lost = self.not_completed > allowed_outside(*of)
-        return self.draws[np.isinf(self.scores)].tolist() if lost else []
+    def too_many_lost(self) -> bool:
+        """Whether more flights than a claim allows did not complete, or count as if so."""
+        about, flights = self.about, max(self.first, len(self.scores))
+        return self.not_completed > allowed_outside(flights, about.epsilon, about.confidence)
 
     def summary(self, room: "TurnBack | None" = None) -> list[str]:
         """The answer of a mission in four lines: whether, the odds, how wide, and for what."""
