@@ -82,7 +82,7 @@ def mission(
     answer, file = odds.answer(), out or Path(source)
     notes = [*answer.notes, *([] if page else [page_note(file)])]
     if page is not None:
-        write_claim_page(odds.band, str(file), page, odds.room, odds.terrain, answer.changed)
+        write_claim_page(odds.band, str(file), page, odds.room, odds.terrain, answer)
     return replace(answer, notes=notes, files={**answer.files, "page": page})
 
 

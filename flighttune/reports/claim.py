@@ -1,7 +1,7 @@
 """The page of a claim with charts of a tube or a band, and plots of claims and flights."""
 
 import hashlib
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,7 +16,7 @@ from flighttune.claims.shape import predicted
 from flighttune.errors import InputError
 from flighttune.files.table import toml_text
 from flighttune.flight.flown import FlownScenario
-from flighttune.present.answer import facts_table, quoted
+from flighttune.present.answer import Answer, facts_table, quoted
 from flighttune.present.chart import DASHED, DOTTED, HEIGHT, Chart, Sheet, dashes
 from flighttune.present.frame import Report, Section, write_answer
 from flighttune.present.names import shown_unit
@@ -160,12 +160,12 @@ def write_claim_page(
     path: str | Path,
     room: TurnBack | None = None,
     terrain: str | Path | None = None,
-    changed: Sequence[str] = (),
+    said: Answer | None = None,
 ) -> Report:
     """Write one self-contained page about the claim in the file `source`.
 
-    Its map has the volumes in which flights turn back in their `room`. `changed` are sentences
-    above the charts, by default those of the claim's answer.
+    Its map has the volumes in which flights turn back in their `room`. `said` is the answer of a
+    mission, whose lines stand on the page in place of those of its band.
     """
     answer = claim.answer(source) if isinstance(claim, Counted) else claim.answer()
     facts = {"file": source, "its SHA-256": hashlib.sha256(Path(source).read_bytes()).hexdigest()}
@@ -198,7 +198,7 @@ def write_claim_page(
         if isinstance(claim, Band):
             sentences += claim.said_of_fences
         if isinstance(claim, Band) and on_route:
-            notes, sentences = [*notes, *sentences], claim.summary(room)
+            notes, sentences = [*notes, *sentences], (said or answer).summary
             title = f"Mission {quoted(campaign['title'])}"
             notes += [NOT_SEEN] * (terrain is None)
         if room is not None:
@@ -214,7 +214,7 @@ def write_claim_page(
         title=title,
         summary=sentences,
         parts={
-            "responses": Section(note=" ".join(changed or answer.changed), charts=charts),
+            "responses": Section(note=" ".join((said or answer).changed), charts=charts),
             "flown": Section(tables=drawn),
             "claim": Section(note=" ".join(notes), tables=others),
         },
