@@ -209,15 +209,18 @@ def test_the_air_of_a_mission_may_be_that_of_another_campaign(tmp_path):
 
 
 @pytest.mark.soak
-def test_an_airspeed_at_which_lost_flights_complete_is_said_and_flies():
+def test_an_airspeed_at_which_lost_flights_complete_is_said_and_flies(tmp_path):
     """At 17.2 m/s the aircraft stalls in turbulence."""
-    few = {"epsilon": 0.3, "confidence": 0.9, "flights": 7}
-    short = {"route.waypoint": [{"north_m": n, "east_m": 0.0} for n in (0.0, 300.0)]}
-    at = {
-        V: ft.mission("circuit_in_wind", changes=short | {"flight.V_a_mps": V}, **few).answer()
-        for V in (17.2, 18.9)
-    }
+    few = ["--epsilon", 0.3, "--confidence", 0.9, "--flights", 7]
+    few += ["--set", "route.waypoint=[{north_m=0.0, east_m=0.0}, {north_m=300.0, east_m=0.0}]"]
+    said, page = {}, tmp_path / "page.html"
+    for V, status in ((17.2, 1), (18.9, 0)):
+        files = ["--out", tmp_path / f"{V}.npz", *(["--page", page] if status else [])]
+        at = ["--set", f"flight.V_a_mps={V}", *few, *files]
+        said[V] = answer("mission", "circuit_in_wind", *at, status=status)
 
-    assert "got 16.15 deg. It was on the leg to waypoint 2, 110 m along." in at[17.2].summary[1]
-    assert at[17.2].summary[1].endswith("With `--set flight.V_a_mps=18.9` it completes.")
-    assert at[18.9].summary[0].startswith("Yes: ")
+    assert "It was on the leg to waypoint 2, 110 m along." in said[17.2]["summary"][1]
+    hint = "With `--set flight.V_a_mps=18.9` it completes."
+    assert said[17.2]["summary"][1].endswith(hint)
+    assert hint in page.read_text()
+    assert said[18.9]["summary"][0].startswith("Yes: ")
