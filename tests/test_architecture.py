@@ -70,6 +70,7 @@ def circle_of(graph):
     return None
 
 
+@pytest.mark.soak
 def test_no_module_is_reached_from_its_own_imports(imports):
     assert circle_of(imports) is None
 

@@ -13,7 +13,7 @@ SHORT = "bench_feasible", "bench_gym", "bench_logs"
 """Benchmarks that take less than ten seconds so; a night tries the others."""
 
 
-@pytest.mark.soak
+@pytest.mark.counts
 @pytest.mark.parametrize(
     "name",
     [

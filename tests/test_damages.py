@@ -259,6 +259,7 @@ def test_no_damage_is_silent(made, count, tmp_path):
     tell(file, seen)
 
 
+@pytest.mark.soak
 @of_each("flown band", "proof", "proof of an aircraft")
 def test_no_forgery_is_believed_unless_what_it_says_is_so(made, count, tmp_path):
     (kind, folder, file, written), draw, seen = made, random.Random(SEED), Counter()

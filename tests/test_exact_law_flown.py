@@ -46,13 +46,13 @@ def test_the_table_of_the_page_is_what_is_flown(five):
     assert float(mean) == pytest.approx(found, abs=HALF_OF_THE_LAST_DIGIT)
 
 
-@pytest.mark.soak
+@pytest.mark.counts
 @pytest.mark.parametrize("name", UNUSED)
 def test_better_on_manoeuvres_not_used(name):
     assert ratios(manoeuvre(UNUSED[name])).max() < 1.0
 
 
-@pytest.mark.soak
+@pytest.mark.counts
 @pytest.mark.parametrize("name", ["c172_cruise_turn", "jet_pull_up"])
 def test_better_on_other_aircraft(name):
     assert ratios(ft.load_scenario(name)).max() < WORST

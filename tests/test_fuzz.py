@@ -504,6 +504,7 @@ def suppressed(use, found):
         use(found)
 
 
+@pytest.mark.soak
 @pytest.mark.filterwarnings("ignore:Generating overly large repr")
 @pytest.mark.parametrize("cases", CASES)
 @pytest.mark.parametrize("name", KINDS)
@@ -530,7 +531,7 @@ def kind_of(value):
     return float if number and math.isfinite(value) else type(value)
 
 
-@pytest.mark.soak
+@pytest.mark.counts
 @pytest.mark.parametrize(
     "name",
     [pytest.param(x, marks=[pytest.mark.counts] * (x in ("mission", "certificate"))) for x in SAID],

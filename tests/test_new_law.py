@@ -108,6 +108,7 @@ def test_its_gains_are_tuned_and_certified_on_its_linear_model(told):
     assert certified["certificate"]["status"] == "certified"
 
 
+@pytest.mark.soak
 @pytest.mark.parametrize("command", ["tube", "export"])
 def test_what_it_does_not_say_is_refused_by_its_name(told, command):
     assert "`gains` must be flown by the law paper" in told[command]

@@ -40,7 +40,7 @@ def test_the_gain_is_that_of_a_roll_taken_out_in_time():
     assert free.K_P[0, 0] > 2.0 * gains.K_P[0, 0]
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_the_course_of_a_slow_roller_settles_and_cycles_without():
     bounded, free = (measured(turn(roll_rate=roll), "chi") for roll in (True, False))
 

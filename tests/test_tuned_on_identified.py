@@ -63,7 +63,7 @@ def paper():
     return ft.fly(ft.load_scenario("paper_identified"))
 
 
-@pytest.mark.soak
+@pytest.mark.counts
 def test_the_table_of_the_page_is_what_the_scenario_flies(paper):
     tables = ft.load_scenario("paper_identified").as_dict() | {"gains": ["tuned_identified"]}
     robust = ft.fly(ft.scenario_from(tables | {"tuning": {**tables["tuning"], "robust": True}}))
@@ -92,7 +92,7 @@ def wins(flown):
             assert tuned[channel] < max(value, NOTHING_ASKED), f"{channel} of {other} is better"
 
 
-@pytest.mark.soak
+@pytest.mark.counts
 @pytest.mark.parametrize(
     ("name", "intensity"),
     [*((name, None) for name in UNUSED), ("left", "moderate"), ("climb", "light")],
@@ -103,7 +103,7 @@ def test_wins_on_manoeuvres_not_used_and_in_turbulence(name, intensity):
     wins(ft.fly(manoeuvre(UNUSED[name], **air)))
 
 
-@pytest.mark.soak
+@pytest.mark.counts
 def test_robust_gains_win_too_and_have_the_better_worst_case():
     robust, nominal = (manoeuvre(UNUSED["fast"], robust=robust) for robust in (True, False))
     found, single = ft.tune(robust, model="identified"), ft.tune(nominal, model="identified")
@@ -155,7 +155,7 @@ def everywhere(left):
     return ft.certify(*left, envelope=True, L_d=0.015).certificate
 
 
-@pytest.mark.soak
+@pytest.mark.counts
 def test_a_certificate_proves_one_rate_and_radius_at_every_condition(everywhere, tmp_path):
     identified = ft.loop.load_identified("aerosonde").conditions
     everywhere.save(tmp_path / "c.json")

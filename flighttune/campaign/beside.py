@@ -15,7 +15,7 @@ from flighttune.campaign.counted_flights import check_random, distribution_of
 from flighttune.campaign.counting import drawn
 from flighttune.campaign.engine.pool import WorkerPool
 from flighttune.campaign.engine.progress import CampaignObserver
-from flighttune.campaign.mission import CONFIDENCE, EPSILON, OUTSIDE
+from flighttune.campaign.mission import CONFIDENCE, EPSILON
 from flighttune.campaign.statistics.findings import findings_of
 from flighttune.campaign.statistics.intervals import paired, rate_interval, scores
 from flighttune.claims.count import allowed_outside, flights_needed
@@ -393,7 +393,7 @@ def compare(  # type: ignore[misc] # noqa: PLR0913 - each is a choice of the use
     plan = _with_guidance(plan, now)
     group = plan.groups[0]
     if flights is None:
-        flights = flights_needed(EPSILON, CONFIDENCE, OUTSIDE)
+        flights = flights_needed(EPSILON, CONFIDENCE, 1)
         with_others = distribution_of(plan.campaign, group.plant)
         try:
             check_random(stated.place, with_others, plan.campaign.central)

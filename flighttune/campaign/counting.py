@@ -100,7 +100,7 @@ def counted_on(
     place: str,
     epsilon: float,
     confidence: float,
-    flights: int | None,
+    flights: int | tuple[int, int] | None,
     learn: int,
     signals: Iterable[str] | None = None,
     predicted_from: Literal["wind"] | None = None,
@@ -108,11 +108,12 @@ def counted_on(
     until_sure: bool = False,
     by: By,
 ) -> C:
-    """A kind of count of the flights of a plan; it ends early where the answer is `certain`."""
+    """A kind of count of the flights of a plan; it ends where the answer is `certain` before."""
     # Half of the flights that a monitor learns from teach its weights, the others its limits.
     check_at_least(
         2 * shapes.MIN_LEARNED if kind.of == "monitor" else shapes.MIN_LEARNED, learn=learn
     )
+    early, flights = flights if isinstance(flights, tuple) else (0, flights)
     plan = plan.with_runs(learn + fresh_flights(flights, epsilon, confidence))
     (group,) = plan.groups
     windy = predicted_from is not None
@@ -136,10 +137,11 @@ def counted_on(
         epsilon=epsilon,
         confidence=confidence,
         until_sure=until_sure,
+        early=early,
         models=models,
     )
     with WorkerPool(*by) as pool:
-        pool.progress.budget = plan.runs
+        pool.progress.budget = learn + early if early else plan.runs
         about = replace(about, models=_taught(pool, plan, about))
         coefficients, half = _learned(pool, plan, about, of)
         counted = kind(
@@ -149,11 +151,14 @@ def counted_on(
             wind=np.zeros((0, 2 if windy else 0)),
         )
         numbers = range(LOOK, plan.runs, LOOK) if until_sure else (BATCH * DOUBLED).tolist()
-        ends = [learn + n for n in numbers if certain and learn + n < plan.runs] + [plan.runs]
+        judged = sorted({*numbers, early} - {0}) if certain else []
+        ends = [learn + n for n in judged if learn + n < plan.runs] + [plan.runs]
         for begin, end in pairwise([learn, *ends]):
             counted = counted.with_flights(*_flown(pool, plan, about, of, range(begin, end)))
             if certain is not None and certain(counted):
                 break
+            if end == learn + early:
+                pool.progress.budget = plan.runs
     endings = [x for x in pool.progress.endings if x["run"] >= learn]
     return replace(counted, endings=endings)
 
@@ -267,11 +272,12 @@ def load_counted(path: str | Path) -> Counted:
     counted = read_counted(path, of_plan)
     if counted.about.until_sure and not counted.about.fences:
         raise InputError(f"{path}: `fences` must have the one that was counted until it was sure.")
-    if len(counted.scores) < counted.first and not counted.decided:
+    flights, first = len(counted.scores), counted.first
+    if flights < first and flights != counted.about.early and not counted.decided:
         raise InputError(
             f"{path}: `plan.runs` must be the flights learned from and counted, "
-            f"{counted.about.learned + len(counted.scores)}, where no answer was certain "
-            f"before, got {counted.about.learned + counted.first}."
+            f"{counted.about.learned + flights}, where no answer was certain before, got "
+            f"{counted.about.learned + first}."
         )
     if counted.about.fences:
         counted_flights.check_one_path(

@@ -16,7 +16,7 @@ from flighttune.campaign.counting import By, counted_on, drawn, kept_band
 from flighttune.campaign.engine.pool import WorkerPool
 from flighttune.campaign.engine.progress import CampaignObserver
 from flighttune.claims.band import KEPT, Band, TurnBack, check_off_route
-from flighttune.claims.count import flights_needed, fresh_flights
+from flighttune.claims.count import flights_in_two_steps, fresh_flights
 from flighttune.errors import InfeasibleError, InputError
 from flighttune.files.whole import write_text
 from flighttune.flight.route import PlannedRoute, planned_route, route
@@ -30,15 +30,15 @@ from flighttune.references.fence import Fence, fence_tables, own_fence, read_fen
 from flighttune.scenario.load import scenario_from, with_changes
 from flighttune.scenario.schema import Scenario
 
-# Epsilon, confidence and flights to learn from by default, whose answer takes a minute on two
-# cores; and of the flights those that may be outside.
-EPSILON, CONFIDENCE, LEARN, OUTSIDE = 0.05, 0.95, 15, 1
+# Epsilon, confidence and flights to learn from by default.
+EPSILON, CONFIDENCE, LEARN = 0.05, 0.95, 15
 
 # Flights that turn back to learn from.
 LEARN_TURNS = 60
 
-# Shares of the airspeed at which flights that ended early are flown again, the nearest first.
-SHARES = 0.9, 1.1, 0.8, 1.2
+# Factors on keys, the airspeed and the wind that turns are planned for, with which flights that
+# ended early are flown again, in this order.
+FACTORS = {"flight.V_a_mps": (0.9, 1.1, 0.8, 1.2), "route.wind_mps": (1.5, 2.0)}
 
 # Values of a key that are tried for a path inside its fence, and the lowest airspeed, a share.
 TRIED, SLOWEST = 8, 0.4
@@ -63,7 +63,7 @@ class MissionOdds(Answering):
     terrain : Path or None
         The file of the terrain, if one was looked at.
     way : str
-        At which airspeed flights that ended early complete, in a sentence; empty without any.
+        With which airspeed or turns flights that ended early complete, in a sentence; else empty.
 
     Examples
     --------
@@ -154,8 +154,8 @@ def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
     confidence : float, 1, optional
         Confidence of all that is said together, 0 to 1, by default 0.95, or the file's.
     flights : int, optional
-        Flights to count, by default as many as the claim needs with one of them outside (110 with a
-        fence). The count ends sooner where the answer is certainly no.
+        Flights to count, by default the fewest that the claim needs if none is outside (78 with a
+        fence), and if one is, the others of a larger number (126). It ends sooner with a sure no.
     until_sure : bool
         Count until it is sure whether a flight leaves the fence with a probability of at most
         epsilon, by a rule that is valid at any number of flights, in place of a number planned and
@@ -198,7 +198,7 @@ def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
     """
     by: By = (workers, scheduler, observer)
     of_flights = {"aircraft": aircraft, "like": like, "changes": changes}
-    file, kept = None if out is None else Path(out), kept_band(source)
+    file, kept, steps = None if out is None else Path(out), kept_band(source), (0, 0)
     own: Sequence[Path] = ()
 
     def planned(**more: Any) -> tuple[Plan, Flights]:
@@ -228,15 +228,18 @@ def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
     if kept is None:  # corridor, fence and room share the probability of an error
         claims = 1 + bool(areas) + (turning is not None) if not until_sure else 1
         confidence = 1.0 - (1.0 - confidence) / claims
-        needed = flights_needed(epsilon, confidence, OUTSIDE) if not until_sure else None
-        flights = fresh_flights(flights or needed, epsilon, confidence)
-        plan = plan.with_runs(LEARN + flights)
+        steps = (
+            (0, fresh_flights(flights, epsilon, confidence))
+            if until_sure or flights is not None
+            else flights_in_two_steps(epsilon, confidence)
+        )
+        plan = plan.with_runs(LEARN + steps[-1])
     _check_path(plan, areas, fence, terrain, kept)
     count = partial(counted_on, place=place, epsilon=epsilon, confidence=confidence, by=by)
     band = kept or count(
         Band,
         plan=plan,
-        flights=flights,
+        flights=steps,
         learn=LEARN,
         certain=lambda counted: (counted.with_fence(areas) if areas else counted).decided,
         until_sure=until_sure,
@@ -252,31 +255,40 @@ def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
     if out is not None:
         band.save(out)
     files = {"band": None if out is None else Path(out)}
-    way = _airspeed_to_complete(band, plan, planned, by) if kept is None else ""
+    way = _way_to_complete(band, plan, planned, by) if kept is None else ""
     odds = MissionOdds(band=band, files=files, file=file, terrain=terrain, way=way)
     if turning is None:
         return odds
-    turns = flights_needed(epsilon, confidence, OUTSIDE)
-    return odds.with_room(count(TurnBack, plan=turning, flights=turns, learn=LEARN_TURNS))
+    room = count(
+        TurnBack,
+        plan=turning,
+        flights=flights_in_two_steps(epsilon, confidence),
+        learn=LEARN_TURNS,
+        certain=lambda turns: turns.decided,
+    )
+    return odds.with_room(room)
 
 
-def _airspeed_to_complete(
+def _way_to_complete(
     band: Band, plan: Plan, planned: Callable[..., tuple[Plan, Flights]], by: By
 ) -> str:
-    """At which airspeed flights that ended early complete; empty where not too many did."""
+    """With which change flights that ended early complete; empty where not too many did."""
     lost = sorted(row["run"] for row in band.endings)
     if not (lost and band.too_many_lost):
         return ""
+    now = plan.scenario.flight.V_a_mps, band.flights.route.wind
+    tried = zip(FACTORS.items(), now, strict=True)
     with WorkerPool(*by) as pool:
-        for share in SHARES:
-            V = float(f"{share * plan.scenario.flight.V_a_mps:.3g}")
+        for key, x in ((key, x * value) for (key, factors), value in tried for x in factors):
+            value = float(f"{x:.3g}")
             with suppress(InfeasibleError, InputError):  # neither route nor aircraft need have it
-                other, _ = planned(**{"flight.V_a_mps": V})
+                other, _ = planned(**{key: value})
                 rows = pool.in_order(other.with_runs(plan.runs), lost)
                 if all(row["status"] == "completed" for row in rows):
                     they = "it completes" if len(lost) == 1 else f"these {len(lost)} complete"
-                    return f"With `--set flight.V_a_mps={V:g}` {they}."
-    return f"With {', '.join(f'{x:g}' for x in sorted(SHARES))} times the airspeed they do not."
+                    return f"With `--set {key}={value:g}` {they}."
+    V_a, wind = (", ".join(f"{x:g}" for x in sorted(of)) for of in FACTORS.values())
+    return f"With {V_a} times the airspeed, or turns for {wind} times the wind, they do not."
 
 
 def _asked_fence(

@@ -8,7 +8,7 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 
 from flighttune.arrays import FloatArray
-from flighttune.claims.count import allowed_outside, supported_epsilon, sure
+from flighttune.claims.count import supported_epsilon, sure
 from flighttune.claims.counted import (
     DOUBLED,
     About,
@@ -222,8 +222,11 @@ class Band(SignalBounds):
         # The limits to the sides are finite: flights that were not completed are outside.
         outside = int(np.sum(~(away <= room.limits).all(axis=(1, 2, 3))))
         flights, first = len(away), max(self.first, len(away))
+        if flights == about.early and not outside:
+            first = flights
         # A flight that was not flown counts as one outside.
-        epsilon = supported_epsilon(outside + first - flights, first, about.confidence)
+        missing = outside + first - flights
+        epsilon = supported_epsilon(missing, first, about.confidence, about.early)
         said = f"{flights - outside} of {flights} fresh flights are certainly inside"
         claimed, leaves = flights == first, f"{SURE['yes']} {number(epsilon)}"
         not_yet, at_any = f", of {first} planned: more may be outside than a yes allows", ""
@@ -324,21 +327,21 @@ class Band(SignalBounds):
     @property
     def too_many_lost(self) -> bool:
         """Whether more flights than a claim allows did not complete, or count as if so."""
-        about, flights = self.about, max(self.first, len(self.scores))
-        return self.not_completed > allowed_outside(flights, about.epsilon, about.confidence)
+        return self.not_completed > self.allowed
 
     def summary(self, room: "TurnBack | None" = None) -> list[str]:
         """The answer of a mission in four lines: whether, the odds, how wide, and for what."""
         about, flights, planned = self.about, len(self.scores), self.flights.route
-        allowed = allowed_outside(max(self.first, flights), about.epsilon, about.confidence)
+        allowed = self.allowed
         fenced = self.inside(about.fences[-1]) if about.fences else None
         confidence = self.confidence - (0.0 if room is None else 1.0 - room.confidence)
+        slower = planned.except_slopes
         sure = f"at a confidence of {confidence:.6g} for all that is said here"
         if self.too_many_lost:
             answer = f"No: of {flights} flights {self.lost}; at most {allowed} of {self.first} may."
             odds = f"They ended so:{why_ended(self.endings).removesuffix('.')}."
         elif fenced is None:
-            answer = "Yes: the mission can be flown. It has no fence to stay inside."
+            answer = f"Yes: the mission can be flown{slower}. It has no fence to stay inside."
             odds = (
                 f"A new flight leaves its corridor with a probability of at most {about.epsilon:g}"
             )
@@ -347,7 +350,8 @@ class Band(SignalBounds):
             nearest = min(fenced.nearest, key=lambda row: row["margin_m"])
             margin, at = nearest["margin_m"], "on the {stretch}, {along_m:.0f} m along ({edge}, "
             at = f"{at}{{side}})".format(**nearest)
-            answer = "Yes: the mission can be flown and stays inside its fence."
+            slower += "," * bool(slower)
+            answer = f"Yes: the mission can be flown{slower} and stays inside its fence."
             odds = "A new flight leaves the fence with a probability of at most "
             odds += f"{number(fenced.epsilon)}, {sure}: {fenced.outside} of {flights} flights did. "
             odds += f"Nearest to it, {margin:.1f} m, it comes {at}."
@@ -501,6 +505,8 @@ def read_counted(path: str | Path, flights_of: Callable[[About], BandFlights]) -
         flights = flights_of(about)
         _check(about, flights, arrays)
         counted, planned = len(arrays["extremes"]), about.plan["runs"] - about.learned
+        if about.early >= planned:
+            raise InputError(f"`early` must be below the {planned} flights planned.")
         if counted > planned and counted not in planned * DOUBLED:
             raise InputError(
                 "`extremes` must be of as many flights as were planned, or of 2, 4, 8 ... times as "

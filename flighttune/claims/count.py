@@ -10,6 +10,7 @@ from functools import partial
 from typing import Literal
 
 import numpy as np
+from scipy.optimize import brentq
 from scipy.special import bdtr, bdtri, betainc, betaln, xlog1py, xlogy
 
 from flighttune.arrays import FloatArray, Floats, check_between
@@ -21,6 +22,9 @@ OUTSIDE = 5
 # Ratio of the largest probability to epsilon that evidence of a no counts.
 WIDEST = 20.0
 
+# Flights of a count in two steps, at most, over those of a count in one.
+LONGER = 1.15
+
 # A count that may end at any number of flights is looked at each time after so many.
 LOOK = 12
 
@@ -28,28 +32,62 @@ LOOK = 12
 MISSED = 0.05
 
 
-def allowed_outside(flights: int, epsilon: float, confidence: float) -> int:
+def chance(outside: Floats, flights: int, epsilon: Floats, early: int = 0) -> FloatArray:
+    """Chance that at most so many of `flights` are outside, if each is so with `epsilon`.
+
+    With `early`, also that none of the first so many is: a count whose bounds are the largest of
+    those, or the one after the `outside` largest of all, is wrong in one of both cases at most,
+    whatever decides which of them it is.
+    """
+    if not early:
+        return bdtr(outside, flights, epsilon)
+    later = flights - early
+    others = 1.0 - bdtr(np.minimum(outside, later), later, epsilon)
+    return bdtr(outside, flights, epsilon) + bdtr(0, early, epsilon) * others
+
+
+def allowed_outside(flights: int, epsilon: float, confidence: float, early: int = 0) -> int:
     """Largest number r of independent flights that may lie outside; -1 if `flights` are too few.
 
     Bounds that a flight leaves with probability above `epsilon` are left by at most r of `flights`
-    with probability ``P(Bin(flights, epsilon) <= r) <= 1 - confidence``.
+    with probability ``P(Bin(flights, epsilon) <= r) <= 1 - confidence``. If the count could end
+    after `early` flights, that is the `chance` of both ends, and none may be outside at the first.
     """
     check_between(0.0, 1.0, epsilon=epsilon, confidence=confidence)
-    numbers = range(math.ceil(epsilon * flights) + 1)
-    return bisect_right(numbers, 1.0 - confidence, key=lambda r: bdtr(r, flights, epsilon)) - 1
+    numbers = range(1 if flights == early else math.ceil(epsilon * flights) + 1)
+    chances = partial(chance, flights=flights, epsilon=epsilon, early=early)
+    return bisect_right(numbers, 1.0 - confidence, key=chances) - 1
 
 
-def supported_epsilon(outside: int, flights: int, confidence: float) -> float:
+def supported_epsilon(outside: int, flights: int, confidence: float, early: int = 0) -> float:
     """Smallest epsilon that so many `outside` support: the bound of Clopper and Pearson."""
-    return 1.0 if outside == flights else float(bdtri(outside, flights, 1.0 - confidence))
+    if outside == flights:
+        return 1.0
+    if not early:
+        return float(bdtri(outside, flights, 1.0 - confidence))
+    return brentq(lambda x: chance(outside, flights, x, early) - 1.0 + confidence, 0.0, 1.0)
 
 
-def flights_needed(epsilon: float, confidence: float, outside: int = 0) -> int:
+def flights_needed(epsilon: float, confidence: float, outside: int = 0, early: int = 0) -> int:
     """Fewest flights of which `outside` may lie outside, see `allowed_outside`."""
-    allowed, most = partial(allowed_outside, epsilon=epsilon, confidence=confidence), outside + 1
+    allowed = partial(allowed_outside, epsilon=epsilon, confidence=confidence, early=early)
+    least = max(early, outside) + 1
+    most = least
     while allowed(most) < outside:
         most *= 2
-    return bisect_left(range(most), outside, lo=outside + 1, key=allowed)
+    return bisect_left(range(most), outside, lo=least, key=allowed)
+
+
+def flights_in_two_steps(epsilon: float, confidence: float) -> tuple[int, int]:
+    """Flights after which a count ends if none is outside, and those of which one may be.
+
+    The fewest at first for which the others are at most `LONGER` times what one step takes: where
+    one of 1000 flights is outside, both ways answer yes as often.
+    """
+    most = int(LONGER * flights_needed(epsilon, confidence, 1))
+    first = range(flights_needed(epsilon, confidence), most)
+    early = next(n for n in first if allowed_outside(most, epsilon, confidence, n) >= 1)
+    return early, flights_needed(epsilon, confidence, 1, early)
 
 
 def fresh_flights(flights: int | None, epsilon: float, confidence: float) -> int:
@@ -64,7 +102,9 @@ def fresh_flights(flights: int | None, epsilon: float, confidence: float) -> int
     return flights
 
 
-def counted_scale(scores: FloatArray, epsilon: float, confidence: float) -> tuple[float, int]:
+def counted_scale(
+    scores: FloatArray, epsilon: float, confidence: float, early: int = 0
+) -> tuple[float, int]:
     """Scale that a new score exceeds with probability at most `epsilon`, and how many exceed it.
 
     `scores`, shape (N,): of independent flights that played no part in how they are scored; a
@@ -72,7 +112,8 @@ def counted_scale(scores: FloatArray, epsilon: float, confidence: float) -> tupl
     with r of `allowed_outside`: it is infinite if more than r flights were not completed. Raises
     InputError if there are too few scores.
     """
-    r = allowed_outside(fresh_flights(len(scores), epsilon, confidence), epsilon, confidence)
+    flights = fresh_flights(len(scores), epsilon, confidence)
+    r = allowed_outside(flights, epsilon, confidence, early)
     scale = float(np.partition(scores, -r - 1)[-r - 1])
     return scale, int(np.sum(scores > scale))
 

@@ -73,6 +73,8 @@ class About:
     # Epsilon and confidence that the count was planned with, where the claim has others
     planned: tuple[Probability, Probability] | None = None
     until_sure: bool = False  # it is counted until a fence is answered, and claims no bounds
+    # Flights after which it ends if none is outside, 0 if it does not end before the number planned
+    early: Annotated[int, Field(ge=0, lt=10**9)] = 0
     models: tuple[SignalModel, ...] = ()  # of a monitor, which the first half of `learned` taught
 
     __pydantic_config__: ClassVar = STRICT
@@ -182,8 +184,8 @@ class Counted(Answering):
             )
         scores = scores_of(self.extremes, self.wind, about.coefficients, about.half)
         scale = np.inf
-        if len(scores) >= self.first and not about.until_sure:
-            scale, _ = counted_scale(scores, about.epsilon, about.confidence)
+        if self._ended(len(scores)) and not about.until_sure:
+            scale, _ = counted_scale(scores, about.epsilon, about.confidence, about.early)
         object.__setattr__(self, "scores", scores)
         object.__setattr__(self, "scale", scale)
         check_between(0.0, 1.0, confidence=self.confidence)
@@ -207,7 +209,18 @@ class Counted(Answering):
         epsilon, confidence = self.about.epsilon, self.about.confidence
         if self.about.until_sure:
             return any(sure(k, len(self.scores), epsilon, confidence) for k in self._not_inside)
-        return max(self._not_inside) > allowed_outside(self.first, epsilon, confidence)
+        outside = max(self._not_inside)
+        return outside > self.allowed or (len(self.scores) == self.about.early and not outside)
+
+    def _ended(self, flights: int) -> bool:
+        """Whether so many flights are a number at which the count claims something."""
+        return flights >= self.first or flights == self.about.early > 0
+
+    @property
+    def allowed(self) -> int:
+        """Number of flights that may be outside, of those counted or, if more, of those planned."""
+        about, flights = self.about, max(self.first, len(self.extremes))
+        return allowed_outside(flights, about.epsilon, about.confidence, about.early)
 
     @property
     def _not_inside(self) -> list[int]:
@@ -216,7 +229,7 @@ class Counted(Answering):
 
     @property
     def first(self) -> int:
-        """Number of flights that is planned; a count that ends before claims nothing."""
+        """Number of flights that is planned; one that ends before claims nothing but `early`."""
         return self.about.plan["runs"] - self.about.learned
 
     @property
@@ -287,16 +300,15 @@ class Counted(Answering):
         about, flights = self.about, len(self.scores)
         if about.until_sure:
             return f"no corridor is claimed: {flights} flights were counted to answer the fence"
-        if flights < self.first:
+        if not self._ended(flights):
             return (
                 f"nothing is claimed: the count ended after {flights} of {self.first} flights, "
                 "when the answer was certain"
             )
         if not self.claims:
-            allowed = allowed_outside(flights, about.epsilon, about.confidence)
             return (
                 f"nothing is claimed: of {flights} fresh flights {self.lost}, and at most "
-                f"{allowed} may. All are flights of {self.flights.sentence}"
+                f"{self.allowed} may. All are flights of {self.flights.sentence}"
             )
         return (
             f"a new flight {self._leaves} with probability at most "

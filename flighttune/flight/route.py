@@ -119,6 +119,11 @@ class PlannedRoute(Answering):
                 )
         return [*dict.fromkeys(notes), *slopes_not_held(self.scenario)]
 
+    @property
+    def except_slopes(self) -> str:
+        """What is added to "it can be flown" where an aircraft cannot hold a slope."""
+        return ", but not everywhere at its airspeed" * bool(slopes_not_held(self.scenario))
+
     def answer(self) -> Answer:
         """The stretches, the length and the time in still air and in wind."""
         path, slowest, time = self.reference.path, float(self.reference.V.min()), self.time
@@ -132,7 +137,10 @@ class PlannedRoute(Answering):
         verdict = f"{path.length:.0f} m, {time:.0f} s in still air{in_wind}"
         plants = ", ".join(table.label for table in self.scenario.plant)
         return Answer(
-            summary=[f"The path can be flown: {verdict}.", f"For {plants}: {self.conditions}."],
+            summary=[
+                f"The path can be flown{self.except_slopes}: {verdict}.",
+                f"For {plants}: {self.conditions}.",
+            ],
             changed=[*self.scenario.notes, *self.changed],
             values={
                 "conditions": self.conditions,

@@ -70,7 +70,7 @@ def test_other_commands_take_the_folder(adopted, tmp_path):
     assert answer("trim", folder, "--V-a", found["V_a_mps"], "--gamma", 0)["trims"][0]["trim"]
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_an_identified_model_of_other_gains_is_refused(adopted, tmp_path):
     folder = shutil.copytree(adopted[0], tmp_path / "T38")
     file = folder / "gains.json"
@@ -133,7 +133,7 @@ def test_an_airframe_without_stability_in_yaw_is_adopted(tmp_path):
     assert (found["status"], found["engines"]) == ("adopted", 6)
 
 
-@pytest.mark.soak
+@pytest.mark.counts
 def test_a_rocket_glides_past_a_flight_control_that_jumps_and_does_not_meet_the_ground(tmp_path):
     # Beyond 0.2 of the stick the flight control of x24b.xml takes the elevator to its stop: its
     # gain grows with the position of the elevator.
@@ -243,6 +243,7 @@ OUT = "fcs/speedbrake-pos-norm is"
 TRIM = "fcs/pitch-trim-cmd-norm"
 
 
+@pytest.mark.soak
 @pytest.mark.parametrize(
     ("parts", "note", "table", "values"),
     [
@@ -424,6 +425,7 @@ def renamed(own):
     return write
 
 
+@pytest.mark.soak
 @pytest.mark.parametrize(
     "parts", [NAMED_OTHERWISE, ELEVONS, V_TAIL], ids=["named otherwise", "elevons", "V-tail"]
 )
@@ -483,6 +485,7 @@ def test_commands_of_surfaces_can_be_named(renamed, tmp_path, refusal):
             ft.adopt(str(file), tmp_path / "mine", commands=commands)
 
 
+@pytest.mark.soak
 def test_a_propeller_without_inertia_is_called_diverging(own, surveyed):
     with pytest.raises(ft.loop.PlantError, match="propeller diverges: "):
         surveyed(own(ixx=0))
@@ -582,7 +585,7 @@ def test_a_value_of_a_property_with_a_slash_needs_the_slash(own, refusal):
     assert "it does neither; it reads /systems/switch, with a slash." in said
 
 
-@pytest.mark.soak
+@pytest.mark.counts
 def test_a_light_propeller_flies_in_finer_steps(own, surveyed):
     heavier, found = (surveyed(own(power=1500, ixx=ixx)) for ixx in (5e-4, 1e-4))
 
@@ -784,7 +787,7 @@ def test_what_is_said_of_an_aircraft_is_for_the_airspeed_at_which_it_is_adopted(
     assert found["glide_ratio"] == pytest.approx(-1.0 / math.tan(start.gamma), rel=0.1)
 
 
-@pytest.mark.soak
+@pytest.mark.counts
 def test_a_glider_turns_about_its_steady_glide(tmp_path):
     found = answer("adopt", "sgs126", "--out", tmp_path / "sgs126")
     trims = answer("trim", tmp_path / "sgs126", "--V-a", found["V_a_mps"])["trims"]

@@ -65,7 +65,7 @@ def test_ours_are_the_flights_that_a_campaign_has(beside):
         assert row[f"flight.{name}"] == pytest.approx(flown[name], rel=1e-9)
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_margins_are_those_of_a_frequency_response(beside):
     # L = G (a s + b) / s^2 with the identified roll behind half a sample
     (lag, _), omega = ft.loop.load_identified("aerosonde").nearest(25.0, 0.0).lags, 2.0 * math.pi

@@ -66,6 +66,7 @@ def test_many_kinematic_flights_are_shared_out_with_the_bits_of_a_few(tmp_path, 
     assert started == 2
 
 
+@pytest.mark.soak
 @own_processes
 def test_each_phase_counts_its_own_runs_from_its_first_flight_on(tmp_path):
     ours, notes = plan(tmp_path, runs=4, wind="", aircraft=()), Notes()

@@ -79,7 +79,7 @@ def rows_of(out):
     return ft.load(out).rows()
 
 
-@pytest.mark.soak
+@pytest.mark.counts
 @pytest.mark.parametrize(
     ("functions", "limit", "status", "reason"),
     [
@@ -195,7 +195,7 @@ def test_a_campaign_that_is_stopped_goes_on_and_a_process_killed_in_mid_chunk_co
     assert bits(rows_of(out)) == undisturbed
 
 
-@pytest.mark.soak
+@pytest.mark.counts
 def test_the_scheduler_gone_is_one_line_and_the_rest_is_flown_here(
     tmp_path, file, ours, undisturbed
 ):
@@ -218,7 +218,7 @@ def test_the_scheduler_gone_is_one_line_and_the_rest_is_flown_here(
     assert bits(rows_of(out)) == undisturbed
 
 
-@pytest.mark.soak
+@pytest.mark.counts
 def test_the_main_process_killed_leaves_no_worker_and_whole_files(
     tmp_path, file, ours, undisturbed, address
 ):
@@ -287,7 +287,7 @@ def test_a_campaign_ended_at_any_time_goes_on_to_the_same_bits(tmp_path, file, u
         sys.stdout.write(f"{what}: {times}\n")
 
 
-@pytest.mark.soak
+@pytest.mark.counts
 def test_a_flight_that_never_ends_outlives_a_killed_command_by_its_time_limit_at_most(tmp_path):
     file = write_campaign(
         tmp_path, runs=8, law=False, top="time_limit_s = 2.0\ngains = ['paper']",
@@ -342,7 +342,7 @@ def test_a_full_disk_is_one_line_and_what_is_there_stays(
         subprocess.run(["umount", "-l", str(disk)], check=True)
 
 
-@pytest.mark.soak
+@pytest.mark.counts
 @pytest.mark.parametrize(
     ("made", "says"),
     first_or_all(

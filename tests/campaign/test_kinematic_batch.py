@@ -101,7 +101,7 @@ HIGH = {**tables_of()["limits"], "n_z": [-2.0, 8.0]}
 DISTURBED_BY = {"disturbance": WAVE, "expect": [SUCCESS]}
 
 
-@pytest.mark.soak
+@pytest.mark.counts
 @pytest.mark.parametrize(
     ("tables", "dispersed", "runs"),
     [
@@ -140,7 +140,7 @@ def test_settling_within_a_band_and_errors_within_an_envelope_are_columns_of_bot
     assert all(row["chi.late_rad"] is not None for row in rows)
 
 
-@pytest.mark.soak
+@pytest.mark.counts
 @pytest.mark.parametrize(
     ("limits", "omega", "duration", "amplitude", "runs", "reasons", "rounding"),
     [

@@ -97,6 +97,7 @@ def test_requirements_on_the_airspeed_are_met_as_fly_measures_it():
     assert first["value"] == pytest.approx(again.metrics_of(again.runs[0])["V"]["MO_mps"], abs=1e-9)
 
 
+@pytest.mark.soak
 def test_gains_that_meet_all_are_not_replaced_by_some_that_meet_it_by_less(overshoot):
     loose = scenario(at_most(MO_deg=25.0), at_most("gamma", MO_deg=25.0))
 
@@ -113,6 +114,7 @@ def test_gains_that_meet_all_are_not_replaced_by_some_that_meet_it_by_less(overs
     assert kept < 0.9 * worse["loop.R_K"]["start"]
 
 
+@pytest.mark.soak
 def test_the_metric_is_minimised_among_gains_that_meet_all_by_a_fifth(met):
     values, gains, trials = met
     (best,) = [trial for trial in trials if trial.gains == gains]
@@ -191,8 +193,8 @@ SETS = {
 NEAREST = 1.1
 
 
+@pytest.mark.counts
 # of 600 flights of the lagged law each
-@pytest.mark.soak
 @pytest.mark.parametrize("name", first_or_all([*SETS]))
 def test_a_no_is_within_a_tenth_of_a_long_independent_search(name):
     required, best = SETS[name]

@@ -141,16 +141,63 @@ def made_up_flights(monkeypatch, lost_every):
 
 
 def test_a_no_comes_as_soon_as_more_flights_are_outside_than_may_be(monkeypatch):
-    """One in four does not complete; of 93 flights 1 may be outside (binomial distribution)."""
-    assert binom.cdf(1, 93, 0.05) <= 0.05 < binom.cdf(1, 92, 0.05)
+    """One in four does not complete, and of 105 flights one may be outside."""
     counted = made_up_flights(monkeypatch, lost_every=4)
     short = {"route.waypoint": [{"north_m": n, "east_m": 0.0} for n in (0.0, 600.0)]}
     said = ft.mission("circuit_in_wind", changes=short, workers=1).answer()
 
     assert len(counted) == 24
     assert said.summary[0].startswith("No: of 24 flights 6 did not complete")
-    assert "at most 1 of 93 may" in said.summary[0]
-    assert "the count ended after 24 of 93 flights" in said.failure
+    assert "at most 1 of 105 may" in said.summary[0]
+    assert "the count ended after 24 of 105 flights" in said.failure
+
+
+@pytest.mark.parametrize(
+    ("lost_every", "flights", "outside"),
+    # 0.95^66 is below 0.05; in a larger count the first may be lost, or the first and the 51st
+    [(None, 66, 0), (1000, 105, 1), (50, 66, None)],
+)
+def test_a_count_ends_where_none_is_outside_and_goes_on_where_one_is(
+    tmp_path, monkeypatch, lost_every, flights, outside
+):
+    counted, out = made_up_flights(monkeypatch, lost_every), tmp_path / "m.npz"
+    short = {"route.waypoint": [{"north_m": n, "east_m": 0.0} for n in (0.0, 600.0)]}
+    odds = ft.mission("circuit_in_wind", changes=short, workers=1, out=out)
+    band, said = ft.load(out), odds.answer()
+
+    assert len(counted) == len(band.scores) == flights
+    assert said.summary[0].startswith("No: " if outside is None else "Yes: ")
+    assert band.sentence == odds.band.sentence
+    if outside is not None:  # the largest score of those that may be inside
+        scores = np.sort(band.scores)
+        assert (band.scale, band.confidence) == (scores[-1 - outside], pytest.approx(0.95))
+        assert f"confidence of 0.95 for all that is said here: {outside} of" in said.summary[1]
+        longer = replace(band, about=replace(band.about, early=flights + 39))
+        longer.save(out)
+        with pytest.raises(ft.InputError, match="`early` must be below"):
+            ft.load(out)
+
+
+def test_a_fence_that_one_flight_leaves_takes_the_other_flights(tmp_path, monkeypatch):
+    """Of 78 flights one leaves a fence that is asked later: the other 48 of 126 are flown."""
+    made_up_flights(monkeypatch, None)
+    file, out = mission(tmp_path / "m.plan"), tmp_path / "m.npz"
+    band = ft.mission(file, workers=1).band
+    extremes = band.extremes.copy()
+    extremes[3, 0, 0] = [-5000.0, 5000.0]
+    left = replace(band, extremes=extremes)
+    left.save(out)
+    assert len(band.scores) == 78
+    whether = ft.mission(out).answer().summary[0]
+    assert whether.startswith("Not known: 78 of 126 flights were flown; `flighttune band FILE")
+
+    more = ft.band(out, flights=126, workers=1)
+    fenced = more.inside(more.about.fences[0])
+    assert (len(more.scores), fenced.outside, fenced.supported) == (126, 1, True)
+    none_first = binom.pmf(0, 78, fenced.epsilon) * binom.sf(1, 48, fenced.epsilon)
+    assert none_first + binom.cdf(1, 126, fenced.epsilon) == pytest.approx(0.025, rel=1e-6)
+    assert more.summary()[0].startswith("Yes: ")
+    assert more.confidence == pytest.approx(0.95)
 
 
 @pytest.mark.soak

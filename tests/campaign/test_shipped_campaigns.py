@@ -31,7 +31,7 @@ def test_every_campaign_says_what_it_is_for_as_the_table_of_campaigns_does():
     ]
 
 
-@pytest.mark.soak
+@pytest.mark.counts
 @pytest.mark.parametrize("name", FLYABLE)
 def test_the_first_flights_of_every_campaign_are_flown(name):
     flown = ON_CIRCUITS if name.startswith("circuit") else FLOWN

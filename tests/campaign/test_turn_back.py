@@ -78,6 +78,7 @@ def test_the_wind_of_a_turn_follows_from_its_bank_and_rates(turning):
     assert steeper.wind(G) == pytest.approx(3.0**0.5 * fastest - SPEED, abs=0.01)
 
 
+@pytest.mark.soak
 @pytest.mark.parametrize("side", [-1, 1])
 def test_a_flight_comes_as_far_as_its_course_says(turning, side):
     """From the first leg, to the north: the integral of the speed, for a rate that rises in 1 s."""
@@ -210,7 +211,7 @@ def test_volumes_are_over_the_ground_and_their_room_is_in_whole_metres():
     assert buffer == pytest.approx((277.0 + 126.0, 0.0, 126.0), abs=CLIMBS)
 
 
-@pytest.mark.soak
+@pytest.mark.counts
 @pytest.mark.usefixtures("few_learned")
 def test_fresh_flights_keep_to_the_volume_that_is_written():
     """Flights of another seed from the edge of the flight geography, put on the route by hand."""

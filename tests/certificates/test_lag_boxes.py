@@ -72,6 +72,7 @@ def test_the_box_of_an_identified_aircraft_has_the_lags_and_delays_of_all_condit
         assert box.norm_rate > 0.99 * box.rate
 
 
+@pytest.mark.soak
 def test_the_identified_models_themselves_are_as_fast_as_their_box():
     certificate = over_conditions()
 
@@ -280,7 +281,7 @@ def loop(gains, lag, delay, a, b):
     return np.array([a * e - b * y, e, (2.0 * z - u - y) / lag, 2.0 * (u - z) / delay])
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 @pytest.mark.parametrize("gains", [LARGEST_R_K, FASTEST, FED_BACK])
 def test_the_norm_falls_at_its_rate_however_lag_and_delay_switch(gains):
     box = LAGS["lag and delay"]

@@ -11,6 +11,7 @@ from flighttune.claims.count import (
     chance_missed,
     counted_scale,
     flights_again,
+    flights_in_two_steps,
     flights_needed,
     log_evidence,
     supported_epsilon,
@@ -34,6 +35,24 @@ def test_a_claim_is_false_no_more_often_than_its_confidence_says():
 
     # 20,000 counts resolve the share to 0.0015, at one standard deviation
     assert np.mean(1.0 - scales > 0.05) == pytest.approx(0.05, abs=0.006)
+
+
+def test_a_count_in_two_steps_is_false_no_more_often_than_its_confidence_says():
+    """False if none of the first 78, or at most one of all 126, is outside: the sum of both."""
+    k, later = np.arange(79)[:, None], np.arange(49)
+    at = binom.pmf(k, 78, 0.05) * binom.pmf(later, 48, 0.05)
+    false = at[(k == 0) | (k + later <= 1)].sum()
+
+    assert false <= 0.025 < false + at[1, 0]
+    assert flights_in_two_steps(0.05, 0.975) == (78, 126)
+    assert allowed_outside(126, 0.05, 0.975, early=78) == 1
+    assert allowed_outside(125, 0.05, 0.975, early=78) == 0
+    assert allowed_outside(78, 0.05, 0.975, early=78) == 0
+    assert allowed_outside(71, 0.05, 0.975, early=71) == -1  # 0.95^71 exceeds 0.025
+    epsilon = supported_epsilon(1, 126, 0.975, early=78)
+    assert allowed_outside(126, epsilon * 1.0001, 0.975, early=78) == 1
+    assert allowed_outside(126, epsilon * 0.9999, 0.975, early=78) == 0
+    assert supported_epsilon(0, 78, 0.975, early=78) == pytest.approx(1.0 - 0.025 ** (1 / 78))
 
 
 def test_flights_that_were_not_completed_count():

@@ -78,6 +78,7 @@ def test_its_file_is_verified_and_other_weights_are_not(monitor, tmp_path):
     assert "airspeed" in verified.reason or "equal to the bit" in verified.reason
 
 
+@pytest.mark.soak
 def test_models_of_other_signals_are_refused(monitor, tmp_path):
     changed = replace(monitor, about=replace(monitor.about, models=monitor.about.models[1:]))
     changed.save(tmp_path / "monitor.npz")

@@ -75,6 +75,7 @@ def test_every_public_name_is_in_the_reference_and_found_by_the_search(site):
     assert not [path for page in pages for path in re.findall(private, page)]
 
 
+@pytest.mark.counts
 @pytest.mark.parametrize(
     ("words", "page", "excerpt"),
     [

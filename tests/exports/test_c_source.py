@@ -230,6 +230,7 @@ def test_the_example_of_the_page_compiles_and_runs(tmp_path):
         subprocess.run(command, cwd=tmp_path, timeout=60, check=True)
 
 
+@pytest.mark.soak
 @needs_compiler
 @pytest.mark.parametrize("anti_windup", ["conditional", "back_calculation", "none"])
 @pytest.mark.parametrize("feedback", [(0.0, 0.0), (0.5, 0.3)])

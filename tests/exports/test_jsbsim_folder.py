@@ -135,7 +135,7 @@ chi_deg = [{{shape = "ramp", start_s = 5.0, duration_s = 6.0, rate_dps = 5.0}}]
 """
 
 
-@pytest.mark.soak
+@pytest.mark.counts
 @pytest.mark.parametrize(
     ("aircraft", "V", "gains", "anti_windup", "engine"),
     [
@@ -160,7 +160,7 @@ def test_speed_has_priority_as_in_fly(aircraft, V, gains, anti_windup, engine, t
     assert written["gamma_rad"].iloc[-1] < math.radians(11.0)  # of 12 deg that are asked for
 
 
-@pytest.mark.soak
+@pytest.mark.counts
 @pytest.mark.parametrize(("priority", "feedback"), [("gamma", [0.5, 0.3]), ("chi", [0.0, 0.0])])
 def test_the_exact_law_flies_alike_where_lift_is_short(priority, feedback, tmp_path):
     tables = ft.load_scenario("paper").as_dict() | {"expect": []}
@@ -207,7 +207,7 @@ OTHERS = {
 }
 
 
-@pytest.mark.soak
+@pytest.mark.counts
 @pytest.mark.parametrize("changed", OTHERS.values(), ids=OTHERS)
 @pytest.mark.parametrize("gains", ["paper", "exact:paper"])
 def test_starts_and_settings_of_other_scenarios_are_those_of_fly(gains, changed, tmp_path):
@@ -284,7 +284,7 @@ def test_a_flight_that_is_not_that_of_fly_is_no_success(tmp_path):
     assert out == ""
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_the_command_of_the_readme_flies_the_folder_wherever_it_was_moved(tmp_path):
     values = exported("level_turn", tmp_path / "made")
     flown = Path(values["csv"]).read_bytes()

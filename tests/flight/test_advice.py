@@ -62,7 +62,7 @@ def test_a_schedule_is_advised_to_laws_that_it_changes(law, said):
 BESIDE, HELD, LOST = 0.5, 0.3, 0.6
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_the_steepest_descent_that_can_be_held_is_that_of_flights():
     def descent(gamma):
         return made_up_scenario(

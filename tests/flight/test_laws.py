@@ -78,6 +78,7 @@ def test_the_exact_law_on_the_point_mass_is_its_linear_loop():
     assert not (drawn.size > 1.000001 * drawn.bound + 1e-12).any()
 
 
+@pytest.mark.soak
 def test_its_rate_is_the_same_over_any_envelope_and_kstar_has_none_there():
     both = scenario(envelope=ENVELOPE)
     exact, paper = (gain_set(both, name) for name in ("exact:paper", "paper"))

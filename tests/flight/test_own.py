@@ -264,6 +264,7 @@ def test_lags_around_a_plant_are_those_of_the_point_mass_behind_them():
     assert around == pytest.approx(alone, abs=1e-5)
 
 
+@pytest.mark.soak
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [

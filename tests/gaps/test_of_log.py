@@ -48,7 +48,7 @@ def test_mass_lag_and_wind_of_a_flight_come_back(log):
     assert (log.parent / "gap" / "gap.svg").stat().st_size > 10_000
 
 
-@pytest.mark.soak
+@pytest.mark.counts
 def test_the_mass_comes_back_without_load_factor_commands(log):
     table = pd.read_csv(log).drop(columns="n_z_cmd")
     table.to_csv(log.with_stem("without"), index=False)
@@ -102,6 +102,7 @@ def test_what_a_log_cannot_tell_of_a_factor_has_its_reason(name, fitted, says):
     assert bool(said) == bool(says)
 
 
+@pytest.mark.soak
 def test_a_log_that_an_aircraft_cannot_fly_is_one_line(log):
     said = flighttune("gap", log, "--aircraft", "aerosonde", status=2, cwd=log.parent)[1]
 

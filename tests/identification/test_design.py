@@ -118,7 +118,7 @@ def test_a_rudder_that_turns_the_wrong_way_is_refused(slopes):
         )
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_the_gyroscopic_moment_of_a_heavy_propeller_is_made_up_for(tmp_path):
     folder = shutil.copytree(SHIPPED_AIRCRAFT / "aerosonde", tmp_path / "gyroscope")
     text = (folder / "aerosonde.xml").read_text()

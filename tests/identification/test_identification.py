@@ -165,7 +165,7 @@ def test_aerosonde_is_explained_on_a_whole_scenario(name):
         assert fit_percent(flown, model) > GOOD_FIT
 
 
-@pytest.mark.soak
+@pytest.mark.counts
 @pytest.mark.parametrize("aircraft", ["aerosonde", "c172p", "a4", "x8"])
 def test_identifying_again_gives_the_shipped_model(aircraft):
     shipped = ft.loop.load_identified(aircraft).conditions[0]

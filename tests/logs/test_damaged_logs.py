@@ -79,7 +79,7 @@ def test_a_mistake_in_the_reader_is_not_called_damage(originals, tmp_path, monke
     assert not isinstance(error.value, ft.FlightTuneError)
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_damaged_logs_are_refused_in_one_line_or_read(originals, tmp_path):
     try_damages(originals, tmp_path, FEW, seed=1)
 

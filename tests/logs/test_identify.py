@@ -71,6 +71,7 @@ def test_the_interval_of_a_mean_is_students():
     assert ends[:, 0] == pytest.approx([3.0 - half, 3.0 + half], rel=1e-6)
 
 
+@pytest.mark.soak
 def test_limits_are_those_seen(model):
     evidence = ft.loop.load_identified(model).log
 
@@ -204,6 +205,7 @@ def test_the_tube_of_a_model_from_logs_is_of_the_residual_rates_that_they_show(m
     assert "no claim about other flights" in " ".join(tube.answer().notes)
 
 
+@pytest.mark.soak
 @pytest.mark.parametrize(
     ("late", "says"),
     [(1.5, "is at an end of its range"), (math.inf, "roll rests while its commands change")],

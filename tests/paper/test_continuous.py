@@ -44,7 +44,7 @@ def softened_errors(gains, conditional, duration, k):
     return REF - solve_ivp(loop, (0.0, duration), start, method="Radau", **settings).y[:2].T
 
 
-@pytest.mark.soak
+@pytest.mark.counts
 @pytest.mark.parametrize(
     ("name", "conditional", "duration"),
     [

@@ -63,7 +63,7 @@ def test_the_table_of_a_figure_holds_what_was_flown(reproduction, study):
         assert np.max(np.abs(table[f"{name}_e_gamma_rad"] - e_gamma)) < NINE_DIGITS
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_the_committed_errata_are_those_computed_now(reproduction):
     now, committed = (path.read_text(encoding="utf-8") for path in (reproduction[0].errata, ERRATA))
 

@@ -81,6 +81,7 @@ def test_a_plan_comes_back_from_json_and_pickle_to_the_bit(campaign):
             assert list(map(repr, theirs)) == list(map(repr, column))
 
 
+@pytest.mark.soak
 @settings(max_examples=40)
 @given(campaign=campaigns(), more=st.integers(1, 40), first=st.integers(0, 40))
 def test_draws_do_not_depend_on_where_one_begins_or_ends(campaign, more, first):

@@ -91,6 +91,7 @@ def opens_with(tab, url, word, file):
     return False
 
 
+@pytest.mark.counts
 def test_recordings_open_in_a_browser_on_their_overview(recordings, overview, tmp_path):
     """One after the other."""
     with chromium_at_real_speed(SIZE) as tab:

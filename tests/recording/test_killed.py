@@ -66,7 +66,7 @@ def test_a_folder_is_read_and_flown_into_again_after_a_kill(flights, stage, tmp_
     assert ft.load(tmp_path).missing == ()
 
 
-@pytest.mark.soak
+@pytest.mark.counts
 @pytest.mark.parametrize("stage", STAGES, ids=lambda stage: "-".join(map(str, stage)))
 def test_a_second_flight_that_is_killed_is_not_mixed_with_the_first(
     flights, stage, tmp_path, monkeypatch

@@ -129,7 +129,7 @@ def test_no_view_is_empty_and_nothing_is_complained_of(viewer, flown):
         assert_all_drawn(flown.runs, views[name], name)
 
 
-@pytest.mark.soak
+@pytest.mark.counts
 @pytest.mark.parametrize(
     ("flight", "tab"),
     [

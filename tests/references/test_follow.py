@@ -104,7 +104,7 @@ def test_an_error_of_position_is_flown_off_in_the_look_ahead():
 SPACING = 0.1  # m, of the points of a path that a position is held against
 
 
-@pytest.mark.soak
+@pytest.mark.counts
 @settings(max_examples=6, phases=[Phase.generate])  # shrinking takes minutes
 @given(
     course=st.floats(-180.0, 180.0),

@@ -45,7 +45,7 @@ def biased_point(reference, bias, *, aside=0.0, wind=0.0, seconds=120.0):
     return np.array(places), between_samples
 
 
-@pytest.mark.soak
+@pytest.mark.counts
 @pytest.mark.parametrize(("from_deg", "chi_deg"), [(None, 10.0), (0.0, 0.0), (90.0, 0.0)])
 def test_the_law_flies_a_circuit_within_the_corridor_of_its_course_error(from_deg, chi_deg):
     """Four turns and a loiter, once from a course that is wrong at the start."""

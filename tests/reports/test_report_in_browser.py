@@ -42,6 +42,7 @@ def test_tables_are_cards_on_a_phone(told, width):
     assert told[width]["sideways"] == []
 
 
+@pytest.mark.soak
 @pytest.mark.parametrize(("width", "columns"), [(DESK, 2), (TABLET, 2), (PHONE, 1)])
 def test_charts_stand_side_by_side_down_to_a_small_tablet(told, width, columns):
     assert told[width]["columns"] == columns
@@ -64,6 +65,7 @@ def test_no_screen_of_the_page_is_empty(chromium, written, tmp_path):
         assert grey[top : top + SCREEN // 2].std() > FLAT
 
 
+@pytest.mark.soak
 def test_the_page_prints_on_a_few_sheets(chromium, written, tmp_path):
     sheets = tmp_path / "report.pdf"
     chromium("--no-pdf-header-footer", f"--print-to-pdf={sheets}", written.path)

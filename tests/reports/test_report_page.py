@@ -28,6 +28,7 @@ def test_the_one_script_of_the_page_is_the_one_that_its_policy_allows(page):
     assert f"script-src 'sha256-{digest}'" in policy
 
 
+@pytest.mark.soak
 def test_the_answer_stands_before_the_first_figure_in_a_hundred_words(page, written, flown_paper):
     top = re.sub(
         r"<style>.*?</style>|<title>.*?</title>", "", page.partition("<figure")[0], flags=re.S

@@ -44,7 +44,7 @@ def path(found, tmp_path_factory):
     return path
 
 
-@pytest.mark.soak
+@pytest.mark.counts
 @pytest.mark.parametrize("omega", first_or_all([0.7, 0.0, 1.5, 6.0]))
 def test_flights_ten_times_as_long_stay_inside(scenario, found, omega):
     longer = replace(found.problem, scenario=lasting(scenario, LONGER))
@@ -101,6 +101,7 @@ def test_a_set_that_is_not_kept_or_not_reached_is_refused(path, tmp_path, name, 
     assert re.search(said, verdict.reason)
 
 
+@pytest.mark.soak
 # The bounds of the last sample end with the margin of the interval after it, which those for ever
 # do not have: flights must have been in the set by then.
 @pytest.mark.parametrize("sample", [0, 51])

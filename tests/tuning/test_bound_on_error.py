@@ -45,7 +45,7 @@ def test_an_error_that_is_not_reached_is_named(model):
     assert "`E_star` 0.01" in paper.why_not(problem)
 
 
-@pytest.mark.soak
+@pytest.mark.counts
 def test_the_error_is_bounded_on_the_identified_aircraft_too():
     (problem,) = identified_problems(ft.load_scenario("paper_identified"))
     free = tune_worst_case([problem], starts=1)

@@ -96,7 +96,7 @@ def integrating(model):
     return A, np.vstack([model.B, np.zeros((2, 2))])
 
 
-@pytest.mark.soak
+@pytest.mark.counts
 def test_a_bound_on_the_largest_error_costs_more_and_holds(problem):
     found = ft.tune(replace(problem, R_min=0.3, E_star=0.8), starts=1)
 
