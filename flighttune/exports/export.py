@@ -23,7 +23,7 @@ from flighttune.flight.conditions import command_limits, lead_on
 from flighttune.flight.fly import aircraft_table, plant_of
 from flighttune.flight.load import scenario_and_gains
 from flighttune.flight.models import law_setup
-from flighttune.gaps.watch import FACTOR, LAG_S, SLOW, TO_PITCH, TO_ROLL, signals_of
+from flighttune.gaps.watch import FACTOR, LAG_S, SLOW, signals_of
 from flighttune.present.answer import Answer, Answering
 from flighttune.references.follow import APPROACH, LEAST_SHARE, STEEPEST_DIVE
 from flighttune.scenario.schema import Scenario
@@ -38,8 +38,8 @@ _QUANTITIES = {
     "sin_phi": "sin(s->phi)",
     "sin_gamma": "sin(s->gamma)",
     "slow": f"(0.5 * (1.0 + tanh(s->V_err / {SLOW})))",
-    "to_roll": f"({TO_ROLL} * tanh((s->phi_cmd - s->phi) / {TO_ROLL}))",
-    "to_pitch": f"({TO_PITCH} * tanh((s->theta_cmd - s->theta) / {TO_PITCH}))",
+    "to_roll": "(s->phi_cmd - s->phi)",
+    "to_pitch": "(s->theta_cmd - s->theta)",
     "excess": f"(s->f_x / {G_0} - s->n_z * (sin(s->theta) - sin(s->gamma)))",
 }
 
@@ -155,6 +155,7 @@ def monitor_source(monitor: Watching, *, title: str, dt: float) -> str:
         keep_term=_number(math.exp(-dt / LAG_S)),
         keep_mean=_numbers(keep_mean),
         keep_past=_numbers(keep_past),
+        most=_numbers(0.0 if model.loss else math.inf for model in models),
         lag_s=_number(LAG_S),
         step="\n".join(f"    term[{i}] = {term};" for i, term in enumerate(terms)),
     )

@@ -43,6 +43,7 @@ static const double half[FT_WATCHES][FT_MODELS] = {${half}};
 static const double keep_term = ${keep_term}; /* of a lag over one sample */
 static const double keep_mean[FT_MODELS] = {${keep_mean}};
 static const double keep_past[FT_MODELS] = {${keep_past}}; /* 1 where the past is not subtracted */
+static const double most[FT_MODELS] = {${most}}; /* of a residual: 0 where only a loss counts */
 
 static double ft_lagged(struct ft_monitor *m, int i, double value)
 {
@@ -88,7 +89,8 @@ ${step}
                 if (m->samples == FT_FIRST_JUDGED && keep_past[i] < 1.0)
                     m->past[w][i] = residual;
                 m->past[w][i] += (1.0 - keep_past[i]) * (residual - m->past[w][i]);
-                score = fabs(m->mean[w][i] - m->past[w][i] - middle[w][i]) / half[w][i];
+                residual = fmin(m->mean[w][i] - m->past[w][i], most[i]);
+                score = fabs(residual - middle[w][i]) / half[w][i];
                 if (score > largest) {
                     largest = score;
                     by = i;

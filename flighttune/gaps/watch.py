@@ -8,8 +8,7 @@ limit is an alarm.
 import re
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -23,20 +22,12 @@ from flighttune.units import G_0
 LAG_S = 0.5
 
 # Airspeed that is missing or in excess for which a throttle is nearly full or idle, m/s.
-SLOW = 3.0
-
-# Differences from the commanded roll and pitch at which rates saturate, rad.
-TO_ROLL, TO_PITCH = 0.35, 0.1
+SLOW = 1.5
 
 
 def _slow(V_err: FloatArray) -> FloatArray:
     """How far a throttle that holds airspeed is open: 0 far above the airspeed wanted, 1 below."""
     return 0.5 * (1.0 + np.tanh(V_err / SLOW))
-
-
-def _saturated(most: float, command: FloatArray, angle: FloatArray) -> FloatArray:
-    """The command of an angle minus the angle, saturated at about `most`, rad."""
-    return most * np.tanh((command - angle) / most)
 
 
 def _excess(f_x: FloatArray, n_z: FloatArray, theta: FloatArray, gamma: FloatArray) -> FloatArray:
@@ -50,8 +41,8 @@ QUANTITIES: Mapping[str, tuple[Callable[..., FloatArray], str]] = {
     "sin_phi": (np.sin, "phi"),
     "sin_gamma": (np.sin, "gamma"),
     "slow": (_slow, "V_err"),
-    "to_roll": (partial(_saturated, TO_ROLL), "phi_cmd phi"),
-    "to_pitch": (partial(_saturated, TO_PITCH), "theta_cmd theta"),
+    "to_roll": (np.subtract, "phi_cmd phi"),
+    "to_pitch": (np.subtract, "theta_cmd theta"),
     "excess": (_excess, "f_x n_z theta gamma"),
 }
 
@@ -69,6 +60,7 @@ class SignalModel:
     mean_s: float = 0.0  # lag of the residual itself, s
     past_s: float = 0.0  # lag of its own past that is subtracted from it, s; 0 subtracts none
     room: float = 1.0  # factor on its limit: more where healthy flights differ most
+    loss: bool = False  # whether it counts only what is less than expected
     weights: tuple[float, ...] = ()
 
     __pydantic_config__: ClassVar = STRICT
@@ -80,13 +72,8 @@ class SignalModel:
         return {x for name in names for x in QUANTITIES.get(name, (None, name))[1].split()}
 
 
-def _model(
-    name: str, target: str, terms: str, mean_s: float = 0.0, past_s: float = 0.0, room: float = 1.0
-) -> SignalModel:
-    parts = tuple(terms.split())
-    return SignalModel(
-        name=name, target=target, terms=parts, mean_s=mean_s, past_s=past_s, room=room
-    )
+def _model(name: str, target: str, terms: str, **options: Any) -> SignalModel:
+    return SignalModel(name=name, target=target, terms=tuple(terms.split()), **options)
 
 
 # Of models of one name the first counts whose signals there are. In words: the airspeed is that
@@ -109,14 +96,15 @@ MODELS = (
     _model("turn", "r", "1 sin_phi/V_g p"),
 )
 # Those that come first for logs, whose sensors are coarser and whose commands jump: thrust exceeds
-# drag where the flight is too slow, no force acts sideways, and roll and pitch follow their
-# commands at a rate that saturates.
+# drag where the flight is too slow, more so in a climb; no force acts sideways; the roll rate
+# follows the roll error behind a lag, and the pitch rate the pitch error. Only a loss of thrust
+# counts: it often exceeds what is expected, as the throttle opens for height too.
 OF_LOGS = (
     _model("airspeed", "V_err", "1", room=1.5),
-    _model("thrust", "slow*excess", "slow"),
+    _model("thrust", "slow*excess", "slow slow*sin_gamma", loss=True),
     _model("side force", "f_y", "1 phi"),
-    _model("roll", "p", "1 to_roll", mean_s=4.0, room=1.6),
-    _model("pitch", "d(theta)", "1 to_pitch", mean_s=2.0),
+    _model("roll", "p", "1 to_roll d(p)", mean_s=4.0),
+    _model("pitch", "d(theta)", "1 to_pitch", mean_s=4.0, room=1.2),
     _model("turn", "r", "1 sin_phi p"),
     *MODELS,
 )
@@ -216,7 +204,8 @@ def residuals(
     for model, each in zip(models, columns, strict=True):
         missing = each[-1] - np.array(model.weights) @ each[:-1]
         past = lagged(missing, dt, model.past_s) if model.past_s else 0.0
-        residual.append(lagged(missing, dt, model.mean_s, 0.0) - past)
+        missing = lagged(missing, dt, model.mean_s, 0.0) - past
+        residual.append(np.minimum(missing, 0.0) if model.loss else missing)
     return np.column_stack(residual)
 
 

@@ -93,3 +93,19 @@ def test_a_residual_less_its_past_forgets_an_offset_and_then_a_step(turning):
     lags = np.exp(-since / past_s) - np.exp(-since / LAG_S)
     assert missing == pytest.approx(step * past_s / (past_s - LAG_S) * lags, abs=step / RATE)
     assert missing[T[: len(missing)] < began] == pytest.approx(0.0, abs=1e-6)
+
+
+@pytest.mark.parametrize("mean_s", [0.0, 2.0])
+def test_a_model_of_a_loss_counts_only_what_is_less_than_expected(turning, mean_s):
+    models = models_of(turning().signals)
+    (model,) = taught(models, [moments(columns_of(models, turning()))])
+    columns = columns_of(models, turning(np.where(T < 40.0, 0.2, -0.3)))
+
+    both, loss = (
+        residuals([replace(model, mean_s=mean_s, loss=loss)], columns, 1.0 / RATE)[:, 0]
+        for loss in (False, True)
+    )
+
+    assert both.max() == pytest.approx(0.2, abs=1e-3)
+    assert loss == pytest.approx(np.minimum(both, 0.0), abs=1e-12)
+    assert loss.min() == pytest.approx(-0.3, abs=1e-3)
