@@ -72,7 +72,7 @@ class PlannedRoute(Answering):
             V_a = float(np.interp([*ends, *s[(s > ends[0]) & (s < ends[1])]], s, V).max())
             row = {
                 **pick(stretch, "kind waypoint name turn gamma"),
-                "course": stretch.course % math.tau,
+                "course": round(stretch.course, 9) % math.tau,  # -1e-17 is 0, not 360 deg
                 "start_m": stretch.start,
                 "length_m": stretch.length,
                 "radius_m": None if math.isinf(stretch.radius) else stretch.radius,

@@ -132,14 +132,14 @@ def route_map(
 
 
 def _wind_arrow(chart: Chart, wind: FloatArray, words: str) -> None:
-    """An arrow with the wind in the upper left corner, where it has a direction, and words."""
+    """The wind in words: beside an arrow in the upper left corner, or, of any direction, below."""
     if (speed := float(np.hypot(*wind))) == 0.0:
+        return
+    if words.endswith("anywhere"):
+        chart.x += f", wind {words}"
         return
     (left, right), (_, top) = chart.x_ends(), chart.y_ends()
     size = ARROW * (right - left)
-    if words.endswith("anywhere"):
-        chart.text(left + 0.2 * size, top - 0.7 * size, f"wind {words}", shift=(0.0, 4.0))
-        return
     ahead = size * wind[::-1] / speed  # east and north
     aside = 0.2 * ahead[::-1] * [-1.0, 1.0]
     tail = np.array([left, top]) + 0.7 * size * np.array([1.0, -1.0]) - 0.5 * ahead
