@@ -311,7 +311,9 @@ def _read_csv(path: Path, sources: Sequence[str]) -> tuple[dict[str, Stream], st
     }
     clock, t = table[sources[0]], values[sources[0]]
     if np.isfinite(t).sum() < 0.5 * clock.count():  # dates
-        stamps = pd.to_datetime(clock, errors="coerce")
+        # Day and month are read in the order by which the log is whole and short.
+        readings = (pd.to_datetime(clock, errors="coerce", dayfirst=x) for x in (False, True))
+        stamps = min(readings, key=lambda t: (t.isna().sum(), t.max() - t.min()))
         t = ((stamps - stamps.min()) / pd.Timedelta(seconds=1)).to_numpy(float)
     return {name: (t, column) for name, column in values.items()}, ""
 

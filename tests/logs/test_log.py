@@ -141,6 +141,20 @@ def test_a_table_has_commas_semicolons_or_tabs_between_its_cells(table, form):
     assert ft.load_log(path).signals.equals(expected)
 
 
+@pytest.mark.parametrize("day", ["%d.%m.%Y", "%m/%d/%Y", "%d/%m/%Y", "%Y-%m-%d"])
+@pytest.mark.parametrize("start", ["2026-06-11 23:59:50", "2026-06-12 23:59:50", "2026-06-25"])
+def test_dates_are_read_past_midnight_whatever_comes_first(tmp_path, day, start):
+    t, path = np.arange(300) / 5.0, tmp_path / "flight.csv"
+    stamps = pd.date_range(start, periods=len(t), freq="200ms").strftime(f"{day} %H:%M:%S.%f")
+    columns = {"time": stamps, "phi_deg": 10.0 * np.sin(t), "V_a_mps": 25.0}
+    pd.DataFrame(columns).to_csv(path, index=False)
+
+    run = ft.load_log(path)
+
+    assert run.t == pytest.approx(t, abs=1e-9)
+    assert run.signals["phi"].to_numpy() == pytest.approx(np.radians(10.0 * np.sin(t)), abs=1e-9)
+
+
 @pytest.mark.parametrize("encoding", ["utf-16", "latin-1"])
 def test_a_table_of_older_programs_is_read_and_its_other_columns_listed(tmp_path, encoding):
     t, path = np.arange(300) / 25.0, tmp_path / "flight.csv"
