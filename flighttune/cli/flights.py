@@ -16,13 +16,7 @@ from flighttune.errors import (
     OutputError,
     RecordingError,
 )
-from flighttune.files.shipped import (
-    aircraft_folders,
-    campaign_files,
-    is_shipped,
-    listed_files,
-    scenario_files,
-)
+from flighttune.files import shipped
 from flighttune.present.answer import Answer, Table
 from flighttune.present.names import columns
 
@@ -89,7 +83,7 @@ def mission(
 def new(new_scenario: Verb, like: str | None) -> Answer:
     """Write a scenario of your own, with comments, that an aircraft can fly."""
     if like is not None:
-        file = scenario_files().get(like, like)
+        file = shipped.scenario_files().get(like, like)
         raise InputError(
             f"`--like` must be absent: copy {file}, and set its aircraft, [flight] and [limits]; "
             "`flighttune list` has all."
@@ -103,12 +97,14 @@ BEGIN_WITH = "level_turn", "paper", "mission", "gust_in_turn", "circuit", "surve
 
 def list_shipped() -> Answer:
     """List the scenarios and campaigns that come with the package, and all aircraft found."""
-    scenarios = listed_files()
+    scenarios = shipped.listed_files()
     first = {name: scenarios.pop(name) for name in BEGIN_WITH}
-    files = {"begin_with": first, "scenarios": scenarios, "campaigns": campaign_files()}
-    studies = [name for name in scenario_files() if name not in first | scenarios]
-    aircraft = aircraft_folders()
-    places = [x if is_shipped(folder) else f"{x} ({folder})" for x, folder in aircraft.items()]
+    files = {"begin_with": first, "scenarios": scenarios, "campaigns": shipped.campaign_files()}
+    studies = [name for name in shipped.scenario_files() if name not in first | scenarios]
+    aircraft = shipped.aircraft_folders()
+    places = [
+        x if shipped.is_shipped(folder) else f"{x} ({folder})" for x, folder in aircraft.items()
+    ]
     return Answer(
         values={"aircraft": list(aircraft)},
         tables=[

@@ -22,14 +22,7 @@ from flighttune.plants.base import goes_by
 from flighttune.plants.jsbsim.plant import check_off_nominal
 from flighttune.present.names import CHANNEL_SYMBOLS
 from flighttune.references.fence import own_fence
-from flighttune.scenario.load import (
-    existing_file,
-    gain_entries,
-    scenario_from,
-    title_with,
-    with_changes,
-    with_gains,
-)
+from flighttune.scenario import load
 from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import GainsTable, PlantTable
 
@@ -85,17 +78,17 @@ def campaign_table(
 ) -> tuple[CampaignTable, Path]:
     """The tables of a campaign file with values to set, and the file; its scenario is not read."""
     folders = "campaigns", "scenarios/campaigns"
-    file = existing_file(path, "campaign", campaign_files(), folders)
+    file = load.existing_file(path, "campaign", campaign_files(), folders)
     tables = toml_tables(file)
     _check_disperse(tables.get("disperse"), str(file))
     if "gains" in tables:
-        tables["gains"] = gain_entries(tables["gains"], file.parent)
+        tables["gains"] = load.gain_entries(tables["gains"], file.parent)
     if until_sure is not None:
         tables["until_sure"] = until_sure
     if changes:
         tables |= {
             "overrides": {**tables.get("overrides", {}), **changes},
-            "title": title_with(tables, changes),
+            "title": load.title_with(tables, changes),
         }
     return validated(CampaignTable, tables, str(file)), file
 
@@ -107,7 +100,7 @@ def campaign_about(
     base = scenario or load_scenario(_scenario_of(table.scenario, file))
     nominal = _nominal(table, base, str(file))
     if gains:
-        nominal = with_gains(nominal, gains, str(file))
+        nominal = load.with_gains(nominal, gains, str(file))
         table = table.model_copy(update={"gains": nominal.gains})
     return campaign_on(table, nominal, str(file))
 
@@ -148,13 +141,13 @@ def _nominal(table: CampaignTable, base: Scenario, source: str) -> Scenario:
     if any(isinstance(entry, str) and ":" in entry for entry in entries):  # LAW:GAINS, as of `fly`
         tables_given = [entry for entry in entries if isinstance(entry, GainsTable)]
         names = [entry if isinstance(entry, str) else entry.name for entry in entries]
-        base, entries = with_gains(base, names, source, tables_given), []
+        base, entries = load.with_gains(base, names, source, tables_given), []
     tables = base.as_dict()
     if entries:
         tables["gains"] = _plain([own.get(x, x) if isinstance(x, str) else x for x in entries])
     if table.plant is not None:
         tables["plant"] = _plain(table.plant)
-    tables = with_changes(tables, table.overrides, f"{source}: [overrides]")
+    tables = load.with_changes(tables, table.overrides, f"{source}: [overrides]")
     tables["expect"] = _plain(table.success) or _expectations(tables)
     whole = f"{source}: the scenario with the campaign's keys"
     scenario = validated(Scenario, tables, whole)
@@ -279,13 +272,13 @@ class Flights:
         scenario, campaign = self.scenario, self.campaign
         if campaign is None:
             if gains not in (None, *scenario.gain_names):
-                scenario = with_gains(scenario, [gains], self.place)
+                scenario = load.with_gains(scenario, [gains], self.place)
             labels = [table.label for table in scenario.plant if kind in (None, table.kind)]
             chosen, name = plant or next(iter(labels), None), Path(self.place).stem
             plan = plan_campaign(about(scenario, name, chosen, self.start_deg, self.disturbance))
             return plan.with_runs(len(plan.groups))
         if not (self.mission or self.recorded) and gains not in (None, *scenario.gain_names):
-            scenario = with_gains(scenario, [gains], self.place)
+            scenario = load.with_gains(scenario, [gains], self.place)
             table = campaign.model_copy(update={"gains": scenario.gains})
             campaign = campaign_on(table, scenario, self.place)
         plan = self.recorded or plan_campaign(campaign)
@@ -429,4 +422,4 @@ def about(
         for key, (low, high) in ranges.items():
             drawn.append(Uniform(key=f"disturbance.{channel}_{key}", lower=low, upper=high))
     table = CampaignTable(title=scenario.title, scenario=name, runs=1, disperse=drawn)
-    return campaign_on(table, scenario_from(tables), name)
+    return campaign_on(table, load.scenario_from(tables), name)

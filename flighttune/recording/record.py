@@ -25,14 +25,6 @@ from flighttune.present.chart import peaks
 from flighttune.present.names import shown_unit
 from flighttune.present.palette import LIMIT, NEUTRAL, rgb
 from flighttune.recording import entities
-from flighttune.recording.entities import (
-    DrawnRun,
-    application,
-    log_lines,
-    log_still,
-    runs_to_draw,
-    times,
-)
 from flighttune.recording.page import blueprint, log_legends, scenario_page
 from flighttune.recording.plots import Plot, displayed, limits_of, shown_plots, with_derived
 from flighttune.recording.scene import log_route, log_scene, route_of, somewhere
@@ -215,19 +207,19 @@ def recording_bytes(
 def _bytes(runs: Sequence[Run], page: str, title: str, origin: Mapping[str, Any] | None) -> bytes:
     # In memory: Rerun raises nothing where the disk is full, but logs it, or never returns.
     # A new id each time: of two files with one id the viewer would keep one.
-    stream = rr.RecordingStream(application(title), recording_id=uuid.uuid4())
+    stream = rr.RecordingStream(entities.application(title), recording_id=uuid.uuid4())
     try:
         memory = stream.memory_recording()
         if origin is not None:
             stream.send_property(parquet.ORIGIN, rr.AnyValues(**origin))
-        recorded = runs_to_draw(runs)
+        recorded = entities.runs_to_draw(runs)
         extended = with_derived(recorded)
         plots, route = shown_plots([flight.run for flight in extended]), route_of(extended)
         on_map = route is not None and route[1].geographic
         _send_layout(stream, blueprint(extended, plots, on_map=on_map))
         stream.send_recording_name(title)
         text = rr.TextDocument(page, media_type=rr.MediaType.MARKDOWN)
-        log_still(stream, entities.PAGE, text)
+        entities.log_still(stream, entities.PAGE, text)
         if extended:
             log_scene(stream, [somewhere(flight) for flight in recorded])
             log_legends(stream, extended)
@@ -258,19 +250,19 @@ def _send_layout(stream: rr.RecordingStream, layout: rrb.Blueprint) -> None:
     layout_stream.disconnect()  # the sink holds the stream, and the stream the sink
 
 
-def _log_plot(stream: rr.RecordingStream, plot: Plot, flights: Sequence[DrawnRun]) -> None:
+def _log_plot(stream: rr.RecordingStream, plot: Plot, flights: Sequence[entities.DrawnRun]) -> None:
     folder = f"{entities.PLOTS}/{plot.signal}"
 
     def log_signals(path: str, run: Run, signals: Sequence[str], **style: Any) -> None:
         """Log signals of a run as lines of one entity, thinned."""
         values = np.column_stack([displayed(run.signals, name) for name in signals])
         samples = peaks(values)
-        log_lines(stream, path, rr.SeriesLines(**style), run.t[samples], values[samples])
+        entities.log_lines(stream, path, rr.SeriesLines(**style), run.t[samples], values[samples])
 
     # The time axis reaches a little beyond the longest flight, in all plots alike.
     end = entities.END * max(flight.run.duration for flight in flights)
     nothing = rr.Scalars.columns(scalars=[np.nan, np.nan])
-    stream.send_columns(f"{folder}/{entities.AXIS}", [times([0.0, end])], nothing)
+    stream.send_columns(f"{folder}/{entities.AXIS}", [entities.times([0.0, end])], nothing)
     having = [flight for flight in flights if plot.signal in flight.run.signals]
     for flight in having:
         run, strong, rgb_of_run = flight.run, f"{folder}/{flight.key}", flight.style.rgb
@@ -306,7 +298,7 @@ def _log_plot(stream: rr.RecordingStream, plot: Plot, flights: Sequence[DrawnRun
                 widths=[1.0, 1.0],
                 names=[f"{run.label}, {claim.title}: {end}" for end in ("lowest", "highest")],
             )
-            log_lines(stream, f"{strong}_claim_{place}", style, t, values)
+            entities.log_lines(stream, f"{strong}_claim_{place}", style, t, values)
     longest = max((flight.run for flight in having), key=lambda run: run.duration)
     if plot.common is not None and plot.common in longest.signals:
         reference = {"colors": [rgb(NEUTRAL)], "widths": [2.0], "names": ["reference"]}
@@ -316,7 +308,9 @@ def _log_plot(stream: rr.RecordingStream, plot: Plot, flights: Sequence[DrawnRun
         names = ["lower limit", "upper limit"]
         style = rr.SeriesLines(colors=[rgb(LIMIT)] * 2, widths=[2.0] * 2, names=names)
         ends = longest.signals.index[[0, -1]]
-        log_lines(stream, f"{folder}/{entities.LIMITS}", style, ends, np.array([bounds, bounds]))
+        entities.log_lines(
+            stream, f"{folder}/{entities.LIMITS}", style, ends, np.array([bounds, bounds])
+        )
 
 
 def show(flown: FlownScenario, *, width: int = 1280, height: int = 720) -> None:
