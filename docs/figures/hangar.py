@@ -44,6 +44,9 @@ CIRCUITS = [
 
 STATUSES = ("adopted", "flies", "refused")
 
+# Endings of the notes of an adoption that the page has.
+NOTES = "its engines stay off", "not feet as JSBSim has it"
+
 COLUMNS = [*columns("model V_a_mps"), Column("circuit.cross_track_m", "beside circuit", "m", ".2g")]
 
 
@@ -156,7 +159,9 @@ def remarks_of(answer: dict[str, Any]) -> list[str]:
     """Why a model is not adopted, or does not fly the circuit."""
     why = answer.get("circuit", {}).get("why", "")
     before, ended, reason = why.partition("tuned_fed_back: ")
-    return [*filter(None, (answer["reason"], f"misses the circuit: {reason}" if ended else before))]
+    circuit = f"misses the circuit: {reason}" if ended else before
+    notes = [note for note in answer.get("notes", ()) if note.endswith(NOTES)]
+    return [*notes, *filter(None, (answer["reason"], circuit))]
 
 
 def hangar_text(answers: Sequence[dict[str, Any]]) -> str:
@@ -175,10 +180,8 @@ def hangar_text(answers: Sequence[dict[str, Any]]) -> str:
     kinds = page[page.index("## With every command") : page.index("## Remarks")]
     return f"""# The hangar: every model of JSBSim's own set
 
-JSBSim comes with {len(answers)} models. This page says which `flighttune adopt MODEL` turns
-into an aircraft for every command: {
-        ", ".join(f"{len(of[status])} {status}" for status in STATUSES)
-    }.
+JSBSim comes with {len(answers)} models, which `flighttune adopt MODEL` turns into aircraft for
+every command: {", ".join(f"{len(of[status])} {status}" for status in STATUSES)}.
 [Use an aircraft of your own](aircraft.md) says what the statuses mean. The page is made by
 `python docs/figures/hangar.py`, here with flighttune {ft.__version__} and JSBSim {
         version("jsbsim")
@@ -198,13 +201,13 @@ most.
 The identified models fit roll by {fits[0]:.1f} % or better and load factor by {fits[1]:.1f} % or
 better. Exported turns differ from flown ones by at most {most:.0e}.
 Gains tuned on the identified model have a smaller ITAE than the paper's K* scaled with airspeed on
-{chi} of {len(adopted)} aircraft for course and {gamma} for path angle, over the time flown.
+{chi} of {len(adopted)} aircraft for course and {gamma} for path angle.
 
 {kinds}## Remarks
 
-`adopt` prints what else is said of a model.
-
 {listed((one["model"], remark) for one in flown for remark in remarks_of(one))}
+
+JSBSim takes the thrust of `C130`'s turbines for the power of their propellers, 14 hp each.
 
 ## Refused
 
@@ -212,9 +215,7 @@ Gains tuned on the identified model have a smaller ITAE than the paper's K* scal
 
 ## The turns
 
-The figure shows 40 s, in degrees.
-
-![Course and path angle of the turn of each aircraft with their references](hangar.svg)
+![Course and path angle (deg) of each turn over 40 s, with their references](hangar.svg)
 
 NASA's check cases 11 and 13 are not compared: their F-16 is not JSBSim's `f16`, and simupy-flight
 is not on PyPI.

@@ -16,20 +16,12 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from flighttune.aircraft.aircraft import PROPERTY_NAME, SURFACES, AircraftConfig, aircraft_from
-from flighttune.aircraft.model_xml import found_file, read_xml
+from flighttune.aircraft.model_xml import found_file, in_inches, read_xml
 from flighttune.arrays import FloatArray
 from flighttune.errors import InputError, PlantError
-from flighttune.plants.jsbsim import properties
+from flighttune.plants.jsbsim import model_files, properties
 from flighttune.plants.jsbsim.bench import EFFECTS, POSITIONS, AirframeState, Bench, surface_faults
 from flighttune.plants.jsbsim.fdm import Fdm
-from flighttune.plants.jsbsim.model_files import (
-    ROCKET,
-    has_engine,
-    main_root,
-    model_files,
-    source_folders,
-    unchanged,
-)
 from flighttune.units import DEG, FT, G_0
 
 SOURCE = "flighttune adopt"  # marks an aircraft that `adopt` may write over
@@ -283,7 +275,7 @@ def wide_tables(model: str) -> dict[str, Any]:
 
 def _engine_count(config: AircraftConfig) -> int:
     """Number of engines of a model; one that cannot be an aeroplane is refused."""
-    root = main_root(config)
+    root = model_files.main_root(config)
     if root.tag != "fdm_config":
         raise Refusal(f"its main file must be a <fdm_config> of JSBSim, got a <{root.tag}>")
     aerodynamics, propulsion = (_part(config, tag) for tag in ("aerodynamics", "propulsion"))
@@ -301,11 +293,11 @@ def _engine_count(config: AircraftConfig) -> int:
 
 def _part(config: AircraftConfig, tag: str) -> Element:
     """A part of the main file of a model, which may be in a file of its own."""
-    part = main_root(config).find(tag)
+    part = model_files.main_root(config).find(tag)
     if part is None:
         return Element(tag)
-    name, folders = part.get("file"), source_folders(config).parts
-    file = str(source_folders(config).file)
+    name, folders = part.get("file"), model_files.source_folders(config).parts
+    file = str(model_files.source_folders(config).file)
     return read_xml(found_file(name, folders, folders[0]), file) if name else part
 
 
@@ -404,7 +396,7 @@ class _Model:
     @cached_property
     def roots(self) -> list[Element]:
         """The files of the model."""
-        return [read_xml(file, str(file)) for file in model_files(self.config)]
+        return [read_xml(file, str(file)) for file in model_files.model_files(self.config)]
 
     @cached_property
     def texts(self) -> tuple[set[str], set[str]]:
@@ -616,7 +608,7 @@ class _Model:
         assert refused is not None  # the first levers are always tried
         if isinstance(refused, TooWeak):
             self.notes.append(f"{refused}: its engines stay off")
-        elif has_engine(unchanged(fdm.config), ROCKET):
+        elif model_files.has_engine(model_files.unchanged(fdm.config), model_files.ROCKET):
             # JSBSim computes the thrust of a rocket from the fuel that it takes from its tanks.
             note = f"{refused}: a rocket has no thrust while its fuel is frozen, as it is"
             self.notes.append(note)
@@ -633,19 +625,16 @@ class _Model:
         fdm, thrusts = bench.fdm, bench.fdm.thrusts
         weight = fdm.reader("inertia/mass-slugs")() * G_0 / FT
 
-        def settled(V: float, throttle: float, wait: float) -> FloatArray:
+        def settled(V: float, throttle: float, wait: float, bench: Bench = bench) -> FloatArray:
             bench.accelerations(_level(V, lift.at(V)[0], throttle))
-            fdm.start_engines()
-            fdm.hold(wait, still=SETTLED * 1e-7 if fdm.electric else 0.0)
-            return np.array([read() for read in thrusts])
+            bench.fdm.start_engines()
+            bench.fdm.hold(wait, still=SETTLED * 1e-7 if fdm.electric else 0.0)
+            return np.array([read() for read in bench.fdm.thrusts])
 
         def moderate(rate: float) -> bool:
             """Whether at this rate the engines soon push as those of an aeroplane."""
             other = self.load(**tables | {"inner_loop_rate_hz": rate})
-            other.accelerations(_level(V, lift.at(V)[0], 1.0))
-            other.fdm.start_engines()
-            other.fdm.hold(1.0)
-            return 0.0 < sum(read() for read in other.fdm.thrusts) <= MAX_THRUST * weight
+            return 0.0 < settled(V, 1.0, 1.0, other).sum() <= MAX_THRUST * weight
 
         V = V_a or SPEEDS[0] * lift.V_s
         at_once = settled(V, 0.5, MAX_SETTLING_S)
@@ -672,8 +661,8 @@ class _Model:
             raise Refusal("its thrust does not follow the throttle")
         points = []  # spare thrust, airspeed, thrust over drag
         for V in (V_a,) if V_a else [share * lift.V_s for share in SPEEDS]:
-            drag = lift.at(V)[1]
             thrust = float(settled(V, 1.0, wait).sum()) / weight
+            drag = fdm.reader("forces/fwx-aero-lbs")() / weight  # it may depend on the throttle
             if thrust - drag >= SPARE_THRUST:
                 return V, thrust - drag
             points.append((thrust - drag, V, thrust / drag if drag > 0.0 else math.inf))
@@ -681,9 +670,7 @@ class _Model:
         if not best > 1.0:
             if V_a:  # another one may do
                 raise Refusal(f"its thrust is {best:.2f} of its drag at {V_a:g} m/s")
-            raise TooWeak(
-                f"its thrust is below its drag at every airspeed: at best {best:.2f} of the drag"
-            )
+            raise TooWeak(f"its thrust is at most {best:.2f} of its drag at any airspeed")
         spare, V, _ = max(points)
         return V, spare
 
@@ -710,7 +697,11 @@ class _Model:
             )
         if "thrust" in engines:
             self.notes.append(f"its engine has no thrust: an external force pushes it ({EXTERNAL})")
-        propellers = (root for root in self.roots if root.tag == "propeller")
+        propellers = [root for root in self.roots if root.tag == "propeller"]
+        if any(map(in_inches, propellers)):
+            self.notes.append(
+                "the diameter of its propeller has no unit: it is inches, not feet as JSBSim has it"
+            )
         inertias = [float(root.findtext("ixx", "0")) for root in propellers]
         if not (inertias and fdm.shows(PROPELLER_RPM)):
             return

@@ -7,6 +7,7 @@ import math
 import os
 import re
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from xml.etree import ElementTree
@@ -162,6 +163,9 @@ COEFFICIENT = "coefficient "
 # Numbers proportional to the thrust of engines that push without a propeller.
 _THRUST_OF = {"electric_engine": ("power",), "turbine_engine": ("milthrust", "maxthrust")}
 
+# Diameter that no propeller of an aeroplane has had, ft.
+WIDEST_PROPELLER = 30.0
+
 _NOT_OPERATIONS = ("description", "documentation")
 
 
@@ -224,6 +228,34 @@ def scale_thrust(root: Element, folders: Sequence[Path], file: Path) -> None:
             )
         for number in numbers:
             number.text = placeholder("thrust", float(number.text or 0.0))
+
+
+def in_inches(propeller: Element) -> bool:
+    """Whether a diameter has no unit, and is wider than any propeller in the feet of JSBSim."""
+    diameters = (x for x in propeller.iterfind("diameter") if "unit" not in x.attrib)
+    with suppress(ValueError):
+        return any(float(x.text or "") > WIDEST_PROPELLER for x in diameters)
+    return False
+
+
+def mend_engines(root: Element, folders: Sequence[Path], *, off: bool) -> None:
+    """Give diameters of propellers their unit, and turbines that are `off` no thrust."""
+    for holder in root.findall("propulsion//*[@file]"):
+        file = found_file(holder.attrib["file"], folders, folders[0])
+        if not os.path.isfile(file):  # JSBSim names what is missing
+            continue
+        part = read_xml(file, str(file))
+        if part.tag == "propeller" and in_inches(part):
+            for diameter in part.iterfind("diameter"):
+                diameter.set("unit", "IN")
+        elif part.tag == "turbine_engine" and off:
+            # Where no time passes JSBSim lets a turbine push as an idle one.
+            for thrust in part.iterfind("milthrust"):
+                thrust.text = "0"
+        else:
+            continue
+        del holder.attrib["file"]
+        holder.insert(0, part)
 
 
 def slow_actuators(root: Element) -> None:

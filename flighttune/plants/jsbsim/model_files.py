@@ -301,6 +301,7 @@ def _template(unchanged: Unchanged, weigh: Weigh, steps: int) -> tuple[str, Mass
     # shift of its aerodynamic reference point.
     root.insert(0, read_xml(EARTH, "flat Earth"))
     model_xml.put_in_front(root, config)
+    model_xml.mend_engines(root, folders.parts, off=not config.engines.count)
     if steps > 1:
         _slow_computer(root, steps, folders)
     balance = None
