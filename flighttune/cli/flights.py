@@ -6,16 +6,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from flighttune import errors
 from flighttune.cli.explain import page_note
 from flighttune.cli.options import FLOWN_BY, Verb, check_ending
 from flighttune.cli.show import fail, on_interrupt, say, show
-from flighttune.errors import (
-    CampaignError,
-    InfeasibleError,
-    InputError,
-    OutputError,
-    RecordingError,
-)
 from flighttune.files import shipped
 from flighttune.present.answer import Answer, Table
 from flighttune.present.names import columns
@@ -63,14 +57,14 @@ def mission(
     if plan:
         check_ending(out, ".geojson", ".kml", ".plan")
         for name in [x for x in settings if x not in of_route] + ["page"] * bool(page):
-            raise InputError(f"`{name}` must be absent with --plan, which flies nothing.")
+            raise errors.InputError(f"`{name}` must be absent with --plan, which flies nothing.")
         return mission_plan(source, **settings)
     check_ending(out, ".npz")
     if kind_of(source) != BAND:
         out = out or Path("runs") / f"{Path(source).stem}-band.npz"
     try:
         odds = count_mission(out=out)
-    except InfeasibleError:  # what is planned says why
+    except errors.InfeasibleError:  # what is planned says why
         of_plan = {key: settings[key] for key in of_route[:3] if key in settings}
         return mission_plan(source, changes=changes, **of_plan)
     answer, file = odds.answer(), out or Path(source)
@@ -84,7 +78,7 @@ def new(new_scenario: Verb, like: str | None) -> Answer:
     """Write a scenario of your own, with comments, that an aircraft can fly."""
     if like is not None:
         file = shipped.scenario_files().get(like, like)
-        raise InputError(
+        raise errors.InputError(
             f"`--like` must be absent: copy {file}, and set its aircraft, [flight] and [limits]; "
             "`flighttune list` has all."
         )
@@ -142,7 +136,7 @@ def _open(path: Path, *, port: int | None = None) -> None:
 
     recording = recording_in(path) if path.is_dir() else path
     if recording is None:
-        raise RecordingError(f"{path}: the folder must hold a recording, got none.")
+        raise errors.RecordingError(f"{path}: the folder must hold a recording, got none.")
     command, url = viewer(recording, port=port)
     if port is not None:
         tunnel = " ".join(f"-L {p}:127.0.0.1:{p}" for p in (port, port + 1))
@@ -185,7 +179,7 @@ def campaign(
         return forecast(plan, FLOWN_BY.get()["workers"])
     try:
         done = run_campaign(campaign=plan, out=out, runs=None)
-    except (CampaignError, OutputError) as error:
+    except (errors.CampaignError, errors.OutputError) as error:
         if not file_of_plan.exists():
             raise
         raise type(error)(f"{str(error).removesuffix('.')}; {KEPT}") from error

@@ -16,14 +16,7 @@ from flighttune.arrays import FloatArray
 from flighttune.control.inner_loop import Order
 from flighttune.errors import TrimError
 from flighttune.files.shipped import is_shipped
-from flighttune.identification.file import (
-    FILE_NAME,
-    Channel,
-    IdentifiedAircraft,
-    identified_tables,
-    lags_table,
-    save_with_figure,
-)
+from flighttune.identification import file as model_file
 from flighttune.identification.fit import (
     DT,
     ChannelIdentification,
@@ -43,7 +36,7 @@ from flighttune.units import DEG
 
 Response: TypeAlias = npt.NDArray[np.complex128]
 
-CHANNELS: tuple[Channel, Channel] = ("phi", "n_z")
+CHANNELS: tuple[model_file.Channel, model_file.Channel] = ("phi", "n_z")
 NAMES = "Roll", "Load factor"
 COUPLINGS = (
     ("Coupling: roll command to n_z", "magnitude [dB of 1/rad]"),
@@ -132,7 +125,7 @@ FIT_NOTE = (
 def _of_one_order(identifications: Sequence[Identification]) -> tuple[Identification, ...]:
     """The identifications with lags of one order a channel, the best over all of them."""
     # Models of one structure can be mixed, and one Lyapunov function can cover them all.
-    chosen: list[dict[Channel, ChannelIdentification]] = [{} for _ in identifications]
+    chosen: list[dict[model_file.Channel, ChannelIdentification]] = [{} for _ in identifications]
     for name in identifications[0].channels:
         total: dict[Order, float] = defaultdict(float)
         for point in identifications:
@@ -150,7 +143,7 @@ def _of_one_order(identifications: Sequence[Identification]) -> tuple[Identifica
 class AircraftIdentification(Answering):
     """Identification of an aircraft, and of its airframe without the inner loop."""
 
-    identified: IdentifiedAircraft  # content of a model file
+    identified: model_file.IdentifiedAircraft  # content of a model file
     conditions: tuple[Identification, ...]  # the flights, condition by condition
     skipped: tuple[str, ...]  # why a requested condition is missing: one sentence each
     modes: Sequence[Mapping[str, Any]]  # of the airframe alone about the first condition
@@ -165,13 +158,13 @@ class AircraftIdentification(Answering):
     def save(self, path: str | Path | None = None) -> dict[str, Path | None]:
         """Write model and figure, by default into the aircraft's folder unless it is shipped."""
         shipped = Path("runs") / "identified" / f"{self.folder.name}.json"
-        path = path or (shipped if is_shipped(self.folder) else self.folder / FILE_NAME)
+        path = path or (shipped if is_shipped(self.folder) else self.folder / model_file.FILE_NAME)
         figure = identification_figure(self.conditions[0], self.place)
-        return save_with_figure(self.identified, Path(path), figure)
+        return model_file.save_with_figure(self.identified, Path(path), figure)
 
     def answer(self) -> Answer:
         """Lags with their fits, and modes; a failure where a lag explains too little."""
-        conditions = identified_tables(self.identified)["conditions"]
+        conditions = model_file.identified_tables(self.identified)["conditions"]
         poor = [
             f"{channel} at {point.V_a:g} m/s, {point.gamma / DEG:g} deg: {fitted.fit_percent:.1f} %"
             for point in self.identified.conditions
@@ -184,7 +177,7 @@ class AircraftIdentification(Answering):
         values = {"aircraft": self.identified.aircraft, "channels": conditions[0]["channels"]}
         return Answer(
             values={**values, "conditions": conditions, "skipped": self.skipped},
-            tables=[lags_table(self.identified), airframe],
+            tables=[model_file.lags_table(self.identified), airframe],
             notes=[FIT_NOTE, *(f"left out: {reason}" for reason in self.skipped)],
             failure=f"{self.identified.aircraft}: {less}" if poor else "",
         )
@@ -226,7 +219,7 @@ def identify_aircraft(
     identifications = _of_one_order(measured)
     A, _ = linearize(plant.config, measured[0].trim)
     return AircraftIdentification(
-        identified=IdentifiedAircraft.model_construct(
+        identified=model_file.IdentifiedAircraft.model_construct(
             aircraft=plant.config.folder.name,
             conditions=tuple(point.condition for point in identifications),
             seed=seed,

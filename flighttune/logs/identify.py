@@ -13,17 +13,8 @@ from flighttune.arrays import FloatArray
 from flighttune.control.inner_loop import InnerLag, Order
 from flighttune.errors import InputError
 from flighttune.files.load import A_LOG, LOG, load_one, written
+from flighttune.identification import file as model_file
 from flighttune.identification import fit
-from flighttune.identification.file import (
-    Channel,
-    IdentifiedAircraft,
-    IdentifiedChannel,
-    IdentifiedCondition,
-    LogEvidence,
-    identified_tables,
-    lags_table,
-    save_with_figure,
-)
 from flighttune.identification.identify import AircraftIdentification, identify_aircraft
 from flighttune.logs.checks import refuse_wrong
 from flighttune.logs.log import Columns
@@ -35,7 +26,7 @@ from flighttune.present.palette import HUES, NEUTRAL
 from flighttune.simulate.run import Run
 from flighttune.units import DEG, DEG_PER_RAD, G_0
 
-CHANNELS: tuple[Channel, ...] = ("phi", "n_z")
+CHANNELS: tuple[model_file.Channel, ...] = ("phi", "n_z")
 
 # Change of a command within a stretch from which on the stretch shows the response, rad and 1.
 EXCITED = {"phi": 5.0 * DEG, "n_z": 0.1}
@@ -114,9 +105,9 @@ class LogIdentification(Answering):
     """The response of an inner loop as logs show it."""
 
     # Content of a model file; None where a channel has no lag
-    identified: IdentifiedAircraft | None
+    identified: model_file.IdentifiedAircraft | None
     # Lags by channel, with their intervals
-    channels: Mapping[Channel, ChannelOfLogs]
+    channels: Mapping[model_file.Channel, ChannelOfLogs]
     untold: Mapping[str, str]  # why the logs cannot tell a channel, by its name
     names: tuple[str, ...]  # of the logs
 
@@ -131,7 +122,7 @@ class LogIdentification(Answering):
         if self.identified is None:
             return {"model": None, "figure": None}
         path = path or Path("runs") / "identified" / f"{self.names[0]}.json"
-        return save_with_figure(self.identified, Path(path), self.sheet())
+        return model_file.save_with_figure(self.identified, Path(path), self.sheet())
 
     def answer(self) -> Answer:
         """Lags with intervals; a failure where a channel has none."""
@@ -170,8 +161,10 @@ class LogIdentification(Answering):
             ask = f"give its bandwidth to be assumed, --assume {name}=RAD_S, or logs that show it"
             failure = f"{self.title}: {self.untold[name]}; {ask}"
             return Answer(values={"untold": dict(self.untold)}, tables=tables, failure=failure)
-        values = {**identified_tables(self.identified), "untold": dict(self.untold)}
-        return Answer(values=values, tables=[*tables, lags_table(self.identified)], notes=notes)
+        values = {**model_file.identified_tables(self.identified), "untold": dict(self.untold)}
+        return Answer(
+            values=values, tables=[*tables, model_file.lags_table(self.identified)], notes=notes
+        )
 
     def sheet(self) -> Sheet:
         """The first seconds of each channel: commanded, measured and the fit."""
@@ -294,7 +287,7 @@ def _identify_logs(
         log if isinstance(log, Run) else load_one(log, A_LOG, LOG, columns=columns) for log in logs
     ]
     refuse_wrong(*runs)
-    channels: dict[Channel, ChannelOfLogs] = {}
+    channels: dict[model_file.Channel, ChannelOfLogs] = {}
     untold: dict[str, str] = {}
     for name in CHANNELS:
         channel = _channel(runs, name)
@@ -335,7 +328,7 @@ def _unbroken(run: Run, *columns: FloatArray) -> Iterator[tuple[int, int]]:
     return zip(edges[::2], edges[1::2], strict=True)
 
 
-def _sections(run: Run, number: int, name: Channel, first: int) -> Iterator[Section]:
+def _sections(run: Run, number: int, name: model_file.Channel, first: int) -> Iterator[Section]:
     """Sections of a run, with stretches from `first` on."""
     signals = run.signals
     measured, commanded = (signals[key].to_numpy(dtype=float) for key in (name, f"{name}_cmd"))
@@ -435,7 +428,7 @@ class _Excited:
         return interval_of(centre, normal, slope, np.eye(len(centre))[1])
 
 
-def _channel(runs: Sequence[Run], name: Channel) -> ChannelOfLogs | str:
+def _channel(runs: Sequence[Run], name: model_file.Channel) -> ChannelOfLogs | str:
     """The lag of a channel, or why the logs cannot tell it."""
     if not (there := [run for run in runs if {name, f"{name}_cmd"} <= set(run.signals)]):
         return f"the logs have no {NAMES[name]} commands"
@@ -530,24 +523,24 @@ def interval_of(
 def _aircraft(
     runs: Sequence[Run],
     names: tuple[str, ...],
-    channels: Mapping[Channel, ChannelOfLogs],
+    channels: Mapping[model_file.Channel, ChannelOfLogs],
     assume: Mapping[str, float],
-) -> IdentifiedAircraft:
+) -> model_file.IdentifiedAircraft:
     """The content of a model file: lags, limits as seen, and where they are from."""
-    tables: dict[Channel, IdentifiedChannel] = {}
+    tables: dict[model_file.Channel, model_file.IdentifiedChannel] = {}
     lags: list[InnerLag] = []
     for name in CHANNELS:
         channel = channels.get(name)
         lag = channel.lag if channel else InnerLag(order=1, natural_frequency=assume[name])
         percent = channel.fit_percent if channel else 0.0
         residual = math.sqrt(max(0.0, 1.0 - percent / 100.0))
-        tables[name] = IdentifiedChannel.of(lag, fit_percent=percent, residual=residual)
+        tables[name] = model_file.IdentifiedChannel.of(lag, fit_percent=percent, residual=residual)
         lags.append(lag)
     speeds = np.concatenate([speed_of(run) for run in runs])
     heights = [run.signals["h"].to_numpy(dtype=float) for run in runs if "h" in run.signals]
     h = float(np.nanmedian(np.concatenate(heights))) if heights else 0.0
     V_a = float(np.nanmedian(speeds[speeds > SLOW * np.nanmedian(speeds)]))
-    condition = IdentifiedCondition.model_construct(
+    condition = model_file.IdentifiedCondition.model_construct(
         V_a=V_a, gamma=0.0, h=round(h, 1), channels=tables
     )
     phi, phi_rate = _range(runs, "phi", DEG_PER_RAD)
@@ -555,7 +548,7 @@ def _aircraft(
     missed = np.concatenate([_missed(run, lags) for run in runs])
     largest = dict(zip(("chi", "gamma"), missed.max(axis=0, initial=0.0).tolist(), strict=True))
     seen = {"phi_deg": phi, "phi_rate_dps": phi_rate, "n_z": n_z, "n_z_rate_per_s": n_z_rate}
-    evidence = LogEvidence.model_construct(
+    evidence = model_file.LogEvidence.model_construct(
         logs=names,
         assumed=tuple(name for name in CHANNELS if name not in channels),
         frequency_95_rad_s={n: c.frequency for n, c in channels.items() if c.frequency},
@@ -565,7 +558,7 @@ def _aircraft(
         residual_rad_s=largest if len(missed) else None,
         residual_stretches=len(missed),
     )
-    return IdentifiedAircraft.model_construct(
+    return model_file.IdentifiedAircraft.model_construct(
         aircraft=names[0], conditions=(condition,), log=evidence
     )
 
