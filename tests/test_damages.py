@@ -243,6 +243,7 @@ def of_each(*kinds):
     )
 
 
+@pytest.mark.soak
 @of_each("run", "band", "proof", "proof of an aircraft")
 def test_no_damage_is_silent(made, count, tmp_path):
     (kind, folder, file, written), draw, seen = made, random.Random(SEED), Counter()

@@ -504,7 +504,7 @@ def suppressed(use, found):
         use(found)
 
 
-@pytest.mark.soak
+@pytest.mark.counts
 @pytest.mark.filterwarnings("ignore:Generating overly large repr")
 @pytest.mark.parametrize("cases", CASES)
 @pytest.mark.parametrize("name", KINDS)

@@ -52,7 +52,7 @@ def flown_by_the_law(env, **reset):
     return np.array(observations), np.array(rewards), (info, terminated, truncated, last)
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_the_law_has_gains_tuned_for_the_aircraft_where_others_are_listed_before():
     both = ft.load_scenario("circuit", changes={"gains": ["paper", "tuned_fed_back"]})
     actions = {}
@@ -134,6 +134,7 @@ def test_the_file_of_a_route_is_a_world():
     assert env.scenario.route is not None
 
 
+@pytest.mark.soak
 def test_a_plant_without_weather_meets_the_wind_of_the_start():
     env = ft.gym.FlightEnv("crosswind_course", plant="kinematic")
     _, _, (_, _, truncated, _) = flown_by_the_law(env, seed=1)
@@ -169,6 +170,7 @@ def largest_distances(draws):
         yield np.hypot(*observations[:, place].T).max()
 
 
+@pytest.mark.soak
 @pytest.mark.parametrize(
     "draws", [pytest.param(5, marks=pytest.mark.slow), pytest.param(100, marks=pytest.mark.counts)]
 )

@@ -71,7 +71,7 @@ def test_a_recording_is_shown_in_a_cell_where_the_viewer_is_installed(flown, mon
         ft.show(flown)
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_a_recording_that_was_shown_keeps_no_thread(flown, monkeypatch):
     pytest.importorskip("rerun_notebook", reason="needs flighttune[notebook]")
 
@@ -109,7 +109,7 @@ def kernel():
     manager.shutdown_kernel(now=True)
 
 
-@pytest.mark.soak
+@pytest.mark.counts
 def test_the_widget_of_a_kernel_gets_a_recording_that_the_viewer_draws(kernel, tmp_path):
     heard = []
     reply = kernel.execute_interactive(SHOWN, output_hook=heard.append, timeout=LONGEST)

@@ -26,7 +26,7 @@ def measured(scenario, channel):
     return ft.fly(scenario).metrics.xs(channel, level=1).iloc[0]
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_the_gain_is_that_of_a_roll_taken_out_in_time():
     scenario = turn(roll_rate=True)
     gains = ft.tune(scenario, model="identified").gains
@@ -49,7 +49,7 @@ def test_the_course_of_a_slow_roller_settles_and_cycles_without():
     assert free["ITAE"] > 2.0 * bounded["ITAE"]
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_the_path_angle_of_a_slow_load_factor_settles_and_swings_without():
     folder = FOLDER.with_name("MD11")
     bounded, free = (turn(folder, lift_rate=lift) for lift in (True, False))

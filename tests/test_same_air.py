@@ -69,6 +69,7 @@ def storm():
     return {run.label: np.rad2deg(run.signals.loc[15.0:, errors]) for run in runs}
 
 
+@pytest.mark.soak
 @pytest.mark.parametrize(
     ("gains", "apart_deg"), [("tuned_identified", (0.1, 0.06)), ("paper", (0.5, 0.8))]
 )

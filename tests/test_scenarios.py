@@ -92,6 +92,7 @@ def demo_rows():
     return cells(text.split("<!-- demo:end -->")[0].strip().splitlines()[2:])
 
 
+@pytest.mark.soak
 def test_the_table_of_the_first_flight_is_what_the_demo_shows():
     shown = demo_rows()
     runs = [(flown("paper"), run) for run in flown("paper").runs]

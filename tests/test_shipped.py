@@ -84,7 +84,7 @@ def test_the_sdist_builds_the_wheel_of_the_checkout(dist, tmp_path):
         assert (unpacked / name).exists(), name
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_the_wheel_says_what_a_package_index_shows(dist):
     wheel, _ = dist
     (text,) = (data for name, data in contents(wheel).items() if name.endswith("/METADATA"))

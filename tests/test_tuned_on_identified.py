@@ -127,6 +127,7 @@ def left():
     return scenario, ft.tune(scenario).gains
 
 
+@pytest.mark.soak
 def test_one_q_proves_a_rate_at_every_condition_identified(left):
     _, gains = left
     worst = identified_problems(manoeuvre(UNUSED["left"], robust=True))

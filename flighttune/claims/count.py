@@ -113,7 +113,8 @@ def counted_scale(
     InputError if there are too few scores.
     """
     flights = fresh_flights(len(scores), epsilon, confidence)
-    r = allowed_outside(flights, epsilon, confidence, early)
+    if (r := allowed_outside(flights, epsilon, confidence, early)) < 0:
+        raise InputError(f"`early` must be enough flights if none is outside, got {early}.")
     scale = float(np.partition(scores, -r - 1)[-r - 1])
     return scale, int(np.sum(scores > scale))
 

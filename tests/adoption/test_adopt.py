@@ -83,7 +83,7 @@ def test_an_identified_model_of_other_gains_is_refused(adopted, tmp_path):
     assert "identified.json: must be identified with the gains in gains.json" in err
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 @pytest.mark.parametrize(
     ("model", "travel_deg"),
     [
@@ -353,6 +353,7 @@ def test_a_lever_that_is_fully_open_at_a_half_is_one(own, tmp_path):
     assert survey(tables, tmp_path, h=1000.0).spare_thrust > 0.5
 
 
+@pytest.mark.soak
 def test_an_aeroplane_whose_engines_do_not_keep_it_level_glides(own, surveyed):
     file = own(power=1)  # W
 
@@ -485,7 +486,7 @@ def test_commands_of_surfaces_can_be_named(renamed, tmp_path, refusal):
             ft.adopt(str(file), tmp_path / "mine", commands=commands)
 
 
-@pytest.mark.soak
+@pytest.mark.counts
 def test_a_propeller_without_inertia_is_called_diverging(own, surveyed):
     with pytest.raises(ft.loop.PlantError, match="propeller diverges: "):
         surveyed(own(ixx=0))
@@ -871,6 +872,7 @@ def test_a_model_of_jsbsim_that_is_no_aircraft_yet_is_named_with_its_command():
     assert "`flighttune adopt B747` makes it." in flighttune("trim", "b747", status=2)[1]
 
 
+@pytest.mark.soak
 def test_parts_of_jsbsim_are_found_beside_those_two_levels_up(own, surveyed, tmp_path):
     file = own(*more('<system file="GNCUtilities"/>'))
     for part in ("systems", "engine"):
@@ -881,7 +883,7 @@ def test_parts_of_jsbsim_are_found_beside_those_two_levels_up(own, surveyed, tmp
     assert surveyed(file).V_a > 0.0
 
 
-@pytest.mark.soak
+@pytest.mark.counts
 def test_a_model_of_ones_own_has_its_engines_beside_it(tmp_path):
     shutil.copytree(SHIPPED_AIRCRAFT / "aerosonde", tmp_path / "models")
     for file in (tmp_path / "models").glob("*.json"):

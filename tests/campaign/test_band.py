@@ -232,7 +232,7 @@ def test_a_route_shorter_than_a_window_of_each_metre_is_counted():
     assert band.not_completed == 0
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_a_band_is_not_drawn_around_a_run_of_another_airframe_or_with_sensors():
     counted = count(small_plan(plants=(AEROSONDE,)))
     plan = plan_of_band(counted)
@@ -254,7 +254,7 @@ def test_a_band_is_not_drawn_around_a_run_of_another_airframe_or_with_sensors():
             with_claims(flown(**changes), [counted])
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_residual_signals_of_an_aircraft_are_counted_like_any_other():
     counted = count(small_plan(plants=(KINEMATIC, AEROSONDE)), kind=ft.residual, flights=ALONE)
     plan, model = plan_of_band(counted), counted.flights.model

@@ -83,7 +83,7 @@ def test_margins_are_those_of_a_frequency_response(beside):
     assert roll["gain_increase"] == pytest.approx(1.0 / np.abs(L[turn]), rel=0.03)
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_counts_and_bounds_are_those_of_scipy_and_order_statistics(beside):
     random, n = np.random.default_rng(7), 93
     yours, ours = random.normal(5.0, 1.0, n), random.normal(4.5, 1.0, n)

@@ -143,6 +143,7 @@ def test_ctrl_c_ends_a_search_which_says_that_it_keeps_nothing(tmp_path, command
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.soak
 def test_a_dry_run_shows_plan_cost_and_room_and_writes_nothing(tmp_path, file):
     found = answer("campaign", file, "--dry-run", "--workers", 3, "--runs", 4002, cwd=tmp_path)
 

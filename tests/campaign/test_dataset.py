@@ -85,6 +85,7 @@ def test_pandas_and_duckdb_read_a_campaign_while_it_runs(tmp_path, monkeypatch):
     assert counts[0][0] < counts[-1][0]
 
 
+@pytest.mark.soak
 def test_only_what_is_missing_is_flown(out, ours, rows):
     before = {part.name: part.stat().st_mtime_ns for part in (out / "runs").iterdir()}
 
@@ -136,6 +137,7 @@ def test_a_campaign_can_grow_and_not_shrink(out, ours):
         ft.run_campaign(ours, out, resume=True)
 
 
+@pytest.mark.soak
 def test_a_campaign_goes_on_with_the_tuned_gains_it_began_with(tmp_path, tuned):
     rows = table_flown(tuned)
     out = written(tmp_path, tuned, rows[:2])

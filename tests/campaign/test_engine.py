@@ -51,7 +51,7 @@ def test_every_run_is_there_once_with_the_bits_of_one_process(tmp_path, monkeypa
     assert not children()
 
 
-@pytest.mark.soak
+@pytest.mark.counts
 @own_processes
 def test_many_kinematic_flights_are_shared_out_with_the_bits_of_a_few(tmp_path, monkeypatch):
     ours = plan(tmp_path, runs=300, wind="", aircraft=())
@@ -139,6 +139,7 @@ def test_a_campaign_ends_once_it_is_sure_and_resumed_to_the_same_bits(
         ft.run_campaign(asking(tmp_path, 0.9), out, resume=True)
 
 
+@pytest.mark.soak
 def test_a_campaign_that_is_not_sure_of_its_share_says_so(tmp_path):
     ours, out = asking(tmp_path, 0.5), tmp_path / "out"
 

@@ -125,7 +125,7 @@ def with_own_law(scenario):
     return law
 
 
-@pytest.mark.soak
+@pytest.mark.counts
 @pytest.mark.parametrize(
     ("added", "said"),
     first_or_all([("# other", "must be the file that was planned"), (None, "must be a file")]),

@@ -217,6 +217,7 @@ def base(key):
     return tables
 
 
+@pytest.mark.soak
 @pytest.mark.parametrize("key", OTHERS)
 def test_every_other_key_of_a_scenario_is_honoured_or_flown_alone(key):
     plan = plan_of(base(key), one_of(key, OTHERS[key]), runs=1)

@@ -123,6 +123,7 @@ def test_the_metric_is_minimised_among_gains_that_meet_all_by_a_fifth(met):
     assert values["flights"] == values["candidates"] <= 80
 
 
+@pytest.mark.soak
 def test_margins_of_the_loop_are_required_unless_others_are_stated(overshoot, met):
     stated = scenario(at_most(MO_deg=3.0), {"at_least": {"loop": {"phase_margin_rad": 0.1}}})
 
@@ -231,6 +232,7 @@ def test_a_turn_faster_than_the_largest_bank_allows_is_refused_with_the_nearest_
     assert -min(row["margin"] for row in values["requirements"]) == pytest.approx(worst)
 
 
+@pytest.mark.soak
 def test_settling_that_moving_air_forbids_is_said_why_and_is_met_within_a_band_of_its_own():
     wavy = {"gamma_amplitude": 0.1, "gamma_omega_rad_s": 3.0}
     never = scenario(at_most("gamma", settling_s=10.0), disturbance=wavy)
@@ -246,6 +248,7 @@ def test_settling_that_moving_air_forbids_is_said_why_and_is_met_within_a_band_o
     assert flown(banded, gains).claim.bounds[0].value == pytest.approx(row["value"])
 
 
+@pytest.mark.soak
 def test_an_envelope_is_met_as_fly_and_a_formula_of_its_runs_have_it():
     chi, gamma = [[0, 90], [4, 8], [8, 2]], [[0, 90], [8, 2]]
     of = scenario(at_most(within=chi), at_most("gamma", within=gamma))
@@ -390,6 +393,7 @@ def test_the_share_of_a_campaign_is_counted_on_draws_that_the_search_has_not_see
     assert ft.load_campaign(file).disperse == meeting.campaign.disperse
 
 
+@pytest.mark.soak
 @pytest.mark.parametrize(
     ("bound", "draws", "said"),
     [
@@ -494,6 +498,7 @@ def test_the_command_prints_writes_gains_and_a_page(tmp_path, overshoot):
     assert "nearest" in "".join(flighttune("meet", file, *few, status=1))
 
 
+@pytest.mark.soak
 def test_requirements_that_no_flight_reaches_draw_a_page_and_a_faulty_page_keeps_the_gains(
     tmp_path, overshoot
 ):

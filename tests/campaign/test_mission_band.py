@@ -200,7 +200,7 @@ def test_a_fence_that_one_flight_leaves_takes_the_other_flights(tmp_path, monkey
     assert more.confidence == pytest.approx(0.95)
 
 
-@pytest.mark.soak
+@pytest.mark.counts
 @pytest.mark.parametrize(
     ("lost_every", "flights", "said"),
     [

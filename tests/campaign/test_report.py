@@ -83,6 +83,7 @@ def test_the_json_object_has_what_the_rows_say(told, flown_folder):
     assert told["sha256"] == dataset_hash(flown_folder)
 
 
+@pytest.mark.soak
 def test_the_page_stands_in_the_folder_and_the_campaign_is_still_one(told, flown_folder):
     assert told["report"] == str(flown_folder / "report.html")
     text = (flown_folder / "report.html").read_text(encoding="utf-8")
@@ -143,6 +144,7 @@ def test_every_part_is_on_the_page(page):
     assert page.path.stat().st_size < 3_000_000
 
 
+@pytest.mark.soak
 @pytest.mark.parametrize("completed", [True, False])
 def test_a_bound_of_zero_is_drawn_and_says_whose_it_is(completed, tmp_path):
     made = made_up_plan({"gains": "K3", "at_most": {"chi": {"ITAE": 0.0}}}, runs=40)

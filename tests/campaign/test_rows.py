@@ -70,6 +70,7 @@ def test_rows_are_the_same_however_runs_are_divided_into_chunks(whole, data):
     assert bits(found) == bits(rows.take(sorted(runs)))
 
 
+@pytest.mark.soak
 def test_a_row_is_what_fly_says_of_the_scenario_of_its_draw(whole):
     plan, rows = whole
     for draw in range(2):
@@ -134,7 +135,7 @@ def test_a_drawn_value_that_is_refused_is_a_row_that_names_its_key(key, value):
         assert row["wall_s"] >= 0.0
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_gains_that_tuning_did_not_find_are_rows_too():
     tables = tables_of(gains=["tuned", "paper"], tuning={"I_star": 1e-6})
     plan = plan_of(tables, *START, runs=4)
@@ -189,7 +190,7 @@ def test_the_row_of_a_crashed_run_is_a_row_of_the_plan():
     assert refused["R_K"] is refused["I_K"] is refused["E_K"] is None
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_the_scenario_of_a_run_has_gains_as_numbers_whatever_their_name():
     tables = tables_of(gains=["tuned", SOFT], tuning={"I_star": 8.0}, expect=[
         {"gains": "tuned", "status": "completed"}, {"gains": "soft", "status": "diverged"},

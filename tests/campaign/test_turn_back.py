@@ -78,7 +78,6 @@ def test_the_wind_of_a_turn_follows_from_its_bank_and_rates(turning):
     assert steeper.wind(G) == pytest.approx(3.0**0.5 * fastest - SPEED, abs=0.01)
 
 
-@pytest.mark.soak
 @pytest.mark.parametrize("side", [-1, 1])
 def test_a_flight_comes_as_far_as_its_course_says(turning, side):
     """From the first leg, to the north: the integral of the speed, for a rate that rises in 1 s."""

@@ -30,6 +30,7 @@ def small_plan(**tables):
     return plan_of(tables_of((KINEMATIC,), **{"gains": [SOFT], **tables}), *START, runs=8)
 
 
+@pytest.mark.soak
 @pytest.mark.parametrize("dimension", [2, 8, 20])
 def test_the_worst_of_a_plane_lies_where_its_normal_meets_the_region(dimension):
     normal = np.arange(1.0, dimension + 1.0)

@@ -144,7 +144,7 @@ def test_a_change_that_breaks_the_claim_is_refused_and_the_inequality_named(
     assert "margin" in verification.reason
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 @settings(max_examples=100,
           suppress_health_check=[HealthCheck.function_scoped_fixture])  # fmt: skip
 @given(
@@ -189,7 +189,7 @@ def test_what_cannot_be_proven_is_refused_with_a_reason(gains, envelope, why):
     assert why in refused.reason
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 @pytest.mark.parametrize("gains", [ft.PAPER_GAINS, TUNED])
 def test_the_largest_envelope_of_gains_can_be_proven_and_one_percent_more_cannot(gains):
     trim = Envelope.at(V_a=25.0, gamma=np.pi / 12)
@@ -280,7 +280,7 @@ def test_a_disturbance_of_the_papers_rate_leaves_the_loop_inside_the_certified_r
     assert np.linalg.norm(s[:, settled], axis=0).max() < over_envelope.claim.radius
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_a_proof_of_a_model_whose_file_has_changed_says_so(tmp_path):
     model, tube_file = tmp_path / "model.json", tmp_path / "tube.npz"
     text = (SHIPPED_AIRCRAFT / "aerosonde/identified.json").read_text()

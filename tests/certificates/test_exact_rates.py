@@ -29,7 +29,7 @@ def mission():
     return certified("mission")
 
 
-@pytest.mark.soak
+@pytest.mark.counts
 @pytest.mark.parametrize(
     "scenario",
     ["mission", *(pytest.param(f"circuit_{x}", marks=pytest.mark.slow) for x in ("c172p", "a4"))],

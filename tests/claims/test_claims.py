@@ -95,7 +95,7 @@ def test_the_bounds_that_a_tube_states_in_words_are_not_below_those_proven(prove
     assert all(stated <= 1.1 * widest)
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_commands_draw_a_claim_by_its_content_whatever_the_name_of_its_file(proven, tmp_path):
     scenario, file = tmp_path / "turn.toml", tmp_path / "a_claim"
     scenario_file(scenario, turn())

@@ -49,6 +49,8 @@ def test_a_count_in_two_steps_is_false_no_more_often_than_its_confidence_says():
     assert allowed_outside(125, 0.05, 0.975, early=78) == 0
     assert allowed_outside(78, 0.05, 0.975, early=78) == 0
     assert allowed_outside(71, 0.05, 0.975, early=71) == -1  # 0.95^71 exceeds 0.025
+    with pytest.raises(ft.InputError, match="`early` must be enough"):
+        counted_scale(np.arange(126.0), 0.05, 0.975, early=71)
     epsilon = supported_epsilon(1, 126, 0.975, early=78)
     assert allowed_outside(126, epsilon * 1.0001, 0.975, early=78) == 1
     assert allowed_outside(126, epsilon * 0.9999, 0.975, early=78) == 0

@@ -158,6 +158,7 @@ def test_every_command_with_an_answer_is_tried():
     assert {verb.partition(" ")[0] for verb in VERBS} == named - {*OTHERS} | {"campaign"}
 
 
+@pytest.mark.soak
 def test_a_result_prints_what_its_answer_says():
     certified = ft.certify("paper", "tuned")
 

@@ -35,6 +35,7 @@ def page_text(page):
     return html.unescape(Path(page).read_text(encoding="utf-8"))
 
 
+@pytest.mark.soak
 def test_a_draw_of_a_band_is_flown_with_the_band_around_it(file, tmp_path):
     band = ft.load(file)
     outside = band.about.learned + int(np.argmax(band.scores))
@@ -53,6 +54,7 @@ def test_a_draw_of_a_band_is_flown_with_the_band_around_it(file, tmp_path):
     assert "`run` must be 10 to 38, got 39" in told
 
 
+@pytest.mark.soak
 def test_a_page_of_a_recorded_run_states_the_claim_of_its_band_again(file, tmp_path):
     band = ft.load(file)
     flown = answer("verify", file, "--run", band.nearest, cwd=tmp_path)
@@ -79,6 +81,7 @@ def test_the_page_of_a_band_names_the_flight_nearest_to_leaving(file, tmp_path):
     assert page.count("24 of 24 inside</span>") == page.count(" 5 outside</span>") == 2
 
 
+@pytest.mark.soak
 def test_the_draw_nearest_to_the_edge_of_a_band_is_searched(file, tmp_path):
     toml = tmp_path / "worst.toml"
 

@@ -57,7 +57,7 @@ def test_a_run_that_ends_early_is_a_result_with_a_reason_and_exit_status_one(tmp
     assert "kinematic / paper: diverged" in err
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_infeasible_gains_are_not_flown_and_say_so(tmp_path):
     text = (STUDIES / "paper_printed_limits.toml").read_text()
     path = tmp_path / "infeasible.toml"
@@ -217,6 +217,7 @@ def test_an_interruption_while_an_error_is_printed_ends_with_130(monkeypatch):
     flighttune("fly", "nowhere.toml", status=130)
 
 
+@pytest.mark.soak
 @pytest.mark.parametrize(
     "title", ["\x1b[31mred\x07\x9b\u202e\u2028 end", ".", "..", "at 25.5 m/s, etc.", "]]> -- <b>"]
 )

@@ -54,6 +54,7 @@ def folder(tmp_path):
     return tmp_path
 
 
+@pytest.mark.soak
 @pytest.mark.parametrize(
     "command",
     [
@@ -78,6 +79,7 @@ def test_a_certificate_is_looked_for_after_the_word_too(folder):
     assert said.startswith(NOTICE)
 
 
+@pytest.mark.soak
 @pytest.mark.parametrize(
     "command",
     [

@@ -13,6 +13,7 @@ def found(tmp_path_factory):
     return answer("gap", "paper", "--out", tmp_path_factory.mktemp("gap"))
 
 
+@pytest.mark.soak
 def test_the_cause_is_the_step_that_the_chart_of_itae_shows_as_the_largest(found):
     for channel, name in (("chi", "Course"), ("gamma", "Path angle")):
         first, *_, last = (rung["metrics"][channel]["ITAE"] for rung in found["ladder"])

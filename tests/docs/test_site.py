@@ -97,6 +97,7 @@ def test_the_search_puts_what_explains_a_word_first_without_a_server(site, words
     assert all('class="context"' in result for result in results[:10])
 
 
+@pytest.mark.counts
 @pytest.mark.parametrize("left_out", ["tube", pytest.param("nothing", marks=pytest.mark.counts)])
 def test_no_key_or_column_that_is_documented_is_lost(left_out):
     """A tube takes half of the time that all commands take."""

@@ -137,8 +137,8 @@ def test_the_c_file_plans_roll_and_lift_for_the_rates_of_a_reference(tmp_path):
     assert "FT_LEAD_PHI 0.17" in source
 
 
+@pytest.mark.soak
 @needs_compiler
-@pytest.mark.slow
 @pytest.mark.parametrize("name", ["climb_beyond_power", "engine_fails_in_climb"])
 def test_the_c_file_flies_the_airspeed_and_its_priority_as_fly_does(name, tmp_path):
     """The file is given the signals of a flight in which the path angle gives way."""

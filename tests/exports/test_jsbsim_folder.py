@@ -253,7 +253,7 @@ HYSTERESIS = """
 </fdm_config>"""
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_flight_control_begins_where_that_of_fly_does_hysteresis_and_infinity_included(tmp_path):
     def change(text):
         aerodynamics = text.replace("fcs/elevator-pos-rad", "fcs/tail")

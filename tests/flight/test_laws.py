@@ -35,7 +35,7 @@ def test_a_scenario_of_the_papers_law_alone_has_the_same_hash_as_ever():
     assert "law" not in ft.scenario_from(without).as_dict()
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_gains_of_the_papers_law_are_mapped_and_tuned_ones_are_those_of_the_law():
     mapped = gain_set(scenario(), "exact:paper")
     own = scenario(law="exact", gains=["tuned"])

@@ -85,7 +85,7 @@ def test_without_lift_the_course_waits_and_the_papers_law_does_not(paper_gap):
     assert point.signals["chi"][pushing_over].iloc[-1] > math.radians(57.0)
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_the_lag_comes_from_the_model_file_or_from_the_flight(paper_gap):
     fitted = ft.gap(paper_gap.scenario, ft.PAPER_GAINS, name="paper", lag="fitted")
 

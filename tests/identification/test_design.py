@@ -97,7 +97,7 @@ def test_the_rudder_feed_forward_balances_a_roll_without_sideslip(slopes):
     assert yaw == pytest.approx(9.80665 / V_A, abs=0.03)
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 @pytest.mark.parametrize("name", ["aerosonde", "c172p", "a4"])
 def test_a_design_is_that_of_the_file_and_meets_what_it_asks_for(name):
     shipped = ft.loop.JSBSimPlant(name).config.gains

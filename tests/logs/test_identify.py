@@ -205,7 +205,7 @@ def test_the_tube_of_a_model_from_logs_is_of_the_residual_rates_that_they_show(m
     assert "no claim about other flights" in " ".join(tube.answer().notes)
 
 
-@pytest.mark.soak
+@pytest.mark.counts
 @pytest.mark.parametrize(
     ("late", "says"),
     [(1.5, "is at an end of its range"), (math.inf, "roll rests while its commands change")],

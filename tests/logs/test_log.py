@@ -55,6 +55,7 @@ def table(clean, tmp_path):
     return write
 
 
+@pytest.mark.soak
 def test_a_log_is_the_flight_in_our_signals_units_and_signs(run, flight):
     step = run.t[1] - run.t[0]
     assert step == pytest.approx(0.04, abs=2e-4)
@@ -343,6 +344,7 @@ def test_what_a_log_says_about_its_own_signs_is_said(clean, tmp_path, name, chan
     assert np.nanmedian(run.signals["n_z"]) > 0.8
 
 
+@pytest.mark.soak
 @pytest.mark.parametrize(
     ("columns", "says"),
     [
@@ -422,7 +424,7 @@ def test_only_what_is_said_of_a_trusted_signal_passes(table):
         ft.load_log(path, columns={"trusted": "thetta"})
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_reports_comparisons_and_recordings_take_logs(flight, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     write_ulog(tmp_path / "flight.ulg", *sampled(flight))
@@ -521,7 +523,7 @@ def test_two_columns_of_a_signal_must_agree(table):
     assert ft.load_log(file, columns="phi=phi_deg:deg").signals["phi"].abs().max() > 0.1
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_a_format_that_asks_for_all_memory_ends_the_reading_alone(tmp_path, monkeypatch):
     monkeypatch.setattr("flighttune.logs.read.PATIENCE_S", 2.0)
     layouts = [f"m{k}:m{k + 1}[65535] a;" for k in range(4)]

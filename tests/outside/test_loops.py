@@ -39,7 +39,7 @@ def test_indicators_are_those_of_scipys_lyapunov_solver(name, gains, identified)
     assert found.I_K == pytest.approx(np.linalg.cond(Q) / (R_K * svdvals(A_K).min()), rel=ROUNDING)
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 @pytest.mark.parametrize(
     ("name", "gains"), [("paper_identified", "tuned_identified"), ("jet_pull_up", "by_hand")]
 )

@@ -69,7 +69,7 @@ def swing(aircraft, steps=1, duration=DURATION):
     return Swing(t, dict(zip(plant.signals, np.array(rows).T, strict=True)))
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 @pytest.mark.parametrize("aircraft", SPEED)
 def test_position_is_the_integral_of_airspeed_course_and_path_angle(aircraft):
     flight = swing(aircraft)
@@ -120,7 +120,7 @@ def turned_away(flight):
     return largest
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_attitude_is_the_integral_of_the_rates_to_first_order_in_the_step():
     coarse, fine = (turned_away(swing("aerosonde", steps, TURNING)) for steps in (1, 4))
 

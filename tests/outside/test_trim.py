@@ -58,7 +58,7 @@ def jsbsim_trim(config, V_a, gamma):
     return [fdm[name] for name in names]
 
 
-@pytest.mark.soak
+@pytest.mark.counts
 @pytest.mark.parametrize(
     "name",
     [

@@ -104,7 +104,7 @@ def test_a_command_that_starts_outside_its_range_comes_back_at_the_rate_limit():
     assert flight.u[:, 0] == pytest.approx(back, abs=TRAJECTORY)
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_rates_stay_within_their_limits_under_anti_windup():
     flight = fly(ft.PAPER_GAINS, WAVE, limits=BOTH, conditional=True, duration=8.0)
 

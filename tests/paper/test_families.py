@@ -47,7 +47,7 @@ K_I = [[3.4869, 0.1784], [-0.1784, 3.4869]]
 WAVE = printed.disturbance(printed.PRINTED_DISTURBANCE)
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 @pytest.mark.parametrize(
     ("name", "epsilon", "disturbance", "amplitude", "omega"),
     [

@@ -103,7 +103,7 @@ def html(reproduction):
     return reproduction[0].page.read_text(encoding="utf-8")
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_the_page_needs_nothing_but_itself_and_has_claims_first_and_every_figure(
     html, reproduction
 ):
@@ -123,7 +123,7 @@ def found(reproduction):
     return {finding.id: finding for finding in reproduction[0].findings}
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_every_verdict_is_one_of_four_and_each_kind_occurs(found):
     assert {finding.verdict for finding in found.values()} == set(VERDICTS)
     for name in ("overshoot-chi", "overshoot-gamma", "table-2", "eigenvalues"):
@@ -133,7 +133,7 @@ def test_every_verdict_is_one_of_four_and_each_kind_occurs(found):
     assert len(found["table-2"].checks) == 12
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_the_theory_is_judged_by_what_it_says(found):
     computed = {name: [check.computed for check in found[name].checks] for name in found}
 
@@ -148,7 +148,7 @@ def test_the_theory_is_judged_by_what_it_says(found):
     assert found["larger-attractor"].verdict == "not reproduced"
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_the_largest_r_k_is_no_enhancement_behind_an_identified_lag(found):
     claim = found["overall-enhancement"]
 
@@ -158,7 +158,7 @@ def test_the_largest_r_k_is_no_enhancement_behind_an_identified_lag(found):
     assert [check.computed for check in claim.checks] == pytest.approx(printed, rel=0.01)
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_the_true_optimum_in_the_place_of_the_printed_gains_changes_verdicts(study, found):
     better = Study(star=study.optimum.gains)
 
@@ -168,7 +168,7 @@ def test_the_true_optimum_in_the_place_of_the_printed_gains_changes_verdicts(stu
         assert judge(name, better).verdict == "not reproduced"
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_a_gain_of_the_wrong_sign_changes_verdicts(study, found):
     sign = np.array([[-1.0, 1.0], [1.0, 1.0]])
     wrong = Study(star=ft.PIGains(K_P=study.star.K_P, K_I=study.star.K_I * sign))

@@ -107,12 +107,12 @@ def test_a_crosswind_that_rises_turns_the_nose_and_not_the_path_over_ground():
     assert end["V_g"] * math.sin(end["chi"]) == pytest.approx(pushed_by_thrust, abs=METRE)
 
 
+@pytest.mark.soak
 @pytest.mark.parametrize(
     "lags",
     [None, (FIRST_ORDER, SECOND_ORDER), (OVERDAMPED, THIRD_ORDER)],
     ids=["no lag", "first and second order", "second and third order"],
 )
-@pytest.mark.slow
 def test_two_seconds_agree_with_another_integrator(lags):
     dt, count = 0.02, 100
     t = np.linspace(0.0, 2.0, 5)

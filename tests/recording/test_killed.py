@@ -49,7 +49,7 @@ def durations(folder):
     return {run.duration for run in ft.load(folder).runs}
 
 
-@pytest.mark.soak
+@pytest.mark.counts
 @pytest.mark.parametrize("stage", STAGES, ids=lambda stage: "-".join(map(str, stage)))
 def test_a_folder_is_read_and_flown_into_again_after_a_kill(flights, stage, tmp_path, monkeypatch):
     _, flown = flights

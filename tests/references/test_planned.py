@@ -178,6 +178,7 @@ def test_a_law_of_ones_own_sees_the_reference_ahead():
     assert math.tan(planned[0]) == pytest.approx(8.0 * DEG * 25.0 / G)
 
 
+@pytest.mark.soak
 def test_gap_says_what_planning_takes_away():
     paper = {"law": "paper", "gains": ["tuned_identified"]}
     answer = ft.gap("mission", changes=paper).answer()

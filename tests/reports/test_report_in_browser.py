@@ -57,6 +57,7 @@ def test_no_request_leaves_the_machine(chromium, written, tmp_path):
     assert asked_by_the_page(chromium, written.path, tmp_path / "b.json") == set()
 
 
+@pytest.mark.soak
 def test_no_screen_of_the_page_is_empty(chromium, written, tmp_path):
     grey = screenshot(chromium, written.path, tmp_path / "desk.png", width=DESK, height=SCREEN)
 
@@ -90,6 +91,7 @@ POINTED = """<script>addEventListener("load", () => setTimeout(() => {
 }, 200));</script>"""
 
 
+@pytest.mark.soak
 def test_the_pointer_shows_values_in_all_charts_over_time_and_the_legend_hides_runs(
     chromium, page, flown_paper, tmp_path
 ):

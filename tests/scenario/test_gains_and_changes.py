@@ -152,6 +152,7 @@ def _has_poles(said):
     return all(min(abs(pole - own) for own in poles) < 1e-9 for pole in COURSE)
 
 
+@pytest.mark.soak
 @pytest.mark.parametrize(
     ("command", "right"),
     [
@@ -231,7 +232,7 @@ def of_the_cessna(tmp_path_factory):
     return file.with_name("other.json")
 
 
-@pytest.mark.soak
+@pytest.mark.counts
 @pytest.mark.parametrize(
     "command",
     [

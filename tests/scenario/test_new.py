@@ -16,7 +16,7 @@ import flighttune as ft
 ADOPTED = Path(__file__).parents[1] / "adopted"
 
 
-@pytest.mark.soak
+@pytest.mark.counts
 @pytest.mark.parametrize("aircraft", [*AIRCRAFT_NAMES, ADOPTED / "c182", ADOPTED / "B747"])
 def test_a_new_scenario_meets_its_claim_at_the_first_flight(aircraft, tmp_path):
     answer("new", "mine", "--aircraft", aircraft, cwd=tmp_path)

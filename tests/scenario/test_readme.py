@@ -40,6 +40,7 @@ def test_the_page_names_every_table(place):
     assert place in PAGE
 
 
+@pytest.mark.soak
 def test_the_list_of_keys_gives_range_default_and_the_comment_beside_the_key():
     rows = [row for row in keys() if row.startswith(("| `sensitivity_max`", "| `roll_in_s`"))]
 
@@ -74,7 +75,7 @@ def example(tmp_path):
     return tmp_path / "example.toml"
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_without_feed_forward_the_aircraft_sinks_first(example):
     level = example.read_text().replace("gamma_deg = 3", "gamma_deg = 0")
     level = level.replace('"exact"', '"paper"').replace("tuned_fed_back", "tuned_identified")

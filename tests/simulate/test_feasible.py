@@ -184,7 +184,7 @@ def test_what_cannot_be_is_one_line_and_takes_no_time(tables, message):
     assert time.process_time() - began < 3.0  # without bounds: minutes
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_a_fast_controller_does_not_make_the_plan_slow(found):
     manoeuvre, began = replace(PAPER, dt=0.001), time.process_time()
 

@@ -26,7 +26,7 @@ def test_segments_add_to_the_start_value():
     assert reference.rates(3.0) == (0.25, 0.0)
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 @pytest.mark.parametrize("omegas", [(0.15, 0.15), (0.3, 1.1)])
 def test_the_rate_bound_is_the_least_upper_bound_of_the_derivative(omegas):
     sinusoid = Sinusoid(

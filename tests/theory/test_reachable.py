@@ -69,7 +69,7 @@ def test_the_ellipsoid_is_within_5_percent_and_the_papers_ball_7_6_times_above()
     assert ball / exact == pytest.approx(7.6, abs=0.05)
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 @pytest.mark.parametrize("name", FLIGHTS)
 def test_the_worst_disturbance_reaches_the_exact_figure_within_1_percent(name):
     A = FLIGHTS[name]

@@ -42,7 +42,7 @@ def flight(**changes):
     return ft.scenario_from(scenario)
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 @pytest.mark.parametrize("feed_forward", first_or_all([True, False]))
 def test_the_aircraft_flies_inside_its_tube_which_is_proven_again(tmp_path, feed_forward):
     scenario = flight(feed_forward=feed_forward, duration_s=0.4)
@@ -164,7 +164,7 @@ def test_without_its_band_a_tube_is_proven_for_the_boxes_in_the_file_alone(proof
     assert "probability" not in found["claim"]["model"]
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_boxes_whose_flights_are_made_up_are_refused_with_the_tube(proof):
     stdout, stderr = flighttune("verify", proof[0], "--boxes", proof[1], status=1)
 
@@ -328,7 +328,6 @@ def check_conformant(case, seed):
         assert found.bounds.contain(signals)
 
 
-@pytest.mark.soak
 @few_or_many(5, 250)
 def test_no_flight_in_the_boxes_leaves_the_tube(count):
     check_cases(check_conformant, conformant(), count)

@@ -62,7 +62,7 @@ WIDER = 1.25
 """How many times as wide as the tube of a longer flight bounds for ever may be."""
 
 
-@pytest.mark.soak
+@pytest.mark.counts
 def test_bounds_for_ever_are_those_of_the_tube_of_a_longer_flight(scenario, found):
     problem = tube_problem(lasting(scenario, 3.0), ft.PAPER_GAINS, disturbance=D)
     longer = tube_of(problem, for_ever=False)

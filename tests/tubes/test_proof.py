@@ -245,7 +245,7 @@ def test_a_member_that_is_too_large_is_refused_before_it_is_unpacked(
     assert most < LITTLE
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_choices_that_split_the_set_without_end_are_refused(proven, tmp_path):
     # Each split names all pieces and doubles them.
     endless = np.ones(6_000_000, dtype=np.float32)

@@ -214,7 +214,6 @@ def check(case, seed):
     assert all_stay(found, disturbance, rng)
 
 
-@pytest.mark.soak
 @few_or_many(15, 850)
 def test_no_flight_leaves_the_tube(count):
     check_cases(check, st.one_of(paper_problems(), lagged_problems(), exact_problems()), count)
@@ -240,7 +239,7 @@ def test_the_margin_between_samples_is_at_both_ends_of_an_interval():
     assert half_widths[3] < 1.1 * D * h
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_where_the_exact_law_does_not_invert_the_reason_says_why():
     scenario = with_exact(made_up(gamma_deg=45.0), {"kind": "point_mass"})
 

@@ -84,7 +84,7 @@ def test_the_feedback_makes_errors_smaller_and_the_decay_faster():
     assert tuned("decay").spectral_abscissa < 1.3 * tuned("decay", feedback=False).spectral_abscissa
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 @pytest.mark.parametrize("objective", ["rms", "decay"])
 def test_random_gains_around_the_answer_are_no_better(objective):
     result, rng = tuned(objective), np.random.default_rng(1)

@@ -19,6 +19,7 @@ def paper_frontier(model):
     return frontier(ft.loop.TuningProblem(model=model), points=12, marked=MARKED)
 
 
+@pytest.mark.soak
 def test_none_of_the_papers_gains_lie_above_the_frontier(paper_frontier):
     line = paper_frontier[paper_frontier.name == "frontier"]
     marks = paper_frontier[paper_frontier.name != "frontier"]

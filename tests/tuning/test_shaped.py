@@ -70,6 +70,7 @@ def oracle(parts, cost, start):
     return start
 
 
+@pytest.mark.soak
 @pytest.mark.parametrize("objective", ["E_K", "decay"])
 @pytest.mark.parametrize(
     "flown",
@@ -103,7 +104,7 @@ def abscissa(parts, gains):
     return np.linalg.eigvals(loop(parts, gains)).real.max()
 
 
-@pytest.mark.soak
+@pytest.mark.counts
 @pytest.mark.parametrize("i", [0, 1])
 @pytest.mark.parametrize(
     ("objective", "cost", "same"), [("E_K", largest_error, SAME), ("decay", abscissa, SAME_DECAY)]

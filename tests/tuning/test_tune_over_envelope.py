@@ -62,6 +62,7 @@ def corner_rate(gains, envelope):
     return common_Q(np.array([ft.loop.closed_loop(model, gains) for model in models])).R
 
 
+@pytest.mark.soak
 @pytest.mark.parametrize(("over", "corners", "polytope"), TABLE)
 def test_rates_fall_from_corners_to_the_polytope(over, corners, polytope):
     for gains, at_corners, inside in zip(SETS, corners, polytope, strict=True):
@@ -104,7 +105,7 @@ def tuned(model):
     return tune_over_envelope(ft.loop.TuningProblem(model=model, I_star=10.0), MODERATE, TRIM, g=G)
 
 
-@pytest.mark.soak
+@pytest.mark.counts
 def test_gains_tuned_for_the_envelope_beat_those_tuned_for_the_trim_and_keep_the_radius(
     model, tuned
 ):

@@ -154,7 +154,7 @@ def test_in_a_climb_it_turns_the_path_over_ground_as_the_tilt_of_the_force_does(
     assert turned[-1] == pytest.approx(0.075, abs=1e-3)
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_turbulence_near_the_ground_takes_the_height_above_it(fly):
     # Section 3.7.3.2 of MIL-F-8785C: sigma_w is a tenth of the wind at 20 ft, L_w the height.
     ground, wind_20ft, h, seconds = 1500.0, 15.0 * KNOT, 80.0, 300.0
