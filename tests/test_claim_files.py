@@ -30,7 +30,7 @@ SAID = {
 @pytest.mark.soak
 @pytest.mark.parametrize(
     "name",
-    # the first takes 13 s to prove
+    # the tube takes 13 s to prove
     [pytest.param(x, marks=[pytest.mark.counts] * (x == "tube_for_ever.npz")) for x in SAID],
 )
 def test_a_claim_of_0_3_0_is_valid_with_its_numbers(name):
