@@ -28,6 +28,9 @@ AIRCRAFT = "aerosonde"
 # Difference of radii that is none, m.
 WIDER_M = 0.5
 
+# Distance of a path from a waypoint beyond which it is said, m: `WP_RADIUS` of ArduPilot's planes.
+CORNER_M = 90.0
+
 COLUMNS = columns(
     "kind name start_m length_m course turn radius_m roll roll_downwind gamma time_s", of="route"
 )
@@ -109,6 +112,19 @@ class PlannedRoute(Answering):
             places = ", ".join(dict.fromkeys(stretch.name for stretch in around))
             farthest = max(stretch.aside for stretch in around)
             notes = [f"Turn-arounds at {places} go up to {farthest:.0f} m from the legs."]
+        path, points = self.reference.path, self.scenario.route.waypoints()
+        inside = {}
+        for stretch in stretches:
+            on = np.abs(path.s - stretch.start - 0.5 * stretch.length) <= 0.5 * stretch.length
+            if stretch.kind == "turn" and on.any():
+                point = points[stretch.waypoint - 1]
+                away = np.hypot(path.north[on] - point.north, path.east[on] - point.east)
+                inside[stretch.name] = float(away.min())
+        if far := [name for name, away in inside.items() if away > CORNER_M]:
+            rounded = f"The path rounds the corners at {', '.join(far)}"
+            notes.append(
+                f"{rounded} and passes the waypoints at up to {max(inside.values()):.0f} m."
+            )
         stated = [point.radius_m for point in self.scenario.route.waypoint]
         for stretch in stretches:
             radius = stated[stretch.waypoint - 1] if stretch.kind == "loiter" else None

@@ -256,3 +256,15 @@ def test_a_route_is_planned_below_90_deg_of_bank():
 
     with pytest.raises(ft.InputError, match=r"112\.5 deg, .* got 120"):
         ft.route(ft.scenario_from(tables))
+
+
+@pytest.mark.parametrize("corner", [(402.0, 1500.0), (4000.0, 400.0)])  # 150 deg and 22 deg
+def test_a_corner_that_is_rounded_far_from_its_waypoint_says_how_far(corner):
+    """An arc of radius R in a corner of the angle a passes it at R (1 / cos(a / 2) - 1)."""
+    waypoints = [{"north_m": x, "east_m": y} for x, y in ((0.0, 0.0), (3000.0, 0.0), corner)]
+    planned = ft.route("circuit", changes={"route.waypoint": waypoints})
+    (turn,) = (x for x in planned.stretches if x["kind"] == "turn")
+    away = turn["radius_m"] * (1.0 / math.cos(0.5 * turn["turn"]) - 1.0)
+
+    said = [float(note.split()[-2]) for note in planned.changed]
+    assert said == ([pytest.approx(away, rel=0.02)] if away > 90.0 else [])
