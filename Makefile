@@ -36,8 +36,8 @@ COMPILED := $(VENV)/bin/flighttune --workers 1 campaign first_campaign --runs 4 
 
 # Style and types are checked while the tests run, and what they found is printed after them.
 test: $(STAMP) picture-packages
-	(rm -rf $(VENV)/compiled; $(COMPILED) $(VENV)/compiled) > $(VENV)/compiled.txt 2>&1 & \
 	$(MAKE) --no-print-directory lint > $(VENV)/lint.txt 2>&1 & lint=$$!; \
+	rm -rf $(VENV)/compiled; $(COMPILED) $(VENV)/compiled; \
 	$(PYTEST) -m "not (soak or counts)"; tests=$$?; \
 	wait $$lint; status=$$?; cat $(VENV)/lint.txt; [ $$tests = 0 ] && [ $$status = 0 ]
 

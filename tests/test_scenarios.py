@@ -46,6 +46,7 @@ def test_every_scenario_flies_and_comes_to_what_it_expects(name):
         assert mistake(run) == ""
 
 
+@pytest.mark.soak
 def test_tuned_gains_converge_on_the_full_aircraft():
     (run,) = (r for r in flown("paper").runs if r.label == "jsbsim:aerosonde / tuned")
     last = run.signals[["chi_err", "gamma_err"]].iloc[-100:]

@@ -35,9 +35,9 @@ MISSED = 0.05
 def chance(outside: Floats, flights: int, epsilon: Floats, early: int = 0) -> FloatArray:
     """Chance that at most so many of `flights` are outside, if each is so with `epsilon`.
 
-    With `early`, also that none of the first so many is: a count whose bounds are the largest of
-    those, or the one after the `outside` largest of all, is wrong in one of both cases at most,
-    whatever decides which of them it is.
+    With `early` it is the chance that none of the first `early` flights, or at most `outside` of
+    all, are outside. A count that ends at either of both numbers is wrong with at most this chance,
+    whatever decides where it ends.
     """
     if not early:
         return bdtr(outside, flights, epsilon)
@@ -81,8 +81,8 @@ def flights_needed(epsilon: float, confidence: float, outside: int = 0, early: i
 def flights_in_two_steps(epsilon: float, confidence: float) -> tuple[int, int]:
     """Flights after which a count ends if none is outside, and those of which one may be.
 
-    The fewest at first for which the others are at most `LONGER` times what one step takes: where
-    one of 1000 flights is outside, both ways answer yes as often.
+    The first number is the smallest for which the second is at most `LONGER` times the flights of a
+    count in one step. Where one of 1000 flights is outside, both say yes about as often.
     """
     most = int(LONGER * flights_needed(epsilon, confidence, 1))
     first = range(flights_needed(epsilon, confidence), most)

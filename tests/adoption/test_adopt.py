@@ -576,6 +576,7 @@ def test_a_propeller_that_makes_the_airframe_a_gyroscope_is_named(own, surveyed)
     assert note.startswith("its propeller makes it a gyroscope")
 
 
+@pytest.mark.soak
 def test_errors_of_a_roll_with_much_damping_decay_as_fast_as_others(own, surveyed, tmp_path):
     found = surveyed(own(r'(<ixx unit="KG.M2">)[^<]*', r"\1 0.4 "))
     config = aircraft_from(found.tables, tmp_path)
@@ -589,6 +590,7 @@ def test_errors_of_a_roll_with_much_damping_decay_as_fast_as_others(own, surveye
     assert max(poles) == pytest.approx(-2.3 * 4.0, rel=1e-6)
 
 
+@pytest.mark.soak
 def test_of_a_motor_that_is_far_too_strong_a_part_of_the_throttle_is_used(own, surveyed):
     found = surveyed(own(power=36576))
 

@@ -96,6 +96,7 @@ def test_only_what_is_missing_is_flown(out, ours, rows):
     assert before == {name: (out / "runs" / name).stat().st_mtime_ns for name in before}
 
 
+@pytest.mark.soak
 def test_a_finished_campaign_needs_nobody(tmp_path, ours, rows):
     ended = {"status": "diverged", "reason": "far off"}
     for name, said in ended.items():

@@ -93,6 +93,7 @@ def test_the_page_stands_in_the_folder_and_the_campaign_is_still_one(told, flown
     assert "short_turn_in_wind" in text
 
 
+@pytest.mark.soak
 def test_intervals_and_their_confidence_can_be_chosen(told, flown_folder, tmp_path):
     chosen = "--interval", "clopper-pearson", "--confidence", 0.9, "--out", tmp_path / "page.html"
     other = answer("report", flown_folder, *chosen)

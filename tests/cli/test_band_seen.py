@@ -68,6 +68,7 @@ def test_a_page_of_a_recorded_run_states_the_claim_of_its_band_again(file, tmp_p
     assert any(band.sentence in note for note in made["notes"])
 
 
+@pytest.mark.soak
 def test_the_page_of_a_band_names_the_flight_nearest_to_leaving(file, tmp_path):
     band = ft.load(file)
 

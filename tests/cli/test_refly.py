@@ -37,6 +37,7 @@ def with_sample(run, t, signal, value):
     return replace(run, signals=signals)
 
 
+@pytest.mark.soak
 def test_a_recording_flies_again_to_the_same_bits(folder):
     again = answer("verify", folder)
 

@@ -110,6 +110,7 @@ def test_a_log_that_an_aircraft_cannot_fly_is_one_line(log):
     assert "V_a" in said
 
 
+@pytest.mark.soak
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [

@@ -68,6 +68,7 @@ def try_damages(originals, folder, count, seed):
     return read
 
 
+@pytest.mark.soak
 def test_a_mistake_in_the_reader_is_not_called_damage(originals, tmp_path, monkeypatch):
     path = tmp_path / "flight.bin"
     path.write_bytes(originals["flight.bin"])

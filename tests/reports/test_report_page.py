@@ -49,6 +49,7 @@ def records_of(written, name):
     return {record[first]: record for record in table.records}
 
 
+@pytest.mark.soak
 def test_the_tables_have_the_numbers_of_the_runs(written, flown_paper):
     runs = {run.label: run for run in flown_paper.runs}
     law, craft = runs["kinematic / tuned"], runs["jsbsim:aerosonde / tuned"]
