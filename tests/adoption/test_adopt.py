@@ -262,6 +262,7 @@ def test_what_a_model_reads_is_declared_linked_or_named(own, surveyed, parts, no
     assert {key: found.tables[table].get(key) for key in values} == values
 
 
+@pytest.mark.soak
 def test_a_height_that_flightgear_shows_is_that_of_the_flight(own, surveyed):
     file = own(
         r"<value (name=\S+CD_0.)> 0.043 </value>",
@@ -277,6 +278,7 @@ def test_a_height_that_flightgear_shows_is_that_of_the_flight(own, surveyed):
     assert "another simulator" not in " ".join(found.notes)
 
 
+@pytest.mark.soak
 @pytest.mark.parametrize("retractable", [1, 0])
 def test_fixed_gear_is_not_called_out(own, surveyed, retractable):
     drag = '<pure_gain name="a/drag"><input>gear/gear-pos-norm</input><gain>1</gain></pure_gain>'
@@ -492,6 +494,7 @@ def test_a_propeller_without_inertia_is_called_diverging(own, surveyed):
         surveyed(own(ixx=0))
 
 
+@pytest.mark.soak
 def test_a_diameter_without_a_unit_that_no_propeller_has_is_in_inches(surveyed, tmp_path):
     """Of the L410: 99, of an engine of at most 700 hp and a propeller governed to 2080 rpm."""
     engine, propeller = (
@@ -552,6 +555,7 @@ def test_engines_stay_off_in_a_glide_and_inertias_that_no_body_has_are_named(own
     assert "it flies without an engine, about its steady glide" in found.notes
 
 
+@pytest.mark.soak
 def test_empty_tanks_are_said_unless_a_value_fills_them(tmp_path, surveyed):
     folder = shutil.copytree(Path(jsbsim.get_default_root_dir(), "aircraft/c172p"), tmp_path / "p")
     file = folder / "c172p.xml"
@@ -607,6 +611,7 @@ PUSHER = """<external_reactions><force name="pusher" frame="BODY"><function><pro
 <direction><x>1</x><y>0</y><z>0</z></direction></force></external_reactions>"""
 
 
+@pytest.mark.soak
 def test_an_external_force_that_follows_the_throttle_is_thrust(own, surveyed, tmp_path):
     found = surveyed(own(*more(PUSHER), power=0))
 
@@ -616,6 +621,7 @@ def test_an_external_force_that_follows_the_throttle_is_thrust(own, surveyed, tm
     check_moves(aircraft_from(found.tables, tmp_path))
 
 
+@pytest.mark.soak
 @pytest.mark.parametrize("switch", ["battery/is-on", "/systems/battery/is-on"])
 def test_a_switch_that_opens_the_throttle_is_on(own, surveyed, switch):
     defined = "" if switch[0] == "/" else f"<property>{switch}</property>"
@@ -667,6 +673,7 @@ def test_a_part_that_is_not_there_is_looked_for_beside_the_main_file(own, survey
         surveyed(file)
 
 
+@pytest.mark.soak
 def test_an_electric_engine_settles_in_the_steps_of_its_flight(own, surveyed):
     file = own(power=1500, ixx=0.0005)
     (file.parent / "Engines").rename(file.parent / "engine")  # JSBSim knows both names

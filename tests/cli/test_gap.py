@@ -27,6 +27,7 @@ def test_the_cause_is_the_step_that_the_chart_of_itae_shows_as_the_largest(found
     assert "rms_rad" not in str(found["contributions"])
 
 
+@pytest.mark.soak
 def test_rungs_that_failed_give_no_metrics_and_no_cell_is_cut(tmp_path, monkeypatch):
     monkeypatch.setenv("COLUMNS", "100")
     path = tmp_path / "wild.toml"

@@ -47,6 +47,7 @@ def test_a_recording_flies_again_to_the_same_bits(folder):
     assert len(again["runs"]) == 4
 
 
+@pytest.mark.soak
 def test_the_last_bit_of_one_sample_is_found(folder, tmp_path):
     run = ft.load(folder).runs[-1]
     t, was = run.signals.index[77], run.signals["phi"].iloc[77]

@@ -265,7 +265,7 @@ def test_flight_control_begins_where_that_of_fly_does_hysteresis_and_infinity_in
     assert max(differences.values()) < SAME
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_a_flight_that_is_not_that_of_fly_is_no_success(tmp_path):
     """A roll moment by JSBSim's clock, which has run on when the exported flight starts."""
 
@@ -322,7 +322,7 @@ def test_a_title_with_control_characters_is_written_as_xml(tmp_path):
     assert "\x1b" not in (tmp_path / "README.md").read_text(encoding="utf-8")
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_a_console_that_takes_another_step_flies_nothing(tmp_path):
     found = exported("level_turn", tmp_path)
     command = " ".join(part for part in found["command"].split() if "rate" not in part)

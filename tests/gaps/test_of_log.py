@@ -125,6 +125,7 @@ def test_a_log_and_its_aircraft_go_together(log, arguments, says):
     assert says in " ".join(said.split())
 
 
+@pytest.mark.soak
 def test_a_log_without_roll_commands_is_one_line(log):
     run = ft.load_log(log)
     bare = ft.Run(

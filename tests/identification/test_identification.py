@@ -150,7 +150,7 @@ def test_prediction_in_time_is_what_scipy_simulates(lag):
     assert lag_response(lag, DT, command, 0.0) == pytest.approx(flown[::every, 0], abs=EXACT)
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 @pytest.mark.parametrize("name", ["paper", "level_turn"])
 def test_aerosonde_is_explained_on_a_whole_scenario(name):
     (run,) = (

@@ -81,6 +81,7 @@ def test_limits_are_those_seen(model):
     assert evidence.assumed == ()
 
 
+@pytest.mark.soak
 def test_a_value_that_a_source_does_not_take_is_refused(log):
     with pytest.raises(ft.InputError, match=r"`V_a` and `gamma` must"):
         ft.identify(log, V_a=[25.0])

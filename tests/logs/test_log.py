@@ -76,6 +76,7 @@ def test_a_log_is_the_flight_in_our_signals_units_and_signs(run, flight):
         assert np.median(np.abs(signals[name].to_numpy() - commands)) < SINGLE
 
 
+@pytest.mark.soak
 def test_the_content_says_what_a_log_is(written, run, tmp_path):
     other = tmp_path / "anything.dat"
     other.write_bytes(written.read_bytes())
@@ -100,6 +101,7 @@ def test_a_gap_is_a_gap(clean, tmp_path):
     assert "phi: 2.1% of the time" in run.provenance.log["gaps"]
 
 
+@pytest.mark.soak
 def test_a_dataflash_log_with_a_clock_in_ms_is_read(clean, tmp_path):
     new, old = (
         ft.load_log(write_dataflash(tmp_path / f"{old}.bin", *until(ENOUGH_S, *clean), old=old))
@@ -129,6 +131,7 @@ def test_a_dataflash_log_that_was_converted_to_text_is_read(tmp_path):
     assert signals["phi_cmd"][10.0] == pytest.approx(np.deg2rad(12.0))
 
 
+@pytest.mark.soak
 @pytest.mark.parametrize("form", [{"sep": ";", "decimal": ","}, {"sep": ";"}, {"sep": "\t"}])
 def test_a_table_has_commas_semicolons_or_tabs_between_its_cells(table, form):
     path = table()
@@ -212,6 +215,7 @@ def test_two_signals_may_have_one_field_of_a_message(clean, tmp_path):
     assert (signals["theta"] == signals["phi"]).all()
 
 
+@pytest.mark.soak
 def test_a_log_is_cut_into_flight_modes_and_says_what_is_odd(clean, tmp_path):
     t, signals = until(44.02, *clean)
     in_auto = ((t >= 12.0) & (t < 24.0)) | ((t >= 36.0) & (t < 40.0))
@@ -511,6 +515,7 @@ def test_a_wrong_column_is_one_line(table, columns, says):
         ft.load_log(table(), columns=columns)
 
 
+@pytest.mark.soak
 def test_two_columns_of_a_signal_must_agree(table):
     file = table(phi_rad=lambda signals: signals["phi"])
     assert ft.load_log(file).signals["phi"].abs().max() > 0.1
