@@ -108,7 +108,7 @@ def counted_on(
     until_sure: bool = False,
     by: By,
 ) -> C:
-    """A kind of count of the flights of a plan; it ends where the answer is `certain` before."""
+    """A kind of count of the flights of a plan; it ends sooner where the answer is `certain`."""
     # Half of the flights that a monitor learns from teach its weights, the others its limits.
     check_at_least(
         2 * shapes.MIN_LEARNED if kind.of == "monitor" else shapes.MIN_LEARNED, learn=learn

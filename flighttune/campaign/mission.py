@@ -63,7 +63,7 @@ class MissionOdds(Answering):
     terrain : Path or None
         The file of the terrain, if one was looked at.
     way : str
-        With which airspeed or turns flights that ended early complete, in a sentence; else empty.
+        A sentence with the change with which flights that ended early complete, or empty.
 
     Examples
     --------
@@ -154,8 +154,8 @@ def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
     confidence : float, 1, optional
         Confidence of all that is said together, 0 to 1, by default 0.95, or the file's.
     flights : int, optional
-        Flights to count, by default the fewest that the claim needs if none is outside (78 with a
-        fence), and if one is, the others of a larger number (126). It ends sooner with a sure no.
+        Flights to count. By default the count ends after 78 (with a fence) if none is outside, and
+        goes on to 126 otherwise, of which one may be. It ends sooner where a no is certain.
     until_sure : bool
         Count until it is sure whether a flight leaves the fence with a probability of at most
         epsilon, by a rule that is valid at any number of flights, in place of a number planned and
@@ -272,7 +272,7 @@ def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
 def _way_to_complete(
     band: Band, plan: Plan, planned: Callable[..., tuple[Plan, Flights]], by: By
 ) -> str:
-    """With which change flights that ended early complete; empty where not too many did."""
+    """A sentence with the change with which flights that ended early complete, or empty."""
     lost = sorted(row["run"] for row in band.endings)
     if not (lost and band.too_many_lost):
         return ""
@@ -288,7 +288,8 @@ def _way_to_complete(
                     they = "it completes" if len(lost) == 1 else f"these {len(lost)} complete"
                     return f"With `--set {key}={value:g}` {they}."
     V_a, wind = (", ".join(f"{x:g}" for x in sorted(of)) for of in FACTORS.values())
-    return f"With {V_a} times the airspeed, or turns for {wind} times the wind, they do not."
+    times = f"{V_a} times the airspeed, or with turns for {wind} times the wind"
+    return f"They do not complete with {times}."
 
 
 def _asked_fence(

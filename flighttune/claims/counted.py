@@ -229,7 +229,7 @@ class Counted(Answering):
 
     @property
     def first(self) -> int:
-        """Number of flights that is planned; one that ends before claims nothing but `early`."""
+        """Number of flights planned; a count of fewer claims nothing, unless it ends at `early`."""
         return self.about.plan["runs"] - self.about.learned
 
     @property

@@ -123,7 +123,7 @@ class PlannedRoute(Answering):
         if far := [name for name, away in inside.items() if away > CORNER_M]:
             rounded = f"The path rounds the corners at {', '.join(far)}"
             notes.append(
-                f"{rounded} and passes the waypoints at up to {max(inside.values()):.0f} m."
+                f"{rounded} and passes their waypoints at up to {max(inside.values()):.0f} m."
             )
         stated = [point.radius_m for point in self.scenario.route.waypoint]
         for stretch in stretches:
@@ -137,7 +137,7 @@ class PlannedRoute(Answering):
 
     @property
     def except_slopes(self) -> str:
-        """What is added to "it can be flown" where an aircraft cannot hold a slope."""
+        """Words after "it can be flown" where an aircraft cannot hold a slope; empty elsewhere."""
         return ", but not everywhere at its airspeed" * bool(slopes_not_held(self.scenario))
 
     def answer(self) -> Answer:

@@ -496,7 +496,7 @@ def test_a_propeller_without_inertia_is_called_diverging(own, surveyed):
 
 @pytest.mark.soak
 def test_a_diameter_without_a_unit_that_no_propeller_has_is_in_inches(surveyed, tmp_path):
-    """Of the L410: 99, of an engine of at most 700 hp and a propeller governed to 2080 rpm."""
+    """The files of the L410 say 99, an engine of 700 hp, and a propeller governed to 2080 rpm."""
     engine, propeller = (
         Path(jsbsim.get_default_root_dir(), "engine", name).read_text()
         for name in ("engtm601.xml", "vrtule2.xml")
