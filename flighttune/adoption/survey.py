@@ -734,8 +734,7 @@ class _Model:
                 self.notes.append(f"its flight control is bypassed: {fault}")
                 if frozen:
                     names = ", ".join(name.removeprefix("ft/") for name in frozen)
-                    note = f"its flight control moves {names}: held as in level flight"
-                    self.notes.append(note)
+                    self.notes.append(f"its flight control moves {names}: held as in level flight")
                     tables["declared"] |= frozen
                 return {name: past[name] | table for name, table in moved_past.items()}
         if not moved:

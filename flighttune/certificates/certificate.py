@@ -243,18 +243,13 @@ class Certificate(Answering):
             "holds": claim.place,
             "conditions": [{"V_a_mps": V_a, "gamma_rad": gamma} for V_a, gamma in claim.conditions],
             "exact_rates": self.rates_values,
-            "boxes": self.boxes_values,
+            "boxes": [box.values(e) for e, box in zip(self.gains.errors, self.boxes, strict=False)],
         }
 
     @property
     def rates_values(self) -> list[dict[str, Any]]:
         """Loop, rate, growth and true rate of each exact rate."""
         return [proven.values(self.model, self.gains) for proven in self.exact_rates]
-
-    @property
-    def boxes_values(self) -> list[dict[str, Any]]:
-        """Ranges and rates of each channel's box."""
-        return [box.values(e) for e, box in zip(self.gains.errors, self.boxes, strict=False)]
 
     @property
     def boxes_note(self) -> str:

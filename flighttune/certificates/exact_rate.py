@@ -99,8 +99,7 @@ class ExactRate:
 
     def growth(self, model: LinearModel) -> float:
         """Largest factor by which the norm of s may grow before it decays, in `lag_units`."""
-        units = lag_units(model) if self.sampling is None else np.ones(len(self.Q))
-        scale = units / self.units
+        scale = (lag_units(model) if self.sampling is None else np.ones(len(self.Q))) / self.units
         return math.sqrt(float(np.linalg.cond(self.Q * scale * scale[:, None])))
 
     def checks(self, model: LinearModel, gains: PIGains) -> list[Check]:

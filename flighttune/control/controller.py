@@ -308,8 +308,7 @@ MAX_SHOWN = 40
 def failure(name: str, error: BaseException, t: float | None) -> str:
     """Source, time (s; None before a flight) and reason of an exception, in one line."""
     when = "" if t is None else f" at t = {t:.2f} s"
-    said = _shown(error, str, 2**15)
-    return f"{name}{when}: {type(error).__name__}: {said}{_place(error)}"
+    return f"{name}{when}: {type(error).__name__}: {_shown(error, str, 2**15)}{_place(error)}"
 
 
 def _shown(value: object, text: Callable[[object], str] = repr, most: int = MAX_SHOWN) -> str:

@@ -355,5 +355,4 @@ def jacobian_hull(envelope: Envelope, *, g: float) -> JacobianHull:
 
 def vertex_loops(envelope: Envelope, gains: PIGains, *, g: float) -> FloatArray:
     """A_K at the vertices of `jacobian_hull`, shape (k, 4, 4)."""
-    models = jacobian_hull(envelope, g=g).models()
-    return np.array([closed_loop(model, gains) for model in models])
+    return np.array([closed_loop(model, gains) for model in jacobian_hull(envelope, g=g).models()])

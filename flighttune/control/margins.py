@@ -77,10 +77,9 @@ def loop_margins(model: LinearModel, gains: PIGains) -> tuple[Margins, ...]:
     """Margins of the loop of `gains` on `model`, each input's and all at once; none if unstable."""
     if not _is_stable(closed_loop(model, gains)):
         return ()
-    loop = _opened(model, gains)
     # The disk margin is balanced: the structured singular value of ``(S - T)/2``. P. Seiler, A.
     # Packard and P. Gahinet, *An introduction to disk margins*, IEEE Control Systems 40(5), 2020.
-    disk = _disk_margin(loop)
+    disk = _disk_margin(_opened(model, gains))
     # the disk meets the real axis at 1/gain and gain, and the unit circle at +-phase
     gain = (2.0 + disk) / (2.0 - disk) if disk < 2.0 else math.inf
     together = Margins(
@@ -275,11 +274,10 @@ def _above(level: float, loop: Loop, intervals: list[Interval]) -> list[Interval
     crossings = _level_crossings(level, loop, 0.5)
     parts: list[Interval] = []
     for low, high in intervals:
-        inside = crossings[(low < crossings) & (crossings < high)]
-        parts += pairwise([low, *inside.tolist(), high])
+        parts += pairwise([low, *crossings[(low < crossings) & (crossings < high)].tolist(), high])
     middle = np.sqrt([low * high for low, high in parts])
-    M = 0.5 * np.eye(loop[1].shape[1]) + _response(loop, middle)
-    norms = np.linalg.norm(M, 2, axis=(1, 2))
+    shifted = 0.5 * np.eye(loop[1].shape[1]) + _response(loop, middle)
+    norms = np.linalg.norm(shifted, 2, axis=(1, 2))
     return [part for part, norm in zip(parts, norms, strict=True) if norm > level]
 
 
@@ -306,8 +304,7 @@ def _zeros_on_axis(A: Any, B: FloatArray, C: Any, D: FloatArray) -> FloatArray:
 
     unit = float(np.linalg.norm(A, 2))  # of time: the pencil is then of order one
     pencil = np.block([[A / unit, B], [C / unit, D]])
-    order = np.diag(np.repeat([1.0, 0.0], [len(A), len(D)]))
-    zeros = eigvals(pencil, order)
+    zeros = eigvals(pencil, np.diag(np.repeat([1.0, 0.0], [len(A), len(D)])))
     zeros = zeros[np.isfinite(zeros)]  # a pencil that is singular everywhere has NaN: no crossing
     real, imag, size = np.real(zeros), np.imag(zeros), np.abs(zeros)
     on_axis = (size < BAND) & (imag > 0.0) & (np.abs(real) <= ON_AXIS * size)

@@ -21,17 +21,9 @@ from flighttune.control.law import Law
 from flighttune.control.linear_model import closed_loop
 from flighttune.errors import InputError
 from flighttune.files.load import LOG, written
+from flighttune.flight import fly as flight
 from flighttune.flight.conditions import command_limits, lead_on, reference_of, weather_of
 from flighttune.flight.flown import FlownScenario
-from flighttune.flight.fly import (
-    Progress,
-    aircraft_table,
-    fly_alone,
-    fly_once,
-    plant_of,
-    steered,
-    wind_met,
-)
 from flighttune.flight.load import scenario_and_gains
 from flighttune.flight.models import law_model
 from flighttune.gaps.of_log import LogGap, log_gap
@@ -324,7 +316,7 @@ def gap(
     plant: str | None = None,
     lag: LagSource | None = None,
     changes: Mapping[str, Any] | None = None,
-    progress: Progress | None = None,
+    progress: flight.Progress | None = None,
 ) -> Gap: ...
 
 
@@ -334,7 +326,7 @@ def gap(
     *,
     aircraft: str | Path,
     columns: Columns = (),
-    progress: Progress | None = None,
+    progress: flight.Progress | None = None,
 ) -> LogGap: ...
 
 
@@ -348,7 +340,7 @@ def gap(
     aircraft: str | Path | None = None,
     columns: Columns = (),
     changes: Mapping[str, Any] | None = None,
-    progress: Progress | None = None,
+    progress: flight.Progress | None = None,
 ) -> Gap | LogGap:
     """Fly the same gains up the ladder, or the commands of a log, and measure each effect.
 
@@ -412,8 +404,8 @@ def gap(
         raise InputError("`aircraft` must be given with a log: what its commands are flown on.")
     scenario, gains_name, gains = scenario_and_gains(scenario, gains, changes)
     name = name or gains_name
-    table = aircraft_table(scenario, plant)
-    top = fly_alone(scenario, table, gains, name, progress=progress)
+    table = flight.aircraft_table(scenario, plant)
+    top = flight.fly_alone(scenario, table, gains, name, progress=progress)
     if len(top.signals) >= LEAST_SAMPLES:
         return explain_flight(scenario, top, lag=lag, progress=progress)
     law, _ = scenario.law_of(name, gains)
@@ -425,19 +417,19 @@ def explain_flight(
     aircraft: Run,
     *,
     lag: LagSource | None = None,
-    progress: Progress | None = None,
+    progress: flight.Progress | None = None,
 ) -> Gap:
     """Explain the gap of an aircraft that has flown: fly the rungs below it in the wind it met."""
     made_by = aircraft.provenance
     if made_by.gains is None:
         raise InputError(f"`aircraft` must have gains, got none for {aircraft.label}.")
     _check_length(aircraft)
-    table = aircraft_table(scenario, made_by.plant)
+    table = flight.aircraft_table(scenario, made_by.plant)
     lag_source, lags = _inner_loop(table, scenario, aircraft, lag)
-    limits = command_limits(scenario).within(plant_of(table, scenario).limits)
+    limits = command_limits(scenario).within(flight.plant_of(table, scenario).limits)
     g = scenario.flight.g_mps2
     # In still air JSBSim records a wind of rounding errors; to fly in it takes twice as long.
-    wind = None if weather_of(scenario) is None else wind_met(aircraft)
+    wind = None if weather_of(scenario) is None else flight.wind_met(aircraft)
     lagged = tuple(lag for lag, _ in lags.values())
     make = PointMassPlant
     if scenario.airspeed:
@@ -448,7 +440,7 @@ def explain_flight(
         "point_mass_lag": make(lagged, wind=wind, g=g),
     }
     fly = partial(
-        fly_once,
+        flight.fly_once,
         scenario,
         gains=made_by.gains,
         gains_name=made_by.gains_name,
@@ -457,7 +449,7 @@ def explain_flight(
     )
     runs = [
         fly(
-            plant if wind is None else steered(plant, scenario),
+            plant if wind is None else flight.steered(plant, scenario),
             plant_label=label,
             lead=lead_on(scenario, table if label == "point_mass_lag" else None),
         )
@@ -469,7 +461,7 @@ def explain_flight(
     cut = [replace(run, signals=run.signals.iloc[: len(shortest.signals)]) for run in runs]
     unplanned = None
     if scenario.rolls_in:
-        unplanned = fly(plant_of(table, scenario), plant_label=made_by.plant)
+        unplanned = fly(flight.plant_of(table, scenario), plant_label=made_by.plant)
     measured = mismatch(cut[-1])
     # constant over a sample interval and stored at its start; the last is repeated
     samples = np.vstack([measured.d, measured.d[-1:]])

@@ -81,11 +81,10 @@ def degrees_as_radians(raw: Mapping[str, Stream]) -> list[str]:
 
 def _cure(ratio: float) -> str:
     """The factor that would bring a ratio of two columns to 1, and the mistake that it mends."""
-    size = abs(math.log(abs(ratio)))
     words, factor = min(MISTAKEN.items(), key=lambda item: abs(math.log(abs(ratio) * item[1])))
     if abs(math.log(abs(ratio) * factor)) > NEAR or (ratio > 0.0 and factor == 1.0):
         return f"a factor of {1.0 / ratio:.3g} would do"
-    turned = " and its sign turned" if ratio < 0.0 and size > NEAR else ""
+    turned = " and its sign turned" if ratio < 0.0 and abs(math.log(-ratio)) > NEAR else ""
     return f"a factor of {math.copysign(factor, ratio):.4g} would do ({words}{turned})"
 
 
@@ -279,8 +278,7 @@ class _Check:
             ratio = _ratio(self.slope("gamma") * flying, rate, 0.2 * STILL)
             self.say("the change of gamma", ratio, "n_z")
         if {"h", "v_down"} <= values.keys():
-            climb = self.slope("h", angle=False) * flying
-            ratio = _ratio(climb, -self.mean(values["v_down"]), 0.3)
+            ratio = _ratio(self.slope("h", angle=False) * flying, -self.mean(values["v_down"]), 0.3)
             self.say("the slope of h", ratio, "the vertical speed", EQUAL)
         if not {"V_a", "v_north", "v_east"} <= values.keys():
             return
@@ -328,8 +326,7 @@ class _Check:
             ratio = _ratio(self.mean(values[name]), rates[name], STILL)
             self.say(name, ratio, "the changes of attitude")
         if "V_g" in values:
-            sideways = self.mean(turn * values["V_g"])
-            ratio = _ratio(self.mean(G_0 * np.tan(phi)), sideways, 0.1)
+            ratio = _ratio(self.mean(G_0 * np.tan(phi)), self.mean(turn * values["V_g"]), 0.1)
             self.say("phi", ratio, "course and speed in turns", IN_TURNS)
         if "phi_cmd" in values:
             behind = (max(1, round(late / self.dt)) for late in BEHIND_S)
@@ -373,8 +370,7 @@ def checked(
             values[place] = values[place] - (there[0] if len(there) else 0.0)
     for name in ("chi", "gamma"):
         if {name, f"{name}_ref"} <= values.keys():
-            error = values[f"{name}_ref"] - values[name]
-            values[f"{name}_err"] = np.angle(np.exp(1j * error))
+            values[f"{name}_err"] = np.angle(np.exp(1j * (values[f"{name}_ref"] - values[name])))
     return values, check.notes, check.wrong
 
 

@@ -323,15 +323,14 @@ def flying(run: Run, *columns: FloatArray) -> npt.NDArray[np.bool_]:
 
 def _unbroken(run: Run, *columns: FloatArray) -> Iterator[tuple[int, int]]:
     """First sample, and that after the last, of every piece of flight without a gap."""
-    good = flying(run, *columns).astype(int)
-    edges = np.flatnonzero(np.diff(good, prepend=0, append=0)).tolist()
+    flown = flying(run, *columns).astype(int)
+    edges = np.flatnonzero(np.diff(flown, prepend=0, append=0)).tolist()
     return zip(edges[::2], edges[1::2], strict=True)
 
 
 def _sections(run: Run, number: int, name: model_file.Channel, first: int) -> Iterator[Section]:
     """Sections of a run, with stretches from `first` on."""
-    signals = run.signals
-    measured, commanded = (signals[key].to_numpy(dtype=float) for key in (name, f"{name}_cmd"))
+    measured, commanded = (run.signals[key].to_numpy(dtype=float) for key in (name, f"{name}_cmd"))
     dt = float(run.t[1] - run.t[0])
     wait, size = round(SETTLED_S / dt), round(STRETCH_S / dt)
     for begin, end in _unbroken(run, measured, commanded):
@@ -344,8 +343,7 @@ def _sections(run: Run, number: int, name: model_file.Channel, first: int) -> It
                 stretch[piece] = first
                 first += 1
         if np.isfinite(stretch).any():
-            t = run.t[begin:end]
-            yield Section(number, t, dt, command, measured[begin:end], stretch)
+            yield Section(number, run.t[begin:end], dt, command, measured[begin:end], stretch)
 
 
 def response(lag: InnerLag, dt: float, commanded: FloatArray, start: float) -> FloatArray:
@@ -354,8 +352,7 @@ def response(lag: InnerLag, dt: float, commanded: FloatArray, start: float) -> F
     # line. Each is held from half its time before to half after, for a sample may have any age.
     parts, count = math.ceil(dt / HELD_S - 1e-6), len(commanded)
     held = np.interp(np.arange(parts * (count - 1) + 1) / parts, np.arange(count), commanded)
-    halves = np.repeat(held, 2)[1:]
-    return fit.lag_response(lag, 0.5 * dt / parts, halves, start)[:: 2 * parts]
+    return fit.lag_response(lag, 0.5 * dt / parts, np.repeat(held, 2)[1:], start)[:: 2 * parts]
 
 
 # Which samples are fitted; None for all.
@@ -389,8 +386,7 @@ class _Excited:
         for section in self.sections:
             used = np.isfinite(section.stretch)
             residual = section.residual(lag)
-            foreseen = (residual - section.fresh(lag, 1.0))[used]
-            both += float(foreseen @ residual[used])
+            both += float((residual - section.fresh(lag, 1.0))[used] @ residual[used])
             whole += float(residual[used] @ residual[used])
         return both / whole if whole > 0.0 else 0.0
 
@@ -406,8 +402,7 @@ class _Excited:
 
         def clear(worse: InnerLag, better: InnerLag) -> bool:
             gain = (self.fresh(worse) ** 2 - self.fresh(better) ** 2)[self.used]
-            numbers = self.stretch[self.used].astype(int)
-            gains = np.bincount(numbers, gain, minlength=self.count)
+            gains = np.bincount(self.stretch[self.used].astype(int), gain, minlength=self.count)
             return bool(gains.sum() > CLEAR * math.sqrt(self.count) * gains.std())
 
         first, second = (self.fitted(order) for order in (1, 2))

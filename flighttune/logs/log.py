@@ -101,8 +101,7 @@ def given_columns(columns: Columns) -> dict[str, Column]:
 
 @cache
 def _tables() -> Mapping[str, Mapping[str, Any]]:
-    text = Path(__file__).with_name("sources.toml").read_text(encoding="utf-8")
-    return tomllib.loads(text)
+    return tomllib.loads(Path(__file__).with_name("sources.toml").read_text(encoding="utf-8"))
 
 
 def columns_of(
@@ -112,8 +111,7 @@ def columns_of(
     stated = {name: [column] for name, column in given.items()}
     if kind != "csv":
         stated.pop("t", None)  # messages have their clock
-        shipped = {x: _columns(x, sources, kind) for x, sources in _tables()[kind].items()}
-        return shipped | stated
+        return {x: _columns(x, sources, kind) for x, sources in _tables()[kind].items()} | stated
     for name, column in given.items():
         if column.source not in header:
             raise InputError(
@@ -275,8 +273,7 @@ def load_log(
         versions={**library_versions(), libraries: version(libraries)},
         wall_s=0.0,
     )
-    index = pd.Index(t, name="t")
-    frame = pd.DataFrame({name: signals[name] for name in ordered}, index=index)
+    frame = pd.DataFrame({name: signals[name] for name in ordered}, index=pd.Index(t, name="t"))
     return Run(signals=frame, status="completed", reason="", provenance=made_by)
 
 

@@ -79,8 +79,7 @@ def flown_now(path: str | Path, version: str | None = None) -> Flown:
     of_guidance = {name for name in values if name.startswith(tuple(table["group"]))}
     unused = sorted(of_guidance - used.keys() - {was for _, was in renamed.values()})
     name = f"{table['law']} and TECS of {autopilot} {version or f'as in {of_source}'}"
-    rest = len(values.keys() - of_guidance - used.keys())
-    return Flown(law, name, rows, unused, rest, notes)
+    return Flown(law, name, rows, unused, len(values.keys() - of_guidance - used.keys()), notes)
 
 
 def _check_wings(path: Path, values: Mapping[str, float], vehicle: str) -> None:

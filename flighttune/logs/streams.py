@@ -185,8 +185,7 @@ def _fresh(values: FloatArray) -> npt.NDArray[np.intp]:
     if len(starts) * LONGEST_HOLD < len(values):
         return np.arange(len(values))
     # A signal that rests for long does not wait for a sample.
-    resting = np.repeat(length > 3.0 * np.median(length), length)
-    return np.flatnonzero(new | resting)
+    return np.flatnonzero(new | np.repeat(length > 3.0 * np.median(length), length))
 
 
 def _between(t: FloatArray, times: FloatArray, values: FloatArray, dt: float) -> FloatArray:

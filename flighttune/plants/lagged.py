@@ -121,8 +121,7 @@ class LaggedPlant(WrappedPlant):
         """Start the plant; roll and load factor of `condition` are in force behind the lags."""
         super().start(condition)
         self._t = 0.0
-        begin = (condition.phi, condition.n_z_start)
-        self._channels = tuple(map(LaggedChannel, self._lags, begin))
+        self._channels = tuple(map(LaggedChannel, self._lags, condition.commands(2)))
 
     def observe(self) -> tuple[float, ...]:
         """Return the values of `signals` now, SI and radians."""

@@ -22,9 +22,6 @@ Disturbance: TypeAlias = Callable[[float], tuple[float, float]]
 # disturbance; rates are those of the state in its order, airspeed last.
 Numbers: TypeAlias = tuple[float, ...]
 
-# Further signals of a point in a wind record.
-WIND_SIGNALS = (*WIND, "V_g")
-
 # Longest integration step, s: leaves an error below 1e-9 rad over 20 s.
 LONGEST_STEP = 0.02
 
@@ -102,7 +99,7 @@ class PointMassPlant:
     kind : str
         ``"kinematic"`` with the paper's law, else ``"point_mass"`` or ``"point_mass_lag"``.
     signals : tuple of str
-        `COMMON_SIGNALS`, ``d_chi`` and ``d_gamma``; in wind also `WIND_SIGNALS`.
+        `COMMON_SIGNALS`, ``d_chi`` and ``d_gamma``; in wind also `WIND` and ``V_g``.
     limits : Limits
         None: the point takes every command.
 
@@ -142,7 +139,7 @@ class PointMassPlant:
         self._paper = turn == "paper"
         lagged = "point_mass" if lags is None else "point_mass_lag"
         self.kind = "kinematic" if self._paper else lagged
-        wind_signals = () if wind is None else WIND_SIGNALS
+        wind_signals = () if wind is None else (*WIND, "V_g")
         self.signals: tuple[str, ...] = (*COMMON_SIGNALS, "d_chi", "d_gamma", *wind_signals)
         self._lags, self._g = lags or (), g
         self._wind, self._windy = wind or WindRecord.steady(), wind is not None
@@ -337,8 +334,7 @@ class PoweredPointMass(PointMassPlant):
 
     def _rates(self, chi: float, gamma: float, V_a: float, forcing: Numbers, w_dot: NED) -> Numbers:
         *path, _ = super()._rates(chi, gamma, V_a, forcing, w_dot)
-        ahead = velocity_along(1.0, chi, gamma)
-        pull = sum(w * u for w, u in zip(w_dot, ahead, strict=True))
+        pull = sum(w * u for w, u in zip(w_dot, velocity_along(1.0, chi, gamma), strict=True))
         return (*path, self._g * (forcing[2] - math.sin(gamma)) - pull)
 
 

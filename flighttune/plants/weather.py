@@ -104,7 +104,6 @@ def path_through_air(V_a: float, chi: float, gamma: float, wind: NED) -> tuple[f
     return chi + math.remainder(chi_air - chi, math.tau), gamma_air
 
 
-GustAxis: TypeAlias = Literal["ahead", "right", "down"]
 TurbulenceModel: TypeAlias = Literal["tustin", "milspec"]
 
 
@@ -142,7 +141,7 @@ class Gust:
     """
 
     # Body axis at the start of the gust along which the air moves; then fixed to the Earth
-    axis: GustAxis
+    axis: Literal["ahead", "right", "down"]
     peak: float  # m/s: largest speed; negative for the opposite direction
     # `start`, `rise` and `hold` (s): when it begins; length of each flank; time at the peak
     start: float

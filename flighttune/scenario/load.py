@@ -360,8 +360,7 @@ def gains_notes(runs: Iterable[Run]) -> list[str]:
         made_by = run.provenance
         # a log has no gains, and the scenario of an older version may no longer be valid
         if any("tuned_for" in entry for entry in made_by.scenario.get("gains", ())):
-            said = scenario_of(run).gains_notes(gains=made_by.gains_name)
-            notes |= dict.fromkeys(said)
+            notes |= dict.fromkeys(scenario_of(run).gains_notes(gains=made_by.gains_name))
     return [*notes]
 
 

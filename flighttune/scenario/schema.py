@@ -208,10 +208,9 @@ class Scenario(Table):
 
     @model_validator(mode="after")
     def _airspeed_fits(self) -> "Scenario":
-        bounded = any("V" in {**t.at_most, **t.at_least} for t in self.expect)
-        if bounded and not self.airspeed:
-            raise ValueError("`V` of [[expect]] must be absent without `V_mps` of [reference]")
         if not self.airspeed:
+            if any("V" in {**t.at_most, **t.at_least} for t in self.expect):
+                raise ValueError("`V` of [[expect]] must be absent without `V_mps` of [reference]")
             return self
         for key, absent in (
             ("`objective` of [tuning] must not be cost", self.tuning.objective != "cost"),
@@ -383,8 +382,7 @@ class Scenario(Table):
         if self.turn_back is not None:
             return (start, *(place.V_a_mps for place in self.turn_back.place))
         if route is not None:  # no flight goes on after the last waypoint
-            changes = (V for i, V in route.airspeeds.items() if i < len(route.waypoint))
-            return (start, *changes)
+            return (start, *(V for i, V in route.airspeeds.items() if i < len(route.waypoint)))
         if self.reference is None or not self.airspeed:
             return (start,)
         return (start, *self.reference.airspeeds(self.flight))

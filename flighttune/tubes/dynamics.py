@@ -111,8 +111,7 @@ class SampledLag:
             rates = self._rates(box, pushed)
             slowest, fastest = np.minimum(slowest, rates[0]), np.maximum(fastest, rates[n])
         margin = 0.25 * h * (fastest - slowest) * (1.0 + ROUNDING)
-        hull = state[0].hull(end)
-        return hull + Interval(-margin, margin)
+        return state[0].hull(end) + Interval(-margin, margin)
 
     def _box(self, start: FloatArray, pushed: FloatArray, t: float) -> FloatArray:
         """A box of all states up to `t` (s) from a box of them: lower ends, then upper ones."""

@@ -259,8 +259,7 @@ class Tube(Answering):
         """Whether a value of a scenario is one of those that the tube encloses."""
         if flown == enclosed:
             return True
-        numbers = isinstance(flown, float | int) and isinstance(enclosed, float | int)
-        if key in STARTS and numbers:
+        if key in STARTS and isinstance(flown, float | int) and isinstance(enclosed, float | int):
             return abs(flown - enclosed) * DEG <= self.problem.start + ROUNDING
         if key == "disturbance.as_wind":
             return not flown

@@ -258,8 +258,8 @@ class ExactEnclosure(sample.Enclosure):
         # It stands where a limit holds the command. Where the side is open, the integral takes half
         # the increment, and an error of the other half: that covers both sides.
         share = np.where(free, 1.0, np.where(limited, 0.0, 0.5))
-        size = 0.5 * self._range(increment).ordered.largest * UP
-        doubt = np.where(free | limited, 0.0, size)
+        half = 0.5 * self._range(increment).ordered.largest * UP
+        doubt = np.where(free | limited, 0.0, half)
         return combined((1.0, integral), (share, increment)).widened(doubt), can_limit
 
     def _keep(self, flags: Flags) -> None:

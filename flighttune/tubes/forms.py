@@ -99,8 +99,7 @@ def transformed(matrix: FloatArray, forms: Forms) -> list[Form]:
     """``sum_k A_ik F_k`` for each row i of a matrix."""
     weights = np.abs(matrix)
     # A library may add the products in any order: the bound on their rounding holds for each.
-    stacked = np.array([form.coefficients for form in forms])
-    coefficients = np.tensordot(matrix, stacked, axes=1)
+    coefficients = np.tensordot(matrix, np.array([form.coefficients for form in forms]), axes=1)
     err = weights @ np.array([form.err for form in forms])
     size = weights @ np.array([form.size for form in forms]) * UP + TINY
     err = (err + (len(forms) + MORE_ROUNDINGS) * ULP * size) * UP + TINY
@@ -289,17 +288,12 @@ def arctangent(first: Quantity, second: Quantity) -> Form:
     a, b = first.values, second.values
     a_0, b_0 = Interval.point(a.middle), Interval.point(b.middle)
     square = _square(a_0) + _square(b_0)
-    number = np.arctan2(a_0.low, b_0.low)
+    angle = Interval.point(np.arctan2(a_0.low, b_0.low))
     # Distance of the library's angle from the true one: the sine of that, over the distance.
-    angle = Interval.point(number)
     s, c = sine_and_cosine(angle)
     off = (a_0 * c - b_0 * s).largest / np.sqrt(square.low)
-    terms, rest = _linear(
-        # An arcsine is at most pi/2 times its sine.
-        Interval.point(number) + within(2.0 * off),
-        (first, b_0 / square),
-        (second, -(a_0 / square)),
-    )
+    angle = angle + within(2.0 * off)  # an arcsine is at most pi/2 times its sine
+    terms, rest = _linear(angle, (first, b_0 / square), (second, -(a_0 / square)))
     # Half the second derivatives of atan(a/b): -ab/r^4 and ab/r^4, and (a^2 - b^2)/r^4 mixed, where
     # r^2 = a^2 + b^2.
     da, db = (a - a.middle).largest, (b - b.middle).largest
@@ -337,8 +331,7 @@ def positive_part(quantity: Quantity, slope: Floats) -> Form:
         Interval.point(np.maximum(point, 0.0)) - Interval.point(point) * slope
         for point in (low, high, np.clip(0.0, low, high))
     ]
-    remainder = errors[0].hull(errors[1]).hull(errors[2])
-    return combined((slope, quantity.form), shift=remainder)
+    return combined((slope, quantity.form), shift=errors[0].hull(errors[1]).hull(errors[2]))
 
 
 def _taylor(angle: Quantity, value: Interval, slope: Interval, curvature: Interval) -> Form:

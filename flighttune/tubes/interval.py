@@ -131,8 +131,7 @@ def sine_and_cosine(angle: Interval) -> tuple[Interval, Interval]:
 def _divisors(dimensions: int) -> FloatArray:
     """Coefficients of cosine, then of sine; the last term comes first."""
     k, power = np.arange(SERIES_TERMS, 0, -1.0)[:, np.newaxis], np.array([0.0, 1.0])
-    divisors = (2.0 * k + power - 1.0) * (2.0 * k + power)
-    return divisors.reshape(SERIES_TERMS, 2, *[1] * dimensions)
+    return ((2.0 * k + power - 1.0) * (2.0 * k + power)).reshape(SERIES_TERMS, 2, *[1] * dimensions)
 
 
 def _interval(value: "Interval | Floats") -> Interval:

@@ -393,8 +393,7 @@ def reference_samples(scenario: Scenario, plant: PlantTable) -> FloatArray:
 
 def sample_times(scenario: Scenario) -> FloatArray:
     """Times of the samples of the controller, s."""
-    dt = 1.0 / scenario.controller.rate_hz
-    return np.arange(sample_count(scenario), dtype=np.float64) * dt
+    return np.arange(sample_count(scenario), dtype=float) * (1.0 / scenario.controller.rate_hz)
 
 
 def sample_count(scenario: Scenario) -> int:

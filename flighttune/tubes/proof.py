@@ -53,8 +53,7 @@ class HandOver:
 
 def settled(loop: SampledLoop, samples: int) -> SampledLoop:
     """The loop after its last sample: references and boxes stay as they are there."""
-    at_end = replace(loop, reference=loop.reference[-1:], boxes=loop.boxes[-1:])
-    return continued(at_end, samples)
+    return continued(replace(loop, reference=loop.reference[-1:], boxes=loop.boxes[-1:]), samples)
 
 
 def continued(loop: SampledLoop, samples: int) -> SampledLoop:
@@ -121,8 +120,7 @@ def return_map(
     Returns the ranges of ``W z`` after the first round, shape (n, 2), and of errors and commands at
     every sample, (2 N, 4, 2). There is no second round if the first does not end inside the set.
     """
-    still = settled(loop, 2 * samples)
-    enclosure = enclosure_of(still, parallelotope(W, centre, size), plan)
+    enclosure = enclosure_of(settled(loop, 2 * samples), parallelotope(W, centre, size), plan)
     passed, after = [], np.zeros((len(W), 2))
     # Two rounds: only the second one begins in the image of T, as every later one does.
     for k in range(1, 2 * samples + 1):
@@ -223,8 +221,7 @@ def replay(
             broken = f"that no limit holds {QUANTITIES[2:][unproven[0]]} is not proven"
         if broken:
             return Verification(valid=False, reason=f"{when}: {broken}")
-        room = (ranges - claimed[k]) * [1.0, -1.0]
-        margins = np.minimum(margins, room.min(axis=1))
+        margins = np.minimum(margins, ((ranges - claimed[k]) * [1.0, -1.0]).min(axis=1))
         if ever is not None and k + 1 == ever.sample:
             reached = hull(enclosure.pieces, ever.W)
             if not inside(reached, ever.centre, ever.size):

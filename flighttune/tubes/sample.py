@@ -250,8 +250,7 @@ def start_set(loop: SampledLoop, within_start: float, sides: int, symbols: int) 
         state[rows] = [combined((share, value)).widened(COMPUTED) for share in lag.rest]
         state[queue] = [value] * (queue.stop - queue.start)
     if loop.sees_roll:
-        box = Interval(*loop.boxes[0, ROLL, :, np.newaxis])
-        beyond = combined((0.0, state[PHI]), shift=box)
+        beyond = combined((0.0, state[PHI]), shift=Interval(*loop.boxes[0, ROLL, :, np.newaxis]))
         state[-1] = pieces.fresh(beyond, ROLL_BEYOND)
     pieces.put(state)
     return pieces
@@ -316,8 +315,7 @@ class Enclosure:
             *(self._limited(i, c, state[PHI_INTEGRAL + i]) for i, c in enumerate(channels)),
             strict=True,
         )
-        phi = combined((1.0, state[PHI]), (1.0, moves[0])).widened(COMPUTED)
-        phi = pieces.fresh(phi, PHI)
+        phi = pieces.fresh(combined((1.0, state[PHI]), (1.0, moves[0])).widened(COMPUTED), PHI)
         extra = combined((1.0, extra), (1.0, moves[1])).widened(COMPUTED)
         return Controlled(state, errors, roll, phi, extra, lift, self._kept(integrals), limited)
 
@@ -418,8 +416,7 @@ class Enclosure:
                     close = combined((side, command.form), shift=step - limit)
                     # A command is never beyond its range.
                     near = Interval(near.low, np.minimum(near.high, step)).ordered
-                    part = positive_part(Quantity(close, near), self.plan.slope(near))
-                    terms.append((1.0, part))
+                    terms.append((1.0, positive_part(Quantity(close, near), self.plan.slope(near))))
             form = combined(*terms, shift=shift)
             excesses[side] = Quantity(form, self._range(form))
         return excesses
@@ -580,8 +577,7 @@ class Enclosure:
                 Interval(*loop.boxes[k, row, :, np.newaxis]) for row in (ROLL, ROLL_CHANGE)
             )
             w = e * (1.0 - ROLL_KEPT) + change
-            beyond = combined((ROLL_KEPT, state[-1]), shift=w)
-            lags.append(pieces.fresh(beyond, ROLL_BEYOND))
+            lags.append(pieces.fresh(combined((ROLL_KEPT, state[-1]), shift=w), ROLL_BEYOND))
             after = combined((1.0, after), (1.0, lags[-1]))
         chi, gamma = (
             pieces.fresh(form.widened(COMPUTED), row) for form, row in ((chi, CHI), (gamma, GAMMA))

@@ -197,9 +197,8 @@ def flights_inside(enclosure: Tube) -> bool:
     """Whether the scenario's own flight and those from the corners of the starts are inside."""
     problem = enclosure.problem
     scenario, condition = problem.scenario, start_condition(problem.scenario)
-    corners = {(0.0, 0.0), *product((-problem.start, problem.start), repeat=2)}
     # A tube that is not bounded is compared as far as it goes.
-    for chi, gamma in sorted(corners):
+    for chi, gamma in sorted({(0.0, 0.0), *product((-problem.start, problem.start), repeat=2)}):
         signals, _ = simulate(
             plant_of(problem.table, scenario),
             problem.controller(),

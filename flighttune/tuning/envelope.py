@@ -167,8 +167,7 @@ class _Linearised:
             A.value = closed_loops(model, problem.K(point.k))
         if self._limited:
             self._set_radius(point, excess)
-        unsolved = solve(self._program)
-        return None if unsolved else np.clip(point.k + self._dk.value, low, high)
+        return None if solve(self._program) else np.clip(point.k + self._dk.value, low, high)
 
     def excess(self, k: FloatArray) -> float:
         """Excess of log I_K over its limit at free gains k; 0 without any."""
@@ -180,8 +179,7 @@ class _Linearised:
     def _set_radius(self, point: Point, excess: float) -> None:
         A = closed_loops(self._problem.model, self._problem.K(point.k))
         Q0 = lyapunov_solution(A)
-        load = self._trim_slopes.mT @ Q0 + Q0 @ self._trim_slopes
-        Q_slopes = lyapunov_solution(A, load)
+        Q_slopes = lyapunov_solution(A, self._trim_slopes.mT @ Q0 + Q0 @ self._trim_slopes)
         gram, gram_slopes = A.T @ A, A.T @ self._trim_slopes
         gram_slopes = gram_slopes + gram_slopes.mT
         spectrum, smallest = np.linalg.eigvalsh(Q0), np.linalg.eigvalsh(gram)[0]

@@ -336,8 +336,7 @@ class Guidance:
         """Roll and load factor, and the angle of climb that TECS wants (rad)."""
         motion = self._motion(m)
         if r.path is None:
-            bend = r.chi_dot / max(motion.V_g, 1.0)
-            track = Track(r.chi, 0.0, None, bend, math.tan(r.gamma))
+            track = Track(r.chi, 0.0, None, r.chi_dot / max(motion.V_g, 1.0), math.tan(r.gamma))
         else:
             course, right, below, curvature, slope = r.path
             track = Track(course, right, m.h + below, curvature, slope)

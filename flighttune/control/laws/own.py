@@ -4,14 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
-from flighttune.control.controller import (
-    FAILURES,
-    Controller,
-    GuardedLaw,
-    LawError,
-    LawSetup,
-    failure,
-)
+from flighttune.control import controller as controllers
 from flighttune.control.gains import PIGains
 from flighttune.control.law import Law
 from flighttune.control.linear_model import LinearModel
@@ -26,7 +19,7 @@ class Own(Law):
     # Whether it flies by the gains of its setup: it is then flown with every gain set
     takes_gains: bool = False
     # Called for every flight; None before the class is loaded
-    maker: Callable[..., Controller] | None = None
+    maker: Callable[..., controllers.Controller] | None = None
 
     kind: ClassVar[str] = "python"
     keys: ClassVar[frozenset[str]] = frozenset(
@@ -39,39 +32,41 @@ class Own(Law):
         """Names of its flights: one, with the first gain set, unless it flies by the gains."""
         return super().names_of(gains if self.takes_gains else gains[:1])
 
-    def make(self, setup: LawSetup, /) -> Controller:
+    def make(self, setup: controllers.LawSetup, /) -> controllers.Controller:
         """Make the controller of a flight."""
         if self.maker is None:
             raise InputError(f"`{self.name}` must be loaded before it is flown.")
         return self.maker(setup, **self.parameters)
 
-    def controller(self, setup: LawSetup, /) -> GuardedLaw:
+    def controller(self, setup: controllers.LawSetup, /) -> controllers.GuardedLaw:
         """Make a controller that ends its flight, in one line, where it fails."""
         name = f"law {self.name}"
         try:
             user_law = self.make(setup)
-            guarded = GuardedLaw(user_law, setup.limits, name)
-        except FAILURES as error:
-            raise LawError(failure(name, error, 0.0)) from error
+            guarded = controllers.GuardedLaw(user_law, setup.limits, name)
+        except controllers.FAILURES as error:
+            raise controllers.LawError(controllers.failure(name, error, 0.0)) from error
         if guarded.dt != setup.dt:
-            raise LawError(
+            raise controllers.LawError(
                 f"{name}: `dt` must be that of the flight, {setup.dt:g} s, got {user_law.dt}."
             )
         if wrong := [name for name in guarded.signals if not name.isidentifier()]:
-            raise LawError(f"{name}: `signals` must have names like those of Python, got {wrong}.")
+            raise controllers.LawError(
+                f"{name}: `signals` must have names like those of Python, got {wrong}."
+            )
         return guarded
 
     def loop(
-        self, _model: LinearModel, _gains: PIGains, setup: LawSetup, /
+        self, _model: LinearModel, _gains: PIGains, setup: controllers.LawSetup, /
     ) -> tuple[LinearModel, PIGains] | None:
         """Result of its ``linear()``, None without it or its law; InputError if it fails."""
         try:
             controller = self.controller(setup)
-        except LawError:
+        except controllers.LawError:
             return None  # its flights say so
         try:
             return controller.linear()
-        except LawError as error:
+        except controllers.LawError as error:
             raise InputError(str(error)) from error
 
     @property

@@ -10,8 +10,6 @@ from flighttune.plants.weather import NED, Gust, Turbulence, Weather
 from flighttune.units import FT
 
 _AXES = {"ahead": "X", "right": "Y", "down": "Z"}
-_BODY_FRAME = 1.0
-_MODELS = {"milspec": 3.0, "tustin": 4.0}
 
 # Integration steps between two instants at which a changing wind is computed.
 _REFRESH = 4
@@ -59,7 +57,7 @@ def _begin_turbulence(fdm: Fdm, turbulence: Turbulence) -> None:
     for axis in _NED:
         fdm.writer(f"atmosphere/wind-{axis}-fps")(0.0)
     fdm.writer("atmosphere/psiw-rad")(0.0)
-    fdm.writer("atmosphere/turb-type")(_MODELS[turbulence.model])
+    fdm.writer("atmosphere/turb-type")({"milspec": 3.0, "tustin": 4.0}[turbulence.model])
     milspec = "atmosphere/turbulence/milspec"
     fdm.writer(f"{milspec}/windspeed_at_20ft_AGL-fps")(turbulence.wind_20ft / FT)
     fdm.writer(f"{milspec}/severity")(float(turbulence.severity))
@@ -71,7 +69,7 @@ def _gusty(fdm: Fdm, gust: Gust, rate: float, run: Run) -> Run:
         "steady-duration-sec": gust.hold,
         "end-duration-sec": gust.rise,
         "magnitude-ft_sec": abs(gust.peak) / FT,
-        "frame": _BODY_FRAME,
+        "frame": 1.0,  # that of the body
         f"{_AXES[gust.axis]}-velocity-ft_sec": math.copysign(1.0, gust.peak),
     }
     for name, value in settings.items():

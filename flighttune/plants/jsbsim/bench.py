@@ -168,8 +168,7 @@ def check_moves(config: AircraftConfig) -> None:
     # A check is remembered in this process while the files stay the same. Gains must have been made
     # for the files as they are.
     nominal = config.with_off_nominal(None)
-    fault = _fault(Unchanged(nominal, config.gains.made_for if config.gains else None))
-    if fault:
+    if fault := _fault(Unchanged(nominal, config.gains.made_for if config.gains else None)):
         raise PlantError(f"{config.file}: {fault}.")
 
 
@@ -182,8 +181,7 @@ def _fault(checked: Unchanged) -> str:
     bench = Bench(fdm, config.design.h if config.design else HEIGHT)
     throttle = FULL * config.engines.throttle[1]
     level = AirframeState(V_a=V_a, alpha=ALPHA, theta=ALPHA, throttle=throttle)
-    faults = chain(_engine_faults(fdm, bench, level), surface_faults(bench, level))
-    return next(faults, "")
+    return next(chain(_engine_faults(fdm, bench, level), surface_faults(bench, level)), "")
 
 
 def _engine_faults(fdm: Fdm, bench: Bench, level: AirframeState) -> Iterator[str]:

@@ -5,7 +5,6 @@ import math
 import re
 import threading
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import jsbsim
@@ -138,7 +137,9 @@ class Fdm:
     # right.
     def __init__(self, config: AircraftConfig, *, steps: int = 1, ground: float = 0.0) -> None:
         model_files.check_loads(config)
-        self.config = config
+        self.config, self._model = config, source_folders(config).file
+        # Time the engine takes to a steady state, s; 0 where JSBSim knows it at once.
+        self.engine_settles = config.engines.settle
         # Systems of the model itself may have a memory.
         files, engines = unchanged(config), range(config.engines.count)
         self.own_flight_control = model_files.has_flight_control(files)
@@ -188,11 +189,6 @@ class Fdm:
                 raise PlantError(f"{self._model}: must have all its parts, got no file {missing}.")
             reason = self._message(log.text) or "no reason"
             raise PlantError(f"{self._model}: must load in JSBSim, got: {reason}.")
-
-    @property
-    def engine_settles(self) -> float:
-        """Time the engine takes to a steady state, s; 0 where JSBSim knows it at once."""
-        return self.config.engines.settle
 
     def names(self, beginning: str) -> list[str]:
         """Names of the properties that begin so."""
@@ -321,10 +317,6 @@ class Fdm:
         # JSBSim evaluates an aircraft once more when it frees it, and ends the process if that
         # fails.
         ctypes.pythonapi.Py_IncRef(ctypes.py_object(self._exec))
-
-    @property
-    def _model(self) -> Path:
-        return source_folders(self.config).file
 
     def _existing(self, name: str) -> jsbsim.FGPropertyNode | None:
         # JSBSim aborts the process on a malformed name, and invents a node for an unknown one.

@@ -30,8 +30,7 @@ MODEL_FILE = "`model` must be a file of JSBSim's"
 # Elements by which JSBSim opens files and sockets on its first evaluation.
 CONNECTIONS = ("output", "input")
 
-# Elements whose files are in the folder of engines, and the names that JSBSim knows it by.
-ENGINES = ("engine", "thruster")
+# Names by which JSBSim knows the folder of engines.
 ENGINE_FOLDERS = ("Engines", "engines", "Engine", "engine")
 
 # Engines without an inertia of their own: in long steps the speed of their propellers diverges.
@@ -168,8 +167,9 @@ def missing_parts(config: AircraftConfig, message: str) -> list[str]:
     file = folders.file
     elements = (part for file in model_files(config) for part in read_xml(file, str(file)).iter())
     tags = {name: part.tag for part in elements if (name := part.get("file", "")) in message}
+    places = {"engine": "Engines", "thruster": "Engines"}
     return [
-        str(found_file(name, [folders.model / ("Engines" if tag in ENGINES else "Systems")], file))
+        str(found_file(name, [folders.model / places.get(tag, "Systems")], file))
         for name, tag in tags.items()
         if name and not os.path.isfile(found_file(name, folders.parts, file))
     ]

@@ -8,7 +8,7 @@ from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
-from flighttune.aircraft.aircraft import GAINS_FILE, AircraftConfig, load_aircraft
+from flighttune.aircraft.aircraft import GAINS_FILE, AircraftConfig, OffNominal, load_aircraft
 from flighttune.aircraft.model_xml import BALLAST, FAULT
 from flighttune.control.limits import Limits
 from flighttune.errors import InputError, PlantError
@@ -17,7 +17,6 @@ from flighttune.plants.jsbsim import properties
 from flighttune.units import FT
 
 if TYPE_CHECKING:
-    from flighttune.aircraft.aircraft import OffNominal
     from flighttune.plants.jsbsim.fdm import Fdm
     from flighttune.plants.weather import Weather
 

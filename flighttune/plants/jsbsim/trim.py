@@ -121,9 +121,6 @@ CLIMBS = (-10.0 * DEG, -5.0 * DEG, 0.0, 5.0 * DEG, 10.0 * DEG, 20.0 * DEG, 45.0 
 
 _SIDESLIP_SEARCHED = 10.0 * DEG
 
-# Interval of a rudder that is not there, about its position of 0.
-_NO_RUDDER = -1.0, 1.0
-
 # Largest unbalanced acceleration of a trim, in units of g or rad/s^2, and that with an engine which
 # settles: the thrust of a governed one never comes quite to rest.
 _RESIDUAL_ALLOWED, _RESIDUAL_SETTLED = 1e-6, 2e-5
@@ -250,14 +247,13 @@ class _TrimProblem:
             envelope.alpha,
             (-_SIDESLIP_SEARCHED, _SIDESLIP_SEARCHED),
             *(surface.travel for _, surface in surfaces.named()),
-            *([_NO_RUDDER] if self._rudderless else ()),
+            *([(-1.0, 1.0)] if self._rudderless else ()),  # about the position 0 of none
             (-turn_rate, turn_rate),
             _GLIDES if self._glides else fdm.config.engines.throttle,
         )
         self.lower, self.upper = np.array(intervals).T
         self.settles = settles = bool(fdm.engine_settles)
-        enough, rounding = (_SETTLED, _UNSTEADY) if settles else (0.0, _ROUNDING)
-        self.limits = {"enough": enough, "rounding": rounding}
+        self.limits = {"enough": _SETTLED, "rounding": _UNSTEADY} if settles else {}
         span = self.upper - self.lower
         self.widths = np.array(_STEPS) if settles else _DIFFERENCE * span
         # A guess that suits any aeroplane: 3 deg of angle of attack in level flight.
@@ -449,8 +445,7 @@ def _drift_angle(theta: float, phi: float, alpha: float, beta: float) -> float:
     w = math.sin(alpha) * math.cos(beta)
     down_bank = v * math.sin(phi) + w * math.cos(phi)
     ahead = u * math.cos(theta) + down_bank * math.sin(theta)
-    aside = v * math.cos(phi) - w * math.sin(phi)
-    return math.atan2(aside, ahead)
+    return math.atan2(v * math.cos(phi) - w * math.sin(phi), ahead)
 
 
 def trim_table(
@@ -498,8 +493,7 @@ def _trimmed(
     fdm: Fdm, condition: FlightCondition, *, thrust_short: bool, near: FloatArray | None
 ) -> tuple[FloatArray | None, dict[str, float] | None, str]:
     """Steady flight as unknowns and as numbers of a file, or what stands against it."""
-    outside_by = start_faults(fdm.config, condition, ground=0.0)
-    faults = (f"`{name}` {fault}" for name, fault in outside_by)
+    faults = (f"`{name}` {fault}" for name, fault in start_faults(fdm.config, condition, 0.0))
     if outside := "; ".join(faults).replace(f" ({fdm.config.file})", ""):
         return None, None, f"outside the envelope: {outside}"
     problem = _TrimProblem(fdm, condition)
