@@ -59,10 +59,9 @@ def modules_of(namespace: str) -> dict[str, str]:
     from pathlib import Path
 
     stub = "__init__.pyi" if namespace == __name__ else "loop.pyi"
-    tree = ast.parse(Path(__file__).with_name(stub).read_text(encoding="utf-8"))
     return {
         alias.name: f"{__name__}.{alias.name}" if line.module == __name__ else str(line.module)
-        for line in tree.body
+        for line in ast.parse(Path(__file__).with_name(stub).read_text(encoding="utf-8")).body
         if isinstance(line, ast.ImportFrom)
         for alias in line.names
     }

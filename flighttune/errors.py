@@ -153,11 +153,9 @@ def need(what: str, *modules: str) -> None:
 def missing_extra(error: ImportError, what: str) -> str | None:
     """The message of `need` for an import that failed; None where no extra would help."""
     module = (error.name or "").partition(".")[0]
-    absent = module in EXTRAS and find_spec(module) is None
-    return _message(what, [module]) if absent else None
+    return _message(what, [module]) if module in EXTRAS and find_spec(module) is None else None
 
 
 def _message(what: str, absent: list[str]) -> str:
-    extra = EXTRAS[absent[0]]
     names = ", ".join(absent).replace("_", "-")
-    return f"{what} needs {names}; install it with: pip install 'flighttune[{extra}]'"
+    return f"{what} needs {names}; install it with: pip install 'flighttune[{EXTRAS[absent[0]]}]'"

@@ -313,8 +313,7 @@ class _Episode:
             controller.start(self._condition)
             self._step = step_of(controller, self._plant)
         if self._law_action is None:
-            commands = self._step(*self.sample[:3])
-            self._law_action = np.array(commands[: len(self.limits.lower)])
+            self._law_action = np.array(self._step(*self.sample[:3])[: len(self.limits.lower)])
         return self._law_action.copy()
 
 

@@ -107,10 +107,9 @@ def metric_tables(runs: Sequence[Run]) -> "tuple[pd.DataFrame, pd.DataFrame]":
 
     flown = [run for run in runs if len(run.signals) > 1 and not run.provenance.log]
     channels = {run.label: channel_metrics(run) for run in flown}
-    flights = {run.label: flight_metrics(run) for run in flown}
     return (
         pd.concat(channels, names=["run"]) if channels else pd.DataFrame(),
-        pd.DataFrame.from_dict(flights, orient="index"),
+        pd.DataFrame.from_dict({run.label: flight_metrics(run) for run in flown}, orient="index"),
     )
 
 

@@ -404,12 +404,11 @@ def start_faults(
     """Attributes of a condition outside the aircraft's envelope or limits, with the reason."""
     if not condition.h > ground:
         yield "h", f"must be above the ground at {ground:g} m, got {condition.h:g} m"
-    watched = (
+    for name, value, (low, high), unit, symbol in (
         ("V_a", condition.V_a, config.envelope.V_a, 1.0, " m/s"),
         ("phi", condition.phi, config.limits.phi, DEG, " deg"),
         ("n_z", condition.n_z_start, config.limits.n_z, 1.0, ""),
-    )
-    for name, value, (low, high), unit, symbol in watched:
+    ):
         if not low <= value <= high:
             allowed = f"{low / unit:g} to {high / unit:g}{symbol} ({config.file})"
             yield name, f"must lie in {allowed}, got {value / unit:g}{symbol}"

@@ -467,5 +467,4 @@ def open_mass_balance(root: Element, *, slides: bool = False) -> None:
     balance.append(location("CG", "cg"))
     if slides:
         weight = node("weight", placeholder("ballast"), unit="LBS")
-        ballast = location("ballast", "ballast")
-        balance.append(node("pointmass", weight, ballast, name="ballast"))
+        balance.append(node("pointmass", weight, location("ballast", "ballast"), name="ballast"))

@@ -426,11 +426,10 @@ def vertex_matrices(
     if hull is not None:
         # A_K is affine in the entries and in the factor: what holds at the vertices holds inside.
         box = [sorted({Fraction(low), Fraction(high)}) for low, high in _ends(hull)]
-        factors = sorted({Fraction(end) for end in hull.factor})
         C = exact(model.C)
         return tuple(
             closed(*_jacobians([factor * entry for entry in corner]), C)
-            for factor in factors
+            for factor in sorted({Fraction(end) for end in hull.factor})
             for corner in itertools.product(*box)
         )
     # A loop that is there twice would be checked twice.

@@ -284,8 +284,7 @@ def constant_rate_proven(gains: ChannelGains, box: Box, rate: float) -> bool:
             return False
         for axis, nodes in enumerate(axes, start=1):
             if len(nodes) > 1:
-                along = np.tensordot(TO_BERNSTEIN, values, (1, axis))
-                values = np.moveaxis(along, 0, axis)
+                values = np.moveaxis(np.tensordot(TO_BERNSTEIN, values, (1, axis)), 0, axis)
         if (values > 0).all():
             continue
         # across the side that is longest beside that of the whole box

@@ -341,9 +341,8 @@ def jacobian_hull(envelope: Envelope, *, g: float) -> JacobianHull:
     # zero, and a product is extreme at ends of its factors. A function that is affine in each of
     # several numbers lies, over a box of them, in the convex hull of its corner values.
     factor = (g / envelope.V_a[1], g / envelope.V_a[0])
-    level = envelope.phi[0] <= 0.0 <= envelope.phi[1]
     cosines = sorted(map(math.cos, envelope.phi))
-    cosine = (cosines[0], 1.0 if level else cosines[1])
+    cosine = (cosines[0], 1.0 if envelope.phi[0] <= 0.0 <= envelope.phi[1] else cosines[1])
     sine_gamma = [math.sin(end) for end in envelope.gamma]
     lifts = [n_z * math.sin(phi) for n_z in envelope.n_z for phi in envelope.phi]
     squares = (cosine[1] ** -2, cosine[0] ** -2)

@@ -82,7 +82,7 @@ def loop_margins(model: LinearModel, gains: PIGains) -> tuple[Margins, ...]:
     disk = _disk_margin(_opened(model, gains))
     # the disk meets the real axis at 1/gain and gain, and the unit circle at +-phase
     gain = (2.0 + disk) / (2.0 - disk) if disk < 2.0 else math.inf
-    together = Margins(
+    return *channel_margins(model, gains), Margins(
         loop=TOGETHER,
         gain_decrease=1.0 / gain,
         gain_increase=gain,
@@ -91,7 +91,6 @@ def loop_margins(model: LinearModel, gains: PIGains) -> tuple[Margins, ...]:
         lag_margin=lag_margin(model, gains),
         disk_margin=disk,
     )
-    return *channel_margins(model, gains), together
 
 
 def channel_margins(model: LinearModel, gains: PIGains) -> tuple[Margins, ...]:
@@ -134,9 +133,8 @@ def lag_margin(model: LinearModel, gains: PIGains) -> float:
         lagged = (2.0 * at_one - at_two) + bandwidth * (at_two - at_one)
         return np.asarray(np.linalg.eigvals(lagged).real.max(axis=-1), dtype=float)
 
-    decades = math.log10(LONGEST_LAG / SHORTEST_LAG)
     ends = math.log(SHORTEST_LAG), math.log(LONGEST_LAG)
-    log_lags = np.linspace(*ends, int(decades * GRID_PER_DECADE))
+    log_lags = np.linspace(*ends, int(math.log10(LONGEST_LAG / SHORTEST_LAG) * GRID_PER_DECADE))
     unstable = np.flatnonzero(abscissa(log_lags) >= 0.0)
     if not len(unstable):
         return math.inf
@@ -276,8 +274,7 @@ def _above(level: float, loop: Loop, intervals: list[Interval]) -> list[Interval
     for low, high in intervals:
         parts += pairwise([low, *crossings[(low < crossings) & (crossings < high)].tolist(), high])
     middle = np.sqrt([low * high for low, high in parts])
-    shifted = 0.5 * np.eye(loop[1].shape[1]) + _response(loop, middle)
-    norms = np.linalg.norm(shifted, 2, axis=(1, 2))
+    norms = np.linalg.norm(0.5 * np.eye(loop[1].shape[1]) + _response(loop, middle), 2, axis=(1, 2))
     return [part for part, norm in zip(parts, norms, strict=True) if norm > level]
 
 

@@ -270,8 +270,7 @@ def export(
         source = export_c(loaded, name, chosen, Path(out), plant=plant)
         monitor = None
         if watching is not None:
-            dt = 1.0 / loaded.controller.rate_hz
-            text = monitor_source(watching, title=loaded.title, dt=dt)
+            text = monitor_source(watching, title=loaded.title, dt=1.0 / loaded.controller.rate_hz)
             monitor = write_text(source.with_name(MONITOR_SOURCE), text)
         return ExportedSource(source=source, notes=notes, monitor=monitor)
     flight = export_jsbsim(loaded, name, chosen, Path(out).absolute(), plant=plant)

@@ -249,11 +249,10 @@ def _differences(
 def _outer_loop(loop: OuterLoop, frames: int, *, airspeed: bool) -> Element:
     """The law as a system: the paper's, or another one behind the same measurements."""
     template = page_template("flighttune.exports", f"{loop.components or 'outer_loop.xml'}.jinja")
-    commands = {u: name for u, name in _COMMANDS.items() if airspeed or u != "n_x"}
     return _parsed(
         template.render(
             own_law=loop.components is not None,
-            commands=commands,
+            commands={u: name for u, name in _COMMANDS.items() if airspeed or u != "n_x"},
             airspeed=airspeed,
             given="given" if airspeed else "ref",  # the path angle may give way to the airspeed
             frames=frames,

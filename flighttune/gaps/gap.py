@@ -466,13 +466,11 @@ def explain_flight(
     # constant over a sample interval and stored at its start; the last is repeated
     samples = np.vstack([measured.d, measured.d[-1:]])
     columns = {f"mismatch_{name}": samples[:, i] for i, name in enumerate(CHANNELS)}
-    top = replace(cut[-1], signals=cut[-1].signals.assign(**columns))
-    steps = zip(pairwise(cut), ADDS, strict=True)
     return Gap(
         scenario=scenario,
-        runs=(*cut[:-1], top),
+        runs=(*cut[:-1], replace(cut[-1], signals=cut[-1].signals.assign(**columns))),
         indicators=_indicators(scenario, made_by.law, made_by.gains),
-        steps=tuple(Step(*pair, adds) for pair, adds in steps),
+        steps=tuple(Step(*pair, adds) for pair, adds in zip(pairwise(cut), ADDS, strict=True)),
         whole=Step(cut[0], cut[-1], "total"),
         lags=lags,
         lag_source=lag_source,
@@ -502,8 +500,7 @@ def _inner_loop(
         for name in (WITH_AIRSPEED[COMMANDS] if scenario.airspeed else COMMANDS)
     }
     if source is None:
-        file = table.config.folder / FILE_NAME
-        source = "identified" if file.exists() else "fitted"
+        source = "identified" if (table.config.folder / FILE_NAME).exists() else "fitted"
     lags = (None,) * len(commanded_and_flown)
     if source == "identified":
         _, gamma = reference_of(scenario).initial

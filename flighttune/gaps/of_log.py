@@ -359,8 +359,7 @@ class _Flights:
         air = {name: factors.get(name, FACTORS[name].nominal) for name in IN_AIR}
         key = maker, *air.values()
         if key not in self._in_air:
-            make = maker or self._maker
-            flown = [self._flown(make(air), k, air) for k in range(len(self.t))]
+            flown = [self._flown((maker or self._maker)(air), k, air) for k in range(len(self.t))]
             self._in_air[key] = {
                 name: np.stack([each[name] for each in flown]) for name in flown[0]
             }
@@ -480,8 +479,7 @@ def _apart(t: FloatArray, logged: Signals, flown: Signals) -> dict[str, FloatArr
 
 def _scaled(t: FloatArray, logged: Signals, flown: Signals) -> FloatArray:
     """Differences over their sizes, shape (stretches, signals times samples)."""
-    apart = _apart(t, logged, flown)
-    scaled = np.hstack([values / SCALES[name] for name, values in apart.items()])
+    scaled = np.hstack([x / SCALES[name] for name, x in _apart(t, logged, flown).items()])
     return np.clip(np.nan_to_num(scaled, nan=LOST), -LOST, LOST)
 
 

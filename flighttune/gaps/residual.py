@@ -133,8 +133,7 @@ def residual_rates(
     sample, held until the next one. `start`: those in force before the first sample, where the lags
     are at rest.
     """
-    late = {lag.delay % dt for lag in model.lags}
-    edges = sorted({0.0, *late, dt})
+    edges = sorted({0.0, *(lag.delay % dt for lag in model.lags), dt})
     offsets = sorted({t for a, b in pairwise(edges) for t in (a, 0.5 * (a + b), b)})
     # The response `ahead` seconds into a sample is that at the next sample of a lag that is
     # delayed by the rest of the sample.

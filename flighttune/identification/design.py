@@ -212,8 +212,7 @@ def check_steps(config: AircraftConfig) -> tuple[StepResponse, ...]:
     steps = []
     for V_a in design.V_a_shown:
         for channel, size, shortest, t90, overshoot in goals:
-            duration = max(shortest, OVER_T90 * t90)
-            step = fly_step(config, channel, size, V_a, design.h, duration)
+            step = fly_step(config, channel, size, V_a, design.h, max(shortest, OVER_T90 * t90))
             steps.append(replace(step, t90_allowed=t90, overshoot_allowed=overshoot))
     return tuple(steps)
 
@@ -239,9 +238,8 @@ def step_figure(config: AircraftConfig, steps: Sequence[StepResponse]) -> Sheet:
     lateral = Chart(title="Lateral load factor in the roll step", y="n_y [1]")
     bank = Chart(title="Load factor on the way into a level 45° bank", y="n_z [1]")
     height = config.design.h if config.design else 1000.0
-    speeds = sorted({step.V_a for step in steps})
     rates = {"phi": config.limits.phi_rate, "n_z": config.limits.n_z_rate}
-    for V_a, colour in zip(speeds, COLOURS, strict=False):
+    for V_a, colour in zip(sorted({step.V_a for step in steps}), COLOURS, strict=False):
         name = f"{V_a:g} m/s"
         for step in (step for step in steps if step.V_a == V_a):
             signals, rate = step.signals, rates[step.channel]

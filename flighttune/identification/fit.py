@@ -71,8 +71,7 @@ def multisines(limits: Limits, *, seed: int = 0) -> tuple[FloatArray, Lines]:
     harmonics = _harmonics(LINES)
     lines = harmonics[::2], harmonics[1::2]
     generators = map(np.random.default_rng, np.random.SeedSequence(seed).spawn(2))
-    columns = map(multisine, lines, *command_room(limits), generators)
-    return np.column_stack(list(columns)), lines
+    return np.column_stack([*map(multisine, lines, *command_room(limits), generators)]), lines
 
 
 def _harmonics(count: int) -> npt.NDArray[np.int_]:
@@ -89,10 +88,9 @@ def check_manoeuvre(limits: Limits) -> FloatArray:
 def _checks(peaks: npt.ArrayLike, rates: npt.ArrayLike) -> FloatArray:
     t = np.arange(round(CHECK_DURATION / DT), dtype=np.float64) * DT
     steps = zip(np.asarray(peaks), np.asarray(rates), CHECK_START, CHECK_UNIT, strict=False)
-    columns = [
-        ramped(pulses(t, start, unit) * 0.8 * peak, rate) for peak, rate, start, unit in steps
-    ]
-    return np.column_stack(columns)
+    return np.column_stack(
+        [ramped(pulses(t, start, unit) * 0.8 * peak, rate) for peak, rate, start, unit in steps]
+    )
 
 
 def thrust_changes(
@@ -149,17 +147,15 @@ def multisine(
 
 def pulses(t: FloatArray, start: float, unit: float) -> FloatArray:
     """Plus, minus, plus, minus one for 3, 2, 1 and 1 units."""
-    since = (t - start) / unit
     levels = np.array([0.0, 1.0, -1.0, 1.0, -1.0, 0.0])
-    return levels[np.searchsorted([0.0, 3.0, 5.0, 6.0, 7.0], since, side="right")]
+    return levels[np.searchsorted([0.0, 3.0, 5.0, 6.0, 7.0], (t - start) / unit, side="right")]
 
 
 def ramped(command: FloatArray, rate: float) -> FloatArray:
     """The command at every sample, followed at no more than `rate` per second."""
     ramped = np.zeros_like(command)
     for k in range(1, len(command)):
-        step = command[k] - ramped[k - 1]
-        ramped[k] = ramped[k - 1] + min(max(step, -rate * DT), rate * DT)
+        ramped[k] = ramped[k - 1] + min(max(command[k] - ramped[k - 1], -rate * DT), rate * DT)
     return ramped
 
 
@@ -181,8 +177,7 @@ def fly_thrust(plant: Any, condition: FlightCondition, change: Sequence[float]) 
     # About what holds the present airspeed and path angle.
     command = (math.sin(gamma) + change[0],)
     lift = math.cos(condition.gamma) / math.cos(phi) + (condition.gamma - gamma)
-    flown = n_x_signals(plant)[:1]
-    return command, flown, plant.advance(0.0, lift, DT, *command)
+    return command, n_x_signals(plant)[:1], plant.advance(0.0, lift, DT, *command)
 
 
 def n_x_signals(plant: Plant) -> tuple[float, ...]:

@@ -94,8 +94,7 @@ def held_out(identification: Identification, i: int) -> Chart:
     lines = ("commanded", NEUTRAL, DASHED, 1.0), ("flown", FLOWN, "", 2.4), ("fit", FIT, "", 1.3)
     for name, colour, dash, width in lines:
         values = getattr(channel, name) / UNITS[i]
-        t = DT * np.arange(len(values))
-        chart.line(t, values, colour, dash=dash, width=width, name=name)
+        chart.line(DT * np.arange(len(values)), values, colour, dash=dash, width=width, name=name)
     return chart
 
 
@@ -200,11 +199,10 @@ def identify_aircraft(
 ) -> AircraftIdentification:
     """Identify the inner loop of an aircraft at each airspeed (m/s) with each path angle (rad)."""
     plant = JSBSimPlant(aircraft)
-    speeds = tuple(V_a) or (design_speed(plant.config),)
     fresh, measured, skipped = partial(JSBSimPlant, aircraft), [], []
     # Conditions without steady flight are left out and listed. The lags of a channel are of one
     # order, the one that suits all conditions together.
-    for v, g in product(speeds, tuple(gamma) or (None,)):
+    for v, g in product(tuple(V_a) or (design_speed(plant.config),), tuple(gamma) or (None,)):
         try:
             point = level(plant.config, v, h) if g is None else FlightCondition(V_a=v, gamma=g, h=h)
             flights = identify_plant(fresh, point, plant.limits, seed=seed)

@@ -120,8 +120,7 @@ class _Check:
     def flying(self) -> FloatArray:
         """Ground speed above `SLOWEST`: 1, and NaN elsewhere, to be multiplied with."""
         none = np.full(len(self.values["phi"]), np.nan)
-        speed = self.values.get("V_g", self.values.get("V_a", none))
-        return np.where(speed > SLOWEST, 1.0, np.nan)
+        return np.where(self.values.get("V_g", self.values.get("V_a", none)) > SLOWEST, 1.0, np.nan)
 
     def slope(self, name: str, *, angle: bool = True) -> FloatArray:
         """Rate of a column; zero without it."""

@@ -175,12 +175,11 @@ class LogIdentification(Answering):
             title = f"{NAMES[name]}: {channel.fit_percent:.1f} % of the variance held out"
             chart = Chart(title=title, y=f"{name} [{'deg' if name == 'phi' else '1'}]")
             fitted = section.measured + section.residual(channel.lag)
-            lines = (
+            for label, values, colour, dash in (
                 ("commanded", section.commanded, NEUTRAL, DASHED),
                 ("measured", section.measured, HUES[0][0][0], ""),
                 (f"lag of order {channel.lag.order}", fitted, HUES[1][0][0], ""),
-            )
-            for label, values, colour, dash in lines:
+            ):
                 t, shape = section.t[shown] - section.t[0], values[shown] / UNITS[name]
                 chart.line(t, shape, colour, dash=dash, name=label)
             charts.append(chart)

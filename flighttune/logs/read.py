@@ -325,8 +325,7 @@ def _ulog_parameters(path: Path) -> tuple[dict[str, float], str, str]:
     changed = {name: value for _, name, value in log.changed_parameters}
     *numbers, kind = log.get_version_info() or ("", 255)
     stage = next(name for least, name in STAGES if kind >= least)
-    version = f"{'.'.join(map(str, numbers))} {stage}".strip()
-    return log.initial_parameters | changed, "", version
+    return log.initial_parameters | changed, "", f"{'.'.join(map(str, numbers))} {stage}".strip()
 
 
 def _dataflash_parameters(path: Path) -> tuple[dict[str, float], str, str]:

@@ -221,8 +221,7 @@ def lemma_3(study: Study) -> float:
     J = model.jacobian(np.stack([x1, np.zeros(x1.size)], axis=-1))
     top = np.linalg.eigvalsh(J + J.mT)[:, -1]
     away = x1 != 0.0
-    apart = np.abs(top - top[100])[away] / (2.0 * model.smoothness(1.0) * np.abs(x1[away]))
-    return apart.max()
+    return (np.abs(top - top[100])[away] / (2.0 * model.smoothness(1.0) * np.abs(x1[away]))).max()
 
 
 def lemma_4(study: Study) -> float:
@@ -316,8 +315,7 @@ def three_factors(study: Study) -> float:
     off = []
     for name, pair in printed.TABLE_2.items():
         row = study.indicators[name]
-        A = closed_loop(study.model, study.gains[name])
-        sigma_min = np.linalg.svd(A, compute_uv=False)[-1]
+        sigma_min = np.linalg.svd(closed_loop(study.model, study.gains[name]), compute_uv=False)[-1]
         product = math.inf if row.Q is None else np.linalg.cond(np.array(row.Q)) / sigma_min
         off.append(abs(math.prod(pair) / product - 1.0) / (printed.last_digits(name) / pair).sum())
     return max(off)
@@ -373,8 +371,7 @@ def duffing_everywhere(study: Study, under: str) -> float:
 
 def _error_rates(z: FloatArray) -> FloatArray:
     """f_e at z = (e_chi, e_gamma, phi, n_z)."""
-    gamma = printed.GAMMA_C - z[1]
-    return -np.array(turn_rates(printed.V_A, gamma, z[2], z[3], g=printed.G))
+    return -np.array(turn_rates(printed.V_A, printed.GAMMA_C - z[1], z[2], z[3], g=printed.G))
 
 
 def jacobians(study: Study) -> Checks:
@@ -435,8 +432,7 @@ def peak_time(study: Study) -> Checks:
     """The later of both peaks, which is the maximum the sentence speaks of."""
     peaks = {channel: study.flights[STAR].peak(channel)[1] for channel in ("chi", "gamma")}
     channel, latest = max(peaks.items(), key=lambda peak: peak[1])
-    label = f"largest PT, that of e_{channel} [s]"
-    yield _compare(label, latest, "<", printed.LARGEST_PEAK_TIME)
+    yield _compare(f"largest PT, that of e_{channel} [s]", latest, "<", printed.LARGEST_PEAK_TIME)
 
 
 def peak_time_gamma(study: Study) -> float:

@@ -171,9 +171,8 @@ class PointMassPlant:
             chi, wind_signals = self._chi, (*wind, math.hypot(*over_ground))
         # Without lags the command is flown at once.
         phi, n_z, *n_x = [channel.at(self._t) for channel in self._channels] or self._command
-        disturbance = self._disturbance(self._t)
         further = (*wind_signals, *n_x, *self._range)
-        return (chi, gamma, phi, n_z, V_a, *position, *disturbance, *further)
+        return (chi, gamma, phi, n_z, V_a, *position, *self._disturbance(self._t), *further)
 
     def advance(self, phi_cmd: float, n_z_cmd: float, duration: float, *n_x: float) -> Stop | None:
         """Fly `duration` seconds with the command held; return why the flight ended, if it did.

@@ -251,8 +251,7 @@ class Scenario(Table):
         flown = [x for x in sets if gains is None or split_name(gains)[1] == x.name]
         if not any(entry.tuned_for for entry in flown):
             return ()
-        plants = self.plant if plant is None else [self.plant_table(plant)]
-        aircraft = tables.flown_aircraft(plants)
+        aircraft = tables.flown_aircraft(self.plant if plant is None else [self.plant_table(plant)])
         speeds = self.airspeeds[:1] if self.controller.schedule else self.airspeeds
         return tuple(
             f"The gains {entry.name} were tuned for {tuned.words}; here they fly on "

@@ -345,8 +345,7 @@ def _table(
         if f"{name}_err" not in columns:
             continue
         ref, err = (columns.index(f"{name}{kind}") for kind in ("_ref", "_err"))
-        true = columns.index("V_a" if name == "V" else name)
-        errors = values[:, ref] - values[:, true]
+        errors = values[:, ref] - values[:, columns.index("V_a" if name == "V" else name)]
         if name == "chi" and wrapped:
             errors = math.pi - (math.pi - errors) % math.tau  # `wrap_angle`, to the bit
         values[:, err] = errors

@@ -104,12 +104,10 @@ def roundest_norm(loop: FloatArray, rate: float, dt: float | None = None) -> Flo
     # Solved in one of these it often fails in another, by the rounding of its linear algebra.
     for stretch in STRETCHES:
         if dt is None:
-            scaled = faster / (unit * stretch)
-            falling = [A.T @ Q + Q @ A << 0 for A in scaled]
+            falling = [A.T @ Q + Q @ A << 0 for A in faster / (unit * stretch)]
         else:
             falling = [stretch * (A.T @ Q @ A - Q) << 0 for A in faster]
-        problem = largest(-k, [*falling, Q >> identity, Q << k * identity])
-        if not solve(problem, equilibrate=True):
+        if not solve(largest(-k, [*falling, Q >> identity, Q << k * identity]), equilibrate=True):
             return _of_norm_one(Q.value)
     return None
 

@@ -170,8 +170,7 @@ def invariant_ellipsoid(
     # W grows without bound at both ends of the range of a: the logit has them at infinity, and the
     # logarithm keeps what the search compares within a few tens.
     def size(logit: float) -> float:
-        W = W_of(widest / (1.0 + math.exp(-logit)))
-        return 0.5 * math.log(np.linalg.eigvalsh(W)[-1])
+        return 0.5 * math.log(np.linalg.eigvalsh(W_of(widest / (1.0 + math.exp(-logit))))[-1])
 
     best = minimize_scalar(size, bounds=(-20.0, 20.0), method="bounded", options={"xatol": NARROW})
     a = widest / (1.0 + math.exp(-best.x))

@@ -155,9 +155,9 @@ def _integrals(
         reached, largest = _norm_integrals(values, width, largest)
         totals[alive] += reached
         t, used = t + panels * width, used + panels
-        remainder = per_norm * np.linalg.norm(X, axis=(1, 2))
-        more = remainder > TAIL * totals[alive].real.max(axis=1)
-        more &= np.linalg.norm(X, axis=(1, 2)) > nothing
+        norms = np.linalg.norm(X, axis=(1, 2))
+        more = per_norm * norms > TAIL * totals[alive].real.max(axis=1)
+        more &= norms > nothing
         totals[alive[more & (used >= MAX_PANELS)]] = np.inf
         more &= used < MAX_PANELS
         alive, X, t, used, width = alive[more], X[more], t[more], used[more], width[more]
@@ -183,9 +183,8 @@ def _propagators(A: Numbers, fastest: FloatArray) -> tuple[FloatArray, Numbers, 
     for k in range(1, TERMS):
         term = term @ step / k
         series.append(term)
-    times = np.append(_NODES, 1.0)
     powers = np.stack(series, axis=1).reshape(len(A), TERMS, -1)
-    values = (np.vander(times, TERMS, increasing=True) @ powers).reshape(
+    values = (np.vander(np.append(_NODES, 1.0), TERMS, increasing=True) @ powers).reshape(
         -1, NODES + 1, *A.shape[1:]
     )
     return width, values[:, :-1], values[:, -1]
@@ -255,8 +254,7 @@ def _lobatto() -> tuple[FloatArray, FloatArray, list[FloatArray]]:
     to_coefficients = np.linalg.inv(basis(nodes, NODES - 1))
     # These matrices lead to the values at the nodes of either half.
     halves = [basis((nodes + end) / 2.0, NODES - 1) @ to_coefficients for end in (-1.0, 1.0)]
-    rules = np.array([weights / 2.0, *to_coefficients[-2:]])
-    return (nodes + 1.0) / 2.0, rules, halves
+    return (nodes + 1.0) / 2.0, np.array([weights / 2.0, *to_coefficients[-2:]]), halves
 
 
 _NODES, _RULES, _TO_HALVES = _lobatto()

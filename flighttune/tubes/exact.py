@@ -174,14 +174,13 @@ class ExactEnclosure(sample.Enclosure):
         law = self.loop.law.channels[i // self.commands_each]
         increment = combined(*zip(law.K_I_half, errors, strict=True))
         # Splits are at the limits themselves: the integrator stops there, whatever the increment.
-        zero = Interval.point(np.zeros(len(self.pieces)))
         # The halves of a split overlap: a flight on a known side is beyond it by OVERLAP at
         # most. Without this bound the enclosure would hold flights that are not there.
         excesses = {
             side: excess._replace(values=self._on_its_side(i, side, excess, OVERLAP))
             for side, excess in self._excesses(x, command, law).items()
         }
-        return sample.Channel(x, increment, zero, excesses)
+        return sample.Channel(x, increment, Interval.point(np.zeros(len(self.pieces))), excesses)
 
     def _on_its_side(self, i: int, side: float, excess: Quantity, beyond: float) -> Interval:
         """Values of an excess, at most `beyond` the limit where the side of flights is known."""
@@ -200,10 +199,9 @@ class ExactEnclosure(sample.Enclosure):
         more = combined((1.0, b), (-1.0, state[sample.EXTRA_LIFT]))
         v = self._ranged(state[sample.EXTRA_LIFT])
         change = self._ranged(combined((1.0, phi), (-1.0, state[sample.PHI])))
-        less_steep = secant_change(before, change)
         x = combined(
             (1.0, product(self._ranged(more), secant(roll))),
-            (-1.0, product(v, self._ranged(less_steep))),
+            (-1.0, product(v, self._ranged(secant_change(before, change)))),
         )
         # The load factor in force, n_z = v / cos(phi): the rate limit acts on n_z, not on v.
         steep = secant(before)

@@ -273,10 +273,9 @@ def secant_change(roll: Quantity, change: Quantity) -> Form:
     before, by = roll.values, change.values
     after = before + by
     check_inside(after, "roll")
-    across = before.hull(after)
     # Two secants enclosed one by one would be as wide as both. The slope in D is ``-sec'(F + D)``,
     # in F it is ``sec'(F) - sec'(F + D)``: minus D times ``sec''`` in between.
-    in_roll, in_change = -(_secant_curvature(across) * by), -_secant_slope(after)
+    in_roll, in_change = -(_secant_curvature(before.hull(after)) * by), -_secant_slope(after)
     x_0, moved = before.middle, by.middle
     value = 1.0 / cosine(Interval.point(x_0)) - 1.0 / cosine(Interval.point(x_0) + moved)
     terms, rest = _linear(value, (roll, in_roll), (change, in_change))

@@ -246,6 +246,5 @@ def settled_set(
         elif smallest is not None:
             return smallest
         else:
-            beyond = np.maximum(centre - after[:, 0], after[:, 1] - centre)
-            size = GROWTH * np.maximum(size, beyond)
+            size = GROWTH * np.maximum(size, np.maximum(centre - after[:, 0], after[:, 1] - centre))
     return smallest

@@ -145,8 +145,7 @@ def _region(duffing: DuffingCases, strips: pd.DataFrame) -> Sheet:
 
 def _shifted_by(study: Study, epsilon: FloatArray) -> IndicatorArrays:
     """Indicators of K* - epsilon (I, I), for a curve."""
-    shift = np.hstack([np.eye(2), np.eye(2)])
-    gains = study.star.K - epsilon[:, None, None] * shift
+    gains = study.star.K - epsilon[:, None, None] * np.hstack([np.eye(2), np.eye(2)])
     return indicators_batch(closed_loops(study.model, gains))
 
 

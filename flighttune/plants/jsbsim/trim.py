@@ -443,8 +443,7 @@ def _drift_angle(theta: float, phi: float, alpha: float, beta: float) -> float:
     u = math.cos(alpha) * math.cos(beta)
     v = math.sin(beta)
     w = math.sin(alpha) * math.cos(beta)
-    down_bank = v * math.sin(phi) + w * math.cos(phi)
-    ahead = u * math.cos(theta) + down_bank * math.sin(theta)
+    ahead = u * math.cos(theta) + (v * math.sin(phi) + w * math.cos(phi)) * math.sin(theta)
     return math.atan2(v * math.cos(phi) - w * math.sin(phi), ahead)
 
 
