@@ -41,8 +41,6 @@ HALF_M, HALF_RAD, HALF_MPS = 5.0, 5.0 * DEG, 5.0
 # Draws of a campaign that may fail to start before an episode gives up.
 MAX_DRAWS = 100
 
-OBSERVED = ("chi_err", "gamma_err", "chi_dot_ref", "gamma_dot_ref", "gamma", "phi", "n_z", "V_a")
-
 
 class FlightEnv(Env):
     """Gymnasium environment in which an agent commands roll and load factor in place of a law.
@@ -137,7 +135,7 @@ class FlightEnv(Env):
                 f"{limits.lower} to {limits.upper}."
             )
         self.observed: tuple[str, ...] = (
-            *OBSERVED,
+            *("chi_err", "gamma_err", "chi_dot_ref", "gamma_dot_ref", "gamma", "phi", "n_z", "V_a"),
             *("phi_cmd", "n_z_cmd", "n_x_cmd")[: len(limits.lower)],
             *(("cross_track", "height_err") if scenario.route is not None else ()),
             *(("V_err", *N_X_SIGNALS) if scenario.airspeed else ()),

@@ -88,14 +88,13 @@ LOOP_METRICS = (
 
 # Units of measures by the ends of their names; of airspeeds m/s stands for rad.
 UNIT_OF_END = {"ITAE": "rad s^2", "ITAE_mean": "rad s", "_rad": "rad", "_mps": "m/s", "_m": "m"}
-WITHOUT_UNIT = "n_z_min", "n_z_max", ENVELOPE
 
 
 def unit_of(subject: str, name: str) -> str:
     """Unit of a measure of ``chi``, ``gamma`` or ``flight``, as `measures` names them."""
     if name == "effort_rms":
         return "rad" if subject == "chi" else "1"
-    if name.startswith(WITHOUT_UNIT):
+    if name.startswith(("n_z_min", "n_z_max", ENVELOPE)):
         return "1"
     unit = next((unit for end, unit in UNIT_OF_END.items() if name.endswith(end)), "s")
     return unit.replace("rad", "m/s") if subject == AIRSPEED else unit

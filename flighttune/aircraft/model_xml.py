@@ -22,14 +22,12 @@ from flighttune.files.shipped import nearest_name
 from flighttune.files.xml import node
 from flighttune.units import FT, SLUG
 
-INNER_LOOP = Path(__file__).with_name("inner_loop.xml")
-
 SURFACE_LAG, THROTTLE_LAG = 25.0, 5.0  # Bandwidth of the actuators, rad/s
 
 
 def put_in_front(root: Element, config: AircraftConfig) -> None:
     """Put the inner loop and the actuators in front of the systems of a model."""
-    inner_loop = fromstring(INNER_LOOP.read_text(encoding="utf-8"))
+    inner_loop = fromstring(Path(__file__).with_name("inner_loop.xml").read_text(encoding="utf-8"))
     # JSBSim runs the systems in the order of the file, and the flight control after them.
     first = next((i for i, element in enumerate(root) if element.tag == "system"), len(root))
     # Variables of the aerodynamics in whose place the positions of surfaces are read, each once.

@@ -34,7 +34,6 @@ ANY_ENVELOPE = (
     "everywhere."
 )
 INDICATOR_COLUMNS = [Column("units", "units of state"), *columns("R_K I_K E_K spectral_abscissa")]
-EIGENVALUE_COLUMNS = columns("real imaginary", of="eigenvalues")
 CERTIFICATE_COLUMNS = columns("in_words rate growth radius L_d largest_factor", of="certificate")
 
 # Airspeed (m/s) and flight-path angle (rad), and the model there.
@@ -148,7 +147,7 @@ class Certification(Answering):
             },
             tables=[
                 Table(INDICATOR_COLUMNS, units, f"{self.name}: {loop.status}"),
-                Table(EIGENVALUE_COLUMNS, poles, "eigenvalues"),
+                Table(columns("real imaginary", of="eigenvalues"), poles, "eigenvalues"),
                 margins_table(loop_margins(self.model, self.gains)),
                 Table(
                     CERTIFICATE_COLUMNS,

@@ -132,7 +132,6 @@ STEP_DT = 0.005  # s: of the steps flown
 
 COLOURS = tuple(strong for (strong, _), _ in HUES)
 BANK = 45.0 * DEG
-FIGURE = "step_responses.svg"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -294,7 +293,7 @@ class DesignedAircraft(Answering):
     def save(self, folder: str | Path) -> dict[str, Path]:
         """Write gains and a figure of the steps into a folder; return the files by kind."""
         folder = Path(folder)
-        written, figure = save_gains(self.gains, folder), folder / FIGURE
+        written, figure = save_gains(self.gains, folder), folder / "step_responses.svg"
         step_figure(self.config, self.steps).save(figure)
         return {"written": written, "figure": figure}
 
