@@ -10,7 +10,7 @@ from functools import cached_property, partial
 from itertools import product
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import Any, NamedTuple
 from xml.etree.ElementTree import Element
 
 import numpy as np
@@ -172,8 +172,7 @@ class TooWeak(Refusal):
     """Its engines push, but do not keep it level: it can be flown about its steady glide."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Lift:
+class Lift(NamedTuple):
     """Lift and drag of the airframe, surfaces neutral."""
 
     alpha: FloatArray  # (n,), rad

@@ -8,8 +8,8 @@ import os
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement, fromstring
 
@@ -369,8 +369,7 @@ INERTIAS = {
 _TRIANGLE = 1e-9
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Body:
+class Body(NamedTuple):
     """Weight (lbf), centre of gravity (ft: aft, right, up) and inertia about it (slug ft^2, body).
 
     The inertia is a tensor: its products have a minus sign.
@@ -381,8 +380,7 @@ class Body:
     inertia: FloatArray
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class MassBalance:
+class MassBalance(NamedTuple):
     """The whole aircraft as JSBSim weighs it, and the part of it whose numbers can be set."""
 
     # The aircraft with load and fuel, and without

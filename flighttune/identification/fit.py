@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from itertools import product
-from typing import Any, TypeAlias, get_args
+from typing import Any, NamedTuple, TypeAlias, get_args
 
 import numpy as np
 import numpy.typing as npt
@@ -254,8 +254,7 @@ _TIME_BOUNDS: tuple[Parameters, Parameters] = (
 )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class FrequencyResponse:
+class FrequencyResponse(NamedTuple):
     """Measured frequency response at the lines of one channel."""
 
     omega: FloatArray  # (lines,), rad/s
@@ -265,8 +264,7 @@ class FrequencyResponse:
     other: npt.NDArray[np.complex128] | None = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LagCandidate:
+class LagCandidate(NamedTuple):
     """A lag fitted at one order."""
 
     lag: InnerLag

@@ -85,8 +85,7 @@ class Section(NamedTuple):
         return np.append(residual[:count], residual[count:] - carried * residual[:-count])
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class ChannelOfLogs:
+class ChannelOfLogs(NamedTuple):
     """The lag of one channel."""
 
     lag: InnerLag

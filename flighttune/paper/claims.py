@@ -8,10 +8,9 @@ import math
 import operator
 import tomllib
 from collections.abc import Iterator
-from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
-from typing import Any, Literal, TypeAlias
+from typing import Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 import pandas as pd
@@ -58,8 +57,7 @@ RELATIONS = {"≤": operator.le, "<": operator.lt, "≥": operator.ge, ">": oper
 MEASURES = {"MO": "MO_rad", "PT": "PT_s", "MS": "MS_rad", "|MS|": "MS_rad", "ST": "ST_rad"}
 
 
-@dataclass(frozen=True, slots=True)
-class Check:
+class Check(NamedTuple):
     """One comparison."""
 
     label: str  # what is compared, with its unit
@@ -71,8 +69,7 @@ class Check:
 Checks: TypeAlias = Iterator[Check]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Finding:
+class Finding(NamedTuple):
     """A sentence of the paper with its comparisons made."""
 
     id: str

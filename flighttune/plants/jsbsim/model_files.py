@@ -11,10 +11,10 @@ import subprocess
 import sys
 from collections.abc import Callable, Hashable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cache, lru_cache
 from pathlib import Path
-from typing import NoReturn, TypeAlias
+from typing import NamedTuple, NoReturn, TypeAlias
 from xml.etree.ElementTree import Element
 
 from flighttune.aircraft import model_xml
@@ -68,8 +68,7 @@ os._exit(0)
 Weigh: TypeAlias = Callable[[AircraftConfig], MassBalance]
 
 
-@dataclass(frozen=True, slots=True)
-class ModelFolders:
+class ModelFolders(NamedTuple):
     """Folders in which JSBSim finds an aircraft's main file, its engines and its systems."""
 
     # `model` is the folder of the main file, which may have its own ``Engines`` and ``Systems``;
@@ -274,7 +273,7 @@ def model_folders(config: AircraftConfig, weigh: Weigh, steps: int = 1) -> Itera
                 f"{scratch_place()}: must take a folder for {folders.file.name}, "
                 f"got {error.strerror}."
             ) from error
-        yield replace(folders, model=folder, near=(), **shared)
+        yield folders._replace(model=folder, near=(), **shared)
 
 
 def main_file_text(config: AircraftConfig, weigh: Weigh, steps: int = 1) -> str:
