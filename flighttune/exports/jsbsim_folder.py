@@ -369,12 +369,6 @@ def _script(
     half = 0.5 / fdm.rate
     moving = {name: read() for name, (_, read) in fdm.integrators.items()}
     tanks = [name for name in fdm.names("propulsion/tank") if name.endswith("/contents-lbs")]
-    at_start = {
-        **_read(fdm, properties.TRIMS),
-        properties.ENGAGED: 1.0,
-        "ft/outer/engaged": 1.0,
-        "simulation/output/log_rate_hz": 1.0 / setup.dt,
-    }
     rates = _read(fdm, [f"ic/{axis}-rad_sec" for axis in "pqr"])
     undeclared = {name: value for name, value in values.items() if name not in declared}
     bends = {name: np.abs(np.diff(values, 2)) > STRAIGHT for name, values in sampled.items()}
@@ -399,7 +393,12 @@ def _script(
         after=t_0 + half,
         sample=setup.dt,
         tanks=_read(fdm, tanks),
-        at_start=at_start,
+        at_start={
+            **_read(fdm, properties.TRIMS),
+            properties.ENGAGED: 1.0,
+            "ft/outer/engaged": 1.0,
+            "simulation/output/log_rate_hz": 1.0 / setup.dt,
+        },
         moving=moving,
         # Rows on a straight line are left out.
         references={

@@ -211,7 +211,6 @@ class Gap(Answering):
         lags = {
             name: {**lag_table(lag), "fit_percent": fit} for name, (lag, fit) in self.lags.items()
         }
-        inner_loop = {"source": self.lag_source} | lags if lags else None
         mismatch = self.mismatch and pick(self.mismatch, "L_d bound")
         failed = "; ".join(f"{plant} {reason}" for plant, reason in self.failed.items())
         early = "" if self.status == "explained" else f"{self.scenario.title}: {self.reason}"
@@ -230,7 +229,7 @@ class Gap(Answering):
                 **pick(self, "status reason"),
                 "gains": self.aircraft.provenance.gains_name,
                 "ladder": ladder,
-                "inner_loop": inner_loop,
+                "inner_loop": {"source": self.lag_source} | lags if lags else None,
                 "contributions": [step.values for step in self.steps],
                 "whole": None if self.whole is None else self.whole.values,
                 "largest_residual": self.residual if self.steps else None,
@@ -430,14 +429,13 @@ def explain_flight(
     g = scenario.flight.g_mps2
     # In still air JSBSim records a wind of rounding errors; to fly in it takes twice as long.
     wind = None if weather_of(scenario) is None else flight.wind_met(aircraft)
-    lagged = tuple(lag for lag, _ in lags.values())
     make = PointMassPlant
     if scenario.airspeed:
         make = partial(PoweredPointMass, (float(limits.lower[2]), float(limits.upper[2])))
     lower = {
         "kinematic": make(turn="paper", wind=wind, g=g),
         "point_mass": make(wind=wind, g=g),
-        "point_mass_lag": make(lagged, wind=wind, g=g),
+        "point_mass_lag": make(tuple(lag for lag, _ in lags.values()), wind=wind, g=g),
     }
     fly = partial(
         flight.fly_once,

@@ -134,12 +134,11 @@ def on_one_base(
     t: FloatArray = first + dt * np.arange(math.floor((last - first) / dt + 1e-6) + 1)
     values = {}
     for name, (times, samples) in raw.items():
-        gap = GAP * max(periods[name], dt)
         if name in ANGLES:
             samples = np.unwrap(samples)
         fresh = _fresh(samples) if table and name not in COMMANDS else slice(None)
         column = _between(t, times[fresh], samples[fresh], dt)
-        column[_far(t, times, gap)] = np.nan
+        column[_far(t, times, GAP * max(periods[name], dt))] = np.nan
         values[name] = np.angle(np.exp(1j * column)) if name in ANGLES else column
     return t - first, values
 

@@ -289,11 +289,10 @@ def _measured(
     chi, gamma, V_a = range(n, n + len(MEASURED)) if sensed else (0, 1, _V_A)
     new = tuple.__new__  # a third of the time of the call of the class
     # Steered by its path through the air, a plant moves as in still air.
-    windy = WIND[0] in signals and "chi_ground" not in signals
     angles = itemgetter(chi, gamma, V_a, _PHI, _N_Z)
     h = signals.index("h") if "h" in signals else None
     n_x = signals.index(N_X_SIGNALS[0]) if N_X_SIGNALS[0] in signals else None
-    air = signals.index(WIND[0]) if windy else None
+    air = signals.index(WIND[0]) if WIND[0] in signals and "chi_ground" not in signals else None
     has_body = {"theta", "elevator"} <= {*signals}
     body = itemgetter(*map(signals.index, ("theta", "elevator"))) if has_body else None
 
