@@ -30,21 +30,8 @@ from flighttune.errors import InputError
 from flighttune.files.table import STRICT, read, write
 from flighttune.present.answer import Answer, Answering, Table, pick, quoted
 from flighttune.present.names import columns, listed
+from flighttune.theory import exact as rational
 from flighttune.theory.decay import true_rate
-from flighttune.theory.exact import (
-    Check,
-    Interval,
-    Rationals,
-    Verification,
-    cosine,
-    exact,
-    identity,
-    margin_check,
-    product,
-    radius_checks,
-    rate_checks,
-    sine,
-)
 
 KINDS = "states", "inputs", "errors"
 
@@ -346,27 +333,27 @@ class Certificate(Answering):
         """Write the claim with its proof (.json)."""
         write(self, path)
 
-    def verify(self) -> Verification:
+    def verify(self) -> rational.Verification:
         """Check every inequality, in floating point and exactly, from these numbers alone.
 
         The loops are assembled from the stated models, gains and polytope, so that there is no
         other matrix to believe in.
         """
         claim, model, hull = self.claim, self.model, self.hull
-        checks: list[Check] = []
+        checks: list[rational.Check] = []
         if claim.envelope is not None and hull is not None and claim.g is not None:
             checks += coverage_checks(model, claim.envelope, hull, g=claim.g)
         vertices = vertex_matrices(model, self.gains, hull, self.models)
-        checks += rate_checks(vertices, self.Q, rate=claim.rate)
+        checks += rational.rate_checks(vertices, self.Q, rate=claim.rate)
         W, multiplier, L_d = self.W, self.multiplier, claim.L_d
         if claim.radius is not None and not (W is None or multiplier is None or L_d is None):
             sizes = {"multiplier": multiplier, "radius": claim.radius, "L_d": L_d}
-            checks += radius_checks(vertices, disturbance_entry(model), W, **sizes)
+            checks += rational.radius_checks(vertices, disturbance_entry(model), W, **sizes)
         for proven in self.exact_rates:
             checks += proven.checks(model, self.gains)
         if self.boxes:
             checks += boxes_checks(self.boxes, (model, *self.models), self.gains)
-        return Verification.of(checks)
+        return rational.Verification.of(checks)
 
 
 def proof_tables(values: Mapping[str, Any]) -> list[Table]:
@@ -414,29 +401,31 @@ def vertex_matrices(
     gains: PIGains,
     hull: JacobianHull | None,
     models: Sequence[LinearModel] = (),
-) -> tuple[Rationals, ...]:
+) -> tuple[rational.Rationals, ...]:
     """A_K at every vertex of the polytope, or of the model and `models`, without rounding."""
     # The inner feedback of gains is in A and B. Loops that are the same are one vertex.
-    K_P, K_I = exact(gains.K_P), exact(gains.K_I)
-    nothing = exact(np.zeros((len(model.errors),) * 2))
+    K_P, K_I = rational.exact(gains.K_P), rational.exact(gains.K_I)
+    nothing = rational.exact(np.zeros((len(model.errors),) * 2))
 
-    def closed(A: Rationals, B: Rationals, C: Rationals) -> Rationals:
+    def closed(
+        A: rational.Rationals, B: rational.Rationals, C: rational.Rationals
+    ) -> rational.Rationals:
         return np.block([[A + B @ K_P @ C, B @ K_I], [C, nothing]])
 
     if hull is not None:
         # A_K is affine in the entries and in the factor: what holds at the vertices holds inside.
         box = [sorted({Fraction(low), Fraction(high)}) for low, high in _ends(hull)]
-        C = exact(model.C)
+        C = rational.exact(model.C)
         return tuple(
             closed(*_jacobians([factor * entry for entry in corner]), C)
             for factor in sorted({Fraction(end) for end in hull.factor})
             for corner in itertools.product(*box)
         )
     # A loop that is there twice would be checked twice.
-    distinct: list[Rationals] = []
+    distinct: list[rational.Rationals] = []
     for linear in (model, *models):
-        k, k_M = map(exact, inner_feedback(linear, gains.feedback))
-        A, B, C = map(exact, (linear.A, linear.B, linear.C))
+        k, k_M = map(rational.exact, inner_feedback(linear, gains.feedback))
+        A, B, C = map(rational.exact, (linear.A, linear.B, linear.C))
         loop = closed(A - B @ k_M, B * (1 + k), C)
         if not any(np.array_equal(loop, other) for other in distinct):
             distinct.append(loop)
@@ -445,19 +434,20 @@ def vertex_matrices(
 
 def coverage_checks(
     model: LinearModel, envelope: Envelope, hull: JacobianHull, *, g: float
-) -> list[Check]:
+) -> list[rational.Check]:
     """Check that the polytope contains the Jacobian at every condition, and that of the model."""
     slowest, fastest = (Fraction(V) for V in envelope.V_a)
     rates = Fraction(g) / fastest, Fraction(g) / slowest
     sine_gamma, sine_phi = (
-        (sine(low)[0], sine(high)[1]) for low, high in (envelope.gamma, envelope.phi)
+        (rational.sine(low)[0], rational.sine(high)[1])
+        for low, high in (envelope.gamma, envelope.phi)
     )
     n_z = Fraction(envelope.n_z[0]), Fraction(envelope.n_z[1])
     # The cosine is smallest at an end of the range; it is 1 where the range holds level flight.
-    lowest, highest = zip(*map(cosine, envelope.phi), strict=True)
+    lowest, highest = zip(*map(rational.cosine, envelope.phi), strict=True)
     level = envelope.phi[0] <= 0.0 <= envelope.phi[1]
     low, high = min(lowest), Fraction(1) if level else max(highest)
-    boxes = [sine_gamma, (1 / high**2, 1 / low**2), product(n_z, sine_phi), (low, high)]
+    boxes = [sine_gamma, (1 / high**2, 1 / low**2), rational.product(n_z, sine_phi), (low, high)]
     checks = [_inside("g/V of the envelope", rates, hull.factor)]
     for name, box, ends in zip(ENTRIES, boxes, _ends(hull), strict=True):
         checks.append(_inside(f"{name} of the envelope", box, ends))
@@ -468,26 +458,26 @@ def _ends(hull: JacobianHull) -> list[tuple[float, float]]:
     return list(zip(hull.lower.tolist(), hull.upper.tolist(), strict=True))
 
 
-def _jacobians(entries: Sequence[Fraction]) -> tuple[Rationals, Rationals]:
+def _jacobians(entries: Sequence[Fraction]) -> tuple[rational.Rationals, rational.Rationals]:
     a, b1, b2, b3 = entries
-    A, B = exact(np.zeros((2, 2))), exact(np.zeros((2, 2)))
+    A, B = rational.exact(np.zeros((2, 2))), rational.exact(np.zeros((2, 2)))
     A[1, 1] = a
     B[0, 0], B[1, 0], B[1, 1] = -b1, b2, -b3
     return A, B
 
 
-def _inside(name: str, inner: Interval, outer: tuple[float, float]) -> Check:
+def _inside(name: str, inner: rational.Interval, outer: tuple[float, float]) -> rational.Check:
     margin = min(inner[0] - Fraction(outer[0]), Fraction(outer[1]) - inner[1])
-    return margin_check(f"{name} inside [{outer[0]:.6g}, {outer[1]:.6g}]", margin)
+    return rational.margin_check(f"{name} inside [{outer[0]:.6g}, {outer[1]:.6g}]", margin)
 
 
-def _model_check(model: LinearModel, hull: JacobianHull) -> Check:
+def _model_check(model: LinearModel, hull: JacobianHull) -> rational.Check:
     """Checks that the model is the chi/gamma law's, its entries in the polytope for a factor."""
     name = "trim model inside the polytope"
-    A, B, C = map(exact, (model.A, model.B, model.C))
+    A, B, C = map(rational.exact, (model.A, model.B, model.C))
     entries = [A[1, 1], -B[0, 0], B[1, 0], -B[1, 1]]
-    if not all(map(np.array_equal, (A, B, C), (*_jacobians(entries), identity(2)))):
-        return Check(name=name, margin=-np.inf, exact=False)
+    if not all(map(np.array_equal, (A, B, C), (*_jacobians(entries), rational.identity(2)))):
+        return rational.Check(name=name, margin=-np.inf, exact=False)
     low, high = (Fraction(end) for end in hull.factor)
     margin = high - low
     for entry, (lower, upper) in zip(entries, _ends(hull), strict=True):
@@ -501,4 +491,4 @@ def _model_check(model: LinearModel, hull: JacobianHull) -> Check:
                 high = min(high, limit / bound)
             elif limit > 0:
                 margin = min(margin, -limit)
-    return margin_check(name, min(margin, high - low))
+    return rational.margin_check(name, min(margin, high - low))

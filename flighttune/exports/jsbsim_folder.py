@@ -28,14 +28,8 @@ from flighttune.files.whole import whole_file, write_text
 from flighttune.flight import conditions
 from flighttune.flight.fly import aircraft_table, fly_once, plant_of
 from flighttune.flight.models import law_setup
-from flighttune.plants.jsbsim import properties
+from flighttune.plants.jsbsim import model_files, properties
 from flighttune.plants.jsbsim.fdm import STARTER, STARTING, Fdm, weigh
-from flighttune.plants.jsbsim.model_files import (
-    failure_of_python,
-    model_files,
-    model_folders,
-    source_folders,
-)
 from flighttune.plants.jsbsim.plant import JSBSimPlant, inner_loop_settings
 from flighttune.plants.sensors import Sensors
 from flighttune.present.answer import Answer, Answering, printable
@@ -152,7 +146,7 @@ def export_jsbsim(
     values = _values(scenario, setup, loop, fdm)
     if "ft/outer/plan/n_z" in sampled:
         values["ft/outer/planned"] = 1.0
-    with model_folders(fdm.config, weigh, fdm.steps) as folders:
+    with model_files.model_folders(fdm.config, weigh, fdm.steps) as folders:
         aircraft = folder / "aircraft" / folders.name
         root = _parsed(folders.file.read_bytes())
     _copy_parts(fdm.config, folder)
@@ -222,7 +216,9 @@ def _differences(
 
     write_text(csv, "")  # so that no flight of before is compared
     time_limit = TIME_LIMIT_S + TIME_LIMIT_PER_S * (start + run.t[-1])
-    if failure := failure_of_python("-m", "jsbsim.script", *options, time_limit=time_limit):
+    if failure := model_files.failure_of_python(
+        "-m", "jsbsim.script", *options, time_limit=time_limit
+    ):
         return {}, f"JSBSim must fly it, but {failure}"
     try:
         written = pd.read_csv(csv, usecols=[*COLUMNS.values()], dtype=float)
@@ -451,13 +447,13 @@ def _declare(root: Element, values: Mapping[str, float]) -> set[str]:
 
 def _copy_parts(config: AircraftConfig, folder: Path) -> None:
     """Copy all files of a model but the main one to where JSBSim finds them in the folder."""
-    folders = source_folders(config)
+    folders = model_files.source_folders(config)
     shared = folder / "engine", folder / "systems"
     places = {
         folders.model: folder / "aircraft" / folders.name,
         **dict(zip((*folders.near, folders.engines, folders.systems), shared * 2, strict=False)),
     }
-    for file in model_files(config)[1:]:
+    for file in model_files.model_files(config)[1:]:
         part = Path(os.path.normpath(file))
         place = next(place for place in places if part.is_relative_to(place))
         with whole_file(places[place] / part.relative_to(place)) as copy:

@@ -26,14 +26,8 @@ from flighttune.errors import InputError
 from flighttune.plants.base import COMMON_SIGNALS, N_X_SIGNALS, OVER_GROUND, Plant, Stop
 from flighttune.plants.sensors import MEASURED, SensedPlant, Sensors
 from flighttune.plants.weather import WIND
+from flighttune.references import follow as following
 from flighttune.references.feasible import FeasibleReference
-from flighttune.references.follow import (
-    ROUTE_SIGNALS,
-    AirspeedPriority,
-    Place,
-    Planner,
-    RouteReference,
-)
 from flighttune.references.segments import Reference
 from flighttune.simulate.batch import numbers_of
 
@@ -63,13 +57,13 @@ NOT_LATE = (0.0, 0.0)
 
 # What a law is given at a sample, with its time; the place on a route, if there is one; whether
 # the flight ends with this sample.
-Sample: TypeAlias = tuple[Measured, ReferenceSample, float, Place | tuple[()], bool]
+Sample: TypeAlias = tuple[Measured, ReferenceSample, float, following.Place | tuple[()], bool]
 
 
 def simulate(
     plant: Plant,
     controller: Controller,
-    reference: Reference | FeasibleReference | RouteReference,
+    reference: Reference | FeasibleReference | following.RouteReference,
     *,
     condition: FlightCondition,
     duration: float,
@@ -140,7 +134,7 @@ class Flight:
         self,
         plant: Plant,
         controller: Controller,
-        reference: Reference | FeasibleReference | RouteReference,
+        reference: Reference | FeasibleReference | following.RouteReference,
         condition: FlightCondition,
         duration: float,
         sensors: Sensors | None = None,
@@ -159,12 +153,12 @@ class Flight:
         if sensors is not None:
             plant = SensedPlant(plant, sensors.errors(last + 1, dt))
         self._wrapped = getattr(controller, "wrapped", (True,))[0]
-        route = reference if isinstance(reference, RouteReference) else None
+        route = reference if isinstance(reference, following.RouteReference) else None
         airspeed = priority = plan = None
         if not isinstance(reference, FeasibleReference) and (airspeed := reference.airspeed(t)):
-            priority = AirspeedPriority(*airspeed, reference.g)
+            priority = following.AirspeedPriority(*airspeed, reference.g)
         if lead is not None and isinstance(reference, Reference) and reference.planned:
-            plan = Planner(dt, reference.g)  # a route's follower has one of its own
+            plan = following.Planner(dt, reference.g)  # a route's follower has one of its own
         m = len(plant.limits.lower)
         if (m == 3) is (airspeed is None):
             raise InputError(
@@ -176,7 +170,7 @@ class Flight:
                 f"`controller` must have the {m} commands of the plant, got "
                 f"{len(controller.limiter.u_unsat)}."
             )
-        further = () if route is None else tuple(ROUTE_SIGNALS)
+        further = () if route is None else tuple(following.ROUTE_SIGNALS)
         further += () if airspeed is None else AIRSPEED_SIGNALS
         self._columns = _columns(plant.signals, (*controller.signals, *further), m)
         self._rows = bytearray()
@@ -232,8 +226,8 @@ class Flight:
         self,
         measured_of: Callable[[tuple[float, ...]], Measured],
         references: Iterable[ReferenceSample],
-        plan: Planner | None,
-        priority: AirspeedPriority | None,
+        plan: following.Planner | None,
+        priority: following.AirspeedPriority | None,
     ) -> Generator[Sample, Sequence[float] | None, Stop | None]:
         """Fly all samples, or to the end of a route, and add them to the rows."""
         plant, controller, condition, route, lead = self._given
@@ -307,11 +301,11 @@ def _measured(
 
 
 def _references(
-    reference: Reference | FeasibleReference | RouteReference,
+    reference: Reference | FeasibleReference | following.RouteReference,
     t: np.ndarray,
     lead: tuple[float, float],
 ) -> Iterable[ReferenceSample]:
-    if isinstance(reference, RouteReference):
+    if isinstance(reference, following.RouteReference):
         return repeat(ReferenceSample(*reference.initial), len(t))  # until it is followed
     if isinstance(reference, FeasibleReference):
         values = [*reference.sampled(t), *reference.rates(t)]
