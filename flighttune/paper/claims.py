@@ -21,7 +21,6 @@ from flighttune.flight.gains import tune
 from flighttune.paper import parameters as printed
 from flighttune.paper.duffing import Duffing
 from flighttune.paper.flight import NEAR, decay_rate, largest_share, oscillations
-from flighttune.paper.parameters import DURATION, STAR, printed_limits
 from flighttune.paper.study import Study, rank_correlation
 from flighttune.plants.point_mass import turn_rates
 from flighttune.present.answer import number
@@ -144,7 +143,7 @@ def _rise(label: str, steps: FloatArray, must: str) -> Check:
 
 def exponential_stabilisation(study: Study) -> Checks:
     """Without disturbance the state decays exponentially, at the rate the theory says."""
-    flight, half = study.undisturbed, study.indicators[STAR].R_K / 2.0
+    flight, half = study.undisturbed, study.indicators[printed.STAR].R_K / 2.0
     s = np.hypot(flight.channels["s_chi"], flight.channels["s_gamma"])
     late = flight.t >= 10.0  # the commands have left their ranges for the last time
     rate = decay_rate(flight.t[late], s[late])
@@ -156,7 +155,7 @@ def exponential_stabilisation(study: Study) -> Checks:
 def optimal_controller(study: Study) -> float:
     """R_K over the highest of all gains with the same I_K."""
     best = study.optimum.R_K
-    return study.indicators[STAR].R_K / best if best else math.nan
+    return study.indicators[printed.STAR].R_K / best if best else math.nan
 
 
 def _of_gain_sets(study: Study, of: str) -> pd.Series:
@@ -279,7 +278,7 @@ def theorem_1_sufficient(study: Study) -> Checks:
 
 def theorem_2(study: Study) -> Checks:
     """The largest error that disturbances cause, over the ball for each reading of L_f."""
-    star, A_K = study.indicators[STAR], closed_loop(study.model, study.star)
+    star, A_K = study.indicators[printed.STAR], closed_loop(study.model, study.star)
     balls = paper_balls(A_K, study.model.A, I_K=star.I_K, L_d=1.0)
     names = "‖A_K‖", "‖∂f/∂x + ∂f/∂u K_P‖", "‖∂f/∂x‖"
     for name, ball in zip(names, balls.tolist(), strict=True):
@@ -389,7 +388,7 @@ def jacobians(study: Study) -> Checks:
 def printed_indicators(study: Study, name: str) -> Checks:
     """R_K and I_K follow from the printed gains, to one unit of the last printed digit."""
     row, pair, digits = study.indicators[name], printed.INDICATORS[name], printed.last_digits(name)
-    of = "*" if name == STAR else f" of {name}"
+    of = "*" if name == printed.STAR else f" of {name}"
     for key, unit, says, digit in zip(("R_K", "I_K"), ("1/s", "s²"), pair, digits, strict=True):
         value = getattr(row, key)
         yield Check(f"{key}{of} [{unit}]", says, value, bool(abs(value - says) <= digit))
@@ -405,42 +404,42 @@ def star_optimal(study: Study) -> Checks:
     result, bound = study.constrained, f"{printed.I_STAR:g}"
     label = f"smallest I_K within the input constraints [s²], I* = {bound}"
     yield Check(label, f"≤ {bound}", result.I_K, result.status == "optimal")
-    best, R_K = study.optimum.R_K, study.indicators[STAR].R_K
+    best, R_K = study.optimum.R_K, study.indicators[printed.STAR].R_K
     label = "R_K* against the best without input constraints [1/s]"
     yield Check(label, f"{best:.5g}", R_K, R_K >= WORDS["as_good"] * best)
 
 
 def eigenvalues(study: Study) -> float:
     """All eigenvalues of A_K(0) have a negative real part."""
-    return study.indicators[STAR].spectral_abscissa
+    return study.indicators[printed.STAR].spectral_abscissa
 
 
 def small_region(study: Study, channel: str) -> float:
     """Both errors end in a very small region."""
-    return study.flights[STAR].after(channel, DURATION)
+    return study.flights[printed.STAR].after(channel, printed.DURATION)
 
 
 def overshoot(study: Study, channel: str) -> float:
     """Maximum overshoot of an error."""
-    return study.flights[STAR].peak(channel)[0]
+    return study.flights[printed.STAR].peak(channel)[0]
 
 
 def peak_time(study: Study) -> Checks:
     """The later of both peaks, which is the maximum the sentence speaks of."""
-    peaks = {channel: study.flights[STAR].peak(channel)[1] for channel in ("chi", "gamma")}
+    peaks = {channel: study.flights[printed.STAR].peak(channel)[1] for channel in ("chi", "gamma")}
     channel, latest = max(peaks.items(), key=lambda peak: peak[1])
     yield _compare(f"largest PT, that of e_{channel} [s]", latest, "<", printed.LARGEST_PEAK_TIME)
 
 
 def peak_time_gamma(study: Study) -> float:
     """The peak of the path-angle error alone."""
-    return study.flights[STAR].peak("gamma")[1]
+    return study.flights[printed.STAR].peak("gamma")[1]
 
 
 def commands(study: Study, signal: str, limit: str, of: str) -> Checks:
     """Roll and load factor after the limits stay in their ranges: the simulation sees to that."""
-    largest = np.max(np.abs(getattr(study.flights[STAR], signal)), axis=0)
-    limits = getattr(printed_limits(), limit) + ROUNDING
+    largest = np.max(np.abs(getattr(study.flights[printed.STAR], signal)), axis=0)
+    limits = getattr(printed.printed_limits(), limit) + ROUNDING
     for name, value, most in zip(("φ", "n_z"), largest, limits, strict=True):
         yield _compare(of.format(name), value, "≤", most)
 

@@ -24,7 +24,6 @@ from flighttune.paper.claims import CLAIMS, VERDICTS, Finding, judge, text_of
 from flighttune.paper.flight import initial_commands, largest_share
 from flighttune.paper.items import flights, theory
 from flighttune.paper.items.base import Item, Made
-from flighttune.paper.parameters import STAR
 from flighttune.paper.study import Study
 from flighttune.present.answer import Answer, Answering, Column, Table, pick
 from flighttune.present.frame import page_template, write_page
@@ -169,7 +168,7 @@ def errata(study: Study) -> list[Table]:
 
 def numbers(study: Study) -> dict[str, Any]:
     """Every name that stands in braces in ``errata.toml``."""
-    star, flight, model = study.indicators[STAR], study.flights[STAR], study.model
+    star, flight, model = study.indicators[printed.STAR], study.flights[printed.STAR], study.model
     _, rate_limited, anti_windup, unlimited = study.readings.values()
     L_d = printed.disturbance(printed.PRINTED_DISTURBANCE).rate_bound
     n_z_trim = math.cos(printed.GAMMA_C)

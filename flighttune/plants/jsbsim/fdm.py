@@ -14,7 +14,6 @@ from flighttune.aircraft.aircraft import PROPERTY_NAME, AircraftConfig
 from flighttune.aircraft.model_xml import INERTIAS, Body, MassBalance
 from flighttune.errors import PlantError
 from flighttune.plants.jsbsim import model_files
-from flighttune.plants.jsbsim.model_files import source_folders, unchanged
 
 _ANSI_COLOUR = re.compile(r"\x1b\[[0-9;]*m")
 _KEPT_RECORDS = 200
@@ -137,11 +136,11 @@ class Fdm:
     # right.
     def __init__(self, config: AircraftConfig, *, steps: int = 1, ground: float = 0.0) -> None:
         model_files.check_loads(config)
-        self.config, self._model = config, source_folders(config).file
+        self.config, self._model = config, model_files.source_folders(config).file
         # Time the engine takes to a steady state, s; 0 where JSBSim knows it at once.
         self.engine_settles = config.engines.settle
         # Systems of the model itself may have a memory.
-        files, engines = unchanged(config), range(config.engines.count)
+        files, engines = model_files.unchanged(config), range(config.engines.count)
         self.own_flight_control = model_files.has_flight_control(files)
         self.electric = bool(engines) and model_files.has_engine(files, model_files.ELECTRIC)
         # Steps longer than those of the flight make the speed of a light propeller diverge.
