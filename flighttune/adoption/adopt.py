@@ -254,8 +254,8 @@ def adopt(
     """
     began, began_at, used = time.monotonic(), time.time(), time.process_time()
     model = _model(model, folder)
-    file = made_folder(folder) / "aircraft.toml"
-    if file.exists() and toml_tables(file).get("source") != SOURCE:
+    draft = made_folder(folder) / "aircraft.toml"
+    if draft.exists() and toml_tables(draft).get("source") != SOURCE:
         raise InputError(f"{folder}: must not hold an aircraft that `adopt` did not make.")
     facts: dict[str, Any] = {}
     tables = wide_tables(model)
@@ -282,7 +282,6 @@ def adopt(
         if isinstance(error, TrimError):
             # File and condition stand before it.
             reason = f"{reason.split(': ', 1)[-1]}; another airspeed (`--V-a`) may do"
-        draft = folder / "aircraft.toml"
         if facts and draft.exists() and draft.stat().st_mtime >= began_at:
             text = f"# refused: {reason}\n{draft.read_text(encoding='utf-8')}"
         else:

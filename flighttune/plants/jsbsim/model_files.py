@@ -89,13 +89,14 @@ class ModelFolders(NamedTuple):
     def parts(self) -> tuple[Path, ...]:
         """Folders in which a part of the model is looked for, in this order."""
         folders = (self.model / name for name in ("", *ENGINE_FOLDERS, "Systems", "systems"))
-        above = (self.model.parent,) if self.below_aircraft else ()
-        return (*folders, *above, *self.near, self.engines, self.systems)
+        return (*folders, *self.above, *self.near, self.engines, self.systems)
 
     @property
-    def below_aircraft(self) -> bool:
-        """Whether FlightGear's aircraft is the folder above: its parts are named from there."""
-        return any(self.model.parent.glob("*-set.xml")) and not any(self.model.glob("*-set.xml"))
+    def above(self) -> tuple[Path, ...]:
+        """The folder above where FlightGear's aircraft is that: its parts are named from there."""
+        above = self.model.parent
+        here = any(self.model.glob("*-set.xml")) or not any(above.glob("*-set.xml"))
+        return () if here else (above,)
 
 
 @cache
@@ -253,8 +254,7 @@ def model_folders(config: AircraftConfig, weigh: Weigh, steps: int = 1) -> Itera
             # In memory, so that no flight waits for a disk.
             folder = Path(stack.enter_context(scratch_folder()))
             # A main file refers to parts beside it; only this file itself is another.
-            above = (folders.model.parent,) if folders.below_aircraft else ()
-            for place in (folders.model, *above):
+            for place in (folders.model, *folders.above):
                 for beside in os.listdir(place):
                     link = os.path.join(folder, beside)
                     if beside != folders.file.name and not os.path.lexists(link):
