@@ -15,19 +15,10 @@ from flighttune.campaign import counted_flights
 from flighttune.campaign.engine.pool import WorkerPool
 from flighttune.campaign.engine.progress import CampaignObserver
 from flighttune.campaign.flying.rows import fly_group
+from flighttune.claims import counted as counts
 from flighttune.claims import shape as shapes
 from flighttune.claims.band import ROOM, Band, read_counted
 from flighttune.claims.count import LOOK, fresh_flights
-from flighttune.claims.counted import (
-    DOUBLED,
-    About,
-    BandFlights,
-    Counted,
-    Of,
-    Over,
-    axis_of,
-    wind_at_start,
-)
 from flighttune.errors import InputError
 from flighttune.files.load import BAND, written
 from flighttune.flight.conditions import reference_of, start_condition
@@ -59,12 +50,12 @@ SAME = 1e-9
 SAME_SHAPE = 1e-6
 
 # Signals of the kinds of counts that are not recorded, with their units.
-OWN_SIGNALS: Mapping[Of, dict[str, str]] = {"residual": {**RESIDUALS}, "turn_back": ROOM}
+OWN_SIGNALS: Mapping[counts.Of, dict[str, str]] = {"residual": {**RESIDUALS}, "turn_back": ROOM}
 
 # A function that keeps the numbers of a completed flight that are counted.
 Probe: TypeAlias = partial[list[float]]
 
-C = TypeVar("C", bound=Counted)
+C = TypeVar("C", bound=counts.Counted)
 
 # Workers, or the address of a scheduler that has them, and who watches them.
 By: TypeAlias = tuple[int | None, str | None, CampaignObserver | None]
@@ -126,7 +117,7 @@ def counted_on(
     units, models = _signals(plan, kind.of, signals)
     of = flights_of(plan, kind.of, len(units), plan.runs - learn)
     shape = len(of.edges) - 1, len(units)
-    about = About(
+    about = counts.About(
         of=kind.of,
         signals=units,
         coefficients=np.zeros((1, *shape)),  # until they are learned
@@ -150,7 +141,7 @@ def counted_on(
             extremes=np.zeros((0, *shape, 2), np.float32),
             wind=np.zeros((0, 2 if windy else 0)),
         )
-        numbers = range(LOOK, plan.runs, LOOK) if until_sure else (BATCH * DOUBLED).tolist()
+        numbers = range(LOOK, plan.runs, LOOK) if until_sure else (BATCH * counts.DOUBLED).tolist()
         judged = sorted({*numbers, early} - {0}) if certain else []
         ends = [learn + n for n in judged if learn + n < plan.runs] + [plan.runs]
         for begin, end in pairwise([learn, *ends]):
@@ -164,7 +155,7 @@ def counted_on(
 
 
 def _learned(
-    pool: WorkerPool, plan: Plan, about: About, flights: BandFlights
+    pool: WorkerPool, plan: Plan, about: counts.About, flights: counts.BandFlights
 ) -> tuple[FloatArray, FloatArray]:
     """Coefficients and half-widths that follow from the first draws of a plan."""
     draws = range(about.learned // 2 if about.models else 0, about.learned)
@@ -178,7 +169,7 @@ def _learned(
     return coefficients, half * room
 
 
-def _taught(pool: WorkerPool, plan: Plan, about: About) -> tuple[watch.SignalModel, ...]:
+def _taught(pool: WorkerPool, plan: Plan, about: counts.About) -> tuple[watch.SignalModel, ...]:
     """The models of a monitor with the weights of the first half of the flights learned from."""
     models = about.models
     if not models:
@@ -204,7 +195,7 @@ def _moments(models: Sequence[watch.SignalModel], run: Run, _: Scenario) -> list
 
 
 def _signals(
-    plan: Plan, of: Of, chosen: Iterable[str] | None
+    plan: Plan, of: counts.Of, chosen: Iterable[str] | None
 ) -> tuple[dict[str, str], tuple[watch.SignalModel, ...]]:
     """Units of the signals of a kind, or of some recorded ones, and the models of a monitor."""
     if of in OWN_SIGNALS:
@@ -227,10 +218,10 @@ def _signals(
     return {name: run.units.get(name) or SIGNAL_UNITS.get(name, "") for name in names}, ()
 
 
-def flights_of(plan: Plan, of: Of, signals: int, flights: int) -> BandFlights:
+def flights_of(plan: Plan, of: counts.Of, signals: int, flights: int) -> counts.BandFlights:
     """The flights of a plan, of which so many are counted first, in windows of so many signals."""
     (group,), central = plan.groups, plan.campaign.central
-    over: Over = "time"
+    over: counts.Over = "time"
     length, per_unit = central.flight.duration_s, central.controller.rate_hz
     if of == "residual":
         central.check_over_time("a band of residual signals")
@@ -245,7 +236,7 @@ def flights_of(plan: Plan, of: Of, signals: int, flights: int) -> BandFlights:
         edges = np.array([math.ceil(central.turn_back.detected_s * per_unit), edges[-1]])
     if of == "monitor":  # the largest of the whole flight
         edges = edges[[0, -1]]
-    return BandFlights(
+    return counts.BandFlights(
         over=over,
         edges=edges / per_unit,
         distribution=counted_flights.distribution_of(plan.campaign, group.plant),
@@ -259,10 +250,10 @@ def flights_of(plan: Plan, of: Of, signals: int, flights: int) -> BandFlights:
     )
 
 
-def load_counted(path: str | Path) -> Counted:
+def load_counted(path: str | Path) -> counts.Counted:
     """Read a count; its windows, and the words for its flights, are those of its plan."""
 
-    def of_plan(about: About) -> BandFlights:
+    def of_plan(about: counts.About) -> counts.BandFlights:
         plan = counted_flights.plan_in(about)
         first = plan.runs - about.learned
         if not 1 <= first <= shapes.MAX_NUMBERS:
@@ -300,7 +291,7 @@ def count_more(band: C, flights: int, pool: WorkerPool) -> C:
     """The count after `flights` draws of its campaign in all: an InputError refuses fewer."""
     counted = len(band.scores)
     most = shapes.MAX_NUMBERS // (2 * band.about.half.size)
-    allowed = [n for n in (band.first * DOUBLED).tolist() if counted < n <= most]
+    allowed = [n for n in (band.first * counts.DOUBLED).tolist() if counted < n <= most]
     if flights not in allowed:
         raise InputError(
             f"`flights` must be one of the numbers fixed when the count was planned, "
@@ -313,7 +304,7 @@ def count_more(band: C, flights: int, pool: WorkerPool) -> C:
     return band.with_flights(*more, pool.progress.endings)
 
 
-def check_shape(band: Counted, pool: WorkerPool) -> None:
+def check_shape(band: counts.Counted, pool: WorkerPool) -> None:
     """Fly the flights learned from again; an InputError refuses a shape that they do not give."""
     about, plan = band.about, counted_flights.plan_of(band)
     models = about.models
@@ -338,7 +329,7 @@ def check_shape(band: Counted, pool: WorkerPool) -> None:
             )
 
 
-def some_draws(band: Counted, flights: int) -> list[int]:
+def some_draws(band: counts.Counted, flights: int) -> list[int]:
     """Some of the counted draws at random, and some of those that repeat another to the bit."""
     counted = len(band.scores)
     if not 1 <= flights <= counted:
@@ -352,7 +343,7 @@ def some_draws(band: Counted, flights: int) -> list[int]:
     return band.draws[np.unique(np.concatenate(some))].tolist()
 
 
-def differing(band: Counted, draws: Sequence[int], pool: WorkerPool) -> list[int]:
+def differing(band: counts.Counted, draws: Sequence[int], pool: WorkerPool) -> list[int]:
     """The counted draws, in rising order, that differ by a bit when they are flown again."""
     chosen = np.searchsorted(band.draws, draws)
     again, wind = _flown(
@@ -363,7 +354,7 @@ def differing(band: Counted, draws: Sequence[int], pool: WorkerPool) -> list[int
     return [draw for draw, other in zip(draws, differ, strict=True) if other]
 
 
-def score(about: About, flights: BandFlights, run: Run, scenario: Scenario) -> float:
+def score(about: counts.About, flights: counts.BandFlights, run: Run, scenario: Scenario) -> float:
     """Scale at which a flight is just inside a band."""
     numbers = np.array(_probe(about, flights)(run, scenario))
     shape = (1, *about.half.shape, 2)
@@ -373,7 +364,7 @@ def score(about: About, flights: BandFlights, run: Run, scenario: Scenario) -> f
     )
 
 
-def _probe(about: About, flights: BandFlights, anywhere: bool = False) -> Probe:
+def _probe(about: counts.About, flights: counts.BandFlights, anywhere: bool = False) -> Probe:
     """The function that keeps the extremes of each flight, `anywhere` or only at its places."""
     windy = about.predicted_from is not None
     model = about.models or flights.model
@@ -383,8 +374,8 @@ def _probe(about: About, flights: BandFlights, anywhere: bool = False) -> Probe:
 def _flown(
     pool: WorkerPool,
     plan: Plan,
-    about: About,
-    flights: BandFlights,
+    about: counts.About,
+    flights: counts.BandFlights,
     runs: Sequence[int],
     doing: str = "counting",
     *,
@@ -416,7 +407,7 @@ def _extremes(
     scenario: Scenario,
 ) -> list[float]:
     """Extremes of signals, or of residuals of a `model`, by window; then the wind at the start."""
-    axis = axis_of(run)
+    axis = counts.axis_of(run)
     samples = np.searchsorted(axis, edges - SAME).clip(max=len(axis) - 1)
     samples[:-1] = samples[:-1].clip(max=len(axis) - 2)  # a window has a sample before its last
     if isinstance(model, tuple):
@@ -434,4 +425,4 @@ def _extremes(
     # route say, so it is outside of any band. Flights that only teach the shape may be such ones.
     if not anywhere and {*OFF_ROUTE} & {*signals} and moved > SAME_PLACE:
         values = LOST * (len(values) // 2)
-    return [*values, *wind_at_start(scenario)] if windy else values
+    return [*values, *counts.wind_at_start(scenario)] if windy else values

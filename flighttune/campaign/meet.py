@@ -34,16 +34,8 @@ from flighttune.planning.plan import Group, Plan, aircraft_hashes
 from flighttune.planning.schema import MEASURES, Campaign, CampaignTable
 from flighttune.planning.source import campaign_on, load_campaign
 from flighttune.plants.base import goes_by
+from flighttune.scenario import tables
 from flighttune.scenario.schema import Scenario
-from flighttune.scenario.tables import (
-    TUNED,
-    TUNED_FOR_AIRCRAFT,
-    Bound,
-    ExpectTable,
-    LawTable,
-    flown_aircraft,
-    in_rad,
-)
 from flighttune.theory.indicators import indicators_batch
 from flighttune.units import DEG
 
@@ -56,7 +48,7 @@ ITAE, MARGIN = "ITAE", "margin"
 WANTED = 0.2
 
 # Margins of the linear loop that are required unless the scenario states others
-MARGINS: dict[str, Bound] = {"gain_margin_dB": 6.0, "phase_margin_deg": 35.0}
+MARGINS: dict[str, tables.Bound] = {"gain_margin_dB": 6.0, "phase_margin_deg": 35.0}
 
 # Measures of the loop, of which larger is better, that are named where they are worse than with the
 # gains of the start by more than this share; and the error at the end, rad or m/s, that is named
@@ -102,10 +94,10 @@ ACTIVE = 0.02
 
 
 def flights_to_meet(
-    scenario: Scenario, law: LawTable, table: CampaignTable | None = None
+    scenario: Scenario, law: tables.LawTable, table: CampaignTable | None = None
 ) -> Campaign:
     """Flights of a scenario by a law, dispersed as the `table` of a campaign says."""
-    tuned = list(TUNED_FOR_AIRCRAFT)
+    tuned = list(tables.TUNED_FOR_AIRCRAFT)
     tuned_names = {None, *tuned, *law.law().names_of(tuned)}
     expect = [
         requirement.model_copy(update={"gains": None, "status": None})
@@ -139,7 +131,7 @@ class Search:
         draws: int = 1,
         success: float = 1.0,
     ) -> None:
-        if metric not in (ITAE, MARGIN) and in_rad(metric) not in MEASURES:
+        if metric not in (ITAE, MARGIN) and tables.in_rad(metric) not in MEASURES:
             raise InputError(
                 f"`metric` must be {ITAE}, {MARGIN} or one of {', '.join(MEASURES)} (or _deg in "
                 f"place of _rad), got {metric!r}."
@@ -240,10 +232,10 @@ class Search:
             where = f"{scenario.title}: " if len(self.campaigns) > 1 else ""
             for row in of_campaign:
                 flown = row.get("status") == "completed"
-                tables = scenario.expected(row["plant"], name)
+                expected = scenario.expected(row["plant"], name)
                 measured = {**(measured_in(row) if flown else {}), **loop}
-                why = not_followed(tables, measured)
-                for check in bound_checks(tables, measured, where + row["plant"]):
+                why = not_followed(expected, measured)
+                for check in bound_checks(expected, measured, where + row["plant"]):
                     of_loop, excess = check.subject == "loop", check.margin
                     check = replace(check, flown=flown or of_loop)
                     if why and not of_loop and check.met:
@@ -360,7 +352,7 @@ def starting_gains(scenario: Scenario, law: Law) -> dict[str, PIGains]:
     """Gains tuned for a law, and those of a scenario, by name; without what does not exist."""
     sets: dict[str, PIGains | None] = {}
     listed = [split_name(name)[1] for name in scenario.gain_names]
-    for name in dict.fromkeys([*TUNED_FOR_AIRCRAFT, TUNED, *listed]):
+    for name in dict.fromkeys([*tables.TUNED_FOR_AIRCRAFT, tables.TUNED, *listed]):
         with suppress(InputError):  # e.g. no aircraft is identified
             sets[name] = gain_set(scenario, law.names_of([name])[0])
     return {name: gains for name, gains in sets.items() if gains is not None}
@@ -513,7 +505,7 @@ def meet(
         worst=worst,
         trials=[*search.trials.values()],
         tuned_for={
-            "aircraft": flown_aircraft(plant for scenario in scenarios for plant in scenario.plant),
+            "aircraft": tables.flown_aircraft(x for each in scenarios for x in each.plant),
             "V_a_mps": sorted({V for scenario in scenarios for V in scenario.airspeeds}),
         },
         notes=notes,
@@ -632,11 +624,12 @@ def _required(scenario: Scenario) -> list[str]:
     return [label for label in labels if any(goes_by(label, x.plant) for x in scenario.expect)]
 
 
-def _default_margins(scenario: Scenario) -> list[ExpectTable]:
+def _default_margins(scenario: Scenario) -> list[tables.ExpectTable]:
     """`MARGINS` as a requirement, without those that the scenario bounds itself."""
-    bounded = {in_rad(name) for table in scenario.expect for name in table.at_least.get("loop", ())}
-    left = {name: bound for name, bound in MARGINS.items() if in_rad(name) not in bounded}
-    return [ExpectTable(at_least={"loop": left})] if left else []
+    own = (name for table in scenario.expect for name in table.at_least.get("loop", ()))
+    bounded = {*map(tables.in_rad, own)}
+    left = {name: bound for name, bound in MARGINS.items() if tables.in_rad(name) not in bounded}
+    return [tables.ExpectTable(at_least={"loop": left})] if left else []
 
 
 def _metric(row: Row, metric: str) -> float:
@@ -644,10 +637,10 @@ def _metric(row: Row, metric: str) -> float:
         return row["chi.ITAE"] + row["gamma.ITAE"]
     if metric == MARGIN:
         return math.nan
-    value = row[in_rad(metric)]
+    value = row[tables.in_rad(metric)]
     if value is None:
         return math.inf
-    return value if in_rad(metric) == metric else value / DEG
+    return value if tables.in_rad(metric) == metric else value / DEG
 
 
 def _varied(gains: PIGains, factors: tuple[float, float]) -> PIGains:

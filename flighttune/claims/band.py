@@ -8,16 +8,8 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 
 from flighttune.arrays import FloatArray
+from flighttune.claims import counted
 from flighttune.claims.count import supported_epsilon, sure
-from flighttune.claims.counted import (
-    DOUBLED,
-    About,
-    BandFlights,
-    Counted,
-    Of,
-    axis_of,
-    wind_at_start,
-)
 from flighttune.claims.monitor import Monitor
 from flighttune.claims.shape import MAX_NUMBERS
 from flighttune.errors import InputError
@@ -79,7 +71,7 @@ def check_off_route(signals: Iterable[str], over: str = "along") -> None:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class SignalBounds(Counted):
+class SignalBounds(counted.Counted):
     """A count whose signals have a width: bounds that a new flight leaves with some probability."""
 
     rounding: ClassVar[float] = 0.0  # s or m, of the places of the bounds
@@ -136,7 +128,7 @@ class Residual(SignalBounds):
     0
     """
 
-    of: ClassVar[Of] = "residual"
+    of: ClassVar[counted.Of] = "residual"
     # They last from a sample to the next, and have no window but that of its time.
     rounding: ClassVar[float] = SAME_TIME
 
@@ -275,12 +267,12 @@ class Band(SignalBounds):
     def on(self, run: Run) -> RunClaim:
         """The bounds of the signals at the samples of a run."""
         about, scenario = self.about, scenario_of(run)
-        wind = np.array(wind_at_start(scenario)) if about.predicted_from else None
+        wind = np.array(counted.wind_at_start(scenario)) if about.predicted_from else None
         return RunClaim(
             kind=self.kind,
             title="counted band",
             sentence=self.sentence,
-            bounds=self.bounds(axis_of(run), wind),
+            bounds=self.bounds(counted.axis_of(run), wind),
             units=about.signals,
             fences=tuple(ring for ring, _ in areas_of(about.fences)),
         )
@@ -291,7 +283,7 @@ class Band(SignalBounds):
         Along a route it has the length and the time too. The claim about its last fence, if any, is
         the verdict then, and a failure if the count does not support it.
         """
-        answer = Counted.answer(self, file)
+        answer = counted.Counted.answer(self, file)
         try:
             return self._along_route(answer) if self.flights.over == "along" else answer
         except InputError as error:
@@ -399,10 +391,10 @@ class TurnRoom:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class TurnBack(Counted):
+class TurnBack(counted.Counted):
     """A count of how far flights come that turn back at any place of their route."""
 
-    of: ClassVar[Of] = "turn_back"
+    of: ClassVar[counted.Of] = "turn_back"
     title: ClassVar[tuple[str, str]] = "room to turn back", "room_bounds"
 
     @property
@@ -485,16 +477,18 @@ class TurnBack(Counted):
 ARRAYS = {"band": TEXT, "extremes": SINGLE, "wind": FLOAT, "endings": TEXT}
 
 # Kinds of counts.
-KINDS: dict[Of, type[Counted]] = {kind.of: kind for kind in (Band, Residual, TurnBack, Monitor)}
+KINDS = {kind.of: kind for kind in (Band, Residual, TurnBack, Monitor)}
 
 
-def read_counted(path: str | Path, flights_of: Callable[[About], BandFlights]) -> Counted:
+def read_counted(
+    path: str | Path, flights_of: Callable[[counted.About], counted.BandFlights]
+) -> counted.Counted:
     """Read a count, and compute scores and scale; `flights_of` finds its flights from the plan."""
     sealed_bytes(Path(path), "band file", "count it again with flighttune band")
     size = 4 * MAX_NUMBERS + 2**24
     try:
         arrays = read_arrays(Path(path), "band", ARRAYS, size, size, ("extremes",))
-        about = value_of(json_object(str(arrays.pop("band")), "`band`"), About)
+        about = value_of(json_object(str(arrays.pop("band")), "`band`"), counted.About)
         endings = _endings_of(str(arrays.pop("endings", "{}")))
         if about.of == "turn_back" and about.signals != ROOM:
             raise InputError(
@@ -504,13 +498,13 @@ def read_counted(path: str | Path, flights_of: Callable[[About], BandFlights]) -
             )
         flights = flights_of(about)
         _check(about, flights, arrays)
-        counted, planned = len(arrays["extremes"]), about.plan["runs"] - about.learned
+        n, planned = len(arrays["extremes"]), about.plan["runs"] - about.learned
         if about.early >= planned:
             raise InputError(f"`early` must be below the {planned} flights planned.")
-        if counted > planned and counted not in planned * DOUBLED:
+        if n > planned and n not in planned * counted.DOUBLED:
             raise InputError(
                 "`extremes` must be of as many flights as were planned, or of 2, 4, 8 ... times as "
-                f"many, got {counted} for {planned}."
+                f"many, got {n} for {planned}."
             )
         band = KINDS[about.of](about=about, flights=flights, endings=endings, **arrays)
         lost = band.draws[np.isinf(band.scores)].tolist()
@@ -532,7 +526,7 @@ def _endings_of(text: str) -> list[dict[str, Any]]:
     return rows
 
 
-def _check(about: About, of: BandFlights, arrays: dict[str, Any]) -> None:
+def _check(about: counted.About, of: counted.BandFlights, arrays: dict[str, Any]) -> None:
     """Refuse a shape that cannot be one, and arrays of other windows than the plan has."""
     models, flights = about.models, len(arrays["extremes"])
     each = len(of.edges) - 1, len(about.signals)  # windows and signals

@@ -15,19 +15,7 @@ from flighttune.errors import InputError
 from flighttune.files.array import TEXT, read_arrays, write_sealed
 from flighttune.files.load import sealed_bytes
 from flighttune.files.table import STRICT, json_object, tables_of, value_of
-from flighttune.gaps.watch import (
-    OF_LOGS,
-    SignalModel,
-    Watch,
-    columns_of,
-    dt_of,
-    models_of,
-    moments,
-    residuals,
-    score_so_far,
-    signals_of,
-    taught,
-)
+from flighttune.gaps import watch as watching
 from flighttune.logs.checks import refuse_wrong
 from flighttune.present.answer import Answer, Answering, Table, number
 from flighttune.present.names import columns, listed
@@ -53,7 +41,7 @@ class Watching(Answering):
         raise NotImplementedError
 
     @property
-    def watches(self) -> tuple[Watch, ...]:
+    def watches(self) -> tuple[watching.Watch, ...]:
         """Models and limits; all of them must alarm."""
         raise NotImplementedError
 
@@ -66,13 +54,13 @@ class Watching(Answering):
         """Why the monitor says nothing of a run; empty if the run has the signals watched."""
         if SCORE in run.signals:
             return "another monitor has scored it"
-        needed = signals_of(self.watches[0].models)
+        needed = watching.signals_of(self.watches[0].models)
         lacking = [name for name in needed if name not in run.signals]
         return f"it must have {', '.join(lacking)} to be watched" if lacking else ""
 
     def on(self, run: Run) -> RunClaim:
         """The score of a run that has the signals watched, at most 1 where nothing alarms."""
-        score = score_so_far(self.watches, run)
+        score = watching.score_so_far(self.watches, run)
         score = np.concatenate([np.zeros(len(run.signals) - len(score)), score])  # not judged
         limit = np.ones((len(score), 1))
         return RunClaim(
@@ -111,16 +99,16 @@ class Monitor(Counted, Watching):
     title: ClassVar[tuple[str, str]] = "what is expected, and limits of what is missing", "limits"
 
     @property
-    def watch(self) -> Watch:
+    def watch(self) -> watching.Watch:
         """The models and the limits of their residuals; InputError if nothing is claimed."""
         if not self.claims:
             raise InputError("a monitor must claim a rate of false alarms to watch flights.")
         low, high = self._ends(np.zeros((1, 0)))
         middle, half = 0.5 * (low + high)[0], self.scale * self.about.half[0]
-        return Watch(models=self.about.models, middle=middle, half=half)
+        return watching.Watch(models=self.about.models, middle=middle, half=half)
 
     @property
-    def watches(self) -> tuple[Watch, ...]:
+    def watches(self) -> tuple[watching.Watch, ...]:
         """Its watch alone, as a `LogMonitor` has several."""
         return (self.watch,)
 
@@ -147,7 +135,7 @@ class Monitor(Counted, Watching):
         models = self.about.models
         return [
             f"Expected are {listed([f'{x.name} ({x.target})' for x in models])}, from "
-            f"{listed(signals_of(models))} as recorded: "
+            f"{listed(watching.signals_of(models))} as recorded: "
             "surfaces and throttle are positions, and sensors err only as [sensors] says. A flight "
             "that did not complete counts as an alarm. How often faults are found is not in the "
             "claim."
@@ -160,7 +148,7 @@ class HealthyLog:
 
     name: str
     seconds: float  # that were judged
-    models: tuple[SignalModel, ...]
+    models: tuple[watching.SignalModel, ...]
     limits: tuple[float, ...]  # largest residual of each model over the others, with its room
     score: float  # largest residual of this log over its limit
     why: str  # model of that residual
@@ -206,7 +194,7 @@ class LogMonitor(Watching):
             raise InputError(f"`logs` must be at least {MIN_LOGS}, with the same models.")
         for log in self.logs:
             sizes = [len(model.weights) == len(model.terms) for model in log.models]
-            if any(replace(model, weights=()) not in OF_LOGS for model in log.models):
+            if any(replace(model, weights=()) not in watching.OF_LOGS for model in log.models):
                 raise InputError("`models` must be those that flighttune monitor takes of logs.")
             if not (all(sizes) and len(log.limits) == len(sizes) and min(log.limits) > 0.0):
                 raise InputError("`logs` must have a weight for each term, and positive limits.")
@@ -232,11 +220,11 @@ class LogMonitor(Watching):
         )
 
     @property
-    def watches(self) -> tuple[Watch, ...]:
+    def watches(self) -> tuple[watching.Watch, ...]:
         """Models and limits without each of the logs, scaled to the largest score."""
         scale = max(SMALLEST, *(log.score for log in self.logs))
         return tuple(
-            Watch(
+            watching.Watch(
                 models=log.models,
                 middle=np.zeros(len(log.limits)),
                 half=scale * np.array(log.limits),
@@ -252,8 +240,9 @@ class LogMonitor(Watching):
     def answer(self) -> Answer:
         """The logs, what is watched and what is not, and the claim."""
         models = self.logs[0].models
-        lacking = {x.name: f"{x.name} ({listed(sorted(x.signals))})" for x in OF_LOGS[::-1]}
-        unseen = [words for name, words in lacking.items() if name not in {x.name for x in models}]
+        seen, possible = {x.name for x in models}, {x.name: x for x in watching.OF_LOGS[::-1]}
+        lacking = [x for name, x in possible.items() if name not in seen]
+        unseen = [f"{x.name} ({listed(sorted(x.signals))})" for x in lacking]
         notes = [
             f"Watched are {listed([f'{x.name} ({x.target})' for x in models])}, from "
             f"{SETTLED_S:g} s of a log on. How often faults are found is not in the claim.",
@@ -309,17 +298,18 @@ def monitor_of_logs(runs: Sequence[Run]) -> LogMonitor:
                 f"{run.label}: must be at least {2.0 * SETTLED_S:g} s to learn from, got "
                 f"{run.duration:.1f} s."
             )
-    models = models_of(set.intersection(*({*map(str, run.signals)} for run in runs)), OF_LOGS)
+    there = set.intersection(*({*map(str, run.signals)} for run in runs))
+    models = watching.models_of(there, watching.OF_LOGS)
     if not models:
         raise InputError("the logs must have the signals of a model, such as phi and phi_cmd.")
-    columns = [columns_of(models, run, SETTLED_S) for run in runs]
-    products = [moments(each) for each in columns]
+    columns = [watching.columns_of(models, run, SETTLED_S) for run in runs]
+    products = [watching.moments(each) for each in columns]
     room, logs = np.array([model.room for model in models]), []
     for i, run in enumerate(runs):
-        without = taught(models, products[:i] + products[i + 1 :])
+        without = watching.taught(models, products[:i] + products[i + 1 :])
         peaks = np.array(
             [
-                np.abs(residuals(without, each, dt_of(other))).max(axis=0)
+                np.abs(watching.residuals(without, each, watching.dt_of(other))).max(axis=0)
                 for each, other in zip(columns, runs, strict=True)
             ]
         )

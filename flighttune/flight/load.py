@@ -15,7 +15,7 @@ from flighttune.flight.models import gain_set, tuning_scaling
 from flighttune.identification.file import load_identified
 from flighttune.plants.jsbsim.plant import check_off_nominal
 from flighttune.references.follow import RouteReference
-from flighttune.references.mission import RouteFile
+from flighttune.references.items import RouteFile
 from flighttune.scenario.load import existing_file, title_with, with_changes, with_files, with_gains
 from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import TUNED_FED_BACK, PlantTable

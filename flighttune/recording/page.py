@@ -18,14 +18,7 @@ from flighttune.present.answer import Column, Table
 from flighttune.present.names import METRIC_LABELS, SYMBOLS, columns
 from flighttune.present.palette import hue_tells_gains
 from flighttune.recording import entities, scene
-from flighttune.recording.entities import (
-    LEGEND,
-    OVERVIEW_TAB,
-    PAGE_TAB,
-    DrawnRun,
-    log_still,
-    reading,
-)
+from flighttune.recording.entities import DrawnRun
 from flighttune.recording.plots import TEXTS, Plot, value_range
 from flighttune.recording.scene import all_positions, drawn_scale, ground_grid
 from flighttune.simulate.run import Run, claim_notes, priority_notes, run_styles
@@ -48,13 +41,13 @@ def blueprint(
     flights: Sequence[DrawnRun], plots: Mapping[str, Sequence[Plot]], *, on_map: bool = False
 ) -> rrb.Blueprint:
     """Lay out the runs that flew, with the plots of each tab; without runs only the page."""
-    page = rrb.TextDocumentView(origin=entities.PAGE, name=PAGE_TAB)
+    page = rrb.TextDocumentView(origin=entities.PAGE, name=entities.PAGE_TAB)
     tabs: list[rrb.Container | rrb.View] = [page]
     if flights:
         views = {
-            OVERVIEW_TAB: _overview(flights, plots, on_map=on_map),
+            entities.OVERVIEW_TAB: _overview(flights, plots, on_map=on_map),
             **{name: _tab(tab_plots, flights) for name, tab_plots in plots.items()},
-            PAGE_TAB: page,
+            entities.PAGE_TAB: page,
         }
         tabs = [_below_sentence(name, view) for name, view in views.items()]
     # The panels of the viewer are closed, and it adds nothing itself.
@@ -222,14 +215,14 @@ def _metrics(heading: str, labels: Sequence[str], metrics: pd.DataFrame) -> str:
 
 def log_legends(stream: rr.RecordingStream, flights: Sequence[DrawnRun]) -> None:
     """Log what each tab shows, and which run has which number and colour."""
-    texts = {reading(tab): about["shows"] for tab, about in TEXTS["tabs"].items()}
-    texts[reading(OVERVIEW_TAB)] += f" {reading_line(flights)}"
-    texts[LEGEND] = "".join(
+    texts = {entities.reading(tab): about["shows"] for tab, about in TEXTS["tabs"].items()}
+    texts[entities.reading(entities.OVERVIEW_TAB)] += f" {reading_line(flights)}"
+    texts[entities.LEGEND] = "".join(
         f"{flight.number}. {flight.run.label}: {flight.style.name}, {flight.run.outcome}\n"
         for flight in flights
     )
     for entity, text in texts.items():
-        log_still(stream, entity, rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN))
+        entities.log_still(stream, entity, rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN))
 
 
 def reading_line(flights: Sequence[DrawnRun]) -> str:

@@ -11,21 +11,9 @@ import numpy as np
 
 from flighttune.errors import InputError
 from flighttune.files.table import hash_of, shown
+from flighttune.references import items as mavlink
 from flighttune.references import maps
 from flighttune.references.fence import circle_of
-from flighttune.references.items import (
-    ANY_AIRSPEED,
-    SPEED,
-    TAKEOFF,
-    TURNS,
-    WAYPOINT,
-    RouteFile,
-    Row,
-    add_row,
-    place,
-    planner_items,
-    read_items,
-)
 from flighttune.references.path import Stretch
 from flighttune.units import DEG
 
@@ -42,8 +30,8 @@ def read_route(
     *,
     skip: bool = False,
     terrain: str | Path | None = None,
-    airspeeds: tuple[float, float] | None = ANY_AIRSPEED,
-) -> RouteFile:
+    airspeeds: tuple[float, float] | None = mavlink.ANY_AIRSPEED,
+) -> mavlink.RouteFile:
     """Read a route: a .plan of QGroundControl, .waypoints of Mission Planner, KML or GeoJSON.
 
     `skip`: leave out commands that change the flight but have no place. Commands that leave the
@@ -53,9 +41,9 @@ def read_route(
     kind, content = maps.map_file(path, ROUTE_FILES, KINDS)
     with maps.reading(path, KINDS):
         if kind == "planner":
-            (*home, height), items = planner_items(content)
+            (*home, height), items = mavlink.planner_items(content)
             home = (*home, maps.json_number(height, "the height of home"))
-            read = read_items(items, home, skip, terrain, airspeeds)
+            read = mavlink.read_items(items, home, skip, terrain, airspeeds)
         elif kind == "plan":
             read = _plan(content, skip, terrain, airspeeds)
         else:
@@ -73,7 +61,7 @@ def read_route(
     return read._replace(route=read.route | above)
 
 
-def _written(stated: object, path: object) -> RouteFile | None:
+def _written(stated: object, path: object) -> mavlink.RouteFile | None:
     """The route that flighttune wrote beside a path, if that is still the path of the file."""
     if not isinstance(stated, Mapping) or stated.get("path_sha256") != hash_of(path):
         return None
@@ -85,10 +73,12 @@ def _written(stated: object, path: object) -> RouteFile | None:
         for key in ("waypoint", "rally")
     }
     notes = ["The waypoints are those from which flighttune planned the path of the file."]
-    return RouteFile({**stated["route"], **rows, "notes": notes}, flight, {**stated["limits"]})
+    return mavlink.RouteFile(
+        {**stated["route"], **rows, "notes": notes}, flight, {**stated["limits"]}
+    )
 
 
-def _plan(tables: Mapping[str, Any], *options: Any) -> RouteFile:
+def _plan(tables: Mapping[str, Any], *options: Any) -> mavlink.RouteFile:
     mission = tables["mission"]
     if read := _written(tables.get(maps.ROUTE_KEY), mission):
         return read
@@ -97,9 +87,11 @@ def _plan(tables: Mapping[str, Any], *options: Any) -> RouteFile:
     stated = [*maps.json_part(mission, "plannedHomePosition", list), None, None, None][:3]
     height = maps.json_number(stated[2], "the height above sea level in `plannedHomePosition`")
     home = (*(maps.json_number(x, "`plannedHomePosition`", 0.0) for x in stated[:2]), height)
-    read = read_items(mission["items"], home, *options)
+    read = mavlink.read_items(mission["items"], home, *options)
     points = maps.json_part(maps.json_part(tables, "rallyPoints", dict), "points", list)
-    rally = [place(f"rally point {i}", point[:3]) for i, point in enumerate(points, start=1)]
+    rally = [
+        mavlink.place(f"rally point {i}", point[:3]) for i, point in enumerate(points, start=1)
+    ]
     return read._replace(route=read.route | {"rally": rally})
 
 
@@ -107,7 +99,7 @@ def _plan(tables: Mapping[str, Any], *options: Any) -> RouteFile:
 STATED_HEIGHTS = "absolute", "relativeToGround"
 
 
-def _line(shapes: Sequence[Mapping[str, Any]]) -> RouteFile:
+def _line(shapes: Sequence[Mapping[str, Any]]) -> mavlink.RouteFile:
     lines = [x for x in shapes if x["geometry"]["type"] == "LineString"]
     if len(lines) != 1:
         kinds = Counter(shown(str(x["geometry"]["type"])) for x in shapes)
@@ -121,11 +113,12 @@ def _line(shapes: Sequence[Mapping[str, Any]]) -> RouteFile:
         points = [point[:2] for point in points]
     if len({len(point[:3]) for point in points}) > 1:
         raise InputError("`coordinates` must have a height at every point of a line, or at none.")
-    rows: list[Row] = []
+    rows: list[mavlink.Row] = []
     same: list[str] = []
     for number, point in enumerate(points, start=1):
         name = f"point {number}"
-        same += add_row(rows, place(name, [point[1], point[0], *point[2:3], 0.0][:3]), name)
+        row = mavlink.place(name, [point[1], point[0], *point[2:3], 0.0][:3])
+        same += mavlink.add_row(rows, row, name)
     notes = ["Of the shapes in the file the line alone is read."] * (len(shapes) > 1)
     flight = {"h_m": rows[0]["up_m"]} if rows else {}
     # Programs that know no heights write zeros.
@@ -135,7 +128,7 @@ def _line(shapes: Sequence[Mapping[str, Any]]) -> RouteFile:
         notes.append(f"The file has no heights{clamped}: the route is level, at `h_m`.")
     elif mode != STATED_HEIGHTS[0]:
         flight, notes = {}, [*notes, "Heights in the file are above the ground: `h_m` is assumed."]
-    return RouteFile({"waypoint": rows, "notes": [*notes, *same]}, flight)
+    return mavlink.RouteFile({"waypoint": rows, "notes": [*notes, *same]}, flight)
 
 
 # Largest change of course between two waypoints of a turn-around, rad: autopilots pass them inside.
@@ -159,23 +152,24 @@ def route_plan(route: maps.RouteMap, V_a: float, ground: float) -> tuple[str, st
         return round(lat, 8), round(lon, 8), round(h_0 + up - ground, 2)
 
     steps: list[tuple[int, tuple[float | None, ...], tuple[float, ...]]] = [
-        (TAKEOFF, (15, 0, 0, None), at(0.0)),
-        (SPEED, (0, round(V_a, 2), -1, 0), (0, 0, 0)),
+        (mavlink.TAKEOFF, (15, 0, 0, None), at(0.0)),
+        (mavlink.SPEED, (0, round(V_a, 2), -1, 0), (0, 0, 0)),
     ]
     for stretch in path.stretches:
         if stretch.kind == "loiter":
             point = route.points[stretch.waypoint - 1]
             turns = round(abs(stretch.turn) / math.tau, 2)
             radius = math.copysign(round(stretch.radius, 1), stretch.turn)
-            place = point.lat, point.lon, round(point.height - ground, 2)
-            steps.append((TURNS, (turns, 0, radius, 1), place))
+            centre = point.lat, point.lon, round(point.height - ground, 2)
+            steps.append((mavlink.TURNS, (turns, 0, radius, 1), centre))
         else:
-            steps += [(WAYPOINT, no_options, at(s)) for s in _passed(stretch)]
+            steps += [(mavlink.WAYPOINT, no_options, at(s)) for s in _passed(stretch)]
     if path.stretches[-1].kind == "leg":
-        steps.append((WAYPOINT, no_options, at(path.length)))
+        steps.append((mavlink.WAYPOINT, no_options, at(path.length)))
     items = [
         {"type": "SimpleItem", "autoContinue": True, "doJumpId": number, "command": command}
-        | {"frame": NO_FRAME if command == SPEED else ABOVE_HOME, "params": [*values, *place]}
+        | {"frame": NO_FRAME if command == mavlink.SPEED else ABOVE_HOME}
+        | {"params": [*values, *place]}
         for number, (command, values, place) in enumerate(steps, start=1)
     ]
     fence, said = _fewer_vertices(route)

@@ -15,19 +15,7 @@ import numpy as np
 
 from flighttune.arrays import FloatArray, Floats
 from flighttune.errors import InputError
-from flighttune.references.turns import (
-    NO_LENGTH,
-    SHARES,
-    Piece,
-    Pieces,
-    Pose,
-    bent,
-    centre,
-    curved,
-    farthest,
-    turned,
-    ways,
-)
+from flighttune.references import turns
 from flighttune.units import DEG
 
 Kind: TypeAlias = Literal["leg", "turn", "loiter", "turn-around"]
@@ -180,7 +168,7 @@ class _Laid(NamedTuple):
 
     kind: Kind
     waypoint: int
-    pieces: Pieces
+    pieces: turns.Pieces
     aside: float = 0.0
 
     @property
@@ -250,15 +238,15 @@ class _Layout:
         # them, negative where they have no room. Corners are the waypoints whose turn the legs
         # before and after them share.
         self.courses = self._courses()
-        turns, reaches = zip(*self._turns(), strict=True)
-        self.corners = {i for i, x in enumerate(turns) if x and not waypoints[i].turns}
+        bends, reaches = zip(*self._turns(), strict=True)
+        self.corners = {i for i, x in enumerate(bends) if x and not waypoints[i].turns}
         self.lengths: list[float] = []
         for i, (start, end) in enumerate(pairwise(waypoints)):
             north, east, course = end.north - start.north, end.east - start.east, self.courses[i]
             along = north * math.cos(course) + east * math.sin(course)
             self.lengths.append(along - reaches[i] - reaches[i + 1])
         self.laid: list[_Laid] = []
-        for i, turn in enumerate(turns[1:]):
+        for i, turn in enumerate(bends[1:]):
             number, start = i + 2, self._pose(i, out=True)
             if i in self.around:
                 self.laid.append(_around(number, start, self._pose(i + 1, out=False), ability))
@@ -267,7 +255,7 @@ class _Layout:
                 if self._is_over(i):
                     end = start._replace(course=self.courses[i])
                     self.laid.append(_around(i + 1, start, end, ability))
-                straight = Piece(max(self.lengths[i], 0.0), 0.0, 0.0)
+                straight = turns.Piece(max(self.lengths[i], 0.0), 0.0, 0.0)
                 self.laid.append(_Laid("leg", number, (straight,)))
             if turn:
                 kind = "loiter" if waypoints[i + 1].turns else "turn"
@@ -276,7 +264,7 @@ class _Layout:
     @property
     def short(self) -> list[int]:
         """Legs that are too short for the turns at their ends."""
-        return [i for i, length in enumerate(self.lengths) if length < -NO_LENGTH]
+        return [i for i, length in enumerate(self.lengths) if length < -turns.NO_LENGTH]
 
     @property
     def cost(self) -> float:
@@ -294,8 +282,8 @@ class _Layout:
         for i, (start, end) in enumerate(pairwise(self.waypoints)):
             north, east = end.north - start.north, end.east - start.east
             aside = asides[i + 1] - asides[i]
-            if (apart := math.hypot(north, east)) <= max(abs(aside), NO_LENGTH):
-                if not self.ability.turnaround or (apart <= NO_LENGTH and not aside):
+            if (apart := math.hypot(north, east)) <= max(abs(aside), turns.NO_LENGTH):
+                if not self.ability.turnaround or (apart <= turns.NO_LENGTH and not aside):
                     raise InputError(
                         f"`waypoints`: {end.name} must be more than {abs(aside):.0f} m from "
                         f"{start.name}, got {apart:.1f} m."
@@ -305,10 +293,10 @@ class _Layout:
             if i not in self.around:
                 courses.append(bearing - math.asin(aside / apart))
             else:
-                courses.append(courses[-1] if apart <= NO_LENGTH and courses else bearing)
+                courses.append(courses[-1] if apart <= turns.NO_LENGTH and courses else bearing)
         return courses
 
-    def _turns(self) -> Iterator[tuple[Pieces, float]]:
+    def _turns(self) -> Iterator[tuple[turns.Pieces, float]]:
         """Circles, a corner or, beside a turn-around, nothing at each waypoint; the reach."""
         yield (), 0.0
         # The reach is the distance from its beginning to the foot of the waypoint on the leg, m.
@@ -334,21 +322,23 @@ class _Layout:
             return False
         return abs(math.remainder(self.courses[i] - self.courses[i - 1], math.tau)) > SHARPEST
 
-    def _pose(self, i: int, *, out: bool) -> Pose:
+    def _pose(self, i: int, *, out: bool) -> turns.Pose:
         """Where a turn-around begins or ends at a waypoint: on the course of a leg beside it."""
         point, last = self.waypoints[i], len(self.courses) - 1
         before, after = self.courses[max(i - 1, 0)], self.courses[min(i, last)]
         if point.turns:
             ahead, right = _beside(point, self.ability)
             course, ahead = (after, -ahead) if out else (before, ahead)
-            return Pose(*Pose(point.north, point.east, course).beside(-ahead, -right), course)
+            return turns.Pose(
+                *turns.Pose(point.north, point.east, course).beside(-ahead, -right), course
+            )
         if 0 < i and i - 1 not in self.around:
             course = before
         elif i <= last and i not in self.around:
             course = after
         else:  # between two turn-arounds half way from one leg's course to the other's
             course = before + 0.5 * math.remainder(after - before, math.tau)
-        return Pose(point.north, point.east, course)
+        return turns.Pose(point.north, point.east, course)
 
 
 def _laid_out(waypoints: Sequence[Waypoint], ability: Ability) -> _Layout:
@@ -379,12 +369,12 @@ def _laid_out(waypoints: Sequence[Waypoint], ability: Ability) -> _Layout:
 
 
 @lru_cache(maxsize=4096)  # each is tried beside others
-def _around(number: int, start: Pose, end: Pose, ability: Ability) -> _Laid:
+def _around(number: int, start: turns.Pose, end: turns.Pose, ability: Ability) -> _Laid:
     """The shortest turn-around within its room, or else the one that takes the least room."""
-    curvatures = [share * ability.curvature for share in SHARES]
-    tried = [x for k in curvatures for x in ways(start, end, k, ability.rolling(k))]
+    curvatures = [share * ability.curvature for share in turns.SHARES]
+    tried = [x for k in curvatures for x in turns.ways(start, end, k, ability.rolling(k))]
     tried.sort(key=lambda pieces: sum(piece.length for piece in pieces))
-    asides = [(farthest(pieces, start, end), pieces) for pieces in tried]
+    asides = [(turns.farthest(pieces, start, end), pieces) for pieces in tried]
     inside = (way for way in asides if way[0] <= ability.turnaround)
     aside, pieces = next(inside, None) or min(asides)
     return _Laid("turn-around", number, pieces, aside)
@@ -435,12 +425,12 @@ def _curvature(point: Waypoint, ability: Ability) -> float:
 def _beside(point: Waypoint, ability: Ability) -> tuple[float, float]:
     """Where the centre of circles lies from the beginning of the roll-in, m: ahead and right."""
     curvature = _curvature(point, ability)
-    return centre(curvature, ability.rolling(abs(curvature)))
+    return turns.centre(curvature, ability.rolling(abs(curvature)))
 
 
 def _circles(
     point: Waypoint, turn: float, before: Waypoint, ability: Ability
-) -> tuple[Pieces, float]:
+) -> tuple[turns.Pieces, float]:
     """The circles around a waypoint where the course changes by `turn`, rad, and their reach."""
     curvature = _curvature(point, ability)
     size, change = abs(curvature), (point.up - before.up) * point.spiral
@@ -448,7 +438,7 @@ def _circles(
     rise = abs(change) / math.tan(steepest) if change else 0.0
     least = max(abs(point.turns) * math.tau, size * max(point.hold * ability.V_a, rise))
     onward = (math.copysign(1.0, point.turns) * turn - least) % math.tau
-    pieces = turned(curvature, least + onward, ability.rolling(size))
+    pieces = turns.turned(curvature, least + onward, ability.rolling(size))
     if pieces[1].length < 0.0:
         least = 1.0 - pieces[1].length * size / math.tau
         raise InputError(
@@ -458,7 +448,7 @@ def _circles(
 
 
 @lru_cache(maxsize=4096)
-def _corner(turn: float, ability: Ability) -> tuple[Pieces, float]:
+def _corner(turn: float, ability: Ability) -> tuple[turns.Pieces, float]:
     """The turn at a waypoint that is passed where the course changes by `turn`, and its reach."""
     turn = math.remainder(turn, math.tau)
     if abs(turn) < NO_TURN:
@@ -467,22 +457,22 @@ def _corner(turn: float, ability: Ability) -> tuple[Pieces, float]:
     rolling = ability.rolling(curvature)
     # A small turn ends before roll is at its limit.
     share = min(1.0, math.sqrt(abs(turn) / (curvature * rolling)))
-    pieces = turned(math.copysign(share * curvature, turn), abs(turn), share * rolling)
-    x, y, _ = curved(pieces)
+    pieces = turns.turned(math.copysign(share * curvature, turn), abs(turn), share * rolling)
+    x, y, _ = turns.curved(pieces)
     return pieces, x - y / math.tan(turn)
 
 
 def _path(layout: _Layout) -> Path:
     """The table of a path."""
     laid, waypoints, ability = layout.laid, layout.waypoints, layout.ability
-    beyond = Piece(BEYOND_S * ability.speed, 0.0, 0.0)
+    beyond = turns.Piece(BEYOND_S * ability.speed, 0.0, 0.0)
     flat = [*(piece for stretch in laid for piece in stretch.pieces), beyond]
     counts = list(accumulate((len(stretch.pieces) for stretch in laid), initial=0))
     begins = np.cumsum([0.0, *(piece.length for piece in flat)])
     s = np.arange(math.ceil(begins[-1] / STEP) * SUBSTEPS + 1) * (STEP / SUBSTEPS)
-    changes, curvature = bent(flat, s)
+    changes, curvature = turns.bent(flat, s)
     courses, ends = layout.courses[0] + changes, begins[counts]
-    turned_at = layout.courses[0] + bent(flat, ends)[0]
+    turned_at = layout.courses[0] + turns.bent(flat, ends)[0]
     north, east = (
         np.concatenate([[0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]))]) * (STEP / SUBSTEPS)
         for rate in (np.cos(courses), np.sin(courses))
@@ -493,7 +483,7 @@ def _path(layout: _Layout) -> Path:
         return waypoints[laid[int(np.searchsorted(ends, distance)) - 1].waypoint - 1].name
 
     height, slope = _heights(s[::SUBSTEPS], *profile, ability, place)
-    climbs = np.diff(np.interp(ends, *profile)) / np.maximum(np.diff(ends), NO_LENGTH)
+    climbs = np.diff(np.interp(ends, *profile)) / np.maximum(np.diff(ends), turns.NO_LENGTH)
     stretches = tuple(
         Stretch(
             kind=stretch.kind,
@@ -537,7 +527,7 @@ def _profile(layout: _Layout, ends: list[float]) -> tuple[FloatArray, FloatArray
             before = waypoints[stretch.waypoint - 2].name
             _climb(profile, before, point, reached, layout.ability)
     along, up = np.array(profile).T
-    distinct = np.append(True, np.diff(along) > NO_LENGTH)
+    distinct = np.append(True, np.diff(along) > turns.NO_LENGTH)
     return along[distinct], up[distinct]
 
 
@@ -556,7 +546,7 @@ def _climb(
         gamma = math.copysign(point.climb, change)
     needed = change / math.tan(gamma) if change else 0.0
     low, high = ability.gamma
-    if not (low <= gamma <= high and needed <= distance + NO_LENGTH):
+    if not (low <= gamma <= high and needed <= distance + turns.NO_LENGTH):
         steepest = high if change > 0.0 else low
         raise InputError(
             f"`waypoints`: the height of {point.name} must differ by at most "
@@ -564,7 +554,7 @@ def _climb(
             f"at a path angle of {low / DEG:.1f} to {high / DEG:.1f} deg over "
             f"{distance:.0f} m, got {abs(change):.0f} m at {gamma / DEG:.1f} deg."
         )
-    if NO_LENGTH < needed < distance - NO_LENGTH:
+    if turns.NO_LENGTH < needed < distance - turns.NO_LENGTH:
         profile.append((along + needed, point.up))
     profile.append((reached, point.up))
 

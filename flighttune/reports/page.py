@@ -23,15 +23,7 @@ from flighttune.present.frame import Report, Section, page_template, write_answe
 from flighttune.present.names import CHANNEL_SYMBOLS
 from flighttune.present.palette import HUES, LIMIT
 from flighttune.records import compare
-from flighttune.reports import panels
-from flighttune.reports.charts import (
-    bound_chart,
-    gap_charts,
-    itae_chart,
-    planned_path,
-    route_charts,
-    steps_chart,
-)
+from flighttune.reports import charts, panels
 from flighttune.reports.panels import TEXTS, by_plant, provenance_table
 from flighttune.scenario.load import gains_notes, scenario_of
 from flighttune.scenario.schema import Scenario
@@ -70,7 +62,7 @@ def write_log_page(
     part = f"{run.duration:.1f} s from {log['from_s']:g} s on, {len(run.signals)} samples"
     facts = {"log": f"{log['file']} ({log['kind']})", "part": part}
     facts |= {key: "; ".join(lines) for key, lines in stated.items() if lines}
-    summary, alarms, charts, failure = [f"A real flight of {run.duration:.1f} s."], [], [], ""
+    summary, alarms, scores, failure = [f"A real flight of {run.duration:.1f} s."], [], [], ""
     for monitor in monitors:
         alarm, score = monitor.alarm(run), score_so_far(monitor.watches, run)
         sentence = f"No alarm from {monitor.watches[0].from_s:g} s on."
@@ -81,11 +73,11 @@ def write_log_page(
         chart = Chart(title=f"Largest score so far: {sentence}", y="score [1]")
         chart.line(run.t[-len(score) :], score, STRONG)
         chart.level(1.0, LIMIT)
-        charts.append(chart)
+        scores.append(chart)
         summary += [sentence, f"The monitor: {monitor.sentence}."]
         if isinstance(monitor, LogMonitor) and run.provenance.gains_name in monitor.names:
             summary.append("It learned from a log of this name, of which it claims nothing.")
-    watched = Section(id="monitor", title="Monitor", charts=charts, legend=False)
+    watched = Section(id="monitor", title="Monitor", charts=scores, legend=False)
     sections = _of_logs([(run, styles[run.label])], facts_table("The log", facts))
     page = write_answer(
         path,
@@ -223,7 +215,7 @@ def write_gap_page(gap: Gap, tables: Sequence[Table], path: Path) -> Report:
         about=(flown_in_words(gap.scenario, gap.runs),),
         summary=gap.causes,
         parts={
-            "responses": Section(note=" ".join(note), charts=gap_charts(gap)),
+            "responses": Section(note=" ".join(note), charts=charts.gap_charts(gap)),
             "numbers": Section(title="Numbers", tables=tables),
         },
         styles=run_styles(gap.runs),
@@ -308,7 +300,7 @@ def _gaps(scenario: Scenario, runs: Sequence[Run]) -> tuple[list[Gap], list[str]
 
 def overview(flights: panels.Drawn) -> list[Chart]:
     """The charts at the top: of a route on a map and along it, else of course and path angle."""
-    return route_charts(flights) or panels.tracking(flights)
+    return charts.route_charts(flights) or panels.tracking(flights)
 
 
 def _of_flights(
@@ -318,7 +310,7 @@ def _of_flights(
     runs = [run for run, _ in flights]
     first, areas = priority_notes(runs), claim_notes(runs)
     # Of a route, tubes and bands are drawn at the top, and so is the path.
-    path = [] if planned_path(flights) else panels.paths(flights)
+    path = [] if charts.planned_path(flights) else panels.paths(flights)
     on_route = "along" in runs[0].signals
     return [
         Section(
@@ -346,7 +338,7 @@ def _gap_section(gaps: Sequence[Gap], runs: Sequence[Run]) -> Section:
     shown, more = gaps[:MAX_GAPS], len(gaps) - MAX_GAPS
     note = [TEXTS["gap"], *(sentence for gap in shown for sentence in gap.causes)]
     note += [f"The tables have {more} more."] if more > 0 else []
-    kinds = (itae_chart, steps_chart, bound_chart)
+    kinds = (charts.itae_chart, charts.steps_chart, charts.bound_chart)
     return Section(
         id="gap",
         title="From the law to the aircraft",
@@ -371,15 +363,15 @@ def _certificate_section(scenario: Scenario, flights: panels.Drawn) -> Section:
     )
     # A gain set has the style of its run on the last plant, the strongest.
     marks = {run.provenance.gains_name: style for run, style in flights}
-    charts, notes = panels.certificate_panels(flights, bounds), ["bound" if bounds else "no_bound"]
+    curves, notes = panels.certificate_panels(flights, bounds), ["bound" if bounds else "no_bound"]
     if "frontier" in set(curve["name"]):
-        charts += [frontier_chart(curve, marks, against=key) for key in ("I_K", "E_K")]
+        curves += [frontier_chart(curve, marks, against=key) for key in ("I_K", "E_K")]
     else:
         notes.append("no_curve")
     return Section(
         id="certificate",
         title="Certificate",
         note=" ".join(TEXTS[note] for note in notes),
-        charts=charts,
+        charts=curves,
         tables=[panels.gains_table(gains, curve), panels.certificates_table(scenario, gains)],
     )

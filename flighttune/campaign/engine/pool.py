@@ -10,16 +10,7 @@ from flighttune.arrays import check_at_least
 from flighttune.campaign.engine.cluster import ClusterWorkers, campaign_error, check_scheduler
 from flighttune.campaign.engine.flyer import OF_THREAD, Answer, Flyer, fly, work_of
 from flighttune.campaign.engine.progress import CampaignObserver, CampaignProgress
-from flighttune.campaign.flying.rows import (
-    Draw,
-    Drawn,
-    Probes,
-    Row,
-    batched_groups,
-    blocks,
-    fly_together,
-    lost_row,
-)
+from flighttune.campaign.flying import rows as flying
 from flighttune.errors import InputError, StoppedError
 from flighttune.flight.apart import before_running
 from flighttune.planning.plan import Plan
@@ -46,7 +37,7 @@ class Threads:
             count, initializer=lambda: setattr(OF_THREAD, "flyer", next(flyers))
         )
 
-    def submit(self, work: bytes, draw: Draw) -> Future[list[Answer]]:
+    def submit(self, work: bytes, draw: flying.Draw) -> Future[list[Answer]]:
         """Hand out the arguments of `fly`."""
         return self._executor.submit(fly, work, draw)
 
@@ -103,9 +94,9 @@ class WorkerPool:
         runs: Iterable[int],
         *,
         doing: str | None = None,
-        probes: Probes | None = None,
-        draws: Sequence[Drawn] | None = None,
-    ) -> Iterator[Row]:
+        probes: flying.Probes | None = None,
+        draws: Sequence[flying.Drawn] | None = None,
+    ) -> Iterator[flying.Row]:
         """Fly runs of a plan, in rising order; their rows, and StoppedError if stopped."""
         runs, probes, progress = list(runs), probes or {}, self.progress
         if not runs:
@@ -115,27 +106,27 @@ class WorkerPool:
             progress.succeeded = 0
         before_running(plan.code)
         progress.runs = progress.done + len(runs)
-        flown_here: list[Row] = []
+        flown_here: list[flying.Row] = []
 
-        def alone_draws() -> Iterator[Draw]:
+        def alone_draws() -> Iterator[flying.Draw]:
             """Work for the workers; a draw without runs after a batch that this process flew."""
             many = draws is None and len(runs) > FEW
-            if many or len(batched_groups(plan, probes, draws)) < len(plan.groups):
+            if many or len(flying.batched_groups(plan, probes, draws)) < len(plan.groups):
                 self._started()  # the processes get ready while the first batch is flown
-            for together, alone in blocks(plan, runs, probes, draws):
+            for together, alone in flying.blocks(plan, runs, probes, draws):
                 if many and together:
                     batch = tuple(run for draw in together for run in draw.runs)
-                    yield Draw(batch, None)
+                    yield flying.Draw(batch, None)
                 else:
-                    flown_here.extend(fly_together(plan, together))
-                    yield Draw((), {})
+                    flown_here.extend(flying.fly_together(plan, together))
+                    yield flying.Draw((), {})
                 yield from alone
 
         work = work_of(plan, probes)
         for draw, answers in self._answers(doing or "flying", work, alone_draws()):
             rows = [
-                answer if isinstance(answer, dict) else lost_row(plan, run, draw.drawn, answer)
-                for run, answer in zip(draw.runs, answers, strict=True)
+                x if isinstance(x, dict) else flying.lost_row(plan, run, draw.drawn, x)
+                for run, x in zip(draw.runs, answers, strict=True)
             ]
             for row in chain(flown_here, rows):
                 yield row
@@ -145,14 +136,14 @@ class WorkerPool:
         if self.observer.stopped:
             raise StoppedError("the observer stopped the flights.")
 
-    def in_order(self, plan: Plan, runs: Iterable[int], **options: Any) -> list[Row]:
+    def in_order(self, plan: Plan, runs: Iterable[int], **options: Any) -> list[flying.Row]:
         """All rows of `rows`, in order of `run`."""
         return sorted(self.rows(plan, runs, **options), key=lambda row: row["run"])
 
     def signals(self, plan: Plan, runs: Iterable[int]) -> Iterator[tuple[int, bytes]]:
         """Fly runs of a plan again for their signals: each with the bytes of its recording."""
         self.progress.runs = self.progress.done  # the progress goes on to show the rows
-        draws, work = (Draw((run,), {}) for run in runs), work_of(plan, {}, signals=True)
+        draws, work = (flying.Draw((run,), {}) for run in runs), work_of(plan, {}, signals=True)
         for ((run,), _), (signals,) in self._answers("keeping signals", work, draws):
             if isinstance(signals, bytes):
                 yield run, signals
@@ -162,15 +153,15 @@ class WorkerPool:
             raise StoppedError("the observer stopped the flights.")
 
     def _answers(
-        self, doing: str, work: bytes, draws: Iterator[Draw]
-    ) -> Iterator[tuple[Draw, list[Any]]]:
+        self, doing: str, work: bytes, draws: Iterator[flying.Draw]
+    ) -> Iterator[tuple[flying.Draw, list[Any]]]:
         """Draws with the answers of the workers, in any order; one without runs at once."""
         observer, progress, more = self.observer, self.progress, True
         if progress.began is None:
             observer.see(progress)
             progress.began = time.perf_counter()
         progress.doing = doing
-        pending: dict[Future[list[Answer]], Draw] = {}
+        pending: dict[Future[list[Answer]], flying.Draw] = {}
         while more or pending:
             observer.see(progress)
             # `<=` hands out a task even with no worker: some schedulers start workers for it
