@@ -26,7 +26,6 @@ from flighttune.control.linear_model import LinearModel, inner_feedback
 from flighttune.control.margins import Loop, cut_margins, margins_table
 from flighttune.errors import InputError
 from flighttune.flight.conditions import reference_of
-from flighttune.flight.flown import FlownScenario
 from flighttune.flight.fly import library_versions
 from flighttune.flight.models import identified_models, law_setup
 from flighttune.logs.log import Columns, load_part
@@ -38,8 +37,7 @@ from flighttune.planning.source import flights as flights_of_source
 from flighttune.present.answer import Answer, Answering, Column, Table, facts_table, number, percent
 from flighttune.present.frame import Report, Section, write_answer
 from flighttune.present.names import columns, endings_table, listed
-from flighttune.records.compare import Comparison, Source, load_source
-from flighttune.records.compare import compare as compare_runs
+from flighttune.records.compare import Comparison, Runs, compare_runs
 from flighttune.references.follow import RouteReference
 from flighttune.scenario.load import scenario_from
 from flighttune.scenario.schema import Scenario
@@ -68,9 +66,6 @@ MEASURED = {
     "chi.peak_rad": ("course", "deg", DEG_PER_RAD),
     "gamma.peak_rad": ("path angle", "deg", DEG_PER_RAD),
 }
-
-# Number of errors in the first lines: cross track, height and airspeed of a route.
-HEADLINE = 3
 
 # Share of the time of a flight in which a signal stays below a number, and the signals of a log
 # that are held against those of the flights, with their unit and its factor.
@@ -155,7 +150,7 @@ class Beside(Answering):
             kept = f"Largest errors of {n}"
             bound = f"{kept}; {needed} are needed for a bound"
         both, better, said = [], [], []
-        for x in accuracy[:HEADLINE]:
+        for x in accuracy[:3]:  # cross track, height and airspeed of a route
             yours, ours = (number(x[name], ".3g") for name in (YOURS, OURS))
             both.append(f"{x['of']} {yours} | {ours} {x['unit']}")
             better.append(f"{x['of']} {x['better']} ({percent(x['lo'])} to {percent(x['hi'])} %)")
@@ -289,9 +284,7 @@ def _kept(run: Run, _scenario: Scenario | None) -> list[float]:
 
 @overload
 def compare(
-    a: str | Path | Run | FlownScenario | Source,
-    *others: str | Path | Run | FlownScenario | Source,
-    columns: Columns = ...,
+    a: str | Path | Runs, *others: str | Path | Runs, columns: Columns = ...
 ) -> Comparison: ...
 
 
@@ -302,8 +295,8 @@ def compare(
 
 
 def compare(  # type: ignore[misc] # noqa: PLR0913 - each is a choice of the user, and has a default
-    a: Flights | Scenario | Campaign | Plan | Run | FlownScenario | Source | str | Path,
-    *others: str | Path | Run | FlownScenario | Source,
+    a: Flights | Scenario | Campaign | Plan | Runs | str | Path,
+    *others: str | Path | Runs,
     columns: Columns = (),
     autopilot: str | Path | None = None,
     version: str | None = None,
@@ -377,12 +370,10 @@ def compare(  # type: ignore[misc] # noqa: PLR0913 - each is a choice of the use
         for name, value in (of_flights | options).items():
             if value not in (None, False, {}):
                 raise InputError(f"`{name}` must be absent without the parameters of an autopilot.")
-        runs = [load_source(x, columns=columns) if isinstance(x, str | Path) else x for x in others]
-        first = load_source(a, columns=columns) if isinstance(a, str | Path) else a
-        if not isinstance(first, Run | FlownScenario | Source):
+        if not isinstance(a, str | Path | Runs):
             raise InputError(f"`a` must be runs, got a {type(a).__name__}: `fly` it.")
-        return compare_runs(first, *runs)
-    if others or isinstance(a, Run | FlownScenario | Source):
+        return compare_runs([a, *others], columns)
+    if others or isinstance(a, Runs):
         raise InputError("`autopilot` must be compared with one source of flights, got runs.")
     now = flown_now(autopilot, version)
     place, _, gains = str(a).partition("@") if isinstance(a, str) else (a, "", "")

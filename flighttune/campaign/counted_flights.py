@@ -31,9 +31,6 @@ CALM, STEADY_WIND = "calm", "wind"
 # Tables of a scenario that calm air and steady wind do not have.
 DROPPED = {CALM: ("disturbance", "gust", "turbulence", "wind"), STEADY_WIND: ("gust", "turbulence")}
 
-# Points of the unit interval at which a dispersed key counts as lowest and highest.
-UNIT_ENDS = (1e-9, 1.0 - 1e-9)
-
 
 # Distance between the places of a route that are known to its flights, m.
 APART = 10.0
@@ -137,7 +134,7 @@ def _range(table: Dispersion, own: Any) -> list[Any]:
     elif isinstance(table, Uniform):
         ends = [table.lower, table.upper]
     else:
-        ends = table.at(np.array(UNIT_ENDS)).tolist()
+        ends = table.at(np.array([1e-9, 1.0 - 1e-9])).tolist()  # of an unbounded range
     if table.acts == "sets":
         return ends
     if own is None:

@@ -63,9 +63,6 @@ By: TypeAlias = tuple[int | None, str | None, CampaignObserver | None]
 # Extremes of a signal of a flight that is outside of any band.
 LOST = [-np.inf, np.inf]
 
-# Keys that must be the same in all flights: the windows of a band are the same samples in each.
-TIME_AXIS = ("flight.duration_s", "controller.rate_hz")
-
 
 def drawn(
     stated: Flights, plant: str | None, gains: str | None, air: str | None, seed: int | None
@@ -110,7 +107,8 @@ def counted_on(
     windy = predicted_from is not None
     distribution = counted_flights.distribution_of(plan.campaign, group.plant)
     counted_flights.check_random(place, distribution, plan.campaign.central)
-    for key in {*TIME_AXIS} & {*plan.keys}:
+    # The windows of a band are the same samples in each flight.
+    for key in {"flight.duration_s", "controller.rate_hz"} & {*plan.keys}:
         raise InputError(f"{place}: `{key}` must be the same in all flights of a band.")
     if windy and not any(key.startswith("wind.") for key in distribution.dispersed):
         raise InputError(f"{place}: the wind must be drawn for `given` wind, got one wind.")

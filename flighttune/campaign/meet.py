@@ -19,7 +19,7 @@ from flighttune.campaign.engine.progress import CampaignObserver
 from flighttune.campaign.flying.columns import measured_in
 from flighttune.campaign.flying.rows import Row
 from flighttune.campaign.meeting import BY_DEFAULT, Meeting, Status, Trial
-from flighttune.campaign.statistics.intervals import CONFIDENCE, ordered_quantile, share
+from flighttune.campaign.statistics.intervals import CONFIDENCE, share
 from flighttune.claims.count import LOOK, sure
 from flighttune.control.gains import PAPER_GAINS, PIGains
 from flighttune.control.law import Law, plain_laws, split_name
@@ -257,7 +257,7 @@ class Search:
     def value(self, trial: Trial) -> float:
         """Draws on which a requirement is missed, then the excess; then the metric, below -1."""
         missed = int((trial.worst > 0.0).sum())
-        excess = float(ordered_quantile(trial.worst, self._success))
+        excess = float(np.quantile(trial.worst, self._success, method="inverted_cdf"))
         if self._metric != MARGIN and self.draws == 1 and excess <= -self.wanted:
             return 0.5 * _squeezed(trial.metric) - 1.5
         if excess == LOST:  # a requirement has no value: what is nearer to having one is better

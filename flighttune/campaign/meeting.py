@@ -34,7 +34,6 @@ REQUIREMENT_COLUMNS = columns(
 SHARE_COLUMNS = [*REQUIREMENT_COLUMNS[:4], *columns("value unit share share_start", of="shares")]
 TRADE_COLUMNS = [*REQUIREMENT_COLUMNS[:5], *columns("unit alone beside", of="trade_offs")]
 TRADED = "the best of each among the gains flown here"
-LOOP_COLUMNS = columns("R_K I_K E_K spectral_abscissa")
 CERTIFICATE_COLUMNS = [Column("in_words", "status"), *columns("rate growth radius")]
 # What is claimed, by what decides it or by the answer that is sure.
 AT_ANY = f"confidence {CONFIDENCE:g} at any number of draws"
@@ -186,7 +185,7 @@ class Meeting(Answering):
                 Table(TRADE_COLUMNS, [*map(in_words, self.trade_offs)], TRADED),
                 gains_table("gains", self.gains),
                 *drawn,
-                Table(LOOP_COLUMNS, [figures]),
+                Table(columns("R_K I_K E_K spectral_abscissa"), [figures]),
                 margins_table(loop_margins(model, self.gains)),
                 Table(CERTIFICATE_COLUMNS, [certificate], "certificate"),
                 endings_table(self.endings),

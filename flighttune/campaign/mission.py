@@ -43,8 +43,6 @@ FACTORS = {"flight.V_a_mps": (0.9, 1.1, 0.8, 1.2), "route.wind_mps": (1.5, 2.0)}
 # Values of a key that are tried for a path inside its fence, and the lowest airspeed, a share.
 TRIED, SLOWEST = 8, 0.4
 
-BELOW_GROUND = "the path or its corridor is below the ground"
-
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class MissionOdds(Answering):
@@ -377,7 +375,7 @@ def _over_ground(
         answer,
         values={**answer.values, "terrain": seen},
         changed=[*starmap(maps.clearance_words, said), *answer.changed],
-        failure=answer.failure or BELOW_GROUND * below,
+        failure=answer.failure or "the path or its corridor is below the ground" * below,
     )
 
 

@@ -16,7 +16,6 @@ from flighttune.claims.counted import Counted
 from flighttune.errors import InputError, RecordingError, ScenarioError
 from flighttune.files.load import BAND, DATASET, RECORDING, load_one
 from flighttune.flight.fly import LawMaker, PlantMaker, Progress
-from flighttune.planning.plan import Plan
 from flighttune.records.parquet import Recording
 from flighttune.records.refly import CheckedRun, Difference, Reflown, changed_versions, reflights
 from flighttune.simulate.run import Run
@@ -25,9 +24,6 @@ from flighttune.simulate.run import Run
 DRAWN = 5
 
 FLOWN = "recording, its folder, the Parquet file of a run, the folder of a campaign, or a band"
-
-# Statuses of runs that may crash or hang again if they are flown in this process.
-CRASHED = ("crashed", "timed_out")
 
 OTHER_EXTREMES = Difference("extremes", None, "those of the band", "others")
 
@@ -96,7 +92,7 @@ def refly(
     if isinstance(recorded, Counted | Dataset):
         if isinstance(recorded, Counted):
             plan, versions = plan_of(recorded), {}
-            drawn = tuple(_draws_again(recorded, plan, name, run, count or DRAWN, observer))
+            drawn = tuple(_draws_again(recorded, name, run, count or DRAWN, observer))
         else:
             name, plan = str(recorded.folder), recorded.plan
             versions = changed_versions(recorded.versions)
@@ -131,7 +127,8 @@ def _rows_again(dataset: Dataset, name: str, run: int | None, count: int) -> Ite
         runs = [run]
     else:
         rows = dataset.rows(["run", "status"]).to_pylist()
-        numbers = [row["run"] for row in rows if row["status"] not in CRASHED]
+        # others may crash or hang again, in this process
+        numbers = [row["run"] for row in rows if row["status"] not in ("crashed", "timed_out")]
         drawn = np.random.default_rng().choice(numbers, min(count, len(numbers)), replace=False)
         runs = sorted(drawn.tolist())
     for number in runs:
@@ -150,15 +147,10 @@ def _rows_again(dataset: Dataset, name: str, run: int | None, count: int) -> Ite
 
 
 def _draws_again(
-    band: Counted,
-    plan: Plan,
-    name: str,
-    run: int | None,
-    count: int,
-    observer: CampaignObserver | None,
+    band: Counted, name: str, run: int | None, count: int, observer: CampaignObserver | None
 ) -> Iterator[CheckedRun]:
     """Flights of a band against the extremes that it keeps of them."""
-    completed = dict(zip(band.draws, np.isfinite(band.scores), strict=True))
+    plan, completed = plan_of(band), dict(zip(band.draws, np.isfinite(band.scores), strict=True))
     if run is not None and run not in completed:
         first, last = band.draws[[0, -1]]
         raise InputError(f"{name}: `run` must be {first} to {last}, got {run}.")

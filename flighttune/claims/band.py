@@ -1,7 +1,7 @@
 """Kinds of counts: bands, residual signals, room to turn back, monitors; and their files."""
 
 from collections.abc import Callable, Iterable
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, ClassVar, NamedTuple
 
@@ -377,8 +377,7 @@ class Band(SignalBounds):
 ROOM = {"from_route": "m", "height": "m"}
 
 
-@dataclass(frozen=True, slots=True)
-class TurnRoom:
+class TurnRoom(NamedTuple):
     """Room that a flight needs which turns back, m: no width and no height of a volume."""
 
     from_route: float  # in any horizontal direction
@@ -450,7 +449,7 @@ class TurnBack(counted.Counted):
         }
 
     def _sizes(self) -> list[dict[str, float]]:
-        return [{"high": size} for size in asdict(self.room).values()]
+        return [{"high": size} for size in self.room]
 
     @property
     def _formula(self) -> float:
@@ -459,7 +458,7 @@ class TurnBack(counted.Counted):
 
     @property
     def _values(self) -> dict[str, Any]:
-        sizes = {f"{key}_m": size for key, size in asdict(self.room).items() if self.claims}
+        sizes = {f"{key}_m": size for key, size in self.room._asdict().items() if self.claims}
         return {"room": {**sizes, "by_formula_m": self._formula}}
 
     @property

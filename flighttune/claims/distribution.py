@@ -46,9 +46,6 @@ AIR = {
     "disturbance": "rates disturbed by {}",
 }
 
-# Without any of these the air is calm.
-MOVING = ("wind", "gust", "turbulence")
-
 # Keys whose ranges stand with the air or the airspeed.
 NAMED_APART = (*(f"{name}." for name in AIR), AIRSPEED)
 
@@ -56,9 +53,6 @@ NAMED_APART = (*(f"{name}." for name in AIR), AIRSPEED)
 SCHEDULE = "controller.schedule"
 START_AND_GAINS = "flight.h_m", "flight.chi_deg", "flight.gamma_deg", SCHEDULE
 GAINS = {False: "the same at all airspeeds", True: "proportional to airspeed"}
-
-# Range of directions that are all directions.
-FULL_CIRCLE_DEG = 360.0
 
 # A place within a key: of a plant, or of one of two limits.
 PLACE = re.compile(r"\[.*?\]")
@@ -95,7 +89,7 @@ class Distribution:
     def sentence(self, flown: str) -> str:
         """The distribution in words; `flown` names the plant and its law."""
         air = [AIR[name].format(text) for name, text in self.air_words.items()]
-        if not {*MOVING} & {*self.air_words}:
+        if not {"wind", "gust", "turbulence"} & {*self.air_words}:
             air.insert(0, "calm air")
         drawn = [
             f"{words} {values}" + (f" ({how})" if how != "uniform" else "")
@@ -152,7 +146,7 @@ class Distribution:
         }
         if words["wind"]:
             origins = self._values("wind.", "from_deg")
-            anywhere = max(origins) - min(origins) >= FULL_CIRCLE_DEG
+            anywhere = max(origins) - min(origins) >= 360.0
             words["wind"] += f" from {'anywhere' if anywhere else spread(origins, 'deg')}"
         if words["gust"]:
             words["gust"] += f" ({self._range('gust.axis')})"

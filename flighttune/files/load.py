@@ -66,9 +66,7 @@ CAMPAIGN = "campaign.json"  # the file that makes a folder that of a campaign
 
 # What files begin with; a telemetry log has the time of its first message before it.
 RERUN, PARQUET, ARCHIVE = b"RRF", b"PAR1", b"PK"
-DATAFLASH = (b"\xa3\x95", b"FMT,")  # as text too
-LOG_STARTS = {"ULog": b"ULog\x01\x12\x35", "DataFlash": DATAFLASH, "csv": b"<LABELS>"}
-MAVLINK_STARTS = b"\xfe\xfd"
+LOG_STARTS = {"ULog": b"ULog\x01\x12\x35", "DataFlash": (b"\xa3\x95", b"FMT,"), "csv": b"<LABELS>"}
 
 # Kind of a file whose content does not tell it: a table has no mark.
 ENDINGS: dict[str, str] = dict.fromkeys((".rrd", ".parquet"), RECORDING)
@@ -122,7 +120,7 @@ def kind_of_log(head: bytes) -> str:
     for kind, start in LOG_STARTS.items():
         if head.startswith(start):
             return kind
-    return "MAVLink" if len(head) > 8 and head[8] in MAVLINK_STARTS else ""
+    return "MAVLink" if len(head) > 8 and head[8] in b"\xfe\xfd" else ""
 
 
 def _place(source: str | Path) -> Path:

@@ -1,6 +1,6 @@
 """A campaign ready to fly: gains as numbers, groups of plant and gains, and draws on demand."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property, lru_cache
 from pathlib import Path
@@ -18,7 +18,6 @@ from flighttune.flight.load import check_scenario
 from flighttune.flight.models import gain_sets
 from flighttune.planning.draws import cycle, dispersed_places, drawn, with_drawn
 from flighttune.planning.schema import Campaign, CampaignTable
-from flighttune.plants.base import goes_by
 from flighttune.quantities import Table
 from flighttune.scenario.load import Place, as_recorded, leaves, with_values
 from flighttune.scenario.schema import Scenario
@@ -29,9 +28,6 @@ VERSION = 1
 
 # The file of the plan in the folder of a campaign, and the version of such folders
 FORMAT = 3
-
-# Keys that are text for the reader and change no row
-FOR_THE_READER = ("title", "verifies", "source")
 
 TUNED_SETS = TUNED, *TUNED_FOR_AIRCRAFT
 
@@ -298,13 +294,6 @@ def aircraft_hashes(scenario: Scenario) -> dict[str, str]:
     return {name: files_hash(name) for name in sorted(names)}
 
 
-def on_plants(scenario: Scenario, labels: Collection[str]) -> Scenario:
-    """The scenario with only the plants of these labels and the requirements about them."""
-    kept = [plant for plant in scenario.plant if plant.label in labels]
-    expect = [x for x in scenario.expect if any(goes_by(label, x.plant) for label in labels)]
-    return scenario.model_copy(update={"plant": kept, "expect": expect})
-
-
 def plan_from(tables: Mapping[str, Any], source: str = "plan") -> Plan:
     """The plan that `Plan.as_dict` wrote, with the same bits; `source` names its file in errors."""
     if tables.get("version") != VERSION:
@@ -359,7 +348,7 @@ def _leaves(plan: Plan) -> dict[str, Any]:
     tables = plan.as_dict()
     campaign, scenario = tables["campaign"], tables["nominal"]
     campaign["disperse"] = {table["key"]: table for table in campaign["disperse"]}
-    for name in ("runs", *FOR_THE_READER):
+    for name in ("runs", "title", "verifies", "source"):  # the last three are for the reader
         campaign.pop(name, None)
         scenario.pop(name, None)
     return {

@@ -16,7 +16,7 @@ from flighttune.files.table import abridged, shown, toml_tables, validated
 from flighttune.flight.load import check_identified, check_scenario, load_scenario
 from flighttune.flight.route import AIRCRAFT, mission_scenario
 from flighttune.planning.draws import copula_factor, dispersed_places, with_drawn
-from flighttune.planning.plan import Plan, on_plants, plan_campaign, recorded_plan
+from flighttune.planning.plan import Plan, plan_campaign, recorded_plan
 from flighttune.planning.schema import DISTRIBUTIONS, Campaign, CampaignTable, Dispersion, Uniform
 from flighttune.plants.base import goes_by
 from flighttune.plants.jsbsim.plant import check_off_nominal
@@ -408,7 +408,10 @@ def about(
 ) -> Campaign:
     """Starts and disturbances of one plant of a scenario, all equally likely."""
     if plant in [table.label for table in scenario.plant]:  # callers refuse an unknown one
-        scenario = on_plants(scenario, [plant])  # another may not stand the disturbance
+        # another may not stand the disturbance
+        kept = [table for table in scenario.plant if table.label == plant]
+        expect = [x for x in scenario.expect if goes_by(plant, x.plant)]
+        scenario = scenario.model_copy(update={"plant": kept, "expect": expect})
     tables = scenario.as_dict()
     drawn: list[Dispersion] = []
     if start_deg:

@@ -48,7 +48,6 @@ Shape: TypeAlias = Literal["dot", "cross", "plus"]
 
 # Name, colour, and dashes of a line, or `band` or a `Shape`.
 LegendEntry: TypeAlias = tuple[str, str, str]
-NO_ENTRY = ("", "", "")
 
 # A letter with a letter or digit as its index, such as `n_z`; `tuned_identified` is none.
 SYMBOL = re.compile(r"\b([^\W\d_])_(cmd|\w,cmd|\w)\b")
@@ -91,7 +90,7 @@ class Chart:
     _seen: list[tuple[FloatArray, FloatArray]] = field(default_factory=list)
 
     def _add(
-        self, mark: "_Mark", *seen: tuple[FloatArray, FloatArray], entry: LegendEntry = NO_ENTRY
+        self, mark: "_Mark", *seen: tuple[FloatArray, FloatArray], entry: LegendEntry = ("", "", "")
     ) -> None:
         """Add a mark, the places that the axes make room for, and an entry in the legend."""
         self._marks.append(mark)

@@ -13,7 +13,6 @@ from flighttune.present.names import distinct
 from flighttune.present.palette import LineStyle
 from flighttune.simulate.run import Run, run_styles
 
-APPLICATION = "flighttune"
 TIMELINE = "flight_time"  # since the start of the flight
 
 PAGE = "page"
@@ -45,7 +44,7 @@ END = 1.1  # where time axes end, over the longest flight
 def application(title: str) -> str:
     """Application of a recording: the viewer keeps one layout for each, so scenarios differ."""
     name = plain_name(title).lower().replace(".", "_")  # Rerun warns of most dots
-    return f"{APPLICATION}-{name}"[:80].rstrip("-_")
+    return f"flighttune-{name}"[:80].rstrip("-_")
 
 
 def plain_name(text: str) -> str:

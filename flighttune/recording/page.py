@@ -152,8 +152,6 @@ def _scene_view(
 
 ABOUT = {"verifies": "Verifies", "source": "Source"}
 
-NOT_SHOWN = "ITAE_mean"  # it follows from ITAE, which is on the page, and the time flown
-
 RUN_COLUMNS = [*columns("run colour"), Column("flown_s", "flown", "s", ".2f"), *columns("outcome")]
 GAIN_COLUMNS = columns("gains R_K I_K E_K K_P K_I", of="gains_recorded")
 
@@ -207,7 +205,8 @@ def _gains(runs: Sequence[Run], indicators: Mapping[str, tuple[float, float, flo
 
 
 def _metrics(heading: str, labels: Sequence[str], metrics: pd.DataFrame) -> str:
-    names = [name for name in map(str, metrics) if name in METRIC_LABELS and name != NOT_SHOWN]
+    # the mean follows from ITAE, which is on the page, and the time flown
+    names = [name for name in map(str, metrics) if name in METRIC_LABELS and name != "ITAE_mean"]
     layout = [Column(heading, heading), *columns(" ".join(names))]
     records = metrics.assign(**{heading: labels}).to_dict(orient="records")
     return Table(layout, records).markdown()

@@ -68,8 +68,6 @@ LABELS = 28.0  # an axis as high as a tab of a small window has room for so many
 LONGEST = 2.2  # an axis longer than this, over the range drawn, gets no second label
 SMALLEST_SPAN = 1e-6
 
-LAW_TAB = "Law"
-
 # Name of the measured value of a signal, in runs with sensors.
 SEEN_AS: dict[str, str] = dict(zip(SENSED, MEASURED, strict=True))
 
@@ -99,7 +97,7 @@ def shown_plots(runs: Sequence[Run]) -> dict[str, tuple[Plot, ...]]:
     tabs = {
         tab: tuple(
             _as_flown(plot, runs)
-            for plot in (*plots, *(law_plots if tab == LAW_TAB else ()))
+            for plot in (*plots, *(law_plots if tab == "Law" else ()))
             if shows(plot)
         )
         for tab, plots in TABS.items()

@@ -87,11 +87,11 @@ def run_viewer(path: str | Path, command: list[str]) -> None:
         )
 
 
-def has_screen(environment: Mapping[str, str] = os.environ, platform: str = sys.platform) -> bool:
+def has_screen() -> bool:
     """Whether a window can be opened: always on macOS and Windows, else as X11 and Wayland say."""
-    if platform in ("darwin", "win32"):
+    if sys.platform in ("darwin", "win32"):
         return True
-    return any(environment.get(name) for name in DISPLAYS)
+    return any(os.environ.get(name) for name in DISPLAYS)
 
 
 FAINT = 150  # opacity of thin lines, of 255

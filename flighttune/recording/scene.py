@@ -150,9 +150,6 @@ REACH = 0.9  # length of the velocity arrow at the start, in drawn widths of the
 STILL_AIR = 1e-3  # wind (m/s) up to which there is no arrow
 SHADOW = 90  # opacity of a shadow, of 255
 
-GROUND_COLOUR = (88, 88, 88)
-WIND_COLOUR = rgb(NEUTRAL)
-
 
 def all_positions(flights: Sequence[DrawnRun]) -> FloatArray:
     """All finite positions of all runs, shape (n, 3), m."""
@@ -267,7 +264,7 @@ def log_scene(stream: rr.RecordingStream, flights: Sequence[DrawnRun]) -> None:
     factor, (lines, spacing) = drawn_scale(flights), ground_grid(all_positions(flights))
     # x forward, y right, z down: north, east, down. Rerun's RIGHT_HAND_Z_DOWN is another frame.
     log_still(stream, entities.WORLD, rr.ViewCoordinates.FRD)
-    grid = rr.LineStrips3D(lines, radii=on_screen(0.5), colors=[GROUND_COLOUR])
+    grid = rr.LineStrips3D(lines, radii=on_screen(0.5), colors=[(88, 88, 88)])
     log_still(stream, entities.GROUND, grid)
     corner = lines[0][0]
     arrows = rr.Arrows3D(
@@ -312,7 +309,7 @@ def _log_aircraft(stream: rr.RecordingStream, flight: DrawnRun, width: float) ->
     signals = flight.run.signals.iloc[evenly(len(flight.run.signals), most=INSTANTS)]
     time = [times(signals.index)]
     for name, vectors in _arrows(flight.run, signals, width).items():
-        shade = colour if name == "velocity" else WIND_COLOUR
+        shade = colour if name == "velocity" else rgb(NEUTRAL)
         style = rr.Arrows3D.from_fields(colors=[shade], radii=on_screen(1.0))
         log_still(stream, f"{frame}/{name}", style)
         stream.send_columns(f"{frame}/{name}", time, rr.Arrows3D.columns(vectors=vectors))

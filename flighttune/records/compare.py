@@ -1,12 +1,12 @@
 """The comparison: pairs of runs with their metrics, differences and distances."""
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
 from operator import attrgetter
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 import pandas as pd
@@ -71,6 +71,9 @@ class Source:
     def within(self, *claims: Claim) -> "Source":
         """The runs with what is claimed of them; an InputError says why a claim covers none."""
         return replace(self, runs=with_claims(self.runs, claims))
+
+
+Runs: TypeAlias = Run | FlownScenario | Source
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -236,38 +239,9 @@ def load_source(
     return Source(name=name, runs=runs, missing=recording.missing)
 
 
-def compare(
-    a: str | Path | Run | FlownScenario | Source, *others: str | Path | Run | FlownScenario | Source
-) -> Comparison:
-    """Hold runs against those of the first source.
-
-    Parameters
-    ----------
-    a : str, path-like, Run, FlownScenario or Source
-        Source that the others are compared with. A string is anything `load_source` takes: a run
-        folder, a Parquet file, a recording or ``scenario@gains``.
-    others : str, path-like, Run, FlownScenario or Source
-        Further sources. Without any, the first run of `a` is compared with each of its others.
-
-    Returns
-    -------
-    Comparison
-        With `comparable` False and a reason where the manoeuvres (start, length, reference) or
-        aircraft differ. A kinematic plant may be compared with an aircraft. Where one of two
-        runs ended early, both are measured over the time both flew.
-
-    Raises
-    ------
-    InputError
-        If there is nothing to compare with, or a source cannot be read or flown.
-
-    Examples
-    --------
-    >>> comparison = ft.compare(ft.fly(ft.load_scenario("level_turn")))
-    >>> [pair.b.label for pair in comparison.pairs]
-    ['kinematic / tuned', 'jsbsim:aerosonde / paper', 'jsbsim:aerosonde / tuned']
-    """
-    first, *rest = (_source(runs_of, place) for place, runs_of in enumerate((a, *others)))
+def compare_runs(sources: Iterable[str | Path | Runs], columns: Columns) -> Comparison:
+    """Hold runs against those of the first source, as `ft.compare` does."""
+    first, *rest = (_source(runs_of, place, columns) for place, runs_of in enumerate(sources))
     if not rest:
         first, *rest = _each_run(first)
     pairs: list[Pair] = []
@@ -322,7 +296,7 @@ def largest_distance(a: Run, b: Run) -> tuple[float, float]:
     return float(distance[farthest]), float(t[farthest])
 
 
-def _source(runs_of: str | Path | Run | FlownScenario | Source, place: int) -> Source:
+def _source(runs_of: str | Path | Runs, place: int, columns: Columns) -> Source:
     letter = chr(ord("A") + place)
     if isinstance(runs_of, Source):
         return runs_of
@@ -330,7 +304,7 @@ def _source(runs_of: str | Path | Run | FlownScenario | Source, place: int) -> S
         return Source(name=f"{letter}: {runs_of.label}", runs=(runs_of,))
     if isinstance(runs_of, FlownScenario):
         return Source(name=f"{letter}: {runs_of.scenario.title}", runs=runs_of.runs)
-    return load_source(runs_of)
+    return load_source(runs_of, columns=columns)
 
 
 def _each_run(source: Source) -> list[Source]:

@@ -123,11 +123,6 @@ def record_bytes(parts: Parts, flight: Sequence[str] = ()) -> bytes:
     return seal(sink.getvalue().to_pybytes())
 
 
-def read_run(path: str | Path) -> Run:
-    """Return the run that the file `path` holds, equal to the bit."""
-    return _read(Path(path))[0]
-
-
 def _read(path: Path) -> tuple[Run, str, tuple[str, ...]]:
     """The run in a Parquet file, its SHA-256, and those of all runs recorded with it."""
     data = sealed_bytes(path, PARQUET_FILE)
@@ -219,7 +214,7 @@ def load_recording(path: str | Path) -> Recording:
     kind = PARQUET_FILE if path.suffix.lower() == PARQUET else RECORDING_FILE
     data = file_bytes(path, kind)
     if data.startswith(b"PAR1") or (kind == PARQUET_FILE and not data.startswith(b"RRF")):
-        return Recording(path=path, runs=(read_run(path),))
+        return Recording(path=path, runs=(_read(path)[0],))
     return _drawn_in(path)
 
 

@@ -183,7 +183,8 @@ def fence_tables(files: Sequence[Path], *, asked: bool = False) -> dict[str, Any
                 shapes += _of_plan(_planner_fence(content))
             elif kind == "plan":
                 areas = [*_of_plan(maps.json_part(content, "geoFence", dict))]
-                shapes += _one_area(areas) if _px4(content) else areas
+                firmware = maps.json_part(content, "mission", dict).get("firmwareType")
+                shapes += _one_area(areas) if firmware == PX4 else areas
             else:
                 single.append(content)
                 shapes += maps.features(content)
@@ -236,11 +237,6 @@ def _of_plan(stated: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
         else:
             corners = [[point[1], point[0]] for point in area["polygon"]]
         yield maps.feature("Polygon", [[*corners, *corners[:1]]], {"exclusion": not inside})
-
-
-def _px4(plan: Mapping[str, Any]) -> bool:
-    """Return true if a plan is for PX4, by the number of its firmware."""
-    return maps.json_part(plan, "mission", dict).get("firmwareType") == PX4
 
 
 def _one_area(shapes: list[dict[str, Any]]) -> list[dict[str, Any]]:

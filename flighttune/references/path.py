@@ -20,6 +20,9 @@ from flighttune.units import DEG
 
 Kind: TypeAlias = Literal["leg", "turn", "loiter", "turn-around"]
 
+# Distances along a route and heights there, m.
+Profile: TypeAlias = list[tuple[float, float]]
+
 # Distance between the points of a path's table, m: a chord of it is 3 mm off an arc of 50 m.
 STEP = 1.0
 
@@ -514,7 +517,7 @@ def _path(layout: _Layout) -> Path:
 def _profile(layout: _Layout, ends: list[float]) -> tuple[FloatArray, FloatArray]:
     """Distances, m, and heights, m, between which the height changes at a steady rate."""
     waypoints, laid = layout.waypoints, layout.laid
-    profile = [(0.0, waypoints[0].up)]
+    profile: Profile = [(0.0, waypoints[0].up)]
     for i, stretch in enumerate(laid):
         point, reached = waypoints[stretch.waypoint - 1], ends[i + 1]
         if stretch.kind == "loiter":
@@ -532,11 +535,7 @@ def _profile(layout: _Layout, ends: list[float]) -> tuple[FloatArray, FloatArray
 
 
 def _climb(
-    profile: list[tuple[float, float]],
-    before: str,
-    point: Waypoint,
-    reached: float,
-    ability: Ability,
+    profile: Profile, before: str, point: Waypoint, reached: float, ability: Ability
 ) -> None:
     """Add the change of height of the leg to a waypoint, which is `reached` there."""
     along, up = profile[-1]
@@ -560,13 +559,12 @@ def _climb(
 
 
 def _heights(
-    s: FloatArray,
-    at: FloatArray,
-    up: FloatArray,
-    ability: Ability,
-    place: Callable[[float], str],  # name of the waypoint at a distance or next after it
+    s: FloatArray, at: FloatArray, up: FloatArray, ability: Ability, place: Callable[[float], str]
 ) -> tuple[FloatArray, FloatArray]:
-    """Heights of a profile in which each change of the climb is spread, and their slopes."""
+    """Heights of a profile in which each change of the climb is spread, and their slopes.
+
+    `place`: the name of the waypoint at a distance, or of the next after it.
+    """
     climbs = np.diff(up) / np.diff(at)
     bends = np.abs(np.diff(np.arctan(climbs)))
     pull_up = max(PULL_UP_S, ability.V_a * bends.max(initial=0.0) / (ability.g * PULL_UP_N_Z))

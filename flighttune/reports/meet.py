@@ -45,7 +45,6 @@ CHECKED_COLUMNS = [
 PAIRS = 3
 
 PAPER = "paper"
-FOUND = "found"  # name of the gains of a search beside those of its start
 
 
 def write_meet_page(path: Path, meeting: Meeting, command: str) -> Report:
@@ -63,7 +62,7 @@ def write_meet_page(path: Path, meeting: Meeting, command: str) -> Report:
         excess = -np.nan_to_num([row["margin"] for row in rows], nan=-np.inf)
         worst = np.argsort(-excess, kind="stable")[:PAIRS].tolist()
         charts = [chart(trials, rows, i, k) for i, k in combinations(worst, 2)]
-    sets = {meeting.start: meeting.start_gains, FOUND: meeting.gains}
+    sets = {meeting.start: meeting.start_gains, "found": meeting.gains}
     costs = TEXTS["shares" if counted else "candidates"]
     return _write(
         path,

@@ -40,8 +40,6 @@ ABOVE, BELOW = "chi gamma", "phi phi_cmd n_z n_z_cmd V_a V_g"
 # Gain sets whose gap is drawn; the table has all of them.
 MAX_GAPS = 3
 
-FRONTIER_POINTS = 9
-
 # Samples of a reference that is described in words.
 ANGLES = 2001
 
@@ -357,7 +355,7 @@ def _certificate_section(scenario: Scenario, flights: panels.Drawn) -> Section:
     bounds = {run.label: bound for run, _ in flights if (bound := linear_bound(run)) is not None}
     curve = frontier(
         tuning_problem(scenario),
-        points=FRONTIER_POINTS,
+        points=9,
         marked=gains,
         starts=0,  # drawn gains find the same curve in twice the time
     )

@@ -48,9 +48,6 @@ BLOCK = 64
 # `BatchResult.ends` of a flight that ended at 90 deg of roll
 ROLLED = 1
 
-# Signals of a batch that measures are taken of
-MEASURED_HERE = tuple(name for name in SIGNALS if name in MEASURED)
-
 # Status, reason and `flighttune.metrics.measures` of one flight
 FlightResult = tuple[str, str, Mapping[str, Mapping[str, float]]]
 
@@ -253,7 +250,7 @@ def fly_batch(
             yield None
             continue
         n = batch.samples[i]
-        columns = {name: batch.signal(name)[i, :n] for name in MEASURED_HERE}
+        columns = {x: batch.signal(x)[i, :n] for x in SIGNALS if x in MEASURED}
         columns["V_a"] = np.full(n, conditions[i].V_a)  # what the law assumes
         columns["n_z"] = np.append(conditions[i].n_z_start, columns["n_z_cmd"][:-1])
         for channel, values in zip(CHANNELS, ref[i].T, strict=True):
@@ -297,7 +294,7 @@ def fly_together(plan: Plan, draws: Sequence[Draw]) -> list[Row]:
             outcome = (
                 _fly_alone(plan, scenario, group, {}, {})
                 if result is None
-                else _outcome(plan, scenario, group, each_s, *result)
+                else _outcome(plan, scenario, group, each_s, result)
             )
             rows.append(_row(plan, run, drawn, outcome, both))
     return rows
@@ -362,7 +359,7 @@ def _fly_alone(
         return _invalid(error, began)
     measured = measures(run)
     wall_s = time.perf_counter() - began
-    columns = _outcome(plan, scenario, group, wall_s, run.status, run.reason, measured)
+    columns = _outcome(plan, scenario, group, wall_s, (run.status, run.reason, measured))
     if run.status == "completed":
         columns |= {name: probe(run, scenario) for name, probe in probes.items()}
     elif probes and "along" in run.signals and len(run.signals):  # rows of campaigns stay the same
@@ -373,15 +370,10 @@ def _fly_alone(
 
 
 def _outcome(
-    plan: Plan,
-    scenario: Scenario,
-    group: Group,
-    wall_s: float,
-    status: str,
-    reason: str,
-    measured: Mapping[str, Mapping[str, float]],
+    plan: Plan, scenario: Scenario, group: Group, wall_s: float, result: FlightResult
 ) -> Row:
     """Columns of a flight from ``status`` on, except R_K, I_K and E_K."""
+    status, reason, measured = result
     tables = scenario.expected(group.plant, group.gains)
     misses = missed(tables, status, reason, {**measured, **_of_loop(plan, group)})
     columns: Row = {"status": status, "reason": reason, "success": not misses}

@@ -19,7 +19,6 @@ from flighttune.campaign.statistics.intervals import (
     CONFIDENCE,
     Estimate,
     Method,
-    ordered_quantile,
     paired,
     percentile,
     scores,
@@ -41,9 +40,6 @@ TEXTS = ("reason", "missed")
 SUCCESS = "success"
 
 PERCENTILES = {"p05": 0.05, "p50": 0.5, "p95": 0.95}
-
-# Separator of the sentences of the column ``missed``.
-BETWEEN_SENTENCES = "; "
 
 # Smallest number of flights on a convergence curve, and the maximum number of its points.
 FIRST_PREFIX, POINTS = 10, 25
@@ -72,11 +68,6 @@ CLASSES = 10
 
 # Flights in a class on average: the test by ranks needs them.
 MIN_IN_CLASS = 5
-
-MIN_FLIGHTS = 10
-
-# Condition number of the correlations of ranks from which on they tell no partial ones.
-COLLINEAR = 1e10
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -169,7 +160,7 @@ class Findings:
         rate = self.successes(rows)
         failed = completed.loc[~completed[SUCCESS].to_numpy(dtype=bool), ["run", "missed"]]
         # A flight that misses two requirements counts for both.
-        failed = failed.assign(missed=failed["missed"].str.split(BETWEEN_SENTENCES))
+        failed = failed.assign(missed=failed["missed"].str.split("; "))
         failed = failed.explode("missed")
         ranks = {
             name: influences(drawn, values_of(rows, name), confidence=self.confidence)
@@ -236,7 +227,12 @@ class Findings:
                     values = rows[measure].to_numpy(dtype=float)
                 beyond = values - bound if check.sense == "at_most" else bound - values
                 beyond = np.where(np.isnan(values), np.inf, beyond) / (abs(bound) or 1.0)
-                near = ordered_quantile(beyond, 0.95).item() if len(rows) else -np.inf
+                # an order statistic: infinite values need no mean
+                near = (
+                    float(np.quantile(beyond, 0.95, method="inverted_cdf"))
+                    if len(rows)
+                    else -np.inf
+                )
                 row = {**pick(table, "plant gains"), "measure": measure, "sense": check.sense}
                 row |= {"bound": bound, "n": len(rows), "missed": int((beyond > 0.0).sum())}
                 stated.append({**row, "near": near})
@@ -397,7 +393,7 @@ def influences(
     ranks = rankdata(values[kept])
     table, n = parameters[kept], len(ranks)
     table = table.loc[:, table.nunique() > 1]
-    if n < MIN_FLIGHTS or ranks.min() == ranks.max() or table.empty:
+    if n < 10 or ranks.min() == ranks.max() or table.empty:
         return []
     columns = [column for _, column in table.items()]
     rho, p_rho = np.array([_spearman(column, ranks) for column in columns]).T
@@ -482,7 +478,8 @@ def _partial(table: pd.DataFrame, ranks: FloatArray) -> FloatArray:
     columns = columns.rank()
     correlations = np.corrcoef(columns.to_numpy().T, ranks)
     partials = np.full(len(numeric), np.nan)
-    if len(ranks) > columns.shape[1] + 2 and np.linalg.cond(correlations) < COLLINEAR:
+    # collinear ranks tell no partial correlations
+    if len(ranks) > columns.shape[1] + 2 and np.linalg.cond(correlations) < 1e10:
         inverse = np.linalg.inv(correlations)
         scale = np.sqrt(np.diag(inverse))
         partials[numeric] = (-inverse[-1] / (scale[-1] * scale))[: numeric.sum()]
