@@ -11,8 +11,7 @@ import numpy as np
 import pandas as pd
 
 from flighttune.arrays import FloatArray
-from flighttune.campaign.counted_flights import check_random, distribution_of
-from flighttune.campaign.counting import drawn
+from flighttune.campaign import counted_flights, counting
 from flighttune.campaign.engine.pool import WorkerPool
 from flighttune.campaign.engine.progress import CampaignObserver
 from flighttune.campaign.mission import CONFIDENCE, EPSILON
@@ -25,9 +24,8 @@ from flighttune.control.limits import Limits
 from flighttune.control.linear_model import LinearModel, inner_feedback
 from flighttune.control.margins import Loop, cut_margins, margins_table
 from flighttune.errors import InputError
-from flighttune.flight.conditions import reference_of
+from flighttune.flight import conditions, models
 from flighttune.flight.fly import library_versions
-from flighttune.flight.models import identified_models, law_setup
 from flighttune.logs.log import Columns, load_part
 from flighttune.logs.parameters import Flown, flown_now
 from flighttune.planning.plan import Plan
@@ -241,9 +239,9 @@ def _cut(rows: Sequence[Mapping[str, Any]], place: int) -> str:
 def loops(plan: Plan, now: Flown) -> dict[str, Table]:
     """Margins of each loop cut at roll and at lift, behind the identified inner loop."""
     scenario, ours = plan.scenario, _rate_gains(plan)
-    reference = reference_of(scenario)
-    model = identified_models(scenario, made_law("exact"))[0].model
-    law = now.law.make(law_setup(scenario, ours, Limits.none(2)))
+    reference = conditions.reference_of(scenario)
+    model = models.identified_models(scenario, made_law("exact"))[0].model
+    law = now.law.make(models.law_setup(scenario, ours, Limits.none(2)))
     a, b, c, d = (np.diag(x) for x in law.linear(scenario.flight.V_a_mps))
     # On a route the loops over the distances from it are closed, too: the guidance of the user has
     # them by its period, and that of the program by its look-ahead.
@@ -378,16 +376,16 @@ def compare(  # type: ignore[misc] # noqa: PLR0913 - each is a choice of the use
     now = flown_now(autopilot, version)
     place, _, gains = str(a).partition("@") if isinstance(a, str) else (a, "", "")
     stated = flights_of_source(place, **of_flights)
-    plan = drawn(stated, None, gains or None, None, seed)
+    plan = counting.drawn(stated, None, gains or None, None, seed)
     if plan.scenario.airspeed:
         raise InputError(f"{stated.place}: the airspeed must not be followed: it is not emulated.")
     plan = _with_guidance(plan, now)
     group = plan.groups[0]
     if flights is None:
         flights = flights_needed(EPSILON, CONFIDENCE, 1)
-        with_others = distribution_of(plan.campaign, group.plant)
+        with_others = counted_flights.distribution_of(plan.campaign, group.plant)
         try:
-            check_random(stated.place, with_others, plan.campaign.central)
+            counted_flights.check_random(stated.place, with_others, plan.campaign.central)
         except InputError:
             flights = 1  # all would be the same
     plan = plan.with_runs(flights * len(plan.groups))

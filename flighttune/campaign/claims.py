@@ -7,8 +7,7 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TypeAlias, TypeVar
 
-from flighttune.campaign.counted_flights import plan_of
-from flighttune.campaign.counting import check_shape, differing, some_draws
+from flighttune.campaign import counted_flights, counting
 from flighttune.campaign.dataset import Dataset
 from flighttune.campaign.engine.pool import WorkerPool
 from flighttune.certificates.bound import RateBound
@@ -54,20 +53,20 @@ def verified_band(
     """Fly all flights learned from again, and `count` of those counted, chosen at random."""
     counted, about = len(band.scores), band.about
     again = min(flights_again(about.epsilon), counted) if count is None else count
-    draws, forged = some_draws(band, again), math.ceil(about.epsilon * counted)
+    draws, forged = counting.some_draws(band, again), math.ceil(about.epsilon * counted)
     try:
-        code = plan_of(band).code
+        code = counted_flights.plan_of(band).code
         if code and not run_code:
             reason = f"not checked: flying its flights again runs {listed(code)}; allow --run-code"
             return Verification(valid=False, reason=reason, checked=False)
         fences = band.said_of_fences if isinstance(band, Band) else ()
         with nullcontext(pool) if pool else WorkerPool() as workers:
-            if differ := differing(band, draws, workers):
+            if differ := counting.differing(band, draws, workers):
                 raise InputError(
                     "flights of the band that are flown again must be equal to the bit, draw "
                     f"{differ[0]} is not"
                 )
-            check_shape(band, workers)
+            counting.check_shape(band, workers)
     except InputError as error:
         return Verification(valid=False, reason=str(error))
     flown = (

@@ -12,8 +12,7 @@ from flighttune.arrays import FloatArray
 from flighttune.claims.counted import About, Counted, other_files
 from flighttune.claims.distribution import AIRSPEEDS, STARTS, Distribution, flown_values, spread
 from flighttune.errors import InputError
-from flighttune.flight.conditions import limits_on
-from flighttune.flight.route import planned_route
+from flighttune.flight import conditions, route
 from flighttune.planning.draws import dispersed_places
 from flighttune.planning.plan import Plan, aircraft_hashes, plan_from
 from flighttune.planning.schema import Campaign, Choice, Dispersion, Grid, Uniform
@@ -170,9 +169,9 @@ def plan_in(about: About) -> Plan:
 
 def check_one_path(plan: Plan, runs: Iterable[int]) -> None:
     """Refuse a fence for runs that do not all fly one path from one start."""
-    path, origin, _ = planned_route(plan.campaign.central).where
+    path, origin, _ = route.planned_route(plan.campaign.central).where
     for run in runs:  # the same path is planned once
-        if planned_route(plan.scenario_of(run)).where[:2] != (path, origin):
+        if route.planned_route(plan.scenario_of(run)).where[:2] != (path, origin):
             raise InputError(f"a fence must have one path and start for all, got draw {run}.")
 
 
@@ -186,9 +185,9 @@ def turning_back(plan: Plan, stated: str | float) -> Plan:
             f"`turn_back` must be a bank in deg, or circle:BANK, got {stated!r}."
         ) from None
     nominal, campaign = plan.scenario, plan.campaign
-    planned = planned_route(campaign.central)
+    planned = route.planned_route(campaign.central)
     path, g = planned.reference.path, planned.reference.g
-    limits = limits_on(nominal, nominal.plant)
+    limits = conditions.limits_on(nominal, nominal.plant)
     phi = float(min(limits.upper[0], -limits.lower[0])) / DEG
     phi_rate = float(min(limits.rate_upper[0], -limits.rate_lower[0])) / DEG
     if not 1.0 <= bank_deg <= phi:

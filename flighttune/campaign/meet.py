@@ -25,9 +25,8 @@ from flighttune.control.gains import PAPER_GAINS, PIGains
 from flighttune.control.law import Law, plain_laws, split_name
 from flighttune.control.linear_model import closed_loop
 from flighttune.errors import InputError
+from flighttune.flight import load, models
 from flighttune.flight.flown import BoundCheck, bound_checks, bounded_loop, not_followed
-from flighttune.flight.load import as_scenario, scenario_and_gains
-from flighttune.flight.models import gain_set, identified_models, loop_measures, tuning_problem
 from flighttune.metrics import AIRSPEED
 from flighttune.planning.draws import SEED, cycle
 from flighttune.planning.plan import Group, Plan, aircraft_hashes
@@ -145,10 +144,10 @@ class Search:
         self._required = list(map(_required, scenarios))
         self._aircraft = list(map(aircraft_hashes, scenarios))
         self.each = draws * sum(map(len, self._required))  # flights of a candidate
-        self._problem = tuning_problem(scenarios[0], law)
+        self._problem = models.tuning_problem(scenarios[0], law)
         self._model = self._problem.model
         with suppress(InputError):  # without an identified aircraft: [tuning]'s
-            self._model = identified_models(scenarios[0], law)[0].model
+            self._model = models.identified_models(scenarios[0], law)[0].model
 
     def begin(self, starts: Sequence[PIGains], budget: int, counting: int) -> list[Trial]:
         """Fly the gains of the start, in a budget that has these flights and a count."""
@@ -354,7 +353,7 @@ def starting_gains(scenario: Scenario, law: Law) -> dict[str, PIGains]:
     listed = [split_name(name)[1] for name in scenario.gain_names]
     for name in dict.fromkeys([*tables.TUNED_FOR_AIRCRAFT, tables.TUNED, *listed]):
         with suppress(InputError):  # e.g. no aircraft is identified
-            sets[name] = gain_set(scenario, law.names_of([name])[0])
+            sets[name] = models.gain_set(scenario, law.names_of([name])[0])
     return {name: gains for name, gains in sets.items() if gains is not None}
 
 
@@ -439,13 +438,13 @@ def meet(
     check_at_least(1, budget=budget)
     if campaign is not None and also:
         raise InputError("`also` must be absent with a campaign, which is about one scenario.")
-    loaded = as_scenario(scenario, changes)
+    loaded = load.as_scenario(scenario, changes)
     starts, notes = {}, loaded.gains_notes()
     if start is not None:
-        begun, name, gains = scenario_and_gains(loaded, start)
+        begun, name, gains = load.scenario_and_gains(loaded, start)
         starts, notes = {name: gains}, begun.gains_notes(gains=name)
     dispersed = None if campaign is None else load_campaign(campaign, loaded)
-    scenarios = [loaded if dispersed is None else dispersed.nominal, *map(as_scenario, also)]
+    scenarios = [loaded if dispersed is None else dispersed.nominal, *map(load.as_scenario, also)]
     law_table = scenarios[0].law_tables[0]
     law = law_table.law()
     if not law.by_gains:
@@ -600,7 +599,7 @@ def _requirements(trial: Trial, start: Trial, active: Sequence[int]) -> Iterator
 def _worse(scenario: Scenario, law: Law, trial: Trial, start: Trial) -> Iterator[dict[str, Any]]:
     """Margins and errors at the end that are worse than with the gains of the start."""
     name = law.names_of(["0"])[0]
-    now, before = (loop_measures(scenario, name, x.gains, LOOP) for x in (trial, start))
+    now, before = (models.loop_measures(scenario, name, x.gains, LOOP) for x in (trial, start))
     for measure in LOOP:
         if now.get(measure, 0.0) < (1.0 - NOTED) * before.get(measure, 0.0):
             lower = now.get(measure, math.nan)

@@ -11,8 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from flighttune.campaign.counted_flights import check_one_path, plan_of, turning_back
-from flighttune.campaign.counting import By, counted_on, drawn, kept_band
+from flighttune.campaign import counted_flights, counting
 from flighttune.campaign.engine.pool import WorkerPool
 from flighttune.campaign.engine.progress import CampaignObserver
 from flighttune.claims.band import KEPT, Band, TurnBack, check_off_route
@@ -194,16 +193,16 @@ def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
     >>> ft.mission("circuit_in_wind", changes=short, **few).answer().values["flights"]
     7
     """
-    by: By = (workers, scheduler, observer)
+    by: counting.By = (workers, scheduler, observer)
     of_flights = {"aircraft": aircraft, "like": like, "changes": changes}
-    file, kept, steps = None if out is None else Path(out), kept_band(source), (0, 0)
+    file, kept, steps = None if out is None else Path(out), counting.kept_band(source), (0, 0)
     own: Sequence[Path] = ()
 
     def planned(**more: Any) -> tuple[Plan, Flights]:
         assert not isinstance(source, Band)
         changed = {**of_flights, "changes": {**(changes or {}), **more} or None}
         stated = flights_of_source(source, **changed, terrain=terrain)
-        return drawn(stated, None, None, None, seed), stated
+        return counting.drawn(stated, None, None, None, seed), stated
 
     if kept is None:
         epsilon = EPSILON if epsilon is None else epsilon
@@ -218,10 +217,10 @@ def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
         epsilon = kept.about.epsilon if epsilon is None else epsilon
         confidence = kept.about.confidence if confidence is None else confidence
         check_off_route(kept.about.signals, kept.flights.over)
-        plan, place = plan_of(kept), "the band"
+        plan, place = counted_flights.plan_of(kept), "the band"
         file = Path(source) if isinstance(source, str | Path) else file
     # What cannot be counted, and a path that leaves its fence, is refused before a flight.
-    turning = None if turn_back is None else turning_back(plan, turn_back)
+    turning = None if turn_back is None else counted_flights.turning_back(plan, turn_back)
     areas, fence = _asked_fence(fences, own, alone=until_sure, turns=turning is not None)
     if kept is None:  # corridor, fence and room share the probability of an error
         claims = 1 + bool(areas) + (turning is not None) if not until_sure else 1
@@ -233,7 +232,7 @@ def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
         )
         plan = plan.with_runs(LEARN + steps[-1])
     _check_path(plan, areas, fence, terrain, kept)
-    count = partial(counted_on, place=place, epsilon=epsilon, confidence=confidence, by=by)
+    count = partial(counting.counted_on, place=place, epsilon=epsilon, confidence=confidence, by=by)
     band = kept or count(
         Band,
         plan=plan,
@@ -268,7 +267,7 @@ def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
 
 
 def _way_to_complete(
-    band: Band, plan: Plan, planned: Callable[..., tuple[Plan, Flights]], by: By
+    band: Band, plan: Plan, planned: Callable[..., tuple[Plan, Flights]], by: counting.By
 ) -> str:
     """A sentence with the change with which flights that ended early complete, or empty."""
     lost = sorted(row["run"] for row in band.endings)
@@ -315,7 +314,7 @@ def _check_path(
     nearest = place.nearest(planned.reference.path)
     if fresh and nearest["leaves_m"] is not None:
         raise InfeasibleError(planned_inside(planned, place, nearest))
-    check_one_path(plan, range(plan.runs) if kept is None else kept.draws.tolist())
+    counted_flights.check_one_path(plan, range(plan.runs) if kept is None else kept.draws.tolist())
 
 
 def mission_plan(
@@ -334,7 +333,7 @@ def mission_plan(
     """
     if out is not None and out.exists() and Path(source).exists() and out.samefile(source):
         raise InputError(f"{out}: `--out` must be another file than the one that is read.")
-    if band := kept_band(source):
+    if band := counting.kept_band(source):
         if aircraft or changes:
             raise InputError("`aircraft` and `changes` must be absent for a band file.")
         planned, corridor, shapes = band.flights.route, band.corridor(), [*band.about.fences]

@@ -15,9 +15,8 @@ import pandas as pd
 from scipy.special import chdtri, ndtr
 
 from flighttune.arrays import FloatArray, check_at_least
+from flighttune.campaign import counted_flights, counting
 from flighttune.campaign.claims import AnyClaim
-from flighttune.campaign.counted_flights import plan_of
-from flighttune.campaign.counting import score
 from flighttune.campaign.engine.pool import WorkerPool
 from flighttune.campaign.engine.progress import CampaignObserver
 from flighttune.campaign.flying.columns import measured_in
@@ -314,7 +313,7 @@ def _flights_of(claim: AnyClaim, place: str) -> tuple[Plan, dict[str, Any]]:
         if not claim.claims:
             raise InputError(f"{place}the band must have a claim, got none.")
         share_of = partial(_share_of, claim.about, claim.flights, claim.scale)
-        return plan_of(claim), {"metric": BAND, "probes": {BAND: share_of}}
+        return counted_flights.plan_of(claim), {"metric": BAND, "probes": {BAND: share_of}}
     if claim.status != "bounded":
         raise InputError(f"{place}the tube must be bounded, got one that is not: {claim.reason}.")
     problem, sizes = claim.problem, (0.0, 0.0)
@@ -584,7 +583,7 @@ def _share_of(
     about: About, flights: BandFlights, scale: float, run: Run, scenario: Scenario
 ) -> list[float]:
     """Share of a band that a flight uses."""
-    return [score(about, flights, run, scenario) / scale]
+    return [counting.score(about, flights, run, scenario) / scale]
 
 
 def value_of(row: Mapping[str, Any], metric: str, scenario: Scenario) -> float:

@@ -13,8 +13,7 @@ from flighttune.claims.count import supported_epsilon, sure
 from flighttune.claims.monitor import Monitor
 from flighttune.claims.shape import MAX_NUMBERS
 from flighttune.errors import InputError
-from flighttune.files.array import FLOAT, SINGLE, TEXT, check_shapes, read_arrays
-from flighttune.files.load import sealed_bytes
+from flighttune.files import array, load
 from flighttune.files.table import abridged, json_object, value_of
 from flighttune.gaps.watch import MODELS
 from flighttune.metrics import OFF_ROUTE
@@ -473,7 +472,7 @@ class TurnBack(counted.Counted):
         ]
 
 
-ARRAYS = {"band": TEXT, "extremes": SINGLE, "wind": FLOAT, "endings": TEXT}
+ARRAYS = {"band": array.TEXT, "extremes": array.SINGLE, "wind": array.FLOAT, "endings": array.TEXT}
 
 # Kinds of counts.
 KINDS = {kind.of: kind for kind in (Band, Residual, TurnBack, Monitor)}
@@ -483,10 +482,10 @@ def read_counted(
     path: str | Path, flights_of: Callable[[counted.About], counted.BandFlights]
 ) -> counted.Counted:
     """Read a count, and compute scores and scale; `flights_of` finds its flights from the plan."""
-    sealed_bytes(Path(path), "band file", "count it again with flighttune band")
+    load.sealed_bytes(Path(path), "band file", "count it again with flighttune band")
     size = 4 * MAX_NUMBERS + 2**24
     try:
-        arrays = read_arrays(Path(path), "band", ARRAYS, size, size, ("extremes",))
+        arrays = array.read_arrays(Path(path), "band", ARRAYS, size, size, ("extremes",))
         about = value_of(json_object(str(arrays.pop("band")), "`band`"), counted.About)
         endings = _endings_of(str(arrays.pop("endings", "{}")))
         if about.of == "turn_back" and about.signals != ROOM:
@@ -533,7 +532,7 @@ def _check(about: counted.About, of: counted.BandFlights, arrays: dict[str, Any]
     learned = {"half": about.half, "coefficients": about.coefficients}
     shapes = {"half": each, "coefficients": (10 if by_wind else 1, *each)}
     shapes |= {"extremes": (flights, *each, 2), "wind": (flights, 2 if by_wind else 0)}
-    check_shapes("band", learned | arrays, shapes)
+    array.check_shapes("band", learned | arrays, shapes)
     if not (about.half > 0.0).all():
         raise InputError("`half` must be positive.")
     for name, unit in about.signals.items():

@@ -9,9 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flighttune.errors import InputError
-from flighttune.files.load import BLANK, seal
-from flighttune.files.table import shown
-from flighttune.files.whole import whole_file
+from flighttune.files import load, table, whole
 
 FLOAT, SINGLE, BOOL, TEXT = np.dtype("<f8"), np.dtype("<f4"), np.dtype(bool), np.dtype("<U")
 
@@ -20,12 +18,12 @@ Arrays: TypeAlias = dict[str, npt.NDArray[Any]]
 
 def write_sealed(path: str | Path, arrays: Mapping[str, Any]) -> None:
     """Write arrays with the SHA-256 of their file (.npz), whole or not at all."""
-    with whole_file(Path(path)) as part:
+    with whole.whole_file(Path(path)) as part:
         with part.open("wb") as file:
             np.savez_compressed(file, **arrays)
         with zipfile.ZipFile(part, "a") as archive:
-            archive.comment = BLANK.encode()  # at its end, and of no checksum of it
-        part.write_bytes(seal(part.read_bytes()))
+            archive.comment = load.BLANK.encode()  # at its end, and of no checksum of it
+        part.write_bytes(load.seal(part.read_bytes()))
 
 
 def read_arrays(
@@ -46,7 +44,7 @@ def read_arrays(
             names = [entry.filename for entry in entries]
             for name in names:
                 if name.removesuffix(".npy") not in kinds or not name.endswith(".npy"):
-                    raise InputError(f"`{shown(name)}` must not be in the file of a {kind}.")
+                    raise InputError(f"`{table.shown(name)}` must not be in the file of a {kind}.")
                 if names.count(name) > 1:
                     raise InputError(f"`{name}` must be in the file once, got it twice.")
             # No more than the sizes stated is ever unpacked of what is stored or deflated.

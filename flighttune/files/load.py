@@ -16,8 +16,7 @@ from typing import Any, BinaryIO
 from zipfile import ZipFile
 
 from flighttune.errors import RecordingError
-from flighttune.files.table import abridged, json_tables
-from flighttune.files.whole import reason_of
+from flighttune.files import table, whole
 
 MARK = b"SHA-256="
 DIGITS = 64
@@ -79,7 +78,7 @@ def load_one(path: str | Path, what: str, *kinds: str, columns: Any = ()) -> Any
         return value
     place, kind = _place(path), kind_of(path)
     if not kind and file_bytes(place, what).lstrip().startswith(b"{"):
-        got = abridged(json_tables(place).get("format"))
+        got = table.abridged(table.json_tables(place).get("format"))
         raise RecordingError(f"{place}: `format` must be that of a {what}, got {got}.")
     raise RecordingError(f"{place}: must be a {what}, got {SHOWN[kind]}.")
 
@@ -162,7 +161,7 @@ def file_bytes(path: Path, kind: str) -> bytes:
     try:
         data = path.read_bytes()
     except OSError as error:
-        raise RecordingError(f"{path}: must be readable, got {reason_of(error)}.") from error
+        raise RecordingError(f"{path}: must be readable, got {whole.reason_of(error)}.") from error
     if not data:
         raise RecordingError(f"{path}: must be a {kind}, got an empty file.")
     return data

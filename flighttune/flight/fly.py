@@ -22,11 +22,9 @@ from flighttune.control.law import split_name
 from flighttune.control.limits import Limits
 from flighttune.control.linear_model import LinearModel, closed_loop
 from flighttune.errors import InputError, ScenarioError, TrimError
-from flighttune.flight import conditions
+from flighttune.flight import conditions, load, models
 from flighttune.flight.apart import Progress, apart, before_running
 from flighttune.flight.flown import FlownScenario
-from flighttune.flight.load import as_scenario, check_scenario
-from flighttune.flight.models import gain_sets, law_setup, linear_loop
 from flighttune.plants.base import AirPathPlant, GuardedPlant, Plant
 from flighttune.plants.point_mass import PointMassPlant, PoweredPointMass
 from flighttune.plants.weather import WIND, WindRecord
@@ -194,9 +192,9 @@ def fly(
     """
     arguments = "SCENARIO" if isinstance(scenario, Scenario) else as_arguments(scenario, changes)
     wanted = [gains] if isinstance(gains, str) else gains
-    scenario = with_own(as_scenario(scenario, changes, wanted), laws, plants)
-    check_scenario(scenario, scenario.title)
-    sets, tuning = gain_sets(scenario)
+    scenario = with_own(load.as_scenario(scenario, changes, wanted), laws, plants)
+    load.check_scenario(scenario, scenario.title)
+    sets, tuning = models.gain_sets(scenario)
     indicators_of = {}
     for name, gain_set in sets.items():
         if gain_set is None:
@@ -225,8 +223,8 @@ def _linear_loop(
 ) -> tuple[LinearModel, PIGains] | None:
     """`linear_loop`; in a copy of this process where the law is a file, which may end it."""
     if scenario.law_table(name).module is None:
-        return linear_loop(scenario, name, gains)
-    loop, *_ = apart(lambda _: linear_loop(scenario, name, gains), START_S)
+        return models.linear_loop(scenario, name, gains)
+    loop, *_ = apart(lambda _: models.linear_loop(scenario, name, gains), START_S)
     return loop
 
 
@@ -379,7 +377,7 @@ def fly_once(
     made_by = provenance(scenario, plant_label, gains_name, gains if law.by_gains else None)
     label = f"{plant_label} / {gains_name}"
     try:
-        controller = law.controller(law_setup(scenario, gains, limits))
+        controller = law.controller(models.law_setup(scenario, gains, limits))
         signals, stop = simulate(
             plant,
             controller,

@@ -12,8 +12,7 @@ import pandas as pd
 
 from flighttune.arrays import FloatArray
 from flighttune.gaps.residual import CHANNELS, trim_of
-from flighttune.plants.point_mass import turn_rates
-from flighttune.plants.sensors import MEASURED, SENSED
+from flighttune.plants import point_mass, sensors
 from flighttune.present.names import shown_unit
 from flighttune.simulate.run import SIGNAL_UNITS, Run, claims_around
 
@@ -69,7 +68,7 @@ LONGEST = 2.2  # an axis longer than this, over the range drawn, gets no second 
 SMALLEST_SPAN = 1e-6
 
 # Name of the measured value of a signal, in runs with sensors.
-SEEN_AS: dict[str, str] = dict(zip(SENSED, MEASURED, strict=True))
+SEEN_AS: dict[str, str] = dict(zip(sensors.SENSED, sensors.MEASURED, strict=True))
 
 # Sentences of a recording, and tabs of plots, in order.
 TEXTS = tomllib.loads(Path(__file__).with_name("texts.toml").read_text(encoding="utf-8"))
@@ -215,9 +214,9 @@ def _parts(run: Run) -> dict[str, FloatArray]:
     phi, n_z, phi_cmd, n_z_cmd, V_a, gamma = (signals[name].to_numpy() for name in FLOWN)
     chi_rate = np.gradient(np.unwrap(signals["chi"].to_numpy()), run.t)
     actual = chi_rate, np.gradient(signals["gamma"].to_numpy(), run.t)
-    exact = turn_rates(V_a, gamma, phi_cmd, n_z_cmd, turn="exact", g=trim.g)
-    behind = turn_rates(V_a, gamma, phi, n_z, turn="exact", g=trim.g)
-    kinematic = turn_rates(trim.V_a, gamma, phi_cmd, n_z_cmd, turn="paper", g=trim.g)
+    exact = point_mass.turn_rates(V_a, gamma, phi_cmd, n_z_cmd, turn="exact", g=trim.g)
+    behind = point_mass.turn_rates(V_a, gamma, phi, n_z, turn="exact", g=trim.g)
+    kinematic = point_mass.turn_rates(trim.V_a, gamma, phi_cmd, n_z_cmd, turn="paper", g=trim.g)
     modelled = {"kinematic": kinematic, "point_mass": exact}[run.provenance.law.plant]
     # lift: exact less modelled; inner loop: behind it less commanded; rest: flown less that
     steps = modelled, exact, behind, actual

@@ -13,9 +13,8 @@ import pandas as pd
 
 from flighttune.errors import InputError, RecordingError
 from flighttune.files.load import READERS, load_one, written
-from flighttune.flight.flown import FlownScenario
+from flighttune.flight import flown, load
 from flighttune.flight.fly import fly
-from flighttune.flight.load import load_scenario
 from flighttune.logs.log import Columns
 from flighttune.metrics import FLIGHT_METRICS, METRICS, measures, unit_of
 from flighttune.present.answer import Answer, Answering, Table, pick
@@ -73,7 +72,7 @@ class Source:
         return replace(self, runs=with_claims(self.runs, claims))
 
 
-Runs: TypeAlias = Run | FlownScenario | Source
+Runs: TypeAlias = Run | flown.FlownScenario | Source
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -213,7 +212,7 @@ def load_source(
     # in s.
     place, _, choice = name.partition("@") if not Path(name).exists() else (name, "", "")
     if (recording := written(name, *READERS, columns=columns)) is None:
-        scenario = load_scenario(place, changes=changes, gains=[choice] if choice else ())
+        scenario = load.load_scenario(place, changes=changes, gains=[choice] if choice else ())
         try:
             return Source(name=name, runs=fly(scenario).runs, chosen=bool(choice))
         except InputError as error:
@@ -302,7 +301,7 @@ def _source(runs_of: str | Path | Runs, place: int, columns: Columns) -> Source:
         return runs_of
     if isinstance(runs_of, Run):
         return Source(name=f"{letter}: {runs_of.label}", runs=(runs_of,))
-    if isinstance(runs_of, FlownScenario):
+    if isinstance(runs_of, flown.FlownScenario):
         return Source(name=f"{letter}: {runs_of.scenario.title}", runs=runs_of.runs)
     return load_source(runs_of, columns=columns)
 

@@ -14,8 +14,7 @@ from flighttune.files.load import BAND, CLAIMS, DATASET, MONITOR, load_one, writ
 from flighttune.logs.log import Columns
 from flighttune.present.frame import Report
 from flighttune.records.compare import Source, load_source
-from flighttune.reports.campaign import write_campaign_report
-from flighttune.reports.claim import write_claim_page
+from flighttune.reports import campaign, claim
 from flighttune.reports.page import write_log_page, write_report
 
 
@@ -85,9 +84,9 @@ def report(
             )
         if isinstance(stated, Dataset):
             findings = load_findings(str(Path(source))).by(interval, confidence)
-            return write_campaign_report(findings, path or Path(source) / "report.html")
+            return campaign.write_campaign_report(findings, path or Path(source) / "report.html")
         if stated is not None:
-            return write_claim_page(stated, str(Path(source)), path or "report.html")
+            return claim.write_claim_page(stated, str(Path(source)), path or "report.html")
         source = load_source(source, changes=changes or {}, columns=columns)
     page = Path(path or "report.html")
     if any(run.provenance.log for run in source.runs):

@@ -10,17 +10,15 @@ from collections.abc import Callable, Collection, Hashable, Iterable, Iterator, 
 from contextlib import suppress
 from functools import lru_cache
 from itertools import groupby
-from typing import Any, NamedTuple, cast
+from typing import Any, NamedTuple
 
 import numpy as np
 import pyarrow as pa
 
 from flighttune.campaign.flying.columns import NOT_REPRODUCIBLE, Row, table_of
-from flighttune.control.exact_law import ExactLaw
 from flighttune.control.gains import PIGains
 from flighttune.control.law import Law, split_name
 from flighttune.control.linear_model import closed_loop
-from flighttune.control.mimo_pi import MimoPI
 from flighttune.errors import FlightTuneError, InputError, ending_of
 from flighttune.flight.conditions import command_limits, reference_of, start_condition
 from flighttune.flight.flown import FlownScenario, bounded_loop, missed
@@ -228,12 +226,12 @@ def fly_batch(
     references = [reference_of(scenario) for scenario in scenarios]
     conditions = [start_condition(scenario) for scenario in scenarios]
     # the plant itself has no limits
-    laws = [law.make(law_setup(s, gains, command_limits(s))) for s in scenarios]
+    laws: list[Any] = [law.make(law_setup(s, gains, command_limits(s))) for s in scenarios]
     ref = np.array([np.column_stack(reference.sampled(instants)) for reference in references])
     # The bits of each flight do not depend on the others. A flight without a result has to be flown
     # alone to know why it ended.
     batch = fly_sampled(
-        cast("list[MimoPI | ExactLaw]", laws),
+        laws,
         conditions,
         ref,
         duration=duration,
