@@ -78,8 +78,7 @@ def at_random(campaign: Campaign) -> Campaign:
         Choice(key=x.key, acts=x.acts, values=x.levels) if isinstance(x, Grid) else x
         for x in campaign.disperse
     ]
-    random = campaign.model_copy(update={"design": "random"})
-    return _rebuilt(random, disperse, campaign.nominal)
+    return _rebuilt(campaign.model_copy(update={"design": "random"}), disperse, campaign.nominal)
 
 
 def _rebuilt(campaign: Campaign, disperse: Sequence[Dispersion], nominal: Scenario) -> Campaign:
@@ -110,7 +109,6 @@ def distribution_of(campaign: Campaign, plant: str) -> Distribution:
             fixed.pop(key, None)
             dispersed[key] = _range(table, nominal.get(key))
         disperse += [table.model_dump(mode="json")] * bool(own)
-    correlation = campaign.model_dump(mode="json", include={"correlation"})
     ends = [end for key, values in dispersed.items() if key.endswith(AIRSPEEDS) for end in values]
     airspeeds = spread([*campaign.central.airspeeds, *ends], "m/s")
     return Distribution(
@@ -120,7 +118,7 @@ def distribution_of(campaign: Campaign, plant: str) -> Distribution:
         fixed=fixed,
         dispersed=dispersed,
         disperse=disperse,
-        **correlation,
+        **campaign.model_dump(mode="json", include={"correlation"}),
     )
 
 
@@ -231,8 +229,7 @@ def turning_back(plan: Plan, stated: str | float) -> Plan:
     ]
     title = f"{campaign.title}, turning back"
     changed = campaign.model_copy(update={"success": [], "title": title})
-    scenario = scenario_from(tables)
-    return replace(plan, campaign=_rebuilt(changed, drawn, scenario))
+    return replace(plan, campaign=_rebuilt(changed, drawn, scenario_from(tables)))
 
 
 def room_of(run: Run, turn_back: TurnBackTable) -> FloatArray:

@@ -148,8 +148,7 @@ def counted_on(
                 break
             if end == learn + early:
                 pool.progress.budget = plan.runs
-    endings = [x for x in pool.progress.endings if x["run"] >= learn]
-    return replace(counted, endings=endings)
+    return replace(counted, endings=[x for x in pool.progress.endings if x["run"] >= learn])
 
 
 def _learned(
@@ -354,9 +353,8 @@ def differing(band: counts.Counted, draws: Sequence[int], pool: WorkerPool) -> l
 
 def score(about: counts.About, flights: counts.BandFlights, run: Run, scenario: Scenario) -> float:
     """Scale at which a flight is just inside a band."""
-    numbers = np.array(_probe(about, flights)(run, scenario))
     shape = (1, *about.half.shape, 2)
-    extremes, wind = np.split(numbers, [math.prod(shape)])
+    extremes, wind = np.split(np.array(_probe(about, flights)(run, scenario)), [math.prod(shape)])
     return float(
         shapes.scores_of(extremes.reshape(shape), wind[None], about.coefficients, about.half)[0]
     )

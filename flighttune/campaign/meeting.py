@@ -170,7 +170,6 @@ class Meeting(Answering):
             labels = [plant.label for plant in scenario.plant]
             drawn = [distribution_of(self.campaign, label).table(label) for label in labels]
         missed = [f"{_subject(row)}: {row['why']}" for row in rows if row["why"]]
-        by_default = any(row["run"].endswith(BY_DEFAULT) for row in rows)
         shown = SHARE_COLUMNS if self.success else REQUIREMENT_COLUMNS
         return Answer(
             values={
@@ -192,7 +191,7 @@ class Meeting(Answering):
             ],
             notes=[
                 *filter(None, [self.worse_sentence, *self.notes, *missed]),
-                *[BY_DEFAULT_NOTE] * by_default,
+                *[BY_DEFAULT_NOTE] * any(row["run"].endswith(BY_DEFAULT) for row in rows),
             ],
             verdict=self.sentence,
             failure="" if self.status == "met" else self.sentence,

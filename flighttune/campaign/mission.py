@@ -342,9 +342,8 @@ def mission_plan(
         corridor, shapes = None, []
     files = [*map(Path, fences)] or ([] if shapes else [*own_fence(Path(source))])
     shapes += [tables] if (tables := fence_tables(files, asked=bool(fences))) else []
-    origin = planned.where[1]
     answer = _over_ground(planned.answer(), planned, terrain, band)
-    places = [read_fence(files[0] if files else KEPT, origin, shape) for shape in shapes]
+    places = [read_fence(files[0] if files else KEPT, planned.where[1], shape) for shape in shapes]
     nearest = [fence.nearest(planned.reference.path) for fence in places]
     said = [planned_inside(planned, *x) for x in zip(places, nearest, strict=True)]
     notes = [] if out is None else planned.save(out, corridor, shapes)

@@ -161,14 +161,13 @@ class WorstFlight(Answering):
             {"key": key, "value": value if isinstance(value, float) else str(value)}
             for key, value in self.drawn.items()
         ]
-        title = f"worst {self.metric} in {self.flights} flights"
         near = f"the worst flight uses {self.value:.4g} of the {self.metric}"
         notes = [*self.scenario.gains_notes(self.plant, self.gains)]
         notes += [near] * (self.metric in (TUBE, BAND) and not self.contradicts)
         return Answer(
             values=values,
             tables=[
-                Table(WORST_COLUMNS, [values], title),
+                Table(WORST_COLUMNS, [values], f"worst {self.metric} in {self.flights} flights"),
                 Table(columns("key value"), drawn, "drawn"),
                 endings_table(self.endings),
             ],
@@ -380,8 +379,7 @@ class StatedSet:
             channels = (0, 1) if TUBE in self._probes else (None,)
             for channel in channels:
                 self._fly_bang_bang(budget // 2 // len(channels), channel)
-        left = budget - self.flights
-        z, _, first = search_worst(self.values, len(keys), budget=left, seed=seed)
+        z, _, first = search_worst(self.values, len(keys), budget=budget - self.flights, seed=seed)
         (plan, drawn), row = self._made_by, self.worst
         place = {"distance": float(np.linalg.norm(z)), "radius": region_radius(len(keys))}
         if plan.keys != keys:

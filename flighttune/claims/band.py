@@ -85,8 +85,7 @@ class SignalBounds(counted.Counted):
         about = self.about
         if (about.predicted_from is None) != (wind is None):
             raise InputError(f"`wind` must be there for a band that is given it only, got {wind}.")
-        places = np.add(t, self.rounding)
-        window = np.searchsorted(self.flights.edges, places, side="right") - 1
+        window = np.searchsorted(self.flights.edges, np.add(t, self.rounding), side="right") - 1
         window = np.clip(window, 0, len(about.half) - 1)
         low, high = self._ends(np.zeros((1, 0)) if wind is None else np.reshape(wind, (1, 2)))
         return Bounds(np.asarray(t, dtype=float), low[window], high[window], tuple(about.signals))
@@ -216,8 +215,7 @@ class Band(SignalBounds):
         if flights == about.early and not outside:
             first = flights
         # A flight that was not flown counts as one outside.
-        missing = outside + first - flights
-        epsilon = supported_epsilon(missing, first, about.confidence, about.early)
+        epsilon = supported_epsilon(outside + first - flights, first, about.confidence, about.early)
         said = f"{flights - outside} of {flights} fresh flights are certainly inside"
         claimed, leaves = flights == first, f"{SURE['yes']} {number(epsilon)}"
         not_yet, at_any = f", of {first} planned: more may be outside than a yes allows", ""
@@ -259,8 +257,7 @@ class Band(SignalBounds):
         """
         if not self.claims:
             return "nothing is claimed: too many of the flights counted were not completed"
-        scenario = scenario_of(run)
-        differs = self.flights.difference(run, scenario)
+        differs = self.flights.difference(run, scenario_of(run))
         return f"its {differs} must be that of the flights counted" if differs else ""
 
     def on(self, run: Run) -> RunClaim:

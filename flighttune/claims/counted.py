@@ -271,8 +271,7 @@ class Counted(Answering):
     @property
     def nearest(self) -> int:
         """Draw of the flight inside that is nearest to leaving."""
-        inside = np.where(self.scores <= self.scale, self.scores, -np.inf)
-        return int(self.draws[np.argmax(inside)])
+        return int(self.draws[np.argmax(np.where(self.scores <= self.scale, self.scores, -np.inf))])
 
     @property
     def shared(self) -> str:
@@ -329,8 +328,7 @@ class Counted(Answering):
     ) -> Self:
         """The count after more flights."""
         kept = np.concatenate([self.extremes, extremes]), np.concatenate([self.wind, wind])
-        all_endings = [*self.endings, *endings]
-        return replace(self, extremes=kept[0], wind=kept[1], endings=all_endings)
+        return replace(self, extremes=kept[0], wind=kept[1], endings=[*self.endings, *endings])
 
     def _ends(self, wind: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Lower and upper bounds in this wind, (1, 2) or (1, 0), shape (windows, signals) each."""

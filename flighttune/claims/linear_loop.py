@@ -64,8 +64,7 @@ def linear_bound(run: Run) -> LinearBound | None:
     values = indicators(A_K)
     if values.status != "stable":
         return None
-    unit = invariant_ellipsoid(A_K, disturbance_entry(model), L_d=1.0)
-    return bound_of(run, values, unit, L_d)
+    return bound_of(run, values, invariant_ellipsoid(A_K, disturbance_entry(model), L_d=1.0), L_d)
 
 
 def stated_L_d(run: Run) -> float | None:

@@ -81,8 +81,7 @@ def scores_of(
     parts = [np.zeros(0)]
     for first in range(0, len(extremes), PART):
         part = slice(first, first + PART)
-        middle = predicted(wind[part], coefficients)
-        away = np.abs(extremes[part] - middle[..., None]).max(axis=-1)
+        away = np.abs(extremes[part] - predicted(wind[part], coefficients)[..., None]).max(axis=-1)
         parts.append((away / half).max(axis=(1, 2)))
     return np.concatenate(parts)
 

@@ -210,8 +210,7 @@ def _toml(text: str) -> Any:
 def _large_integers(value: Any, place: tuple[str, ...]) -> Iterator[tuple[str, ...]]:
     """Places of integers that TOML does not have; of thousands of digits Python prints none."""
     if isinstance(value, (dict, list)):
-        items = value.items() if isinstance(value, dict) else enumerate(value)
-        for key, inside in items:
+        for key, inside in value.items() if isinstance(value, dict) else enumerate(value):
             yield from _large_integers(inside, (*place, str(key)))
     elif isinstance(value, int) and not -(2**63) <= value < 2**63:
         yield place

@@ -77,8 +77,7 @@ def made_folder(folder: Path) -> Path:
 
 def scratch_folder() -> "TemporaryDirectory[str]":
     """A private temporary folder; OSError if none can be made."""
-    place = scratch_place()
-    return TemporaryDirectory(prefix="flighttune-", dir=place, ignore_cleanup_errors=True)
+    return TemporaryDirectory(prefix="flighttune-", dir=scratch_place(), ignore_cleanup_errors=True)
 
 
 def scratch_place() -> Path:

@@ -20,12 +20,9 @@ if TYPE_CHECKING:
 # Called with the label of a run and the part of it flown, 0 to 1.
 Progress: TypeAlias = Callable[[str, float], None]
 
-# Called with the name of a Python file.
-Notice: TypeAlias = Callable[[str], object]
-
-# Does nothing for callers from Python, who chose the code. It is set in a command, and not in the
-# processes that it starts.
-NOTICE: ContextVar[Notice | None] = ContextVar("notice", default=None)
+# Called with the name of a Python file. It does nothing for callers from Python, who chose the
+# code: it is set in a command, and not in the processes that it starts.
+NOTICE: ContextVar[Callable[[str], object] | None] = ContextVar("notice", default=None)
 
 # Time after which a copy that its own alarm has not ended is given up, s.
 GRACE_S = 5.0

@@ -459,8 +459,7 @@ def mistake(run: Run) -> str:
         if channel == "gamma" and "gamma_given" in columns:  # the path angle may have given way
             error = (columns["gamma_given"] - columns["gamma"]).to_numpy()
         size = np.abs(error)
-        begun = np.flatnonzero(size > FIRST_ERROR)[:1]
-        for k in begun:  # none or one
+        for k in np.flatnonzero(size > FIRST_ERROR)[:1]:  # none or one
             end = int(np.searchsorted(run.t, run.t[k] + FIRST_S))
             away = (error * turn)[k:end] < 0.0
             if away.all() and (size[end - 1 :] > size[k]).all():

@@ -326,14 +326,13 @@ def fly_alone(
         source = wind_run.provenance.plant
         reason = f"the wind is that of {source}, which did not fly: {wind_run.reason}"
         return _without_samples(origin(gains), wind_run.status, reason)
-    plant, lead = plant_of(table, scenario, wind), conditions.lead_on(scenario, table)
     return fly_once(
         scenario,
-        plant,
+        plant_of(table, scenario, wind),
         gains,
         plant_label=label,
         gains_name=gains_name,
-        lead=lead,
+        lead=conditions.lead_on(scenario, table),
         progress=progress,
     )
 

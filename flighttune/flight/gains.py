@@ -4,7 +4,9 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import pandas as pd
 
 from flighttune.arrays import check_at_least
 from flighttune.certificates.bound import bound_rate
@@ -31,9 +33,6 @@ from flighttune.tuning.problem import TuningProblem
 from flighttune.tuning.result import TuningResult
 from flighttune.tuning.tune import POINTS, STARTS, diagnosis, frontier_chart, tune_problem
 from flighttune.tuning.tune import frontier as frontier_table
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 
 def tune(
@@ -267,8 +266,7 @@ def certify_scenario(
     boxes, why = (), ""
     if lag is not None or identified:
         late = models.late_ranges(scenario, law, lag, everywhere)
-        laws = [model, *(design.law_model for design in everywhere)]
-        boxes, why = lag_boxes(laws, gains, *late)
+        boxes, why = lag_boxes([model, *(design.law_model for design in everywhere)], gains, *late)
     whole: dict[str, Any] = {"over_envelope": envelope, "scaling": scaling}
     if why and lag is not None:
         return Certification(status="refused", reason=why, model=model, gains=gains, **whole)
@@ -319,7 +317,7 @@ class Frontier(Answering):
     """
 
     scenario: Scenario
-    table: "pd.DataFrame"
+    table: pd.DataFrame
 
     @property
     def sheet(self) -> Sheet:

@@ -97,12 +97,11 @@ def route_scenario(
 ) -> Scenario:
     """A scenario in which an aircraft flies what a file states, within limits of its own."""
     first, changes = load_identified(aircraft).conditions[0], changes or {}
-    condition = {"V_a_mps": first.V_a, "h_m": first.h, "duration_s": LONGEST_S}
     tables = {
         "title": file.stem,
         "law": ["exact"],
         "gains": [TUNED_FED_BACK],
-        "flight": condition | mission.flight,
+        "flight": {"V_a_mps": first.V_a, "h_m": first.h, "duration_s": LONGEST_S} | mission.flight,
         "limits": dict(mission.limits),
         "controller": {"feed_forward": True},
         "tuning": {"identified": aircraft},

@@ -74,8 +74,7 @@ def new_scenario(
             raise InputError(f"`--{option}` must be positive and finite, got {value:g}.")
     document = _first(aircraft or AIRCRAFT, file.parent)
     names = {"name": shlex.quote(str(file)), "run": shlex.quote(f"runs/{file.stem}")}
-    text = _requiring(document, overshoot, settle) + (NEXT_HEAD + NEXT).format(**names)
-    write_text(file, text)
+    write_text(file, _requiring(document, overshoot, settle) + (NEXT_HEAD + NEXT).format(**names))
     try:
         load_scenario(file)
     except BaseException:
@@ -164,10 +163,9 @@ def _requiring(document: Any, overshoot: float | None, settle: float | None) -> 
 def _first_ramps(config: AircraftConfig, V_a: float, climb: float) -> dict[str, Any]:
     """A turn and a climb (deg) that roll in, in parts of what the aircraft's limits allow."""
     limits, ramps = config.limits, {}
-    turn_load, lift = math.tan(0.6 * limits.phi[1]), 0.3 * (limits.n_z[1] - 1.0)
     for key, change, load, load_rate in (
-        ("chi_deg", TURN, turn_load, limits.phi_rate),
-        ("gamma_deg", climb, lift, limits.n_z_rate),
+        ("chi_deg", TURN, math.tan(0.6 * limits.phi[1]), limits.phi_rate),
+        ("gamma_deg", climb, 0.3 * (limits.n_z[1] - 1.0), limits.n_z_rate),
     ):
         # Over the roll-in the command changes at up to 0.6 of its rate limit, and it takes at most
         # half of the ramp: a small change has a small rate.

@@ -144,8 +144,7 @@ class Plan:
 
     def of_group(self, group: Group) -> "Plan":
         """The same plan restricted to one of its groups."""
-        gain_sets = {group.gains: self.gain_sets[group.gains]}
-        return replace(self, groups=(group,), gain_sets=gain_sets)
+        return replace(self, groups=(group,), gain_sets={group.gains: self.gain_sets[group.gains]})
 
     def with_runs(self, runs: int) -> "Plan":
         """The same plan for another number of flights."""

@@ -23,9 +23,7 @@ Value: TypeAlias = bool | int | float | str
 Values: TypeAlias = Annotated[list[Value], Field(min_length=1)]
 
 Key: TypeAlias = Annotated[str, Field(min_length=1, max_length=MAX_KEY)]
-Acts: TypeAlias = Literal["sets", "adds", "multiplies"]
 Design: TypeAlias = Literal["random", "latin_hypercube", "sobol", "grid"]
-Runs: TypeAlias = Annotated[int, Field(ge=1, le=10**9)]
 Count: TypeAlias = Annotated[int, Field(ge=0)]
 
 # Measures of a run, as the columns of rows are named
@@ -51,7 +49,8 @@ class DisperseTable(Table):
 
     # Dotted path of a key of the scenario; [0] is a position in a list, plant[LABEL] a plant
     key: Key
-    acts: Acts = "sets"  # the drawn value replaces the scenario's, is added to it, or multiplies it
+    # The drawn value replaces the scenario's, is added to it, or multiplies it
+    acts: Literal["sets", "adds", "multiplies"] = "sets"
 
     @model_validator(mode="after")
     def _can_be_drawn(self) -> Self:
@@ -244,7 +243,7 @@ class CampaignTable(Table):
     scenario: PathName  # a shipped name, or a file in the campaign's folder
     seed: Seed = 0  # of all random numbers
     # Flights over all draws, gain sets and plants; of a grid one per cell and group if left out
-    runs: Runs | None = None
+    runs: Annotated[int, Field(ge=1, le=10**9)] | None = None
     design: Design = "random"
     # Fly no further once it is sure for every group whether at least this share of flights succeeds
     until_sure: Annotated[float, Field(gt=0.0, lt=1.0)] | None = None

@@ -152,5 +152,4 @@ _VARIABLES = {
 def hue_tells_gains(pairs: Iterable[tuple[str, str]]) -> bool:
     """Whether `line_styles` gives every gain set of `pairs` (plant, gain set) a hue of its own."""
     pairs = set(pairs)
-    plants, gains = {plant for plant, _ in pairs}, {name for _, name in pairs}
-    return len(plants) <= 2 and len(gains) <= len(HUES)
+    return len({plant for plant, _ in pairs}) <= 2 and len({name for _, name in pairs}) <= len(HUES)

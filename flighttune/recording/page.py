@@ -86,11 +86,10 @@ def _overview(
     by_signal = {plot.signal: plot for tab in plots.values() for plot in tab}
     beside = [by_signal[name] for name in signals if name in by_signal]
     maps = [rrb.MapView(origin=entities.MAP, name="OpenStreetMap")] if on_map else []
-    legend = rrb.TextDocumentView(origin=entities.LEGEND, name="Runs")
     return rrb.Horizontal(
         rrb.Vertical(whole, *maps),
         rrb.Vertical(*(_plot(plot, flights, 1.0 / len(beside)) for plot in beside)),
-        rrb.Vertical(chase, legend),
+        rrb.Vertical(chase, rrb.TextDocumentView(origin=entities.LEGEND, name="Runs")),
         column_shares=[1.0 - MIDDLE - SIDE, MIDDLE, SIDE],
     )
 
@@ -208,8 +207,7 @@ def _metrics(heading: str, labels: Sequence[str], metrics: pd.DataFrame) -> str:
     # the mean follows from ITAE, which is on the page, and the time flown
     names = [name for name in map(str, metrics) if name in METRIC_LABELS and name != "ITAE_mean"]
     layout = [Column(heading, heading), *columns(" ".join(names))]
-    records = metrics.assign(**{heading: labels}).to_dict(orient="records")
-    return Table(layout, records).markdown()
+    return Table(layout, metrics.assign(**{heading: labels}).to_dict(orient="records")).markdown()
 
 
 def log_legends(stream: rr.RecordingStream, flights: Sequence[DrawnRun]) -> None:
@@ -239,10 +237,9 @@ def reading_line(flights: Sequence[DrawnRun]) -> str:
         parts.append("**thin around a signal:** proven tube")
     if "counted" in claims:
         parts.append("**dashed around a signal:** counted band")
-    factor = drawn_scale(flights)
     spacing = ground_grid(all_positions(flights))[1]
     parts += [
-        f"**aircraft:** {factor:g} times their size",
+        f"**aircraft:** {drawn_scale(flights):g} times their size",
         "**arrow:** velocity",
         f"**grid:** {spacing:g} m",
     ]

@@ -99,8 +99,7 @@ def log_route(
     if rings := [ring for flight in flights for c in flight.run.claims for ring in c.fences]:
         lines("_fence", [np.array(ring)[:, 1::-1] for ring in rings], LIMIT, 1.5)
     for key, (style, corners) in corridors.items():
-        sides = [on_map(corners[:, side]) for side in (0, 1)]
-        lines(f"_corridor/{key}", sides, style.colour, 0.5)
+        lines(f"_corridor/{key}", [on_map(corners[:, side]) for side in (0, 1)], style.colour, 0.5)
     for flight in flights:
         signals, now = flight.run.signals, f"{MAP}/{flight.key}/now"
         flown = on_map(positions(signals))

@@ -391,7 +391,6 @@ def _is_log(run: Run) -> bool:
 def _pair(source_a: str, source_b: str, a: Run, b: Run) -> Pair:
     end = min(a.duration, b.duration)
     distance, t_farthest = largest_distance(a, b)
-    differs = {} if _is_log(a) or _is_log(b) else _changes(_settings(a), _settings(b))
     a, b = (
         run if run.duration <= end else replace(run, signals=run.signals.loc[:end])
         for run in (a, b)
@@ -403,7 +402,7 @@ def _pair(source_a: str, source_b: str, a: Run, b: Run) -> Pair:
         source_b=source_b,
         max_distance=distance,
         t_max_distance=t_farthest,
-        differs=differs,
+        differs={} if _is_log(a) or _is_log(b) else _changes(_settings(a), _settings(b)),
     )
 
 

@@ -118,8 +118,7 @@ def record_bytes(parts: Parts, flight: Sequence[str] = ()) -> bytes:
     values = [pa.array(column) for column in np.ascontiguousarray(rows.T)]
     sink = pa.BufferOutputStream()
     # Without a dictionary: signals hardly repeat a value.
-    table = pa.table(values, schema=schema)
-    pq.write_table(table, sink, compression="zstd", use_dictionary=False)
+    pq.write_table(pa.table(values, schema=schema), sink, compression="zstd", use_dictionary=False)
     return seal(sink.getvalue().to_pybytes())
 
 
@@ -247,8 +246,7 @@ def _in_folder(folder: Path) -> Recording:
 
     def rank(flight: tuple[tuple[str, ...], dict[str, tuple[Path, Run]]]) -> tuple[bool, float]:
         order, by_hash = flight
-        newest = max(file.stat().st_mtime for file, _ in by_hash.values())
-        return {*order} <= by_hash.keys(), newest
+        return {*order} <= by_hash.keys(), max(file.stat().st_mtime for file, _ in by_hash.values())
 
     order, by_hash = max(_by_flight(files).items(), key=rank)
     order = order or tuple(by_hash)

@@ -144,8 +144,7 @@ def reflights(
     if not runs or any(other != scenarios[0] for other in scenarios[1:]):
         raise RecordingError(f"the runs must be of one scenario, got {len(runs)} of several.")
     scenario = scenario_from(as_recorded(scenarios[0]))
-    names = scenario.gain_names
-    labels = [f"{plant.label} / {name}" for plant in scenario.plant for name in names]
+    labels = [f"{plant.label} / {name}" for plant in scenario.plant for name in scenario.gain_names]
     for run in runs:
         if run.label not in labels:
             raise RecordingError(

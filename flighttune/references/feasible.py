@@ -73,8 +73,7 @@ class Manoeuvre:
     @property
     def change(self) -> tuple[float, float]:
         """Change of course (the shorter way round) and of path angle, rad."""
-        turn = math.remainder(self.end[0] - self.start[0], math.tau)
-        return turn, self.end[1] - self.start[1]
+        return math.remainder(self.end[0] - self.start[0], math.tau), self.end[1] - self.start[1]
 
     @property
     def longest(self) -> float:
@@ -320,9 +319,8 @@ def _reference_of(manoeuvre: Manoeuvre, x: FloatArray) -> FeasibleReference:
     dt, duration = manoeuvre.dt, float(x[-1])
     knots = np.linspace(0.0, duration, KNOTS + 1)
     rest = max(map(_settling, manoeuvre.lags or ()), default=0.0)
-    samples = math.ceil((duration + rest) / dt) + 1
     # The middle of each sample: held commands are half a sample late on average.
-    middles = (np.arange(samples) + 0.5) * dt
+    middles = (np.arange(math.ceil((duration + rest) / dt) + 1) + 0.5) * dt
     (commands,) = _at_knots(manoeuvre, x[None])
     planned = np.column_stack([np.interp(middles, knots, command) for command in commands])
     plant = PointMassPlant(manoeuvre.lags, g=manoeuvre.g)

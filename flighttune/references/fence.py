@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
+import shapely
 
 from flighttune.arrays import FloatArray
 from flighttune.errors import InputError
@@ -76,16 +77,13 @@ class Fence:
     @property
     def heights(self) -> str:
         """Its floor and ceiling in words."""
-        ends = {"floor": self.low, "ceiling": self.high}.items()
         return " and ".join(
             f"no {name}" if np.isinf(height) else f"a {name} at {height:g} m above the start"
-            for name, height in ends
+            for name, height in {"floor": self.low, "ceiling": self.high}.items()
         )
 
     def nearest(self, path: Route) -> dict[str, Any]:
         """Where a path has its smallest margin (m, negative outside), and where it leaves first."""
-        import shapely
-
         inside = path.s <= path.length
         places = np.column_stack([path.north, path.east])[inside]
         points, heights = np.asarray(shapely.points(places)), path.up[inside]
@@ -241,8 +239,6 @@ def _of_plan(stated: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
 
 def _one_area(shapes: list[dict[str, Any]]) -> list[dict[str, Any]]:
     """Shapes with one area to stay in for all of them: PX4 stays inside at least one."""
-    import shapely
-
     stay = [x for x in shapes if not x["properties"]["exclusion"]]
     # Longitudes count from that of the first corner, as a route may cross the date line.
     first = stay[0]["geometry"]["coordinates"][0][0][0] if stay else 0.0
@@ -296,8 +292,6 @@ def read_fence(path: Path, origin: maps.LatLon, tables: Any = None) -> Fence:
     ``exclusion``, are zones not to enter. The properties ``min_up_m`` and ``max_up_m`` of a feature
     are heights above the start. `tables`: the content in GeoJSON, if it has been read.
     """
-    import shapely
-
     tables = tables or fence_tables([path])
     low, high = FAR
     # Edges are straight in longitude and latitude, the shorter way round the Earth.
@@ -355,8 +349,6 @@ def read_fence(path: Path, origin: maps.LatLon, tables: Any = None) -> Fence:
 
 def _lines(ring: FloatArray) -> npt.NDArray[Any]:
     """The edges of a ring as lines, which may meet in corners."""
-    import shapely
-
     return np.asarray(shapely.linestrings(np.stack([ring, np.roll(ring, -1, axis=0)], axis=1)))
 
 

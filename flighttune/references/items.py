@@ -205,8 +205,7 @@ def _knows_home(flat: Sequence[Mapping[str, Any]], home: tuple[float, ...]) -> b
     first = [json_number(x, "a place") for x in placed[0]["params"][4:6]] if placed else [0.0]
     if any(home[:2]) or sum(map(abs, first)) <= NEAR_DEG:
         return True
-    above_sea = {item["frame"] in ABOVE_SEA for item in placed}
-    if not home[2] and len(above_sea) > 1:
+    if not home[2] and len({item["frame"] in ABOVE_SEA for item in placed}) > 1:
         raise InputError(
             "`plannedHomePosition` must be near the route: heights above sea level and above home "
             f"are in one plan, got {list(home)}."

@@ -13,6 +13,7 @@ from zipfile import BadZipFile, ZipFile
 
 import numpy as np
 from geographiclib.geodesic import Geodesic
+from shapely import LineString
 
 from flighttune.arrays import FloatArray, Floats
 from flighttune.errors import InputError, need
@@ -228,8 +229,7 @@ def _parts(shape: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
             yield from _parts({**shape, "geometry": part})
     elif kind in ("MultiLineString", "MultiPolygon"):
         for part in geometry["coordinates"]:
-            single = {"type": kind.removeprefix("Multi"), "coordinates": part}
-            yield {**shape, "geometry": single}
+            yield {**shape, "geometry": {"type": kind.removeprefix("Multi"), "coordinates": part}}
     else:
         yield shape
 
@@ -374,8 +374,7 @@ def _shape(
     points: FloatArray, kind: str, *nested: str, mode: str = "absolute"
 ) -> ElementTree.Element:
     """A shape, whose coordinates are in the last of the `nested` elements."""
-    text = " ".join(",".join(map(str, point)) for point in points.tolist())
-    inner = node("coordinates", text)
+    inner = node("coordinates", " ".join(",".join(map(str, point)) for point in points.tolist()))
     for tag in reversed(nested):
         inner = node(tag, inner)
     return node(kind, node("altitudeMode", mode), inner)
@@ -394,8 +393,6 @@ def _coordinates(
 
 def rings_around(path: Route, width: float) -> list[FloatArray]:
     """Rings of the area within `width` (m) of a path, the outer one first: north, east, (n, 2)."""
-    from shapely import LineString  # here: it is not needed otherwise
-
     off_path = np.abs(path.curvature).max() * APART**2 / 8.0  # of a chord between two points
     # No place within the width is outside of it: its corners are beyond.
     beyond = (width + off_path) / math.cos(math.pi / (4 * CORNERS))

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import shapely
 
 from flighttune.errors import InputError
 from flighttune.files.table import hash_of, shown
@@ -235,8 +236,6 @@ HALVINGS = 14
 
 def _fewer_vertices(route: maps.RouteMap) -> tuple[list[maps.Area], str]:
     """Areas, of at most `MOST` vertices, that hold a path or windows of its corridor; a note."""
-    import shapely
-
     (path, origin, _), windows = route.where, route.corridor_rings()
     # The corridor takes the place of the areas to stay in, and is cut off at those that hold it.
     # Circles stay circles. Areas to stay in become smaller, those to stay out of larger. The note
@@ -265,8 +264,7 @@ def _fewer_vertices(route: maps.RouteMap) -> tuple[list[maps.Area], str]:
         fits = _vertices(rings) <= room and all(
             shape.geom_type == "Polygon" and (out or shape.covers(core)) for shape, out in shapes
         )
-        apart = all(x[0].disjoint(core) for x, free in zip(kept, clear, strict=True) if free)
-        if fits and apart:
+        if fits and all(x[0].disjoint(core) for x, free in zip(kept, clear, strict=True) if free):
             break
     else:
         rings = [*((ring, False) for ring in windows), *polygons]
@@ -287,8 +285,6 @@ def _vertices(areas: Sequence[maps.Area]) -> int:
 
 def _polygon(ring: list[list[float]], origin: maps.LatLon) -> Any:
     """A closed ring as a polygon north and east of a place, m."""
-    import shapely
-
     return shapely.Polygon([maps.north_east((lat, lon), origin) for lon, lat, *_ in ring]).buffer(
         0.0
     )
@@ -296,13 +292,12 @@ def _polygon(ring: list[list[float]], origin: maps.LatLon) -> Any:
 
 def _rings(shape: Any, outside: bool, origin: maps.LatLon) -> list[maps.Area]:
     """The rings of a polygon, whose holes are areas to stay out of."""
-    parts = [] if shape.is_empty else getattr(shape, "geoms", [shape])
     return [
         (
             maps.on_earth(np.array(ring.coords), origin)[:, ::-1].round(8).tolist(),
             outside or number > 0,
         )
-        for part in parts
+        for part in ([] if shape.is_empty else getattr(shape, "geoms", [shape]))
         for number, ring in enumerate([part.exterior, *part.interiors])
     ]
 

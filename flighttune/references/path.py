@@ -527,8 +527,7 @@ def _profile(layout: _Layout, ends: list[float]) -> tuple[FloatArray, FloatArray
                 point = replace(point, up=profile[-1][1])
             if i + 1 < len(laid) and laid[i + 1].kind == "turn":
                 reached += 0.5 * (ends[i + 2] - reached)
-            before = waypoints[stretch.waypoint - 2].name
-            _climb(profile, before, point, reached, layout.ability)
+            _climb(profile, waypoints[stretch.waypoint - 2].name, point, reached, layout.ability)
     along, up = np.array(profile).T
     distinct = np.append(True, np.diff(along) > turns.NO_LENGTH)
     return along[distinct], up[distinct]

@@ -47,8 +47,7 @@ def influential_parameters(findings: Findings) -> list[str]:
             for rank in sensitivity["ranks"]:
                 key = rank["parameter"]
                 strongest[key] = max(strength(rank), strongest.get(key, 0.0))
-    ordered = sorted(findings.plan.keys, key=lambda key: -strongest.get(key, 0.0))
-    return ordered[:PARAMETERS]
+    return sorted(findings.plan.keys, key=lambda key: -strongest.get(key, 0.0))[:PARAMETERS]
 
 
 def parameter(key: str) -> Column:

@@ -3,9 +3,10 @@
 import tomllib
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
+import pandas as pd
 
 from flighttune.arrays import FloatArray
 from flighttune.claims.linear_loop import LinearBound
@@ -23,9 +24,6 @@ from flighttune.references.follow import ROUTE_SIGNALS
 from flighttune.scenario.schema import Scenario
 from flighttune.simulate.run import SIGNAL_UNITS, Run, claims_around
 from flighttune.units import DEG_PER_RAD
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 # Words of the pages, and title and label of signals over time.
 TEXTS = tomllib.loads(Path(__file__).with_name("texts.toml").read_text(encoding="utf-8"))
@@ -85,8 +83,7 @@ def panel(
     most = most_points(len(flights))
     # The reference is the same for all runs.
     if reference:
-        values = displayed(longest.signals, reference)
-        chart.line(longest.t, values, NEUTRAL, width=2.2, most=most)
+        chart.line(longest.t, displayed(longest.signals, reference), NEUTRAL, width=2.2, most=most)
     for limit in limits_of(flights[0][0].provenance.scenario, limits) or ():
         chart.level(limit)
     if zero:
@@ -302,8 +299,7 @@ def convergence_table(runs: Sequence[Run], claim: ClaimCheck) -> Table:
         elif len(run.signals):
             record["flight"] += f" at {run.duration:.1f} s"
         records.append(record)
-    on_route = any("along" in run.signals for run in runs)
-    layout = ROUTE_COLUMNS if on_route else CONVERGENCE_COLUMNS
+    layout = ROUTE_COLUMNS if any("along" in run.signals for run in runs) else CONVERGENCE_COLUMNS
     return Table(layout, records, name="convergence", label="run")
 
 
@@ -336,7 +332,7 @@ def runs_table(runs: Sequence[Run]) -> Table:
     return Table(layout, records, "Runs", name="runs", label="run")
 
 
-def gains_table(gains: Mapping[str, PIGains], curve: "pd.DataFrame") -> Table:
+def gains_table(gains: Mapping[str, PIGains], curve: pd.DataFrame) -> Table:
     """Gains with their indicators, which `curve` (from `frontier`) has."""
     marks = curve.set_index("name")
     records = [

@@ -115,15 +115,13 @@ class WorkerPool:
                 self._started()  # the processes get ready while the first batch is flown
             for together, alone in flying.blocks(plan, runs, probes, draws):
                 if many and together:
-                    batch = tuple(run for draw in together for run in draw.runs)
-                    yield flying.Draw(batch, None)
+                    yield flying.Draw(tuple(run for draw in together for run in draw.runs), None)
                 else:
                     flown_here.extend(flying.fly_together(plan, together))
                     yield flying.Draw((), {})
                 yield from alone
 
-        work = work_of(plan, probes)
-        for draw, answers in self._answers(doing or "flying", work, alone_draws()):
+        for draw, answers in self._answers(doing or "flying", work_of(plan, probes), alone_draws()):
             rows = [
                 x if isinstance(x, dict) else flying.lost_row(plan, run, draw.drawn, x)
                 for run, x in zip(draw.runs, answers, strict=True)
@@ -175,8 +173,7 @@ class WorkerPool:
                     yield draw, []
                 continue
             # results that are ready when the observer stops the flights are not lost
-            over = wait(pending, 0.0 if observer.stopped else POLL_S, FIRST_COMPLETED).done
-            for future in over:
+            for future in wait(pending, 0.0 if observer.stopped else POLL_S, FIRST_COMPLETED).done:
                 try:
                     answers = future.result()
                 except Exception as error:

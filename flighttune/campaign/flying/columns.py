@@ -54,8 +54,7 @@ AFTER = {
 
 def table_of(plan: Plan, rows: Iterable[Row]) -> pa.Table:
     """Rows of a plan as a table, in order of `run`, without what probes kept."""
-    in_order = sorted(rows, key=lambda row: row["run"])
-    return pa.Table.from_pylist(in_order, schema=row_schema(plan))
+    return pa.Table.from_pylist(sorted(rows, key=lambda row: row["run"]), schema=row_schema(plan))
 
 
 def row_schema(plan: Plan) -> pa.Schema:

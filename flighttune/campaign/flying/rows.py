@@ -145,10 +145,9 @@ def rows_flown(
 def row_differences(plan: Plan, run: int, row: Mapping[str, Any]) -> tuple[Difference, ...]:
     """Every column in which a run that is flown again differs from its row, to the bit."""
     # flown as rows are: a kinematic flight of a batch and a single one differ by rounding
-    again = fly_runs(plan, [run]).to_pylist()[0]
     return tuple(
         Difference(name, None, row[name], value)
-        for name, value in again.items()
+        for name, value in fly_runs(plan, [run]).to_pylist()[0].items()
         # as text: zeros of either sign are two numbers, and NaN equals itself
         if name not in NOT_REPRODUCIBLE and repr(row[name]) != repr(value)
     )
@@ -385,8 +384,7 @@ def _outcome(
 def _of_loop(plan: Plan, group: Group) -> Mapping[str, Mapping[str, float]]:
     """Measures of the undispersed loop of a group, where its requirements bound them."""
     scenario, name = plan.scenario, group.gains
-    tables = scenario.expected(group.plant, name)
-    return bounded_loop(tables, scenario, name, plan.gain_sets[name])
+    return bounded_loop(scenario.expected(group.plant, name), scenario, name, plan.gain_sets[name])
 
 
 def _unflown(status: str, reason: str) -> Row:

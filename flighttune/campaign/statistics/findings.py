@@ -279,8 +279,7 @@ class Findings:
             # from 10, or a quarter of the flights if less, evenly spaced in their logarithm
             first = max(1, min(FIRST_PREFIX, len(rows) // 4))
             counts = np.unique(np.geomspace(first, len(rows), POINTS).round().astype(int))
-            has_value = (rows["status"] == "completed") & rows[measure].notna()
-            places = np.flatnonzero(has_value)
+            places = np.flatnonzero((rows["status"] == "completed") & rows[measure].notna())
             measured, ends = rows.iloc[places], np.searchsorted(places, counts)
             curve: dict[str, Any] = {"group": group.label, "n": counts.tolist()}
             curve["success"] = [self.successes(rows.head(n)) for n in counts]
