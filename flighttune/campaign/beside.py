@@ -140,8 +140,7 @@ class Beside(Answering):
         """Accuracy, losses, margins and what was emulated, in four lines; then the tables."""
         accuracy, n = self.accuracy, self.plan.draws
         ended = self.rows[self.rows["status"] != "completed"].assign(run=lambda x: x["draw"])
-        by_law = {name: ended[ended["gains"] == name] for name in (YOURS, OURS)}
-        lost = {name: rows.to_dict(orient="records") for name, rows in by_law.items()}
+        lost = {x: ended[ended["gains"] == x].to_dict(orient="records") for x in (YOURS, OURS)}
         kept = f"Errors that {percent(1.0 - EPSILON)} % of flights keep to"
         bound = f"{kept}, each by itself, at a confidence of {percent(CONFIDENCE)} %"
         if n < (needed := flights_needed(EPSILON, CONFIDENCE)):
@@ -411,7 +410,7 @@ def _with_guidance(plan: Plan, now: Flown) -> Plan:
         plan,
         campaign=campaign_on(plan.campaign, changed, plan.campaign.title),
         gain_sets={name: gains, group.gains: gains},
-        groups=(replace(group, gains=name), group),
+        groups=(group._replace(gains=name), group),
     )
 
 

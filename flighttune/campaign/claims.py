@@ -169,10 +169,8 @@ class Verified(Answering):
     def answer(self) -> Answer:
         """The checks and the claim; a failure if one of them does not hold."""
         value, valid, kind = self.claim, self.valid, self.claim.kind
-        if isinstance(value, Counted) and self.source:  # its note has a command that takes the file
-            claim = value.answer(self.source)
-        else:
-            claim = value.answer()
+        file = self.source or "FILE"  # in a command of the note of a count
+        claim = value.answer(file) if isinstance(value, Counted) else value.answer()
         checks = [asdict(check) for check in self.verification.checks]
         notes = *self.verification.notes, *claim.notes
         place = f"{self.source}: " if self.source else ""

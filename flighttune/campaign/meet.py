@@ -4,7 +4,7 @@ import math
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import asdict, replace
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -564,7 +564,7 @@ def _count(
         # The lower end of the interval decides, unless it is below `wanted` for any count.
         cycles = np.arange(n) // cycle(count.campaigns[0])
         by = "lo" if share(np.ones(n, dtype=bool), cycles).lo >= wanted else "value"
-        shares = [asdict(share(met, cycles)) for met in flags]
+        shares = [share(met, cycles)._asdict() for met in flags]
         statuses = [MET[part[by] >= wanted] for part in shares]
     by_default = trials[0].default
     return trials, {

@@ -8,7 +8,7 @@ assumes. Its tube bounds its errors.
 """
 
 import math
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -31,8 +31,7 @@ NEEDED = ("chi", "gamma", "chi_ref", "gamma_ref", "chi_err", "gamma_err", "phi_c
 LIMITED = ("phi_limited", "n_z_limited")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class LinearBound:
+class LinearBound(NamedTuple):
     """The norm of s = (e', e) in a flight of the law, and the bound that its gains give it."""
 
     t: FloatArray  # (n,), s: Middle of each sample interval

@@ -1,10 +1,10 @@
 """A campaign ready to fly: gains as numbers, groups of plant and gains, and draws on demand."""
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -38,8 +38,7 @@ TUNING_ROUNDING = 1e-6
 BLOCK = 1024
 
 
-@dataclass(frozen=True, slots=True)
-class Group:
+class Group(NamedTuple):
     """Flights of one plant with one gain set."""
 
     plant: str  # label
@@ -214,7 +213,7 @@ class Plan:
         return {
             "version": VERSION,
             "runs": self.runs,
-            "groups": [asdict(group) for group in self.groups],
+            "groups": [group._asdict() for group in self.groups],
             "gains": {
                 name: None if gains is None else gains.as_lists()
                 for name, gains in self.gain_sets.items()

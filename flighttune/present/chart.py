@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from functools import cache
 from html import escape
 from pathlib import Path
-from typing import Any, Literal, TypeAlias
+from typing import Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -444,8 +444,7 @@ def _power(value: float) -> str:
     return f"10{superscript}" if digit == 1 else f"{digit}·10{superscript}"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Axes:
+class _Axes(NamedTuple):
     """Ends of both axes and the size of the plot, pixels."""
 
     x: Range

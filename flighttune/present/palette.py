@@ -1,7 +1,7 @@
 """Line style of each run: one in 3D, plots, figures and text, safe for colour-blind readers."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from typing import NamedTuple
 
 # A strong and a light shade of each hue, for the dark and the light ground of the viewer and for
 # paper: any two of twelve differ by 19 or more (CIE 1976) as seen with normal sight, protanopia,
@@ -47,8 +47,7 @@ LIGHT = {"paper": "#FFFFFF", "ink": "#1D2329", "soft": "#56606A", "grid": "#E4E7
 DARK = {"paper": "#14181C", "ink": "#E6E9EC", "soft": "#A3ADB6", "grid": "#2A3138"}
 
 
-@dataclass(frozen=True, slots=True)
-class LineStyle:
+class LineStyle(NamedTuple):
     """Style of the line of one run."""
 
     colour: str  # #RRGGBB

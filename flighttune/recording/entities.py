@@ -2,8 +2,7 @@
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -86,8 +85,7 @@ def on_screen(width: float) -> Any:
     return rr.components.Radius.ui_points(width)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class DrawnRun:
+class DrawnRun(NamedTuple):
     """One run as a recording draws it."""
 
     run: Run  # with at least two samples

@@ -190,7 +190,7 @@ def with_derived(flights: "Sequence[DrawnRun]") -> "list[DrawnRun]":
         columns = {**_over_ground(run), **_parts(run), **_compared(run, lower)}
         lower.append(run)
         with_columns = replace(run, signals=run.signals.assign(**columns)) if columns else run
-        extended.append(replace(drawn_run, run=with_columns))
+        extended.append(drawn_run._replace(run=with_columns))
     return extended
 
 

@@ -7,9 +7,8 @@ import sys
 import uuid
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 from urllib.parse import quote
 
 import numpy as np
@@ -100,8 +99,7 @@ POSE = ("north", "east", "down", "chi", "gamma", "phi")
 DASH, GAP = 0.35, 0.15  # length of a dash of a band, and of the gap after it, s
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RecordedFiles:
+class RecordedFiles(NamedTuple):
     """Paths of the files of a flight."""
 
     recording: Path  # Rerun recording of all runs

@@ -255,7 +255,7 @@ def somewhere(drawn_run: DrawnRun) -> DrawnRun:
     signals = drawn_run.run.signals
     pose = [positions(signals), signals[["chi", "gamma", "phi"]].to_numpy(dtype=float)]
     signals = signals.loc[np.isfinite(np.hstack(pose)).all(axis=1)]
-    return replace(drawn_run, run=replace(drawn_run.run, signals=signals))
+    return drawn_run._replace(run=replace(drawn_run.run, signals=signals))
 
 
 def log_scene(stream: rr.RecordingStream, flights: Sequence[DrawnRun]) -> None:

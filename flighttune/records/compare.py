@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 from itertools import product
 from operator import attrgetter
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 import pandas as pd
@@ -75,8 +75,7 @@ class Source:
 Runs: TypeAlias = Run | flown.FlownScenario | Source
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Pair:
+class Pair(NamedTuple):
     """Two runs of one manoeuvre, compared."""
 
     # `a` and `b`: cut to the time both flew

@@ -1,10 +1,10 @@
 """Fly recorded runs again from their provenance, and look for the first difference."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from itertools import islice
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -22,8 +22,7 @@ COLUMNS = columns("run status result")
 DIFFERENCE_COLUMNS = columns("run what t recorded reflown", of="differences")
 
 
-@dataclass(frozen=True, slots=True)
-class Difference:
+class Difference(NamedTuple):
     """Where a run that was flown again first differs."""
 
     # A signal, an entry of the gains such as ``K_P[0][1]``, ``status``, ``samples`` or
@@ -63,7 +62,7 @@ class CheckedRun:
             "status": self.status,
             "equal": first is None,
             "result": first.sentence if first else EQUAL,
-            "differences": [asdict(difference) for difference in self.differences],
+            "differences": [difference._asdict() for difference in self.differences],
             "drawn": dict(self.drawn),
         }
 

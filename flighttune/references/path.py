@@ -107,8 +107,7 @@ class Ability:
         return self.speed * math.atan(curvature * self.speed**2 / self.g) / self.phi_rate
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Stretch:
+class Stretch(NamedTuple):
     """A leg, a turn, a turn-around in place of a leg, or the circles around a waypoint."""
 
     kind: Kind
@@ -119,7 +118,7 @@ class Stretch:
     turn: float  # rad: change of course, right positive
     radius: float  # m: the smallest; infinite on a leg
     gamma: float  # rad: mean path angle
-    aside: float = 0.0  # m: how far a turn-around goes from its leg
+    aside: float  # m: how far a turn-around goes from its leg
     name: str  # of the waypoint
 
     @property

@@ -5,9 +5,8 @@ effective ones, which are not whole.
 """
 
 import math
-from dataclasses import dataclass
 from itertools import combinations
-from typing import Any, Literal, TypeAlias
+from typing import Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -130,8 +129,7 @@ def effective_size(values: npt.ArrayLike, clusters: npt.ArrayLike) -> float:
     return float(np.clip(apart / of_mean if of_mean else n, 1.0, n))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Estimate:
+class Estimate(NamedTuple):
     """A number with its interval; all NaN where there is no value."""
 
     value: float
