@@ -16,6 +16,8 @@ FlightTuneError
 import os
 import signal
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from importlib.util import find_spec
 
 # Whether the system copies a process, which a crash then ends alone: Windows does not.
@@ -110,6 +112,16 @@ class CampaignError(FlightTuneError, RuntimeError):
 
 class StoppedError(FlightTuneError):
     """The observer of a count or search stopped its flights, of which none is kept."""
+
+
+@contextmanager
+def naming(place: object, kind: type[InputError] = InputError) -> Iterator[None]:
+    """Put a place, such as a file, before the message of an InputError of the block."""
+    try:
+        yield
+    except InputError as error:
+        message = str(error).removeprefix(f"{place}: ")  # which may have it already
+        raise kind(f"{place}: {message}") from error
 
 
 def ending_of(code: int) -> str:

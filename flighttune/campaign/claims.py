@@ -16,7 +16,7 @@ from flighttune.claims.band import Band, Residual
 from flighttune.claims.count import chance_missed, flights_again
 from flighttune.claims.counted import Counted
 from flighttune.claims.monitor import LogMonitor
-from flighttune.errors import InputError
+from flighttune.errors import InputError, naming
 from flighttune.files.load import BAND, CLAIMS, LOG, MONITOR, READERS, TUBE, kind_of, load_one
 from flighttune.flight.flown import FlownScenario
 from flighttune.gaps.gap import Gap
@@ -270,9 +270,6 @@ T = TypeVar("T", FlownScenario, Gap, Source)
 def within(flights: T, files: Sequence[str | Path]) -> T:
     """Flights with the claims in files around them; an InputError names the file."""
     for file in files:
-        try:
+        with naming(file):
             flights = flights.within(load_one(file, AROUND_FLIGHTS, TUBE, BAND, MONITOR))
-        except InputError as error:
-            reason = str(error).removeprefix(f"{file}: ")
-            raise InputError(f"{file}: {reason}") from error
     return flights

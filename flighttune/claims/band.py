@@ -12,7 +12,7 @@ from flighttune.claims import counted
 from flighttune.claims.count import supported_epsilon, sure
 from flighttune.claims.monitor import Monitor
 from flighttune.claims.shape import MAX_NUMBERS
-from flighttune.errors import InputError
+from flighttune.errors import InputError, naming
 from flighttune.files import array, load
 from flighttune.files.table import abridged, json_object, value_of
 from flighttune.gaps.watch import MODELS
@@ -481,7 +481,7 @@ def read_counted(
     """Read a count, and compute scores and scale; `flights_of` finds its flights from the plan."""
     load.sealed_bytes(Path(path), "band file", "count it again with flighttune band")
     size = 4 * MAX_NUMBERS + 2**24
-    try:
+    with naming(path):
         arrays = array.read_arrays(Path(path), "band", ARRAYS, size, size, ("extremes",))
         about = value_of(json_object(str(arrays.pop("band")), "`band`"), counted.About)
         endings = _endings_of(str(arrays.pop("endings", "{}")))
@@ -505,8 +505,6 @@ def read_counted(
         lost = band.draws[np.isinf(band.scores)].tolist()
         if not {x["run"] for x in endings} <= {*lost}:
             raise InputError("`endings` must be of draws counted that did not complete.")
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from error
     return band
 
 

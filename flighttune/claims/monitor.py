@@ -11,7 +11,7 @@ import numpy as np
 
 from flighttune.claims.count import flights_needed
 from flighttune.claims.counted import Counted, Of
-from flighttune.errors import InputError
+from flighttune.errors import InputError, naming
 from flighttune.files.array import TEXT, read_arrays, write_sealed
 from flighttune.files.load import sealed_bytes
 from flighttune.files.table import STRICT, json_object, tables_of, value_of
@@ -264,11 +264,9 @@ class LogMonitor(Watching):
 def load_monitor(path: str | Path) -> LogMonitor:
     """Read a monitor of logs; an InputError names the file and what is wrong."""
     sealed_bytes(Path(path), "monitor", "make it again with flighttune monitor")
-    try:
+    with naming(path):
         arrays = read_arrays(Path(path), "monitor", {"monitor": TEXT}, MAX_BYTES, MAX_BYTES)
         return value_of(json_object(str(arrays["monitor"]), "`monitor`"), LogMonitor)
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from error
 
 
 def _overlap(run: Run, other: Run) -> bool:

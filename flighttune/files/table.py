@@ -21,7 +21,7 @@ from pydantic import BaseModel, ConfigDict, TypeAdapter, ValidationError
 from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
-from flighttune.errors import InputError, ScenarioError
+from flighttune.errors import InputError, ScenarioError, naming
 from flighttune.files.whole import write_text
 
 # Mistakes listed in one line; the rest is counted.
@@ -296,10 +296,8 @@ def write(value: ValueOfFile, path: str | Path) -> None:
 def read(path: str | Path, kind: type[V]) -> V:
     """Read a value of some class; a ScenarioError names file and key."""
     tables = json_tables(Path(path))
-    try:
+    with naming(path, ScenarioError):
         return value_of(tables, kind)
-    except InputError as error:
-        raise ScenarioError(f"{path}: {error}") from error
 
 
 def tables_of(value: ValueOfFile) -> dict[str, Any]:

@@ -7,7 +7,7 @@ from typing import Any
 
 from flighttune.aircraft.aircraft import AircraftConfig, load_aircraft, start_faults
 from flighttune.control.gains import PIGains
-from flighttune.errors import InfeasibleError, InputError, ScenarioError, TrimError
+from flighttune.errors import InfeasibleError, InputError, ScenarioError, TrimError, naming
 from flighttune.files.shipped import scenario_files
 from flighttune.files.table import joined, toml_tables, validated
 from flighttune.flight import conditions
@@ -147,7 +147,7 @@ def scenario_and_gains(
 def check_scenario(scenario: Scenario, source: str) -> None:
     """Read the aircraft of a scenario; refuse it where one cannot start or none can be tuned."""
     # Steady flight at the start is not required here: without it a run ends with a status.
-    try:
+    with naming(source, ScenarioError):
         if scenario.route is not None:
             conditions.reference_of(scenario)
         conditions.start_condition(scenario)
@@ -158,21 +158,16 @@ def check_scenario(scenario: Scenario, source: str) -> None:
         faults = {fault: None for plant in scenario.plant for fault in _faults(scenario, plant)}
         if scenario.feasible and not faults:
             conditions.reference_of(scenario)
-    except InputError as error:
-        raise ScenarioError(f"{source}: {error}") from error
     if faults:
         raise ScenarioError(f"{source}: {joined(faults)}")
 
 
 def check_identified(scenario: Scenario, source: str) -> None:
     """Read the model that [tuning] names, or refuse it, naming `source` and key."""
-    try:
+    place = f"{source}: [tuning] `identified` must be an aircraft or a model file"
+    with naming(place, ScenarioError):
         if scenario.tuning.identified is not None:
             _ = scenario.tuning.identified_model
-    except InputError as error:
-        raise ScenarioError(
-            f"{source}: [tuning] `identified` must be an aircraft or a model file: {error}"
-        ) from error
 
 
 def _faults(scenario: Scenario, plant: PlantTable) -> Iterator[str]:

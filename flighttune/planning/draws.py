@@ -189,7 +189,7 @@ def copula_factor(correlations: Sequence[CorrelationTable]) -> tuple[FloatArray,
         smallest = float(np.linalg.eigvalsh(matrix)[0])
         raise InputError(
             "`rank` of the [[correlation]] tables must be possible together (a positive definite "
-            f"matrix), got one of smallest eigenvalue {smallest:.3g}"
+            f"matrix), got one of smallest eigenvalue {smallest:.3g}."
         ) from None
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from flighttune.aircraft.aircraft import OffNominal, load_aircraft
 from flighttune.arrays import check_not_negative
-from flighttune.errors import InputError, ScenarioError
+from flighttune.errors import InputError, ScenarioError, naming
 from flighttune.files.load import DATASET, SHOWN, kind_of
 from flighttune.files.shipped import campaign_files, scenario_files
 from flighttune.files.table import abridged, shown, toml_tables, validated
@@ -107,10 +107,8 @@ def campaign_about(
 
 def campaign_on(table: CampaignTable, nominal: Scenario, source: str) -> Campaign:
     """The campaign of tables about a scenario that has the gains, plants and overrides already."""
-    try:
+    with naming(source, ScenarioError):
         copula_factor(table.correlation)
-    except InputError as error:
-        raise ScenarioError(f"{source}: {error}.") from None
     places = dispersed_places(table.disperse, nominal, source)
     medians = {dispersion.key: dispersion.central for dispersion in table.disperse}
     tables = with_drawn(nominal.as_dict(), table.disperse, places, medians)

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 import pandas as pd
 
-from flighttune.errors import InputError, RecordingError
+from flighttune.errors import InputError, RecordingError, naming
 from flighttune.files.load import READERS, load_one, written
 from flighttune.flight import flown, load
 from flighttune.flight.fly import fly
@@ -212,10 +212,8 @@ def load_source(
     place, _, choice = name.partition("@") if not Path(name).exists() else (name, "", "")
     if (recording := written(name, *READERS, columns=columns)) is None:
         scenario = load.load_scenario(place, changes=changes, gains=[choice] if choice else ())
-        try:
+        with naming(f"{place}@{choice}"):
             return Source(name=name, runs=fly(scenario).runs, chosen=bool(choice))
-        except InputError as error:
-            raise InputError(f"{place}@{choice}: {error}") from error
     if changes:
         raise InputError(f"{name}: `--set` must be absent where runs are read, not flown.")
     if isinstance(recording, Run):
