@@ -334,8 +334,7 @@ def some_draws(band: counts.Counted, flights: int) -> list[int]:
     # Flights that are equal to the bit may be copies: so many of those are chosen too.
     rng, rows = np.random.default_rng(), band.extremes.reshape(counted, -1)
     _, first = np.unique(rows, axis=0, return_index=True)
-    repeated = np.setdiff1d(np.flatnonzero(np.isfinite(band.scores)), first)
-    kinds = np.arange(counted), repeated
+    kinds = np.arange(counted), np.setdiff1d(np.flatnonzero(np.isfinite(band.scores)), first)
     some = [rng.choice(kind, min(flights, len(kind)), replace=False) for kind in kinds]
     return band.draws[np.unique(np.concatenate(some))].tolist()
 

@@ -502,8 +502,7 @@ def read_counted(
                 f"many, got {n} for {planned}."
             )
         band = KINDS[about.of](about=about, flights=flights, endings=endings, **arrays)
-        lost = band.draws[np.isinf(band.scores)].tolist()
-        if not {x["run"] for x in endings} <= {*lost}:
+        if not {x["run"] for x in endings} <= {*band.draws[np.isinf(band.scores)].tolist()}:
             raise InputError("`endings` must be of draws counted that did not complete.")
     return band
 

@@ -50,8 +50,7 @@ def window_edges(
 ) -> npt.NDArray[np.intp]:
     """First samples of the windows of a flight, at most `most`, and the last sample of all."""
     # There are fewer windows if so many flights are counted that their extremes would not fit.
-    fitting = MAX_NUMBERS // (2 * flights * signals)
-    count = max(1, min(most, fitting, samples - 1))
+    count = max(1, min(most, MAX_NUMBERS // (2 * flights * signals), samples - 1))
     return np.round(np.linspace(0, samples - 1, count + 1)).astype(np.intp)
 
 

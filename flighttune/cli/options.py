@@ -224,8 +224,7 @@ def _parameters(
         made = partial(Option, *more.pop("flags", [_flag(name, described)]))
         if name in (first, _several(verb)):
             made = Argument
-            optional = kind == list[str] or type(None) in get_args(kind)
-            value = None if optional else Parameter.empty
+            value = None if kind == list[str] or type(None) in get_args(kind) else Parameter.empty
         sentence = more.pop("sentence", "")
         if complete := more.pop("complete", None):
             more["autocompletion"] = COMPLETE[complete]

@@ -398,8 +398,7 @@ def fly_once(
 
 def manoeuvre(scenario: Scenario, plant: Plant, label: str) -> dict[str, Any]:
     """Reference, start, duration and sensors of a flight of a plant, as `simulate` takes them."""
-    in_wind = WIND[0] in plant.signals
-    start = conditions.start_condition if in_wind else conditions.stated_condition
+    start = conditions.start_condition if WIND[0] in plant.signals else conditions.stated_condition
     return {
         "reference": conditions.reference_of(scenario),
         "condition": start(scenario),

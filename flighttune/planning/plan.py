@@ -337,8 +337,8 @@ def recorded_plan(folder: str | Path) -> tuple[Plan, dict[str, str]]:
 
 def plain(table: Table) -> dict[str, Any]:
     """The tables of a campaign or scenario as plain values, without defaults that are None."""
-    scenarios = {"nominal", "central"}  # of a campaign, which `Plan.as_dict` has by themselves
-    return table.model_dump(mode="python", exclude=scenarios, exclude_none=True)
+    # `Plan.as_dict` has the two scenarios of a campaign by themselves
+    return table.model_dump(mode="python", exclude={"nominal", "central"}, exclude_none=True)
 
 
 def _leaves(plan: Plan) -> dict[str, Any]:

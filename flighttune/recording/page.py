@@ -237,10 +237,9 @@ def reading_line(flights: Sequence[DrawnRun]) -> str:
         parts.append("**thin around a signal:** proven tube")
     if "counted" in claims:
         parts.append("**dashed around a signal:** counted band")
-    spacing = ground_grid(all_positions(flights))[1]
     parts += [
         f"**aircraft:** {drawn_scale(flights):g} times their size",
         "**arrow:** velocity",
-        f"**grid:** {spacing:g} m",
+        f"**grid:** {ground_grid(all_positions(flights))[1]:g} m",
     ]
     return ", ".join(parts) + "."

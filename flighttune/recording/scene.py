@@ -72,10 +72,9 @@ def log_route(
     for key, (style, corners) in corridors.items():
         # A wall from one cross-section to the next is two triangles.
         i, j = (4 * np.arange(len(corners) - 1)[:, None] + (np.arange(4) + k) % 4 for k in (0, 1))
-        triangles = np.stack([i, j, i + 4, j, j + 4, i + 4], axis=-1).reshape(-1, 3)
         walls = rr.Mesh3D(
             vertex_positions=corners.reshape(-1, 3),
-            triangle_indices=triangles,
+            triangle_indices=np.stack([i, j, i + 4, j, j + 4, i + 4], axis=-1).reshape(-1, 3),
             albedo_factor=(*style.rgb, WALL),
         )
         log_still(stream, f"{ROUTE}/corridor/{key}/walls", walls)

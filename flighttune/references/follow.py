@@ -194,9 +194,8 @@ class Follower:
         if self._before is not None:
             self._V_g = speed_over(north - self._before[0], east - self._before[1], self._dt)
         self._before = north, east
-        now = chi, gamma, north, east, h
         ref, place, path, planned, self._nearest = guidance(
-            self._rows, self._nearest, self._V_g, now, self._settings
+            self._rows, self._nearest, self._V_g, (chi, gamma, north, east, h), self._settings
         )
         turn_rate, climb_rate, forward = planned
         V, V_dot = (None, 0.0) if self._V is None else self._airspeed(self._V, place[0], forward)

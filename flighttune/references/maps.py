@@ -366,8 +366,7 @@ def _placemark(
 ) -> ElementTree.Element:
     """A placemark with its name and style."""
     described = [node("description", description)] if description else []
-    heads = node("name", name), *described, node("styleUrl", f"#{style}")
-    return node("Placemark", *heads, *parts)
+    return node("Placemark", node("name", name), *described, node("styleUrl", f"#{style}"), *parts)
 
 
 def _shape(
@@ -387,8 +386,7 @@ def _coordinates(
     path, origin, h_0 = where
     places = path.beside(s, right)
     lat, lon = on_earth(places, origin).T.round(8)
-    heights = h_0 + places[:, 2]
-    return [np.column_stack([lon, lat, (heights - x).round(2)]) for x in distances_below]
+    return [np.column_stack([lon, lat, (h_0 + places[:, 2] - x).round(2)]) for x in distances_below]
 
 
 def rings_around(path: Route, width: float) -> list[FloatArray]:

@@ -53,10 +53,9 @@ class Pose(NamedTuple):
 
 def turned(curvature: float, angle: float, rolling: float) -> Pieces:
     """An arc between roll-in and roll-out, each of which turns half as much as an arc would."""
-    arc = angle / abs(curvature) - rolling
     return (
         Piece(rolling, 0.0, curvature),
-        Piece(arc, curvature, curvature),
+        Piece(angle / abs(curvature) - rolling, curvature, curvature),
         Piece(rolling, curvature, 0.0),
     )
 

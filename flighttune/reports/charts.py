@@ -147,8 +147,7 @@ def _wind_arrow(chart: Chart, wind: FloatArray, words: str) -> None:
     for line in ([tail, head], [neck + aside, head, neck - aside]):
         across, up = np.transpose(line)
         chart.line(across, up, INK, width=1.8)
-    place = (left + 1.4 * size, top - 0.7 * size)
-    chart.text(*place, f"wind {words}", shift=(0.0, 4.0))
+    chart.text(left + 1.4 * size, top - 0.7 * size, f"wind {words}", shift=(0.0, 4.0))
 
 
 # Colours of the loops cut at roll and at load factor, if no gains are compared.

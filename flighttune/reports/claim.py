@@ -134,8 +134,7 @@ def _heights(band: Band, terrain: str | Path | None) -> Chart:
         fence = read_fence(KEPT, origin, tables)
         for height, name in ((fence.high, "ceiling"), (fence.low, "floor")):
             if np.isfinite(height):
-                ends = np.array([0.0, path.length / KM])
-                chart.line(ends, np.full(2, height), LIMIT, name=name)
+                chart.line([0.0, path.length / KM], [height, height], LIMIT, name=name)
     return chart
 
 

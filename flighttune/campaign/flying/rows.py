@@ -273,8 +273,7 @@ def fly_together(plan: Plan, draws: Sequence[Draw]) -> list[Row]:
             for run in draw.runs:
                 group = plan.group_of(run)
                 if batchable(scenario, *_flown_by(plan, group)):
-                    key = group, alike(scenario)
-                    batches.setdefault(key, []).append((run, drawn, scenario))
+                    batches.setdefault((group, alike(scenario)), []).append((run, drawn, scenario))
                     alone.remove(run)
         if alone:
             rows += fly_draw(plan, Draw(tuple(alone), drawn), {})

@@ -444,8 +444,7 @@ def classes_of(column: pd.Series, most: int = CLASSES) -> npt.NDArray[np.intp]:
     if few or not is_number(column):
         return np.asarray(codes)
     count = max(2, min(most, len(column) // MIN_IN_CLASS))
-    places = (rankdata(column) - 0.5) / len(column)
-    return pd.factorize(np.floor(places * count), sort=True)[0]
+    return pd.factorize(np.floor((rankdata(column) - 0.5) / len(column) * count), sort=True)[0]
 
 
 def _spearman(column: pd.Series, ranks: FloatArray) -> Test:

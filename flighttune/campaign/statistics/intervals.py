@@ -205,5 +205,4 @@ def paired(
 def scores(rows: pd.DataFrame, measure: str) -> FloatArray:
     """The measure of every flight, infinite where it was not completed or has no value."""
     values = rows[measure].to_numpy(dtype=float)
-    measured = (rows["status"] == "completed").to_numpy() & ~np.isnan(values)
-    return np.where(measured, values, np.inf)
+    return np.where((rows["status"] == "completed").to_numpy() & ~np.isnan(values), values, np.inf)
