@@ -271,7 +271,7 @@ def adopt(
             tables.update(as_asked)
             surveyed = survey(tables, folder, h=start, **choices)
             note = f"its glide is steep: it flies from {start:g} m"
-            surveyed = replace(surveyed, notes=(*surveyed.notes, note))
+            surveyed = surveyed._replace(notes=(*surveyed.notes, note))
         engines = surveyed.tables["engines"]["count"]
         facts = {**pick(surveyed, "V_a glide_ratio largest_drag notes"), "engines": engines}
         adoption = _best(surveyed, folder, start, say, used)
@@ -425,7 +425,7 @@ def _best(surveyed: Survey, folder: Path, h: float, say: Say, used: float) -> Ad
         slower = f", bandwidths times {share:g}" if best else ""
         say(f"step 5 of 9: trimming at {V_a:.0f} m/s{slower}")
         try:
-            tried = _tried(replace(surveyed, V_a=V_a), folder, h, (share, roll_rate), say)
+            tried = _tried(surveyed._replace(V_a=V_a), folder, h, (share, roll_rate), say)
         except PlantError as error:
             refused = refused or error
             continue
@@ -481,7 +481,7 @@ def _tried(
     drag = drag_at(Bench(fdm, h), model.trimmed)
     if (ratio := drag["glide_ratio"]) > MAX_GLIDE_RATIO:
         doubt = f"its glide ratio of {ratio:.0f} is above any aeroplane's: drag may be missing"
-        surveyed = replace(surveyed, notes=(*surveyed.notes, doubt))
+        surveyed = surveyed._replace(notes=(*surveyed.notes, doubt))
     tables = final_tables(surveyed, model, h, *shares)
     for stale in (GAINS_FILE, FILE_NAME, RECORD):
         (folder / stale).unlink(missing_ok=True)

@@ -192,8 +192,7 @@ class Lift(NamedTuple):
         return alpha, q * float(np.interp(alpha, self.alpha, self.drag))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Survey:
+class Survey(NamedTuple):
     """Findings about a model."""
 
     # tables of an ``aircraft.toml`` that commands the model: ``model``, ``surfaces``, ``engines``,

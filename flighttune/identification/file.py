@@ -8,11 +8,10 @@ import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from functools import lru_cache
 from hashlib import sha256
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeAlias
+from typing import Annotated, Any, Literal, NamedTuple, TypeAlias
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, PlainSerializer, computed_field
 
@@ -240,8 +239,7 @@ def lags_table(aircraft: IdentifiedAircraft) -> Table:
     return Table(title=title, columns=LAG_COLUMNS, records=records)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class DesignModel:
+class DesignModel(NamedTuple):
     """The chi/gamma law behind an identified inner loop: what gains are designed on."""
 
     model: LinearModel  # states (chi, gamma, lags), inputs (phi, n_z) commands, errors (chi, gamma)

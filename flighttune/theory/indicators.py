@@ -10,7 +10,7 @@ is taken; the numbers of the paper's Table 2 come from Q0, the smallest, and so 
 
 import math
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -67,8 +67,7 @@ class Indicators:
     scaling: FloatArray
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class IndicatorArrays:
+class IndicatorArrays(NamedTuple):
     """Indicators of many loops, as in `Indicators`: every array has the shape (...) of the stack.
 
     R_K is 0 and I_K infinite where a loop is not stable.

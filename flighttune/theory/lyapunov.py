@@ -13,7 +13,6 @@ what the common matrix guarantees. Answers are checked by eigenvalues before the
 
 import math
 from contextlib import suppress
-from dataclasses import dataclass
 from functools import cache
 from typing import Any, Literal, NamedTuple, TypeAlias
 
@@ -108,8 +107,7 @@ def _bartels_stewart(A: FloatArray, S: FloatArray) -> FloatArray:
 NARROW = 1e-6  # width, in its logit, of the interval in which the search for a multiplier ends
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Ellipsoid:
+class Ellipsoid(NamedTuple):
     """An invariant ellipsoid ``s' W^-1 s <= 1``: the loop approaches it and does not leave it."""
 
     W: FloatArray  # (n, n), square of the unit of s
@@ -187,8 +185,7 @@ NO_RATE = 1e-6
 SLACK = 1e-6
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class CommonQ:
+class CommonQ(NamedTuple):
     """A Q for all vertices, checked by eigenvalues.
 
     Inaccurate: Q holds what it says, but a better one may exist. None: no common Q was found, and
