@@ -16,7 +16,7 @@ from typing import Any, ClassVar, NamedTuple
 
 from flighttune.arrays import FloatArray
 from flighttune.control.controller import Controller, GuardedLaw, LawSetup, SelfLimiting
-from flighttune.control.exact_law import ExactLaw, RateLaw
+from flighttune.control.exact_law import ExactLaw, RateLaw, rate_model
 from flighttune.control.gains import COMMANDS, RATES, PIGains, command_gains, rate_gains
 from flighttune.control.inner_loop import InnerLag, inner_loop_scaling
 from flighttune.control.linear_model import LinearModel, kinematic_model
@@ -101,6 +101,8 @@ class Law(ABC):
 
     def linear_model(self, trim: Trim, /) -> LinearModel:
         """Error dynamics that its gains act on: from `inputs` to the errors of course and path."""
+        if self.inputs == RATES:  # the same at every condition
+            return rate_model(airspeed=trim.airspeed)
         return kinematic_model(V_a=trim.V_a, gamma=trim.gamma, g=trim.g, airspeed=trim.airspeed)
 
     def loop(

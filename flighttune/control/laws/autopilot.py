@@ -16,10 +16,8 @@ from types import SimpleNamespace
 from typing import Any, ClassVar, NamedTuple
 
 from flighttune.control.controller import FlightCondition, LawSetup, Measured, ReferenceSample
-from flighttune.control.exact_law import rate_model
 from flighttune.control.gains import RATES
-from flighttune.control.law import Law, Trim
-from flighttune.control.linear_model import LinearModel
+from flighttune.control.law import Law
 from flighttune.errors import InputError
 from flighttune.files.shipped import nearest_name
 from flighttune.units import DEG, wrap_angle
@@ -453,10 +451,6 @@ class Autopilot(Law):
     def names_of(self, gains: Sequence[str]) -> tuple[str, ...]:
         """Names of its flights: one, with the first gain set."""
         return super().names_of(gains[:1])
-
-    def linear_model(self, trim: Trim, /) -> LinearModel:
-        """Error dynamics of the gains of the scenario, which it does not fly: the exact law's."""
-        return rate_model(airspeed=trim.airspeed)
 
     def loop(self, *_: Any) -> None:
         """No loop of the gains of the scenario."""

@@ -6,10 +6,10 @@ from typing import ClassVar
 
 from flighttune.arrays import FloatArray
 from flighttune.control.controller import LawSetup
-from flighttune.control.exact_law import BRAKING, LIFT_FLOOR, ExactLaw, Priority, rate_model
+from flighttune.control.exact_law import BRAKING, LIFT_FLOOR, ExactLaw, Priority
 from flighttune.control.gains import RATES
 from flighttune.control.inner_loop import InnerLag
-from flighttune.control.law import Law, OuterLoop, SampledController, Trim, pi_settings
+from flighttune.control.law import Law, OuterLoop, SampledController, pi_settings
 from flighttune.control.linear_model import LinearModel
 from flighttune.errors import InputError
 from flighttune.present.answer import pick
@@ -41,10 +41,6 @@ class Exact(Law):
         """Make the controller of a flight."""
         options = pick(self, "priority lift_floor braking")
         return ExactLaw(**pi_settings(setup, "the exact law"), **options)
-
-    def linear_model(self, trim: Trim, /) -> LinearModel:
-        """Error dynamics, the same at every condition."""
-        return rate_model(airspeed=trim.airspeed)
 
     def state_scaling(self, model: LinearModel, lags: Sequence[InnerLag]) -> FloatArray:
         """Units of the states; each error in units of `LAGS_PER_ERROR` lags of its channel."""
