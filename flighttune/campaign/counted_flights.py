@@ -196,7 +196,6 @@ def turning_back(plan: Plan, stated: str | float) -> Plan:
     s = path.points(APART)
     north, east, up = path.beside(s).T
     V_a = np.interp(s, path.s, planned.reference.V)
-    turn_rate = np.interp(s, path.s, path.curvature) * V_a / DEG
     gamma = np.arctan(np.interp(s, path.s, path.slope))
     places = {
         "along_m": s,
@@ -206,7 +205,7 @@ def turning_back(plan: Plan, stated: str | float) -> Plan:
         "gamma_deg": gamma / DEG,
         "h_m": planned.where[2] + up,
         "V_a_mps": V_a,
-        "rate_dps": turn_rate * np.cos(gamma),
+        "rate_dps": np.interp(s, path.s, path.curvature) * V_a / DEG * np.cos(gamma),
         "back_dps": rate_of(bank_deg * DEG, V_a + planned.wind, g),
     }
     start_mps = nominal.flight.V_a_mps

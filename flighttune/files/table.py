@@ -295,9 +295,8 @@ def write(value: ValueOfFile, path: str | Path) -> None:
 
 def read(path: str | Path, kind: type[V]) -> V:
     """Read a value of some class; a ScenarioError names file and key."""
-    tables = json_tables(Path(path))
     with naming(path, ScenarioError):
-        return value_of(tables, kind)
+        return value_of(json_tables(Path(path)), kind)
 
 
 def tables_of(value: ValueOfFile) -> dict[str, Any]:

@@ -275,12 +275,11 @@ def _rate_rows(manoeuvre: Manoeuvre) -> tuple[FloatArray, FloatArray]:
 
 def _at_knots(manoeuvre: Manoeuvre, x: FloatArray) -> FloatArray:
     """Roll and load factor of plans `x` (N, size) at all knots, (N, 2, KNOTS + 1)."""
-    inner = x[:, :-1].reshape(-1, 2, KNOTS - 1)
     first, last = (
         np.broadcast_to(np.reshape(ends, (2, 1)), (len(x), 2, 1))
         for ends in (manoeuvre.u_0, manoeuvre.u_end)
     )
-    return np.concatenate([first, inner, last], axis=2)
+    return np.concatenate([first, x[:, :-1].reshape(-1, 2, KNOTS - 1), last], axis=2)
 
 
 def _missed(manoeuvre: Manoeuvre, x: FloatArray) -> FloatArray:
