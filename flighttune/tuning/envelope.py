@@ -8,7 +8,7 @@ every program sees all vertices and all eigenvalues at once.
 
 For several models the worst R_K is maximised channel by channel. With one model this is the plain
 problem, solved so that no channel is left undetermined. Where the sensitivity of the loop is
-bounded, a search without gradients goes on from there.
+bounded, another search goes on from there.
 """
 
 import itertools
@@ -41,8 +41,8 @@ from flighttune.theory.lyapunov import CommonQ, common_Q, lyapunov_solution
 from flighttune.tuning.problem import TuningProblem
 from flighttune.tuning.program import Program, loop_slopes, stabilising_starts
 from flighttune.tuning.result import ROUNDING, TuningResult, assessment, result
-from flighttune.tuning.simplex import FINE, GustLoop, Peaks, searched
-from flighttune.tuning.simplex import STARTS as SEARCHED_FROM
+from flighttune.tuning.shaped import FINE, GustLoop, Peaks, searched
+from flighttune.tuning.shaped import STARTS as SEARCHED_FROM
 from flighttune.tuning.tune import AGREEMENT, STARTS, tune_by_gradient
 
 # Relative accuracy of the largest factor
@@ -382,7 +382,7 @@ def tune_worst_case(problems: Sequence[TuningProblem], *, starts: int = STARTS) 
         broken.append("E_K")
     active, peak = tuple(broken), None
     if whole.objective != "R_K":
-        peak = math.exp(max(Peaks(case, FINE).largest(k, fed) for case in problems))
+        peak = math.exp(max(Peaks(case, FINE).logs(k, fed).max() for case in problems))
         active += ("sensitivity",) * (peak >= (1.0 - HELD) * whole.sensitivity_max)
     gusts = whole.objective == "rms"
     return TuningResult(

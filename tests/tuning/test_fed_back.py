@@ -10,7 +10,7 @@ from scipy.integrate import quad
 
 import flighttune as ft
 from flighttune.plants.weather import turbulence_scales
-from flighttune.tuning.simplex import GustLoop
+from flighttune.tuning.shaped import GustLoop
 
 SAME, BETTER = 1e-6, 1e-2
 OMEGA = np.geomspace(1e-2, 1e3, 4000)

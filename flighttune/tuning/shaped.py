@@ -1,7 +1,7 @@
 """Gains under a bound on the sensitivity: fastest decay, least errors in turbulence, least E_K.
 
-Inner feedback is sought with them. Such gains lie where eigenvalues or peaks meet, at which there
-are no slopes.
+Inner feedback is sought with them. The fastest decay lies where poles meet, at which there are no
+slopes: a simplex finds it. The other two are smooth, and SLSQP meets every bound at once.
 """
 
 import math
@@ -13,15 +13,22 @@ from flighttune.arrays import FloatArray
 from flighttune.control.linear_model import closed_loops, fed_by, inner_feedback, measured_rows
 from flighttune.theory.lyapunov import solution_of_checked
 from flighttune.tuning.problem import TuningProblem
+from flighttune.tuning.program import UNSTABLE_LOG
 
 # Starts: the gains of the largest R_K times these, with these of the inner feedback
 STARTS = (1.6, 0.2), (2.0, 0.4)
 
-# Price of a logarithm of sensitivity, and of 1/s of decay, beyond the bound
+# Part of the rate of the largest R_K at which gains of the least errors in turbulence must decay.
+# Without a bound their integrals would be given up; the whole rate costs 2 to 5 % of ITAE in wind.
+LEAST_DECAY = 0.5
+
+# Price of a logarithm of sensitivity beyond the bound, where a simplex searches; it is begun anew
+# where it stopped.
 PENALTY = 100.0
-# The search of the decay, which has kinks, is begun anew where it stopped.
 SIMPLEX = {"xatol": 1e-3, "fatol": 1e-5, "maxfev": 200}
-RESTARTS = {"decay": 3, "rms": 1, "E_K": 2}
+RESTARTS = 3
+
+SMOOTH = {"maxiter": 100, "ftol": 1e-7}
 
 # Numbers of frequencies during a search and at its end, and the lowest and highest one relative to
 # the slowest and the fastest pole. Between two of them a peak is higher by less than 1e-3, which
@@ -31,8 +38,8 @@ GRID, FINE, SLOWER, FASTER = 160, 4000, 0.02, 20.0
 # Times at which a response is integrated, denser at first, over so many slowest time constants
 NODES, SPAN = 600, 14.0
 
-# What a search with feedback takes off the logarithm of the largest sensitivity at first, and then
-# any of what its frequencies miss; how often it does.
+# What a simplex with feedback takes off the logarithm of the largest sensitivity at first, and then
+# any search of what its frequencies miss; how often it does.
 ROOM, MORE_THAN_MISSED, MAX_TIGHTENINGS = 2e-3, 1.1, 5
 
 # `feedback` must be below 1.
@@ -48,66 +55,108 @@ def searched(
     """Free gains and inner feedback of one command, and how many searches agree; None without any.
 
     `problems` have the same free gains; the first says what is sought and the largest sensitivity.
-    `k` (shape (f,)) stabilises all of them; with the aim "rms" the loop must decay as fast as with
-    these, or the integrals would be given up.
+    `k` (shape (f,)) are the gains of the largest R_K, which stabilise all of them.
     """
-    from scipy.optimize import minimize
-
-    first, f = problems[0], len(k)
-    limit, aim = math.log(first.sensitivity_max), first.objective
-    coarse, fine = ([Peaks(case, n) for case in problems] for n in (GRID, FINE))
-    loops = [GustLoop(case) for case in problems]
-
-    def parts(z: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Free gains, and the inner feedback, which is zero unless it is searched too."""
-        return k * z[:f], z[f:] if first.feedback else np.zeros(1)
-
-    def decay(K: FloatArray, fed: FloatArray) -> float:
-        return max(float(np.linalg.eigvals(loop.matrix(K, fed)).real.max()) for loop in loops)
-
-    slowest = decay(first.K(k), np.zeros(1))
-
-    def value(z: FloatArray) -> float:
-        free, fed = parts(z)
-        K = first.K(free)
-        rate = decay(K, fed)
-        if aim == "decay" or rate >= 0.0:
-            return rate + PENALTY * (rate >= 0.0)
-        if aim == "E_K":
-            return math.log(max(loop.largest_error(K, fed) for loop in loops))
-        rms = max(float(loop.errors(K, fed).max()) for loop in loops)
-        return math.log(rms) + PENALTY * max(rate - slowest, 0.0)
-
-    def over(z: FloatArray, peaks: Sequence[Peaks], most: float) -> float:
-        return max(each.largest(*parts(z)) for each in peaks) - most
-
-    ends = np.sort(first.k_bounds / k, axis=0)
-    size = f + 1 if first.feedback else f  # of z: factors on the free gains, then the feedback
-    low = np.append(np.maximum(ends[0], 0.0), 0.0)[:size]
-    high = np.append(ends[1], MOST_FEEDBACK)[:size]
+    search = _Search(problems, k)
     answers: list[tuple[float, FloatArray]] = []
     for factor, fed in STARTS:
-        z = np.append(np.full(f, factor), fed)[:size]
-        room = ROOM if first.feedback else 0.0
+        z, room = search.start(factor, fed), search.room
         for tightening in range(MAX_TIGHTENINGS):
-            for _ in range(RESTARTS[aim] if tightening == 0 else 1):
-                z = minimize(
-                    lambda z, most=limit - room: value(z) + PENALTY * max(over(z, coarse, most), 0),
-                    np.clip(z, low, high),
-                    method="Nelder-Mead",
-                    bounds=np.column_stack([low, high]),
-                    options=SIMPLEX,
-                ).x
-            if (missed := over(z, fine, limit)) <= 0.0:
-                answers.append((value(z), z))
+            z = search.end(z, room, restarts=RESTARTS if tightening == 0 else 1)
+            if (missed := search.peaks(z, search.fine).max() - search.limit) <= 0.0:
+                answers.append((float(search.costs(z).max()), z))
                 break
             room += MORE_THAN_MISSED * missed
     if not answers:
         return None
     best, z = min(answers, key=lambda answer: answer[0])
     agreeing = sum(reached <= best + SAME_END for reached, _ in answers)
-    free, fed = parts(z)
+    free, fed = search.parts(z)
     return free, float(fed[0]), agreeing
+
+
+class _Search:
+    """Over z: factors on the gains `k`, then the inner feedback where it is sought."""
+
+    def __init__(self, problems: Sequence[TuningProblem], k: FloatArray) -> None:
+        self._first, self._k, first = problems[0], k, problems[0]
+        self._aim, self.limit = first.objective, math.log(first.sensitivity_max)
+        self._coarse, self.fine = ([Peaks(case, n) for case in problems] for n in (GRID, FINE))
+        self._loops = [GustLoop(case) for case in problems]
+        ends = np.sort(first.k_bounds / k, axis=0)
+        low, high = np.append(np.maximum(ends[0], 0.0), 0.0), np.append(ends[1], MOST_FEEDBACK)
+        self._bounds = np.column_stack([low, high])[: len(k) + first.feedback]
+        self.room = ROOM if first.feedback and self._aim == "decay" else 0.0
+        # The largest real part of a pole
+        self._slowest = LEAST_DECAY * self._rates(self.start(1.0, 0.0))[-1]
+        self._slowest *= self._aim == "rms"
+
+    def start(self, factor: float, fed: float) -> FloatArray:
+        """All gains times a factor, with this feedback."""
+        return np.append(np.full(len(self._k), factor), fed)[: len(self._bounds)]
+
+    def parts(self, z: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Free gains, and the inner feedback, which is zero unless it is sought."""
+        f = len(self._k)
+        return self._k * z[:f], z[f:] if self._first.feedback else np.zeros(1)
+
+    def peaks(self, z: FloatArray, frequencies: Sequence["Peaks"]) -> FloatArray:
+        """Logarithms of the sensitivities of all models."""
+        return np.concatenate([each.logs(*self.parts(z)) for each in frequencies])
+
+    def costs(self, z: FloatArray) -> FloatArray:
+        """What must be small of each model: minus its decay, or the logarithm of its errors."""
+        free, fed = self.parts(z)
+        poles = self._rates(z)
+        if self._aim == "decay":
+            return poles[-1:]
+        if poles[-1] >= 0.0:
+            return np.full(len(self._loops), UNSTABLE_LOG)
+        errors = GustLoop.largest_error if self._aim == "E_K" else GustLoop.errors
+        return np.log([np.max(errors(loop, self._first.K(free), fed)) for loop in self._loops])
+
+    def _rates(self, z: FloatArray) -> FloatArray:
+        """Real parts of the poles of all models, the largest last."""
+        free, fed = self.parts(z)
+        K = self._first.K(free)
+        poles = [np.linalg.eigvals(loop.matrix(K, fed)).real for loop in self._loops]
+        return np.sort(np.concatenate(poles, dtype=np.float64))
+
+    def end(self, z: FloatArray, room: float, *, restarts: int) -> FloatArray:
+        """Where a search from `z` ends, with `room` to the logarithm of the largest sensitivity."""
+        from scipy.optimize import minimize
+
+        most, bounds = self.limit - room, self._bounds
+        z = np.clip(z, *bounds.T)
+        if self._aim == "decay":
+            for _ in range(restarts):
+                z = minimize(
+                    lambda z: self.costs(z)[0] + PENALTY * self._over(z, most),
+                    z,
+                    method="Nelder-Mead",
+                    bounds=bounds,
+                    options=SIMPLEX,
+                ).x
+            return z
+
+        def slack(y: FloatArray) -> FloatArray:
+            z, bound = y[:-1], y[-1]  # of the costs, which have a kink where two are equal
+            left = bound - self.costs(z), self._slowest - self._rates(z)
+            return np.concatenate([*left, most - self.peaks(z, self._coarse)])
+
+        y = minimize(
+            lambda y: (y[-1], np.eye(len(y))[-1]),
+            np.append(z, self.costs(z).max()),
+            jac=True,
+            method="SLSQP",
+            bounds=[*bounds, (None, None)],
+            constraints={"type": "ineq", "fun": slack},
+            options=SMOOTH,
+        ).x
+        return np.clip(y[:-1], *bounds.T)
+
+    def _over(self, z: FloatArray, most: float) -> float:
+        return max(float(self.peaks(z, self._coarse).max()) - most, 0.0)
 
 
 class Peaks:
@@ -128,14 +177,14 @@ class Peaks:
         # A stacked gain (K_P, K_I) acts on G and on its integral.
         self._GI = np.concatenate([G, G / (1j * omega)], axis=1)
 
-    def largest(self, k: FloatArray, feedback: FloatArray) -> float:
-        """Logarithm of the largest of all, with the inner feedback (shape (m,)) of each command."""
+    def logs(self, k: FloatArray, feedback: FloatArray) -> FloatArray:
+        """Their logarithms, with the inner feedback (shape (m,)) of each command."""
         L = (1.0 + feedback)[:, None] * (self._problem.K(k) @ self._GI)
         L = np.eye(L.shape[-1]) + L + feedback[:, None] * self._followed
         if L.shape[-1] == 1:
-            return -math.log(np.abs(L).min())
+            return -np.log(np.abs(L).ravel())
         # the largest singular value of an inverse
-        return -math.log(np.linalg.svd(L, compute_uv=False)[:, -1].min())
+        return -np.log(np.linalg.svd(L, compute_uv=False)[:, -1])
 
 
 class GustLoop:
