@@ -41,7 +41,7 @@ TINY = 1e-300
 SENSITIVITY, LARGEST_SENSITIVITY = 1.4, 0.5 / math.sin(math.radians(17.5))
 
 # What [tuning] says for the gains of that name. In wind a sensitivity of 1.4 has 3 % more ITAE on
-# the Aerosonde, 1.6 more on the c172p, whose load factor is limited in rate.
+# the Aerosonde and 1 % less on the c172p, whose load factor is limited in rate.
 FED_BACK = {"objective": "rms", "feedback": True, "sensitivity_max": 1.5}
 IDENTIFIED: dict[str, dict[str, Any]] = {TUNED_IDENTIFIED: {}, TUNED_FED_BACK: FED_BACK}
 

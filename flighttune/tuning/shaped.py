@@ -19,7 +19,7 @@ from flighttune.tuning.program import UNSTABLE_LOG
 STARTS = (1.6, 0.2), (2.0, 0.4)
 
 # Part of the rate of the largest R_K at which gains of the least errors in turbulence must decay.
-# Without a bound their integrals would be given up; the whole rate costs 2 to 5 % of ITAE in wind.
+# Without a bound their integrals would be given up; the whole rate costs 3 to 4 % of ITAE in wind.
 LEAST_DECAY = 0.5
 
 # Price of a logarithm of sensitivity beyond the bound, where a simplex searches; it is begun anew
