@@ -58,7 +58,8 @@ class TuningProblem:
         Seed of everything random in an optimiser.
     objective : "R_K", "decay", "E_K" or "rms"
         Goal without `weights`; the last three on identified loops alone. "rms": of the errors in
-        gusts of the corner frequencies `gusts`, over that of the gusts' angle.
+        gusts of the corner frequencies `gusts`, over that of the gusts' angle, of gains whose loop
+        decays at half the rate of those of the largest R_K or faster.
     sensitivity_max : float
         With the last three: largest sensitivity, above 1, of each channel of commands that acts on
         no other.

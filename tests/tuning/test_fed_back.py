@@ -84,6 +84,17 @@ def test_the_feedback_makes_errors_smaller_and_the_decay_faster():
     assert tuned("decay").spectral_abscissa < 1.3 * tuned("decay", feedback=False).spectral_abscissa
 
 
+def test_gains_in_turbulence_decay_at_half_the_rate_of_the_largest_R_K():
+    in_turbulence, careful = tuned("rms"), ft.tune(scenario(), starts=3)
+    rate, whole = (
+        -np.linalg.eigvals(ft.loop.closed_loop(result.problem.model, result.gains)).real.max()
+        for result in (in_turbulence, careful)
+    )
+
+    assert rate == pytest.approx(0.5 * whole, rel=1e-4)
+    assert in_turbulence.agreeing == 2  # the searches from both starts
+
+
 @pytest.mark.soak
 @pytest.mark.parametrize("objective", ["rms", "decay"])
 def test_random_gains_around_the_answer_are_no_better(objective):
