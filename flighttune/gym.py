@@ -17,9 +17,7 @@ from flighttune.flight.conditions import command_limits, lead_on
 from flighttune.flight.flown import FlownScenario
 from flighttune.flight.fly import manoeuvre, plant_of, provenance, steady_wind, with_own
 from flighttune.flight.models import gain_set, law_setup
-from flighttune.planning.plan import plan_campaign
-from flighttune.planning.schema import Campaign
-from flighttune.planning.source import Flights, flights
+from flighttune.planning import plan, schema, source
 from flighttune.plants.base import N_X_SIGNALS
 from flighttune.plants.jsbsim.plant import LARGEST_SEED
 from flighttune.scenario.schema import Scenario
@@ -106,18 +104,18 @@ class FlightEnv(Env):
 
     def __init__(
         self,
-        world: Flights | Scenario | Campaign | str | Path,
+        world: source.Flights | Scenario | schema.Campaign | str | Path,
         *,
         plant: str | None = None,
         gains: str | None = None,
         rate_hz: float = 10.0,
     ) -> None:
         need("`FlightEnv`", "gymnasium")
-        stated, self._plan = flights(world), None
+        stated, self._plan = source.flights(world), None
         campaign, stated = stated.campaign if stated.mission is None else None, stated.scenario
         if campaign is not None:
             both = {key: _at(rate_hz, getattr(campaign, key)) for key in ("nominal", "central")}
-            self._plan = plan_campaign(campaign.model_copy(update=both))
+            self._plan = plan.plan_campaign(campaign.model_copy(update=both))
             stated = self._plan.scenario
         self._world = self.scenario = scenario = with_own(_at(rate_hz, stated))
         self._plant = plant or (*scenario.aircraft, *scenario.plant)[0].label

@@ -36,10 +36,8 @@ from flighttune.identification.design import ROLL_STIFFNESS, Airframe, StepRespo
 from flighttune.identification.file import FILE_NAME, rounded
 from flighttune.identification.identify import GOOD_FIT, AircraftIdentification, identify_aircraft
 from flighttune.plants.base import FlightCondition
-from flighttune.plants.jsbsim.bench import Bench
+from flighttune.plants.jsbsim import bench, model_files, trim
 from flighttune.plants.jsbsim.fdm import Fdm
-from flighttune.plants.jsbsim.model_files import MODEL_FILE, model_hash
-from flighttune.plants.jsbsim.trim import level, trim_table
 from flighttune.present.answer import Answer, Answering, Column, Table, pick
 from flighttune.present.names import CHANNEL_SYMBOLS, columns
 from flighttune.units import DEG
@@ -277,7 +275,7 @@ def adopt(
         adoption = _best(surveyed, folder, start, say, used)
     except PlantError as error:
         file = folder / model if model.endswith(".xml") else ""
-        reason = str(error).removesuffix(".").split(f"{MODEL_FILE}: ", 1)[-1]
+        reason = str(error).removesuffix(".").split(f"{model_files.MODEL_FILE}: ", 1)[-1]
         reason = reason.removeprefix(f"{os.path.normpath(file)}: ")
         if isinstance(error, TrimError):
             # File and condition stand before it.
@@ -443,12 +441,12 @@ def _best(surveyed: Survey, folder: Path, h: float, say: Say, used: float) -> Ad
     speeds = np.linspace(0.85, 1.3, 4) * best.V_a
     config = load_aircraft(folder)
     climbs = (-3.0 * DEG, 0.0, 3.0 * DEG) if config.engines.count else None
-    trims = trim_table(config, V_a=speeds.tolist(), gamma=climbs, h=h)
+    trims = trim.trim_table(config, V_a=speeds.tolist(), gamma=climbs, h=h)
     # Criteria of the adoption, with the versions and the hash of the model it was made with.
     record = {
         "format": "flighttune adoption 2",
         **pick(best, "status reason"),
-        "model": model_hash(config),
+        "model": model_files.model_hash(config),
         "versions": {name: version(name) for name in ("flighttune", "jsbsim")},
         "V_a_mps": best.V_a,
         "stall_mps": surveyed.lift.V_s,
@@ -470,7 +468,7 @@ def _tried(
 ) -> Adoption:
     """One try: a folder with an aircraft, and how it flies."""
     wide = aircraft_from(surveyed.tables, folder)
-    condition = level(wide, surveyed.V_a, h)
+    condition = trim.level(wide, surveyed.V_a, h)
     fdm = Fdm(wide)
     model = Airframe.about(fdm, condition)
     for output, row in model.slopes.items():
@@ -478,7 +476,7 @@ def _tried(
             if MAX_SLOPE < abs(slope) < math.inf:
                 finding = f"the slope of {output} by {by} is {slope:.2g}"
                 raise Refusal(f"{finding}, which no aircraft has")
-    drag = drag_at(Bench(fdm, h), model.trimmed)
+    drag = drag_at(bench.Bench(fdm, h), model.trimmed)
     if (ratio := drag["glide_ratio"]) > MAX_GLIDE_RATIO:
         doubt = f"its glide ratio of {ratio:.0f} is above any aeroplane's: drag may be missing"
         surveyed = surveyed._replace(notes=(*surveyed.notes, doubt))

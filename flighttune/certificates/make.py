@@ -9,9 +9,8 @@ from typing import Any, Literal
 import numpy as np
 
 from flighttune.arrays import FloatArray
+from flighttune.certificates import exact_rate, lag_box
 from flighttune.certificates.certificate import Certificate, Claim, proof_tables, vertex_matrices
-from flighttune.certificates.exact_rate import ExactRate
-from flighttune.certificates.lag_box import LagBox
 from flighttune.control.gains import PIGains
 from flighttune.control.linear_model import (
     Envelope,
@@ -25,9 +24,8 @@ from flighttune.control.margins import loop_margins, margins_table
 from flighttune.errors import InputError
 from flighttune.present.answer import Answer, Answering, Column, Table, pick
 from flighttune.present.names import columns
-from flighttune.theory.exact import FACTORS, Verification, provable_rate
+from flighttune.theory import exact, lyapunov
 from flighttune.theory.indicators import Indicators, indicators
-from flighttune.theory.lyapunov import common_ellipsoid, common_Q, invariant_ellipsoid
 
 ANY_ENVELOPE = (
     "The certificate holds over any envelope: the error dynamics of the exact law are the same "
@@ -83,7 +81,7 @@ class Certification(Answering):
     model: LinearModel
     gains: PIGains
     certificate: Certificate | None = None
-    verification: Verification | None = None
+    verification: exact.Verification | None = None
     name: str = "gains"
     over_envelope: bool = False
     ranges: tuple[Envelope, Envelope] | None = None
@@ -176,8 +174,8 @@ def certify_model(
     L_d: float | None = None,
     conditions: Sequence[Condition] = (),
     scenario_sha256: str | None = None,
-    rates: Sequence[ExactRate] = (),
-    boxes: Sequence[LagBox] = (),
+    rates: Sequence[exact_rate.ExactRate] = (),
+    boxes: Sequence[lag_box.LagBox] = (),
 ) -> Certification:
     """Certify the rate of gains, and the ultimate radius for a disturbance bound.
 
@@ -201,8 +199,8 @@ def certify_model(
         loops = vertex_loops(envelope, gains, g=g)
     vertices = vertex_matrices(model, gains, polytope, models)
     alone = len(loops) == 1
-    figures = indicators(loops[0]) if alone else common_Q(loops)
-    proven = None if figures.Q is None else provable_rate(vertices, figures.Q)
+    figures = indicators(loops[0]) if alone else lyapunov.common_Q(loops)
+    proven = None if figures.Q is None else exact.provable_rate(vertices, figures.Q)
     if proven is None:
         why = figures.reason or "no inflation of Q could be proven to satisfy its inequality."
         return refused(reason=why)
@@ -211,12 +209,12 @@ def certify_model(
         E = disturbance_entry(model)
         if alone:
             # Without slack the exact check would refute it by rounding alone.
-            ellipsoid, reason = invariant_ellipsoid(loops[0], E, L_d=L_d, slack=1e-6), ""
+            ellipsoid, reason = lyapunov.invariant_ellipsoid(loops[0], E, L_d=L_d, slack=1e-6), ""
         else:
-            ellipsoid, reason = common_ellipsoid(loops, E, L_d=L_d)
+            ellipsoid, reason = lyapunov.common_ellipsoid(loops, E, L_d=L_d)
         if ellipsoid is None:
             return refused(reason=reason)
-        radius = ellipsoid.radius * FACTORS[0]
+        radius = ellipsoid.radius * exact.FACTORS[0]
     solvers = {"solver": "Clarabel", "clarabel": version("clarabel")}
     if alone:
         solvers = {"Lyapunov equation": f"numpy {np.__version__}"}

@@ -15,12 +15,10 @@ from types import MappingProxyType
 from typing import Any, ClassVar, NamedTuple
 
 from flighttune.arrays import FloatArray
+from flighttune.control import exact_law, inner_loop, mimo_pi
 from flighttune.control.controller import Controller, GuardedLaw, LawSetup, SelfLimiting
-from flighttune.control.exact_law import ExactLaw, RateLaw, rate_model
 from flighttune.control.gains import COMMANDS, RATES, PIGains, command_gains, rate_gains
-from flighttune.control.inner_loop import InnerLag, inner_loop_scaling
 from flighttune.control.linear_model import LinearModel, kinematic_model
-from flighttune.control.mimo_pi import ChannelLaw, MimoPI
 from flighttune.errors import InputError
 from flighttune.present.answer import pick
 
@@ -39,12 +37,12 @@ class Trim(NamedTuple):
 class SampledController(NamedTuple):
     """A law as a tube follows it from sample to sample."""
 
-    channels: tuple[ChannelLaw, ...]
+    channels: tuple[mimo_pi.ChannelLaw, ...]
     conditional: bool  # anti-windup; there is none otherwise
     # Whether ``cos(gamma_ref)/cos(phi)`` is added to the load-factor command
     feed_forward: bool = False
     # Of a law whose channels command rates, which it inverts for roll and load factor
-    inverts: RateLaw | None = None
+    inverts: exact_law.RateLaw | None = None
 
     @property
     def feeds_back(self) -> bool:
@@ -102,7 +100,7 @@ class Law(ABC):
     def linear_model(self, trim: Trim, /) -> LinearModel:
         """Error dynamics that its gains act on: from `inputs` to the errors of course and path."""
         if self.inputs == RATES:  # the same at every condition
-            return rate_model(airspeed=trim.airspeed)
+            return exact_law.rate_model(airspeed=trim.airspeed)
         return kinematic_model(V_a=trim.V_a, gamma=trim.gamma, g=trim.g, airspeed=trim.airspeed)
 
     def loop(
@@ -111,9 +109,9 @@ class Law(ABC):
         """The linear loop that flies: `model` closed by `gains`, unless the law knows better."""
         return model, gains
 
-    def state_scaling(self, model: LinearModel, lags: Sequence[InnerLag]) -> FloatArray:
+    def state_scaling(self, model: LinearModel, lags: Sequence[inner_loop.InnerLag]) -> FloatArray:
         """Units of the states behind an inner loop, in which gains are tuned, shape (n,)."""
-        return inner_loop_scaling(model, lags)
+        return inner_loop.inner_loop_scaling(model, lags)
 
     @property
     def tuned_as(self) -> str:
@@ -137,7 +135,7 @@ class Law(ABC):
         """The controller for JSBSim alone; None where the law cannot be exported."""
         return None
 
-    def in_c(self, _setup: LawSetup, /) -> MimoPI | ExactLaw | None:
+    def in_c(self, _setup: LawSetup, /) -> mimo_pi.MimoPI | exact_law.ExactLaw | None:
         """The controller that is written in C; None where the law has no such form."""
         return None
 

@@ -18,16 +18,13 @@ from flighttune import __version__
 from flighttune.aircraft.aircraft import AircraftConfig
 from flighttune.aircraft.model_xml import template_of
 from flighttune.arrays import FloatArray
+from flighttune.control import exact_law, mimo_pi
 from flighttune.control.controller import LawSetup
-from flighttune.control.exact_law import LEAST_SPEED
 from flighttune.control.gains import PIGains
 from flighttune.control.law import OuterLoop
-from flighttune.control.mimo_pi import BEYOND_STOP
 from flighttune.errors import InputError
 from flighttune.files.whole import whole_file, write_text
-from flighttune.flight import conditions
-from flighttune.flight.fly import aircraft_table, fly_once, plant_of
-from flighttune.flight.models import law_setup
+from flighttune.flight import conditions, fly, models
 from flighttune.plants.jsbsim import model_files, properties
 from flighttune.plants.jsbsim.fdm import STARTER, STARTING, Fdm, weigh
 from flighttune.plants.jsbsim.plant import JSBSimPlant, inner_loop_settings
@@ -112,7 +109,7 @@ def export_jsbsim(
 ) -> ExportedFlight:
     """Write a flight as files that JSBSim flies by itself, fly them, and compare with `fly`."""
     scenario.check_over_time("an export", airspeed=True)
-    table = aircraft_table(scenario, plant)
+    table = fly.aircraft_table(scenario, plant)
     if weather := conditions.weather_of(scenario):
         moves = {
             "gust": weather.gust,
@@ -125,10 +122,10 @@ def export_jsbsim(
                 f"`{key}` must be absent from a scenario that is exported: the only moving air in "
                 "JSBSim's script is a steady wind."
             )
-    aircraft_plant = plant_of(table, scenario)
+    aircraft_plant = fly.plant_of(table, scenario)
     assert isinstance(aircraft_plant, JSBSimPlant)
     law, _ = scenario.law_of(name, gains)
-    setup = law_setup(
+    setup = models.law_setup(
         scenario, gains, conditions.command_limits(scenario).within(aircraft_plant.limits)
     )
     if (loop := law.outer_loop(setup)) is None:
@@ -169,7 +166,7 @@ def export_jsbsim(
     # The console command takes no step from a script, and writes to its root.
     options = [f"--simulation-rate={fdm.rate!r}", f"--script={SCRIPT}"]
     at_folder = [f"--root={folder}", *options]
-    run = fly_once(
+    run = fly.fly_once(
         scenario, aircraft_plant, gains, plant_label=table.label, gains_name=name, lead=lead
     )
     largest, differs = _differences(at_folder, folder / CSV, t_0, run)
@@ -271,14 +268,14 @@ def _values(scenario: Scenario, setup: LawSetup, loop: OuterLoop, fdm: Fdm) -> d
     values |= _read(fdm, (*_COMMANDS.values(), properties.N_X_FOLLOWED, properties.V_A_CMD))
     values |= {
         "ft/outer/dt-s": setup.dt,
-        "ft/outer/least-speed": LEAST_SPEED,
+        "ft/outer/least-speed": exact_law.LEAST_SPEED,
         "ft/outer/per-g-s2_m": 1.0 / scenario.flight.g_mps2,
         **loop.values,
     }
     if scenario.airspeed:
         values |= {
             "ft/outer/n_x/throttle-min": fdm.config.engines.throttle[0],
-            "ft/outer/n_x/beyond-stop": BEYOND_STOP,
+            "ft/outer/n_x/beyond-stop": mimo_pi.BEYOND_STOP,
             "ft/outer/n_x/priority-per-g": APPROACH / scenario.flight.g_mps2,
             "ft/outer/n_x/steepest-dive": STEEPEST_DIVE,
             "ft/outer/V-least-share": LEAST_SHARE,

@@ -15,17 +15,15 @@ from typing import Any, Literal, overload
 import numpy as np
 import pandas as pd
 
+from flighttune.control import inner_loop, linear_model
 from flighttune.control.gains import COMMANDS, WITH_AIRSPEED, PIGains
-from flighttune.control.inner_loop import InnerLag
 from flighttune.control.law import Law
-from flighttune.control.linear_model import closed_loop
 from flighttune.errors import InputError
 from flighttune.files.load import LOG, written
 from flighttune.flight import fly as flight
+from flighttune.flight import load, models
 from flighttune.flight.conditions import command_limits, lead_on, reference_of, weather_of
 from flighttune.flight.flown import FlownScenario
-from flighttune.flight.load import scenario_and_gains
-from flighttune.flight.models import law_model
 from flighttune.gaps.of_log import LogGap, log_gap
 from flighttune.gaps.residual import CHANNELS, Mismatch, mismatch
 from flighttune.identification.file import FILE_NAME, lag_table
@@ -141,7 +139,7 @@ class Gap(Answering):
     indicators: Indicators
     steps: tuple[Step, ...] = ()
     whole: Step | None = None
-    lags: Mapping[str, tuple[InnerLag, float]] = field(default_factory=dict)
+    lags: Mapping[str, tuple[inner_loop.InnerLag, float]] = field(default_factory=dict)
     lag_source: LagSource | None = None
     mismatch: Mismatch | None = None
     unplanned: Run | None = None
@@ -401,7 +399,7 @@ def gap(
         return log_gap(scenario, aircraft, columns, progress)
     if isinstance(scenario, Run) or written(scenario, LOG, columns=columns):
         raise InputError("`aircraft` must be given with a log: what its commands are flown on.")
-    scenario, gains_name, gains = scenario_and_gains(scenario, gains, changes)
+    scenario, gains_name, gains = load.scenario_and_gains(scenario, gains, changes)
     name = name or gains_name
     table = flight.aircraft_table(scenario, plant)
     top = flight.fly_alone(scenario, table, gains, name, progress=progress)
@@ -486,12 +484,12 @@ def _check_length(run: Run) -> None:
 
 
 def _indicators(scenario: Scenario, law: Law, gains: PIGains) -> Indicators:
-    return indicators(closed_loop(law_model(scenario, law), gains))
+    return indicators(linear_model.closed_loop(models.law_model(scenario, law), gains))
 
 
 def _inner_loop(
     table: PlantTable, scenario: Scenario, run: Run, source: LagSource | None
-) -> tuple[LagSource, dict[str, tuple[InnerLag, float]]]:
+) -> tuple[LagSource, dict[str, tuple[inner_loop.InnerLag, float]]]:
     """Source and lags of an aircraft that has flown: those of the nearest condition, or fitted."""
     commanded_and_flown = {
         name: (run.signals[f"{name}_cmd"].to_numpy(), run.signals[name].to_numpy())

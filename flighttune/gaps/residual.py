@@ -7,13 +7,11 @@ from itertools import pairwise
 import numpy as np
 
 from flighttune.arrays import FloatArray, check_positive
-from flighttune.control.inner_loop import InnerLag
-from flighttune.control.law import Trim
+from flighttune.control import inner_loop, law
 from flighttune.errors import InputError
 from flighttune.flight.conditions import reference_of
 from flighttune.identification.fit import lag_response
-from flighttune.plants.base import PLANT_KINDS, FlightCondition
-from flighttune.plants.point_mass import turn_rates
+from flighttune.plants import base, point_mass
 from flighttune.scenario.schema import Scenario
 from flighttune.simulate.run import Run
 from flighttune.units import G_PAPER
@@ -24,7 +22,7 @@ CHANNELS = ("chi", "gamma")
 LEAST_SAMPLES = 4
 
 
-def trim_of(run: Run) -> Trim | None:
+def trim_of(run: Run) -> law.Trim | None:
     """The flight about which the law of a run is linearised; None if nothing says which."""
     flight = run.provenance.scenario.get("flight") or {}
     if not run.provenance.law.by_gains:
@@ -32,7 +30,7 @@ def trim_of(run: Run) -> Trim | None:
     if "V_a_mps" not in flight or "gamma_ref" not in run.signals or not len(run.signals):
         return None
     gamma = float(run.signals["gamma_ref"].iloc[0])
-    return Trim(float(flight["V_a_mps"]), gamma, float(flight.get("g_mps2", G_PAPER)))
+    return law.Trim(float(flight["V_a_mps"]), gamma, float(flight.get("g_mps2", G_PAPER)))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -74,12 +72,12 @@ def mismatch(run: Run) -> Mismatch:
     mean_rates = np.diff(signals[list(CHANNELS)].to_numpy(), axis=0) / dt
     level = np.cos(signals["gamma"].to_numpy())
     level = 0.5 * (level[:-1] + level[1:])
-    samples, turn = signals.iloc[:-1], PLANT_KINDS[run.provenance.law.plant].turn
+    samples, turn = signals.iloc[:-1], base.PLANT_KINDS[run.provenance.law.plant].turn
     # The point mass flies at the airspeed that its law measured.
     V_a = samples["V_a"].to_numpy() if turn == "exact" else trim.V_a
     phi, n_z = (samples[name].to_numpy() for name in ("phi_cmd", "n_z_cmd"))
     # asked at gamma = 0, whose cosine is replaced by the mean over the interval
-    chi_dot, gamma_dot = turn_rates(V_a, 0.0, phi, n_z, turn=turn, g=trim.g)
+    chi_dot, gamma_dot = point_mass.turn_rates(V_a, 0.0, phi, n_z, turn=turn, g=trim.g)
     chi_dot = chi_dot / level if turn == "exact" else chi_dot
     gamma_dot = gamma_dot + trim.g / V_a * (1.0 - level)
     d = mean_rates - np.column_stack([chi_dot, gamma_dot])
@@ -106,7 +104,7 @@ class ConformantModel:
 
     V_a: float  # m/s: airspeed, positive and constant
     g: float  # m/s^2: acceleration of gravity
-    lags: tuple[InnerLag, InnerLag]  # lags of roll and of load factor
+    lags: tuple[inner_loop.InnerLag, inner_loop.InnerLag]  # lags of roll and of load factor
 
     def __post_init__(self) -> None:
         check_positive(V_a=self.V_a, g=self.g)
@@ -153,7 +151,7 @@ def residual_rates(
             def rates(ahead: float, climbed: FloatArray) -> FloatArray:
                 gamma = angles[:-1, 1] + climbed
                 now = phi[ahead], n_z[ahead]
-                turning = turn_rates(model.V_a, gamma, *now, turn="exact", g=model.g)
+                turning = point_mass.turn_rates(model.V_a, gamma, *now, turn="exact", g=model.g)
                 return np.column_stack(turning) + residual  # noqa: B023
 
             k1 = rates(a, change[:, 1])
@@ -165,7 +163,7 @@ def residual_rates(
     return residual
 
 
-def residuals_of(model: ConformantModel, run: Run, start: FlightCondition) -> FloatArray:
+def residuals_of(model: ConformantModel, run: Run, start: base.FlightCondition) -> FloatArray:
     """`RESIDUALS` of a flight at every sample but the last, shape (n - 1, 4)."""
     signals = run.signals
     dt = run.duration / (len(signals) - 1)

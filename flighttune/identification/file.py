@@ -22,12 +22,9 @@ from flighttune.control.inner_loop import InnerLag, Order, with_inner_loop
 from flighttune.control.law import Law, Trim, made_law
 from flighttune.control.linear_model import LinearModel
 from flighttune.errors import InputError, ScenarioError
-from flighttune.files.shipped import aircraft_folder
+from flighttune.files import shipped, whole
 from flighttune.files.table import abridged, json_tables, shown, stamp, validated
-from flighttune.files.whole import write_text
-from flighttune.present.answer import Table
-from flighttune.present.chart import Sheet
-from flighttune.present.names import columns
+from flighttune.present import answer, chart, names
 from flighttune.units import DEG_PER_RAD, G_0
 
 Channel: TypeAlias = Literal["phi", "n_z", "n_x"]
@@ -210,7 +207,7 @@ class IdentifiedAircraft(_Table):
     def save(self, path: str | Path) -> None:
         """Write the model (.json), whole or not at all."""
         text = json.dumps(identified_tables(self), indent=2, allow_nan=False) + "\n"
-        write_text(Path(path), text)
+        whole.write_text(Path(path), text)
 
     def nearest(self, V_a: float, gamma: float) -> IdentifiedCondition:
         """The condition nearest to an airspeed (m/s) and a flight-path angle (rad)."""
@@ -222,13 +219,13 @@ class IdentifiedAircraft(_Table):
         return min(self.conditions, key=distance)
 
 
-LAG_COLUMNS = columns(
+LAG_COLUMNS = names.columns(
     "V_a_mps gamma_deg channel order natural_frequency_rad_s damping lag_s delay_s bandwidth_rad_s "
     "cross fit_percent"
 )
 
 
-def lags_table(aircraft: IdentifiedAircraft) -> Table:
+def lags_table(aircraft: IdentifiedAircraft) -> answer.Table:
     """Every lag with its fit, a row each channel of a condition."""
     records = []
     for point in aircraft.conditions:
@@ -236,7 +233,7 @@ def lags_table(aircraft: IdentifiedAircraft) -> Table:
         for name, channel in point.channels.items():
             records.append({**place, "channel": name, **channel.model_dump(exclude={"simpler"})})
     title = f"{aircraft.aircraft}: identified inner loop"
-    return Table(title=title, columns=LAG_COLUMNS, records=records)
+    return answer.Table(title=title, columns=LAG_COLUMNS, records=records)
 
 
 class DesignModel(NamedTuple):
@@ -307,7 +304,7 @@ def identified_tables(aircraft: IdentifiedAircraft) -> dict[str, Any]:
 
 
 def save_with_figure(
-    aircraft: IdentifiedAircraft, path: Path, sheet: Sheet
+    aircraft: IdentifiedAircraft, path: Path, sheet: chart.Sheet
 ) -> dict[str, Path | None]:
     """Write a model and the figure of its fits, if it has charts, side by side."""
     figure = path.with_suffix(".svg") if sheet.charts else None
@@ -342,7 +339,7 @@ def load_identified(source: str | Path) -> IdentifiedAircraft:
     """
     path = Path(source)
     if path.name == str(source) and path.suffix != ".json":
-        path = aircraft_folder(str(source))
+        path = shipped.aircraft_folder(str(source))
     if path.is_dir():
         path = path / FILE_NAME
     if not path.exists():

@@ -17,8 +17,7 @@ import numpy as np
 
 from flighttune.control.linear_model import closed_loop, disturbance_entry
 from flighttune.errors import InputError
-from flighttune.files.shipped import nearest_name
-from flighttune.files.whole import write_text
+from flighttune.files import shipped, whole
 from flighttune.paper import parameters as printed
 from flighttune.paper.claims import CLAIMS, VERDICTS, Finding, judge, text_of
 from flighttune.paper.flight import initial_commands, largest_share
@@ -114,7 +113,7 @@ def reproduce(
     """Make items of the paper, all by default, and judge every claim."""
     for name in names:
         if name not in ITEMS:
-            near = nearest_name(name, ITEMS)
+            near = shipped.nearest_name(name, ITEMS)
             raise InputError(f"`ITEM` must be one of {', '.join(ITEMS)}, got {name}{near}")
     study, folder = Study() if study is None else study, Path(out)
     chosen, tell = [x for x in ITEMS if x in names or not names], progress or (lambda *_: None)
@@ -140,7 +139,7 @@ def reproduce(
         errata=parts,
         text=text_of,
     )
-    listed = write_text(folder / "errata.md", "\n\n".join(text) + "\n")
+    listed = whole.write_text(folder / "errata.md", "\n\n".join(text) + "\n")
     return Reproduction(items=items, findings=findings, page=page.path, errata=listed)
 
 
@@ -152,8 +151,8 @@ def _written(item: Item, output: Made, folder: Path) -> list[Path]:
         figure.save(files[-1])
     for name, table in output.tables.items():
         text = table.to_csv(index=False, float_format="%.9g", lineterminator="\n")
-        files.append(write_text(folder / f"{name}.csv", text))
-    files.append(write_text(folder / f"{item.name}.md", item.text(output)))
+        files.append(whole.write_text(folder / f"{name}.csv", text))
+    files.append(whole.write_text(folder / f"{item.name}.md", item.text(output)))
     return files
 
 

@@ -12,9 +12,8 @@ from flighttune.paper import parameters as printed
 from flighttune.paper.duffing import DuffingCases
 from flighttune.paper.flight import PaperFlight, fly
 from flighttune.theory.indicators import Indicators, indicators
+from flighttune.tuning import result, tune
 from flighttune.tuning.problem import TuningProblem
-from flighttune.tuning.result import TuningResult
-from flighttune.tuning.tune import tune_problem
 
 # The gain sets in the order of the paper's epsilon.
 ORDER = ("K1", "K2", "K3", printed.STAR, "K4", "K5", "K6")
@@ -73,7 +72,7 @@ class Study:
         }
 
     @cached_property
-    def constrained(self) -> TuningResult:
+    def constrained(self) -> result.TuningResult:
         """Result of the optimisation model of section 4.4 with all printed constraints."""
         problem = TuningProblem(
             model=self.model,
@@ -82,12 +81,12 @@ class Study:
             x_0=printed.E_0,
             dt=printed.OPTIMISATION_DT,
         )
-        return tune_problem(problem)
+        return tune.tune_problem(problem)
 
     @cached_property
-    def optimum(self) -> TuningResult:
+    def optimum(self) -> result.TuningResult:
         """Result of the model without the input constraints."""
-        return tune_problem(TuningProblem(model=self.model, I_star=printed.I_STAR))
+        return tune.tune_problem(TuningProblem(model=self.model, I_star=printed.I_STAR))
 
     @cached_property
     def duffing(self) -> DuffingCases:

@@ -39,8 +39,7 @@ from flighttune.plants.sensors import Sensors
 from flighttune.plants.weather import NED, Gust, Turbulence, TurbulenceModel, WindProfile
 from flighttune.present.names import listed
 from flighttune.references.segments import Reference, Segment
-from flighttune.simulate.disturbance import Sinusoid
-from flighttune.simulate.run import RunStatus
+from flighttune.simulate import disturbance, run
 from flighttune.units import DEG, G_PAPER
 
 Seed: TypeAlias = Annotated[int, Field(ge=0, le=LARGEST_SEED)]
@@ -687,9 +686,9 @@ class DisturbanceTable(q.Table):
             raise ValueError('`path` must be "ground" without as_wind, got "air"')
         return self
 
-    def sinusoid(self) -> Sinusoid:
+    def sinusoid(self) -> disturbance.Sinusoid:
         """The disturbance as a function of time."""
-        return Sinusoid.of_table(self.model_dump())
+        return disturbance.Sinusoid.of_table(self.model_dump())
 
     def last_switches(self) -> list[tuple[str, float]]:
         """Key and last time (s) of each list of switching times."""
@@ -912,7 +911,7 @@ class ExpectTable(q.Table):
 
     plant: Annotated[str, Field(min_length=1)] | None = None  # a label, or a kind for all of it
     gains: Annotated[str, Field(min_length=1)] | None = None  # all if left out
-    status: RunStatus | None = None  # completed if left out
+    status: run.RunStatus | None = None  # completed if left out
     at_most: Bounds = Field(default_factory=dict)  # bounds by channel, flight or loop, and measure
     at_least: Bounds = Field(default_factory=dict)  # likewise
 

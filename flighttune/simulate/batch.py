@@ -11,8 +11,7 @@ import numpy.typing as npt
 from flighttune.arrays import FloatArray
 from flighttune.control.exact_law import ExactLaw, RateLaw
 from flighttune.control.mimo_pi import MimoPI, PILaw
-from flighttune.plants.base import FlightCondition
-from flighttune.plants.point_mass import LONGEST_STEP
+from flighttune.plants import base, point_mass
 from flighttune.plants.sensors import SENSED, Sensors
 from flighttune.simulate.disturbance import Sinusoid
 from flighttune.units import G_PAPER
@@ -69,7 +68,7 @@ class BatchResult(NamedTuple):
 
 def fly_sampled(
     controllers: Sequence[MimoPI | ExactLaw],
-    conditions: Sequence[FlightCondition],
+    conditions: Sequence[base.FlightCondition],
     ref: FloatArray,
     *,
     duration: float,
@@ -111,7 +110,7 @@ def fly_sampled(
         wrapped=isinstance(first, ExactLaw) or first.wrapped[0],
         feed_forward=isinstance(first, MimoPI) and first.feed_forward,
         dt=dt,
-        steps=math.ceil(dt / LONGEST_STEP - 1e-9),
+        steps=math.ceil(dt / point_mass.LONGEST_STEP - 1e-9),
     )
     result = BatchResult(
         t=t,

@@ -17,8 +17,7 @@ import numpy.typing as npt
 
 from flighttune.arrays import FloatArray, read_only_vector, square_matrices
 from flighttune.errors import InputError
-from flighttune.theory.lyapunov import lyapunov_solution
-from flighttune.theory.reachable import largest_errors
+from flighttune.theory import lyapunov, reachable
 
 # Loops whose intermediate results are held in memory at once.
 CHUNK_LOOPS = 8192
@@ -132,7 +131,7 @@ def indicators(
         half = len(A_K) // 2
         has_errors = errors is not None or not (len(A_K) % 2 or A_K[half:, half:].any())
         count = half if errors is None else errors
-        E_K = float(largest_errors(A_K, errors=count).max()) if has_errors else math.nan
+        E_K = float(reachable.largest_errors(A_K, errors=count).max()) if has_errors else math.nan
     elif eigenvalues[0].real >= 0.0:
         reason = f"The eigenvalue {eigenvalues[0]:.6g} 1/s is not in the open left half plane."
     else:
@@ -148,7 +147,7 @@ def indicators(
         E_K=E_K,
         spectral_abscissa=float(figures.spectral_abscissa),
         eigenvalues=eigenvalues,
-        Q=lyapunov_solution(scaled(A_K, scale)) if stable else None,
+        Q=lyapunov.lyapunov_solution(scaled(A_K, scale)) if stable else None,
         scaling=scale,
     )
 
@@ -218,7 +217,7 @@ def _rate_and_radius(A: FloatArray) -> tuple[FloatArray, FloatArray]:
     """R_K and I_K of loops whose eigenvalues are on the left, shape (N, n, n)."""
     if not len(A):
         return np.empty(0), np.empty(0)
-    spectrum = np.linalg.eigvalsh(lyapunov_solution(A))
+    spectrum = np.linalg.eigvalsh(lyapunov.lyapunov_solution(A))
     smallest, largest = spectrum[:, 0], spectrum[:, -1]
     sigma_min = np.linalg.svd(A, compute_uv=False)[:, -1]
     # A Q that is not positive refutes the eigenvalues: the loop is unstable within rounding.

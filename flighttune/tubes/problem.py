@@ -21,10 +21,8 @@ from flighttune.control.limits import Limits
 from flighttune.errors import InputError
 from flighttune.flight.conditions import lead_on, limits_on, reference_of, start_condition
 from flighttune.flight.models import law_setup
-from flighttune.plants.base import PLANT_KINDS
-from flighttune.plants.weather import course_of, velocity_along
-from flighttune.references.feasible import FeasibleReference
-from flighttune.references.segments import Reference
+from flighttune.plants import base, weather
+from flighttune.references import feasible, segments
 from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import PlantTable
 from flighttune.simulate.run import Bounds
@@ -260,9 +258,9 @@ class TubeProblem:
         condition, wind = start_condition(self.scenario), self.scenario.wind
         if wind is None:
             return condition.chi, condition.gamma
-        north, east, down = velocity_along(condition.V_a, condition.chi, condition.gamma)
+        north, east, down = weather.velocity_along(condition.V_a, condition.chi, condition.gamma)
         w_north, w_east, w_down = wind.profile().at(condition.h)
-        chi, gamma = course_of((north + w_north, east + w_east, down + w_down))
+        chi, gamma = weather.course_of((north + w_north, east + w_east, down + w_down))
         return condition.chi + math.remainder(chi - condition.chi, math.tau), gamma
 
     def controller(self) -> SelfLimiting:
@@ -336,7 +334,7 @@ def tube_problem(
     aircraft = band is not None
     kinds = [
         name
-        for name, kind in PLANT_KINDS.items()
+        for name, kind in base.PLANT_KINDS.items()
         if kind.enclosed is not None and ("aircraft" in kind.keys) == aircraft
     ]
     tables = scenario.plant if plant is None else [scenario.plant_table(plant)]
@@ -375,7 +373,7 @@ def reference_samples(scenario: Scenario, plant: PlantTable) -> FloatArray:
     followed = np.zeros((len(t), 6))
     followed[:, REFERENCE] = np.stack(reference.sampled(t), axis=1)
     if scenario.rolls_in:
-        assert isinstance(reference, Reference)  # of ramps
+        assert isinstance(reference, segments.Reference)  # of ramps
         rates = np.stack(reference.rates(t, lead_on(scenario, plant)))
         turn, bend = rates * scenario.flight.V_a_mps / reference.g
         if scenario.controller.feed_forward:
@@ -384,7 +382,7 @@ def reference_samples(scenario: Scenario, plant: PlantTable) -> FloatArray:
             followed[:, PLANNED] = np.column_stack([np.arctan(turn), lift])
     else:
         rates = np.stack(reference.rates(t))
-    if isinstance(reference, FeasibleReference) and scenario.controller.feed_forward:
+    if isinstance(reference, feasible.FeasibleReference) and scenario.controller.feed_forward:
         followed[:, PLANNED] = reference.commands(t)
     followed[:, RATES] = rates.T
     followed.flags.writeable = False

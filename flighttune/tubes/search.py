@@ -12,10 +12,8 @@ import numpy.typing as npt
 from scipy.linalg import schur, solve_discrete_lyapunov
 
 from flighttune.arrays import FloatArray
-from flighttune.tubes import sample
-from flighttune.tubes.exact import enclosure_of
+from flighttune.tubes import exact, interval, sample
 from flighttune.tubes.forms import Form, Indices, Pieces
-from flighttune.tubes.interval import Interval, Unbounded
 from flighttune.tubes.proof import SYMBOLS, HandOver, for_ever, inside, return_map, settled
 
 # Symbols removed at a time
@@ -89,7 +87,7 @@ class Search:
         residual = np.abs(f[:, np.newaxis] - tried @ q).sum(axis=2) + np.abs(tried).sum(axis=2)
         return self._record(tried[np.arange(len(f)), residual.argmin(axis=1)])
 
-    def slope(self, values: Interval) -> FloatArray:
+    def slope(self, values: interval.Interval) -> FloatArray:
         """Slope of the chord of ``max(x, 0)`` over the values."""
         low, high = values.low, values.high
         rise = np.maximum(high, 0.0) - np.maximum(low, 0.0)
@@ -165,8 +163,8 @@ def coordinates(loop: sample.SampledLoop) -> tuple[FloatArray, int] | None:
     pieces.values[0, :, 1 : 1 + n] = LINEARISED_SIZE * np.eye(n)
     pieces.used = n
     try:
-        enclosure_of(settled(loop, 1), pieces, Search(loop)).sample(1)
-    except Unbounded:
+        exact.enclosure_of(settled(loop, 1), pieces, Search(loop)).sample(1)
+    except interval.Unbounded:
         return None
     A = pieces.values[0, :n, 1 : 1 + n] / LINEARISED_SIZE
     if not np.abs(np.linalg.eigvals(A)).max() < 1.0:
@@ -218,7 +216,7 @@ def settled_set(
         plan, tight = Search(loop), (1.0 - SLACK) * size
         try:
             after, passed = return_map(loop, W, centre, size, samples, plan)
-        except Unbounded:
+        except interval.Unbounded:
             return smallest
         if inside(after, centre, tight):
             # Bounds of the first sample in the set lack the margin of the interval that leads to

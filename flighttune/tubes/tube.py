@@ -12,19 +12,14 @@ import numpy as np
 from flighttune.arrays import FloatArray
 from flighttune.control.gains import PIGains
 from flighttune.errors import InfeasibleError
-from flighttune.flight.conditions import lead_on, reference_of, start_condition
-from flighttune.flight.fly import plant_of
-from flighttune.flight.load import scenario_and_gains
+from flighttune.flight import conditions, fly, load
 from flighttune.present.answer import Answer, Column, Table, pick
 from flighttune.present.names import columns
 from flighttune.scenario.schema import Scenario
 from flighttune.simulate.loop import simulate
+from flighttune.tubes import exact, interval, proof, sample
 from flighttune.tubes.enclosure import LEFT, Settings, Tube, bounds_of
-from flighttune.tubes.exact import enclosure_of
-from flighttune.tubes.interval import Unbounded
 from flighttune.tubes.problem import QUANTITIES, TubeProblem, tube_problem
-from flighttune.tubes.proof import continued, hull, settled_from
-from flighttune.tubes.sample import start_set
 from flighttune.tubes.search import Search, coordinates, settled_set
 
 # Time, s, within which the width of a set that is about to be lost doubles
@@ -91,7 +86,7 @@ def stated_problem(
     **flights: Any,
 ) -> TubeProblem:
     """The flights to enclose; `flights` are further arguments of `tube_problem`."""
-    loaded, name, chosen = scenario_and_gains(scenario, gains, changes)
+    loaded, name, chosen = load.scenario_and_gains(scenario, gains, changes)
     law = loaded.law_for(chosen) if isinstance(gains, PIGains) else loaded.law_of(name, chosen)[0]
     if not law.by_gains:
         raise InfeasibleError(
@@ -152,19 +147,19 @@ def _attempt(
     for_ever: bool,
 ) -> Tube:
     loop, t = problem.loop, problem.t
-    rows, still, hulls = coordinates(loop) if for_ever else None, settled_from(loop), {}
+    rows, still, hulls = coordinates(loop) if for_ever else None, proof.settled_from(loop), {}
     if rows is not None and still < len(t):
-        loop = continued(loop, rows[1])
+        loop = proof.continued(loop, rows[1])
     search = Search(loop, tolerance=settings.tolerance, most=settings.most)
-    starts = start_set(loop, problem.start, settings.sides, settings.symbols)
-    enclosure = enclosure_of(loop, starts, search)
+    starts = sample.start_set(loop, problem.start, settings.sides, settings.symbols)
+    enclosure = exact.enclosure_of(loop, starts, search)
     ranges, limits_at, reason, chosen = [], [], "", None
     for k in range(len(loop.reference)):
         if k == len(t):
             chosen = search.choices
         try:
             errors, limited = enclosure.sample(k)
-        except Unbounded as stop:
+        except interval.Unbounded as stop:
             if k >= len(t):
                 rows = None
             else:
@@ -173,7 +168,7 @@ def _attempt(
         ranges.append(errors)
         limits_at.append(limited)
         if rows is not None and still <= k < len(t):
-            hulls[k + 1] = hull(enclosure.pieces, rows[0])
+            hulls[k + 1] = proof.hull(enclosure.pieces, rows[0])
         if progress is not None and k % 50 == 0:
             progress(k / len(loop.reference))
     ever = None
@@ -196,16 +191,16 @@ def _attempt(
 def flights_inside(enclosure: Tube) -> bool:
     """Whether the scenario's own flight and those from the corners of the starts are inside."""
     problem = enclosure.problem
-    scenario, condition = problem.scenario, start_condition(problem.scenario)
+    scenario, condition = problem.scenario, conditions.start_condition(problem.scenario)
     # A tube that is not bounded is compared as far as it goes.
     for chi, gamma in sorted({(0.0, 0.0), *product((-problem.start, problem.start), repeat=2)}):
         signals, _ = simulate(
-            plant_of(problem.table, scenario),
+            fly.plant_of(problem.table, scenario),
             problem.controller(),
-            reference_of(scenario),
+            conditions.reference_of(scenario),
             condition=replace(condition, chi=condition.chi + chi, gamma=condition.gamma + gamma),
             duration=scenario.flight.duration_s,
-            lead=lead_on(scenario, problem.table),
+            lead=conditions.lead_on(scenario, problem.table),
         )
         if not enclosure.bounds.contain(signals):
             return False

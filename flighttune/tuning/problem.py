@@ -13,9 +13,7 @@ from flighttune.control.gains import NO_FEEDBACK, PIGains
 from flighttune.control.limits import Limits
 from flighttune.control.linear_model import LinearModel, closed_loops
 from flighttune.errors import InputError, ShapeError
-from flighttune.theory.indicators import state_scaling
-from flighttune.theory.lyapunov import solution_of_checked
-from flighttune.theory.reachable import largest_errors
+from flighttune.theory import indicators, lyapunov, reachable
 
 # Default bound on the size of every gain: the problem has no optimum among unbounded ones
 LARGEST_GAIN = 1e3
@@ -120,7 +118,7 @@ class TuningProblem:
             self._check_weights(*self.weights)
         elif self.R_min:
             raise InputError(f"`R_min` must be 0 without `weights`, got {self.R_min:g}.")
-        object.__setattr__(self, "scaling", state_scaling(self.scaling, n + p))
+        object.__setattr__(self, "scaling", indicators.state_scaling(self.scaling, n + p))
         defaults = {"K_min": -LARGEST_GAIN, "K_max": LARGEST_GAIN, "K_fixed": math.nan}
         for name, default in defaults.items():
             bound = getattr(self, name)
@@ -224,7 +222,7 @@ class TuningProblem:
 
     def largest_errors(self, K: FloatArray) -> FloatArray:
         """`largest_errors` of the loops that gains K (shape (..., m, 2p)) close, shape (..., p)."""
-        return largest_errors(closed_loops(self.model, K), errors=len(self.model.errors))
+        return reachable.largest_errors(closed_loops(self.model, K), errors=len(self.model.errors))
 
 
 def decoupled(model: LinearModel) -> FloatArray:
@@ -257,8 +255,8 @@ def quadratic_cost(problem: TuningProblem, K: FloatArray) -> tuple[float, FloatA
     z_0 = np.concatenate([np.linalg.pinv(model.C) @ x_0, np.zeros(p)])
     load = errors.T * weights[0] @ errors + commands.T * weights[1] @ commands
     try:
-        P = solution_of_checked(A, (load + load.T) / 2.0)
-        X = solution_of_checked(A.T, np.outer(z_0, z_0))
+        P = lyapunov.solution_of_checked(A, (load + load.T) / 2.0)
+        X = lyapunov.solution_of_checked(A.T, np.outer(z_0, z_0))
     except np.linalg.LinAlgError:  # so near to instability that rounding decides
         return math.inf, np.zeros(K.shape)
     B = np.vstack([model.B, np.zeros((p, m))])

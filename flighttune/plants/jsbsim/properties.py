@@ -1,14 +1,13 @@
 """Signals of the plant, and properties by which it talks to the inner loop, on any model."""
 
 from flighttune.aircraft.aircraft import SURFACES
-from flighttune.plants.base import COMMON_SIGNALS
-from flighttune.plants.weather import WIND
+from flighttune.plants import base, weather
 
 SIGNALS = (
-    *COMMON_SIGNALS,
+    *base.COMMON_SIGNALS,
     *("alpha", "beta", "theta", "psi", "p", "q", "r", "h", "V_g", "n_y"),
     *("aileron", "elevator", "rudder", "throttle", "thrust"),
-    *WIND,
+    *weather.WIND,
 )
 
 PHI_CMD, N_Z_CMD, V_A_CMD = "ft/phi-cmd-rad", "ft/n_z-cmd", "ft/V_a-cmd-mps"
