@@ -1,6 +1,6 @@
 """Count how often the intervals of logs hold the truth.
 
-python docs/figures/coverage.py LOGS identify|gap [RATE FIRST END]
+python docs/figures/log_coverage.py LOGS identify|gap [RATE FIRST END]
 
 LOGS flights are drawn; RATE (Hz, 0 for all), FIRST and END count a part, with the same numbers.
 """
