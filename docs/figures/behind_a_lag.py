@@ -22,7 +22,7 @@ def sensitivity(problem: ft.loop.TuningProblem, gains: ft.PIGains) -> float:
     for inputs, errors, part in channels(problem):
         columns = np.concatenate([errors, len(problem.model.errors) + errors])
         k = gains.K[inputs[:, None], columns][part.free]
-        peaks.append(Peaks(part, FINE).largest(k, np.zeros(1)))
+        peaks.append(Peaks(part, FINE).logs(k, np.zeros(1)).max())
     return math.exp(max(peaks))
 
 
