@@ -76,7 +76,7 @@ def searched(
 
 
 class _Search:
-    """Over z: factors on the gains `k`, then the inner feedback where it is sought."""
+    """The search for z: factors on the gains `k`, then the inner feedback where it is sought."""
 
     def __init__(self, problems: Sequence[TuningProblem], k: FloatArray) -> None:
         self._first, self._k, first = problems[0], k, problems[0]
@@ -105,7 +105,7 @@ class _Search:
         return np.concatenate([each.logs(*self.parts(z)) for each in frequencies])
 
     def costs(self, z: FloatArray) -> FloatArray:
-        """What must be small of each model: minus its decay, or the logarithm of its errors."""
+        """Costs, to be made small: minus the decay, or the logarithm of the errors of each model."""
         free, fed = self.parts(z)
         poles = self._rates(z)
         if self._aim == "decay":
@@ -123,7 +123,7 @@ class _Search:
         return np.sort(np.concatenate(poles, dtype=np.float64))
 
     def end(self, z: FloatArray, room: float, *, restarts: int) -> FloatArray:
-        """Where a search from `z` ends, with `room` to the logarithm of the largest sensitivity."""
+        """The end of a search from `z`, with `room` to the logarithm of the largest sensitivity."""
         from scipy.optimize import minimize
 
         most, bounds = self.limit - room, self._bounds
