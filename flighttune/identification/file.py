@@ -22,8 +22,9 @@ from flighttune.control.inner_loop import InnerLag, Order, with_inner_loop
 from flighttune.control.law import Law, Trim, made_law
 from flighttune.control.linear_model import LinearModel
 from flighttune.errors import InputError, ScenarioError
-from flighttune.files import shipped, whole
+from flighttune.files import shipped
 from flighttune.files.table import abridged, json_tables, shown, stamp, validated
+from flighttune.files.whole import write_text
 from flighttune.present import answer, chart, names
 from flighttune.units import DEG_PER_RAD, G_0
 
@@ -207,7 +208,7 @@ class IdentifiedAircraft(_Table):
     def save(self, path: str | Path) -> None:
         """Write the model (.json), whole or not at all."""
         text = json.dumps(identified_tables(self), indent=2, allow_nan=False) + "\n"
-        whole.write_text(Path(path), text)
+        write_text(Path(path), text)
 
     def nearest(self, V_a: float, gamma: float) -> IdentifiedCondition:
         """The condition nearest to an airspeed (m/s) and a flight-path angle (rad)."""

@@ -17,7 +17,8 @@ import numpy as np
 
 from flighttune.control.linear_model import closed_loop, disturbance_entry
 from flighttune.errors import InputError
-from flighttune.files import shipped, whole
+from flighttune.files import shipped
+from flighttune.files.whole import write_text
 from flighttune.paper import parameters as printed
 from flighttune.paper.claims import CLAIMS, VERDICTS, Finding, judge, text_of
 from flighttune.paper.flight import initial_commands, largest_share
@@ -139,7 +140,7 @@ def reproduce(
         errata=parts,
         text=text_of,
     )
-    listed = whole.write_text(folder / "errata.md", "\n\n".join(text) + "\n")
+    listed = write_text(folder / "errata.md", "\n\n".join(text) + "\n")
     return Reproduction(items=items, findings=findings, page=page.path, errata=listed)
 
 
@@ -151,8 +152,8 @@ def _written(item: Item, output: Made, folder: Path) -> list[Path]:
         figure.save(files[-1])
     for name, table in output.tables.items():
         text = table.to_csv(index=False, float_format="%.9g", lineterminator="\n")
-        files.append(whole.write_text(folder / f"{name}.csv", text))
-    files.append(whole.write_text(folder / f"{item.name}.md", item.text(output)))
+        files.append(write_text(folder / f"{name}.csv", text))
+    files.append(write_text(folder / f"{item.name}.md", item.text(output)))
     return files
 
 

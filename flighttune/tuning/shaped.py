@@ -105,7 +105,7 @@ class _Search:
         return np.concatenate([each.logs(*self.parts(z)) for each in frequencies])
 
     def costs(self, z: FloatArray) -> FloatArray:
-        """Costs, to be made small: minus the decay, or the logarithm of the errors of each model."""
+        """Costs to be made small: minus the decay, or the logarithm of the errors of each model."""
         free, fed = self.parts(z)
         poles = self._rates(z)
         if self._aim == "decay":
