@@ -392,6 +392,7 @@ def influences(
     ranks = rankdata(values[kept])
     table, n = parameters[kept], len(ranks)
     table = table.loc[:, table.nunique() > 1]
+    # fewer flights than 10 tell no ranks
     if n < 10 or ranks.min() == ranks.max() or table.empty:
         return []
     columns = [column for _, column in table.items()]
