@@ -168,8 +168,8 @@ How long do flights, campaigns and commands take, and against what? `make bench`
 ratio against a named peer in the same run, and ends with exit status 1 if one misses its bar.
 `python docs/figures/speed.py FOLDER` writes this page. The figures are
 of flighttune {version} with Python {python} on two cores of {processor}. Bare steps are
-`fdm.run()` of the same aircraft and time. About half of the loop is Python for each sample, so that
-bars, a tenth above these figures, depend on the interpreter.
+`fdm.run()` of the same aircraft and time. The default law is compiled in a process that flies more
+than five minutes; bars, a tenth above these figures, depend on the interpreter.
 
 | what | against | measured | bar |
 |---|---|--:|--:|

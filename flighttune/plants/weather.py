@@ -124,12 +124,14 @@ class WindProfile:
         """Wind at height `h` (m above sea level), m/s, north, east and down."""
         if (i := bisect_right(self.levels, h, key=itemgetter(0))) in (0, len(self.levels)):
             return self.levels[max(i - 1, 0)][1]
-        (h_0, below), (h_1, above) = self.levels[i - 1 : i + 1]
+        (h_0, (n_0, e_0, d_0)), (h_1, (n_1, e_1, d_1)) = self.levels[i - 1 : i + 1]
         # Written out as `np.interp` computes it, which takes four times as long for one height.
-        north, east, down = (
-            (b - a) / (h_1 - h_0) * (h - h_0) + a for a, b in zip(below, above, strict=True)
+        width, up = h_1 - h_0, h - h_0
+        return (
+            (n_1 - n_0) / width * up + n_0,
+            (e_1 - e_0) / width * up + e_0,
+            (d_1 - d_0) / width * up + d_0,
         )
-        return north, east, down
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

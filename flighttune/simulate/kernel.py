@@ -97,38 +97,41 @@ def error_measures(t, ref, error, effort, limited):
 
 
 @kernel
-def route_sample(k, signals, n_z, law, places, dt, settings, path, memory, rows):
-    """One sample of a flight along a route under the exact law, into its row.
+def exact_sample(k, n_z, law, places, dt, settings, refs, path, memory, rows):
+    """One sample of a flight under the exact law, into its row, which begins with the signals.
 
-    `signals`: those of the plant, with height and wind at `places`. `n_z`: the load factor that the
-    law sees. `law`: numbers of a `RateLaw`. `dt` (s): sample time. `settings` are those of
-    `guidance`, `path` its rows. `memory`, (16,): state of the law, the distance along the route
-    (m), the speed over ground (m/s), and the position (m) at the sample before. Returns both
-    commands and the distance along the route.
+    `n_z`: the load factor that the law sees. `law`: numbers of a `RateLaw`. `places`: those of the
+    course, path angle, airspeed, height and wind that it sees, and the number of signals; that of
+    the wind is -1 where it sees none. `dt` (s): sample time. `refs`, shape (samples, 4), or (0, 4)
+    on a route, whose `path` has the rows of `guidance` and `settings` its numbers. `memory`, (16,):
+    state of the law, the distance along the route (m), the speed over ground (m/s), and the
+    position (m) at the sample before. Returns both commands and the distance along the route.
     """
-    row, m = rows[k], len(signals)
-    for j in range(m):
-        row[j] = signals[j]
-    chi, gamma, phi, V_a, north, east = row[0], row[1], row[2], row[4], row[5], row[6]
-    if k:
-        memory[13] = speed_over(north - memory[14], east - memory[15], dt)
-    memory[14], memory[15] = north, east
-    h, wind = row[places[0]], row[places[1] : places[1] + 3]
-    ref, place, _, _, _ = guidance(
-        path, path_at(path, memory[12]), memory[13], (chi, gamma, north, east, h), settings
-    )
-    memory[12] = place[0]
+    row, wind, m = rows[k], places[4], places[5]
+    chi, gamma, V_a = row[places[0]], row[places[1]], row[places[2]]
+    phi, north, east = row[2], row[5], row[6]
+    end = m + 10
+    if len(path):
+        if k:
+            memory[13] = speed_over(north - memory[14], east - memory[15], dt)
+        memory[14], memory[15] = north, east
+        now = chi, gamma, north, east, row[places[3]]
+        nearest = path_at(path, memory[12])
+        ref, place, _, _, _ = guidance(path, nearest, memory[13], now, settings)
+        memory[12], end = place[0], m + 13
+        row[m + 10], row[m + 11], row[m + 12] = place
+    else:
+        ref = refs[k, 0], refs[k, 1], refs[k, 2], refs[k, 3]
     started = memory[:0]  # the exact law has none
     error, u, u_unsat, integral = memory[0:2], memory[2:4], memory[4:6], memory[6:8]
     state = PIState(error, u, u_unsat, integral, memory[8:10], started, memory[10:12])
-    speed = speed_in_wind(chi, gamma, V_a, wind)
+    speed = V_a if wind < 0 else speed_in_wind(chi, gamma, V_a, row[wind : wind + 3])
     exact_step(_rate_law(law), state, ref, (chi, gamma, phi, n_z), speed)
     row[m], row[m + 1], row[m + 2], row[m + 3] = ref[0], ref[1], 0.0, 0.0
     for j in range(2):
         row[m + 4 + j], row[m + 6 + j], row[m + 8 + j] = u[j], u_unsat[j], integral[j]
-        row[m + 13 + j] = memory[8 + j]
-    row[m + 10], row[m + 11], row[m + 12] = place
-    return u[0], u[1], place[0]
+        row[end + j] = memory[8 + j]
+    return u[0], u[1], memory[12]
 
 
 @njit

@@ -49,9 +49,9 @@ _POSITION = slice(COMMON_SIGNALS.index("north"), _DOWN + 1)
 
 PROGRESS_EVERY = 50
 
-# Shortest route whose samples are compiled, m: to load the compiled code takes as long as it saves
-# in a flight of some minutes.
-COMPILED_FROM = 5000.0
+# Samples that a process flies before it loads compiled code, which takes as long as it saves in
+# them. Both give the same numbers.
+COMPILED_FROM = 15_000
 
 NOT_LATE = (0.0, 0.0)
 
@@ -130,6 +130,9 @@ class Flight:
     controller.
     """
 
+    # Samples of all flights of this process that compiled code could have flown
+    flown = 0
+
     def __init__(
         self,
         plant: Plant,
@@ -174,27 +177,23 @@ class Flight:
         further += () if airspeed is None else AIRSPEED_SIGNALS
         self._columns = _columns(plant.signals, (*controller.signals, *further), m)
         self._rows = bytearray()
-        self._given = plant, controller, condition, route, lead or NOT_LATE
-        references = _references(reference, t, lead or NOT_LATE)
-        self.samples = self._samples(measured_of, references, plan, priority)
+        self._given = plant, controller, condition, reference, lead or NOT_LATE
+        self.samples = self._samples(measured_of, plan, priority)
 
     def fly_compiled(
         self, progress: Callable[[float], None] | None
     ) -> tuple[pd.DataFrame, Stop | None] | None:
-        """Fly a long route under the exact law on an aircraft by compiled code; None for others."""
-        # The result is that of `simulate` but for rounding. Without Numba there is none.
-        (plant, controller, condition, route, lead), t = self._given, self._t
-        shown = {*plant.signals}
-        if (
-            route is None
-            or route.path.length < COMPILED_FROM
-            or not isinstance(controller, ExactLaw)
-            or controller.gains.airspeed
-            or not {"h", WIND[0]} <= shown
-            or {OVER_GROUND[0], MEASURED[0]} & shown
-        ):
+        """Fly under the exact law on an aircraft by compiled code; None for others and for few."""
+        # The result is that of `simulate`, to the bit where the processor's functions are the same.
+        # Without Numba there is none.
+        (plant, controller, condition, reference, lead), t = self._given, self._t
+        shown = plant.signals
+        if type(controller) is not ExactLaw or controller.gains.airspeed or "h" not in shown:
             return None
-        from flighttune.simulate.kernel import COMPILED, route_sample
+        Flight.flown += len(t)
+        if Flight.flown < COMPILED_FROM:
+            return None
+        from flighttune.simulate.kernel import COMPILED, exact_sample
 
         if not COMPILED:
             return None
@@ -202,21 +201,36 @@ class Flight:
         controller.start(condition)
         observe, advance, dt = plant.observe, plant.advance, controller.dt
         followed = _fed_back(controller, plant) or (lambda: signals[_N_Z])
-        places = plant.signals.index("h"), plant.signals.index(WIND[0])
-        law, settings = np.array(numbers_of(controller.law)), (condition.h, route.look_ahead, *lead)
-        state, rows = controller.state, np.empty((len(t), len(self._columns)))
-        memory = np.array([*chain(*state[:5], state.expected), 0.0, route.start_speed, 0.0, 0.0])
-        stop, end, k = None, route.path.length, 0
+        angles = MEASURED if MEASURED[0] in shown else ("chi", "gamma", "V_a")
+        air = WIND[0] in shown and OVER_GROUND[0] not in shown
+        wind = shown.index(WIND[0]) if air else -1
+        places = *map(shown.index, (*angles, "h")), wind, len(shown)
+        law, state = np.array(numbers_of(controller.law)), controller.state
+        end, ahead, speed, refs, path = math.inf, 0.0, 0.0, np.empty((0, 4)), np.empty((0, 0))
+        route = reference if isinstance(reference, following.RouteReference) else None
+        if isinstance(reference, following.RouteReference):
+            end, ahead = reference.path.length, reference.look_ahead
+            speed, path = reference.start_speed, reference.table
+        else:
+            refs = np.ascontiguousarray(np.transpose(_sampled(reference, t, lead)))
+        settings = condition.h, ahead, *lead
+        width = len(self._columns)
+        rows = np.empty((len(t), width))
+        memory = np.array([*chain(*state[:5], state.expected), 0.0, speed, 0.0, 0.0])
+        pack, bytes_of = struct.Struct(f"{len(shown)}d").pack_into, rows.data.cast("B")
+        stop, k = None, 0
         for k, now in enumerate(t.tolist()):
             signals = observe()
-            phi_cmd, n_z_cmd, along = route_sample(
-                *(k, signals, followed(), law, places, dt, settings, route.table, memory, rows)
+            pack(bytes_of, 8 * width * k, *signals)
+            phi_cmd, n_z_cmd, along = exact_sample(
+                *(k, followed(), law, places, dt, settings, refs, path, memory, rows)
             )
             if progress is not None and k % PROGRESS_EVERY == 0:
                 progress(now)
             if k == len(t) - 1 or along >= end:
-                place = len(plant.signals) + len(LOOP_SIGNALS) + len(controller.signals) - 2
-                stop = route.not_arrived(now, tuple(rows[k, place : place + 3].tolist()))
+                if route is not None:
+                    place = len(shown) + len(LOOP_SIGNALS) + len(controller.signals) - 2
+                    stop = route.not_arrived(now, tuple(rows[k, place : place + 3].tolist()))
                 break
             if (stop := advance(phi_cmd, n_z_cmd, dt)) is not None:
                 break
@@ -225,18 +239,19 @@ class Flight:
     def _samples(
         self,
         measured_of: Callable[[tuple[float, ...]], Measured],
-        references: Iterable[ReferenceSample],
         plan: following.Planner | None,
         priority: following.AirspeedPriority | None,
     ) -> Generator[Sample, Sequence[float] | None, Stop | None]:
         """Fly all samples, or to the end of a route, and add them to the rows."""
-        plant, controller, condition, route, lead = self._given
+        plant, controller, condition, reference, lead = self._given
+        route = reference if isinstance(reference, following.RouteReference) else None
         plant.start(condition)
         try:
             controller.start(condition)
         except LawError as error:
             return Stop("law_failed", str(error))
         dt, limiter, place, speed = controller.dt, controller.limiter, (), ()
+        references = _references(reference, self._t, lead)
         follow = None if route is None else route.follower(dt, condition.h, lead)
         u_unsat, limited, m = limiter.u_unsat, limiter.limited, 2 if priority is None else 3
         observe, advance, rows = plant.observe, plant.advance, self._rows
@@ -307,14 +322,21 @@ def _references(
 ) -> Iterable[ReferenceSample]:
     if isinstance(reference, following.RouteReference):
         return repeat(ReferenceSample(*reference.initial), len(t))  # until it is followed
+    values = np.stack(_sampled(reference, t, lead))
     if isinstance(reference, FeasibleReference):
-        values = [*reference.sampled(t), *reference.rates(t)]
         planned = map(tuple, reference.commands(t).tolist())
-        return map(ReferenceSample, *(each.tolist() for each in values), planned)
-    values = np.stack([*reference.sampled(t), *reference.rates(t, lead)])
+        return map(ReferenceSample, *values.tolist(), planned)
     if (values == values[:, :1]).all():
         return repeat(ReferenceSample(*values[:, 0].tolist()), len(t))
     return map(ReferenceSample, *values.tolist())
+
+
+def _sampled(
+    reference: Reference | FeasibleReference, t: np.ndarray, lead: tuple[float, float]
+) -> list[FloatArray]:
+    """Course, path angle and their rates at each time."""
+    late = () if isinstance(reference, FeasibleReference) else (lead,)
+    return [*reference.sampled(t), *reference.rates(t, *late)]
 
 
 def _columns(

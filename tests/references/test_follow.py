@@ -37,26 +37,37 @@ def scenario(plants, **tables):
     return ft.scenario_from(made | {"route": ROUTE} | {k: v for k, v in tables.items() if v})
 
 
+WINDY = {
+    "wind.speed_mps": 5.0,
+    "wind.from_deg": 70.0,
+    "turbulence.intensity": "moderate",
+    "route.waypoint": ROUTE["waypoint"],
+    "route.wind_mps": 8.0,
+}
+
+
 @pytest.mark.soak
-def test_compiled_samples_fly_as_the_plain_loop_does(monkeypatch):
-    """The plain loop is the reference; wind, turbulence and a law that feeds back are in it."""
+@pytest.mark.parametrize(
+    ("name", "changes"),
+    [("circuit", WINDY), ("mission", {}), ("sensor_noise", {}), ("crosswind_course", {})],
+)
+def test_compiled_samples_fly_as_the_plain_loop_does(monkeypatch, name, changes):
+    """The plain loop is the reference, to the bit: wind, gusts, sensors, a law that feeds back."""
     pytest.importorskip("numba")
     from flighttune.simulate import kernel
 
-    calls, compiled = [], kernel.route_sample
-    monkeypatch.setattr(kernel, "route_sample", lambda *x: calls.append(x[0]) or compiled(*x))
-    changes = {"wind.speed_mps": 5.0, "wind.from_deg": 70.0, "turbulence.intensity": "moderate"}
-    changes |= {"route.waypoint": ROUTE["waypoint"], "route.wind_mps": 8.0}
+    calls, compiled = [], kernel.exact_sample
+    monkeypatch.setattr(kernel, "exact_sample", lambda *x: calls.append(x[0]) or compiled(*x))
+    fed_back = {"law": ["exact"], "gains": ["tuned_fed_back"], "expect": []}
     flown = []
-    for shortest in (0.0, math.inf):
-        monkeypatch.setattr(loop, "COMPILED_FROM", shortest)
-        flown += [x for x in ft.fly("circuit", changes=changes).runs if x.provenance.aircraft]
+    for samples in (0, math.inf):
+        monkeypatch.setattr(loop, "COMPILED_FROM", samples)
+        flown += [x for x in ft.fly(name, changes=fed_back | changes).runs if x.provenance.aircraft]
     first, plain = (run.signals for run in flown)
 
     assert [run.status for run in flown] == ["completed"] * 2
     assert calls == [*range(len(first))]
-    assert [*first.columns] == [*plain.columns]
-    assert first.to_numpy() == pytest.approx(plain.to_numpy(), rel=1e-12, abs=1e-12)
+    pd.testing.assert_frame_equal(first, plain, check_exact=True)
 
 
 LAW = [{"kind": "kinematic"}]

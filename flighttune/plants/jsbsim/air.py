@@ -91,8 +91,9 @@ def _changing(fdm: Fdm, weather: Weather, rate: float, run: Run) -> Run:
     (write_north, write_east, write_down), h_ft = wind_writers(fdm), fdm.reader("position/h-sl-ft")
     h_start = h_ft()
 
-    def wind_at(t: float, h: float) -> list[float]:
-        return [component / FT for component in weather.deterministic(t, h * FT + fdm.ground)]
+    def wind_at(t: float, h: float) -> NED:
+        north, east, down = weather.deterministic(t, h * FT + fdm.ground)
+        return north / FT, east / FT, down / FT
 
     # The wind is exact at instants `_REFRESH` steps apart, and linear in between.
     def steps() -> Iterator[bool]:
@@ -100,11 +101,9 @@ def _changing(fdm: Fdm, weather: Weather, rate: float, run: Run) -> Run:
         for k in count(_REFRESH, _REFRESH):
             h = h_ft()
             # The wind is needed at the end of the next steps, whose height is extrapolated.
-            ahead = wind_at(k / rate, 2.0 * h - h_last)
-            d_north, d_east, d_down = (
-                (b - a) / _REFRESH for a, b in zip((north, east, down), ahead, strict=True)
-            )
-            h_last = h
+            n, e, d = wind_at(k / rate, 2.0 * h - h_last)
+            d_north, d_east = (n - north) / _REFRESH, (e - east) / _REFRESH
+            d_down, h_last = (d - down) / _REFRESH, h
             for _ in range(_REFRESH):
                 # Written out: a loop over three components takes as long as all the rest.
                 north, east, down = north + d_north, east + d_east, down + d_down
