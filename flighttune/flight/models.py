@@ -21,7 +21,7 @@ from flighttune.control.linear_model import Envelope, LinearModel, closed_loop
 from flighttune.control.margins import channel_margins, loop_margins
 from flighttune.errors import InputError, ScenarioError
 from flighttune.files.shipped import nearest_name
-from flighttune.flight.conditions import command_limits, reference_of, stated_condition
+from flighttune.flight.conditions import command_limits, limits_on, reference_of, stated_condition
 from flighttune.identification.file import DesignModel, design_model
 from flighttune.plants.weather import turbulence_scales
 from flighttune.scenario.schema import GainsTable, Scenario
@@ -303,7 +303,7 @@ def gain_set(scenario: Scenario, name: str, tuning: TuningResult | None = None) 
         if gains in IDENTIFIED:
             settings = {"model": "identified", "lag_s": None, **IDENTIFIED[gains]}
             if gains == TUNED_FED_BACK:
-                rate = command_limits(scenario).rate_upper[1]
+                rate = limits_on(scenario, scenario.aircraft).rate_upper[1]
                 settings["sensitivity_max"] = float(np.interp(rate, LIFT_RATES, SENSITIVITIES))
             tuned = scenario.tuning.model_copy(update=settings)
             scenario, tuning = scenario.model_copy(update={"tuning": tuned}), None
