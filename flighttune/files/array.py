@@ -61,8 +61,10 @@ def read_arrays(
                     array = np.lib.format.read_array(member, allow_pickle=False)
                 key = name.removesuffix(".npy")
                 arrays[key] = _checked(name, array, kinds[key], key not in unbounded)
-    except (InputError, OSError):
+    except InputError:
         raise
+    except OSError as error:
+        raise InputError(f"the file must be readable: {error.strerror}.") from error
     except Exception as error:  # NumPy and `zipfile` raise a dozen kinds on a damaged file
         raise InputError(f"the file must be a {kind} of flighttune: {error}.") from error
     if (first := next(iter(kinds))) not in arrays:

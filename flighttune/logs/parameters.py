@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from flighttune.control.laws.autopilot import Autopilot, guidance, period_among
-from flighttune.errors import InputError
+from flighttune.errors import InputError, naming
 from flighttune.files.whole import reason_of
 from flighttune.logs.read import read_parameters
 
@@ -72,10 +72,8 @@ def flown_now(path: str | Path, version: str | None = None) -> Flown:
         for name, x, _ in table["parameters"]
     ]
     law = Autopilot(name="yours", parameters={name: x for name, (x, _) in used.items()})
-    try:
+    with naming(path):
         _ = law.roles
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from error
     of_guidance = {name for name in values if name.startswith(tuple(table["group"]))}
     unused = sorted(of_guidance - used.keys() - {was for _, was in renamed.values()})
     name = f"{table['law']} and TECS of {autopilot} {version or f'as in {of_source}'}"

@@ -17,7 +17,7 @@ from pydantic import ValidationError
 
 from flighttune.control.gains import PIGains
 from flighttune.control.law import DEFAULT, split_name
-from flighttune.errors import InputError, ScenarioError
+from flighttune.errors import InputError, ScenarioError, naming
 from flighttune.files.shipped import aircraft_folders, campaign_files, nearest_name, scenario_files
 from flighttune.files.table import abridged, json_tables, mistakes, shown, toml_tables, validated
 from flighttune.files.whole import reason_of
@@ -290,10 +290,8 @@ def _add_waypoints(tables: dict[str, Any], route: dict[str, Any], path: Path) ->
     file, skip = route["file"], route.get("skip", False)
     if "waypoint" in route or not isinstance(file, str) or not isinstance(skip, bool):
         raise ScenarioError(f"{path}: [route] `file` must be a name in place of `waypoint`.")
-    try:
+    with naming(f"{path}: [route] `file`", ScenarioError):
         mission = read_route(path.parent / file, skip=skip)
-    except InputError as error:
-        raise ScenarioError(f"{path}: [route] `file`: {error}") from error
     tables["route"] = mission.route | kept
     if isinstance(tables.get("flight"), dict):
         tables["flight"] = flight = mission.flight | tables["flight"]

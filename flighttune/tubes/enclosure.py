@@ -16,7 +16,7 @@ from flighttune.claims.band import Residual
 from flighttune.claims.distribution import STARTS, flown_values
 from flighttune.control.gains import COMMANDS, PIGains, gains_table
 from flighttune.control.inner_loop import InnerLag
-from flighttune.errors import InputError
+from flighttune.errors import InputError, naming
 from flighttune.files.array import BOOL, FLOAT, SINGLE, TEXT, Arrays, check_shapes, read_arrays
 from flighttune.files.table import STRICT, json_object, tables_of, value_of
 from flighttune.files.whole import whole_file
@@ -453,17 +453,13 @@ def bounds_of(t: FloatArray, pairs: FloatArray) -> Bounds:
 
 def load_tube(path: str | Path, band: Residual | None = None) -> Tube:
     """Read a tube and rebuild its problem from the scenario in the file."""
-    try:
+    with naming(path):
         arrays = read_arrays(Path(path), "tube", MEMBERS, MAX_BYTES, MAX_COMPRESSED)
         # Bounds and choices in the file are not trusted before `Tube.verify` has checked them. The
         # boxes of an aircraft are those of the file, and must be those of the `band`, if there is
         # one.
         claim = value_of(json_object(str(arrays["claim"]), "`claim`"), Claim)
         return _tube_from(claim, arrays, band)
-    except OSError as error:
-        raise InputError(f"{path}: the file must be readable: {error.strerror}.") from error
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from error
 
 
 def _tube_from(claim: Claim, arrays: Arrays, band: Residual | None) -> Tube:
