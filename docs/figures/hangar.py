@@ -159,7 +159,7 @@ def remarks_of(answer: dict[str, Any]) -> list[str]:
     """Why a model is not adopted, or does not fly the circuit."""
     why = answer.get("circuit", {}).get("why", "")
     before, ended, reason = why.partition("tuned_fed_back: ")
-    circuit = f"misses the circuit: {reason}" if ended else before
+    circuit = f"misses the circuit: {reason.partition(' To try next')[0]}" if ended else before
     notes = [note for note in answer.get("notes", ()) if note.endswith(NOTES)]
     return [*notes, *filter(None, (answer["reason"], circuit))]
 
