@@ -110,7 +110,7 @@ def exact_sample(k, n_z, law, places, dt, settings, refs, path, memory, rows):
     row, wind, m = rows[k], places[4], places[5]
     chi, gamma, V_a = row[places[0]], row[places[1]], row[places[2]]
     phi, north, east = row[2], row[5], row[6]
-    end = m + 10
+    held = m + 10  # where the row says which limits hold: behind the place, on a route
     if len(path):
         if k:
             memory[13] = speed_over(north - memory[14], east - memory[15], dt)
@@ -118,7 +118,7 @@ def exact_sample(k, n_z, law, places, dt, settings, refs, path, memory, rows):
         now = chi, gamma, north, east, row[places[3]]
         nearest = path_at(path, memory[12])
         ref, place, _, _, _ = guidance(path, nearest, memory[13], now, settings)
-        memory[12], end = place[0], m + 13
+        memory[12], held = place[0], m + 13
         row[m + 10], row[m + 11], row[m + 12] = place
     else:
         ref = refs[k, 0], refs[k, 1], refs[k, 2], refs[k, 3]
@@ -130,7 +130,7 @@ def exact_sample(k, n_z, law, places, dt, settings, refs, path, memory, rows):
     row[m], row[m + 1], row[m + 2], row[m + 3] = ref[0], ref[1], 0.0, 0.0
     for j in range(2):
         row[m + 4 + j], row[m + 6 + j], row[m + 8 + j] = u[j], u_unsat[j], integral[j]
-        row[end + j] = memory[8 + j]
+        row[held + j] = memory[8 + j]
     return u[0], u[1], memory[12]
 
 

@@ -183,9 +183,9 @@ class Flight:
     def fly_compiled(
         self, progress: Callable[[float], None] | None
     ) -> tuple[pd.DataFrame, Stop | None] | None:
-        """Fly under the exact law on an aircraft by compiled code; None for others and for few."""
-        # The result is that of `simulate`, to the bit where the processor's functions are the same.
-        # Without Numba there is none.
+        """Fly the exact law on an aircraft by compiled code; None where the plain loop must fly."""
+        # It gives the same bits as the plain loop, which flies until enough samples are flown to
+        # pay for loading Numba, and where Numba is not installed.
         (plant, controller, condition, reference, lead), t = self._given, self._t
         shown = plant.signals
         if type(controller) is not ExactLaw or controller.gains.airspeed or "h" not in shown:
@@ -206,12 +206,11 @@ class Flight:
         wind = shown.index(WIND[0]) if air else -1
         places = *map(shown.index, (*angles, "h")), wind, len(shown)
         law, state = np.array(numbers_of(controller.law)), controller.state
-        end, ahead, speed, refs, path = math.inf, 0.0, 0.0, np.empty((0, 4)), np.empty((0, 0))
-        route = reference if isinstance(reference, following.RouteReference) else None
         if isinstance(reference, following.RouteReference):
-            end, ahead = reference.path.length, reference.look_ahead
-            speed, path = reference.start_speed, reference.table
+            route, end, ahead = reference, reference.path.length, reference.look_ahead
+            speed, path, refs = reference.start_speed, reference.table, np.empty((0, 4))
         else:
+            route, end, ahead, speed, path = None, math.inf, 0.0, 0.0, np.empty((0, 0))
             refs = np.ascontiguousarray(np.transpose(_sampled(reference, t, lead)))
         settings = condition.h, ahead, *lead
         width = len(self._columns)
