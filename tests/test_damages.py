@@ -12,16 +12,11 @@ from typing import Any, NamedTuple
 import numpy as np
 import pyarrow as pa
 import pytest
-from campaigns import flown_here
 from fuzzing import EDGES, TEXTS, damaged, digit_changed, holder_of, places_in
 
 import flighttune as ft
-from flighttune.campaign import band as band_module
-from flighttune.files.array import write_sealed
 from flighttune.files.table import tables_of
 from flighttune.tubes.enclosure import load_tube
-from tests.campaign.test_band import ALONE, count
-from tests.campaign.test_band import FEW as FEW_OF
 from tests.made_up import shortened
 from tests.made_up_band import counted_boxes
 from tests.tubes.test_aircraft import flight
@@ -176,41 +171,9 @@ def band_in(path):
     return repr(tables_of(band.about)), band.extremes.tobytes()
 
 
-def flown_band(folder):
-    count(flights=ALONE).save(folder / "flown.npz")
-    return folder / "flown.npz"
-
-
-def counted_in(path):
-    """What is counted, without what its maker calls it; InputError where flights differ."""
-    with flown_here(band_module) as pool:
-        verified = ft.verify(path, count=ALONE, pool=pool)
-    if not verified.valid:
-        raise ft.InputError(f"{path}: {verified.reason}")
-    return verified.claim.sentence.partition("; its maker")[0]
-
-
-def forge_band(path, draw):
-    with np.load(path) as file:
-        arrays = dict(file)
-    name = draw.choice([*["band"] * 4, *arrays])
-    if name == "band":
-        arrays[name] = np.array(changed_text(str(arrays[name]), draw))
-    else:
-        arrays[name] = changed_rows(arrays[name], draw).astype(arrays[name].dtype)
-    write_sealed(path, arrays)
-
-
-def another_claim(path, _):
-    """Whether epsilon or confidence are others: that they were chosen before no file can show."""
-    about = ft.load(path).about
-    return (about.epsilon, about.confidence) != (FEW_OF["epsilon"], FEW_OF["confidence"])
-
-
 KINDS = {
     "run": Kind(recorded, run_in),
     "band": Kind(counted, band_in),
-    "flown band": Kind(flown_band, counted_in, forge_band, another_claim),
     "proof": Kind(proven, proven_in, forge_proof, no_flight_leaves),
     "proof of an aircraft": Kind(proven_of_aircraft, proven_in, forge_proof, its_flight_stays),
 }
@@ -261,7 +224,7 @@ def test_no_damage_is_silent(made, count, tmp_path):
 
 
 @pytest.mark.soak
-@of_each("flown band", "proof", "proof of an aircraft")
+@of_each("proof", "proof of an aircraft")
 def test_no_forgery_is_believed_unless_what_it_says_is_so(made, count, tmp_path):
     (kind, folder, file, written), draw, seen = made, random.Random(SEED), Counter()
     while seen.total() < count:

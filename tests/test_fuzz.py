@@ -133,7 +133,6 @@ AIRBORNE = {
     "turbulence": {"severity": 3, "wind_20ft_mps": 5.0},
     "plant": [{**HEAVY, "throttle_max": 0.9}],
 }
-SWINGING = shipped("studies/oscillating_wind")
 CAMPAIGN = {
     **shipped("campaigns/aerosonde_dispersed"),
     "scenario": "level_turn",
@@ -379,7 +378,6 @@ def every_shipped(*patterns):
 KINDS = {
     "law": Kind("x.toml", with_a_law, to_toml, ft.load_scenario, flown, flown_whole),
     "wind": Kind("x.toml", lambda _: AIRBORNE, to_toml, ft.load_scenario, flown, flown_whole),
-    "swing": Kind("x.toml", lambda _: SWINGING, to_toml, ft.load_scenario, flown, flown_whole),
     "scenario": Kind(
         "x.toml",
         every_shipped("*.toml", "studies/*.toml"),

@@ -151,33 +151,6 @@ def test_one_q_proves_a_rate_at_every_condition_identified(left):
         assert float(rate) == pytest.approx(found.R, abs=0.1 * HALF_OF_THE_LAST_DIGIT)
 
 
-@pytest.fixture(scope="module")
-def everywhere(left):
-    return ft.certify(*left, envelope=True, L_d=0.015).certificate
-
-
-@pytest.mark.counts
-def test_a_certificate_proves_one_rate_and_radius_at_every_condition(everywhere, tmp_path):
-    identified = ft.loop.load_identified("aerosonde").conditions
-    everywhere.save(tmp_path / "c.json")
-    again = ft.load(tmp_path / "c.json")
-    verified = ft.verify(again)
-    names = [check.name for check in verified.checks]
-
-    assert verified.valid
-    again.save(tmp_path / "again.json")
-    assert (tmp_path / "again.json").read_bytes() == (tmp_path / "c.json").read_bytes()
-    assert again.claim.conditions == tuple((one.V_a, one.gamma) for one in identified)
-    assert sum("A' Q + Q A + I <= 0 at vertex" in name for name in names) == len(identified)
-    for model in again.models:
-        A_K = ft.loop.closed_loop(model, again.gains)
-        decay = A_K.T @ again.Q + again.Q @ A_K + np.eye(len(A_K))
-        assert np.linalg.eigvalsh(decay).max() < 0.0
-        assert again.claim.rate < ft.loop.indicators(A_K).R_K
-    assert "every mixture" in again.claim.place
-    assert again.claim.radius > 0.0
-
-
 def test_a_claim_over_an_envelope_is_refused_where_the_law_is_behind_a_lag():
     ranges = {
         "V_a_mps": [22.0, 28.0], "gamma_deg": [-9.0, 9.0], "phi_deg": [-9.0, 9.0], "n_z": [0.9, 1.1]

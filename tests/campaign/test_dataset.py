@@ -86,17 +86,6 @@ def test_pandas_and_duckdb_read_a_campaign_while_it_runs(tmp_path, monkeypatch):
 
 
 @pytest.mark.soak
-def test_only_what_is_missing_is_flown(out, ours, rows):
-    before = {part.name: part.stat().st_mtime_ns for part in (out / "runs").iterdir()}
-
-    done = ft.run_campaign(ours, out, workers=1, resume=True)
-
-    assert (done.flown, done.runs) == (4, RUNS)
-    assert bits(ft.load(out).rows()) == bits(rows)
-    assert before == {name: (out / "runs" / name).stat().st_mtime_ns for name in before}
-
-
-@pytest.mark.soak
 def test_a_finished_campaign_needs_nobody(tmp_path, ours, rows):
     ended = {"status": "diverged", "reason": "far off"}
     for name, said in ended.items():

@@ -5,17 +5,6 @@ import json
 import pytest
 from commands import answer, flighttune
 
-from flighttune.records.parquet import check_recording
-
-
-@pytest.mark.slow
-def test_all_runs_are_overlaid_in_one_recording(tmp_path):
-    out = tmp_path / "overlay.rrd"
-
-    flighttune("compare", "paper_as_printed@paper", "paper_as_printed@K1", "--out", out)
-
-    check_recording(out)
-
 
 @pytest.mark.slow
 def test_a_page_shows_both_runs_and_how_many_metrics_of_each_are_better(tmp_path):

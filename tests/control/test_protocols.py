@@ -1,6 +1,7 @@
 """A law and a plant that are nothing but classes, flown."""
 
 import re
+import sys
 
 import numpy as np
 import pytest
@@ -111,6 +112,7 @@ class Mute(Exception):
         (lambda good: good[:2], r"`step` must return 3 numbers \(phi_cmd, .*\), got 2"),
         (lambda good: (np.nan, *good[1:]), r"`phi_cmd` must be finite, got nan"),
         (lambda good: (good[0], np.inf, 0.0), r"`n_z_cmd` must be finite, got inf"),
+        (lambda good: sys.exit(3), "SystemExit: 3"),
         (lambda good: 1 / 0, r"ZeroDivisionError: .* \d+ of <lambda> in test_protocols.py\)"),
         *(
             (lambda good, odd=odd: (odd, 1.0, 0.0), r"`step` must return 3 numbers .*, got ")

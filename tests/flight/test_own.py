@@ -119,30 +119,6 @@ def test_a_law_with_a_linear_model_has_indicators(scenario):
     assert flown.indicators["mine:paper"].R_K == pytest.approx(flown.indicators["paper"].R_K)
 
 
-class Ends(Proportional):
-    def step(self, measured, reference, t):
-        if t > 1.0:
-            raise SystemExit(3)
-        return super().step(measured, reference, t)
-
-
-@pytest.mark.parametrize(
-    ("law", "said", "samples"),
-    [
-        (lambda _: {}["no model"], "KeyError: 'no model'", 0),
-        (lambda _: Ends(), "SystemExit: 3", 52),
-    ],
-)
-def test_a_law_that_raises_or_ends_the_program_ends_its_own_flight_alone(
-    scenario, law, said, samples
-):
-    first, run = ft.fly(scenario, laws={"mine": law}).runs
-
-    assert (first.status, run.status) == ("completed", "law_failed")
-    assert re.match(rf"law mine at t = {0.02 * max(samples - 1, 0):.2f} s: {said}", run.reason)
-    assert len(run.signals) == pytest.approx(samples, abs=1)
-
-
 class Falls(Glider):
     def advance(self, phi_cmd, n_z_cmd, duration):
         if self.chi > 0.05:

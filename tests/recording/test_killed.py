@@ -51,23 +51,6 @@ def durations(folder):
 
 @pytest.mark.counts
 @pytest.mark.parametrize("stage", STAGES, ids=lambda stage: "-".join(map(str, stage)))
-def test_a_folder_is_read_and_flown_into_again_after_a_kill(flights, stage, tmp_path, monkeypatch):
-    _, flown = flights
-
-    killed(monkeypatch, flown, tmp_path, *stage)
-
-    if any(tmp_path.glob("[!.]*.parquet")):
-        assert durations(tmp_path) == {3.0}
-    else:
-        with pytest.raises(ft.RecordingError, match="must hold Parquet files"):
-            ft.load(tmp_path)
-    ft.record(flown, tmp_path, name="flight")
-    assert durations(tmp_path) == {3.0}
-    assert ft.load(tmp_path).missing == ()
-
-
-@pytest.mark.counts
-@pytest.mark.parametrize("stage", STAGES, ids=lambda stage: "-".join(map(str, stage)))
 def test_a_second_flight_that_is_killed_is_not_mixed_with_the_first(
     flights, stage, tmp_path, monkeypatch
 ):

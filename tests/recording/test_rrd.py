@@ -1,5 +1,7 @@
 """What is in a recording, read back from the file, against what was put in."""
 
+import subprocess
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -147,6 +149,17 @@ def test_it_opens_paused_with_linked_time_axes_and_nothing_added_by_the_viewer(c
     assert blueprint_values(contents, "TimePanelBlueprint:timeline") == [[TIMELINE]]
     assert blueprint_values(contents, "ViewportBlueprint:auto_views") == [[False]]
     assert set(map(tuple, blueprint_values(contents, "TimeAxis:link"))) == {(2,)}
+
+
+@pytest.mark.slow
+def test_its_layout_is_active_before_its_data(recording):
+    """While data stream in, the viewer makes a layout of its own, which no default replaces."""
+    command = [sys.executable, "-m", "rerun", "rrd", "print", recording]
+    printed = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+    before, _, after = printed.partition("make_active: true")
+
+    assert "/plots/" in after
+    assert "/plots/" not in before
 
 
 @pytest.mark.slow

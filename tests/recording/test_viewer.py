@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from figures.screenshot import HeadlessViewer
 from pictures import FLAT, opened_recording, pixels, skip_without_tabs
 
 import flighttune as ft
@@ -40,34 +39,6 @@ def flown():
 @pytest.fixture(scope="module")
 def recording(flown, tmp_path_factory):
     return ft.record(flown, tmp_path_factory.mktemp("viewer"), name="paper").recording
-
-
-def in_a_viewer(flown, folder):
-    """A smaller window, which a processor draws in less time."""
-    with HeadlessViewer(ft.record(flown, folder).recording, size=(1120, 700)) as opened:
-        yield opened
-
-
-@pytest.fixture(scope="module")
-def in_turbulence(viewer, tmp_path_factory):
-    """A part of a route of the aircraft in wind and turbulence."""
-    plan = ft.plan_campaign(ft.load_campaign("circuit_in_wind"))
-    tables = plan.scenario_of(0).as_dict() | {"expect": []}
-    tables["route"]["waypoint"] = tables["route"]["waypoint"][:2]
-    flown = ft.fly(ft.scenario_from(tables))
-    yield from in_a_viewer(flown, tmp_path_factory.mktemp("turbulence"))
-
-
-@pytest.fixture(scope="module")
-def on_a_ladder(viewer, tmp_path_factory):
-    found = ft.gap(ft.load_scenario("paper"), ft.PAPER_GAINS, name="paper")
-    yield from in_a_viewer(found.flown(), tmp_path_factory.mktemp("ladder"))
-
-
-@pytest.fixture(scope="module")
-def on_a_route(viewer, tmp_path_factory):
-    flown = ft.fly(ft.load_scenario("circuit"))
-    yield from in_a_viewer(flown, tmp_path_factory.mktemp("route"))
 
 
 @pytest.fixture(scope="module")
@@ -127,24 +98,6 @@ def test_no_view_is_empty_and_nothing_is_complained_of(viewer, flown):
 
     for name in views.keys() & {*NEVER_HIDDEN, SCENE}:
         assert_all_drawn(flown.runs, views[name], name)
-
-
-@pytest.mark.counts
-@pytest.mark.parametrize(
-    ("flight", "tab"),
-    [
-        *(("in_turbulence", tab) for tab in ("Overview", "Aircraft and air", "Law")),
-        # each of another viewer, on tabs that the flight before has too
-        *(pytest.param("on_a_ladder", x, marks=pytest.mark.counts) for x in ("Tracking", "Law")),
-        pytest.param("on_a_route", "Overview", marks=pytest.mark.counts),
-    ],
-)
-def test_no_view_of_turbulence_a_ladder_or_a_route_is_empty(request, flight, tab):
-    opened = request.getfixturevalue(flight)
-
-    assert list(opened.tabs) == TABS
-    opened.show(tab, at=4.4)
-    views_drawn(opened, tab)
 
 
 def test_in_a_flight_that_fails_the_view_follows_the_one_that_fails(four_runs, cut_short):

@@ -614,8 +614,8 @@ def test_what_holds_for_several_items_is_said_once(read):
 NO_WAYPOINTS = (
     *("", "QGC WPL 110\n", WAYPOINTS.replace("588", "588\t5")),
     WAYPOINTS.replace("\t16\t", "\t16.9\t"),
-    *(WAYPOINTS.replace("110", other) for other in ("120", "", "110 2")),
-    *(WAYPOINTS.replace(".", ","), "\n".join(WAYPOINTS.splitlines()[::2])),  # without home
+    *(WAYPOINTS.replace("110", other) for other in ("", "110 2")),
+    "\n".join(WAYPOINTS.splitlines()[::2]),  # without home
 )
 NO_PLAN = "{}", "[]", '{"mission": {}}', '{"mission": {"items": [{}]}}', '{"type": "Feature"}'
 

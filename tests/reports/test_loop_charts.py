@@ -20,11 +20,6 @@ def level():
     return ft.loop.kinematic_model(V_a=V, gamma=0.0, g=G)
 
 
-@pytest.fixture(scope="module")
-def climbing():
-    return ft.loop.kinematic_model(V_a=V, gamma=math.pi / 12.0, g=G)
-
-
 def test_a_decoupled_loop_has_the_response_of_two_integrators_and_a_zero(level):
     gains = ft.PIGains(K_P=np.diag([1.7, 2.1]), K_I=np.diag([0.6, 0.9]))
 
@@ -48,12 +43,3 @@ def test_the_phase_margin_drawn_is_that_of_the_closed_form(level):
         omega = math.sqrt((p + math.sqrt(p**2 + 4.0 * k)) / 2.0)
         margin = math.degrees(math.atan(proportional * omega / integral))
         assert float(re.search(r"[\d.]+", text).group()) == pytest.approx(margin, abs=0.051)
-
-
-def test_no_channel_enters_the_disk_that_all_survive_together(climbing):
-    together = loop_margins(climbing, ft.PAPER_GAINS)[-1]
-    near, far = together.gain_decrease, together.gain_increase
-
-    distance = np.abs(channel_responses(climbing, ft.PAPER_GAINS, OMEGA) + (near + far) / 2.0)
-
-    assert distance.min() >= (far - near) / 2.0 * (1.0 - 1e-9)

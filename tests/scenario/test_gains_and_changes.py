@@ -191,10 +191,6 @@ def test_flights_about_a_scenario_and_of_a_campaign_take_them_too(turn, monkeypa
     assert not campaign.differences(as_kept)
 
 
-SECOND = "--set", "flight.duration_s=1.0"
-OF_ANOTHER = "The gains other were tuned for the c172p at 50 m/s; here they fly on "
-
-
 @pytest.mark.parametrize(
     ("tuned_for", "plant", "V_a", "tuned", "here"),
     [
@@ -218,47 +214,3 @@ def test_gains_of_another_aircraft_or_airspeed_are_named(tuned_for, plant, V_a, 
     sentence = f"The gains other were tuned for {tuned}; here they fly on {here}."
 
     assert [*ft.scenario_from(TURN | own).notes] == [sentence] * bool(tuned)
-
-
-@pytest.fixture(scope="module")
-def of_the_cessna(tmp_path_factory):
-    """A file of gains that `tune --out` wrote for a c172p at 50 m/s."""
-    file = tmp_path_factory.mktemp("cessna") / "turn.toml"
-    plants = [{"kind": "kinematic"}, {"kind": "jsbsim", "aircraft": "c172p"}]
-    fast = {"V_a_mps": 50.0, "duration_s": 4.0}
-    tables = {"gains": ["paper"], "expect": [], "flight": fast, "plant": plants}
-    file.write_text(to_toml(TURN | tables))
-    answer("tune", file, "--out", file.with_name("other.json"))
-    return file.with_name("other.json")
-
-
-@pytest.mark.counts
-@pytest.mark.parametrize(
-    "command",
-    [
-        ("fly",),
-        ("gap",),
-        ("compare",),
-        ("report",),
-        ("export", "--format", "c"),
-        ("tube", "--plant", "kinematic", *SECOND),
-        ("worst", "--start-deg", 2, "--budget", 32, "--workers", 1),
-        ("band", "--start-deg", 2, "--epsilon", 0.5, "--confidence", 0.5, "--learn", 10, *SECOND),
-        ("meet", "--budget", 2),
-    ],
-    ids=lambda command: command[0],
-)
-def test_every_command_names_gains_tuned_for_another_aircraft(command, of_the_cessna, tmp_path):
-    file, name = tmp_path / "turn.toml", "--start" if command[0] == "meet" else "--gains"
-    plants = [{"kind": "kinematic"}, {"kind": "jsbsim", "aircraft": "aerosonde"}]
-    expect = [{"at_most": {"chi": {"MO_deg": 20.0}}}]
-    file.write_text(to_toml(TURN | {"gains": ["paper"], "expect": expect, "plant": plants}))
-
-    source = (file, *command[1:], name, of_the_cessna)
-    if command[0] in ("compare", "report"):
-        source = f"{file}@{of_the_cessna}", *command[1:]
-
-    # Such gains follow to the end in no flight of 4 s, and 2 flights find no others
-    said = answer(command[0], *source, cwd=tmp_path, status=command[0] in ("fly", "meet"))
-
-    assert len([note for note in said["notes"] if note.startswith(OF_ANOTHER)]) == 1
