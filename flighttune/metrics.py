@@ -313,9 +313,11 @@ def settling_measures(
 
 def signal_arrays(run: Run, names: Sequence[str]) -> dict[str, FloatArray]:
     """The signals among `names` that a run has, as contiguous arrays."""
-    there = [name for name in names if name in run.signals]
-    # All at once: a column of a table takes as long as its measures.
-    return dict(zip(there, np.ascontiguousarray(run.signals[there].to_numpy().T), strict=True))
+    columns = run.signals.columns.tolist()
+    places = {name: columns.index(name) for name in names if name in columns}
+    # All at once and by place: columns asked for by name take as long as their measures.
+    values = np.ascontiguousarray(run.signals.to_numpy().T[[*places.values()]])
+    return dict(zip(places, values, strict=True))
 
 
 def flight_metrics(run: Run) -> dict[str, float]:

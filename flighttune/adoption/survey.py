@@ -606,7 +606,7 @@ class _Model:
         assert refused is not None  # the first levers are always tried
         if isinstance(refused, TooWeak):
             self.notes.append(f"{refused}: its engines stay off")
-        elif model_files.has_engine(model_files.unchanged(fdm.config), model_files.ROCKET):
+        elif model_files.has_engine(fdm.files, model_files.ROCKET):
             # JSBSim computes the thrust of a rocket from the fuel that it takes from its tanks.
             note = f"{refused}: a rocket has no thrust while its fuel is frozen, as it is"
             self.notes.append(note)

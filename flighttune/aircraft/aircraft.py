@@ -332,10 +332,7 @@ class AircraftConfig(q.Table):
     @property
     def fingerprint(self) -> str:
         """Hash of what the file says about surfaces, engines and settings."""
-        engines = {"count", "command", "full"}
-        parts = {"surfaces": True, "settings": True, "declared": True, "linked": True}
-        tables = self.model_dump_json(include=parts | {"engines": engines}, exclude_defaults=True)
-        return self._fingerprint or hashlib.sha256(tables.encode()).hexdigest()
+        return self._fingerprint
 
     def with_gains(self, gains: InnerLoopGains) -> Self:
         """Return the aircraft with other gains of its inner loop."""
@@ -362,9 +359,7 @@ class AircraftConfig(q.Table):
                 f"`throttle_max` must lie above {low:g} and up to {high:g}, got {throttle_max}."
             )
         engines = self.engines.model_copy(update={"throttle": (low, throttle_max)})
-        changed = self.model_copy(update={"engines": engines})
-        changed._fingerprint = self.fingerprint  # of the file: the throttle is no part of the model
-        return changed
+        return self.model_copy(update={"engines": engines})
 
 
 def load_aircraft(aircraft: str | Path) -> AircraftConfig:
@@ -389,6 +384,12 @@ def aircraft_from(tables: dict[str, Any], folder: Path) -> AircraftConfig:
     """Return the aircraft that the tables of an ``aircraft.toml`` in `folder` describe."""
     config = validated(AircraftConfig, tables, folder / "aircraft.toml")
     config._folder = folder
+    # Each start of a flight asks for the fingerprint. Copies keep that of the file: their
+    # throttle is no part of the model.
+    engines = {"count", "command", "full"}
+    parts = {"surfaces": True, "settings": True, "declared": True, "linked": True}
+    text = config.model_dump_json(include=parts | {"engines": engines}, exclude_defaults=True)
+    config._fingerprint = hashlib.sha256(text.encode()).hexdigest()
     return config
 
 

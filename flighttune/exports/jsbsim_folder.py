@@ -143,7 +143,7 @@ def export_jsbsim(
     values = _values(scenario, setup, loop, fdm)
     if "ft/outer/plan/n_z" in sampled:
         values["ft/outer/planned"] = 1.0
-    with model_files.model_folders(fdm.config, weigh, fdm.steps) as folders:
+    with model_files.model_folders(fdm.files, weigh, fdm.steps) as folders:
         aircraft = folder / "aircraft" / folders.name
         root = _parsed(folders.file.read_bytes())
     _copy_parts(fdm.config, folder)

@@ -17,6 +17,7 @@ from flighttune.plants.jsbsim import model_files
 
 _ANSI_COLOUR = re.compile(r"\x1b\[[0-9;]*m")
 _KEPT_RECORDS = 200
+_NAME = re.compile(PROPERTY_NAME)
 
 
 class QuietLogger(jsbsim.FGLogger):
@@ -135,12 +136,13 @@ class Fdm:
     # turbulence of JSBSim, which takes heights above sea level for heights above ground, is then
     # right.
     def __init__(self, config: AircraftConfig, *, steps: int = 1, ground: float = 0.0) -> None:
-        model_files.check_loads(config)
+        self.files = files = model_files.unchanged(config)
+        model_files.check_loads(files)
         self.config, self._model = config, model_files.source_folders(config).file
         # Time the engine takes to a steady state, s; 0 where JSBSim knows it at once.
         self.engine_settles = config.engines.settle
+        engines = range(config.engines.count)
         # Systems of the model itself may have a memory.
-        files, engines = model_files.unchanged(config), range(config.engines.count)
         self.own_flight_control = model_files.has_flight_control(files)
         self.electric = bool(engines) and model_files.has_engine(files, model_files.ELECTRIC)
         # Steps longer than those of the flight make the speed of a light propeller diverge.
@@ -153,7 +155,7 @@ class Fdm:
         silence()
         self._exec = jsbsim.FGFDMExec(str(config.folder))
         try:
-            with model_files.model_folders(config, weigh, steps) as folders:
+            with model_files.model_folders(files, weigh, steps) as folders:
                 self._load(folders, silence())
         except PlantError:
             self.abandon()
@@ -319,7 +321,7 @@ class Fdm:
 
     def _existing(self, name: str) -> jsbsim.FGPropertyNode | None:
         # JSBSim aborts the process on a malformed name, and invents a node for an unknown one.
-        exists = re.fullmatch(PROPERTY_NAME, name) and self._properties.hasNode(name)
+        exists = _NAME.fullmatch(name) and self._properties.hasNode(name)
         return self._properties.get_node(name) if exists else None
 
     def _node(self, name: str) -> jsbsim.FGPropertyNode:

@@ -239,7 +239,7 @@ def _entries(folder: str) -> list[os.DirEntry[str]]:
 
 
 @contextmanager
-def model_folders(config: AircraftConfig, weigh: Weigh, steps: int = 1) -> Iterator[ModelFolders]:
+def model_folders(files: Unchanged, weigh: Weigh, steps: int = 1) -> Iterator[ModelFolders]:
     """Give the folders of an aircraft, for as long as JSBSim loads it.
 
     Its main file is in a private folder, without its connections to files and sockets, with the
@@ -247,8 +247,8 @@ def model_folders(config: AircraftConfig, weigh: Weigh, steps: int = 1) -> Itera
     for several integration `steps` in a sample of the inner loop. The rest of the model's folder is
     linked beside it.
     """
-    folders = source_folders(config)
-    text = main_file_text(config, weigh, steps)
+    folders = source_folders(files.config)
+    text = main_file_text(files, weigh, steps)
     with ExitStack() as stack:
         try:
             # In memory, so that no flight waits for a disk.
@@ -276,12 +276,14 @@ def model_folders(config: AircraftConfig, weigh: Weigh, steps: int = 1) -> Itera
         yield folders._replace(model=folder, near=(), **shared)
 
 
-def main_file_text(config: AircraftConfig, weigh: Weigh, steps: int = 1) -> str:
+def main_file_text(files: Unchanged, weigh: Weigh, steps: int = 1) -> str:
     """Return the main file that JSBSim shall load."""
+    config = files.config
     off = config.off_nominal or _NOMINAL
     # Values are filled in behind the cache: dispersed flights share one template.
     factors = (off.loaded, repr(off.fault), *off.scaled, *off.coefficient_factors)
-    template, balance = _template(unchanged(config, config.model, factors), weigh, steps)
+    of_factors = Unchanged(config, (files.key, config.model, factors))
+    template, balance = _template(of_factors, weigh, steps)
     values = off.scaled | {"actuator_rate": 1.0 / off.actuator_lag_factor}
     values |= {f"{COEFFICIENT}{name}": by for name, by in off.coefficient_factors.items()}
     return model_xml.filled(template, values | balance.values(off) if balance else values)
@@ -342,13 +344,13 @@ def _slow_computer(root: Element, steps: int, folders: ModelFolders) -> None:
             root[i] = inline
 
 
-def check_loads(config: AircraftConfig) -> None:
+def check_loads(files: Unchanged) -> None:
     """Refuse an aircraft whose files make JSBSim end the process, or never come to an end."""
-    if is_trusted(config.folder) or not sys.executable:
+    if is_trusted(files.config.folder) or not sys.executable:
         return
     # Another process loads files that this one has not loaded yet first, in about 0.3 s.
-    if how := _end_of_trial(unchanged(config)):
-        raise PlantError(f"{source_folders(config).file}: JSBSim must load it, but {how}.")
+    if how := _end_of_trial(files):
+        raise PlantError(f"{source_folders(files.config).file}: JSBSim must load it, but {how}.")
 
 
 @lru_cache(maxsize=256)
@@ -356,7 +358,7 @@ def _end_of_trial(files: Unchanged) -> str:
     """Reason why the process that loaded the files failed; empty if it did not."""
     config = files.config.with_off_nominal(None)  # factors do not decide whether the files load
     model_files(config)  # refuses parts that are not in the folders of the model
-    with model_folders(config, _unweighed) as folders:
+    with model_folders(Unchanged(config, files.key), _unweighed) as folders:
         paths = (config.folder, folders.name, folders.model, folders.engines, folders.systems)
         return failure_of_python("-c", _PROGRAM, *map(str, paths), time_limit=TIME_LIMIT_S)
 

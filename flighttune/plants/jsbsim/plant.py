@@ -383,9 +383,9 @@ def steps_for(config: AircraftConfig, rate: float) -> int:
 def check_off_nominal(config: AircraftConfig) -> None:
     """Refuse an aircraft that cannot be off the nominal as `config` says; name the factor's key."""
     from flighttune.plants.jsbsim.fdm import weigh
-    from flighttune.plants.jsbsim.model_files import main_file_text
+    from flighttune.plants.jsbsim.model_files import main_file_text, unchanged
 
-    main_file_text(config, weigh)
+    main_file_text(unchanged(config), weigh)
 
 
 def _not_started(*_: object) -> NoReturn:
