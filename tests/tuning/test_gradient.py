@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from evolution import tune_by_evolution
 from printed import lagged
 
 import flighttune as ft
@@ -142,17 +141,3 @@ def test_a_loop_that_cannot_be_stabilised_is_a_failure_with_a_reason(model, with
 def worst_damping(A_K):
     eigenvalues = np.linalg.eigvals(A_K)
     return (-eigenvalues.real / np.abs(eigenvalues)).min()
-
-
-NEVER_WORSE_BY = 1e-4
-
-
-@pytest.mark.counts
-def test_evolution_ends_just_below_the_gradient_method(model):
-    problem = ft.loop.TuningProblem(model=model, I_star=5.0)
-
-    evolved, descended = tune_by_evolution(problem), ft.tune(problem)
-
-    assert evolved.status == "optimal"
-    assert evolved.I_K <= 5.0
-    assert descended.R_K - 1e-3 < evolved.R_K < descended.R_K + NEVER_WORSE_BY
