@@ -11,7 +11,6 @@ from dispersed import uniform
 
 import flighttune as ft
 from flighttune.campaign.engine import pool
-from flighttune.campaign.flying.columns import table_of
 
 pytestmark = pytest.mark.slow
 own_processes = pytest.mark.usefixtures("own_workers")
@@ -49,21 +48,6 @@ def test_every_run_is_there_once_with_the_bits_of_one_process(tmp_path, monkeypa
     assert {path.name for path in tmp_path.iterdir()} == {"files", "out"}
     assert psutil.CONN_LISTEN not in listening
     assert not children()
-
-
-@pytest.mark.counts
-@own_processes
-def test_many_kinematic_flights_are_shared_out_with_the_bits_of_a_few(tmp_path, monkeypatch):
-    ours = plan(tmp_path, runs=300, wind="", aircraft=())
-    few = table_flown(ours, range(300))
-    monkeypatch.setattr(pool, "FEW", 100)
-
-    with pool.WorkerPool(2) as workers:
-        many = workers.in_order(ours, range(300))
-        started = len(children())
-
-    assert bits(table_of(ours, many)) == bits(few)
-    assert started == 2
 
 
 @pytest.mark.soak
