@@ -230,7 +230,7 @@ def _of_plan(stated: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
             lat, lon = (maps.json_number(x, "`center`") for x in area["circle"]["center"][:2])
             radius = maps.json_number(area["circle"]["radius"], "`radius`")
             if not (radius > 0.0 and abs(lat) <= 90.0):  # also catches NaN
-                raise InputError(f"`radius` of a circle must be positive, got {radius:g}.")
+                raise InputError(f"`radius` of a circle must be positive, got {radius:g} m.")
             corners = _circle((lat, lon), radius, outside=not inside)
         else:
             corners = [[point[1], point[0]] for point in area["polygon"]]
@@ -312,9 +312,8 @@ def read_fence(path: Path, origin: maps.LatLon, tables: Any = None) -> Fence:
             low, high = _heights(stated, low, high)
             outside = maps.json_bool(stated.get("exclusion", False), "`exclusion`")
             numbers[outside] += 1
-            area, kind = "exclusion" if outside else "area", ""
-            if len(shapes) > 1:
-                kind = f" of {area} {numbers[outside]}"
+            area = "exclusion" if outside else "area"
+            kind = f" of {area} {numbers[outside]}" * (len(shapes) > 1)
             first = len(rings)
             drawn: list[FloatArray] = []
             edges: list[str] = []  # of the corners alone, which cross elsewhere than parts of them
@@ -329,7 +328,7 @@ def read_fence(path: Path, origin: maps.LatLon, tables: Any = None) -> Fence:
                 sags.append(sag)
             lines = np.concatenate([*map(_lines, drawn)])
             for i, j in np.argwhere(shapely.crosses(lines[:, None], lines))[:1]:
-                raise InputError(f"its edges must not cross, got {edges[i]} and {edges[j]}.")
+                raise InputError(f"the edges must not cross, got {edges[i]} and {edges[j]}.")
             start = shapely.Point(0.0, 0.0)
             inside = [shapely.Polygon(ring).contains(start) for ring in rings[first:]]
             if inside[0] == outside or any(inside[1:]):
@@ -410,7 +409,7 @@ def _ring(points: Iterable[Any], origin: maps.LatLon) -> FloatArray:
         )
     ring = ring[(ring != np.roll(ring, -1, axis=0)).any(axis=1)]
     if len(ring) < 3:
-        raise InputError(f"`coordinates` must have at least three corners, got {len(ring)}.")
+        raise InputError(f"a polygon must have at least three corners, got {len(ring)}.")
     turned = (ring[:, 1] - origin[1] + 180.0) % 360.0 - 180.0
     return np.column_stack([ring[:, 0], turned + origin[1]])
 

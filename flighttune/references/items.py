@@ -201,11 +201,11 @@ def _knows_home(flat: Sequence[Mapping[str, Any]], home: tuple[float, ...]) -> b
             "the home position must have a latitude up to 90 and a longitude up to 180 deg, got "
             f"{home[0]:g} and {home[1]:g}."
         )
-    placed = [item for item in flat if item.get("command") in PLACED and _placed(item)]
-    first = [json_number(x, "a place") for x in placed[0]["params"][4:6]] if placed else [0.0]
-    if any(home[:2]) or sum(map(abs, first)) <= NEAR_DEG:
+    placed = [(i, x) for i, x in enumerate(flat, 1) if x.get("command") in PLACED and _placed(x)]
+    about = [(f"the place of item {i}", x) for i, item in placed[:1] for x in item["params"][4:6]]
+    if any(home[:2]) or sum(abs(json_number(x, name)) for name, x in about) <= NEAR_DEG:
         return True
-    if not home[2] and len({item["frame"] in ABOVE_SEA for item in placed}) > 1:
+    if not home[2] and len({item["frame"] in ABOVE_SEA for _, item in placed}) > 1:
         raise InputError(
             "`plannedHomePosition` must be near the route: heights above sea level and above home "
             f"are in one plan, got {list(home)}."
@@ -292,7 +292,7 @@ def _in_order(items: Sequence[Mapping[str, Any]]) -> Iterator[int]:
                 got = "-1, without an end" if most == -1 else f"{most:g}"
                 raise InputError(f"{label} must repeat at most {MAX_REPEATS} times, got {got}.")
             if target not in numbers:
-                raise InputError(f"{label} must lead to an item.")
+                raise InputError(f"{label} must lead to an item, got {target:g}.")
             if repeats[number] < most:
                 repeats[number] += 1
                 onward = numbers[target]

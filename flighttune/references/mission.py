@@ -91,7 +91,7 @@ def _plan(tables: Mapping[str, Any], *options: Any) -> mavlink.RouteFile:
     read = mavlink.read_items(mission["items"], home, *options)
     points = maps.json_part(maps.json_part(tables, "rallyPoints", dict), "points", list)
     rally = [
-        mavlink.place(f"rally point {i}", point[:3]) for i, point in enumerate(points, start=1)
+        mavlink.place(f"rally point {i}", [*point, None][:3]) for i, point in enumerate(points, 1)
     ]
     return read._replace(route=read.route | {"rally": rally})
 

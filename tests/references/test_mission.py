@@ -253,6 +253,8 @@ def test_what_is_true_or_false_is_nothing_else(read, key, value):
         ({"command": 178, "params": ""}, "`params` must be a list, got ''"),
         ({"command": 18, "params": [1, 0, False, None, 47.4, 8.5, 60]}, "`radius_m` .* got False"),
         (item(18, 0, 0, 0, 1, *PLACE), "`turns` .*item 2 .*got 0"),
+        ({"params": [0, 0, 0, None, "47.4", 8.5, 60]}, r"`lat_deg` of item 2 .* got '47.4'"),
+        (jump(7, 1), "item 2 .*must lead to an item, got 7"),
         *((jump(1, n) | {"doJumpId": 1}, rf"item 2 .*at most 10 times, got {n}") for n in (-1, 11)),
     ],
 )
@@ -600,6 +602,8 @@ def test_rally_points_alone_are_no_route(read):
 
     with pytest.raises(ft.InputError, match="got 0 and 2 rally points"):
         read(rallyPoints=points)
+    with pytest.raises(ft.InputError, match=r"`up_m` of rally point 1 .* got None"):
+        read(*PATROL, rallyPoints={"points": [[47.4, 8.5]]})
 
 
 def test_what_holds_for_several_items_is_said_once(read):
