@@ -24,6 +24,7 @@ from flighttune.aircraft.aircraft import (
     save_gains,
 )
 from flighttune.aircraft.model_xml import read_xml
+from flighttune.arrays import check_finite
 from flighttune.control.gains import PAPER_GAINS, PAPER_SPEED
 from flighttune.errors import InputError, PlantError, TrimError
 from flighttune.files.shipped import models_of_jsbsim, nearest_name
@@ -250,6 +251,7 @@ def adopt(
     >>> ft.adopt("ball", Path("aircraft/ball")).status
     'refused'
     """
+    check_finite(V_a=V_a, h=h)
     began, began_at, used = time.monotonic(), time.time(), time.process_time()
     model = _model(model, folder)
     draft = made_folder(folder) / "aircraft.toml"
@@ -274,9 +276,8 @@ def adopt(
         facts = {**pick(surveyed, "V_a glide_ratio largest_drag notes"), "engines": engines}
         adoption = _best(surveyed, folder, start, say, used)
     except PlantError as error:
-        file = folder / model if model.endswith(".xml") else ""
         reason = str(error).removesuffix(".").split(f"{model_files.MODEL_FILE}: ", 1)[-1]
-        reason = reason.removeprefix(f"{os.path.normpath(file)}: ")
+        reason = reason.removeprefix(f"{os.path.realpath(folder / model)}: ")
         if isinstance(error, TrimError):
             # File and condition stand before it.
             reason = f"{reason.split(': ', 1)[-1]}; another airspeed (`--V-a`) may do"

@@ -122,7 +122,7 @@ def read_xml(file: Path, subject: str) -> ElementTree.Element:
         root = ElementTree.parse(file).getroot()
         text = ElementTree.tostring(root, encoding="unicode")
     except (OSError, ElementTree.ParseError) as error:
-        reason = error.strerror if isinstance(error, OSError) else error
+        reason = error.strerror if isinstance(error, OSError) else f"must be XML: {error}"
         raise PlantError(f"{about}: {reason}.") from error
     except RecursionError:
         raise PlantError(f"{about} has too many elements inside each other.") from None

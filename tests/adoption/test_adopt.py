@@ -217,7 +217,7 @@ def glide_of_the_book(V_a):
         (*more('<system file="Gear Box"/>'),
          "must have all its parts, got no file {}/Systems/Gear Box.xml"),
         (r'<engine file="[^"]*"', '<engine file="none"', "got no file {}/Engines/none.xml"),
-        ("</axis>", "</axes>", r"^mismatched tag: line \d+, column \d+"),
+        ("</axis>", "</axes>", r"^must be XML: mismatched tag: line \d+, column \d+"),
     ],
 )  # fmt: skip
 def test_a_model_that_cannot_fly_is_refused_in_one_line(own, tmp_path, pattern, change, sentence):

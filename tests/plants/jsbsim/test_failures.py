@@ -28,7 +28,7 @@ XML, TOML, GAINS = "aerosonde.xml", "aircraft.toml", "gains.json"
         (TOML, "alpha_deg = ", "alfa_deg = ", r"\[envelope\] `alfa_deg` .*mean `alpha_deg`"),
         (TOML, '"fcs/throttle-pos', '"fcs throttle', r"\.toml: \[engines\] `command` must match"),
         (TOML, 'title  = "', 'title = "\n', r"copy/aircraft\.toml: the file must be valid TOML: "),
-        (XML, "</metrics>", "</metric>", r"aerosonde\.xml: mismatched tag: line 17"),
+        (XML, "</metrics>", "</metric>", r"aerosonde\.xml: must be XML: mismatched tag: line 17"),
         (TOML, '"aerosonde.xml"', '"albatross.xml"', r"albatross\.xml"),
         (XML, 'engine file="aerosonde_motor"', 'engine file="lost"', "lost"),
         (GAINS, "roll/k_p", "roll/k_P", "`ft/gains/roll/k_P`"),
