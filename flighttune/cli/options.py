@@ -160,7 +160,7 @@ def _file_to_write(flag: str, text: str, file: Path | None, source: Any) -> Path
 def check_ending(out: Path | None, *endings: str, option: str = "--out") -> None:
     """Refuse a file that does not end in one of `endings`, before anything is computed."""
     if out is not None and endings and out.suffix.lower() not in endings:
-        raise InputError(f"{out}: {option} must end in {endings[0]}.")
+        raise InputError(f"{out}: {option} must end in {' or '.join(endings)}.")
 
 
 def _called(place: str, names: list[str], source: Any, /, *values: Any, **keywords: Any) -> Any:

@@ -90,6 +90,11 @@ def test_infeasible_gains_are_not_flown_and_say_so(tmp_path):
         ("worst paper", "`disperse` must name a key"),
         ("worst first_campaign --metric chi.NONE", "`metric` must be margin or one of"),
         ("worst first_campaign --out x.json", "x.json: --out must end in .toml"),
+        (
+            "mission circuit --plan --out x.gpx",
+            "x.gpx: --out must end in .geojson or .kml or .plan",
+        ),
+        ("adopt 737 --V-a nan", "`V_a` must be finite, got nan"),
         ("meet paper --page page.pdf", "page.pdf: --page must end in .html"),
         ("meet gust_in_turn", "[[expect]] must bound a measure"),
         ("compare paper paper@tuned", "paper@paper"),
