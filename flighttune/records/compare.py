@@ -283,13 +283,13 @@ def largest_distance(a: Run, b: Run) -> tuple[float, float]:
     t = t[t <= min(a.duration, b.duration)]
 
     def path(run: Run) -> list[Any]:
-        axes = ["north", "east", "down"]
-        places = run.signals[axes].dropna() if run.provenance.log else run.signals
-        return [np.interp(t, places.index, places[axis].to_numpy()) for axis in axes]
+        places = run.signals.reindex(columns=["north", "east", "down"])  # a log may have none
+        places = places.interpolate("index", limit_direction="both")
+        return [np.interp(t, places.index, places[axis]) for axis in places]
 
     distance = np.linalg.norm(np.subtract(path(b), path(a)), axis=0)
     farthest = int(np.argmax(distance))
-    return float(distance[farthest]), float(t[farthest])
+    return float(distance[farthest]), float(t[farthest]) if distance[farthest] >= 0 else math.nan
 
 
 def _source(runs_of: str | Path | Runs, place: int, columns: Columns) -> Source:

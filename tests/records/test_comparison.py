@@ -10,7 +10,7 @@ import pytest
 from made_up import run_file
 
 import flighttune as ft
-from flighttune.records.compare import Source, better, overlaid
+from flighttune.records.compare import Source, better, largest_distance, overlaid
 
 TRAPEZOID = 1e-3
 """Relative error of the trapezoidal rule and of linear interpolation at 50 Hz."""
@@ -54,6 +54,13 @@ def test_the_largest_distance_is_that_of_pythagoras(fly_line, flown, distance):
     assert pair.max_distance == pytest.approx(distance, abs=MICROMETRE)
     if "drift" in flown:
         assert pair.t_max_distance == 20.0
+
+
+def test_a_log_without_places_is_at_no_distance(fly_line):
+    run = fly_line()
+    log = dataclasses.replace(run, signals=run.signals.drop(columns=["north", "east", "down"]))
+
+    assert all(map(math.isnan, largest_distance(run, log)))
 
 
 @pytest.mark.parametrize(
