@@ -1,12 +1,17 @@
 """Chromium without a screen, and what a page says of itself in it."""
 
+import base64
 import html
 import json
+import os
 import re
+import select
 import shutil
 import subprocess
 import tempfile
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +27,8 @@ QUIET = (
 VIRTUAL_TIME = "--virtual-time-budget=4000"
 """Ends timers at once, and with them hides what depends on which of two things comes first."""
 SECONDS = 90
+ANSWER_S = 60.0
+
 DESK, TABLET, PHONE, NARROW = 1280, 600, 390, 320
 """Widths in pixels: 600 of a small tablet, 390 of a phone, 320 the narrowest still in use."""
 
@@ -64,6 +71,74 @@ def chromium_program() -> str:
             pytest.fail(reason)
         pytest.skip(reason)
     return program
+
+
+@contextmanager
+def chromium_at_real_speed(
+    size: tuple[int, int],
+) -> Iterator[Callable[[str], AbstractContextManager[Callable[[], bytes]]]]:
+    """A chromium that keeps running: opens an address in a new tab, of which it takes pictures.
+
+    A picture (PNG) is empty while the page is busy; TimeoutError if there is no answer at all.
+    """
+    ours_in, theirs_out = os.pipe()
+    theirs_in, ours_out = os.pipe()
+    pipes = f'exec "$@" 3<&{theirs_in} 4>&{theirs_out}'  # it reads from 3 and writes to 4
+    flags = [f"--window-size={size[0]},{size[1]}", "--remote-debugging-pipe"]
+    flags += ["--enable-unsafe-swiftshader"]  # WebGL without a graphics card
+    with (
+        tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile,
+        subprocess.Popen(
+            ["bash", "-c", pipes, "chromium", chromium_program(), *QUIET, *flags,
+             f"--user-data-dir={profile}"],
+            pass_fds=(theirs_in, theirs_out), stderr=subprocess.DEVNULL,
+        ) as browser,
+        open(ours_in, "rb") as answers,
+        open(ours_out, "wb", buffering=0) as questions,
+    ):  # fmt: skip
+        os.close(theirs_in)
+        os.close(theirs_out)
+        received, sent = b"", 0
+
+        def call(method, session=None, **params):
+            nonlocal received, sent
+            sent += 1
+            about = {"id": sent, "method": method, "params": params}
+            about |= {"sessionId": session} if session else {}
+            questions.write(json.dumps(about).encode() + b"\0")
+            end = time.monotonic() + ANSWER_S
+            while True:
+                while b"\0" not in received:
+                    # a page that draws nothing is never photographed, and nobody says so
+                    if not select.select([answers], [], [], max(end - time.monotonic(), 0.0))[0]:
+                        raise TimeoutError(f"chromium must answer {method}")
+                    part = os.read(answers.fileno(), 1 << 20)
+                    assert part, "chromium has ended"
+                    received += part
+                message, _, received = received.partition(b"\0")
+                told = json.loads(message)
+                if told.get("id") == sent:
+                    return told.get("result", {})
+
+        @contextmanager
+        def tab(url):
+            target = call("Target.createTarget", url="about:blank")["targetId"]
+            session = call("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
+            call("Page.navigate", session, url=url)
+
+            def picture():
+                png = call("Page.captureScreenshot", session, format="png").get("data", "")
+                return base64.b64decode(png)
+
+            try:
+                yield picture
+            finally:
+                call("Target.closeTarget", targetId=target)
+
+        try:
+            yield tab
+        finally:
+            browser.kill()
 
 
 def headless_chromium() -> Callable[..., str]:

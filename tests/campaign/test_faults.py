@@ -5,6 +5,7 @@ import os
 import random
 import resource
 import signal
+import subprocess
 import sys
 import time
 from collections import Counter
@@ -217,6 +218,29 @@ def test_the_scheduler_gone_is_one_line_and_the_rest_is_flown_here(
     assert bits(rows_of(out)) == undisturbed
 
 
+@pytest.mark.counts
+def test_the_main_process_killed_leaves_no_worker_and_whole_files(
+    tmp_path, file, ours, undisturbed, address
+):
+    out, scratch = tmp_path / "out", tmp_path / "scratch"
+    scratch.mkdir()
+    environment = {**os.environ, "TMPDIR": str(scratch)}
+    with flying(file, "--out", out, "--workers", "2", env=environment) as command:
+        some_parts(out)
+        command.suspend()  # so that it cannot have flown everything before it is killed
+        below = children(command)
+        assert len(list(scratch.iterdir())) == len(below) == 2
+        command.kill()
+        wait_until(lambda: gone(below))
+    assert not list(scratch.iterdir())
+    assert 0 < len(rows_of(out)) < RUNS
+
+    ft.run_campaign(ours, out, scheduler=address, resume=True)
+
+    assert bits(rows_of(out)) == undisturbed
+    assert not (out / ".writing").exists()
+
+
 def as_in_a_terminal():
     """Signals as they are in a terminal, whoever started the tests; no image of a crash."""
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
@@ -291,6 +315,31 @@ def test_a_file_that_may_not_grow_is_one_line(tmp_path, file, ours, undisturbed,
     ft.run_campaign(ours, out, scheduler=address, resume=True)
 
     assert bits(rows_of(out)) == undisturbed
+
+
+@pytest.mark.counts
+def test_a_full_disk_is_one_line_and_what_is_there_stays(
+    tmp_path, file, ours, undisturbed, address
+):
+    disk = tmp_path / "disk"
+    disk.mkdir()
+    mount = ["mount", "-t", "tmpfs", "-o", "size=100k", "tmpfs", str(disk)]
+    if os.getuid() != 0 or subprocess.run(mount, capture_output=True, check=False).returncode:
+        pytest.skip("a small disk can only be made by root where mounting is allowed")
+    try:
+        with flying(file, "--out", disk / "out", "--scheduler", address) as command:
+            assert command.wait(timeout=240) == 2
+            assert "got no space left on device; what has been" in last_line(command)
+        there = rows_of(disk / "out")
+        assert 0 < len(there) < RUNS
+        assert set(bits(there)) <= set(undisturbed)
+
+        subprocess.run(["mount", "-o", "remount,size=10m", str(disk)], check=True)
+        ft.run_campaign(ours, disk / "out", scheduler=address, resume=True)
+
+        assert bits(rows_of(disk / "out")) == undisturbed
+    finally:
+        subprocess.run(["umount", "-l", str(disk)], check=True)
 
 
 @pytest.mark.counts
