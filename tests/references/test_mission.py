@@ -602,7 +602,7 @@ def test_rally_points_alone_are_no_route(read):
 
     with pytest.raises(ft.InputError, match="got 0 and 2 rally points"):
         read(rallyPoints=points)
-    with pytest.raises(ft.InputError, match=r"`up_m` of rally point 1 .* got None"):
+    with pytest.raises(ft.InputError, match=r"point 1 .* got None"):
         read(*PATROL, rallyPoints={"points": [[47.4, 8.5]]})
 
 
