@@ -271,7 +271,7 @@ def _gains_in_words(scenario: Scenario, runs: Sequence[Run]) -> str:
         TUNED_FED_BACK: "least errors in turbulence on the identified aircraft, fed back",
     }
     names = dict.fromkeys(run.provenance.gains_name.split(":")[-1] for run in runs)
-    sets = (f"{origins.get(name, 'those of the scenario')} ({name})" for name in names)
+    sets = (f"{origins[name]} ({name})" if name in origins else name for name in names)
     return f"Gains: {', '.join(sets)}."
 
 

@@ -133,3 +133,12 @@ def test_an_aircraft_beside_its_nominal_self_has_a_gap_of_its_own(tmp_path):
     )
     assert {record["gains"] for record in table.records} == {"paper", "paper (heavy_aft)"}
     assert nominal != heavy
+
+
+def test_gains_from_a_file_are_called_by_their_name(flown_paper, tmp_path):
+    run = flown_paper.runs[0]
+    own = dataclasses.replace(run.provenance, gains_name="mine")
+    runs = run, dataclasses.replace(run, provenance=own)
+    written = ft.report(run_folder(tmp_path / "runs", *runs), tmp_path / "page.html")
+
+    assert "Gains: K*, arXiv 2411.13140 (paper), mine." in html.unescape(written.path.read_text())
