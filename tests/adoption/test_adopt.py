@@ -810,7 +810,7 @@ def test_of_a_folder_without_a_main_file_the_fault_of_a_file_is_told(own, refusa
     file = own()
     file.write_bytes(b"\n" + file.read_bytes())  # nothing may stand before the declaration
 
-    assert f"{file}: XML or text declaration not at start" in refusal(file.parent)
+    assert f"{file}: must be XML: XML or text declaration not at start" in refusal(file.parent)
     file.rename(file.with_suffix(".XML"))
     assert "got aerosonde.XML, whose ending must be .xml" in refusal(file.parent)
 
