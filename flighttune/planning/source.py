@@ -175,9 +175,7 @@ def _expectations(tables: Mapping[str, Any]) -> list[dict[str, Any]]:
 
 def _check_disperse(tables: Any, source: str) -> None:
     """Check each [[disperse]] separately, so that a mistake in it names its key."""
-    for table in tables if isinstance(tables, list) else []:
-        if not isinstance(table, Mapping):
-            continue
+    for table in [x for x in tables if isinstance(x, Mapping)] if isinstance(tables, list) else []:
         key, kind = table.get("key"), table.get("distribution")
         where = f"{source}: [[disperse]]" + (f" `{shown(key)}`" if isinstance(key, str) else "")
         if not isinstance(kind, str) or kind not in DISTRIBUTIONS:
@@ -409,15 +407,17 @@ def about(
         # another may not stand the disturbance
         kept = [table for table in scenario.plant if table.label == plant]
         expect = [x for x in scenario.expect if goes_by(plant, x.plant)]
-        scenario = scenario.model_copy(update={"plant": kept, "expect": expect})
+        tuning = scenario.tuning
+        if scenario.aircraft and not kept[0].aircraft:  # gains stay tuned on the first of them
+            known = tuning.identified or scenario.aircraft[0].aircraft
+            tuning = tuning.model_copy(update={"identified": known})
+        scenario = scenario.model_copy(update={"plant": kept, "expect": expect, "tuning": tuning})
     tables = scenario.as_dict()
     drawn: list[Dispersion] = []
     if start_deg:
         for key in ("flight.chi_deg", "flight.gamma_deg"):
             drawn.append(Uniform(key=key, lower=-start_deg, upper=start_deg, acts="adds"))
-    for channel, size in zip(CHANNEL_SYMBOLS, disturbance, strict=True):
-        if not size:
-            continue
+    for channel, size in [x for x in zip(CHANNEL_SYMBOLS, disturbance, strict=True) if x[1]]:
         tables["disturbance"] = {"wave": "square"}
         ranges = {"amplitude": (-size, size), "omega_rad_s": FREQUENCIES, "phase_deg": PHASES_DEG}
         for key, (low, high) in ranges.items():

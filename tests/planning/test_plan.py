@@ -222,3 +222,12 @@ def test_inertias_that_an_aircraft_cannot_have_are_not_drawn(tmp_path, as_it_is,
     }
     assert own.title.endswith("with the aircraft's own inertias")
     assert own.correlation == []
+
+
+def test_gains_stay_tuned_on_the_aircraft_where_the_law_alone_flies():
+    flights = ft.flights("circuit_c172p").starting(2.0)
+
+    alone, aircraft = (flights.plan(plant=plant) for plant in ("kinematic", "jsbsim:c172p"))
+
+    (law,), (there,) = alone.gain_sets.values(), aircraft.gain_sets.values()
+    assert law.as_lists() == there.as_lists()
