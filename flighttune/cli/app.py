@@ -110,8 +110,8 @@ def _options(
     workers: Annotated[
         int | None,
         typer.Option(
-            help="Processes that fly on this machine, for any command that flies many, before or "
-            "after it [default: one per core].",
+            help="Processes that fly on this machine, stated before or after any command that "
+            "flies many [default: one per core].",
             min=1,
         ),
     ] = None,
