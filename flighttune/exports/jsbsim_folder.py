@@ -174,9 +174,9 @@ def export_jsbsim(
         verdict = f"JSBSim's flight is not that of `flighttune fly`: {differs}."
     else:
         verdict = (
-            "JSBSim flew the folder: its flight is that of `flighttune fly` to within "
-            f"{max(largest.values()):.1g} (rad{', m/s' * scenario.airspeed}, and 1 for the load "
-            "factor)."
+            f"JSBSim flew the folder with the gains {name}: its flight is that of `flighttune fly` "
+            f"to within {max(largest.values()):.1g} (rad{', m/s' * scenario.airspeed}, and 1 for "
+            "the load factor)."
         )
     if largest and run.status != "completed":
         verdict += f" They were compared until `flighttune fly` ended the flight: {run.reason}"

@@ -74,6 +74,7 @@ def apart(scenario, gains_name, plant, folder):
     made = folder / "made"
     exported = ft.export(scenario, gains_name, out=made, plant=plant)
     assert exported.same, exported.verdict
+    assert f"with the gains {gains_name}:" in exported.verdict
     (made / CSV).unlink()
     moved = made.rename(folder / "sent to a colleague")
     flown_by_jsbsim(exported.command.replace(str(made), shlex.quote(str(moved))))
