@@ -262,7 +262,8 @@ def adopt(
     begun = deepcopy(tables)
     _set_controls(tables, throttle, commands or {}, rudder)
     as_asked = deepcopy(tables)
-    start, choices = h or HEIGHT, {"V_a": V_a, "say": say, "values": values or {}, "glide": glide}
+    start = HEIGHT if h is None else h
+    choices = {"V_a": V_a, "say": say, "values": values or {}, "glide": glide}
     try:
         surveyed = survey(tables, folder, h=start, **choices)
         if h is None and (lost := _height_lost(surveyed)) > start:

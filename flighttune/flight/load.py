@@ -65,7 +65,10 @@ def load_scenario(
     25.0
     """
     path = existing_file(path, "scenario", scenario_files(), ["scenarios"])
-    tables, source = with_files(toml_tables(path), path), str(path)
+    stated, source = toml_tables(path), str(path)
+    if "scenario" in stated:
+        raise ScenarioError(f"{path}: must be a scenario, got a campaign: `flighttune campaign`.")
+    tables = with_files(stated, path)
     scenario = validated(Scenario, tables, source)
     if changes:
         source = f"{path} with its changes"

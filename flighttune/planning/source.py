@@ -80,6 +80,8 @@ def campaign_table(
     folders = "campaigns", "scenarios/campaigns"
     file = load.existing_file(path, "campaign", campaign_files(), folders)
     tables = toml_tables(file)
+    if "flight" in tables and "scenario" not in tables:
+        raise ScenarioError(f"{file}: must be a campaign, got a scenario: `flighttune fly`.")
     _check_disperse(tables.get("disperse"), str(file))
     if "gains" in tables:
         tables["gains"] = load.gain_entries(tables["gains"], file.parent)

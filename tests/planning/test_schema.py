@@ -83,6 +83,7 @@ def test_the_example_of_the_page_is_a_campaign(load):
     ("text", "says"),
     [
         ('title = "t"\nruns = 1\n', "`scenario` must be given."),
+        ('title = "t"\n[flight]\nV_a_mps = 25.0\n', "must be a campaign, got a scenario"),
         (
             'title = "t"\nscenario = "nope"\nruns = 1\n',
             "`scenario` must be a file beside the campaign or one of .*paper.*, got 'nope'.",
@@ -105,6 +106,11 @@ def test_a_wrong_file_is_refused_in_one_line(load, tmp_path, text, says):
         load(text)
 
     assert "\n" not in str(caught.value)
+
+
+def test_a_campaign_is_no_scenario():
+    with pytest.raises(ft.ScenarioError, match=r"first_campaign\.toml: .* got a campaign"):
+        ft.load_scenario(ROOT / "scenarios/campaigns/first_campaign.toml")
 
 
 @pytest.mark.parametrize(
