@@ -169,7 +169,7 @@ ratio against a named peer in the same run, and ends with exit status 1 if one m
 `python docs/figures/speed.py FOLDER` writes this page. The figures are
 of flighttune {version} with Python {python} on two cores of {processor}. Bare steps are
 `fdm.run()` of the same aircraft and time. The default law is compiled in a process that flies more
-than five minutes; bars, a tenth above these figures, depend on the interpreter.
+than five minutes; bars have room for a machine a quarter slower.
 
 | what | against | measured | bar |
 |---|---|--:|--:|
