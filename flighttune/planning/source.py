@@ -24,7 +24,7 @@ from flighttune.present.names import CHANNEL_SYMBOLS
 from flighttune.references.fence import own_fence
 from flighttune.scenario import load
 from flighttune.scenario.schema import Scenario
-from flighttune.scenario.tables import GainsTable, PlantTable
+from flighttune.scenario.tables import TUNED_FOR_AIRCRAFT, GainsTable, PlantTable
 
 
 def load_campaign(
@@ -410,7 +410,9 @@ def about(
         kept = [table for table in scenario.plant if table.label == plant]
         expect = [x for x in scenario.expect if goes_by(plant, x.plant)]
         tuning = scenario.tuning
-        if scenario.aircraft and not kept[0].aircraft:  # gains stay tuned on the first of them
+        stated = tuning.model, *scenario.gains
+        tuned_on = any(name in stated for name in ("identified", *TUNED_FOR_AIRCRAFT))
+        if tuned_on and scenario.aircraft and not kept[0].aircraft:  # it stays the first of them
             known = tuning.identified or scenario.aircraft[0].aircraft
             tuning = tuning.model_copy(update={"identified": known})
         scenario = scenario.model_copy(update={"plant": kept, "expect": expect, "tuning": tuning})
