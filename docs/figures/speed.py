@@ -194,7 +194,7 @@ first_campaign` three times as long as `fly paper` (`python benchmarks/bench_com
 |---|--:|--:|
 {kinematic}
 
-Two workers take 1.02 times the processor time of two plain processes for the same rows
+Two workers take 1.05 times the processor time of two plain processes for the same rows
 (`python benchmarks/bench_campaign_scaling.py`).
 """
 
