@@ -27,7 +27,7 @@ FLYING = f"{TUNING}, pandas, pyarrow.parquet, jsbsim"
 RECORDING = f"{FLYING}, rerun"
 LIBRARIES = {
     "--help": "typer, rich",
-    "list": "typer, rich",
+    "list": "typer, rich, pydantic.type_adapter",  # Typer reads values with it
     "tune paper": TUNING,
     "certify paper": f"{TUNING}, cvxpy",
     "trim c172p": FLYING,
