@@ -25,9 +25,9 @@ MORE = (
     ("#A58829", "brass"),
 )
 
-# For one gain set on more than two plants, such as the rungs from the law to an aircraft: no hue of
-# a gain set.
-PLANTS = (("#7C8794", "grey"), ("#A99BC9", "lilac"), ("#8A5FBF", "plum"), ("#B03AD0", "orchid"))
+# For one gain set on more than two plants, such as the rungs from the law to an aircraft: no colour
+# of a gain set.
+PLANTS = (("#7C8794", "grey"), ("#A99BC9", "lilac"), ("#8A5FBF", "plum"), ("#C77700", "amber"))
 
 # References: readable on a dark and on a white ground.
 NEUTRAL = "#8C8C8C"

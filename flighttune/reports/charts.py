@@ -265,7 +265,7 @@ def _eigenvalues(eigenvalues: npt.NDArray[np.complex128]) -> Chart:
     return chart
 
 
-BAR_NAMES = ("paper's\nlaw", "+ exact\nlift", "+ inner\nloop", "+ six\nd.o.f.", "aircraft")
+BAR_NAMES = ("kinematic", "+ actual\nlift", "+ lag of\ninner loop", "+ six\nd.o.f.", "aircraft")
 
 
 def colours(gap: Gap) -> tuple[str, ...]:
@@ -288,7 +288,7 @@ def gap_sheet(gap: Gap) -> Sheet:
 
 
 def itae_chart(gap: Gap, channel: str) -> Chart:
-    """A bar for the paper's law, one for what each step adds, one for the aircraft."""
+    """A bar for the kinematic plant, one for what each step adds, one for the aircraft."""
     title = f"{gap.name}: {CHANNEL_NAMES[channel]}, ITAE from law to aircraft"
     places = [(float(i), name) for i, name in enumerate(BAR_NAMES)]
     chart = Chart(title=title, x="", y="ITAE [rad s²]", x_ticks=places)

@@ -75,6 +75,8 @@ def test_colours_can_be_told_apart_and_from_references_and_limits(sight):
     assert smallest(itertools.combinations(seen[:12], 2)) >= SMALLEST_DIFFERENCE
     assert smallest(itertools.combinations(seen, 2)) >= OF_MANY
     assert smallest(itertools.product(seen[12:], marks)) >= OF_MANY
+    rungs = [lab(np.array(SIGHT[sight]) @ linear(colour)) for colour, _ in palette.PLANTS]
+    assert smallest(itertools.combinations(rungs, 2)) >= OF_MANY
 
 
 def contrast(colour, ground):
