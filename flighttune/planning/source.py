@@ -413,8 +413,8 @@ def about(
         stated = tuning.model, *scenario.gains
         tuned_on = any(name in stated for name in ("identified", *TUNED_FOR_AIRCRAFT))
         if tuned_on and scenario.aircraft and not kept[0].aircraft:  # it stays the first of them
-            known = tuning.identified or scenario.aircraft[0].aircraft
-            tuning = tuning.model_copy(update={"identified": known})
+            first = tuning.identified or scenario.aircraft[0].aircraft
+            tuning = tuning.model_copy(update={"identified": first})
         scenario = scenario.model_copy(update={"plant": kept, "expect": expect, "tuning": tuning})
     tables = scenario.as_dict()
     drawn: list[Dispersion] = []
