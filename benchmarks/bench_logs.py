@@ -25,11 +25,11 @@ from log_files import write_csv, write_dataflash, write_tlog, write_ulog
 
 SECONDS = 30.0 if running.QUICK else 3600.0
 RATE = 25.0
-MAX_RATIO = 15.0
+MAX_RATIO = {"ulg": 4.0, "bin": 2.0, "tlog": 2.0, "csv": 15.0}
 """Time of `load_log` over that of the library.
 
-Of a table pandas takes 0.05 s; a copy of the process, which confines the reader, takes 0.2 s, and
-the checks of units and signs as much.
+Pandas reads a table in 0.05 s. The reader is confined in a copy of the process, which takes 0.2 s,
+and the checks of units and signs take as much.
 """
 
 TOPICS = {
@@ -105,10 +105,10 @@ def main() -> int:
         for kind, row in found.items():
             times = f"{row['library_s']:8.2f} s{row['ours_s']:8.2f} s{row['ratio']:8.2f}"
             print(f"{kind:6}{row['MB']:8.1f}{times}")
-    over = [kind for kind, row in found.items() if row["ratio"] > MAX_RATIO]
+    over = [kind for kind, row in found.items() if row["ratio"] > MAX_RATIO[kind]]
     for kind in over:
         got = found[kind]["ratio"]
-        print(f"{kind} must take at most {MAX_RATIO:g} times, got {got:.1f}", file=sys.stderr)
+        print(f"{kind} must take at most {MAX_RATIO[kind]:g} times, got {got:.1f}", file=sys.stderr)
     return int(bool(over))
 
 

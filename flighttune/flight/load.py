@@ -67,7 +67,9 @@ def load_scenario(
     path = existing_file(path, "scenario", scenario_files(), ["scenarios"])
     stated, source = toml_tables(path), str(path)
     if "scenario" in stated:
-        raise ScenarioError(f"{path}: must be a scenario, got a campaign: `flighttune campaign`.")
+        raise ScenarioError(
+            f"{path}: must be a scenario, got a campaign, which `flighttune campaign` flies."
+        )
     tables = with_files(stated, path)
     scenario = validated(Scenario, tables, source)
     if changes:

@@ -105,7 +105,9 @@ def on_one_base(
             raw[f"{name}_cmd"] = in_order(place, name, (t, commanded))
     if "phi" not in raw:
         column = ", in a column `phi_deg` or by --column phi=COLUMN:UNIT" * table
-        raise RecordingError(f"{place}: must have numbers of roll at two times{column}, got none.")
+        raise RecordingError(
+            f"{place}: must have roll in numbers at two times or more{column}, got none."
+        )
     t_phi = raw["phi"][0]
     periods = {name: _period(t) for name, (t, _) in raw.items()}
     if (period := periods["phi"]) > SLOWEST_S:

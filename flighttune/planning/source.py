@@ -81,7 +81,9 @@ def campaign_table(
     file = load.existing_file(path, "campaign", campaign_files(), folders)
     tables = toml_tables(file)
     if "flight" in tables and "scenario" not in tables:
-        raise ScenarioError(f"{file}: must be a campaign, got a scenario: `flighttune fly`.")
+        raise ScenarioError(
+            f"{file}: must be a campaign, got a scenario, which `flighttune fly` flies."
+        )
     _check_disperse(tables.get("disperse"), str(file))
     if "gains" in tables:
         tables["gains"] = load.gain_entries(tables["gains"], file.parent)
@@ -177,7 +179,9 @@ def _expectations(tables: Mapping[str, Any]) -> list[dict[str, Any]]:
 
 def _check_disperse(tables: Any, source: str) -> None:
     """Check each [[disperse]] separately, so that a mistake in it names its key."""
-    for table in [x for x in tables if isinstance(x, Mapping)] if isinstance(tables, list) else []:
+    for table in tables if isinstance(tables, list) else []:
+        if not isinstance(table, Mapping):
+            continue
         key, kind = table.get("key"), table.get("distribution")
         where = f"{source}: [[disperse]]" + (f" `{shown(key)}`" if isinstance(key, str) else "")
         if not isinstance(kind, str) or kind not in DISTRIBUTIONS:
@@ -412,7 +416,8 @@ def about(
         tuning = scenario.tuning
         stated = tuning.model, *scenario.gains
         tuned_on = any(name in stated for name in ("identified", *TUNED_FOR_AIRCRAFT))
-        if tuned_on and scenario.aircraft and not kept[0].aircraft:  # it stays the first of them
+        if tuned_on and scenario.aircraft and not kept[0].aircraft:
+            # Gains stay tuned on the first aircraft, which is no longer among the plants.
             first = tuning.identified or scenario.aircraft[0].aircraft
             tuning = tuning.model_copy(update={"identified": first})
         scenario = scenario.model_copy(update={"plant": kept, "expect": expect, "tuning": tuning})
@@ -421,7 +426,9 @@ def about(
     if start_deg:
         for key in ("flight.chi_deg", "flight.gamma_deg"):
             drawn.append(Uniform(key=key, lower=-start_deg, upper=start_deg, acts="adds"))
-    for channel, size in [x for x in zip(CHANNEL_SYMBOLS, disturbance, strict=True) if x[1]]:
+    for channel, size in zip(CHANNEL_SYMBOLS, disturbance, strict=True):
+        if not size:
+            continue
         tables["disturbance"] = {"wave": "square"}
         ranges = {"amplitude": (-size, size), "omega_rad_s": FREQUENCIES, "phase_deg": PHASES_DEG}
         for key, (low, high) in ranges.items():

@@ -289,7 +289,8 @@ def largest_distance(a: Run, b: Run) -> tuple[float, float]:
 
     distance = np.linalg.norm(np.subtract(path(b), path(a)), axis=0)
     farthest = int(np.argmax(distance))
-    return float(distance[farthest]), float(t[farthest]) if distance[farthest] >= 0 else math.nan
+    at = t[farthest] if distance[farthest] >= 0.0 else math.nan  # NaN without places
+    return float(distance[farthest]), float(at)
 
 
 def _source(runs_of: str | Path | Runs, place: int, columns: Columns) -> Source:

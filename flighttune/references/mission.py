@@ -90,8 +90,10 @@ def _plan(tables: Mapping[str, Any], *options: Any) -> mavlink.RouteFile:
     home = (*(maps.json_number(x, "`plannedHomePosition`", 0.0) for x in stated[:2]), height)
     read = mavlink.read_items(mission["items"], home, *options)
     points = maps.json_part(maps.json_part(tables, "rallyPoints", dict), "points", list)
+    # Numbers that a point lacks are refused as None.
     rally = [
-        mavlink.place(f"rally point {i}", [*point, None][:3]) for i, point in enumerate(points, 1)
+        mavlink.place(f"rally point {i}", [*point, None, None, None][:3])
+        for i, point in enumerate(points, 1)
     ]
     return read._replace(route=read.route | {"rally": rally})
 

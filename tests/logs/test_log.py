@@ -482,8 +482,8 @@ def content(data):
         (content(b"a,b\n1,2\n"), "x.csv", "the time must be a column `t`"),
         (content(b"t,phi\n0,5,0,1\n"), "x.csv", "2 labels and 4 cells; with decimal commas"),
         (content(b"t,phi,V_g\n0,0,9\n50,0,9\n"), "x.csv", "one every 50 s; .*t=COLUMN:ms"),
-        (content(b"t,roll\n0,0\n1,0\n"), "x.csv", "must have numbers of roll .*--column phi="),
-        (empty, "x.ulg", "must have numbers of roll"),
+        (content(b"t,roll\n0,0\n1,0\n"), "x.csv", "must have roll in numbers .*--column phi="),
+        (empty, "x.ulg", "must have roll in numbers"),
         (stamped(40_000.0), "x.ulg", "without a break of over 3600 s"),
         (
             content(b"ULog\x01\x12\x35\x01" + bytes(3)),
