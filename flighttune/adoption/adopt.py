@@ -39,7 +39,7 @@ from flighttune.identification.identify import GOOD_FIT, AircraftIdentification,
 from flighttune.plants.base import FlightCondition
 from flighttune.plants.jsbsim import bench, model_files, trim
 from flighttune.plants.jsbsim.fdm import Fdm
-from flighttune.present.answer import Answer, Answering, Column, Table, pick
+from flighttune.present.answer import Answer, Answering, Table, pick
 from flighttune.present.names import CHANNEL_SYMBOLS, columns
 from flighttune.units import DEG
 
@@ -57,15 +57,6 @@ LAW, TUNED, PAPER = "exact", "tuned_fed_back", "paper_scaled"  # law and gain se
 
 Status: TypeAlias = Literal["adopted", "flies", "refused"]
 Say: TypeAlias = Callable[[str], object]  # called with the name of each stage
-
-FLIGHT_COLUMNS = [
-    *columns("gains status"),
-    *(
-        Column(f"ITAE.{x}", f"ITAE {symbol}", "rad\u00a0s²")
-        for x, symbol in CHANNEL_SYMBOLS.items()
-    ),
-    *(Column(f"ST_deg.{x}", f"ST {symbol}", "deg") for x, symbol in CHANNEL_SYMBOLS.items()),
-]
 
 # Errors that must be calm in the last quarter of the turn: largest standard deviation, deg.
 SWINGS = {"chi": "course error", "gamma": "error of the path angle"}
@@ -164,7 +155,11 @@ class Adoption(Answering):
     def flights(self) -> Table:
         """Results of the turn by gain set."""
         title = f"{self.name} at {self.V_a:.0f} m/s: {self.turn_name}"
-        return Table(FLIGHT_COLUMNS, list(self.flown.values()), title)
+        return Table(
+            columns("gains status ITAE.chi ITAE.gamma ST_deg.chi ST_deg.gamma", of="adopted"),
+            list(self.flown.values()),
+            title,
+        )
 
     def answer(self) -> Answer:
         """How the aircraft flies its turn; a failure unless it is adopted."""

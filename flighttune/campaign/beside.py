@@ -32,7 +32,7 @@ from flighttune.planning.plan import Plan
 from flighttune.planning.schema import Campaign
 from flighttune.planning.source import Flights, campaign_on
 from flighttune.planning.source import flights as flights_of_source
-from flighttune.present.answer import Answer, Answering, Column, Table, facts_table, number, percent
+from flighttune.present.answer import Answer, Answering, Table, facts_table, number, percent
 from flighttune.present.frame import Report, Section, write_answer
 from flighttune.present.names import columns, endings_table, listed
 from flighttune.records.compare import Comparison, Runs, compare_runs
@@ -74,16 +74,8 @@ LOGGED = {
     "phi_cmd": ("commanded roll", "deg", DEG_PER_RAD),
 }
 
-ACCURACY = [
-    Column("of", "largest error of"),
-    Column(YOURS, YOURS, digits=".3g"),
-    Column(OURS, OURS, digits=".3g"),
-    Column("unit", "unit"),
-    Column("better", "ours better in", digits=".0f"),
-    Column("flights", "of", digits=".0f"),
-    Column("share", "share", "%", percent, ends=("lo", "hi")),
-]
-PARAMETERS = [Column("name", "parameter"), Column("value", "flown"), Column("from", "from")]
+ACCURACY = columns("of yours ours unit better flights share", of="beside")
+PARAMETERS = columns("name value from", of="parameters")
 TRACKING = columns("of log low high unit", of="beside_log")
 
 

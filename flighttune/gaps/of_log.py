@@ -110,11 +110,7 @@ PlantMaker: TypeAlias = Callable[[Mapping[str, float]], Plant]
 
 RUNG_COLUMNS = columns_by("flown chi gamma phi n_z tail nose", of="rungs_of_log")
 CAUSE_COLUMNS = columns_by("cause alone_percent without_percent")
-FACTOR_COLUMNS = [
-    Column("title", "factor"),
-    Column("value", "value", "", ".3f", ends=("low", "high")),
-    *columns_by("unit"),
-]
+FACTOR_COLUMNS = columns_by("title value unit", of="factors_of_log")
 PART_COLUMNS = [Column("from_s", "from", "s", ".1f"), *RUNG_COLUMNS[1:]]
 
 

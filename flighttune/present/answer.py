@@ -71,6 +71,11 @@ def percent(share: float) -> str:
     return f"{value:.{decimals}f}"
 
 
+def p_value(p: float) -> str:
+    """A p-value as text; a very small one as an upper bound."""
+    return f"{p:.2g}" if p >= 1e-4 else "< 0.0001"
+
+
 def matrix(values: Iterable[Iterable[float]]) -> str:
     """A matrix in one line, its rows separated by semicolons."""
     return "[" + "; ".join(", ".join(f"{value:z.4f}" for value in row) for row in values) + "]"

@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from flighttune.present.answer import Column, Table, percent
+from flighttune.present.answer import Column, Table, figures, p_value, percent
 from flighttune.units import DEG_PER_RAD
 
 _NUMBER = re.compile(r"(?<![\w.])[-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?|(?<=[\s=])-?(?:inf|nan)\b")
@@ -66,11 +66,16 @@ def _shared(texts: Sequence[str]) -> str:
 TABLES = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
 WORDS, UNIT_OF_SUFFIX = TABLES["words"], TABLES["unit_of_suffix"]
 
+# Ways to write a number that the labels name.
+WRITERS = {"percent": percent, "figures": figures, "p_value": p_value}
+
 
 def _labelled(
     key: str, name: str, unit: str = "", digits: str = "z.4g", more: Mapping[str, Any] | None = None
 ) -> Column:
-    settings = {"digits": percent if digits == "percent" else digits, **(more or {})}
+    settings = {"digits": WRITERS.get(digits, digits), **(more or {})}
+    if "ends" in settings:
+        settings["ends"] = tuple(settings["ends"])
     if settings.get("factor") == "rad" or ("_rad" in key and unit.startswith("deg")):
         settings["factor"] = DEG_PER_RAD
     return Column(key, name, unit, **settings)

@@ -44,21 +44,8 @@ METRICS = (
 INFLUENCES = 10
 
 
-def probability(p: float) -> str:
-    """A p-value as text; a very small one as an upper bound."""
-    return f"{p:.2g}" if p >= 1e-4 else "< 0.0001"
-
-
 REASON_COLUMNS = columns("group count run ended reason", of="reasons")
-INFLUENCE_COLUMNS = [
-    *columns("group parameter n"),
-    # below 0 the parameter explains less than chance would
-    Column("share", "rank variance", "%", lambda share: f"{max(0.0, share):.1f}", 100.0),
-    Column("rho", "rank correlation", digits="+.2f", ends=("lo", "hi")),
-    Column("partial", "partial", digits="+.2f"),
-    Column("p", "p-value of variance or correlation", digits=probability),
-    Column("apart", "significant"),
-]
+INFLUENCE_COLUMNS = columns("group parameter n share rho partial p apart", of="influence")
 
 
 def write_campaign_report(findings: Findings, path: str | Path) -> Report:
@@ -221,8 +208,7 @@ def success_table(findings: Findings) -> Table:
     groups = findings.values["groups"]
     statuses = dict.fromkeys(status for group in groups for status in group["statuses"])
     layout = [
-        *columns("group n successes"),
-        Column("success", "rate", "%", percent, ends=("lo", "hi")),
+        *columns("group n successes success", of="success"),
         *(Column(f"statuses.{s}", _status_words(s), digits=".0f", missing="0") for s in statuses),
     ]
     if findings.measure is not None:
@@ -295,6 +281,7 @@ def influence_table(findings: Findings, name: str) -> Table:
             "group": group["group"],
             **rank,
             "parameter": key_words(rank["parameter"]),
+            "share": max(rank["share"], 0.0),  # below 0 it explains less than chance would
             "p": min(rank["p_rho"], rank["p_share"]),
         }
         for group in findings.values["groups"]
@@ -312,19 +299,15 @@ def paired_tables(findings: Findings) -> list[Table]:
     ]
     label = metric_label(findings.measure or "chi.ITAE")
     ends = "median_lo", "median_hi"
-    first = [Column("pair", "first against second"), Column("n", "draws")]
     by_measure = [
+        *columns("pair n", of="paired"),
         Column("win_rate", f"{label.name} lower with first", "%", percent, ends=("lo", "hi")),
         replace(
             label, key="median", name="median of first minus second", digits=figures, ends=ends
         ),
     ]
-    by_success = [
-        Column("only_a", "only first succeeds"),
-        Column("only_b", "only second succeeds"),
-        Column("p_success", "p-value of the two counts", digits=probability),
-    ]
+    by_success = columns("pair n only_a only_b p_success", of="paired")
     return [
-        Table([*first, *by_measure], records, "Gains on the same draws"),
-        Table([*first, *by_success], records, "Success on the same draws"),
+        Table(by_measure, records, "Gains on the same draws"),
+        Table(by_success, records, "Success on the same draws"),
     ]

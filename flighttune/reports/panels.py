@@ -14,7 +14,7 @@ from flighttune.control.gains import PIGains
 from flighttune.flight.flown import ClaimCheck, envelopes
 from flighttune.flight.gains import certify_scenario
 from flighttune.metrics import CHANNELS, channel_metrics, flight_metrics
-from flighttune.present.answer import MISSING, Column, Table, facts_table
+from flighttune.present.answer import MISSING, Table, facts_table
 from flighttune.present.chart import DASHED, DOTTED, MAX_DRAWN, Chart
 from flighttune.present.names import CHANNEL_SYMBOLS, columns, shown_unit
 from flighttune.present.palette import LIMIT, NEUTRAL, LineStyle
@@ -23,7 +23,6 @@ from flighttune.records.compare import largest_distance
 from flighttune.references.follow import ROUTE_SIGNALS
 from flighttune.scenario.schema import Scenario
 from flighttune.simulate.run import SIGNAL_UNITS, Run, claims_around
-from flighttune.units import DEG_PER_RAD
 
 # Words of the pages, and title and label of signals over time.
 TEXTS = tomllib.loads(Path(__file__).with_name("texts.toml").read_text(encoding="utf-8"))
@@ -242,18 +241,11 @@ LATE = 0.75
 TRACKING = "run channel ITAE_mean MO_rad PT_s rise_s MS_rad ST_rad effort_rms saturation_s"
 FLIGHT = "V_a_dev_mps n_z_min n_z_max alpha_max_rad cross_track_m height_err_m"
 
-CONVERGENCE_COLUMNS = [
-    *columns("run flight requirements chi.ITAE gamma.ITAE"),
-    *(
-        column
-        for channel, symbol in CHANNEL_SYMBOLS.items()
-        for column in (
-            Column(f"{channel}.settling_s", f"settles {symbol}", "s", "z.2f"),
-            Column(f"residual.{channel}", f"late error {symbol}", "deg", ".2g", DEG_PER_RAD),
-            Column(f"allowed.{channel}", f"limit {symbol}", "deg", ".2g", DEG_PER_RAD),
-        )
-    ),
-]
+CONVERGENCE_COLUMNS = columns(
+    "run flight requirements chi.ITAE gamma.ITAE chi.settling_s residual.chi allowed.chi "
+    "gamma.settling_s residual.gamma allowed.gamma",
+    of="convergence",
+)
 ROUTE_COLUMNS = columns("run flight requirements cross_track_m height_err_m V_a_dev_mps")
 GAIN_COLUMNS = columns("gains R_K I_K E_K K_P K_I", of="gains")
 CERTIFICATE_COLUMNS = columns(
