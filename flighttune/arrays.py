@@ -102,6 +102,12 @@ def set_read_only(value: object, **shapes: tuple[int, ...]) -> None:
         object.__setattr__(value, name, array)
 
 
+def true_spans(flag: npt.NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """First index, and that after the last, of every span in which `flag` is true."""
+    edges = np.flatnonzero(np.diff(flag.astype(int), prepend=0, append=0)).tolist()
+    return list(zip(edges[::2], edges[1::2], strict=True))
+
+
 def square_matrices(name: str, value: npt.ArrayLike, axes: int | None = None) -> FloatArray:
     """Return `value` as a finite float array of shape (..., n, n), n >= 1, with `axes` if given."""
     matrices = np.asarray(value, dtype=float)

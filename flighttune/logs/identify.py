@@ -9,7 +9,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from flighttune.arrays import FloatArray
+from flighttune.arrays import FloatArray, true_spans
 from flighttune.control.inner_loop import InnerLag, Order
 from flighttune.errors import InputError
 from flighttune.files.load import A_LOG, LOG, load_one, written
@@ -319,19 +319,12 @@ def flying(run: Run, *columns: FloatArray) -> npt.NDArray[np.bool_]:
     return np.isfinite([*columns, speed]).all(axis=0) & (speed > SLOW * np.nanmedian(speed))
 
 
-def _unbroken(run: Run, *columns: FloatArray) -> Iterator[tuple[int, int]]:
-    """First sample, and that after the last, of every piece of flight without a gap."""
-    flown = flying(run, *columns).astype(int)
-    edges = np.flatnonzero(np.diff(flown, prepend=0, append=0)).tolist()
-    return zip(edges[::2], edges[1::2], strict=True)
-
-
 def _sections(run: Run, number: int, name: model_file.Channel, first: int) -> Iterator[Section]:
     """Sections of a run, with stretches from `first` on."""
     measured, commanded = (run.signals[key].to_numpy(dtype=float) for key in (name, f"{name}_cmd"))
     dt = float(run.t[1] - run.t[0])
     wait, size = round(SETTLED_S / dt), round(STRETCH_S / dt)
-    for begin, end in _unbroken(run, measured, commanded):
+    for begin, end in true_spans(flying(run, measured, commanded)):
         if end - begin < wait + size // 2:
             continue
         command, stretch = commanded[begin:end], np.full(end - begin, np.nan)
@@ -568,7 +561,7 @@ def _missed(run: Run, lags: Sequence[InnerLag]) -> FloatArray:
     dt = float(run.t[1] - run.t[0])
     wait, size, span = (round(time / dt) for time in (SETTLED_S, STRETCH_S, 1.0))
     largest = [np.zeros((0, 2))]
-    for begin, end in _unbroken(run, *columns):
+    for begin, end in true_spans(flying(run, *columns)):
         if end - begin <= wait + size + span:
             continue
         piece = slice(begin, end)

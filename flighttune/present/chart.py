@@ -5,7 +5,7 @@ Colours are CSS variables of `style`, so that one chart serves a light, a dark a
 
 import math
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from html import escape
@@ -15,7 +15,7 @@ from typing import Any, Literal, NamedTuple, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from flighttune.arrays import FloatArray
+from flighttune.arrays import FloatArray, true_spans
 from flighttune.files.whole import write_text
 from flighttune.present.answer import printable
 from flighttune.present.palette import LIMIT, NEUTRAL, LineStyle, css_colour, css_variables
@@ -145,11 +145,11 @@ class Chart:
         def drawn(a: "_Axes") -> str:
             outlines = (
                 _path(
-                    a.sx(np.concatenate([xs[stretch], xs[stretch][::-1]])),
-                    a.sy(np.concatenate([lows[stretch], highs[stretch][::-1]])),
+                    a.sx(np.concatenate([xs[piece], xs[piece][::-1]])),
+                    a.sy(np.concatenate([lows[piece], highs[piece][::-1]])),
                 )
                 + "Z"
-                for stretch in _stretches(xs, lows)
+                for piece in _pieces(xs, lows)
             )
             return f'<path d="{"".join(outlines)}"{look}/>'
 
@@ -500,18 +500,15 @@ def _outline(x: FloatArray, y: FloatArray, look: str, end: str = "") -> _Mark:
     return lambda a: f'<path d="{_path(a.sx(x), a.sy(y))}{end}"{look}/>'
 
 
-def _stretches(x: FloatArray, y: FloatArray) -> Iterator[slice]:
+def _pieces(x: FloatArray, y: FloatArray) -> list[slice]:
     """Stretches without NaN."""
-    finite = np.isfinite(x) & np.isfinite(y)
-    edges = np.flatnonzero(np.diff(finite.astype(int), prepend=0, append=0)).tolist()
-    for start, end in zip(edges[::2], edges[1::2], strict=True):
-        yield slice(start, end)
+    return [slice(*ends) for ends in true_spans(np.isfinite(x) & np.isfinite(y))]
 
 
 def _path(x: FloatArray, y: FloatArray) -> str:
     parts = []
-    for stretch in _stretches(x, y):
-        points = np.column_stack([x[stretch], y[stretch]])
+    for piece in _pieces(x, y):
+        points = np.column_stack([x[piece], y[piece]])
         # One format of all points takes two thirds of the time of one each.
         parts.append("M" + " ".join(["%.1f,%.1f"] * len(points)) % tuple(points.ravel().tolist()))
     return "".join(parts)

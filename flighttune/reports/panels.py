@@ -8,7 +8,7 @@ from typing import Any, TypeAlias
 import numpy as np
 import pandas as pd
 
-from flighttune.arrays import FloatArray
+from flighttune.arrays import FloatArray, true_spans
 from flighttune.claims.linear_loop import LinearBound
 from flighttune.control.gains import PIGains
 from flighttune.flight.flown import ClaimCheck, envelopes
@@ -220,10 +220,10 @@ def certificate_panels(flights: Drawn, bounds: Mapping[str, LinearBound]) -> lis
 
 def _spans(t: FloatArray, flag: np.ndarray) -> Sequence[tuple[float, float]]:
     """Start and end of every stretch in which `flag` is true; close ones are joined."""
-    edges = np.flatnonzero(np.diff(flag.astype(int), prepend=0, append=0))
-    ends = np.append(t, t[-1])[edges].tolist()
+    times = np.append(t, t[-1]).tolist()
     spans: list[tuple[float, float]] = []
-    for start, end in zip(ends[::2], ends[1::2], strict=True):
+    for first, after in true_spans(flag):
+        start, end = times[first], times[after]
         if spans and start - spans[-1][1] < t[-1] / FINEST:
             start = spans.pop()[0]
         spans.append((start, end))

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import Field
 
-from flighttune.arrays import FloatArray, read_only_matrix
+from flighttune.arrays import FloatArray, read_only_matrix, true_spans
 from flighttune.claims.band import Residual
 from flighttune.claims.distribution import STARTS, flown_values
 from flighttune.control.gains import COMMANDS, PIGains, gains_table
@@ -396,9 +396,8 @@ class Tube(Answering):
 
     def held_intervals(self, channel: int) -> list[tuple[float, float]]:
         """Intervals, s, in which a limit can hold the command of a channel."""
-        t, limited = self.bounds.t.tolist(), self.can_limit[:, channel].astype(int)
-        edges = np.flatnonzero(np.diff(limited, prepend=0, append=0))
-        return [(t[a], t[b - 1]) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+        t = self.bounds.t.tolist()
+        return [(t[first], t[end - 1]) for first, end in true_spans(self.can_limit[:, channel])]
 
     def save(self, path: str | Path) -> None:
         """Write the tube with its proof (.npz); an InputError if it is not bounded."""
