@@ -14,7 +14,7 @@ from rerun.blueprint.components import LinkAxis
 
 from flighttune.files.table import toml_text
 from flighttune.metrics import OFF_ROUTE, metric_tables
-from flighttune.present.answer import Column, Table
+from flighttune.present.answer import Column, Table, pick
 from flighttune.present.names import METRIC_LABELS, SYMBOLS, columns
 from flighttune.present.palette import hue_tells_gains
 from flighttune.recording import entities, scene
@@ -22,6 +22,7 @@ from flighttune.recording.entities import DrawnRun
 from flighttune.recording.plots import TEXTS, Plot, value_range
 from flighttune.recording.scene import all_positions, drawn_scale, ground_grid
 from flighttune.simulate.run import Run, claim_notes, priority_notes, run_styles
+from flighttune.theory.indicators import Indicators
 
 ERRORS = ("chi_err", "gamma_err")  # plots on Overview
 AIRSPEED = "V_a"  # a plot on Overview too, where a flight ended early
@@ -159,7 +160,7 @@ def scenario_page(
     runs: Sequence[Run],
     *,
     scenario: Mapping[str, Any],
-    indicators: Mapping[str, tuple[float, float, float] | None] | None = None,
+    indicators: Mapping[str, Indicators] | None = None,
 ) -> str:
     """The page of text in a recording, as Markdown; `indicators` are by name of the gain set."""
     metrics, flight = metric_tables(runs)
@@ -195,10 +196,10 @@ def _runs(runs: Sequence[Run]) -> list[str]:
     return [Table(RUN_COLUMNS, records).markdown(), *claims]
 
 
-def _gains(runs: Sequence[Run], indicators: Mapping[str, tuple[float, float, float] | None]) -> str:
+def _gains(runs: Sequence[Run], indicators: Mapping[str, Indicators]) -> str:
     records = []
     for name, gains in {x.provenance.gains_name: x.provenance.gains for x in runs}.items():
-        marks = dict(zip(("R_K", "I_K", "E_K"), indicators.get(name) or (), strict=False))
+        marks = pick(indicators[name], "R_K I_K E_K") if name in indicators else {}
         records.append({"gains": name, **marks, **(gains.as_lists() if gains else {})})
     return Table(GAIN_COLUMNS, records).markdown()
 

@@ -163,13 +163,7 @@ def record(flown: FlownScenario, folder: str | Path, *, name: str = "flight") ->
 
 def page_of(flown: FlownScenario) -> str:
     """The page of text in the recording of a flown scenario, as Markdown."""
-    return scenario_page(
-        flown.runs,
-        scenario=flown.scenario.as_dict(),
-        indicators={
-            name: (loop.R_K, loop.I_K, loop.E_K) for name, loop in flown.indicators.items()
-        },
-    )
+    return scenario_page(flown.runs, scenario=flown.scenario.as_dict(), indicators=flown.indicators)
 
 
 def write_recording(runs: Sequence[Run], path: str | Path, *, page: str, title: str) -> None:
