@@ -16,7 +16,7 @@ import numpy.typing as npt
 from flighttune.arrays import FloatArray
 from flighttune.control.linear_model import closed_loop, disturbance_entry
 from flighttune.errors import InputError
-from flighttune.gaps.residual import CHANNELS, LEAST_SAMPLES, trim_of
+from flighttune.gaps.residual import CHANNELS, trim_of
 from flighttune.simulate.disturbance import Sinusoid
 from flighttune.simulate.run import Run
 from flighttune.theory.indicators import Indicators, indicators
@@ -26,6 +26,9 @@ from flighttune.theory.lyapunov import Ellipsoid, invariant_ellipsoid
 #
 # A step of the reference is a jump of s that no disturbance explains: the bound starts anew.
 REFERENCE_MOVED = 1e-9
+
+# Samples of a flight that give two values of the derivative of an error rate.
+LEAST_SAMPLES = 4
 
 NEEDED = ("chi", "gamma", "chi_ref", "gamma_ref", "chi_err", "gamma_err", "phi_cmd", "n_z_cmd")
 LIMITED = ("phi_limited", "n_z_limited")

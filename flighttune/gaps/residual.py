@@ -18,9 +18,6 @@ from flighttune.units import G_PAPER
 
 CHANNELS = ("chi", "gamma")
 
-# Samples of a flight that give two values of the mismatch's derivative
-LEAST_SAMPLES = 4
-
 
 def trim_of(run: Run) -> law.Trim | None:
     """The flight about which the law of a run is linearised; None if nothing says which."""
@@ -64,8 +61,6 @@ def mismatch(run: Run) -> Mismatch:
     ``dt^2 / 12 g / V_a |d^2 cos(gamma) / dt^2|``: less than 1e-5 rad/s at 50 Hz and 0.5 rad/s.
     """
     signals, trim = run.signals, trim_of(run)
-    if len(signals) < LEAST_SAMPLES:
-        raise InputError(f"`run` must have at least {LEAST_SAMPLES} samples, got {len(signals)}.")
     if trim is None:
         raise InputError(f"`run` must be of a scenario with an airspeed, got {run.label}.")
     dt = np.diff(t := run.t)[:, None]

@@ -276,11 +276,6 @@ def frequency_responses(
     experiment: tuple[FloatArray, FloatArray], lines: Lines
 ) -> tuple[FrequencyResponse, ...]:
     """Return the response of each channel, of two at most, from the last period of a multisine."""
-    if len(experiment[1]) < 2 * SAMPLES or not all(len(line) for line in lines):
-        raise InputError(
-            f"`experiment` must be two periods of {PERIOD:g} s of multisines, got "
-            f"{len(experiment[1]) * DT:g} s."
-        )
     commanded, measured = (np.fft.rfft(signals[-SAMPLES:], axis=0) for signals in experiment)
     omegas = [line.astype(np.float64) * (2.0 * math.pi / PERIOD) for line in lines]
     own = [measured[line, i] / commanded[line, i] for i, line in enumerate(lines)]
@@ -329,8 +324,6 @@ def fitted_lag(
     t: FloatArray, commanded: FloatArray, measured: FloatArray, *, lag: InnerLag | None = None
 ) -> tuple[InnerLag, float]:
     """Return the lag whose response is nearest to `measured`, and the percentage explained."""
-    if not len(t) > 10:
-        raise InputError(f"`t` must have more than 10 samples, got {len(t)}.")
     if np.ptp(commanded) <= SILENT:
         return lag or UNEXCITED, math.nan
     # Samples are evenly spaced, commands are held in between, and the first measured value counts

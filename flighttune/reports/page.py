@@ -204,7 +204,7 @@ def write_comparison_page(comparison: compare.Comparison, path: str | Path) -> R
 
 
 def write_gap_page(gap: Gap, tables: Sequence[Table], path: Path) -> Report:
-    """Write one self-contained page about a gap; InputError if the aircraft did not fly."""
+    """Write one self-contained page about a gap whose aircraft flew."""
     origin = gap.aircraft.provenance
     note = [TEXTS["claim_of_aircraft"], *claim_notes([gap.aircraft])]
     return write_answer(

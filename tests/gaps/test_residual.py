@@ -138,8 +138,3 @@ def test_the_mismatch_of_the_point_mass_is_lift_that_the_law_does_not_know():
     expected = G / V_A * (n_z * np.sin(phi) / np.cos(middle) - np.tan(phi))
     assert found.d[:, 0] == pytest.approx(expected, abs=2e-4)
     assert np.abs(found.d[:, 1]).max() < NOTHING
-
-
-def test_a_flight_of_three_samples_is_too_short(undisturbed):
-    with pytest.raises(ft.InputError, match=r"`run`.* 4 .* 3"):
-        mismatch(replace(undisturbed, signals=undisturbed.signals.iloc[:3]))
