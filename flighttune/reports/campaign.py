@@ -19,20 +19,6 @@ from flighttune.reports import campaign_charts as charts
 from flighttune.reports.campaign_charts import bound_words, influential_parameters, parameter
 from flighttune.reports.panels import TEXTS, by_plant
 
-CONFIDENCE = {
-    "clopper-pearson": "Clopper and Pearson's interval",
-    "wilson": "Wilson's interval",
-    "any-time": "an interval that holds at all numbers of independent draws together",
-}
-
-# Verb of each status that a flight can have.
-ENDS = {
-    "completed": "is completed",
-    "diverged": "diverges",
-    "ground_contact": "meets the ground",
-    "left_envelope": "leaves the envelope",
-}
-
 # Metrics of the page; the JSON object has all.
 METRICS = (
     *(f"{channel}.{metric}" for metric in ("ITAE", "MO_rad") for channel in ("chi", "gamma")),
@@ -68,7 +54,7 @@ def write_campaign_report(findings: Findings, path: str | Path) -> Report:
         "convergence": charts.convergence(findings),
     }
     about = {
-        "interval": CONFIDENCE[findings.method],
+        "interval": TEXTS["interval"][findings.method],
         "confidence": 100.0 * findings.confidence,
         "url": findings.url,
     }
@@ -170,7 +156,9 @@ def _success_sentences(findings: Findings) -> str:
             for bound in findings.values["requirements"]
             if goes_by(group.plant, bound["plant"]) and bound["gains"] in (None, group.gains)
         ]
-        how = " or ".join(ENDS.get(end, f"ends with {_status_words(end)}") for end in ends)
+        how = " or ".join(
+            TEXTS["ends"].get(end, f"ends with {end.replace('_', ' ')}") for end in ends
+        )
         groups_of[how + (f" with {listed(bounds)}" if bounds else "")].append(group.label)
     if len(groups_of) == 1:
         return f"A flight succeeds if it {next(iter(groups_of))}."
@@ -178,10 +166,6 @@ def _success_sentences(findings: Findings) -> str:
         f"A flight of {listed(labels, 'or')} succeeds if it {how}."
         for how, labels in groups_of.items()
     )
-
-
-def _status_words(status: str) -> str:
-    return status.replace("_", " ")
 
 
 def _provenance(findings: Findings, sha256: str) -> Table:
@@ -206,10 +190,10 @@ def _provenance(findings: Findings, sha256: str) -> Table:
 def success_table(findings: Findings) -> Table:
     """Success rate of each group, ends of its flights, and the metric that ranks them."""
     groups = findings.values["groups"]
-    statuses = dict.fromkeys(status for group in groups for status in group["statuses"])
+    statuses = {x: x.replace("_", " ") for group in groups for x in group["statuses"]}
     layout = [
         *columns("group n successes success", of="success"),
-        *(Column(f"statuses.{s}", _status_words(s), digits=".0f", missing="0") for s in statuses),
+        *(Column(f"statuses.{x}", statuses[x], digits=".0f", missing="0") for x in statuses),
     ]
     if findings.measure is not None:
         label, key = metric_label(findings.measure), f"metrics.{findings.measure}"
@@ -232,7 +216,7 @@ def reasons_table(findings: Findings) -> Table:
         {
             "group": group["group"],
             **reason,
-            "ended": _status_words(reason.get("status", "completed")),
+            "ended": reason.get("status", "completed").replace("_", " "),
         }
         for group in findings.values["groups"]
         for reason in (*group["reasons"], *group["missed"])
