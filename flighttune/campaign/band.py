@@ -382,10 +382,7 @@ def monitor(  # noqa: PLR0913 - as `band`
                 raise InputError(
                     f"`{name}` must be absent with logs, whose number is what the claim rests on."
                 )
-        runs = [
-            log if isinstance(log, Run) else load_one(str(log), A_LOG, LOG, columns=columns)
-            for log in (source, *logs)
-        ]
+        runs = [load_one(log, A_LOG, LOG, columns=columns) for log in (source, *logs)]
         made: Monitor | LogMonitor = monitor_of_logs(runs)
     elif columns:
         raise InputError("`columns` must be absent without a log.")

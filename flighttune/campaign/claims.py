@@ -120,10 +120,9 @@ def load(path: str | Path, *, columns: Columns = ()) -> Loaded:
 
 def load_residual(boxes: Residual | str | Path) -> Residual:
     """The count of residual signals in a file, or itself; an InputError refuses another claim."""
-    of_file = isinstance(boxes, str | Path)
-    counted = load_one(boxes, "file of residual signals", BAND) if of_file else boxes
+    counted = load_one(boxes, "file of residual signals", BAND)
     if not isinstance(counted, Residual):
-        place = f"{boxes}: " if of_file else ""
+        place = f"{boxes}: " if isinstance(boxes, str | Path) else ""
         raise InputError(f"{place}{OF_RESIDUALS}, got a {type(counted).__name__}.")
     return counted
 
@@ -235,8 +234,8 @@ def verify(
     >>> ft.verify(ft.certify("paper", "paper").certificate).valid
     True
     """
-    of_file = isinstance(claim, str | Path)
-    source, value = (str(claim), load_one(claim, CLAIM, *CLAIMS)) if of_file else ("", claim)
+    value = load_one(claim, CLAIM, *CLAIMS)
+    source = str(claim) if isinstance(claim, str | Path) else ""
     if boxes is not None:
         if not isinstance(value, Tube):
             raise InputError("`boxes` must be given for the tube of an aircraft only.")

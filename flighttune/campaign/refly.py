@@ -85,10 +85,8 @@ def refly(
     if count is not None and (run is not None or count < 1):
         got = f"{count} and run {run}" if run is not None else str(count)
         raise InputError(f"`count` must be at least 1, and absent with `run`, got {got}.")
-    if isinstance(source, str | Path):
-        name, recorded = str(source), load_one(source, FLOWN, RECORDING, DATASET, BAND)
-    else:
-        name, recorded = "the band", source
+    recorded = load_one(source, FLOWN, RECORDING, DATASET, BAND)
+    name = str(source) if isinstance(source, str | Path) else "the band"
     if isinstance(recorded, Counted | Dataset):
         if isinstance(recorded, Counted):
             plan, versions = plan_of(recorded), {}

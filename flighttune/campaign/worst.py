@@ -252,8 +252,7 @@ def worst(  # noqa: PLR0913 - each is a choice of the user, and has a default
     >>> ft.worst("first_campaign", budget=32, metric="chi.ITAE", plant="kinematic").flights
     32
     """
-    of_file = isinstance(claim, str | Path)
-    tube: Tube | None = load_one(claim, "tube", TUBE_FILE) if of_file else claim
+    tube: Tube | None = load_one(claim, "tube", TUBE_FILE)
     stated = written(source, *CLAIMS) or source
     place = f"{source}: " if stated is not source else ""
     if isinstance(stated, AnyClaim):

@@ -262,7 +262,7 @@ def export(
     """
     loaded, name, chosen = scenario_and_gains(scenario, gains, changes)
     notes = loaded.gains_notes(plant, name)
-    watching = load_one(claim, "monitor", BAND, MONITOR) if isinstance(claim, str | Path) else claim
+    watching = load_one(claim, "monitor", BAND, MONITOR)
     if watching is not None and not (isinstance(watching, Watching) and form == "c"):
         got = type(watching).__name__
         raise InputError(f"`claim` must be a monitor, for the form c, got a {got} for {form}.")

@@ -72,8 +72,13 @@ ENDINGS: dict[str, str] = dict.fromkeys((".rrd", ".parquet"), RECORDING)
 ENDINGS |= dict.fromkeys((".ulg", ".bin", ".tlog", ".csv"), LOG)
 
 
-def load_one(path: str | Path, what: str, *kinds: str, columns: Any = ()) -> Any:
-    """Read a file of one of some kinds; a RecordingError says that it must be `what`."""
+def load_one(path: object, what: str, *kinds: str, columns: Any = ()) -> Any:
+    """Read a file of one of some kinds; a RecordingError says that it must be `what`.
+
+    What is no path, as a value that was read before, is returned as it is.
+    """
+    if not isinstance(path, str | Path):
+        return path
     if (value := written(path, *kinds, columns=columns)) is not None:
         return value
     place, kind = _place(path), kind_of(path)

@@ -207,7 +207,7 @@ def log_gap(
     log: str | Path | Run, aircraft: str | Path, columns: Columns, progress: Progress | None
 ) -> LogGap:
     """Fly the commands of a log on an aircraft or identified model; explain the difference."""
-    run = log if isinstance(log, Run) else load_one(log, A_LOG, LOG, columns=columns)
+    run = load_one(log, A_LOG, LOG, columns=columns)
     refuse_wrong(run)
     flights = _Flights(run, aircraft, progress)
     fly, nominal = flights.fly, flights.nominal

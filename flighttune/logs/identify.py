@@ -281,9 +281,7 @@ def _identify_logs(
 ) -> LogIdentification:
     if set(assume) - set(CHANNELS):
         raise InputError(f"`assume` must name phi or n_z, got {', '.join(assume)}.")
-    runs = [
-        log if isinstance(log, Run) else load_one(log, A_LOG, LOG, columns=columns) for log in logs
-    ]
+    runs = [load_one(log, A_LOG, LOG, columns=columns) for log in logs]
     refuse_wrong(*runs)
     channels: dict[model_file.Channel, ChannelOfLogs] = {}
     untold: dict[str, str] = {}
