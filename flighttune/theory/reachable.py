@@ -50,6 +50,9 @@ MAX_PANELS = 1 << 15
 # More would not fit a processor's cache. Panels are the same in any stack, and so are the bits.
 CHUNK_LOOPS, FIRST_PANELS, LAST_PANELS = 64, 16, 256
 
+# Rows of a block that BLAS multiplies at once
+ROWS = 64
+
 # Part of the first state below which an output that nothing reaches is not waited for
 VANISHED = 1e-30
 
@@ -151,7 +154,7 @@ def _integrals(
         # (loops, nodes, p, n) times (loops, n, panels m)
         values = (C @ within).reshape(len(alive), -1, len(E)) @ starts
         values = values.reshape(len(alive), NODES, len(C), -1, E.shape[1])
-        values = values.transpose(4, 1, 0, 2, 3)
+        values = values.transpose(4, 0, 2, 3, 1)
         reached, largest = _norm_integrals(values, width, largest)
         totals[alive] += reached
         t, used = t + panels * width, used + panels
@@ -195,11 +198,11 @@ def _norm_integrals(
 ) -> tuple[Numbers, FloatArray]:
     """Integrals of the norm of responses over panels, shape (N, p), and the largest of a panel.
 
-    `values` (shape (m, NODES, N, p, panels)) are responses at the nodes, `width` (shape (N,), s)
+    `values` (shape (m, N, p, panels, NODES)) are responses at the nodes, `width` (shape (N,), s)
     that of a panel, `largest` (shape (N,)) the largest integral of an earlier one.
     """
-    m, _, N, p, panels = values.shape
-    values, width = values.reshape(m, NODES, -1), np.repeat(width, p * panels)
+    m, N, p, panels, _ = values.shape
+    values, width = values.reshape(m, -1, NODES), np.repeat(width, p * panels)
     row, totals = np.repeat(np.arange(N * p), panels), np.zeros(N * p, dtype=values.dtype)
     sums, doubts = _norm_sums(width, values)
     largest = np.maximum(largest, sums.real.reshape(N, -1).max(axis=1))
@@ -211,29 +214,32 @@ def _norm_integrals(
         np.add.at(totals, row[~halved], sums[~halved])
         if not halved.any():
             return totals.reshape(N, p), largest
-        values = np.compress(halved, values, axis=2).view(float)
-        # A loop has its bits in any stack. The rounding of BLAS depends on the number of columns,
-        # that of `einsum` only on whether there is more than one.
-        if (columns := values.shape[2]) == 1:
-            values = np.repeat(values, 2, axis=2)
-        halves = [
-            np.einsum("hn,mnk->mhk", to_half, values)[:, :, :columns] for to_half in _TO_HALVES
-        ]
-        values = np.concatenate(halves, axis=2).view(totals.dtype)
-        row, width = np.tile(row[halved], 2), np.tile(width[halved] / 2.0, 2)
-        allowed = np.tile(allowed[halved], 2)
+        values = _products(np.compress(halved, values, axis=1), _TO_HALVES).reshape(m, -1, NODES)
+        row, width = np.repeat(row[halved], 2), np.repeat(width[halved] / 2.0, 2)
+        allowed = np.repeat(allowed[halved], 2)
         sums, doubts = _norm_sums(width, values)
 
 
 def _norm_sums(width: FloatArray, values: Numbers) -> tuple[Numbers, Numbers]:
-    """Integrals of the norm of `values` (m, NODES, K) over panels, and its highest coefficients."""
+    """Integrals of the norm of `values` (m, K, NODES) over panels, and its highest coefficients."""
     squares = values[0] * values[0]  # no conjugate: the square root is of an analytic function
     for part in values[1:]:
         squares += part * part
-    roots = np.sqrt(squares, out=squares).view(float)
-    # A product by `@` starts threads here, and they wait for each other longer than they work.
-    sums = np.stack([np.einsum("n,nk->k", rule, roots) for rule in _RULES]).view(values.dtype)
-    return width * sums[0], width * sums[1:]
+    integral, *coefficients = _products(np.sqrt(squares, out=squares), _RULES).T
+    return width * integral, width * np.array(coefficients)
+
+
+def _products(values: Numbers, matrix: FloatArray) -> Numbers:
+    """Values at nodes, shape (..., NODES), times a matrix: each row has its bits in any stack."""
+    if np.iscomplexobj(values):
+        return _products(values.real, matrix) + 1j * _products(values.imag, matrix)
+    # The rounding of BLAS depends on the number of rows, and a large product starts threads, which
+    # wait for each other longer than they work: it gets blocks of one size.
+    rows = values.reshape(-1, NODES)
+    blocks = np.zeros((-(-len(rows) // ROWS), ROWS, NODES))
+    blocks.reshape(-1, NODES)[: len(rows)] = rows
+    products = (blocks @ matrix).reshape(-1, matrix.shape[1])[: len(rows)]
+    return products.reshape(*values.shape[:-1], -1)
 
 
 def _entry_and_errors(A_K: FloatArray, errors: int) -> tuple[FloatArray, FloatArray]:
@@ -243,8 +249,8 @@ def _entry_and_errors(A_K: FloatArray, errors: int) -> tuple[FloatArray, FloatAr
     return np.eye(n + errors)[:, :n][:, measured], np.eye(n + errors)[n:]
 
 
-def _lobatto() -> tuple[FloatArray, FloatArray, list[FloatArray]]:
-    """Nodes on (0, 1), weights of the integral and of the highest two coefficients, and halves."""
+def _lobatto() -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Nodes on (0, 1); matrices from values at them to sums (NODES, 3) and halves (NODES, 32)."""
     last = np.polynomial.Legendre.basis(NODES - 1)
     # The ends of a panel are nodes: a kink between an end and the node next to it would change
     # nothing without them.
@@ -254,7 +260,8 @@ def _lobatto() -> tuple[FloatArray, FloatArray, list[FloatArray]]:
     to_coefficients = np.linalg.inv(basis(nodes, NODES - 1))
     # These matrices lead to the values at the nodes of either half.
     halves = [basis((nodes + end) / 2.0, NODES - 1) @ to_coefficients for end in (-1.0, 1.0)]
-    return (nodes + 1.0) / 2.0, np.array([weights / 2.0, *to_coefficients[-2:]]), halves
+    rules = np.transpose([weights / 2.0, *to_coefficients[-2:]])
+    return (nodes + 1.0) / 2.0, rules, np.concatenate(halves).T
 
 
 _NODES, _RULES, _TO_HALVES = _lobatto()
