@@ -200,6 +200,10 @@ class Plan:
         # the seed, and keys that only a search sets, e.g. the switching times of a disturbance
         others = [key for key in drawn if key not in self.places]
         tables = with_values(tables, [((*key.split("."),), drawn[key]) for key in others])
+        if self.scenario.turn_back is None:  # which may change any table
+            for key, table in tables.items():
+                if table is self._tables.get(key):  # as it was checked before
+                    tables[key] = getattr(self.scenario, key)
         scenario = validated(Scenario, tables, f"draw {draw}")
         check_scenario(scenario, f"draw {draw}")
         return scenario
