@@ -13,7 +13,6 @@ from flighttune.simulate.measures import (
     SMALLEST_STEP,
     STEADY_FROM,
     ErrorMeasures,
-    commanded_change,
     error_measures,
     moves,
     settling_time,
@@ -170,7 +169,7 @@ def channel_metrics(run: Run) -> "pd.DataFrame":
 
     columns = signal_arrays(run, MEASURED)
     rows = {channel: _channel_measures(run.t, columns, channel) for channel in CHANNELS}
-    return pd.DataFrame.from_dict(rows, orient="index", dtype=float)
+    return pd.DataFrame.from_dict(rows, orient="index", dtype=float)[[*METRICS]]
 
 
 def measures(run: Run) -> dict[str, dict[str, float]]:
@@ -197,10 +196,12 @@ def measures_of(
     """`measures` of two or more samples of signals; `required` are `required_names`."""
     measured: dict[str, dict[str, float]] = {}
     for channel in CHANNELS:
-        ref, error = columns[f"{channel}_ref"], columns[f"{channel}_err"]
-        own = _channel_measures(t, columns, channel, measure)
-        own |= {"peak_rad": float(np.max(np.abs(error)))} | _end_errors(t, columns, channel)
-        measured[channel] = own | settling_measures(t, ref, error, required.get(channel, ()))
+        values = _channel_measures(t, columns, channel, measure)
+        measured[channel] = {
+            **{name: values[name] for name in (*METRICS, "peak_rad")},
+            **_end_errors(t, columns, channel, values),
+            **settling_measures(t, columns, channel, values, required.get(channel, ())),
+        }
     measured["flight"] = _flight_measures(columns)
     if "V_err" in columns:
         measured[AIRSPEED] = _airspeed_measures(t, columns, measure)
@@ -245,26 +246,27 @@ def _airspeed_measures(t: FloatArray, columns: Columns, measure: Measure) -> dic
         after = slice(int(changed[0]), None)
         step = step_measures(t[after] - t[changed[0]], error[after])
         values |= dict(zip(("PT_s", "MO_rad", "rise_s"), step, strict=True))
-    values |= {"peak_rad": float(np.max(np.abs(error))), "min_rad": float(np.min(columns["V_a"]))}
-    values |= _end_errors(t, columns, AIRSPEED)
-    return {name.replace("_rad", "_mps"): value for name, value in values.items()}
+    values["min_rad"] = float(np.min(columns["V_a"]))
+    own = {name.replace("_rad", "_mps"): value for name, value in values.items()}
+    return {x: own[x] for x in AIRSPEED_METRICS} | _end_errors(t, columns, AIRSPEED, values)
 
 
-def _end_errors(t: FloatArray, columns: Columns, channel: str) -> dict[str, float]:
+def _end_errors(
+    t: FloatArray, columns: Columns, channel: str, values: Mapping[str, float]
+) -> dict[str, float]:
     """Mean error at the end, in magnitude, and the largest with which a flight has followed."""
-    ref, error = columns[f"{channel}_ref"], columns[f"{channel}_err"]
-    change, least = commanded_change(ref, error), 0.0 if channel == AIRSPEED else ALWAYS_ALLOWED
+    error, change = columns[f"{channel}_err"], values["change_rad"]
+    least = 0.0 if channel == AIRSPEED else ALWAYS_ALLOWED
     # A flight arrives at the end of a route or not.
     if OFF_ROUTE[0] in columns or max(change, least) < SMALLEST_STEP:
         return {}
     # Where thrust is short the path angle is held against the one that the law is given.
     if channel == "gamma" and "gamma_given" in columns:
-        error = error + columns["gamma_given"] - ref
-    moved = moves(ref)
+        error = error + columns["gamma_given"] - columns["gamma_ref"]
     # The end is the last quarter of the time, or what of it comes after the last change of the
     # reference.
-    begin = max(STEADY_FROM * t[-1], t[moved[-1]] if len(moved) else 0.0)
-    mean = abs(float(np.mean(error[t >= begin])))
+    begin = np.searchsorted(t, max(STEADY_FROM * t[-1], values["rest_s"]))
+    mean = abs(float(np.mean(error[begin:])))
     return {"end_error": mean, "end_allowed": max(FOLLOWED * change, least)}
 
 
@@ -298,15 +300,16 @@ def settling_band(name: str) -> float | None:
 
 
 def settling_measures(
-    t: FloatArray, ref: FloatArray, error: FloatArray, names: Sequence[str]
+    t: FloatArray, columns: Columns, channel: str, values: Mapping[str, float], names: Sequence[str]
 ) -> dict[str, float]:
     """Settling times within bands of their own, and why a response does not settle, by name."""
     if all(name.startswith(ENVELOPE) for name in names):
         return {}
     bands = {name: band for name in names if (band := settling_band(name)) is not None}
+    ref, error = columns[f"{channel}_ref"], columns[f"{channel}_err"]
     return {
-        "settling_band_rad": SETTLING_BAND * commanded_change(ref, error),
-        "late_rad": float(np.abs(error[t >= STEADY_FROM * t[-1]]).max()),
+        "settling_band_rad": SETTLING_BAND * values["change_rad"],
+        "late_rad": values["late_rad"],
         **{name: settling_time(t, ref, error, band) for name, band in bands.items()},
     }
 

@@ -8,7 +8,7 @@ import pytest
 from made_up import made_up_run
 
 import flighttune as ft
-from flighttune.metrics import measures, measures_of, required_names, settling_measures
+from flighttune.metrics import MEASURED, measures, measures_of, required_names, signal_arrays
 from flighttune.simulate import kernel
 from flighttune.simulate.measures import error_measures
 
@@ -62,8 +62,11 @@ def test_an_exponential_has_the_integrals_and_times_of_its_formula():
 def test_settling_within_a_band_of_its_own_is_the_last_time_an_error_leaves_it():
     rate, name = 0.8, "settling_s within 5 deg"
 
-    found = settling_measures(T, 0.0 * T, np.exp(-rate * T), [name])
-    wavy = settling_measures(T, 0.0 * T, np.deg2rad(6.0) * np.cos(math.tau * T), [name])
+    settles, swings = np.exp(-rate * T), np.deg2rad(6.0) * np.cos(math.tau * T)
+    found, wavy = (
+        measures_of(T, signal_arrays(run_of(error), MEASURED), {"chi": [name]})["chi"]
+        for error in (settles, swings)
+    )
 
     assert found[name] == pytest.approx(math.log(1.0 / math.radians(5.0)) / rate, abs=SAMPLING)
     assert math.isnan(wavy[name])

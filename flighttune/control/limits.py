@@ -43,19 +43,20 @@ class Limits:
             bounds = np.array(getattr(self, name), dtype=float)
             if bounds.ndim != 1:
                 raise ShapeError(f"`{name}` must have 1 axis, got shape {bounds.shape}.")
-            if np.isnan(bounds).any():
-                raise InputError(f"`{name}` must not be NaN, got {bounds.tolist()}.")
             bounds.flags.writeable = False
             object.__setattr__(self, name, bounds)
         if len({getattr(self, name).shape for name in self.__slots__}) != 1:
             raise ShapeError("`lower`, `upper` and the rates must have one length.")
         for low, high in (("lower", "upper"), ("rate_lower", "rate_upper")):
-            if not np.all(getattr(self, low) < getattr(self, high)):
+            if not (getattr(self, low) < getattr(self, high)).all():
+                for name in (low, high):
+                    if np.isnan(bounds := getattr(self, name)).any():
+                        raise InputError(f"`{name}` must not be NaN, got {bounds.tolist()}.")
                 raise InputError(
                     f"`{low}` must be below `{high}`, got {getattr(self, low).tolist()} "
                     f"and {getattr(self, high).tolist()}."
                 )
-        if not np.all((self.rate_lower <= 0.0) & (self.rate_upper >= 0.0)):
+        if not ((self.rate_lower <= 0.0) & (self.rate_upper >= 0.0)).all():
             raise InputError(
                 f"The rate ranges must hold zero, got {self.rate_lower.tolist()} "
                 f"to {self.rate_upper.tolist()}."

@@ -58,7 +58,7 @@ def start_condition(scenario: Scenario) -> FlightCondition:
 
 def command_limits(scenario: Scenario) -> Limits:
     """Limits of the commands on every plant: those of [limits], else of the first aircraft."""
-    if scenario.limits == LimitsTable() and (aircraft := scenario.aircraft):
+    if (aircraft := scenario.aircraft) and scenario.limits == LimitsTable():
         return aircraft[0].config.limits.limits(airspeed=scenario.airspeed)
     return scenario.limits.limits(airspeed=scenario.airspeed)
 

@@ -110,6 +110,8 @@ class Reference:
     @property
     def initial(self) -> tuple[float, float]:
         """Chi and gamma (rad) at t = 0, segments that start there included."""
+        if not (self.chi_segments or self.gamma_segments):  # the rows of campaigns ask often
+            return self.chi, self.gamma
         chi, gamma = self.sampled(np.zeros(1))
         return float(chi[0]), float(gamma[0])
 

@@ -105,7 +105,8 @@ def _ends(*limits: float | tuple[float, float] | None) -> FloatArray:
     """Lower and upper ends of (phi in deg, n_z, ...) as rows, in rad and 1."""
     ranges = [math.inf if limit is None else limit for limit in limits]
     pairs = [limit if isinstance(limit, tuple) else (-limit, limit) for limit in ranges]
-    return np.transpose(pairs) * [DEG, *[1.0] * (len(pairs) - 1)]
+    pairs[0] = pairs[0][0] * DEG, pairs[0][1] * DEG
+    return np.array(pairs).T
 
 
 class ControllerTable(q.Table):

@@ -31,8 +31,11 @@ METRICS = (
     *("effort_rms", "saturation_s"),
 )
 
-# Values of `METRICS`, from `error_measures`; NaN where a measure has no value.
-ErrorMeasures = namedtuple("ErrorMeasures", METRICS)
+# Values of `METRICS`, NaN where a measure has no value; then what only other measures need: the
+# largest error, that of the last quarter of the time, the commanded change, and the time from which
+# on the reference is at rest.
+BESIDE = "peak_rad", "late_rad", "change_rad", "rest_s"
+ErrorMeasures = namedtuple("ErrorMeasures", (*METRICS, *BESIDE))
 
 
 def error_measures(
@@ -43,7 +46,7 @@ def error_measures(
     # reference, and `limited` not zero where a limit holds the command.
     weighted, spacing = t * np.abs(error), t[1:] - t[:-1]
     itae = float(np.sum(spacing * (weighted[1:] + weighted[:-1]))) / 2.0
-    steady = error[t >= STEADY_FROM * t[-1]]
+    steady, moved = error[t >= STEADY_FROM * t[-1]], moves(ref)
     peak_time, overshoot, rise = step_measures(t, error)
     return ErrorMeasures(
         itae,
@@ -56,15 +59,19 @@ def error_measures(
         settling_time(t, ref, error, 0.0),
         math.sqrt(np.mean(effort**2)),
         float(np.sum(spacing[limited[:-1] != 0.0])),
+        float(np.max(np.abs(error))),
+        float(np.max(np.abs(steady))),
+        commanded_change(ref, error),
+        float(t[moved[-1]]) if len(moved) > 0 else 0.0,
     )
 
 
 def step_measures(t: FloatArray, error: FloatArray) -> tuple[float, float, float]:
     """Peak time, overshoot and rise time."""
-    away = np.flatnonzero(np.abs(error) > NO_STEP)
-    if len(away) == 0:
+    away = int(np.argmax(np.abs(error) > NO_STEP))  # the first
+    if not abs(error[away]) > NO_STEP:
         return math.nan, 0.0, math.nan
-    t, error = t[away[0] :], error[away[0] :]
+    t, error = t[away:], error[away:]
     step = abs(error[0])
     beyond = -math.copysign(1.0, error[0]) * error
     peak = int(np.argmax(beyond))
@@ -102,6 +109,8 @@ def settling_time(t: FloatArray, ref: FloatArray, error: FloatArray, band: float
         return 0.0
     if outside[-1] == len(t) - 1:
         return math.nan
+    if len(moved) == 0:
+        return float(t[outside[-1] + 1] - t[0])
     # The last change before each sample, and what is at rest after it: errors while the reference
     # moves take no time.
     ends = np.append(np.zeros(1, dtype=np.intp), moved)
@@ -112,10 +121,9 @@ def settling_time(t: FloatArray, ref: FloatArray, error: FloatArray, band: float
 
 def first_below(t: FloatArray, to_go: FloatArray, level: float) -> float:
     """Time at which `to_go`, the part of the step still to go, first passes `level`."""
-    below = np.flatnonzero(to_go <= level)
-    if len(below) == 0:
+    k = int(np.argmax(to_go <= level))  # the first
+    if not to_go[k] <= level:
         return math.nan
-    k = int(below[0])
     if k == 0:
         return float(t[0])
     before, after = to_go[k - 1], to_go[k]

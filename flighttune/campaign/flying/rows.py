@@ -221,12 +221,15 @@ def fly_batch(
     controller, duration = scenarios[0].controller, scenarios[0].flight.duration_s
     dt = 1.0 / controller.rate_hz
     t = np.arange(round(duration / dt) + 1, dtype=np.float64) * dt
-    instants = t if _moving(scenarios[0]) else np.zeros(1)
     references = [reference_of(scenario) for scenario in scenarios]
     conditions = [start_condition(scenario) for scenario in scenarios]
     # the plant itself has no limits
     laws: list[Any] = [law.make(law_setup(s, gains, command_limits(s))) for s in scenarios]
-    ref = np.array([np.column_stack(reference.sampled(instants)) for reference in references])
+    if _moving(scenarios[0]):
+        ref = np.array([np.column_stack(reference.sampled(t)) for reference in references])
+        rates = np.array([np.column_stack(reference.rates(t)) for reference in references])
+    else:
+        ref, rates = np.array([[reference.initial] for reference in references]), None
     # The bits of each flight do not depend on the others. A flight without a result has to be flown
     # alone to know why it ended.
     batch = fly_sampled(
@@ -234,7 +237,7 @@ def fly_batch(
         conditions,
         ref,
         duration=duration,
-        ref_rates=np.array([np.column_stack(x.rates(instants)) for x in references]),
+        ref_rates=rates,
         disturbances=[_acting(scenario) for scenario in scenarios],
         sensors=[s.sensors.sensors(s.seed) for s in scenarios if s.sensors is not None],
         g=np.array([scenario.flight.g_mps2 for scenario in scenarios]),
