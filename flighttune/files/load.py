@@ -75,7 +75,7 @@ ENDINGS |= dict.fromkeys((".ulg", ".bin", ".tlog", ".csv"), LOG)
 def load_one(path: object, what: str, *kinds: str, columns: Any = ()) -> Any:
     """Read a file of one of some kinds; a RecordingError says that it must be `what`.
 
-    What is no path, as a value that was read before, is returned as it is.
+    A value that was read before, and is no path, is returned as it is.
     """
     if not isinstance(path, str | Path):
         return path
