@@ -18,7 +18,7 @@ from flighttune.flight.fly import fly
 from flighttune.logs.log import Columns
 from flighttune.metrics import FLIGHT_METRICS, METRICS, measures, unit_of
 from flighttune.present.answer import Answer, Answering, Table, pick
-from flighttune.present.names import columns, shown_unit
+from flighttune.present.names import columns, listed, shown_unit
 from flighttune.records.parquet import Recording
 from flighttune.scenario.load import gains_notes, leaves
 from flighttune.simulate.run import Claim, Run, with_claims
@@ -237,9 +237,9 @@ def load_source(
 
 def compare_runs(sources: Iterable[str | Path | Runs], columns: Columns) -> Comparison:
     """Hold runs against those of the first source, as `ft.compare` does."""
-    first, *rest = (_source(runs_of, place, columns) for place, runs_of in enumerate(sources))
-    if not rest:
-        first, *rest = _each_run(first)
+    stated = [_source(runs_of, place, columns) for place, runs_of in enumerate(sources)]
+    compared = stated if len(stated) > 1 else _each_run(*stated)
+    first, *rest = compared
     pairs: list[Pair] = []
     unpaired: dict[str, None] = {}
     for other in rest:
@@ -260,7 +260,10 @@ def compare_runs(sources: Iterable[str | Path | Runs], columns: Columns) -> Comp
         pairs=tuple(pairs),
         metrics=pd.DataFrame(rows, columns=list(COLUMNS)),
         unpaired=tuple(unpaired),
-        missing=tuple(line for source in (first, *rest) for line in source.missing),
+        missing=tuple(
+            f"{listed([source.name for source in compared if line in source.missing])}: {line}"
+            for line in dict.fromkeys(line for source in compared for line in source.missing)
+        ),
     )
 
 

@@ -63,6 +63,13 @@ def test_a_log_without_places_is_at_no_distance(fly_line):
     assert all(map(math.isnan, largest_distance(run, log)))
 
 
+def test_what_two_logs_lack_is_said_once_with_their_names(fly_line):
+    lacking = {"a": ("no gamma", "no h"), "b": ("no gamma", "no h"), "c": ("no h",)}
+    logs = [Source(name=x, runs=(fly_line(),), missing=lines) for x, lines in lacking.items()]
+
+    assert ft.compare(*logs).missing == ("a and b: no gamma", "a, b and c: no h")
+
+
 @pytest.mark.parametrize(
     ("name", "a", "b", "expected"),
     [
@@ -149,7 +156,7 @@ def test_the_runs_of_one_source_are_compared_with_its_first(fly_line):
     found = ft.compare(Source(name="runs/mine", runs=(*runs, never_flown(runs[2]))))
 
     assert [(pair.a, pair.b) for pair in found.pairs] == [(runs[0], run) for run in runs[1:]]
-    assert found.missing == ("kinematic / K2: no gains: infeasible",)
+    assert found.missing == ("runs/mine: kinematic / K2: no gains: infeasible",)
 
 
 def test_behind_an_at_sign_gains_or_plant_choose_among_the_runs_of_a_folder(fly_line, tmp_path):
