@@ -3,6 +3,7 @@
 import math
 import re
 import tomllib
+from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from functools import cache, partial
@@ -20,16 +21,17 @@ from flighttune.flight.fly import library_versions
 from flighttune.logs.checks import check_flight, checked, degrees_as_radians
 from flighttune.logs.read import Column, read_log
 from flighttune.logs.streams import EVENTS, Phase, in_words, inside, on_one_base, phases
+from flighttune.present.names import listed
 from flighttune.references.maps import TOO_LARGE
 from flighttune.simulate.run import SIGNAL_UNITS, Provenance, Run
 from flighttune.units import DEG, FT, G_0, KNOT
 
 # Value of each unit that a log may have, in SI.
 UNITS = (
-    dict.fromkeys(("", "1", "rad", "rad/s", "s", "m", "m/s", "m/s^2", "m/s2"), 1.0)
+    dict.fromkeys(("", "1", "rad", "rad/s", "s", "m", "m/s", "m/s^2", "m/s2", "m/s²"), 1.0)
     | {"deg": DEG, "deg/s": DEG, "°": DEG, "°/s": DEG, "cdeg": 0.01 * DEG, "1e-7deg": 1e-7 * DEG}
     | {"ms": 1e-3, "us": 1e-6, "ns": 1e-9, "mm": 1e-3, "cm": 1e-2, "cm/s": 1e-2, "km": 1e3}
-    | {"ft": FT, "ft/s": FT, "km/h": 1.0 / 3.6, "kn": KNOT, "g": G_0, "mG": 1e-3 * G_0}
+    | {"ft": FT, "ft/s": FT, "km/h": 1.0 / 3.6, "kn": KNOT, "kt": KNOT, "g": G_0, "mG": 1e-3 * G_0}
 )
 
 # What a log may have besides signals of a run; `sources.toml` says what they are.
@@ -39,21 +41,19 @@ RAW = (
     *("phi_err", "theta_err", "n_z_err", "vehicle", "trusted", *EVENTS),
 )
 
-# Endings of the columns of a table that say their unit, such as `chi_deg`, `chi [deg]` and
-# `chi (deg)`: of a signal with several columns the first of these is read.
+# Columns of a table that say their unit: by their ending, such as `chi_deg`, or as `chi [deg]` and
+# `chi (deg)`. Of a signal with several columns the first of these is read.
 ENDINGS = (
     *("_ms:ms", "_s:s", "_m:m", "_mps:m/s", "_rad:rad", "_deg:deg", ""),
     *("_ft:ft", "_fps:ft/s", "_kt:kn", "_kmh:km/h"),
-    *(f" {begin}{unit}{end}:{unit}" for unit in UNITS if unit for begin, end in ("[]", "()")),
 )
+WITH_UNIT = re.compile(r"(\w+) ?[\[(](.+)[\])]")
 
 # Columns that a message lists.
 MAX_SHOWN = 8
 
-# Columns of a table that may be its clock, as COLUMN[:UNIT]; the first that it has is read.
-CLOCKS = tuple(
-    f"{name}{ending}" for name in ("t", "time", "timestamp") for ending in ("", "_s:s", " [s]:s")
-)
+# Names of the clock of a table; the first that it has is read.
+CLOCKS = "t", "time", "timestamp"
 
 # Columns as a user gives them: NAME=SOURCE[:UNIT], files of such, or a mapping.
 Columns: TypeAlias = str | Path | Sequence[str | Path] | Mapping[str, str]
@@ -69,8 +69,9 @@ def _column(name: str, source: str, place: str) -> Column:
     sign = -1.0 if unit.startswith("-") else 1.0
     if colon and unit.removeprefix("-") not in UNITS:
         raise InputError(
-            f"{place}: the unit of `{name}` must be one of {', '.join(filter(None, UNITS))}, with "
-            f"a minus in front for the other sign, got {unit!r}."
+            f"{place}: the unit of `{name}` in the column `{shown(field)}` must be one of "
+            f"{', '.join(filter(None, UNITS))}, with a minus in front for the other sign, got "
+            f"{shown(unit)!r}."
         )
     # A load factor counts g, an acceleration m/s2.
     load_factor = name.startswith("n_") and unit.endswith(("g", "G"))
@@ -125,28 +126,28 @@ def columns_of(
     }
     rolls = {column.source for column in _columns("phi", shipped["phi"], kind)}
     of_jsbsim = shipped if rolls & {*header} else {}
-    places = {}
-    for name in (*SIGNAL_UNITS, *RAW):
-        sources = *of_jsbsim.get(name, ()), *(f"{name}{ending}" for ending in ENDINGS)
-        columns = _columns(name, CLOCKS + sources if name == "t" else sources, kind)
+    labelled, places = defaultdict[str, list[str]](list), {}
+    for column in header:
+        if match := WITH_UNIT.fullmatch(column):  # a dash is the unit of a number without one
+            labelled[match[1]].append(f"{column}:{'1' if match[2] == '-' else match[2]}")
+    for name in (name for name in (*SIGNAL_UNITS, *RAW) if name not in stated):
+        sources = [*of_jsbsim.get(name, ())]
+        for label in CLOCKS if name == "t" else [name]:
+            sources += [*(f"{label}{ending}" for ending in ENDINGS), *labelled[label]]
+        columns = _columns(name, sources, place)
         if there := [column for column in columns if column.source in header]:
             places[name] = there
     places |= stated
     if "t" not in places:
         raise InputError(
             f"{place}: the time must be a column `t`, or given as --column t=COLUMN:UNIT, got "
-            f"columns {', '.join(map(shown, header[:MAX_SHOWN]))}"
-            f"{' ...' if len(header) > MAX_SHOWN else ''}."
+            f"columns {_named(header)}."
         )
     return {"t": places["t"], **places}
 
 
-def _unread(columns: Sequence[str]) -> list[str]:
-    """A sentence that names the columns of a table from which no signal is read."""
-    more = f" and {len(columns) - MAX_SHOWN} more" if len(columns) > MAX_SHOWN else ""
-    names = ", ".join(map(shown, columns[:MAX_SHOWN]))
-    said = f"no signal is read from {names}{more}; --column NAME=COLUMN:UNIT reads one"
-    return [said] if names else []
+def _named(columns: Sequence[str]) -> str:
+    return listed([shown(column) for column in columns], most=MAX_SHOWN)
 
 
 PLANT = "log"  # label of the plant of a run that is a log
@@ -246,7 +247,10 @@ def load_log(
     notes += [f"{line}, which --column trusted= passes" for line in passed]
     check_flight(str(path), signals, vehicle)
     ordered = [name for name in SIGNAL_UNITS if name in signals]
-    missing = [name for name in WANTED if name not in signals]
+    missing = [f"no {name}" for name in WANTED if name not in signals]
+    if unread:
+        way = "--column NAME=COLUMN:UNIT reads one"
+        missing.append(f"no signal is read from {_named(unread)}; {way}")
     gaps = [
         f"{name}: {share:.1%} of the time"
         for name in ordered
@@ -258,7 +262,7 @@ def load_log(
         "from_s": start,
         "phases": in_words(listed),
         "odd": odd,
-        "missing": [f"no {name}" for name in missing] + _unread(unread),
+        "missing": missing,
         "gaps": gaps + large,
         "checks": [*wrong, *notes],
         "wrong": wrong,

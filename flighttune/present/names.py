@@ -99,9 +99,8 @@ def metric_label(key: str, channels: Mapping[str, str] = SYMBOLS) -> Column:
     channel, _, metric = key.partition(".")
     metric, _, band = metric.partition(" within ")
     si = metric.replace("_deg", "_rad").replace("_dps", "_rad_s")
-    label = replace((METRIC_LABELS | QUANTITIES)[si], key=key)
-    if si != metric:
-        label = replace(label, factor=1.0)
+    label = (METRIC_LABELS | QUANTITIES)[si]
+    label = replace(label, key=key, factor=label.factor if si == metric else 1.0)
     if band:
         label = replace(label, name=f"{label.name.partition(' (')[0]} (within {band})")
     if channel not in channels:
@@ -157,8 +156,10 @@ def key_words(key: str) -> str:
     return " ".join(filter(None, words)) + owner
 
 
-def listed(words: Sequence[str], joint: str = "and") -> str:
-    """Words as they are read: ``a``, ``a and b``, ``a, b and c``."""
+def listed(words: Sequence[str], joint: str = "and", most: int | None = None) -> str:
+    """Words as they are read: ``a``, ``a and b``, ``a, b and c``; the first `most` of many."""
+    if most is not None and len(words) > most:
+        words = [*words[:most], f"{len(words) - most} more"]
     return f" {joint} ".join(filter(None, [", ".join(words[:-1]), *words[-1:]]))
 
 

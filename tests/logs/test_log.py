@@ -177,6 +177,7 @@ def test_a_table_of_older_programs_is_read_and_its_other_columns_listed(tmp_path
     [
         ("V_a_kt", 50.0),
         ("V_a [km/h]", 92.6),
+        ("V_a[kt]", 50.0),
         ("/fdm/jsbsim/velocities/vt-fps", 84.39),
         ("velocities/vt-fps", 84.39),
     ],
@@ -188,7 +189,8 @@ def test_units_in_the_labels_of_a_table_are_read(clean, tmp_path, label, value, 
     before, jsbsim, _ = label.rpartition("velocities/vt-fps")
     time = f"{before}simulation/sim-time-sec" if jsbsim else "t [s]"
     roll = f"{before}attitude/phi-deg" if jsbsim else "phi (°)"
-    columns = {time: t, roll: np.degrees(signals["phi"]), label: value, "n_z [g]": signals["n_z"]}
+    load = "n_z [-]" if "[kt]" in label else "n_z [g]"
+    columns = {time: t, roll: np.degrees(signals["phi"]), label: value, load: signals["n_z"]}
     pd.DataFrame(columns).to_csv(path, index=False, encoding=encoding)
 
     read = ft.load_log(path).signals
@@ -507,12 +509,27 @@ def test_what_is_no_flight_is_refused_in_one_line(flight, tmp_path, make, name, 
     [
         (["chi=heding:deg"], "the column of `chi` must be one of the file's, got 'heding'"),
         (["course=V_a_mps"], "`course` must be a signal"),
-        (["V_a=V_a_mps:furlong"], "the unit of `V_a` must be one of .*got 'furlong'"),
+        (["V_a=V_a_mps:furlong"], "`V_a_mps` must be one of .*got 'furlong'"),
     ],
 )
 def test_a_wrong_column_is_one_line(table, columns, says):
     with pytest.raises(ft.InputError, match=says):
         ft.load_log(table(), columns=columns)
+
+
+@pytest.mark.parametrize(("label", "unit"), [("phi [grad]", "grad"), ("time (min)", "min")])
+def test_a_label_with_an_unknown_unit_is_refused_unless_the_column_is_given(
+    clean, tmp_path, label, unit
+):
+    (t, signals), path = clean, tmp_path / "flight.csv"
+    columns = {"t": t, "phi_rad": signals["phi"], "V_a": signals["V_a"], label: t}
+    pd.DataFrame(columns).to_csv(path, index=False)
+
+    with pytest.raises(ft.InputError, match=re.escape(label) + f"` must be .*got '{unit}'"):
+        ft.load_log(path)
+
+    read = ft.load_log(path, columns=["t=t:s", "phi=phi_rad:rad"])
+    assert read.signals["phi"].to_numpy() == pytest.approx(signals["phi"], abs=1e-9)
 
 
 @pytest.mark.soak
