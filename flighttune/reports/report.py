@@ -11,6 +11,7 @@ from flighttune.campaign.statistics.intervals import CONFIDENCE, Method
 from flighttune.claims.monitor import LogMonitor, Monitor
 from flighttune.errors import InputError
 from flighttune.files.load import BAND, CLAIMS, DATASET, MONITOR, load_one, written
+from flighttune.flight.flown import FlownScenario
 from flighttune.logs.log import Columns
 from flighttune.present.frame import Report
 from flighttune.records.compare import Source, load_source
@@ -19,7 +20,7 @@ from flighttune.reports.page import write_log_page, write_report
 
 
 def report(
-    source: str | Path | Source,
+    source: str | Path | FlownScenario,
     path: str | Path | None = None,
     *,
     claims: Sequence[str | Path] = (),
@@ -34,11 +35,11 @@ def report(
 
     Parameters
     ----------
-    source : str, Path or Source
+    source : str, Path or FlownScenario
         A run folder, a recording or a Parquet file; ``SCENARIO@GAINS``, which is flown; the folder
         of a campaign, which may be running; the file of a claim; or the log of a real flight (.ulg,
         .bin, .tlog, .csv), ``@START:END`` for a part of it in s. What a file is, is read from its
-        content.
+        content. Also flights that `fly` returned.
     path : str or Path, optional
         HTML file to write or replace; by default ``report.html``, in the folder of a campaign.
         Parent folders are made.
@@ -75,7 +76,11 @@ def report(
     >>> ft.report("paper_as_printed@paper", "report.html").summary[0]
     'Claim met: 4 of 4 requirements.'
     """
-    if not isinstance(source, Source):
+    if isinstance(source, FlownScenario):
+        if changes:
+            raise InputError("`changes` must be absent for flights that `fly` returned.")
+        flown = Source(name=source.scenario.title, runs=source.runs)
+    else:
         stated = written(source, DATASET, *CLAIMS)
         if stated is not None and (claims or changes or columns):
             raise InputError(
@@ -87,14 +92,14 @@ def report(
             return campaign.write_campaign_report(findings, path or Path(source) / "report.html")
         if stated is not None:
             return claim.write_claim_page(stated, str(Path(source)), path or "report.html")
-        source = load_source(source, changes=changes or {}, columns=columns)
+        flown = load_source(source, changes=changes or {}, columns=columns)
     page = Path(path or "report.html")
-    if any(run.provenance.log for run in source.runs):
+    if any(run.provenance.log for run in flown.runs):
         monitors = [load_one(file, "monitor", MONITOR, BAND) for file in claims]
         for file, monitor in zip(claims, monitors, strict=True):
             if not isinstance(monitor, Monitor | LogMonitor):
                 raise InputError(f"{file}: must be a monitor: a log is of no scenario.")
-        return write_log_page(source, page, monitors)
+        return write_log_page(flown, page, monitors)
     if columns:
-        raise InputError(f"{source.name}: `--column` must be absent for what is no log.")
-    return write_report(within(source, claims), page)
+        raise InputError(f"{flown.name}: `--column` must be absent for what is no log.")
+    return write_report(within(flown, claims), page)

@@ -135,6 +135,14 @@ def test_an_aircraft_beside_its_nominal_self_has_a_gap_of_its_own(tmp_path):
     assert nominal != heavy
 
 
+def test_flights_need_no_folder_for_a_page(flown_paper, tmp_path):
+    written = ft.report(flown_paper, tmp_path / "page.html")
+
+    assert written.summary[0].startswith("Claim met: ")
+    with pytest.raises(ft.InputError, match="`changes` must be absent"):
+        ft.report(flown_paper, tmp_path / "page.html", changes={"seed": 2})
+
+
 def test_gains_from_a_file_are_called_by_their_name(flown_paper, tmp_path):
     run = flown_paper.runs[0]
     own = dataclasses.replace(run.provenance, gains_name="mine")
