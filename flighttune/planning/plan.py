@@ -1,6 +1,6 @@
 """A campaign ready to fly: gains as numbers, groups of plant and gains, and draws on demand."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from pathlib import Path
@@ -50,10 +50,12 @@ class Group(NamedTuple):
         return f"{self.plant} / {self.gains}"
 
 
-def draws_in_words(flights: int, groups: int) -> str:
-    """``7.5 draws of 8 groups``: what a number of flights is, as every group flies each draw."""
-    draws = round(flights / groups, 1)
-    return f"{draws:.12g} draw{'s' * (draws != 1)} of {groups} group{'s' * (groups != 1)}"
+def draws_in_words(flights: int, groups: Sequence[Group]) -> str:
+    """``7.5 draws, each by 4 gain sets on 2 plants``: what a number of flights is."""
+    plants, gains = map(set, zip(*groups, strict=True))
+    counts = {"draw": round(flights / len(groups), 1), "gain set": len(gains), "plant": len(plants)}
+    draws, sets, on = (f"{n:.12g} {what}{'s' * (n != 1)}" for what, n in counts.items())
+    return f"{draws}, each by {sets} on {on}"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -284,8 +286,7 @@ def plan_campaign(campaign: Campaign, *, runs: int | None = None) -> Plan:
     windy = campaign.central.windy  # then aircraft fly first, as the others replay their wind
     plants = sorted(scenario.plant, key=lambda plant: windy and plant.aircraft is None)
     groups = tuple(Group(plant.label, name) for plant in plants for name in scenario.gain_names)
-    if runs is None:
-        runs = campaign.runs or cycle(campaign) * len(groups)
+    runs = (campaign.runs or cycle(campaign) * len(groups)) if runs is None else runs
     hashes = aircraft_hashes(scenario)
     return Plan(campaign=campaign, gain_sets=sets, groups=groups, runs=runs, aircraft=hashes)
 

@@ -10,14 +10,13 @@ from flighttune.campaign.dataset import dataset_hash
 from flighttune.campaign.statistics.findings import SUCCESS, Findings, answer_words
 from flighttune.files.shipped import scenario_files
 from flighttune.files.table import toml_text
-from flighttune.planning.plan import draws_in_words
 from flighttune.plants.base import goes_by
 from flighttune.present.answer import MISSING, Answer, Column, Table, facts_table, figures, percent
 from flighttune.present.frame import Report, Section, page_template, write_page
 from flighttune.present.names import columns, key_words, listed, metric_label
 from flighttune.reports import campaign_charts as charts
 from flighttune.reports.campaign_charts import bound_words, influential_parameters, parameter
-from flighttune.reports.panels import TEXTS, by_plant
+from flighttune.reports.panels import TEXTS
 
 # Metrics of the page; the JSON object has all.
 METRICS = (
@@ -97,8 +96,7 @@ def write_campaign_report(findings: Findings, path: str | Path) -> Report:
 def summary(findings: Findings) -> tuple[str, ...]:
     """The answer if there is a question, the number of flights that succeed, and what matters."""
     groups = findings.values["groups"]
-    n = sum(group["n"] for group in groups)
-    succeeded = by_plant((group["plant"], group["successes"], group["n"]) for group in groups)
+    succeeded = [f"{group['group']} {group['successes']}/{group['n']}" for group in groups]
     strongest = Counter(
         key_words(apart[0])
         for group in groups
@@ -110,7 +108,7 @@ def summary(findings: Findings) -> tuple[str, ...]:
     answered = answer_words(findings.values.get("sure", {}), findings.plan.campaign.until_sure)
     return (
         *filter(None, [answered]),
-        f"Flights that succeed: {succeeded} ({draws_in_words(n, len(groups))}).",
+        f"Flights that succeed: {', '.join(succeeded)}.",
         f"What matters most: {matters}.",
     )
 

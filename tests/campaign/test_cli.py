@@ -148,7 +148,7 @@ def test_a_dry_run_shows_plan_cost_and_room_and_writes_nothing(tmp_path, file):
     found = answer("campaign", file, "--dry-run", "--workers", 3, "--runs", 4002, cwd=tmp_path)
 
     assert (found["runs"], found["draws"], found["design"]) == (4002, 1001, "random")
-    assert found["notes"][0] == "4002 flights = 1000.5 draws of 4 groups"
+    assert found["notes"][0] == ("4002 flights = 1000.5 draws, each by 2 gain sets on 2 plants")
     plants = [group["plant"] for group in found["groups"]]
     assert plants == ["jsbsim:aerosonde", "jsbsim:aerosonde", "kinematic", "kinematic"]
     assert all(group["run_s"] > 0.0 for group in found["groups"])

@@ -51,13 +51,13 @@ def page(made_up, tmp_path_factory):
     return write_campaign_report(made_up, tmp_path_factory.mktemp("page") / "report.html")
 
 
-def test_the_page_counts_each_plant_apart(made_up, page):
+def test_the_page_counts_each_gain_set_on_each_plant_apart(made_up, page):
     rows = made_up.rows
-    counts = rows.groupby("plant", sort=False)["success"].agg(["sum", "size"])
+    counts = rows.groupby(["plant", "gains"], sort=False)["success"].agg(["sum", "size"])
 
-    shares = ", ".join(f"{plant} {good}/{n}" for plant, (good, n) in counts.T.items())
-    assert len(counts) > 1
-    assert page.summary[0].startswith(f"Flights that succeed: {shares} (")
+    shares = [f"{plant} / {gains} {good}/{n}" for (plant, gains), (good, n) in counts.T.items()]
+    assert len(counts) == 4
+    assert page.summary[0] == f"Flights that succeed: {', '.join(shares)}."
 
 
 @pytest.mark.soak

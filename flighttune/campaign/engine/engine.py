@@ -16,7 +16,7 @@ from flighttune.claims.count import looks
 from flighttune.errors import InputError, RecordingError, StoppedError
 from flighttune.files.load import CAMPAIGN
 from flighttune.flight.fly import library_versions
-from flighttune.planning.plan import Plan, draws_in_words, plan_campaign
+from flighttune.planning.plan import Group, Plan, draws_in_words, plan_campaign
 from flighttune.planning.source import load_campaign
 from flighttune.present.answer import Answer, Answering, Table, pick
 from flighttune.present.names import columns, duration, endings_table, rate
@@ -38,7 +38,7 @@ def forecast(plan: Plan, workers: int | None = None) -> Answer:
     cost = {} if plan.code else _cost(plan, workers or cores())
     campaign, keep = plan.campaign, plan.campaign.keep
     disperse = [table.model_dump(mode="json", exclude_none=True) for table in campaign.disperse]
-    counted = draws_in_words(plan.runs, len(plan.groups))
+    counted = draws_in_words(plan.runs, plan.groups)
     keys = " ".join(dict.fromkeys(key for table in disperse for key in table))
     values = {
         "title": campaign.title,
@@ -117,7 +117,7 @@ class CampaignOutcome(Answering):
     kept: int  # runs whose signals are kept
     wall_s: float  # s, of this time
     rate_per_s: float  # 1/s, flown / wall_s
-    groups: int  # plants and gain sets that fly each draw
+    groups: tuple[Group, ...]  # plants and gain sets that fly each draw
     endings: list[Mapping[str, Any]]  # run, status and reason of those that are not completed
     # Of each group whether the share asked for succeeds: yes, no, or empty if it is not sure
     sure: Mapping[str, str] = field(default_factory=dict)
@@ -228,7 +228,7 @@ def run_campaign(
         **{name: getattr(progress, name) for name in COUNTED},
         statuses=dict(sorted(progress.statuses.items())),
         kept=len(dataset.kept),
-        groups=len(plan.groups),
+        groups=plan.groups,
         endings=progress.endings,
         sure=sure,
         until_sure=plan.campaign.until_sure,
