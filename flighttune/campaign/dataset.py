@@ -26,7 +26,7 @@ from flighttune.campaign.flying.columns import NOT_REPRODUCIBLE, Row, table_of
 from flighttune.errors import InputError, OutputError, RecordingError
 from flighttune.files.load import CAMPAIGN
 from flighttune.files.table import hash_of
-from flighttune.files.whole import reason_of, whole_file
+from flighttune.files.whole import allowed, reason_of, whole_file
 from flighttune.planning.plan import FORMAT, Plan, recorded_plan
 
 LOCK = "campaign.lock"
@@ -140,10 +140,8 @@ class Dataset:
         """The rows of one file; RecordingError if they are not as they were written."""
         path = self.folder / part.path
         wanted = None if columns is None else [*dict.fromkeys(["run", *columns])]
-        try:
+        with allowed(path, "readable"):
             data = path.read_bytes()
-        except OSError as error:
-            raise RecordingError(f"{path}: must be readable, got {reason_of(error)}.") from error
         if Part.holding(part.runs, data) != part:
             raise RecordingError(
                 f"{path}: is damaged or was changed: it must have the hash in its name; "
@@ -180,10 +178,8 @@ class Dataset:
     def remove(self, name: str) -> None:
         """Remove a file, named by its path in the folder; OutputError if it cannot be."""
         path = self.folder / name
-        try:
+        with allowed(path, "removable", OutputError):
             path.unlink(missing_ok=True)
-        except OSError as error:
-            raise OutputError(f"{path}: must be removable, got {reason_of(error)}.") from error
 
     def clean(self) -> None:
         """Remove the unfinished files of a campaign that was killed."""

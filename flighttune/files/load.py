@@ -163,10 +163,8 @@ def file_bytes(path: Path, kind: str) -> bytes:
     if not path.is_file():
         got = "a folder" if path.is_dir() else "no such file"
         raise RecordingError(f"{path}: must be a {kind}, got {got}.")
-    try:
+    with whole.allowed(path, "readable"):
         data = path.read_bytes()
-    except OSError as error:
-        raise RecordingError(f"{path}: must be readable, got {whole.reason_of(error)}.") from error
     if not data:
         raise RecordingError(f"{path}: must be a {kind}, got an empty file.")
     return data

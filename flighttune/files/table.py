@@ -22,7 +22,7 @@ from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
 from flighttune.errors import InputError, ScenarioError, naming
-from flighttune.files.whole import write_text
+from flighttune.files.whole import allowed, write_text
 
 # Mistakes listed in one line; the rest is counted.
 MAX_LISTED = 5
@@ -222,14 +222,12 @@ def _json(text: str) -> Any:
 
 def file_text(path: Path) -> str:
     """The text of a file; ScenarioError if it is too large or no UTF-8."""
+    with allowed(path, "readable", ScenarioError), path.open("rb") as file:
+        data = file.read(MAX_BYTES + 1)
+    if len(data) > MAX_BYTES:
+        raise ScenarioError(f"{path}: the file must have at most {MAX_BYTES} bytes, got more.")
     try:
-        with path.open("rb") as file:
-            data = file.read(MAX_BYTES + 1)
-        if len(data) > MAX_BYTES:
-            raise ScenarioError(f"{path}: the file must have at most {MAX_BYTES} bytes, got more.")
         return data.decode("utf-8-sig")
-    except OSError as error:
-        raise ScenarioError(f"{path}: the file must be readable: {error.strerror}.") from error
     except UnicodeDecodeError as error:
         raise ScenarioError(f"{path}: the file must be UTF-8 text: {error}.") from error
 

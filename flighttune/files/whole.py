@@ -9,7 +9,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory, gettempdir
 from typing import IO
 
-from flighttune.errors import FORKS, OutputError
+from flighttune.errors import FORKS, OutputError, RecordingError
 
 MEMORY = Path("/dev/shm")  # a folder in memory, ten times as fast as a disk
 
@@ -66,12 +66,19 @@ def reason_of(error: OSError) -> str:
     return text[:1].lower() + text[1:]
 
 
+@contextmanager
+def allowed(path: object, what: str, kind: type[Exception] = RecordingError) -> Iterator[None]:
+    """Raise `kind` where the system refuses the block: `path` must be `what`, such as readable."""
+    try:
+        yield
+    except OSError as error:
+        raise kind(f"{path}: must be {what}, got {reason_of(error)}.") from error
+
+
 def made_folder(folder: Path) -> Path:
     """Make a folder and those above it; OutputError if it cannot be made."""
-    try:
+    with allowed(folder, "writable", OutputError):
         folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise OutputError(f"{folder}: must be writable, got {reason_of(error)}.") from error
     return folder
 
 

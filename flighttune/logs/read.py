@@ -20,7 +20,7 @@ import numpy as np
 from flighttune.arrays import FloatArray
 from flighttune.errors import InputError, RecordingError, need
 from flighttune.files.load import kind_of_log
-from flighttune.files.whole import reason_of
+from flighttune.files.whole import allowed
 from flighttune.flight.apart import apart
 from flighttune.simulate.run import SIGNAL_UNITS
 
@@ -61,11 +61,8 @@ class _OwnFaultError(RuntimeError):
 
 def _kind_of(path: Path) -> str:
     """Kind of a log by its first bytes, ``csv`` by its ending; empty for another file."""
-    try:
-        with path.open("rb") as file:
-            head = file.read(16)
-    except OSError as error:
-        raise RecordingError(f"{path}: the log must be readable: {reason_of(error)}.") from error
+    with allowed(path, "readable"), path.open("rb") as file:
+        head = file.read(16)
     kind, table = kind_of_log(head), path.suffix.lower() == ".csv"
     return "csv" if table and kind in ("", "MAVLink") else kind
 

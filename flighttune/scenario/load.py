@@ -20,7 +20,7 @@ from flighttune.control.law import DEFAULT, split_name
 from flighttune.errors import InputError, ScenarioError, naming
 from flighttune.files.shipped import aircraft_folders, campaign_files, nearest_name, scenario_files
 from flighttune.files.table import abridged, json_tables, mistakes, shown, toml_tables, validated
-from flighttune.files.whole import reason_of
+from flighttune.files.whole import allowed
 from flighttune.references.mission import read_route
 from flighttune.scenario.schema import GainsTable, Scenario
 from flighttune.scenario.tables import LawTable, PlantTable
@@ -312,12 +312,8 @@ def module_sha256(file: Path, where: str) -> str:
     """Hash of a Python file of the user's; errors begin with `where` it is stated."""
     if not os.path.isfile(file):  # False for what can be no name of a file
         raise ScenarioError(f"{where} `module` must be a file, got {abridged(str(file))}.")
-    try:
+    with allowed(f"{where} `module` {file}", "readable", ScenarioError):
         return file_sha256(file)
-    except OSError as error:
-        raise ScenarioError(
-            f"{where} `module` must be a file that can be read, got {file}: {reason_of(error)}."
-        ) from error
 
 
 def as_recorded(tables: Any) -> Any:

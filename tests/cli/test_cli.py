@@ -66,7 +66,7 @@ def test_infeasible_gains_are_not_flown_and_say_so(tmp_path):
         ("campaign paper", "paper is a scenario: `flighttune fly paper`"),
         ("fly a4", "a4 is an aircraft: `flighttune trim a4`"),
         ("certify paper --gains=", "`gains` must be one of tuned, paper, K1"),
-        ("certify paper --gains gone.json", "gone.json: the file must be readable"),
+        ("certify paper --gains gone.json", "gone.json: must be readable, got no such file"),
         ("certify level_turn --envelope", "`envelope` must be given"),
         ("view gone.rrd", "gone.rrd"),
         ("verify none.rrd", "none.rrd"),
