@@ -64,7 +64,8 @@ def check_between(low: float, high: float, **values: float) -> None:
 
 def check_upright(**angles: float) -> None:
     """Refuse the first of `angles` (rad) that is not inside +-pi/2."""
-    _check(lambda angle: abs(angle) < math.pi / 2, "lie inside +-pi/2", angles, "rad")
+    degrees = {name: math.degrees(angle) for name, angle in angles.items()}  # as in files
+    _check(lambda angle: abs(angle) < 90.0, "lie inside +-90 deg", degrees, "deg")
 
 
 def check_finite(**values: npt.ArrayLike | None) -> None:

@@ -139,8 +139,7 @@ def kinematic_model(
     """
     check_positive(V_a=V_a, g=g)
     check_upright(gamma=gamma, phi=phi)
-    if n_z is None:
-        n_z = math.cos(gamma) / math.cos(phi)
+    n_z = math.cos(gamma) / math.cos(phi) if n_z is None else n_z
     entries = math.sin(gamma), 1.0 / math.cos(phi) ** 2, n_z * math.sin(phi), math.cos(phi)
     model = entry_model(g / V_a * np.array(entries))
     if not airspeed:

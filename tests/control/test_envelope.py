@@ -85,7 +85,7 @@ def test_an_envelope_is_scaled_about_the_trim():
     [
         ({"V_a": (0.0, 30.0)}, "`V_a` must be positive, got 0 m/s"),
         ({"V_a": (30.0, 20.0)}, "`V_a` must be a range"),
-        ({"phi": (-2.0, 0.0)}, r"`phi` must lie inside \+-pi/2"),
+        ({"phi": (-2.0, 0.0)}, r"`phi` must lie inside \+-90 deg"),
         ({"n_z": (0.0, math.nan)}, "`n_z` must be a range"),
     ],
 )
