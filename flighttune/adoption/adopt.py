@@ -24,7 +24,7 @@ from flighttune.aircraft.aircraft import (
     save_gains,
 )
 from flighttune.aircraft.model_xml import read_xml
-from flighttune.arrays import check_finite
+from flighttune.arrays import check_positive
 from flighttune.control.gains import PAPER_GAINS, PAPER_SPEED
 from flighttune.errors import InputError, PlantError, TrimError
 from flighttune.files.shipped import models_of_jsbsim, nearest_name
@@ -246,7 +246,7 @@ def adopt(
     >>> ft.adopt("ball", Path("aircraft/ball")).status
     'refused'
     """
-    check_finite(V_a=V_a, h=h)
+    check_positive("", **{"--V-a": V_a, "--h": h})  # the ground is at 0 m
     began, began_at, used = time.monotonic(), time.time(), time.process_time()
     model = _model(model, folder)
     draft = made_folder(folder) / "aircraft.toml"
