@@ -73,16 +73,11 @@ app = typer.Typer(
     epilog="Begin with: flighttune fly paper. Exit status: 0 fine, 1 the answer is no, 2 could not "
     "run.",
 )
-BODIES = {
-    "list": list_shipped,
-    **{
-        body.__name__: body
-        for body in (
-            *(adopt, band, campaign, certify, compare, design, export, fly, gap, identify, meet),
-            *(mission, monitor, new, report, reproduce, trim, tube, tune, verify, view, worst),
-        )
-    },
-}
+NAMED_AS_FUNCTION = (
+    *(adopt, band, campaign, certify, compare, design, export, fly, gap, identify, meet),
+    *(mission, monitor, new, report, reproduce, trim, tube, tune, verify, view, worst),
+)
+BODIES = {"list": list_shipped, **{body.__name__: body for body in NAMED_AS_FUNCTION}}
 
 for panel, commands in COMMANDS.items():
     for name, texts in commands.items():

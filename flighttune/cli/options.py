@@ -75,6 +75,9 @@ COMPLETE: dict[str, Callable[[], Any]] = {
 TYPES = {"str": str, "int": int, "float": float, "bool": bool, "Path": Path, "Columns": str}
 SEQUENCES, OF_PYTHON = {"Columns", "Iterable", "Sequence"}, {"Callable", "Mapping"}
 
+# Endings of the files that commands write.
+OF_FILES = ".csv", ".html", ".json", ".npz", ".parquet", ".rrd", ".svg", ".toml"
+
 # Parameters that the command line supplies.
 SUPPLIED = {"progress": progress_bar, "observer": campaign_display}
 
@@ -149,6 +152,8 @@ def _read(words: list[str], how: str, flag: str, form: str) -> Any:
 
 def _file_to_write(flag: str, text: str, file: Path | None, source: Any) -> Path | None:
     """A file, its ending checked, or its default: the help of its option says both."""
+    if file and text.startswith("Folder") and file.suffix in OF_FILES and not file.is_dir():
+        raise InputError(f"{file}: {flag} must be a folder, got the name of a file.")
     check_ending(file, *re.findall(r"\((\.\w+)\)", text), option=flag)
     default = re.search(r"\[default: (runs/\S+)\]", text)
     if file or not default:

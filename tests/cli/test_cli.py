@@ -98,6 +98,8 @@ def test_infeasible_gains_are_not_flown_and_say_so(tmp_path):
         ),
         ("adopt 737 --V-a nan", "`--V-a` must be positive, got nan"),
         ("adopt 737 --h 0", "`--h` must be positive, got 0.0"),
+        ("gap paper --out x.html", "x.html: --out must be a folder"),
+        ("fly paper --out x.rrd", "x.rrd: --out must be a folder"),
         ("meet paper --page page.pdf", "page.pdf: --page must end in .html"),
         ("meet gust_in_turn", "[[expect]] must bound a measure"),
         ("compare paper paper@tuned", "paper@paper"),
