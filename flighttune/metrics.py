@@ -85,6 +85,9 @@ LOOP_METRICS = (
     *("disk_margin", "roll_rate_rad_s"),
 )
 
+# Measures that may be negative.
+SIGNED = ("MS_rad", "MS_mps", "n_z_min", "n_z_max", *LOOP_METRICS)
+
 # Units of measures by the ends of their names; of airspeeds m/s stands for rad.
 UNIT_OF_END = {"ITAE": "rad s^2", "ITAE_mean": "rad s", "_rad": "rad", "_mps": "m/s", "_m": "m"}
 

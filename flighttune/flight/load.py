@@ -1,7 +1,6 @@
 """A scenario from its file, with what it names; what cannot be flown is refused in one line."""
 
-import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +22,9 @@ from flighttune.units import DEG
 
 # Key of [flight] for each attribute of a condition that an aircraft bounds.
 FLIGHT_KEYS = {"V_a": "V_a_mps", "h": "h_m", "phi": "phi_deg", "n_z": "n_z"}
+
+# Commands of level flight, by key of [limits], in its unit, and that unit in SI.
+LEVEL_FLIGHT = {"phi_deg": (0.0, DEG), "n_z": (1.0, 1.0), "n_x": (0.0, 1.0)}
 
 # Path angle by which a route may be shallower than a glide, rad: 0.1 deg.
 OFF_GLIDE = 0.1 * DEG
@@ -161,6 +163,7 @@ def check_scenario(scenario: Scenario, source: str) -> None:
             conditions.lead_on(scenario, plant)
         tuning_scaling(scenario)
         faults = {fault: None for plant in scenario.plant for fault in _faults(scenario, plant)}
+        faults = faults or dict.fromkeys(_level_faults(scenario))
         if scenario.feasible and not faults:
             conditions.reference_of(scenario)
     if faults:
@@ -177,10 +180,8 @@ def check_identified(scenario: Scenario, source: str) -> None:
 
 def _faults(scenario: Scenario, plant: PlantTable) -> Iterator[str]:
     if plant.identified is not None:
-        try:
-            _ = plant.identified_model
-        except InputError as error:
-            yield f"[plant] `identified` must be an aircraft or a model file: {error}"
+        key = "[plant] `identified` must be an aircraft or a model file:"
+        yield from _fault(key, lambda: plant.identified_model)
     if plant.aircraft is None:
         return
     try:
@@ -191,22 +192,25 @@ def _faults(scenario: Scenario, plant: PlantTable) -> Iterator[str]:
             reason = f"`aircraft` must be one that can be read: {reason}"
         yield f"[plant] {reason}"
         return
-    if plant.throttle_max is not None:
-        try:
-            config.with_throttle_max(plant.throttle_max)
-        except InputError as error:
-            yield f"[plant] {error}"
-    if plant.airframe is not None:
-        try:
-            check_off_nominal(config.with_off_nominal(plant.airframe))
-        except InputError as error:
-            yield f"[plant.airframe] {error}"
+    if (most := plant.throttle_max) is not None:
+        yield from _fault("[plant]", lambda: config.with_throttle_max(most))
+    if (off := plant.airframe) is not None:
+        yield from _fault(
+            "[plant.airframe]", lambda: check_off_nominal(config.with_off_nominal(off))
+        )
     if scenario.route is not None and not config.engines.count:
         yield from _glide_faults(scenario, config)
     ground = scenario.flight.ground_m
     for name, fault in start_faults(config, conditions.start_condition(scenario), ground):
         yield f"[flight] `{FLIGHT_KEYS[name]}` {fault}"
     yield from _limit_faults(scenario, config)
+
+
+def _fault(key: str, read: Callable[[], object]) -> Iterator[str]:
+    try:
+        read()
+    except InputError as error:
+        yield f"{key} {error}"
 
 
 def _glide_faults(scenario: Scenario, config: AircraftConfig) -> Iterator[str]:
@@ -229,7 +233,7 @@ def _glide_faults(scenario: Scenario, config: AircraftConfig) -> Iterator[str]:
 
 
 def _limit_faults(scenario: Scenario, config: AircraftConfig) -> Iterator[str]:
-    """Commands and airspeeds beyond those of the aircraft, and an n_x without steady flight."""
+    """Commands and airspeeds beyond those of the aircraft."""
     for key, (least, most), unit, symbol in (
         ("phi_deg", config.limits.phi, DEG, " deg"),
         ("n_z", config.limits.n_z, 1.0, ""),
@@ -242,21 +246,25 @@ def _limit_faults(scenario: Scenario, config: AircraftConfig) -> Iterator[str]:
             )
     if not scenario.airspeed:
         return
-    f, (low, high) = scenario.flight, config.envelope.V_a
-    if scenario.route is not None:
-        where, asked = "[[route.waypoint]]", tuple(scenario.route.airspeeds.values())
-    else:
-        assert scenario.reference is not None  # one of both is there
-        where, asked = "[reference]", scenario.reference.airspeeds(f)
-    if wrong := [V for V in asked if not low < V < high]:
+    low, high = config.envelope.V_a
+    where = "[reference]" if scenario.route is None else "[[route.waypoint]]"
+    if wrong := [V for V in scenario.airspeeds[1:] if not low < V < high]:
         yield (
             f"{where} `V_mps` must stay inside {low:g} to {high:g} m/s of {config.folder.name}, "
             f"got {wrong[0]:g} m/s"
         )
-    limits = conditions.command_limits(scenario).within(config.limits.limits(airspeed=True))
-    least, most = float(limits.lower[2]), float(limits.upper[2])
-    if not least < math.sin(f.gamma_deg * DEG) < most:
-        yield (
-            f"[limits] `n_x` must hold that of steady flight at the start, "
-            f"{math.sin(f.gamma_deg * DEG):.3g}, got {least:g} to {most:g}"
-        )
+
+
+def _level_faults(scenario: Scenario) -> Iterator[str]:
+    """Limits of commands that hold neither those of the start nor those of level flight."""
+    # A flight may begin beyond its limits and come back to them, or turn all the time.
+    limits = conditions.limits_on(scenario, scenario.plant)
+    start = conditions.start_condition(scenario).commands(len(limits.lower))
+    commands = zip(LEVEL_FLIGHT.items(), start, limits.lower, limits.upper, strict=False)
+    for (key, (level, unit)), *values in commands:
+        at_start, low, high = (value / unit for value in values)
+        if not any(low <= value <= high for value in (at_start, level)):
+            yield (
+                f"[limits] `{key}` must hold that of steady flight at the start, {at_start:.3g}, "
+                f"or of level flight, {level:g}, got {low:g} to {high:g}"
+            )

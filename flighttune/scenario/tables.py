@@ -940,6 +940,8 @@ class ExpectTable(q.Table):
                             f"`{subject}.{name}` must be one of {', '.join((*measures, 'within'))} "
                             "(or _deg in place of _rad)"
                         )
+                    elif sense == "at_most" and bound < 0.0 and in_rad(name) not in metrics.SIGNED:
+                        raise ValueError(f"`{subject}.{name}` must be at least 0, got {bound:g}")
         return self
 
     def meant(self, plant: str, gains: str) -> bool:

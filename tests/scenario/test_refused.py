@@ -2,9 +2,10 @@
 
 import pytest
 from fuzzing import to_toml
-from made_up import scenario_tables
+from made_up import made_up_scenario, scenario_tables
 
 import flighttune as ft
+from flighttune.flight.load import check_scenario
 
 KINEMATIC, AEROSONDE = {"kind": "kinematic"}, {"kind": "jsbsim", "aircraft": "aerosonde"}
 A4 = {"kind": "jsbsim", "aircraft": "a4"}
@@ -25,6 +26,8 @@ KEYS = [
     ({"flight": {"duration_s": 0.01}}, r"`duration_s` of \[flight\] must be at least two samples"),
     ({"flight": {"duration_s": 1e5}}, r"`duration_s` of \[flight\].* 1000000"),
     ({"limits": {"phi_deg": [45.0, -45.0]}}, r"must be a range \[low, high\] with low below high"),
+    ({"limits": {"n_z": [1.2, 2.0]}}, r"\[limits\] `n_z` .* level flight, 1, got 1\.2 to 2"),
+    ({"limits": {"phi_deg": [10.0, 40.0]}}, r"`phi_deg` .* level flight, 0, got 10 to 40"),
     ({"limits": {"phi_rate_dps": [3.0, 5.0]}}, "`phi_rate_dps` must be a range of rates"),
     ({"controller": {"anti_windup": "clamp"}}, "must be 'none', 'conditional' or 'back_calc"),
     ({"reference": {"chi_deg": [{"shape": "jump"}]}}, "'shape' .*'doublet'"),
@@ -123,6 +126,8 @@ EXPECT = [
     ({"plant": "jsbsim:f16", "status": "completed"}, "`plant` of .* one of kinematic, got"),
     ({"status": "crashed"}, "`status` must be 'completed', "),
     ({"at_most": {"chi": {"MO": 1.0}}}, "`chi.MO`.*MO_rad"),
+    ({"at_most": {"chi": {"MO_deg": -1.0}}}, r"`chi\.MO_deg` must be at least 0, got -1"),
+    ({"at_most": {"flight": {"V_a_dev_mps": -0.1}}}, r"must be at least 0, got -0\.1"),
     ({"at_most": {"chi": {"band_deg": 1.0}}}, "`chi.band_deg` must be .* beside `settling_s`"),
     ({"at_most": {"chi": {"settling_s": 5.0, "band_deg": 0.0}}}, "must be positive"),
     ({"at_most": {"chi": {"within": [[1, 2]]}}}, r"`chi\.within`.* rising from 0 .* \[\[1"),
@@ -152,6 +157,13 @@ REFUSED = [
         for change, start, where in STEEP
     ),
 ]
+
+
+@pytest.mark.parametrize("start", [{"phi_deg": 40.0}, {"phi_deg": 20.0, "n_z": 1.3}])
+def test_a_flight_may_turn_all_the_time_or_start_beyond_its_limits(start):
+    turning = {"phi_deg": [19.0, 45.0], "n_z": [1.2, 2.0]}
+    for limits in (turning, {"phi_deg": [-9.0, 9.0], "n_z": [0.9, 1.1]}):
+        check_scenario(made_up_scenario(flight={"V_a_mps": 25.0, **start}, limits=limits), "")
 
 
 @pytest.mark.parametrize(("changes", "message"), REFUSED)
