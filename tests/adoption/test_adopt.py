@@ -846,6 +846,10 @@ def test_what_is_said_of_an_aircraft_is_for_the_airspeed_at_which_it_is_adopted(
     assert start.V_a > 1.7 * stall  # it is not adopted at the first airspeed that is tried
     assert found["V_a_mps"] == pytest.approx(start.V_a, abs=MM_PER_S)
     assert found["glide_ratio"] == pytest.approx(-1.0 / math.tan(start.gamma), rel=0.1)
+    # That the paper's gains leave the envelope beside those of the adoption is no failure.
+    assert found["flown"]["paper"]["status"] == "left_envelope"
+    flown = answer("fly", tmp_path / "minisgs/turn.toml", "--out", tmp_path / "out")
+    assert flown["claim"]["verdict"] == "met"
 
 
 @pytest.mark.counts
