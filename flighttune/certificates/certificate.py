@@ -448,10 +448,9 @@ def coverage_checks(
     level = envelope.phi[0] <= 0.0 <= envelope.phi[1]
     low, high = min(lowest), Fraction(1) if level else max(highest)
     boxes = [sine_gamma, (1 / high**2, 1 / low**2), rational.product(n_z, sine_phi), (low, high)]
-    checks = [_inside("g/V of the envelope", rates, hull.factor)]
-    for name, box, ends in zip(ENTRIES, boxes, _ends(hull), strict=True):
-        checks.append(_inside(f"{name} of the envelope", box, ends))
-    return [*checks, _model_check(model, hull)]
+    entries = zip(ENTRIES, boxes, _ends(hull), strict=True)
+    checks = [_inside(f"{name} of the envelope", box, ends) for name, box, ends in entries]
+    return [_inside("g/V of the envelope", rates, hull.factor), *checks, _model_check(model, hull)]
 
 
 def _ends(hull: JacobianHull) -> list[tuple[float, float]]:

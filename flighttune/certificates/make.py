@@ -124,9 +124,8 @@ class Certification(Answering):
             in_scaled = indicators(closed_loop(self.model, self.gains), scaling=self.scaling)
             scaled = pick(in_scaled, "R_K I_K scaling")
             units.append({"units": "scaled by [tuning]", **scaled})
-        over = None
-        if self.over_envelope:
-            over = {"R_K": certificate["rate"], "largest_factor": self.largest_factor}
+        proven = {"R_K": certificate["rate"], "largest_factor": self.largest_factor}
+        over = proven if self.over_envelope else None
         poles = [{"real": pole.real, "imaginary": pole.imag} for pole in loop.eigenvalues]
         why = self.reason if loop.status == "stable" else loop.reason
         everywhere = self.over_envelope and self.largest_factor is None

@@ -50,9 +50,8 @@ def _chart(band: SignalBounds, i: int) -> Chart:
     about = band.about
     name, si = list(about.signals.items())[i]
     (title, label), (_, factor) = titles(name, si), shown_unit(si)
-    edges, axis = band.flights.edges, "t [s]"
-    if band.flights.over == "along":
-        edges, axis = edges / KM, DISTANCE_AXIS
+    along, edges = band.flights.over == "along", band.flights.edges
+    edges, axis = (edges / KM, DISTANCE_AXIS) if along else (edges, "t [s]")
     chart = Chart(title=title, x=axis, y=label, linked=True)
     flights = band.extremes[..., i, :].astype(float)
     middle = predicted(band.wind, about.coefficients)[..., i]

@@ -345,8 +345,7 @@ def tube_problem(
             f"`plant` must be of kind {' or '.join(kinds)} for this tube, got {labels}."
         )
     table = enclosed[0]
-    if disturbance is None:
-        disturbance = residual_of_logs(table)
+    disturbance = residual_of_logs(table) if disturbance is None else disturbance
     return TubeProblem(
         scenario=scenario,
         gains=gains,

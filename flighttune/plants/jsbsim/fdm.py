@@ -355,8 +355,7 @@ def weigh(config: AircraftConfig) -> MassBalance:
     fdm = Fdm(config)
     whole = fdm._body()
     pounds_per_slug = whole.weight / fdm.reader("inertia/mass-slugs")()
-    for name in fdm.names(""):
-        if _LOAD.search(name):
-            fdm.writer(name)(0.0)
+    for name in filter(_LOAD.search, fdm.names("")):
+        fdm.writer(name)(0.0)
     fdm.evaluate()  # JSBSim computes mass and inertia here
     return MassBalance(whole=whole, empty=fdm._body(), pounds_per_slug=pounds_per_slug)
