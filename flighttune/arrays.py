@@ -64,7 +64,8 @@ def check_between(low: float, high: float, **values: float) -> None:
 
 def check_upright(**angles: float) -> None:
     """Refuse the first of `angles` (rad) that is not inside +-pi/2."""
-    degrees = {name: math.degrees(angle) for name, angle in angles.items()}  # as in files
+    # Commands and files have degrees; the number is the one that stands there.
+    degrees = {name: round(math.degrees(angle), 9) for name, angle in angles.items()}
     _check(lambda angle: abs(angle) < 90.0, "lie inside +-90 deg", degrees, "deg")
 
 

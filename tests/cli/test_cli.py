@@ -74,7 +74,7 @@ def test_infeasible_gains_are_not_flown_and_say_so(tmp_path):
         ("report paper -o report.pdf", "report.pdf: --out must end in .html"),
         ("compare paper@K1 paper@K9", "paper.toml: `gains` must be one of tuned, paper, K1"),
         ("compare paper@K1 nowhere.parquet", "nowhere.parquet: must be a Parquet file"),
-        ("trim aerosonde --gamma 5 --gamma 95", "`gamma` must lie inside +-90 deg, got 95.0 deg"),
+        ("trim aerosonde --gamma 5 --gamma 120", "`gamma` must lie inside +-90 deg, got 120.0 d"),
         ("trim aerosonde --phi -90", "`phi` must lie inside +-90 deg, got -90.0 deg"),
         ("identify aerosonde --gamma -30", "no steady flight at V_a 25 m/s"),
         ("identify aerosonde --out model.txt", "model.txt: --out must end in .json"),
