@@ -46,6 +46,14 @@ ITAE, MARGIN = "ITAE", "margin"
 # or that of the gains of the start if it is larger
 WANTED = 0.2
 
+# Share of the R_K of gains of the start that others must keep if those meet everything: a flight
+# without a steady disturbance, and a bound on an overshoot, have no use for integral action
+KEPT_RATE = 0.5
+KEPT = (
+    "R_K must be at least half that of {}, which meets everything: at_least.loop.R_K of [[expect]] "
+    "replaces that."
+)
+
 # Margins of the linear loop that are required unless the scenario states others
 MARGINS: dict[str, tables.Bound] = {"gain_margin_dB": 6.0, "phase_margin_deg": 35.0}
 
@@ -135,7 +143,8 @@ class Search:
                 f"`metric` must be {ITAE}, {MARGIN} or one of {', '.join(MEASURES)} (or _deg in "
                 f"place of _rad), got {metric!r}."
             )
-        self.flights, self.candidates, self.wanted = 0, 0, WANTED
+        self.flights, self.candidates, self.wanted, self.least_R_K = 0, 0, WANTED, 0.0
+        self._R_K: dict[PIGains, float] = {}
         self.trials: dict[PIGains, Trial] = {}
         self._rows: dict[PIGains, list[list[Row]]] = {}  # of draws that were stated
         self.campaigns, self._law, self._pool, self._metric = campaigns, law, pool, metric
@@ -257,11 +266,27 @@ class Search:
         """Draws on which a requirement is missed, then the excess; then the metric, below -1."""
         missed = int((trial.worst > 0.0).sum())
         excess = float(np.quantile(trial.worst, self._success, method="inverted_cdf"))
+        if self.least_R_K and self.R_K(trial.gains) < self.least_R_K:
+            missed, excess = missed + 1, max(excess, 1.0 - self.R_K(trial.gains) / self.least_R_K)
         if self._metric != MARGIN and self.draws == 1 and excess <= -self.wanted:
             return 0.5 * _squeezed(trial.metric) - 1.5
         if excess == LOST:  # a requirement has no value: what is nearer to having one is better
             excess += 0.5 * LOST * _squeezed(trial.metric)
         return missed + 0.5 * _squeezed(excess)
+
+    def keep_R_K(self, start: Trial) -> bool:
+        """Require half the R_K of a start that meets all, unless R_K is bounded; whether so."""
+        bounded = any("R_K" in x.at_least.get("loop", ()) for x in self.campaigns[0].nominal.expect)
+        if kept := start.met and not bounded:
+            self.least_R_K = KEPT_RATE * self.R_K(start.gains)
+        return kept
+
+    def R_K(self, gains: PIGains) -> float:
+        """R_K of the loop of the first scenario with these gains, 1/s."""
+        if gains not in self._R_K:
+            scenario, (name,) = self.campaigns[0].nominal, self._law.names_of(["0"])
+            self._R_K[gains] = models.loop_measures(scenario, name, gains, ["R_K"]).get("R_K", 0.0)
+        return self._R_K[gains]
 
     def best(self) -> Trial:
         """The best candidate so far."""
@@ -420,7 +445,8 @@ def meet(
     -------
     Meeting
         The best gains, even if they miss a requirement; those of the start if none of those found
-        miss less, or meet all by more or by as much. What is ``worse`` with them is said.
+        miss less, or meet all by more or by as much. Where the start meets all, R_K is at least
+        half of its, unless R_K is bounded. What is ``worse`` with them is said.
 
     Raises
     ------
@@ -470,6 +496,8 @@ def meet(
         trials = dict(zip(starts, search.begin([*starts.values()], budget, counting), strict=True))
         first = min(trials, key=lambda name: search.value(trials[name]))
         search.wanted = max(WANTED, -float(trials[first].worst.max()))
+        if search.keep_R_K(trials[first]):
+            notes = (*notes, KEPT.format(first))
         # Margins beyond those wanted are worth nothing on a campaign: what is not asked for pays.
         if dispersed is None or trials[first].worst.max() > -WANTED:
             search.search([*starts.values()], budget - counting)
