@@ -260,7 +260,8 @@ def _level_faults(scenario: Scenario) -> Iterator[str]:
     # A flight may begin beyond its limits and come back to them, or turn all the time.
     limits = conditions.limits_on(scenario, scenario.plant)
     start = conditions.start_condition(scenario).commands(len(limits.lower))
-    commands = zip(LEVEL_FLIGHT.items(), start, limits.lower, limits.upper, strict=False)
+    bounds = limits.lower.tolist(), limits.upper.tolist()
+    commands = zip(LEVEL_FLIGHT.items(), start, *bounds, strict=False)
     for (key, (level, unit)), *values in commands:
         at_start, low, high = (value / unit for value in values)
         if not any(low <= value <= high for value in (at_start, level)):
