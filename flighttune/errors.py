@@ -68,7 +68,7 @@ class ScenarioError(InputError):
     --------
     >>> ft.load_gains("nowhere.json")  # doctest: +ELLIPSIS
     Traceback (most recent call last):
-    ScenarioError: nowhere.json: the file must be readable: ...
+    ScenarioError: nowhere.json: must be readable, got ...
     """
 
 

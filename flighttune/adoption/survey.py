@@ -22,7 +22,6 @@ from flighttune.errors import InputError, PlantError
 from flighttune.plants.jsbsim import model_files, properties
 from flighttune.plants.jsbsim.bench import EFFECTS, POSITIONS, AirframeState, Bench, surface_faults
 from flighttune.plants.jsbsim.fdm import Fdm
-from flighttune.present.names import listed
 from flighttune.units import DEG, FT, G_0
 
 SOURCE = "flighttune adopt"  # marks an aircraft that `adopt` may write over
@@ -242,9 +241,10 @@ def survey(
     foreign = (name for name, value in declared.items() if not value and name not in linked)
     names = [name for name in foreign if not name.startswith("ft/")]
     if names:
-        rest = ", all in `[declared]`" * (len(names) > MAX_NAMED)
-        zero = listed(names, most=MAX_NAMED)
-        model.notes.append(f"properties of another simulator are 0: {zero}{rest}")
+        more = len(names) - MAX_NAMED
+        rest = f" and {more} more, all in `[declared]`" if more > 0 else ""
+        shown = ", ".join(names[:MAX_NAMED])
+        model.notes.append(f"properties of another simulator are 0: {shown}{rest}")
     tables["surfaces"] = surfaces
     return Survey(
         tables=tables,
