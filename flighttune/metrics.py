@@ -361,7 +361,10 @@ def _channel_measures(
     t: FloatArray, columns: Columns, channel: str, measure: Measure = error_measures
 ) -> dict[str, float]:
     command = CHANNELS[channel]
-    steady = np.cos(columns["gamma_ref"]) if command == "n_z" else 0.0
+    gamma = columns["gamma_ref"]
+    if (gamma == gamma[0]).all():  # the rows of campaigns often have a constant one
+        gamma = gamma[:1]
+    steady = np.cos(gamma) if command == "n_z" else 0.0
     effort, limited = columns[f"{command}_cmd"] - steady, columns[f"{command}_limited"]
     ref, error = columns[f"{channel}_ref"], columns[f"{channel}_err"]
     values = measure(t, ref, error, effort, limited)._asdict()

@@ -210,7 +210,8 @@ def _norm_integrals(
     allowed: Numbers = np.repeat(DOUBT * largest + 1j * SLOPE_DOUBT * steepest, p * panels)
     while True:
         halved = (np.abs(doubts.real) > allowed.real).any(axis=0)
-        halved |= (np.abs(doubts.imag) > allowed.imag).any(axis=0)
+        if np.iscomplexobj(doubts):
+            halved |= (np.abs(doubts.imag) > allowed.imag).any(axis=0)
         np.add.at(totals, row[~halved], sums[~halved])
         if not halved.any():
             return totals.reshape(N, p), largest
