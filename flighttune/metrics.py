@@ -348,8 +348,8 @@ def flight_metrics(run: Run) -> dict[str, float]:
 
 def _flight_measures(columns: Columns) -> dict[str, float]:
     V_a, n_z = columns["V_a"], columns["n_z"]
-    values = {"V_a_dev_mps": float(np.max(np.abs(V_a - V_a[0])))}
-    values |= {"n_z_min": float(np.min(n_z)), "n_z_max": float(np.max(n_z))}
+    values = {"V_a_dev_mps": float(np.abs(V_a - V_a[0]).max())}
+    values |= {"n_z_min": float(n_z.min()), "n_z_max": float(n_z.max())}
     for name in ("alpha", *OFF_ROUTE):
         if name in columns:
             measure = "alpha_max_rad" if name == "alpha" else f"{name}_m"

@@ -259,13 +259,14 @@ def _level_faults(scenario: Scenario) -> Iterator[str]:
     """Limits of commands that hold neither those of the start nor those of level flight."""
     # A flight may begin beyond its limits and come back to them, or turn all the time.
     limits = conditions.limits_on(scenario, scenario.plant)
-    start = conditions.start_condition(scenario).commands(len(limits.lower))
-    bounds = limits.lower.tolist(), limits.upper.tolist()
-    commands = zip(LEVEL_FLIGHT.items(), start, *bounds, strict=False)
-    for (key, (level, unit)), *values in commands:
-        at_start, low, high = (value / unit for value in values)
-        if not any(low <= value <= high for value in (at_start, level)):
+    bounds = zip(LEVEL_FLIGHT.items(), limits.lower.tolist(), limits.upper.tolist(), strict=False)
+    for i, ((key, (level, unit)), low, high) in enumerate(bounds):
+        if low <= level * unit <= high:
+            continue
+        at_start = conditions.start_condition(scenario).commands(len(limits.lower))[i]
+        if not low <= at_start <= high:
             yield (
-                f"[limits] `{key}` must hold that of steady flight at the start, {at_start:.3g}, "
-                f"or of level flight, {level:g}, got {low:g} to {high:g}"
+                f"[limits] `{key}` must hold that of steady flight at the start, "
+                f"{at_start / unit:.3g}, or of level flight, {level:g}, got {low / unit:g} to "
+                f"{high / unit:g}"
             )

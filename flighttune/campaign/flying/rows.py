@@ -25,7 +25,7 @@ from flighttune.flight.flown import FlownScenario, bounded_loop, missed
 from flighttune.flight.fly import Progress, fly, fly_alone
 from flighttune.flight.models import law_setup, linear_model
 from flighttune.flight.route import planned_route
-from flighttune.metrics import CHANNELS, MEASURED, measures, measures_of, required_names
+from flighttune.metrics import CHANNELS, measures, measures_of, required_names
 from flighttune.planning.plan import Group, Plan
 from flighttune.planning.schema import MEASURES
 from flighttune.plants.point_mass import rolled_over
@@ -250,7 +250,7 @@ def fly_batch(
             yield None
             continue
         n = batch.samples[i]
-        columns = {x: batch.signal(x)[i, :n] for x in SIGNALS if x in MEASURED}
+        columns = dict(zip(SIGNALS, batch.trajectories[i, :, :n], strict=True))
         columns["V_a"] = np.full(n, conditions[i].V_a)  # what the law assumes
         columns["n_z"] = np.append(conditions[i].n_z_start, columns["n_z_cmd"][:-1])
         for channel, values in zip(CHANNELS, ref[i].T, strict=True):
