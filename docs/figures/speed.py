@@ -141,7 +141,7 @@ def main() -> None:
     folder.mkdir(parents=True, exist_ok=True)
     campaign, jsbsim = figures("campaign", folder), figures("jsbsim", folder)
     tuning, theory = figures("tuning", folder), figures("theory", folder)
-    recording, scaling = figures("recording", folder), figures("campaign_scaling", folder)
+    scaling = figures("campaign_scaling", folder)
     flights = campaign["kinematic_flights"]
     kinematic = [
         (
@@ -166,7 +166,6 @@ def main() -> None:
         margins=f"{margins:.2g}",
         workers=f"{1.0 / scaling['shares']['by processor time']:.2f}",
         million=f"{theory['million_s']:.1f}",
-        recorded=f"{recording['columns_600s_s']:.2f}",
     )
     PAGE.write_text(text, encoding="utf-8")
 
@@ -175,9 +174,9 @@ TEXT = """\
 # Speed
 
 How long do flights, campaigns and commands take, and against what? `make bench` measures each
-ratio against a named peer in the same run, and ends with exit status 1 if one misses its bar.
-`python docs/figures/speed.py FOLDER` writes this page. The figures are
-of flighttune {version} with Python {python} on two cores of {processor}. Bare steps are
+ratio against a named peer in the same run, and ends with exit status 1 if one misses.
+The figures are of
+flighttune {version} with Python {python} on two cores of {processor}. Bare steps are
 `fdm.run()` of the same aircraft and time. The default law is compiled in a process that flies more
 than five minutes; bars are set for a slower interpreter.
 
@@ -186,8 +185,7 @@ than five minutes; bars are set for a slower interpreter.
 {ratios}
 
 A step of JSBSim takes {bare} µs here.
-One million gain sets take {million} s of one core. Recording 600 s of flight with 46 signals takes
-{recorded} s.
+One million gain sets take {million} s of one core.
 
 Tuning, the diagnosis of the printed limits and a frontier of 25 points take {tuned} s each, margins
 {margins} s (`python benchmarks/bench_tuning.py`).
