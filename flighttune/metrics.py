@@ -361,11 +361,11 @@ def _channel_measures(
     t: FloatArray, columns: Columns, channel: str, measure: Measure = error_measures
 ) -> dict[str, float]:
     command = CHANNELS[channel]
-    gamma = columns["gamma_ref"]
-    if (gamma == gamma[0]).all():  # the rows of campaigns often have a constant one
-        gamma = gamma[:1]
-    steady = np.cos(gamma) if command == "n_z" else 0.0
-    effort, limited = columns[f"{command}_cmd"] - steady, columns[f"{command}_limited"]
+    effort, limited = columns[f"{command}_cmd"], columns[f"{command}_limited"]
+    if command == "n_z":
+        gamma = columns["gamma_ref"]
+        # A constant reference, which rows of campaigns often have, takes one cosine.
+        effort = effort - np.cos(gamma[:1] if (gamma == gamma[0]).all() else gamma)
     ref, error = columns[f"{channel}_ref"], columns[f"{channel}_err"]
     values = measure(t, ref, error, effort, limited)._asdict()
     # The guidance of a route commands small changes all the time.

@@ -246,7 +246,7 @@ def adopt(
     >>> ft.adopt("ball", Path("aircraft/ball")).status
     'refused'
     """
-    check_positive("", **{"--V-a": V_a, "--h": h})  # the ground is at 0 m
+    check_positive(V_a=V_a, h=h)  # the ground is at 0 m
     began, began_at, used = time.monotonic(), time.time(), time.process_time()
     model = _model(model, folder)
     draft = made_folder(folder) / "aircraft.toml"

@@ -275,7 +275,7 @@ class Search:
         return missed + 0.5 * _squeezed(excess)
 
     def keep_R_K(self, start: Trial) -> bool:
-        """Require half the R_K of a start that meets all, unless R_K is bounded; whether so."""
+        """Require half the R_K of a start that meets all; a bound on R_K takes its place."""
         bounded = any("R_K" in x.at_least.get("loop", ()) for x in self.campaigns[0].nominal.expect)
         if kept := start.met and not bounded:
             self.least_R_K = KEPT_RATE * self.R_K(start.gains)

@@ -207,6 +207,7 @@ def _faults(scenario: Scenario, plant: PlantTable) -> Iterator[str]:
 
 
 def _fault(key: str, read: Callable[[], object]) -> Iterator[str]:
+    """The InputError of `read`, if it raises one, as a sentence that begins with `key`."""
     try:
         read()
     except InputError as error:

@@ -295,7 +295,9 @@ def _identify_logs(
         else:
             channels[name] = channel
     names = tuple(dict.fromkeys(str(run.provenance.gains_name) for run in runs))
-    identified = _aircraft(runs, names, channels, assume) if {*untold} <= {*assume} else None
+    identified = None
+    if set(untold) <= set(assume):
+        identified = _aircraft(runs, names, channels, assume)
     return LogIdentification(identified=identified, channels=channels, untold=untold, names=names)
 
 

@@ -147,6 +147,7 @@ def columns_of(
 
 
 def _named(columns: Sequence[str]) -> str:
+    """Columns of a table as a message lists them."""
     return listed([shown(column) for column in columns], most=MAX_SHOWN)
 
 

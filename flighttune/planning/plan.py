@@ -286,7 +286,8 @@ def plan_campaign(campaign: Campaign, *, runs: int | None = None) -> Plan:
     windy = campaign.central.windy  # then aircraft fly first, as the others replay their wind
     plants = sorted(scenario.plant, key=lambda plant: windy and plant.aircraft is None)
     groups = tuple(Group(plant.label, name) for plant in plants for name in scenario.gain_names)
-    runs = (campaign.runs or cycle(campaign) * len(groups)) if runs is None else runs
+    if runs is None:
+        runs = campaign.runs or cycle(campaign) * len(groups)
     hashes = aircraft_hashes(scenario)
     return Plan(campaign=campaign, gain_sets=sets, groups=groups, runs=runs, aircraft=hashes)
 

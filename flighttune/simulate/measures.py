@@ -109,7 +109,7 @@ def settling_time(t: FloatArray, ref: FloatArray, error: FloatArray, band: float
         return 0.0
     if outside[-1] == len(t) - 1:
         return math.nan
-    if len(moved) == 0:
+    if len(moved) == 0:  # a step at t = 0: the same as below, without its arrays
         return float(t[outside[-1] + 1] - t[0])
     # The last change before each sample, and what is at rest after it: errors while the reference
     # moves take no time.

@@ -345,7 +345,8 @@ def tube_problem(
             f"`plant` must be of kind {' or '.join(kinds)} for this tube, got {labels}."
         )
     table = enclosed[0]
-    disturbance = residual_of_logs(table) if disturbance is None else disturbance
+    if disturbance is None:
+        disturbance = residual_of_logs(table)
     return TubeProblem(
         scenario=scenario,
         gains=gains,

@@ -86,8 +86,10 @@ class CampaignProgress:
             parts.append(f"{rate(self.rate_per_s)} a second")
         if self.left_s is not None and (self.budget or self.doing == "flying"):
             parts.append(f"{most}{duration(self.left_s)} left")
-        lost = {"failed": self.failed, "crashed": self.crashed}
-        return ", ".join([*parts, *(f"{count} {what}" for what, count in lost.items() if count)])
+        for count, what in ((self.failed, "failed"), (self.crashed, "crashed")):
+            if count:
+                parts.append(f"{count} {what}")
+        return ", ".join(parts)
 
 
 class CampaignObserver:
