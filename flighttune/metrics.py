@@ -196,7 +196,10 @@ def measures_of(
     required: Mapping[str, Sequence[str]],
     measure: Measure = error_measures,
 ) -> dict[str, dict[str, float]]:
-    """`measures` of two or more samples of signals; `required` are `required_names`."""
+    """`measures` of two or more samples of signals; `required` are `required_names`.
+
+    A reference and an airspeed that do not change may have one sample.
+    """
     measured: dict[str, dict[str, float]] = {}
     for channel in CHANNELS:
         values = _channel_measures(t, columns, channel, measure)
@@ -263,14 +266,16 @@ def _end_errors(
     # A flight arrives at the end of a route or not.
     if OFF_ROUTE[0] in columns or max(change, least) < SMALLEST_STEP:
         return {}
-    # Where thrust is short the path angle is held against the one that the law is given.
-    if channel == "gamma" and "gamma_given" in columns:
-        error = error + columns["gamma_given"] - columns["gamma_ref"]
     # The end is the last quarter of the time, or what of it comes after the last change of the
     # reference.
-    begin = np.searchsorted(t, max(STEADY_FROM * t[-1], values["rest_s"]))
-    mean = abs(float(np.mean(error[begin:])))
-    return {"end_error": mean, "end_allowed": max(FOLLOWED * change, least)}
+    begin, mean = max(STEADY_FROM * t[-1], values["rest_s"]), values["MS_rad"]
+    # Where thrust is short the path angle is held against the one that the law is given.
+    short_of_thrust = channel == "gamma" and "gamma_given" in columns
+    if short_of_thrust:
+        error = error + columns["gamma_given"] - columns["gamma_ref"]
+    if short_of_thrust or begin > STEADY_FROM * t[-1]:
+        mean = float(np.mean(error[t >= begin]))
+    return {"end_error": abs(mean), "end_allowed": max(FOLLOWED * change, least)}
 
 
 def stated_bounds(subject: str, limits: Mapping[str, Any]) -> dict[str, float]:
@@ -309,11 +314,11 @@ def settling_measures(
     if all(name.startswith(ENVELOPE) for name in names):
         return {}
     bands = {name: band for name in names if (band := settling_band(name)) is not None}
-    ref, error = columns[f"{channel}_ref"], columns[f"{channel}_err"]
+    ref, size = columns[f"{channel}_ref"], np.abs(columns[f"{channel}_err"])
     return {
         "settling_band_rad": SETTLING_BAND * values["change_rad"],
         "late_rad": values["late_rad"],
-        **{name: settling_time(t, ref, error, band) for name, band in bands.items()},
+        **{name: settling_time(t, ref, size, band) for name, band in bands.items()},
     }
 
 
@@ -363,9 +368,7 @@ def _channel_measures(
     command = CHANNELS[channel]
     effort, limited = columns[f"{command}_cmd"], columns[f"{command}_limited"]
     if command == "n_z":
-        gamma = columns["gamma_ref"]
-        # A constant reference, which rows of campaigns often have, takes one cosine.
-        effort = effort - np.cos(gamma[:1] if (gamma == gamma[0]).all() else gamma)
+        effort = effort - np.cos(columns["gamma_ref"])
     ref, error = columns[f"{channel}_ref"], columns[f"{channel}_err"]
     values = measure(t, ref, error, effort, limited)._asdict()
     # The guidance of a route commands small changes all the time.

@@ -105,7 +105,7 @@ def flights_to_meet(
 ) -> Campaign:
     """Flights of a scenario by a law, dispersed as the `table` of a campaign says."""
     tuned = list(tables.TUNED_FOR_AIRCRAFT)
-    tuned_names = {None, *tuned, *law.law().names_of(tuned)}
+    tuned_names = {None, *tuned, *law.law.names_of(tuned)}
     expect = [
         requirement.model_copy(update={"gains": None, "status": None})
         for requirement in scenario.expect
@@ -472,7 +472,7 @@ def meet(
     dispersed = None if campaign is None else load_campaign(campaign, loaded)
     scenarios = [loaded if dispersed is None else dispersed.nominal, *map(load.as_scenario, also)]
     law_table = scenarios[0].law_tables[0]
-    law = law_table.law()
+    law = law_table.law
     if not law.by_gains:
         raise InputError(
             f"`law` must be {' or '.join(plain_laws())} for its gains to be tuned, got {law.name}."

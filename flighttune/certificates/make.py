@@ -18,7 +18,7 @@ from flighttune.control.linear_model import (
     closed_loop,
     disturbance_entry,
     jacobian_hull,
-    vertex_loops,
+    loops_of,
 )
 from flighttune.control.margins import loop_margins, margins_table
 from flighttune.errors import InputError
@@ -190,12 +190,12 @@ def certify_model(
     refused = partial(Certification, status="refused", model=model, gains=gains)
     polytope = None
     if envelope is None or g is None:
-        loops = np.array([closed_loop(linear, gains) for linear in (model, *models)])
+        loops = loops_of((model, *models), gains)
         # the same ones once, in their order
         loops = loops[np.sort(np.unique(loops, axis=0, return_index=True)[1])]
     else:
         polytope = jacobian_hull(envelope, g=g)
-        loops = vertex_loops(envelope, gains, g=g)
+        loops = loops_of(polytope.models(), gains)
     vertices = vertex_matrices(model, gains, polytope, models)
     alone = len(loops) == 1
     figures = indicators(loops[0]) if alone else lyapunov.common_Q(loops)

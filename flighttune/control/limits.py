@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from operator import lt
 from typing import Literal, TypeAlias
 
 import numpy as np
@@ -39,28 +40,26 @@ class Limits:
     rate_upper: FloatArray
 
     def __post_init__(self) -> None:
+        ends: dict[str, list[float]] = {}
         for name in ("lower", "upper", "rate_lower", "rate_upper"):
             bounds = np.array(getattr(self, name), dtype=float)
             if bounds.ndim != 1:
                 raise ShapeError(f"`{name}` must have 1 axis, got shape {bounds.shape}.")
             bounds.flags.writeable = False
             object.__setattr__(self, name, bounds)
-        if len({getattr(self, name).shape for name in self.__slots__}) != 1:
+            ends[name] = bounds.tolist()  # a few numbers are compared faster than an array of them
+        if len({*map(len, ends.values())}) != 1:
             raise ShapeError("`lower`, `upper` and the rates must have one length.")
         for low, high in (("lower", "upper"), ("rate_lower", "rate_upper")):
-            if not (getattr(self, low) < getattr(self, high)).all():
-                for name in (low, high):
-                    if np.isnan(bounds := getattr(self, name)).any():
-                        raise InputError(f"`{name}` must not be NaN, got {bounds.tolist()}.")
-                raise InputError(
-                    f"`{low}` must be below `{high}`, got {getattr(self, low).tolist()} "
-                    f"and {getattr(self, high).tolist()}."
-                )
-        if not ((self.rate_lower <= 0.0) & (self.rate_upper >= 0.0)).all():
-            raise InputError(
-                f"The rate ranges must hold zero, got {self.rate_lower.tolist()} "
-                f"to {self.rate_upper.tolist()}."
-            )
+            if all(map(lt, ends[low], ends[high])):
+                continue
+            for name in (low, high):
+                if any(map(math.isnan, ends[name])):
+                    raise InputError(f"`{name}` must not be NaN, got {ends[name]}.")
+            raise InputError(f"`{low}` must be below `{high}`, got {ends[low]} and {ends[high]}.")
+        rates = ends["rate_lower"], ends["rate_upper"]
+        if not all(low <= 0.0 <= high for low, high in zip(*rates, strict=True)):
+            raise InputError(f"The rate ranges must hold zero, got {rates[0]} to {rates[1]}.")
 
     @classmethod
     def none(cls, m: int) -> "Limits":

@@ -217,14 +217,30 @@ def measured_rows(model: LinearModel) -> FloatArray:
 
 def closed_loops(model: LinearModel, K: npt.ArrayLike) -> FloatArray:
     """A_K of many stacked gains (K_P, K_I): shape (..., m, 2 p) to (..., n + p, n + p)."""
-    n, m, p = model.shape
+    _, m, p = model.shape
     K = np.asarray(K, dtype=float)
     if K.shape[-2:] != (m, 2 * p):
         raise ShapeError(f"`K` must have shape (..., {m}, {2 * p}), got {K.shape}.")
-    A_K = np.zeros((*K.shape[:-2], n + p, n + p))
-    A_K[..., :n, :n] = model.A + model.B @ K[..., :p] @ model.C
-    A_K[..., :n, n:] = model.B @ K[..., p:]
-    A_K[..., n:, :n] = model.C
+    return _loops(model.A, model.B, model.C, K)
+
+
+def loops_of(models: Sequence[LinearModel], gains: PIGains) -> FloatArray:
+    """`closed_loop` of N models with the same names under one gain set, (N, n + p, n + p)."""
+    for model in models:
+        model.check_channels(gains)
+    fed = [fed_by(model, gains.feedback) for model in models]
+    A, B, C = (np.array([getattr(model, name) for model in fed]) for name in ("A", "B", "C"))
+    return _loops(A, B, C, gains.K)
+
+
+def _loops(A: FloatArray, B: FloatArray, C: FloatArray, K: FloatArray) -> FloatArray:
+    """A_K of stacked models and gains; either may be one alone."""
+    n, p = A.shape[-1], C.shape[-2]
+    across = A + B @ K[..., :p] @ C
+    A_K = np.zeros((*across.shape[:-2], n + p, n + p))
+    A_K[..., :n, :n] = across
+    A_K[..., :n, n:] = B @ K[..., p:]
+    A_K[..., n:, :n] = C
     return A_K
 
 
@@ -349,8 +365,3 @@ def jacobian_hull(envelope: Envelope, *, g: float) -> JacobianHull:
     lower, upper = (ends + OUTWARD * np.abs(ends) * [-1.0, 1.0]).T
     factor = float(lower[0]), float(upper[0])
     return JacobianHull(factor=factor, lower=lower[1:], upper=upper[1:])
-
-
-def vertex_loops(envelope: Envelope, gains: PIGains, *, g: float) -> FloatArray:
-    """A_K at the vertices of `jacobian_hull`, shape (k, 4, 4)."""
-    return np.array([closed_loop(model, gains) for model in jacobian_hull(envelope, g=g).models()])

@@ -208,18 +208,17 @@ def not_followed(tables: Sequence[ExpectTable], measured: Measured) -> str:
     """Why a completed run does not follow its reference to the end; empty if it does."""
     # The question is not asked without a bound, where another end is stated, or of a channel with a
     # lower bound on an error or a time, which a poor flight meets.
-    bounds = [*bound_checks(tables, {})]
-    if not bounds or any(table.status not in (None, "completed") for table in tables):
-        return ""
-    poor = {check.subject for check in _lower(bounds)}
-    shares = (
-        (values["end_error"] / values["end_allowed"], channel)
+    late = {
+        channel: values["end_error"] / values["end_allowed"]
         for channel, values in measured.items()
-        if "end_error" in values and channel not in poor
-    )
-    share, channel = max(shares, default=(0.0, ""))
-    if share <= 1.0:
+        if not values.get("end_error", 0.0) <= values.get("end_allowed", 0.0)
+    }
+    bounds = [*bound_checks(tables, {})] if late else []
+    for check in _lower(bounds):
+        late.pop(check.subject, None)
+    if not (bounds and late) or any(x.status not in (None, "completed") for x in tables):
         return ""
+    channel = max(late, key=late.__getitem__)
     per, unit = (1.0, "m/s") if channel == metrics.AIRSPEED else (DEG, "deg")
     mean, most = (measured[channel][name] / per for name in ("end_error", "end_allowed"))
     return (

@@ -211,7 +211,7 @@ def with_gains(
             entry = by_name.get(gains, gains)
         flown_by = scenario.law_table(law)
         laws[flown_by.name] = flown_by
-        wanted += flown_by.law().names_of([gains])
+        wanted += flown_by.law.names_of([gains])
         if entry not in entries:
             entries.append(entry)
     changed: dict[str, Any] = {"gains": entries, "expect": []}

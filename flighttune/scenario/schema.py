@@ -274,7 +274,7 @@ class Scenario(Table):
     @property
     def laws(self) -> tuple[Law, ...]:
         """The laws flown, in order; the paper's by default."""
-        return tuple(table.law() for table in self.law_tables)
+        return tuple(table.law for table in self.law_tables)
 
     @property
     def gain_names(self) -> tuple[str, ...]:
@@ -295,7 +295,7 @@ class Scenario(Table):
 
     def law_of(self, name: str, gains: PIGains | None = None) -> tuple[Law, str]:
         """The law that flies a gain set of `gain_names`, and the gain set as ``gains`` lists it."""
-        law, own = self.law_table(name).law(), split_name(name)[1]
+        law, own = self.law_table(name).law, split_name(name)[1]
         if gains is not None and law.by_gains and gains.inputs[:2] != law.inputs:
             law = self.law_for(gains)
         return law, own

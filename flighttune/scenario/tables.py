@@ -101,12 +101,12 @@ class LimitsTable(q.Table):
         return Limits(lower=lower, upper=upper, rate_lower=rate_lower, rate_upper=rate_upper)
 
 
-def _ends(*limits: float | tuple[float, float] | None) -> FloatArray:
-    """Lower and upper ends of (phi in deg, n_z, ...) as rows, in rad and 1."""
+def _ends(*limits: float | tuple[float, float] | None) -> list[FloatArray]:
+    """Lower and upper ends of (phi in deg, n_z, ...), in rad and 1."""
     ranges = [math.inf if limit is None else limit for limit in limits]
     pairs = [limit if isinstance(limit, tuple) else (-limit, limit) for limit in ranges]
     pairs[0] = pairs[0][0] * DEG, pairs[0][1] * DEG
-    return np.array(pairs).T
+    return [np.array(ends) for ends in zip(*pairs, strict=True)]
 
 
 class ControllerTable(q.Table):
@@ -351,6 +351,7 @@ class OwnTable(q.Table):
         """The table with the class of the user's."""
         table = self.model_copy()
         table._maker = maker
+        vars(table).pop("law", None)  # of another class
         return table
 
 
@@ -503,6 +504,7 @@ class LawTable(OwnTable):
         """Class of its kind."""
         return law_kinds()[self.kind]
 
+    @cached_property
     def law(self) -> Law:
         """The law, with defaults where the table does not say."""
         options = {key: getattr(self, key) for key in self.family.keys}

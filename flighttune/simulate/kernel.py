@@ -60,7 +60,7 @@ for of_law in (
 exact_step = register_jitable(inline="always")(exact_law.exact_step)
 pi_step = register_jitable(inline="always")(mimo_pi.pi_step)
 for of_errors in (
-    *(measures.first_below, measures.step_measures, measures.commanded_change, measures.moves),
+    *(measures.first_below, measures.step_measures, measures.moves),
     *(measures.settling_time, measures.error_measures),
 ):
     register_jitable(of_errors)

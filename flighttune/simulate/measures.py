@@ -44,10 +44,19 @@ def error_measures(
     """Tracking measures of one channel at the times `t` (two or more, s, from 0)."""
     # `error` is reference minus actual, `effort` the command minus that of steady flight on the
     # reference, and `limited` not zero where a limit holds the command.
-    weighted, spacing = t * np.abs(error), t[1:] - t[:-1]
+    size, spacing, moved = np.abs(error), t[1:] - t[:-1], moves(ref)
+    weighted, peak = t * size, float(np.max(size))
     itae = float(np.sum(spacing * (weighted[1:] + weighted[:-1]))) / 2.0
-    steady, moved = error[t >= STEADY_FROM * t[-1]], moves(ref)
+    late = np.searchsorted(t, STEADY_FROM * t[-1])
+    steady = error[late:]
     peak_time, overshoot, rise = step_measures(t, error)
+    # the largest distance of the reference from where the flight starts
+    change = float(np.max(np.abs(ref - ref[0] + error[0])))
+    band = SETTLING_BAND * max(change, SMALLEST_STEP)
+    if change < SMALLEST_STEP:  # there is no end of a change from which to count
+        settling = 0.0 if peak <= band else math.nan
+    else:
+        settling = settling_time(t, ref, size, band)
     return ErrorMeasures(
         itae,
         itae / t[-1],
@@ -56,12 +65,12 @@ def error_measures(
         float(np.mean(steady)),
         float(np.std(steady)),
         rise,
-        settling_time(t, ref, error, 0.0),
+        settling,
         math.sqrt(np.mean(effort**2)),
         float(np.sum(spacing[limited[:-1] != 0.0])),
-        float(np.max(np.abs(error))),
-        float(np.max(np.abs(steady))),
-        commanded_change(ref, error),
+        peak,
+        float(np.max(size[late:])),
+        change,
         float(t[moved[-1]]) if len(moved) > 0 else 0.0,
     )
 
@@ -82,25 +91,13 @@ def step_measures(t: FloatArray, error: FloatArray) -> tuple[float, float, float
     return peak_time, overshoot, first_below(t, to_go, 0.1) - first_below(t, to_go, 0.9)
 
 
-def commanded_change(ref: FloatArray, error: FloatArray) -> float:
-    """Largest distance of a reference from where the flight starts."""
-    return float(np.max(np.abs(ref - ref[0] + error[0])))
-
-
 def moves(ref: FloatArray) -> npt.NDArray[np.intp]:
     """Samples at which a reference is not what it was at the sample before."""
     return np.flatnonzero(np.abs(ref[1:] - ref[:-1]) > AT_REST) + 1
 
 
-def settling_time(t: FloatArray, ref: FloatArray, error: FloatArray, band: float) -> float:
-    """Longest time from the end of a change of `ref` until `error` stays within `band`."""
-    size = np.abs(error)
-    # A band of 0 stands for 5 % of the commanded change: `flighttune.metrics` has the definition.
-    if band == 0.0:
-        change = commanded_change(ref, error)
-        band = SETTLING_BAND * max(change, SMALLEST_STEP)
-        if change < SMALLEST_STEP:  # there is no end of a change from which to count
-            return 0.0 if np.max(size) <= band else math.nan
+def settling_time(t: FloatArray, ref: FloatArray, size: FloatArray, band: float) -> float:
+    """Longest time from the end of a change of `ref` until the `size` of the error is in `band`."""
     outside = np.flatnonzero(size > band)
     moved = moves(ref)
     if len(moved) > 0 and size[0] < SMALLEST_STEP:  # nothing is commanded before

@@ -30,7 +30,7 @@ from flighttune.control.linear_model import (
     closed_loops,
     fed_by,
     jacobian_hull,
-    vertex_loops,
+    loops_of,
 )
 from flighttune.errors import InputError
 from flighttune.present.chart import DASHED, Chart
@@ -193,7 +193,7 @@ class _Linearised:
 
 def envelope_rate(gains: PIGains, envelope: Envelope, *, g: float) -> CommonQ:
     """The rate of gains of the chi/gamma law over an envelope, and its common Q; `g` in m/s^2."""
-    return common_Q(vertex_loops(envelope, gains, g=g))
+    return common_Q(loops_of(jacobian_hull(envelope, g=g).models(), gains))
 
 
 def largest_factor(gains: PIGains, envelope: Envelope, trim: Envelope, *, g: float) -> float:

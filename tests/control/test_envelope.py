@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from scipy.optimize import linprog
 
 import flighttune as ft
-from flighttune.control.linear_model import Envelope, jacobian_hull, vertex_loops
+from flighttune.control.linear_model import Envelope, jacobian_hull, loops_of
 
 G = 9.81
 ROUNDING = 1e-12
@@ -56,7 +56,7 @@ def test_the_entries_range_over_hand_computed_ends():
     upper = [math.sin(0.785), math.cos(0.7) ** -2, 1.5 * math.sin(0.7), 1.0]
     assert hull.lower == pytest.approx(lower, rel=ROUNDING)
     assert hull.upper == pytest.approx(upper, rel=ROUNDING)
-    assert vertex_loops(WIDE, ft.PAPER_GAINS, g=G).shape == (32, 4, 4)
+    assert loops_of(hull.models(), ft.PAPER_GAINS).shape == (32, 4, 4)
 
 
 def test_roll_on_one_side_has_its_extremes_at_the_ends():

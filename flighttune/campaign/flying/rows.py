@@ -18,7 +18,7 @@ import pyarrow as pa
 from flighttune.campaign.flying.columns import NOT_REPRODUCIBLE, Row, table_of
 from flighttune.control.gains import PIGains
 from flighttune.control.law import Law, split_name
-from flighttune.control.linear_model import closed_loop
+from flighttune.control.linear_model import loops_of
 from flighttune.errors import FlightTuneError, InputError, ending_of
 from flighttune.flight.conditions import command_limits, reference_of, start_condition
 from flighttune.flight.flown import FlownScenario, bounded_loop, missed
@@ -251,10 +251,12 @@ def fly_batch(
             continue
         n = batch.samples[i]
         columns = dict(zip(SIGNALS, batch.trajectories[i, :, :n], strict=True))
-        columns["V_a"] = np.full(n, conditions[i].V_a)  # what the law assumes
+        # What a flight does not change has one sample: the airspeed, which the law assumes, and a
+        # reference that is at rest.
+        columns["V_a"] = np.array([conditions[i].V_a])
         columns["n_z"] = np.append(conditions[i].n_z_start, columns["n_z_cmd"][:-1])
         for channel, values in zip(CHANNELS, ref[i].T, strict=True):
-            columns[f"{channel}_ref"] = np.array(np.broadcast_to(values[:n], n))
+            columns[f"{channel}_ref"] = np.ascontiguousarray(values[:n])
         measured = measures_of(t[:n], columns, required, error_measures) if n > 1 else {}
         status, reason = "completed", ""
         if batch.ends[i] == ROLLED:
@@ -423,7 +425,7 @@ def _indicators(plan: Plan, group: Group, scenarios: Sequence[Scenario]) -> list
     cached = _indicators_known(plan, group)
     values: dict[Hashable, Indicators] = {key: cached[key] for key in keys if key in cached}
     if new := {key: s for key, s in zip(keys, scenarios, strict=True) if key not in values}:
-        loops = np.array([closed_loop(linear_model(s, law), gains) for s in new.values()])
+        loops = loops_of([linear_model(scenario, law) for scenario in new.values()], gains)
         both = indicators_batch(loops)
         E_K = largest_errors(loops, errors=len(gains.errors)).max(axis=1)
         columns = (map(_number, each.tolist()) for each in (both.R_K, both.I_K, E_K))
