@@ -5,7 +5,7 @@ would take hours to fly.
 """
 
 from pathlib import Path
-from typing import Annotated, Any, TypeAlias
+from typing import Annotated, Any, Self, TypeAlias
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
 
@@ -20,6 +20,13 @@ class Table(BaseModel):
         state = super().__getstate__()
         keys = {key: state["__dict__"][key] for key in type(self).model_fields}
         return {**state, "__dict__": keys}
+
+    def __copy__(self) -> Self:
+        """A copy without the values found from the keys of this table: it may get others."""
+        copied = super().__copy__()
+        for name in vars(copied).keys() - type(self).model_fields.keys():
+            del vars(copied)[name]
+        return copied
 
     def must_lack(self, why: str, *keys: str) -> None:
         """Refuse the first of `keys` whose value is not its default."""

@@ -93,8 +93,7 @@ def reference_of(scenario: Scenario) -> Reference | FeasibleReference | RouteRef
         return feasible_reference(manoeuvre_of(scenario))
     if scenario.route is not None:
         return _route_reference(scenario, scenario.route)
-    assert scenario.reference is not None  # one of both is there
-    return scenario.reference.reference(scenario.flight)
+    return scenario.stated_reference
 
 
 def _route_reference(scenario: Scenario, table: RouteTable) -> RouteReference:
@@ -170,7 +169,7 @@ def manoeuvre_of(scenario: Scenario) -> Manoeuvre:
     chi_from, gamma_from = reference.chi_from_deg, reference.gamma_from_deg
     chi = DEG * (f.chi_deg if chi_from is None else chi_from)
     gamma = DEG * (f.gamma_deg if gamma_from is None else gamma_from)
-    end = reference.reference(f)
+    end = scenario.stated_reference
     phi, n_z = f.phi_deg * DEG, f.n_z
     return Manoeuvre(
         V_a=f.V_a_mps,

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import cached_property
 from typing import Annotated, Any
 
 from pydantic import Field, model_validator
@@ -16,6 +17,7 @@ from flighttune.metrics import CHANNELS, OFF_ROUTE, UNSETTLED, required_names
 from flighttune.plants.sensors import Sensors
 from flighttune.present.names import listed
 from flighttune.quantities import FASTEST_WIND, STEEPEST_DEG, Table
+from flighttune.references.segments import Reference
 from flighttune.scenario import tables
 from flighttune.scenario.route import RouteTable, TurnBackTable
 from flighttune.scenario.tables import TUNED, TUNED_FED_BACK, TUNED_IDENTIFIED, GainsTable
@@ -402,6 +404,12 @@ class Scenario(Table):
             return ""
         changes = len({*self.airspeeds}) > 1
         return f" ({f'{self.airspeeds[0]:.6g} m/s at the start is ' * changes}assumed)"
+
+    @cached_property
+    def stated_reference(self) -> Reference:
+        """What [reference] states, in SI; `reference_of` has that of every scenario."""
+        assert self.reference is not None  # else there is a route
+        return self.reference.reference(self.flight)
 
     @property
     def feasible(self) -> bool:

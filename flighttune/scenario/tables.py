@@ -351,7 +351,6 @@ class OwnTable(q.Table):
         """The table with the class of the user's."""
         table = self.model_copy()
         table._maker = maker
-        vars(table).pop("law", None)  # of another class
         return table
 
 
