@@ -44,6 +44,9 @@ def test_every_run_is_there_once_with_the_bits_of_one_process(tmp_path, monkeypa
     assert rows.schema.equals(alone.schema)
     assert (done.runs, done.completed + done.failed + done.crashed) == (24, 24)
     assert {*rows.column("plant").to_pylist()} == {"kinematic", "jsbsim:aerosonde"}
+    success = rows.to_pandas().groupby(["plant", "gains"])["success"].agg(["size", "sum"])
+    counted = {group["group"]: [group["runs"], group["succeeded"]] for group in done.by_group}
+    assert counted == {" / ".join(names): [*both] for names, both in success.T.items()}
     assert capfd.readouterr() == ("", "")
     assert {path.name for path in tmp_path.iterdir()} == {"files", "out"}
     assert psutil.CONN_LISTEN not in listening

@@ -1,10 +1,12 @@
 """Fly a plan into a folder, here or on a cluster, and forecast its flights, time and disk space."""
 
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
+
+import pandas as pd
 
 from flighttune.arrays import check_at_least
 from flighttune.campaign.dataset import RUNS, Dataset, locked, open_dataset, parquet_bytes
@@ -118,6 +120,7 @@ class CampaignOutcome(Answering):
     wall_s: float  # s, of this time
     rate_per_s: float  # 1/s, flown / wall_s
     groups: tuple[Group, ...]  # plants and gain sets that fly each draw
+    by_group: list[dict[str, Any]]  # numbers of runs of each, as above
     endings: list[Mapping[str, Any]]  # run, status and reason of those that are not completed
     # Of each group whether the share asked for succeeds: yes, no, or empty if it is not sure
     sure: Mapping[str, str] = field(default_factory=dict)
@@ -129,8 +132,6 @@ class CampaignOutcome(Answering):
 
         Status 1 if the share asked for is not surely reached by all groups.
         """
-        counts = pick(self, "runs completed failed crashed succeeded")
-        counts |= {key: n for key, n in self.statuses.items() if key not in counts}
         speed = f"{duration(self.wall_s)}, {rate(self.rate_per_s)} a second"
         interrupted = (
             f"interrupted, {self.runs} of {self.planned} runs are in {self.dataset}; go on with "
@@ -142,7 +143,10 @@ class CampaignOutcome(Answering):
         said = "planned runs completed failed crashed succeeded statuses flown kept"
         return Answer(
             values=pick(self, f"{said} wall_s rate_per_s interrupted{' sure' * bool(self.sure)}"),
-            tables=[Table(columns(" ".join(counts)), [counts]), endings_table(self.endings)],
+            tables=[
+                Table(columns(" ".join(self.by_group[0])), self.by_group),
+                endings_table(self.endings),
+            ],
             notes=[
                 f"{self.runs}{most} flights = {draws_in_words(self.runs, self.groups)}",
                 f"flown now: {self.flown} in {speed}" if self.flown else "nothing was missing",
@@ -229,6 +233,7 @@ def run_campaign(
         statuses=dict(sorted(progress.statuses.items())),
         kept=len(dataset.kept),
         groups=plan.groups,
+        by_group=_by_group(dataset, sorted(progress.statuses)),
         endings=progress.endings,
         sure=sure,
         until_sure=plan.campaign.until_sure,
@@ -236,6 +241,22 @@ def run_campaign(
         rate_per_s=progress.flown / wall,
         interrupted=interrupted,
     )
+
+
+def _by_group(dataset: Dataset, statuses: Sequence[str]) -> list[dict[str, Any]]:
+    """Numbers of runs of each plant and gain set, by how they ended."""
+    names, counts = ["plant", "gains", "status", SUCCESS], []
+    rows = dataset.rows(names).to_pandas() if dataset.parts else pd.DataFrame(columns=names)
+    for plant, gains in dataset.plan.groups:
+        own = rows[(rows["plant"] == plant) & (rows["gains"] == gains)]
+        ends = {status: int((own["status"] == status).sum()) for status in statuses}
+        completed, crashed = (ends.pop(status, 0) for status in ("completed", "crashed"))
+        counts.append(
+            {"group": Group(plant, gains).label, "runs": len(own), "completed": completed}
+            | {"failed": sum(ends.values()), "crashed": crashed}
+            | {"succeeded": int(own[SUCCESS].sum()), **ends}
+        )
+    return counts
 
 
 def _dataset(out: str | Path, plan: Plan, *, resume: bool) -> Dataset:
