@@ -326,6 +326,8 @@ class FlownScenario(Answering):
         Result of the tuning of the gains ``tuned``, where the scenario asks for them.
     source : str
         The scenario as arguments of a command, with its changes.
+    chosen : str
+        The first gain set asked for in place of those of the scenario, as arguments of a command.
 
     Examples
     --------
@@ -339,6 +341,7 @@ class FlownScenario(Answering):
     indicators: Mapping[str, Indicators]
     tuning: TuningResult | None = None
     source: str = "SCENARIO"
+    chosen: str = ""
 
     @cached_property
     def metrics(self) -> pd.DataFrame:
@@ -409,7 +412,8 @@ class FlownScenario(Answering):
         next_step = advice(self.scenario, self.runs, self.source, slopes)
         failed = any(run.status in ("law_failed", "plant_failed") for run in self.runs)
         if not failed and any(run.provenance.aircraft for run in self.runs):
-            notes.append(f"Why aircraft and law differ: flighttune gap {self.source}")
+            command = f"flighttune gap {self.source} {self.chosen}".rstrip()
+            notes.append(f"Why aircraft and law differ: {command}")
         # how a flight ended is a note already
         sentence = claim.short if failed else claim.sentence
         more = f" ({len(missed) - 1} more)" if missed[1:] else ""

@@ -2,6 +2,7 @@
 
 import inspect
 import platform
+import shlex
 import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -215,7 +216,10 @@ def fly(
                 run = replace(run, reason=tuning.reason)
             runs[table.label, name] = run
     flown = tuple(runs[table.label, name] for table in scenario.plant for name in sets)
-    return FlownScenario(scenario, flown, MappingProxyType(indicators_of), tuning, arguments)
+    chosen = shlex.join(["--gains", str(wanted[0])]) if wanted else ""
+    return FlownScenario(
+        scenario, flown, MappingProxyType(indicators_of), tuning, arguments, chosen
+    )
 
 
 def _linear_loop(

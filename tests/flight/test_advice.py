@@ -121,3 +121,10 @@ def test_a_law_with_the_wrong_sign_or_in_degrees_gets_that_hint(roll_by, pull_by
     found = advice(flown.scenario, runs, "x.toml")
 
     assert found == line if line else "mine" not in found
+
+
+def test_the_gap_is_asked_of_the_gains_that_flew():
+    notes = ft.fly("level_turn", ["K1"], changes={"flight.duration_s": 4.0}).answer().notes
+
+    named = "level_turn --set flight.duration_s=4.0 --gains K1"
+    assert f"Why aircraft and law differ: flighttune gap {named}" in notes
