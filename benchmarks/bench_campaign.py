@@ -41,7 +41,7 @@ from flighttune.simulate.batch import cores
 STEPS, BARE_SECONDS = 4000, 60.0
 BLOCK, REPEATS = (1, 1) if running.QUICK else (25, 8)
 KINEMATIC_BLOCKS = 2 if running.QUICK else 120
-HIGHEST_RATIO = {"still air": 2.4, "airframe dispersed": 2.4, "kinematic, 100 Hz": 4.0}
+HIGHEST_RATIO = {"still air": 2.4, "airframe dispersed": 2.4, "kinematic, 100 Hz": 3.3}
 MANY, SECONDS = 100 if running.QUICK else 100_000, 160.0
 
 
