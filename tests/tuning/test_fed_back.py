@@ -147,7 +147,9 @@ def test_the_named_gains_are_those_of_the_exact_law_alone():
         ft.fly(ft.load_scenario("mission", changes={"law": "paper"}))
 
 
-@pytest.mark.parametrize(("rate", "most"), [(0.5, 1.4), (0.85, 1.45), (2.0, 1.5)])
+@pytest.mark.parametrize(
+    ("rate", "most"), [pytest.param(0.5, 1.4, marks=pytest.mark.soak), (0.85, 1.45), (2.0, 1.5)]
+)
 def test_a_slow_load_factor_gets_gains_of_a_smaller_sensitivity(rate, most):
     """The aircraft's own rate is 1 per second: [limits] make it slower, not faster."""
     changes = {"limits": {"n_z_rate_per_s": rate}, "gains": ["tuned_fed_back"], "expect": []}
