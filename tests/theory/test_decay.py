@@ -114,3 +114,13 @@ def test_the_exponential_is_bounded_from_below(x):
     # Twelve terms: the next one of exp(-1) is 1/12!.
     assert Fraction(truth) - Fraction(1, math.factorial(12)) - Fraction(1, 2**79) <= below
     assert below <= Fraction(truth) + Fraction(1, 10**58)
+
+
+def test_a_loop_of_huge_transients_is_proven_or_not_without_a_warning():
+    loop = np.array([[0.5, 1e8], [0.0, 0.4]])
+
+    proven = decay(loop, dt=0.02)
+
+    assert proven is None or all(
+        x.exact for x in decay_checks(exact(loop), proven[1], rate=proven[0], dt=0.02)
+    )
