@@ -266,8 +266,8 @@ def _end_errors(
     # A flight arrives at the end of a route or not.
     if OFF_ROUTE[0] in columns or max(change, least) < SMALLEST_STEP:
         return {}
-    # The end is the last quarter of the time, or what of it comes after the last change of the
-    # reference.
+    # The end is the last quarter of the time, whose mean error is MS_rad, or what of it comes after
+    # the last change of the reference.
     begin, mean = max(STEADY_FROM * t[-1], values["rest_s"]), values["MS_rad"]
     # Where thrust is short the path angle is held against the one that the law is given.
     short_of_thrust = channel == "gamma" and "gamma_given" in columns

@@ -236,9 +236,9 @@ def loops_of(models: Sequence[LinearModel], gains: PIGains) -> FloatArray:
 def _loops(A: FloatArray, B: FloatArray, C: FloatArray, K: FloatArray) -> FloatArray:
     """A_K of stacked models and gains; either may be one alone."""
     n, p = A.shape[-1], C.shape[-2]
-    across = A + B @ K[..., :p] @ C
-    A_K = np.zeros((*across.shape[:-2], n + p, n + p))
-    A_K[..., :n, :n] = across
+    upper_left = A + B @ K[..., :p] @ C
+    A_K = np.zeros((*upper_left.shape[:-2], n + p, n + p))
+    A_K[..., :n, :n] = upper_left
     A_K[..., :n, n:] = B @ K[..., p:]
     A_K[..., n:, :n] = C
     return A_K

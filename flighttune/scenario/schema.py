@@ -407,7 +407,7 @@ class Scenario(Table):
 
     @cached_property
     def stated_reference(self) -> Reference:
-        """What [reference] states, in SI; `reference_of` has that of every scenario."""
+        """The reference that its table states, in SI; `reference_of` has that of any scenario."""
         assert self.reference is not None  # else there is a route
         return self.reference.reference(self.flight)
 

@@ -86,7 +86,7 @@ def _lyapunov(loop: FloatArray, rate: float, dt: float | None) -> FloatArray | N
 
     faster = _faster(loop, rate, dt)
     try:
-        # Whatever comes out is proven or dropped.
+        # The caller proves what comes out in rationals, or drops it.
         with warnings.catch_warnings(action="ignore", category=LinAlgWarning):
             if dt is None:
                 Q = lyapunov_solution(faster)

@@ -217,7 +217,7 @@ def test_gains_of_another_aircraft_or_airspeed_are_named(tuned_for, plant, V_a, 
 
 
 def test_a_copy_with_another_flight_has_a_reference_of_its_own():
-    """What was found from the keys of a table does not go into a copy, which may have others."""
+    """Values that were found from the old keys would be wrong in the copy."""
     scenario = ft.scenario_from(TURN | {"gains": ["paper"], "expect": []})
     assert scenario.stated_reference.g == 9.81
     flight = scenario.flight.model_copy(update={"g_mps2": 3.71})

@@ -116,11 +116,8 @@ def test_the_exponential_is_bounded_from_below(x):
     assert below <= Fraction(truth) + Fraction(1, 10**58)
 
 
-def test_a_loop_of_huge_transients_is_proven_or_not_without_a_warning():
-    loop = np.array([[0.5, 1e8], [0.0, 0.4]])
+def test_a_loop_of_huge_transients_has_a_proven_rate_without_a_warning():
+    """Warnings are errors in tests; SciPy's solution has an ill-conditioned matrix here."""
+    rate, _ = decay(np.array([[0.5, 1e8], [0.0, 0.4]]), dt=0.02)
 
-    proven = decay(loop, dt=0.02)
-
-    assert proven is None or all(
-        x.exact for x in decay_checks(exact(loop), proven[1], rate=proven[0], dt=0.02)
-    )
+    assert TARGET * math.log(2.0) <= 0.02 * rate <= math.log(2.0)

@@ -120,7 +120,7 @@ class CampaignOutcome(Answering):
     wall_s: float  # s, of this time
     rate_per_s: float  # 1/s, flown / wall_s
     groups: tuple[Group, ...]  # plants and gain sets that fly each draw
-    by_group: list[dict[str, Any]]  # numbers of runs of each, as above
+    by_group: list[dict[str, Any]]  # the label of each, and numbers of its runs as above
     endings: list[Mapping[str, Any]]  # run, status and reason of those that are not completed
     # Of each group whether the share asked for succeeds: yes, no, or empty if it is not sure
     sure: Mapping[str, str] = field(default_factory=dict)
@@ -247,12 +247,12 @@ def _by_group(dataset: Dataset, statuses: Sequence[str]) -> list[dict[str, Any]]
     """Numbers of runs of each plant and gain set, by how they ended."""
     names, counts = ["plant", "gains", "status", SUCCESS], []
     rows = dataset.rows(names).to_pandas() if dataset.parts else pd.DataFrame(columns=names)
-    for plant, gains in dataset.plan.groups:
-        own = rows[(rows["plant"] == plant) & (rows["gains"] == gains)]
+    for group in dataset.plan.groups:
+        own = rows[(rows["plant"] == group.plant) & (rows["gains"] == group.gains)]
         ends = {status: int((own["status"] == status).sum()) for status in statuses}
         completed, crashed = (ends.pop(status, 0) for status in ("completed", "crashed"))
         counts.append(
-            {"group": Group(plant, gains).label, "runs": len(own), "completed": completed}
+            {"group": group.label, "runs": len(own), "completed": completed}
             | {"failed": sum(ends.values()), "crashed": crashed}
             | {"succeeded": int(own[SUCCESS].sum()), **ends}
         )
