@@ -48,14 +48,13 @@ def box(tmp_path):
     return fence_file(tmp_path / "box.geojson", BOX)
 
 
-@pytest.fixture(scope="module")
-def band():
+def made_up_counted(**changes):
     """40 flights along 800 m that come 2 m off; three 45 m to the right at 400 m, one is lost."""
     changes = {
         "route.waypoint": [{"north_m": n, "east_m": 0.0} for n in (0.0, 800.0)],
         "route.lat_deg": 47.0,
         "route.lon_deg": 8.0,
-    }
+    } | changes
     drawn = ft.flights("circuit", changes=changes).starting(1.0).plan(plant="kinematic")
     extremes = np.tile(np.array([-2.0, 2.0], dtype=np.float32), (40, 200, 2, 1))
     extremes[5:8, 100, 0, 1] = 45.0
@@ -72,6 +71,11 @@ def band():
     )
     along = band_flights(np.linspace(0.0, 800.0, 201), over="along", central=drawn.campaign.central)
     return ft.Band(about=about, flights=along, extremes=extremes, wind=np.zeros((40, 0)))
+
+
+@pytest.fixture(scope="module")
+def band():
+    return made_up_counted()
 
 
 def test_a_leg_in_a_rectangle_has_the_distances_of_its_edges(tmp_path):
@@ -109,6 +113,39 @@ def test_the_sag_of_edges_and_the_overlap_of_windows_take_room(
     room = room_along(sagging, leg, np.array([first, 500.0]), widest=50.0, overlap=overlap)
 
     assert room.limits[0, 0, 1] == pytest.approx(right, abs=SCAN_STEP)
+
+
+def test_a_needle_between_the_lines_that_a_turn_spreads_is_met(tmp_path):
+    """Lines across a circle of 200 m, `SCAN_STEP` apart on it, are 3.5 times as far apart there."""
+    circles = Waypoint(north=0.0, east=0.0, turns=1.0, radius=200.0)
+    path = plan([Waypoint(north=-600.0, east=0.0), circles], ABILITY)
+    north, east, _, _ = path.at(SCAN_STEP * np.arange(path.length / SCAN_STEP))
+    top = int(north.argmax())
+    between = np.array([north[top : top + 2].mean(), east[top : top + 2].mean()])
+    out = between / np.hypot(*between)
+    aside = 0.001 * np.array([-out[1], out[0]])
+    needle = tuple(map(tuple, (700.0 * out, 750.0 * out + aside, 750.0 * out - aside)))
+    box = ((-900.0, -900.0), (-900.0, 900.0), (900.0, 900.0), (900.0, -900.0))
+    fence = read_fence(fence_file(tmp_path / "f.geojson", box, needle), ORIGIN)
+    room = room_along(fence, path, np.array([0.0, path.length]), widest=600.0, overlap=0.0)
+
+    assert room.limits[0, 0].min() == pytest.approx(500.0, abs=5.0 * SCAN_STEP)
+
+
+def test_windows_of_a_fence_overlap_by_two_samples_at_the_largest_airspeed(tmp_path):
+    """At 10 Hz two samples are 5 m at 25 m/s and 4 m at 20 m/s; the zone is 4.5 m beyond 404 m."""
+    places = [{"north_m": 0.0, "east_m": 0.0}, {"north_m": 400.0, "east_m": 0.0, "V_mps": 20.0}]
+    places.append({"north_m": 800.0, "east_m": 0.0})
+    slower = made_up_counted(
+        **{"route.waypoint": places, "route.holds_airspeed": True, "controller.rate_hz": 10.0},
+        **{"limits.n_x": [-0.3, 0.3], "limits.n_x_rate_per_s": 1.0},
+    )
+    box = ((-50.0, -60.0), (-50.0, 60.0), (900.0, 60.0), (900.0, -60.0))
+    zone = ((408.5, 40.0), (412.0, 40.0), (412.0, 50.0), (408.5, 50.0))
+    file = fence_file(tmp_path / "f.geojson", box, zone)
+
+    assert min(slower.flights.central.airspeeds) < 25.0
+    assert slower.inside(json.loads(file.read_text())).outside == 4  # one of them was lost
 
 
 def degrees(*places):
