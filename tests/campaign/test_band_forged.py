@@ -2,6 +2,7 @@
 
 import copy
 import json
+import math
 from dataclasses import replace
 from textwrap import dedent
 
@@ -11,6 +12,7 @@ from campaigns import flown_here
 from commands import flighttune
 from dispersed import AEROSONDE, KINEMATIC, SOFT, plan_of, uniform
 from dispersed import tables_of as tables_of_plan
+from scipy.stats import hypergeom
 
 import flighttune as ft
 from flighttune.campaign import counting
@@ -279,3 +281,16 @@ def test_no_sentence_uses_a_field_of_a_file_that_is_not_checked(tmp_path, kind):
                 continue
 
     assert said == []
+
+
+def test_the_chance_that_verify_misses_a_forgery_is_that_of_doubling_epsilon(counted, tmp_path):
+    """Of N flights counted, K = epsilon N are forged, and n are flown again."""
+    counted.save(tmp_path / "x.npz")
+    with flown_here(counting) as pool:
+        note = " ".join(ft.verify(tmp_path / "x.npz", count=3, pool=pool).answer().notes)
+
+    flights, epsilon = len(counted.scores), counted.about.epsilon
+    forged_flights = math.ceil(epsilon * flights)
+    assert f"forgery of {forged_flights} counted flights, which would double epsilon" in note
+    missed = hypergeom.pmf(0, flights, forged_flights, 3)
+    assert f"missed with probability {missed:.2g}." in note

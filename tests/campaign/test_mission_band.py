@@ -184,6 +184,10 @@ def test_a_fence_that_one_flight_leaves_takes_the_other_flights(tmp_path, monkey
     made_up_flights(monkeypatch, None)
     file, out = mission(tmp_path / "m.plan"), tmp_path / "m.npz"
     band = ft.mission(file, workers=1).band
+    early = band.inside(band.about.fences[0])
+    assert (early.outside, early.supported) == (0, True)
+    assert early.epsilon == pytest.approx(1.0 - 0.025 ** (1 / 78), rel=1e-6)
+    assert early.sentence.startswith("a new flight leaves the fence with probability at most 0.046")
     extremes = band.extremes.copy()
     extremes[3, 0, 0] = [-5000.0, 5000.0]
     left = replace(band, extremes=extremes)

@@ -97,7 +97,9 @@ BOUND = {"at_most": {"flight": {"V_a_dev_mps": 1.0}}}
     ("late_deg", "expect", "missed"),
     [
         (3.9, [BOUND], None),
+        (-3.9, [BOUND], None),
         (4.1, [BOUND], "at most 4 deg, got 4.1"),
+        (-4.1, [BOUND], "at most 4 deg, got 4.1"),
         (20.0, [BOUND | {"status": "completed"}], "at most 4 deg, got 20"),  # a law does nothing
         (20.0, [{"status": "completed"}], None),
         (20.0, [], None),
