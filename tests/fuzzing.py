@@ -289,6 +289,30 @@ def in_child(work, seconds, room):
     return said if ended == 0 else f"{said}ended by {signal.Signals(-ended).name}"
 
 
+def refused_apart(work):
+    """What refuses a call in a fork of this process, and the bytes of memory that it took."""
+    read, write = os.pipe()
+
+    def measured():
+        before, said = peak_bytes(), "accepted"
+        try:
+            work()
+        except ft.FlightTuneError as error:
+            said = str(error)
+        os.write(write, json.dumps([said, peak_bytes() - before]).encode())
+
+    ended = in_child(measured, 60.0, 8 << 30)
+    os.close(write)
+    with os.fdopen(read, "rb") as pipe:
+        assert not ended, ended
+        return json.loads(pipe.read())
+
+
+def peak_bytes():
+    """The most memory that this process has had, which is its present one in a new fork."""
+    return 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+
+
 DIGITS = b"0123456789"
 PIECE = 16
 """Bytes that are zeroed, swapped, repeated or lost at once."""

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flighttune.errors import InputError
-from flighttune.files import load, table, whole
+from flighttune.files import archive, load, table, whole
 
 FLOAT, SINGLE, BOOL, TEXT = np.dtype("<f8"), np.dtype("<f4"), np.dtype(bool), np.dtype("<U")
 
@@ -19,10 +19,10 @@ Arrays: TypeAlias = dict[str, npt.NDArray[Any]]
 def write_sealed(path: str | Path, arrays: Mapping[str, Any]) -> None:
     """Write arrays with the SHA-256 of their file (.npz), whole or not at all."""
     with whole.whole_file(Path(path)) as part:
-        with part.open("wb") as file:
-            np.savez_compressed(file, **arrays)
-        with zipfile.ZipFile(part, "a") as archive:
-            archive.comment = load.BLANK.encode()  # at its end, and of no checksum of it
+        with part.open("wb") as opened:
+            np.savez_compressed(opened, **arrays)
+        with zipfile.ZipFile(part, "a") as file:
+            file.comment = load.BLANK.encode()  # at its end, and of no checksum of it
         part.write_bytes(load.seal(part.read_bytes()))
 
 
@@ -35,38 +35,20 @@ def read_arrays(
     unbounded: Collection[str] = (),
 ) -> Arrays:
     """Arrays of a file by their types, finite unless `unbounded`; the first must be there."""
-    try:
-        if path.stat().st_size > max_compressed:
-            raise InputError(f"the file must have at most {max_compressed} bytes, got more.")
-        with zipfile.ZipFile(path) as archive:
-            # Sizes and names are checked before any array is unpacked.
-            entries = archive.infolist()
-            names = [entry.filename for entry in entries]
-            for name in names:
-                if name.removesuffix(".npy") not in kinds or not name.endswith(".npy"):
-                    raise InputError(f"`{table.shown(name)}` must not be in the file of a {kind}.")
-                if names.count(name) > 1:
-                    raise InputError(f"`{name}` must be in the file once, got it twice.")
-            # No more than the sizes stated is ever unpacked of what is stored or deflated.
-            packed = {zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED}
-            size = sum(entry.file_size for entry in entries)
-            if size > max_bytes or not {entry.compress_type for entry in entries} <= packed:
-                raise InputError(
-                    f"the arrays of a {kind} must be stored or deflated, and fit into {max_bytes} "
-                    f"bytes, got {size} bytes."
-                )
-            arrays: Arrays = {}
-            for name in names:
-                with archive.open(name) as member:
-                    array = np.lib.format.read_array(member, allow_pickle=False)
-                key = name.removesuffix(".npy")
-                arrays[key] = _checked(name, array, kinds[key], key not in unbounded)
-    except InputError:
-        raise
-    except OSError as error:
-        raise InputError(f"the file must be readable: {error.strerror}.") from error
-    except Exception as error:  # NumPy and `zipfile` raise a dozen kinds on a damaged file
-        raise InputError(f"the file must be a {kind} of flighttune: {error}.") from error
+
+    def known(name: str) -> bool:
+        if name.removesuffix(".npy") not in kinds or not name.endswith(".npy"):
+            raise InputError(f"`{table.shown(name)}` must not be in the file of a {kind}.")
+        return True
+
+    arrays: Arrays = {}
+    said = f"{kind} of flighttune", f"the arrays of a {kind}"
+    with archive.opened(path, *said, known, max_bytes, max_compressed) as (file, names):
+        for name in names:
+            with file.open(name) as member:
+                array = np.lib.format.read_array(member, allow_pickle=False)
+            key = name.removesuffix(".npy")
+            arrays[key] = _checked(name, array, kinds[key], key not in unbounded)
     if (first := next(iter(kinds))) not in arrays:
         raise InputError(f"`{first}.npy` must be in the file of a {kind}.")
     return arrays

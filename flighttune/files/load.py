@@ -8,12 +8,14 @@ the schema, which is never compressed, in an archive in its comment.
 
 import hashlib
 import re
+import struct
+import zlib
 from contextlib import suppress
 from importlib import import_module
-from io import BytesIO
+from io import SEEK_END, BytesIO
 from pathlib import Path
 from typing import Any, BinaryIO
-from zipfile import ZipFile
+from zipfile import ZIP_DEFLATED, ZIP_STORED
 
 from flighttune.errors import RecordingError
 from flighttune.files import table, whole
@@ -65,6 +67,10 @@ CAMPAIGN = "campaign.json"  # the file that makes a folder that of a campaign
 
 # What files begin with; a telemetry log has the time of its first message before it.
 RERUN, PARQUET, ARCHIVE = b"RRF", b"PAR1", b"PK"
+
+# What the record at the end of a zip archive begins with, and its most bytes.
+ARCHIVE_END, LONGEST_END = b"PK\x05\x06", 2**16 + 22
+
 LOG_STARTS = {"ULog": b"ULog\x01\x12\x35", "DataFlash": (b"\xa3\x95", b"FMT,"), "csv": b"<LABELS>"}
 
 # Kind of a file whose content does not tell it: a table has no mark.
@@ -105,7 +111,6 @@ def kind_of(source: str | Path) -> str:
         return DATASET if (path / CAMPAIGN).is_file() else RECORDING
     with suppress(OSError), path.open("rb") as file:
         head = file.read(16)
-        # `zipfile` reads a device to its end, and there are some without one.
         stated = stated_format(file) if path.is_file() else ""
     if head.startswith((RERUN, PARQUET)):
         return RECORDING
@@ -173,13 +178,25 @@ def file_bytes(path: Path, kind: str) -> bytes:
 def stated_format(file: BinaryIO) -> str:
     """The `format` in the JSON text or in the first array of a file, without its number."""
     file.seek(0)
-    data = file.read(HEAD)
-    with suppress(Exception):  # `zipfile` raises a dozen kinds on what is no archive, or damaged
-        archive = ZipFile(file)
-        with archive.open(archive.infolist()[0]) as member:
-            data = member.read(HEAD).replace(b"\0", b"")  # NumPy's letters have four bytes
-    match = re.search(r'"format":\s*"([a-z ]+) \d', data.decode(errors="replace"))
+    data = file.read(2 * HEAD)
+    if data.startswith(ARCHIVE):
+        file.seek(max(0, file.seek(0, SEEK_END) - LONGEST_END))
+        cut = ARCHIVE_END not in file.read()
+        # NumPy's letters have four bytes
+        data = b"" if cut else _first_member(data).replace(b"\0", b"")
+    match = re.search(r'"format":\s*"([a-z ]+) \d', data[:HEAD].decode(errors="replace"))
     return match[1] if match else ""
+
+
+def _first_member(data: bytes) -> bytes:
+    """The beginning of the first member of a zip archive, stored or deflated; empty for another."""
+    with suppress(struct.error, zlib.error):
+        packing, *lengths = struct.unpack_from("<8xH16xHH", data)
+        body = data[30 + sum(lengths) :]
+        if packing == ZIP_DEFLATED:
+            return zlib.decompressobj(-zlib.MAX_WBITS).decompress(body, HEAD)
+        return body[:HEAD] if packing == ZIP_STORED else b""
+    return b""
 
 
 def _sha256(before: bytes, after: bytes) -> bytes:

@@ -2,22 +2,20 @@
 
 import json
 import math
-import zlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias, TypeVar
 from xml.etree import ElementTree
-from zipfile import BadZipFile, ZipFile
 
 import numpy as np
 from geographiclib.geodesic import Geodesic
 from shapely import LineString
 
 from flighttune.arrays import FloatArray, Floats
-from flighttune.errors import InputError, need
-from flighttune.files import table
+from flighttune.errors import InputError, naming, need
+from flighttune.files import archive, table
 from flighttune.files.xml import node
 from flighttune.references.path import STEP
 from flighttune.references.path import Path as Route
@@ -163,26 +161,16 @@ def map_file(path: Path, endings: Sequence[str], kinds: str) -> tuple[str, Any]:
 
 def _kmz_text(path: Path) -> str:
     """The text of the only KML in a zip archive."""
-    try:
-        with ZipFile(path) as archive:
-            names = [name for name in archive.namelist() if name.lower().endswith(".kml")]
-            if len(names) != 1:
-                got = f": {table.abridged(', '.join(names))}" * bool(names)
-                raise InputError(f"{path}: must hold one .kml file, got {len(names)}{got}.")
-            with archive.open(names[0]) as file:
-                data = file.read(table.MAX_BYTES + 1)
-            if len(data) > table.MAX_BYTES:
-                raise InputError(
-                    f"{path}: its .kml must have at most {table.MAX_BYTES} bytes, got more."
-                )
-            return data.decode("utf-8-sig")
-    except InputError:
-        raise
-    except (OSError, EOFError, RuntimeError, ValueError, BadZipFile, zlib.error) as error:
-        reason = table.shown(str(getattr(error, "strerror", None) or error))
-        raise InputError(
-            f"{path}: must be a zip archive with a .kml file, got {reason}."
-        ) from error
+
+    def is_kml(name: str) -> bool:
+        return name.lower().endswith(".kml")
+
+    said, most = ("zip archive with a .kml file", "its .kml"), table.MAX_BYTES
+    with naming(path), archive.opened(path, *said, is_kml, most, most) as (file, names):
+        if len(names) != 1:
+            got = f": {table.abridged(', '.join(names))}" * bool(names)
+            raise InputError(f"must hold one .kml file, got {len(names)}{got}.")
+        return file.read(names[0]).decode("utf-8-sig")
 
 
 @contextmanager

@@ -1,10 +1,11 @@
 """What is read of plans, waypoint files, KML and GeoJSON, and what is refused."""
 
 import json
-from zipfile import ZIP_DEFLATED, ZipFile
+from zipfile import ZIP_BZIP2, ZIP_DEFLATED, ZIP_LZMA, ZipFile
 
 import pytest
 from commands import answer, flighttune
+from fuzzing import refused_apart
 from plans import HOME, PATROL, item, plan_file, waypoint
 
 import flighttune as ft
@@ -498,6 +499,18 @@ def test_a_kmz_without_one_kml_of_an_ordinary_size_is_refused(tmp_path, texts, s
     with pytest.raises(ft.InputError) as refusal:
         read_route(file)
     assert str(refusal.value) == f"{file}: {says}"
+
+
+@pytest.mark.parametrize("packing", [ZIP_BZIP2, ZIP_LZMA])
+def test_a_kmz_of_a_packing_that_cannot_be_bounded_is_refused_unread(tmp_path, packing):
+    """Of 724 bytes bzip2 makes 670 MB, which would be in memory before they are counted."""
+    with ZipFile(tmp_path / "m.kmz", "w", packing) as file:
+        file.writestr("doc.kml", KML.format("absolute") + " " * 15_000_000)
+
+    said, grown = refused_apart(lambda: read_route(tmp_path / "m.kmz"))
+
+    assert said.endswith("`doc.kml` must be stored or deflated, got another compression.")
+    assert grown < 8_000_000
 
 
 def line(*points):
