@@ -19,7 +19,7 @@ ONLY_IN = {
     "numba": "simulate/kernel.py",
     "pymavlink": "logs/read.py",
     "pyulog": "logs/read.py",
-    "rasterio": "references/maps.py",
+    "rasterio": "references/raster.py",
     "rerun": ("recording", "records/parquet.py"),  # a recording names the runs it was drawn from
 }  # a file, or the folder it may be used in
 

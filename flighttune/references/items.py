@@ -98,7 +98,7 @@ def read_items(
 ) -> RouteFile:
     """The route that items make; `home`: latitude and longitude, deg, height above sea level, m."""
     # With `skip`, commands that change the flight but have no place are left out.
-    flat = [_above_sea(_whole(i, x), terrain) for i, x in enumerate(_flat(items), start=1)]
+    flat = _above_sea([_whole(i, x) for i, x in enumerate(_flat(items), start=1)], terrain)
     lost = not _knows_home(flat, home)
     rows: list[Row] = []
     rally: list[Row] = []
@@ -167,13 +167,29 @@ def _whole(number: int, item: Mapping[str, Any]) -> Mapping[str, Any]:
     return item
 
 
-def _above_sea(item: Mapping[str, Any], terrain: str | Path | None) -> Mapping[str, Any]:
-    """An item with its height above sea level, where it is one above a terrain that is known."""
-    above = item.get("frame") in ABOVE_TERRAIN and item.get("AMSLAltAboveTerrain") is None
-    if terrain is None or not above or not _placed(item):
-        return item
-    *place, height = (json_number(x, "a place above terrain") for x in item["params"][4:7])
-    return {**item, "AMSLAltAboveTerrain": height + float(ground_at(terrain, np.array([place]))[0])}
+def _above_sea(
+    flat: list[Mapping[str, Any]], terrain: str | Path | None
+) -> list[Mapping[str, Any]]:
+    """Items with heights above sea level, where they are above a terrain that is known."""
+    over = [
+        i
+        for i, item in enumerate(flat)
+        if item.get("frame") in ABOVE_TERRAIN
+        and item.get("AMSLAltAboveTerrain") is None
+        and _placed(item)
+    ]
+    if terrain is None or not over:
+        return flat
+    stated = [
+        [json_number(x, "a place above terrain") for x in flat[i]["params"][4:7]] for i in over
+    ]
+    places = np.array(stated)
+    heights = places[:, 2] + ground_at(terrain, places[:, :2])  # at once: it opens the file
+    above = dict(zip(over, heights.tolist(), strict=True))
+    return [
+        {**item, "AMSLAltAboveTerrain": above[i]} if i in above else item
+        for i, item in enumerate(flat)
+    ]
 
 
 def _fates(numbers: Mapping[Fate, dict[str, set[int]]], skip: bool) -> list[str]:

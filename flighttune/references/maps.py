@@ -14,11 +14,12 @@ from geographiclib.geodesic import Geodesic
 from shapely import LineString
 
 from flighttune.arrays import FloatArray, Floats
-from flighttune.errors import InputError, naming, need
+from flighttune.errors import InputError, naming
 from flighttune.files import archive, table
 from flighttune.files.xml import node
 from flighttune.references.path import STEP
 from flighttune.references.path import Path as Route
+from flighttune.references.raster import ground_heights
 from flighttune.units import DEG
 
 # Latitude and longitude, deg.
@@ -404,52 +405,11 @@ def volumes_geojson(where: Where, volumes: Mapping[str, Volume]) -> str:
 # Distance between the places at which the ground is looked at, m.
 LOOKED_AT = 5.0
 
-METRES = "", "m", "metre", "meter", "metres", "meters"
-
-# Lowest and highest land there is, roughly, m: a post beyond has no height, in a file that does not
-# say which value stands for none.
-LOWEST, HIGHEST = -500.0, 9000.0
-
 
 def ground_at(file: str | Path, places: FloatArray) -> FloatArray:
     """Height of the ground, m above sea level, at places (n, 2), latitude and longitude in deg."""
-    need("`--terrain`", "rasterio")
-    import rasterio
-    from rasterio._err import CPLE_BaseError  # of a place that a projection does not have
-    from rasterio.warp import transform
-    from rasterio.windows import Window
-    from scipy.ndimage import map_coordinates
-
-    if not Path(file).is_file():
-        raise InputError(f"{file}: there is no such file of a terrain.")
-    # Height is linear between the posts of a file that rasterio reads, such as GeoTIFF and .hgt.
-    try:
-        with rasterio.open(file) as data, np.errstate(invalid="ignore"):
-            unit = (data.units[0] or "") if data.count == 1 else f"{data.count} bands"
-            if data.crs is None or unit.lower() not in METRES:
-                got = "no such system" if data.crs is None else unit
-                raise InputError(
-                    f"{file}: must have a coordinate system and one band of heights in m, got "
-                    f"{got}."
-                )
-            x, y = transform("EPSG:4326", data.crs, places[:, 1], places[:, 0])
-            cell = np.reshape(~data.transform, (3, 3))[1::-1] @ [x, y, np.ones(len(places))]
-            at, last = cell - 0.5, np.array([data.height, data.width]) - 1.0  # row and column
-            outside = ~((at >= 0.0) & (at <= last[:, None])).all(axis=0)  # also catches NaN
-            if outside.any():
-                raise _none_at(file, *places[outside][0])
-            first, size = np.floor(at.min(axis=1)), np.ceil(np.ptp(at, axis=1)) + 2.0
-            window = Window(first[1], first[0], *np.minimum(size, last - first + 1.0)[::-1])
-            posts = data.read(1, window=window, masked=True).astype(float).filled(np.nan)
-            posts = posts * data.scales[0] + data.offsets[0]
-            posts[(posts < LOWEST) | (posts > HIGHEST)] = np.nan
-    except (rasterio.errors.RasterioError, CPLE_BaseError) as error:
-        reason = str(error).rstrip(".")
-        if Path(file).suffix.lower() == ".hgt":
-            reason += "; .hgt files are named by a corner, as N47E008.hgt, and have 1201 or 3601 "
-            reason += "posts to a side"
-        raise InputError(f"{file}: must be a raster with heights there, got {reason}.") from error
-    heights = map_coordinates(posts, at - first[:, None], order=1, mode="nearest")
+    with naming(file):
+        heights = ground_heights(Path(file), places)
     if (lost := np.isnan(heights)).any():
         raise _none_at(file, *places[lost][0])
     return heights
