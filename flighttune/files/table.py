@@ -49,10 +49,13 @@ def abridged(value: object) -> str:
     return _ABRIDGED.repr(value)
 
 
-def joined(faults: Iterable[str]) -> str:
-    """Faults as one line that ends in a full stop, or in the last one's question mark."""
+def joined(faults: Iterable[str], count: int = 0) -> str:
+    """Faults as one line that ends in a full stop, or in the last one's question mark.
+
+    They are the first of `count`, if that is given.
+    """
     sentences = [fault.removesuffix(".") for fault in faults]
-    more = len(sentences) - MAX_LISTED
+    more = max(count, len(sentences)) - MAX_LISTED
     line = "; ".join(sentences[:MAX_LISTED]) + (f"; and {more} more" if more > 0 else "")
     words = (word if len(word) <= MAX_WORD else shown(word) for word in line.split())
     return " ".join(words) + ("" if line.endswith("?") else ".")
@@ -67,13 +70,18 @@ def mistakes(error: ValidationError, tables: object, model: type[BaseModel] | No
         key=lambda problem: (len(problem["loc"]), problem["type"] not in ("missing", "float_type")),
         reverse=True,
     )
-    sentences: dict[tuple[int | str, ...], str] = {}
+    sentences: list[str] = []
+    count, seen = 0, set[tuple[int | str, ...]]()
     for problem in problems:
         place = _place(problem, tables)
         # A value of a union has a problem for each member: the member that fits best fails deepest.
-        if not any(deeper[: len(place)] == place for deeper in sentences):
-            sentences[place] = _sentence(problem, place, model)
-    return joined(sentences.values())
+        if place in seen:
+            continue
+        seen |= {place[:length] for length in range(len(place) + 1)}
+        count += 1
+        if count <= MAX_LISTED:
+            sentences.append(_sentence(problem, place, model))
+    return joined(sentences, count)
 
 
 def validated(model: type[Model], tables: Any, source: object) -> Model:
@@ -89,9 +97,12 @@ def _place(problem: ErrorDetails, tables: Any) -> tuple[int | str, ...]:
     """Keys and indices down to the wrong value, without the members of unions in between."""
     place = []
     for part in problem["loc"]:
-        inside: Any = dict(enumerate(tables)) if isinstance(tables, list) else tables
-        if isinstance(inside, dict) and part in inside:
-            tables = inside[part]
+        if isinstance(tables, dict):
+            there = part in tables
+        else:
+            there = isinstance(tables, list) and part in range(len(tables))
+        if there:
+            tables = tables[part]
             place.append(part)
     if problem["type"] == "missing":
         place.append(problem["loc"][-1])
@@ -154,6 +165,10 @@ def _fields(model: type[BaseModel]) -> dict[str, FieldInfo]:
 # Largest file that is read: a certificate at a thousand conditions has a tenth of it.
 MAX_BYTES = 16_000_000
 
+# Most characters and values of a TOML file, each of which may be a mistake of its own: a route of a
+# thousand waypoints has a tenth of them.
+MAX_TOML, MAX_VALUES = 2**20, 2**16
+
 STRICT = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
 
 # A dotted key of over 32 parts: `tomllib` takes minutes for 100,000. The expression begins only
@@ -201,19 +216,32 @@ def toml_value(text: str, place: str) -> Any:
 def _toml(text: str) -> Any:
     if DEEP_KEY.search(text):
         raise RecursionError
+    if len(text) > MAX_TOML:
+        raise ValueError(f"it must have at most {MAX_TOML} characters, got {len(text)}")
     tables = tomllib.loads(text)
-    for key in _large_integers(tables, ()):
-        raise ValueError(f"`{shown('.'.join(key))}` must be an integer of at most 64 bits")
+    if keys := _large_integer(tables):
+        raise ValueError(f"`{shown('.'.join(keys))}` must be an integer of at most 64 bits")
     return tables
 
 
-def _large_integers(value: Any, place: tuple[str, ...]) -> Iterator[tuple[str, ...]]:
-    """Places of integers that TOML does not have; of thousands of digits Python prints none."""
-    if isinstance(value, (dict, list)):
-        for key, inside in value.items() if isinstance(value, dict) else enumerate(value):
-            yield from _large_integers(inside, (*place, str(key)))
-    elif isinstance(value, int) and not -(2**63) <= value < 2**63:
-        yield place
+def _large_integer(tables: dict[str, Any]) -> list[str]:
+    """Keys down to an integer that TOML does not have, which Python may refuse to print."""
+    above: list[tuple[str, Iterator[tuple[Any, Any]]]] = [("", iter(tables.items()))]
+    count = 0
+    while above:
+        for key, value in above[-1][1]:
+            count += 1
+            if count > MAX_VALUES:
+                raise ValueError(f"it must have at most {MAX_VALUES} values, got more")
+            if isinstance(value, dict | list):
+                pairs = value.items() if isinstance(value, dict) else enumerate(value)
+                above.append((str(key), iter(pairs)))
+                break
+            if isinstance(value, int) and not -(2**63) <= value < 2**63:
+                return [name for name, _ in above[1:]] + [str(key)]
+        else:
+            above.pop()
+    return []
 
 
 def _json(text: str) -> Any:
@@ -249,9 +277,11 @@ def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     """An object of a JSON file; a key that is given twice would hide its first value."""
     table = dict(pairs)
     if len(table) < len(pairs):
-        keys = [key for key, _ in pairs]
-        twice = next(key for key in keys if keys.count(key) > 1)
-        raise ValueError(f"`{shown(twice)}` is given twice")
+        seen = set[str]()
+        for key, _ in pairs:
+            if key in seen:
+                raise ValueError(f"`{shown(key)}` is given twice")
+            seen.add(key)
     return table
 
 

@@ -24,6 +24,10 @@ SCAN_STEP = 0.1
 
 # Most edges of a fence: each takes about 20 ms on a route of 16 km.
 MAX_EDGES = 1000
+TOO_MANY_EDGES = (
+    f"a fence must have at most {MAX_EDGES} edges, "
+    "with those of circles and the parts of long ones."
+)
 
 # Largest distance, m, of an edge, straight in latitude and longitude, from those that replace it.
 MAX_SAG = 0.05
@@ -224,6 +228,8 @@ def _of_plan(stated: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
     areas = [x for key in ("polygons", "circles") for x in maps.json_part(stated, key, list)]
     if corners := maps.json_part(stated, "polygon", list):  # version 1, of plans before 2018
         areas.append({"polygon": corners})
+    if len(areas) > MAX_EDGES // 3:
+        raise InputError(TOO_MANY_EDGES)
     for area in areas:
         inside = maps.json_bool(area.get("inclusion", True), "`inclusion`")
         if "circle" in area:
@@ -234,6 +240,8 @@ def _of_plan(stated: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
             corners = _circle((lat, lon), radius, outside=not inside)
         else:
             corners = [[point[1], point[0]] for point in area["polygon"]]
+        if len(corners) > MAX_EDGES:
+            raise InputError(TOO_MANY_EDGES)
         yield maps.feature("Polygon", [[*corners, *corners[:1]]], {"exclusion": not inside})
 
 
@@ -377,16 +385,15 @@ def _edges(
     Returns where they begin, north and east (n, 2), m, the sag of each, m, and the number of the
     corner that it belongs to. `ring`: latitudes and longitudes of the corners, deg.
     """
+    if len(ring) > most:
+        raise InputError(TOO_MANY_EDGES)
     middle, corners = 0.5 * (ring + np.roll(ring, -1, axis=0)), _north_east(ring, origin)
     straight = 0.5 * (corners + np.roll(corners, -1, axis=0))
     sag = np.hypot(*(_north_east(middle, origin) - straight).T)
     # The sag falls with the square of the length.
     parts = np.ceil(np.sqrt(sag / MAX_SAG)).clip(min=1.0).astype(int)
     if parts.sum() > most:
-        raise InputError(
-            f"a fence must have at most {MAX_EDGES} edges, with those of circles and the parts of "
-            "long ones."
-        )
+        raise InputError(TOO_MANY_EDGES)
     numbers = np.repeat(np.arange(len(ring)), parts)
     share = np.concatenate([np.arange(n) / n for n in parts])[:, None]
     placed = (1.0 - share) * ring[numbers] + share * np.roll(ring, -1, axis=0)[numbers]

@@ -159,7 +159,9 @@ def read_items(
 
 
 def _whole(number: int, item: Mapping[str, Any]) -> Mapping[str, Any]:
-    """The item, which is refused without a key that its type needs."""
+    """The item, which is refused without a key that its type needs, or as one of too many."""
+    if number > MAX_ITEMS:
+        raise InputError(f"`items` must be at most {MAX_ITEMS}, got more.")
     for key in ("command", "frame", "params") if item.get("type") == "SimpleItem" else ("type",):
         if key not in item:
             raise InputError(f"item {number} must have `{key}`, got none.")
@@ -538,4 +540,7 @@ def _numbers(words: Sequence[str]) -> list[float]:
 
 def stated_lines(text: str) -> list[str]:
     """Lines without comments and blank ones."""
-    return [line for line in text.splitlines() if line.strip() and line.lstrip()[0] != "#"]
+    lines = [line for line in text.splitlines() if line.strip() and line.lstrip()[0] != "#"]
+    if len(lines) > MAX_ITEMS + 2:  # the first ones name the format and home
+        raise InputError(f"must have at most {MAX_ITEMS} items, got {len(lines)} lines.")
+    return lines

@@ -100,6 +100,16 @@ Area: TypeAlias = tuple[list[list[float]], bool]
 # Elements of an area in KML, from its shape to its ring.
 RING = ("Polygon", "outerBoundaryIs", "LinearRing")
 
+# Elements of KML that are shapes, and whose text is read.
+SHAPES = ("LineString", "Polygon", "Point", "Track")
+READ = ("coordinates", "coord", "altitudeMode", "value")
+
+# Most places of the shapes of a KML: routes and fences have at most thousands.
+MAX_PLACES = 200_000
+
+# Most elements of KML inside each other.
+MAX_DEPTH = 200
+
 # Colours of lines and areas in KML, as opacity, blue, green, red.
 STYLES = {
     "path": ("ffb04a1f", "00000000"),
@@ -209,47 +219,101 @@ def features(tables: Mapping[str, Any]) -> Sequence[Mapping[str, Any]]:
 
 def _parts(shape: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
     """The features of one line, polygon or point each that a feature consists of."""
-    geometry = shape["geometry"]
-    if geometry is None:
-        return
-    kind = geometry["type"]
-    if kind == "GeometryCollection":
-        for part in geometry["geometries"]:
-            yield from _parts({**shape, "geometry": part})
-    elif kind in ("MultiLineString", "MultiPolygon"):
-        for part in geometry["coordinates"]:
-            yield {**shape, "geometry": {"type": kind.removeprefix("Multi"), "coordinates": part}}
-    else:
-        yield shape
+    stated, pending = shape.get("properties"), [shape["geometry"]]
+    while pending:
+        if (geometry := pending.pop()) is None:
+            continue
+        kind = geometry["type"]
+        if kind == "GeometryCollection":
+            pending += reversed(geometry["geometries"])
+        elif kind in ("MultiLineString", "MultiPolygon"):
+            kind = kind.removeprefix("Multi")
+            yield from (feature(kind, part, stated) for part in geometry["coordinates"])
+        else:
+            yield {"geometry": geometry, "properties": stated}
 
 
 def kml_features(text: str) -> list[dict[str, Any]]:
     """Lines, tracks, polygons and points of KML as features of GeoJSON, with ``altitudeMode``."""
     if "<!DOCTYPE" in text:  # entities could make a small file a large one
         raise InputError("must be KML without a document type.")
+    shapes = _Shapes()
+    parser = ElementTree.XMLParser(target=shapes)
     try:
-        root = ElementTree.fromstring(text)
+        parser.feed(text)
+        parser.close()
     except ElementTree.ParseError as error:
         raise InputError(f"must be KML: {error}.") from error
-    shapes = []
-    stated = root.findtext(f".//{{*}}Data[@name='{ROUTE_KEY}']/{{*}}value")
-    own = {ROUTE_KEY: table.json_object(stated, f"`{ROUTE_KEY}`")} if stated else {}
-    for shape in root.iter():
-        kind = shape.tag.rpartition("}")[2]
-        if kind in ("LineString", "Polygon"):
-            rings = [_points(x.text or "") for x in shape.iterfind(".//{*}coordinates")]
-            line = kind == "LineString"
-            shapes.append(feature(kind, rings[0] if line else rings, own if line else {}))
-        elif kind == "Point":  # it is counted alone
-            shapes.append(feature(kind, [], {}))
-        elif kind == "Track":  # its points have blanks for commas
-            points = [",".join((x.text or "").split()) for x in shape.iterfind("{*}coord")]
-            shapes.append(feature("LineString", _points(" ".join(points)), {}))
-        else:
-            continue
-        mode = shape.findtext(".//{*}altitudeMode", "clampToGround")
-        shapes[-1]["geometry"]["altitudeMode"] = mode
-    return shapes
+    if shapes.stated:
+        own = {ROUTE_KEY: table.json_object(shapes.stated, f"`{ROUTE_KEY}`")}
+        for shape in shapes.found:
+            if shape["geometry"]["type"] == "LineString":
+                shape["properties"] |= own
+    return shapes.found
+
+
+class _Shapes:
+    """What a parser of KML is told, element by element: no tree of them is kept."""
+
+    def __init__(self) -> None:
+        self.found: list[dict[str, Any]] = []
+        self.stated = ""  # the route that flighttune wrote
+        self._inside: list[str] = []  # tags of the elements above
+        self._text: list[str] | None = None
+        self._shape, self._depth, self._places = "", 0, 0
+        self._rings: list[list[list[float]]] = []
+        self._mode = ""
+
+    def start(self, tag: str, attributes: Mapping[str, str]) -> None:
+        """An element begins."""
+        kind = tag.rpartition("}")[2]
+        if self._inside and self._inside[-1] in READ:  # its text ends here
+            self._put_text(self._inside[-1])
+        if len(self._inside) > MAX_DEPTH:
+            raise InputError("must not be nested so deeply.")
+        self._inside.append(f"{ROUTE_KEY} {kind}" if attributes.get("name") == ROUTE_KEY else kind)
+        if kind in SHAPES:
+            if self._shape:
+                raise InputError(f"must have no {kind} inside a {self._shape}.")
+            self._shape, self._depth = kind, len(self._inside)
+            self._rings, self._mode = [], ""
+        self._text = [] if kind in READ else None
+
+    def data(self, text: str) -> None:
+        """A piece of text."""
+        if self._text is not None:
+            self._text.append(text)
+
+    def end(self, _: str) -> None:
+        """An element ends."""
+        self._put_text(kind := self._inside.pop())
+        if self._shape and len(self._inside) < self._depth:
+            rings, kind, self._shape = self._rings, self._shape, ""
+            if kind == "Track":
+                kind, rings = "LineString", [[point for ring in rings for point in ring]]
+            shape = feature(kind, rings if kind == "Polygon" else [*rings, []][0], {})
+            shape["geometry"]["altitudeMode"] = self._mode or "clampToGround"
+            self.found.append(shape)
+
+    def _put_text(self, kind: str) -> None:
+        """The text of an element of `READ`, up to the first element in it."""
+        if self._text is None:
+            return
+        text, self._text = "".join(self._text), None
+        if kind == "value" and self._inside[-1:] == [f"{ROUTE_KEY} Data"]:
+            self.stated = self.stated or text
+        elif kind == "altitudeMode" and self._shape:
+            self._mode = self._mode or text
+        elif kind == "coord" and self._shape == "Track":  # its points have blanks for commas
+            self._add(",".join(text.split()))
+        elif kind == "coordinates" and self._shape in ("LineString", "Polygon"):
+            self._add(text)
+
+    def _add(self, text: str) -> None:
+        self._rings.append(_points(text))
+        self._places += len(self._rings[-1])
+        if self._places > MAX_PLACES:
+            raise InputError(f"must have at most {MAX_PLACES} places in its shapes, got more.")
 
 
 def _points(text: str) -> list[list[float]]:
