@@ -24,6 +24,7 @@ from filelock import FileLock, Timeout
 
 from flighttune.campaign.flying.columns import NOT_REPRODUCIBLE, Row, table_of
 from flighttune.errors import InputError, OutputError, RecordingError
+from flighttune.files import parquet
 from flighttune.files.load import CAMPAIGN
 from flighttune.files.table import hash_of
 from flighttune.files.whole import allowed, reason_of, whole_file
@@ -147,8 +148,19 @@ class Dataset:
                 f"{path}: is damaged or was changed: it must have the hash in its name; "
                 "`campaign --resume` flies its runs again."
             )
-        # a thread of Arrow that releases our bytes while Python exits would crash the process
-        return pq.ParquetFile(pa.BufferReader(data)).read(wanted, use_threads=False)
+        try:
+            file = parquet.opened(data)
+            if file.metadata.num_rows != len(part.runs):
+                raise RecordingError(
+                    f"it must have the {len(part.runs)} runs of its name, got "
+                    f"{file.metadata.num_rows}."
+                )
+            # a thread of Arrow that releases our bytes while Python exits would crash the process
+            return file.read(wanted, use_threads=False)
+        except RecordingError as error:
+            raise RecordingError(f"{path}: {error}") from error
+        except (pa.ArrowException, OSError, ValueError, KeyError) as error:
+            raise RecordingError(f"{path}: must hold rows of a campaign, got {error}.") from error
 
     def rows(self, columns: Sequence[str] | None = None) -> pa.Table:
         """All rows that are there, in order of `run`."""

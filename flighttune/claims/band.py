@@ -520,6 +520,7 @@ def _endings_of(text: str) -> list[dict[str, Any]]:
 
 def _check(about: counted.About, of: counted.BandFlights, arrays: dict[str, Any]) -> None:
     """Refuse a shape that cannot be one, and arrays of other windows than the plan has."""
+    array.check_shapes("band", arrays, {"extremes": None, "wind": None})
     models, flights = about.models, len(arrays["extremes"])
     each = len(of.edges) - 1, len(about.signals)  # windows and signals
     by_wind = about.predicted_from

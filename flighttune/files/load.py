@@ -47,6 +47,9 @@ SHOWN = {
 # Bytes at the beginning of a file, or of its first array, that hold its `format`
 HEAD = 4096
 
+# Most bytes of a file that is read whole
+MAX_BYTES = 2**30
+
 CLAIMS = (CERTIFICATE, BOUND, TUBE, BAND)
 
 # Reader of each kind of file, as module:function.
@@ -88,7 +91,7 @@ def load_one(path: object, what: str, *kinds: str, columns: Any = ()) -> Any:
     if (value := written(path, *kinds, columns=columns)) is not None:
         return value
     place, kind = _place(path), kind_of(path)
-    if not kind and file_bytes(place, what).lstrip().startswith(b"{"):
+    if not kind and file_bytes(place, what, HEAD).lstrip().startswith(b"{"):
         got = table.abridged(table.json_tables(place).get("format"))
         raise RecordingError(f"{place}: `format` must be that of a {what}, got {got}.")
     raise RecordingError(f"{place}: must be a {what}, got {SHOWN[kind]}.")
@@ -163,13 +166,15 @@ def sealed_bytes(path: Path, kind: str, remedy: str = "fly it again") -> bytes:
     return data
 
 
-def file_bytes(path: Path, kind: str) -> bytes:
-    """Bytes of a file that is not empty, or one line that says why there are none."""
+def file_bytes(path: Path, kind: str, first: int | None = None) -> bytes:
+    """Bytes of a file that is not empty, or the `first` ones; one line says why there are none."""
     if not path.is_file():
         got = "a folder" if path.is_dir() else "no such file"
         raise RecordingError(f"{path}: must be a {kind}, got {got}.")
-    with whole.allowed(path, "readable"):
-        data = path.read_bytes()
+    with whole.allowed(path, "readable"), path.open("rb") as file:
+        data = file.read(MAX_BYTES + 1 if first is None else first)
+    if len(data) > MAX_BYTES:
+        raise RecordingError(f"{path}: must have at most {MAX_BYTES} bytes, got more.")
     if not data:
         raise RecordingError(f"{path}: must be a {kind}, got an empty file.")
     return data

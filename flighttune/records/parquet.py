@@ -20,7 +20,8 @@ import pyarrow.parquet as pq
 from flighttune.arrays import FloatArray
 from flighttune.control.gains import PIGains
 from flighttune.errors import RecordingError
-from flighttune.files.load import BLANK, file_bytes, seal, sealed_bytes
+from flighttune.files import parquet
+from flighttune.files.load import BLANK, RERUN, file_bytes, seal, sealed_bytes
 from flighttune.present.answer import pick
 from flighttune.present.names import distinct
 from flighttune.simulate.run import SIGNAL_UNITS, Alarm, Bounds, Provenance, Run, RunClaim
@@ -37,6 +38,8 @@ SEAL = b"flighttune.file"
 
 # Errors at a file that is damaged or of another program.
 UNREADABLE = (pa.ArrowException, OSError, LookupError, TypeError, ValueError, AttributeError)
+
+HASHED = 2**16  # rows that are brought into the order of the hash at once
 
 ORIGIN = "record"  # the property of a recording that says which runs it shows
 
@@ -101,13 +104,15 @@ def _listed(value: Any) -> Any:
 def signals_sha256(description: str, rows: FloatArray) -> str:
     """SHA-256 over a description in UTF-8 and then the rows as little-endian float64."""
     digest = hashlib.sha256(description.encode())
-    digest.update(np.ascontiguousarray(rows, dtype="<f8").tobytes())
+    for k in range(0, len(rows), HASHED):
+        digest.update(np.ascontiguousarray(rows[k : k + HASHED], dtype="<f8").tobytes())
     return digest.hexdigest()
 
 
 def record_bytes(parts: Parts, flight: Sequence[str] = ()) -> bytes:
     """The file of a run; `flight` has the SHA-256 of all runs that belong together."""
     description, rows, _ = parts
+    parquet.check_size(*rows.shape)  # what is written can be read
     schema = pa.schema(
         [
             pa.field(name, pa.float64(), metadata={"unit": unit} if unit else None)
@@ -126,9 +131,12 @@ def _read(path: Path) -> tuple[Run, str, tuple[str, ...]]:
     """The run in a Parquet file, its SHA-256, and those of all runs recorded with it."""
     data = sealed_bytes(path, PARQUET_FILE)
     try:
-        table = pq.ParquetFile(pa.BufferReader(data)).read()
-        stated = table.schema.metadata
-        rows = np.column_stack([column.to_numpy() for column in table.columns])
+        file = parquet.opened(data)
+        stated = file.schema_arrow.metadata
+        # Column by column, so that it is in memory once
+        rows = np.empty((file.metadata.num_rows, file.metadata.num_columns), order="F")
+        for i in range(file.metadata.num_columns):
+            rows[:, i] = file.reader.read_column(i).to_numpy()
         description = stated[DESCRIPTION].decode()
         flight = tuple(json.loads(stated.get(FLIGHT, b"[]")))
         return _run_of(description, rows), signals_sha256(description, rows), flight
@@ -155,7 +163,7 @@ def _run_of(description: str, rows: FloatArray) -> Run:
     _, *names = columns
     index = pd.Index(rows[:, 0], name="t", dtype=np.float64)
     return Run(
-        signals=pd.DataFrame(dict(zip(names, rows[:, 1:].T, strict=True)), index=index),
+        signals=pd.DataFrame(rows[:, 1:], columns=names or None, index=index, copy=False),
         status=entry["status"],
         reason=entry["reason"],
         provenance=Provenance(**provenance, gains=gains),
@@ -211,8 +219,8 @@ def load_recording(path: str | Path) -> Recording:
     if path.is_dir():
         return _in_folder(path)
     kind = PARQUET_FILE if path.suffix.lower() == PARQUET else RECORDING_FILE
-    data = file_bytes(path, kind)
-    if data.startswith(b"PAR1") or (kind == PARQUET_FILE and not data.startswith(b"RRF")):
+    head = file_bytes(path, kind, len(RERUN) + 1)
+    if head == b"PAR1" or (kind == PARQUET_FILE and not head.startswith(RERUN)):
         return Recording(path=path, runs=(_read(path)[0],))
     return _drawn_in(path)
 
@@ -290,7 +298,7 @@ def files_shown(recording: Path) -> list[Path]:
 
 def check_recording(path: str | Path) -> None:
     """Refuse a file that is no Rerun recording; the viewer reports faults inside one."""
-    if not file_bytes(Path(path), RECORDING_FILE).startswith(b"RRF"):
+    if not file_bytes(Path(path), RECORDING_FILE, len(RERUN)).startswith(RERUN):
         raise RecordingError(f"{path}: must be a {RECORDING_FILE}, got another file.")
 
 
@@ -306,7 +314,7 @@ def _origin(path: Path) -> tuple[str, tuple[str, ...]] | None:
             stated = chunk.to_record_batch()
             (folder,), sha256 = (stated.column(key)[0].as_py() for key in ("folder", "sha256"))
             return folder, tuple(sha256)
-    except (RuntimeError, ValueError, KeyError, IndexError, pa.ArrowException) as error:
+    except Exception as error:  # Rerun and Arrow raise a dozen kinds on a damaged file
         got = _first_line(error)
         raise RecordingError(f"{path}: must be a {RECORDING_FILE}, got: {got}.") from error
     return None

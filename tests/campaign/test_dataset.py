@@ -177,6 +177,19 @@ def test_a_damaged_file_is_told_of_and_its_runs_are_flown_again(out, ours, rows)
     assert f"{part}: is damaged or was changed" in notes.heard[0]
 
 
+def test_a_file_of_more_rows_than_its_name_says_is_refused_unread(tmp_path, ours, rows):
+    out = tmp_path / "out"
+    dataset = Dataset(out, ours, library_versions())
+    dataset.write_plan()
+    data = dataset_module.parquet_bytes(rows)
+    part = dataset_module.Part.holding(range(4), data)
+    (out / "runs").mkdir()
+    (out / part.path).write_bytes(data)
+
+    with pytest.raises(ft.RecordingError, match=f"have the 4 runs of its name, got {RUNS}"):
+        dataset.rows()
+
+
 def test_a_folder_of_another_or_that_cannot_be_written_is_one_line(tmp_path, ours):
     with locked(tmp_path), pytest.raises(ft.InputError, match=f"process {os.getpid()} on "):
         ft.run_campaign(ours, tmp_path)

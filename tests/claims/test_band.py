@@ -328,6 +328,16 @@ def test_a_forged_file_is_refused_in_one_line(counted, tmp_path, change, message
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.parametrize("lost", ["extremes", "wind"])
+def test_a_file_without_an_array_is_refused_by_its_name(counted, tmp_path, lost):
+    counted.save(tmp_path / "x.npz")
+    with np.load(tmp_path / "x.npz") as file:
+        write_sealed(tmp_path / "x.npz", {key: file[key] for key in file.files if key != lost})
+
+    with pytest.raises(ft.InputError, match=rf"x.npz: `{lost}\.npy` must be in the file"):
+        load_walks(tmp_path / "x.npz")
+
+
 def test_a_count_is_decided_by_one_flight_more_than_may_be_outside(counted):
     """Of 93 flights 1 may be outside at 95 % / 95 % (Wilks)."""
     for lost, decided in ((1, False), (2, True)):

@@ -10,11 +10,13 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+from fuzzing import refused_apart
 from made_up import run_file
 
 import flighttune as ft
+from flighttune.files import parquet
 from flighttune.files.load import BLANK, seal
-from flighttune.records.parquet import SEAL, parts_of
+from flighttune.records.parquet import SEAL, parts_of, record_bytes
 from flighttune.simulate.run import SIGNAL_UNITS
 
 
@@ -110,3 +112,44 @@ def test_what_is_no_whole_file_of_ours_is_refused(four_runs, tmp_path, monkeypat
         path.write_bytes(content)
         with pytest.raises(ft.RecordingError, match=says):
             ft.load(path)
+
+
+def large(columns, rows, **changed):
+    """A file of equal numbers, with its right seal, whose bytes are few."""
+    described = {"format": 3, "status": "completed", "reason": "", "columns": {"t": "s"}, **changed}
+    metadata = {b"flighttune.run": json.dumps(described), b"flighttune.flight": "[]", SEAL: BLANK}
+    names = [f"c{i}" for i in range(columns)]
+    schema = pa.schema([pa.field(name, pa.float64()) for name in names], metadata=metadata)
+    column = pa.array(np.zeros(rows))
+    sink = pa.BufferOutputStream()
+    pq.write_table(pa.table([column] * columns, schema=schema), sink, compression="zstd")
+    return seal(sink.getvalue().to_pybytes())
+
+
+@pytest.mark.parametrize(("columns", "rows"), [(23, 1_500_000), (400, 80_000)])
+def test_a_file_of_more_numbers_than_fit_is_refused_unread(tmp_path, columns, rows):
+    (tmp_path / "run.parquet").write_bytes(large(columns, rows))
+
+    said, grown = refused_apart(lambda: ft.load(tmp_path / "run.parquet"))
+
+    assert said.endswith(f"it must have at most 30000000 numbers, got {rows} rows of {columns}.")
+    assert grown < 100_000_000  # unpacked it has over 256 MB
+
+
+def test_texts_that_unpack_to_much_are_refused_unread(tmp_path, monkeypatch):
+    monkeypatch.setattr(parquet, "MAX_BYTES", 100_000)
+    table = pa.table({"t": pa.array(["x" * 1000] * 300)})
+    sink = pa.BufferOutputStream()
+    made = table.replace_schema_metadata({SEAL: BLANK})
+    pq.write_table(made, sink, compression="zstd", use_dictionary=False)
+    (tmp_path / "run.parquet").write_bytes(seal(sink.getvalue().to_pybytes()))
+
+    with pytest.raises(ft.RecordingError, match="it must unpack to at most 100000 bytes, got 30"):
+        ft.load(tmp_path / "run.parquet")
+
+
+def test_no_run_is_written_that_could_not_be_read(four_runs):
+    text, _, digest = parts_of(four_runs[0])
+
+    with pytest.raises(ft.RecordingError, match="at most 30000000 numbers, got 40000000 rows of 1"):
+        record_bytes((text, np.broadcast_to(0.0, (40_000_000, 1)), digest))
