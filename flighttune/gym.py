@@ -18,7 +18,7 @@ from flighttune.flight.flown import FlownScenario
 from flighttune.flight.fly import manoeuvre, plant_of, provenance, steady_wind, with_own
 from flighttune.flight.models import gain_set, law_setup
 from flighttune.planning import plan, schema, source
-from flighttune.plants.base import N_X_SIGNALS
+from flighttune.plants.base import N_X_SIGNALS, follows_at_once
 from flighttune.plants.jsbsim.plant import LARGEST_SEED
 from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import ControllerTable, default_gains
@@ -305,7 +305,9 @@ class _Episode:
         """Commands of the law at this sample, which it steps once."""
         if self._step is None:
             law, _ = self._scenario.law_of(name, gains)
-            controller = law.controller(law_setup(self._scenario, gains, self.limits))
+            at_once = follows_at_once(self._plant)
+            setup = law_setup(self._scenario, gains, self.limits, at_once=at_once)
+            controller = law.controller(setup)
             controller.start(self._condition)
             self._step = step_of(controller, self._plant)
         if self._law_action is None:

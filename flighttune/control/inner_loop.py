@@ -254,10 +254,10 @@ def sampled_loop(
         new_integral = old_integral + gains.K_I @ error * dt
         command = gains.K_P @ error + old_integral
 
-    # What the inner feedback measures: a lag's first state or, without lags, the last command.
+    # The inner feedback measures a lag's first state; without lags there is nothing to feed back.
     orders = [lag.order for lag in lags] or [0] * m
-    starts = n + np.cumsum([0, *orders]) if lags else first_kept
-    for i, fed in enumerate(gains.feedback):
+    starts = n + np.cumsum([0, *orders])
+    for i, fed in enumerate(gains.feedback if lags else ()):
         command[i] += fed * (command[i] - state[starts[i]])
 
     M = np.zeros((size, size))

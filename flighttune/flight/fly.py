@@ -26,7 +26,7 @@ from flighttune.errors import InputError, ScenarioError, TrimError
 from flighttune.flight import conditions, load, models
 from flighttune.flight.apart import Progress, apart, before_running
 from flighttune.flight.flown import FlownScenario
-from flighttune.plants.base import AirPathPlant, GuardedPlant, Plant
+from flighttune.plants.base import AirPathPlant, GuardedPlant, Plant, follows_at_once
 from flighttune.plants.point_mass import PointMassPlant, PoweredPointMass
 from flighttune.plants.weather import WIND, WindRecord
 from flighttune.scenario.load import as_arguments, file_sha256, module_sha256
@@ -380,7 +380,8 @@ def fly_once(
     made_by = provenance(scenario, plant_label, gains_name, gains if law.by_gains else None)
     label = f"{plant_label} / {gains_name}"
     try:
-        controller = law.controller(models.law_setup(scenario, gains, limits))
+        setup = models.law_setup(scenario, gains, limits, at_once=follows_at_once(plant))
+        controller = law.controller(setup)
         signals, stop = simulate(
             plant,
             controller,

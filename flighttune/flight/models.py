@@ -14,7 +14,7 @@ from flighttune.arrays import FloatArray
 from flighttune.certificates.exact_rate import Sampling
 from flighttune.control import inner_loop
 from flighttune.control.controller import LawSetup
-from flighttune.control.gains import RATES, PIGains, paper_family
+from flighttune.control.gains import NO_FEEDBACK, RATES, PIGains, paper_family
 from flighttune.control.law import Law, Trim
 from flighttune.control.limits import Limits
 from flighttune.control.linear_model import Envelope, LinearModel, closed_loop
@@ -459,9 +459,15 @@ def _needed_roll_rate(scenario: Scenario, law: Law, gains: PIGains) -> float:
     return phi / (2.0 * (late - roll_lag)) if late > roll_lag else math.inf
 
 
-def law_setup(scenario: Scenario, gains: PIGains, limits: Limits) -> LawSetup:
-    """The setup from which a law of a scenario is made."""
+def law_setup(
+    scenario: Scenario, gains: PIGains, limits: Limits, *, at_once: bool = False
+) -> LawSetup:
+    """The setup from which a law of a scenario is made, for a plant that may follow at once."""
     settings, flight = scenario.controller, scenario.flight
+    # Such a plant shows the command of the sample before. Fed back, that is no lack of roll or lift
+    # but a loop of one sample, which steep gains drive into a limit cycle.
+    if at_once and gains.feeds_back:
+        gains = replace(gains, feedback=NO_FEEDBACK)
     return LawSetup(
         dt=1.0 / settings.rate_hz,
         limits=limits,

@@ -81,6 +81,8 @@ class Plant(Protocol):
     limits : Limits
         Limits of the plant itself on its commands (phi, n_z). Anti-windup works only in a
         controller that knows them.
+    follows_at_once : bool, optional
+        True if roll and load factor are their commands, so that a law has nothing to feed back.
 
     Examples
     --------
@@ -139,6 +141,11 @@ class Plant(Protocol):
         ...
 
 
+def follows_at_once(plant: Plant) -> bool:
+    """Whether roll and load factor of a plant are their commands, as it says of itself."""
+    return bool(getattr(plant, "follows_at_once", False))
+
+
 # Of a plant that takes n_x: the one flown, and the least and largest that its engines give now.
 N_X_SIGNALS = ("n_x", "n_x_min", "n_x_max")
 
@@ -176,6 +183,7 @@ class AirPathPlant(WrappedPlant):
     # ground. ``docs/weather.md`` tells where this makes a wind the same as a rate of the path.
     def __init__(self, plant: Plant) -> None:
         super().__init__(plant, OVER_GROUND)
+        self.follows_at_once = follows_at_once(plant)
         self._motion = itemgetter(*map(plant.signals.index, _MOTION))
         self._chi = math.nan
 
@@ -201,6 +209,7 @@ class GuardedPlant:
     def __init__(self, plant: Plant, name: str) -> None:
         self._plant, self._name = plant, name
         self.kind, self.signals, self.limits = plant.kind, tuple(plant.signals), plant.limits
+        self.follows_at_once = follows_at_once(plant)
         if self.signals[: len(COMMON_SIGNALS)] != COMMON_SIGNALS:
             raise InputError(f"`signals` must begin with {COMMON_SIGNALS}, got {self.signals}.")
         self._t, self._stop, self._last = 0.0, None, ()

@@ -102,6 +102,8 @@ class PointMassPlant:
         `COMMON_SIGNALS`, ``d_chi`` and ``d_gamma``; in wind also `WIND` and ``V_g``.
     limits : Limits
         None: the point takes every command.
+    follows_at_once : bool
+        True without lags: a law then has nothing to feed back.
 
     Raises
     ------
@@ -141,7 +143,7 @@ class PointMassPlant:
         self.kind = "kinematic" if self._paper else lagged
         wind_signals = () if wind is None else (*WIND, "V_g")
         self.signals: tuple[str, ...] = (*COMMON_SIGNALS, "d_chi", "d_gamma", *wind_signals)
-        self._lags, self._g = lags or (), g
+        self._lags, self._g, self.follows_at_once = lags or (), g, not lags
         self._wind, self._windy = wind or WindRecord.steady(), wind is not None
         self._disturbance = disturbance or _undisturbed
         self._step = min([LONGEST_STEP, *(FINEST / lag.natural_frequency for lag in self._lags)])

@@ -13,7 +13,7 @@ from flighttune.arrays import FloatArray, check_positive
 from flighttune.claims.band import Residual
 from flighttune.claims.counted import SAME_GAINS
 from flighttune.claims.distribution import ROUNDING_DEG, STARTS, flown_values
-from flighttune.control.controller import SelfLimiting
+from flighttune.control.controller import LawSetup, SelfLimiting
 from flighttune.control.gains import PIGains
 from flighttune.control.inner_loop import InnerLag
 from flighttune.control.law import Law, SampledController
@@ -265,7 +265,12 @@ class TubeProblem:
 
     def controller(self) -> SelfLimiting:
         """A controller in its initial state."""
-        return self.law.controller(law_setup(self.scenario, self.gains, self.limits))
+        return self.law.controller(self._setup)
+
+    @property
+    def _setup(self) -> LawSetup:
+        """The setup of the law on this plant."""
+        return law_setup(self.scenario, self.gains, self.limits, at_once=not self.lags)
 
     @cached_property
     def sampled(self) -> SampledController:
@@ -275,7 +280,7 @@ class TubeProblem:
                 f"`law` must take gains on {' and '.join(self.gains.inputs)}, got "
                 f"{self.law.name}, which acts on {' and '.join(self.law.inputs)}."
             )
-        controller = self.law.sampled(law_setup(self.scenario, self.gains, self.limits))
+        controller = self.law.sampled(self._setup)
         if controller is None:
             raise self.law.refusal("sampled", "enclosed")
         return controller

@@ -224,7 +224,9 @@ def fly_batch(
     references = [reference_of(scenario) for scenario in scenarios]
     conditions = [start_condition(scenario) for scenario in scenarios]
     # the plant itself has no limits
-    laws: list[Any] = [law.make(law_setup(s, gains, command_limits(s))) for s in scenarios]
+    laws: list[Any] = [
+        law.make(law_setup(s, gains, command_limits(s), at_once=True)) for s in scenarios
+    ]
     if _moving(scenarios[0]):
         ref = np.array([np.column_stack(reference.sampled(t)) for reference in references])
         rates = np.array([np.column_stack(reference.rates(t)) for reference in references])
