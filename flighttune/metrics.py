@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 
 from flighttune.arrays import FloatArray
+from flighttune.control.limits import FREE, MAGNITUDE_LIMITED, RATE_LIMITED
 from flighttune.simulate.measures import (
     METRICS,
     SETTLING_BAND,
@@ -31,6 +32,9 @@ Columns: TypeAlias = Mapping[str, FloatArray]  # signals by name
 # Controlled quantity and the command that mostly moves it.
 CHANNELS = {"chi": "phi", "gamma": "n_z"}
 
+# The same where the airspeed is a channel.
+COMMAND_OF = {**CHANNELS, "V": "n_x"}
+
 # Signals whose largest magnitude is a measure of a flight along a route.
 OFF_ROUTE = ("cross_track", "height_err")
 
@@ -41,9 +45,13 @@ AIRSPEED = "V"
 AIRSPEED_METRICS = tuple(name.replace("_rad", "_mps") for name in (*METRICS, "peak_rad", "min_rad"))
 
 MEASURED = (
-    *("V_ref", "V_err", "n_x_cmd", "n_x_limited"),
+    *("V_ref", "V_err"),
     *(f"{channel}_err" for channel in CHANNELS),
-    *(f"{command}_{kind}" for command in CHANNELS.values() for kind in ("cmd", "limited")),
+    *(
+        f"{command}_{kind}"
+        for command in COMMAND_OF.values()
+        for kind in ("cmd", "unlimited", "limited")
+    ),
     *(f"{channel}_ref" for channel in CHANNELS),
     "gamma_given",
     "V_a",
@@ -61,6 +69,14 @@ FLIGHT_METRICS = (
 # Share of the commanded change within which a flight has followed it to the end, and the error of
 # course and path angle that is allowed there whatever the change, rad.
 FOLLOWED, ALWAYS_ALLOWED = 0.2, DEG
+
+# Share of the last quarter of the time from which on it is said that limits hold a command.
+HELD = 0.5
+
+# A command swings between its limits if they hold it back from one side and the other in turn: in
+# most of the samples or, in calm air, so many times. A response that rolls in, rolls out and
+# corrects has two turns; in turbulence a load factor that is fed back has up to one in 5 samples.
+SWINGS, IN_SAMPLES = 3, 0.5
 
 # Rounding of a time at which an envelope has a new bound, s.
 ROUNDING_S = 1e-9
@@ -179,7 +195,8 @@ def measures(run: Run) -> dict[str, dict[str, float]]:
     """All measures of a run, as numbers; empty for one of fewer than two samples, and for a log.
 
     ``chi`` and ``gamma``: `channel_metrics`, ``peak_rad``, the largest magnitude of the error, and
-    the mean error at the end, ``end_error``, with ``end_allowed``; ``flight``: `flight_metrics`;
+    the mean error at the end, ``end_error``, with ``end_allowed``, and `held_at_end`; ``flight``:
+    `flight_metrics`;
     and where the airspeed is a channel ``V``, of which ``min_mps`` is the lowest airspeed. What
     only a requirement asks for is there too: `settling_measures`, and the largest ratio of an error
     to its envelope, for which ``cross_track`` and ``height_err`` have entries.
@@ -206,11 +223,13 @@ def measures_of(
         measured[channel] = {
             **{name: values[name] for name in (*METRICS, "peak_rad")},
             **_end_errors(t, columns, channel, values),
+            **held_at_end(t, columns, CHANNELS[channel]),
             **settling_measures(t, columns, channel, values, required.get(channel, ())),
         }
     measured["flight"] = _flight_measures(columns)
     if "V_err" in columns:
-        measured[AIRSPEED] = _airspeed_measures(t, columns, measure)
+        held = held_at_end(t, columns, COMMAND_OF[AIRSPEED])
+        measured[AIRSPEED] = _airspeed_measures(t, columns, measure) | held
     for subject, names in required.items():
         for name in names:
             if name.startswith(ENVELOPE):
@@ -276,6 +295,63 @@ def _end_errors(
     if short_of_thrust or begin > STEADY_FROM * t[-1]:
         mean = float(np.mean(error[t >= begin]))
     return {"end_error": abs(mean), "end_allowed": max(FOLLOWED * change, least)}
+
+
+def held_at_end(t: FloatArray, columns: Columns, command: str) -> dict[str, float]:
+    """How limits hold a command in more than half of the last quarter of the time; else empty.
+
+    ``held_magnitude`` and ``held_rate`` are the shares of the quarter at either limit. ``swings``
+    counts how often limits hold the command back from the other side than before, and
+    ``swings_each`` is this number over that of the samples.
+    """
+    late = slice(int(np.searchsorted(t, STEADY_FROM * t[-1])), None)
+    limited = columns[f"{command}_limited"][late]
+    if np.count_nonzero(limited) <= HELD * len(limited):
+        return {}
+    u, wanted = columns[f"{command}_cmd"], columns[f"{command}_unlimited"]
+    # A rate limit holds a command on the side to which it moves: braking, which counts as one, may
+    # leave nothing beyond the command.
+    moved = np.diff(u, prepend=u[0])[late]
+    sides = np.sign(np.where(limited == RATE_LIMITED, moved, (wanted - u)[late]))
+    sides = sides[(limited != FREE) & (sides != 0.0)]
+    turns = float(np.count_nonzero(sides[1:] != sides[:-1]))
+    return {
+        "held_magnitude": float(np.mean(limited == MAGNITUDE_LIMITED)),
+        "held_rate": float(np.mean(limited == RATE_LIMITED)),
+        "swings": turns,
+        "swings_each": turns / len(limited),
+    }
+
+
+def swings(values: Mapping[str, float], *, calm: bool) -> bool:
+    """Whether a command swings between its limits to the end, of the measures of its channel."""
+    often = calm and values.get("swings", 0.0) >= SWINGS
+    return often or values.get("swings_each", 0.0) > IN_SAMPLES
+
+
+def at_limits(run: Run) -> dict[str, dict[str, float]]:
+    """Shares of a flight, and of its last quarter, at the limits of each command it has."""
+    t, signals = run.t, run.signals
+    late = t >= STEADY_FROM * run.duration
+    shares = {}
+    for command in COMMAND_OF.values():
+        if f"{command}_limited" in signals and len(t):
+            limited = signals[f"{command}_limited"].to_numpy()
+            kinds = {"magnitude": limited == MAGNITUDE_LIMITED, "rate": limited == RATE_LIMITED}
+            shares[command] = {name: float(np.mean(at)) for name, at in kinds.items()}
+            shares[command] |= {f"{x}_end": float(np.mean(at[late])) for x, at in kinds.items()}
+    return shares
+
+
+def limits_in_words(measured: Mapping[str, Mapping[str, float]]) -> list[str]:
+    """Which limits hold a command to the end, of `measures`."""
+    said = []
+    for channel, values in measured.items():
+        if "swings" in values:
+            shares = {kind: 100.0 * values[f"held_{kind}"] for kind in ("magnitude", "rate")}
+            each = [f"at its {kind} limit in {x:.0f} %" for kind, x in shares.items() if x]
+            said.append(f"{COMMAND_OF[channel]}_cmd is {' and '.join(each)} of the last quarter")
+    return said
 
 
 def stated_bounds(subject: str, limits: Mapping[str, Any]) -> dict[str, float]:

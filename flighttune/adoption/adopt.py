@@ -30,12 +30,13 @@ from flighttune.errors import InputError, PlantError, TrimError
 from flighttune.files.shipped import models_of_jsbsim, nearest_name
 from flighttune.files.table import shown, toml_tables
 from flighttune.files.whole import made_folder, write_text
-from flighttune.flight.flown import FlownScenario
+from flighttune.flight.flown import SWING, FlownScenario
 from flighttune.flight.fly import fly
 from flighttune.flight.load import load_scenario
 from flighttune.identification.design import ROLL_STIFFNESS, Airframe, StepResponse, design
 from flighttune.identification.file import FILE_NAME, rounded
 from flighttune.identification.identify import GOOD_FIT, AircraftIdentification, identify_aircraft
+from flighttune.metrics import COMMAND_OF, measures, swings
 from flighttune.plants.base import FlightCondition
 from flighttune.plants.jsbsim import bench, model_files, trim
 from flighttune.plants.jsbsim.fdm import Fdm
@@ -134,7 +135,8 @@ class Adoption(Answering):
     V_a: float = math.nan  # m/s: airspeed; NaN if none was chosen
     engines: int = 0
     fit_percent: Mapping[str, float] = field(default_factory=dict)  # of ``phi`` and ``n_z``
-    # ``tuned`` and ``paper``: ``status``, and by channel ``ITAE`` (rad s^2) and ``ST_deg``
+    # ``tuned`` and ``paper``: ``status``, by channel ``ITAE`` (rad s^2) and ``ST_deg``, and the
+    # commands that are ``swinging`` between limits
     flown: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     glide_ratio: float = math.nan  # lift over drag at `V_a`
     largest_drag: tuple[str, float] = ("", math.nan)  # a function of the drag, and its share
@@ -523,6 +525,11 @@ def _measures(flown: FlownScenario, gains: str, plant: str) -> dict[str, Any]:
         **pick(run, "status reason"),
         "ITAE": {channel: measured[channel]["ITAE"] for channel in channels},
         "ST_deg": {channel: measured[channel]["ST_rad"] / DEG for channel in channels},
+        "swinging": [
+            COMMAND_OF[channel]
+            for channel, values in measures(run).items()
+            if swings(values, calm=flown.scenario.calm)
+        ],
     }
 
 
@@ -540,6 +547,8 @@ def _missed(
         swing = tuned["ST_deg"].get(channel, 0.0)
         if not swing <= CALM_DEG:
             yield f"the {error} swings by {swing:.2f} deg in the last quarter of the turn"
+    for command in tuned["swinging"]:
+        yield f"{command}_cmd {SWING}"
     if paper["status"] == "completed":
         for channel, ours in tuned["ITAE"].items():
             theirs = paper["ITAE"][channel]

@@ -27,7 +27,7 @@ from flighttune.control.linear_model import closed_loop
 from flighttune.errors import InputError
 from flighttune.flight import load, models
 from flighttune.flight.flown import BoundCheck, bound_checks, bounded_loop, not_followed
-from flighttune.metrics import AIRSPEED
+from flighttune.metrics import AIRSPEED, limits_in_words
 from flighttune.planning.draws import SEED, cycle
 from flighttune.planning.plan import Group, Plan, aircraft_hashes
 from flighttune.planning.schema import MEASURES, Campaign, CampaignTable
@@ -232,6 +232,7 @@ class Search:
         # The checks of each draw, with their excesses; LOST where a flight does not follow
         draws: dict[int, list[tuple[BoundCheck, float]]] = {}
         ends: dict[str, float] = {}
+        held: list[str] = []
         metric = 0.0
         for campaign, of_campaign in zip(self.campaigns, rows, strict=True):
             scenario = campaign.nominal
@@ -242,7 +243,7 @@ class Search:
                 flown = row.get("status") == "completed"
                 expected = scenario.expected(row["plant"], name)
                 measured = {**(measured_in(row) if flown else {}), **loop}
-                why = not_followed(expected, measured)
+                why = not_followed(expected, measured, calm=scenario.calm)
                 for check in bound_checks(expected, measured, where + row["plant"]):
                     of_loop, excess = check.subject == "loop", check.margin
                     check = replace(check, flown=flown or of_loop)
@@ -253,6 +254,7 @@ class Search:
                     draws.setdefault(row.get("draw", 0), []).append((check, excess))
                 for channel, values in measured.items():
                     ends[channel] = max(ends.get(channel, 0.0), values.get("end_error", 0.0))
+                held += [f"{where}{row['plant']}: {x}." for x in limits_in_words(measured)]
                 metric += _metric(row, self._metric) if flown else math.inf
             for of_draw in draws.values():
                 by_default = bound_checks(margins, loop, where + BY_DEFAULT)
@@ -260,7 +262,8 @@ class Search:
         by_draw = (zip(*of_draw, strict=True) for of_draw in draws.values())
         checks, excess = zip(*by_draw, strict=True)
         finite = np.nan_to_num(np.array(excess), nan=LOST, posinf=LOST)
-        return Trial(gains=gains, excess=finite, checks=checks, metric=metric, ends=ends)
+        beside = {"metric": metric, "ends": ends, "held": tuple(held)}
+        return Trial(gains=gains, excess=finite, checks=checks, **beside)
 
     def value(self, trial: Trial) -> float:
         """Draws on which a requirement is missed, then the excess; then the metric, below -1."""
@@ -535,7 +538,7 @@ def meet(
             "aircraft": tables.flown_aircraft(x for each in scenarios for x in each.plant),
             "V_a_mps": sorted({V for scenario in scenarios for V in scenario.airspeeds}),
         },
-        notes=notes,
+        notes=notes if dispersed else (*notes, *nearest.held),
         endings=pool.progress.endings,
     )
 

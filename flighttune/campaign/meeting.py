@@ -59,6 +59,7 @@ class Trial:
     checks: tuple[tuple[BoundCheck, ...], ...]  # likewise
     metric: float = math.inf  # sum over the flights of what is minimised
     ends: Mapping[str, float] = field(default_factory=dict)  # largest ``end_error`` by channel
+    held: tuple[str, ...] = ()  # which limits hold a command to the end, in words
 
     @property
     def worst(self) -> FloatArray:
@@ -127,7 +128,8 @@ class Meeting(Answering):
     tuned_for : mapping
         Names of ``aircraft`` and the ends of the airspeeds, ``V_a_mps``, of all scenarios.
     notes : tuple of str
-        A sentence for gains of the start that were tuned for others.
+        A sentence for gains of the start that were tuned for others, and, without a campaign, for a
+        command that a limit holds to the end.
     endings : sequence of mapping
         ``run``, ``status`` and ``reason`` of the flights that were not completed.
 

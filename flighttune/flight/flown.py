@@ -94,6 +94,8 @@ class ClaimCheck:
     # A sentence for each requirement that a run does not meet: the run, the measure, its bound,
     # the value and by how much it missed; or how the run ended
     missed: tuple[str, ...]
+    # A sentence for each other run whose command a limit holds to the end
+    held: tuple[str, ...] = ()
 
     @property
     def total(self) -> Counts:
@@ -132,8 +134,9 @@ class ClaimCheck:
 
     @property
     def sentence(self) -> str:
-        """The verdict with the first requirement that is missed, or with the tightest bound."""
-        return "; ".join(filter(None, [self.short, *(self.missed[:1] or [self.closest])]))
+        """The verdict with the first requirement missed or the tightest bound, and limits met."""
+        first = self.missed[:1] or [self.closest]
+        return "; ".join(filter(None, [self.short, *first, *self.held[:1]]))
 
 
 def check_claim(scenario: Scenario, runs: Sequence[Run]) -> ClaimCheck:
@@ -144,21 +147,26 @@ def check_claim(scenario: Scenario, runs: Sequence[Run]) -> ClaimCheck:
     bounds: list[BoundCheck] = []
     sentences: list[str] = []
     counts: list[Counts] = []
+    held: list[str] = []
     judged = {table.gains for table in scenario.expect} or {None}
     for run in runs:
         made_by, measured = run.provenance, {}
+        own = metrics.measures(run)
+        limits = [f"{run.label}: {words}" for words in metrics.limits_in_words(own)]
         if not judged & {None, made_by.gains_name}:  # it flies beside those that are judged
+            held += limits
             counts.append(Counts())
             continue
         tables = scenario.expected(made_by.plant, made_by.gains_name)
         stated = any(table.status for table in tables)
         if flown := not _wrong_end(tables, run.status, run.reason):
             loop = bounded_loop(tables, scenario, made_by.gains_name, made_by.gains)
-            measured = {**metrics.measures(run), **loop}
+            measured = {**own, **loop}
         checks = [replace(x, flown=flown) for x in bound_checks(tables, measured, run.label)]
-        late = not_followed(tables, measured)
-        misses = missed(tables, run.status, run.reason, measured)
+        late = not_followed(tables, measured, calm=scenario.calm)
+        misses = missed(tables, run.status, run.reason, measured, calm=scenario.calm)
         sentences += [f"{run.label}: {miss}" for miss in misses]
+        held += [] if SWING in late else limits
         # A stated end is missed; without one and without bounds the run itself was not flown.
         end = stated or bool(late) or not (flown or checks)
         met = sum(check.met for check in checks) + int(stated and flown and not late)
@@ -171,6 +179,7 @@ def check_claim(scenario: Scenario, runs: Sequence[Run]) -> ClaimCheck:
         counts=tuple(counts),
         bounds=tuple(bounds),
         missed=tuple(sentences),
+        held=tuple(held),
     )
 
 
@@ -186,13 +195,13 @@ def bounded_loop(
 
 
 def missed(
-    tables: Sequence[ExpectTable], status: str, reason: str, measured: Measured
+    tables: Sequence[ExpectTable], status: str, reason: str, measured: Measured, *, calm: bool
 ) -> tuple[str, ...]:
-    """Return a sentence for each requirement of `tables` that one run does not meet."""
+    """A sentence for each requirement of `tables` that a run, maybe in calm air, does not meet."""
     if wrong_end := _wrong_end(tables, status, reason):
         return (wrong_end,)
     misses = [check.sentence for check in bound_checks(tables, measured) if not check.met]
-    return tuple(filter(None, (*misses, not_followed(tables, measured))))
+    return tuple(filter(None, (*misses, not_followed(tables, measured, calm=calm))))
 
 
 def _wrong_end(tables: Sequence[ExpectTable], status: str, reason: str) -> str:
@@ -204,20 +213,38 @@ def _wrong_end(tables: Sequence[ExpectTable], status: str, reason: str) -> str:
     return f"{status}{wanted}: {reason or 'flown to its end'}"
 
 
-def not_followed(tables: Sequence[ExpectTable], measured: Measured) -> str:
-    """Why a completed run does not follow its reference to the end; empty if it does."""
+# What a command does that limits hold now from one side and now from the other.
+SWING = "swings between its limits to the end"
+
+
+def not_followed(tables: Sequence[ExpectTable], measured: Measured, *, calm: bool) -> str:
+    """Why a completed run does not follow its reference calmly to the end; empty if it does."""
     # The question is not asked without a bound, where another end is stated, or of a channel with a
     # lower bound on an error or a time, which a poor flight meets.
+    swinging = {
+        channel: values["held_magnitude"] + values["held_rate"]
+        for channel, values in measured.items()
+        if metrics.swings(values, calm=calm)
+    }
     late = {
         channel: values["end_error"] / values["end_allowed"]
         for channel, values in measured.items()
         if not values.get("end_error", 0.0) <= values.get("end_allowed", 0.0)
     }
-    bounds = [*bound_checks(tables, {})] if late else []
+    bounds = [*bound_checks(tables, {})] if late or swinging else []
     for check in _lower(bounds):
         late.pop(check.subject, None)
-    if not (bounds and late) or any(x.status not in (None, "completed") for x in tables):
+        swinging.pop(check.subject, None)
+    faulty = bounds and (late or swinging)
+    if not faulty or any(x.status not in (None, "completed") for x in tables):
         return ""
+    if swinging:
+        channel = max(swinging, key=swinging.__getitem__)
+        return (
+            f"{metrics.COMMAND_OF[channel]}_cmd {SWING}: they must hold it in at most "
+            f"{100.0 * metrics.HELD:.0f} % of the last quarter, got "
+            f"{100.0 * swinging[channel]:.0f} %"
+        )
     channel = max(late, key=late.__getitem__)
     per, unit = (1.0, "m/s") if channel == metrics.AIRSPEED else (DEG, "deg")
     mean, most = (measured[channel][name] / per for name in ("end_error", "end_allowed"))
@@ -376,6 +403,7 @@ class FlownScenario(Answering):
                 "duration_s": run.duration,
                 "signals": files.get(run.label),
                 "metrics": self.metrics_of(run),
+                "at_limits": metrics.at_limits(run),
             }
             for run in self.runs
         ]

@@ -133,6 +133,7 @@ def write_report(source: compare.Source, path: Path) -> Report:
     )
     gaps, without_gap = _gaps(scenario, runs)
     around, first = claimed(source.runs), [f"{claim.short}.", f"Converged: {converged}."]
+    next_step = advice(scenario, source.runs, "SCENARIO")
     below = [panels.tracking_table(runs), panels.runs_table(source.runs)]
     criterion = {
         "part": 100.0 * panels.CONVERGED_PART,
@@ -144,7 +145,7 @@ def write_report(source: compare.Source, path: Path) -> Report:
         about=(flown_in_words(scenario, runs), _gains_in_words(scenario, runs)),
         summary=(*first, *([around.failure] if around.failure else []), *gains_notes(runs)),
         closest=f"{claim.closest[:1].upper()}{claim.closest[1:]}." if claim.closest else "",
-        missed=(*claim.missed, *filter(None, [advice(scenario, source.runs, "SCENARIO")])),
+        missed=(*claim.missed, *claim.held, *([next_step] if next_step else [])),
         criterion=TEXTS["converges"].format(**criterion),
         sections=[
             *_of_flights(flights, convergence, below, "Commands after magnitude and rate limits."),

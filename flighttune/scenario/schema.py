@@ -324,6 +324,11 @@ class Scenario(Table):
         return replace(sensors or Sensors(), late=(fault.from_s, fault.V_a_bias_mps))
 
     @property
+    def calm(self) -> bool:
+        """Whether neither air nor sensors move a command all the time."""
+        return not (self.turbulence or self.gust or self.sensors or self.disturbance)
+
+    @property
     def aircraft(self) -> tuple[tables.PlantTable, ...]:
         """Its plants that are aircraft, in order."""
         return tuple(plant for plant in self.plant if plant.aircraft is not None)

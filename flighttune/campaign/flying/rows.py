@@ -378,7 +378,8 @@ def _outcome(
     """Columns of a flight from ``status`` on, except R_K, I_K and E_K."""
     status, reason, measured = result
     tables = scenario.expected(group.plant, group.gains)
-    misses = missed(tables, status, reason, {**measured, **_of_loop(plan, group)})
+    measures_of_row = {**measured, **_of_loop(plan, group)}
+    misses = missed(tables, status, reason, measures_of_row, calm=scenario.calm)
     columns: Row = {"status": status, "reason": reason, "success": not misses}
     columns |= {"missed": "; ".join(misses), **dict.fromkeys(MEASURES)}
     for subject, values in measured.items():
