@@ -178,6 +178,7 @@ class Beside(Answering):
             notes=[
                 *self.now.notes,
                 *self.notes,
+                *self.plan.scenario.assumptions,
                 *([] if self.plan.scenario.route else [NO_TRACK]),
                 NOT_EMULATED,
                 f"Not used of the guidance: {unused}. Parameters of other parts: {self.now.rest}.",

@@ -517,6 +517,7 @@ def meet(
             start_met = of_start == "met"
             search.flights += count.flights
             worst = count.in_draw(nearest.worst_draw)
+    assumed = [*dict.fromkeys(x for scenario in scenarios for x in scenario.assumptions)]
     return Meeting(
         status=status,
         scenario=scenarios[0],
@@ -537,6 +538,7 @@ def meet(
         tuned_for={
             "aircraft": tables.flown_aircraft(x for each in scenarios for x in each.plant),
             "V_a_mps": sorted({V for scenario in scenarios for V in scenario.airspeeds}),
+            **({"assumed": assumed} if assumed else {}),
         },
         notes=notes if dispersed else (*notes, *nearest.held),
         endings=pool.progress.endings,

@@ -136,6 +136,8 @@ class Certificate(Answering):
     boxes : tuple of LagBox
         Rates of each channel where its lag and delay are in ranges; empty where none were asked
         for, and in files of version 0.3.0.
+    assumed : tuple of str
+        What the identified model assumes, a sentence each: a note of its maker.
 
     Examples
     --------
@@ -157,6 +159,7 @@ class Certificate(Answering):
     files: Mapping[str, str] = field(default_factory=dict)
     exact_rates: tuple[ExactRate, ...] = ()
     boxes: tuple[LagBox, ...] = ()
+    assumed: tuple[str, ...] = ()
 
     kind: ClassVar[Literal["proven"]] = "proven"
 
@@ -325,7 +328,7 @@ class Certificate(Answering):
                 *proof_tables(values),
                 gains_table("gains", self.gains),
             ],
-            notes=[self.in_words, *filter(None, [self.boxes_note])],
+            notes=[self.in_words, *filter(None, [self.boxes_note]), *self.assumed],
             verdict=self.sentence,
         )
 

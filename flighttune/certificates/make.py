@@ -156,6 +156,7 @@ class Certification(Answering):
             notes=[
                 *([ANY_ENVELOPE] if everywhere and not identified else []),
                 *filter(None, [self.absent, self.certificate and self.certificate.boxes_note]),
+                *(self.certificate.assumed if self.certificate else ()),
             ],
             verdict=f"proven: {self.certificate.sentence}"
             if self.certificate

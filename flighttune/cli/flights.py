@@ -82,7 +82,10 @@ def new(new_scenario: Verb, like: str | None) -> Answer:
             f"`--like` must be absent: copy {file}, and set its aircraft, [flight] and [limits]; "
             "`flighttune list` has all."
         )
-    return Answer(files={"scenario": new_scenario()})
+    from flighttune.flight.load import load_scenario  # after its imports, --help is late
+
+    file = new_scenario()
+    return Answer(notes=load_scenario(file).assumptions, files={"scenario": file})
 
 
 # Scenarios that `list` shows first: one of each kind of question.

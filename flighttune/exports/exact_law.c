@@ -1,4 +1,4 @@
-/* Outer loop of ${title}, gains ${gains}; made by flighttune ${version}.
+/* Outer loop of ${title}, gains ${gains}; made by flighttune ${version}.${notes}
  *
  * The exact law, from errors of course and flight-path angle to commands of roll and load factor: PI of
  * the errors and the rates of the reference give the rates wanted; inverting the point mass gives roll and

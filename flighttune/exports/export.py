@@ -1,7 +1,7 @@
 """A flight for JSBSim alone, or the outer loop in C, from one gain set of a scenario; a monitor."""
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import accumulate, count
 from pathlib import Path
@@ -66,7 +66,12 @@ def export_c(
         raise law.refusal("in_c", "exported")
     lead = lead_on(scenario, aircraft_table(scenario, plant) if scenario.aircraft else None)
     source = c_source(
-        controller, title=scenario.title, gains=name, lead=lead, g=scenario.flight.g_mps2
+        controller,
+        title=scenario.title,
+        gains=name,
+        lead=lead,
+        g=scenario.flight.g_mps2,
+        notes=scenario.assumptions,
     )
     write_text(folder / SOURCE, source)
     return folder / SOURCE
@@ -79,14 +84,19 @@ def c_source(
     gains: str,
     lead: tuple[float, float] = (0.0, 0.0),
     g: float = G_PAPER,
+    notes: Sequence[str] = (),
 ) -> str:
-    """The C99 text of a controller, whose lags are `lead` (s); it needs ``math.h`` alone."""
+    """The C99 text of a controller, whose lags are `lead` (s); it needs ``math.h`` alone.
+
+    The `notes` stand in its head.
+    """
     values, channels = law.law, law.law.channels
     form = "exact_law.c" if isinstance(law, ExactLaw) else "outer_loop.c"
     return Template((_FOLDER / form).read_text(encoding="utf-8")).substitute(
         _of_exact_law(law.law) if isinstance(law, ExactLaw) else _of_pi(law, g),
         title=_comment(title),
         gains=_comment(gains),
+        notes="".join(f"\n * {_comment(note)}" for note in notes),
         version=__version__,
         dt=_number(law.dt),
         lead_phi=_number(lead[0]),

@@ -185,7 +185,7 @@ def export_jsbsim(
         model=folders.name,
         gains=name,
         version=__version__,
-        verdict=verdict,
+        verdict=" ".join([verdict, *scenario.assumptions]),
         command=shlex.join(["jsbsim", "--root=.", *options]),
         jsbsim=version("jsbsim"),
         csv=CSV,

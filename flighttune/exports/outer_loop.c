@@ -1,4 +1,4 @@
-/* Outer loop of ${title}, gains ${gains}; made by flighttune ${version}.
+/* Outer loop of ${title}, gains ${gains}; made by flighttune ${version}.${notes}
  *
  * From errors of course and flight-path angle${airspeed_error} to commands of roll and load factor${n_x_command}:
  * u = limit(u_ff + K_P e + K_I integral of e), with limits on size and rate.

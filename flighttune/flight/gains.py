@@ -136,7 +136,9 @@ def _tuned_for(scenario: Scenario, law: Law | None, *, envelope: bool) -> dict[s
         identified = scenario.identified_in.identified_model
         if scenario.tuning.robust:
             speeds = [condition.V_a for condition in identified.conditions]
-        return {"aircraft": [identified.aircraft], "V_a_mps": [min(speeds), max(speeds)]}
+        assumed = {"assumed": [*identified.assumptions]} if identified.assumptions else {}
+        speeds = [min(speeds), max(speeds)]
+        return {"aircraft": [identified.aircraft], "V_a_mps": speeds, **assumed}
     if envelope and scenario.envelope:
         speeds = [*scenario.envelope.V_a_mps]
     same = (law or scenario.laws[0]).same_everywhere
@@ -285,7 +287,8 @@ def certify_scenario(
     if certificate is not None and settings.model == "identified":
         table = scenario.identified_in
         files = files_of(table.identified or getattr(table, "aircraft", None))
-        certificate = replace(certificate, files=files)
+        assumed = table.identified_model.assumptions
+        certificate = replace(certificate, files=files, assumed=assumed)
     largest = None
     if over and full:
         largest = largest_factor(gains, over[1], over[0], g=scenario.flight.g_mps2)
@@ -344,6 +347,7 @@ class Frontier(Answering):
                 "marked": {row["name"]: row for row in rows if row["name"] != "frontier"},
             },
             tables=[Table(shown, rows, self.scenario.title)],
+            notes=[*self.scenario.assumptions],
         )
 
 

@@ -80,6 +80,7 @@ def load_scenario(
         scenario = validated(Scenario, tables | {"title": title_with(tables, changes)}, source)
     check_scenario(scenario, source)
     check_identified(scenario, source)
+    scenario = scenario.assuming()
     return with_gains(scenario, gains, source) if gains else scenario
 
 
@@ -130,7 +131,7 @@ def route_scenario(
     tables = with_changes({**tables, "route": route}, changes, f"{file}:")
     scenario = validated(Scenario, tables, str(file))
     check_scenario(scenario, str(file))
-    return scenario
+    return scenario.assuming()
 
 
 def scenario_and_gains(

@@ -105,6 +105,8 @@ def _first(aircraft: str, folder: Path) -> Any:
         plants.pop()
         plant = tomlkit.table()
         plant.update({"kind": "point_mass_lag", "identified": os.path.relpath(aircraft, folder)})
+        if identified.assumptions:
+            plant["identified"].comment(" ".join(identified.assumptions))
         plants.append(plant)
     else:
         config = load_aircraft(aircraft)

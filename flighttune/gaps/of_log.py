@@ -251,7 +251,9 @@ class _Flights:
         self.t, self.logged = _stretches(run, max(1, round(HELD_S * rate)) / rate)
         lags = None
         if config is None or (config.folder / FILE_NAME).exists():
-            lags = load_identified(aircraft).nearest(float(np.median(self.logged["V_a"])), 0.0).lags
+            identified = load_identified(aircraft)
+            lags = identified.nearest(float(np.median(self.logged["V_a"])), 0.0).lags
+            self.notes += identified.assumptions
         self.lower: dict[str, PlantMaker] = {
             "kinematic": lambda _: PointMassPlant(turn="paper"),
             "point_mass": lambda _: PointMassPlant(),

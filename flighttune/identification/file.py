@@ -176,6 +176,8 @@ class LogEvidence(_Table):
     # rates of course and path angle; None where the logs cannot tell
     residual_rad_s: dict[Literal["chi", "gamma"], q.Finite] | None = None
     residual_stretches: int = 0
+    # Channels of which the logs have neither command nor response, so that no limit is seen
+    limits_assumed: Annotated[tuple[Channel, ...], Field(strict=False)] = ()
 
     @property
     def sentence(self) -> str:
@@ -198,6 +200,24 @@ class IdentifiedAircraft(_Table):
     log: LogEvidence | None = None  # of a model identified from logs of real flights
     # The first is the nominal one
     conditions: Annotated[tuple[IdentifiedCondition, ...], Field(strict=False, min_length=1)]
+
+    @property
+    def assumptions(self) -> tuple[str, ...]:
+        """What was assumed where no log shows it, a sentence each."""
+        if self.log is None:
+            return ()
+        lags = self.conditions[0].channels
+        return (
+            *(
+                f"Assumed, not measured: {name} of {self.aircraft} follows its command at "
+                f"{lags[name].natural_frequency_rad_s:.4g} rad/s."
+                for name in self.log.assumed
+            ),
+            *(
+                f"Assumed, not measured: the limits of {name} of {self.aircraft}."
+                for name in self.log.limits_assumed
+            ),
+        )
 
     @computed_field
     @property
@@ -300,7 +320,9 @@ ROUNDING = 1e-4
 
 def identified_tables(aircraft: IdentifiedAircraft) -> dict[str, Any]:
     """An identified aircraft as the object of its file."""
-    absent = {name for name in ("gains", "log") if not getattr(aircraft, name)}
+    absent: dict[str, Any] = {n: True for n in ("gains", "log") if not getattr(aircraft, n)}
+    if aircraft.log and not aircraft.log.limits_assumed:
+        absent["log"] = {"limits_assumed"}
     return rounded(aircraft.model_dump(exclude=absent), DIGITS, EXACT)
 
 

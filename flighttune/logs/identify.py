@@ -155,6 +155,7 @@ class LogIdentification(Answering):
                 f"{value:.3g} rad/s of {name}" for name, value in evidence.residual_rad_s.items()
             )
             notes.append(f"residual rates up to {rates}: {evidence.sentence}")
+        notes += self.identified.assumptions if self.identified else ()
         if self.identified is None:
             name = next(iter(self.untold))
             ask = f"give its bandwidth to be assumed, --assume {name}=RAD_S, or logs that show it"
@@ -541,6 +542,7 @@ def _aircraft(
         **seen,
         residual_rad_s=largest if len(missed) else None,
         residual_stretches=len(missed),
+        limits_assumed=tuple(n for n in CHANNELS if not any(n in run.signals for run in runs)),
     )
     return model_file.IdentifiedAircraft.model_construct(
         aircraft=names[0], conditions=(condition,), log=evidence

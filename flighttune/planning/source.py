@@ -155,7 +155,7 @@ def _nominal(table: CampaignTable, base: Scenario, source: str) -> Scenario:
     scenario = validated(Scenario, tables, whole)
     check_scenario(scenario, whole)
     check_identified(scenario, whole)
-    return scenario
+    return scenario.assuming()
 
 
 def _plain(tables: list[Any]) -> list[Any]:

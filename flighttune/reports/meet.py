@@ -14,6 +14,7 @@ from flighttune.arrays import FloatArray
 from flighttune.campaign.meet import stated
 from flighttune.campaign.meeting import CERTIFICATE_COLUMNS, REQUIREMENT_COLUMNS, Meeting, Trial
 from flighttune.control.gains import PIGains
+from flighttune.control.law import split_name
 from flighttune.errors import InputError
 from flighttune.files.table import toml_text
 from flighttune.flight.flown import BoundCheck, FlownScenario
@@ -62,7 +63,8 @@ def write_meet_page(path: Path, meeting: Meeting, command: str) -> Report:
         excess = -np.nan_to_num([row["margin"] for row in rows], nan=-np.inf)
         worst = np.argsort(-excess, kind="stable")[:PAIRS].tolist()
         charts = [chart(trials, rows, i, k) for i, k in combinations(worst, 2)]
-    sets = {meeting.start: meeting.start_gains, "found": meeting.gains}
+    start = split_name(meeting.start)[1]  # without the law, as gains are named in a scenario
+    sets = {start: meeting.start_gains, "found": meeting.gains}
     costs = TEXTS["shares" if counted else "candidates"]
     return _write(
         path,
@@ -70,7 +72,10 @@ def write_meet_page(path: Path, meeting: Meeting, command: str) -> Report:
         meeting.scenario,
         sets,
         _flown(meeting.worst or meeting.scenario, sets),
-        summary=[*filter(None, [meeting.start_sentence, meeting.sentence, meeting.worse_sentence])],
+        summary=[
+            *filter(None, [meeting.start_sentence, meeting.sentence, meeting.worse_sentence]),
+            *meeting.tuned_for.get("assumed", ()),
+        ],
         parts={
             "requirements": Section(tables=[replace(required, title="")]),
             "responses": Section(note=note),
@@ -111,6 +116,7 @@ def write_tune_page(path: Path, scenario: Scenario, result: TuningResult, comman
         summary=[
             *([f"Requirements met: {met}"] if met else []),
             f"R_K is {result.R_K:.4g} 1/s with an I_K of {result.I_K:.4g} s²{limits}",
+            *scenario.assumptions,
         ],
         parts={
             "requirements": Section(tables=[Table(CHECKED_COLUMNS, [*map(in_words, rows)])]),

@@ -212,7 +212,7 @@ def write_gap_page(gap: Gap, tables: Sequence[Table], path: Path) -> Report:
         path,
         title=f"From the law to the aircraft: {gap.scenario.title}; gains {gap.name}",
         about=(flown_in_words(gap.scenario, gap.runs),),
-        summary=gap.causes,
+        summary=[*gap.causes, *gap.scenario.assumptions],
         parts={
             "responses": Section(note=" ".join(note), charts=charts.gap_charts(gap)),
             "numbers": Section(title="Numbers", tables=tables),

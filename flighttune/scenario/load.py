@@ -224,7 +224,7 @@ def with_gains(
             f"nothing twice, got {', '.join(names)}."
         )
     expect = [table for table in scenario.expect if table.gains in (None, *chosen.gain_names)]
-    return chosen.model_copy(update={"expect": expect})
+    return chosen.model_copy(update={"expect": expect}).assuming()
 
 
 def gains_table(path: Path) -> GainsTable:
@@ -339,7 +339,7 @@ def scenario_from(tables: dict[str, Any]) -> Scenario:
     >>> ft.scenario_from(tables).flight.V_a_mps
     30.0
     """
-    return validated(Scenario, tables, "scenario")
+    return validated(Scenario, tables, "scenario").assuming()
 
 
 def scenario_of(run: Run) -> Scenario:
@@ -355,6 +355,7 @@ def gains_notes(runs: Iterable[Run]) -> list[str]:
         # a log has no gains, and the scenario of an older version may no longer be valid
         if any("tuned_for" in entry for entry in made_by.scenario.get("gains", ())):
             notes |= dict.fromkeys(scenario_of(run).gains_notes(gains=made_by.gains_name))
+        notes |= dict.fromkeys(made_by.scenario.get("assumed") or ())
     return [*notes]
 
 

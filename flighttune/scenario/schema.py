@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import replace
 from functools import cached_property
 from typing import Annotated, Any
@@ -10,7 +11,7 @@ from pydantic import Field, model_validator
 
 from flighttune.control.gains import COMMANDS, PIGains, paper_family
 from flighttune.control.law import DEFAULT, Law, law_name, made_law, split_name
-from flighttune.errors import InputError
+from flighttune.errors import FlightTuneError, InputError
 from flighttune.files.shipped import nearest_name
 from flighttune.files.table import abridged, hash_of
 from flighttune.metrics import CHANNELS, OFF_ROUTE, UNSETTLED, required_names
@@ -67,6 +68,8 @@ class Scenario(Table):
     # Conditions over which `certify --envelope` looks for one proof
     envelope: tables.EnvelopeTable | None = None
     expect: list[tables.ExpectTable] = Field(default_factory=list)  # what the runs must achieve
+    # Sentences on what its identified models assume; written by the program
+    assumed: list[str] | None = None
     plant: Annotated[list[tables.PlantTable], Field(min_length=1)]
 
     @model_validator(mode="before")
@@ -245,22 +248,42 @@ class Scenario(Table):
         return tuple(notes)
 
     def gains_notes(self, plant: str | None = None, gains: str | None = None) -> tuple[str, ...]:
-        """A sentence for gains that were tuned for others than they fly here, in words.
+        """A sentence for gains that were tuned for others than they fly here, and `assumptions`.
 
         They are those of one `plant` and one of `gain_names`, by default of all.
         """
         sets = (entry for entry in self.gains if isinstance(entry, GainsTable))
         flown = [x for x in sets if gains is None or split_name(gains)[1] == x.name]
         if not any(entry.tuned_for for entry in flown):
-            return ()
+            return self.assumptions
         aircraft = tables.flown_aircraft(self.plant if plant is None else [self.plant_table(plant)])
         speeds = self.airspeeds[:1] if self.controller.schedule else self.airspeeds
-        return tuple(
+        unlike = (
             f"The gains {entry.name} were tuned for {tuned.words}; here they fly on "
             f"{tables.on_aircraft(aircraft)} at {self.airspeed_words}."
             for entry in flown
             if (tuned := entry.tuned_for) and tuned.unlike(aircraft, speeds)
         )
+        return (*unlike, *self.assumptions)
+
+    @property
+    def assumptions(self) -> tuple[str, ...]:
+        """What its identified models and gains assume, a sentence each."""
+        sentences = [*(self.assumed or ())]
+        named = [self.tuning] if self.tuning.identified else []
+        for table in (*named, *(x for x in self.plant if x.identified or x.aircraft)):
+            with suppress(FlightTuneError):  # elsewhere the file may be missing, or never was
+                sentences += table.identified_model.assumptions
+        for entry in self.gains:
+            if isinstance(entry, GainsTable) and entry.tuned_for:
+                sentences += entry.tuned_for.assumed or ()
+        return tuple(dict.fromkeys(sentences))
+
+    def assuming(self) -> "Scenario":
+        """The scenario with its assumptions written in, so that they stay where it is recorded."""
+        if (found := [*self.assumptions]) == (self.assumed or []):
+            return self
+        return self.model_copy(update={"assumed": found})
 
     @property
     def code(self) -> tuple[str, ...]:

@@ -846,6 +846,8 @@ class TunedFor(q.Table):
 
     aircraft: list[q.PathName]  # none: the law alone
     V_a_mps: list[q.Airspeed]  # none: any airspeed
+    # Sentences on what their model assumes; none if left out
+    assumed: list[str] | None = None
 
     @property
     def words(self) -> str:

@@ -129,7 +129,8 @@ class TuningResult(Answering):
     diagnosis : Diagnosis or None
         For an infeasible problem, what would have to give.
     tuned_for : mapping or None
-        Names of ``aircraft`` and the ends of the airspeeds, ``V_a_mps``, that it was tuned for.
+        Names of ``aircraft`` and the ends of the airspeeds, ``V_a_mps``, that it was tuned for, and
+        what their model assumes, ``assumed``, if anything.
     bound : RateBound or None
         If a proof was asked for: the bound on R_K that no gains exceed.
     sensitivity : float or None
@@ -225,6 +226,7 @@ class TuningResult(Answering):
             notes=[
                 PLAIN if plain else SCALED,
                 *self._bounds_in_words,
+                *(self.tuned_for or {}).get("assumed", ()),
                 *([f"proven {self.bound.sentence}"] if self.bound else []),
             ],
             failure="" if self.solved else self.reason,

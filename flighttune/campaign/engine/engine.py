@@ -126,6 +126,7 @@ class CampaignOutcome(Answering):
     sure: Mapping[str, str] = field(default_factory=dict)
     until_sure: float | None = None  # share of flights that was asked for
     interrupted: bool = False  # stopped before its end
+    assumed: tuple[str, ...] = ()  # what its scenario assumes, a sentence each
 
     def answer(self) -> Answer:
         """Flights by their status, and the time they took; status 130 if they were interrupted.
@@ -150,6 +151,7 @@ class CampaignOutcome(Answering):
             notes=[
                 f"{self.runs}{most} flights = {draws_in_words(self.runs, self.groups)}",
                 f"flown now: {self.flown} in {speed}" if self.flown else "nothing was missing",
+                *self.assumed,
             ],
             verdict=answered if reached else "",
             files={"dataset": self.dataset},
@@ -240,6 +242,7 @@ def run_campaign(
         wall_s=wall,
         rate_per_s=progress.flown / wall,
         interrupted=interrupted,
+        assumed=plan.scenario.assumptions,
     )
 
 
