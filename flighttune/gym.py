@@ -12,11 +12,13 @@ from flighttune.arrays import FloatArray
 from flighttune.control.controller import FlightCondition, GuardedLaw, LawError
 from flighttune.control.gains import PIGains
 from flighttune.errors import InputError, ScenarioError, TrimError, need
+from flighttune.files import code
 from flighttune.files.table import validated
 from flighttune.flight.conditions import command_limits, lead_on
 from flighttune.flight.flown import FlownScenario
-from flighttune.flight.fly import manoeuvre, plant_of, provenance, steady_wind, with_own
+from flighttune.flight.fly import manoeuvre, plant_of, provenance, steady_wind
 from flighttune.flight.models import gain_set, law_setup
+from flighttune.flight.own import with_own
 from flighttune.planning import plan, schema, source
 from flighttune.plants.base import N_X_SIGNALS, follows_at_once
 from flighttune.plants.jsbsim.plant import LARGEST_SEED
@@ -117,7 +119,7 @@ class FlightEnv(Env):
             both = {key: _at(rate_hz, getattr(campaign, key)) for key in ("nominal", "central")}
             self._plan = plan.plan_campaign(campaign.model_copy(update=both))
             stated = self._plan.scenario
-        self._world = self.scenario = scenario = with_own(_at(rate_hz, stated))
+        self._world = self.scenario = scenario = _at(rate_hz, stated)
         self._plant = plant or (*scenario.aircraft, *scenario.plant)[0].label
         names = scenario.gain_names
         if gains not in (None, *names):
@@ -166,7 +168,7 @@ class FlightEnv(Env):
             self.scenario = self._world.model_copy(update={"seed": seed})
         else:
             draw = int(self.np_random.integers(self._plan.draws)) if draw is None else draw
-            self.scenario, info = with_own(self._plan.scenario_of(draw)), {"draw": draw}
+            self.scenario, info = self._plan.scenario_of(draw), {"draw": draw}
         self._episode = _Episode(self.scenario, self._plant)
         self._episode.start()
         return {"seed": self.scenario.seed, **info}
@@ -245,7 +247,9 @@ class _Agent:
 class _Episode:
     """One flight: under way after `start`, until it is `over`."""
 
+    @code.flies
     def __init__(self, scenario: Scenario, label: str) -> None:
+        scenario = with_own(scenario, flown=(label,))
         table = scenario.plant_table(label)
         plant = plant_of(table, scenario, steady_wind(scenario))
         self.limits = command_limits(scenario).within(plant.limits)
@@ -301,13 +305,15 @@ class _Episode:
             error = math.hypot(error, (ref.V - m.V_a) / HALF_MPS)
         return error / (1.0 + error)
 
+    @code.flies
     def law_action(self, name: str, gains: PIGains) -> FloatArray:
         """Commands of the law at this sample, which it steps once."""
         if self._step is None:
-            law, _ = self._scenario.law_of(name, gains)
+            flown = self._scenario.law_table(name).name
+            scenario = with_own(self._scenario, flown=(flown,))
+            law, _ = scenario.law_of(name, gains)
             at_once = follows_at_once(self._plant)
-            setup = law_setup(self._scenario, gains, self.limits, at_once=at_once)
-            controller = law.controller(setup)
+            controller = law.controller(law_setup(scenario, gains, self.limits, at_once=at_once))
             controller.start(self._condition)
             self._step = step_of(controller, self._plant)
         if self._law_action is None:

@@ -11,6 +11,7 @@ from flighttune.claims.band import Band, Residual
 from flighttune.claims.monitor import LogMonitor, Monitor, monitor_of_logs
 from flighttune.control.gains import PIGains
 from flighttune.errors import InputError
+from flighttune.files import code
 from flighttune.files.load import A_LOG, BAND, LOG, kind_of, load_one, written
 from flighttune.flight.load import as_scenario
 from flighttune.logs.log import Columns
@@ -29,6 +30,7 @@ EPSILON, CONFIDENCE, LEARN = 0.01, 0.999, 500
 MONITOR_EPSILON, MONITOR_CONFIDENCE, MONITOR_LEARN = 0.05, 0.95, 100
 
 
+@code.flies
 def band(  # noqa: PLR0913 - each is a choice of the user, and has a default
     source: Flights | Scenario | Campaign | Plan | str | Path,
     *,
@@ -45,6 +47,7 @@ def band(  # noqa: PLR0913 - each is a choice of the user, and has a default
     start_deg: float = 0.0,
     changes: Mapping[str, Any] | None = None,
     out: str | Path | None = None,
+    run_code: bool = False,  # noqa: ARG001 - of the decorator
     workers: int | None = None,
     scheduler: str | None = None,
     observer: CampaignObserver | None = None,
@@ -90,6 +93,8 @@ def band(  # noqa: PLR0913 - each is a choice of the user, and has a default
         Values to set in the scenario, by dotted key.
     out : str or Path, optional
         File (.npz) to write, as its `save` does.
+    run_code : bool
+        Run Python files that the folder of a campaign or the file of a count names.
     workers : int, optional
         Processes that fly on this machine; by default one per core.
     scheduler : str, optional
@@ -156,6 +161,7 @@ def band(  # noqa: PLR0913 - each is a choice of the user, and has a default
     return counted
 
 
+@code.flies
 def residual(  # noqa: PLR0913 - as `band`
     source: Flights | Scenario | Campaign | Plan | str | Path,
     *,
@@ -289,6 +295,7 @@ def tube(
     return enclosed(problem, progress)
 
 
+@code.flies
 def monitor(  # noqa: PLR0913 - as `band`
     source: Flights | Scenario | Campaign | Plan | Run | str | Path,
     *logs: Run | str | Path,
@@ -304,6 +311,7 @@ def monitor(  # noqa: PLR0913 - as `band`
     changes: Mapping[str, Any] | None = None,
     columns: Columns = (),
     out: str | Path | None = None,
+    run_code: bool = False,  # noqa: ARG001 - of the decorator
     workers: int | None = None,
     scheduler: str | None = None,
     observer: CampaignObserver | None = None,
@@ -337,7 +345,8 @@ def monitor(  # noqa: PLR0913 - as `band`
         Flights to learn from, one half the weights and the other the limits, by default 100.
     columns : mapping or sequence
         Where logs have their signals, as for `load_log`.
-    gains, plant, air, seed, start_deg, changes, out, workers, scheduler, observer : as for `band`
+    gains, plant, air, seed, start_deg, changes, out : as for `band`
+    run_code, workers, scheduler, observer : as for `band`
 
     Returns
     -------

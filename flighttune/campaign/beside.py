@@ -24,6 +24,7 @@ from flighttune.control.limits import Limits
 from flighttune.control.linear_model import LinearModel, inner_feedback
 from flighttune.control.margins import Loop, cut_margins, margins_table
 from flighttune.errors import InputError
+from flighttune.files import code
 from flighttune.flight import conditions, models
 from flighttune.flight.fly import library_versions
 from flighttune.logs.log import Columns, load_part
@@ -284,6 +285,7 @@ def compare(
 ) -> Beside: ...
 
 
+@code.flies
 def compare(  # type: ignore[misc] # noqa: PLR0913 - each is a choice of the user, and has a default
     a: Flights | Scenario | Campaign | Plan | Runs | str | Path,
     *others: str | Path | Runs,

@@ -17,6 +17,7 @@ from flighttune.claims.count import chance_missed, flights_again
 from flighttune.claims.counted import Counted
 from flighttune.claims.monitor import LogMonitor
 from flighttune.errors import InputError, naming
+from flighttune.files import code
 from flighttune.files.load import BAND, CLAIMS, LOG, MONITOR, READERS, TUBE, kind_of, load_one
 from flighttune.flight.flown import FlownScenario
 from flighttune.gaps.gap import Gap
@@ -55,9 +56,9 @@ def verified_band(
     again = min(flights_again(about.epsilon), counted) if count is None else count
     draws, forged = counting.some_draws(band, again), math.ceil(about.epsilon * counted)
     try:
-        code = counted_flights.plan_of(band).code
-        if code and not run_code:
-            reason = f"not checked: flying its flights again runs {listed(code)}; allow --run-code"
+        files = counted_flights.plan_of(band).code
+        if files and not run_code:
+            reason = f"not checked: flying its flights again runs {listed(files)}; allow --run-code"
             return Verification(valid=False, reason=reason, checked=False)
         fences = band.said_of_fences if isinstance(band, Band) else ()
         with nullcontext(pool) if pool else WorkerPool() as workers:
@@ -186,6 +187,7 @@ class Verified(Answering):
         )
 
 
+@code.flies_again
 def verify(
     claim: AnyClaim | Path | str,
     *,
@@ -214,8 +216,8 @@ def verify(
         epsilon are found with a probability of 95 %: 59 at 5 % and 299 at 1 %. A note states the
         probability of missing them.
     run_code : bool
-        Fly the flights of a band again even if they run Python files that its plan names. Without
-        it such a band is not checked, and not valid.
+        Run the Python files that a band, a recording or a campaign names, to fly its flights again.
+        Without it they are not flown: such a band is not checked, and not valid.
     pool : WorkerPool, optional
         Workers that fly flights of a band again; by default one process per core.
 

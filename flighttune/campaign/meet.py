@@ -25,6 +25,7 @@ from flighttune.control.gains import PAPER_GAINS, PIGains
 from flighttune.control.law import Law, plain_laws, split_name
 from flighttune.control.linear_model import closed_loop
 from flighttune.errors import InputError
+from flighttune.files import code
 from flighttune.flight import load, models
 from flighttune.flight.flown import BoundCheck, bound_checks, bounded_loop, not_followed
 from flighttune.metrics import AIRSPEED, limits_in_words
@@ -385,6 +386,7 @@ def starting_gains(scenario: Scenario, law: Law) -> dict[str, PIGains]:
     return {name: gains for name, gains in sets.items() if gains is not None}
 
 
+@code.flies
 def meet(
     scenario: Scenario | str | Path,
     *,

@@ -17,6 +17,7 @@ from flighttune.campaign.engine.progress import CampaignObserver
 from flighttune.claims.band import KEPT, Band, TurnBack, check_off_route
 from flighttune.claims.count import flights_in_two_steps, fresh_flights
 from flighttune.errors import InfeasibleError, InputError
+from flighttune.files import code
 from flighttune.files.whole import write_text
 from flighttune.flight.route import PlannedRoute, planned_route, route
 from flighttune.planning.plan import Plan
@@ -111,6 +112,7 @@ class MissionOdds(Answering):
         )
 
 
+@code.flies
 def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
     source: Band | Flights | Scenario | Campaign | Plan | str | Path,
     *,
@@ -126,6 +128,7 @@ def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
     seed: int | None = None,
     changes: Mapping[str, Any] | None = None,
     out: str | Path | None = None,
+    run_code: bool = False,  # noqa: ARG001 - of the decorator
     workers: int | None = None,
     scheduler: str | None = None,
     observer: CampaignObserver | None = None,
@@ -171,7 +174,7 @@ def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
     out : str or Path, optional
         File (.npz) of the band to write, as its `save` does; the room and its volumes are written
         beside it.
-    seed, changes, workers, scheduler, observer : as for `band`
+    seed, changes, run_code, workers, scheduler, observer : as for `band`
 
     Returns
     -------

@@ -13,9 +13,11 @@ from flighttune.campaign.engine.progress import CampaignObserver
 from flighttune.campaign.flying.rows import fly_again, row_differences
 from flighttune.claims.band import Band
 from flighttune.claims.counted import Counted
-from flighttune.errors import InputError, RecordingError, ScenarioError
+from flighttune.errors import InputError, RecordingError, ScenarioError, naming
+from flighttune.files import code
 from flighttune.files.load import BAND, DATASET, RECORDING, load_one
-from flighttune.flight.fly import LawMaker, PlantMaker, Progress
+from flighttune.flight.apart import Progress
+from flighttune.flight.own import LawMaker, PlantMaker, ask_to_fly
 from flighttune.records.parquet import Recording
 from flighttune.records.refly import CheckedRun, Difference, Reflown, changed_versions, reflights
 from flighttune.simulate.run import Run
@@ -28,11 +30,13 @@ FLOWN = "recording, its folder, the Parquet file of a run, the folder of a campa
 OTHER_EXTREMES = Difference("extremes", None, "those of the band", "others")
 
 
+@code.flies_again
 def refly(
     source: str | Path | Recording | Dataset | Counted | Sequence[Run],
     run: int | None = None,
     *,
     count: int | None = None,
+    run_code: bool = False,  # noqa: ARG001 - of the decorator
     laws: Mapping[str, LawMaker] | None = None,
     plants: Mapping[str, PlantMaker] | None = None,
     progress: Progress | None = None,
@@ -53,6 +57,8 @@ def refly(
         are drawn at random.
     count : int, optional
         Number of runs drawn at random of a campaign or band, by default 5; not with `run`.
+    run_code : bool
+        Run the Python files that the runs name; without it such runs are refused.
     laws, plants : mapping of str to callable, optional
         As for `fly`, where recorded runs were flown with them.
     progress : callable, optional
@@ -71,7 +77,7 @@ def refly(
         If there are no such runs, they are of several scenarios, or not flown as their scenario
         says (a rung of a ladder, a figure of the paper).
     ScenarioError
-        If a scenario cannot be read, being from another version.
+        If a scenario cannot be read, being from another version, or its code may not run.
     InputError
         If `count` is given where no runs are drawn, a band has fewer flights, or the files of an
         aircraft have changed since.
@@ -88,13 +94,18 @@ def refly(
     recorded = load_one(source, FLOWN, RECORDING, DATASET, BAND)
     name = str(source) if isinstance(source, str | Path) else "the band"
     if isinstance(recorded, Counted | Dataset):
-        if isinstance(recorded, Counted):
-            plan, versions = plan_of(recorded), {}
-            drawn = tuple(_draws_again(recorded, name, run, count or DRAWN, observer))
-        else:
-            name, plan = str(recorded.folder), recorded.plan
-            versions = changed_versions(recorded.versions)
-            drawn = tuple(_rows_again(recorded, name, run, count or DRAWN))
+        of_count = isinstance(recorded, Counted)
+        name = name if of_count else str(recorded.folder)
+        plan = plan_of(recorded) if of_count else recorded.plan
+        versions = {} if of_count else changed_versions(recorded.versions)
+        with naming(name, ScenarioError):
+            ask_to_fly(plan.scenario, plan.flown)
+        again = (
+            _draws_again(recorded, name, run, count or DRAWN, observer)
+            if of_count
+            else _rows_again(recorded, name, run, count or DRAWN)
+        )
+        drawn = tuple(again)
         flown = None if run is None else fly_again(plan, run, progress=progress)
         if flown is not None and run is not None and isinstance(recorded, Band):
             of_band = not recorded.why_not(flown[plan.group_of(run).label])

@@ -25,6 +25,7 @@ from flighttune.certificates.bound import RateBound
 from flighttune.certificates.certificate import Certificate
 from flighttune.claims.counted import About, BandFlights, Counted
 from flighttune.errors import InputError
+from flighttune.files import code
 from flighttune.files.load import CLAIMS, load_one, written
 from flighttune.files.load import TUBE as TUBE_FILE
 from flighttune.files.table import toml_text
@@ -177,6 +178,7 @@ class WorstFlight(Answering):
         )
 
 
+@code.flies
 def worst(  # noqa: PLR0913 - each is a choice of the user, and has a default
     source: Flights | Scenario | Campaign | Plan | Tube | Counted | str | Path,
     *,
@@ -190,6 +192,7 @@ def worst(  # noqa: PLR0913 - each is a choice of the user, and has a default
     disturbance: float = 0.0,
     seed: int = 1,
     changes: Mapping[str, Any] | None = None,
+    run_code: bool = False,  # noqa: ARG001 - of the decorator
     workers: int | None = None,
     scheduler: str | None = None,
     observer: CampaignObserver | None = None,
@@ -227,6 +230,8 @@ def worst(  # noqa: PLR0913 - each is a choice of the user, and has a default
         Seed of the search.
     changes : mapping of str to value, optional
         Values to set in the scenario, by dotted key.
+    run_code : bool
+        Run Python files that the folder of a campaign or the file of a band names.
     workers : int, optional
         Processes that fly on this machine, by default one per core; the flight does not depend on
         them.

@@ -106,14 +106,15 @@ def verify(verify_claim: Verb, claim: Path, count: int | None, run: int | None) 
         with campaign_display() as observer, WorkerPool(**by, observer=observer) as pool:
             checked = verify_claim(claim=value, pool=pool)
         return replace(checked, source=str(claim)).answer()
-    if verify_claim.keywords.keys() - {"count"}:
-        raise InputError(f"{claim}: --boxes and --run-code must be absent where runs fly again.")
+    if "boxes" in verify_claim.keywords:
+        raise InputError(f"{claim}: --boxes must be absent where runs fly again.")
+    run_code = "run_code" in verify_claim.keywords
     if isinstance(value, Band):
         with campaign_display() as observer:
-            again = refly(value, run, count=count, observer=observer)
+            again = refly(value, run, count=count, run_code=run_code, observer=observer)
     else:
         with progress_bar() as progress:
-            again = refly(value, run, count=count, progress=progress)
+            again = refly(value, run, count=count, run_code=run_code, progress=progress)
     again = replace(again, source=str(claim))
     if again.flown is None:
         return again.answer()

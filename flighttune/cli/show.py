@@ -18,8 +18,8 @@ from typing import Any, NoReturn
 
 from flighttune.campaign.engine.progress import CampaignObserver, CampaignProgress
 from flighttune.errors import FORKS, StoppedError
+from flighttune.files.code import NOTICE
 from flighttune.files.whole import reason_of
-from flighttune.flight.apart import NOTICE
 from flighttune.present.answer import Answer, printable
 
 FINE, NO, COULD_NOT_RUN, INTERRUPTED = 0, 1, 2, 130

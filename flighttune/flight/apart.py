@@ -1,15 +1,11 @@
-"""Code of the user's: a word before it runs, and a copy of this process in which it flies.
-
-A crash ends its flight alone.
-"""
+"""A copy of this process, whose crash or hang ends what it does there alone."""
 
 import os
 import signal
 import sys
 import warnings
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from contextlib import suppress
-from contextvars import ContextVar
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from flighttune.errors import PlantError, ending_of, need_fork
@@ -20,19 +16,8 @@ if TYPE_CHECKING:
 # Called with the label of a run and the part of it flown, 0 to 1.
 Progress: TypeAlias = Callable[[str, float], None]
 
-# Called with the name of a Python file. It does nothing for callers from Python, who chose the
-# code: it is set in a command, and not in the processes that it starts.
-NOTICE: ContextVar[Callable[[str], object] | None] = ContextVar("notice", default=None)
-
 # Time after which a copy that its own alarm has not ended is given up, s.
 GRACE_S = 5.0
-
-
-def before_running(files: Iterable[str]) -> None:
-    """Give notice of the Python files that are going to be run."""
-    if (notice := NOTICE.get()) is not None:
-        for file in files:
-            notice(file)
 
 
 def apart(

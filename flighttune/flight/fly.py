@@ -1,141 +1,39 @@
-"""A scenario to runs: every gain set, also by laws and on plants of the user, with metrics."""
+"""A scenario to runs: every gain set, by each law on each plant, with metrics."""
 
-import inspect
 import platform
 import shlex
-import sys
 import time
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import redirect_stdout, suppress
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
-from functools import cache, lru_cache, partial
+from functools import cache, partial
 from importlib.metadata import PackageNotFoundError, version
-from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
-from types import MappingProxyType, ModuleType
-from typing import Any, TypeVar
+from types import MappingProxyType
+from typing import Any
 
 import pandas as pd
 
-from flighttune.control.controller import FAILURES, MAX_LAG_S, Controller, LawError, failure
+from flighttune.control.controller import MAX_LAG_S, LawError
 from flighttune.control.gains import PIGains
 from flighttune.control.law import split_name
 from flighttune.control.limits import Limits
 from flighttune.control.linear_model import LinearModel, closed_loop
-from flighttune.errors import InputError, ScenarioError, TrimError
+from flighttune.errors import InputError, TrimError
+from flighttune.files import code
 from flighttune.flight import conditions, load, models
-from flighttune.flight.apart import Progress, apart, before_running
+from flighttune.flight.apart import Progress, apart
 from flighttune.flight.flown import FlownScenario
+from flighttune.flight.own import LawMaker, PlantMaker, with_own
 from flighttune.plants.base import AirPathPlant, GuardedPlant, Plant, follows_at_once
 from flighttune.plants.point_mass import PointMassPlant, PoweredPointMass
 from flighttune.plants.weather import WIND, WindRecord
-from flighttune.scenario.load import as_arguments, file_sha256, module_sha256
+from flighttune.scenario.load import as_arguments
 from flighttune.scenario.schema import Scenario
-from flighttune.scenario.tables import TUNED, LawTable, PlantTable
+from flighttune.scenario.tables import TUNED, PlantTable
 from flighttune.simulate.loop import LOOP_SIGNALS, simulate
 from flighttune.simulate.run import SIGNAL_UNITS, Provenance, Run, RunStatus
 from flighttune.theory.indicators import indicators
-
-# Called with a `LawSetup` and the parameters of a scenario's table, for every flight.
-LawMaker = Callable[..., Controller]
-
-# Called with the parameters of a scenario's table, for every flight.
-PlantMaker = Callable[..., Plant]
-
-T = TypeVar("T", LawTable, PlantTable)
-
-
-def with_own(
-    scenario: Scenario,
-    laws: Mapping[str, LawMaker] | None = None,
-    plants: Mapping[str, PlantMaker] | None = None,
-) -> Scenario:
-    """A scenario whose tables of the user's laws and plants hold their classes."""
-    laws, plants = laws or {}, plants or {}
-    # Laws and plants from the caller are flown besides those of the scenario, or in place of its
-    # tables of that name.
-    names = {law.name for law in scenario.laws}
-    more = [_python(name, made) for name, made in laws.items() if name not in names]
-    labels = {plant.label for plant in scenario.plant}
-    flown = [_python(name, made) for name, made in plants.items() if name not in labels]
-    if more or flown:
-        tables = scenario.as_dict()
-        listed = [law.model_dump(exclude_none=True) for law in scenario.law_tables]
-        tables |= {"law": [*listed, *more], "plant": [*tables["plant"], *flown]}
-        scenario = Scenario.model_validate(tables)
-    if not any(table.of_the_user for table in (*scenario.law_tables, *scenario.plant)):
-        return scenario
-    bound = {
-        "law": _bound(scenario.title, "law", scenario.law, laws) if scenario.law else None,
-        "plant": _bound(scenario.title, "plant", scenario.plant, plants),
-    }
-    return scenario.model_copy(update=bound)
-
-
-def _bound(
-    title: str, key: str, tables: Sequence[T], made: Mapping[str, Callable[..., Any]]
-) -> list[T]:
-    """The same tables, where those of a user's law or plant hold its class."""
-    bound = list(tables)
-    for i, table in enumerate(tables):
-        maker = made.get(table.name or "")
-        if table.of_the_user and (maker or table.maker is None):
-            bound[i] = table.made_by(maker or _loaded(title, key, table))
-    return bound
-
-
-def _python(name: str, made: Any) -> dict[str, Any]:
-    """The table of a law or plant given from Python: with the hash of its file, if it has one."""
-    target = getattr(made, "func", made)  # of a functools.partial
-    table: dict[str, Any] = {"name": name, "kind": "python"}
-    if getattr(target, "takes_gains", False):
-        table["takes_gains"] = True
-    try:
-        file = inspect.getsourcefile(target)
-        return table if file is None else {**table, "sha256": file_sha256(Path(file))}
-    except (TypeError, OSError):
-        return table
-
-
-def _loaded(title: str, key: str, table: LawTable | PlantTable) -> Any:
-    name = table.name
-    where = f"{title}: [[{key}]] {name}"
-    if table.module is None or table.class_ is None:
-        raise ScenarioError(
-            f"{where}: `module` and `class` must be given in the scenario, or the class from "
-            f"Python, `{key}s={{{name!r}: ...}}`."
-        )
-    path = Path(table.module)
-    digest = module_sha256(path, f"{where}:")
-    if table.sha256 not in (None, digest):
-        raise ScenarioError(
-            f"{where}: `module` must be the file that was planned or recorded with, {table.module} "
-            "has other contents now."
-        )
-    before_running([table.module])
-    try:
-        members = vars(_module(str(path.resolve()), digest))
-    except FAILURES as error:
-        raise ScenarioError(failure(f"{where}: {table.module}", error, None)) from error
-    if table.class_ not in members:
-        own = [name for name, value in members.items() if isinstance(value, type)]
-        raise ScenarioError(
-            f"{where}: `class` must be one of {table.module} ({', '.join(own) or 'which has none'})"
-            f", got {table.class_}."
-        )
-    return members[table.class_]
-
-
-@lru_cache(maxsize=32)
-def _module(path: str, _digest: str) -> ModuleType:
-    spec = spec_from_file_location(Path(path).stem, path)
-    if spec is None or spec.loader is None:
-        raise ImportError("the file must be Python")
-    module = module_from_spec(spec)
-    with redirect_stdout(sys.stderr):  # stdout is for the answer of a command
-        spec.loader.exec_module(module)
-    return module
-
 
 VERSIONED = ("flighttune", "numpy", "scipy", "pandas", "jsbsim")
 
@@ -143,6 +41,7 @@ VERSIONED = ("flighttune", "numpy", "scipy", "pandas", "jsbsim")
 START_S = 20.0
 
 
+@code.flies
 def fly(
     scenario: Scenario | str | Path,
     gains: str | Sequence[str] = (),
@@ -315,7 +214,8 @@ def fly_alone(
     progress: Progress | None = None,
 ) -> Run:
     """Fly one gain set of a scenario, None where tuning found none, on one of its plants."""
-    scenario, label = with_own(scenario), table.label
+    label = table.label
+    scenario = with_own(scenario, flown=(scenario.law_table(gains_name).name, label))
     table, origin = scenario.plant_table(label), partial(provenance, scenario, label, gains_name)
     if gains is None:
         reason = "tuning found no gains that meet the constraints"
@@ -371,7 +271,8 @@ def fly_once(
     envelope, hit the ground or could not start says so in its status and reason; only an aircraft
     that cannot be built raises a PlantError.
     """
-    scenario, started = with_own(scenario), time.perf_counter()
+    started = time.perf_counter()
+    scenario = with_own(scenario, flown=(scenario.law_table(gains_name).name,))
     duration = scenario.flight.duration_s
     if limits is None:
         limits = conditions.command_limits(scenario).within(plant.limits)

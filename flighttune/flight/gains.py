@@ -17,10 +17,11 @@ from flighttune.control.gains import PIGains, paper_family
 from flighttune.control.law import Law
 from flighttune.control.linear_model import LinearModel
 from flighttune.errors import InfeasibleError, InputError
+from flighttune.files import code
 from flighttune.files.whole import write_text
 from flighttune.flight import models
-from flighttune.flight.fly import with_own
 from flighttune.flight.load import as_scenario, scenario_and_gains
+from flighttune.flight.own import with_own
 from flighttune.identification.file import files_of
 from flighttune.present.answer import Answer, Answering, Table
 from flighttune.present.chart import Sheet
@@ -145,6 +146,7 @@ def _tuned_for(scenario: Scenario, law: Law | None, *, envelope: bool) -> dict[s
     return {"aircraft": flown_aircraft(scenario.plant), "V_a_mps": [] if same else speeds}
 
 
+@code.flies
 def certify(
     source: Scenario | LinearModel | str | Path,
     gains: PIGains | str | None = None,
@@ -215,7 +217,8 @@ def certify(
             raise InputError(
                 f"`envelope` and `lag` must be absent for {name}, whose law is your own."
             )
-        if (linear := models.linear_loop(with_own(scenario), name, chosen)) is None:
+        bound = with_own(scenario, flown=(law.name,))
+        if (linear := models.linear_loop(bound, name, chosen)) is None:
             raise InfeasibleError(
                 f"{name}: the law must have `linear()` to be certified, got none."
             )

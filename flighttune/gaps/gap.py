@@ -19,6 +19,7 @@ from flighttune.control import inner_loop, linear_model
 from flighttune.control.gains import COMMANDS, WITH_AIRSPEED, PIGains
 from flighttune.control.law import Law
 from flighttune.errors import InputError
+from flighttune.files import code
 from flighttune.files.load import LOG, written
 from flighttune.flight import fly as flight
 from flighttune.flight import load, models
@@ -327,6 +328,7 @@ def gap(
 ) -> LogGap: ...
 
 
+@code.flies
 def gap(
     scenario: Scenario | Run | str | Path,
     gains: PIGains | str | None = None,

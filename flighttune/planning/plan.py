@@ -108,7 +108,14 @@ class Plan:
     @property
     def code(self) -> tuple[str, ...]:
         """Python files of its laws and plants, which run when one of its runs is flown."""
-        return tuple(dict.fromkeys((*self.scenario.code, *self.campaign.central.code)))
+        listed = self.scenario.of_files(self.flown)
+        return tuple(dict.fromkeys(table.module or "" for _, table in listed))
+
+    @property
+    def flown(self) -> frozenset[str]:
+        """Names of its laws and labels of its plants, without those that no group flies."""
+        laws = {self.scenario.law_table(group.gains).name for group in self.groups}
+        return frozenset(laws | {group.plant for group in self.groups})
 
     @property
     def keys(self) -> tuple[str, ...]:

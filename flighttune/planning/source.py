@@ -79,7 +79,7 @@ def campaign_table(
     """The tables of a campaign file with values to set, and the file; its scenario is not read."""
     folders = "campaigns", "scenarios/campaigns"
     file = load.existing_file(path, "campaign", campaign_files(), folders)
-    tables = toml_tables(file)
+    tables = load.with_code(toml_tables(file), file)
     if "flight" in tables and "scenario" not in tables:
         raise ScenarioError(
             f"{file}: must be a campaign, got a scenario, which `flighttune fly` flies."

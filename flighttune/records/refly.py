@@ -10,8 +10,10 @@ import numpy as np
 
 from flighttune.control.gains import PIGains
 from flighttune.errors import RecordingError
+from flighttune.flight.apart import Progress
 from flighttune.flight.flown import FlownScenario
-from flighttune.flight.fly import LawMaker, PlantMaker, Progress, fly, library_versions
+from flighttune.flight.fly import fly, library_versions
+from flighttune.flight.own import LawMaker, PlantMaker
 from flighttune.present.answer import Answer, Answering, Table, pick
 from flighttune.present.names import columns
 from flighttune.scenario.load import as_recorded, scenario_from

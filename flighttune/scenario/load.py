@@ -8,7 +8,6 @@ import os
 import re
 import shlex
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from hashlib import sha256
 from itertools import chain
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -18,9 +17,9 @@ from pydantic import ValidationError
 from flighttune.control.gains import PIGains
 from flighttune.control.law import DEFAULT, split_name
 from flighttune.errors import InputError, ScenarioError, naming
+from flighttune.files import code
 from flighttune.files.shipped import aircraft_folders, campaign_files, nearest_name, scenario_files
 from flighttune.files.table import abridged, json_tables, mistakes, shown, toml_tables, validated
-from flighttune.files.whole import allowed
 from flighttune.references.mission import read_route
 from flighttune.scenario.schema import GainsTable, Scenario
 from flighttune.scenario.tables import LawTable, PlantTable
@@ -260,18 +259,28 @@ def _name_beside(table: dict[str, Any], key: str, folder: Path) -> None:
         table[key] = str(beside) if len(beside.parts) > 1 else os.path.join(".", beside)
 
 
+def with_code(tables: dict[str, Any], path: Path) -> dict[str, Any]:
+    """Tables of a file whose laws and plants name the Python files beside it, with their hash."""
+    for key in ("law", "plant"):
+        for table in _listed(tables, key):
+            if isinstance(module := table.get("module"), str):
+                file = path.parent / module
+                table["module"] = str(file)
+                table.setdefault("sha256", code.named_sha256(file, f"{path}: [[{key}]]"))
+    return tables
+
+
+def _listed(tables: dict[str, Any], key: str) -> list[dict[str, Any]]:
+    """The tables of a list; without what is no table, which is refused later."""
+    entries = tables.get(key)
+    return [x for x in entries if isinstance(x, dict)] if isinstance(entries, list) else []
+
+
 def with_files(tables: dict[str, Any], path: Path) -> dict[str, Any]:
     """Tables whose modules and aircraft are those beside the scenario; modules have their hash."""
-    folder, listed = path.parent, {"law": [], "plant": []}
-    for key, own in listed.items():
-        entries = tables.get(key)
-        own += [x for x in entries if isinstance(x, dict)] if isinstance(entries, list) else []
-        for table in own:
-            if isinstance(module := table.get("module"), str):
-                file = folder / module
-                table["module"] = str(file)
-                table.setdefault("sha256", module_sha256(file, f"{path}: [[{key}]]"))
-    for table in listed["plant"]:
+    folder = path.parent
+    with_code(tables, path)
+    for table in _listed(tables, "plant"):
         _name_beside(table, "aircraft", folder)
         _name_beside(table, "identified", folder)
     if isinstance(tables.get("tuning"), dict):
@@ -301,19 +310,6 @@ def _add_waypoints(tables: dict[str, Any], route: dict[str, Any], path: Path) ->
                 f"{path}: [flight] `h_m` must be {start:g}, the height of the first waypoint in "
                 f"{file}, or absent, got {h:g} m."
             )
-
-
-def file_sha256(path: Path) -> str:
-    """Hash of a file's contents."""
-    return sha256(path.read_bytes()).hexdigest()
-
-
-def module_sha256(file: Path, where: str) -> str:
-    """Hash of a Python file of the user's; errors begin with `where` it is stated."""
-    if not os.path.isfile(file):  # False for what can be no name of a file
-        raise ScenarioError(f"{where} `module` must be a file, got {abridged(str(file))}.")
-    with allowed(f"{where} `module` {file}", "readable", ScenarioError):
-        return file_sha256(file)
 
 
 def as_recorded(tables: Any) -> Any:

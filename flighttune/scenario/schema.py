@@ -1,7 +1,7 @@
 """A scenario: the tables of its file, checked against each other."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from contextlib import suppress
 from dataclasses import replace
 from functools import cached_property
@@ -288,8 +288,15 @@ class Scenario(Table):
     @property
     def code(self) -> tuple[str, ...]:
         """Python files of its laws and plants, which run when it is flown."""
-        listed = (*self.law_tables, *self.plant)
-        return tuple(dict.fromkeys(table.module for table in listed if table.module))
+        return tuple(dict.fromkeys(table.module or "" for _, table in self.of_files()))
+
+    def of_files(
+        self, flown: Collection[str] | None = None
+    ) -> tuple[tuple[str, tables.LawTable | tables.PlantTable], ...]:
+        """Laws and plants in Python files, by key; of those `flown`, by name, or of all."""
+        listed = (*(("law", x) for x in self.law_tables), *(("plant", x) for x in self.plant))
+        own = ((key, x) for key, x in listed if x.module)
+        return tuple((key, x) for key, x in own if flown is None or x.name in flown)
 
     @property
     def law_tables(self) -> tuple[tables.LawTable, ...]:

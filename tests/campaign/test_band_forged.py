@@ -18,8 +18,8 @@ import flighttune as ft
 from flighttune.campaign import counting
 from flighttune.campaign.counting import count_more, differing, some_draws
 from flighttune.claims.shape import learned_shape
+from flighttune.files import code
 from flighttune.files.table import tables_of
-from flighttune.flight import fly
 from tests.campaign.test_band import ALONE, WITH_FIVE, count, small_plan
 from tests.claims.test_band import forged
 from tests.cli.test_code_of_files import LAW
@@ -138,12 +138,14 @@ def test_a_continued_count_cannot_pass_for_one_planned_so_long(counted, tmp_path
 
 
 def test_a_band_whose_flights_run_code_is_not_checked_without_it(tmp_path):
-    code, mark, path = tmp_path / "law.py", tmp_path / "ran", tmp_path / "x.npz"
-    code.write_text(dedent(LAW))
-    law = {"name": "mine", "kind": "python", "module": str(code), "class": "Mine"}
-    count(small_plan(law=[law])).save(path)
+    file, mark, path = tmp_path / "law.py", tmp_path / "ran", tmp_path / "x.npz"
+    file.write_text(dedent(LAW))
+    law = {"name": "mine", "kind": "python", "module": str(file), "class": "Mine"}
+    law["sha256"] = code.named_sha256(file, "law.py")
+    with code.running(code.Runs.NAMED):
+        count(small_plan(law=[law])).save(path)
     mark.unlink()
-    fly._module.cache_clear()
+    code._run.cache_clear()
 
     told = " ".join(verified(path, 1).split())
     assert "claimed, not checked: a new flight" in told
@@ -151,7 +153,7 @@ def test_a_band_whose_flights_run_code_is_not_checked_without_it(tmp_path):
     assert "allow --run-code" in told
     assert "counted" not in told.replace("claimed, not checked", "")
     assert not mark.exists()
-    fly._module.cache_clear()
+    code._run.cache_clear()
     assert "flown again and give the shape" in " ".join(verified(path, 0, "--run-code").split())
     assert mark.exists()
 

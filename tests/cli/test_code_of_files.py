@@ -1,11 +1,21 @@
 """Commands run Python code that a file names after a word on stderr, or not at all."""
 
+import shutil
 import textwrap
+from contextlib import chdir
+from pathlib import Path
 
 import pytest
+from campaigns import flown_here
 from commands import answer, flighttune
+from made_up import run_file
 
 import flighttune as ft
+from flighttune.campaign import counting
+from flighttune.campaign.engine import pool
+from flighttune.campaign.engine.flyer import Flyer
+from flighttune.cli.options import COMMANDS
+from flighttune.files import code
 
 pytestmark = pytest.mark.usefixtures("own_workers")  # paths are those of the working folder
 
@@ -44,56 +54,239 @@ CAMPAIGN = """
     disperse = [{ key = "flight.chi_deg", distribution = "uniform", lower = -5.0, upper = 5.0 }]
 """
 NOTICE = "runs the Python code of law.py"
+ROUTE = """route.waypoint = [{ north_m = 0.0, east_m = 0.0 }, { north_m = 60.0, east_m = 0.0 }]
+    limits = { phi_deg = [-30.0, 30.0], phi_rate_dps = 30.0 }"""
+SOURCES = {
+    "law.py": LAW,
+    "scenario.toml": SCENARIO,
+    "paper.toml": SCENARIO.partition(',\n           { name = "mine"')[0] + "]\n",
+    "with_aircraft.toml": SCENARIO.replace('point_mass"', 'jsbsim", aircraft = "aerosonde"'),
+    "scenario_of_route.toml": (
+        SCENARIO.replace("duration_s = 0.5", "duration_s = 4.0")
+        .replace("reference = { chi_deg = 10.0, gamma_deg = 0.0 }", ROUTE)
+        .replace('{ name = "paper", kind = "paper" },', "")
+    ),
+    "campaign.toml": CAMPAIGN,
+    "campaign_of_route.toml": CAMPAIGN.replace("scenario.toml", "scenario_of_route.toml"),
+}
+COUNT = "--epsilon 0.5 --confidence 0.5 --flights 2 --learn 10 --workers 1"
+
+
+def written(folder):
+    for name, text in SOURCES.items():
+        (folder / name).write_text(textwrap.dedent(text))
+    return folder
 
 
 @pytest.fixture
 def folder(tmp_path):
-    files = {"law.py": LAW, "scenario.toml": SCENARIO, "campaign.toml": CAMPAIGN}
-    for name, text in files.items():
-        (tmp_path / name).write_text(textwrap.dedent(text))
-    return tmp_path
+    return written(tmp_path)
+
+
+# Commands that read a stranger's files: his recording (a folder, a file, a Parquet file), the
+# folder of his campaign, his claims, and his scenario where none of his code flies. A verb that
+# flies what is stated is in `FLIES` too. The exit status stands before each.
+READS = {
+    "tune": ["0 tune scenario.toml", "0 tune scenario.toml --page tuned.html"],
+    "meet": ["2 meet run", "2 meet band.npz"],
+    "certify": ["0 certify scenario.toml --gains paper"],
+    "verify": [
+        "2 verify run",
+        "2 verify run/run.rrd",
+        "2 verify mine.parquet",
+        "2 verify campaign --count 1",
+        "2 verify campaign --run 1",
+        "1 verify band.npz --count 1",
+        "2 verify band.npz --run 11",
+        "1 verify monitor.npz --count 1",
+        "0 verify tube.npz",
+        "0 verify certificate.json",
+    ],
+    "fly": ["0 fly scenario.toml --gains paper --claim tube.npz --out over"],
+    "mission": [
+        "2 mission band.npz",
+        "2 mission run",
+        "2 mission campaign",
+        "0 mission route.npz --page route.html",
+        "2 mission route.npz --turn-back 20",
+        "0 mission scenario_of_route.toml --plan",
+    ],
+    "view": [],  # it is a program that is handed the name of the file
+    "list": ["0 list"],
+    "campaign": ["0 campaign campaign.toml --dry-run", "2 campaign run", "2 campaign band.npz"],
+    "gap": ["0 gap with_aircraft.toml --gains paper --out gap", "2 gap run", "2 gap band.npz"],
+    "compare": [
+        "0 compare run",
+        "0 compare run/run.rrd run@mine:paper",
+        "0 compare mine.parquet paper.toml@paper",
+        "0 compare run --out run.html",
+        "0 compare run --out both.rrd",
+        "0 compare scenario.toml@paper scenario.toml@paper",
+        "2 compare campaign band.npz",
+    ],
+    "worst": [
+        "2 worst campaign --budget 32 --gains mine:paper",
+        "2 worst band.npz --budget 32",
+        "0 worst tube.npz --budget 32",
+        "2 worst run",
+    ],
+    "tube": [
+        "0 tube scenario.toml --gains paper --set flight.duration_s=0.2",
+        "2 tube scenario.toml --gains paper --boxes campaign --set flight.duration_s=0.2",
+        "2 tube scenario.toml --gains paper --boxes band.npz",
+        "2 tube run",
+    ],
+    "band": [
+        "0 band band.npz",
+        "2 band band.npz --flights 8",
+        "2 band campaign --gains mine:paper",
+        "2 band run",
+    ],
+    "monitor": ["2 monitor campaign --gains mine:paper", "2 monitor run", "2 monitor band.npz"],
+    "report": [
+        "0 report run",
+        "0 report run/run.rrd",
+        "0 report mine.parquet",
+        "0 report campaign",
+        "0 report band.npz",
+        "0 report monitor.npz",
+        "0 report tube.npz",
+        "0 report certificate.json",
+        "0 report scenario.toml@paper",
+    ],
+    "export": [
+        "0 export with_aircraft.toml --gains paper --out exported",
+        "0 export scenario.toml --gains paper --format c --out c",
+        "2 export scenario.toml --gains mine:paper --out not",
+        "2 export run --out not",
+        "2 export band.npz --out not",
+    ],
+    **dict.fromkeys(("new", "adopt", "trim", "design", "identify", "reproduce"), ()),
+}
+
+# Commands that fly what is stated by name, and run its code after the word.
+FLIES = {
+    "certify": ["1 certify scenario.toml --gains mine:paper"],
+    "fly": ["0 fly scenario.toml -q", "0 fly scenario.toml --json"],
+    "gap": ["2 gap with_aircraft.toml --gains mine:paper"],
+    "report": ["0 report scenario.toml@mine:paper"],
+    "compare": ["0 compare scenario.toml@paper scenario.toml@mine:paper"],
+    "campaign": ["0 campaign campaign.toml --out flown --workers 1"],
+    "worst": ["0 worst campaign.toml --gains mine:paper --budget 32 --workers 1"],
+    "band": [
+        f"0 band scenario.toml --gains mine:paper --start-deg 2 {COUNT}",
+        f"0 band campaign.toml --gains mine:paper {COUNT}",
+    ],
+    "monitor": [f"0 monitor campaign.toml --gains mine:paper {COUNT} --learn 20"],
+    "mission": [
+        "0 mission campaign_of_route.toml --epsilon 0.5 --confidence 0.5 --flights 2 --workers 1"
+    ],
+}
+
+# Commands that run the code that a file of flighttune's names, if they have --run-code.
+WITH_RUN_CODE = [
+    "0 verify run --run-code",
+    "0 verify mine.parquet --run-code",
+    "0 verify campaign --count 1 --run-code",
+    "0 verify band.npz --count 1 --run-code",
+    "0 verify band.npz --run 11 --run-code",
+    "0 band band.npz --flights 8 --run-code",
+    "0 band campaign --gains mine:paper --learn 10 --epsilon 0.5 --confidence 0.5 --run-code",
+    "0 worst campaign --gains mine:paper --budget 32 --run-code",
+]
+
+
+def cases(table):
+    return [pytest.param(verb, case, id=case[2:]) for verb in table for case in table[verb]]
+
+
+@pytest.fixture(scope="module")
+def received(tmp_path_factory):
+    """A stranger's folder, with every kind of file that can name his code."""
+    folder = written(tmp_path_factory.mktemp("received"))
+    few = {"epsilon": 0.5, "confidence": 0.9, "flights": 4}
+    mine = {"gains": "mine:paper", "start_deg": 2.0}
+    with chdir(folder), code.running(code.Runs.NAMED), pytest.MonkeyPatch.context() as patch:
+        patch.setattr(pool, "Flyer", Flyer)  # its process has this working folder
+        ft.record(flown := ft.fly("with_aircraft.toml"), "run", name="run")
+        run_file(Path("mine.parquet"), flown["kinematic / mine:paper"])
+        ft.run_campaign("campaign.toml", "campaign", workers=1)
+        ft.tube("scenario.toml", "paper", start=0.01).save("tube.npz")
+        ft.certify("scenario.toml", "paper").certificate.save("certificate.json")
+        with flown_here(counting):
+            ft.band("scenario.toml", learn=10, **few, **mine).save("band.npz")
+            ft.band("scenario_of_route.toml", learn=10, **few, **mine).save("route.npz")
+            ft.monitor("with_aircraft.toml", learn=20, **few, **mine).save("monitor.npz")
+    return folder
+
+
+@pytest.fixture
+def here(received, tmp_path, monkeypatch):
+    """A copy of the folder, in a process that has named and run none of its code yet."""
+    folder = shutil.copytree(received, tmp_path / "received")
+    (folder / "ran").unlink()
+    fresh(monkeypatch)
+    return folder
+
+
+def fresh(monkeypatch):
+    monkeypatch.setattr(code, "_NAMED", set())
+    code._run.cache_clear()
+
+
+def told(case, folder):
+    status, *command = case.split()
+    return flighttune(*command, status=int(status), cwd=folder)[1]
+
+
+def test_every_command_is_in_the_table_of_what_it_reads():
+    assert READS.keys() == {name for panel in COMMANDS.values() for name in panel}
+    assert FLIES.keys() < READS.keys()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("verb", "case"), cases(READS))
+def test_a_command_runs_no_code_of_what_it_reads(here, verb, case):
+    assert case.split()[1] == verb
+
+    said = told(case, here)
+
+    assert not (here / "ran").exists()
+    assert "runs the Python code" not in said
 
 
 @pytest.mark.soak
-@pytest.mark.parametrize(
-    "command",
-    [
-        ("fly", "scenario.toml", "-q"),
-        ("fly", "scenario.toml", "--json"),
-        ("report", "scenario.toml@mine:paper"),
-        ("compare", "scenario.toml@paper", "scenario.toml@mine:paper"),
-        pytest.param(("campaign", "campaign.toml", "--workers", 1), marks=pytest.mark.slow),
-    ],
-)
-def test_a_command_says_once_that_it_runs_the_code_of_a_file(folder, command):
-    _, said = flighttune(*command, cwd=folder)
+@pytest.mark.parametrize(("verb", "case"), cases(FLIES))
+def test_a_command_says_once_that_it_runs_the_code_of_what_it_flies(here, verb, case):
+    assert case.split()[1] == verb
 
+    said = told(case, here)
+
+    assert (here / "ran").exists()
+    assert said.startswith(NOTICE)
     assert said.splitlines().count(NOTICE) == 1
-    assert said.startswith(NOTICE)
-    assert (folder / "ran").exists()
-
-
-def test_a_certificate_is_looked_for_after_the_word_too(folder):
-    _, said = flighttune("certify", "scenario.toml", "--gains", "mine:paper", status=1, cwd=folder)
-
-    assert said.startswith(NOTICE)
 
 
 @pytest.mark.soak
-@pytest.mark.parametrize(
-    "command",
-    [
-        ("campaign", "campaign.toml", "--dry-run"),
-        ("tune", "scenario.toml"),
-        ("certify", "scenario.toml", "--gains", "paper"),
-        ("report", "scenario.toml@paper"),
-    ],
-)
-def test_other_commands_run_no_code_of_a_file(folder, command):
-    _, said = flighttune(*command, cwd=folder)
+@pytest.mark.parametrize("case", WITH_RUN_CODE)
+def test_code_of_a_file_of_flighttune_runs_where_that_is_allowed(here, case):
+    said = told(case, here)
 
-    assert NOTICE not in said
-    assert not (folder / "ran").exists()
+    assert (here / "ran").exists()
+    assert said.splitlines().count(NOTICE) == 1
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("case", WITH_RUN_CODE)
+def test_code_of_a_file_of_flighttune_runs_only_as_it_was_sent(here, case):
+    """A relative path leads to a file of the reader's own where the stranger's is not."""
+    (here / "law.py").write_text(f"{textwrap.dedent(LAW)}# of the reader\n")
+    status = "1" if "band.npz --count" in case else "2"
+
+    said = told(f"{status}{case[1:]}", here)
+
+    assert not (here / "ran").exists()
+    assert "`module` must be the file that was planned or recorded with" in said
 
 
 def test_a_dry_run_says_why_it_estimates_no_time(folder):

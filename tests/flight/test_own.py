@@ -164,7 +164,7 @@ def test_a_file_names_a_class_and_its_parameters_and_the_recording_knows_its_has
     (table,) = run.provenance.scenario["law"]
     assert len(table["sha256"]) == 64
     assert table["class"] == "Mine"
-    assert ft.refly(flown.runs).equal
+    assert ft.refly(flown.runs, run_code=True).equal
 
 
 def test_a_file_that_is_gone_or_changed_is_refused(files):

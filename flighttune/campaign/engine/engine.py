@@ -16,6 +16,7 @@ from flighttune.campaign.flying.columns import table_of
 from flighttune.campaign.statistics.findings import SUCCESS, Answers, answer_words, answers
 from flighttune.claims.count import looks
 from flighttune.errors import InputError, RecordingError, StoppedError
+from flighttune.files import code
 from flighttune.files.load import CAMPAIGN
 from flighttune.flight.fly import library_versions
 from flighttune.planning.plan import Group, Plan, draws_in_words, plan_campaign
@@ -160,6 +161,7 @@ class CampaignOutcome(Answering):
         )
 
 
+@code.flies
 def run_campaign(
     campaign: Plan | str | Path,
     out: str | Path,

@@ -145,8 +145,10 @@ def fly(work: bytes, draw: "Draw") -> list[Answer]:
 
 def work_of(plan: "Plan", probes: "Probes", *, signals: bool = False) -> bytes:
     """A plan and probes as processes get them; with `signals` flights are recorded."""
+    from flighttune.files.code import grant
     from flighttune.flight.fly import library_versions
 
     # The versions are compared before the rest is read, which other versions may not be able to.
     # A replaced plan is one without the draws that it has made so far.
-    return pickle.dumps((library_versions(), pickle.dumps((replace(plan), probes, signals))))
+    content = replace(plan), probes, signals, grant()
+    return pickle.dumps((library_versions(), pickle.dumps(content)))

@@ -12,7 +12,7 @@ from flighttune.campaign.engine.flyer import OF_THREAD, Answer, Flyer, fly, work
 from flighttune.campaign.engine.progress import CampaignObserver, CampaignProgress
 from flighttune.campaign.flying import rows as flying
 from flighttune.errors import InputError, StoppedError
-from flighttune.flight.apart import before_running
+from flighttune.flight.own import ask_to_fly
 from flighttune.planning.plan import Plan
 from flighttune.simulate.batch import cores
 
@@ -104,7 +104,7 @@ class WorkerPool:
         if doing:
             progress.statuses.clear()
             progress.succeeded = 0
-        before_running(plan.code)
+        ask_to_fly(plan.scenario, plan.flown)
         progress.runs = progress.done + len(runs)
         flown_here: list[flying.Row] = []
 

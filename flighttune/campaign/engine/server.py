@@ -14,7 +14,9 @@ from multiprocessing.connection import Connection
 from flighttune.aircraft.aircraft import files_hash
 from flighttune.campaign.flying.rows import Draw, Row, fly_again, fly_draw, warm_up
 from flighttune.errors import FlightTuneError, PlantError
-from flighttune.flight.fly import library_versions, with_own
+from flighttune.files.code import Grant, take
+from flighttune.flight.fly import library_versions
+from flighttune.flight.own import with_own
 from flighttune.planning.plan import Plan
 from flighttune.records.parquet import parquet_bytes
 from flighttune.records.refly import changed_versions
@@ -32,8 +34,9 @@ def serve(pipe: Connection) -> None:
             work, draw = pipe.recv()
             try:
                 with _time_limit(PREPARE_S):
-                    plan, fly = _prepared(work)
-                    with_own(plan.scenario)  # refuses a law whose file has changed since
+                    plan, fly, granted = _prepared(work)
+                    take(granted)
+                    with_own(plan.scenario, flown=plan.flown)  # refuses a file that has changed
             except Exception as error:
                 own = isinstance(error, FlightTuneError)
                 pipe.send(str(error) if own else f"{type(error).__name__}: {error}")
@@ -52,14 +55,15 @@ def serve(pipe: Connection) -> None:
 
 
 @lru_cache(maxsize=2)
-def _prepared(work: bytes) -> tuple[Plan, Callable[[Draw], Iterator[Row | bytes]]]:
-    """The plan, and a function that flies the runs of a draw."""
+def _prepared(work: bytes) -> tuple[Plan, Callable[[Draw], Iterator[Row | bytes]], Grant]:
+    """The plan, a function that flies the runs of a draw, and what may run."""
     wanted, content = pickle.loads(work)
     if other := changed_versions(dict.fromkeys(library_versions(), "absent") | wanted):
         raise PlantError(
             "; ".join(f"{name} must be {a}, got {b}" for name, (a, b) in other.items())
         )
-    plan, probes, signals = pickle.loads(content)
+    plan, probes, signals, granted = pickle.loads(content)
+    take(granted)
     for name, was in plan.aircraft.items():
         if files_hash(name) != was:
             raise PlantError(f"the files of aircraft {name} must be those it was planned with")
@@ -72,7 +76,7 @@ def _prepared(work: bytes) -> tuple[Plan, Callable[[Draw], Iterator[Row | bytes]
             return fly_draw(plan, draw, probes)
         return (parquet_bytes(fly_again(plan, n)[plan.group_of(n).label]) for n in draw.runs)
 
-    return plan, fly
+    return plan, fly, granted
 
 
 @contextmanager

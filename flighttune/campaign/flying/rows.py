@@ -24,6 +24,7 @@ from flighttune.flight.conditions import command_limits, reference_of, start_con
 from flighttune.flight.flown import FlownScenario, bounded_loop, missed
 from flighttune.flight.fly import Progress, fly, fly_alone
 from flighttune.flight.models import law_setup, linear_model
+from flighttune.flight.own import ask_to_fly
 from flighttune.flight.route import planned_route
 from flighttune.metrics import CHANNELS, measures, measures_of, required_names
 from flighttune.planning.plan import Group, Plan
@@ -136,6 +137,7 @@ def rows_flown(
     """Fly runs of a plan, in rising order, in this process; their rows, draw by draw."""
     # All columns but ``wall_s`` depend only on the plan and the run, to the bit. Draws that replace
     # those of the design may set keys that the campaign does not disperse.
+    ask_to_fly(plan.scenario, plan.flown)
     for together, alone in blocks(plan, runs, probes or {}, draws):
         yield from fly_together(plan, together)
         for draw in alone:
