@@ -36,6 +36,17 @@ MAX_SAG = 0.05
 HEIGHTS = ("min_up_m", "max_up_m")
 KNOWN = (*HEIGHTS, "name", "exclusion")
 
+# Further ones, in small letters, that other programs write and that say nothing about a fence:
+# those of simplestyle (https://github.com/mapbox/simplestyle-spec), numbers of rows in databases,
+# and fields of KML as GDAL has them.
+OF_OTHERS = {
+    *("title", "description", "marker-size", "marker-symbol", "marker-color"),
+    *("stroke", "stroke-opacity", "stroke-width", "fill", "fill-opacity"),
+    *("fid", "id", "gid", "objectid", "ogc_fid", "uuid"),
+    *("name", "timestamp", "begin", "end", "altitudemode", "tessellate", "extrude", "visibility"),
+    *("draworder", "icon", "styleurl", "stylehash"),
+}
+
 # Corners of the polygon that stands for a circle: inside of one to stay in, around one to stay out.
 CIRCLE_CORNERS = 64
 
@@ -361,7 +372,7 @@ def _lines(ring: FloatArray) -> npt.NDArray[Any]:
 
 def _heights(stated: Mapping[str, Any], low: float, high: float) -> tuple[float, float]:
     """Floor and ceiling with those of the properties of a feature."""
-    if unknown := [key for key in stated if key not in KNOWN]:
+    if unknown := [key for key in stated if key not in KNOWN and key.lower() not in OF_OTHERS]:
         raise InputError(f"`properties` may be {', '.join(KNOWN)}, got {abridged(unknown[0])}.")
     floor, ceiling = (
         maps.json_number(stated[key], f"`{key}`") if key in stated else far

@@ -521,6 +521,14 @@ def test_flights_that_start_the_other_way_are_not_counted_inside_a_wall_behind_t
         assert said["fence"]["outside"] == outside
 
 
+def test_properties_of_other_programs_say_nothing_about_a_fence(tmp_path):
+    """https://github.com/mapbox/simplestyle-spec, and a row number of a database."""
+    style = {"fill": "#f00", "fill-opacity": 0.5, "stroke": "#0f0", "stroke-width": 2, "title": "a"}
+    file = fence_file(tmp_path / "f.geojson", BOX, fid=7, OBJECTID=8, Name="x", **style)
+
+    assert len(read_fence(file, ORIGIN).start) == len(BOX)
+
+
 @pytest.mark.parametrize(
     ("rings", "properties", "says"),
     [
