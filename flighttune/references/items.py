@@ -64,6 +64,9 @@ FLOWN_AS = {
 # Difference in latitude and longitude up to which places are the same: 1 m.
 SAME_PLACE_DEG = 1e-5
 
+# Beginning of the sentence about changes of the airspeed.
+SETS_AIRSPEED = "The plan sets an airspeed"
+
 # What a change of speed sets, by its first parameter, and the speed that stands for the default.
 SPEEDS = "an airspeed", "a ground speed", "a climb speed", "a descent speed"
 DEFAULT_SPEED = -2
@@ -71,6 +74,9 @@ DEFAULT_SPEED = -2
 
 # Airspeeds of a route that no aircraft bounds, m/s.
 ANY_AIRSPEED = (0.0, math.inf)
+
+# Place and height of a home that is not stated.
+NO_HOME = (0.0, 0.0, 0.0)
 
 # Largest latitude of a waypoint, deg: nearer to a pole a course turns within a flight.
 MAX_LAT_DEG = 85.0
@@ -91,15 +97,21 @@ class RouteFile(NamedTuple):
 
 def read_items(
     items: Sequence[Mapping[str, Any]],
-    home: tuple[float, ...],
+    home: tuple[float, ...] | None,
     skip: bool,
     terrain: str | Path | None = None,
     airspeeds: tuple[float, float] | None = ANY_AIRSPEED,
+    *,
+    first: int = 1,
 ) -> RouteFile:
-    """The route that items make; `home`: latitude and longitude, deg, height above sea level, m."""
+    """The route that items make, of which the first has the number `first`.
+
+    `home`: latitude and longitude, deg, height above sea level, m; None where the file has none.
+    """
     # With `skip`, commands that change the flight but have no place are left out.
-    flat = _above_sea([_whole(i, x) for i, x in enumerate(_flat(items), start=1)], terrain)
-    lost = not _knows_home(flat, home)
+    whole = [_whole(i, x) for i, x in enumerate(_flat(items), start=first)]
+    flat = dict(enumerate(_above_sea(whole, terrain), start=first))
+    lost, stated, home = not _knows_home(flat, home), home, home or NO_HOME
     rows: list[Row] = []
     rally: list[Row] = []
     numbers: dict[Fate, dict[str, set[int]]] = defaultdict(lambda: defaultdict(set))
@@ -107,11 +119,10 @@ def read_items(
     # changes of speed: index of the row from which on it is flown, airspeed if any, number, name
     # and fate of its item
     changes: list[tuple[int, float | None, int, str, Fate]] = []
-    end, passed = len(flat), set[int]()
-    for number in _in_order(flat):
-        item = flat[number - 1]
+    end, passed = max(flat, default=0), set[int]()
+    for number, item in _in_order(flat, skip):
         passed.add(number)
-        name, fate = _fate(item, rows, lost)
+        name, fate = _fate(item, rows, lost, home)
         command, label = item.get("command"), f"item {number} ({name})"
         if fate == "flown" and command == SPEED:
             airspeed, others = _speed(label, item)
@@ -131,7 +142,7 @@ def read_items(
         if command in ENDS and fate != "refused":
             end = number
             break
-    for number, item in enumerate(flat, start=1):
+    for number, item in flat.items():
         if number not in passed:
             why = f"after the end of item {end}" if number > end else "which a jump leaves out"
             numbers["not flown"][f"{_name(item)}, {why}"].add(number)
@@ -147,15 +158,30 @@ def read_items(
         numbers["not flown" if unused else fate][name].add(number)
     fates = _fates(numbers, skip) if rows else _fates(numbers, skip)[1:]
     if lost and rows:
-        fates.append(
-            f"Home has no place in the file: the route begins at {rows[0]['name']}, and heights "
-            f"above home count from {home[2]:g} m above sea level."
-        )
+        fates.append(_without_home(flat, stated, str(rows[0]["name"])))
     flight = {"h_m": home[2] + rows[0]["up_m"], "ground_m": home[2]} if rows else {}
     flight |= {"V_a_mps": speeds[0][0]} if 0 in speeds else {}
     others = (text.replace("{}", listed_items(about)) for text, about in notes.items())
     said = [*fates, *others, *_airspeeds(rows, speeds)]
     return RouteFile({"waypoint": rows, "widen": True, "rally": rally, "notes": said}, flight)
+
+
+def _without_home(
+    flat: Mapping[int, Mapping[str, Any]], home: tuple[float, ...] | None, start: str
+) -> str:
+    """What holds where home has no place, or the file has none."""
+    if home is not None:
+        return (
+            f"Home has no place in the file: the route begins at {start}, and heights "
+            f"above home count from {home[2]:g} m above sea level."
+        )
+    number, first = next(iter(flat.items()))
+    return (
+        f"The file has no home: its first line is item {number} ({_name(first)}, frame "
+        f"{first['frame']:g}), which is part of the route. Heights above home count from 0 m above "
+        "sea level: `--set flight.h_m=` states that of the start, and `--set flight.ground_m=` "
+        "that of the ground."
+    )
 
 
 def _whole(number: int, item: Mapping[str, Any]) -> Mapping[str, Any]:
@@ -212,23 +238,37 @@ def _fates(numbers: Mapping[Fate, dict[str, set[int]]], skip: bool) -> list[str]
     return fates
 
 
-def _knows_home(flat: Sequence[Mapping[str, Any]], home: tuple[float, ...]) -> bool:
+def _knows_home(flat: Mapping[int, Mapping[str, Any]], home: tuple[float, ...] | None) -> bool:
     """Whether the place of home is stated: programs that do not know it write zeros."""
+    placed = [(i, x) for i, x in flat.items() if x.get("command") in PLACED and _placed(x)]
+    mixed = len({_counts_from_sea(item) for _, item in placed}) > 1
+    if home is None:
+        if mixed:
+            raise InputError(
+                "the first line must be the home position (item 0, command 16, frame 0), got none: "
+                "heights above sea level and above home are in one file."
+            )
+        return False
     if not (abs(home[0]) <= 90.0 and abs(home[1]) <= 180.0):  # also catches NaN
         raise InputError(
             "the home position must have a latitude up to 90 and a longitude up to 180 deg, got "
             f"{home[0]:g} and {home[1]:g}."
         )
-    placed = [(i, x) for i, x in enumerate(flat, 1) if x.get("command") in PLACED and _placed(x)]
     about = [(f"the place of item {i}", x) for i, item in placed[:1] for x in item["params"][4:6]]
     if any(home[:2]) or sum(abs(json_number(x, name)) for name, x in about) <= NEAR_DEG:
         return True
-    if not home[2] and len({item["frame"] in ABOVE_SEA for _, item in placed}) > 1:
+    if not home[2] and mixed:
         raise InputError(
             "`plannedHomePosition` must be near the route: heights above sea level and above home "
             f"are in one plan, got {list(home)}."
         )
     return False
+
+
+def _counts_from_sea(item: Mapping[str, Any]) -> bool:
+    """Whether the height of an item is known above sea level without that of home."""
+    known = item["frame"] in ABOVE_TERRAIN and item.get("AMSLAltAboveTerrain") is not None
+    return known or item["frame"] in ABOVE_SEA
 
 
 def _placed(item: Mapping[str, Any]) -> bool:
@@ -293,22 +333,31 @@ def _flag(item: Mapping[str, Any], key: str, absent: bool = True) -> bool:
     return json_bool(item.get(key, absent), f"`{key}`")
 
 
-def _in_order(items: Sequence[Mapping[str, Any]]) -> Iterator[int]:
-    """Numbers of items in the order in which they are flown, with the repeats of jumps."""
-    numbers = {item.get("doJumpId"): number for number, item in enumerate(items, start=1)}
+def _in_order(
+    items: Mapping[int, Mapping[str, Any]], skip: bool
+) -> Iterator[tuple[int, Mapping[str, Any]]]:
+    """Items in the order in which they are flown, with the repeats of jumps, and their numbers.
+
+    With `skip`, jumps with too many repeats are left out: they have the key ``endless``.
+    """
+    numbers = {item.get("doJumpId"): number for number, item in items.items()}
     repeats: dict[int, int] = defaultdict(int)
-    number, count = 1, 0
-    while number <= len(items):
-        yield number
+    number, count = min(items, default=0), 0
+    while number in items:
         count += 1
         if count > MAX_ITEMS:
             raise InputError(f"`items` must be at most {MAX_ITEMS} with their repeats.")
-        item, label, onward = items[number - 1], f"item {number} ({COMMANDS[JUMP]})", number + 1
+        item, label, onward = items[number], f"item {number} ({COMMANDS[JUMP]})", number + 1
         if item.get("command") == JUMP:
             target, most = (json_number(x, label) for x in item["params"][:2])
             if not 0 <= most <= MAX_REPEATS:
                 got = "-1, without an end" if most == -1 else f"{most:g}"
-                raise InputError(f"{label} must repeat at most {MAX_REPEATS} times, got {got}.")
+                if not skip:
+                    raise InputError(
+                        f"{label} must repeat at most {MAX_REPEATS} times, got {got}; "
+                        "`--set route.skip=true` leaves it out."
+                    )
+                item, most = {**item, "endless": True}, 0
             if target not in numbers:
                 raise InputError(f"{label} must lead to an item, got {target:g}.")
             if repeats[number] < most:
@@ -316,6 +365,7 @@ def _in_order(items: Sequence[Mapping[str, Any]]) -> Iterator[int]:
                 onward = numbers[target]
             else:
                 repeats[number] = 0
+        yield number, item
         number = onward
 
 
@@ -326,7 +376,9 @@ def _name(item: Mapping[str, Any]) -> str:
     return COMMANDS.get(command, f"command {command:g}")
 
 
-def _fate(item: Mapping[str, Any], rows: Sequence[Row], lost: bool) -> tuple[str, Fate]:
+def _fate(
+    item: Mapping[str, Any], rows: Sequence[Row], lost: bool, home: tuple[float, ...]
+) -> tuple[str, Fate]:
     """Name of an item, with the reason of a refusal, and what becomes of it after some rows."""
     name = _name(item)
     if item["type"] != "SimpleItem":
@@ -339,9 +391,11 @@ def _fate(item: Mapping[str, Any], rows: Sequence[Row], lost: bool) -> tuple[str
     placed = _placed(item)
     if lost and (command == RETURN or (command in TAKEOFFS and not placed)):
         return f"{name}, to or from a home without a place", "not flown"
+    if item.get("endless"):
+        return f"{name}, with too many repeats", "not flown"
     if command in (RETURN, JUMP, SPEED):
         return name, "flown"
-    if command in TAKEOFFS and rows:
+    if command in TAKEOFFS and rows and not _again(item, rows, home):
         return f"{name}, in flight", "refused"
     if command in CIRCLES and not placed and (not rows or "turns" in rows[-1]):
         return f"{name}, at 0, 0: around where it is then, which no plan states", "refused"
@@ -354,6 +408,16 @@ def _fate(item: Mapping[str, Any], rows: Sequence[Row], lost: bool) -> tuple[str
     if command in PLACED:
         return f"{name}, at 0, 0, which is no place", "refused"
     return name, "refused" if placed or command == SET_HOME else "no place"
+
+
+def _again(item: Mapping[str, Any], rows: Sequence[Row], home: tuple[float, ...]) -> bool:
+    """Whether a take-off is that at the beginning of the route once more."""
+    place = item["params"][4:6] if _placed(item) else home[:2]
+    apart = (
+        abs(json_number(x, "a take-off") - rows[0][key])
+        for x, key in zip(place, PLACE[:2], strict=True)
+    )
+    return len(rows) == 1 and max(apart) < SAME_PLACE_DEG
 
 
 def listed_items(numbers: Mapping[str, Collection[int]]) -> str:
@@ -485,7 +549,7 @@ def _airspeeds(rows: Sequence[Row], speeds: Mapping[int, tuple[float, int]]) -> 
     whole = (
         f", {each}from its place on where the law holds the airspeed (`holds_airspeed` of [route])"
     )
-    return [f"The plan sets an airspeed of {stated}{whole * bool(later)}."]
+    return [f"{SETS_AIRSPEED} of {stated}{whole * bool(later)}."]
 
 
 def place(name: str, values: Sequence[Any]) -> Row:
@@ -503,8 +567,8 @@ def place(name: str, values: Sequence[Any]) -> Row:
 HEADER, COLUMNS = "QGC WPL 110", 12
 
 
-def planner_items(text: str) -> tuple[list[float], list[dict[str, Any]]]:
-    """Home (latitude, longitude, height) and items of a file of Mission Planner."""
+def planner_items(text: str) -> tuple[list[float] | None, list[dict[str, Any]]]:
+    """Home (latitude, longitude, height), if the file has one, and items of Mission Planner."""
     first, *lines = [line.split() for line in stated_lines(text)] or [[]]
     if " ".join(first) != HEADER or not lines:
         got = abridged(" ".join(first)) if lines else "none"
@@ -517,13 +581,14 @@ def planner_items(text: str) -> tuple[list[float], list[dict[str, Any]]]:
     home, *others = items
     # A file of a fence or of rally points alone has no home, as MAVProxy writes it.
     if home["command"] in AREAS:
-        return [0.0, 0.0, 0.0], items
-    if home["command"] != WAYPOINT or home["doJumpId"] != 0:
-        raise InputError(
-            "the first line must be the home position, which is item 0 and a waypoint (16), got "
-            f"item {home['doJumpId']:g} ({_name(home)})."
-        )
-    return home["params"][4:], others
+        return [*NO_HOME], items
+    number, height = home["doJumpId"], home["params"][6]
+    # Some planners write no home, and begin with item 0 or 1. A height of 0 above home is home's.
+    if home["command"] == WAYPOINT and number == 0 and (home["frame"] in ABOVE_SEA or not height):
+        return home["params"][4:], others
+    if number not in (0, 1):
+        raise InputError(f"the first line must be item 0 or 1, got item {number:g}.")
+    return None, items
 
 
 def _numbers(words: Sequence[str]) -> list[float]:

@@ -42,9 +42,7 @@ def read_route(
     kind, content = maps.map_file(path, ROUTE_FILES, KINDS)
     with maps.reading(path, KINDS):
         if kind == "planner":
-            (*home, height), items = mavlink.planner_items(content)
-            home = (*home, maps.json_number(height, "the height of home"))
-            read = mavlink.read_items(items, home, skip, terrain, airspeeds)
+            read = _planner(content, skip, terrain, airspeeds)
         elif kind == "plan":
             read = _plan(content, skip, terrain, airspeeds)
         else:
@@ -77,6 +75,15 @@ def _written(stated: object, path: object) -> mavlink.RouteFile | None:
     return mavlink.RouteFile(
         {**stated["route"], **rows, "notes": notes}, flight, {**stated["limits"]}
     )
+
+
+def _planner(text: str, *options: Any) -> mavlink.RouteFile:
+    home, items = mavlink.planner_items(text)
+    if home is not None:
+        return mavlink.read_items(
+            items, (*home[:2], maps.json_number(home[2], "the height of home")), *options
+        )
+    return mavlink.read_items(items, None, *options, first=int(items[0]["doJumpId"]))
 
 
 def _plan(tables: Mapping[str, Any], *options: Any) -> mavlink.RouteFile:

@@ -214,6 +214,18 @@ def test_a_jump_repeats_its_items_as_often_as_it_says(read):
     assert route.values("lat_deg") == [47.4, *[47.41, 47.4] * 3]
 
 
+@pytest.mark.parametrize("repeats", [-1, 11])
+def test_a_jump_with_too_many_repeats_is_left_out_on_request(read, repeats):
+    items = *PATROL[:2], PATROL[3], jump(2, repeats)
+    items = [dict(x, doJumpId=i) for i, x in enumerate(items, start=1)]
+
+    with pytest.raises(ft.InputError, match=r"item 4 .*; `--set route.skip=true` leaves it out"):
+        read(*items)
+    route = read(*items, skip=True)
+    assert route.names == ["item 1", "item 2", "item 3"]
+    assert "Not flown of the plan: item 4 (DO_JUMP 177, with too many repeats)." in route.notes
+
+
 def test_an_item_that_a_jump_leaves_out_is_listed(read):
     items = PATROL[0], jump(4, 1), *PATROL[2:]
     route = read(*(dict(x, doJumpId=i) for i, x in enumerate(items, start=1)))
@@ -431,6 +443,70 @@ WAYPOINTS = """QGC WPL 110
 2\t0\t3\t16\t0\t0\t0\t0\t47.41\t8.5\t80\t1
 3\t0\t0\t16\t0\t0\t0\t0\t47.41\t8.52\t588\t1
 """
+
+
+# Web planners begin with the first waypoint, as item 0 or 1; some write the take-off twice.
+WITHOUT_HOME = """QGC WPL 110
+0\t1\t3\t16\t0\t0\t0\t0\t47.40\t8.5\t80\t1
+1\t0\t3\t16\t0\t0\t0\t0\t47.41\t8.5\t80\t1
+2\t0\t3\t16\t0\t0\t0\t0\t47.41\t8.52\t110\t1
+"""
+TWO_TAKEOFFS = """QGC WPL 110
+1\t1\t3\t22\t15\t0\t0\t0\t47.40\t8.5\t80\t1
+1\t1\t3\t22\t15\t0\t0\t0\t47.40\t8.5\t80\t1
+2\t0\t3\t16\t0\t0\t0\t0\t47.41\t8.5\t80\t1
+3\t0\t3\t16\t0\t0\t0\t0\t47.41\t8.52\t110\t1
+"""
+
+
+@pytest.mark.parametrize(
+    ("text", "names", "first"),
+    [
+        (WITHOUT_HOME, ["item 0", "item 1", "item 2"], "item 0 (NAV_WAYPOINT 16, frame 3)"),
+        (WITHOUT_HOME.replace("0\t1\t3\t16", "0\t1\t3\t22"), ["item 0", "item 1", "item 2"],
+         "item 0 (NAV_TAKEOFF 22, frame 3)"),
+        (WITHOUT_HOME.replace("\t3\t16\t", "\t10\t16\t"), ["item 0", "item 1", "item 2"],
+         "item 0 (NAV_WAYPOINT 16, frame 10)"),
+        (TWO_TAKEOFFS, ["item 1", "item 3", "item 4"], "item 1 (NAV_TAKEOFF 22, frame 3)"),
+    ],
+)  # fmt: skip
+def test_a_first_line_that_is_no_home_is_part_of_the_route(read_text, text, names, first):
+    route = read_text(".waypoints", text)
+
+    assert route.names == names
+    assert route.values("lat_deg") == [47.4, 47.41, 47.41]
+    assert route.values("up_m") == [0.0, 0.0, 30.0]
+    assert route.flight == {"h_m": 80.0, "ground_m": 0.0}
+    (said,) = (note for note in route.notes if "no home" in note)
+    assert f"its first line is {first}, which is part of the route" in said
+
+
+def test_heights_of_a_file_without_a_home_are_stated_by_the_keys_that_it_names(tmp_path):
+    file = tmp_path / "m.waypoints"
+    file.write_text(WITHOUT_HOME)
+    heights = "--set", "flight.h_m=510", "--set", "flight.ground_m=430"
+
+    assert "start 510 m above sea level" in flighttune("mission", file, "--plan", *heights)[0]
+    file.write_text(WITHOUT_HOME.replace("2\t0\t3", "2\t0\t0"))
+    assert (
+        "heights above sea level and above home are in one file"
+        in (flighttune("mission", file, "--plan", status=2)[1])
+    )
+    file.write_text(WITHOUT_HOME.replace("0\t1\t3\t16", "7\t1\t3\t16"))
+    said = flighttune("mission", file, "--plan", status=2)[1]
+    assert "the first line must be item 0 or 1, got item 7" in said
+
+
+def test_a_take_off_elsewhere_after_the_first_is_refused(read_text):
+    with pytest.raises(ft.InputError, match=r"item 2 \(NAV_TAKEOFF 22, in flight\)"):
+        read_text(".waypoints", TWO_TAKEOFFS.replace("47.40\t", "47.4001\t", 1))
+
+
+def test_a_home_at_the_height_0_above_itself_stays_a_home(read_text):
+    text = WAYPOINTS.replace("0\t1\t0\t16", "0\t1\t3\t16").replace("\t488\t", "\t0\t")
+    text = text.replace("3\t0\t0\t16", "3\t0\t3\t16")
+
+    assert read_text(".waypoints", text).names == ["item 1", "item 2", "item 3"]
 
 
 def test_waypoints_of_mission_planner_are_read(read_text):
