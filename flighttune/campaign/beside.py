@@ -38,6 +38,8 @@ from flighttune.present.frame import Report, Section, write_answer
 from flighttune.present.names import columns, endings_table, listed
 from flighttune.records.compare import Comparison, Runs, compare_runs
 from flighttune.references.follow import RouteReference
+from flighttune.references.items import SETS_AIRSPEED
+from flighttune.references.mission import ROUTE_FILES
 from flighttune.scenario.load import scenario_from
 from flighttune.scenario.schema import Scenario
 from flighttune.simulate.run import Run
@@ -76,7 +78,7 @@ LOGGED = {
 }
 
 ACCURACY = columns("of yours ours unit better flights share", of="beside")
-PARAMETERS = columns("name value from", of="parameters")
+PARAMETERS = columns("name value range from", of="parameters")
 TRACKING = columns("of log low high unit", of="beside_log")
 
 
@@ -149,19 +151,22 @@ class Beside(Answering):
             said.append(f"{len(rows)} ({why})" if rows else "0")
         unused = ", ".join(self.now.unused) or "none"
         checked = "" if self.tracking else "; not checked against a log"
+        beyond = listed(self.now.beyond)
+        beyond = f" Beyond their published ranges: {beyond}." if beyond else ""
         return Answer(
             summary=[
                 f"{kept}, yours | ours: {', '.join(both)}; lost {' | '.join(said)} of {n}.",
                 f"Ours is better of {n} draws in: {', '.join(better)}.",
                 self._in_your_terms,
                 f"Yours: the equations of {self.now.name} above the inner loop here, not the "
-                f"firmware{checked}.",
+                f"firmware{checked}.{beyond}",
             ],
             values={
                 "guidance": self.now.name,
                 "accuracy": accuracy,
                 "lost": {name: len(rows) for name, rows in lost.items()},
                 "parameters": self.now.rows,
+                "beyond": self.now.beyond,
                 "unused": self.now.unused,
                 "rest": self.now.rest,
                 "tracking": self.tracking,
@@ -371,8 +376,7 @@ def compare(  # type: ignore[misc] # noqa: PLR0913 - each is a choice of the use
     place, _, gains = str(a).partition("@") if isinstance(a, str) else (a, "", "")
     stated = flights_of_source(place, **of_flights)
     plan = counting.drawn(stated, None, gains or None, None, seed)
-    if plan.scenario.airspeed:
-        raise InputError(f"{stated.place}: the airspeed must not be followed: it is not emulated.")
+    _check_one_airspeed(str(stated.place), plan.scenario)
     plan = _with_guidance(plan, now)
     group = plan.groups[0]
     if flights is None:
@@ -391,6 +395,25 @@ def compare(  # type: ignore[misc] # noqa: PLR0913 - each is a choice of the use
     tracking = _tracking(logged, frame) if logged else []
     notes += [_within(tracking)] if tracking else []
     return Beside(now=now, plan=plan, rows=frame, tracking=tracking, notes=tuple(notes))
+
+
+def _check_one_airspeed(place: str, scenario: Scenario) -> None:
+    """Refuse changes of the airspeed, which are not emulated, with what flies it at one."""
+    if not scenario.airspeed:
+        return
+    start = f"{scenario.flight.V_a_mps:g}"
+    notes = scenario.route.notes if scenario.route else ()
+    said = " ".join(note for note in notes if note.startswith(SETS_AIRSPEED))
+    if scenario.route is None:
+        cure = "leave `V_mps` of [reference] out"
+    elif place.endswith(ROUTE_FILES):
+        cure = f"`--set flight.V_a_mps={start}` flies all of it at {start} m/s"
+    else:
+        cure = f"`--set route.holds_airspeed=false` flies all of it at {start} m/s"
+    raise InputError(
+        f"{place}: must be flown at one airspeed, as changes of it are not emulated, got "
+        f"{scenario.airspeed_words}: {cure}. {said}".strip()
+    )
 
 
 def _with_guidance(plan: Plan, now: Flown) -> Plan:

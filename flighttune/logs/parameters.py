@@ -1,26 +1,55 @@
 """Parameters of an autopilot, from the file of a ground station or from a log, as a law."""
 
+import math
 import re
-from collections.abc import Mapping
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from flighttune.control.laws.autopilot import Autopilot, guidance, period_among
 from flighttune.errors import InputError, naming
+from flighttune.files.table import abridged
 from flighttune.files.whole import reason_of
 from flighttune.logs.read import read_parameters
+from flighttune.present.names import listed
 
 # Aeroplanes and VTOLs in the head of files of QGroundControl and in logs, with their MAV_TYPE.
 WITH_WINGS = re.compile(r"fixed.?wing|vtol|plane|MAV_TYPE (1|19|2[0-5])$", re.IGNORECASE)
 
-# Beginnings of the names of parameters that only multicopters use.
-OF_COPTERS = ("MPC_", "MC_ROLL", "ATC_", "PSC_", "WPNAV_", "MOT_SPIN")
+# Beginnings of the names of parameters that only vehicles of other kinds have. Those of ArduPlane
+# for hover begin with Q_; a VTOL of PX4 has those of copters.
+OF_OTHERS = {
+    "a rover or boat": (
+        "CRUISE_SPEED", "CRUISE_THROTTLE", "TURN_RADIUS", "TURN_MAX_G", "STEER2SRV_", "ATC_STR_",
+        "ATC_SPEED_", "ATC_BRAKE", "ATC_TURN_", "WP_PIVOT_", "SAIL_", "BAL_", "GND_L1_", "RD_",
+        "RO_", "MODE1", "MODE_CH",
+    ),
+    "a submarine": ("JS_GAIN", "JS_LIGHTS", "SURFACE_DEPTH", "FRAME_CONFIG", "UUV_", "FS_LEAK"),
+    "a copter": (
+        "ATC_RAT_", "ATC_ANG_", "PSC_", "WPNAV_", "MOT_SPIN", "PILOT_SPEED", "LOIT_SPEED", "PHLD_",
+        "MPC_", "MC_",
+    ),
+    "a copter or rover": ("FRAME_CLASS", "FRAME_TYPE"),
+}  # fmt: skip
+OF_COPTERS_OF_PX4, OF_VTOLS_OF_PX4 = ("MPC_", "MC_"), ("VT_",)
 
 # PX4 without a gain of NPFG_PERIOD and NPFG_DAMPING: builds from its pull request 24056 (May 2025)
 # to 26765 (March 2026), whose versions are those before 1.17.0, and what they fly in their place.
 UNFINISHED = re.compile(r"v?1\.17\b.*(dev|alpha|beta)", re.IGNORECASE)
 OLD_TECS = re.compile(r"v?1\.(\d|1[0-2])(\.|$)")
+BEFORE_NPFG = re.compile(r"v?1\.(\d|1[0-3])(\.|$)")
 HELD = {"NPFG_PERIOD": 10.0, "NPFG_DAMPING": 0.7071}
+
+# Component of the autopilot among those of a vehicle, by MAVLink.
+AUTOPILOT = 1
+
+# Largest limit of roll or pitch, deg.
+RIGHT_ANGLE_DEG = 90.0
+
+# A name of a parameter, and what ArduPilot's own files may have behind a value.
+NAME, READ_ONLY = re.compile("[A-Z][A-Z0-9_]{0,15}"), "@READONLY"
 
 
 class Flown(NamedTuple):
@@ -28,10 +57,22 @@ class Flown(NamedTuple):
 
     law: Autopilot  # by the parameters that it uses
     name: str  # guidance, autopilot and version in words
-    rows: list[dict[str, Any]]  # every parameter used, with its ``value`` and where it is ``from``
+    # every parameter used, with its ``value``, its ``range`` as published, and where it is ``from``
+    rows: list[dict[str, Any]]
     unused: list[str]  # other parameters of the guidance
     rest: int  # number of the parameters of the file that are of no guidance
-    notes: list[str]  # sentences about what the version changes
+    notes: list[str]  # sentences about what the version changes, and what the file leaves open
+    beyond: list[str]  # parameters beyond their published ranges, with both
+
+
+class Stated(NamedTuple):
+    """What a file says."""
+
+    values: Mapping[str, float]
+    vehicle: str
+    version: str
+    # values of parameters that the file states otherwise, too, with where
+    others: Mapping[str, list[str]]
 
 
 def flown_now(path: str | Path, version: str | None = None) -> Flown:
@@ -39,17 +80,15 @@ def flown_now(path: str | Path, version: str | None = None) -> Flown:
     path = Path(path)
     if not path.is_file():
         raise InputError(f"{path}: must be a file of parameters or a log, got no such file.")
-    values, vehicle, stated = read_parameters(path) or _read_text(path)
+    logged = read_parameters(path)
+    values, vehicle, stated, others = _read_text(path) if logged is None else (*logged, {})
     version = version or stated
-    _check_wings(path, values, vehicle)
-    period = period_among(values)
+    period = _period(path, values, vehicle, version)
     table = guidance()[period]
-    former = table.get("former", {})
-    renamed = {now: (values[was] * by, was) for was, (now, by) in former.items() if was in values}
-    own = ((name, (values[name], path.name)) for name, *_ in table["parameters"] if name in values)
-    used = renamed | dict(own)
+    defaults = {name: x for name, x, *_ in table["parameters"]}
+    used, beyond = _used(path, values, table)
     autopilot, of_source = table["source"].split()
-    notes = []
+    notes = [*_contradictions(values, others, table)]
     if period == "NPFG_PERIOD" and not version:
         raise InputError(
             f"{path}: `version` must be given, such as 1.15: the file has none, and some builds of "
@@ -67,53 +106,196 @@ def flown_now(path: str | Path, version: str | None = None) -> Flown:
         lost = f"{lost}counterpart in it." * ("FW_T_TIME_CONST" in values)
         notes.append(f"PX4 {version} has an older TECS; that of {table['source']} flies.{lost}")
     missing = f"default of {table['source']}"
+    if period not in used:
+        used[period] = defaults[period], missing
+        notes.append(
+            f"{period} is not in the file: its default in {table['source']}, {defaults[period]:g} "
+            f"s, flies, as those of {len(defaults.keys() - used.keys())} others."
+        )
     rows = [
-        {"name": name, **dict(zip(("value", "from"), used.get(name, (x, missing)), strict=True))}
-        for name, x, _ in table["parameters"]
+        {
+            "name": name,
+            **dict(zip(("value", "from"), used.get(name, (x, missing)), strict=True)),
+            "range": _range_words(unit, low, high),
+        }
+        for name, x, _, unit, low, high in table["parameters"]
     ]
     law = Autopilot(name="yours", parameters={name: x for name, (x, _) in used.items()})
     with naming(path):
         _ = law.roles
     of_guidance = {name for name in values if name.startswith(tuple(table["group"]))}
-    unused = sorted(of_guidance - used.keys() - {was for _, was in renamed.values()})
+    unused = sorted(of_guidance - used.keys() - table.get("former", {}).keys())
+    rest = len(values.keys() - of_guidance - used.keys())
     name = f"{table['law']} and TECS of {autopilot} {version or f'as in {of_source}'}"
-    return Flown(law, name, rows, unused, len(values.keys() - of_guidance - used.keys()), notes)
+    return Flown(law, name, rows, unused, rest, notes, beyond)
 
 
-def _check_wings(path: Path, values: Mapping[str, float], vehicle: str) -> None:
-    """Refuse the parameters of a vehicle without wings, and those without a guidance."""
+def _period(path: Path, values: Mapping[str, float], vehicle: str, version: str) -> str:
+    """The parameter of the period of the guidance that flies; InputError if none does."""
     stated = vehicle or "plane", f"MAV_TYPE {values.get('MAV_TYPE', 1):g}"
     got = next((x for x in stated if not WITH_WINGS.search(x)), "")
-    if not got and not period_among(values):
-        copter = " as of a copter" if any(name.startswith(OF_COPTERS) for name in values) else ""
-        got = f"none of {', '.join(guidance())} in {len(values)} parameters{copter}"
+    tables = guidance()
+    ours = {
+        autopilot: {
+            name
+            for table in tables.values()
+            if table["source"].startswith(autopilot)
+            for name in values
+            if name.startswith(tuple(table["group"]))
+        }
+        for autopilot in ("ArduPilot", "PX4")
+    }
+    own = set[str]().union(*ours.values())
+    vtol = OF_COPTERS_OF_PX4 if _beginning(values, OF_VTOLS_OF_PX4) else ()
+    no_vtol = [name for name in values if not name.startswith(vtol)]
+    others = {kind: _beginning(no_vtol, names) for kind, names in OF_OTHERS.items()}
+    kind = max(others, key=lambda kind: len(others[kind]))
+    # Rovers and boats have the period of L1 too.
+    if not got and len(others[kind]) > len({x for x in own if not x.startswith("NAVL1_")}):
+        some = listed(others[kind], most=3)
+        own = {name for name in own if not name.startswith("NAVL1_")}
+        beside = f" beside {listed(sorted(own), most=3)} of an aeroplane" if own else ""
+        got = f"{some} of {kind}{beside}"
+    if not got and not own:
+        groups = ", ".join(tables)
+        got = f"none of {groups} in {len(values)} parameters"
     if got:
         raise InputError(f"{path}: must have the parameters of an aeroplane, got {got}.")
+    if all(ours.values()):
+        both = (f"{min(names)} of {autopilot}" for autopilot, names in ours.items())
+        raise InputError(
+            f"{path}: must have the parameters of one autopilot, got {' and '.join(both)}."
+        )
+    if period := period_among(values):
+        return period
+    if ours["ArduPilot"]:
+        return "NAVL1_PERIOD"
+    if not version:
+        raise InputError(
+            f"{path}: `version` must be given, such as 1.15: the file has neither NPFG_PERIOD nor "
+            "FW_L1_PERIOD, which tell PX4 with NPFG from one with L1."
+        )
+    former = BEFORE_NPFG.match(version) and not values.get("FW_USE_NPFG")
+    return "FW_L1_PERIOD" if former else "NPFG_PERIOD"
 
 
-def _read_text(path: Path) -> tuple[dict[str, float], str, str]:
-    """Parameters, vehicle and version of a file of QGroundControl or Mission Planner."""
+def _beginning(values: Iterable[str], beginnings: tuple[str, ...]) -> list[str]:
+    return sorted(name for name in values if name.startswith(beginnings))
+
+
+def _used(
+    path: Path, values: Mapping[str, float], table: Mapping[str, Any]
+) -> tuple[dict[str, tuple[float, str]], list[str]]:
+    """Parameters that the guidance uses with where they are from, and those beyond their ranges."""
+    ranges = {name: (unit, low, high) for name, _, _, unit, low, high in table["parameters"]}
+    # By the name of today: value in its unit, name in the file, and the factor between both.
+    found = {
+        now: (values[was] * by, was, by)
+        for was, (now, by) in table.get("former", {}).items()
+        if was in values
+    }
+    found |= {name: (values[name], name, 1.0) for name in ranges if name in values}
+    beyond, far = [], []
+    for now, (value, name, by) in found.items():
+        unit, low, high = ranges[now]
+        published, wide = _range_words(unit, low, high), high - low
+        words = f"{name} {values[name]:.10g}{f' ({value:g} {unit})' if by != 1.0 else ''}"
+        if by != 1.0 and 0.0 < abs(values[name]) <= RIGHT_ANGLE_DEG:
+            far.append(f"{words}, which is in hundredths of a degree: in degrees it is {now}")
+        elif not low - wide <= value <= high + wide and math.isfinite(value):
+            hint = _in_hundredths(unit, value, low, high) if by == 1.0 else ""
+            far.append(f"{words} ({published}{hint})")
+        elif not low <= value <= high:
+            beyond.append(f"{words} ({published})")
+    if far:
+        raise InputError(
+            f"{path}: parameters must be near their published ranges, got {listed(far)}: is a "
+            "decimal point lost, or the unit another one?"
+        )
+    return {now: (value, path.name) for now, (value, _, _) in found.items()}, beyond
+
+
+def _in_hundredths(unit: str, value: float, low: float, high: float) -> str:
+    """What an angle is in hundredths of a degree, if it fits then."""
+    fits = unit == "deg" and abs(value) > RIGHT_ANGLE_DEG and low <= 0.01 * value <= high
+    return f"; {0.01 * value:g} in hundredths of a degree" if fits else ""
+
+
+def _range_words(unit: str, low: float, high: float) -> str:
+    of = f" {unit}" if unit != "1" else ""
+    return f"{low:g} to {high:g}{of}" if high < math.inf else f"at least {low:g}{of}"
+
+
+def _contradictions(
+    values: Mapping[str, float], others: Mapping[str, list[str]], table: Mapping[str, Any]
+) -> Iterator[str]:
+    """Sentences about parameters of the guidance that the file states more than once."""
+    for name, stated in others.items():
+        if name.startswith(tuple(table["group"])):
+            used = f"{values[name]:g} is used" if name in values else "none is used"
+            yield f"{name} is also {listed(stated)}: {used}."
+    for was, (now, by) in table.get("former", {}).items():
+        if was in values and now in values and values[was] * by != values[now]:
+            yield f"{was} is {values[was]:g} and {now} {values[now]:g}: {now} is used."
+
+
+def _read_text(path: Path) -> Stated:
+    """What a file of QGroundControl or Mission Planner states."""
     try:
         lines = path.read_text(encoding="utf-8-sig").splitlines()
     except (OSError, UnicodeDecodeError) as error:
         reason = reason_of(error) if isinstance(error, OSError) else "a binary file"
         raise InputError(f"{path}: must be a file of parameters or a log, got {reason}.") from error
-    values: dict[str, float] = {}
+    rows: list[tuple[int, int, str, float]] = []  # vehicle, component, name and value
     head = {"Vehicle": "", "Version": ""}
     for number, line in enumerate(lines, start=1):
         text, _, comment = line.partition("#")
         key, _, value = comment.strip().partition(":")
         if key in head:
             head[key] = value.strip()
-        if not (fields := re.split(r"[\s,]+", text.strip())) or not fields[0]:
-            continue
-        if len(fields) >= 4 and fields[0].isdigit() and fields[1].isdigit():  # QGroundControl
-            fields = fields[2:]
-        try:
-            values[fields[0]] = float(fields[1])
-        except (IndexError, ValueError):
-            raise InputError(
-                f"{path}: line {number} must be NAME,VALUE or VEHICLE COMPONENT NAME VALUE TYPE, "
-                f"got {line[:60]!r}."
-            ) from None
-    return values, head["Vehicle"], head["Version"]
+        if text.strip():
+            rows.append(_row(text, f"{path}: line {number}"))
+    values, others = _of_autopilot(rows)
+    return Stated(values, head["Vehicle"], head["Version"], others)
+
+
+def _row(text: str, place: str) -> tuple[int, int, str, float]:
+    """Vehicle, component, name and value of a line."""
+    fields = [field for field in re.split(r"[\s,]+", text.strip()) if field != READ_ONLY]
+    vehicle, component = 0, AUTOPILOT
+    # QGroundControl: with the type of the value behind it
+    if len(fields) in (4, 5) and fields[0].isdecimal() and fields[1].isdecimal():
+        vehicle, component, fields = int(fields[0][:9]), int(fields[1][:9]), fields[2:4]
+    with suppress(ValueError):
+        name, value = fields
+        if NAME.fullmatch(name):
+            return vehicle, component, name, float(value)
+    comma = " with a decimal point" if re.search(r"\d,\d", text) else ""
+    raise InputError(
+        f"{place} must be NAME,VALUE or VEHICLE COMPONENT NAME VALUE TYPE{comma}, got "
+        f"{abridged(text.strip())}."
+    )
+
+
+def _of_autopilot(
+    rows: Iterable[tuple[int, int, str, float]],
+) -> tuple[dict[str, float], dict[str, list[str]]]:
+    """Values of the autopilot of the first vehicle; what else is stated of the same names."""
+    stated: dict[tuple[int, int], dict[str, list[float]]] = defaultdict(lambda: defaultdict(list))
+    for vehicle, component, name, value in rows:
+        stated[vehicle, component][name].append(value)
+    if not stated:
+        return {}, {}
+    vehicle = next(iter(stated))[0]
+    components = [component for of, component in stated if of == vehicle]
+    chosen = vehicle, AUTOPILOT if AUTOPILOT in components else min(components)
+    values = {name: several[-1] for name, several in stated[chosen].items()}
+    others: dict[str, list[str]] = defaultdict(list)
+    for place, parameters in stated.items():
+        where = "" if place == chosen else f" of component {place[1]}"
+        where += f" of vehicle {place[0]}" * (place[0] != vehicle)
+        for name, several in parameters.items():
+            for value in dict.fromkeys(several):
+                if value != values.get(name):
+                    others[name].append(f"{value:g}{where or ' before'}")
+    return values, others

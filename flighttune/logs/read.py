@@ -336,7 +336,8 @@ def _dataflash_parameters(path: Path) -> tuple[dict[str, float], str, str]:
 
 
 def _mavlink_parameters(path: Path) -> tuple[dict[str, float], str, str]:
-    values, vehicle = {}, ""
+    components: dict[int, dict[str, float]] = defaultdict(dict)
+    vehicle = ""
     for topic, _, message in _mavlink(path, ["PARAM_VALUE"]):
         if not topic:
             vehicle = f"MAV_{message.upper()}"
@@ -344,8 +345,9 @@ def _mavlink_parameters(path: Path) -> tuple[dict[str, float], str, str]:
         value, whole = message.param_value, message.param_type < MAV_PARAM_TYPE_REAL32
         if whole and not value.is_integer():  # PX4 sends the bytes of an integer, not its value
             (value,) = struct.unpack("<i", struct.pack("<f", value))
-        values[message.param_id] = float(value)
-    return values, vehicle, ""
+        components[message.get_srcComponent()][message.param_id] = float(value)
+    # The autopilot is component 1; a camera or gimbal has parameters of its own.
+    return components[min(components, default=1)], vehicle, ""
 
 
 _PARAMETERS = {

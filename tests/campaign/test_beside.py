@@ -166,3 +166,29 @@ def test_a_scenario_without_draws_is_flown_once_and_written_as_a_page(tmp_path, 
     ]
     assert "not the firmware" in shown
     assert "--workers 1" in shown
+
+
+SPEEDS = """QGC WPL 110
+0\t1\t0\t16\t0\t0\t0\t0\t47.395\t8.55\t430\t1
+1\t0\t3\t22\t15\t0\t0\t0\t47.3952\t8.5501\t60\t1
+2\t0\t3\t16\t0\t0\t0\t0\t47.402\t8.55\t60\t1
+3\t0\t3\t178\t0\t20\t-1\t0\t0\t0\t0\t1
+4\t0\t3\t16\t0\t0\t0\t0\t47.402\t8.56\t60\t1
+5\t0\t0\t177\t2\t-1\t0\t0\t0\t0\t0\t1
+"""
+
+
+@pytest.mark.soak
+def test_what_is_not_emulated_of_a_mission_is_named_with_the_keys_that_fly_it(file, tmp_path):
+    mission = tmp_path / "m.waypoints"
+    mission.write_text(SPEEDS)
+    asked = ["compare", mission, "--with", file, "--flights", 1, "--workers", 1]
+
+    said = flighttune(*asked, status=2)[1]
+    assert "item 5 (DO_JUMP 177) must repeat at most 10 times" in said
+    asked += re.search("--set route.skip=true", said)[0].split()
+    said = flighttune(*asked, status=2)[1]
+    assert "must be flown at one airspeed" in said
+    assert "an airspeed of 20 m/s by item 3" in said
+    asked += re.search(r"--set flight.V_a_mps=25", said)[0].split()
+    assert "lost 0 | 0 of 1" in " ".join(flighttune(*asked)[0].split())

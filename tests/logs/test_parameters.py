@@ -7,6 +7,7 @@ from log_files import _format, message
 from pymavlink.mavutil import mavlink
 
 import flighttune as ft
+from flighttune.control.laws.autopilot import guidance
 from flighttune.logs.parameters import flown_now
 
 HEAD = """# Onboard parameters for Vehicle 1
@@ -81,7 +82,9 @@ def test_parameters_of_px4_are_read_by_their_names(tmp_path, write):
     assert now.unused == ["FW_AIRSPD_TRIM", "NPFG_GSP_MAX_TK"]
     assert now.rest == 1
     rows = {row["name"]: row for row in now.rows}
-    assert rows["NPFG_PERIOD"] == {"name": "NPFG_PERIOD", "value": 12.5, "from": "px4.ulg"}
+    assert rows["NPFG_PERIOD"] == {
+        "name": "NPFG_PERIOD", "value": 12.5, "range": "1 to 100 s", "from": "px4.ulg"
+    }  # fmt: skip
     assert rows["FW_R_LIM"]["value"] == 50.0
     assert rows["FW_R_LIM"]["from"] == "default of PX4 1.14"
 
@@ -102,7 +105,10 @@ def test_a_parameter_by_its_new_name_stands_before_that_by_its_former(tmp_path):
     file = tmp_path / "plane.param"
     file.write_text("NAVL1_PERIOD,14\nLIM_ROLL_CD,5500\nROLL_LIMIT_DEG,40\n")
 
-    assert flown_now(file).law.parameters["ROLL_LIMIT_DEG"] == 40.0
+    now = flown_now(file)
+
+    assert now.law.parameters["ROLL_LIMIT_DEG"] == 40.0
+    assert now.notes == ["LIM_ROLL_CD is 5500 and ROLL_LIMIT_DEG 40: ROLL_LIMIT_DEG is used."]
 
 
 def test_a_log_of_ardupilot_has_its_parameters_and_version(tmp_path):
@@ -152,7 +158,37 @@ def test_builds_of_px4_that_do_not_use_the_period_are_flown_without_it(tmp_path)
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("ATC_RAT_RLL_P,0.1\nPSC_POSXY_P,1", "got none of .* in 2 parameters as of a copter"),
+        ("ATC_RAT_RLL_P,0.1\nPSC_POSXY_P,1", "got ATC_RAT_RLL_P and PSC_POSXY_P of a copter"),
+        ("NAVL1_PERIOD,10\nCRUISE_SPEED,2\nTURN_RADIUS,1", "CRUISE_SPEED and TURN_RADIUS of a rov"),
+        ("NAVL1_PERIOD,8\nSURFACE_DEPTH,-10", "SURFACE_DEPTH of a submarine"),
+        ("TECS_SINK_MAX,5\nATC_STR_RAT_P,1\nMODE1,0", "of a rover or boat beside TECS_SINK_MAX of"),
+        ("MPC_XY_P,1\nMC_ROLL_P,6\nFW_AIRSPD_TRIM,15", "MC_ROLL_P and MPC_XY_P of a copter"),
+        ("FRAME_CLASS,1\nNAVL1_PERIOD,8", "FRAME_CLASS of a copter or rover"),
+        (
+            "NAVL1_PERIOD,8\nNPFG_PERIOD,9",
+            "one autopilot, got NAVL1_PERIOD of ArduPilot and NPFG_PE",
+        ),
+        (
+            "FW_T_CLMB_MAX,5",
+            "`version` must be given, such as 1.15: the file has neither NPFG_PERIOD",
+        ),
+        ("NAVL1_PERIOD,15,5", "line 1 must be NAME,VALUE .* with a decimal point, got .*15,5"),
+        ("NAVL1_PERIOD 15,5", "line 1 must be NAME,VALUE .* with a decimal point, got .*15,5"),
+        ("NAVL1_PERIOD;15,5", "line 1 must be NAME,VALUE"),
+        ("1\t1\tNPFG_PERIOD\t12,5\t9", "line 1 must be NAME,VALUE .* with a decimal point"),
+        ("NAVL1_PERIOD = 15", "line 1 must be NAME,VALUE"),
+        (
+            "NAVL1_PERIOD,175",
+            r"near their published ranges, got NAVL1_PERIOD 175 \(1 to 60 s\): is a",
+        ),
+        ("NAVL1_DAMPING,75\nTECS_SPDWEIGHT,5", r"75 \(0.6 to 1\) and TECS_SPDWEIGHT 5 \(0 to 2\)"),
+        ("ROLL_LIMIT_DEG,4500", r"4500 \(0 to 90 deg; 45 in hundredths of a degree\)"),
+        (
+            "LIM_ROLL_CD,45",
+            r"LIM_ROLL_CD 45 \(0.45 deg\), which is in hundredths of a degree: in deg",
+        ),
+        ("LIM_ROLL_CD,450000", r"LIM_ROLL_CD 450000 \(4500 deg\) \(0 to 90 deg\)"),
+        ("NAVL1_PERIOD,nan", "`NAVL1_PERIOD` must be a positive number, got nan"),
         (HEAD.format(vehicle="Multi-Rotor", version="1.15.4"), "got Multi-Rotor"),
         ("NPFG_PERIOD,8\nMAV_TYPE,2", "got MAV_TYPE 2"),
         ("NPFG_PERIOD 8", "`version` must be given, such as 1.15"),
@@ -173,3 +209,100 @@ def test_a_copter_s_log_is_refused(tmp_path):
     file = write_dataflash(tmp_path / "copter.bin", PLANE, vehicle="ArduCopter V4.5.7")
     with pytest.raises(ft.InputError, match="of an aeroplane, got ArduCopter"):
         flown_now(file)
+
+
+CHANGED = "AIRSPEED_CRUISE 15\nROLL_LIMIT_DEG 50\nTECS_TIME_CONST 4 @READONLY\nRLL2SRV_TCONST 0.4\n"
+
+
+def test_a_file_of_changed_parameters_flies_the_defaults_of_the_others_and_says_so(tmp_path):
+    """17 s is the default of NAVL1_PERIOD in AP_L1_Control.cpp of ArduPilot 4.5."""
+    file = tmp_path / "changed.param"
+    file.write_text(CHANGED)
+    now = flown_now(file)
+
+    assert now.law.parameters == {
+        "NAVL1_PERIOD": 17.0, "ROLL_LIMIT_DEG": 50.0, "TECS_TIME_CONST": 4.0
+    }  # fmt: skip
+    assert now.unused == ["AIRSPEED_CRUISE", "RLL2SRV_TCONST"]
+    assert now.notes == [
+        "NAVL1_PERIOD is not in the file: its default in ArduPilot 4.5, 17 s, flies, as those of "
+        "15 others."
+    ]
+    rows = {row["name"]: row["from"] for row in now.rows}
+    assert rows["NAVL1_PERIOD"] == "default of ArduPilot 4.5"
+    assert rows["ROLL_LIMIT_DEG"] == "changed.param"
+
+
+@pytest.mark.parametrize(
+    ("version", "more", "period"),
+    [
+        ("1.15.4", {}, {"NPFG_PERIOD": 10.0}),
+        ("1.13.3", {}, {"FW_L1_PERIOD": 20.0}),
+        ("1.13.3", {"FW_USE_NPFG": 1.0}, {"NPFG_PERIOD": 10.0}),
+    ],
+)
+def test_the_guidance_of_changed_parameters_of_px4_is_that_of_its_version(
+    tmp_path, version, more, period
+):
+    file = write_params(tmp_path / "px4.params", {"FW_T_CLMB_MAX": 6.0} | more, version=version)
+
+    assert flown_now(file).law.parameters == {"FW_T_CLMB_MAX": 6.0} | period
+
+
+def test_a_vtol_of_px4_has_parameters_of_copters(tmp_path):
+    values = PX4 | {"MPC_XY_P": 1.0, "MC_ROLL_P": 6.0, "MC_PITCH_P": 6.0, "VT_TYPE": 2.0}
+    values |= {"MC_YAW_P": 3.0, "MPC_Z_P": 1.0, "MPC_THR_HOVER": 0.5}
+
+    assert flown_now(write_params(tmp_path / "v.params", values)).law.parameters == {
+        "NPFG_PERIOD": 12.5
+    }
+
+
+def test_a_value_beyond_its_published_range_flies_and_is_said(tmp_path):
+    file = tmp_path / "plane.param"
+    file.write_text("NAVL1_PERIOD,62\nPTCH2SRV_TCONST,0.3\nTECS_PTCH_DAMP,0.1\nROLL_LIMIT_DEG,90\n")
+    now = flown_now(file)
+
+    assert now.beyond == ["NAVL1_PERIOD 62 (1 to 60 s)", "PTCH2SRV_TCONST 0.3 (0.4 to 1 s)"]
+    assert now.law.parameters["NAVL1_PERIOD"] == 62.0
+
+
+@pytest.mark.parametrize(
+    ("rows", "period", "said"),
+    [
+        (["1 1 NPFG_PERIOD 12 9", "1 154 NPFG_PERIOD 99 9"], 12.0,
+         "NPFG_PERIOD is also 99 of component 154: 12 is used."),
+        (["1 154 NPFG_PERIOD 99 9", "1 1 NPFG_PERIOD 12 9"], 12.0,
+         "NPFG_PERIOD is also 99 of component 154: 12 is used."),
+        (["1 1 NPFG_PERIOD 15 9", "1 1 NPFG_PERIOD 25 9"], 25.0,
+         "NPFG_PERIOD is also 15 before: 25 is used."),
+        (["1 1 NPFG_PERIOD 12 9", "2 1 NPFG_PERIOD 14 9"], 12.0,
+         "NPFG_PERIOD is also 14 of component 1 of vehicle 2: 12 is used."),
+        (["1 1 NPFG_PERIOD 12 9", "1 154 NPFG_PERIOD 12 9", "1 154 MNT_RATE 9 9"], 12.0, ""),
+    ],
+)  # fmt: skip
+def test_the_parameters_are_those_of_the_autopilot_of_the_first_vehicle(
+    tmp_path, rows, period, said
+):
+    file = tmp_path / "px4.params"
+    file.write_text("\n".join(row.replace(" ", "\t") for row in rows) + "\n")
+    now = flown_now(file, "1.15")
+
+    assert now.law.parameters == {"NPFG_PERIOD": period}
+    assert now.notes == ([said] if said else [])
+
+
+def test_a_telemetry_log_has_the_parameters_of_the_autopilot_among_its_components(tmp_path):
+    file = write_tlog(tmp_path / "flight.tlog", PLANE)
+    gimbal = mavlink.MAVLink(None, srcSystem=1, srcComponent=154)
+    sent = mavlink.MAVLink_param_value_message(b"NAVL1_PERIOD", 99.0, 9, 9, 0)
+    with file.open("ab") as log:
+        log.write(struct.pack(">Q", 10**15) + sent.pack(gimbal))
+
+    assert flown_now(file).law.parameters["NAVL1_PERIOD"] == 14.0
+
+
+def test_every_default_is_within_its_published_range():
+    for table in guidance().values():
+        for name, x, _, _, low, high in table["parameters"]:
+            assert low <= x <= high, name

@@ -432,7 +432,7 @@ class Autopilot(Law):
     def roles(self) -> dict[str, float]:
         """Every parameter by its role; InputError if one is not of the guidance, or impossible."""
         table = guidance()[self.period]
-        roles = {name: role for name, _, role in table["parameters"]}
+        roles = {name: role for name, _, role, *_ in table["parameters"]}
         for name, value in self.parameters.items():
             if name not in roles:
                 near = nearest_name(name, roles)
@@ -442,7 +442,7 @@ class Autopilot(Law):
             if not number or (divides and value <= 0.0):
                 wanted = "a positive number" if divides else "a number"
                 raise InputError(f"`{name}` must be {wanted}, got {value!r}.")
-        return {role: self.parameters.get(name, x) for name, x, role in table["parameters"]}
+        return {role: self.parameters.get(name, x) for name, x, role, *_ in table["parameters"]}
 
     def make(self, setup: LawSetup, /) -> Guidance:
         """Make the controller of a flight."""
