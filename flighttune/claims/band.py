@@ -249,17 +249,6 @@ class Band(SignalBounds):
         """The claim about each fence in which the flights were counted."""
         return [self.inside(fence).sentence for fence in self.about.fences]
 
-    def why_not(self, run: Run) -> str:
-        """Why the band says nothing of a run; empty if its flights could have been this one.
-
-        It may differ from them in keys that they draw, whatever its value, and in its wind, gust,
-        turbulence and disturbance.
-        """
-        if not self.claims:
-            return "nothing is claimed: too many of the flights counted were not completed"
-        differs = self.flights.difference(run, scenario_of(run))
-        return f"its {differs} must be that of the flights counted" if differs else ""
-
     def on(self, run: Run) -> RunClaim:
         """The bounds of the signals at the samples of a run."""
         about, scenario = self.about, scenario_of(run)

@@ -14,10 +14,10 @@ from pydantic import Field
 from flighttune.aircraft.aircraft import files_hash
 from flighttune.arrays import FloatArray, check_between
 from flighttune.claims.count import allowed_outside, counted_scale, sure
-from flighttune.claims.distribution import PLACE, Distribution
+from flighttune.claims.distribution import Distribution
 from flighttune.claims.shape import MIN_LEARNED, Extremes, predicted, scores_of
 from flighttune.control.gains import PIGains, gains_table
-from flighttune.control.law import split_name
+from flighttune.control.law import DEFAULT, split_name
 from flighttune.errors import InputError
 from flighttune.files.array import write_sealed
 from flighttune.files.table import STRICT, tables_of
@@ -27,7 +27,7 @@ from flighttune.gaps.watch import SignalModel
 from flighttune.plants.base import plant_label
 from flighttune.present.answer import Answer, Answering, Table, number, pick, quoted
 from flighttune.present.names import columns, endings_table, listed, shown_unit
-from flighttune.scenario.load import leaves
+from flighttune.scenario.load import scenario_of
 from flighttune.scenario.schema import Scenario
 from flighttune.simulate.run import Kind, Run, along_route
 
@@ -45,9 +45,6 @@ DOUBLED = 2 ** np.arange(31)
 
 # Relative difference of gains below which they are the same: tuning repeats to 1e-9.
 SAME_GAINS = 1e-6
-
-# Tables of a scenario that a run must share with the flights of a band drawn around it.
-SHARED = ("flight", "reference", "route", "law", "limits", "controller", "sensors")
 
 WIDTH_COLUMNS = columns("signal largest last_quarter end low high unit", of="widths")
 
@@ -129,32 +126,35 @@ class BandFlights:
             raise other_files(self.changed)
         return planned_route(self.central)
 
-    def flown_otherwise(self, run: Run) -> str:
-        """The first of plant, law and gains of a run that differs; empty if none does."""
-        origin, flown = run.provenance, run.provenance.gains
-        if self.plant != origin.plant:
-            return "plant"
-        if split_name(self.gains_name)[0] != split_name(origin.gains_name)[0]:
-            return "law"
-        if flown is None or not np.allclose(self.gains.numbers, flown.numbers, rtol=SAME_GAINS):
-            return "gains"
+    def flown_otherwise(self, plant: str, name: str, gains: PIGains | None) -> str:
+        """Which of plant, law and gains of a flight are others, in words; empty if none is."""
+        laws = [split_name(x)[0] or DEFAULT for x in (name, self.gains_name)]
+        if self.plant != plant:
+            return f"plant is {plant}, counted on {self.plant}"
+        if laws[0] != laws[1]:
+            return f"law is {laws[0]}, counted on {laws[1]}"
+        if gains is None or not np.allclose(self.gains.numbers, gains.numbers, rtol=SAME_GAINS):
+            return f"its gains are not those counted on, {self.gains_name}"
         return ""
 
-    def difference(self, run: Run, scenario: Scenario) -> str:
-        """First key in which a run differs from these flights; empty if it is one of them."""
-        if run.status != "completed":
-            return "status"
-        if differs := self.flown_otherwise(run):
-            return differs
+    def not_counted(
+        self, scenario: Scenario, plant: str, name: str, but: tuple[str, ...] = ()
+    ) -> str:
+        """How flights of a scenario are of others than these, in words; empty if they are not.
+
+        `plant` and `name` are the labels of its plant and gains. Keys that begin with `but` may
+        have any value.
+        """
         if self.changed:
-            return "aircraft files"
-        # the one in the middle has tables that are only there because one of their keys is drawn
-        scenarios = self.scenario, self.central, scenario
-        counted, middle, flown_keys = (_stated(tables, self.plant) for tables in scenarios)
-        drawn = {PLACE.sub("", key) for key in self.distribution.dispersed}
-        allowed = {key: (counted.get(key), middle.get(key)) for key in counted | flown_keys}
-        differ = (key for key, values in allowed.items() if flown_keys.get(key) not in values)
-        return next((key for key in differ if key not in drawn), "")
+            return f"the files of {listed(self.changed)} are not those counted on"
+        options, counted = (
+            {k: v for k, v in of.law_table(label).model_dump(mode="json").items() if k != "name"}
+            for of, label in ((scenario, name), (self.scenario, self.gains_name))
+        )
+        for key, value in options.items():
+            if value != counted.get(key):
+                return f"law.{key} is {value}, counted on {counted.get(key)}"
+        return self.distribution.not_counted(scenario, scenario.plant_table(plant), but)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -175,6 +175,7 @@ class Counted(Answering):
     kind: ClassVar[Kind] = "counted"
     of: ClassVar[Of] = None
     title: ClassVar[tuple[str, str]] = "band", "half_widths"  # of the table of an answer
+    unlike: ClassVar[tuple[str, ...]] = ()  # keys that may differ in a flight that it is about
 
     def __post_init__(self) -> None:
         about = self.about
@@ -267,6 +268,21 @@ class Counted(Answering):
         spent = 1.0 - about.confidence + (1.0 - about.planned[1] if about.planned else 0.0)
         claims = max(1, len(about.fences) + (not about.until_sure))
         return 1.0 - max(1, len(self.readings)) * claims * spent
+
+    def why_not(self, run: Run) -> str:
+        """Why the count says nothing of a run; empty if its flights could have been this one."""
+        if not self.claims:
+            return "nothing is claimed: too many of the flights counted were not completed"
+        if run.status != "completed":
+            return f"status is {run.status}, counted on completed"
+        return self.flights.flown_otherwise(*flown_by(run)) or self.not_about(run)
+
+    def not_about(self, run: Run) -> str:
+        """How a run of its plant, law and gains is of other flights, in words, or empty."""
+        origin = run.provenance
+        return self.flights.not_counted(
+            scenario_of(run), origin.plant, origin.gains_name, self.unlike
+        )
 
     @property
     def nearest(self) -> int:
@@ -417,12 +433,9 @@ def other_files(aircraft: Iterable[str]) -> InputError:
     )
 
 
-def _stated(scenario: Scenario, plant: str) -> dict[str, Any]:
-    """Values that all flights of a plant share, whatever the air, by dotted key."""
-    tables = scenario.as_dict()
-    tables = {key: tables[key] for key in SHARED if key in tables}
-    tables["plant"] = scenario.plant_table(plant).model_dump(mode="json", exclude_none=True)
-    return dict(leaves(tables))
+def flown_by(run: Run) -> tuple[str, str, PIGains | None]:
+    """Plant, name of the gains, and gains of a run."""
+    return run.provenance.plant, run.provenance.gains_name, run.provenance.gains
 
 
 def axis_of(run: Run) -> FloatArray:

@@ -2,18 +2,19 @@
 
 import math
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any
 
 from pydantic import Field
 
+from flighttune.aircraft.aircraft import OffNominal
 from flighttune.errors import InputError
 from flighttune.files.table import abridged
 from flighttune.present.answer import Table
 from flighttune.present.names import columns, key_words, listed
 from flighttune.scenario.schema import Scenario
-from flighttune.scenario.tables import PlantTable
+from flighttune.scenario.tables import DisturbanceTable, PlantTable, SensorsTable
 
 # Tables of a scenario that must be those of the flights counted, but for what was dispersed.
 FLOWN_ALIKE = ("flight", "reference", "route", "limits", "controller")
@@ -56,6 +57,9 @@ GAINS = {False: "the same at all airspeeds", True: "proportional to airspeed"}
 
 # A place within a key: of a plant, or of one of two limits.
 PLACE = re.compile(r"\[.*?\]")
+
+# Keys of how large a wind or gust is, m/s.
+SIZES = ("speed_mps", "down_mps", "peak_mps")
 
 # Columns of the table of flights.
 DRAWN: tuple[str, ...] = "quantity", "values", "drawn"
@@ -178,19 +182,80 @@ class Distribution:
 
     def difference(self, scenario: Scenario, plant: PlantTable) -> str | None:
         """Why no flight of the distribution can be one of this scenario; None if one can."""
-        flown = flown_values(scenario, plant)
-        for key in dict.fromkeys([*flown, *self.fixed]):
-            if key in self.dispersed:
-                drawn = self.dispersed[key]
-                words = any(isinstance(value, str) for value in drawn)
-                if flown[key] not in drawn if words else not drawn[0] <= flown[key] <= drawn[-1]:
-                    allowed = f"one of {drawn}" if words else f"{drawn[0]:g} to {drawn[-1]:g}"
-                    return f"`{key}` must be {allowed}, got {abridged(flown[key])}"
-            elif key.split(".")[0] in FLOWN_ALIKE or key in flown:
-                if flown.get(key) != self.fixed.get(key):
-                    got, stated = (abridged(x.get(key)) for x in (flown, self.fixed))
-                    return f"`{key}` must be {stated}, got {got}"
+        for key, value, counted in self._differences(flown_values(scenario, plant), self.fixed):
+            if key.split(".")[0] in FLOWN_ALIKE or value is not None:
+                allowed = counted if key in self.dispersed else abridged(self.fixed.get(key))
+                return f"`{key}` must be {allowed}, got {abridged(value)}"
         return None
+
+    def not_counted(self, scenario: Scenario, plant: PlantTable, but: tuple[str, ...] = ()) -> str:
+        """How a flight is of other flights than these, in words; empty if it could be one of them.
+
+        Unlike in `difference`, a table that the flight leaves out must be one that its flights may
+        lack. Keys that begin with `but` may have any value.
+        """
+        keys = dict.fromkeys([*self.dispersed, *self.fixed])
+        flown = _with_defaults(flown_values(scenario, plant), keys, self._values)
+        fixed = _with_defaults(self.fixed, flown, lambda key: [flown[key]])
+        for key, value, counted in self._differences(flown, fixed):
+            if not key.startswith(but):
+                return f"{key.removesuffix('.intensity')} is {_shown(value)}, counted on {counted}"
+        return ""
+
+    def _differences(
+        self, flown: Mapping[str, Any], fixed: Mapping[str, Any]
+    ) -> Iterator[tuple[str, Any, str]]:
+        """Keys that no flight of these has so: key, value or None, and the values counted."""
+        flown, fixed = (_at_places(values, self.dispersed) for values in (flown, fixed))
+        for key in dict.fromkeys([*flown, *fixed]):
+            value, drawn = flown.get(key), self.dispersed.get(key)
+            if drawn is None:
+                if value != fixed.get(key):
+                    yield key, value, _shown(fixed.get(key))
+            elif any(isinstance(end, str) for end in drawn):
+                if value not in drawn:
+                    yield key, value, listed(list(map(str, drawn)), "or")
+            elif value is None or not drawn[0] <= value <= drawn[-1]:
+                yield key, value, f"{drawn[0]:g} to {drawn[-1]:g}"
+
+
+def _with_defaults(
+    values: Mapping[str, Any], keys: Collection[str], ends: Callable[[str], Sequence[Any]]
+) -> dict[str, Any]:
+    """Values, and for tables among `keys` that they lack those that mean the same.
+
+    `ends` has the values of a key of the others. Without wind or gust its size is 0, and nothing
+    else of it counts.
+    """
+    there = {key.rpartition(".")[0] for key in values}
+    whole = dict(values)
+    for key in keys:
+        table, _, name = key.rpartition(".")
+        if table not in there and table in DEFAULTS:
+            whole = DEFAULTS[table] | whole
+        elif table in there:
+            whole.setdefault(key, None)
+        elif key.startswith(("wind.", "gust.")) and name not in SIZES:
+            whole[key] = ends(key)[0]
+        elif name in SIZES and min(ends(key)) <= 0.0 <= max(ends(key)):
+            whole[key] = 0.0
+        else:
+            whole[key] = None
+    return whole
+
+
+def _at_places(values: Mapping[str, Any], drawn: Collection[str]) -> dict[str, Any]:
+    """Values, with those of a list apart where a place in it is drawn."""
+    lists = {PLACE.sub("", key) for key in drawn if key.endswith("]")}
+    apart = {f"{key}[{i}]": item for key in lists & {*values} for i, item in enumerate(values[key])}
+    return {key: value for key, value in values.items() if key not in lists} | apart
+
+
+def _shown(value: Any) -> str:
+    """A value in a sentence; None as none."""
+    if isinstance(value, float):
+        return f"{value:.6g}"
+    return "none" if value is None else abridged(value).strip("'")
 
 
 def flown_values(scenario: Scenario, plant: PlantTable) -> dict[str, Any]:
@@ -210,6 +275,17 @@ def _leaves(value: Any, above: str) -> Iterator[tuple[str, Any]]:
             yield from _leaves(item, f"{above}[{i}]")
     else:
         yield above, value
+
+
+# Values of tables that a scenario may leave out: those of a flight without errors or changes.
+DEFAULTS = {
+    name: dict(_leaves(table.model_dump(mode="json", exclude_none=True), name))
+    for name, table in {
+        "sensors": SensorsTable(),
+        "disturbance": DisturbanceTable(),
+        "plant.airframe": OffNominal(),
+    }.items()
+}
 
 
 def _words(key: str) -> str:

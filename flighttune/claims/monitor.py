@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from flighttune.claims.count import flights_needed
-from flighttune.claims.counted import Counted, Of
+from flighttune.claims.counted import Counted, Of, flown_by
 from flighttune.errors import InputError, naming
 from flighttune.files.array import TEXT, read_arrays, write_sealed
 from flighttune.files.load import sealed_bytes
@@ -26,6 +26,9 @@ MIN_LOGS = 3
 SETTLED_S = 8.0
 MAX_BYTES = 2**24
 SMALLEST = 1e-12  # limit (SI) and score: residuals of rounding alone are no fault
+
+# Keys of a scenario with which something fails.
+FAULTS = "plant.airframe.fault", "plant.throttle_max"
 
 COLUMNS = columns("name seconds score why", of="healthy_logs")
 
@@ -51,16 +54,20 @@ class Watching(Answering):
         return max(alarms) if len(alarms) == len(self.watches) else None
 
     def why_not(self, run: Run) -> str:
-        """Why the monitor says nothing of a run; empty if the run has the signals watched."""
+        """Why the monitor scores no such run; empty if the run has the signals watched."""
         if SCORE in run.signals:
             return "another monitor has scored it"
         needed = watching.signals_of(self.watches[0].models)
         lacking = [name for name in needed if name not in run.signals]
         return f"it must have {', '.join(lacking)} to be watched" if lacking else ""
 
+    def not_about(self, run: Run) -> str:
+        """Why the claim says nothing of a run that is scored; empty if it is about such flights."""
+        raise NotImplementedError
+
     def on(self, run: Run) -> RunClaim:
         """The score of a run that has the signals watched, at most 1 where nothing alarms."""
-        score = watching.score_so_far(self.watches, run)
+        no_claim, score = self.not_about(run), watching.score_so_far(self.watches, run)
         score = np.concatenate([np.zeros(len(run.signals) - len(score)), score])  # not judged
         limit = np.ones((len(score), 1))
         return RunClaim(
@@ -70,7 +77,8 @@ class Watching(Answering):
             bounds=Bounds(run.t, np.zeros_like(limit), limit, (SCORE,)),
             units={SCORE: SIGNAL_UNITS[SCORE]},
             signals={SCORE: score},
-            alarm=self.alarm(run),
+            alarm=None if no_claim else self.alarm(run),
+            no_claim=no_claim,
         )
 
 
@@ -97,6 +105,7 @@ class Monitor(Counted, Watching):
 
     of: ClassVar[Of] = "monitor"
     title: ClassVar[tuple[str, str]] = "what is expected, and limits of what is missing", "limits"
+    unlike: ClassVar[tuple[str, ...]] = FAULTS
 
     @property
     def watch(self) -> watching.Watch:
@@ -113,10 +122,16 @@ class Monitor(Counted, Watching):
         return (self.watch,)
 
     def why_not(self, run: Run) -> str:
-        """Why the monitor says nothing of a run: it is for its own plant, law and gains."""
-        if differs := self.flights.flown_otherwise(run):
-            return f"its {differs} must be that of the flights counted"
-        return Watching.why_not(self, run)
+        """Why the monitor scores no such run: it is for its own plant, law and gains."""
+        log = run.provenance.log
+        otherwise = "" if log else self.flights.flown_otherwise(*flown_by(run))
+        return otherwise or Watching.why_not(self, run)
+
+    def not_about(self, run: Run) -> str:
+        """How a run is of other flights than those counted; its faults are what is looked for."""
+        if run.provenance.log:
+            return "it is the log of a real flight, counted on simulated ones"
+        return Counted.not_about(self, run)
 
     @property
     def _leaves(self) -> str:
@@ -208,6 +223,13 @@ class LogMonitor(Watching):
     def epsilon(self) -> float:
         """Largest probability of a false alarm in a flight, over the draw of the logs too."""
         return 1.0 / (len(self.logs) + 1)
+
+    def not_about(self, run: Run) -> str:
+        """Why the claim says nothing of a run: it is simulated, or among those learned from."""
+        if not run.provenance.log:
+            return "it is simulated, learned from logs of real flights"
+        learned = run.provenance.gains_name in self.names
+        return "it learned from a log of this name" if learned else ""
 
     @property
     def sentence(self) -> str:

@@ -134,8 +134,22 @@ def _of_exact_law(law: RateLaw) -> dict[str, Any]:
     return {**numbers, "course_first": int(law.course_first), "feedback": _numbers(law.feedback)}
 
 
-def monitor_source(monitor: Watching, *, title: str, dt: float) -> str:
-    """The C99 text of a monitor that takes a sample every `dt` (s); it needs ``math.h`` alone."""
+def _not_counted(
+    monitor: Watching, scenario: Scenario, name: str, gains: PIGains, plant: str | None
+) -> str:
+    """How flights of a scenario are of others than those a monitor was counted on, in words."""
+    if not isinstance(monitor, Monitor):
+        return ""
+    label = aircraft_table(scenario, plant).label if scenario.aircraft or plant else "no aircraft"
+    otherwise = monitor.flights.flown_otherwise(label, name, gains)
+    return otherwise or monitor.flights.not_counted(scenario, label, name, monitor.unlike)
+
+
+def monitor_source(monitor: Watching, *, title: str, dt: float, no_claim: str = "") -> str:
+    """The C99 text of a monitor that takes a sample every `dt` (s); it needs ``math.h`` alone.
+
+    `no_claim` is why its claim is not about flights of the scenario.
+    """
     watches, lags = monitor.watches, count()
     models, from_s = watches[0].models, watches[0].from_s
     terms = [_term(text, lags) for model in models for text in (*model.terms, model.target)]
@@ -149,7 +163,12 @@ def monitor_source(monitor: Watching, *, title: str, dt: float) -> str:
     return Template((_FOLDER / "monitor.c").read_text(encoding="utf-8")).substitute(
         title=_comment(title),
         version=__version__,
-        claim=_comment(monitor.sentence),
+        claim=_comment(
+            f"No claim about flights of this scenario: {no_claim}. It was counted on others: "
+            f"{monitor.sentence}"
+            if no_claim
+            else monitor.sentence
+        ),
         dt=_number(dt),
         models=len(models),
         watches=len(watches),
@@ -280,7 +299,11 @@ def export(
         source = export_c(loaded, name, chosen, Path(out), plant=plant)
         monitor = None
         if watching is not None:
-            text = monitor_source(watching, title=loaded.title, dt=1.0 / loaded.controller.rate_hz)
+            if why := _not_counted(watching, loaded, name, chosen, plant):
+                notes = (f"no claim about flights of this scenario: {why}.", *notes)
+            text = monitor_source(
+                watching, title=loaded.title, dt=1.0 / loaded.controller.rate_hz, no_claim=why
+            )
             monitor = write_text(source.with_name(MONITOR_SOURCE), text)
         return ExportedSource(source=source, notes=notes, monitor=monitor)
     flight = export_jsbsim(loaded, name, chosen, Path(out).absolute(), plant=plant)

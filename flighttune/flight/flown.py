@@ -462,9 +462,11 @@ class FlownScenario(Answering):
                 Table(shown, runs, self.scenario.title, grouped=True),
                 Table(columns("gains R_K I_K E_K"), linear, loop),
             ],
+            summary=around.summary,
             notes=[*self.scenario.notes, *slopes, *around.notes, *notes],
             verdict=f"{sentence}. {next_step}" if next_step else sentence,
             failure=around.failure or (f"{missed[0]}{more}" if missed else ""),
+            status=around.status,
         )
 
 

@@ -237,9 +237,11 @@ class Gap(Answering):
                 "planning": self._largest,
                 **around.values,
             },
+            summary=around.summary,
             tables=tables if self.steps else [],
             notes=[*self.scenario.notes, *notes, *self.causes, *self._planning, *around.notes],
             failure=around.failure or early,
+            status=around.status,
         )
 
     @property

@@ -82,6 +82,8 @@ def _described(claim: RunClaim) -> dict[str, Any]:
     """A claim as JSON holds it, its bounds as text of their bytes."""
     ends = b64encode(np.ascontiguousarray(claim.bounds.pairs, dtype="<f8").tobytes()).decode()
     described = {**pick(claim, "kind title sentence"), "units": dict(claim.units), "bounds": ends}
+    if claim.no_claim:
+        described["no_claim"] = claim.no_claim
     return described | ({"alarm": claim.alarm} if claim.alarm else {})
 
 

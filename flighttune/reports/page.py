@@ -28,7 +28,15 @@ from flighttune.reports.panels import TEXTS, by_plant, provenance_table
 from flighttune.scenario.load import gains_notes, scenario_of
 from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import TUNED, TUNED_FED_BACK, TUNED_IDENTIFIED
-from flighttune.simulate.run import Run, claim_notes, claimed, priority_notes, run_styles
+from flighttune.simulate.run import (
+    COULD_NOT_SAY,
+    Run,
+    claim_notes,
+    claimed,
+    not_claimed,
+    priority_notes,
+    run_styles,
+)
 from flighttune.tuning.tune import frontier, frontier_chart
 from flighttune.units import DEG_PER_RAD
 
@@ -61,10 +69,14 @@ def write_log_page(
     facts = {"log": f"{log['file']} ({log['kind']})", "part": part}
     facts |= {key: "; ".join(lines) for key, lines in stated.items() if lines}
     summary, alarms, scores, failure = [f"A real flight of {run.duration:.1f} s."], [], [], ""
+    unclaimed = list[str]()
     for monitor in monitors:
-        alarm, score = monitor.alarm(run), score_so_far(monitor.watches, run)
+        score, alarm = score_so_far(monitor.watches, run), None
         sentence = f"No alarm from {monitor.watches[0].from_s:g} s on."
-        if alarm is not None:
+        if no_claim := monitor.not_about(run):
+            sentence = f"{run.label}: no claim about this flight: {no_claim}."
+            unclaimed.append(sentence)
+        elif (alarm := monitor.alarm(run)) is not None:
             sentence = alarm.sentence
             failure = failure or sentence
         alarms.append(alarm and alarm._asdict())
@@ -72,9 +84,8 @@ def write_log_page(
         chart.line(run.t[-len(score) :], score, STRONG)
         chart.level(1.0, LIMIT)
         scores.append(chart)
-        summary += [sentence, f"The monitor: {monitor.sentence}."]
-        if isinstance(monitor, LogMonitor) and run.provenance.gains_name in monitor.names:
-            summary.append("It learned from a log of this name, of which it claims nothing.")
+        summary += [*([] if no_claim else [sentence]), f"The monitor: {monitor.sentence}."]
+    summary = [*unclaimed, *summary]
     watched = Section(id="monitor", title="Monitor", charts=scores, legend=False)
     sections = _of_logs([(run, styles[run.label])], facts_table("The log", facts))
     page = write_answer(
@@ -93,7 +104,9 @@ def write_log_page(
         *(f"missing: {line}" for line in source.missing),
     ]
     values = {"bytes": path.stat().st_size, "summary": summary, "log": log, "alarms": alarms}
-    return replace(page, shown=Answer(values=values, notes=notes, failure=failure))
+    shown = Answer(values=values, notes=notes, failure=failure or next(iter(unclaimed), ""))
+    status = 1 if failure or not unclaimed else COULD_NOT_SAY
+    return replace(page, shown=replace(shown, status=status))
 
 
 def _of_logs(flights: panels.Drawn, table: Table) -> list[Section]:
@@ -134,6 +147,7 @@ def write_report(source: compare.Source, path: Path) -> Report:
     gaps, without_gap = _gaps(scenario, runs)
     around, first = claimed(source.runs), [f"{claim.short}.", f"Converged: {converged}."]
     next_step = advice(scenario, source.runs, "SCENARIO")
+    failed = [around.failure] if around.failure else []
     below = [panels.tracking_table(runs), panels.runs_table(source.runs)]
     criterion = {
         "part": 100.0 * panels.CONVERGED_PART,
@@ -143,7 +157,7 @@ def write_report(source: compare.Source, path: Path) -> Report:
         path,
         page_template("flighttune.reports", "page.html.jinja"),
         about=(flown_in_words(scenario, runs), _gains_in_words(scenario, runs)),
-        summary=(*first, *([around.failure] if around.failure else []), *gains_notes(runs)),
+        summary=tuple(dict.fromkeys([*around.summary, *first, *failed, *gains_notes(runs)])),
         closest=f"{claim.closest[:1].upper()}{claim.closest[1:]}." if claim.closest else "",
         missed=(*claim.missed, *claim.held, *([next_step] if next_step else [])),
         criterion=TEXTS["converges"].format(**criterion),
@@ -172,8 +186,10 @@ def write_report(source: compare.Source, path: Path) -> Report:
             **around.values,
         },
         tables=[replace(table, name="") for table in named if table.name in PRINTED],
+        summary=around.summary,
         notes=[*first, *gains_notes(runs), *around.notes],
         failure=around.failure,
+        status=around.status,
     )
     return replace(page, shown=shown)
 
@@ -212,7 +228,7 @@ def write_gap_page(gap: Gap, tables: Sequence[Table], path: Path) -> Report:
         path,
         title=f"From the law to the aircraft: {gap.scenario.title}; gains {gap.name}",
         about=(flown_in_words(gap.scenario, gap.runs),),
-        summary=[*gap.causes, *gap.scenario.assumptions],
+        summary=[*not_claimed([gap.aircraft]), *gap.causes, *gap.scenario.assumptions],
         parts={
             "responses": Section(note=" ".join(note), charts=charts.gap_charts(gap)),
             "numbers": Section(title="Numbers", tables=tables),

@@ -73,6 +73,9 @@ SCORE = "alarm_score"
 # Half width (rad) below which bounds count as that wide: a tube may begin at a point
 NARROWEST = 1e-9
 
+# Exit status where a claim says nothing of the flight that it was given for.
+COULD_NOT_SAY = 2
+
 # Tubes are proven, bands are counted.
 Kind: TypeAlias = Literal["proven", "counted"]
 
@@ -174,6 +177,7 @@ class RunClaim:
     # Of a monitor: what it adds to the run, and when that alarms
     signals: Mapping[str, FloatArray] = field(default_factory=dict)
     alarm: Alarm | None = None
+    no_claim: str = ""  # why it says nothing of this run, whose score alone it has
 
     def contains(self, signals: pd.DataFrame) -> bool:
         """Whether the flight with these signals is inside the bounds."""
@@ -181,6 +185,8 @@ class RunClaim:
 
     def said(self, signals: pd.DataFrame) -> str:
         """Whether the flight with these signals is inside, or what alarms, in words."""
+        if self.no_claim:
+            return f"no claim about this flight: {self.no_claim}"
         if self.alarm is not None:
             return self.alarm.sentence
         return f"{'inside' if self.contains(signals) else 'outside'} the {self.title}."
@@ -346,8 +352,19 @@ def claim_notes(runs: Iterable[Run]) -> list[str]:
         f"{claim.title[0].upper()}{claim.title[1:]}: {claim.sentence}."
         for run in runs
         for claim in run.claims
+        if not claim.no_claim
     ]
     return [*said, *dict.fromkeys(claims)]
+
+
+def not_claimed(runs: Iterable[Run]) -> list[str]:
+    """A sentence for each claim beside a run that says nothing of it."""
+    return [
+        f"{run.label}: {claim.said(run.signals)}"
+        for run in runs
+        for claim in run.claims
+        if claim.no_claim
+    ]
 
 
 def run_styles(runs: Iterable[Run]) -> dict[str, LineStyle]:
@@ -384,7 +401,9 @@ def with_claims(runs: Sequence[Run], claims: Sequence[object]) -> tuple[Run, ...
             )
         reasons = [claim.why_not(run) for run in runs]
         if all(reasons):
-            why = f"{runs[0].label}: {reasons[0]}" if runs else "there is no run"
+            why = "there is no run"
+            if runs:
+                why = f"{runs[0].label}: no claim about this flight: {reasons[0]}"
             raise InputError(f"`claim` must cover a run: {why}.")
         runs = [
             run if why else _with_claim(run, claim.on(run))
@@ -401,15 +420,21 @@ def _with_claim(run: Run, claim: RunClaim) -> Run:
 
 def claimed(runs: Sequence[Run]) -> Answer:
     """The claims about runs, as part of an answer."""
-    claims, failures = [], []
+    claims, failures, unclaimed = [], [], not_claimed(runs)
     for run in runs:
         for claim in run.claims:
             inside, alarm = claim.contains(run.signals), claim.alarm
-            row = {"run": run.label, **pick(claim, "kind title sentence"), "inside": inside}
+            row = {
+                "run": run.label,
+                **pick(claim, "kind title sentence no_claim"),
+                "inside": inside,
+            }
             if SCORE in claim.units:
                 row["alarm"] = alarm and alarm._asdict()
             claims.append(row)
             # A flight that leaves a proven tube is a failure, and so is an alarm.
+            if claim.no_claim:
+                continue
             if alarm is not None:
                 failures.append(f"{run.label}: {alarm.sentence}")
             elif claim.kind == "proven" and not inside:
@@ -417,6 +442,8 @@ def claimed(runs: Sequence[Run]) -> Answer:
     check = "Claims are drawn as their files state them: flighttune verify FILE checks one."
     return Answer(
         values={"claims": claims},
-        notes=[*claim_notes(runs), *([check] if claims else [])],
-        failure=failures[0] if failures else "",
+        summary=unclaimed,
+        notes=[*(x for x in claim_notes(runs) if x not in unclaimed), *([check] if claims else [])],
+        failure=next(iter([*failures, *unclaimed]), ""),
+        status=COULD_NOT_SAY if unclaimed and not failures else 1,
     )

@@ -246,11 +246,12 @@ def test_a_band_is_not_drawn_around_a_run_of_another_airframe_or_with_sensors():
     (run, *_) = with_claims(flown(), [counted])
     assert run.claims[0].sentence == counted.sentence
     heavy = [plant | {"airframe": {"mass_factor": 1.3}} for plant in tables["plant"]]
-    for key, changes in (
-        ("plant.airframe.mass_factor", {"plant": heavy}),
-        ("sensors.chi_bias_deg", {"sensors": {"chi_bias_deg": 1.0}}),
+    for differs, changes in (
+        ("plant.airframe.mass_factor is 1.3, counted on 1", {"plant": heavy}),
+        ("sensors.chi_bias_deg is 1, counted on 0", {"sensors": {"chi_bias_deg": 1.0}}),
+        ("turbulence is light, counted on none", {"turbulence": {"intensity": "light"}}),
     ):
-        with pytest.raises(ft.InputError, match=rf"must cover a run: .*: its {key} must be"):
+        with pytest.raises(ft.InputError, match=rf"no claim about this flight: {differs}"):
             with_claims(flown(**changes), [counted])
 
 

@@ -1,10 +1,12 @@
 """The words of a distribution of flights: what a claim is about, with ranges and units."""
 
 import pytest
-from dispersed import AEROSONDE, WIND, campaign_of, one_of, tables_of, uniform
+from dispersed import AEROSONDE, WIND, campaign_of, one_of, plan_of, tables_of, uniform
 
 import flighttune as ft
 from flighttune.campaign.counted_flights import at_random, distribution_of
+from flighttune.campaign.counting import flights_of
+from flighttune.claims.monitor import FAULTS
 
 # 2 m/s^2 from 1 s on, for 1.5 s: from 25 to 28 m/s.
 V_RAMP = {"chi_deg": 0.0, "gamma_deg": 0.0}
@@ -90,3 +92,63 @@ def test_a_key_of_another_plant_is_not_of_this_distribution():
 
     (row,) = [row for row in rows if row["drawn"] != "fixed"][3:]
     assert row == {"quantity": "mass factor", "values": "0.9 to 1.1", "drawn": "uniform"}
+
+
+LIGHT = {"turbulence": {"intensity": "light"}}
+COUNTED = uniform("wind.speed_mps", 2.0, 8.0), uniform("plant.airframe.mass_factor", 0.9, 1.1)
+FAULT = {"from_s": 1.0, "aileron_stuck_deg": 5.0}
+
+
+def plant(**airframe):
+    return {"plants": [AEROSONDE | {"airframe": airframe}]}
+
+
+@pytest.mark.parametrize(
+    ("disperse", "counted", "flown", "differs"),
+    [
+        ((), LIGHT, LIGHT, ""),
+        ((), LIGHT, {"turbulence": {"intensity": "severe"}},
+         "turbulence is severe, counted on light"),
+        ((), LIGHT, {}, "turbulence is none, counted on light"),
+        ((), {}, LIGHT, "turbulence is light, counted on none"),
+        ([one_of("turbulence.intensity", "light", "moderate")], LIGHT,
+         {"turbulence": {"intensity": "severe"}}, "turbulence is severe, counted on light or "),
+        (COUNTED, {"wind": WIND}, {"wind": WIND}, ""),
+        (COUNTED, {"wind": WIND}, {"wind": WIND | {"speed_mps": 9.0}},
+         "wind.speed_mps is 9, counted on 2 to 8"),
+        (COUNTED, {"wind": WIND}, {}, "wind.speed_mps is none, counted on 2 to 8"),
+        ([uniform("wind.speed_mps", 0.0, 8.0)], {"wind": WIND}, {}, ""),
+        ((), {}, {"wind": WIND | {"speed_mps": 0.0}}, ""),
+        (COUNTED, {"wind": WIND}, {"wind": WIND} | plant(mass_factor=1.2),
+         "plant.airframe.mass_factor is 1.2, counted on 0.9 to 1.1"),
+        ([uniform("plant.airframe.mass_factor", 1.2, 1.3)], {}, {},
+         "plant.airframe.mass_factor is 1, counted on 1.2 to 1.3"),
+        ((), {}, plant(mass_factor=1.0), ""),
+        ((), {}, plant(fault=FAULT), "plant.airframe.fault.from_s is 1, counted on none"),
+        ((), {}, {"sensors": {"chi_bias_deg": 1.0}}, "sensors.chi_bias_deg is 1, counted on 0"),
+        ((), {"sensors": {"chi_bias_deg": 1.0}}, {}, "sensors.chi_bias_deg is 0, counted on 1"),
+        ((), {}, {"disturbance": {"chi_amplitude": 0.01, "chi_omega_rad_s": 2.0, "as_wind": True}},
+         "disturbance.chi_amplitude is 0.01, counted on 0"),
+        ((), {}, {"reference": {"chi_deg": 1.0, "gamma_deg": 0.0}},
+         "reference.chi_deg is 1, counted on 0"),
+        ((), {}, {"controller": {"feed_forward": False}}, "controller.feed_forward is False"),
+        ((), {}, {"limits": {"phi_deg": [-30.0, 45.0]}}, "limits.phi_deg is [-30.0, 45.0], "),
+        ([uniform("limits.phi_deg[1]", 40.0, 45.0)], {},
+         {"limits": {"phi_deg": [-45.0, 30.0]}}, "limits.phi_deg[1] is 30, counted on 40 to 45"),
+        ((), {}, {"law": "exact"}, "law.kind is exact, counted on paper"),
+    ],
+)  # fmt: skip
+def test_a_flight_of_others_than_those_counted_is_named_with_both_values(
+    disperse, counted, flown, differs
+):
+    tables, own = tables_of((AEROSONDE,), gains=["paper"], **counted), flown.copy()
+    flights = flights_of(plan_of(tables, *disperse, gains=["paper"], design="random"), None, 2, 7)
+    other = ft.scenario_from(tables_of(own.pop("plants", (AEROSONDE,)), **own))
+    name = "exact:paper" if "law" in flown else "paper"
+
+    said = flights.not_counted(other, "jsbsim:aerosonde", name)
+
+    assert said.startswith(differs)
+    assert bool(said) == bool(differs)
+    if "fault" in differs:
+        assert not flights.not_counted(other, "jsbsim:aerosonde", name, FAULTS)

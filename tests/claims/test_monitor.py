@@ -1,9 +1,10 @@
 """The count of a monitor: its claim, its file, a forgery, and a fault that it finds."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
-from commands import answer
+from commands import answer, flighttune
 from made_up import scenario_file
 
 import flighttune as ft
@@ -58,6 +59,33 @@ def test_fly_records_the_score_and_says_whether_when_and_why_it_alarms(
         assert f"Alarm at {alarm.at_s:.2f} s" in " ".join(page["summary"])
     assert answer("verify", runs)["equal"]
     assert monitor.why_not(run) == "another monitor has scored it"
+
+
+@pytest.mark.soak
+def test_an_alarm_of_a_flight_that_it_is_not_about_is_none_and_the_first_line_says_so(
+    monitor, tmp_path
+):
+    monitor.save(tmp_path / "m.npz")
+    tables = HEALTHY.as_dict() | {"turbulence": {"intensity": "severe"}}
+    file = scenario_file(tmp_path / "s.toml", ft.scenario_from(tables))
+    fly = "fly", file, "--claim", tmp_path / "m.npz", "--out", tmp_path / "runs"
+    said = "no claim about this flight: turbulence is severe, counted on none"
+
+    printed, line = flighttune(*fly, status=2)
+    (claim,) = answer(*fly, status=2)["claims"]
+    page = answer("report", tmp_path / "runs", "--out", tmp_path / "page.html", status=2)
+
+    assert said in printed.splitlines()[0]
+    assert said in line
+    assert said in page["summary"][0]
+    assert (claim["alarm"], claim["inside"], claim["no_claim"] in said) == (None, False, True)
+    assert "raises an alarm" not in printed
+    (run,) = (run for run in ft.load(tmp_path / "runs").runs if "alarm_score" in run.signals)
+    assert run.claims[0].no_claim == claim["no_claim"]
+    c = "--format", "c", "--claim", tmp_path / "m.npz", "--out", tmp_path / "c"
+    made = answer("export", file, "--gains", "paper", *c)
+    assert "turbulence is severe, counted on none" in made["notes"][0]
+    assert "No claim about flights of this scenario" in Path(made["monitor"]).read_text()
 
 
 @pytest.mark.soak

@@ -70,8 +70,8 @@ MADE_BY = {
     "gains.json": "flighttune tune paper --out gains.json",
     "certificate.json": "flighttune certify paper --out certificate.json",
     "mine.json": "flighttune tune mine.toml --out mine.json",
-    "monitor.npz": "flighttune monitor mission --start-deg 1 --epsilon 0.3 --confidence 0.9 "
-    "--learn 20 --flights 7 --out monitor.npz",
+    "monitor.npz": "flighttune monitor mission --set turbulence.intensity=light --start-deg 1 "
+    "--epsilon 0.3 --confidence 0.9 --learn 20 --flights 7 --out monitor.npz",
     "runs/circuit-band.npz": "flighttune band circuit --start-deg 2 --plant kinematic "
     "--epsilon 0.3 --confidence 0.9 --learn 10 --flights 7",
 }
