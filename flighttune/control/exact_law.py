@@ -13,6 +13,7 @@ from flighttune.control.gains import RATES, PIGains
 from flighttune.control.limits import FREE, RATE_LIMITED, AntiWindup, Limits, limit_command
 from flighttune.control.linear_model import LinearModel, law_model
 from flighttune.control.mimo_pi import ChannelLaw, PIState, StatefulPI, channel_laws
+from flighttune.control.wind import speed_in_wind
 from flighttune.errors import InputError
 from flighttune.units import G_PAPER, wrap_angle
 
@@ -20,9 +21,6 @@ Priority: TypeAlias = Literal["gamma", "chi"]
 
 RATE_SIGNALS = MappingProxyType({"chi_dot_integral": "rad/s", "gamma_dot_integral": "rad/s"})
 WITH_AIRSPEED_SIGNALS = MappingProxyType({**RATE_SIGNALS, "V_dot_integral": "1/s"})
-
-# Share of the airspeed below which the law takes no speed over ground to be.
-LEAST_SPEED = 0.2
 
 # Least vertical lift for which the roll command is computed, in weights.
 LIFT_FLOOR = 0.1
@@ -70,7 +68,7 @@ class ExactLaw(StatefulPI):
     gains : PIGains
         From the errors (chi, gamma) to the rates `RATES`: K_P in 1/s, K_I in 1/s^2. With the
         airspeed as third channel nu_V is its rate over its reference, and the law commands
-        ``n_x = sin(gamma) + V_ref nu_V / g``.
+        ``n_x = sin(gamma) + V_ref nu_V / g`` with gamma through the air.
     limits : Limits, optional
         Of (phi, n_z) or (phi, n_z, n_x); none by default. Applied as `CommandLimiter` does.
     dt : float, s
@@ -193,17 +191,17 @@ class ExactLaw(StatefulPI):
         seen = measured.chi, measured.gamma, measured.phi, measured.n_z
         exact_step(law, state, ref, seen, turning_speed(measured))
         if channel is not None:
-            self._hold_airspeed(channel, measured.gamma, reference)
+            self._hold_airspeed(channel, self.climb(measured, measured.gamma), reference)
         return (*state.u, *state.integral)
 
-    def _hold_airspeed(self, channel: ChannelLaw, gamma: float, reference: ReferenceSample) -> None:
-        """Command n_x; its integral stands where a limit holds it, as those of the other two."""
+    def _hold_airspeed(self, channel: ChannelLaw, climb: float, reference: ReferenceSample) -> None:
+        """Command n_x for a `climb`; its integral stands where a limit holds it, as the others."""
         state, law, (K_P, K_I, *limits) = self.state, self.law, channel
         V_ref = reference.V
         assert V_ref is not None  # `airspeed_channel` has refused a reference without one
         rate = reference.V_dot / V_ref + state.integral[2]
         rate += sum(gain * error for gain, error in zip(K_P, state.error, strict=True))
-        wanted = math.sin(gamma) + V_ref * law.per_g * rate
+        wanted = climb + V_ref * law.per_g * rate
         n_x, limited = limit_command(wanted, state.u[2], *limits)
         state.u[2], state.u_unsat[2], state.limited[2] = n_x, wanted, limited
         more = sum(gain * error for gain, error in zip(K_I, state.error, strict=True))
@@ -218,26 +216,6 @@ def turning_speed(measured: Measured, estimate: tuple[float, ...] | None = None)
     chi, gamma, V_a, *_ = measured
     wind = measured.wind if estimate is None else estimate
     return V_a if wind is None else speed_in_wind(chi, gamma, V_a, wind)
-
-
-def speed_in_wind(chi: float, gamma: float, V_a: float, wind: Sequence[float]) -> float:
-    """Speed that turns lift into rates of the path over ground, m/s; Numba compiles it too.
-
-    Lift turns the velocity over ground, and only the part of it across that velocity does. The
-    speed is ``V_g / cos(delta)``, delta the angle between the velocities over ground and through
-    the air; with u the direction over ground and w the `wind` (north, east, down, m/s),
-    ``|V_g u - w| = V_a``.
-    """
-    w_n, w_e, w_d = wind[0], wind[1], wind[2]
-    level = math.cos(gamma)
-    north, east = level * math.cos(chi), level * math.sin(chi)
-    along = w_n * north + w_e * east - w_d * math.sin(gamma)
-    across = w_n * w_n + w_e * w_e + w_d * w_d - along * along
-    ahead = V_a * V_a - across
-    if ahead <= 0.0:  # a wind that no heading holds this course in
-        return V_a
-    ahead = math.sqrt(ahead)
-    return max(along + ahead, LEAST_SPEED * V_a) * V_a / ahead
 
 
 def rate_model(*, airspeed: bool = False) -> LinearModel:

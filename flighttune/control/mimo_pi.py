@@ -12,6 +12,7 @@ from flighttune.arrays import FloatArray, check_positive
 from flighttune.control.controller import FlightCondition, Measured, ReferenceSample, SelfLimiting
 from flighttune.control.gains import ERRORS, ERRORS_WITH_AIRSPEED, PIGains
 from flighttune.control.limits import FREE, AntiWindup, Limits, limit_command
+from flighttune.control.wind import WindEstimate, climb_through_air
 from flighttune.errors import InputError, ShapeError
 from flighttune.units import G_PAPER, wrap_angle
 
@@ -102,6 +103,7 @@ class StatefulPI(SelfLimiting):
     def __init__(self, gains: PIGains, dt: float, u: Sequence[float] = ()) -> None:
         self.gains, self.dt = gains, dt
         self.state = empty_state(u or [0.0] * len(gains.inputs))
+        self._wind = WindEstimate(dt)
 
     @property
     def limiter(self) -> PIState:
@@ -111,6 +113,7 @@ class StatefulPI(SelfLimiting):
     def start(self, condition: FlightCondition) -> None:
         """Empty the integrators; the commands of steady flight at `condition` are in force."""
         self.state = empty_state(condition.commands(len(self.gains.inputs)))
+        self._wind = WindEstimate(self.dt)
 
     def tracking_gain(self, anti_windup: str, tracking_time: float | None) -> float:
         """Sample time over tracking time; 0 without back-calculation."""
@@ -141,6 +144,12 @@ class StatefulPI(SelfLimiting):
             upper=min(channel.upper, most + BEYOND_STOP),
         )
         return (V_ref - measured.V_a) / V_ref, within
+
+    def climb(self, measured: Measured, gamma: float) -> float:
+        """Sine of the path angle through the air, which thrust bears, at one over ground (rad)."""
+        if (wind := self._wind(measured.wind)) is None:
+            return math.sin(gamma)
+        return climb_through_air(measured.chi, gamma, measured.V_a, wind)
 
 
 class MimoPI(StatefulPI):
@@ -173,8 +182,8 @@ class MimoPI(StatefulPI):
         Add ``cos(gamma_ref)/cos(phi)`` to the load-factor command: what steady flight on the
         reference needs at the bank flown. It depends on the reference and not on the error, so the
         linear loop about wings-level flight is the same with it and without. Where the reference
-        was made of commands these are added instead. To n_x it adds ``sin(gamma_ref)`` and the rate
-        of the airspeed's reference over g.
+        was made of commands these are added instead. To n_x it adds the sine of the path angle of
+        the reference through the air, and the rate of the airspeed's reference over g.
     g : float, m/s^2
         Acceleration of gravity, of the feed-forward of n_x alone.
 
@@ -245,7 +254,7 @@ class MimoPI(StatefulPI):
         state, law, e_V = self.state, self.law, 0.0
         if len(law.channels) > 2:
             e_V, channel = self.airspeed_channel(law.channels[2], measured, reference)
-            along = math.sin(reference.gamma) + reference.V_dot / self._g
+            along = self.climb(measured, reference.gamma) + reference.V_dot / self._g
             u_ff = *u_ff[:2], along if self.feed_forward else 0.0
             law = law._replace(channels=(*law.channels[:2], channel))
         # Both begin with course and path angle: a slice of each would cost as much as an error.

@@ -15,6 +15,7 @@ from flighttune.claims.monitor import LogMonitor, Monitor, Watching
 from flighttune.control.exact_law import ExactLaw, RateLaw
 from flighttune.control.gains import PIGains
 from flighttune.control.mimo_pi import BEYOND_STOP, MimoPI
+from flighttune.control.wind import LEAST_SPEED, WIND_ESTIMATE_S
 from flighttune.errors import InputError
 from flighttune.exports.jsbsim_folder import ExportedFlight, export_jsbsim
 from flighttune.files.load import BAND, MONITOR, load_one
@@ -117,15 +118,24 @@ def _of_pi(law: MimoPI, g: float) -> dict[str, Any]:
     return {
         **_HEAD[airspeed],
         "channels": len(law.law.channels),
-        "priority_per_g": _number(APPROACH / g),
-        "least_share": _number(LEAST_SHARE),
-        "steepest_dive": _number(STEEPEST_DIVE),
+        "speed_priority": _speed_priority(g),
         "beyond_stop": _number(BEYOND_STOP),
         "uses_V_a": _USED if law.law.per_speed or airspeed else _UNUSED,
         "g": _number(g),
         "per_speed": _number(law.law.per_speed),
         "feed_forward": int(law.feed_forward),
     }
+
+
+def _speed_priority(g: float) -> str:
+    """The path angle that gives way to the airspeed, in C."""
+    return Template((_FOLDER / "speed_priority.c").read_text(encoding="utf-8")).substitute(
+        priority_per_g=_number(APPROACH / g),
+        least_share=_number(LEAST_SHARE),
+        steepest_dive=_number(STEEPEST_DIVE),
+        least_speed=_number(LEAST_SPEED),
+        wind_s=_number(WIND_ESTIMATE_S),
+    )
 
 
 def _of_exact_law(law: RateLaw) -> dict[str, Any]:

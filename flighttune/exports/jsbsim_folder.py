@@ -18,7 +18,7 @@ from flighttune import __version__
 from flighttune.aircraft.aircraft import AircraftConfig
 from flighttune.aircraft.model_xml import template_of
 from flighttune.arrays import FloatArray
-from flighttune.control import exact_law, mimo_pi
+from flighttune.control import mimo_pi, wind
 from flighttune.control.controller import LawSetup
 from flighttune.control.gains import PIGains
 from flighttune.control.law import OuterLoop
@@ -48,7 +48,8 @@ AT_REST = 40.0
 # Share of a sample that is rounding.
 SAME_TIME = 1e-6
 
-# Largest difference between two flights that are the same but for rounding, rad, 1 and m/s.
+# Largest difference between two flights that are the same but for rounding, rad and 1; that of the
+# airspeed is relative.
 TOLERANCE = 1e-9
 
 # Wall time after which JSBSim is stopped, s, and more for each second of flight; it takes 2 s.
@@ -231,9 +232,12 @@ def _differences(
     # One of the two courses is modulo a turn.
     distances["chi"] = np.abs((distances["chi"] + np.pi) % (2.0 * np.pi) - np.pi)
     largest = {name: float(values.max()) for name, values in distances.items()}
+    allowed = dict.fromkeys(largest, TOLERANCE)
+    if "V_a" in allowed:
+        allowed["V_a"] *= run.signals["V_a"].iloc[0]
     # With "not", because NaN is a difference too.
-    first = {name: np.argmax(~(values <= TOLERANCE)) for name, values in distances.items()}
-    if not (differing := [name for name, value in largest.items() if not value <= TOLERANCE]):
+    first = {name: np.argmax(~(values <= allowed[name])) for name, values in distances.items()}
+    if not (differing := [name for name, value in largest.items() if not value <= allowed[name]]):
         return largest, ""
     name = min(differing, key=lambda name: (first[name], -distances[name][first[name]]))
     return largest, f"{name} differs first, at t = {run.t[first[name]]:g} s"
@@ -268,7 +272,7 @@ def _values(scenario: Scenario, setup: LawSetup, loop: OuterLoop, fdm: Fdm) -> d
     values |= _read(fdm, (*_COMMANDS.values(), properties.N_X_FOLLOWED, properties.V_A_CMD))
     values |= {
         "ft/outer/dt-s": setup.dt,
-        "ft/outer/least-speed": exact_law.LEAST_SPEED,
+        "ft/outer/least-speed": wind.LEAST_SPEED,
         "ft/outer/per-g-s2_m": 1.0 / scenario.flight.g_mps2,
         **loop.values,
     }

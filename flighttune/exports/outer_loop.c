@@ -122,7 +122,7 @@ void ft_outer_loop_step(struct ft_outer_loop *loop, double chi_ref, double gamma
 {
     ft_outer_loop_step_along(loop, chi_ref, gamma_ref, 0.0, 0.0, V_a, chi, gamma, phi, V_a);
 }
-#else
+#else${speed_priority}
 void ft_outer_loop_start(struct ft_outer_loop *loop, double phi, double n_z, double n_x)
 {
     const struct ft_outer_loop engaged = {{phi, n_z, n_x}, {0.0}, {0.0}, 0};
@@ -138,22 +138,23 @@ struct ft_sample {
     double chi_rate, gamma_rate, V_rate, V_turn;
     double chi, gamma, phi, V_a;  /* measured */
     double n_x_least, n_x_most; /* what the engines give now */
+    double wind[3];             /* as of ft_path_angle */
 };
 
-/* Speed has priority: where n_x_most cannot carry the climb, the path angle gives way. The one that
- * is followed is returned. */
+/* Returns the path angle that is followed: that of ft_path_angle. */
 double ft_outer_loop_step(struct ft_outer_loop *loop, const struct ft_sample *now)
 {
-    const double steepest = now->n_x_most + ${priority_per_g} * (now->V_a - ${least_share} * now->V_ref);
-    const int cut = sin(now->gamma_ref) > steepest;
-    const double gamma_ref = cut ? asin(fmax(steepest, ${steepest_dive})) : now->gamma_ref;
+    const double gamma_ref = ft_path_angle(now->gamma_ref, now->V_ref, now->chi, now->V_a,
+                                           now->n_x_most, now->wind);
+    const int cut = gamma_ref < now->gamma_ref;
+    const double climb = climb_through_air(now->chi, gamma_ref, now->V_a, now->wind);
     const double per_g = cut ? 0.0 : now->V_turn / FT_G;
     const double error[3] = {shorter_way_round(now->chi_ref - now->chi), gamma_ref - now->gamma,
                              (now->V_ref - now->V_a) / now->V_ref};
     const double lift = cos(gamma_ref) + now->gamma_rate * per_g;
     const double u_ff[3] = {FT_FEED_FORWARD ? atan(now->chi_rate * per_g) : 0.0,
                             FT_FEED_FORWARD ? lift / cos(now->phi) : 0.0,
-                            FT_FEED_FORWARD ? sin(gamma_ref) + now->V_rate / FT_G : 0.0};
+                            FT_FEED_FORWARD ? climb + now->V_rate / FT_G : 0.0};
     /* Beyond the stop of the engines nothing winds up; a little of it keeps them at the stop. */
     const double least[3] = {lower[0], lower[1], fmax(lower[2], now->n_x_least - ${beyond_stop})};
     const double most[3] = {upper[0], upper[1], fmin(upper[2], now->n_x_most + ${beyond_stop})};

@@ -3,11 +3,13 @@
 import math
 from collections.abc import Iterable
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
 from flighttune.control.inner_loop import InnerLag
 from flighttune.control.limits import Limits
+from flighttune.control.wind import climb_through_air
 from flighttune.errors import InputError
 from flighttune.plants.base import FlightCondition
 from flighttune.plants.weather import Weather, WindProfile, path_through_air
@@ -24,6 +26,9 @@ MARGIN = 0.2
 
 # Times at which a reference is looked at for its steepest slopes.
 REFERENCE_SAMPLES = 401
+
+# Courses of a turn, besides its first, at which its slope is looked at in the wind.
+TURN_COURSES = 8
 
 # Roll short of 90 deg, rad: beyond it no turn rate is out of reach.
 STEEPEST_ROLL = math.pi / 2.0 - 1e-6
@@ -118,28 +123,56 @@ def _route_reference(scenario: Scenario, table: RouteTable) -> RouteReference:
     return route
 
 
+class Slope(NamedTuple):
+    """A climb or descent of a reference, by its path through the air."""
+
+    air: float  # rad: path angle through the air, which thrust and drag bear
+    gamma: float  # rad: over ground
+    V_a: float  # m/s
+    words: str  # where
+
+    @property
+    def over_ground(self) -> str:
+        """The path angle over ground in words, to follow the other; empty where it is the same."""
+        air, ground = (f"{x / DEG:.1f} deg" for x in (self.air, self.gamma))
+        return "" if air == ground else f" through the air ({ground} over ground)"
+
+
+def slopes(scenario: Scenario) -> list[Slope]:
+    """Slopes of the reference of a scenario in its steady wind."""
+    reference, f = reference_of(scenario), scenario.flight
+    profile = scenario.wind.profile() if scenario.wind else WindProfile()
+    if not isinstance(reference, RouteReference):
+        chi, gamma = reference.sampled(np.linspace(0.0, f.duration_s, REFERENCE_SAMPLES))
+        angles = zip(chi.tolist(), gamma.tolist(), strict=True)
+        places = [(*x, f.h_m, f.V_a_mps, "reference") for x in dict.fromkeys(angles)]
+    else:
+        path, places = reference.path, []
+        for x in path.stretches:
+            s = x.start + 0.5 * x.length
+            up, V_a = (float(np.interp(s, path.s, y)) for y in (path.up, reference.V))
+            courses = x.course + x.turn * np.linspace(0.0, 1.0, 1 + TURN_COURSES * bool(x.turn))
+            places += [(chi, x.gamma, f.h_m + up, V_a, x.words) for chi in courses.tolist()]
+    found = []
+    for chi, gamma, h, V_a, words in places:
+        sine = climb_through_air(chi, gamma, V_a, profile.at(h))
+        found.append(Slope(math.asin(min(max(sine, -1.0), 1.0)), gamma, V_a, words))
+    return found
+
+
 def slopes_not_held(scenario: Scenario) -> tuple[str, ...]:
     """A sentence for the steepest climb and descent that an aircraft cannot hold, and why."""
     from flighttune.plants.jsbsim.trim import steepest  # where only the law flies, no JSBSim
 
-    reference, f = reference_of(scenario), scenario.flight
-    if isinstance(reference, RouteReference):
-        path = reference.path
-        slopes = [
-            (x.gamma, float(np.interp(x.start + 0.5 * x.length, path.s, reference.V)), x.words)
-            for x in path.stretches
-        ]
-    else:
-        _, gamma = reference.sampled(np.linspace(0.0, f.duration_s, REFERENCE_SAMPLES))
-        slopes = [(x, f.V_a_mps, "reference") for x in (float(gamma.min()), float(gamma.max()))]
-    notes = []
-    for (gamma, V_a, where), way in ((min(slopes), "descends"), (max(slopes), "climbs")):
-        for plant in scenario.plant if gamma and (way == "climbs") == (gamma > 0.0) else ():
-            condition = FlightCondition(V_a=V_a, h=f.h_m, gamma=gamma)
+    found, h, notes = slopes(scenario), scenario.flight.h_m, []
+    for slope, way in ((min(found), "descends"), (max(found), "climbs")):
+        for plant in scenario.plant if slope.air and (way == "climbs") == (slope.air > 0.0) else ():
+            condition = FlightCondition(V_a=slope.V_a, h=h, gamma=slope.air)
             if plant.aircraft and (can := steepest(plant.config, condition)):
                 notes.append(
-                    f"The {where} {way} at {abs(gamma) / DEG:.1f} deg; {plant.label} holds "
-                    f"{V_a:g} m/s up to {abs(can[0]) / DEG:.1f} deg, as beyond it {can[1]}."
+                    f"The {slope.words} {way} at {abs(slope.air) / DEG:.1f} deg"
+                    f"{slope.over_ground}; {plant.label} holds {slope.V_a:g} m/s up to "
+                    f"{abs(can[0]) / DEG:.1f} deg, as beyond it {can[1]}."
                 )
     return tuple(notes)
 

@@ -13,7 +13,6 @@ from flighttune.flight import conditions
 from flighttune.flight.models import gain_set, tuning_scaling
 from flighttune.identification.file import load_identified
 from flighttune.plants.jsbsim.plant import check_off_nominal
-from flighttune.references.follow import RouteReference
 from flighttune.references.items import RouteFile
 from flighttune.scenario.load import existing_file, title_with, with_changes, with_files, with_gains
 from flighttune.scenario.schema import Scenario
@@ -219,18 +218,17 @@ def _glide_faults(scenario: Scenario, config: AircraftConfig) -> Iterator[str]:
     """A route that does not descend as steeply as an aircraft without an engine glides."""
     from flighttune.plants.jsbsim.trim import level  # where only the law flies, no JSBSim
 
-    f, route = scenario.flight, conditions.reference_of(scenario)
-    assert isinstance(route, RouteReference)  # of a scenario with a route
+    f = scenario.flight
     try:
         glide = level(config, f.V_a_mps, f.h_m).gamma
     except TrimError:  # the run says so
         return
-    highest = max(route.path.stretches, key=lambda stretch: stretch.gamma)
-    if highest.gamma > glide + OFF_GLIDE:
+    highest = max(conditions.slopes(scenario))
+    if highest.air > glide + OFF_GLIDE:
         yield (
             "[plant] `aircraft` must have an engine for a route that is flatter than its glide: "
-            f"the path angle is {highest.gamma / DEG:.1f} deg on the {highest.words}, and "
-            f"{Path(config.file).parent.name} glides at {glide / DEG:.1f} deg"
+            f"the path angle is {highest.air / DEG:.1f} deg{highest.over_ground} on the "
+            f"{highest.words}, and {Path(config.file).parent.name} glides at {glide / DEG:.1f} deg"
         )
 
 

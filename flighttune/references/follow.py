@@ -11,6 +11,7 @@ import pandas as pd
 from flighttune.arrays import FloatArray
 from flighttune.control.controller import Measured, ReferenceSample
 from flighttune.control.exact_law import turning_speed
+from flighttune.control.wind import WindEstimate, path_over_ground
 from flighttune.plants.base import Stop
 from flighttune.references.path import STEP, Path
 
@@ -223,31 +224,29 @@ class AirspeedPriority:
     """Puts the airspeed into a reference, sample by sample, and keeps its path angle flyable.
 
     With n_x at most what the engines give, ``V' = g (n_x - sin(gamma))`` stays above
-    ``-kappa (V - V_low)`` as long as ``sin(gamma) <= n_x + kappa (V - V_low) / g``: V then never
-    falls through V_low, `LEAST_SHARE` of its reference. The path angle asked for is cut to that. At
-    the other stop nothing is cut: a descent that is too steep costs some airspeed above the
-    reference, and keeping it would cost the path.
+    ``-kappa (V - V_low)`` as long as ``sin(gamma) <= n_x + kappa (V - V_low) / g``, gamma through
+    the air: V then never falls through V_low, `LEAST_SHARE` of its reference. The path angle over
+    ground that is asked for is cut to that, in the wind that an aircraft knows. At the other stop
+    nothing is cut: a descent that is too steep costs some airspeed above the reference, and keeping
+    it would cost the path.
     """
 
     # `V` and `V_dot` hold at each sample where the reference has no airspeed by its place on a
     # route.
-    def __init__(self, V: FloatArray, V_dot: FloatArray, g: float) -> None:
+    def __init__(self, V: FloatArray, V_dot: FloatArray, g: float, dt: float) -> None:
         self._samples = list(zip(V.tolist(), V_dot.tolist(), strict=True))
-        self._per_g = APPROACH / g
+        self._per_g, self._wind = APPROACH / g, WindEstimate(dt)
 
     def __call__(self, k: int, m: Measured, ref: ReferenceSample) -> ReferenceSample:
         """Return the reference of sample `k` with its airspeed; its path angle may be less."""
         assert m.n_x is not None  # of a plant that takes n_x
         V, V_dot = self._samples[k] if ref.V is None else (ref.V, ref.V_dot)
-        steepest = m.n_x[2] + self._per_g * (m.V_a - LEAST_SHARE * V)
-        if math.sin(ref.gamma) <= steepest:
+        sine = min(max(m.n_x[2] + self._per_g * (m.V_a - LEAST_SHARE * V), STEEPEST_DIVE), 1.0)
+        wind = self._wind(m.wind)
+        gamma = math.asin(sine) if wind is None else path_over_ground(m.chi, sine, m.V_a, wind)
+        if ref.gamma <= gamma:
             return ref._replace(V=V, V_dot=V_dot)
-        gamma = math.asin(max(steepest, STEEPEST_DIVE))
         return ref._replace(gamma=gamma, gamma_dot=0.0, planned=None, V=V, V_dot=V_dot)
-
-
-# Time constant of the estimate of the wind, s: that of an airborne filter; gusts pass it by.
-WIND_ESTIMATE_S = 5.0
 
 
 class Planner:
@@ -260,19 +259,13 @@ class Planner:
     """
 
     def __init__(self, dt: float, g: float) -> None:
-        self._g, self._share = g, min(dt / WIND_ESTIMATE_S, 1.0)
-        self._wind: tuple[float, ...] | None = None
+        self._g, self._wind = g, WindEstimate(dt)
 
     def __call__(
         self, m: Measured, chi_dot: float, gamma_dot: float, gamma: float
     ) -> tuple[float, float]:
         """Roll (rad) and load factor for rates (rad/s) of the reference at its path angle (rad)."""
-        if m.wind is not None:
-            share, (north, east, down) = self._share, m.wind if self._wind is None else self._wind
-            n, e, d = m.wind
-            estimate = north + share * (n - north), east + share * (e - east)
-            self._wind = *estimate, down + share * (d - down)
-        per_g = turning_speed(m, self._wind) / self._g
+        per_g = turning_speed(m, self._wind(m.wind)) / self._g
         lift = math.cos(gamma) + gamma_dot * per_g
         return math.atan(chi_dot * per_g), lift / math.cos(m.phi)
 

@@ -14,9 +14,10 @@ from typing import Any, cast
 import numpy as np
 
 from flighttune import units
-from flighttune.control import exact_law, limits, mimo_pi
-from flighttune.control.exact_law import RateLaw, speed_in_wind
+from flighttune.control import exact_law, limits, mimo_pi, wind
+from flighttune.control.exact_law import RateLaw
 from flighttune.control.mimo_pi import ChannelLaw, PILaw, PIState
+from flighttune.control.wind import speed_in_wind
 from flighttune.plants import point_mass
 from flighttune.plants.point_mass import LOST
 from flighttune.references import follow, path
@@ -42,7 +43,7 @@ SOURCES = (
     Path(__file__).with_name("batch.py"),
     *(
         Path(str(module.__file__))
-        for module in (exact_law, follow, limits, mimo_pi, path, point_mass, units, measures)
+        for module in (exact_law, follow, limits, mimo_pi, path, point_mass, units, measures, wind)
     ),
 )
 DIGEST = sha256(b"".join(path.read_bytes() for path in SOURCES)).hexdigest()[:12]
@@ -53,7 +54,8 @@ COMPLETED, ROLLED, DIVERGED = 0, 1, 2
 register_jitable(wrap_angle)
 for of_law in (
     *(limits.limit_command, exact_law.with_feedback),
-    *(exact_law.braked_rate, exact_law.roll_of_lift, exact_law.speed_in_wind),
+    *(exact_law.braked_rate, exact_law.roll_of_lift),
+    *(wind.wind_triangle, wind.speed_in_wind),
     *(follow.speed_over, follow.path_at, follow.column_at, follow.guidance),
 ):
     register_jitable(of_law)

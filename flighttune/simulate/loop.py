@@ -159,7 +159,7 @@ class Flight:
         route = reference if isinstance(reference, following.RouteReference) else None
         airspeed = priority = plan = None
         if not isinstance(reference, FeasibleReference) and (airspeed := reference.airspeed(t)):
-            priority = following.AirspeedPriority(*airspeed, reference.g)
+            priority = following.AirspeedPriority(*airspeed, reference.g, dt)
         if lead is not None and isinstance(reference, Reference) and reference.planned:
             plan = following.Planner(dt, reference.g)  # a route's follower has one of its own
         m = len(plant.limits.lower)

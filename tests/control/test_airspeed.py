@@ -10,6 +10,7 @@ from scipy.linalg import expm
 
 import flighttune as ft
 from flighttune.certificates.make import certify_model
+from flighttune.plants.weather import WindRecord
 from flighttune.references.segments import Segment
 from flighttune.simulate.loop import simulate
 
@@ -25,6 +26,8 @@ SLOPES = 1e-8
 INTEGRATION = 1e-8
 # m/s by which lags take the airspeed through the stop that priority keeps.
 LAGS = 0.45
+# m/s by which it differs from that stop some 10 time constants later.
+SETTLED = 0.01
 
 
 def gains_of(law):
@@ -176,6 +179,68 @@ def test_a_climb_beyond_the_engine_gives_way_to_the_airspeed(kind):
     stop = signals["n_x_cmd"] > 0.25 + 0.05 - ROUNDING
     assert signals["n_x_cmd"].max() == pytest.approx(0.25 + 0.05, abs=ROUNDING)
     assert (signals["n_x_limited"] == stop).all()
+
+
+WINDS = {
+    "still air": (0.0, 0.0, 0.0),
+    "sinking air": (0.0, 0.0, 3.0),
+    "head wind": (-10.0, 0.0, 0.0),
+    "tail wind": (10.0, 0.0, 0.0),
+    "cross wind": (0.0, 10.0, 0.0),
+}
+
+
+@pytest.mark.parametrize("wind", WINDS.values(), ids=WINDS)
+@pytest.mark.parametrize("kind", ["paper", "exact"])
+def test_what_thrust_carries_is_a_climb_through_the_air(kind, wind):
+    """n_x of -0.04 holds V at V_low on sin(gamma) = -0.04 through the air, in any steady wind."""
+    plant = point((-0.2, -0.04), g=G, wind=WindRecord.steady(wind))
+    signals, stop = flown(plant, law_of(kind), 60.0)
+
+    end = signals.iloc[-1]
+    V_a, V_low, (north, east, _) = end["V_a"], 0.95 * V_0, wind
+    forward = north + math.sqrt((V_a * math.cos(math.asin(-0.04))) ** 2 - east**2)
+    assert stop is None
+    assert signals["V_a"].min() > V_low - LAGS
+    assert V_a == pytest.approx(V_low, abs=SETTLED)
+    over_ground = math.atan2(-0.04 * V_a - wind[2], forward)
+    assert end["gamma"] == pytest.approx(over_ground, abs=1e-3)
+
+
+@pytest.mark.parametrize("wind", WINDS.values(), ids=WINDS)
+@pytest.mark.parametrize("kind", ["paper", "exact"])
+def test_a_law_commands_the_n_x_of_its_climb_through_the_air(kind, wind):
+    """Without errors n_x is the height that an airspeed gains in the moving air, per distance."""
+    law, gamma = law_of(kind), 0.1
+    law.start(START)
+    along = wind[0] * math.cos(gamma) - wind[2] * math.sin(gamma)
+    V_g = along + math.sqrt(V_0**2 - np.dot(wind, wind) + along**2)
+    place = {"h": 0.0, "position": (0.0, 0.0, 0.0), "wind": wind, "n_x": (0.0, -1.0, 1.0)}
+    measured = ft.loop.Measured(chi=0.0, gamma=gamma, V_a=V_0, phi=0.0, n_z=1.0, **place)
+
+    *_, n_x = law.step(measured, ft.loop.ReferenceSample(0.0, gamma, V=V_0), 0.0)[:3]
+
+    assert n_x == pytest.approx((V_g * math.sin(gamma) + wind[2]) / V_0, abs=ROUNDING)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("wind", WINDS.values(), ids=WINDS)
+def test_the_airspeed_settles_at_its_floor_in_any_wind_when_the_engine_fails(wind):
+    """Level flight asked for with 6 % of the throttle: 0.95 of 25 m/s, and the glide for that."""
+    north, east, down = wind
+    tables = ft.load_scenario("engine_fails_in_climb").as_dict() | {"expect": [], "law": ["exact"]}
+    tables["flight"] |= {"h_m": 1000.0, "duration_s": 45.0}
+    tables["reference"] = {"chi_deg": 0.0, "gamma_deg": 0.0, "V_mps": V_0}
+    tables["plant"][0]["throttle_max_from_s"] = 5.0
+    from_deg = math.degrees(math.atan2(-east, -north))
+    tables["wind"] = {"speed_mps": math.hypot(north, east), "from_deg": from_deg % 360.0}
+    tables["wind"]["down_mps"] = down
+
+    (run,) = ft.fly(ft.scenario_from(tables)).runs
+
+    assert run.status == "completed"
+    assert run.signals["V_a"].min() > 0.95 * V_0 - LAGS
+    assert run.signals["V_a"].iloc[-1] == pytest.approx(0.95 * V_0, abs=SETTLED)
 
 
 @pytest.mark.parametrize("kind", ["paper", "exact"])

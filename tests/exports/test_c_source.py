@@ -79,8 +79,8 @@ def to_the_bit(answer, expected):
     return np.array(answer).tobytes() == np.array(expected).tobytes()
 
 
-def measured(chi, gamma, phi, V_a=25.0, n_z=1.0, **more):
-    return ft.loop.Measured(chi, gamma, V_a, phi, n_z, 100.0, (0.0, 0.0, 0.0), None, **more)
+def measured(chi, gamma, phi, V_a=25.0, n_z=1.0, wind=None, **more):
+    return ft.loop.Measured(chi, gamma, V_a, phi, n_z, 100.0, (0.0, 0.0, 0.0), wind, **more)
 
 
 def random_samples():
@@ -139,21 +139,26 @@ def test_the_c_file_plans_roll_and_lift_for_the_rates_of_a_reference(tmp_path):
 
 @pytest.mark.soak
 @needs_compiler
+@pytest.mark.parametrize(
+    "wind", [{}, {"wind": {"speed_mps": 6.0, "from_deg": 40.0, "down_mps": 2.0}}]
+)
 @pytest.mark.parametrize("name", ["climb_beyond_power", "engine_fails_in_climb"])
-def test_the_c_file_flies_the_airspeed_and_its_priority_as_fly_does(name, tmp_path):
+def test_the_c_file_flies_the_airspeed_and_its_priority_as_fly_does(name, wind, tmp_path):
     """The file is given the signals of a flight in which the path angle gives way."""
-    scenario, gains = ft.load_scenario(name), "tuned_identified"
+    scenario = ft.scenario_from(ft.load_scenario(name).as_dict() | wind)
+    gains = "tuned_identified"
     run = ft.fly(scenario, gains)[f"{scenario.plant[0].label} / {gains}"]
     source = ft.export(scenario, gains, out=tmp_path, form="c").source
     loop = Loop(source.read_text(), tmp_path, channels=3)
-    loop.call("start", 0.0, 1.0, 0.0)  # level, straight on
+    loop.call("start", 0.0, *run.signals[["n_z", "n_x"]].iloc[0])
     given = [f"{x}_ref" for x in ("chi", "gamma", "V")]
     given += ["chi", "gamma", "phi", "V_a", "n_x_min", "n_x_max"]
+    given += ["wind_north", "wind_east", "wind_down"]
     channels = "phi", "n_z", "n_x"
     wanted = ["gamma_given", *(f"{x}_cmd" for x in channels), *(f"{x}_integral" for x in channels)]
     worst, cut = 0.0, 0
     for row in run.signals[[*given, *wanted]].to_numpy().tolist():
-        references, seen, expected = row[:3], row[3:9], row[9:]
+        references, seen, expected = row[:3], row[3:12], row[12:]
 
         asked = loop.call("step", [*references, 0.0, 0.0, 0.0, seen[3], *seen])
 
@@ -165,7 +170,8 @@ def test_the_c_file_flies_the_airspeed_and_its_priority_as_fly_does(name, tmp_pa
 
 
 @needs_compiler
-def test_the_c_file_of_three_channels_keeps_to_limits_schedule_and_rates(tmp_path):
+@pytest.mark.parametrize("wind", [(0.0, 0.0, 0.0), (4.0, -6.0, 2.0), (0.0, 0.0, -3.0)])
+def test_the_c_file_of_three_channels_keeps_to_limits_schedule_and_rates(wind, tmp_path):
     """Expected: `MimoPI` of three channels after the priority of the airspeed."""
     g, rng = 9.81, np.random.default_rng(40)
     gains = ft.PIGains(
@@ -192,13 +198,13 @@ def test_the_c_file_of_three_channels_keeps_to_limits_schedule_and_rates(tmp_pat
         least, most = sorted(rng.uniform(-0.6, 0.6, 2).tolist())
         lift = (math.cos(gamma_ref) + gamma_rate * (V_a / g)) / math.cos(phi)
         planned = math.atan(chi_rate * (V_a / g)), lift
-        now = measured(chi, gamma, phi, V_a, n_x=(0.0, least, most))
+        now = measured(chi, gamma, phi, V_a, wind=wind, n_x=(0.0, least, most))
         asked = ft.loop.ReferenceSample(chi_ref, gamma_ref, chi_rate, gamma_rate, planned)
-        priority = AirspeedPriority(np.array([V_ref]), np.array([V_rate]), g)
+        priority = AirspeedPriority(np.array([V_ref]), np.array([V_rate]), g, 0.02)
         sample = priority(0, now, asked)
         expected = law.step(now, sample, 0.0)
         values = [chi_ref, gamma_ref, V_ref, chi_rate, gamma_rate, V_rate, V_a]
-        values += [chi, gamma, phi, V_a, least, most]
+        values += [chi, gamma, phi, V_a, least, most, *wind]
 
         assert loop.call("step", values) == pytest.approx(sample.gamma, abs=1e-14)
         assert loop.answer == pytest.approx(list(expected), abs=1e-12)

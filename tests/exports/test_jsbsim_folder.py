@@ -23,7 +23,7 @@ import flighttune as ft
 from flighttune.exports.jsbsim_folder import CSV
 
 SAME = 1e-9
-"""Rad, 1 of load factor, and m/s.
+"""Rad, 1 of load factor, and relative to the airspeed.
 
 The shipped aircraft differ by 3e-13 at most, by 2e-10 where they follow an airspeed in wind, the
 adopted by 1e-11.
@@ -125,7 +125,7 @@ def test_adopted_aircraft_fly_as_well(file, tmp_path):
 CLIMB_IN_WIND = """
 gains = ["tuned_identified"]
 flight = {{V_a_mps = {V}, h_m = 1000.0, duration_s = 25.0}}
-wind = {{speed_mps = {wind}, from_deg = 60.0}}
+wind = {{speed_mps = {wind}, from_deg = 60.0, down_mps = {down}}}
 controller = {{anti_windup = "{anti_windup}"}}
 tuning = {{identified = "{aircraft}"}}
 plant = [{{kind = "jsbsim", aircraft = "{aircraft}"{engine}}}]
@@ -138,24 +138,26 @@ chi_deg = [{{shape = "ramp", start_s = 5.0, duration_s = 6.0, rate_dps = 5.0}}]
 
 @pytest.mark.counts
 @pytest.mark.parametrize(
-    ("aircraft", "V", "gains", "anti_windup", "engine"),
+    ("aircraft", "V", "down", "gains", "anti_windup", "engine"),
     [
-        ("c172p", 55.0, "tuned_identified", "conditional", ""),
+        ("c172p", 55.0, 0.0, "tuned_identified", "conditional", ""),
         pytest.param(
-            *("x8", 18.0, "exact:tuned_identified", "back_calculation"),
+            *("x8", 18.0, 2.0, "exact:tuned_identified", "back_calculation"),
             ", throttle_max = 0.3, throttle_max_from_s = 4.01",
             marks=pytest.mark.soak,
         ),
     ],
 )
-def test_speed_has_priority_as_in_fly(aircraft, V, gains, anti_windup, engine, tmp_path):
+def test_speed_has_priority_as_in_fly(aircraft, V, down, gains, anti_windup, engine, tmp_path):
     """A climb that the engine cannot carry, with a turn in wind, and an engine that fails."""
+    air = {"wind": 0.15 * V, "down": down}
     text = CLIMB_IN_WIND.format(
-        aircraft=aircraft, V=V, wind=0.15 * V, anti_windup=anti_windup, engine=engine
+        aircraft=aircraft, V=V, anti_windup=anti_windup, engine=engine, **air
     )
     tables = tomllib.loads(text) | {"title": "a climb", "law": ["paper", "exact"]}
     found = apart(ft.scenario_from(tables), gains, f"jsbsim:{aircraft}", tmp_path)
 
+    found["V_a"] /= V
     assert max(found.values()) < SAME, found
     written = pd.read_csv(tmp_path / "sent to a colleague" / CSV)
     assert written["gamma_rad"].iloc[-1] < math.radians(11.0)  # of 12 deg that are asked for

@@ -8,7 +8,7 @@ import pytest
 from made_up import made_up_scenario
 
 import flighttune as ft
-from flighttune.flight.conditions import start_condition, stated_condition
+from flighttune.flight.conditions import slopes, slopes_not_held, start_condition, stated_condition
 from flighttune.flight.fly import plant_of
 
 SPEED = 8.0
@@ -148,3 +148,46 @@ def test_a_recording_from_before_the_key_is_flown_again_as_it_was():
     )  # fmt: skip
 
     assert ft.refly([older]).equal
+
+
+@pytest.mark.parametrize("from_deg", FROM)
+@pytest.mark.parametrize("down", [-2.0, 0.0, 3.0])
+def test_a_slope_is_that_through_the_air_which_thrust_bears(from_deg, down):
+    """Expected: the trim in the moving air, whose path is that of its start."""
+    scenario = windy(from_deg, [LAW], down=down, gamma_deg=4.0)
+
+    (slope,) = slopes(scenario)
+
+    assert slope.air == pytest.approx(start_condition(scenario).gamma, abs=JSBSIM_DIGITS)
+    assert slope.gamma == pytest.approx(math.radians(4.0), abs=JSBSIM_DIGITS)
+
+
+def test_a_climb_that_sinking_air_puts_out_of_reach_says_both_path_angles():
+    aircraft = {"kind": "jsbsim", "aircraft": "c172p"}
+    still, sinking = (
+        slopes_not_held(windy(0.0, [aircraft], speed=0.0, down=down, gamma_deg=4.0, V_a_mps=55.0))
+        for down in (0.0, 6.0)
+    )
+
+    assert still == ()
+    # asin((55 sin 4 + 6) / 55) up to the lean of the path, at 55 m/s
+    assert sinking[0].startswith("The reference climbs at 10.2 deg through the air (4.0 deg over ")
+
+
+def test_a_turn_of_a_route_climbs_steepest_where_it_flies_downwind():
+    """A glide in its turn from an upwind to a downwind leg: its air path is the steeper there."""
+    start = {"V_a_mps": 25.0, "h_m": 500.0, "duration_s": 200.0}
+    tables = windy(0.0, [LAW], speed=10.0).as_dict()
+    del tables["reference"]
+    corners = (900.0, 0.0, 40.0), (900.0, 600.0, 70.0), (0.0, 600.0, 110.0)
+    points = [dict(zip(("north_m", "east_m", "up_m"), corner, strict=True)) for corner in corners]
+    limits = LIMITS | {"phi_rate_dps": 60.0}
+    tables |= {"flight": start, "limits": limits, "route": {"waypoint": points}}
+
+    found = slopes(ft.scenario_from(tables))
+
+    turn = [slope for slope in found if slope.words.startswith("turn")]
+    steepest = max(turn[-9:])
+    assert steepest is turn[-1]
+    # downwind, at 35 m/s over ground
+    assert math.sin(steepest.air) == pytest.approx(35.0 / 25.0 * math.sin(steepest.gamma), rel=0.05)

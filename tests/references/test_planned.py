@@ -13,7 +13,8 @@ from scipy.integrate import quad
 
 import flighttune as ft
 from flighttune.campaign.flying.rows import batchable
-from flighttune.references.follow import WIND_ESTIMATE_S, Planner
+from flighttune.control.wind import WIND_ESTIMATE_S
+from flighttune.references.follow import Planner
 from flighttune.references.segments import Segment
 
 DEG = math.pi / 180.0
