@@ -663,7 +663,8 @@ def turn_text(aircraft: str, start: FlightCondition, tables: Mapping[str, Any]) 
         | ({"gamma_deg": glide} if glide else {}),
         "reference": {"chi_deg": 20.0, "gamma_deg": gamma},
         "limits": tables["limits"],
-        "controller": {"feed_forward": True},
+        "controller": {"feed_forward": True}
+        | ({"speed_priority": True} if tables["engines"]["count"] else {}),
         "tuning": {"model": "identified", "roll_rate": True, "lift_rate": True},
         "plant": [{"kind": "jsbsim", "aircraft": f"../{aircraft}"}],
         # The paper's gains fly beside: how they end is told, and is no failure.

@@ -30,7 +30,7 @@ from flighttune.planning.source import Flights
 from flighttune.present.names import why_ended
 from flighttune.references.follow import SAME_PLACE, RouteReference
 from flighttune.scenario.schema import Scenario
-from flighttune.simulate.run import ERRORS, SIGNAL_UNITS, Run
+from flighttune.simulate.run import ERRORS, SIGNAL_UNITS, Run, given_way
 
 # Factors on the half-widths of `ROOM`: some metres of height more cost nothing, and the distance is
 # bounded by nearly its quantile.
@@ -417,7 +417,10 @@ def _extremes(
     route = reference_of(scenario)
     moved = route.displacement(run.signals) if isinstance(route, RouteReference) else 0.0
     # A flight that is behind its start or blown back is not where its distances along and off the
-    # route say, so it is outside of any band. Flights that only teach the shape may be such ones.
-    if not anywhere and {*OFF_ROUTE} & {*signals} and moved > SAME_PLACE:
+    # route say, and one whose path angle gives way is none of a model that knows no airspeed: both
+    # are outside of any band. Flights that only teach the shape may be such ones.
+    elsewhere = bool({*OFF_ROUTE} & {*signals}) and moved > SAME_PLACE
+    unlike = isinstance(model, ConformantModel) and given_way(run).any()
+    if not anywhere and (elsewhere or unlike):
         values = LOST * (len(values) // 2)
     return [*values, *counts.wind_at_start(scenario)] if windy else values

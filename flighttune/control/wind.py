@@ -14,13 +14,13 @@ class WindEstimate:
     """The wind as an aircraft knows it: what is measured behind a filter, sample by sample."""
 
     def __init__(self, dt: float) -> None:
-        self._share = min(dt / WIND_ESTIMATE_S, 1.0)
+        self.share = min(dt / WIND_ESTIMATE_S, 1.0)
         self._wind: tuple[float, ...] | None = None
 
     def __call__(self, wind: tuple[float, ...] | None) -> tuple[float, ...] | None:
         """The estimate (north, east, down, m/s) with another sample; None where none is shown."""
         if wind is not None:
-            self._wind = filtered(self._share, wind if self._wind is None else self._wind, wind)
+            self._wind = filtered(self.share, wind if self._wind is None else self._wind, wind)
         return self._wind
 
 

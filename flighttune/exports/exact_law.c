@@ -104,7 +104,7 @@ static double fed_back(struct ft_outer_loop *loop, int i, double measured, int *
     return (loop->u[i] + k * measured) / (1.0 + k);
 }
 
-void ft_outer_loop_step(struct ft_outer_loop *loop, const struct ft_sample *now)
+${speed_priority}void ft_outer_loop_step(struct ft_outer_loop *loop, const struct ft_sample *now)
 {
     const double e_chi = shorter_way_round(now->chi_ref - now->chi);
     const double e_gamma = now->gamma_ref - now->gamma;

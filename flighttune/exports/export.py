@@ -73,6 +73,7 @@ def export_c(
         lead=lead,
         g=scenario.flight.g_mps2,
         notes=scenario.assumptions,
+        speed_priority=scenario.speed_priority,
     )
     write_text(folder / SOURCE, source)
     return folder / SOURCE
@@ -86,10 +87,12 @@ def c_source(
     lead: tuple[float, float] = (0.0, 0.0),
     g: float = G_PAPER,
     notes: Sequence[str] = (),
+    speed_priority: bool = False,
 ) -> str:
     """The C99 text of a controller, whose lags are `lead` (s); it needs ``math.h`` alone.
 
-    The `notes` stand in its head.
+    The `notes` stand in its head. `speed_priority`: with the function that gives a path angle way
+    to the airspeed, as three channels have it in any case.
     """
     values, channels = law.law, law.law.channels
     form = "exact_law.c" if isinstance(law, ExactLaw) else "outer_loop.c"
@@ -99,6 +102,7 @@ def c_source(
         gains=_comment(gains),
         notes="".join(f"\n * {_comment(note)}" for note in notes),
         version=__version__,
+        speed_priority=_speed_priority(g) if speed_priority or law.gains.airspeed else "",
         dt=_number(law.dt),
         lead_phi=_number(lead[0]),
         lead_n_z=_number(lead[1]),
@@ -118,7 +122,7 @@ def _of_pi(law: MimoPI, g: float) -> dict[str, Any]:
     return {
         **_HEAD[airspeed],
         "channels": len(law.law.channels),
-        "speed_priority": _speed_priority(g),
+        "least_speed": _number(LEAST_SPEED),
         "beyond_stop": _number(BEYOND_STOP),
         "uses_V_a": _USED if law.law.per_speed or airspeed else _UNUSED,
         "g": _number(g),

@@ -153,10 +153,7 @@ def export_jsbsim(
     declared: set[str] = set()
     for tree, file in (
         (root, aircraft / f"{folders.name}.xml"),
-        (
-            _outer_loop(loop, frames, airspeed=scenario.airspeed),
-            folder / "systems" / f"{OUTER_LOOP}.xml",
-        ),
+        (_outer_loop(loop, frames, scenario), folder / "systems" / f"{OUTER_LOOP}.xml"),
     ):
         declared |= _declare(tree, values)
         ElementTree.indent(tree)
@@ -243,15 +240,17 @@ def _differences(
     return largest, f"{name} differs first, at t = {run.t[first[name]]:g} s"
 
 
-def _outer_loop(loop: OuterLoop, frames: int, *, airspeed: bool) -> Element:
+def _outer_loop(loop: OuterLoop, frames: int, scenario: Scenario) -> Element:
     """The law as a system: the paper's, or another one behind the same measurements."""
+    airspeed, priority = scenario.airspeed, scenario.speed_priority
     template = page_template("flighttune.exports", f"{loop.components or 'outer_loop.xml'}.jinja")
     return _parsed(
         template.render(
             own_law=loop.components is not None,
             commands={u: name for u, name in _COMMANDS.items() if airspeed or u != "n_x"},
             airspeed=airspeed,
-            given="given" if airspeed else "ref",  # the path angle may give way to the airspeed
+            priority=priority,
+            given="given" if priority else "ref",  # the path angle may give way to the airspeed
             frames=frames,
         )
     )
@@ -269,7 +268,8 @@ def _values(scenario: Scenario, setup: LawSetup, loop: OuterLoop, fdm: Fdm) -> d
     values = {**moved, **fdm.settings, **inner_loop_settings(fdm.config)}
     for trim_name, law_name in zip(properties.TRIMS, properties.LAWS, strict=True):
         values[trim_name] = fdm.reader(trim_name)() + fdm.reader(law_name)()
-    values |= _read(fdm, (*_COMMANDS.values(), properties.N_X_FOLLOWED, properties.V_A_CMD))
+    inner = properties.N_X_FOLLOWED, properties.N_X_SHOWN, properties.V_A_CMD
+    values |= _read(fdm, (*_COMMANDS.values(), *inner))
     values |= {
         "ft/outer/dt-s": setup.dt,
         "ft/outer/least-speed": wind.LEAST_SPEED,
@@ -280,6 +280,10 @@ def _values(scenario: Scenario, setup: LawSetup, loop: OuterLoop, fdm: Fdm) -> d
         values |= {
             "ft/outer/n_x/throttle-min": fdm.config.engines.throttle[0],
             "ft/outer/n_x/beyond-stop": mimo_pi.BEYOND_STOP,
+        }
+    if scenario.speed_priority:
+        values |= {
+            "ft/outer/V-ref-mps": scenario.flight.V_a_mps,  # of a third channel it is sampled
             "ft/outer/n_x/priority-per-g": APPROACH / scenario.flight.g_mps2,
             "ft/outer/n_x/steepest-dive": STEEPEST_DIVE,
             "ft/outer/V-least-share": LEAST_SHARE,

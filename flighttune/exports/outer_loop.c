@@ -96,7 +96,7 @@ static void step(struct ft_outer_loop *loop, const double *error, const double *
     }
 }
 
-#if FT_CHANNELS == 2
+${speed_priority}#if FT_CHANNELS == 2
 void ft_outer_loop_start(struct ft_outer_loop *loop, double phi, double n_z)
 {
     const struct ft_outer_loop engaged = {{phi, n_z}, {0.0}, {0.0}, 0};
@@ -122,7 +122,20 @@ void ft_outer_loop_step(struct ft_outer_loop *loop, double chi_ref, double gamma
 {
     ft_outer_loop_step_along(loop, chi_ref, gamma_ref, 0.0, 0.0, V_a, chi, gamma, phi, V_a);
 }
-#else${speed_priority}
+#else
+/* Sine of the path angle through the air, which thrust bears, of a path over ground (rad) at V_a in a wind
+ * (north, east, down, m/s) */
+static double climb_through_air(double chi, double gamma, double V_a, const double *wind)
+{
+    const double level = cos(gamma), north = level * cos(chi), east = level * sin(chi);
+    const double along = wind[0] * north + wind[1] * east - wind[2] * sin(gamma);
+    const double across = wind[0] * wind[0] + wind[1] * wind[1] + wind[2] * wind[2] - along * along;
+    const double ahead = V_a * V_a - across;
+    if (!(ahead > 0.0)) /* a wind that no heading holds this course in */
+        return sin(gamma);
+    return sin(gamma) + (wind[2] + (fmax(along + sqrt(ahead), ${least_speed} * V_a) - V_a) * sin(gamma)) / V_a;
+}
+
 void ft_outer_loop_start(struct ft_outer_loop *loop, double phi, double n_z, double n_x)
 {
     const struct ft_outer_loop engaged = {{phi, n_z, n_x}, {0.0}, {0.0}, 0};

@@ -25,7 +25,7 @@ from flighttune.flight import conditions, load, models
 from flighttune.flight.apart import Progress, apart
 from flighttune.flight.flown import FlownScenario
 from flighttune.flight.own import LawMaker, PlantMaker, with_own
-from flighttune.plants.base import AirPathPlant, GuardedPlant, Plant, follows_at_once
+from flighttune.plants.base import N_X_SIGNALS, AirPathPlant, GuardedPlant, Plant, follows_at_once
 from flighttune.plants.point_mass import PointMassPlant, PoweredPointMass
 from flighttune.plants.weather import WIND, WindRecord
 from flighttune.scenario.load import as_arguments
@@ -194,6 +194,7 @@ def plant_of(table: PlantTable, scenario: Scenario, wind: WindRecord | None = No
         throttle_max_from=table.throttle_max_from_s or 0.0,
         off_nominal=table.airframe,
         takes_n_x=scenario.airspeed,
+        shows_n_x=bool(scenario.controller.speed_priority),
     )
     return steered(aircraft, scenario)
 
@@ -310,6 +311,9 @@ def manoeuvre(scenario: Scenario, plant: Plant, label: str) -> dict[str, Any]:
         "condition": start(scenario),
         "duration": scenario.flight.duration_s,
         "sensors": scenario.sensors_on(label),
+        # Other plants hold their airspeed whatever the path.
+        "speed_priority": bool(scenario.controller.speed_priority)
+        and N_X_SIGNALS[0] in plant.signals,
     }
 
 

@@ -110,7 +110,7 @@ def route_scenario(
         "gains": [TUNED_FED_BACK],
         "flight": {"V_a_mps": first.V_a, "h_m": first.h, "duration_s": LONGEST_S} | mission.flight,
         "limits": dict(mission.limits),
-        "controller": {"feed_forward": True},
+        "controller": {"feed_forward": True, **speed_protected(load_aircraft(aircraft))},
         "tuning": {"identified": aircraft},
         "plant": [{"kind": "jsbsim", "aircraft": aircraft}],
     }
@@ -131,6 +131,11 @@ def route_scenario(
     scenario = validated(Scenario, tables, str(file))
     check_scenario(scenario, str(file))
     return scenario.assuming()
+
+
+def speed_protected(config: AircraftConfig) -> dict[str, bool]:
+    """Keys of [controller] that protect the airspeed of an aircraft: of one with an engine."""
+    return {"speed_priority": True} if config.engines.count else {}
 
 
 def scenario_and_gains(
@@ -198,8 +203,14 @@ def _faults(scenario: Scenario, plant: PlantTable) -> Iterator[str]:
         yield from _fault(
             "[plant.airframe]", lambda: check_off_nominal(config.with_off_nominal(off))
         )
-    if scenario.route is not None and not config.engines.count:
-        yield from _glide_faults(scenario, config)
+    if not config.engines.count:
+        if scenario.controller.speed_priority:
+            yield (
+                "[controller] `speed_priority` must be absent or false for an aircraft without an "
+                f"engine, {config.folder.name}"
+            )
+        if scenario.route is not None:
+            yield from _glide_faults(scenario, config)
     ground = scenario.flight.ground_m
     for name, fault in start_faults(config, conditions.start_condition(scenario), ground):
         yield f"[flight] `{FLIGHT_KEYS[name]}` {fault}"

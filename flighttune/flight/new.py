@@ -103,6 +103,7 @@ def _first(aircraft: str, folder: Path) -> Any:
         limits.update(rounded({**ends, **pick(log, "phi_rate_dps n_z_rate_per_s")}, 3))
         limits.comment("as seen in the logs")
         plants.pop()
+        document["controller"].pop("speed_priority")
         plant = tomlkit.table()
         plant.update({"kind": "point_mass_lag", "identified": os.path.relpath(aircraft, folder)})
         if identified.assumptions:
@@ -116,6 +117,7 @@ def _first(aircraft: str, folder: Path) -> Any:
             V_a, h = config.design.V_a, config.design.h
         if not config.engines.count:
             climb, change = "descend", -CLIMB
+            document["controller"].pop("speed_priority")
         start = level(config, V_a, h).gamma / DEG
         flight.comment(f"start: {config.title}")
         flight.update(rounded({"V_a_mps": V_a, "h_m": h, "gamma_deg": start}, DIGITS + 1))

@@ -100,6 +100,7 @@ class FeasibleReference:
     # (n, 2), rad and 1: Commands of roll and load factor under which the point mass flies them,
     # each held until the next sample
     planned: FloatArray
+    g: float  # m/s^2: acceleration of gravity
 
     @property
     def initial(self) -> tuple[float, float]:
@@ -330,7 +331,9 @@ def _reference_of(manoeuvre: Manoeuvre, x: FloatArray) -> FeasibleReference:
         plant.advance(phi, n_z, dt)
         path.append(plant.observe()[:2])
     chis, gammas = np.array(path).T
-    return FeasibleReference(duration=duration, dt=dt, chi=chis, gamma=gammas, planned=planned)
+    return FeasibleReference(
+        duration=duration, dt=dt, chi=chis, gamma=gammas, planned=planned, g=manoeuvre.g
+    )
 
 
 def _settling(lag: InnerLag) -> float:

@@ -95,12 +95,14 @@ class RouteReference:
         chi, gamma = (np.gradient(values, t) for values in self.sampled(t))
         return chi, gamma
 
-    def not_arrived(self, t: float, place: Place) -> Stop | None:
-        """Why a flight that lasted `t` (s) and came to `place` did not fly all of it; or None."""
+    def not_arrived(self, t: float, place: Place, *, gave_way: bool = False) -> Stop | None:
+        """Why a flight that lasted `t` (s) and came to `place` did not fly all of it; or None.
+
+        `gave_way`: height was given up for the airspeed.
+        """
         along, *off = place
         left, most = self.path.length - along, self.look_ahead * self.V_a
-        # Where the airspeed is held, height may be given up for it.
-        beside = abs(off[0]) if self.holds_airspeed else math.hypot(*off)
+        beside = abs(off[0]) if self.holds_airspeed or gave_way else math.hypot(*off)
         if left > 0.0:
             return Stop("not_arrived", f"t = {t:g} s: {left:.0f} m of the route are left.")
         if beside > most:
@@ -221,7 +223,7 @@ STEEPEST_DIVE = -0.5
 
 
 class AirspeedPriority:
-    """Puts the airspeed into a reference, sample by sample, and keeps its path angle flyable.
+    """Keeps the path angle of a reference flyable by the engines, sample by sample.
 
     With n_x at most what the engines give, ``V' = g (n_x - sin(gamma))`` stays above
     ``-kappa (V - V_low)`` as long as ``sin(gamma) <= n_x + kappa (V - V_low) / g``, gamma through
@@ -231,22 +233,21 @@ class AirspeedPriority:
     it would cost the path.
     """
 
-    # `V` and `V_dot` hold at each sample where the reference has no airspeed by its place on a
-    # route.
-    def __init__(self, V: FloatArray, V_dot: FloatArray, g: float, dt: float) -> None:
-        self._samples = list(zip(V.tolist(), V_dot.tolist(), strict=True))
-        self._per_g, self._wind = APPROACH / g, WindEstimate(dt)
+    # `V` (m/s): airspeed to hold where the reference has none, of a plant that holds it by itself.
+    def __init__(self, V: float, g: float, dt: float) -> None:
+        self._wind = WindEstimate(dt)
+        self.numbers = V, APPROACH / g, self._wind.share
 
-    def __call__(self, k: int, m: Measured, ref: ReferenceSample) -> ReferenceSample:
-        """Return the reference of sample `k` with its airspeed; its path angle may be less."""
-        assert m.n_x is not None  # of a plant that takes n_x
-        V, V_dot = self._samples[k] if ref.V is None else (ref.V, ref.V_dot)
-        sine = min(max(m.n_x[2] + self._per_g * (m.V_a - LEAST_SHARE * V), STEEPEST_DIVE), 1.0)
+    def __call__(self, m: Measured, ref: ReferenceSample) -> ReferenceSample:
+        """Return the reference of a sample; its path angle may be less than what was asked."""
+        assert m.n_x is not None  # of a plant that shows n_x
+        V, per_g, _ = self.numbers
+        sine = steepest_sine(m.n_x[2], m.V_a, V if ref.V is None else ref.V, per_g)
         wind = self._wind(m.wind)
         gamma = math.asin(sine) if wind is None else path_over_ground(m.chi, sine, m.V_a, wind)
         if ref.gamma <= gamma:
-            return ref._replace(V=V, V_dot=V_dot)
-        return ref._replace(gamma=gamma, gamma_dot=0.0, planned=None, V=V, V_dot=V_dot)
+            return ref
+        return ref._replace(gamma=gamma, gamma_dot=0.0, planned=None)
 
 
 class Planner:
@@ -271,6 +272,11 @@ class Planner:
 
 
 # What follows is written so that Numba compiles it too.
+
+
+def steepest_sine(n_x_max: float, V_a: float, V: float, per_g: float) -> float:
+    """Sine of the steepest path through the air that the engines bear, see `AirspeedPriority`."""
+    return min(max(n_x_max + per_g * (V_a - LEAST_SHARE * V), STEEPEST_DIVE), 1.0)
 
 
 def speed_over(north: float, east: float, dt: float) -> float:

@@ -412,6 +412,11 @@ class Scenario(Table):
         return self.reference is not None and self.reference.V_mps is not None
 
     @property
+    def speed_priority(self) -> bool:
+        """Whether the path angle of an aircraft gives way to its airspeed."""
+        return self.airspeed or bool(self.controller.speed_priority)
+
+    @property
     def airspeeds(self) -> tuple[float, ...]:
         """Airspeeds that are asked for, m/s, that of the start first."""
         start, route = self.flight.V_a_mps, self.route

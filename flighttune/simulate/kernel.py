@@ -17,11 +17,11 @@ from flighttune import units
 from flighttune.control import exact_law, limits, mimo_pi, wind
 from flighttune.control.exact_law import RateLaw
 from flighttune.control.mimo_pi import ChannelLaw, PILaw, PIState
-from flighttune.control.wind import speed_in_wind
+from flighttune.control.wind import filtered, path_over_ground, speed_in_wind
 from flighttune.plants import point_mass
 from flighttune.plants.point_mass import LOST
 from flighttune.references import follow, path
-from flighttune.references.follow import guidance, path_at, speed_over
+from flighttune.references.follow import guidance, path_at, speed_over, steepest_sine
 from flighttune.simulate import measures
 from flighttune.units import wrap_angle
 
@@ -55,8 +55,8 @@ register_jitable(wrap_angle)
 for of_law in (
     *(limits.limit_command, exact_law.with_feedback),
     *(exact_law.braked_rate, exact_law.roll_of_lift),
-    *(wind.wind_triangle, wind.speed_in_wind),
-    *(follow.speed_over, follow.path_at, follow.column_at, follow.guidance),
+    *(wind.wind_triangle, wind.speed_in_wind, wind.filtered, wind.path_over_ground),
+    *(follow.steepest_sine, follow.speed_over, follow.path_at, follow.column_at, follow.guidance),
 ):
     register_jitable(of_law)
 exact_step = register_jitable(inline="always")(exact_law.exact_step)
@@ -99,15 +99,17 @@ def error_measures(t, ref, error, effort, limited):
 
 
 @kernel
-def exact_sample(k, n_z, law, places, dt, settings, refs, path, memory, rows):
+def exact_sample(k, n_z, law, places, dt, settings, priority, refs, path, memory, rows):
     """One sample of a flight under the exact law, into its row, which begins with the signals.
 
     `n_z`: the load factor that the law sees. `law`: numbers of a `RateLaw`. `places`: those of the
     course, path angle, airspeed, height and wind that it sees, and the number of signals; that of
     the wind is -1 where it sees none. `dt` (s): sample time. `refs`, shape (samples, 4), or (0, 4)
-    on a route, whose `path` has the rows of `guidance` and `settings` its numbers. `memory`, (16,):
-    state of the law, the distance along the route (m), the speed over ground (m/s), and the
-    position (m) at the sample before. Returns both commands and the distance along the route.
+    on a route, whose `path` has the rows of `guidance` and `settings` its numbers. `priority`: the
+    numbers of an `AirspeedPriority` and the place of the largest n_x, -1 without one. `memory`,
+    (19,): state of the law, the distance along the route (m), the speed over ground (m/s), the
+    position (m) at the sample before, and the estimate of the wind (m/s). Returns both commands and
+    the distance along the route.
     """
     row, wind, m = rows[k], places[4], places[5]
     chi, gamma, V_a = row[places[0]], row[places[1]], row[places[2]]
@@ -124,12 +126,25 @@ def exact_sample(k, n_z, law, places, dt, settings, refs, path, memory, rows):
         row[m + 10], row[m + 11], row[m + 12] = place
     else:
         ref = refs[k, 0], refs[k, 1], refs[k, 2], refs[k, 3]
+    asked, engines = ref[1], priority[3]
+    if engines >= 0:
+        sine = steepest_sine(row[engines], V_a, priority[0], priority[1])
+        given = math.asin(sine)
+        if wind >= 0:
+            estimate, air = memory[16:19], row[wind : wind + 3]
+            known = filtered(priority[2], estimate if k else air, air)
+            estimate[0], estimate[1], estimate[2] = known
+            given = path_over_ground(chi, sine, V_a, known)
+        if asked > given:
+            ref = ref[0], given, ref[2], 0.0
+        row[held] = ref[1]
+        held += 1
     started = memory[:0]  # the exact law has none
     error, u, u_unsat, integral = memory[0:2], memory[2:4], memory[4:6], memory[6:8]
     state = PIState(error, u, u_unsat, integral, memory[8:10], started, memory[10:12])
     speed = V_a if wind < 0 else speed_in_wind(chi, gamma, V_a, row[wind : wind + 3])
     exact_step(_rate_law(law), state, ref, (chi, gamma, phi, n_z), speed)
-    row[m], row[m + 1], row[m + 2], row[m + 3] = ref[0], ref[1], 0.0, 0.0
+    row[m], row[m + 1], row[m + 2], row[m + 3] = ref[0], asked, 0.0, 0.0
     for j in range(2):
         row[m + 4 + j], row[m + 6 + j], row[m + 8 + j] = u[j], u_unsat[j], integral[j]
         row[held + j] = memory[8 + j]

@@ -40,9 +40,10 @@ LOOP_SIGNALS = (
     *(f"{name}_{kind}" for kind in KINDS for name in COMMANDS),
 )
 
-# Further ones where the airspeed is a channel: the path angle that the law is given, which is less
-# than the reference where thrust is short, and the airspeed's reference and error.
-AIRSPEED_SIGNALS = ("gamma_given", "V_ref", "V_err")
+# Further ones where speed has priority: the path angle that the law is given, which is less than
+# the reference where thrust is short. Where the airspeed is a channel also its reference and error.
+GIVEN = "gamma_given"
+AIRSPEED_SIGNALS = (GIVEN, "V_ref", "V_err")
 
 _V_A, _PHI, _N_Z, _DOWN = map(COMMON_SIGNALS.index, ("V_a", "phi", "n_z", "down"))
 _POSITION = slice(COMMON_SIGNALS.index("north"), _DOWN + 1)
@@ -69,6 +70,7 @@ def simulate(
     duration: float,
     sensors: Sensors | None = None,
     lead: tuple[float, float] | None = None,
+    speed_priority: bool = False,
     progress: Callable[[float], None] | None = None,
 ) -> tuple[pd.DataFrame, Stop | None]:
     """Fly `plant` under `controller` along `reference` from `condition` for `duration` (s).
@@ -80,8 +82,10 @@ def simulate(
     along a route ends at its end and has `ROUTE_SIGNALS`. With `sensors` the controller sees
     course, climb and airspeed through them, and the signals hold `MEASURED`; the errors are the
     true ones. `lead`: lags of roll and lift (s) by which they are planned ahead where the reference
-    rolls in or is a route. `progress` is called with the time flown (s), about once a second of
-    flight.
+    rolls in or is a route. `speed_priority`: the path angle gives way where the airspeed would fall
+    too far below that of `condition`, as it does under a third command; the plant shows n_x, and
+    the signals then hold `GIVEN`. `progress` is called with the time flown (s), about once a second
+    of flight.
 
     Returns one row a sample, indexed by `t` in s, SI and radians, read-only: signals of the plant,
     then `LOOP_SIGNALS` with those of the controller. The table ends with the last sample before the
@@ -89,7 +93,8 @@ def simulate(
     raises, or whose commands cannot be used, ends it with ``law_failed``. Raises TrimError if the
     plant finds no steady flight at `condition`.
     """
-    flight = Flight(plant, controller, reference, condition, duration, sensors, lead)
+    settings = sensors, lead, speed_priority
+    flight = Flight(plant, controller, reference, condition, duration, *settings)
     if (flown := flight.fly_compiled(progress)) is not None:
         return flown
     advance, step = flight.samples.send, step_of(controller, plant)
@@ -142,6 +147,7 @@ class Flight:
         duration: float,
         sensors: Sensors | None = None,
         lead: tuple[float, float] | None = None,
+        speed_priority: bool = False,
     ) -> None:
         dt = controller.dt
         if not (math.isfinite(duration) and duration >= dt):
@@ -158,8 +164,10 @@ class Flight:
         self._wrapped = getattr(controller, "wrapped", (True,))[0]
         route = reference if isinstance(reference, following.RouteReference) else None
         airspeed = priority = plan = None
-        if not isinstance(reference, FeasibleReference) and (airspeed := reference.airspeed(t)):
-            priority = following.AirspeedPriority(*airspeed, reference.g, dt)
+        if not isinstance(reference, FeasibleReference):
+            airspeed = reference.airspeed(t)
+        if airspeed or speed_priority:
+            priority = following.AirspeedPriority(condition.V_a, reference.g, dt)
         if lead is not None and isinstance(reference, Reference) and reference.planned:
             plan = following.Planner(dt, reference.g)  # a route's follower has one of its own
         m = len(plant.limits.lower)
@@ -174,11 +182,12 @@ class Flight:
                 f"{len(controller.limiter.u_unsat)}."
             )
         further = () if route is None else tuple(following.ROUTE_SIGNALS)
-        further += () if airspeed is None else AIRSPEED_SIGNALS
+        further += AIRSPEED_SIGNALS if airspeed else (GIVEN,) * speed_priority
         self._columns = _columns(plant.signals, (*controller.signals, *further), m)
         self._rows = bytearray()
         self._given = plant, controller, condition, reference, lead or NOT_LATE
-        self.samples = self._samples(measured_of, plan, priority)
+        self._priority = priority if airspeed is None else None  # of a plant that holds its own
+        self.samples = self._samples(measured_of, plan, priority, airspeed)
 
     def fly_compiled(
         self, progress: Callable[[float], None] | None
@@ -213,33 +222,46 @@ class Flight:
             route, end, ahead, speed, path = None, math.inf, 0.0, 0.0, np.empty((0, 0))
             refs = np.ascontiguousarray(np.transpose(_sampled(reference, t, lead)))
         settings = condition.h, ahead, *lead
+        engines = shown.index(N_X_SIGNALS[-1]) if self._priority else -1
+        priority = *(self._priority.numbers if self._priority else (0.0, 0.0, 0.0)), engines
         width = len(self._columns)
         rows = np.empty((len(t), width))
-        memory = np.array([*chain(*state[:5], state.expected), 0.0, speed, 0.0, 0.0])
+        still = 0.0, speed, 0.0, 0.0, 0.0, 0.0, 0.0
+        memory = np.array([*chain(*state[:5], state.expected), *still])
         pack, bytes_of = struct.Struct(f"{len(shown)}d").pack_into, rows.data.cast("B")
         stop, k = None, 0
         for k, now in enumerate(t.tolist()):
             signals = observe()
             pack(bytes_of, 8 * width * k, *signals)
             phi_cmd, n_z_cmd, along = exact_sample(
-                *(k, followed(), law, places, dt, settings, refs, path, memory, rows)
+                *(k, followed(), law, places, dt, settings, priority, refs, path, memory, rows)
             )
             if progress is not None and k % PROGRESS_EVERY == 0:
                 progress(now)
             if k == len(t) - 1 or along >= end:
                 if route is not None:
                     place = len(shown) + len(LOOP_SIGNALS) + len(controller.signals) - 2
-                    stop = route.not_arrived(now, tuple(rows[k, place : place + 3].tolist()))
+                    gave_way = self._gave_way(rows[: k + 1])
+                    arrived = tuple(rows[k, place : place + 3].tolist())
+                    stop = route.not_arrived(now, arrived, gave_way=gave_way)
                 break
             if (stop := advance(phi_cmd, n_z_cmd, dt)) is not None:
                 break
         return _table(rows[: k + 1], self._columns, t, self._wrapped), stop
+
+    def _gave_way(self, rows: FloatArray) -> bool:
+        """Whether the path angle gave way to the airspeed in samples."""
+        if GIVEN not in self._columns:
+            return False
+        given, asked = (self._columns.index(name) for name in (GIVEN, "gamma_ref"))
+        return bool((rows[:, given] < rows[:, asked]).any())
 
     def _samples(
         self,
         measured_of: Callable[[tuple[float, ...]], Measured],
         plan: following.Planner | None,
         priority: following.AirspeedPriority | None,
+        airspeed: tuple[FloatArray, FloatArray] | None,
     ) -> Generator[Sample, Sequence[float] | None, Stop | None]:
         """Fly all samples, or to the end of a route, and add them to the rows."""
         plant, controller, condition, reference, lead = self._given
@@ -252,7 +274,9 @@ class Flight:
         dt, limiter, place, speed = controller.dt, controller.limiter, (), ()
         references = _references(reference, self._t, lead)
         follow = None if route is None else route.follower(dt, condition.h, lead)
-        u_unsat, limited, m = limiter.u_unsat, limiter.limited, 2 if priority is None else 3
+        u_unsat, limited, m = limiter.u_unsat, limiter.limited, 2 if airspeed is None else 3
+        speeds = None if airspeed is None else np.stack(airspeed, axis=1).tolist()
+        gave_way = False
         observe, advance, rows = plant.observe, plant.advance, self._rows
         pack, last = struct.Struct(f"{len(self._columns)}d").pack, len(self._t) - 1
         end, times = math.inf if route is None else route.path.length, self._t.tolist()
@@ -268,9 +292,12 @@ class Flight:
                 _, gamma_ref, chi_dot, gamma_dot, *_ = ref
                 ref = ref._replace(planned=plan(measured, chi_dot, gamma_dot, gamma_ref))
             asked = ref
+            if speeds is not None and ref[5] is None:  # not by its place on a route
+                ref = ref._replace(V=speeds[k][0], V_dot=speeds[k][1])
             if priority is not None:
-                ref = priority(k, measured, ref)
-                speed = ref[1], ref[5], 0.0
+                ref = priority(measured, ref)
+                speed = (ref[1],) if speeds is None else (ref[1], ref[5], 0.0)
+                gave_way = gave_way or ref[1] < asked[1]
             ends = k == last or (bool(place) and place[0] >= end)
             commands = yield measured, ref, now, place, ends
             assert commands is not None  # None only starts the flight
@@ -278,7 +305,9 @@ class Flight:
             loop = asked[0], asked[1], 0.0, 0.0, *commands[:m]
             rows += pack(*signals, *loop, *u_unsat, *commands[m:], *place, *speed, *limited)
             if ends:
-                return route.not_arrived(now, place) if route is not None and place else None
+                if route is None or not place:
+                    return None
+                return route.not_arrived(now, place, gave_way=gave_way)
             if (stop := advance(commands[0], commands[1], dt, *commands[2:m])) is not None:
                 return stop
         return None

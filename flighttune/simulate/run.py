@@ -323,14 +323,20 @@ def claimed_along(run: Run, signal: str, s: FloatArray) -> Iterator[FloatArray]:
         yield np.array([np.interp(s, along_route(run), end) for end in ends])
 
 
+def given_way(run: Run) -> FloatArray:
+    """What the airspeed took from the path angle at each sample, rad."""
+    if "gamma_given" not in run.signals:
+        return np.zeros(len(run.signals))
+    less = (run.signals["gamma_ref"] - run.signals["gamma_given"]).to_numpy()
+    return np.where(less > GIVEN_WAY, less, 0.0)
+
+
 def priority_notes(runs: Iterable[Run]) -> list[str]:
     """From when on the airspeed had priority in a run, and what it took from the path angle."""
     notes = []
     for run in runs:
-        if "gamma_given" not in run.signals:
-            continue
-        less = (run.signals["gamma_ref"] - run.signals["gamma_given"]).to_numpy()
-        gave_way = less > GIVEN_WAY
+        less = given_way(run)
+        gave_way = less > 0.0
         if gave_way.any():
             t, share = run.t[gave_way], 100.0 * float(np.mean(gave_way))
             cost = f"the path angle gives way by up to {less.max() / DEG:.1f} deg"

@@ -25,7 +25,7 @@ from flighttune.identification.file import changed_files, files_of
 from flighttune.present.answer import Answer, Answering, Column, Table, number, pick, quoted
 from flighttune.present.names import CHANNEL_SYMBOLS, columns, endings_table
 from flighttune.scenario.load import scenario_from, scenario_of
-from flighttune.simulate.run import ERRORS, Bounds, Kind, Run, RunClaim
+from flighttune.simulate.run import ERRORS, Bounds, Kind, Run, RunClaim, given_way
 from flighttune.theory.exact import Verification
 from flighttune.tubes.problem import (
     QUANTITIES,
@@ -238,6 +238,8 @@ class Tube(Answering):
             return f"its law must be {problem.law.name}, got {made.law.name}"
         if not np.array_equal(made.gains.K, problem.gains.K):
             return "its gains must be those of the tube, got others"
+        if given_way(run).any():
+            return "speed had priority in it, which the model of the tube does not know"
         scenario = scenario_of(run)
         plant, counted = scenario.plant_table(made.plant), problem.band
         if (plant.kind, plant.aircraft) != (problem.table.kind, problem.table.aircraft):

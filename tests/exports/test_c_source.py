@@ -199,9 +199,10 @@ def test_the_c_file_of_three_channels_keeps_to_limits_schedule_and_rates(wind, t
         lift = (math.cos(gamma_ref) + gamma_rate * (V_a / g)) / math.cos(phi)
         planned = math.atan(chi_rate * (V_a / g)), lift
         now = measured(chi, gamma, phi, V_a, wind=wind, n_x=(0.0, least, most))
-        asked = ft.loop.ReferenceSample(chi_ref, gamma_ref, chi_rate, gamma_rate, planned)
-        priority = AirspeedPriority(np.array([V_ref]), np.array([V_rate]), g, 0.02)
-        sample = priority(0, now, asked)
+        airspeed = planned, V_ref, V_rate
+        asked = ft.loop.ReferenceSample(chi_ref, gamma_ref, chi_rate, gamma_rate, *airspeed)
+        priority = AirspeedPriority(25.0, g, 0.02)
+        sample = priority(now, asked)
         expected = law.step(now, sample, 0.0)
         values = [chi_ref, gamma_ref, V_ref, chi_rate, gamma_rate, V_rate, V_a]
         values += [chi, gamma, phi, V_a, least, most, *wind]
@@ -271,6 +272,35 @@ def test_the_c_file_of_the_exact_law_commands_what_it_does(
         assert to_the_bit(loop.answer, expected)
         kinds.add(tuple(law.state.limited))
     assert len(kinds) > 4, kinds
+
+
+@needs_compiler
+@pytest.mark.parametrize("law", ["exact", "paper"])
+def test_the_c_file_of_two_channels_gives_a_path_angle_way_to_the_airspeed(law, tmp_path):
+    """Expected: the path angle over ground of the bound through the air, by vectors."""
+    tables = ft.load_scenario("level_turn").as_dict() | {"law": [law], "gains": ["paper"]}
+    tables["controller"]["speed_priority"] = True
+    tables["expect"], name = [], "paper" if law == "paper" else "exact:paper"
+    source = ft.export(ft.scenario_from(tables), name, out=tmp_path, form="c").source
+    given = library(source.read_text(), tmp_path).ft_path_angle
+    given.restype, rng, cut = ctypes.c_double, np.random.default_rng(82), 0
+    for _ in range(500):
+        V_a, n_x, chi, gamma_ref = rng.uniform([18.0, -0.2, -3.0, -0.4], [30.0, 0.2, 3.0, 0.4])
+        wind = rng.uniform(-6.0, 6.0, 3)
+        numbers = map(ctypes.c_double, (gamma_ref, 25.0, chi, V_a, n_x))
+
+        angle = given(*numbers, (ctypes.c_double * 3)(*wind))
+
+        sine = n_x + 0.35 / 9.81 * (V_a - 0.95 * 25.0)
+        across = wind[1] * math.cos(chi) - wind[0] * math.sin(chi)
+        along = wind[0] * math.cos(chi) + wind[1] * math.sin(chi)
+        forward = along + math.sqrt(V_a**2 * (1.0 - sine**2) - across**2)
+        steepest = math.atan2(V_a * sine - wind[2], forward)
+        assert angle == pytest.approx(min(gamma_ref, steepest), abs=1e-12)
+        cut += angle < gamma_ref
+    assert 100 < cut < 400
+    without = ft.export("level_turn", name, out=tmp_path / "without", form="c").source
+    assert "double ft_path_angle(" not in without.read_text()
 
 
 def test_the_exact_law_with_an_airspeed_has_no_c_file(tmp_path):

@@ -163,6 +163,32 @@ def test_speed_has_priority_as_in_fly(aircraft, V, down, gains, anti_windup, eng
     assert written["gamma_rad"].iloc[-1] < math.radians(11.0)  # of 12 deg that are asked for
 
 
+@pytest.mark.soak
+@pytest.mark.parametrize(
+    ("gains", "reference"),
+    [
+        ("exact:tuned_fed_back", {"chi_deg": 30.0, "gamma_deg": 2.0}),
+        ("tuned_identified", {"chi_deg": 30.0, "gamma_deg": 2.0, "shape": "feasible"}),
+    ],
+)
+def test_two_channels_give_way_to_the_airspeed_as_in_fly(gains, reference, tmp_path):
+    """An engine that fails while the aircraft turns and climbs in wind, in sinking air."""
+    tables = ft.load_scenario("engine_fails_in_climb").as_dict()
+    tables |= {"law": ["exact", "paper"], "reference": reference, "expect": []}
+    tables["gains"] = [gains.split(":")[-1]]
+    tables["controller"] |= {"speed_priority": True}
+    tables["flight"] |= {"duration_s": 25.0}
+    tables["plant"][0]["throttle_max_from_s"] = 3.0
+    tables["wind"] = {"speed_mps": 6.0, "from_deg": 60.0, "down_mps": 2.0}
+    tables["limits"] = {"phi_deg": [-45.0, 45.0], "phi_rate_dps": 30.0}
+    tables["limits"] |= {"n_z": [-2.0, 2.0], "n_z_rate_per_s": 1.0}
+    found = apart(ft.scenario_from(tables), gains, "jsbsim:aerosonde", tmp_path)
+
+    assert max(found.values()) < SAME, found
+    written = pd.read_csv(tmp_path / "sent to a colleague" / CSV)
+    assert written["gamma_rad"].iloc[-1] < math.radians(-3.0)
+
+
 @pytest.mark.counts
 @pytest.mark.parametrize(("priority", "feedback"), [("gamma", [0.5, 0.3]), ("chi", [0.0, 0.0])])
 def test_the_exact_law_flies_alike_where_lift_is_short(priority, feedback, tmp_path):

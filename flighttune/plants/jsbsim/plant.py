@@ -66,6 +66,8 @@ class JSBSimPlant:
         aircraft needs a range of it in its limits. The throttle follows the command by the slope of
         thrust and by the integral of what is missing; `signals` then ends with `N_X_SIGNALS`, whose
         range is what the throttle still has, by that slope.
+    shows_n_x : bool
+        Show `N_X_SIGNALS` without taking n_x.
 
     Attributes
     ----------
@@ -114,6 +116,7 @@ class JSBSimPlant:
         throttle_max_from: float = 0.0,
         off_nominal: OffNominal | None = None,
         takes_n_x: bool = False,
+        shows_n_x: bool = False,
     ) -> None:
         if not 1 <= steps <= MAX_STEPS:
             raise InputError(f"`steps` must lie in 1 to {MAX_STEPS}, got {steps}.")
@@ -138,8 +141,8 @@ class JSBSimPlant:
                 f"{config.folder / 'aircraft.toml'}: [limits] `n_x` must be given for an airspeed "
                 "that a law follows, got none."
             )
-        self._takes_n_x = takes_n_x
-        if takes_n_x:
+        self._takes_n_x, self._shows_n_x = takes_n_x, takes_n_x or shows_n_x
+        if self._shows_n_x:
             self.signals = (*properties.SIGNALS, *N_X_SIGNALS)
         self.limits: Limits = config.limits.limits(airspeed=takes_n_x)
         self._steps, self._rate = steps, config.inner_loop_rate * steps
@@ -177,6 +180,7 @@ class JSBSimPlant:
         fdm.writer("simulation/randomseed")(float(self._seed or LARGEST_SEED + 1))
         for name, value in settings.items():
             fdm.writer(name)(value)
+        fdm.writer(properties.N_X_SHOWN)(float(self._shows_n_x))
         if missing := set(fdm.names(properties.GAINS)) - settings.keys():
             raise PlantError(
                 f"{self.config.folder / GAINS_FILE}: `gains` must give "
@@ -186,7 +190,7 @@ class JSBSimPlant:
         if self._weather is not None:
             air.carry_along(fdm, self._weather.deterministic(0.0, condition.h))
         # After the wind is set: the signals take their origin and first angles from this instant.
-        observe = signals.signal_reader(fdm, condition.chi, point.psi, n_x=self._takes_n_x)
+        observe = signals.signal_reader(fdm, condition.chi, point.psi, n_x=self._shows_n_x)
         self._inside, self._diagnosis = signals.guard(fdm)
         self._time, self._run = fdm.reader("simulation/sim-time-sec"), fdm.run
         later = sorted(self.changes(), reverse=True)  # the first is taken from the end

@@ -11,7 +11,7 @@ SIGNALS = (
 )
 
 PHI_CMD, N_Z_CMD, V_A_CMD = "ft/phi-cmd-rad", "ft/n_z-cmd", "ft/V_a-cmd-mps"
-N_X_CMD, N_X_FOLLOWED = "ft/n_x-cmd", "ft/n_x-followed"
+N_X_CMD, N_X_FOLLOWED, N_X_SHOWN = "ft/n_x-cmd", "ft/n_x-followed", "ft/n_x-shown"
 
 # Load factors along the path and across it, as the accelerometers show them to the inner loop.
 N_X, N_Z = "ft/n_x", "ft/n_z"

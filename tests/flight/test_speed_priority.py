@@ -1,0 +1,186 @@
+"""Speed has priority beside two channels: where thrust is short the path angle gives way."""
+
+import math
+import shutil
+
+import numpy as np
+import pandas as pd
+import pytest
+from places import SHIPPED_AIRCRAFT
+
+import flighttune as ft
+from flighttune.flight.load import route_scenario
+from flighttune.flight.new import new_scenario
+from flighttune.references.mission import read_route
+from flighttune.simulate import loop
+from flighttune.simulate.run import given_way
+
+V_0 = 25.0
+# m/s by which lags take the airspeed through 0.95 of its reference; the throttle first opens.
+LAGS = 0.45
+# m/s by which it differs from 0.95 of its reference some 10 time constants later.
+SETTLED = 0.02
+
+CALM = {"speed_mps": 0.0, "from_deg": 0.0}
+WINDS = {"sinking air": CALM | {"down_mps": 3.0}, "head wind": {"speed_mps": 10.0, "from_deg": 0.0}}
+ENGINE_FAILS = {"throttle_max": 0.06, "throttle_max_from_s": 5.0}
+FAULT = {"airframe": {"fault": {"from_s": 5.0, "throttle_factor": 0.01}}}
+
+
+def level(plant, *, protected=True, duration_s=45.0, reference=None, **tables):
+    """Level flight of an Aerosonde at 25 m/s that an engine fails in."""
+    return ft.scenario_from(
+        {
+            "title": "level flight",
+            "law": ["exact"],
+            "gains": ["tuned_fed_back"],
+            "flight": {"V_a_mps": V_0, "h_m": 1000.0, "duration_s": duration_s},
+            "reference": reference or {"chi_deg": 0.0, "gamma_deg": 0.0},
+            "controller": {"speed_priority": True} if protected else {},
+            "tuning": {"identified": "aerosonde"},
+            "plant": [{"kind": "jsbsim", "aircraft": "aerosonde", **plant}],
+            **tables,
+        }
+    )
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("wind", WINDS.values(), ids=WINDS)
+def test_the_airspeed_settles_at_its_floor_when_the_engine_fails(wind):
+    """0.95 of the airspeed at the start; without the protection it falls on."""
+    (run,) = ft.fly(level(ENGINE_FAILS, wind=wind)).runs
+
+    assert run.status == "completed"
+    assert run.signals["V_a"].min() > 0.95 * V_0 - LAGS
+    assert run.signals["V_a"].iloc[-1] == pytest.approx(0.95 * V_0, abs=SETTLED)
+    assert given_way(run).any()
+    (slow,) = ft.fly(level(ENGINE_FAILS, wind=wind, protected=False)).runs
+    assert slow.signals["V_a"].min() < 0.9 * V_0
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize(
+    ("aircraft", "V_a"), [("aerosonde", 25.0), ("c172p", 50.0), ("x8", 18.0), ("a4", 200.0)]
+)
+def test_no_aircraft_is_lost_whose_engine_fails_in_light_turbulence(aircraft, V_a):
+    for seed in range(3):
+        air = {"turbulence": {"intensity": "light"}, "seed": seed}
+        scenario = level({"aircraft": aircraft, **FAULT}, **air).as_dict()
+        scenario["tuning"]["identified"] = aircraft
+        scenario["flight"] |= {"V_a_mps": V_a, "h_m": 2500.0}
+
+        (run,) = ft.fly(ft.scenario_from(scenario)).runs
+
+        assert run.status == "completed", run.reason
+
+
+@pytest.mark.slow
+def test_a_healthy_flight_keeps_its_bits():
+    turn = {
+        "chi_deg": [{"shape": "ramp", "start_s": 2.0, "duration_s": 5.0, "rate_dps": 6.0}],
+        "gamma_deg": 3.0,
+    }
+    air = {"wind": {"speed_mps": 5.0, "from_deg": 40.0}, "turbulence": {"intensity": "light"}}
+    kept, plain = (
+        ft.fly(level({}, protected=x, duration_s=12.0, reference=turn, **air)).runs[0]
+        for x in (True, False)
+    )
+
+    assert not given_way(kept).any()
+    assert (kept.signals[[*plain.signals]].to_numpy() == plain.signals.to_numpy()).all()
+    assert {*kept.signals} - {*plain.signals} == {"n_x", "n_x_min", "n_x_max", "gamma_given"}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("sensed", [{}, {"sensors": {"V_a_noise_sd_mps": 0.3}}])
+@pytest.mark.parametrize("route", [False, True])
+def test_compiled_samples_give_way_as_the_plain_loop_does(monkeypatch, route, sensed):
+    """The plain loop is the reference, to the bit, in wind and turbulence."""
+    pytest.importorskip("numba")
+    air = {"wind": WINDS["sinking air"], "turbulence": {"intensity": "light"}, **sensed}
+    tables = level(ENGINE_FAILS, duration_s=20.0, **air).as_dict()
+    if route:
+        points = [{"north_m": north, "east_m": 0.0} for north in (0.0, 600.0)]
+        limits = {"phi_deg": [-45.0, 45.0], "phi_rate_dps": 30.0, "n_z": [-2.0, 2.0]}
+        del tables["reference"]
+        tables |= {"route": {"waypoint": points}, "limits": limits}
+    flown = []
+    for samples in (0, math.inf):
+        monkeypatch.setattr(loop, "COMPILED_FROM", samples)
+        flown += ft.fly(ft.scenario_from(tables)).runs
+    compiled, plain = flown
+
+    assert given_way(plain).any()
+    assert (compiled.status, compiled.reason) == (plain.status, plain.reason)
+    pd.testing.assert_frame_equal(compiled.signals, plain.signals, check_exact=True)
+
+
+@pytest.mark.slow
+def test_a_route_whose_height_is_given_up_is_flown_to_its_end():
+    """Height given up for the airspeed is no failure to arrive; the notes say how much it was."""
+    points = [{"north_m": north, "east_m": 0.0, "up_m": 0.0} for north in (0.0, 1500.0)]
+    limits = {"phi_deg": [-45.0, 45.0], "phi_rate_dps": 30.0, "n_z": [-2.0, 2.0]}
+    tables = level(FAULT, duration_s=120.0, wind=WINDS["sinking air"]).as_dict()
+    del tables["reference"]
+    tables |= {"route": {"waypoint": points}, "limits": limits}
+
+    flown = ft.fly(ft.scenario_from(tables))
+
+    (run,) = flown.runs
+    assert run.status == "completed"
+    below = run.signals["height_err"].max()
+    assert below > 150.0  # beyond the look-ahead, within which a flight counts as arrived
+    assert any(f"{below:.0f} m below the route" in note for note in flown.answer().notes)
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize(("plant", "outside"), [(ENGINE_FAILS, True), ({}, False)])
+def test_a_flight_that_gives_way_is_outside_of_what_was_counted_of_a_model(plant, outside):
+    """The point mass behind lags knows no airspeed: its residual signals say nothing then."""
+    own = level(plant, duration_s=12.0, law=["paper"], gains=["paper"])
+    few = {"flights": 16, "learn": 10, "epsilon": 0.5, "confidence": 0.5, "air": "calm"}
+
+    counted = ft.residual(own, plant="jsbsim:aerosonde", start_deg=1.0, **few)
+
+    assert (np.isinf(counted.scores) == outside).all()
+
+
+@pytest.fixture
+def glider(tmp_path):
+    """An Aerosonde whose engine is not counted."""
+    folder = tmp_path / "glider"
+    shutil.copytree(SHIPPED_AIRCRAFT / "aerosonde", folder)
+    file = folder / "aircraft.toml"
+    file.write_text(file.read_text().replace("[engines]\n", "[engines]\ncount = 0\n"))
+    return str(folder)
+
+
+def test_new_protects_the_airspeed_of_an_aircraft_with_an_engine(glider, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+    protected = {
+        aircraft: ft.load_scenario(new_scenario(str(i), aircraft=aircraft)).speed_priority
+        for i, aircraft in enumerate(("aerosonde", "a4", glider))
+    }
+
+    assert protected == {"aerosonde": True, "a4": True, glider: False}
+
+
+def test_an_aircraft_without_an_engine_has_no_airspeed_to_protect_by_thrust(glider):
+    with pytest.raises(ft.ScenarioError, match=r"\[controller\] `speed_priority` must be absent"):
+        ft.fly(level({"aircraft": glider}))
+
+
+def test_a_mission_protects_the_airspeed(tmp_path):
+    plan = tmp_path / "out.waypoints"
+    rows = ["QGC WPL 110", "0 1 0 16 0 0 0 0 47.0 8.0 400 1"]
+    rows += [f"{i} 0 3 16 0 0 0 0 {47.0 + 0.005 * i} 8.0 100 1" for i in (1, 2, 3)]
+    plan.write_text("\n".join(row.replace(" ", "\t") if row[0].isdigit() else row for row in rows))
+
+    scenario = route_scenario(plan, read_route(plan), "aerosonde")
+
+    assert scenario.controller.speed_priority is True
+    without = route_scenario(
+        plan, read_route(plan), "aerosonde", {"controller.speed_priority": False}
+    )
+    assert without.speed_priority is False
