@@ -1,54 +1,75 @@
-"""Columns of a log checked against each other for their units, signs and axes."""
+"""Columns of a log judged by what is known of motion, and what would mend those that are wrong."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Literal, NamedTuple, TypeAlias
 
 import numpy as np
+from scipy import fft
 
 from flighttune.arrays import FloatArray
 from flighttune.errors import InputError, RecordingError
 from flighttune.logs.read import Stream
-from flighttune.references.maps import north_east
+from flighttune.logs.relations import (
+    KIND,
+    KINDS,
+    RELATIONS,
+    SLOWEST,
+    TRAILING,
+    Motion,
+    Relation,
+    completed,
+    copied,
+)
+from flighttune.present.names import listed
 from flighttune.simulate.run import Run
 from flighttune.units import DEG, DEG_PER_RAD, FT, G_0, KNOT
-
-# Ground speed below which a vehicle does not fly, m/s.
-SLOWEST = 5.0
 
 # Vehicles without wings: PX4's type of vehicle, ArduPilot's name, types of MAVLink.
 ROTARY = ("type 1 of PX4", "ArduCopter", *(f"type {kind}" for kind in (2, 3, 4, 13, 14, 15)))
 
-# Range in which a ratio of two measurements of one quantity is taken as one of equal units.
-EQUAL = (0.7, 1.4)
-
-# The same of what steps, lags and wind disturb more.
-TURNS = (0.4, 2.0)
-
-# The same of a flight that is level, or turns level, in the median.
-LEVEL = (0.6, 1.6)
-
-# The same of roll and turns: speeds in knots give 0.51 or 1.94, flights of ALFA 0.6 to 1.2.
-IN_TURNS = (0.55, 1.8)
-
-# Units taken for each other, and the factor that mends it; sizes between two of them are near both.
-MISTAKEN = (
-    {"ft read as m": FT, "m read as ft": 1.0 / FT}
-    | {"deg read as rad": DEG, "rad read as deg": 1.0 / DEG}
-    | {"kn read as m/s": KNOT, "m/s read as kn": 1.0 / KNOT}
-    | {"km/h read as m/s": 1.0 / 3.6, "m/s read as km/h": 3.6}
-    | {"m/s2 read as g": 1.0 / G_0, "g read as m/s2": G_0, "ft/s2 read as g": FT / G_0}
-    | {"its sign is turned": 1.0}
-)
+# Units taken for each other by the kind of a column, and the factor that mends it.
+_SPEEDS = {"kn read as m/s": KNOT, "km/h read as m/s": 1.0 / 3.6, "ft/s read as m/s": FT}
+_SPEEDS |= {"cm/s read as m/s": 0.01, "mph read as m/s": 0.44704}
+_LENGTHS = {"ft read as m": FT, "cm read as m": 0.01, "mm read as m": 0.001, "km read as m": 1000.0}
+MISTAKEN = {
+    "angle": {"deg read as rad": DEG},
+    "rate": {"deg read as rad": DEG},
+    "speed": _SPEEDS,
+    "wind": _SPEEDS,
+    "length": _LENGTHS,
+    "load": {"m/s2 read as g": 1.0 / G_0, "ft/s2 read as g": FT / G_0},
+    "force": {"g read as m/s2": G_0, "ft/s2 read as m/s2": FT},
+}
 NEAR = 0.15  # logarithm of a factor over that of a known mistake
 ALIKE = 0.7  # correlation from which on two columns show the same motion
-BEHIND_S = (0.0, 0.5, 1.0, 2.0)  # times by which a response may come after its command, s
-STILL = 1.0 * DEG  # rms of angles and rates, rad and rad/s, from which on they are compared
-TRAILING = 4.0 * DEG  # constant angle between course and path that is taken as none, rad
+SURE = 0.85  # from which on another unit or time is the reason why they differ: it keeps likeness
+UNLIKE = {"motion": 0.8, "flight": 0.4, "loop": 0.4}  # below which they do not, by `rests_on`
+FARTHEST_S = 5.0  # by which a column is looked for earlier and later
+# Ratio of what is left unexplained from which on another time is the right one, by `rests_on`: a
+# response that precedes its command is told by little.
+LATER = {"motion": 2.0, "flight": 2.0, "loop": 1.25}
+COARSE_S = 0.1  # sample time at which columns are compared
+MAX_SAMPLES = 20_000
+ENOUGH_S = 10.0
+MAX_CURES = 6
+OTHERS = 0.3  # cost of a change of columns other than the one that is judged
+ONE_CLOCK = 0.03  # part by which ratios of one clock differ
 
-# Median angle between course and path, and between nose and course, that is taken as right, rad.
-ALONG = 20.0 * DEG
+# Columns that have one unit, or one axis, together.
+TOGETHER = (
+    *(("v_north", "v_east"), ("v_north", "v_east", "v_down"), ("v_north", "v_east", "V_a")),
+    *(("v_north", "v_east", "v_down", "V_a"), ("V_g", "V_a"), ("V_g", "V_a", "v_down")),
+    *(("north", "east"), ("wind_north", "wind_east"), ("p", "q", "r")),
+)
+# Columns of one instrument, which come late together.
+AT_ONE_TIME = (
+    ("v_north", "v_east", "v_down", "north", "east", "h"),
+    *(("v_north", "v_east", "v_down"), ("V_g", "chi", "v_down"), ("p", "q", "r")),
+)
 
-PATH_S = 2.0  # time over which a path is compared with its velocity, s
+Status: TypeAlias = Literal["agrees", "contradicts", "unlike", "cannot tell"]
+Given: TypeAlias = Mapping[str, FloatArray]
 
 
 def refuse_wrong(*runs: Run) -> None:
@@ -61,12 +82,12 @@ def refuse_wrong(*runs: Run) -> None:
             )
 
 
-def degrees_as_radians(raw: Mapping[str, Stream]) -> list[str]:
-    """Sentences on angles that lie where those in degrees do."""
+def degrees_as_radians(raw: Mapping[str, Stream]) -> dict[str, str]:
+    """Sentences on angles that lie where those in degrees do, by column."""
     limits = dict.fromkeys(("phi", "phi_cmd"), math.pi)
     limits |= dict.fromkeys(("theta", "gamma", "lat"), 0.5 * math.pi)
     limits |= dict.fromkeys(("lon", "chi", "psi", "chi_ref"), math.tau)
-    sentences = []
+    sentences = {}
     for name, limit in limits.items():
         values = raw[name][1] if name in raw else np.zeros(0)
         values = values[np.isfinite(values)]
@@ -75,294 +96,476 @@ def degrees_as_radians(raw: Mapping[str, Stream]) -> list[str]:
         running = np.abs(np.diff(values)).max(initial=0.0) < 30.0 * math.tau and most < 60.0
         if most > 1.01 * limit and not (limit == math.tau and running):
             factor = f"a factor of {DEG:.4g} would do (deg read as rad)"
-            sentences.append(f"{name} goes up to {most:.3g} rad: {factor}")
+            sentences[name] = f"{name} goes up to {most:.3g} rad: {factor}"
     return sentences
 
 
-def _cure(ratio: float) -> str:
-    """The factor that would bring a ratio of two columns to 1, and the mistake that it mends."""
-    words, factor = min(MISTAKEN.items(), key=lambda item: abs(math.log(abs(ratio) * item[1])))
-    if abs(math.log(abs(ratio) * factor)) > NEAR or (ratio > 0.0 and factor == 1.0):
-        return f"a factor of {1.0 / ratio:.3g} would do"
-    turned = " and its sign turned" if ratio < 0.0 and abs(math.log(-ratio)) > NEAR else ""
-    return f"a factor of {math.copysign(factor, ratio):.4g} would do ({words}{turned})"
+class Match(NamedTuple):
+    """How a column compares with its value from others."""
+
+    status: Status
+    used: frozenset[str] = frozenset()  # given columns that it rests on
+    ratio: float = math.nan  # of the column over its value from others, with the sign
+    lag: float = math.nan  # by which the column comes late, s
+    alike: float = math.nan  # correlation at that time
+    at_once: float = 0.0  # the same at the same time
+    turned: float = 0.0  # angle by which a vector is turned clockwise, rad
+    why: str = ""  # it cannot be told
 
 
-def _ratio(column: FloatArray, other: FloatArray, least: float) -> float:
-    """Size of a motion over that by other columns; NaN where they do not show the same one."""
-    there = np.isfinite(column) & np.isfinite(other)
-    if np.count_nonzero(there) < 50:
-        return math.nan
-    a, b = (values[there] - values[there].mean() for values in (column, other))
-    size, base = float(np.std(a)), float(np.std(b))
-    if not (size > 0.0 and base > least):
-        return math.nan
-    alike = float(np.mean(a * b)) / (size * base)
-    return math.copysign(size / base, alike) if abs(alike) > ALIKE else math.nan
+def _match(relation: Relation, motion: Motion) -> Match:
+    """A relation judged in a motion."""
+    name, made = relation.name, motion.sources(relation.name)
+    own = {name} & motion.given.keys() or made
+    lacks = [need for need in relation.needs if need not in motion]
+    if not own or name not in motion:
+        return Match("cannot tell")
+    if lacks:
+        return Match("cannot tell", why=f"the log has no {listed(lacks)}")
+    if own & {source for need in relation.needs for source in motion.sources(need)}:
+        return Match("cannot tell")  # they are made of each other
+    motion.used = set()
+    sides = relation.sides(motion)
+    used = frozenset(motion.used)
+    if isinstance(sides, str):
+        return Match("cannot tell", used, why=sides)
+    column, other = (motion.smooth(side.reshape(len(side), -1)) for side in sides)
+    return _judged(relation, column, other, motion.dt)._replace(used=used)
 
 
-def _median(values: FloatArray) -> float:
-    there = values[np.isfinite(values)]
-    return float(np.median(there)) if len(there) else math.nan
+def _judged(relation: Relation, column: FloatArray, other: FloatArray, dt: float) -> Match:
+    there = np.isfinite(column).all(axis=1) & np.isfinite(other).all(axis=1)
+    if np.count_nonzero(there) * dt < ENOUGH_S:
+        return Match("cannot tell", why=f"it and {relation.others} last less than {ENOUGH_S:g} s")
+    x, y = column[there], other[there]
+    if relation.about == "changes":
+        x, y = x - x.mean(axis=0), y - y.mean(axis=0)
+    size, base = (math.sqrt(float(np.mean(np.sum(side**2, axis=1)))) for side in (x, y))
+    if base < relation.still:
+        return Match("cannot tell", why=f"the flight shows too little of {relation.others}")
+    if size < 1e-6 * base:
+        return Match("unlike", ratio=0.0, alike=0.0)
+    lags, alike, ratios = _over_lags(column, other, dt, centred=relation.about == "changes")
+    first, last = relation.lag
+    inside = (lags >= first) & (lags <= last)
+    score = np.nan_to_num(np.abs(alike))
+    # Of a motion that repeats itself the time nearest to none is taken.
+    best = int(np.argmax(score - 0.01 * np.abs(lags)))
+    near = int(np.argmax(np.where(inside, score - 0.01 * np.abs(lags), -1.0)))
+    at_once = float(score[np.argmin(np.abs(lags))])
+    peak = float(lags[best]) + dt * _beyond(score, best)
+    better = 1.0 - score[near] ** 2 > LATER[relation.rests_on] * (1.0 - score[best] ** 2)
+    late = better and not first <= peak <= last
+    k = best if late else near
+    lag = float(lags[k]) + dt * _beyond(score, k)
+    found = Match("agrees", frozenset(), float(ratios[k]), lag, float(alike[k]), at_once)
+    whole = 0.0
+    if x.shape[1] == 2:
+        product = np.mean((x @ [1, 1j]) * (y @ [1, -1j]))
+        found = found._replace(turned=float(np.angle(product)))
+        whole = abs(product) / max(size * base, 1e-30)
+    level = relation.about == "values"  # what has a level is like it, or of another unit
+    if level and abs(found.turned) > relation.turned and whole > SURE:
+        return found._replace(status="contradicts")
+    if score[k] < (ALIKE if level else UNLIKE[relation.rests_on]) and base >= 2.0 * relation.still:
+        return found._replace(status="unlike")
+    if score[k] < ALIKE:
+        return found._replace(
+            status="cannot tell",
+            why=f"only in part like {relation.others} (correlation {alike[k]:.2f})",
+        )
+    low, high = relation.within
+    if low < found.ratio < high and not late:
+        return found
+    if found.ratio > 0.0 and score[k] < SURE and not level:
+        why = f"only in part like {relation.others} (correlation {alike[k]:.2f})"
+        return found._replace(status="cannot tell", why=why)
+    return found._replace(status="contradicts")
 
 
-class _Check:
-    """Signals of a run from raw ones, and sentences about what was checked of them."""
+def _beyond(score: FloatArray, k: int) -> float:
+    """Samples from a highest place to the top of the parabola through its neighbours."""
+    if not 0 < k < len(score) - 1:
+        return 0.0
+    before, top, after = score[k - 1 : k + 2]
+    bend = before - 2.0 * top + after
+    return float(np.clip(0.5 * (before - after) / bend, -0.5, 0.5)) if bend < 0.0 else 0.0
 
-    def __init__(self, raw: Mapping[str, FloatArray], t: FloatArray) -> None:
-        self.values, self.dt = dict(raw), float(t[1] - t[0])
-        self.notes: list[str] = []
-        self.wrong: list[str] = []  # on columns that contradict each other
-        # Columns are compared with the same by others, in means and slopes over 2 s.
-        self._span = max(1, round(0.5 * PATH_S / self.dt))
+
+def _over_lags(
+    column: FloatArray, other: FloatArray, dt: float, *, centred: bool
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Times by which a column may come late, s, and its correlation and ratio at each."""
+    most = min(round(FARTHEST_S / dt), len(column) // 3)
+    length = fft.next_fast_len(len(column) + most, real=True)
+    places = np.arange(-most, most + 1)
+
+    def along(a: FloatArray, b: FloatArray) -> FloatArray:
+        """Sum of a(t + lag) b(t) at each lag."""
+        spectrum = fft.rfft(a, length, axis=0) * np.conj(fft.rfft(b, length, axis=0))
+        return np.sum(fft.irfft(spectrum, length, axis=0), axis=1)[places]
+
+    (a, on_a), (b, on_b) = (_filled(side, centred=centred) for side in (column, other))
+    count = np.maximum(along(on_a, on_b), 1.0)
+    ab = along(a, b)
+    aa = along(np.sum(a * a, axis=1, keepdims=True), on_b)
+    bb = along(on_a, np.sum(b * b, axis=1, keepdims=True))
+    for i in range(a.shape[1] if centred else 0):
+        sum_a, sum_b = along(a[:, i : i + 1], on_b), along(on_a, b[:, i : i + 1])
+        ab, aa, bb = ab - sum_a * sum_b / count, aa - sum_a**2 / count, bb - sum_b**2 / count
+    aa, bb = np.maximum(aa, 1e-30), np.maximum(bb, 1e-30)
+    alike = np.clip(ab / np.sqrt(aa * bb), -1.0, 1.0)
+    alike[count * dt < ENOUGH_S] = 0.0
+    # A value has its level; a change is as large as its rms, whatever noise takes of the slope.
+    ratios = np.sign(alike) * np.sqrt(aa / bb) if centred else ab / bb
+    return (places * dt).astype(float), alike, ratios.astype(float)
+
+
+def _filled(side: FloatArray, *, centred: bool) -> tuple[FloatArray, FloatArray]:
+    """A side with 0 in its gaps, without its mean if `centred`, and 1 where it is there."""
+    there = np.asarray(np.isfinite(side).all(axis=1, keepdims=True))
+    off = side - (side[there.ravel()].mean(axis=0) if centred else 0.0)
+    return np.where(there, off, 0.0), there.astype(float)
+
+
+class Cure(NamedTuple):
+    """A change of columns that may mend a log."""
+
+    columns: tuple[str, ...]
+    words: str
+    apply: Callable[[Given], Given]
+    cost: float  # the less likely, the higher
+
+
+def _scaled(names: Sequence[str], factor: float) -> Callable[[Given], Given]:
+    return lambda given: {**given, **{name: factor * given[name] for name in names}}
+
+
+def _exchanged(a: str, b: str) -> Callable[[Given], Given]:
+    return lambda given: {**given, a: given[b], b: given[a]}
+
+
+def _moved(names: Sequence[str], by: int) -> Callable[[Given], Given]:
+    """Columns whose samples come later by a number of samples."""
+
+    def moved(column: FloatArray) -> FloatArray:
+        late = np.full(len(column), np.nan)
+        late[max(by, 0) : len(column) + min(by, 0)] = column[max(-by, 0) : len(column) - max(by, 0)]
+        return late
+
+    return lambda given: {**given, **{name: moved(given[name]) for name in names}}
+
+
+def _rotated(by: float) -> Callable[[Given], Given]:
+    c, s = math.cos(by), math.sin(by)
+    return lambda given: {
+        **given,
+        "v_north": c * given["v_north"] - s * given["v_east"],
+        "v_east": s * given["v_north"] + c * given["v_east"],
+    }
+
+
+def _turned(name: str, by: float) -> Callable[[Given], Given]:
+    return lambda given: {**given, name: np.angle(np.exp(1j * (given[name] + by)))}
+
+
+def _with_gravity(name: str, *, along: bool) -> Callable[[Given], Given]:
+    """A load with that of level flight, or with gravity along the body's axis."""
+
+    def apply(given: Given) -> Given:
+        up = np.cos(given["phi"]) * np.cos(given.get("theta", 0.0)) if along else 1.0
+        return {**given, name: given[name] + up * (-G_0 if name == "f_z" else 1.0)}
+
+    return apply
+
+
+def _without(name: str) -> Callable[[Given], Given]:
+    """Columns without one; without a roll there is no log, so that it is empty."""
+
+    def apply(given: Given) -> Given:
+        empty = {name: np.full_like(given[name], np.nan)} if name == "phi" else {}
+        return {key: column for key, column in given.items() if key != name} | empty
+
+    return apply
+
+
+def _factor(kind: str, ratio: float) -> tuple[float, str]:
+    """Factor of a known mistake that brings a ratio to 1, and its words; none: the ratio's own."""
+    known = MISTAKEN.get(kind, {})
+    swapped = {" read as ".join(reversed(x.split(" read as "))): 1 / f for x, f in known.items()}
+    off = {words: abs(math.log(abs(ratio) * f)) for words, f in {**known, **swapped}.items()}
+    words = min(off, key=lambda words: off[words], default="")
+    if words and off[words] <= NEAR:
+        return {**known, **swapped}[words], words
+    return 1.0 / abs(ratio), ""
+
+
+def _cures(motion: Motion, relation: Relation, match: Match) -> Iterator[Cure]:
+    """What may mend a relation that does not hold."""
+    given, own = motion.given, {relation.name} | motion.sources(relation.name)
+    for name in sorted(match.used):
+        kind, stated = KIND.get(name, ""), name in own
+        yield Cure((name,), "", _without(name), 1.0 if stated else 1.2)
+        groups = [(name,), *(g for g in TOGETHER if name in g and given.keys() >= set(g))]
+        for group in groups:
+            to = "" if group == (relation.name,) else f" to {listed(group)}"
+            if match.ratio < 0.0 or match.status == "unlike":
+                turned = f"a factor of -1 would do (its sign is turned){to}"
+                yield Cure(group, turned, _scaled(group, -1.0), 0.1 + 0.05 * len(group))
+            if match.alike and abs(match.ratio) > 1e-3 and kind:
+                ratio = match.ratio if stated else 1.0 / match.ratio
+                factor, words = _factor(kind, ratio)
+                factor = math.copysign(factor, ratio)
+                if abs(abs(factor) - 1.0) > 0.2 and (words or stated):
+                    words += " and its sign turned" * (factor < 0.0)
+                    said = f"a factor of {factor:.4g} would do{f' ({words})' * bool(words)}{to}"
+                    cost = (0.2 if words else 0.5) + 0.05 * len(group)
+                    yield Cure(group, said, _scaled(group, factor), cost)
+        for other in (x for x in KINDS.get(kind, ()) if x in given and x != name):
+            pair = tuple(sorted((name, other)))
+            yield Cure(pair, f"{pair[0]} and {pair[1]} exchanged would do", _exchanged(*pair), 0.3)
+        if math.isfinite(match.lag) and match.status == "contradicts" and match.lag:
+            by = (-1 if stated else 1) * round(match.lag / motion.dt)
+            for group in ((name,), *(g for g in AT_ONE_TIME if name in g)):
+                group = tuple(x for x in group if x in given)
+                to = "" if group == (relation.name,) else f" of {listed(group)}"
+                said = f"a shift by {by * motion.dt:+.1f} s{to} would do"
+                yield Cure(group, said, _moved(group, by), 0.4 + 0.05 * len(group))
+        yield from _changed(name, match, stated=stated)
+        if name == "v_east" and abs(match.turned) > relation.turned:
+            by = -match.turned if stated else match.turned
+            said = f"a turn of the velocity by {by * DEG_PER_RAD:+.1f} deg would do"
+            yield Cure(("v_north", "v_east"), said, _rotated(by), 0.4)
+
+
+def _changed(name: str, match: Match, *, stated: bool) -> Iterator[Cure]:
+    """Constants that a column may lack."""
+    if name in ("n_z", "n_z_cmd", "f_z"):
+        said = "a change by +1 would do (gravity is left out)"
+        yield Cure((name,), said, _with_gravity(name, along=False), 0.2)
+        said = "a change by +1 would do in level flight, cos(theta) cos(phi) (gravity is left out)"
+        yield Cure((name,), said, _with_gravity(name, along=True), 0.25)
+    if name in ("chi", "psi") and abs(match.turned) > TRAILING:
+        by = -match.turned if stated else match.turned
+        said = (
+            f"magnetic, or axes that are turned; a change by {by * DEG_PER_RAD:+.1f} deg would do"
+        )
+        yield Cure((name,), said, _turned(name, by), 0.4)
+
+
+class _Judgement:
+    """Relations in the columns of a log, and after a cure of them."""
+
+    def __init__(self, given: Given, dt: float, before: "_Judgement | None" = None) -> None:
+        self.motion = Motion(given, dt)
+        changed = set()
+        if before is not None:
+            old = before.motion.given
+            changed = {x for x in {*old, *given} if old.get(x) is not given.get(x)}
+        self.matches = [
+            before.matches[k]
+            if before is not None
+            and before.matches[k].used
+            and not changed & before.matches[k].used
+            else _match(relation, self.motion)
+            for k, relation in enumerate(RELATIONS)
+        ]
 
     @property
-    def flying(self) -> FloatArray:
-        """Ground speed above `SLOWEST`: 1, and NaN elsewhere, to be multiplied with."""
-        none = np.full(len(self.values["phi"]), np.nan)
-        return np.where(self.values.get("V_g", self.values.get("V_a", none)) > SLOWEST, 1.0, np.nan)
+    def broken(self) -> list[int]:
+        """Places of relations that do not hold."""
+        return [k for k, x in enumerate(self.matches) if x.status in ("contradicts", "unlike")]
 
-    def slope(self, name: str, *, angle: bool = True) -> FloatArray:
-        """Rate of a column; zero without it."""
-        if name not in self.values:
-            return np.zeros(len(self.values["phi"]))
-        column = self.values[name]
-        return self._slope(np.unwrap(np.nan_to_num(column)) if angle else column) + 0.0 * column
+    @property
+    def rank(self) -> tuple[int, int]:
+        """Relations that do not hold, and, less than none, those that do."""
+        return len(self.broken), -sum(match.status == "agrees" for match in self.matches)
 
-    def _slope(self, column: FloatArray) -> FloatArray:
-        rate, span = np.full(len(column), np.nan), self._span
-        rate[span:-span] = (column[2 * span :] - column[: -2 * span]) / (2 * span * self.dt)
-        return rate
+    @property
+    def told(self) -> set[str]:
+        """Columns that agree with others."""
+        pairs = zip(RELATIONS, self.matches, strict=True)
+        agree = [relation for relation, match in pairs if match.status == "agrees"]
+        return {name for relation in agree for name in (relation.name, *relation.also)}
 
-    def mean(self, column: FloatArray) -> FloatArray:
-        """Mean while a vehicle flies."""
-        return self._slope(np.cumsum(np.nan_to_num(column)) * self.dt) + 0.0 * column * self.flying
-
-    def say(
-        self, name: str, ratio: float, others: str, within: tuple[float, float] = TURNS
-    ) -> None:
-        """Add a sentence where a ratio is not that of equal units and signs."""
-        if math.isfinite(ratio) and not within[0] < ratio < within[1]:
-            either = "" if others == "level flight" else f" (or its inverse on {others})"
-            said = f"{name} is {ratio:.3g} times the value from {others}: {_cure(ratio)}{either}"
-            self.wrong.append(said)
-
-    def offset(self, name: str, angles: FloatArray, flying: FloatArray, others: str) -> None:
-        """Add a sentence on an angle that is off by the same all along, as a magnetic course is."""
-        off = angles[np.isfinite(angles * flying)]
-        turns = np.exp(1j * off)
-        middle = float(np.angle(turns.mean())) if len(off) > 50 else 0.0
-        around = np.abs(np.angle(turns * np.exp(-1j * middle)))
-        if abs(middle) >= TRAILING and np.median(around) <= 3 * DEG:
-            self.wrong.append(
-                f"{name} is {middle * DEG_PER_RAD:+.1f} deg off that of {others} all along: "
-                "magnetic, or axes that are turned; a change by "
-                f"{-middle * DEG_PER_RAD:+.1f} deg would do"
-            )
-
-    def motion(self) -> None:
-        """Add course, path angle, and what is missing of position and velocity; check them."""
-        values = self.values
-        if "north" not in values and {"lat", "lon"} <= values.keys():
-            values["north"], values["east"] = _plane(values["lat"], values["lon"])
-        if "h" in values:
-            values.setdefault("down", -values["h"])
-        if "v_north" not in values and {"V_g", "chi"} <= values.keys():
-            values["v_north"] = values["V_g"] * np.cos(values["chi"])
-            values["v_east"] = values["V_g"] * np.sin(values["chi"])
-        for place in ("north", "east", "down"):
-            velocity = f"v_{place}"
-            if velocity not in values and place in values:
-                values[velocity] = np.gradient(values[place], self.dt)
-                self.notes.append(f"{velocity} is the slope of {place}")
-            elif place not in values and velocity in values:
-                values[place] = np.cumsum(np.nan_to_num(values[velocity])) * self.dt
-                self.notes.append(f"{place} is the integral of {velocity}")
-        if not {"v_north", "v_east"} <= values.keys():
-            return
-        V_g = np.hypot(values["v_north"], values["v_east"])
-        chi = np.arctan2(values["v_east"], values["v_north"])
-        stated_V_g, stated_chi = values.get("V_g", V_g), values.get("chi", chi)
-        values |= {"V_g": V_g, "chi": chi}
-        ratio = _median(stated_V_g / V_g * self.flying)
-        if not EQUAL[0] < ratio < EQUAL[1] and ratio > 0.0:
-            self.wrong.append(
-                f"V_g is {ratio:.3g} times what the velocities make it: {_cure(ratio)}"
-            )
-        self.offset("chi", stated_chi - chi, self.flying, "the velocities")
-        if "v_down" in values:
-            values["gamma"] = np.arctan2(-values["v_down"], V_g)
-        self._path()
-        self._speeds_and_turns()
-
-    def _path(self) -> None:
-        """Check the velocity against the path."""
-        values, span = self.values, max(1, round(PATH_S / self.dt))
-        places = [values[axis] for axis in ("north", "east") if axis in values]
-        if len(places) < 2 or len(places[0]) <= 2 * span:
-            return
-        moved = [(axis[span:] - axis[:-span]) / (span * self.dt) for axis in places]
-        middle = slice(span // 2, span // 2 + len(moved[0]))
-        flying = self.flying[middle]
-        ratio = _median(np.hypot(*moved) / (values["V_g"][middle] * flying))
-        off = values["chi"][middle] - np.arctan2(*moved[::-1])
-        angle = _median(np.abs(np.angle(np.exp(1j * off))))
-        said = f"the path is {ratio:.3g} times the ground speed, {angle * DEG_PER_RAD:.1f} deg off "
-        said += "the course"
-        if EQUAL[0] < ratio < EQUAL[1] or not ratio > 0.0:
-            bad = ": axes of velocity or position are wrong" if angle > ALONG else ""
-            self.notes.append(said + bad)
-            self.offset("chi", off, flying, "the path")
-        else:
-            cure = f"{_cure(1.0 / ratio)} to the velocity, or its inverse to the position"
-            said += f": unit or axes of velocity or position are wrong, and {cure}"
-            self.wrong.append(said)
-
-    def _speeds_and_turns(self) -> None:
-        """Check airspeed and roll against ground speed and course."""
-        values, flying = self.values, self.flying
-        if "V_a" in values:
-            ratio = _median(values["V_a"] * flying / values["V_g"])
-            right = EQUAL[0] < ratio < EQUAL[1] or not ratio > 0.0
-            end = "" if right else f": its unit is wrong ({_cure(ratio)}), or the wind strong"
-            self.notes.append(f"airspeed is {ratio:.2f} times the ground speed{end}")
-        turn = np.gradient(np.unwrap(np.nan_to_num(values["chi"])), self.dt)
-        sideways, phi = turn * values["V_g"] * flying, values["phi"]
-        level = G_0 * np.tan(phi)  # the same acceleration of a level coordinated turn
-        there = np.isfinite(sideways * level) & (np.abs(np.abs(phi) - 45.0 * DEG) < 35.0 * DEG)
-        if np.count_nonzero(there) * self.dt > 5.0:
-            ratio = float(np.sum((sideways * level)[there]) / np.sum(level[there] ** 2))
-            right = LEVEL[0] < ratio < LEVEL[1]
-            end = "" if right else ": unit or sign of roll, course or speed is wrong"
-            self.notes.append(
-                f"the course turns {ratio:.2f} times as fast as the roll makes it{end}"
-            )
-        if "psi" in values:
-            off = np.abs(np.angle(np.exp(1j * (values["psi"] - values["chi"]))))
-            if (angle := _median(off * flying)) > 2.0 * ALONG:
-                degrees = angle * DEG_PER_RAD
-                self.notes.append(f"the nose is {degrees:.0f} deg off the course in the median")
-
-    def load_factor(self) -> None:
-        """Add the load factor; the median of a sensor's says whether the sensor is upright."""
-        if "f_z" not in self.values or "n_z" in self.values:
-            return
-        n_z = -self.values["f_z"] / G_0
-        middle = _median(n_z * self.flying)
-        sign, end = 1.0, "of the flight"
-        if -1.5 < middle < -0.6:
-            sign, end = -1.0, "after its sign was turned: z is up"
-        elif not 0.6 < middle < 1.5:
-            end += ": the sensor is rotated, or its unit is wrong"
-        self.values["n_z"] = sign * n_z
-        self.notes.append(f"load factor {sign * middle:.2f} in the median {end}")
-
-    def flight_path(self) -> None:
-        """Check load factor, path angle, climb and airspeed against what others make them."""
-        values, flying = self.values, self.flying
-        for name in ("n_z", "n_z_cmd"):
-            column = values.get(name, np.nan) * flying
-            middle = _median(column)
-            if abs(middle) < min(LEVEL[0], 2.0 * _median(np.abs(column - middle))):
-                said = f"{name} is {middle:.2g} in the median of the flight, where 1 is level"
-                self.wrong.append(f"{said}: a change by +1 would do (gravity is left out)")
-            else:
-                self.say(f"{name}, in the median of the flight,", middle, "level flight", LEVEL)
-        if {"gamma", "theta"} <= values.keys():
-            steep, pitch = self._without_lift("gamma", "theta")
-            self.say("gamma", _ratio(steep, pitch, 0.15 * STILL), "theta and lift", (0.4, 2.5))
-        if {"gamma", "n_z"} <= values.keys():
-            excess = values["n_z"] * np.cos(values["phi"]) - np.cos(values["gamma"])
-            rate = self.mean(G_0 * excess / values["V_g"])
-            ratio = _ratio(self.slope("gamma") * flying, rate, 0.2 * STILL)
-            self.say("the change of gamma", ratio, "n_z")
-        if {"h", "v_down"} <= values.keys():
-            ratio = _ratio(self.slope("h", angle=False) * flying, -self.mean(values["v_down"]), 0.3)
-            self.say("the slope of h", ratio, "the vertical speed", EQUAL)
-        if not {"V_a", "v_north", "v_east"} <= values.keys():
-            return
-        nose = values.get("psi", values["chi"])
-        through = [self.mean(values["V_a"] * part(nose)) for part in (np.cos, np.sin)]
-        over = [self.mean(values[name]) for name in ("v_north", "v_east")]
-        air, ground = (np.concatenate([x - _median(x) for x in pair]) for pair in (through, over))
-        ratio = _ratio(air, ground, 1.0)
-        self.say("V_a in turns", ratio, "the ground speed", EQUAL)
-        drifts = zip(("north", "east"), through, over, strict=True)
-        for axis, air, ground in drifts if "wind_north" in values and ratio > 0.0 else ():
-            drift = _median(ground - air)
-            if abs(drift) > 3.0:
-                ratio = _median(values[f"wind_{axis}"]) / drift
-                self.say(f"wind_{axis}", ratio, "speeds and nose", (0.25, 2.5))
-
-    def _without_lift(self, *names: str) -> list[FloatArray]:
-        """Means of signals without what goes with the angle of attack in a steady flight."""
-        level = np.cos(self.values["phi"])
-        speed = self.values.get("V_a", self.values.get("V_g", level))
-        # The nose is above the path by about alpha cos(phi), and alpha grows with n_z over V_a^2.
-        lift = level * self.values.get("n_z", 1.0 / np.maximum(level, 0.2)) / speed**2
-        columns = [self.mean(self.values[name]) for name in names]
-        terms = np.column_stack([self.mean(x) for x in (np.ones(len(level)), level, lift)])
-        there = np.isfinite(np.column_stack([terms, *columns])).all(axis=1)
-        left = []
-        for column in columns:
-            weights = np.linalg.lstsq(terms[there], column[there], rcond=None)[0]
-            left.append(np.where(there, column - terms @ weights, np.nan))
-        return left
-
-    def attitude(self) -> None:
-        """Check attitude, its rates and commands against each other and the course."""
-        values, flying = self.values, self.flying
-        phi, theta = values["phi"], values.get("theta", np.zeros(len(flying)))
-        roll, pitch, heading, turn = (self.slope(name) for name in ("phi", "theta", "psi", "chi"))
-        self.say("the change of psi", _ratio(heading * flying, turn, STILL), "the course")
-        yaw = (heading if "psi" in values else turn) * np.cos(theta)
-        rates = {
-            "p": roll - yaw * np.tan(theta),
-            "q": pitch * np.cos(phi) + yaw * np.sin(phi),
-            "r": yaw * np.cos(phi) - pitch * np.sin(phi),
-        }
-        for name in (name for name in rates if name in values):
-            ratio = _ratio(self.mean(values[name]), rates[name], STILL)
-            self.say(name, ratio, "the changes of attitude")
-        if "V_g" in values:
-            ratio = _ratio(self.mean(G_0 * np.tan(phi)), self.mean(turn * values["V_g"]), 0.1)
-            self.say("phi", ratio, "course and speed in turns", IN_TURNS)
-        if "phi_cmd" in values:
-            behind = (max(1, round(late / self.dt)) for late in BEHIND_S)
-            ratios = [_ratio(values["phi_cmd"][:-k], (phi * flying)[k:], STILL) for k in behind]
-            ratio = next((ratio for ratio in ratios if math.isfinite(ratio)), math.nan)
-            self.say("phi_cmd", ratio, "the roll", (0.3, 4.0))
+    @property
+    def likeness(self) -> float:
+        """Sum of correlations: of a command at its time, of others at the same time."""
+        return sum(
+            abs(match.alike) if relation.rests_on == "loop" else match.at_once
+            for relation, match in zip(RELATIONS, self.matches, strict=True)
+            if match.status == "agrees"
+        )
 
 
-def _plane(lat: FloatArray, lon: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """North and east (m) of places on Earth (rad), linear about the first one."""
-    first = int(np.argmax(np.isfinite(lat) & np.isfinite(lon)))
-    origin = float(lat[first]) * DEG_PER_RAD, float(lon[first]) * DEG_PER_RAD
-    step = 0.01  # deg
-    if not (abs(origin[0]) < 89.0 and abs(origin[1]) <= 360.0):
-        return np.full(len(lat), np.nan), np.full(len(lat), np.nan)
-    up, _ = north_east((origin[0] + step, origin[1]), origin)
-    _, right = north_east((origin[0], origin[1] + step), origin)
-    scale = DEG_PER_RAD / step
-    return (lat - lat[first]) * scale * up, (lon - lon[first]) * scale * right
+class Verdicts(NamedTuple):
+    """What is said of the columns of a log."""
+
+    wrong: list[str]
+    notes: list[str]
+    columns: set[str]  # that something is said of
+
+
+def judged(given: Given, dt: float) -> Verdicts:
+    """Sentences on columns that others contradict, that are unlike, and that cannot be told."""
+    now, said = _Judgement(given, dt), Verdicts([], [], set())
+    _say_clock(said, now)
+    for _ in range(MAX_CURES):
+        if not now.broken:
+            break
+        cure, after = _best(now)
+        of = [k for k in now.broken if after.matches[k].status not in ("contradicts", "unlike")]
+        own = [k for k in of if cure and RELATIONS[k].name in cure.columns]
+        for k in (own or of)[:1] if cure else now.broken:
+            _say(said, now, after, k, cure)
+        now = after
+        if cure is None:
+            break
+    _say_rest(said, now, given)
+    return said
+
+
+def _best(now: _Judgement) -> tuple[Cure | None, _Judgement]:
+    """The change of columns after which the most relations hold, and what they are then."""
+    tried: list[tuple[tuple[float, ...], Cure, _Judgement]] = []
+    seen: set[tuple[tuple[str, ...], str]] = set()
+    for k in now.broken:
+        for cure in _cures(now.motion, RELATIONS[k], now.matches[k]):
+            key = cure.columns, cure.words.partition(" would do")[0]
+            if key in seen:
+                continue
+            seen.add(key)
+            after = _Judgement(cure.apply(now.motion.given), now.motion.dt, now)
+            # A cure makes a relation hold; without a column it only cannot be told.
+            holds = not cure.words or any(after.matches[x].status == "agrees" for x in now.broken)
+            if "exchanged" in cure.words:
+                holds &= {*cure.columns} <= after.told
+            if len(after.broken) < len(now.broken) and holds:
+                broken, agree = after.rank
+                far = OTHERS * (RELATIONS[k].name not in cure.columns)
+                rank = not cure.words, broken, agree, cure.cost + far - 5.0 * after.likeness
+                tried.append((rank, cure, after))
+    if not tried:
+        return None, now
+    rank, cure, after = min(tried, key=lambda x: x[0])
+    if not cure.words:  # others without which as much agrees may be the ones that are wrong
+        alike = [x for x in tried if x[0][1] == rank[1] and x[0][2] <= rank[2] + 1]
+        alike.sort(key=lambda x: x[0])
+        cure = cure._replace(columns=tuple(x[1].columns[0] for x in alike))
+    return cure, after
+
+
+def _say_clock(said: Verdicts, now: _Judgement) -> None:
+    """Say a clock by which rates and speeds are all too fast or too slow by one factor."""
+    ratios = [
+        1.0 / match.ratio if relation.name in ("h", "down") else match.ratio
+        for relation, match in zip(RELATIONS, now.matches, strict=True)
+        if relation.rests_on == "motion"
+        and match.status == "agrees"
+        and match.alike > SURE
+        and relation.name not in ("chi", "V_g")
+        and relation.others != "down"
+    ]
+    if len(ratios) < 3:
+        return
+    middle = float(np.median(ratios))
+    near = np.abs(np.log(np.array(ratios) / middle)) < ONE_CLOCK
+    if np.mean(near) >= 0.75 and abs(math.log(middle)) > 2.0 * ONE_CLOCK:
+        said.wrong.append(
+            f"t: rates and speeds are all {middle:.3g} times the changes by this clock: a factor "
+            f"of {1.0 / middle:.3g} would do to the time"
+        )
+        said.columns.add("t")
+
+
+def _say_rest(said: Verdicts, now: _Judgement, given: Given) -> None:
+    """Say which of the other columns agree, and why the rest cannot be told."""
+    agree, why = dict[str, list[str]](), dict[str, list[str]]()
+    for name in (name for name in given if name not in said.columns):
+        about = [
+            (relation, match)
+            for relation, match in zip(RELATIONS, now.matches, strict=True)
+            if name in (relation.name, *relation.also)
+            or (relation.name not in given and name in now.motion.sources(relation.name))
+        ]
+        holds = [(relation, match) for relation, match in about if match.status == "agrees"]
+        if name == "V_a" and holds and copied(now.motion):
+            why["it is the ground speed, in still air or by mistake"] = [name]
+            continue
+        for relation, match in holds[:1]:
+            off = relation.about == "values" and abs(math.log(match.ratio)) > 0.05
+            ratio = f" ({match.ratio:.2f} times it)" if off else ""
+            agree.setdefault(relation.others, []).append(name + ratio)
+        if not holds:
+            reasons = [match.why for _, match in about if match.why]
+            reason = reasons[0] if reasons else "no other column of the log tells"
+            why.setdefault(reason, []).append(name)
+    if agree:
+        pairs = (f"{listed(names)} with {others}" for others, names in agree.items())
+        said.notes.append(f"agree: {'; '.join(pairs)}")
+    said.notes.extend(f"cannot tell {listed(names)}: {reason}" for reason, names in why.items())
+
+
+def _say(said: Verdicts, now: _Judgement, after: _Judgement, k: int, cure: Cure | None) -> None:
+    relation, match = RELATIONS[k], now.matches[k]
+    gravity = cure is not None and "gravity" in cure.words
+    label = relation.name if gravity else relation.label or relation.name
+    if match.status == "unlike" and (relation.about == "changes" or abs(match.turned) > TRAILING):
+        rests = "does not change with" if match.ratio == 0.0 else "is unlike"
+        text = f"{label} {rests} {relation.others} (correlation {match.alike:.2f})"
+    elif not relation.lag[0] - 0.05 < match.lag < relation.lag[1] + 0.05:
+        side = "after" if match.lag > 0.0 else "before"
+        text = f"{label} comes {abs(match.lag):.1f} s {side} {relation.others}"
+    elif abs(match.turned) > relation.turned:
+        name = "chi" if relation.name == "v_north" else relation.name
+        off = match.turned * DEG_PER_RAD
+        text = f"{name} is {off:+.1f} deg off that of {relation.others} all along"
+    else:
+        text = f"{label} is {match.ratio:.3g} times the value from {relation.others}"
+    said.columns.update(cure.columns if cure else (relation.name,))
+    if cure is not None and cure.words:
+        # An error in another unit still says when it is large.
+        other_unit = relation.name.endswith("_err") and match.ratio > 0.0
+        (said.notes if other_unit else said.wrong).append(f"{text}: {cure.words}")
+        return
+    columns = cure.columns if cure else (relation.name,)
+    text += f": {' or '.join(columns)} is something else, and no factor, shift or exchange mends it"
+    # An identity of motion that holds with the column, and tells nothing without it.
+    vouched = any(
+        relation.rests_on == "motion" and match.status == "agrees" != without.status
+        for relation, match, without in zip(RELATIONS, now.matches, after.matches, strict=True)
+    )
+    sure = match.status == "unlike" and (relation.rests_on == "flight" and not vouched)
+    (said.wrong if sure or relation.rests_on == "motion" else said.notes).append(text)
+
+
+def coarse(given: Given, dt: float) -> tuple[Given, float]:
+    """Columns at about `COARSE_S`, as means; angles are turned on before."""
+    step = max(1, round(COARSE_S / dt), math.ceil(len(given["phi"]) / MAX_SAMPLES))
+    if step == 1:
+        return given, dt
+
+    def means(name: str) -> FloatArray:
+        rows = given[name][: len(given[name]) // step * step].reshape(-1, step)
+        if KIND.get(name) == "angle":
+            return np.angle(np.exp(1j * rows).mean(axis=1))
+        return rows.mean(axis=1)
+
+    return {name: means(name) for name in given}, step * dt
 
 
 @np.errstate(invalid="ignore", divide="ignore", over="ignore")
 def checked(
-    raw: Mapping[str, FloatArray], t: FloatArray
+    raw: Given, t: FloatArray, said: Mapping[str, str]
 ) -> tuple[dict[str, FloatArray], list[str], list[str]]:
     """Signals of a run from raw ones on one time base, notes, and contradictions of columns."""
-    check = _Check(raw, t)
-    check.motion()
-    values = check.values
-    if {"wind_speed", "wind_from"} <= values.keys():
-        for name, part in (("wind_north", np.cos), ("wind_east", np.sin)):
-            values[name] = -values["wind_speed"] * part(values["wind_from"])
-    if "wind_north" in values:
-        values.setdefault("wind_down", np.zeros(len(t)))
-    check.load_factor()
-    check.flight_path()
-    check.attitude()
+    dt = float(t[1] - t[0])
+    values, notes = completed(raw, dt)
+    wrong = list(said.values())
+    if "phi" not in said:
+        verdicts = judged(*coarse({x: raw[x] for x in raw if x not in said}, dt))
+        wrong += verdicts.wrong
+        notes += verdicts.notes
     for place in ("north", "east", "down"):
         if place in values:
             there = values[place][np.isfinite(values[place])]
@@ -370,7 +573,7 @@ def checked(
     for name in ("chi", "gamma"):
         if {name, f"{name}_ref"} <= values.keys():
             values[f"{name}_err"] = np.angle(np.exp(1j * (values[f"{name}_ref"] - values[name])))
-    return values, check.notes, check.wrong
+    return values, notes, wrong
 
 
 def check_flight(place: str, signals: Mapping[str, FloatArray], vehicle: str) -> None:

@@ -223,7 +223,7 @@ def load_log(
         if number := np.count_nonzero(wrong := np.abs(column) >= TOO_LARGE):
             raw[name] = times, np.where(wrong, np.nan, column)
             large.append(f"{name}: samples of {TOO_LARGE:g} or more left out, {number}")
-    wrong = degrees_as_radians(raw)  # before angles are brought into one turn
+    said = degrees_as_radians(raw)  # before angles are brought into one turn
     modes = {**_tables()["modes"], "csv": {}}
     named = {**modes["DataFlash"], **modes[kind]} if kind == "MAVLink" else modes[kind]
     listed, odd = phases(str(path), raw, named, _tables()["states"].get(kind, {}))
@@ -240,8 +240,7 @@ def load_log(
     t, values = on_one_base(str(path), raw, start, end, table=kind == "csv")
     there = inside(t + start, chosen) if mode else np.ones(len(t))
     values = {name: column * there for name, column in values.items()}
-    signals, notes, contradicted = checked(values, t)
-    wrong += contradicted
+    signals, notes, wrong = checked(values, t, said)
     # Behind the colon are units, such as km/h.
     passed = [x for x in wrong if {*trusted} & {*re.findall(r"\w+", x.partition(":")[0])}]
     wrong = [line for line in wrong if line not in passed]

@@ -1,0 +1,108 @@
+"""Errors of columns are said with what mends them, or why they cannot be told."""
+
+import re
+
+import numpy as np
+import pytest
+from log_columns import ERRORS, RIGHT, sampled
+from log_files import heavy_cessna
+
+import flighttune as ft
+
+FEW = (
+    *("p sign", "n_z without gravity", "V_a in kn", "phi and theta", "phi and phi_cmd"),
+    *("n_z and n_z_cmd", "theta as 1/57", "commands 1 s late", "p is another", "V_err sign"),
+    *("psi rests", "V_a of the ground", "clock times 1.1", "chi magnetic", "psi by 90"),
+)
+FLIGHTS = {
+    "still air": RIGHT["turns and climbs"],
+    "wind": RIGHT["wind of 0.4 of the airspeed"],
+    "Cessna": lambda: of_run(heavy_cessna(150.0)),
+}
+
+
+def of_run(run):
+    """Columns of a simulated flight; its velocity over ground is the slope of its path."""
+    names = "phi theta psi p q r n_z V_a north east phi_cmd n_z_cmd h"
+    columns = {name: run.signals[name].to_numpy() for name in names.split()}
+    over = {"v_north": run.signals["north"], "v_east": run.signals["east"], "v_down": -columns["h"]}
+    return {"t_s": run.t, **columns, **{x: np.gradient(y, run.t) for x, y in over.items()}}
+
+
+@pytest.fixture(scope="session")
+def log_of(tmp_path_factory):
+    """What is said of a table of a flight at a rate, with a change."""
+    flown, path = {}, tmp_path_factory.mktemp("columns") / "flight.csv"
+
+    def said(make, rate, change=lambda _: {}):
+        if make not in flown:
+            flown[make] = make()
+        log = sampled(flown[make], rate)
+        log.assign(**change(log)).to_csv(path, index=False)
+        return ft.load_log(path).provenance.log
+
+    return said
+
+
+def check_error(log_of, flight, rate, name):
+    change, says = ERRORS[name]
+
+    log = log_of(FLIGHTS[flight], rate, change)
+
+    assert any(re.search(says, line) for line in log["checks"]), log["checks"]
+
+
+@pytest.mark.parametrize("name", FEW)
+def test_an_error_of_a_column_is_said_with_its_cure(log_of, name):
+    check_error(log_of, "still air", 25, name)
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize("name", [*ERRORS])
+def test_every_error_is_said_in_wind(log_of, name):
+    check_error(log_of, "wind", 25, name)
+
+
+NOT_THERE = ("V_err sign", "V_err is another", "phi and psi")
+"""On the Cessna: it has no error of speed, and its heading read as roll lies where degrees do."""
+
+
+@pytest.mark.counts
+@pytest.mark.parametrize("rate", [10, 25, 50])
+@pytest.mark.parametrize("name", [name for name in ERRORS if name not in NOT_THERE])
+@pytest.mark.parametrize("flight", [*FLIGHTS])
+def test_every_error_is_said_of_every_flight_at_every_rate(log_of, flight, name, rate):
+    check_error(log_of, flight, rate, name)
+
+
+@pytest.mark.parametrize("flight", ["turns and climbs", "long inverted", "loops in wind"])
+def test_a_right_log_is_not_accused(log_of, flight):
+    log = log_of(RIGHT[flight], 25)
+
+    assert log["wrong"] == []
+    assert any(line.startswith("agree: ") for line in log["checks"])
+
+
+@pytest.mark.counts
+@pytest.mark.parametrize("rate", [10, 25, 50])
+@pytest.mark.parametrize("make", [*RIGHT.values(), FLIGHTS["Cessna"]], ids=[*RIGHT, "Cessna"])
+def test_no_right_log_is_accused_at_any_rate(log_of, make, rate):
+    assert log_of(make, rate)["wrong"] == []
+
+
+@pytest.mark.parametrize("name", ["phi and phi_cmd", "n_z and n_z_cmd"])
+def test_a_command_in_the_place_of_its_response_is_not_identified(tmp_path, log_of, name):
+    log = sampled(FLIGHTS["still air"](), 25)
+    log.assign(**ERRORS[name][0](log)).to_csv(tmp_path / "flight.csv", index=False)
+
+    with pytest.raises(ft.InputError, match="exchanged would do"):
+        ft.identify(tmp_path / "flight.csv")
+
+
+def test_a_flight_that_is_inverted_for_most_of_its_time_is_identified_or_said_why(tmp_path):
+    """It has no commands, which is the reason, and no other."""
+    sampled(RIGHT["long inverted"](), 25).to_csv(tmp_path / "flight.csv", index=False)
+
+    found = ft.identify(tmp_path / "flight.csv")
+
+    assert "no roll commands" in str(found.answer().failure)
