@@ -562,7 +562,9 @@ def checked(
     dt = float(t[1] - t[0])
     values, notes = completed(raw, dt)
     wrong = list(said.values())
-    if "phi" not in said:
+    if t[-1] - t[0] < ENOUGH_S:
+        notes.append(f"cannot tell any column: the log lasts less than {ENOUGH_S:g} s")
+    elif "phi" not in said:
         verdicts = judged(*coarse({x: raw[x] for x in raw if x not in said}, dt))
         wrong += verdicts.wrong
         notes += verdicts.notes
