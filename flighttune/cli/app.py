@@ -18,7 +18,7 @@ from flighttune.cli.flights import campaign, fly, list_shipped, mission, new, vi
 from flighttune.cli.gains import certify, meet, tune, verify
 from flighttune.cli.options import COMMANDS, FLOWN_BY, FORMER, command
 from flighttune.cli.pages import export, report, reproduce
-from flighttune.cli.show import COULD_NOT_RUN, INTERRUPTED, NO, clear, fail, output
+from flighttune.cli.show import COULD_NOT_RUN, INTERRUPTED, NO, cleaning_up, clear, fail, output
 from flighttune.errors import FlightTuneError, InfeasibleError, InputError, missing_extra
 from flighttune.files.whole import reason_of
 
@@ -124,7 +124,8 @@ def _options(
 def main() -> None:
     """Run the command line; errors become one line on stderr and exit status 2."""
     try:
-        copy_context().run(_run)
+        with cleaning_up():
+            copy_context().run(_run)
     except KeyboardInterrupt:  # also while an error is printed
         sys.exit(INTERRUPTED)
 
@@ -161,7 +162,7 @@ def _reason(error: Exception) -> str:
         return str(error)
     if isinstance(error, ImportError) and (message := missing_extra(error, "this command")):
         return message
-    if isinstance(error, PermissionError) and error.filename:
+    if isinstance(error, OSError) and error.filename:
         return f"{error.filename}: {reason_of(error)}."
     what = f"{type(error).__name__}: {error}"
     return f"a fault of flighttune: {what} (its traceback: flighttune --debug ...)"

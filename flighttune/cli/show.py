@@ -209,6 +209,34 @@ def campaign_display() -> Iterator[CampaignDisplay]:
 
 
 @contextmanager
+def cleaning_up() -> Iterator[None]:
+    """End the process by a SIGTERM or SIGHUP in the block after what is unfinished is removed."""
+    ended_by: list[int] = []
+    default = [number for number in SIGNALS[1:] if signal.getsignal(number) == signal.SIG_DFL]
+
+    def handle(number: int, frame: FrameType | None) -> None:
+        ended_by.append(number)
+        restore()  # a second signal ends the process at once
+        signal.default_int_handler(number, frame)
+
+    def restore() -> None:
+        for number in default:
+            signal.signal(number, signal.SIG_DFL)
+
+    for number in default:
+        signal.signal(number, handle)
+    try:
+        yield
+    except (KeyboardInterrupt, SystemExit):
+        if not ended_by:
+            raise
+    finally:
+        restore()
+    if ended_by:
+        os.kill(os.getpid(), ended_by[0])  # who waits for it learns how it ended
+
+
+@contextmanager
 def on_interrupt(stop: Callable[[], object] | None = None) -> Iterator[None]:
     """Call `stop` at the first of `SIGNALS` in the block; without it, raise KeyboardInterrupt."""
     # Later signals are handled as before the block. As a signal handler, `stop` only asks for the
