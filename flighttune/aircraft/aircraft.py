@@ -17,7 +17,7 @@ from flighttune.control.limits import Limits
 from flighttune.errors import InputError
 from flighttune.files.shipped import aircraft_folder
 from flighttune.files.table import hash_of, json_tables, stamp, toml_tables, validated
-from flighttune.files.whole import write_text
+from flighttune.files.whole import UNFINISHED, settle, write_text
 from flighttune.present.answer import printable
 from flighttune.units import DEG
 
@@ -367,6 +367,7 @@ def load_aircraft(aircraft: str | Path) -> AircraftConfig:
     folder = Path(aircraft).resolve()
     if folder.is_file() or (isinstance(aircraft, str) and Path(aircraft).name == aircraft):
         folder = aircraft_folder(str(aircraft))
+    settle(folder)
     return _read(folder, stamp(folder / "aircraft.toml"), stamp(folder / GAINS_FILE))
 
 
@@ -420,7 +421,8 @@ def files_hash(aircraft: str) -> str:
     folder = load_aircraft(aircraft).folder
     digest = hashlib.sha256()
     for file in sorted(path for path in folder.rglob("*") if path.is_file()):
-        if file.suffix in (".xml", ".toml", ".json"):
+        unfinished = any(part.startswith(UNFINISHED) for part in file.relative_to(folder).parts)
+        if file.suffix in (".xml", ".toml", ".json") and not unfinished:
             content = file.read_bytes()
             digest.update(f"{file.relative_to(folder).as_posix()} {len(content)}\n".encode())
             digest.update(content)

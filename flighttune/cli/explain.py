@@ -7,6 +7,7 @@ from pathlib import Path
 from flighttune.cli.options import FLOWN_BY, Verb, check_ending, this_command
 from flighttune.cli.show import campaign_display, progress_bar
 from flighttune.errors import InputError
+from flighttune.files.whole import remove_file, together
 from flighttune.present.answer import Answer
 
 
@@ -37,13 +38,16 @@ def gap(explain_gap: Verb, scenario: str, out: Path | None, claims: list[Path] |
         explained.sheet().save(folder / "gap.svg")
         return replace(explained.answer(), files={"figure": folder / "gap.svg"})
     explained = within(explained, claims or ())
-    files = record(explained.flown(), folder, name=stem)
-    answer = explained.answer(files.signals)
     figure = page = None
-    if explained.steps:
-        figure, page = folder / "gap.svg", folder / "gap.html"
-        gap_sheet(explained).save(figure)
-        write_gap_page(explained, answer.tables, page)
+    with together(folder):
+        files = record(explained.flown(), folder, name=stem)
+        answer = explained.answer(files.signals)
+        for name in ("gap.svg", "gap.html"):
+            remove_file(folder / name)
+        if explained.steps:
+            figure, page = folder / "gap.svg", folder / "gap.html"
+            gap_sheet(explained).save(figure)
+            write_gap_page(explained, answer.tables, page)
     files = {"recording": files.recording, "figure": figure, "page": page}
     return replace(answer, files=files)
 
@@ -124,12 +128,13 @@ def tube(
             return largest_disturbance(scenario, **settings)
         enclosure = enclose(boxes=counted, disturbance=bound, progress=follow)
     files: dict[str, Path | None] = {"proof": None}
-    if enclosure.problem.band is not None and not in_file:
-        files["boxes"] = Path(f"{base}-boxes.npz")
-        enclosure.problem.band.save(files["boxes"])
-    if enclosure.status == "bounded":
-        files["proof"] = out or Path(f"{base}-tube.npz")
-        enclosure.save(files["proof"])
+    with together():
+        if enclosure.problem.band is not None and not in_file:
+            files["boxes"] = Path(f"{base}-boxes.npz")
+            enclosure.problem.band.save(files["boxes"])
+        if enclosure.status == "bounded":
+            files["proof"] = out or Path(f"{base}-tube.npz")
+            enclosure.save(files["proof"])
     return replace(enclosure.answer(gains or ""), files=files)
 
 

@@ -7,6 +7,7 @@ from typing import Any
 from flighttune.cli.options import FLOWN_BY, Verb, check_ending, this_command
 from flighttune.cli.show import campaign_display, progress_bar
 from flighttune.errors import InputError
+from flighttune.files.whole import keep_on_error, together
 from flighttune.present.answer import Answer
 
 
@@ -37,15 +38,16 @@ def tune(
     result = tune_scenario(prove=prove is not None)
     page = page if result.solved else None
     answer = replace(result.answer(), files={"out": out, "proof": prove, "page": page})
-    if prove is not None and result.bound is not None:
-        result.bound.save(prove)
-    if out is not None:
-        answer.save(out)
-    if page is not None:
-        from flighttune.flight.load import as_scenario
-        from flighttune.reports.meet import write_tune_page
+    with together():
+        if prove is not None and result.bound is not None:
+            result.bound.save(prove)
+        if out is not None:
+            answer.save(out)
+        if page is not None:
+            from flighttune.flight.load import as_scenario
+            from flighttune.reports.meet import write_tune_page
 
-        write_tune_page(page, as_scenario(source, changes), result, this_command())
+            write_tune_page(page, as_scenario(source, changes), result, this_command())
     return answer
 
 
@@ -56,12 +58,14 @@ def meet(search: Verb, page: Path | None, out: Path | None) -> Answer:
     """
     meeting = search()
     answer = replace(meeting.answer(), files={"out": out, "page": page})
-    if out is not None:  # before the page: a fault in it must not lose the search
-        answer.save(out)
-    if page is not None:
-        from flighttune.reports.meet import write_meet_page
+    with together():
+        if out is not None:
+            keep_on_error(out)
+            answer.save(out)
+        if page is not None:
+            from flighttune.reports.meet import write_meet_page
 
-        write_meet_page(page, meeting, this_command())
+            write_meet_page(page, meeting, this_command())
     return answer
 
 
@@ -72,12 +76,13 @@ def certify(certify_gains: Verb, source: str, out: Path | None, figure: Path | N
     """
     certified = certify_gains()
     proof = out if certified.certificate else None
-    if proof is not None:
-        certified.certificate.save(proof)
-    if figure is not None:
-        from flighttune.reports.charts import loop_sheet
+    with together():
+        if proof is not None:
+            certified.certificate.save(proof)
+        if figure is not None:
+            from flighttune.reports.charts import loop_sheet
 
-        loop_sheet(certified, f"{Path(source).stem}; gains {certified.name}").save(figure)
+            loop_sheet(certified, f"{Path(source).stem}; gains {certified.name}").save(figure)
     return replace(certified.answer(), files={"proof": proof, "figure": figure})
 
 

@@ -109,8 +109,10 @@ def written(source: object, *kinds: str, columns: Any = ()) -> Any:
 
 def kind_of(source: str | Path) -> str:
     """Kind of a file by its content, or else by its ending; empty for what nobody wrote."""
+    whole.settle(Path(source).parent)
     path, head, stated = _place(source), b"", ""
     if path.is_dir():
+        whole.settle(path)
         return DATASET if (path / CAMPAIGN).is_file() else RECORDING
     with suppress(OSError), path.open("rb") as file:
         head = file.read(16)

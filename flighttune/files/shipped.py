@@ -7,6 +7,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from flighttune.errors import InputError
+from flighttune.files.whole import settle
 
 _PACKAGE = Path(__file__).resolve().parents[1]
 
@@ -74,6 +75,7 @@ def aircraft_folder(name: str) -> Path:
     """Return the folder of the aircraft `name`, found in one of `aircraft_places`."""
     if Path(name).name == name:
         for place in aircraft_places():
+            settle(place / name)
             if os.path.isfile(place / name / "aircraft.toml"):  # False where access is denied
                 return (place / name).resolve()
     names = list(aircraft_folders())

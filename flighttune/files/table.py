@@ -22,7 +22,7 @@ from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
 from flighttune.errors import InputError, ScenarioError, naming
-from flighttune.files.whole import allowed, write_text
+from flighttune.files.whole import allowed, settle, write_text
 
 # Mistakes listed in one line; the rest is counted.
 MAX_LISTED = 5
@@ -250,6 +250,7 @@ def _json(text: str) -> Any:
 
 def file_text(path: Path) -> str:
     """The text of a file; ScenarioError if it is too large or no UTF-8."""
+    settle(path.parent)
     with allowed(path, "readable", ScenarioError), path.open("rb") as file:
         data = file.read(MAX_BYTES + 1)
     if len(data) > MAX_BYTES:

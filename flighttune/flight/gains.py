@@ -18,7 +18,7 @@ from flighttune.control.law import Law
 from flighttune.control.linear_model import LinearModel
 from flighttune.errors import InfeasibleError, InputError
 from flighttune.files import code
-from flighttune.files.whole import write_text
+from flighttune.files.whole import together, write_text
 from flighttune.flight import models
 from flighttune.flight.load import as_scenario, scenario_and_gains
 from flighttune.flight.own import with_own
@@ -336,8 +336,9 @@ class Frontier(Answering):
     def save(self, folder: str | Path) -> dict[str, Path]:
         """Write ``frontier.csv`` and ``frontier.svg`` into a folder."""
         csv, figure = (Path(folder) / f"frontier.{ending}" for ending in ("csv", "svg"))
-        write_text(csv, self.table.to_csv(index=False, lineterminator="\n"))
-        self.sheet.save(figure)
+        with together():
+            write_text(csv, self.table.to_csv(index=False, lineterminator="\n"))
+            self.sheet.save(figure)
         return {"csv": csv, "figure": figure}
 
     def answer(self) -> Answer:

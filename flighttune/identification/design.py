@@ -16,6 +16,7 @@ from flighttune.aircraft.aircraft import AircraftConfig, InnerLoopGains, load_ai
 from flighttune.aircraft.aircraft import Design as DesignTable
 from flighttune.arrays import FloatArray
 from flighttune.errors import InputError, PlantError
+from flighttune.files.whole import together
 from flighttune.identification.file import Channel
 from flighttune.plants.base import FlightCondition
 from flighttune.plants.jsbsim.bench import AirframeState, Bench, slopes
@@ -293,8 +294,10 @@ class DesignedAircraft(Answering):
     def save(self, folder: str | Path) -> dict[str, Path]:
         """Write gains and a figure of the steps into a folder; return the files by kind."""
         folder = Path(folder)
-        written, figure = save_gains(self.gains, folder), folder / "step_responses.svg"
-        step_figure(self.config, self.steps).save(figure)
+        figure = folder / "step_responses.svg"
+        with together():
+            written = save_gains(self.gains, folder)
+            step_figure(self.config, self.steps).save(figure)
         return {"written": written, "figure": figure}
 
     def answer(self) -> Answer:

@@ -24,7 +24,7 @@ from flighttune.control.linear_model import LinearModel
 from flighttune.errors import InputError, ScenarioError
 from flighttune.files import shipped
 from flighttune.files.table import abridged, json_tables, shown, stamp, validated
-from flighttune.files.whole import write_text
+from flighttune.files.whole import together, write_text
 from flighttune.present import answer, chart, names
 from flighttune.units import DEG_PER_RAD, G_0
 
@@ -331,9 +331,10 @@ def save_with_figure(
 ) -> dict[str, Path | None]:
     """Write a model and the figure of its fits, if it has charts, side by side."""
     figure = path.with_suffix(".svg") if sheet.charts else None
-    aircraft.save(path)
-    if figure is not None:
-        sheet.save(figure)
+    with together():
+        aircraft.save(path)
+        if figure is not None:
+            sheet.save(figure)
     return {"model": path, "figure": figure}
 
 

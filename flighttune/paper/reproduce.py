@@ -18,7 +18,7 @@ import numpy as np
 from flighttune.control.linear_model import closed_loop, disturbance_entry
 from flighttune.errors import InputError
 from flighttune.files import shipped
-from flighttune.files.whole import write_text
+from flighttune.files.whole import together, write_text
 from flighttune.paper import parameters as printed
 from flighttune.paper.claims import CLAIMS, VERDICTS, Finding, judge, text_of
 from flighttune.paper.flight import initial_commands, largest_share
@@ -118,11 +118,10 @@ def reproduce(
             raise InputError(f"`ITEM` must be one of {', '.join(ITEMS)}, got {name}{near}")
     study, folder = Study() if study is None else study, Path(out)
     chosen, tell = [x for x in ITEMS if x in names or not names], progress or (lambda *_: None)
-    items, findings = [], []
+    outputs, findings = {}, []
     for k, name in enumerate(chosen):
         tell("items", k / len(chosen))
-        output = ITEMS[name].make(study)
-        items.append((ITEMS[name], output, _written(ITEMS[name], output, folder)))
+        outputs[ITEMS[name]] = ITEMS[name].make(study)
     tell("items", 1.0)
     for k, name in enumerate(CLAIMS):
         tell("claims", k / len(CLAIMS))
@@ -130,17 +129,19 @@ def reproduce(
     tell("claims", 1.0)
     parts = errata(study)
     text = [HEAD.rstrip(), *(f"## {part.title}\n\n{part.markdown()}" for part in parts)]
-    page = write_page(
-        folder / "index.html",
-        page_template("flighttune.paper", "page.html.jinja"),
-        title=TITLE,
-        items=items,
-        findings=sorted(findings, key=lambda finding: READ_FIRST.index(finding.verdict)),
-        verdicts=VERDICTS,
-        errata=parts,
-        text=text_of,
-    )
-    listed = write_text(folder / "errata.md", "\n\n".join(text) + "\n")
+    with together(folder):
+        items = [(item, output, _written(item, output, folder)) for item, output in outputs.items()]
+        page = write_page(
+            folder / "index.html",
+            page_template("flighttune.paper", "page.html.jinja"),
+            title=TITLE,
+            items=items,
+            findings=sorted(findings, key=lambda finding: READ_FIRST.index(finding.verdict)),
+            verdicts=VERDICTS,
+            errata=parts,
+            text=text_of,
+        )
+        listed = write_text(folder / "errata.md", "\n\n".join(text) + "\n")
     return Reproduction(items=items, findings=findings, page=page.path, errata=listed)
 
 

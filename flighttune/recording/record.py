@@ -6,7 +6,6 @@ import subprocess
 import sys
 import uuid
 from collections.abc import Mapping, Sequence
-from contextlib import ExitStack
 from pathlib import Path
 from typing import Any, NamedTuple
 from urllib.parse import quote
@@ -18,7 +17,7 @@ import rerun_bindings
 from rerun.error_utils import catch_and_log_exceptions
 
 from flighttune.errors import RecordingError, need
-from flighttune.files.whole import whole_file
+from flighttune.files.whole import remove_file, together, whole_file
 from flighttune.flight.flown import FlownScenario
 from flighttune.present.chart import peaks
 from flighttune.present.names import shown_unit
@@ -114,8 +113,8 @@ def record(flown: FlownScenario, folder: str | Path, *, name: str = "flight") ->
     flown : FlownScenario
         Result of `flighttune.fly`.
     folder : path-like
-        Made if need be; files of the same name are replaced, after all have been written, and
-        Parquet files that a replaced recording was drawn from are removed.
+        Made if need be; files of the same name are replaced together, after all have been written,
+        and Parquet files that a replaced recording was drawn from are removed.
     name : str
         Stem of the recording's name.
 
@@ -149,14 +148,14 @@ def record(flown: FlownScenario, folder: str | Path, *, name: str = "flight") ->
         # Without the private part of the path.
         origin={"folder": folder.name if folder.is_absolute() else str(folder), "sha256": flight},
     )
-    replaced = parquet.files_shown(recording) if recording.exists() else []
-    # Nothing gets its name before all is written; the last one entered is renamed first.
-    with ExitStack() as files:
+    with together(folder):
+        for path in parquet.files_shown(recording) if recording.exists() else ():
+            remove_file(path)
         for path, parts in zip(paths, runs, strict=True):
-            files.enter_context(whole_file(path)).write_bytes(parquet.record_bytes(parts, flight))
-        files.enter_context(whole_file(recording)).write_bytes(picture)
-    for path in {*replaced} - {*paths}:
-        path.unlink(missing_ok=True)
+            with whole_file(path) as part:
+                part.write_bytes(parquet.record_bytes(parts, flight))
+        with whole_file(recording) as part:
+            part.write_bytes(picture)
     labels = (run.label for run in flown.runs)
     return RecordedFiles(recording=recording, signals=dict(zip(labels, paths, strict=True)))
 

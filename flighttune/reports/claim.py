@@ -15,6 +15,7 @@ from flighttune.claims.counted import Counted
 from flighttune.claims.shape import predicted
 from flighttune.errors import InputError
 from flighttune.files.table import toml_text
+from flighttune.files.whole import current
 from flighttune.flight.flown import FlownScenario
 from flighttune.present.answer import Answer, facts_table, quoted
 from flighttune.present.chart import DASHED, DOTTED, HEIGHT, Chart, Sheet, dashes
@@ -166,7 +167,10 @@ def write_claim_page(
     mission, whose lines stand on the page in place of those of its band.
     """
     answer = claim.answer(source) if isinstance(claim, Counted) else claim.answer()
-    facts = {"file": source, "its SHA-256": hashlib.sha256(Path(source).read_bytes()).hexdigest()}
+    facts = {
+        "file": source,
+        "its SHA-256": hashlib.sha256(current(Path(source)).read_bytes()).hexdigest(),
+    }
     sentences, notes, charts = [claim.sentence], [*stale_notes(claim), *answer.notes], []
     title, texts, tables = "Bound on R_K", {}, [*answer.tables]
     if isinstance(claim, Certificate):
