@@ -26,10 +26,19 @@ from flighttune.aircraft.aircraft import (
 from flighttune.aircraft.model_xml import read_xml
 from flighttune.arrays import check_positive
 from flighttune.control.gains import PAPER_GAINS, PAPER_SPEED
-from flighttune.errors import InputError, PlantError, TrimError
+from flighttune.errors import InputError, OutputError, PlantError, TrimError
 from flighttune.files.shipped import models_of_jsbsim, nearest_name
 from flighttune.files.table import shown, toml_tables
-from flighttune.files.whole import made_folder, write_text
+from flighttune.files.whole import (
+    allowed,
+    apart,
+    made_folder,
+    remove_file,
+    scratch_folder,
+    settle,
+    together,
+    write_text,
+)
 from flighttune.flight.flown import SWING, FlownScenario
 from flighttune.flight.fly import fly
 from flighttune.flight.load import load_scenario
@@ -44,7 +53,9 @@ from flighttune.present.answer import Answer, Answering, Table, pick
 from flighttune.present.names import CHANNEL_SYMBOLS, columns
 from flighttune.units import DEG
 
-TURN = "turn.toml"
+AIRCRAFT, TURN, PAGE = "aircraft.toml", "turn.toml", "adoption.html"
+
+REFUSED = "# refused: "  # in the draft of a refused aircraft
 
 SET = "-set.xml"  # ending of the file that describes an aircraft to FlightGear
 
@@ -74,7 +85,7 @@ MAX_GLIDE_RATIO = 75.0
 DIGITS = 5  # significant digits of the files written
 
 # Files that every try writes.
-WRITTEN = ("aircraft.toml", GAINS_FILE, FILE_NAME, TURN)
+WRITTEN = (AIRCRAFT, GAINS_FILE, FILE_NAME, TURN)
 
 # Shares of the bandwidths that are tried in turn, until a flight meets the criteria.
 BANDWIDTH_SHARES = (1.0, 0.7, 0.5)
@@ -131,7 +142,8 @@ class Adoption(Answering):
     status: Status
     reason: str = ""  # why it is not adopted; empty where it is
     folder: Path | None = None  # of the aircraft; None where it is refused
-    draft: Path | None = None  # ``aircraft.toml`` of a refused one, as far as it is known
+    # ``aircraft.toml`` of a refused one, as far as it is known; None where an aircraft stands
+    draft: Path | None = None
     V_a: float = math.nan  # m/s: airspeed; NaN if none was chosen
     engines: int = 0
     fit_percent: Mapping[str, float] = field(default_factory=dict)  # of ``phi`` and ``n_z``
@@ -147,6 +159,7 @@ class Adoption(Answering):
     identified: AircraftIdentification | None = None
     turn: FlownScenario | None = None
     trims: Sequence[Mapping[str, Any]] = ()
+    texts: Mapping[str, str] = field(default_factory=dict)  # of the files in the folder, by name
 
     @property
     def turn_name(self) -> str:
@@ -202,8 +215,9 @@ def adopt(
 ) -> Adoption:
     """Make an aircraft from a JSBSim model, and fly it; this takes about a minute.
 
-    ``aircraft.toml``, gains, identified model, the turn as a scenario and the record are written;
-    of a model that is refused ``aircraft.toml`` as far as it is known.
+    ``aircraft.toml``, gains, identified model, the turn as a scenario and the record are written
+    together at the end; of a model that is refused ``aircraft.toml`` as far as it is known, unless
+    an aircraft was adopted there before, which stays as it is.
 
     Parameters
     ----------
@@ -249,18 +263,73 @@ def adopt(
     'refused'
     """
     check_positive(V_a=V_a, h=h)  # the ground is at 0 m
-    began, began_at, used = time.monotonic(), time.time(), time.process_time()
+    began = time.monotonic()
+    settle(folder)
     model = _model(model, folder)
-    draft = made_folder(folder) / "aircraft.toml"
-    if draft.exists() and toml_tables(draft).get("source") != SOURCE:
+    file = made_folder(folder) / AIRCRAFT
+    if file.exists() and toml_tables(file).get("source") != SOURCE:
         raise InputError(f"{folder}: must not hold an aircraft that `adopt` did not make.")
-    facts: dict[str, Any] = {}
-    tables = wide_tables(model)
-    begun = deepcopy(tables)
-    _set_controls(tables, throttle, commands or {}, rudder)
-    as_asked = deepcopy(tables)
-    start = HEIGHT if h is None else h
+    stands = _stands(folder)
     choices = {"V_a": V_a, "say": say, "values": values or {}, "glide": glide}
+    temporary = allowed("the temporary folder", "writable", OutputError)
+    # What stands in `folder` does so to the end. Its name is a part of the files.
+    with temporary, apart(), scratch_folder() as scratch:
+        built = made_folder(Path(scratch) / folder.absolute().name)
+        tables = wide_tables(_from(model, folder, built))
+        begun = deepcopy(tables)
+        _set_controls(tables, throttle, commands or {}, rudder)
+        adoption = _adopted(tables, begun, built, h, choices)
+    texts = dict(adoption.texts)
+    if AIRCRAFT in texts:
+        texts[AIRCRAFT] = _with_model(texts[AIRCRAFT], model)
+    adoption = replace(adoption, seconds=time.monotonic() - began, texts=texts)
+    if adoption.identified is not None:
+        adoption = replace(
+            adoption, folder=folder, identified=replace(adoption.identified, folder=folder)
+        )
+    elif stands:
+        note = f"the aircraft that was adopted in {folder} stays as it is"
+        return replace(adoption, notes=(*adoption.notes, note))
+    else:
+        adoption = replace(adoption, draft=file)
+    with together(folder):
+        remove_file(folder / PAGE)  # that of an earlier one
+        for name, text in texts.items():
+            write_text(folder / name, text)
+    return adoption
+
+
+def _stands(folder: Path) -> bool:
+    """Whether a folder holds an aircraft that was adopted, and not the draft of a refused one."""
+    file = folder / AIRCRAFT
+    whole = any((folder / name).exists() for name in (GAINS_FILE, FILE_NAME, RECORD))
+    return whole or (file.exists() and REFUSED not in file.read_text(encoding="utf-8"))
+
+
+def _from(model: str, folder: Path, other: Path) -> str:
+    """A model named from a folder as it is named from another one."""
+    if not model.endswith(".xml"):
+        return model
+    return os.path.relpath((folder / model).resolve(), other.resolve())
+
+
+def _with_model(text: str, model: str) -> str:
+    """The text of an ``aircraft.toml`` with another name of its model."""
+    document = tomlkit.parse(text)
+    document["model"] = model
+    return tomlkit.dumps(document)
+
+
+def _adopted(
+    tables: dict[str, Any],
+    begun: Mapping[str, Any],
+    folder: Path,
+    h: float | None,
+    choices: Mapping[str, Any],
+) -> Adoption:
+    """The adoption of a model in a folder of its own, or why it is refused, with their files."""
+    used, say, facts = time.process_time(), choices["say"], dict[str, Any]()
+    as_asked, start = deepcopy(tables), HEIGHT if h is None else h
     try:
         surveyed = survey(tables, folder, h=start, **choices)
         if h is None and (lost := _height_lost(surveyed)) > start:
@@ -272,20 +341,21 @@ def adopt(
             surveyed = surveyed._replace(notes=(*surveyed.notes, note))
         engines = surveyed.tables["engines"]["count"]
         facts = {**pick(surveyed, "V_a glide_ratio largest_drag notes"), "engines": engines}
-        adoption = _best(surveyed, folder, start, say, used)
+        return _best(surveyed, folder, start, say, used)
     except PlantError as error:
         reason = str(error).removesuffix(".").split(f"{model_files.MODEL_FILE}: ", 1)[-1]
-        reason = reason.removeprefix(f"{os.path.realpath(folder / model)}: ")
+        reason = reason.removeprefix(f"{os.path.realpath(folder / tables['model'])}: ")
         if isinstance(error, TrimError):
             # File and condition stand before it.
             reason = f"{reason.split(': ', 1)[-1]}; another airspeed (`--V-a`) may do"
-        if facts and draft.exists() and draft.stat().st_mtime >= began_at:
-            text = f"# refused: {reason}\n{draft.read_text(encoding='utf-8')}"
+        tried = folder / AIRCRAFT
+        if tried.exists():
+            text = f"{REFUSED}{reason}\n{tried.read_text(encoding='utf-8')}"
         else:
             text = draft_text(tables, begun, reason)
-        write_text(draft, text)
-        adoption = Adoption(name=folder.name, status="refused", reason=reason, draft=draft, **facts)
-    return replace(adoption, seconds=time.monotonic() - began)
+        return Adoption(
+            name=folder.name, status="refused", reason=reason, texts={AIRCRAFT: text}, **facts
+        )
 
 
 def _model(model: str, folder: Path) -> str:
@@ -408,11 +478,11 @@ def _settings(file: Path) -> dict[str, str]:
 
 
 def _best(surveyed: Survey, folder: Path, h: float, say: Say, used: float) -> Adoption:
-    """The best of the tries; its files are left in the folder.
+    """The best of the tries, with its files.
 
     `used`: time of the processor at which the adoption began, s.
     """
-    best, files, refused = None, {}, None
+    best, texts, refused = None, {}, None
     tries = [(share, surveyed.V_a, 1.0) for share in BANDWIDTH_SHARES]
     tries += [(1.0, factor * surveyed.V_a, 1.0) for factor in AIRSPEED_FACTORS]
     tries += [(1.0, AIRSPEED_FACTORS[-1] * surveyed.V_a, GENTLE)]
@@ -428,14 +498,14 @@ def _best(surveyed: Survey, folder: Path, h: float, say: Say, used: float) -> Ad
             continue
         if best is None or _merit(tried) > _merit(best):
             best = tried
-            files = {name: (folder / name).read_bytes() for name in WRITTEN}
+            texts = {name: (folder / name).read_text(encoding="utf-8") for name in WRITTEN}
         if best.status == "adopted":
             break
     if best is None:
         assert refused is not None
         raise refused
-    for name, content in files.items():
-        (folder / name).write_bytes(content)
+    for name, text in texts.items():
+        write_text(folder / name, text)
     say("step 9 of 9: trimming over the envelope")
     speeds = np.linspace(0.85, 1.3, 4) * best.V_a
     config = load_aircraft(folder)
@@ -453,8 +523,8 @@ def _best(surveyed: Survey, folder: Path, h: float, say: Say, used: float) -> Ad
         **pick(best, "glide_ratio fit_percent flown notes"),
         "trims": trims,
     }
-    write_text(folder / RECORD, json.dumps(record, indent=2) + "\n")
-    return replace(best, trims=trims)
+    texts[RECORD] = json.dumps(record, indent=2) + "\n"
+    return replace(best, trims=trims, texts=texts)
 
 
 def _merit(tried: Adoption) -> tuple[bool, float]:
@@ -480,9 +550,9 @@ def _tried(
         doubt = f"its glide ratio of {ratio:.0f} is above any aeroplane's: drag may be missing"
         surveyed = surveyed._replace(notes=(*surveyed.notes, doubt))
     tables = final_tables(surveyed, model, h, *shares)
-    for stale in (GAINS_FILE, FILE_NAME, RECORD):
-        (folder / stale).unlink(missing_ok=True)
-    write_text(folder / "aircraft.toml", aircraft_text(tables, surveyed.notes))
+    (folder / GAINS_FILE).unlink(missing_ok=True)  # those of the try before
+    (folder / FILE_NAME).unlink(missing_ok=True)
+    write_text(folder / AIRCRAFT, aircraft_text(tables, surveyed.notes))
     say("step 6 of 9: designing the inner loop")
     designed = design(folder)
     save_gains(designed.gains, folder)

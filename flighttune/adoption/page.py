@@ -1,10 +1,10 @@
 """One page on an adopted aircraft: whether it is adopted, how it flies, what was measured."""
 
+import tomllib
 from importlib.metadata import version
 from pathlib import Path
 
-from flighttune.adoption.adopt import CALM_DEG, TURN, Adoption
-from flighttune.aircraft.aircraft import load_aircraft
+from flighttune.adoption.adopt import AIRCRAFT, CALM_DEG, PAGE, TURN, Adoption
 from flighttune.identification.design import steps_table
 from flighttune.identification.file import lags_table
 from flighttune.identification.identify import GOOD_FIT, held_out
@@ -13,8 +13,6 @@ from flighttune.present.frame import Section, write_answer
 from flighttune.present.names import columns
 from flighttune.reports.panels import errors, flown_signals
 from flighttune.simulate.run import run_styles
-
-PAGE = "adoption.html"
 
 TRIM_COLUMNS = columns("V_a_mps gamma_deg trim.alpha_deg trim.throttle reason")
 
@@ -32,16 +30,15 @@ def write_adoption(adoption: Adoption) -> Path:
     assert adoption.folder is not None
     assert adoption.identified is not None
     assert adoption.turn is not None
-    config = load_aircraft(adoption.folder)
+    tables = tomllib.loads(adoption.texts[AIRCRAFT])  # its file may not have its place yet
     answer = adoption.answer()
     styles = run_styles(adoption.turn.runs)
     flights = [(run, styles[run.label]) for run in adoption.turn.runs if len(run.signals)]
     flown = {"airspeed": f"{adoption.V_a:.4g} m/s", "engines": str(adoption.engines)}
     made_with = {"flighttune": version("flighttune"), "JSBSim": version("jsbsim")}
-    files = config.file, adoption.folder / TURN
     page = write_answer(
         adoption.folder / PAGE,
-        title=f"{config.title} at {adoption.V_a:.0f} m/s",
+        title=f"{tables['title']} at {adoption.V_a:.0f} m/s",
         summary=[*filter(None, [answer.failure or answer.verdict, *adoption.notes])],
         parts={
             "requirements": Section(note=CRITERION, tables=[adoption.flights], legend=False),
@@ -69,10 +66,10 @@ def write_adoption(adoption: Adoption) -> Path:
         styles=styles,
         provenance=facts_table("", flown | made_with),
         commands=f"""# from the folder that holds {adoption.name}/
-flighttune adopt {config.model} --V-a {adoption.V_a:.4g}
+flighttune adopt {tables["model"]} --V-a {adoption.V_a:.4g}
 flighttune fly {adoption.name}/turn.toml
 flighttune trim ./{adoption.name}
 flighttune identify ./{adoption.name}""",
-        texts={file.name: file.read_text(encoding="utf-8") for file in files},
+        texts={name: adoption.texts[name] for name in (AIRCRAFT, TURN)},
     )
     return page.path

@@ -8,6 +8,7 @@ from flighttune.cli.options import Verb
 from flighttune.cli.show import INTERRUPTED, fail, on_interrupt, quiet, tell
 from flighttune.errors import InputError
 from flighttune.files.shipped import is_shipped
+from flighttune.files.whole import together
 from flighttune.present.answer import Answer
 
 
@@ -60,7 +61,7 @@ def adopt(
     named = {"aileron": aileron, "elevator": elevator, "rudder": rudder}
     commands = {surface: names for surface, names in named.items() if names}
     try:
-        with on_interrupt():
+        with on_interrupt(), together(folder):
             adoption = adopt_model(folder, commands=commands, rudder=not no_rudder, say=_progress)
             page = write_adoption(adoption) if adoption.folder else None
     except KeyboardInterrupt:

@@ -11,6 +11,7 @@ import jsbsim
 import numpy as np
 import pytest
 from commands import answer, flighttune
+from killed import each_end, files_in
 from places import SHIPPED_AIRCRAFT, SHIPPED_SCENARIOS
 
 import flighttune as ft
@@ -921,6 +922,57 @@ def test_an_aircraft_that_was_not_adopted_is_not_written_over(tmp_path):
 
     assert "must not hold an aircraft that `adopt` did not make" in err
     assert (folder / "aircraft.toml").read_text() == before
+
+
+def bytes_in(folder):
+    return {file.relative_to(folder): file.read_bytes() for file in folder.rglob("*")}
+
+
+@pytest.mark.parametrize("also", ["gains.json", "adoption.json", None])
+def test_an_adopted_aircraft_stays_where_another_model_is_refused(tmp_path, also):
+    folder = tmp_path / "mine"
+    folder.mkdir()
+    (folder / "aircraft.toml").write_text('title = "X"\nsource = "flighttune adopt"\n')
+    for name in filter(None, [also, "notes.txt"]):
+        (folder / name).write_text("{}")
+    before = bytes_in(folder)
+
+    found = answer("adopt", "ball", "--out", folder, status=1)
+
+    assert bytes_in(folder) == before
+    assert found["draft"] is None
+    assert f"adopted in {folder} stays as it is" in found["notes"][-1]
+
+
+def test_the_draft_of_a_refused_model_is_replaced_by_the_next_one(tmp_path):
+    flighttune("adopt", "ball", "--out", tmp_path, status=1)
+    first = (tmp_path / "aircraft.toml").read_text()
+
+    flighttune("adopt", "weather-balloon", "--out", tmp_path, status=1)
+
+    assert [file.name for file in tmp_path.iterdir()] == ["aircraft.toml"]
+    assert (tmp_path / "aircraft.toml").read_text() != first
+
+
+@pytest.mark.soak
+def test_a_second_adoption_that_is_refused_or_killed_leaves_one_aircraft(adopted, tmp_path):
+    before = shutil.copytree(adopted[0], tmp_path / "before")
+    (before / "notes.txt").write_text("mine")
+    old = files_in(before)
+
+    flighttune("adopt", "T38", "--V-a", "12", "--out", before, status=1)
+    assert files_in(before) == old
+
+    out = tmp_path / "out"
+    command = "adopt", "T38", "--V-a", "150", "--out", out
+    kinds = set()
+    for end in each_end(out, before, command, ("SIGKILL", "SIGTERM"), 6):
+        now = {x: sha for x, sha in end["settled"].items() if not x.startswith(".flighttune-")}
+        assert now.keys() == old.keys()
+        assert now.pop("notes.txt") == old["notes.txt"]
+        (changed,) = {sha != old[name] for name, sha in now.items()}
+        kinds.add(changed)
+    assert kinds == {False, True}
 
 
 def test_the_page_of_the_docs_names_every_model_of_the_wheel():
