@@ -19,7 +19,7 @@ from flighttune.control.wind import LEAST_SPEED, WIND_ESTIMATE_S
 from flighttune.errors import InputError
 from flighttune.exports.jsbsim_folder import ExportedFlight, export_jsbsim
 from flighttune.files.load import BAND, MONITOR, load_one
-from flighttune.files.whole import write_text
+from flighttune.files.whole import together, write_text
 from flighttune.flight.conditions import command_limits, lead_on
 from flighttune.flight.fly import aircraft_table, plant_of
 from flighttune.flight.load import scenario_and_gains
@@ -310,15 +310,15 @@ def export(
         got = type(watching).__name__
         raise InputError(f"`claim` must be a monitor, for the form c, got a {got} for {form}.")
     if form == "c":
-        source = export_c(loaded, name, chosen, Path(out), plant=plant)
         monitor = None
-        if watching is not None:
-            if why := _not_counted(watching, loaded, name, chosen, plant):
-                notes = (f"no claim about flights of this scenario: {why}.", *notes)
-            text = monitor_source(
-                watching, title=loaded.title, dt=1.0 / loaded.controller.rate_hz, no_claim=why
-            )
-            monitor = write_text(source.with_name(MONITOR_SOURCE), text)
+        with together(out):
+            source = export_c(loaded, name, chosen, Path(out), plant=plant)
+            if watching is not None:
+                if why := _not_counted(watching, loaded, name, chosen, plant):
+                    notes = (f"no claim about flights of this scenario: {why}.", *notes)
+                dt = 1.0 / loaded.controller.rate_hz
+                text = monitor_source(watching, title=loaded.title, dt=dt, no_claim=why)
+                monitor = write_text(source.with_name(MONITOR_SOURCE), text)
         return ExportedSource(source=source, notes=notes, monitor=monitor)
     flight = export_jsbsim(loaded, name, chosen, Path(out).absolute(), plant=plant)
     return replace(flight, notes=notes)

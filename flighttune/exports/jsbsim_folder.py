@@ -1,12 +1,13 @@
 """A flight as a folder that JSBSim flies by itself: aircraft, inner and outer loop, script."""
 
+import hashlib
 import math
 import os
 import shlex
 import shutil
 import sys
 from collections.abc import Iterable, Mapping, Sequence, Set
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
 from xml.etree import ElementTree
@@ -23,7 +24,14 @@ from flighttune.control.controller import LawSetup
 from flighttune.control.gains import PIGains
 from flighttune.control.law import OuterLoop
 from flighttune.errors import InputError
-from flighttune.files.whole import whole_file, write_text
+from flighttune.files.whole import (
+    apart,
+    remove_file,
+    scratch_folder,
+    together,
+    whole_file,
+    write_text,
+)
 from flighttune.flight import conditions, fly, models
 from flighttune.plants.jsbsim import model_files, properties
 from flighttune.plants.jsbsim.fdm import STARTER, STARTING, Fdm, weigh
@@ -39,7 +47,7 @@ from flighttune.simulate.run import Run
 from flighttune.units import FT, G_0
 
 SCRIPT, CSV, START, OUTER_LOOP = "flight.xml", "flight.csv", "start", "ft_outer_loop"
-README = "README.md"
+README, SUMS = "README.md", "SHA256SUMS"
 
 # Time for which the aircraft is held still before the flight, plus that of its engine, s: delays of
 # sensors fill, gear and flaps move, and filters of the model's own flight control settle.
@@ -109,6 +117,47 @@ def export_jsbsim(
     scenario: Scenario, name: str, gains: PIGains, folder: Path, *, plant: str | None = None
 ) -> ExportedFlight:
     """Write a flight as files that JSBSim flies by itself, fly them, and compare with `fly`."""
+    folder = folder.absolute()
+    with scratch_folder() as scratch:
+        with apart():
+            flight = _built(scenario, name, gains, Path(scratch), plant=plant)
+        _put(Path(scratch), folder)
+    words = (word.replace(scratch, str(folder)) for word in shlex.split(flight.command))
+    return replace(flight, folder=folder, command=shlex.join(words))
+
+
+def _put(built: Path, folder: Path) -> None:
+    """Put the files of an export in place together; those of an earlier one are removed."""
+    names = [file.relative_to(built) for file in sorted(built.rglob("*")) if file.is_file()]
+    # JSBSim writes its flight again whenever somebody flies the folder.
+    sums = {name.as_posix(): _sha256(built / name) for name in names if name != Path(CSV)}
+    with together(folder):
+        for name, digest in _sums_in(folder / SUMS).items():
+            file = (folder / name).resolve()
+            below = file.is_relative_to(folder.resolve())  # the list may be a stranger's
+            if below and name not in sums and _sha256(file) == digest:
+                remove_file(folder / name)
+        for name in names:
+            with whole_file(folder / name) as part:
+                shutil.copyfile(built / name, part)
+        text = "".join(f"{digest}  {name}\n" for name, digest in sums.items())
+        write_text(folder / SUMS, text)
+
+
+def _sums_in(file: Path) -> dict[str, str]:
+    """SHA-256 of the files below a folder that an earlier export wrote, by path."""
+    lines = file.read_text(encoding="utf-8").splitlines() if file.is_file() else []
+    return {name: digest for digest, _, name in (line.partition("  ") for line in lines) if name}
+
+
+def _sha256(file: Path) -> str:
+    return hashlib.sha256(file.read_bytes()).hexdigest() if file.is_file() else ""
+
+
+def _built(
+    scenario: Scenario, name: str, gains: PIGains, folder: Path, *, plant: str | None
+) -> ExportedFlight:
+    """An export in a folder of its own."""
     scenario.check_over_time("an export", airspeed=True)
     table = fly.aircraft_table(scenario, plant)
     if weather := conditions.weather_of(scenario):
@@ -132,7 +181,7 @@ def export_jsbsim(
     if (loop := law.outer_loop(setup)) is None:
         raise law.refusal("outer_loop", "exported")
     aircraft_plant.start(conditions.start_condition(scenario))
-    fdm, folder = aircraft_plant.fdm, folder.absolute()
+    fdm = aircraft_plant.fdm
     assert fdm is not None
     frames = round(fdm.rate * setup.dt)
     # Whole samples of both computers, so that both have one at the start.
@@ -214,7 +263,7 @@ def _differences(
     if failure := model_files.failure_of_python(
         "-m", "jsbsim.script", *options, time_limit=time_limit
     ):
-        return {}, f"JSBSim must fly it, but {failure}"
+        return {}, f"JSBSim must fly it, but {failure.replace(f'{csv.parent}/', '')}"
     try:
         written = pd.read_csv(csv, usecols=[*COLUMNS.values()], dtype=float)
     except ValueError:  # those of pandas are such errors
