@@ -13,6 +13,7 @@ from flighttune.control.gains import PIGains
 from flighttune.errors import InputError
 from flighttune.files import code
 from flighttune.files.load import A_LOG, BAND, LOG, kind_of, load_one, written
+from flighttune.files.whole import keep_on_error, together
 from flighttune.flight.load import as_scenario
 from flighttune.logs.log import Columns
 from flighttune.planning.plan import Plan
@@ -129,33 +130,39 @@ def band(  # noqa: PLR0913 - each is a choice of the user, and has a default
         for name, value in {**options, "start_deg": start_deg, "changes": changes}.items():
             if value:
                 raise InputError(f"`{name}` must be absent for a band file, which has its own.")
-        if flights is not None:
-            with WorkerPool(*by) as pool:
-                kept = count_more(kept, flights, pool)
-            kept.save(str(source))  # whatever else is written: its readings are those of its file
-            out = out or str(source)
         own = kept.about.epsilon, kept.about.confidence
         stated = epsilon, confidence
-        counted = kept.claiming(*(x if y is None else y for x, y in zip(own, stated, strict=True)))
-    else:
-        flown = flights_of_source(source, changes=changes).starting(start_deg)
-        if flown.mission is not None:
-            raise InputError(
-                f"{source}: flights of a mission must be counted with `flighttune mission`, in "
-                "Python with `ft.mission`."
-            )
-        counted = counted_on(
-            Band,
-            drawn(flown, plant, gains, air, seed),
-            place=flown.place,
-            epsilon=EPSILON if epsilon is None else epsilon,
-            confidence=CONFIDENCE if confidence is None else confidence,
-            flights=flights,
-            learn=LEARN if learn is None else learn,
-            signals=signals,
-            predicted_from=predicted_from,
-            by=by,
+        claim = (x if y is None else y for x, y in zip(own, stated, strict=True))
+        with together():
+            if flights is not None:
+                with WorkerPool(*by) as pool:
+                    kept = count_more(kept, flights, pool)
+                # Whatever else is written: its readings are those of its file.
+                keep_on_error(Path(str(source)))
+                kept.save(str(source))
+                out = out or str(source)
+            counted = kept.claiming(*claim)
+            if out is not None:
+                counted.save(out)
+        return counted
+    flown = flights_of_source(source, changes=changes).starting(start_deg)
+    if flown.mission is not None:
+        raise InputError(
+            f"{source}: flights of a mission must be counted with `flighttune mission`, in "
+            "Python with `ft.mission`."
         )
+    counted = counted_on(
+        Band,
+        drawn(flown, plant, gains, air, seed),
+        place=flown.place,
+        epsilon=EPSILON if epsilon is None else epsilon,
+        confidence=CONFIDENCE if confidence is None else confidence,
+        flights=flights,
+        learn=LEARN if learn is None else learn,
+        signals=signals,
+        predicted_from=predicted_from,
+        by=by,
+    )
     if out is not None:
         counted.save(out)
     return counted

@@ -287,6 +287,9 @@ def kept_band(source: object) -> Band | None:
 def count_more(band: C, flights: int, pool: WorkerPool) -> C:
     """The count after `flights` draws of its campaign in all: an InputError refuses fewer."""
     counted = len(band.scores)
+    if flights == counted > band.first:  # the same command again
+        pool.observer.hear(f"its {flights} flights are counted already: none is flown")
+        return band
     most = shapes.MAX_NUMBERS // (2 * band.about.half.size)
     allowed = [n for n in (band.first * counts.DOUBLED).tolist() if counted < n <= most]
     if flights not in allowed:

@@ -18,7 +18,8 @@ from flighttune.claims.band import KEPT, Band, TurnBack, check_off_route
 from flighttune.claims.count import flights_in_two_steps, fresh_flights
 from flighttune.errors import InfeasibleError, InputError
 from flighttune.files import code
-from flighttune.files.whole import write_text
+from flighttune.files.load import BAND, kind_of
+from flighttune.files.whole import keep_on_error, remove_file, together, write_text
 from flighttune.flight.route import PlannedRoute, planned_route, route
 from flighttune.planning.plan import Plan
 from flighttune.planning.schema import Campaign
@@ -83,12 +84,15 @@ class MissionOdds(Answering):
         """The answer with the room to turn back, written beside the file of the band."""
         files = dict(self.files)
         if self.file is not None:
-            files["room"] = Path(f"{self.file.with_suffix('')}-turn-back.npz")
-            room.save(files["room"])
-            if room.claims and self.band.claims:
-                files["volumes"] = self.file.with_suffix(".geojson")
-                text = maps.volumes_geojson(self.band.flights.route.where, room.volumes(self.band))
-                write_text(files["volumes"], f"{text}\n")
+            files["room"], volumes = beside(self.file)
+            with together():
+                room.save(files["room"])
+                if room.claims and self.band.claims:
+                    files["volumes"] = volumes
+                    where, shapes = self.band.flights.route.where, room.volumes(self.band)
+                    write_text(volumes, f"{maps.volumes_geojson(where, shapes)}\n")
+                elif volumes.exists() and maps.of_volumes(volumes):
+                    remove_file(volumes)
         return replace(self, room=room, files=files)
 
     def answer(self) -> Answer:
@@ -110,6 +114,11 @@ class MissionOdds(Answering):
             failure=answer.failure or said.failure,
             files=self.files,
         )
+
+
+def beside(band: Path) -> tuple[Path, Path]:
+    """Files of the room to turn back and of its volumes, beside that of a band."""
+    return Path(f"{band.with_suffix('')}-turn-back.npz"), band.with_suffix(".geojson")
 
 
 @code.flies
@@ -214,14 +223,14 @@ def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
         place, own = stated.place, stated.fences
     else:
         own_count = {"seed": seed is not None, "flights": flights, "until_sure": until_sure}
-        for name, value in {**of_flights, **own_count}.items():
-            if value:
-                raise InputError(f"`{name}` must be absent for a band, which has its own.")
+        _check_absent({**of_flights, **own_count})
         epsilon = kept.about.epsilon if epsilon is None else epsilon
         confidence = kept.about.confidence if confidence is None else confidence
         check_off_route(kept.about.signals, kept.flights.over)
         plan, place = counted_flights.plan_of(kept), "the band"
         file = Path(source) if isinstance(source, str | Path) else file
+    if turn_back is not None and file is not None:
+        _check_beside(file, source, *fences)
     # What cannot be counted, and a path that leaves its fence, is refused before a flight.
     turning = None if turn_back is None else counted_flights.turning_back(plan, turn_back)
     areas, fence = _asked_fence(fences, own, alone=until_sure, turns=turning is not None)
@@ -244,29 +253,55 @@ def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
         certain=lambda counted: (counted.with_fence(areas) if areas else counted).decided,
         until_sure=until_sure,
     )
-    if file is not None and kept is None:
-        band.save(file)  # also where its fence is refused
-    if areas:
-        band = band.with_fence(areas)
-        band.inside(areas, fence)  # refuses it before it is kept
-        if file is not None:
-            band.save(file)
-    band = band.claiming(epsilon, confidence)
-    if out is not None:
-        band.save(out)
-    files = {"band": None if out is None else Path(out)}
-    way = _way_to_complete(band, plan, planned, by) if kept is None else ""
-    odds = MissionOdds(band=band, files=files, file=file, terrain=terrain, way=way)
-    if turning is None:
-        return odds
-    room = count(
-        TurnBack,
-        plan=turning,
-        flights=flights_in_two_steps(epsilon, confidence),
-        learn=LEARN_TURNS,
-        certain=lambda turns: turns.decided,
-    )
-    return odds.with_room(room)
+    with together():
+        if file is not None and kept is None:
+            _save_counted(band, file)
+        if areas:
+            band = band.with_fence(areas)
+            band.inside(areas, fence)  # refuses it before it is kept
+            if file is not None:
+                band.save(file)
+        band = band.claiming(epsilon, confidence)
+        if out is not None:
+            band.save(out)
+        files = {"band": None if out is None else Path(out)}
+        way = _way_to_complete(band, plan, planned, by) if kept is None else ""
+        odds = MissionOdds(band=band, files=files, file=file, terrain=terrain, way=way)
+        if turning is None:
+            return odds
+        room = count(
+            TurnBack,
+            plan=turning,
+            flights=flights_in_two_steps(epsilon, confidence),
+            learn=LEARN_TURNS,
+            certain=lambda turns: turns.decided,
+        )
+        return odds.with_room(room)
+
+
+def _check_absent(settings: Mapping[str, Any]) -> None:
+    """Refuse settings of flights that a band has already."""
+    for name in (name for name, value in settings.items() if value):
+        raise InputError(f"`{name}` must be absent for a band, which has its own.")
+
+
+def _save_counted(band: Band, file: Path) -> None:
+    """Save a band that was counted now; the room and volumes of an earlier one are removed."""
+    room, volumes = beside(file)
+    if file.exists() and room.exists() and kind_of(room) == BAND:
+        remove_file(room)
+        if volumes.exists() and maps.of_volumes(volumes):
+            remove_file(volumes)
+    keep_on_error(file)
+    band.save(file)
+
+
+def _check_beside(band: Path, *given: object) -> None:
+    """Refuse a file of a band whose volumes would be written over a file that was given."""
+    volumes = beside(band)[1]
+    for file in (Path(x) for x in given if isinstance(x, str | Path)):
+        if volumes.exists() and file.exists() and volumes.samefile(file):
+            raise InputError(f"{band}: the volumes beside it must not replace {file}.")
 
 
 def _way_to_complete(

@@ -11,6 +11,7 @@ from flighttune.cli.explain import page_note
 from flighttune.cli.options import FLOWN_BY, Verb, check_ending
 from flighttune.cli.show import fail, on_interrupt, say, show
 from flighttune.files import shipped
+from flighttune.files.whole import together
 from flighttune.present.answer import Answer, Table
 from flighttune.present.names import columns
 
@@ -63,14 +64,15 @@ def mission(
     if kind_of(source) != BAND:
         out = out or Path("runs") / f"{Path(source).stem}-band.npz"
     try:
-        odds = count_mission(out=out)
+        with together():
+            odds = count_mission(out=out)
+            answer, file = odds.answer(), out or Path(source)
+            if page is not None:
+                write_claim_page(odds.band, str(file), page, odds.room, odds.terrain, answer)
     except errors.InfeasibleError:  # what is planned says why
         of_plan = {key: settings[key] for key in of_route[:3] if key in settings}
         return mission_plan(source, changes=changes, **of_plan)
-    answer, file = odds.answer(), out or Path(source)
     notes = [*answer.notes, *([] if page else [page_note(file)])]
-    if page is not None:
-        write_claim_page(odds.band, str(file), page, odds.room, odds.terrain, answer)
     return replace(answer, notes=notes, files={**answer.files, "page": page})
 
 

@@ -466,6 +466,11 @@ def volumes_geojson(where: Where, volumes: Mapping[str, Volume]) -> str:
     return json.dumps({"type": "FeatureCollection", "features": shapes}, indent=1)
 
 
+def of_volumes(file: Path) -> bool:
+    """Whether a file was written with `volumes_geojson`."""
+    return '"max_over_ground_m"' in file.read_text(encoding="utf-8", errors="replace")
+
+
 # Distance between the places at which the ground is looked at, m.
 LOOKED_AT = 5.0
 
