@@ -59,6 +59,7 @@ class Source:
     name: str  # the name that the user gave: a path, or ``scenario@gains``
     runs: tuple[Run, ...]  # in the order of the scenario if it is known
     missing: tuple[str, ...] = ()  # runs that were recorded and cannot be read
+    lacks: str = ""  # as of a `Recording`
     # Whether the gains were chosen; False for a scenario flown without an ``@``
     chosen: bool = True
 
@@ -232,7 +233,7 @@ def load_source(
         raise RecordingError(
             f"{name}: {choice or 'it'!r} must be a gain set, a plant or a run, got {labels}."
         )
-    return Source(name=name, runs=runs, missing=recording.missing)
+    return Source(name=name, runs=runs, missing=recording.missing, lacks=recording.lacks)
 
 
 def compare_runs(sources: Iterable[str | Path | Runs], columns: Columns) -> Comparison:

@@ -192,6 +192,8 @@ class Recording:
         In the order in which they were recorded. Signals are equal to the bit to those written.
     missing : tuple of str
         Runs of the flight whose files are not there, and files of other flights in the folder.
+    lacks : str
+        A sentence about runs of the flight whose files are not there; empty if there are all.
 
     Examples
     --------
@@ -203,6 +205,7 @@ class Recording:
     path: Path
     runs: tuple[Run, ...]
     missing: tuple[str, ...] = ()
+    lacks: str = ""
 
     def __getitem__(self, label: str) -> Run:
         """The run of that label, ``plant / gains``; the message of a KeyError lists the labels."""
@@ -262,9 +265,10 @@ def _in_folder(folder: Path) -> Recording:
     order = order or tuple(by_hash)
     runs = tuple(by_hash[sha256][1] for sha256 in order if sha256 in by_hash)
     lost, taken = len(order) - len(runs), [file for file, _ in by_hash.values()]
-    missing = [f"{folder}: {lost} of the {len(order)} runs are not there"] if lost else []
+    lacks = f"{lost} of the {len(order)} runs are not there" if lost else ""
+    missing = [f"{folder}: {lacks}"] if lost else []
     missing += [f"{file}: of another flight" for file in files if file not in taken]
-    return Recording(path=folder, runs=runs, missing=tuple(missing))
+    return Recording(path=folder, runs=runs, missing=tuple(missing), lacks=lacks)
 
 
 def _drawn_in(path: Path) -> Recording:

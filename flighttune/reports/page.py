@@ -146,6 +146,7 @@ def write_report(source: compare.Source, path: Path) -> Report:
     )
     gaps, without_gap = _gaps(scenario, runs)
     around, first = claimed(source.runs), [f"{claim.short}.", f"Converged: {converged}."]
+    lacks = [f"{source.lacks}: all else is about the others."] if source.lacks else []
     next_step = advice(scenario, source.runs, "SCENARIO")
     failed = [around.failure] if around.failure else []
     below = [panels.tracking_table(runs), panels.runs_table(source.runs)]
@@ -157,7 +158,9 @@ def write_report(source: compare.Source, path: Path) -> Report:
         path,
         page_template("flighttune.reports", "page.html.jinja"),
         about=(flown_in_words(scenario, runs), _gains_in_words(scenario, runs)),
-        summary=tuple(dict.fromkeys([*around.summary, *first, *failed, *gains_notes(runs)])),
+        summary=tuple(
+            dict.fromkeys([*lacks, *around.summary, *first, *failed, *gains_notes(runs)])
+        ),
         closest=f"{claim.closest[:1].upper()}{claim.closest[1:]}." if claim.closest else "",
         missed=(*claim.missed, *claim.held, *([next_step] if next_step else [])),
         criterion=TEXTS["converges"].format(**criterion),
@@ -179,17 +182,24 @@ def write_report(source: compare.Source, path: Path) -> Report:
     )
     named = [table for table in page.tables if table.name]
     shown = Answer(
+        summary=lacks,
         values={
             "bytes": path.stat().st_size,
+            "missing": source.missing,
             **pick(page, "summary sections"),
             "tables": {table.name: table.records for table in named},
             **around.values,
         },
         tables=[replace(table, name="") for table in named if table.name in PRINTED],
-        summary=around.summary,
-        notes=[*first, *gains_notes(runs), *around.notes],
-        failure=around.failure,
-        status=around.status,
+        summary=(*lacks, *around.summary),
+        notes=[
+            *first,
+            *gains_notes(runs),
+            *around.notes,
+            *(f"missing: {line}" for line in source.missing),
+        ],
+        failure=source.lacks or around.failure,
+        status=2 if source.lacks else around.status,
     )
     return replace(page, shown=shown)
 
