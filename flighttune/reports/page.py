@@ -182,7 +182,6 @@ def write_report(source: compare.Source, path: Path) -> Report:
     )
     named = [table for table in page.tables if table.name]
     shown = Answer(
-        summary=lacks,
         values={
             "bytes": path.stat().st_size,
             "missing": source.missing,

@@ -6,7 +6,9 @@ are the tuples of `flighttune.simulate.batch`.
 """
 
 import math
+import pickle
 from collections.abc import Callable
+from contextlib import suppress
 from hashlib import sha256
 from pathlib import Path
 from typing import Any, cast
@@ -18,6 +20,7 @@ from flighttune.control import exact_law, limits, mimo_pi, wind
 from flighttune.control.exact_law import RateLaw
 from flighttune.control.mimo_pi import ChannelLaw, PILaw, PIState
 from flighttune.control.wind import filtered, path_over_ground, speed_in_wind
+from flighttune.files.whole import apart, whole_file
 from flighttune.plants import point_mass
 from flighttune.plants.point_mass import LOST
 from flighttune.references import follow, path
@@ -26,11 +29,14 @@ from flighttune.simulate import measures
 from flighttune.units import wrap_angle
 
 try:
+    import numba.core.caching
+    import numba.core.serialize
     from numba import njit
     from numba.extending import register_jitable
 
     COMPILED = True
 except ImportError:
+    numba = cast("Any", None)
 
     def _interpreted(function: Any = None, **_: Any) -> Any:
         return function or (lambda decorated: decorated)
@@ -47,6 +53,9 @@ SOURCES = (
     ),
 )
 DIGEST = sha256(b"".join(path.read_bytes() for path in SOURCES)).hexdigest()[:12]
+
+# Bytes of the SHA-256 at the beginning of a file with a compiled function.
+DIGEST_BYTES = 32
 
 # Codes of the ways in which a flight ends.
 COMPLETED, ROLLED, DIVERGED = 0, 1, 2
@@ -67,16 +76,56 @@ for of_errors in (
 ):
     register_jitable(of_errors)
 
+FunctionCache: Any = numba.core.caching.FunctionCache if COMPILED else object
+
+
+class Kept(FunctionCache):
+    """Compiled functions on disk, each with its SHA-256: an aid, without which all goes on."""
+
+    # Numba believes its own files: it raises on one that was cut, and runs one that was changed.
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        super().__init__(function)
+        self._cache_file = self
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """The compiled function of a signature; None if it must be compiled."""
+        with suppress(Exception):  # not there or damaged, whatever that raises
+            return super().load_overload(sig, target_context)
+        return None
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        """Keep a compiled function, if that can be done."""
+        with suppress(Exception):
+            super().save_overload(sig, data)
+
+    def _file(self, key: Any) -> Path:
+        """The file of a signature, a processor and a version of Numba."""
+        kind = sha256(repr((numba.__version__, key)).encode()).hexdigest()[:16]
+        return Path(self.cache_path, f"{self._impl.filename_base}.{kind}.compiled")
+
+    def load(self, key: Any) -> Any:
+        """What was saved, None if it was changed since."""
+        data = self._file(key).read_bytes()
+        whole = sha256(data[DIGEST_BYTES:]).digest() == data[:DIGEST_BYTES]
+        return pickle.loads(data[DIGEST_BYTES:]) if whole else None
+
+    def save(self, key: Any, data: Any) -> None:
+        """Write what Numba needs to use a function again."""
+        compiled = numba.core.serialize.dumps(data)
+        with apart(), whole_file(self._file(key)) as part:
+            part.write_bytes(sha256(compiled).digest() + compiled)
+
 
 def kernel(function: Callable[..., Any]) -> Any:
     """Compile `function` and keep the result on disk."""
     # Numba looks only at the file of the function to see whether a kept result is still good. The
     # digest of every source that goes into it is therefore made a part of its name.
     function.__qualname__ = f"{function.__qualname__}_{DIGEST}"
-    try:
-        return njit(cache=True)(function)
-    except RuntimeError:  # nowhere to write
-        return njit(function)
+    compiled: Any = njit(function)
+    with suppress(Exception):  # nowhere to write
+        compiled._cache = Kept(function)
+    return compiled
 
 
 @kernel
