@@ -118,6 +118,8 @@ def each_end(folder, before, arguments, numbers=("SIGKILL",), every=1):
 
 
 if __name__ == "__main__":
+    import flighttune.cli  # noqa: F401 - once, for all copies
+
     place, old, names, step, *words = sys.argv[1:]
     signals = [signal.Signals[name] for name in names.split(",")]
     for end in ended(Path(place), Path(old), signals, int(step), words):
