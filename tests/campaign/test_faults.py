@@ -38,6 +38,7 @@ from dispersed import one_of
 from fuzzing import first_or_all
 
 import flighttune as ft
+from flighttune.campaign.engine import flyer
 from flighttune.campaign.engine.flyer import Flyer
 from tests.cli.test_code_of_files import LAW
 
@@ -387,15 +388,57 @@ def test_a_process_killed_in_a_flight_and_again_while_it_starts_costs_no_run(tmp
     ours = plan(tmp_path, runs=4, law=False)
     calls, receive = itertools.count(), Flyer._receive
 
-    def kills(flyer):
+    def kills(flyer, *limit):
         if next(calls) in (1, 2):  # the first waits for a run, the second for a new process
             flyer._process.kill()
-        return receive(flyer)
+        return receive(flyer, *limit)
 
     monkeypatch.setattr(Flyer, "_receive", kills)
     ft.run_campaign(ours, tmp_path / "out", workers=1)
 
     assert Counter(ft.load(tmp_path / "out").rows()["status"].to_pylist()) == {"completed": 4}
+
+
+@pytest.mark.counts
+def test_a_worker_of_a_cluster_that_is_lost_costs_no_run(tmp_path, ours, undisturbed):
+    lost = []
+
+    def kill(progress):
+        if progress.done and not lost:
+            started = psutil.Process().children()
+            lost.extend(p for p in started if {"dask", "worker"} <= {*p.cmdline()})
+            lost[0].kill()
+        return False
+
+    with dask_cluster(tmp_path, workers=2) as (scheduler_address, _):
+        done = ft.run_campaign(
+            ours, tmp_path / "out", scheduler=scheduler_address, observer=Notes(kill)
+        )
+
+    assert len(lost) == 2
+    assert done.crashed == 0
+    assert bits(rows_of(tmp_path / "out")) == undisturbed
+
+
+@pytest.mark.counts
+def test_processes_that_hang_are_replaced_and_cost_no_run(tmp_path, undisturbed, monkeypatch):
+    monkeypatch.setattr(flyer, "GRACE_S", 1.0)
+    ours = plan(tmp_path, runs=RUNS, top="time_limit_s = 5.0")
+    hanging = []
+
+    def stop(progress):
+        if progress.done and not hanging:
+            hanging.extend(flyers(psutil.Process()))
+            for process in hanging:
+                process.suspend()
+        return False
+
+    done = ft.run_campaign(ours, tmp_path / "out", workers=WORKERS, observer=Notes(stop))
+
+    assert len(hanging) == WORKERS
+    assert gone(hanging)
+    assert done.statuses == {"completed": RUNS}
+    assert bits(rows_of(tmp_path / "out")) == undisturbed
 
 
 @pytest.mark.soak

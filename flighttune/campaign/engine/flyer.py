@@ -4,6 +4,7 @@ A crash inside JSBSim therefore costs a row and not the campaign. The process an
 where it ends, the run that it was flying is to blame, and the runs after it go to a new process.
 """
 
+import math
 import os
 import pickle
 import shutil
@@ -11,6 +12,7 @@ import signal
 import subprocess
 import sys
 import threading
+import time
 from contextlib import suppress
 from dataclasses import replace
 from multiprocessing import Pipe
@@ -35,6 +37,9 @@ LOCK = "lock"
 
 # Longest time until a thread notices that the flights have been stopped, s
 STOP_S = 0.1
+
+# Time beyond its own limit after which a process that does not answer is ended, s
+GRACE_S = 10.0
 
 # Row of a run or its recorded signals; for a run without them an error, or how its process ended
 # (the exit code, which is that of SIGALRM after the time limit).
@@ -62,11 +67,12 @@ class Flyer:
             ready = False
             try:
                 self._pipe.send((work, draw._replace(runs=runs)))
-                if refusal := self._receive():
-                    raise PlantError(refusal)
+                limit = self._receive()
+                if isinstance(limit, str):  # a refusal
+                    raise PlantError(limit)
                 ready = True
                 for _ in runs:
-                    answers.append(self._receive())
+                    answers.append(self._receive(limit + GRACE_S))
                     if isinstance(answers[-1], str):
                         break  # the process does not go on with the runs after it
             except (EOFError, OSError):
@@ -116,10 +122,13 @@ class Flyer:
         finally:
             theirs.close()
 
-    def _receive(self) -> Any:
+    def _receive(self, limit: float = math.inf) -> Any:
+        end = time.monotonic() + limit
         while not self._pipe.poll(STOP_S):
             if self.stopped:
                 raise PlantError("the flights have been stopped.")
+            if time.monotonic() > end:  # it hangs, and could not end itself
+                raise EOFError
         return self._pipe.recv()
 
 

@@ -41,12 +41,13 @@ def serve(pipe: Connection) -> None:
                 own = isinstance(error, FlightTuneError)
                 pipe.send(str(error) if own else f"{type(error).__name__}: {error}")
                 continue
-            pipe.send("")  # from here on a crash is that of the flight
+            together = len(draw.runs) if draw.drawn is None else 1  # flown before the first row
+            limit = plan.campaign.time_limit_s * together
+            pipe.send(limit)  # from here on a crash is that of the flight
             answers = fly(draw)
             try:
-                together = len(draw.runs) if draw.drawn is None else 1  # flown before the first row
                 for _ in draw.runs:
-                    with _time_limit(plan.campaign.time_limit_s * together):
+                    with _time_limit(limit):
                         answer = next(answers)
                     pipe.send(answer)
             except Exception as error:  # whatever a run does, it is the outcome of that run
