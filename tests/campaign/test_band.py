@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from campaigns import flown_here, write_campaign
+from campaigns import Notes, flown_here, write_campaign
 from commands import answer, flighttune
 from dispersed import AEROSONDE, KINEMATIC, SOFT, WIND, one_of, plan_of, tables_of, uniform
 
@@ -76,6 +76,9 @@ def test_more_flights_are_added_to_the_count(counted):
         for other in (WITH_FIVE, 40, 3 * WITH_FIVE):
             with pytest.raises(ft.InputError, match=r"`flights` .*58, 116, 232"):
                 count_more(counted, other, pool)
+        pool.observer = Notes()
+        assert count_more(more, 2 * WITH_FIVE, pool) is more
+        assert pool.observer.heard == ["its 58 flights are counted already: none is flown"]
     # the draws of this one begin with the second half of that: a draw between them is left out
     after = count(flights=WITH_FIVE, learn=10 + WITH_FIVE + 1)
 
