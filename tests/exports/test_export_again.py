@@ -28,8 +28,10 @@ def test_what_an_earlier_export_left_is_removed_and_nothing_else(tmp_path):
     texts = {x.relative_to(out).as_posix(): x.read_text() for x in out.rglob("*") if x.is_file()}
     sums = texts.pop("SHA256SUMS")
     assert texts == {
-        **{"aircraft/new": "y", "flight": "y"},
-        **{"notes": "mine", "systems/own": "changed by hand"},
+        "aircraft/new": "y",
+        "flight": "y",
+        "notes": "mine",
+        "systems/own": "changed by hand",
     }
     y = hashlib.sha256(b"y").hexdigest()
     assert sums == f"{y}  aircraft/new\n{y}  flight\n"
