@@ -5,9 +5,8 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import starmap
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -98,9 +97,15 @@ class MissionOdds(Answering):
     def answer(self) -> Answer:
         """The answer of the band, with the room to turn back beside it; a failure if one fails."""
         answer, room = self.band.answer(self.file or "FILE"), self.room
-        answer = _over_ground(answer, self.band.flights.route, self.terrain, self.band)
+        seen = _over_ground(self.band.flights.route, self.terrain, self.band)
+        answer = _beside(answer, seen)
         whether, odds, *others = self.band.summary(room)
         summary = [whether, f"{odds} {self.way}".rstrip(), *others]
+        if seen.faults:
+            notes = [*answer.notes, answer.verdict] if answer.verdict else answer.notes
+            summary = [*seen.faults, *summary[1:]]
+            said = {"verdict": seen.faults[0], "failure": answer.failure or seen.failure}
+            answer = replace(answer, notes=notes, **said)
         if room is None:
             return replace(answer, summary=summary, files=self.files)
         said = room.answer(self.files.get("room") or "FILE")
@@ -380,38 +385,67 @@ def mission_plan(
         corridor, shapes = None, []
     files = [*map(Path, fences)] or ([] if shapes else [*own_fence(Path(source))])
     shapes += [tables] if (tables := fence_tables(files, asked=bool(fences))) else []
-    answer = _over_ground(planned.answer(), planned, terrain, band)
+    seen = _over_ground(planned, terrain, band)
     places = [read_fence(files[0] if files else KEPT, planned.where[1], shape) for shape in shapes]
     nearest = [fence.nearest(planned.reference.path) for fence in places]
     said = [planned_inside(planned, *x) for x in zip(places, nearest, strict=True)]
     notes = [] if out is None else planned.save(out, corridor, shapes)
-    outside = any(x["leaves_m"] is not None for x in nearest)
+    outside = [x for x, near in zip(said, nearest, strict=True) if near["leaves_m"] is not None]
+    answer = _beside(planned.answer([*outside, *seen.faults]), seen)
+    inside = [x for x in said if x not in outside]
+    if answer.failure:  # what is well does not come before what is not
+        answer = replace(answer, changed=[*inside, *answer.changed])
+    else:
+        answer = replace(answer, summary=[*inside, *answer.summary])
     return replace(
         answer,
-        summary=[*said, *answer.summary],
         notes=[*notes, *answer.notes],
         values={**answer.values, **({"fence": {"nearest": nearest}} if nearest else {})},
         files={"route": out},
-        failure="the planned path leaves the fence" if outside else answer.failure,
+        failure="the planned path leaves the fence" if outside else seen.failure,
     )
 
 
+class OverGround(NamedTuple):
+    """The lowest places of a path, and of its corridor, over the ground."""
+
+    values: Mapping[str, Any]
+    changed: Sequence[str] = ()  # the places in words
+    faults: Sequence[str] = ()  # those below the ground, as an answer that is no
+    notes: Sequence[str] = ()
+
+    @property
+    def failure(self) -> str:
+        """Why the answer is no; empty if it is not."""
+        return "the path or its corridor is below the ground" if self.faults else ""
+
+
 def _over_ground(
-    answer: Answer, planned: PlannedRoute, terrain: str | Path | None, band: Band | None
-) -> Answer:
-    """An answer with the lowest place of a path, and of its corridor, over the ground."""
+    planned: PlannedRoute, terrain: str | Path | None, band: Band | None
+) -> OverGround:
+    """What a terrain says of a path and its corridor."""
     if terrain is None:
-        return replace(answer, notes=[*answer.notes, maps.NOT_SEEN])
+        return OverGround({}, notes=[maps.NOT_SEEN])
     seen = {"path": maps.clearance(terrain, planned.where)}
     if band is not None and band.claims and not band.about.predicted_from:
         seen["corridor"] = maps.clearance(terrain, planned.where, band.corridor())
-    below = min(lowest["over_ground_m"] for lowest in seen.values()) < 0.0
-    said = zip(("The planned path", "The corridor"), seen.values(), strict=False)
+    faults, changed = [], []
+    for subject, lowest in zip(("the planned path", "the corridor"), seen.values(), strict=False):
+        words = maps.clearance_words(subject, lowest)
+        if lowest["over_ground_m"] < 0.0:
+            faults.append(f"No: {words}")
+        else:
+            changed.append(f"{words[0].upper()}{words[1:]}")
+    return OverGround({"terrain": seen}, changed, faults)
+
+
+def _beside(answer: Answer, seen: OverGround) -> Answer:
+    """An answer with what the terrain says beside it."""
     return replace(
         answer,
-        values={**answer.values, "terrain": seen},
-        changed=[*starmap(maps.clearance_words, said), *answer.changed],
-        failure=answer.failure or "the path or its corridor is below the ground" * below,
+        values={**answer.values, **seen.values},
+        changed=[*seen.changed, *answer.changed],
+        notes=[*answer.notes, *seen.notes],
     )
 
 

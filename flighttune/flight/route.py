@@ -1,7 +1,7 @@
 """A route as an aircraft would fly it: its stretches, turns and times, before any flight."""
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -140,8 +140,11 @@ class PlannedRoute(Answering):
         """Words after "it can be flown" where an aircraft cannot hold a slope; empty elsewhere."""
         return ", but not everywhere at its airspeed" * bool(slopes_not_held(self.scenario))
 
-    def answer(self) -> Answer:
-        """The stretches, the length and the time in still air and in wind."""
+    def answer(self, faults: Sequence[str] = ()) -> Answer:
+        """The stretches, the length and the time in still air and in wind.
+
+        With `faults` of the path, a sentence each, the answer is no: they are its first lines.
+        """
         path, slowest, time = self.reference.path, float(self.reference.V.min()), self.time
         stretches, in_wind = self.stretches, f"a wind of {self.wind:.3g} m/s"
         if not self.wind:
@@ -150,11 +153,13 @@ class PlannedRoute(Answering):
             in_wind = f", at most {path.length / (slowest - self.wind):.0f} s in {in_wind}"
         else:
             in_wind = f", without an end against {in_wind}, which is faster than the aircraft"
-        verdict = f"{path.length:.0f} m, {time:.0f} s in still air{in_wind}"
+        length = f"{path.length:.0f} m, {time:.0f} s in still air{in_wind}"
+        flown = f"The path can be flown{self.except_slopes}: {length}."
         plants = ", ".join(table.label for table in self.scenario.plant)
         return Answer(
             summary=[
-                f"The path can be flown{self.except_slopes}: {verdict}.",
+                *(faults or [flown]),
+                *([f"The path has {length}."] if faults else []),
                 f"For {plants}: {self.conditions}.",
             ],
             changed=[*self.scenario.notes, *self.changed],
@@ -165,7 +170,8 @@ class PlannedRoute(Answering):
                 "stretches": stretches,
             },
             tables=[Table(COLUMNS, stretches, f"{self.scenario.title}: {self.conditions}")],
-            verdict=verdict,
+            verdict=faults[0] if faults else length,
+            failure=faults[0].removeprefix("No: ") if faults else "",
         )
 
     def save(

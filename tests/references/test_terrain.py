@@ -56,7 +56,12 @@ def test_a_path_below_the_ground_is_a_no(tmp_path):
     words = "mission", low, "--plan", "--terrain", terrain(tmp_path / "t.tif")
     stdout, _ = flighttune(*words, status=1)
 
-    assert "The planned path is 40.0 m below the ground on the leg to item 2" in stdout
+    first = stdout.splitlines()[0]
+    assert first.startswith("No: the planned path is 40.0 m below the ground on the leg to item 2")
+    assert "can be flown" not in stdout
+    said = answer(*words, status=1)
+    assert said["summary"][0] == said["verdict"]
+    assert said["verdict"].startswith("No: the planned path is 40.0 m below the ground")
     with pytest.raises(InfeasibleError, match=r"40\.0 m below the ground"):
         ft.mission(low, terrain=words[-1])
 
