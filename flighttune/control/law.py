@@ -78,6 +78,7 @@ class Law(ABC):
     # Whether gains and `linear_model` say how it flies. Where they do not it has no claim, and the
     # runs have no gains.
     by_gains: ClassVar[bool] = True
+    takes_gains: ClassVar[bool] = True  # else it is flown once per plant, whatever gains there are
     # Whether its integrals take the mean of two errors; else each error after the command of its
     # sample
     trapezoidal: ClassVar[bool] = True

@@ -15,7 +15,7 @@ from flighttune.certificates.exact_rate import Sampling
 from flighttune.control import inner_loop
 from flighttune.control.controller import LawSetup
 from flighttune.control.gains import NO_FEEDBACK, RATES, PIGains, paper_family
-from flighttune.control.law import Law, Trim
+from flighttune.control.law import Law, Trim, made_law
 from flighttune.control.limits import Limits
 from flighttune.control.linear_model import Envelope, LinearModel, closed_loop
 from flighttune.control.margins import channel_margins, loop_margins
@@ -274,14 +274,22 @@ def _solved(problems: bytes, starts: int) -> TuningResult:
 def gain_sets(scenario: Scenario) -> tuple[dict[str, PIGains | None], TuningResult | None]:
     """Every gain set by name, None where none was found, and the tuning for the first law."""
     tunings: dict[str, TuningResult] = {}
-    for law in scenario.laws if TUNED in scenario.gains else ():
+    for law in map(partial(_tuned_by, scenario), scenario.laws if TUNED in scenario.gains else ()):
         if law.tuned_as not in tunings:
             tunings[law.tuned_as] = tune_scenario(scenario, law, kept=True)
     sets = {}
     for name in scenario.gain_names:
-        law, _ = scenario.law_of(name)
+        law = _tuned_by(scenario, scenario.law_of(name)[0])
         sets[name] = gain_set(scenario, name, tunings.get(law.tuned_as))
-    return sets, tunings.get(scenario.laws[0].tuned_as)
+    return sets, tunings.get(_tuned_by(scenario, scenario.laws[0]).tuned_as)
+
+
+def _tuned_by(scenario: Scenario, law: Law, gains: str = TUNED) -> Law:
+    """The law whose tuned gains a law is given: its own, or the first that flies by gains."""
+    if law.takes_gains:
+        return law
+    others = (other for other in scenario.laws if other.by_gains)
+    return next(others, made_law("exact") if gains == TUNED_FED_BACK else law)
 
 
 def gain_set(scenario: Scenario, name: str, tuning: TuningResult | None = None) -> PIGains | None:
@@ -295,6 +303,7 @@ def gain_set(scenario: Scenario, name: str, tuning: TuningResult | None = None) 
     numbers = {e.name: e.gains(law_of_numbers) for e in scenario.gains if isinstance(e, GainsTable)}
     available = {**paper_family(), **numbers}
     if gains in (TUNED, *IDENTIFIED) and gains not in numbers:
+        law = _tuned_by(scenario, law, gains)
         if gains == TUNED_FED_BACK and law.inputs != RATES:
             raise InputError(
                 f'`gains` {TUNED_FED_BACK} must be flown with law = "exact", got the law '

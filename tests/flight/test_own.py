@@ -16,6 +16,7 @@ from plain_members import Glider, Proportional
 import flighttune as ft
 from flighttune.claims.linear_loop import linear_bound
 from flighttune.flight import apart
+from flighttune.flight.new import new_scenario
 from flighttune.planning.plan import plan_from
 
 TABLES = scenario_tables(
@@ -328,3 +329,61 @@ def test_a_band_of_a_law_that_raises_says_why_and_how_often(tmp_path):
 
     with pytest.raises(ft.InputError, match=rf"`learn` .* got 0\. {ended}$"):
         ft.band(file, start_deg=1.0, **few)
+
+
+@pytest.mark.parametrize("keyword", ["laws", "plants"])
+@pytest.mark.parametrize(
+    ("made", "reason"),
+    [
+        ({"no lift": Glider}, r"`name` must match pattern .*, got 'no lift'"),
+        ({"": Glider}, r"`name` must have at least 1 character"),
+        ({3: Glider}, r"`name` must be a valid string, got 3"),
+        ([Glider], r"must be a mapping of names to classes, got type list"),
+        ({"mine": 3}, r"must have a callable for mine, got type int"),
+    ],
+)
+def test_laws_and_plants_from_python_are_refused_in_a_line(keyword, made, reason):
+    with pytest.raises(ft.InputError, match=rf"`{keyword}`.*{reason}") as refused:
+        ft.fly(made_up_scenario(), **{keyword: made})
+    assert len(str(refused.value).splitlines()) == 1
+
+
+LAW_FILE = """
+import math
+
+
+class Mine:
+    def __init__(self, setup):
+        self.dt, self.signals = setup.dt, {}
+
+    def start(self, condition):
+        pass
+
+    def step(self, measured, reference, t):
+        e_chi = math.remainder(reference.chi - measured.chi, math.tau)
+        e_gamma = reference.gamma - measured.gamma
+        return 1.5 * e_chi, math.cos(measured.gamma) / math.cos(measured.phi) + 1.5 * e_gamma
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("order", [("exact", "mine"), ("mine", "exact"), ("mine",)])
+def test_a_law_that_takes_no_gains_flies_in_what_new_writes(order, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "law.py").write_text(LAW_FILE)
+    text = new_scenario("turn").read_text()
+    tables = {
+        "exact": '[[law]]\nname = "exact"\nkind = "exact"\n',
+        "mine": '[[law]]\nname = "mine"\nkind = "python"\nmodule = "law.py"\nclass = "Mine"\n',
+    }
+    lines = [line for line in text.splitlines() if not line.startswith("law ")]
+    (tmp_path / "turn.toml").write_text("\n".join([*lines, *(tables[name] for name in order)]))
+
+    runs = ft.fly("turn.toml").runs
+
+    assert len(runs) == 2 * len(order)  # once per plant
+    mine = [run for run in runs if "mine" in run.label]
+    assert [run.label for run in mine] == [
+        f"{plant} / mine:tuned_fed_back" for plant in ("kinematic", "jsbsim:aerosonde")
+    ]
+    assert {run.status for run in runs} == {"completed"}
