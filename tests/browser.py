@@ -29,7 +29,7 @@ VIRTUAL_TIME = "--virtual-time-budget=4000"
 SECONDS = 90
 ANSWER_S = 60.0
 
-DESK, TABLET, PHONE, NARROW = 1280, 600, 390, 320
+WIDE, DESK, TABLET, PHONE, NARROW = 1600, 1280, 600, 390, 320
 """Widths in pixels: 600 of a small tablet, 390 of a phone, 320 the narrowest still in use."""
 
 FLAT = 3.0
@@ -42,8 +42,40 @@ BROWSER_ITSELF = "not an origin"
 """Who the log of the browser names for requests that no page made."""
 
 POLICY = re.compile(r'<meta http-equiv="Content-Security-Policy"[^>]*>')
+# Texts that lie on each other: all that is visible once every part is open, without what a box that
+# scrolls cuts off. Of its height a text has the middle half, as lines may touch; one with a ground
+# of its own covers its whole box.
+OVERLAPS = """
+  const seen = e => e.checkVisibility({visibilityProperty: true, opacityProperty: true});
+  const boxes = [], walk = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
+  for (let text; text = walk.nextNode();) {
+    const parent = text.parentElement, look = getComputedStyle(parent);
+    if (!text.data.trim() || parent.closest("script, style, title") || !seen(parent)) continue;
+    const range = document.createRange();
+    range.selectNodeContents(text);
+    const pill = look.display.startsWith("inline") && look.backgroundColor !== "rgba(0, 0, 0, 0)";
+    for (const r of pill ? parent.getClientRects() : range.getClientRects()) {
+      const inset = pill ? 0 : r.height / 4;
+      const box = {text, x: r.left, X: r.right, y: r.top + inset, Y: r.bottom - inset};
+      for (let e = parent; e !== document.body && !e.ownerSVGElement; e = e.parentElement)
+        if (getComputedStyle(e).overflowX !== "visible") {
+          const b = e.getBoundingClientRect();
+          Object.assign(box, {x: Math.max(box.x, b.left), X: Math.min(box.X, b.right),
+            y: Math.max(box.y, b.top), Y: Math.min(box.Y, b.bottom)});
+        }
+      if (box.X - box.x > 1 && box.Y - box.y > 1) boxes.push(box);
+    }
+  }
+  boxes.sort((a, b) => a.y - b.y);
+  const overlaps = [];
+  boxes.forEach((a, i) => {
+    for (let j = i + 1; j < boxes.length && boxes[j].y < a.Y - 1; j++) {
+      const b = boxes[j], wide = Math.min(a.X, b.X) - Math.max(a.x, b.x);
+      if (a.text !== b.text && wide > 1) overlaps.push([a.text.data.trim(), b.text.data.trim()]);
+    }
+  });"""
 TELL = """<script>addEventListener("load", () => setTimeout(() => {
-  const page = document.documentElement;
+  const page = document.documentElement, charts = document.querySelector(".charts");
   const wide = [...document.querySelectorAll("body *")].filter(
     e => !e.closest(".scroll, pre, svg") && e.getBoundingClientRect().right > page.clientWidth + 1
   ).map(e => e.tagName + "." + e.className);
@@ -51,11 +83,13 @@ TELL = """<script>addEventListener("load", () => setTimeout(() => {
     e => e.scrollWidth > e.clientWidth + 1 && getComputedStyle(e).display !== "inline");
   const sideways = [...document.querySelectorAll(".scroll")].filter(
     e => e.scrollWidth > e.clientWidth + 1).map(e => e.textContent);
-  parent.postMessage({width: page.clientWidth, needs: page.scrollWidth, wide, sideways,
-    columns: getComputedStyle(
-      document.querySelector(".charts")).gridTemplateColumns.split(" ").length,
-    cut: cut.map(e => e.textContent), images: [...document.images].map(i => i.naturalWidth)}, "*");
-}, 100));</script>"""
+  const columns = charts ? getComputedStyle(charts).gridTemplateColumns.split(" ").length : 0;
+  const closed = [...document.querySelectorAll("details:not([open])")];
+  closed.forEach(e => e.open = true);OVERLAPS
+  parent.postMessage({width: page.clientWidth, needs: page.scrollWidth, wide, sideways, columns,
+    overlaps, cut: cut.map(e => e.textContent),
+    images: [...document.images].map(i => i.naturalWidth)}, "*");
+}, 100));</script>""".replace("OVERLAPS", OVERLAPS)
 FRAMES = """<!doctype html><meta charset="utf-8"><title>[]</title><body>{frames}<script>
 const told = [];
 addEventListener("message", event => {{ told.push(event.data);
@@ -167,10 +201,10 @@ def told_at_widths(chromium: Callable[..., str], page: str, folder: Path) -> dic
     (folder / "page.html").write_text(POLICY.sub("", page) + TELL, encoding="utf-8")
     frames = "".join(
         f'<iframe src="page.html" width={width} height={SCREEN} style="border:0"></iframe>'
-        for width in (DESK, TABLET, PHONE, NARROW)
+        for width in (WIDE, DESK, TABLET, PHONE, NARROW)
     )
     (folder / "frames.html").write_text(FRAMES.format(frames=frames), encoding="utf-8")
-    shown = chromium("--window-size=2800,1000", "--dump-dom", folder / "frames.html")
+    shown = chromium("--window-size=4400,1000", "--dump-dom", folder / "frames.html")
     title = re.search(r"<title>(.*?)</title>", shown, re.DOTALL).group(1)
     return {one["width"]: one for one in json.loads(html.unescape(title))}
 

@@ -217,7 +217,7 @@ class Beside(Answering):
             title=f"{self.plan.scenario.title}: {self.now.name} beside {ours}",
             summary=answer.summary,
             parts={
-                "accuracy": Section(note=" ".join(notes), tables=found[:4]),
+                "accuracy": Section(note=notes, tables=found[:4]),
                 "margins": Section(tables=found[4:]),
                 "flown": Section(note=unused, tables=[parameters]),
             },

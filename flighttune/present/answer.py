@@ -358,7 +358,7 @@ class Answer:
             [f"<p>{escape(text)}</p>" for text in texts if text]
             for texts in ((*self.summary, *self.changed), (*self.notes, self.verdict, self.failure))
         )
-        return "".join([*before, *tables, *after])
+        return printable("".join([*before, *tables, *after]))
 
 
 class Answering:

@@ -2,6 +2,7 @@
 
 import base64
 import hashlib
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
@@ -9,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from flighttune.files.whole import write_text
-from flighttune.present.answer import Answer, Answering, Table
+from flighttune.present.answer import Answer, Answering, Table, printable
 from flighttune.present.chart import Chart, dashes, key, marked_up, style
 
 if TYPE_CHECKING:
@@ -22,12 +23,19 @@ class Section:
 
     id: str = "runs"  # its anchor
     title: str = ""  # of all sections but the first it is all that is seen at first
-    note: str = ""  # how to read it
+    note: str | Sequence[str] = ""  # how to read it: prose, or sentences for a list
     charts: Sequence[Chart] = ()
     tables: Sequence[Table] = ()
     legend: bool = True  # whether the runs are named above the charts
     columns: int = 2  # charts side by side on a wide screen, 2 or 3
     open: bool = False  # whether it is seen at first
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """The sentences of its list, each with its capital and full stop; or its prose."""
+        if isinstance(self.note, str):
+            return (self.note,) if self.note else ()
+        return tuple(sentence(part) for note in self.note for part in SENTENCES.split(note))
 
 
 # Parts of a page that answers, in this order: anchor, title, whether it is seen at first.
@@ -40,6 +48,22 @@ PARTS = (
     ("flown", "What was flown", False),
     ("claim", "What is claimed", False),
 )
+
+
+# Where a sentence of a note ends and another one begins.
+SENTENCES = re.compile(r"(?<=[\w)])\. (?=[A-Z])")
+
+# A first word that takes a capital: no symbol, and no name of a file, plant or run.
+WORD = re.compile(r"[a-z]+(?=[,;:]? (?!/))")
+
+# A command at the end of a note, of which a full stop would look like a part.
+COMMAND = re.compile(r"(?<=: )flighttune \w+ \S+(?: --\S+(?: [^-\s]\S*)?)*$")
+
+
+def sentence(note: str) -> str:
+    """A note of a terminal as a sentence of a page."""
+    note = COMMAND.sub(lambda command: f"`{command[0]}`", note.rstrip(". "))
+    return f"{note[:1].upper() if WORD.match(note) else note[:1]}{note[1:]}."
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -85,7 +109,7 @@ def write_page(
         script=script,
         script_hash=f"sha256-{digest}",
     )
-    write_text(path, page)
+    write_text(path, printable(page))  # a title may have characters that steer a terminal
     titles = tuple(section.title for section in sections if section.title)
     tables = tuple(table for section in sections for table in section.tables)
     return Report(path=path, summary=summary, sections=titles, tables=tables)
@@ -109,7 +133,7 @@ def write_answer(
         Path(path),
         page_template("flighttune.present", "answer.html.jinja"),
         title=title,
-        summary=tuple(f"{sentence[:1].upper()}{sentence[1:].rstrip('.')}." for sentence in summary),
+        summary=tuple(map(sentence, summary)),
         sections=[replace(parts[key], **names.get(key, {"id": key})) for key in ordered],
         commands=commands,
         texts={name: text for name, text in (texts or {}).items() if text},

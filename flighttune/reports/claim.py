@@ -4,6 +4,7 @@ import hashlib
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -18,10 +19,10 @@ from flighttune.files.table import toml_text
 from flighttune.files.whole import current
 from flighttune.flight.flown import FlownScenario
 from flighttune.present.answer import Answer, facts_table, quoted
-from flighttune.present.chart import DASHED, DOTTED, HEIGHT, Chart, Sheet, dashes
+from flighttune.present.chart import DASHED, DOTTED, HEIGHT, LONG, Chart, Sheet, dashes
 from flighttune.present.frame import Report, Section, write_answer
 from flighttune.present.names import shown_unit
-from flighttune.present.palette import HUES, LIMIT, NEUTRAL
+from flighttune.present.palette import HUES, LIMIT, NEUTRAL, PLANTS
 from flighttune.references.fence import read_fence
 from flighttune.references.maps import NOT_SEEN, ground_at, on_earth, rings_around
 from flighttune.reports.charts import APART, DISTANCE_AXIS, KM, heights, route_map
@@ -34,6 +35,11 @@ from flighttune.units import DEG_PER_RAD
 MIN_DRAWN = 100
 
 STRONG, LIGHT = (colour for colour, _ in HUES[0])
+
+# Lines of a map, each with a look of its own, also without colours: the volumes around a route from
+# inside out, and its fences in turn.
+VOLUMES = (HUES[2][0][0], ""), (PLANTS[3][0], DASHED), (HUES[3][0][0], DOTTED)
+FENCES = "", LONG, DASHED, DOTTED
 
 
 def band_charts(
@@ -100,15 +106,15 @@ def _map(band: Band, room: TurnBack | None) -> Chart:
     wind = band.flights.distribution.air_words.get("wind", "")
     chart = route_map(band.flights.central, path, s, _corridor(band, "cross_track", s), wind)
 
-    def rings(lines: Iterable[FloatArray], colour: str, name: str, dash: str = "") -> None:
+    def rings(lines: Iterable[FloatArray], colour: str, name: str, dash: str, **more: Any) -> None:
         """Lines of north and east as one that is broken between them."""
         north, east = np.vstack([part for x in lines for part in (x, [[np.nan, np.nan]])]).T
-        chart.line(east, north, colour, name=name, dash=dash, most=len(north), hover=False)
+        chart.line(east, north, colour, name=name, dash=dash, most=len(north), hover=False, **more)
 
     fences = band.about.fences
     for number, tables in enumerate(fences, start=1):
         fence, name = read_fence(KEPT, origin, tables), f"fence {number}" * (len(fences) > 1)
-        dash = DASHED * (number > 1)
+        dash = FENCES[(number - 1) % len(FENCES)]
         rings(np.stack([fence.start, fence.end], axis=1), LIMIT, name or "fence", dash)
         if (rows := band.inside(tables).nearest) and np.isfinite(rows[0]["margin_m"]):
             nearest = min(rows, key=lambda row: row["margin_m"])
@@ -116,8 +122,9 @@ def _map(band: Band, room: TurnBack | None) -> Chart:
             words = f"nearest to it: {nearest['margin_m']:.0f} m"
             chart.points(across, at, LIMIT, size=5.0, filled=False, name=words)
     if room is not None and room.claims and band.claims:
-        for name, volume in room.volumes(band).items():
-            rings(rings_around(path, volume.width), NEUTRAL, name)
+        for (name, volume), look in zip(room.volumes(band).items(), VOLUMES, strict=True):
+            colour, dash = look
+            rings(rings_around(path, volume.width), colour, name, dash, width=1.2)
     return chart
 
 
@@ -132,9 +139,10 @@ def _heights(band: Band, terrain: str | Path | None) -> Chart:
         chart.line(s / KM, ground, NEUTRAL, name="ground")
     for tables in band.about.fences:
         fence = read_fence(KEPT, origin, tables)
-        for height, name in ((fence.high, "ceiling"), (fence.low, "floor")):
+        for height, name, dash in ((fence.high, "ceiling", ""), (fence.low, "floor", DASHED)):
             if np.isfinite(height):
-                chart.line([0.0, path.length / KM], [height, height], LIMIT, name=name)
+                ends = [0.0, path.length / KM]
+                chart.line(ends, [height, height], LIMIT, name=name, dash=dash)
     return chart
 
 
@@ -216,9 +224,9 @@ def write_claim_page(
         title=title,
         summary=sentences,
         parts={
-            "responses": Section(note=" ".join((said or answer).changed), charts=charts),
+            "responses": Section(note=(said or answer).changed, charts=charts),
             "flown": Section(tables=drawn),
-            "claim": Section(note=" ".join(notes), tables=others),
+            "claim": Section(note=notes, tables=others),
         },
         provenance=facts_table("Provenance", facts),
         commands=f"flighttune verify {source}",

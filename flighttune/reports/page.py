@@ -239,7 +239,7 @@ def write_gap_page(gap: Gap, tables: Sequence[Table], path: Path) -> Report:
         about=(flown_in_words(gap.scenario, gap.runs),),
         summary=[*not_claimed([gap.aircraft]), *gap.causes, *gap.scenario.assumptions],
         parts={
-            "responses": Section(note=" ".join(note), charts=charts.gap_charts(gap)),
+            "responses": Section(note=note, charts=charts.gap_charts(gap)),
             "numbers": Section(title="Numbers", tables=tables),
         },
         styles=run_styles(gap.runs),
@@ -338,14 +338,12 @@ def _of_flights(
     on_route = "along" in runs[0].signals
     return [
         Section(
-            note=" ".join([*first, *(areas if on_route else [])]),
-            charts=overview(flights),
-            tables=[at_top],
+            note=[*first, *(areas if on_route else [])], charts=overview(flights), tables=[at_top]
         ),
         Section(
             id="tracking",
             title="Errors and metrics",
-            note=" ".join([TEXTS["errors"], *([] if on_route else areas)]),
+            note=[TEXTS["errors"], *([] if on_route else areas)],
             charts=panels.errors(flights),
             tables=below,
         ),
@@ -366,7 +364,7 @@ def _gap_section(gaps: Sequence[Gap], runs: Sequence[Run]) -> Section:
     return Section(
         id="gap",
         title="From the law to the aircraft",
-        note=" ".join(note),
+        note=note,
         charts=[kind(gap, x) for gap in shown for x in CHANNEL_SYMBOLS for kind in kinds],
         columns=3,
         tables=[replace(step_table(gaps), name="gap"), panels.paths_table(runs)],
@@ -395,7 +393,7 @@ def _certificate_section(scenario: Scenario, flights: panels.Drawn) -> Section:
     return Section(
         id="certificate",
         title="Certificate",
-        note=" ".join(TEXTS[note] for note in notes),
+        note=[TEXTS[note] for note in notes],
         charts=curves,
         tables=[panels.gains_table(gains, curve), panels.certificates_table(scenario, gains)],
     )

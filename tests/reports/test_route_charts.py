@@ -109,7 +109,7 @@ def test_a_page_of_a_route_begins_with_its_map_and_the_claim(run, tmp_path):
 
     top = page.partition("<details")[0]
     assert "<b>Map</b>" in top
-    assert f"inside the counted band. Counted band: {SENTENCE}." in top
+    assert f"inside the counted band.</li><li>Counted band: {SENTENCE}.</li>" in top
     assert "From above" not in page
 
 
