@@ -22,6 +22,7 @@ from flighttune.flight.fly import fly
 from flighttune.flight.gains import certify_scenario
 from flighttune.flight.models import gain_set
 from flighttune.planning.plan import plain
+from flighttune.plants.base import goes_by
 from flighttune.present.answer import Column, Table
 from flighttune.present.chart import DASHED, Chart
 from flighttune.present.frame import Report, Section, write_answer
@@ -96,7 +97,8 @@ def write_tune_page(path: Path, scenario: Scenario, result: TuningResult, comman
     law = scenario.laws[0]
     paper = gain_set(scenario, law.names_of([PAPER])[0])
     sets = {PAPER: paper or result.gains, TUNED: result.gains}
-    flown = _flown(scenario, sets)
+    flies, left_out = _without_code(scenario, path)
+    flown = _flown(flies, sets)
     before = {_about(check): check.value for check in flown.claim.bounds if PAPER in check.run}
     checks = [check for check in flown.claim.bounds if TUNED in check.run]
     rows = [
@@ -120,7 +122,7 @@ def write_tune_page(path: Path, scenario: Scenario, result: TuningResult, comman
         ],
         parts={
             "requirements": Section(tables=[Table(CHECKED_COLUMNS, [*map(in_words, rows)])]),
-            "responses": Section(),
+            "responses": Section(note=left_out),
             "margins": Section(note=TEXTS["margins"], tables=[*margins, gains]),
             "claim": Section(
                 note=TEXTS["proven"], tables=[Table(CERTIFICATE_COLUMNS, [certified]), tuning]
@@ -131,9 +133,23 @@ def write_tune_page(path: Path, scenario: Scenario, result: TuningResult, comman
 
 
 def _flown(scenario: Scenario, sets: Mapping[str, PIGains]) -> FlownScenario:
-    """Flights of a scenario by gain sets of its first law."""
+    """Flights of a scenario by gain sets of its first law, held to what it expects of any gains."""
     tables = [GainsTable(name=name, **gains.as_lists()) for name, gains in sets.items()]
-    return fly(scenario.model_copy(update={"gains": tables, "law": [scenario.law_tables[0]]}))
+    expect = [table for table in scenario.expect if table.gains is None or table.gains in sets]
+    flown = {"gains": tables, "law": [scenario.law_tables[0]], "expect": expect}
+    return fly(scenario.model_copy(update=flown))
+
+
+def _without_code(scenario: Scenario, path: Path) -> tuple[Scenario, str]:
+    """The scenario without plants in Python files, and a note of those left out."""
+    files = scenario.of_files((scenario.laws[0].name, *(plant.label for plant in scenario.plant)))
+    plants = [plant for plant in scenario.plant if not plant.module]
+    names, how = listed([table.module or "" for _, table in files]), "`flighttune fly` runs it"
+    if not plants or any(key == "law" for key, _ in files):
+        raise InputError(f"{path}: flights of a page must run no Python code, got {names}; {how}.")
+    expect = [x for x in scenario.expect if any(goes_by(plant.label, x.plant) for plant in plants)]
+    kept = scenario.model_copy(update={"plant": plants, "expect": expect}) if files else scenario
+    return kept, f"Not flown, as that runs the Python code of {names}: {how}." if files else ""
 
 
 def _about(check: BoundCheck) -> tuple[str, ...]:
