@@ -16,14 +16,14 @@ from flighttune.cli.aircraft import adopt, design, identify, trim
 from flighttune.cli.explain import band, compare, gap, monitor, tube, worst
 from flighttune.cli.flights import campaign, fly, list_shipped, mission, new, view
 from flighttune.cli.gains import certify, meet, tune, verify
-from flighttune.cli.options import COMMANDS, FLOWN_BY, FORMER, command
+from flighttune.cli.options import COMMANDS, FLOWN_BY, FORMER, RUN_CODE, command
 from flighttune.cli.pages import export, report, reproduce
 from flighttune.cli.show import COULD_NOT_RUN, INTERRUPTED, NO, cleaning_up, clear, fail, output
 from flighttune.errors import FlightTuneError, InfeasibleError, InputError, missing_extra
 from flighttune.files.whole import reason_of
 
-# Options of the group that may also stand behind a command.
-ANYWHERE = ("--workers", "--scheduler")
+# Options of the group that may also stand behind a command; the last has no value.
+ANYWHERE = ("--workers", "--scheduler", "--run-code")
 
 # Characters of the first sentence of a command's help.
 LONGEST_SENTENCE = 200
@@ -37,7 +37,8 @@ class Grouped(TyperGroup):
         first, others, words = [], [], iter(args)
         for word in words:
             if word.partition("=")[0] in ANYWHERE:
-                first += [word] if "=" in word else [word, *islice(words, 1)]
+                alone = "=" in word or word == ANYWHERE[-1]
+                first += [word] if alone else [word, *islice(words, 1)]
             else:
                 others.append(word)
         return super().parse_args(ctx, first + others)
@@ -116,8 +117,18 @@ def _options(
             metavar="ADDRESS", help="Fly on the workers of a dask scheduler, tcp://HOST:PORT."
         ),
     ] = None,
+    run_code: Annotated[
+        bool,
+        typer.Option(
+            "--run-code",
+            help="Run Python files that a recording, the folder of a campaign or a claim names, "
+            "with the commands that fly again what is in one: verify, band, mission, monitor, "
+            "worst.",
+        ),
+    ] = False,
 ) -> None:
     """Options of every command."""
+    RUN_CODE.set(run_code)
     FLOWN_BY.set({"workers": workers, "scheduler": scheduler})
 
 

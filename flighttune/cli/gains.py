@@ -4,7 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from flighttune.cli.options import FLOWN_BY, Verb, check_ending, this_command
+from flighttune.cli.options import FLOWN_BY, RUN_CODE, Verb, check_ending, this_command
 from flighttune.cli.show import campaign_display, progress_bar
 from flighttune.errors import InputError
 from flighttune.files.whole import keep_on_error, together
@@ -94,7 +94,7 @@ def verify(verify_claim: Verb, claim: Path, count: int | None, run: int | None) 
     All flights that its shape was learned from are flown again, and so many of those counted that
     a forgery which doubles epsilon is found with a probability of 95 %. Of a recording all runs are
     flown again, from the scenario and seed in it, of a campaign some. With --run N, that one is
-    recorded, in runs/NAME-run-N.
+    recorded, in runs/NAME-run-N. Python files that it names are run with --run-code alone.
 
     Exit status 1 if the claim is not supported, or a bit of a run differs.
     """
@@ -113,7 +113,7 @@ def verify(verify_claim: Verb, claim: Path, count: int | None, run: int | None) 
         return replace(checked, source=str(claim)).answer()
     if "boxes" in verify_claim.keywords:
         raise InputError(f"{claim}: --boxes must be absent where runs fly again.")
-    run_code = "run_code" in verify_claim.keywords
+    run_code = RUN_CODE.get()
     if isinstance(value, Band):
         with campaign_display() as observer:
             again = refly(value, run, count=count, run_code=run_code, observer=observer)

@@ -37,6 +37,9 @@ FLOWN_BY: ContextVar[Mapping[str, Any]] = ContextVar(
     "flown_by", default=MappingProxyType({"workers": None, "scheduler": None})
 )
 
+# `--run-code` of a command that flies again what a file of flighttune's has.
+RUN_CODE: ContextVar[bool] = ContextVar("run_code", default=False)
+
 # The verb of a command: its `keywords` are the options that were given; it takes more.
 Verb: TypeAlias = partial[Any]
 
@@ -94,7 +97,8 @@ def command(body: Callable[..., Answer | None], texts: Mapping[str, Any]) -> Cal
     arguments, of_body = _arguments(verb), [*own][1:] if place else [*own]
     first, several = next(iter([*arguments, *of_body]), ""), _several(verb)
     drawn = arguments.get("seed", ("", 0))[1] is None
-    absent = {*SUPPLIED, *FLOWN_BY.get(), *texts.get("absent", ()), *(["seed"] if drawn else [])}
+    absent = {*SUPPLIED, *FLOWN_BY.get(), "run_code", *texts.get("absent", ())}
+    absent |= {"seed"} if drawn else set()
     spelled = ALIKE | {x: y for x, y in texts.items() if isinstance(y, dict)}
     kinds = {x: own[x].annotation for x in of_body} | dict.fromkeys(("as_json", "quiet"), bool)
     made = [x for x in _parameters(verb, kinds, spelled, first) if x.name not in absent]
@@ -109,6 +113,9 @@ def command(body: Callable[..., Answer | None], texts: Mapping[str, Any]) -> Cal
 
     def run(*, quiet: bool, as_json: bool = False, **values: Any) -> None:
         with working(texts["doing"], quiet=quiet, as_json=as_json):
+            if RUN_CODE.get() and "run_code" not in arguments:
+                others = "verify, band, mission, monitor and worst"
+                raise InputError(f"--run-code must be given with {others} alone.")
             for x, how in read.items():
                 values[x] = _read(values[x] or [], how["read"], _flag(x), how["metavar"])
             if drawn and (seed := values["changes"].pop("seed", None)) is not None:
@@ -172,6 +179,7 @@ def _called(place: str, names: list[str], source: Any, /, *values: Any, **keywor
     """Import a verb and call it, watched and flown as the command line says."""
     module, _, name = place.partition(":")
     keywords |= {x: value for x, value in FLOWN_BY.get().items() if x in names}
+    keywords |= {"run_code": True} if RUN_CODE.get() else {}
     with ExitStack() as stack:
         for supplied in SUPPLIED.keys() & {*names} - keywords.keys():
             keywords[supplied] = stack.enter_context(SUPPLIED[supplied]())

@@ -1,8 +1,12 @@
 """Commands run Python code that a file names after a word on stderr, or not at all."""
 
+import hashlib
+import importlib.util
+import os
+import py_compile
 import shutil
 import textwrap
-from contextlib import chdir
+from contextlib import chdir, suppress
 from pathlib import Path
 
 import pytest
@@ -13,7 +17,8 @@ from made_up import run_file
 import flighttune as ft
 from flighttune.campaign import counting
 from flighttune.campaign.engine import pool
-from flighttune.campaign.engine.flyer import Flyer
+from flighttune.campaign.engine.flyer import Flyer, work_of
+from flighttune.campaign.flying.rows import Draw
 from flighttune.cli.options import COMMANDS
 from flighttune.files import code
 
@@ -287,6 +292,96 @@ def test_code_of_a_file_of_flighttune_runs_only_as_it_was_sent(here, case):
 
     assert not (here / "ran").exists()
     assert "`module` must be the file that was planned or recorded with" in said
+
+
+# Verbs of Python on what the stranger sent.
+VERBS = {
+    "load run": lambda: ft.load("run"),
+    "load campaign": lambda: ft.load("campaign"),
+    "load band": lambda: ft.load("band.npz"),
+    "verify band": lambda: ft.verify("band.npz"),
+    "verify tube": lambda: ft.verify("tube.npz"),
+    "refly run": lambda: ft.refly("run"),
+    "refly runs": lambda: ft.refly(ft.load("run").runs),
+    "refly campaign": lambda: ft.refly("campaign", 1),
+    "report run": lambda: ft.report("run", "page.html"),
+    "report campaign": lambda: ft.report("campaign"),
+    "compare run": lambda: ft.compare("run"),
+    "band campaign": lambda: ft.band("campaign", gains="mine:paper"),
+    "band plan": lambda: ft.band(ft.load("campaign").plan, gains="mine:paper"),
+    "worst band": lambda: ft.worst("band.npz", budget=32),
+    "fly recorded": lambda: ft.fly(ft.scenario_from(ft.load("run").runs[0].provenance.scenario)),
+    "environment": lambda: ft.gym.FlightEnv("campaign").reset(seed=1),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("verb", VERBS)
+def test_a_verb_runs_no_code_of_what_it_reads(here, verb):
+    with chdir(here), suppress(ft.InputError):
+        VERBS[verb]()
+
+    assert not (here / "ran").exists()
+
+
+@pytest.mark.slow
+def test_a_verb_that_flies_again_runs_no_code_that_the_process_has_named(here):
+    ft.load_scenario(here / "scenario.toml")
+    with chdir(here):
+        with pytest.raises(ft.InputError, match="must be allowed by `--run-code`"):
+            ft.refly("mine.parquet")
+        assert not ft.verify("band.npz").valid
+        assert not (here / "ran").exists()
+        assert ft.refly("mine.parquet", run_code=True).equal
+    assert (here / "ran").exists()
+
+
+@pytest.mark.slow
+def test_a_worker_runs_no_code_that_its_command_may_not(here):
+    """Asked by a command that forgot to ask, and by one that may."""
+    plan = ft.load(here / "campaign").plan
+    with chdir(here):
+        flyer, draw = Flyer(), Draw((1,), plan.values_of(0))
+    try:
+        with chdir(here), pytest.raises(ft.loop.PlantError, match="allowed by `--run-code`"):
+            flyer.fly(work_of(plan, {}), draw)
+        assert not (here / "ran").exists()
+    finally:
+        flyer.end()
+
+
+def test_no_compiled_file_runs_in_place_of_a_source(folder):
+    """Python takes a file of `__pycache__` whose time and size are those of the source."""
+    law, harmless = folder / "law.py", "x = 1\n"
+    trap = f"open({str(folder / 'ran')!r}, 'w').close()\n"
+    harmless += "#" * (len(trap) - len(harmless) - 1) + "\n"
+    law.write_text(trap)
+    os.utime(law, (1e9, 1e9))
+    py_compile.compile(str(law))
+    law.write_text(harmless)
+    os.utime(law, (1e9, 1e9))
+
+    with code.running(code.Runs.NAMED):
+        code.named_sha256(law, "law.py")
+        members = vars(code.run(str(law), code.ask(str(law), None, "law.py:")))
+
+    assert members["x"] == 1
+    assert not (folder / "ran").exists()
+    spec = importlib.util.spec_from_file_location("law", law)
+    spec.loader.exec_module(importlib.util.module_from_spec(spec))
+    assert (folder / "ran").exists()
+
+
+@pytest.mark.slow
+def test_a_plant_of_a_campaign_file_lies_beside_it(folder, tmp_path_factory):
+    """And not in the working folder, where a file of its name may be another's."""
+    plants = 'plant = [{ kind = "python", name = "mine", module = "law.py", class = "Mine" }]\n'
+    (folder / "campaign.toml").write_text(plants + textwrap.dedent(CAMPAIGN))
+    with chdir(tmp_path_factory.mktemp("elsewhere")):
+        (plant,) = ft.load_campaign(folder / "campaign.toml").nominal.plant
+
+    assert plant.module == str(folder / "law.py")
+    assert plant.sha256 == hashlib.sha256((folder / "law.py").read_bytes()).hexdigest()
 
 
 def test_a_dry_run_says_why_it_estimates_no_time(folder):
