@@ -45,11 +45,27 @@ def public_value(namespace: str, name: str) -> Any:
         return sorted(modules)
     if name in modules:
         module = import_module(modules[name])
-        return module if modules[name] == f"{namespace}.{name}" else getattr(module, name)
+        if modules[name] == f"{namespace}.{name}":
+            return module
+        return _checked(namespace, getattr(module, name))
     text = f"module {namespace!r} has no attribute {name!r}"
     place = "flighttune.loop" if name in modules_of("flighttune.loop") else MOVED.get(name)
     now = REPLACED.get(name) or (place and f"{place}.{name}")
     raise AttributeError(f"{text}: it is now {now}" if now else text)
+
+
+@cache
+def _checked(namespace: str, value: Any) -> Any:
+    """A function of a public name, whose arguments are held to its annotations; else the value."""
+    from types import FunctionType
+
+    if not isinstance(value, FunctionType):
+        return value
+    from flighttune.arguments import checked
+
+    call = checked(value)
+    call.__module__ = namespace  # by which it is pickled
+    return call
 
 
 @cache

@@ -7,6 +7,7 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TypeAlias, TypeVar
 
+from flighttune.arguments import checked_class
 from flighttune.campaign import counted_flights, counting
 from flighttune.campaign.dataset import Dataset
 from flighttune.campaign.engine.pool import WorkerPool
@@ -128,6 +129,7 @@ def load_residual(boxes: Residual | str | Path) -> Residual:
     return counted
 
 
+@checked_class
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Verified(Answering):
     """A claim and its verification.

@@ -8,6 +8,7 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
+from flighttune.arguments import checked_class
 from flighttune.arrays import FloatArray
 from flighttune.campaign.counted_flights import distribution_of
 from flighttune.campaign.statistics.intervals import CONFIDENCE
@@ -83,6 +84,7 @@ class Trial:
         return np.array([check.run.endswith(BY_DEFAULT) for check in self.checks[0]])
 
 
+@checked_class
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Meeting(Answering):
     """The gains nearest to meeting the requirements of scenarios, of all that were flown.

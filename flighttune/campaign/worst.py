@@ -14,6 +14,7 @@ import numpy.typing as npt
 import pandas as pd
 from scipy.special import chdtri, ndtr
 
+from flighttune.arguments import checked_class
 from flighttune.arrays import FloatArray, check_at_least
 from flighttune.campaign import counted_flights, counting
 from flighttune.campaign.claims import AnyClaim
@@ -91,6 +92,7 @@ INTERVALS, TARGETS = 45, 25
 Objective = Callable[[FloatArray, Seeds], FloatArray]
 
 
+@checked_class
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class WorstFlight(Answering):
     """The worst flight that a search found.

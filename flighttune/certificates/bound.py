@@ -17,6 +17,7 @@ from typing import Any, ClassVar, Literal, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from flighttune.arguments import checked_class
 from flighttune.arrays import FloatArray, check_positive, set_read_only
 from flighttune.control.linear_model import LinearModel
 from flighttune.errors import InputError
@@ -47,6 +48,7 @@ WIDE = 0.7
 BOUND_COLUMNS = columns_by("I_star R_bound", of="bound")
 
 
+@checked_class
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RateBound(Answering):
     r"""For every A_K = [[F, G], [I, 0]] of any size with I_K <= I_star: R_K <= R_bound.

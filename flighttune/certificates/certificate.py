@@ -11,6 +11,7 @@ from typing import Annotated, Any, ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
+from flighttune.arguments import checked_class
 from flighttune.arrays import FloatArray, check_positive, set_read_only
 from flighttune.certificates.exact_rate import SAME_MODEL, ExactRate, lag_units
 from flighttune.certificates.lag_box import BOX_COLUMNS, NOT_ENCLOSED, LagBox, boxes_checks
@@ -104,6 +105,7 @@ class Claim:
         )
 
 
+@checked_class
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Certificate(Answering):
     """A claim about gains and the matrices that prove it; also the format of its file.

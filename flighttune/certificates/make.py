@@ -8,6 +8,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from flighttune.arguments import checked_class
 from flighttune.arrays import FloatArray
 from flighttune.certificates import exact_rate, lag_box
 from flighttune.certificates.certificate import Certificate, Claim, proof_tables, vertex_matrices
@@ -38,6 +39,7 @@ CERTIFICATE_COLUMNS = columns("in_words rate growth radius L_d largest_factor", 
 Condition = tuple[tuple[float, float], LinearModel]
 
 
+@checked_class
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Certification(Answering):
     """Gains on a linear model with a certificate that has been verified, or why there is none.

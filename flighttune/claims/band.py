@@ -7,6 +7,7 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
+from flighttune.arguments import checked_class
 from flighttune.arrays import FloatArray
 from flighttune.claims import counted
 from flighttune.claims.count import supported_epsilon, sure
@@ -108,6 +109,7 @@ class SignalBounds(counted.Counted):
         return [note] if self.about.predicted_from else []
 
 
+@checked_class
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Residual(SignalBounds):
     """Bounds on what the identified model of an aircraft misses: what `tube` takes.
@@ -135,6 +137,7 @@ class Residual(SignalBounds):
         return "leaves the band of its residual signals"
 
 
+@checked_class
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Band(SignalBounds):
     """Bounds that a flight of a distribution leaves with a stated probability: a counted claim.

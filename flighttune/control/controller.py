@@ -13,13 +13,15 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from flighttune.arrays import FloatArray, check_finite, check_positive, check_upright
+from flighttune.arguments import checked_class
+from flighttune.arrays import FloatArray, check_numbers, check_positive, check_upright
 from flighttune.control.gains import PIGains
 from flighttune.control.limits import AntiWindup, CommandLimiter, Limits
 from flighttune.control.linear_model import LinearModel
 from flighttune.units import G_PAPER
 
 
+@checked_class
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FlightCondition:
     """Where a flight starts.
@@ -50,7 +52,8 @@ class FlightCondition:
 
     def __post_init__(self) -> None:
         check_positive("m/s", V_a=self.V_a)
-        check_finite(h=self.h, chi=self.chi, gamma=self.gamma, phi=self.phi, n_z=self.n_z)
+        given = {} if self.n_z is None else {"n_z": self.n_z}
+        check_numbers(h=self.h, chi=self.chi, gamma=self.gamma, phi=self.phi, **given)
         check_upright(gamma=self.gamma, phi=self.phi)
 
     @property
@@ -248,6 +251,7 @@ class SelfLimiting(ABC):
         """Return the commands of a sample, as a `Controller` does, inside their limits."""
 
 
+@checked_class
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LawSetup:
     """Setup of a law for a flight: ``Law(setup, **parameters)``.

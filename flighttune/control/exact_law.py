@@ -7,6 +7,7 @@ from typing import Literal, NamedTuple, TypeAlias, get_args
 
 import numpy as np
 
+from flighttune.arguments import checked_class
 from flighttune.arrays import check_positive
 from flighttune.control.controller import Measured, ReferenceSample
 from flighttune.control.gains import RATES, PIGains
@@ -52,6 +53,7 @@ class RateLaw(NamedTuple):
     turn_brake: float  # 1/s: as `brake`, of roll and course; inf where roll is not fed back
 
 
+@checked_class
 class ExactLaw(StatefulPI):
     r"""Course and path angle by exact inversion of the point mass.
 

@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import SerializerFunctionWrapHandler, model_serializer
 
+from flighttune.arguments import checked_class
 from flighttune.arrays import FloatArray, check_positive, read_only_matrix, set_read_only
 from flighttune.errors import InputError
 from flighttune.files.whole import write_text
@@ -45,6 +46,7 @@ LABELS = {
 }
 
 
+@checked_class
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PIGains:
     """Gains of ``u = K_P e + K_I xi`` with ``d(xi)/dt = e``, m inputs and p errors.

@@ -14,6 +14,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
+from flighttune.arguments import checked_class
 from flighttune.arrays import FloatArray, check_not_negative, check_positive, read_only_vector
 from flighttune.control.gains import PIGains
 from flighttune.control.linear_model import LinearModel
@@ -78,6 +79,7 @@ NO_DELAY = 1e-5
 Order: TypeAlias = Literal[1, 2, 3]
 
 
+@checked_class
 @dataclass(frozen=True, slots=True, kw_only=True)
 class InnerLag:
     r"""Lag from command to response, static gain one.

@@ -8,6 +8,7 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
+from flighttune.arguments import checked_class
 from flighttune.arrays import FloatArray
 from flighttune.errors import InputError, ShapeError
 
@@ -17,6 +18,7 @@ FREE, MAGNITUDE_LIMITED, RATE_LIMITED = 0, 1, 2
 AntiWindup: TypeAlias = Literal["none", "conditional", "back_calculation"]
 
 
+@checked_class
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Limits:
     """Ranges of m commands and of their rates; infinite where there is no limit.
@@ -99,6 +101,7 @@ def limit_command(
     return value, RATE_LIMITED if by_rate else MAGNITUDE_LIMITED
 
 
+@checked_class
 class CommandLimiter:
     """Limits applied to commands sample by sample, with what anti-windup needs to know.
 

@@ -16,6 +16,7 @@ from itertools import product
 import numpy as np
 import numpy.typing as npt
 
+from flighttune.arguments import checked_class
 from flighttune.arrays import FloatArray, check_positive, check_upright, set_read_only
 from flighttune.control.gains import COMMANDS, ERRORS, ERRORS_WITH_AIRSPEED, WITH_AIRSPEED, PIGains
 from flighttune.errors import InputError, ShapeError
@@ -25,6 +26,7 @@ from flighttune.units import DEG
 LAW_NAMES = ERRORS, COMMANDS, ERRORS
 
 
+@checked_class
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LinearModel:
     """``x' = A x + B u, e = C x`` in deviations from an equilibrium; the loop closes on e.

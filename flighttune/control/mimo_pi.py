@@ -8,6 +8,7 @@ from typing import Any, NamedTuple, TypeAlias, get_args
 import numpy as np
 import numpy.typing as npt
 
+from flighttune.arguments import checked_class
 from flighttune.arrays import FloatArray, check_positive
 from flighttune.control.controller import FlightCondition, Measured, ReferenceSample, SelfLimiting
 from flighttune.control.gains import ERRORS, ERRORS_WITH_AIRSPEED, PIGains
@@ -152,6 +153,7 @@ class StatefulPI(SelfLimiting):
         return climb_through_air(measured.chi, gamma, measured.V_a, wind)
 
 
+@checked_class
 class MimoPI(StatefulPI):
     """``u = limit(u_ff + K_P e + K_I integral of e)``, sampled every `dt` seconds.
 

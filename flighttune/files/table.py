@@ -12,7 +12,7 @@ import json
 import re
 import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from functools import cache
+from functools import cache, wraps
 from pathlib import Path
 from reprlib import Repr
 from typing import Any, ClassVar, Protocol, TypeVar
@@ -91,6 +91,21 @@ def validated(model: type[Model], tables: Any, source: object) -> Model:
     except ValidationError as error:
         named = None if str(source).endswith(".json") else model
         raise ScenarioError(f"{source}: {mistakes(error, tables, named)}") from None
+
+
+def refused_in_a_line(model: type[Model]) -> type[Model]:
+    """The class of a table, whose mistakes in a call from Python are a line too."""
+    made = model.__init__
+
+    @wraps(made)
+    def init(self: Model, /, **tables: Any) -> None:
+        try:
+            made(self, **tables)
+        except ValidationError as error:
+            raise ScenarioError(f"{model.__name__}: {mistakes(error, tables, model)}") from None
+
+    setattr(model, "__init__", init)  # noqa: B010
+    return model
 
 
 def _place(problem: ErrorDetails, tables: Any) -> tuple[int | str, ...]:

@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 
 from flighttune import metrics
+from flighttune.arguments import checked_class
 from flighttune.arrays import FloatArray
 from flighttune.control.gains import PAPER_SPEED, PIGains, paper_family
 from flighttune.control.law import split_name
@@ -338,6 +339,7 @@ FIRST_S, FIRST_ERROR = 1.0, 1.0 * DEG
 NO_ROLL, NO_GAIN = math.pi, 20.0
 
 
+@checked_class
 @dataclass(frozen=True, eq=False)
 class FlownScenario(Answering):
     """A scenario with its runs, indicators and metrics.

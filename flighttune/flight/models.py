@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flighttune.arrays import FloatArray
+from flighttune.arrays import FloatArray, numbers_of
 from flighttune.certificates.exact_rate import Sampling
 from flighttune.control import inner_loop
 from flighttune.control.controller import LawSetup
@@ -362,6 +362,8 @@ def late_ranges(
 ) -> tuple[ArrayLike, FloatArray]:
     """Ranges of lag and delay, s: those of conditions, or the lags given."""
     settings, hold = scenario.tuning, 0.5 / scenario.controller.rate_hz
+    if lag is not None:
+        lag = numbers_of("lag", lag)
     if settings.model != "identified":
         return np.asarray(lag), np.full(2, hold if settings.sample_delay else 0.0)
     designs = everywhere or identified_models(scenario, law)
@@ -375,6 +377,8 @@ def lag_problems(scenario: Scenario, law: Law, lag: ArrayLike) -> tuple[TuningPr
     alone, settings = law_model(scenario, law), scenario.tuning
     lags, delays = late_ranges(scenario, law, lag)
     p, problems = len(alone.errors), []
+    if np.shape(lags) not in ((), (1,), (2,), (1, 2), (p, 1), (p, 2)):
+        raise InputError(f"`lag` must be one low and high end, s, or {p} of them, got {lag}.")
     bounds = np.broadcast_to(lags, (p, 2)), np.broadcast_to(delays, (p, 2))
     if not ((bounds[0] > 0.0) & (np.diff(bounds[0]) >= 0.0)).all():
         raise InputError(f"`lag` must be positive, its low end first, got {lag} s.")

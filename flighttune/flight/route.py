@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from flighttune.aircraft.aircraft import load_aircraft
+from flighttune.arguments import checked_class
 from flighttune.errors import InputError
 from flighttune.files.load import kind_of
 from flighttune.files.whole import write_text
@@ -36,6 +37,7 @@ COLUMNS = columns(
 )
 
 
+@checked_class
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PlannedRoute(Answering):
     """The path along a route with arcs and clothoids, and how long it takes.

@@ -15,6 +15,7 @@ from typing import Any, Literal, overload
 import numpy as np
 import pandas as pd
 
+from flighttune.arguments import checked_class
 from flighttune.control import inner_loop, linear_model
 from flighttune.control.gains import COMMANDS, WITH_AIRSPEED, PIGains
 from flighttune.control.law import Law
@@ -100,6 +101,7 @@ class Step:
         return {"from": self.lower, "to": self.upper, "adds": self.adds, "metrics": metrics}
 
 
+@checked_class
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Gap(Answering):
     """The difference between the paper's law and the aircraft, split into its causes.

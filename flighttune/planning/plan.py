@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 
 from flighttune.aircraft.aircraft import files_hash
+from flighttune.arguments import checked_class
 from flighttune.control.gains import PIGains
 from flighttune.errors import InputError, RecordingError, ScenarioError
 from flighttune.files.load import CAMPAIGN
@@ -58,6 +59,7 @@ def draws_in_words(flights: int, groups: Sequence[Group]) -> str:
     return f"{draws}, each by {sets} on {on}"
 
 
+@checked_class
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Plan:
     """Flights of a campaign; the same plan gives the same draws to the bit anywhere.

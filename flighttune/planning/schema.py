@@ -10,7 +10,7 @@ from pydantic import Field, field_validator, model_validator
 from scipy.special import ndtri
 
 from flighttune.arrays import FloatArray
-from flighttune.files.table import abridged
+from flighttune.files.table import abridged, refused_in_a_line
 from flighttune.metrics import FLIGHT_METRICS
 from flighttune.quantities import Finite, NotNegative, PathName, Positive, Table
 from flighttune.scenario.load import MAX_KEY
@@ -299,6 +299,7 @@ class CampaignTable(Table):
         return tuple(table for table in self.disperse if isinstance(table, Grid))
 
 
+@refused_in_a_line
 class Campaign(CampaignTable):
     """A campaign whose file, scenario and aircraft have been checked against each other.
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from flighttune.aircraft.aircraft import OffNominal, load_aircraft
+from flighttune.arguments import checked_class
 from flighttune.arrays import check_not_negative
 from flighttune.errors import InputError, ScenarioError, naming
 from flighttune.files.load import DATASET, SHOWN, kind_of
@@ -202,6 +203,7 @@ INERTIAS = "ixx_factor", "iyy_factor", "izz_factor"
 FREQUENCIES, PHASES_DEG = (0.05, 6.0), (-180.0, 180.0)
 
 
+@checked_class
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Flights:
     """Flights that can be flown, drawn and counted, whatever they were read from.

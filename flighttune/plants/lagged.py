@@ -7,6 +7,7 @@ from operator import mul
 
 import numpy as np
 
+from flighttune.arguments import checked_class
 from flighttune.arrays import FloatArray
 from flighttune.control.controller import FlightCondition
 from flighttune.control.inner_loop import InnerLag
@@ -88,6 +89,7 @@ def _responses(lag: InnerLag, step: float, count: int) -> FloatArray:
     return np.array([transition(lag, t)[0] for t in times])
 
 
+@checked_class
 class LaggedPlant(WrappedPlant):
     """A plant whose roll and load-factor commands arrive behind lags.
 

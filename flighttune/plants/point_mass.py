@@ -6,6 +6,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
+from flighttune.arguments import checked_class
 from flighttune.arrays import FloatArray, Floats, check_positive
 from flighttune.control.inner_loop import InnerLag
 from flighttune.control.limits import Limits
@@ -72,6 +73,7 @@ def rolled_over(phi_cmd: float, n_z_cmd: float, t: float) -> Stop:
     )
 
 
+@checked_class
 class PointMassPlant:
     """A point of constant airspeed that turns by its lift.
 
@@ -277,6 +279,7 @@ class PointMassPlant:
         )
 
 
+@checked_class
 class PoweredPointMass(PointMassPlant):
     """A `PointMassPlant` whose airspeed is its own: ``V_a' = g (n_x - sin(gamma))``.
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from flighttune.arguments import checked_class
 from flighttune.arrays import FloatArray, check_not_negative
 from flighttune.errors import InputError
 from flighttune.plants.base import COMMON_SIGNALS, Plant, WrappedPlant
@@ -24,6 +25,7 @@ ON_SAMPLE = 1e-6
 _STREAM = 0x5E45
 
 
+@checked_class
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sensors:
     """Bias and noise on (chi, gamma, V_a) as the controller sees them.

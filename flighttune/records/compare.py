@@ -11,6 +11,7 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 import pandas as pd
 
+from flighttune.arguments import checked_class
 from flighttune.errors import InputError, RecordingError, naming
 from flighttune.files.load import READERS, load_one, written
 from flighttune.flight import flown, load
@@ -91,6 +92,7 @@ class Pair(NamedTuple):
     differs: dict[str, tuple[Any, Any]]
 
 
+@checked_class
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Comparison(Answering):
     """Runs side by side.

@@ -17,6 +17,7 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from flighttune.arguments import checked_class
 from flighttune.arrays import FloatArray
 from flighttune.control.gains import PIGains
 from flighttune.errors import RecordingError
@@ -180,6 +181,7 @@ def _first_line(text: object) -> str:
     return textwrap.shorten(line, LONGEST_REASON, placeholder=" ...").rstrip(".")
 
 
+@checked_class
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Recording:
     """Runs read back, and the parts of their folder that were not read.

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from flighttune.arguments import checked_class
 from flighttune.control.gains import PIGains
 from flighttune.errors import RecordingError
 from flighttune.flight.apart import Progress
@@ -69,6 +70,7 @@ class CheckedRun:
         }
 
 
+@checked_class
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Reflown(Answering):
     """Runs that were flown again, and whether they are equal to the bit.

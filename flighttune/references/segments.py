@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from flighttune.arguments import checked_class
 from flighttune.arrays import FloatArray, read_only_vector
 from flighttune.units import G_PAPER
 
@@ -64,6 +65,7 @@ class Segment:
         return slope
 
 
+@checked_class
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reference:
     """Course and flight-path angle over time: a start value and the segments that add to it.

@@ -13,7 +13,7 @@ from flighttune.control.gains import COMMANDS, PIGains, paper_family
 from flighttune.control.law import DEFAULT, Law, law_name, made_law, split_name
 from flighttune.errors import FlightTuneError, InputError
 from flighttune.files.shipped import nearest_name
-from flighttune.files.table import abridged, hash_of
+from flighttune.files.table import abridged, hash_of, refused_in_a_line
 from flighttune.metrics import CHANNELS, OFF_ROUTE, UNSETTLED, required_names
 from flighttune.plants.sensors import Sensors
 from flighttune.present.names import listed
@@ -33,6 +33,7 @@ MAX_SPEEDS = 4
 ROUNDING = 1e-9
 
 
+@refused_in_a_line
 class Scenario(Table):
     """One manoeuvre: every gain set flies on every plant.
 

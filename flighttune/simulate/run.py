@@ -7,6 +7,7 @@ from typing import Any, Literal, NamedTuple, NoReturn, Protocol, TypeAlias, runt
 import numpy as np
 import pandas as pd
 
+from flighttune.arguments import checked_class
 from flighttune.arrays import FloatArray
 from flighttune.control.gains import PIGains
 from flighttune.control.law import Law, law_name, made_law, plain_laws
@@ -230,6 +231,7 @@ class Provenance:
         return aircraft_of(self.plant, self.scenario.get("plant") or ())
 
 
+@checked_class
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Run:
     """One flight of one gain set on one plant.

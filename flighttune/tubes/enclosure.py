@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import Field
 
+from flighttune.arguments import checked_class
 from flighttune.arrays import FloatArray, read_only_matrix, true_spans
 from flighttune.claims.band import Residual
 from flighttune.claims.distribution import STARTS, flown_values
@@ -137,6 +138,7 @@ class CountedProbability:
         )
 
 
+@checked_class
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Tube(Answering):
     """Bounds that hold for every flight of a problem: a claim that is proven.

@@ -8,6 +8,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from flighttune.arguments import checked_class
 from flighttune.arrays import FloatArray, check_not_negative, read_only_vector
 from flighttune.control.gains import NO_FEEDBACK, PIGains
 from flighttune.control.limits import Limits
@@ -28,6 +29,7 @@ class LimitRows(NamedTuple):
     bound: FloatArray  # shape (r,)
 
 
+@checked_class
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TuningProblem:
     """Maximise R_K over the gains under bounds on I_K and E_K, input limits and a structure.

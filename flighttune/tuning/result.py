@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 
+from flighttune.arguments import checked_class
 from flighttune.arrays import FloatArray
 from flighttune.control.gains import PIGains, gains_lists, gains_table
 from flighttune.control.linear_model import closed_loops
@@ -91,6 +92,7 @@ class Diagnosis(NamedTuple):
     limits: tuple[Mapping[str, Any], ...]
 
 
+@checked_class
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class TuningResult(Answering):
     """Gains that an optimiser found for a problem, or why it found none.

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, NoReturn
 
 from flighttune.aircraft.aircraft import GAINS_FILE, AircraftConfig, OffNominal, load_aircraft
 from flighttune.aircraft.model_xml import BALLAST, FAULT
+from flighttune.arguments import checked_class
 from flighttune.control.limits import Limits
 from flighttune.errors import InputError, PlantError
 from flighttune.plants.base import N_X_SIGNALS, FlightCondition, Stop, StopStatus
@@ -39,6 +40,7 @@ DEEPEST_GROUND, HIGHEST_GROUND = 500.0, 6000.0
 _N_Z = properties.SIGNALS.index("n_z")
 
 
+@checked_class
 class JSBSimPlant:
     """A 6-DoF aircraft that follows roll and load-factor commands and holds its airspeed.
 
