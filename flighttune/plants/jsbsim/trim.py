@@ -15,7 +15,8 @@ from flighttune.plants.base import FlightCondition
 from flighttune.plants.jsbsim.bench import AirframeState, Bench
 from flighttune.plants.jsbsim.fdm import Fdm
 from flighttune.plants.jsbsim.model_files import Unchanged, unchanged
-from flighttune.units import DEG, DEG_PER_RAD, G_0
+from flighttune.present.names import listed
+from flighttune.units import DEG, DEG_PER_RAD, FT, G_0
 
 # Share by which a step must reduce the residual, and share to which it must for its slopes to be
 # used again.
@@ -155,6 +156,13 @@ _SLOPES = 0.1 * DEG
 
 _TOO_LITTLE = "full throttle has too little thrust"
 
+# Units and senses of the residuals: three linear and three angular accelerations, and lateral load.
+_SENSES = (
+    *(("g", "backward", "forward"), ("g", "to the left", "to the right"), ("g", "up", "down")),
+    *(("rad/s2", f"of {motion}", f"of {motion}") for motion in ("roll", "pitch", "yaw")),
+    ("g", "to the left", "to the right"),
+)
+
 # Share of its interval within which a trim variable counts as lying at the end of it.
 _AT_STOP = 0.01
 
@@ -286,7 +294,7 @@ class _TrimProblem:
         worst, gamma = float(np.max(np.abs(left_over))), self.gamma(x)
         if not worst < (_RESIDUAL_SETTLED if self.settles else _RESIDUAL_ALLOWED):
             obstacle = self.obstacle(x, left_over)
-            raise TrimError(f"{self._failure}: {obstacle} (left over: {worst:.2g} g).")
+            raise TrimError(f"{self._failure}: {obstacle} (left over: {_largest(left_over)}).")
         if abs(gamma - self._condition.gamma) > _OFF_GLIDE:
             raise TrimError(
                 f"{self._failure}: it has no engine and glides at {gamma / DEG:.4g} deg."
@@ -396,7 +404,20 @@ class _TrimProblem:
             (low[4] or high[4], "the rudder is at its stop"),
         )
         text = ", ".join(text for holds, text in reasons if holds)
-        return text or self._history(x) or "the search did not converge"
+        return text or self._history(x) or f"the search did not converge{self._forces(x)}"
+
+    def _forces(self, x: FloatArray) -> str:
+        """Thrust and drag at `x` and other throttles, as the end of a sentence."""
+        if self._glides:
+            return ""
+        fdm, said = self._bench.fdm, []
+        weight = fdm.reader("inertia/mass-slugs")() * G_0 / FT
+        drag = fdm.reader("forces/fwx-aero-lbs")
+        for throttle in dict.fromkeys((x[-1], self.lower[-1], self.upper[-1])):
+            self.residuals(np.append(x[:-1], throttle))
+            thrust = sum(read() for read in fdm.thrusts) / weight
+            said.append(f"{thrust:.2g} at the throttle {throttle:.2g}")
+        return f", its thrust over its weight is {listed(said)}, its drag {drag() / weight:.2g}"
 
     def _history(self, x: FloatArray) -> str:
         """Say that the thrust at `x` depends on the throttles before it; empty if it does not."""
@@ -412,6 +433,13 @@ class _TrimProblem:
             f"its thrust depends on its history, at the throttle {x[-1]:.3f} it is "
             f"{slowly - fast:.2g} weights larger where that is closed slowly from full"
         )
+
+
+def _largest(residual: FloatArray) -> str:
+    """The largest of the residuals of a trim, with its unit and sense."""
+    k = int(np.argmax(np.abs(residual)))
+    unit, below, above = _SENSES[k]
+    return f"{abs(residual[k]):.2g} {unit} {below if residual[k] < 0.0 else above}"
 
 
 def _least_squares(

@@ -13,7 +13,7 @@ from places import SHIPPED_AIRCRAFT
 
 import flighttune as ft
 from flighttune.plants.jsbsim.bench import AirframeState, Bench
-from flighttune.plants.jsbsim.trim import interior_root
+from flighttune.plants.jsbsim.trim import _TrimProblem, interior_root
 
 DEG = math.pi / 180.0
 
@@ -49,6 +49,28 @@ def test_what_stands_against_a_steady_flight_is_said(condition, message):
     error = ft.InputError if message.startswith("^") else ft.loop.PlantError
     with pytest.raises(error, match=message):
         ft.loop.JSBSimPlant().start(ft.loop.FlightCondition(**{"V_a": 25.0} | condition))
+
+
+def test_a_search_that_does_not_converge_says_what_is_left_over():
+    """What thrust lacks to drag, over the weight, decelerates; C_D = 0.043 + 0.0232 C_L^2."""
+    condition = ft.loop.FlightCondition(V_a=25.0, h=1000.0)
+    problem = _TrimProblem(fdm_of("aerosonde"), condition)
+    x = problem.steady()
+    x[-1] -= 0.1  # of the throttle
+
+    with pytest.raises(ft.loop.PlantError, match="did not converge") as failure:
+        problem.check(x)
+
+    thrust, drag, left = map(
+        float,
+        re.search(
+            r"thrust over its weight is (\S+) at .* drag (\S+) \(left over: (\S+) g backward",
+            str(failure.value),
+        ).groups(),
+    )
+    assert drag - thrust == pytest.approx(left, abs=0.005)  # numbers of two digits
+    C_L = 11.0 * 9.80665 / (0.5 * 1.11164 * 25.0**2 * 0.55)
+    assert drag == pytest.approx((0.043 + 0.0232 * C_L**2) / C_L, abs=0.005)
 
 
 def test_trim_error_names_the_elevator_at_its_stop(changed_aircraft):
