@@ -15,7 +15,17 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 import tomlkit
 
-from flighttune.adoption.survey import SOURCE, TABLES, Refusal, Survey, drag_at, survey, wide_tables
+from flighttune.adoption.flightgear import SET, UNSTATED, Stated, of_flightgear, stated_beside
+from flighttune.adoption.survey import (
+    SOURCE,
+    TABLES,
+    Refusal,
+    Survey,
+    SwitchedOff,
+    drag_at,
+    survey,
+    wide_tables,
+)
 from flighttune.aircraft.aircraft import (
     GAINS_FILE,
     PROPERTY_NAME,
@@ -23,12 +33,11 @@ from flighttune.aircraft.aircraft import (
     load_aircraft,
     save_gains,
 )
-from flighttune.aircraft.model_xml import read_xml
 from flighttune.arrays import check_positive
 from flighttune.control.gains import PAPER_GAINS, PAPER_SPEED
 from flighttune.errors import InputError, OutputError, PlantError, TrimError
 from flighttune.files.shipped import models_of_jsbsim, nearest_name
-from flighttune.files.table import shown, toml_tables
+from flighttune.files.table import toml_tables
 from flighttune.files.whole import (
     allowed,
     apart,
@@ -50,17 +59,12 @@ from flighttune.plants.base import FlightCondition
 from flighttune.plants.jsbsim import bench, model_files, trim
 from flighttune.plants.jsbsim.fdm import Fdm
 from flighttune.present.answer import Answer, Answering, Table, pick
-from flighttune.present.names import CHANNEL_SYMBOLS, columns
+from flighttune.present.names import CHANNEL_SYMBOLS, columns, listed
 from flighttune.units import DEG
 
 AIRCRAFT, TURN, PAGE = "aircraft.toml", "turn.toml", "adoption.html"
 
 REFUSED = "# refused: "  # in the draft of a refused aircraft
-
-SET = "-set.xml"  # ending of the file that describes an aircraft to FlightGear
-
-# Largest number of files that describe an aircraft to FlightGear, included in one another.
-MAX_INCLUDED = 20
 
 LATER = ("envelope", "limits", "design")  # tables that follow from a trimmed flight
 
@@ -83,6 +87,9 @@ MAX_SLOPE = 1e9
 MAX_GLIDE_RATIO = 75.0
 
 DIGITS = 5  # significant digits of the files written
+
+# Findings of a survey that are told of a refused model too.
+FACTS = "V_a glide_ratio largest_drag switched_off notes"
 
 # Files that every try writes.
 WRITTEN = (AIRCRAFT, GAINS_FILE, FILE_NAME, TURN)
@@ -152,6 +159,8 @@ class Adoption(Answering):
     flown: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     glide_ratio: float = math.nan  # lift over drag at `V_a`
     largest_drag: tuple[str, float] = ("", math.nan)  # a function of the drag, and its share
+    # functions of the aerodynamics that are 0 as properties of another simulator are
+    switched_off: tuple[SwitchedOff, ...] = ()
     notes: tuple[str, ...] = ()  # what was done to the model, a sentence each
     seconds: float = 0.0  # wall time of the adoption
     # Results of the stages, for the page; None where a stage was not reached
@@ -186,11 +195,14 @@ class Adoption(Answering):
         values = pick(self, "status reason engines seconds")
         values |= {"V_a_mps": self.V_a, "glide_ratio": self.glide_ratio}
         values |= {"largest_drag": {drag: share} if drag else {}}
+        values |= {"switched_off": [part._asdict() for part in self.switched_off]}
+        lacking = listed([part.words for part in self.switched_off])
+        lacking = f", without {lacking}" if lacking else ""
         return Answer(
             values=values | pick(self, "fit_percent flown"),
             tables=[self.flights],
             notes=self.notes,
-            verdict=f"{self.status} in {self.seconds:.0f} s{glide}",
+            verdict=f"{self.status} in {self.seconds:.0f} s{glide}{lacking}",
             files={
                 "folder": folder,
                 "draft": self.draft,
@@ -223,7 +235,8 @@ def adopt(
     ----------
     model : str
         A model that comes with JSBSim, or the main file of another, or its folder; also the file
-        ``NAME-set.xml`` of an aircraft of FlightGear, or the folder that holds it.
+        ``NAME-set.xml`` of an aircraft of FlightGear, or the folder that holds it. Values of
+        properties that such a file states are taken, also where it lies beside a main file.
     folder : Path
         Folder of the aircraft; made if need be.
     V_a : float, m/s, optional
@@ -265,12 +278,12 @@ def adopt(
     check_positive(V_a=V_a, h=h)  # the ground is at 0 m
     began = time.monotonic()
     settle(folder)
-    model = _model(model, folder)
+    model, stated = _model(model, folder)
     file = made_folder(folder) / AIRCRAFT
     if file.exists() and toml_tables(file).get("source") != SOURCE:
         raise InputError(f"{folder}: must not hold an aircraft that `adopt` did not make.")
     stands = _stands(folder)
-    choices = {"V_a": V_a, "say": say, "values": values or {}, "glide": glide}
+    choices = {"V_a": V_a, "say": say, "values": values or {}, "glide": glide, "stated": stated}
     temporary = allowed("the temporary folder", "writable", OutputError)
     # What stands in `folder` does so to the end. Its name is a part of the files.
     with temporary, apart(), scratch_folder() as scratch:
@@ -340,7 +353,7 @@ def _adopted(
             note = f"its glide is steep: it flies from {start:g} m"
             surveyed = surveyed._replace(notes=(*surveyed.notes, note))
         engines = surveyed.tables["engines"]["count"]
-        facts = {**pick(surveyed, "V_a glide_ratio largest_drag notes"), "engines": engines}
+        facts = {**pick(surveyed, FACTS), "engines": engines}
         return _best(surveyed, folder, start, say, used)
     except PlantError as error:
         reason = str(error).removesuffix(".").split(f"{model_files.MODEL_FILE}: ", 1)[-1]
@@ -358,21 +371,24 @@ def _adopted(
         )
 
 
-def _model(model: str, folder: Path) -> str:
-    """A model as an ``aircraft.toml`` in `folder` names it."""
-    models = models_of_jsbsim()
-    if model.endswith(SET) or (model not in models and os.path.isdir(model)):
-        model = str(_of_flightgear(Path(model)))
+def _model(model: str, folder: Path) -> tuple[str, Stated]:
+    """A model as an ``aircraft.toml`` in `folder` names it, and what FlightGear's files state."""
+    models, stated = models_of_jsbsim(), UNSTATED
+    described = model.endswith(SET) or (model not in models and os.path.isdir(model))
+    if described:
+        main, stated = of_flightgear(Path(model))
+        model = str(main)
     if model.endswith(".xml"):
         if not os.path.isfile(model):  # a name may be too long for `Path`
             raise InputError(f"{model}: must be the main file of a model, got no file.")
+        stated = stated if described else stated_beside(Path(model))
         model = os.path.relpath(Path(model).resolve(), folder.resolve())
     elif model not in models:
         raise InputError(
             f"{model}: must be a model of JSBSim's set, or the path of a main file (.xml)"
             f"{nearest_name(model, models)}"
         )
-    return model
+    return model, stated
 
 
 def _set_controls(
@@ -408,73 +424,6 @@ def _height_lost(surveyed: Survey) -> float:
     """Height that the longest glide of an adoption may lose, m; 0 with engines."""
     gliding = not surveyed.tables["engines"]["count"]
     return gliding * GLIDE_S * surveyed.V_a * (1.0 / surveyed.glide_ratio + math.tan(STEEPER))
-
-
-def _of_flightgear(path: Path) -> Path:
-    """The main file that a ``-set.xml``, or that in a folder, names for JSBSim; or the only one."""
-    if not os.path.exists(path):
-        raise InputError(f"{path}: must be a file or folder of FlightGear's, got no such file.")
-    files = sorted(path.glob(f"*{SET}")) if path.is_dir() else [path]
-    settings = {file: _settings(file) for file in files if file.is_file()}  # a pipe would wait
-    kinds = {file: values.get("flight-model", "") for file, values in settings.items()}
-    named = {file: settings[file].get("aero", "") for file in settings if kinds[file] == "jsb"}
-    mains = []
-    if path.is_dir() and not named:
-        mains = [file for file in sorted(path.glob("*.xml")) if _is_main(file)]
-        mains = [file for file in mains if file.stem == path.resolve().name] or mains
-        if len(mains) == 1:
-            return mains[0]
-    other = ", ".join(sorted({shown(kind) for kind in kinds.values() if kind}))
-    if other and not (named or mains):
-        raise InputError(f"{path}: its flight model must be JSBSim's (jsb), got {other}.")
-    if len({*named.values()}) != 1:
-        several = ", ".join(file.name for file in named or mains)
-        faults = (_fault(file) for file in sorted(path.glob("*.xml")) if file.is_file())
-        upper = (f"{file.name}, whose ending must be .xml" for file in sorted(path.glob("*.XML")))
-        several = several or next(filter(None, [*faults, *upper]), "none")
-        raise InputError(f"{path}: must hold one aircraft of JSBSim's, got {several}.")
-    file, aero = next(iter(named.items()))
-    main = file.parent / f"{aero}.xml"
-    beside = Path(os.path.realpath(main)).is_relative_to(os.path.realpath(file.parent))
-    if not (beside and os.path.isfile(main)):
-        raise InputError(f'{file}: `aero` must name a file in its folder, got "{shown(aero)}".')
-    return main
-
-
-def _is_main(file: Path) -> bool:
-    try:
-        # reading a pipe would wait
-        return file.is_file() and read_xml(file, str(file)).tag == "fdm_config"
-    except PlantError:  # it cannot be read, and belongs to something else
-        return False
-
-
-def _fault(file: Path) -> str:
-    """Why a file cannot be read; empty where it can."""
-    try:
-        read_xml(file, str(file))
-    except PlantError as error:
-        return str(error).removesuffix(".")
-    return ""
-
-
-def _settings(file: Path) -> dict[str, str]:
-    """Values of the table ``sim`` in a file of FlightGear's, or else in those it includes."""
-    values: dict[str, str] = {}
-    files = [Path(os.path.realpath(file))]
-    for path in files:
-        root = read_xml(path, str(path))
-        for element in root.iterfind("sim/*"):
-            if text := (element.text or "").strip():
-                values.setdefault(element.tag, text)
-        for element in (root, *root.iterfind("sim")):
-            included = Path(os.path.realpath(path.parent / element.get("include", "")))
-            inside = included.is_relative_to(files[0].parent) and os.path.isfile(included)
-            if inside and included not in files:
-                files.append(included)
-        if len(files) > MAX_INCLUDED:
-            raise InputError(f"{file}: must include at most {MAX_INCLUDED} files, got more.")
-    return values
 
 
 def _best(surveyed: Survey, folder: Path, h: float, say: Say, used: float) -> Adoption:
@@ -578,6 +527,7 @@ def _tried(
         **drag,
         V_a=surveyed.V_a,
         notes=surveyed.notes,
+        switched_off=surveyed.switched_off,
         fit_percent=fits,
         flown=flights,
         steps=designed.steps,
@@ -694,7 +644,10 @@ def aircraft_text(tables: Mapping[str, Any], notes: Sequence[str]) -> str:
         if tables.get(name):
             table = tomlkit.table()
             table.comment(comment)
-            for key, value in rounded(tables[name], DIGITS).items():
+            # Values of properties stay as they are stated; those of `ft/` are measured.
+            stated = tables[name] if name in ("settings", "declared") else ()
+            exact = [key for key in stated if not key.startswith("ft/")]
+            for key, value in rounded(tables[name], DIGITS, exact).items():
                 table[key] = tomlkit.inline_table() | value if isinstance(value, dict) else value
             document.add(tomlkit.nl())
             document[name] = table

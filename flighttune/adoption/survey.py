@@ -3,7 +3,7 @@
 import math
 import re
 import tomllib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
@@ -15,13 +15,21 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
-from flighttune.aircraft.aircraft import PROPERTY_NAME, SURFACES, AircraftConfig, aircraft_from
+from flighttune.adoption.flightgear import UNSTATED, Stated
+from flighttune.aircraft.aircraft import (
+    PROPERTY_NAME,
+    SURFACES,
+    AircraftConfig,
+    aircraft_from,
+    property_name,
+)
 from flighttune.aircraft.model_xml import found_file, in_inches, read_xml
 from flighttune.arrays import FloatArray
 from flighttune.errors import InputError, PlantError
 from flighttune.plants.jsbsim import model_files, properties
 from flighttune.plants.jsbsim.bench import EFFECTS, POSITIONS, AirframeState, Bench, surface_faults
 from flighttune.plants.jsbsim.fdm import Fdm
+from flighttune.present.names import listed
 from flighttune.units import DEG, FT, G_0
 
 SOURCE = "flighttune adopt"  # marks an aircraft that `adopt` may write over
@@ -30,12 +38,15 @@ SOURCE = "flighttune adopt"  # marks an aircraft that `adopt` may write over
 # sentence names.
 MAX_DECLARED, MAX_NAMED = 1000, 8
 
+# Names of properties of the model, and with a slash of other simulators.
+ANY_NAME = PROPERTY_NAME.replace("^", "^/?", 1)
+
 # Time in which a model shows which properties it refers to while it runs, s.
 TRIAL_S = 0.1
 
 # The missing property in an error message of JSBSim.
 MISSING = re.compile(
-    r"(?:property|node)[^\w/]*([\w/.-]+(?:\[\d+\])?[\w/.-]*)\W+(?:does not|is not)", re.I
+    r"(?:property|node)[^\w/.]*((?:[\w/.-]|\[\d+\])+)\W+(?:does not|is not)", re.IGNORECASE
 )
 
 # The wing stalls where the slope of lift falls below this share of its usual value.
@@ -96,6 +107,25 @@ EXTERNAL = "forces/fbx-external-lbs"
 
 # Names under which aerodynamics read a surface, where they are more than one.
 NAMES = {"elevator": "(elevator|stabilator|(horz|horizontal)-tail|stabilizer)"}
+
+# Changes of level flight in which every coefficient acts, rad and rad/s, and the least share of an
+# axis that is told of one that is 0.
+SHAKEN = (
+    *(("alpha", 4.0 * DEG), ("beta", 0.1), ("p", 0.2), ("q", 0.2), ("r", 0.2)),
+    *(("aileron", 0.1), ("elevator", 0.1), ("rudder", 0.1)),
+)
+LEAST_SHARE = 0.005
+
+# Most values that a note lists.
+MAX_LISTED = 60
+
+TINY = 1e-300
+
+# Axes of the aerodynamics in words.
+AXIS_WORDS = {"SIDE": "side force", "ROLL": "roll moment", "PITCH": "pitch moment"} | {
+    "YAW": "yaw moment", "LIFT": "lift", "DRAG": "drag", "NORMAL": "normal force",
+    "AXIAL": "axial force", "X": "force along x", "Y": "force along y", "Z": "force along z",
+}  # fmt: skip
 
 # Folders of JSBSim's own properties, none of which is the position of a surface.
 OWN = re.compile(
@@ -192,6 +222,20 @@ class Lift(NamedTuple):
         return alpha, q * float(np.interp(alpha, self.alpha, self.drag))
 
 
+class SwitchedOff(NamedTuple):
+    """A function of the aerodynamics that is 0 because properties of another simulator are."""
+
+    function: str
+    names: tuple[str, ...]  # of the properties, each of which switches it off
+    axis: str  # name of its axis, in words
+    share: float  # part of what acts on the axis that it is with 1 in place of 0, at most
+
+    @property
+    def words(self) -> str:
+        """The function, and how much it is."""
+        return f"{self.function} (with 1 up to {100.0 * self.share:.0f} % of the {self.axis})"
+
+
 class Survey(NamedTuple):
     """Findings about a model."""
 
@@ -204,6 +248,7 @@ class Survey(NamedTuple):
     glide_ratio: float  # 1: lift over drag there, surfaces neutral
     largest_drag: tuple[str, float]  # name of a function of the drag, and its share there
     notes: tuple[str, ...]  # changes made to the model, a sentence each
+    switched_off: tuple[SwitchedOff, ...] = ()  # functions of the aerodynamics that are 0
 
 
 def survey(
@@ -215,17 +260,25 @@ def survey(
     say: Callable[[str], object] = lambda _: None,
     values: Mapping[str, float] = MappingProxyType({}),
     glide: bool = False,
+    stated: Stated = UNSTATED,
 ) -> Survey:
-    """Measure what a model can do at height h (m); a `glide` leaves its engines off."""
+    """Measure what a model can do at height h (m); a `glide` leaves its engines off.
+
+    `stated`: values of properties that FlightGear's files give the model.
+    """
     # What is found of a model that is refused stays in `tables`, which are those of `wide_tables`.
-    model = _Model(tables, folder, h, V_a, values)
+    values = {property_name(name): value for name, value in values.items()}
+    model = _Model(tables, folder, h, V_a, values, stated)
     say("step 1 of 9: reading the model")
     tables["engines"]["count"] = 0 if glide else _engine_count(model.config)
     model.declare()
     model.set_levers()
     say("step 2 of 9: sweeping lift")
     model.put_in()
-    model.sweep()
+    try:
+        model.sweep()
+    except Refusal as error:
+        raise Refusal(f"{error}{model.zeros_in_words}") from error
     if tables["engines"]["count"]:
         say("step 3 of 9: starting the engines")
         model.find_throttle()
@@ -237,21 +290,16 @@ def survey(
     if "rudder" not in surfaces:
         model.notes.append("it has no rudder: yaw is left to the airframe")
     model.note_engines()
-    declared, linked = tables["declared"], tables["linked"]
-    foreign = (name for name, value in declared.items() if not value and name not in linked)
-    names = [name for name in foreign if not name.startswith("ft/")]
-    if names:
-        more = len(names) - MAX_NAMED
-        rest = f" and {more} more, all in `[declared]`" if more > 0 else ""
-        shown = ", ".join(names[:MAX_NAMED])
-        model.notes.append(f"properties of another simulator are 0: {shown}{rest}")
     tables["surfaces"] = surfaces
+    off = model.switched_off()
+    model.note_values(off)
     return Survey(
         tables=tables,
         lift=model.lift,
         V_a=model.speed,
         spare_thrust=model.spare,
         notes=tuple(model.notes),
+        switched_off=tuple(off),
         **drag_at(model.load(), model.level(0.0)),
     )
 
@@ -310,6 +358,16 @@ def _largest_drag(fdm: Fdm) -> tuple[str, float]:
         return "", math.nan
     name = max(parts, key=lambda name: parts[name])
     return name, parts[name] / total
+
+
+def _functions(fdm: Fdm) -> dict[str, list[str]]:
+    """Names of the functions of the aerodynamics that JSBSim shows, by their axis in words."""
+    functions: dict[str, list[str]] = {}
+    for axis in _part(fdm.config, "aerodynamics").iter("axis"):
+        words = AXIS_WORDS.get(axis.get("name", "").upper(), axis.get("name", ""))
+        names = (f.get("name", "").strip() for f in axis.findall("function"))
+        functions.setdefault(words, []).extend(name for name in names if fdm.shows(name))
+    return functions
 
 
 def _level(V_a: float, alpha: float, throttle: float = 0.0) -> AirframeState:
@@ -373,6 +431,7 @@ class _Model:
     h: float  # m
     V_a: float | None  # m/s: as asked for
     values: Mapping[str, float]
+    stated: Stated = UNSTATED
     notes: list[str] = field(default_factory=list)
     lift: Lift = field(init=False)
     speed: float = field(init=False)  # m/s: airspeed chosen
@@ -405,7 +464,8 @@ class _Model:
                 texts = inside if "aerodynamics" in (root.tag, top.tag) else outside
                 # JSBSim reads a minus before a property as its negative.
                 elements = (top,) if top is root else top.iter()
-                texts |= {(part.text or "").strip().lstrip("-") for part in elements}
+                names = ((part.text or "").strip().lstrip("-") for part in elements)
+                texts |= {property_name(name) if "/" in name else name for name in names}
         return inside, outside
 
     @cached_property
@@ -418,13 +478,58 @@ class _Model:
         """Properties that its systems define, for others to set."""
         elements = (part for root in self.roots for part in (root, *root))
         systems = (part for part in elements if part.tag in SYSTEMS)
-        return {(x.text or "").strip() for part in systems for x in part.findall("property")}
+        names = ((x.text or "").strip() for part in systems for x in part.findall("property"))
+        return {property_name(name) for name in names}
+
+    @cached_property
+    def stated_read(self) -> dict[str, float]:
+        """Values that the files of FlightGear state of properties that the model reads."""
+        parts = (part for root in self.roots for part in root.iter())
+        texts = ((*(part.text or "").split(), *part.attrib.values()) for part in parts)
+        words = (word.lstrip("-") for text in texts for word in text if "/" in word)
+        names = {property_name(word) for word in words} | self.defined
+        names = {name for name in names - self.values.keys() if re.fullmatch(ANY_NAME, name)}
+        values = ((name, self.stated.of(name)) for name in sorted(names))
+        return {name: value for name, value in values if value is not None}
+
+    @cached_property
+    def taken(self) -> dict[str, float]:
+        """Values that are stated; levers of the gear, of flaps and of brakes are as in flight."""
+        levers = re.compile(TABLES["levers"]["in"])
+        return {name: 0.0 if levers.search(name) else x for name, x in self.stated_read.items()}
+
+    @property
+    def zeros(self) -> list[str]:
+        """Properties of another simulator that are 0, and of which nobody has stated that."""
+        known = (*self.tables["linked"], *self.taken, *self.values)
+        declared = self.tables["declared"].items()
+        zeros = (name for name, value in declared if not value and name not in known)
+        return [name for name in zeros if not name.startswith("ft/")]
+
+    @property
+    def zeros_in_words(self) -> str:
+        """The end of a sentence about properties that are 0 and that the aerodynamics read."""
+        names = [name for name in self.zeros if name in self.texts[0]]
+        if not names:
+            return ""
+        them, is_ = ("it", "is") if len(names) == 1 else ("them", "are")
+        return (
+            f"; its aerodynamics read {listed(names, most=MAX_NAMED)}, which {is_} of another "
+            f"simulator and 0: --set {names[0]}=VALUE states {them}{self._why_unknown(names)}"
+        )
+
+    def _why_unknown(self, names: Sequence[str]) -> str:
+        """Reasons why the files of FlightGear do not state properties, as the end of a sentence."""
+        faults = self.stated.faults(names)
+        if several := [name for name in names if self.stated.several(name)]:
+            faults.append(f"{listed(self.stated.files)} state several values of {listed(several)}")
+        return f" ({'; '.join(faults)})" if faults else ""
 
     def declare(self) -> None:
         """Declare the properties that the model refers to and nothing defines, and the values."""
         declared = self.tables["declared"]
         for name, value in self.values.items():
-            if not (re.fullmatch(PROPERTY_NAME, name.removeprefix("/")) and math.isfinite(value)):
+            if not (re.fullmatch(ANY_NAME, name) and math.isfinite(value)):
                 raise InputError(f"--set must be NAME=VALUE, got {name[:80]}={value}.")
         declared |= {name: x for name, x in self.values.items() if name.startswith("/")}
         for _ in range(MAX_DECLARED - len(declared)):
@@ -436,15 +541,19 @@ class _Model:
                 break
             except PlantError as error:
                 missing = MISSING.search(str(error))
-                name = missing[1].removeprefix("/fdm/jsbsim/") if missing else ""
+                name = property_name(missing[1]) if missing else ""
                 if not name or name in declared or name.startswith("ft/"):
                     raise
-                declared[name] = 0.0
+                declared[name] = self.taken.get(name, 0.0)
         else:
             raise Refusal(
                 f"it refers to more than {MAX_DECLARED} properties that nothing defines, such as "
                 f"{', '.join([*declared][:MAX_NAMED])}"
             )
+        # A system leaves a property as it is declared before it, as by FlightGear. JSBSim may read
+        # others later than in the trial, as in a branch that is not taken there.
+        known = {name for name in self.taken if bench.fdm.shows(name)} - self.defined
+        declared |= {name: x for name, x in self.taken.items() if name not in known}
         for name, source in TABLES["shown"].items():
             if name in declared and name not in self.values:
                 self.tables["linked"][name] = source
@@ -712,6 +821,73 @@ class _Model:
                 f"its propeller makes it a gyroscope that nutates at {nutation:.3g} rad/s: an "
                 f"inertia of {max(inertias):.3g} slug ft2 at {rpm:.3g} rpm"
             )
+
+    def note_values(self, off: Sequence[SwitchedOff]) -> None:
+        """Note the values that FlightGear's files state, and what is 0 as nobody states it."""
+        declared = self.tables["declared"]
+        taken = {name: x for name, x in self.taken.items() if declared.get(name) == x}
+        if taken:
+            values = [f"{name} = {x:.7g}" for name, x in taken.items() if x]
+            zeros = [name for name, x in taken.items() if not x]
+            values += [f"0 for {listed(zeros, most=MAX_LISTED)}"] if zeros else []
+            verb = "states" if len(self.stated.files) == 1 else "state"
+            said = listed(values, most=MAX_LISTED)
+            self.notes.append(f"{listed(self.stated.files)} {verb} {said}")
+        levers = {name: x for name, x in self.stated_read.items() if x != self.taken[name]}
+        self.notes += [f"{name} is 0 as in flight, {x:g} is stated" for name, x in levers.items()]
+        for names in dict.fromkeys(part.names for part in off):
+            verb, it = ("is", "it") if len(names) == 1 else ("are", "them")
+            parts = listed([part.words for part in off if part.names == names])
+            self.notes.append(
+                f"{listed(names)} of another simulator {verb} 0 and switches off {parts}: "
+                f"--set {names[0]}=VALUE states {it}{self._why_unknown(names)}"
+            )
+        told = {name for part in off for name in part.names}
+        if names := [name for name in self.zeros if name not in told]:
+            more = len(names) - MAX_NAMED
+            rest = f" and {more} more, all in `[declared]`" if more > 0 else ""
+            shown = ", ".join(names[:MAX_NAMED])
+            why = self._why_unknown(names)
+            self.notes.append(f"properties of another simulator are 0: {shown}{rest}{why}")
+
+    def switched_off(self) -> list[SwitchedOff]:
+        """Functions of the aerodynamics that are 0 in any flight as declared properties are."""
+        zeros = self.zeros[:MAX_TRIED_IN]
+        bench = self.load()
+        functions = _functions(bench.fdm)
+        names = [name for axis in functions.values() for name in axis]
+        reads = [bench.fdm.reader(name) for name in names]
+        level = self.level(0.0)
+        states = [level, *(replace(level, **{x: getattr(level, x) + by}) for x, by in SHAKEN)]
+
+        def sizes(states: Sequence[AirframeState], *at_zero: str) -> FloatArray:
+            """Sizes of the functions in each state, shape (states, functions)."""
+            for name in zeros:
+                bench.fdm.declared_writer(name)(0.0 if name in at_zero else 1.0)
+            rows = []
+            for state in states:
+                bench.accelerations(state)
+                rows.append([abs(read()) for read in reads])
+            return np.nan_to_num(np.array(rows))
+
+        if not (zeros and names):
+            return []
+        try:
+            as_it_is, with_ones = sizes(states, *zeros), sizes(states)
+            off = np.asarray(~as_it_is.any(axis=0) & with_ones.any(axis=0))
+            shown = [states[i] for i in sorted({*with_ones.argmax(axis=0)[off].tolist()})]
+            by = {name: sizes(shown, name) for name in zeros} if shown else {}
+        except PlantError:  # the model flies with 0 alone
+            return []
+        found = []
+        for axis, inside in functions.items():
+            others = as_it_is[:, [names.index(name) for name in inside]].sum(axis=1)
+            for i in (names.index(name) for name in inside if off[names.index(name)]):
+                switches = tuple(name for name in zeros if not by[name][:, i].any())
+                size = with_ones[:, i]
+                share = float(np.max(size / np.maximum(size + others, TINY)))
+                found.append(SwitchedOff(names[i], switches, axis, share))
+        return [part for part in found if part.names and part.share >= LEAST_SHARE]
 
     def surfaces(self) -> dict[str, Any]:
         """Tables of the surfaces, commanded through the flight control or past it."""

@@ -121,6 +121,26 @@ _LEVEL = r"[A-Za-z_][A-Za-z0-9_.-]*(\[\d+\])?"
 # Names JSBSim takes; it ends the process over any other.
 PROPERTY_NAME = rf"^{_LEVEL}(/{_LEVEL})*$"
 
+# Place of JSBSim's own properties in the tree that it shares with FlightGear.
+OWN_TREE = "/fdm/jsbsim"
+
+
+def absolute_name(name: str, base: str = OWN_TREE) -> str:
+    """Path of a property from the root, of a name that may be relative to `base`."""
+    # JSBSim takes doubled slashes, dots, a slash at the end, and none after an index.
+    levels = [] if name.startswith("/") else base.split("/")
+    for level in name.replace("]", "]/").split("/"):
+        if level == "..":
+            levels = levels[:-1]
+        elif level not in ("", "."):
+            levels.append(level)
+    return "/" + "/".join(filter(None, levels))
+
+
+def property_name(name: str) -> str:
+    """A name as an ``aircraft.toml`` has it, of one that JSBSim takes."""
+    return absolute_name(name).removeprefix(f"{OWN_TREE}/") if name else ""
+
 
 def _through_zero(ends: tuple[float, float]) -> tuple[float, float]:
     if not ends[0] * ends[1] < 0.0:

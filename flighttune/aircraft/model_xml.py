@@ -15,7 +15,15 @@ from xml.etree.ElementTree import Element, SubElement, fromstring
 
 import numpy as np
 
-from flighttune.aircraft.aircraft import AXES, SURFACES, AircraftConfig, Fault, OffNominal, Surface
+from flighttune.aircraft.aircraft import (
+    AXES,
+    SURFACES,
+    AircraftConfig,
+    Fault,
+    OffNominal,
+    Surface,
+    property_name,
+)
 from flighttune.arrays import FloatArray
 from flighttune.errors import InputError, PlantError
 from flighttune.files.shipped import nearest_name
@@ -38,8 +46,8 @@ def put_in_front(root: Element, config: AircraftConfig) -> None:
     read |= replaced.keys()
     for element in root.iterfind("aerodynamics//*"):
         text = (element.text or "").strip()
-        if text.lstrip("-") in read:
-            element.text = re.sub("^-?", r"\g<0>ft/", text)
+        if (name := property_name(text.lstrip("-"))) in read:
+            element.text = f"{'-' * text.startswith('-')}ft/{name}"
 
 
 def _actuators(config: AircraftConfig, replaced: Iterable[str]) -> Element:

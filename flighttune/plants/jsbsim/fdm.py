@@ -232,6 +232,13 @@ class Fdm:
             raise PlantError(f"{self._model}: property `{name}` must be writable, got read-only.")
         return node.set_double_value
 
+    def declared_writer(self, name: str) -> Callable[[float], bool]:
+        """Return a function that writes a declared property, also one of another simulator."""
+        node = self._properties.get_node(name) if name in self.config.declared else None
+        if node is None:
+            raise PlantError(f"{self._model}: property `{name}` must be declared, it is not.")
+        return node.set_double_value
+
     def evaluate(self) -> None:
         """Put the aircraft into the state of the ``ic/`` properties and evaluate its forces."""
         # No time passes. What JSBSim computes early in a step (``accelerations/N*``, what systems
