@@ -65,6 +65,9 @@ TABLES = tomllib.loads(Path(__file__).with_name("models.toml").read_text(encodin
 _LINKED, _FURTHER = TABLES["levers"]["linked"], TABLES["levers"]["further"]
 LEVERS = {"": [], **{how: [*_LINKED, *levers] for how, levers in _FURTHER.items()}}
 
+# Names of the levers of gear, flaps and brakes.
+LEVERS_IN = re.compile(TABLES["levers"]["in"])
+
 # Quantities of a body that must be above zero.
 BODY = {"mass": "inertia/mass-slugs", "wing area": "metrics/Sw-sqft"} | {
     f"inertia {axes}": f"inertia/i{axes}-slugs_ft2" for axes in ("xx", "yy", "zz")
@@ -495,8 +498,7 @@ class _Model:
     @cached_property
     def taken(self) -> dict[str, float]:
         """Values that are stated; levers of the gear, of flaps and of brakes are as in flight."""
-        levers = re.compile(TABLES["levers"]["in"])
-        return {name: 0.0 if levers.search(name) else x for name, x in self.stated_read.items()}
+        return {name: 0.0 if LEVERS_IN.search(name) else x for name, x in self.stated_read.items()}
 
     @property
     def zeros(self) -> list[str]:
@@ -852,7 +854,8 @@ class _Model:
 
     def switched_off(self) -> list[SwitchedOff]:
         """Functions of the aerodynamics that are 0 in any flight as declared properties are."""
-        zeros = self.zeros[:MAX_TRIED_IN]
+        # Gear, flaps and brakes are in, as in flight.
+        zeros = [name for name in self.zeros if not LEVERS_IN.search(name)][:MAX_TRIED_IN]
         bench = self.load()
         functions = _functions(bench.fdm)
         names = [name for axis in functions.values() for name in axis]
