@@ -19,7 +19,17 @@ from flighttune.claims.counted import Counted
 from flighttune.claims.monitor import LogMonitor
 from flighttune.errors import InputError, naming
 from flighttune.files import code
-from flighttune.files.load import BAND, CLAIMS, LOG, MONITOR, READERS, TUBE, kind_of, load_one
+from flighttune.files.load import (
+    A_LOG,
+    BAND,
+    CLAIMS,
+    LOG,
+    MONITOR,
+    READERS,
+    TUBE,
+    kind_of,
+    load_one,
+)
 from flighttune.flight.flown import FlownScenario
 from flighttune.gaps.gap import Gap
 from flighttune.identification.file import changed_files
@@ -33,8 +43,10 @@ from flighttune.theory.exact import Check, Verification
 from flighttune.tubes.enclosure import Tube
 from flighttune.tubes.problem import OF_RESIDUALS
 
-CHECKED = "claim (certificate, bound on R_K, tube or band), recording, or folder of a campaign"
-CLAIM = "claim: the file of a certificate, a bound on R_K, a tube or a band"
+CHECKED = (
+    "claim (certificate, bound on R_K, tube, band or monitor), recording, or folder of a campaign"
+)
+CLAIM = "claim: the file of a certificate, a bound on R_K, a tube, a band or a monitor"
 AROUND_FLIGHTS = "claim about flights: the file of a tube, a band or a monitor"
 
 CHOSEN = (
@@ -80,8 +92,8 @@ def verified_band(
     return Verification(valid=True, reason="", notes=(flown, CHOSEN, *fences))
 
 
-AnyClaim: TypeAlias = Certificate | RateBound | Tube | Counted
-Loaded: TypeAlias = Recording | Dataset | Run | AnyClaim | LogMonitor
+AnyClaim: TypeAlias = Certificate | RateBound | Tube | Counted | LogMonitor
+Loaded: TypeAlias = Recording | Dataset | Run | AnyClaim
 
 
 def load(path: str | Path, *, columns: Columns = ()) -> Loaded:
@@ -136,7 +148,7 @@ class Verified(Answering):
 
     Attributes
     ----------
-    claim : Certificate, RateBound, Tube, Band, Residual, TurnBack or Monitor
+    claim : Certificate, RateBound, Tube, Band, Residual, TurnBack, Monitor or LogMonitor
     verification : Verification
         Its checks, and the first that fails.
     source : str
@@ -178,7 +190,7 @@ class Verified(Answering):
         place = f"{self.source}: " if self.source else ""
         title = f"{place}{'valid: every check holds' if valid else 'not valid'}"
         # All inclusions of a tube are exact.
-        shown = CHECK_COLUMNS[:2] if isinstance(self.claim, Tube) else CHECK_COLUMNS
+        shown = CHECK_COLUMNS[:2] if isinstance(value, Tube | LogMonitor) else CHECK_COLUMNS
         lacks = kind if self.verification.checked else "checked"
         return Answer(
             values={**pick(self, "valid reason"), "claim": claim.values},
@@ -194,6 +206,8 @@ def verify(
     claim: AnyClaim | Path | str,
     *,
     boxes: Residual | Path | str | None = None,
+    logs: Sequence[Run | Path | str] = (),
+    columns: Columns = (),
     count: int | None = None,
     run_code: bool = False,
     pool: WorkerPool | None = None,
@@ -206,13 +220,19 @@ def verify(
     plan and what its file keeps of each flight. All flights that its shape was learned from are
     flown again, and of those counted some that are chosen at random, and every suspicious copy. A
     band of 500 flights learned from and 1640 counted takes a third of the time of its count.
+    Weights, limits and scores of a monitor of logs are found again from what its file holds of each
+    log, or from the logs.
 
     Parameters
     ----------
-    claim : Certificate, RateBound, Tube, Band, Residual, TurnBack, Monitor, str or Path
+    claim : Certificate, RateBound, Tube, Band, Residual, TurnBack, Monitor, LogMonitor, str or Path
         A claim, or its file; what it is, is read from its content.
     boxes : Residual, str or Path, optional
         Residual signals that confirm the boxes of an aircraft's tube.
+    logs : sequence of Run, str or Path
+        All logs that a monitor of logs learned from.
+    columns : mapping or sequence
+        Where these logs have their signals, as for `load_log`.
     count : int, optional
         Counted flights to fly again, by default so many that as many invented ones as double
         epsilon are found with a probability of 95 %: 59 at 5 % and 299 at 1 %. A note states the
@@ -244,7 +264,11 @@ def verify(
         if not isinstance(value, Tube):
             raise InputError("`boxes` must be given for the tube of an aircraft only.")
         value = replace(value, problem=replace(value.problem, band=load_residual(boxes)))
-    if isinstance(value, Counted):
+    if (logs or columns) and not isinstance(value, LogMonitor):
+        raise InputError("`logs` and `columns` must be given for a monitor of logs only.")
+    if isinstance(value, LogMonitor):
+        verification = value.verify([load_one(x, A_LOG, LOG, columns=columns) for x in logs])
+    elif isinstance(value, Counted):
         verification = verified_band(value, count=count, run_code=run_code, pool=pool)
     else:
         verification = value.verify()

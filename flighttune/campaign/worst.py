@@ -25,6 +25,7 @@ from flighttune.campaign.flying.rows import Drawn, Probes, scenario_of_run
 from flighttune.certificates.bound import RateBound
 from flighttune.certificates.certificate import Certificate
 from flighttune.claims.counted import About, BandFlights, Counted
+from flighttune.claims.monitor import LogMonitor
 from flighttune.errors import InputError
 from flighttune.files import code
 from flighttune.files.load import CLAIMS, load_one, written
@@ -314,6 +315,8 @@ def _flights_of(claim: AnyClaim, place: str) -> tuple[Plan, dict[str, Any]]:
     """The plan of the flights of a claim, and how they are searched."""
     if isinstance(claim, Certificate | RateBound):
         raise InputError(f"{place}must be of flights, to be searched, got a claim about gains.")
+    if isinstance(claim, LogMonitor):
+        raise InputError(f"{place}must be of flights, to be searched, got a monitor of logs.")
     if isinstance(claim, Counted):
         if not claim.claims:
             raise InputError(f"{place}the band must have a claim, got none.")

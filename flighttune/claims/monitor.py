@@ -1,5 +1,6 @@
 """Monitors: false alarms counted in healthy flights, or limits that logs of these teach."""
 
+import hashlib
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
@@ -9,6 +10,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from flighttune.arrays import FloatArray
 from flighttune.claims.count import flights_needed
 from flighttune.claims.counted import Counted, Of, flown_by
 from flighttune.errors import InputError, naming
@@ -19,16 +21,32 @@ from flighttune.gaps import watch as watching
 from flighttune.logs.checks import refuse_wrong
 from flighttune.present.answer import Answer, Answering, Table, number
 from flighttune.present.names import columns, listed
-from flighttune.simulate.run import SCORE, SIGNAL_UNITS, Alarm, Bounds, Run, RunClaim
+from flighttune.simulate.run import SCORE, SIGNAL_UNITS, Alarm, Bounds, Kind, Run, RunClaim
+from flighttune.theory.exact import Check, Verification
 
 MIN_LOGS = 3
 # Beginning of a log that is not judged, s: an autopilot that takes over has a transient.
 SETTLED_S = 8.0
-MAX_BYTES = 2**24
+MAX_BYTES = 2**25
+# Relative difference of numbers that were found again: other machines add up in another order.
+SAME = 1e-6
+# Part of the samples of a log that another may have too: with more, one is a part of the other.
+SHARED = 0.9
+DIGITS = 12  # of these samples: one that is read between two others is rounded
 SMALLEST = 1e-12  # limit (SI) and score: residuals of rounding alone are no fault
 
 # Keys of a scenario with which something fails.
 FAULTS = "plant.airframe.fault", "plant.throttle_max"
+
+HELD = (
+    "Weights, limits and scores follow from the moments and the largest residuals in the file, and "
+    "the logs differ. That these are those of different healthy flights is only seen with the "
+    "logs: `flighttune verify FILE --log LOG`, for each of them."
+)
+NOT_HELD = (
+    "not checked: the file, of flighttune 0.4.0, does not hold what its weights, limits and scores "
+    "follow from; `--log LOG`, for each of its logs, finds them again"
+)
 
 COLUMNS = columns("name seconds score why", of="healthy_logs")
 
@@ -167,6 +185,10 @@ class HealthyLog:
     limits: tuple[float, ...]  # largest residual of each model over the others, with its room
     score: float  # largest residual of this log over its limit
     why: str  # model of that residual
+    # What `verify` finds the numbers above from again; empty in files of flighttune 0.4.0.
+    digest: str = ""  # SHA-256 of the signals that are judged
+    moments: tuple[tuple[float, ...], ...] = ()  # of each model: products of its terms and target
+    peaks: tuple[tuple[float, ...], ...] = ()  # largest residual of each log and model
 
     __pydantic_config__: ClassVar = STRICT
 
@@ -199,6 +221,8 @@ class LogMonitor(Watching):
 
     logs: tuple[HealthyLog, ...]
 
+    kind: ClassVar[Kind] = "counted"
+
     __pydantic_config__: ClassVar = STRICT
     FORMAT: ClassVar[str] = "flighttune monitor 1"
     UNITS: ClassVar[Mapping[str, str]] = {"seconds": "s", "limits": "SI"}
@@ -220,21 +244,96 @@ class LogMonitor(Watching):
         return {log.name for log in self.logs}
 
     @property
+    def distinct(self) -> int:
+        """Number of different logs: those that teach others the same are one."""
+        taught = {tuple(model.weights for model in log.models) for log in self.logs}
+        digests = {log.digest for log in self.logs}
+        return len(taught) if "" in digests else min(len(taught), len(digests))
+
+    @property
     def epsilon(self) -> float:
         """Largest probability of a false alarm in a flight, over the draw of the logs too."""
-        return 1.0 / (len(self.logs) + 1)
+        return 1.0 / (self.distinct + 1)
+
+    def verify(self, runs: Sequence[Run] = ()) -> Verification:
+        """Find weights, limits and scores again, from what the file holds or from its logs."""
+        if (n := self.distinct) < len(self.logs):
+            reason = f"`logs` must be of different flights, got {n} among {len(self.logs)}"
+            return Verification(valid=False, reason=reason)
+        by_logs = self._checks_of(runs) if runs else []
+        if any(log.digest and log.moments and log.peaks for log in self.logs):
+            held = Verification.of([*by_logs, *self._checks()])
+            return held if runs else replace(held, notes=(HELD,))
+        if not runs:
+            return Verification(valid=False, reason=NOT_HELD, checked=False)
+        return Verification.of(by_logs)
+
+    def _checks(self) -> list[Check]:
+        """Whether weights, limits and scores follow from the moments and residuals in the file."""
+        try:
+            moments = np.array([np.concatenate(log.moments) for log in self.logs])
+            peaks = np.array([log.peaks for log in self.logs])
+        except ValueError:  # of other numbers in each
+            moments = peaks = np.zeros(0)
+        models = self.logs[0].models
+        sizes = [len(model.terms) + 1 for model in models]
+        n, wanted = len(self.logs), sum(size * size for size in sizes)
+        if moments.shape != (n, wanted) or peaks.shape != (n, n, len(models)):
+            return [Check(name="numbers of logs and models", margin=-1.0, exact=False)]
+        cuts = np.cumsum([size * size for size in sizes])[:-1]
+        products = [
+            [x.reshape(size, size) for x, size in zip(np.split(log, cuts), sizes, strict=True)]
+            for log in moments
+        ]
+        checks = _agree(self.logs, _learned(models, products, peaks))
+        # No residual is below its root mean square where that is known.
+        plain = [i for i, x in enumerate(models) if x.terms[0] == "1" and not x.filtered]
+        for i, log in enumerate(self.logs):
+            for m in plain:
+                weights = np.array([*np.negative(log.models[m].weights), 1.0])
+                squares = [weights @ of[m] @ weights / of[m][0, 0] for of in products]
+                least = np.sqrt(np.maximum(squares, 0.0)) * (1.0 - SAME)
+                short = float((peaks[i, :, m] - least).min())
+                if short < -SMALLEST:
+                    checks.append(
+                        Check(name=f"largest residuals of {log.name}", margin=short, exact=False)
+                    )
+        return checks
+
+    def _checks_of(self, runs: Sequence[Run]) -> list[Check]:
+        """Whether the monitor is that of these logs."""
+        again = monitor_of_logs(runs).logs
+        place = {log.digest: log for log in again}
+        if "" not in {log.digest for log in self.logs}:
+            lacking = [log.name for log in self.logs if log.digest not in place]
+            if lacking or len(again) != len(self.logs):
+                return [
+                    Check(
+                        name=f"same {len(self.logs)} logs",
+                        margin=-float(len(lacking) or 1),
+                        exact=False,
+                    )
+                ]
+            again = tuple(place[log.digest] for log in self.logs)
+        if [x.name for x in again[0].models] != [x.name for x in self.logs[0].models]:
+            return [Check(name="same models", margin=-1.0, exact=False)]
+        if len(again) != len(self.logs):
+            return [Check(name=f"same {len(self.logs)} logs", margin=-1.0, exact=False)]
+        return _agree(self.logs, again)
 
     def not_about(self, run: Run) -> str:
         """Why the claim says nothing of a run: it is simulated, or among those learned from."""
         if not run.provenance.log:
             return "it is simulated, learned from logs of real flights"
-        learned = run.provenance.gains_name in self.names
-        return "it learned from a log of this name" if learned else ""
+        if run.provenance.gains_name in {log.name for log in self.logs if not log.digest}:
+            return "it learned from a log of this name"
+        known = {log.digest for log in self.logs}
+        return "it learned from this log" * (_digest(self.logs[0].models, run) in known)
 
     @property
     def sentence(self) -> str:
         """The claim in words."""
-        n = len(self.logs)
+        n = self.distinct
         return (
             f"a flight without a fault that is exchangeable with these {n} raises an alarm with "
             f"probability at most 1/{n + 1} = {number(self.epsilon)}, on average over such sets of "
@@ -322,27 +421,91 @@ def monitor_of_logs(runs: Sequence[Run]) -> LogMonitor:
     models = watching.models_of(there, watching.OF_LOGS)
     if not models:
         raise InputError("the logs must have the signals of a model, such as phi and phi_cmd.")
+    samples = [{*map(bytes, np.round(_used(models, run), DIGITS))} for run in runs]
+    for (run, some), (other, others) in combinations(zip(runs, samples, strict=True), 2):
+        if len(some & others) > SHARED * min(len(some), len(others)):
+            raise InputError(
+                f"`logs` must be of different flights, got the same samples in {run.label} and "
+                f"{other.label}."
+            )
     columns = [watching.columns_of(models, run, SETTLED_S) for run in runs]
     products = [watching.moments(each) for each in columns]
-    room, logs = np.array([model.room for model in models]), []
-    for i, run in enumerate(runs):
-        without = watching.taught(models, products[:i] + products[i + 1 :])
-        peaks = np.array(
+    peaks = np.array(
+        [
             [
-                np.abs(watching.residuals(without, each, watching.dt_of(other))).max(axis=0)
-                for each, other in zip(columns, runs, strict=True)
+                np.abs(watching.residuals(without, each, watching.dt_of(run))).max(axis=0)
+                for each, run in zip(columns, runs, strict=True)
             ]
+            for without in _without_each(models, products)
+        ]
+    )
+    logs = [
+        replace(
+            log,
+            name=run.provenance.gains_name,
+            seconds=run.duration - SETTLED_S,
+            digest=_digest(models, run),
+            moments=tuple(tuple(each.ravel().tolist()) for each in of_log),
         )
-        limits = room * np.maximum(np.delete(peaks, i, axis=0).max(axis=0), SMALLEST)
-        scores = peaks[i] / limits
-        logs.append(
-            HealthyLog(
-                name=run.provenance.gains_name,
-                seconds=run.duration - SETTLED_S,
-                models=without,
-                limits=tuple(limits.tolist()),
-                score=float(scores.max()),
-                why=models[int(scores.argmax())].name,
-            )
-        )
+        for log, run, of_log in zip(_learned(models, products, peaks), runs, products, strict=True)
+    ]
     return LogMonitor(logs=tuple(logs))
+
+
+def _without_each(
+    models: Sequence[watching.SignalModel], products: Sequence[Sequence[FloatArray]]
+) -> list[tuple[watching.SignalModel, ...]]:
+    """The models that all logs but one teach, for each that is left out."""
+    logs = [*products]
+    return [watching.taught(models, logs[:i] + logs[i + 1 :]) for i in range(len(logs))]
+
+
+def _learned(
+    models: Sequence[watching.SignalModel],
+    products: Sequence[Sequence[FloatArray]],
+    peaks: FloatArray,
+) -> list[HealthyLog]:
+    """Models, limits and score of each log, by the moments and largest residuals of all."""
+    room, logs = np.array([model.room for model in models]), []
+    for i, without in enumerate(_without_each(models, products)):
+        limits = room * np.maximum(np.delete(peaks[i], i, axis=0).max(axis=0), SMALLEST)
+        scores = peaks[i, i] / limits
+        log = HealthyLog(
+            name="",
+            seconds=0.0,
+            models=without,
+            limits=tuple(limits.tolist()),
+            score=float(scores.max()),
+            why=models[int(scores.argmax())].name,
+            peaks=tuple(map(tuple, peaks[i].tolist())),
+        )
+        logs.append(log)
+    return logs
+
+
+def _agree(stated: Sequence[HealthyLog], again: Sequence[HealthyLog]) -> list[Check]:
+    """Whether weights, limits and scores of logs are those that were found again."""
+    checks = []
+    for log, other in zip(stated, again, strict=True):
+        for name, numbers in {
+            "weights": [np.concatenate([x.weights for x in each.models]) for each in (log, other)],
+            "limits": [np.array(each.limits) for each in (log, other)],
+            "score": [np.array([each.score]) for each in (log, other)],
+        }.items():
+            off = np.abs(numbers[0] - numbers[1]) - SAME * np.abs(numbers[1]) - SMALLEST
+            margin = -float(off.max())
+            checks.append(Check(name=f"{name} of {log.name}", margin=margin, exact=margin >= 0.0))
+        if log.why != other.why:
+            checks.append(Check(name=f"model of the score of {log.name}", margin=-1.0, exact=False))
+    return checks
+
+
+def _used(models: Sequence[watching.SignalModel], run: Run) -> FloatArray:
+    """The signals of a log that are judged, shape (samples, signals)."""
+    names, first = watching.signals_of(models), round(SETTLED_S / watching.dt_of(run))
+    return np.ascontiguousarray(run.signals[names].to_numpy(float)[first:], "<f8")
+
+
+def _digest(models: Sequence[watching.SignalModel], run: Run) -> str:
+    """SHA-256 of the signals of a log that are judged."""
+    return hashlib.sha256(_used(models, run).tobytes()).hexdigest()

@@ -94,7 +94,8 @@ def verify(verify_claim: Verb, claim: Path, count: int | None, run: int | None) 
     All flights that its shape was learned from are flown again, and so many of those counted that
     a forgery which doubles epsilon is found with a probability of 95 %. Of a recording all runs are
     flown again, from the scenario and seed in it, of a campaign some. With --run N, that one is
-    recorded, in runs/NAME-run-N. Python files that it names are run with --run-code alone.
+    recorded, in runs/NAME-run-N. Python files that it names are run with --run-code alone. Limits
+    and scores of a monitor of logs are found again.
 
     Exit status 1 if the claim is not supported, or a bit of a run differs.
     """
@@ -111,8 +112,8 @@ def verify(verify_claim: Verb, claim: Path, count: int | None, run: int | None) 
         with campaign_display() as observer, WorkerPool(**by, observer=observer) as pool:
             checked = verify_claim(claim=value, pool=pool)
         return replace(checked, source=str(claim)).answer()
-    if "boxes" in verify_claim.keywords:
-        raise InputError(f"{claim}: --boxes must be absent where runs fly again.")
+    if verify_claim.keywords.keys() - {"count"}:
+        raise InputError(f"{claim}: --count alone must be given where runs fly again.")
     run_code = RUN_CODE.get()
     if isinstance(value, Band):
         with campaign_display() as observer:

@@ -37,7 +37,7 @@ SHOWN = {
     BOUND: "a bound on R_K, which `flighttune verify` takes",
     TUBE: "the proof of a tube, which `fly --claim`, `verify` and `worst` take",
     BAND: "a band file, which `flighttune band`, `fly --claim` and `verify` take",
-    MONITOR: "a monitor of logs, which `flighttune fly --claim` and `report LOG --claim` take",
+    MONITOR: "a monitor of logs, which `flighttune report LOG --claim` and `verify` take",
     RECORDING: "a recording, which `flighttune view`, `report` and `verify` take",
     DATASET: "the folder of a campaign, which `flighttune report` and `verify` take",
     LOG: "the log of a flight, which `flighttune report` and `gap` take",
@@ -50,7 +50,7 @@ HEAD = 4096
 # Most bytes of a file that is read whole
 MAX_BYTES = 2**30
 
-CLAIMS = (CERTIFICATE, BOUND, TUBE, BAND)
+CLAIMS = (CERTIFICATE, BOUND, TUBE, BAND, MONITOR)
 
 # Reader of each kind of file, as module:function.
 READERS = {

@@ -66,6 +66,11 @@ class SignalModel:
     __pydantic_config__: ClassVar = STRICT
 
     @property
+    def filtered(self) -> bool:
+        """Whether its residual is more than target minus terms."""
+        return bool(self.mean_s or self.past_s or self.loss)
+
+    @property
     def signals(self) -> set[str]:
         """Signals that it needs."""
         names = {x[3] for text in (self.target, *self.terms) for x in FACTOR.finditer(text)} - {"1"}

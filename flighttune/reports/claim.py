@@ -13,6 +13,7 @@ from flighttune.campaign.claims import AnyClaim, stale_notes
 from flighttune.certificates.certificate import Certificate
 from flighttune.claims.band import KEPT, Band, SignalBounds, TurnBack
 from flighttune.claims.counted import Counted
+from flighttune.claims.monitor import LogMonitor
 from flighttune.claims.shape import predicted
 from flighttune.errors import InputError
 from flighttune.files.table import toml_text
@@ -183,6 +184,8 @@ def write_claim_page(
     title, texts, tables = "Bound on R_K", {}, [*answer.tables]
     if isinstance(claim, Certificate):
         title = "Certificate"
+    elif isinstance(claim, LogMonitor):
+        title = "Monitor of logs"
     elif isinstance(claim, Tube):
         problem, settings, charts = claim.problem, claim.settings, tube_charts(claim)
         title = f"Tube: {problem.scenario.title}"

@@ -138,7 +138,7 @@ def test_a_file_that_is_no_claim_is_refused_in_one_true_line(recording, tmp_path
     }
     for path, got in kinds.items():
         _, line = flighttune("verify", path, status=2)
-        assert "must be a claim (certificate, bound on R_K, tube or band)" in line
+        assert "must be a claim (certificate, bound on R_K, tube, band or monitor)" in line
         assert got in line
         assert line.count("\n") == 1
     _, line = flighttune("report", recording.recording, "--claim", recording.recording, status=2)

@@ -1,11 +1,12 @@
 """A monitor of logs: its theorem, a fault that it finds in a simulated log, its file and page."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
 import pandas as pd
 import pytest
-from commands import answer
+from commands import answer, flighttune
 
 import flighttune as ft
 from tests.watched import flown, stuck, turn
@@ -81,6 +82,119 @@ def test_a_flight_that_is_not_another_or_cannot_be_judged_is_refused(noisy, tmp_
         monitor.alarm(short)
     with pytest.raises(ft.InputError, match="V_a, elevator, n_z, q must"):
         ft.monitor(*(replace(standing, signals=k * standing.signals) for k in (1.0, 1.1, 1.2)))
+
+
+def test_parts_of_one_flight_are_refused_under_other_names_too(noisy, tmp_path):
+    table = noisy[0].signals[["phi", "p", "r"]].assign(t_s=T, v_north=20.0, v_east=0.0)
+    later = table[round(4.0 * RATE) :].assign(t_s=lambda x: x["t_s"] - 4.0)
+    later.rename(columns={"phi": "phi_rad"}).to_csv(tmp_path / "other.csv", index=False)
+
+    with pytest.raises(ft.InputError, match=r"the same samples in log / 0 and log / other"):
+        ft.monitor(noisy[0], noisy[1], ft.load_log(tmp_path / "other.csv"))
+
+
+def changed(monitor, **of_log):
+    """A monitor with other values of each log, which are made from the log."""
+    return replace(
+        monitor,
+        logs=tuple(replace(x, **{key: of(x) for key, of in of_log.items()}) for x in monitor.logs),
+    )
+
+
+def scaled(name):
+    return lambda log: (0.01 * np.array(getattr(log, name))).tolist()
+
+
+def tuples(name):
+    return lambda log: tuple(map(tuple, scaled(name)(log)))
+
+
+OLD = {"digest": lambda _: "", "moments": lambda _: (), "peaks": lambda _: ()}
+FORGERIES = {
+    "a log each four times": (lambda m: replace(m, logs=4 * m.logs), "5 among 20"),
+    "and other digests": (
+        lambda m: replace(
+            m, logs=tuple(replace(x, digest=f"{i}") for i, x in enumerate(4 * m.logs))
+        ),
+        "5 among 20",
+    ),
+    "of 0.4.0, four times": (
+        lambda m: replace(changed(m, **OLD), logs=4 * changed(m, **OLD).logs), "5 among 20",
+    ),
+    "a log left out": (lambda m: replace(m, logs=m.logs[:4]), "numbers of logs"),
+    "scores": (lambda m: changed(m, score=scaled("score")), "score of"),
+    "limits": (lambda m: changed(m, limits=lambda x: tuple(scaled("limits")(x))), "limits of"),
+    "limits and residuals": (
+        lambda m: changed(m, limits=lambda x: tuple(scaled("limits")(x)), peaks=tuples("peaks")),
+        "largest residuals of",
+    ),
+    "weights": (
+        lambda m: changed(
+            m, models=lambda x: tuple(replace(y, weights=(*y.weights[:-1], 0.2)) for y in x.models)
+        ),
+        "weights of",
+    ),
+    "moments of one": (
+        lambda m: replace(m, logs=(*changed(m, moments=tuples("moments")).logs[:1], *m.logs[1:])),
+        "weights of",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("forged", "reason"), FORGERIES.values(), ids=FORGERIES)
+def test_a_forged_monitor_is_not_valid_and_copies_of_a_log_count_once(
+    noisy, forged, reason, tmp_path
+):
+    monitor = ft.monitor(*noisy)
+    false = forged(monitor)
+    false.save(tmp_path / "m.npz")
+
+    said = ft.verify(tmp_path / "m.npz")
+
+    assert not said.valid
+    assert re.search(reason, said.reason)
+    assert false.epsilon >= monitor.epsilon
+    assert not ft.verify(false, logs=noisy).valid
+
+
+def test_a_monitor_is_verified_by_what_its_file_holds_and_by_its_logs(noisy, tmp_path):
+    monitor, file = ft.monitor(*noisy), tmp_path / "m.npz"
+    monitor.save(file)
+
+    alone, by_logs = ft.verify(file), ft.verify(file, logs=noisy[::-1])
+
+    assert alone.valid
+    assert by_logs.valid
+    assert "only seen with the logs" in alone.answer().notes[0]
+    assert "same 5 logs" in ft.verify(file, logs=noisy[:4]).reason
+    assert answer("verify", file)["valid"]
+    with pytest.raises(ft.InputError, match="got a monitor of logs"):
+        ft.worst(file)
+    assert answer("report", file, "--out", tmp_path / "page.html")["verdict"] == monitor.sentence
+
+
+def test_a_file_of_0_4_0_is_read_and_says_what_cannot_be_checked_without_its_logs(noisy, tmp_path):
+    old = changed(ft.monitor(*noisy), **OLD)
+    old.save(tmp_path / "m.npz")
+
+    _, line = flighttune("verify", tmp_path / "m.npz", status=1)
+
+    assert "not checked: the file, of flighttune 0.4.0, does not hold" in line
+    assert ft.load(tmp_path / "m.npz").sentence == ft.monitor(*noisy).sentence
+    assert ft.verify(tmp_path / "m.npz", logs=noisy).valid
+    assert not ft.verify(changed(old, score=scaled("score")), logs=noisy).valid
+
+
+def test_a_log_that_it_learned_from_has_no_alarm(noisy):
+    """It is not exchangeable with the others, and the same log under another name."""
+    monitor = ft.monitor(*noisy)
+    renamed = replace(noisy[4].provenance, gains_name="another")
+
+    said = monitor.on(replace(noisy[4], provenance=renamed))
+
+    assert said.no_claim == "it learned from this log"
+    assert said.alarm is None
+    assert not ft.monitor(*noisy[:4]).on(noisy[4]).no_claim
 
 
 def test_a_page_shows_each_of_two_monitors(noisy, tmp_path):

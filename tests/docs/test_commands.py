@@ -56,7 +56,7 @@ NOT_RUN = {
     ),
     "a log of the reader's own: tests/logs and tests/gaps": (
         "flighttune (report|gap|compare) (flight.ulg|today.csv)|flighttune compare .* --with"
-        "|flighttune (identify|monitor) (monday.|flight.tlog)"
+        "|flighttune (identify|monitor) (monday.|flight.tlog)|flighttune verify m.npz --log"
         "|flighttune (new|fly|certify|export) from_log"
     ),
     "of the flight of a page's Python": "flighttune report runs/mine",
