@@ -173,7 +173,7 @@ def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
     until_sure : bool
         Count until it is sure whether a flight leaves the fence with a probability of at most
         epsilon, by a rule that is valid at any number of flights, in place of a number planned and
-        a corridor: a clear yes takes 84 flights, a clear no 24. At most `flights` are flown, by
+        a corridor: a clear yes takes 84 flights, a clear no 12. At most `flights` are flown, by
         default 208.
     aircraft : str, optional
         Aircraft that flies a mission, at an airspeed at which it is identified, by default

@@ -77,18 +77,20 @@ class BoundCheck:
 
 
 class Counts(NamedTuple):
-    """Numbers of requirements: bounds, and runs whose end is stated or wrong."""
+    """Numbers of requirements that the scenario states, bounds and ends; and of runs that fail."""
 
     requirements: int = 0
     met: int = 0
-    not_flown: int = 0  # bounds of runs that did not end as they must, and such runs without any
+    not_flown: int = 0  # bounds of runs that did not end as they must
+    ended: int = 0  # runs that did not end as they must, where no end is stated
+    strayed: int = 0  # completed runs that do not follow their reference to the end
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClaimCheck:
     """The claim of a scenario against its runs."""
 
-    # Not tested if no ``[[expect]]`` is about these runs and all were completed
+    # Not tested if no ``[[expect]]`` is about these runs
     verdict: Literal["met", "not met", "not tested"]
     counts: tuple[Counts, ...]  # Those of each run
     bounds: tuple[BoundCheck, ...]  # Every bound, in the order of the runs
@@ -111,9 +113,12 @@ class ClaimCheck:
     @property
     def short(self) -> str:
         """The verdict with the number of requirements that are met, missed and not flown."""
+        n, met, not_flown, ended, strayed = self.total
+        runs = len(self.counts)
+        early = f"{ended} of {runs} run{'s' * (runs > 1)} ended early" if ended else ""
         if self.verdict == "not tested":
-            return "Claim not tested: no [[expect]] is about these runs; all were completed"
-        n, met, not_flown = self.total
+            ends = early or "all were completed"
+            return f"Claim not tested: no [[expect]] is about these runs; {ends}"
         stated = f"{n} requirement{'s' if n > 1 else ''}"
         if self.verdict == "met":
             poor = len(self.lower)
@@ -122,7 +127,10 @@ class ClaimCheck:
         counts = {"met": met, "missed": n - met - not_flown}
         counts |= {"not flown": not_flown} if not_flown else {}
         words = ", ".join(f"{number} {what}" for what, number in counts.items())
-        return f"Claim not met: of {stated} {words}"
+        off = f"{strayed} of {runs} run{'s' * (runs > 1)} did not follow the reference to the end"
+        return "; ".join(
+            filter(None, [f"Claim not met: of {stated} {words}", early, off if strayed else ""])
+        )
 
     @property
     def closest(self) -> str:
@@ -168,15 +176,14 @@ def check_claim(scenario: Scenario, runs: Sequence[Run]) -> ClaimCheck:
         misses = missed(tables, run.status, run.reason, measured, calm=scenario.calm)
         sentences += [f"{run.label}: {miss}" for miss in misses]
         held += [] if SWING in late else limits
-        # A stated end is missed; without one and without bounds the run itself was not flown.
-        end = stated or bool(late) or not (flown or checks)
-        met = sum(check.met for check in checks) + int(stated and flown and not late)
-        not_flown = 0 if flown else len(checks) or int(not stated)
-        counts.append(Counts(len(checks) + int(end), met, not_flown))
+        met = sum(check.met for check in checks) + int(stated and flown)
+        not_flown, ended = (0, 0) if flown else (len(checks), int(not stated))
+        n = len(checks) + int(stated)
+        counts.append(Counts(n, met, not_flown, ended, int(bool(flown and late))))
         bounds += checks
     tested = any(count.requirements for count in counts)
     return ClaimCheck(
-        verdict="not met" if sentences else "met" if tested else "not tested",
+        verdict="not tested" if not tested else "not met" if sentences else "met",
         counts=tuple(counts),
         bounds=tuple(bounds),
         missed=tuple(sentences),

@@ -275,7 +275,7 @@ def by_plant(counts: Iterable[tuple[str, int, int]]) -> str:
 def convergence_table(runs: Sequence[Run], claim: ClaimCheck) -> Table:
     """How each run ended: requirements met, ITAE, largest errors of the last quarter and limits."""
     records = []
-    for run, (n, met, not_flown) in zip(runs, claim.counts, strict=True):
+    for run, (n, met, not_flown, *_) in zip(runs, claim.counts, strict=True):
         record = {"run": run.label, "converges": False, "flight": run.status.replace("_", " ")}
         if n:
             poor = sum(bound.run == run.label for bound in claim.lower)

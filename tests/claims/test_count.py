@@ -1,5 +1,7 @@
 """Claims from counts: the published sample sizes, and how often a claim is false."""
 
+import re
+
 import numpy as np
 import pytest
 from scipy.integrate import quad
@@ -143,3 +145,22 @@ def test_a_yes_with_none_outside_takes_82_flights():
     assert next(n for n in range(1, 100) if sure(n, n, 0.05, 0.95)) <= 3
     with pytest.raises(ft.InputError, match="`confidence`"):
         sure(0, 10, 0.05, 1.0)
+
+
+@pytest.mark.parametrize(("share", "answer"), [(0, "yes"), (1, "no")])
+@pytest.mark.parametrize("verb", [ft.mission, ft.meet])
+def test_verbs_that_count_until_sure_say_after_how_many_looks_a_clear_answer_comes(
+    verb, share, answer
+):
+    """Own likelihood ratios at every 12th flight, against the bound of Ville, 2 / 0.05."""
+    epsilon, q = 0.05, np.linspace(0.0, 1.0, 200_001)[1:]
+    for n in range(12, 200, 12):
+        ratio = ((q / epsilon) if share else (1.0 - q) / (1.0 - epsilon)) ** n
+        at_zero = 0.5 * (1.0 - epsilon) ** -n
+        within = (q > epsilon) if share else (q <= epsilon)
+        evidence = ratio[within].mean() if share else at_zero + 0.5 * ratio[within].mean()
+        if evidence > 2.0 / 0.05:
+            break
+
+    said = " ".join(verb.__doc__.split())
+    assert re.search(rf"clear {answer}( takes)? {n}\b", said)

@@ -116,7 +116,8 @@ def test_a_flight_with_requirements_follows_its_reference_to_the_end(late_deg, e
     said = "kinematic / paper: chi does not follow its reference to the end: the mean error there "
     assert claim.missed == (() if missed is None else (f"{said}must be {missed}",))
     if missed:
-        assert claim.short.endswith("1 missed")
+        assert claim.total.met == claim.total.requirements  # that it follows is implied
+        assert claim.short.endswith("0 missed; 1 of 1 run did not follow the reference to the end")
 
 
 def test_expectations_hold_for_the_runs_they_name():
@@ -129,6 +130,20 @@ def test_expectations_hold_for_the_runs_they_name():
     early = [flown(gains="K5"), flown(status="left_envelope", reason="t = 3 s.")]
     assert check_claim(wanted, early).short == "Claim met: 1 of 1 requirement"
     assert len(check_claim(scenario(*wanted.expect, {"status": "completed"}), early).missed) == 1
+
+
+def test_runs_that_end_early_are_no_requirements_of_the_user():
+    runs = [flown(), flown(status="law_failed", reason="t = 3 s.")] * 6
+
+    claim = check_claim(scenario(), runs)
+    bounded = check_claim(scenario({"gains": "K5", "status": "completed"}), [flown(gains="K5")])
+
+    assert claim.total[:3] == (0, 0, 0)
+    assert claim.short == (
+        "Claim not tested: no [[expect]] is about these runs; 6 of 12 runs ended early"
+    )
+    assert len(claim.missed) == 6  # the exit status is that of a failure all the same
+    assert bounded.short == "Claim met: 1 of 1 requirement"
 
 
 MANY = {"chi": {"peak_deg": 2.1, "ITAE": 3.0, "MS_deg": 3.0, "ST_deg": 3.0, "saturation_s": 3.0}}
@@ -155,7 +170,10 @@ MANY = {"chi": {"peak_deg": 2.1, "ITAE": 3.0, "MS_deg": 3.0, "ST_deg": 3.0, "sat
         ([{"at_least": {"chi": {"peak_deg": 3.0}}}], {}, "not met",
          ("0 met", "chi.peak_deg must be at least 3, got 2 (missed by 1)")),
         ([], {}, "not tested", ("[[expect]]",)),
-        ([], {"status": "crashed", "reason": "t = 3 s"}, "not met", ("0 met", "t = 3 s")),
+        ([], {"status": "crashed", "reason": "t = 3 s"}, "not tested",
+         ("Claim not tested: no [[expect]]", "; 1 of 1 run ended early;", "t = 3 s")),
+        ([{"at_most": {"chi": {"peak_deg": 3.0}}}], {"status": "crashed", "reason": "t = 3 s"},
+         "not met", ("of 1 requirement 0 met, 0 missed, 1 not flown; 1 of 1 run ended early",)),
     ],
 )  # fmt: skip
 def test_a_claim_is_met_or_not_in_one_sentence(expect, run, verdict, told):
@@ -171,10 +189,10 @@ def test_a_claim_is_met_or_not_in_one_sentence(expect, run, verdict, told):
     ("expect", "counts"),
     [
         # K5's flight ends early: alone, with two bounds on all runs, with the stated end of it
-        ([], (1, 0, 1)),
-        ([{"at_most": {"chi": {"peak_deg": 2.1, "ITAE": 1.0}}}], (4, 1, 2)),
+        ([], (0, 0, 0, 1)),
+        ([{"at_most": {"chi": {"peak_deg": 2.1, "ITAE": 1.0}}}], (4, 1, 2, 1)),
         ([{"gains": "K5", "status": "left_envelope", "at_most": {"chi": {"ITAE": 1.0}}}],
-         (2, 0, 1)),
+         (2, 0, 1, 0)),
     ],
 )  # fmt: skip
 def test_every_requirement_is_met_or_missed_or_was_not_flown(expect, counts):
@@ -182,8 +200,9 @@ def test_every_requirement_is_met_or_missed_or_was_not_flown(expect, counts):
 
     claim = check_claim(scenario(*expect), runs)
 
-    assert claim.total == counts
-    assert claim.short.endswith(f"{counts[2]} not flown")
+    assert claim.total == (*counts, 0)
+    assert (f", {counts[2]} not flown" in claim.short) == (counts[2] > 0)
+    assert claim.short.endswith("; 1 of 2 runs ended early") == (counts[3] > 0)
     assert [check.flown for check in claim.bounds] == [
         check.run == runs[0].label for check in claim.bounds
     ]
