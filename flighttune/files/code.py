@@ -18,7 +18,6 @@ from types import ModuleType
 from typing import NamedTuple, ParamSpec, TypeVar
 
 from flighttune.errors import ScenarioError
-from flighttune.files.table import abridged
 from flighttune.files.whole import allowed
 
 P = ParamSpec("P")
@@ -139,6 +138,8 @@ def _run(path: str, content: bytes) -> ModuleType:
 
 
 def _content(file: Path, where: str) -> bytes:
+    from flighttune.files.table import abridged  # here: --help must be quick
+
     if not os.path.isfile(file):  # False for what can be no name of a file
         raise ScenarioError(f"{where} `module` must be a file, got {abridged(str(file))}.")
     with allowed(f"{where} `module` {file}", "readable", ScenarioError):

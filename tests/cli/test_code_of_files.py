@@ -61,6 +61,7 @@ CAMPAIGN = """
 NOTICE = "runs the Python code of law.py"
 ROUTE = """route.waypoint = [{ north_m = 0.0, east_m = 0.0 }, { north_m = 60.0, east_m = 0.0 }]
     limits = { phi_deg = [-30.0, 30.0], phi_rate_dps = 30.0 }"""
+LAW_FILE = 'module = "law.py", class = "Mine"'
 SOURCES = {
     "law.py": LAW,
     "scenario.toml": SCENARIO,
@@ -71,6 +72,10 @@ SOURCES = {
         .replace("reference = { chi_deg = 10.0, gamma_deg = 0.0 }", ROUTE)
         .replace('{ name = "paper", kind = "paper" },', "")
     ),
+    "own_plant.toml": SCENARIO.replace(
+        'point_mass"', f'python", name = "own", {LAW_FILE}'
+    ).partition(',\n           { name = "mine"')[0]
+    + "]\n",
     "campaign.toml": CAMPAIGN,
     "campaign_of_route.toml": CAMPAIGN.replace("scenario.toml", "scenario_of_route.toml"),
 }
@@ -92,7 +97,12 @@ def folder(tmp_path):
 # folder of his campaign, his claims, and his scenario where none of his code flies. A verb that
 # flies what is stated is in `FLIES` too. The exit status stands before each.
 READS = {
-    "tune": ["0 tune scenario.toml", "0 tune scenario.toml --page tuned.html"],
+    "tune": [
+        "0 tune scenario.toml",
+        "0 tune scenario.toml --page tuned.html",
+        "0 tune own_plant.toml --page tuned.html",
+        "2 tune scenario_of_route.toml --page tuned.html",
+    ],
     "meet": ["2 meet run", "2 meet band.npz"],
     "certify": ["0 certify scenario.toml --gains paper"],
     "verify": [
@@ -192,7 +202,7 @@ FLIES = {
 WITH_RUN_CODE = [
     "0 verify run --run-code",
     "0 verify mine.parquet --run-code",
-    "0 verify campaign --count 1 --run-code",
+    "0 verify campaign --run 1 --run-code",
     "0 verify band.npz --count 1 --run-code",
     "0 verify band.npz --run 11 --run-code",
     "0 band band.npz --flights 8 --run-code",

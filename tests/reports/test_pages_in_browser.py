@@ -37,6 +37,7 @@ PAGES = {
         "report m.npz -o page.html",
     ),
     "mission": (f"mission m.plan --turn-back 30 {FEW} --page page.html --out m.npz",),
+    "beside": ("compare m.plan --with my.parm --flights 2 --out page.html",),
     "tuned": ("tune paper --page page.html",),
     "met": ("meet paper_identified --budget 4 --page page.html",),
     "adoption": ("adopt 737 --out adopted", "adopted/adoption.html"),
@@ -63,6 +64,7 @@ def pages(tmp_path_factory):
         if kind not in texts:
             folder = tmp_path_factory.mktemp(kind)
             plan_file(folder / "m.plan", *MISSION, geoFence=FENCE)
+            (folder / "my.parm").write_text("NAVL1_PERIOD 14\nRC1_MIN 1000\n")
             if kind == "log":
                 write_csv(folder / "log.csv", *sampled(heavy_cessna(30.0)))
             *commands, last = PAGES[kind]
