@@ -337,7 +337,7 @@ def _pitch(motion: Motion) -> Sides | str:
     there = np.asarray(np.isfinite(np.column_stack([terms, columns])).all(axis=1))
     if np.count_nonzero(there) < 50:
         return "the log has too little of it without a gap"
-    scale = np.abs(terms[there]).max(axis=0)
+    scale = np.maximum(np.abs(terms[there]).max(axis=0), 1e-30)
     weights = np.linalg.lstsq(terms[there] / scale, columns[there], rcond=None)[0]
     left = np.where(there[:, None], columns - terms / scale @ weights, np.nan)
     return left[:, 0], left[:, 1]
@@ -381,7 +381,7 @@ def wind_triangle(motion: Motion) -> tuple[float, FloatArray] | str:
     level = np.cos(motion["gamma"]) if "gamma" in motion else 1.0
     equations = _by_nose if "psi" in motion else _by_speed
     rows, values = equations(motion, level, motion.smooth(motion.velocity[:, :2]))
-    if len(rows) < 50 or not np.isfinite(values).all():
+    if len(rows) < 50 or not (np.isfinite(values).all() and np.isfinite(rows).all()):
         return "the log has too little of it without a gap"
     fit = np.asarray(np.linalg.lstsq(rows, values, rcond=1e-9)[0], dtype=float)
     spread = np.linalg.pinv(rows.T @ rows)
@@ -439,7 +439,9 @@ def _speed_error(motion: Motion) -> Sides | str:
     if "V_ref" in motion:
         return error, motion["V_ref"] - motion["V_a" if "V_a" in motion else "V_g"]
     speed = motion["V_a" if "V_a" in motion else "V_g"]
-    turns = [] if "V_a" in motion else [np.cos(motion["chi"]), np.sin(motion["chi"])]
+    turns = []
+    if "V_a" not in motion and "chi" in motion:
+        turns = [np.cos(motion["chi"]), np.sin(motion["chi"])]
     rates = np.column_stack([motion.slow_rate(x) for x in (error, -speed, *turns)])
     there = np.asarray(np.isfinite(rates).all(axis=1))
     if np.count_nonzero(there) < 50:
@@ -687,7 +689,7 @@ RELATIONS = (
     ),
     Relation(
         "wind_north",
-        ("V_a", "v_north", "v_east"),
+        ("V_a", "v_north", "v_east", "wind_east"),
         _wind,
         "the wind that speeds and nose show",
         (0.25, 2.5),

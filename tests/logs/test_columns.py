@@ -8,6 +8,8 @@ from log_columns import ERRORS, RIGHT, sampled
 from log_files import heavy_cessna
 
 import flighttune as ft
+from flighttune.logs.checks import checked
+from flighttune.logs.relations import KIND
 
 FEW = (
     *("p sign", "n_z without gravity", "V_a in kn", "phi and theta", "phi and phi_cmd"),
@@ -106,3 +108,20 @@ def test_a_flight_that_is_inverted_for_most_of_its_time_is_identified_or_said_wh
     found = ft.identify(tmp_path / "flight.csv")
 
     assert "no roll commands" in str(found.answer().failure)
+
+
+def test_any_columns_are_judged_whatever_they_hold():
+    """Subsets of columns at random sizes, with gaps, zeros, drifts and nothing at all."""
+    random = np.random.default_rng(1)
+    for _ in range(40):
+        t = random.choice([0.02, 0.1, 0.2]) * np.arange(random.integers(200, 800))
+        columns = {"phi": random.standard_normal(len(t))}
+        for name in (name for name in KIND if name != "phi" and random.random() < 0.5):
+            column = 10.0 ** random.integers(-3, 8) * random.standard_normal(len(t))
+            gaps = np.where(random.random(len(t)) < 0.3, np.nan, column)
+            kinds = [column, gaps, 0.0 * column, np.nan * column, np.cumsum(column)]
+            columns[name] = kinds[random.integers(len(kinds))]
+
+        values, _, _ = checked(columns, t, {})
+
+        assert set(columns) <= set(values)
