@@ -425,7 +425,7 @@ def meet(
     campaign : str or Path, optional
         Campaign that disperses the scenario: a file, or the name of a shipped one. The share of
         draws that meet the requirements is maximised, and counted on the draws of the campaign,
-        none of which the search has seen.
+        none of which the search has seen or chosen by.
     success : float, 1, optional
         Share of the draws of a campaign on which gains must meet all requirements, by default 0.95.
         The lower end of its interval must reach it, or the estimate where no count of so many draws
@@ -583,8 +583,8 @@ def _count(
     ends = [*range(0, count.draws, LOOK if until_sure else count.draws), count.draws]
     for begin, n in pairwise(ends):
         trials = count.fly(sets, range(begin, n))
-        if not until_sure:  # the start if both are equal
-            trials[0] = min(reversed(trials), key=count.value)
+        # The search chose these gains on its own draws: a choice on the fresh ones would make the
+        # interval false.
         # Of gains whose loop is unstable all draws are there, without a flight.
         flown = ~trials[0].default
         flags = [trial.excess[:n, flown].max(axis=1) <= 0.0 for trial in trials]

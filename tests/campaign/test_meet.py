@@ -5,6 +5,7 @@ import json
 import math
 import re
 from dataclasses import replace
+from types import SimpleNamespace
 from unittest import mock
 
 import numpy as np
@@ -14,11 +15,14 @@ from commands import answer, flighttune
 from fuzzing import first_or_all
 from made_up import scenario_file
 from scipy.optimize import brentq
+from scipy.stats import binom
 
 import flighttune as ft
 from flighttune import load_gains, load_scenario, scenario_from
 from flighttune.campaign.engine.pool import WorkerPool
-from flighttune.campaign.meet import Search, flights_to_meet
+from flighttune.campaign.meet import Search, _count, flights_to_meet
+from flighttune.campaign.meeting import Trial
+from flighttune.campaign.statistics.intervals import share as interval_of
 from flighttune.control.linear_model import closed_loop
 from flighttune.control.margins import loop_margins
 from flighttune.flight.models import gain_set, linear_loop, linear_model, loop_measures
@@ -559,3 +563,42 @@ def test_a_start_that_meets_all_keeps_half_its_R_K_unless_a_bound_says_how_much(
     assert meeting.metric["value"] < meeting.metric["start"]
     assert (now >= 0.5 * before) is kept
     assert any("at least half" in note for note in meeting.answer().notes) is kept
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("draws", "share"), [(200, 0.9), (400, 0.95)])
+def test_the_share_of_gains_is_counted_on_draws_that_did_not_choose_them(draws, share):
+    """Own draws of gains and start that meet all a little less often than is wanted."""
+    campaign = ft.load_campaign("light_turbulence")
+    campaign = campaign.model_copy(update={"design": "random"})
+    rng, campaigns, truth = np.random.default_rng(7), 2000, share - 1e-3
+
+    class Drawn:
+        """Flights whose outcome is drawn, in place of those of a search."""
+
+        def __init__(self):
+            self.draws, self.campaigns = draws, [campaign]
+
+        def fly(self, sets, some):
+            excess = np.where(rng.random((len(sets), len(some), 1)) < truth, -1.0, 1.0)
+            check = SimpleNamespace(run="kinematic")
+            checks = ((check,),) * len(some)
+            return [
+                Trial(gains=x, excess=e, checks=checks) for x, e in zip(sets, excess, strict=True)
+            ]
+
+        def value(self, trial):
+            return float((trial.worst > 0.0).mean())
+
+    sets = ft.PAPER_GAINS, ft.PAPER_GAINS
+    reached = sum(
+        _count(Drawn(), sets, share, False)[1]["statuses"][0] == "met" for _ in range(campaigns)
+    )
+
+    met = np.arange(draws + 1)
+    flags = (np.arange(draws) < k for k in met)
+    ends = np.array([interval_of(x, np.arange(draws)).lo for x in flags])
+    chance = binom.pmf(met, draws, truth)[ends >= share].sum()  # of one set that nothing chose
+    assert chance <= 0.025
+    # a choice between two makes it up to twice as likely
+    assert abs(reached - campaigns * chance) <= 4.0 * np.sqrt(campaigns * chance)
