@@ -114,9 +114,10 @@ class MissionOdds(Answering):
             answer,
             summary=summary,
             values={**answer.values, "confidence": total, "turn_back": said.values},
-            tables=[*answer.tables, said.tables[0]],
+            tables=[*answer.tables, said.tables[0], room.ended],
             notes=[*answer.notes, *said.notes, said.verdict],
-            failure=answer.failure or said.failure,
+            failure=answer.failure
+            or (f"room to turn back: {said.failure}" if said.failure else ""),
             files=self.files,
         )
 

@@ -19,7 +19,8 @@ from flighttune.files.table import abridged, json_object, value_of
 from flighttune.gaps.watch import MODELS
 from flighttune.metrics import OFF_ROUTE
 from flighttune.present.answer import Answer, Table, number, pick, printable
-from flighttune.present.names import columns, listed, why_ended
+from flighttune.present.names import columns, endings_table, listed, why_ended
+from flighttune.present.names import endings as counted_endings
 from flighttune.references.fence import DISTANCE_SIGNS, read_fence, room_along
 from flighttune.references.follow import SAME_PLACE
 from flighttune.references.maps import Corridor, Volume, Where, areas_of
@@ -354,8 +355,8 @@ class Band(SignalBounds):
             beside, above = np.abs([claimed.low, claimed.high]).max(axis=(0, 1))
             wide = f"The corridor is at most {beside:.3g} m wide to either side of the path, and "
             wide += f"{above:.3g} m high above and below it."
-        if room is not None and room.claims:
-            wide += f" Turning back takes {room.room.from_route:.0f} m beyond it."
+        if room is not None:
+            wide += f" {room.summary}"
         flown = self.flights.distribution.sentence(self.flights.flown).partition("; drawn")[0]
         return [answer, odds, wide, f"It holds for {flown}, over {planned.answer().verdict}."]
 
@@ -377,6 +378,10 @@ class TurnRoom(NamedTuple):
         return Volume(width, max(geography.low - self.height, 0.0), high, claim)
 
 
+# How flights ended, in words of a sentence.
+ENDED = {"no_trim": "without a steady flight at their start"}
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class TurnBack(counted.Counted):
     """A count of how far flights come that turn back at any place of their route."""
@@ -388,6 +393,26 @@ class TurnBack(counted.Counted):
     def room(self) -> TurnRoom:
         """Room that its flights need, rounded up to whole metres."""
         return TurnRoom(*np.ceil(self._ends(np.zeros((1, 0)))[1][0]).tolist())
+
+    @property
+    def summary(self) -> str:
+        """The room in a line of a mission's answer, or why none is claimed."""
+        if self.claims:
+            return f"Turning back takes {self.room.from_route:.0f} m beyond it."
+        ended = "".join(
+            f", {row['count']} of them {ENDED.get(row['status'], row['status'].replace('_', ' '))}"
+            for row in counted_endings(self.endings)
+        )
+        return (
+            f"No room to turn back is claimed: of {len(self.scores)} flights that turn back "
+            f"{self.lost}{ended}; at most {self.allowed} of {self.first} may."
+        )
+
+    @property
+    def ended(self) -> Table:
+        """How flights that turn back did not complete, beside those of the mission."""
+        title = "flights that turn back and did not complete"
+        return replace(endings_table(self.endings), title=title, name="turn_back_endings")
 
     @property
     def table(self) -> TurnBackTable:

@@ -318,7 +318,7 @@ class Counted(Answering):
         if not self._ended(flights):
             return (
                 f"nothing is claimed: the count ended after {flights} of {self.first} flights, "
-                "when the answer was certain"
+                f"when the answer was certain: {self.lost}, and at most {self.allowed} may"
             )
         if not self.claims:
             return (

@@ -335,3 +335,32 @@ def test_the_command_counts_the_room_and_writes_the_volumes(tmp_path, monkeypatc
     assert answer("verify", told["room"])["valid"]
     flying = "fly", "paper_as_printed", "--set", "flight.duration_s=1", "--claim", told["room"]
     assert "got a TurnBack" in flighttune(*flying, status=2)[1]
+
+
+@pytest.mark.soak
+@pytest.mark.usefixtures("few_learned")
+def test_a_room_that_is_not_claimed_is_said_in_the_first_lines_with_how_its_flights_ended():
+    changes = {"route.waypoint": [{"north_m": n, "east_m": 0.0} for n in (0.0, 300.0)]}
+    few = {"epsilon": 0.3, "confidence": 0.9, "workers": 1}
+    of_law = {"plant": "kinematic", "gains": "paper", "learn": 10, "flights": 7}
+    corridor = ft.band("circuit", start_deg=1.0, changes=changes, **of_law, **few)
+    odds = ft.mission(corridor, turn_back=BANK, **few)
+    extremes = odds.room.extremes.copy()
+    extremes[:3] = np.float32([-np.inf, np.inf])
+    draws = odds.room.draws[:3].tolist()
+    endings = [{"run": x, "status": "no_trim", "reason": "t = 0 s: no steady"} for x in draws]
+    lost = replace(odds.room, extremes=extremes, endings=endings)
+
+    said = odds.with_room(lost).answer()
+
+    assert not lost.claims
+    flights = len(lost.scores)
+    assert any(
+        f"No room to turn back is claimed: of {flights} flights that turn back 3 did not complete"
+        in line
+        and "3 of them without a steady flight at their start" in line
+        for line in said.summary[:4]
+    )
+    table = next(x for x in said.tables if x.name == "turn_back_endings")
+    assert [(x["status"], x["count"]) for x in table.records] == [("no_trim", 3)]
+    assert said.failure.startswith("room to turn back: nothing is claimed")
