@@ -1,5 +1,6 @@
 """No file, whatever is in it, is a fault of flighttune: it is read, or refused in one line."""
 
+import io
 import json
 import math
 import re
@@ -7,6 +8,7 @@ import shutil
 import sys
 import time
 import tomllib
+import zipfile
 from collections import Counter
 from collections.abc import Callable
 from contextlib import suppress
@@ -15,6 +17,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+import pandas as pd
 import pytest
 from campaigns import table_flown
 from fuzzing import (
@@ -26,17 +29,20 @@ from fuzzing import (
     text_files,
     to_json,
     to_toml,
+    torn,
     xml_files,
 )
 from hypothesis import HealthCheck, given, settings
-from made_up import made_up_scenario, scenario_file, shortened
+from hypothesis import strategies as st
+from made_up import made_up_scenario, run_file, scenario_file, shortened
 from places import SHIPPED_AIRCRAFT, SHIPPED_SCENARIOS
-from plans import HOME, PATROL, item, plan_file
+from plans import HOME, PATROL, item, plan_file, terrain
 
 import flighttune as ft
 from flighttune.aircraft.aircraft import load_aircraft
 from flighttune.campaign.dataset import Dataset, open_dataset
 from flighttune.control.margins import loop_margins
+from flighttune.files.load import BLANK, DIGITS, MARK, seal
 from flighttune.files.table import tables_of
 from flighttune.flight.load import route_scenario
 from flighttune.flight.models import law_model
@@ -46,7 +52,9 @@ from flighttune.logs.parameters import flown_now
 from flighttune.plants.jsbsim.trim import trim_table
 from flighttune.records.compare import load_source
 from flighttune.references.fence import fence_tables, read_fence
+from flighttune.references.maps import ground_at
 from flighttune.references.mission import read_route
+from flighttune.simulate.run import Provenance
 
 G_0 = 9.80665
 
@@ -237,6 +245,13 @@ def of_map(path):
     """The route and the fence of a file: both are read, or one of them is refused."""
     fence = read_fence(path, HOME[:2], fence_tables([path]))
     return read_route(path), fence.start.tolist(), fence.end.tolist(), fence.low, fence.high
+
+
+CORNER_LINES = b"#corners\n47.41 8.51\n47.39 8.49\n47.39 8.53\n47.42 8.53\n47.42 8.49\n"
+
+
+def of_fence(path):
+    return read_fence(path, HOME[:2], fence_tables([path]))
 
 
 def certificate_of(name, **settings):
@@ -454,6 +469,81 @@ KINDS = {
 }
 
 
+def packed(_):
+    """A KMZ of the route."""
+    sink = io.BytesIO()
+    with zipfile.ZipFile(sink, "w", zipfile.ZIP_DEFLATED) as file:
+        file.writestr("doc.kml", KML)
+    return sink.getvalue()
+
+
+def raster(folder):
+    """A terrain below the route."""
+    pytest.importorskip("rasterio")
+    return terrain(folder / "x.tif", compress="deflate", blockysize=8).read_bytes()
+
+
+def sampled(folder):
+    """A run of a few samples, and the file that it is in."""
+    signals = pd.DataFrame({"chi": [0.0, 0.1], "phi": [0.2, 0.3]}, index=[0.0, 0.02])
+    made_by = Provenance(
+        scenario=shortened("paper_as_printed", 0.2).as_dict(),
+        plant="kinematic",
+        gains_name="paper",
+        gains=ft.PAPER_GAINS,
+        seed=0,
+        versions={},
+        wall_s=0.0,
+    )
+    made = ft.Run(signals=signals, status="completed", reason="", provenance=made_by)
+    return run_file(folder / "x.parquet", made).read_bytes()
+
+
+def old_file(name):
+    return lambda _: (Path(__file__).parent / "files_of_0_3_0" / name).read_bytes()
+
+
+@st.composite
+def binary_files(draw, data):
+    """Bytes of a binary file, torn at up to three places, mostly with the right seal."""
+    for _ in range(draw(st.integers(1, 3))):
+        data = draw(torn(data)) or b"\0"
+    return sealed_again(data) if draw(st.integers(0, 3)) else data
+
+
+def sealed_again(data):
+    """The seal of a changed file put right, where it still has one."""
+    before, mark, after = data.rpartition(MARK)
+    if not mark or len(after) < DIGITS:
+        return data
+    return seal(before + BLANK.encode() + after[DIGITS:])
+
+
+def binary(name, data, load, use=lambda _: None):
+    return Kind(name, data, bytes, load, use, files=lambda made, _: binary_files(made))
+
+
+def said_of(claim):
+    answered(lambda: claim.answer(), lambda: claim.sentence)
+
+
+BINARY = {
+    "KMZ": binary("x.kmz", packed, of_map),
+    "terrain": binary(
+        "x.tif", raster, lambda path: ground_at(path, np.array([[47.4, 8.5], [47.41, 8.51]]))
+    ),
+    "run": binary("x.parquet", sampled, ft.load),
+    "old run": binary("x.parquet", old_file("run.parquet"), ft.load),
+    "tube": binary("x.npz", old_file("tube.npz"), ft.load, said_of),
+    "band": binary("x.npz", old_file("band.npz"), ft.load, said_of),
+    "table of a log": binary(
+        "x.csv", lambda _: comma_separated(JSBSIM_TABLE).encode(), ft.load_log
+    ),
+    "corners": binary("x.fen", lambda _: CORNER_LINES, of_fence),
+}
+"""Kinds of files whose bytes are changed, and not their values."""
+
+
 def loads(load, path):
     """What a file holds; None where it is refused in one line that names file and key."""
     try:
@@ -470,7 +560,8 @@ def loads(load, path):
 def fuzz(kind, folder, cases):
     path, tables = folder / kind.file, kind.tables(folder)
     if not isinstance(tables, list):
-        path.write_text(kind.text(tables))
+        text = kind.text(tables)
+        path.write_bytes(text if isinstance(text, bytes) else text.encode())
         kind.load(path)
     seen, longest = Counter(), 0.0
 
@@ -508,6 +599,13 @@ def suppressed(use, found):
 @pytest.mark.parametrize("name", KINDS)
 def test_a_file_is_read_or_refused_in_one_line(tmp_path, name, cases):
     fuzz(KINDS[name], tmp_path, cases)
+
+
+@pytest.mark.filterwarnings("ignore")
+@pytest.mark.parametrize("cases", CASES)
+@pytest.mark.parametrize("name", BINARY)
+def test_a_binary_file_is_read_or_refused_in_one_line(tmp_path, name, cases):
+    fuzz(BINARY[name], tmp_path, cases)
 
 
 NONSENSE = "", "1.0", "false", True, False, math.nan, math.inf, 1e12, [], {}, 0.5

@@ -16,7 +16,7 @@ from places import STUDIES
 
 import flighttune as ft
 from flighttune.cli import main
-from flighttune.cli.app import app
+from flighttune.cli.app import _reason, app
 
 
 def test_the_signals_of_a_run_are_where_fly_says(tmp_path):
@@ -242,3 +242,16 @@ def test_a_command_has_at_most_twelve_options():
         options = [p.name for p in command.params if p.param_type_name == "option" and not p.hidden]
         most = 13 if name == "mission" else 12  # beside what is printed
         assert len({*options} - {"as_json", "quiet"}) <= most, name
+
+
+@pytest.mark.parametrize(
+    ("error", "line"),
+    [
+        (OSError(36, "File name too long", "x" * 5000), r"x+\.\.\.x+: file name too long\."),
+        (ImportError("a.so: failed to map segment"), "the libraries must .* failed to map segment"),
+        (MemoryError(), "the libraries must be whole and fit into the memory there is"),
+    ],
+)
+def test_what_the_system_refuses_is_no_fault_of_ours(error, line):
+    assert re.match(line, _reason(error))
+    assert len(_reason(error)) < 300

@@ -64,3 +64,8 @@ def test_commands_that_write_into_one_folder_do_not_disturb_each_other(tmp_path)
 
     assert [process.communicate()[1] for process in both] == ["", ""]
     assert len(list(tmp_path.iterdir())) == 400
+
+
+@pytest.mark.parametrize("name", ["s" * 250 + ".json", "\u00e9" * 125 + ".json"])
+def test_a_name_as_long_as_names_can_be_is_written(tmp_path, name):
+    assert whole_file.write_text(tmp_path / name, "x").read_text() == "x"
