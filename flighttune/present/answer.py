@@ -314,7 +314,8 @@ class Answer:
         from pydantic_core import to_jsonable_python  # here: --help must be quick
 
         records = {table.name: table.records for table in self.tables if table.name}
-        sentences = {"notes": [*self.changed, *self.notes], "verdict": self.verdict}
+        verdict = self.verdict or self.failure  # an answer that is no says so here too
+        sentences = {"notes": [*self.changed, *self.notes], "verdict": verdict}
         if self.summary:
             sentences["summary"] = self.summary
         if self.command:
