@@ -131,7 +131,8 @@ class _Answer:
             for place in _places(stage, NEW):
                 if folder / place not in self.kept:
                     (stage / NEW / place).unlink()
-        if self.kept:
+        # What could not be written itself must not remove the files of an earlier answer.
+        if any(self.current(path) != path for path in self.kept):
             self.put_in_place()
 
     def end(self) -> None:

@@ -81,6 +81,20 @@ def test_an_answer_with_an_error_leaves_all_as_it_was_but_for_what_is_kept(folde
     assert text_of(folder) == before | {"a.json": "long computed"}
 
 
+def test_what_is_kept_but_could_not_be_written_removes_nothing(folder):
+    before = text_of(folder)
+
+    def fails():
+        with whole.together(folder):
+            whole.remove_file(folder / "stale.txt")
+            whole.keep_on_error(folder / "a.json")
+            raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        fails()
+    assert text_of(folder) == before
+
+
 @pytest.mark.parametrize("reader", ["json", "writer", "kind"])
 def test_an_answer_whose_command_is_killed_while_its_files_are_moved_is_whole_for_all(
     folder, reader
