@@ -22,6 +22,7 @@ LAW = '''
 
     class Rectangles(Law):
         kind: ClassVar[str] = "rectangles"
+        by_gains: ClassVar[bool] = True
         def make(self, setup):
             return Controller(setup.dt, setup.gains)
 

@@ -1,8 +1,8 @@
 """Interface between a law and the rest of the program, and the list of laws.
 
 Nothing above this package asks which law it has. A law is one class in one file of
-`flighttune.control.laws`; what its class does not say is taken to be as with the paper's law where
-that follows from gains on roll and load factor, and to be missing elsewhere, refused by name.
+`flighttune.control.laws`; what its class does not say is missing, and refused by name: a law that
+does not state `by_gains` has no linear loop, no R_K and no certificate.
 """
 
 from abc import ABC, abstractmethod
@@ -75,9 +75,9 @@ class Law(ABC):
     required: ClassVar[tuple[str, ...]] = ()
     named_alone: ClassVar[bool] = True  # whether a scenario can name the kind without a table
     inputs: ClassVar[tuple[str, str]] = COMMANDS  # channels that its gains act on, or `RATES`
-    # Whether gains and `linear_model` say how it flies. Where they do not it has no claim, and the
-    # runs have no gains.
-    by_gains: ClassVar[bool] = True
+    # Whether gains and `linear_model` say how it flies. Where a class does not state so it has no
+    # claim and no R_K, and the runs have no gains.
+    by_gains: ClassVar[bool] = False
     takes_gains: ClassVar[bool] = True  # else it is flown once per plant, whatever gains there are
     # Whether its integrals take the mean of two errors; else each error after the command of its
     # sample
@@ -107,8 +107,8 @@ class Law(ABC):
     def loop(
         self, model: LinearModel, gains: PIGains, _setup: LawSetup, /
     ) -> tuple[LinearModel, PIGains] | None:
-        """The linear loop that flies: `model` closed by `gains`, unless the law knows better."""
-        return model, gains
+        """The linear loop that flies: `model` closed by `gains` that say so; else None."""
+        return (model, gains) if self.by_gains else None
 
     def state_scaling(self, model: LinearModel, lags: Sequence[inner_loop.InnerLag]) -> FloatArray:
         """Units of the states behind an inner loop, in which gains are tuned, shape (n,)."""

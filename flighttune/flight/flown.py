@@ -442,6 +442,11 @@ class FlownScenario(Answering):
             run["indicators"] = loops.get(run["gains"], dict.fromkeys(("R_K", "I_K", "E_K")))
         linear = [{"gains": name, **values} for name, values in loops.items()]
         notes = [f"{run.label}: {run.outcome}" for run in self.runs if run.status != "completed"]
+        notes += [
+            f"{name}: R_K none: its law states no linear model that its gains act on."
+            for name in dict.fromkeys(run.provenance.gains_name for run in self.runs)
+            if name not in self.indicators and not self.scenario.law_of(name)[0].by_gains
+        ]
         notes += priority_notes(self.runs)
         around = claimed(self.runs)
         claim, missed = self.claim, self.claim.missed

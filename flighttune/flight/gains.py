@@ -215,7 +215,7 @@ def certify(
     if not law.by_gains:
         if envelope or lag is not None:
             raise InputError(
-                f"`envelope` and `lag` must be absent for {name}, whose law is your own."
+                f"`envelope` and `lag` must be absent for {name}, whose law has no linear model."
             )
         bound = with_own(scenario, flown=(law.name,))
         if (linear := models.linear_loop(bound, name, chosen)) is None:

@@ -246,6 +246,11 @@ def tune_scenario(
     [tuning]. `kept`: reuse the result if this process has solved the same problem.
     """
     law = law or scenario.laws[0]
+    if not law.by_gains and law.tuned_as == law.kind:
+        raise InputError(
+            f"`law` must state the linear model that its gains act on (`by_gains`) to be tuned, "
+            f"got {law.name}, which has none."
+        )
     if scenario.tuning.feedback and law.inputs != RATES:
         raise InputError(
             f"`feedback` of [tuning] must be false but for the exact law, got the law {law.name!r}."

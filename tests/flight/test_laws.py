@@ -1,12 +1,15 @@
 """Scenarios that fly more than the paper's law: names, gains, files, and what is held of them."""
 
+from typing import ClassVar
+
 import numpy as np
 import pytest
 from made_up import made_up_scenario
 
 import flighttune as ft
 from flighttune.claims.linear_loop import linear_bound
-from flighttune.flight.models import gain_set
+from flighttune.control.law import Law, law_kinds
+from flighttune.flight.models import gain_set, linear_model, tune_scenario
 
 ENVELOPE = {
     "V_a_mps": [20.0, 30.0],
@@ -94,3 +97,23 @@ def test_its_rate_is_the_same_over_any_envelope_and_kstar_has_none_there():
     tuned = [ft.tune(both, law=exact_law, envelope=over).gains for over in (True, False)]
     assert tuned[0] is not None
     assert tuned[0] == tuned[1]
+
+
+def test_a_law_whose_class_says_nothing_has_no_guarantee_and_says_why():
+    """Without integral action A_K has two eigenvalues of 0, whatever K_I its gains have."""
+
+    class Proportional(Law):
+        kind: ClassVar[str] = "proportional"
+
+        def make(self, setup, /):
+            raise NotImplementedError
+
+    law = Proportional(name="proportional")
+    assert not law.by_gains
+    made = scenario(law=["paper"], plant=[{"kind": "kinematic"}])
+    loop = law.loop(linear_model(made), ft.PAPER_GAINS, None)
+    assert loop is None
+    with pytest.raises(ft.InputError, match="must state the linear model"):
+        tune_scenario(made, law)
+    stating = {kind for kind, made_law in law_kinds().items() if made_law.by_gains}
+    assert stating == {"paper", "exact"}

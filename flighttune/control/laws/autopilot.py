@@ -416,7 +416,6 @@ class Autopilot(Law):
     required: ClassVar[tuple[str, ...]] = ("parameters",)
     named_alone: ClassVar[bool] = False
     inputs: ClassVar[tuple[str, str]] = RATES
-    by_gains: ClassVar[bool] = False
 
     @property
     def period(self) -> str:
@@ -451,9 +450,6 @@ class Autopilot(Law):
     def names_of(self, gains: Sequence[str]) -> tuple[str, ...]:
         """Names of its flights: one, with the first gain set."""
         return super().names_of(gains[:1])
-
-    def loop(self, *_: Any) -> None:
-        """No loop of the gains of the scenario."""
 
     @property
     def tuned_as(self) -> str:

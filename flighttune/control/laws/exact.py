@@ -30,6 +30,7 @@ class Exact(Law):
     braking: float | None = BRAKING
 
     kind: ClassVar[str] = "exact"
+    by_gains: ClassVar[bool] = True
     keys: ClassVar[frozenset[str]] = frozenset({"priority", "lift_floor", "braking"})
     inputs: ClassVar[tuple[str, str]] = RATES
     trapezoidal: ClassVar[bool] = False

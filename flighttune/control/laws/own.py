@@ -26,7 +26,6 @@ class Own(Law):
         {"module", "class_", "parameters", "sha256", "takes_gains"}
     )
     named_alone: ClassVar[bool] = False
-    by_gains: ClassVar[bool] = False
 
     def names_of(self, gains: Sequence[str]) -> tuple[str, ...]:
         """Names of its flights: one, with the first gain set, unless it flies by the gains."""

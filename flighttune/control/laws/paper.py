@@ -15,6 +15,7 @@ class Paper(Law):
     """See `MimoPI`."""
 
     kind: ClassVar[str] = "paper"
+    by_gains: ClassVar[bool] = True
     batched: ClassVar[bool] = True
 
     def make(self, setup: LawSetup, /) -> MimoPI:
