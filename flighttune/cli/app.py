@@ -20,7 +20,6 @@ from flighttune.cli.options import COMMANDS, FLOWN_BY, FORMER, RUN_CODE, command
 from flighttune.cli.pages import export, report, reproduce
 from flighttune.cli.show import COULD_NOT_RUN, INTERRUPTED, NO, cleaning_up, clear, fail, output
 from flighttune.errors import FlightTuneError, InfeasibleError, InputError, missing_extra
-from flighttune.files.table import shown
 from flighttune.files.whole import reason_of
 
 # Options of the group that may also stand behind a command; the last has no value.
@@ -178,6 +177,8 @@ def _reason(error: Exception) -> str:
         got = next(iter(str(error).splitlines()), "no memory")
         return f"the libraries must be whole and fit into the memory there is, got: {got}."
     if isinstance(error, OSError) and error.filename:
+        from flighttune.files.table import shown
+
         return f"{shown(str(error.filename))}: {reason_of(error)}."
     what = f"{type(error).__name__}: {error}"
     return f"a fault of flighttune: {what} (its traceback: flighttune --debug ...)"

@@ -67,6 +67,7 @@ class Law(ABC):
     """A law of a scenario: its name there, and its options as fields."""
 
     name: str  # in the scenario: ``NAME:GAINS`` is a gain set flown by it
+    takes_gains: bool = True  # else it is flown once per plant, whatever gains there are
 
     kind: ClassVar[str]  # value of the key ``kind`` of ``[[law]]`` for the class
     # Further keys of ``[[law]]``, and those that it cannot do without; fields of the class are
@@ -78,7 +79,6 @@ class Law(ABC):
     # Whether gains and `linear_model` say how it flies. Where a class does not state so it has no
     # claim and no R_K, and the runs have no gains.
     by_gains: ClassVar[bool] = False
-    takes_gains: ClassVar[bool] = True  # else it is flown once per plant, whatever gains there are
     # Whether its integrals take the mean of two errors; else each error after the command of its
     # sample
     trapezoidal: ClassVar[bool] = True
