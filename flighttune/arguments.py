@@ -91,11 +91,29 @@ def check(call: Callable[..., Any], args: Sequence[Any], options: Mapping[str, A
             if each is parameter.default:
                 continue
             if not fits(each, annotation):
-                raise InputError(f"`{name}` must be {words(annotation)}, got {got(each)}.")
+                raise InputError(_misfit(name, each, annotation))
             if isinstance(each, str | PurePath) and not _is_name(str(each)):
                 raise InputError(
                     f"`{name}` must be a name or path that files can have, got {got(str(each))}."
                 )
+
+
+def _misfit(name: str, value: Any, annotation: Any) -> str:
+    """What is wrong with a value; of a dictionary, with its first wrong entry."""
+    kinds = typing.get_args(annotation) if _is_union(annotation) else (annotation,)
+    for kind in kinds if isinstance(value, Mapping) else ():
+        origin, inside = typing.get_origin(kind), typing.get_args(kind)
+        if isinstance(origin, type) and issubclass(origin, Mapping):
+            for key, each in value.items():
+                if not fits(key, inside[0]):
+                    return f"each name in `{name}` must be {words(inside[0])}, got {got(key)}."
+                if not fits(each, inside[1]):
+                    return f"`{name}` must have {words(inside[1])} for {key}, got {got(each)}."
+    return f"`{name}` must be {words(annotation)}, got {got(value)}."
+
+
+def _is_union(annotation: Any) -> bool:
+    return typing.get_origin(annotation) in (typing.Union, types.UnionType)
 
 
 def _is_name(text: str) -> bool:
@@ -122,7 +140,7 @@ def fits(value: Any, annotation: Any) -> bool:
     origin, inside = typing.get_origin(annotation), typing.get_args(annotation)
     if annotation is Any or annotation is object or isinstance(annotation, TypeVar):
         return True
-    if origin is typing.Union or origin is types.UnionType:
+    if _is_union(annotation):
         array = {*inside} >= ARRAY
         return (array and _is_array(value)) or any(
             fits(value, each) for each in inside if not (array and each in ARRAY)
@@ -184,7 +202,7 @@ def _is_array(value: Any) -> bool:
 def words(annotation: Any) -> str:
     """The kind of an annotation in words."""
     origin, inside = typing.get_origin(annotation), typing.get_args(annotation)
-    if origin is typing.Union or origin is types.UnionType:
+    if _is_union(annotation):
         array = ARRAY if {*inside} >= ARRAY else set()
         kinds = ["numbers"] * bool(array) + [words(x) for x in inside if x not in array]
         return " or ".join(dict.fromkeys(kinds))

@@ -17,7 +17,6 @@ from airframes import changed_aerosonde
 
 import flighttune as ft
 from flighttune.campaign.engine import pool as pool_module
-from flighttune.campaign.engine.progress import CampaignProgress
 from flighttune.campaign.flying.rows import fly_runs, rows_flown
 from flighttune.files.table import toml_text
 
@@ -248,9 +247,7 @@ def flown_here(module, rows=rows_flown):
     for name in ("band", "beside", "claims", "meet", "mission", "refly", "worst"):
         import_module(f"flighttune.campaign.{name}")
 
-    class Pool:
-        progress = CampaignProgress()
-
+    class Pool(pool_module.WorkerPool):
         def in_order(self, plan, runs, doing, **options):
             return list(rows(plan, runs, **options))
 

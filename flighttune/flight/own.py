@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from flighttune.control.controller import FAILURES, Controller, failure
-from flighttune.errors import InputError, ScenarioError
+from flighttune.errors import ScenarioError
 from flighttune.files import code
 from flighttune.files.table import validated
 from flighttune.plants.base import Plant
@@ -34,7 +34,7 @@ def with_own(
 
     Files are run of those laws and plants alone that are `flown`, by name; by default of all.
     """
-    laws, plants = _by_name("laws", laws), _by_name("plants", plants)
+    laws, plants = laws or {}, plants or {}
     # Laws and plants from the caller are flown besides those of the scenario, or in place of its
     # tables of that name.
     names = {law.name for law in scenario.laws}
@@ -53,20 +53,6 @@ def with_own(
         "plant": _bound(scenario, "plant", scenario.plant, plants, flown),
     }
     return scenario.model_copy(update=bound)
-
-
-def _by_name(keyword: str, made: Any) -> Mapping[str, Callable[..., Any]]:
-    """Classes from the caller by their names; an InputError names the keyword and what was got."""
-    if made is None:
-        return {}
-    if not isinstance(made, Mapping):
-        got = type(made).__name__
-        raise InputError(f"`{keyword}` must be a mapping of names to classes, got type {got}.")
-    for name, maker in made.items():
-        if not callable(maker):
-            got = type(maker).__name__
-            raise InputError(f"`{keyword}` must have a callable for {name}, got type {got}.")
-    return made
 
 
 def _bound(

@@ -290,7 +290,7 @@ def test_residual_signals_have_shorter_windows_than_recorded_ones():
 def test_a_count_of_one_kind_is_not_taken_for_another(counted, tmp_path):
     """A band is no boxes of a tube; a file says what it is, and a class takes no other's values."""
     counted.save(tmp_path / "x.npz")
-    with pytest.raises(ft.InputError, match=r"residual .* got a Band"):
+    with pytest.raises(ft.InputError, match=r"`boxes` must be a Residual or None, got a Band"):
         ft.tube("paper", "paper", counted)
     said = flighttune("tube", "paper", "--boxes", tmp_path / "x.npz", status=2)[1]
     assert "x.npz: `boxes` must be of residual signals" in said
