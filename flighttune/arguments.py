@@ -25,6 +25,9 @@ Kind = TypeVar("Kind")
 # Largest whole number of a call: more runs, flights or points than can be flown; seeds are below.
 LARGEST = 2**31
 
+# Most characters of the line that refuses a call.
+MAX_LINE = 1000
+
 # Longest path and longest part of one, bytes.
 MAX_PATH, MAX_PART = 4096, 255
 
@@ -65,8 +68,11 @@ def checked_class(kind: type[Kind]) -> type[Kind]:
     def init(self: Kind, *args: Any, **options: Any) -> None:
         try:
             made(self, *args, **options)
-        except InputError:
-            raise
+        except InputError as error:
+            text = " ".join(str(error).split())  # a value may be an array or a long text
+            if text == str(error) and len(text) <= MAX_LINE:
+                raise
+            raise type(error)(f"{text[:MAX_LINE]} ...") from error
         except Exception:
             check(made, (self, *args), options)
             raise
@@ -160,7 +166,8 @@ def fits(value: Any, annotation: Any) -> bool:
     if isinstance(origin, type) and issubclass(origin, Iterable):
         if origin is collections.abc.Iterable and not isinstance(value, PLAIN):
             return isinstance(value, Iterable)  # it may be gone after one look
-        return _is_list(value) and all(fits(each, inside[0]) for each in value)
+        entries: Any = value if _is_list(value) else None
+        return entries is not None and all(fits(each, inside[0]) for each in entries)
     if hasattr(annotation, "__metadata__"):
         return fits(value, origin if origin not in (None, typing.Annotated) else inside[0])
     return _is_a(value, annotation)

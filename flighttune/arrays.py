@@ -167,9 +167,10 @@ def set_read_only(value: object, **shapes: tuple[int, ...]) -> None:
     """
     stated: Any = getattr(value, "__dataclass_fields__", {})
     for name, shape in shapes.items():
-        array = getattr(value, name)
+        array: Any = getattr(value, name)
         if array is not None or (name in stated and stated[name].default is not None):
-            array = read_only_matrix(name, array, shape, axes=len(shape))
+            given: Any = array
+            array = read_only_matrix(name, given, shape, axes=len(shape))
         object.__setattr__(value, name, array)
 
 

@@ -608,6 +608,20 @@ def test_a_binary_file_is_read_or_refused_in_one_line(tmp_path, name, cases):
     fuzz(BINARY[name], tmp_path, cases)
 
 
+@pytest.mark.slow
+def test_an_integer_of_400_digits_is_refused_in_every_place_of_an_identified_aircraft(tmp_path):
+    tables = json.loads(json.dumps({**IDENTIFIED, "conditions": IDENTIFIED["conditions"][:1]}))
+    places = [x for x in places_in(tables) if isinstance(holder_of(tables, x)[x[-1]], float)]
+    for place in places:
+        holder, value = holder_of(tables, place), holder_of(tables, place)[place[-1]]
+        holder[place[-1]] = 10**400
+        (tmp_path / "x.json").write_text(to_json(tables))
+        assert loads(ft.loop.load_identified, tmp_path / "x.json") is None, place
+        holder[place[-1]] = value
+
+    assert len(places) > 20
+
+
 NONSENSE = "", "1.0", "false", True, False, math.nan, math.inf, 1e12, [], {}, 0.5
 """What no number or truth of a file may be; some is what another one may be."""
 

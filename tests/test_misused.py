@@ -87,6 +87,12 @@ GAINS = {"K_P": np.eye(2), "K_I": np.eye(2)}
         (lambda: ft.loop.indicators("x"), "`A_K` must be numbers, got 'x'."),
         (lambda: ft.Scenario(title=1), "Scenario: `title` must be a valid string, got 1; "),
         (lambda: ft.Campaign(runs=1.5), "Campaign: `runs` must be a valid integer, got 1.5; "),
+        (lambda: ft.certify("paper_as_printed", ft.PAPER_GAINS, L_d=1e308), "`L_d` must be at "),
+        (lambda: ft.loop.Sensors(bias="x" * 5000), "`bias` must be 3 finite numbers, got xxx"),
+        (
+            lambda: ft.loop.Sensors(noise_sd=np.full((2, 2), 1e308)),
+            "`noise_sd` must be 3 finite numbers, got [[1.e+308 1.e+308] [1.e+308 1.e+308]].",
+        ),
         (lambda: ft.loop.LaggedPlant(object(), ()), "`plant` must be a Plant, got an object."),
     ],
 )

@@ -33,6 +33,9 @@ ANY_ENVELOPE = (
     "everywhere."
 )
 INDICATOR_COLUMNS = [Column("units", "units of state"), *columns("R_K I_K E_K spectral_abscissa")]
+# Largest bound on disturbances, rad/s^2; the square of a larger one overflows.
+MAX_L_D = 1e6
+
 CERTIFICATE_COLUMNS = columns("in_words rate growth radius L_d largest_factor", of="certificate")
 
 # Airspeed (m/s) and flight-path angle (rad), and the model there.
@@ -208,6 +211,8 @@ def certify_model(
         return refused(reason=why)
     ellipsoid = radius = None
     if L_d is not None:
+        if L_d > MAX_L_D:
+            raise InputError(f"`L_d` must be at most {MAX_L_D:g}, got {L_d:g}.")
         E = disturbance_entry(model)
         if alone:
             # Without slack the exact check would refute it by rounding alone.

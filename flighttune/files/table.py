@@ -110,14 +110,15 @@ def refused_in_a_line(model: type[Model]) -> type[Model]:
 
 def _place(problem: ErrorDetails, tables: Any) -> tuple[int | str, ...]:
     """Keys and indices down to the wrong value, without the members of unions in between."""
-    place = []
+    place: list[int | str] = []
     for part in problem["loc"]:
         if isinstance(tables, dict):
             there = part in tables
         else:
             there = isinstance(tables, list) and part in range(len(tables))
         if there:
-            tables = tables[part]
+            inside: Any = tables
+            tables = inside[part]
             place.append(part)
     if problem["type"] == "missing":
         place.append(problem["loc"][-1])

@@ -17,7 +17,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, PlainSerializ
 
 from flighttune import quantities as q
 from flighttune.aircraft.aircraft import GAINS_FILE, files_hash, load_aircraft
-from flighttune.arrays import FloatArray
+from flighttune.arrays import FloatArray, is_number
 from flighttune.control.inner_loop import InnerLag, Order, with_inner_loop
 from flighttune.control.law import Law, Trim, made_law
 from flighttune.control.linear_model import LinearModel
@@ -427,7 +427,7 @@ def _contradictions(stated: Any, derived: Any, key: str = "") -> Iterator[str]:
 
 
 def _same(stated: Any, derived: Any) -> bool:
-    if isinstance(stated, float | int) and isinstance(derived, float):
+    if is_number(stated) and isinstance(derived, float):
         return math.isclose(stated, derived, rel_tol=ROUNDING, abs_tol=ROUNDING)
     return stated == derived
 

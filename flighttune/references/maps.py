@@ -219,7 +219,8 @@ def features(tables: Mapping[str, Any]) -> Sequence[Mapping[str, Any]]:
 
 def _parts(shape: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
     """The features of one line, polygon or point each that a feature consists of."""
-    stated, pending = shape.get("properties"), [shape["geometry"]]
+    pending = [shape["geometry"]]
+    stated: Any = shape.get("properties")
     while pending:
         if (geometry := pending.pop()) is None:
             continue
