@@ -22,7 +22,7 @@ from flighttune.campaign.meeting import BY_DEFAULT, Meeting, Status, Trial
 from flighttune.campaign.statistics.intervals import CONFIDENCE, share
 from flighttune.claims.count import LOOK, sure
 from flighttune.control.gains import PAPER_GAINS, PIGains
-from flighttune.control.law import Law, plain_laws, split_name
+from flighttune.control.law import Law, law_kinds, split_name
 from flighttune.control.linear_model import closed_loop
 from flighttune.errors import InputError
 from flighttune.files import code
@@ -479,17 +479,15 @@ def meet(
     law_table = scenarios[0].law_tables[0]
     law = law_table.law
     if not law.by_gains:
-        raise InputError(
-            f"`law` must be {' or '.join(plain_laws())} for its gains to be tuned, got {law.name}."
-        )
+        able = " or ".join(kind for kind, known in law_kinds().items() if known.by_gains)
+        raise InputError(f"`law` must be {able} for its gains to be tuned, got {law.name}.")
     _check_campaign(dispersed, success, metric, until_sure)
     success = SUCCESS if success is None else success
     seen = dispersed and dispersed.model_copy(
         update={"design": "random", "seed": dispersed.seed + 1}
     )
     campaigns = [flights_to_meet(scenario, law_table, seen) for scenario in scenarios]
-    starts = starts or starting_gains(scenarios[0], law)
-    if not starts:
+    if not (starts := starts or starting_gains(scenarios[0], law)):
         raise InputError("`start` must be given: no gains could be tuned to start from.")
     draws = 1 if dispersed is None else whole_cycles(campaigns[0], DRAWS)
     budget = budget or (CAMPAIGN_BUDGET if campaign else BUDGET)
