@@ -87,7 +87,7 @@ def table_flown(plan, runs=None):
     return fly_runs(plan, range(plan.runs) if runs is None else runs)
 
 
-class Notes:
+class Notes(ft.CampaignObserver):
     """An observer that writes everything down, and stops a campaign when `until` says so."""
 
     def __init__(self, until=lambda progress: False):

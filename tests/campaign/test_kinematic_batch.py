@@ -191,9 +191,11 @@ WITHOUT_EFFECT = {
 }  # fmt: skip
 OF_OTHERS = {
     "": {"title", "verifies", "source", "seed", "gains", "law", "tuning", "envelope", "expect",
+         "assumed",
          "plant", "gust", "turbulence", "route", "turn_back"},
     "wind": {"level"},
     "limits": {"n_x", "n_x_rate_per_s"},
+    "controller": {"speed_priority"},
 }  # fmt: skip
 """What is not dispersed, needs an aircraft, is flown alone, or is for an airspeed to follow."""
 
