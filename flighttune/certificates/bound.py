@@ -22,7 +22,7 @@ from flighttune.arrays import FloatArray, check_positive, set_read_only
 from flighttune.control.linear_model import LinearModel
 from flighttune.errors import InputError
 from flighttune.files.table import STRICT, read, write
-from flighttune.present.answer import Answer, Answering, Table, pick
+from flighttune.present.answer import Answer, Answering, Table, at_most, pick
 from flighttune.present.names import columns as columns_by
 from flighttune.theory.exact import Check, Verification, as_float, exact, positive_definite
 from flighttune.theory.lmi import blocks, largest, parameter, solve, unknown
@@ -113,7 +113,7 @@ class RateBound(Answering):
     def sentence(self) -> str:
         """The claim in words."""
         none = Fraction(self.R_bound) * Fraction(self.I_star) <= 1
-        what = "none exist" if none else f"R_K <= {self.R_bound:.6g} 1/s"
+        what = "none exist" if none else f"R_K <= {at_most(self.R_bound, 6)} 1/s"
         return (
             "for every linear model whose states are its errors, of any aircraft, and all gains "
             f"with I_K <= {self.I_star:g} s², coupled or not: {what}"

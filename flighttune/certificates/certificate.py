@@ -29,7 +29,7 @@ from flighttune.control.linear_model import (
 )
 from flighttune.errors import InputError
 from flighttune.files.table import STRICT, read, write
-from flighttune.present.answer import Answer, Answering, Table, pick, quoted
+from flighttune.present.answer import Answer, Answering, Table, at_least, at_most, pick, quoted
 from flighttune.present.names import columns, listed
 from flighttune.theory import exact as rational
 from flighttune.theory.decay import true_rate
@@ -292,13 +292,14 @@ class Certificate(Answering):
         else:
             where = f"for the linear model, {states}"
         words = (
-            f"{where}: a quadratic form of errors and their rates decays at {claim.rate:.6g} 1/s, "
-            "their norm at half of it"
+            f"{where}: a quadratic form of errors and their rates decays at "
+            f"{at_least(claim.rate, 6)} 1/s, their norm at half of it"
         )
         for values in self.rates_values:
             words += (
-                f"; a norm of the loop ({values['loop']}) decays at {values['decay']:.6g} 1/s, "
-                f"with a growth of at most {values['growth']:.3g}"
+                f"; a norm of the loop ({values['loop']}) decays at "
+                f"{at_least(values['decay'], 6)} 1/s, with a growth of at most "
+                f"{at_most(values['growth'], 3)}"
             )
         sampled = any(rate.sampling for rate in self.exact_rates)
         if sampled or (self.exact_rates and any(lag_units(self.model) != 1.0)):
@@ -308,8 +309,8 @@ class Certificate(Answering):
         if claim.radius is None:
             return words
         return (
-            f"{words}; under a disturbance whose derivative is at most {claim.L_d:.6g} the norm "
-            f"ends up at {claim.radius:.6g} or less"
+            f"{words}; under a disturbance whose derivative is at most "
+            f"{at_least(claim.L_d, 6)} the norm ends up at {at_most(claim.radius, 6)} or less"
         )
 
     def answer(self) -> Answer:

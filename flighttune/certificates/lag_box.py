@@ -34,6 +34,7 @@ from flighttune.arrays import FloatArray, check_positive, set_read_only
 from flighttune.control.gains import PIGains
 from flighttune.control.linear_model import LinearModel, Range
 from flighttune.errors import InputError
+from flighttune.present.answer import at_least, at_most
 from flighttune.present.names import columns
 from flighttune.theory.decay import decay_checks, roundest_norm, true_rate
 from flighttune.theory.exact import Check, Rationals, exact
@@ -163,12 +164,12 @@ class LagBox:
 
     def sentence(self, error: str) -> str:
         """The claim in words."""
-        words = f"{error} {self.place} decays at {self.rate:.6g} 1/s if that is constant, "
+        words = f"{error} {self.place} decays at {at_least(self.rate, 6)} 1/s if that is constant, "
         if self.norm_rate is None:
             return f"{words}and at no proven rate if it changes"
         return (
-            f"{words}and in a norm at {self.norm_rate:.6g} 1/s, with a growth of at most "
-            f"{self.growth:.3g}, if it changes in these ranges at will"
+            f"{words}and in a norm at {at_least(self.norm_rate, 6)} 1/s, with a growth of at most "
+            f"{at_most(self.growth, 3)}, if it changes in these ranges at will"
         )
 
 

@@ -18,7 +18,7 @@ from flighttune.files import array, load
 from flighttune.files.table import abridged, json_object, value_of
 from flighttune.gaps.watch import MODELS
 from flighttune.metrics import OFF_ROUTE
-from flighttune.present.answer import Answer, Table, number, pick, printable
+from flighttune.present.answer import Answer, Table, at_most, number, pick, printable
 from flighttune.present.names import columns, endings_table, listed, why_ended
 from flighttune.present.names import endings as counted_endings
 from flighttune.references.fence import DISTANCE_SIGNS, read_fence, room_along
@@ -221,7 +221,7 @@ class Band(SignalBounds):
         # A flight that was not flown counts as one outside.
         epsilon = supported_epsilon(outside + first - flights, first, about.confidence, about.early)
         said = f"{flights - outside} of {flights} fresh flights are certainly inside"
-        claimed, leaves = flights == first, f"{SURE['yes']} {number(epsilon)}"
+        claimed, leaves = flights == first, f"{SURE['yes']} {at_most(epsilon)}"
         not_yet, at_any = f", of {first} planned: more may be outside than a yes allows", ""
         if about.until_sure:
             answer = sure(outside, flights, about.epsilon, about.confidence)
@@ -334,7 +334,9 @@ class Band(SignalBounds):
             slower += "," * bool(slower)
             answer = f"Yes: the mission can be flown{slower} and stays inside its fence."
             odds = "A new flight leaves the fence with a probability of at most "
-            odds += f"{number(fenced.epsilon)}, {sure}: {fenced.outside} of {flights} flights did. "
+            odds += (
+                f"{at_most(fenced.epsilon)}, {sure}: {fenced.outside} of {flights} flights did. "
+            )
             odds += f"Nearest to it, {margin:.1f} m, it comes {at}."
             if not fenced.supported:
                 answer = f"No: {fenced.outside} of {flights} flights are not certainly inside the "
@@ -353,8 +355,10 @@ class Band(SignalBounds):
         if self.claims and not about.predicted_from:
             claimed = self.corridor()
             beside, above = np.abs([claimed.low, claimed.high]).max(axis=(0, 1))
-            wide = f"The corridor is at most {beside:.3g} m wide to either side of the path, and "
-            wide += f"{above:.3g} m high above and below it."
+            wide = (
+                f"The corridor is at most {at_most(beside, 3)} m wide to either side of the path, "
+            )
+            wide += f"and {at_most(above, 3)} m high above and below it."
         if room is not None:
             wide += f" {room.summary}"
         flown = self.flights.distribution.sentence(self.flights.flown).partition("; drawn")[0]

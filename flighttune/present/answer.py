@@ -7,6 +7,7 @@ import json
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, field, replace
+from decimal import ROUND_CEILING, ROUND_FLOOR, Decimal
 from html import escape
 from itertools import zip_longest
 from pathlib import Path
@@ -42,6 +43,24 @@ def number(value: float, form: str = ".4g") -> str:
     if math.isinf(value):
         return "∞" if value > 0.0 else "−∞"
     return f"{value:{form}}"
+
+
+def at_most(bound: float, digits: int = 4) -> str:
+    """An upper bound in so many significant digits, which is not below it."""
+    return _rounded(bound, digits, ROUND_CEILING)
+
+
+def at_least(bound: float, digits: int = 4) -> str:
+    """A lower bound in so many significant digits, which is not above it."""
+    return _rounded(bound, digits, ROUND_FLOOR)
+
+
+def _rounded(bound: float, digits: int, rounding: str) -> str:
+    if bound == 0.0 or not math.isfinite(bound):
+        return number(bound, f".{digits}g")
+    exact = Decimal(repr(float(bound)))
+    place = Decimal(1).scaleb(exact.adjusted() - digits + 1)
+    return number(float(exact.quantize(place, rounding)), f".{digits}g")
 
 
 def figures(value: float) -> str:

@@ -1,7 +1,6 @@
 """A tube: bounds proven for all flights of a problem, what they say, and their file."""
 
 import json
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -23,7 +22,16 @@ from flighttune.files.table import STRICT, json_object, tables_of, value_of
 from flighttune.files.whole import whole_file
 from flighttune.gaps.residual import RESIDUALS
 from flighttune.identification.file import changed_files, files_of
-from flighttune.present.answer import Answer, Answering, Column, Table, number, pick, quoted
+from flighttune.present.answer import (
+    Answer,
+    Answering,
+    Column,
+    Table,
+    at_least,
+    at_most,
+    pick,
+    quoted,
+)
 from flighttune.present.names import CHANNEL_SYMBOLS, columns, endings_table
 from flighttune.scenario.load import scenario_from, scenario_of
 from flighttune.simulate.run import ERRORS, Bounds, Kind, Run, RunClaim, given_way
@@ -129,7 +137,7 @@ class CountedProbability:
     @property
     def sentence(self) -> str:
         """The probability in words."""
-        chance = f"probability at most {number(self.at_most)}, confidence {self.confidence:.10g}"
+        chance = f"probability at most {at_most(self.at_most)}, confidence {self.confidence:.10g}"
         if self.of == "flight":
             return f"a flight of the distribution counted leaves the tube with {chance}"
         return (
@@ -210,11 +218,11 @@ class Tube(Answering):
         low, high = problem.disturbances
         worst = float(np.abs([low, high]).max())
         within = " and ".join(
-            f"{symbol} within {_rounded_up(self.half_widths[channel]['max'] or 0.0)} deg"
+            f"{symbol} within {at_most(self.half_widths[channel]['max'] or 0.0, 2)} deg"
             for channel, symbol in CHANNEL_SYMBOLS.items()
         )
-        starts = f"from starts within {number(problem.start * DEG_PER_RAD)} deg of its start"
-        shaken = f" and under any disturbance of at most {number(worst)} rad/s" if worst else ""
+        starts = f"from starts within {at_least(problem.start * DEG_PER_RAD)} deg of its start"
+        shaken = f" and under any disturbance of at most {at_least(worst)} rad/s" if worst else ""
         if self.probability is not None or problem.aircraft_checked is not None:
             shaken = " and under any disturbance in the boxes of its file"
         words = (
@@ -439,14 +447,6 @@ class Tube(Answering):
             arrays["ever_bounds"] = ever.bounds + looser
         with whole_file(Path(path)) as part, part.open("wb") as file:
             np.savez_compressed(file, **arrays)
-
-
-def _rounded_up(bound: float) -> str:
-    """A bound in two figures, which is not below it."""
-    if bound <= 0.0:
-        return "0"
-    place = 10.0 ** (math.floor(math.log10(bound)) - 1)
-    return f"{math.ceil(bound / place - ROUNDING) * place:.2g}"
 
 
 def bounds_of(t: FloatArray, pairs: FloatArray) -> Bounds:

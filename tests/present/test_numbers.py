@@ -8,6 +8,7 @@ import pytest
 
 import flighttune
 from flighttune.metrics import AIRSPEED_METRICS, FLIGHT_METRICS, LOOP_METRICS, METRICS
+from flighttune.present.answer import at_least, at_most
 from flighttune.present.names import (
     METRIC_LABELS,
     QUANTITIES,
@@ -68,3 +69,22 @@ def test_every_metric_has_a_label_and_angles_are_in_degrees():
 )
 def test_a_dispersed_quantity_is_said_in_words(key, words):
     assert key_words(key) == words
+
+
+@pytest.mark.parametrize(
+    ("value", "digits", "below", "above"),
+    # 0.05 and 0.1 are printed as they were stated, though their doubles are a little above.
+    [
+        (0.046192420328, 4, "0.04619", "0.0462"),
+        (0.05, 4, "0.05", "0.05"),
+        (0.1, 2, "0.1", "0.1"),
+        (0.0831, 2, "0.083", "0.084"),
+        (12.1, 2, "12", "13"),
+        (9.999, 2, "9.9", "10"),
+        (-0.12345, 3, "-0.124", "-0.123"),
+        (0.0, 2, "0", "0"),
+        (math.inf, 3, "∞", "∞"),
+    ],
+)
+def test_a_bound_in_few_digits_is_on_its_side(value, digits, below, above):
+    assert (at_least(value, digits), at_most(value, digits)) == (below, above)

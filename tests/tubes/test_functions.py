@@ -17,7 +17,6 @@ from flighttune.plants.lagged import LaggedChannel
 from flighttune.theory import exact
 from flighttune.tubes import forms, proof
 from flighttune.tubes.dynamics import SampledLag
-from flighttune.tubes.enclosure import _rounded_up
 from flighttune.tubes.forms import Pieces, Quantity, combined
 from flighttune.tubes.interval import LARGEST_ANGLE, Interval, cosine, sine_and_cosine
 
@@ -308,7 +307,3 @@ def test_a_loop_is_settled_once_its_boxes_stay_within_the_last(end, wide):
     boxes[2, 3, end] = wide
 
     assert proof.settled_from(SimpleNamespace(reference=np.zeros((6, 7)), boxes=boxes)) == 3
-
-
-def test_a_bound_in_two_figures_is_not_below_it():
-    assert [_rounded_up(x) for x in (0.0, 0.0831, 0.1, 12.1)] == ["0", "0.084", "0.1", "13"]
