@@ -455,6 +455,21 @@ def test_a_sure_no_supports_no_epsilon(band, box):
     assert (counted.epsilon, counted.supported) == (1.0, False)
 
 
+def test_each_of_several_fences_takes_its_part_of_the_confidence_and_any_can_decide(
+    band, box, tmp_path
+):
+    """Of 40 flights 6 may be outside: 4 leave the box, and all leave one of a metre."""
+    narrow = fence_file(tmp_path / "n.geojson", [(n, e / 30.0) for n, e in BOX])
+    wide, tight = (json.loads(file.read_text()) for file in (box, narrow))
+
+    assert not band.with_fence(wide).decided
+    for first, last in ((wide, tight), (tight, wide)):
+        both = band.with_fence(first).with_fence(last)
+        assert both.decided
+        assert both.confidence == pytest.approx(1.0 - 3 * 0.1)
+        assert "0.7 (shared by the band and 2 fences)" in both.sentence
+
+
 def test_a_fence_needs_one_start_for_all_flights(band, box):
     """Starts are drawn over 4.4 km; waypoints in m make the same path about each of them."""
     plan = json.loads(json.dumps(band.about.plan))
