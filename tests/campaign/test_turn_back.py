@@ -184,26 +184,35 @@ def test_a_climb_and_a_descent_after_detection_both_take_room(turning):
         assert room[:, 1].tolist() == [0.0, 0.0, 7.0, 7.0]
 
 
-def made_up(kind, plan, signals, away):
-    """A count of seven flights that come this far to either side, m."""
+def made_up(kind, plan, signals, away, middle=(0.0, 0.0)):
+    """A count of seven flights that come this far to either side of a middle, m."""
     flights = flights_of(plan, kind.of, len(signals), 7)
-    half = np.tile(away, (len(flights.edges) - 1, 1))
+    half, about_m = (np.tile(x, (len(flights.edges) - 1, 1)) for x in (away, middle))
     about = About(
-        of=kind.of, signals=signals, coefficients=0.0 * half[None], half=half, predicted_from=None,
+        of=kind.of, signals=signals, coefficients=about_m[None], half=half, predicted_from=None,
         plan=plan.with_runs(17).as_dict(), learned=10, epsilon=0.3, confidence=0.9,
     )  # fmt: skip
-    extremes = np.tile(half[..., None] * [-1.0, 1.0], (7, 1, 1, 1)).astype(np.float32)
+    ends = about_m[..., None] + half[..., None] * [-1.0, 1.0]
+    extremes = np.tile(ends, (7, 1, 1, 1)).astype(np.float32)
     return kind(about=about, flights=flights, extremes=extremes, wind=np.zeros((7, 0)))
 
 
-def test_volumes_are_over_the_ground_and_their_room_is_in_whole_metres():
-    """The start is 100 m above the ground, and the route climbs by 20 m."""
+@pytest.mark.parametrize(
+    ("away", "middle"),
+    [([5.0, 2.0], (0.0, 0.0)), ([3.0, 1.5], (2.0, 0.5)), ([3.0, 1.5], (-2.0, -0.5))],
+)
+def test_volumes_are_over_the_ground_and_their_room_is_in_whole_metres(away, middle):
+    """The start is 100 m above the ground, and the route climbs by 20 m.
+
+    The flights come 5 m to a side and 2 m up or down, at most.
+    """
     waypoints = [{"north_m": n, "east_m": 0.0, "up_m": n / 40.0} for n in (0.0, 800.0)]
     changes = {"route.waypoint": waypoints, "flight.ground_m": 900.0}
     plan = ft.flights("circuit", changes=changes).plan(plant="kinematic", gains="paper")
-    corridor = made_up(ft.Band, plan, {"cross_track": "m", "height_err": "m"}, [5.0, 2.0])
+    corridor = made_up(ft.Band, plan, {"cross_track": "m", "height_err": "m"}, away, middle)
     room = made_up(TurnBack, turning_back(plan, BANK), ROOM, [271.2, 3.4])
 
+    assert "at most 5 m wide to either side of the path, and 2 m high" in corridor.summary()[2]
     geography, contingency, buffer = (x[:3] for x in room.volumes(corridor).values())
     assert geography == pytest.approx((5.0, 98.0, 122.0), abs=CLIMBS)
     assert contingency == pytest.approx((277.0, 94.0, 126.0), abs=CLIMBS)
