@@ -94,6 +94,15 @@ def test_windows_of_values_that_last_to_the_next_sample_share_no_edge():
     assert high == pytest.approx([2.0, 5.0], rel=SINGLE)
 
 
+def test_a_signal_without_a_value_in_a_whole_window_may_have_had_any():
+    values = np.array([0.0, 1.0, np.nan, np.nan, np.nan, 3.0])[:, None]
+
+    low, high = np.moveaxis(window_extremes(values, np.array([0, 2, 4, 5]))[:, 0], -1, 0)
+
+    assert low == pytest.approx([0.0, -np.inf, 3.0], rel=SINGLE)
+    assert high == pytest.approx([1.0, np.inf, 3.0], rel=SINGLE)
+
+
 def test_windows_are_few_enough_for_memory():
     assert len(window_edges(1001, 1640, 2)) == shape_module.MAX_WINDOWS + 1
     assert 2 * 2 * 1_000_000 * (len(window_edges(1001, 1_000_000, 2)) - 1) <= 2**27
