@@ -1,5 +1,6 @@
 """The words of a distribution of flights: what a claim is about, with ranges and units."""
 
+import numpy as np
 import pytest
 from dispersed import AEROSONDE, WIND, campaign_of, one_of, plan_of, tables_of, uniform
 
@@ -152,3 +153,25 @@ def test_a_flight_of_others_than_those_counted_is_named_with_both_values(
     assert bool(said) == bool(differs)
     if "fault" in differs:
         assert not flights.not_counted(other, "jsbsim:aerosonde", name, FAULTS)
+
+
+@pytest.mark.parametrize(
+    ("chi", "gamma", "away"),
+    [
+        ((-1.0, 3.0), (-2.0, 2.0), 2.0),
+        ((-1.0, 4.0), (-2.0, 2.0), None),
+        ((-2.0, 3.0), (-2.0, 2.0), None),
+        ((-1.0, 3.0), (-2.0, 1.0), None),
+        ((-1.0, 3.0), (-3.0, 2.0), None),
+        ((-1.0, 3.0), (-3.0, 3.0), None),
+    ],
+)
+def test_starts_have_one_range_where_they_go_as_far_to_every_side(chi, gamma, away):
+    """The scenario starts at a course of 1 deg and a path angle of 0."""
+    starts = {"flight.chi_deg": chi, "flight.gamma_deg": gamma}
+    flight = {"V_a_mps": 25.0, "duration_s": 4.0, "chi_deg": 1.0, "gamma_deg": 0.0}
+    drawn = distribution(*(uniform(key, *ends) for key, ends in starts.items()), flight=flight)
+    scenario = ft.scenario_from(tables_of((AEROSONDE,), flight=flight))
+
+    distance = drawn.start_range(scenario, scenario.plant[0])
+    assert distance == (None if away is None else pytest.approx(np.deg2rad(away)))
