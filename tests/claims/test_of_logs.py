@@ -109,6 +109,19 @@ def tuples(name):
     return lambda log: tuple(map(tuple, scaled(name)(log)))
 
 
+def own_scaled(monitor):
+    """A monitor whose logs miss less by the models that the others taught, and score less."""
+    return replace(
+        monitor,
+        logs=tuple(
+            replace(log, score=0.01 * log.score, peaks=(
+                *log.peaks[:i], tuple(0.01 * np.array(log.peaks[i])), *log.peaks[i + 1 :]
+            ))
+            for i, log in enumerate(monitor.logs)
+        ),
+    )  # fmt: skip
+
+
 OLD = {"digest": lambda _: "", "moments": lambda _: (), "peaks": lambda _: ()}
 FORGERIES = {
     "a log each four times": (lambda m: replace(m, logs=4 * m.logs), "5 among 20"),
@@ -128,6 +141,7 @@ FORGERIES = {
         lambda m: changed(m, limits=lambda x: tuple(scaled("limits")(x)), peaks=tuples("peaks")),
         "largest residuals of",
     ),
+    "scores and own residuals": (lambda m: own_scaled(m), "largest residuals of"),
     "weights": (
         lambda m: changed(
             m, models=lambda x: tuple(replace(y, weights=(*y.weights[:-1], 0.2)) for y in x.models)
@@ -263,10 +277,20 @@ def test_a_log_is_judged_by_others_alone_and_an_alarm_takes_all_of_them(noisy):
     monitor, signals = ft.monitor(*noisy), noisy[4].signals
     wanted = 0.5 * np.sin(signals["phi"]) + 0.1 * signals["p"]
 
-    def alarm(noise):
+    def louder(noise):
         r = wanted + noise * (signals["r"] - wanted)
-        return monitor.alarm(replace(noisy[4], signals=signals.assign(r=r)))
+        return replace(noisy[4], signals=signals.assign(r=r))
+
+    def alarm(noise):
+        return monitor.alarm(louder(noise))
 
     assert monitor.logs[4].score == pytest.approx(0.06 / 0.022, rel=0.5)
     # By what the four others teach it alarms at 1.5 times its noise, with its own limit not.
     assert [alarm(noise) is not None for noise in (1.0, 1.5, 4.0)] == [False, False, True]
+    # The noise grows: each of the five alarms at its own time, all of them at that of the last.
+    growing = louder(8.0 * T / SECONDS)
+    times = [watch.alarm(growing).at_s for watch in monitor.watches]
+    assert len({*times}) > 1
+    assert monitor.alarm(growing).at_s == max(times)
+    score = monitor.on(growing).signals["alarm_score"]
+    assert T[np.argmax(score > 1.0)] == pytest.approx(max(times))
