@@ -23,6 +23,7 @@ import flighttune as ft
 from flighttune.campaign.counted_flights import distribution_of, plan_in, room_of, turning_back
 from flighttune.campaign.counting import flights_of
 from flighttune.campaign.flying.rows import fly_group
+from flighttune.campaign.mission import MissionOdds
 from flighttune.claims.band import ROOM, TurnBack, TurnRoom
 from flighttune.claims.counted import About
 from flighttune.references.maps import Volume, volumes_geojson
@@ -213,6 +214,9 @@ def test_volumes_are_over_the_ground_and_their_room_is_in_whole_metres(away, mid
     room = made_up(TurnBack, turning_back(plan, BANK), ROOM, [271.2, 3.4])
 
     assert "at most 5 m wide to either side of the path, and 2 m high" in corridor.summary()[2]
+    said = MissionOdds(band=corridor, room=room, files={}).answer()
+    assert said.values["confidence"] == pytest.approx(1.0 - 0.1 - 0.1)
+    assert "at a confidence of 0.8 for all that is said here" in said.summary[1]
     geography, contingency, buffer = (x[:3] for x in room.volumes(corridor).values())
     assert geography == pytest.approx((5.0, 98.0, 122.0), abs=CLIMBS)
     assert contingency == pytest.approx((277.0, 94.0, 126.0), abs=CLIMBS)
