@@ -99,6 +99,18 @@ def test_a_recount_finds_a_flight_that_differs(counted):
             ft.verify(counted, count=WITH_FIVE + 1, pool=pool)
 
 
+def test_a_recount_finds_a_flight_that_had_another_wind():
+    drawn = uniform("wind.speed_mps", 0.0, 8.0), uniform("wind.from_deg", 0.0, 360.0)
+    plan = small_plan(*drawn, plants=[AEROSONDE], wind=WIND)
+    counted = count(plan, predicted_from="wind", flights=ALONE)
+    wind = counted.wind.copy()
+    wind[3, 1] += 1e-3
+
+    with flown_here(counting) as pool:
+        for band, found in ((counted, []), (replace(counted, wind=wind), [10 + 3])):
+            assert differing(band, band.draws.tolist(), pool) == found
+
+
 def test_the_page_of_a_band_says_why_flights_did_not_complete(counted, tmp_path):
     extremes = counted.extremes.copy()
     extremes[3] = np.float32([-np.inf, np.inf])
