@@ -238,6 +238,14 @@ def test_several_fences_of_several_kinds_hold_at_once(tmp_path):
     assert limits_of(kml, zone, other) == pytest.approx(expected, abs=SCAN_STEP)
 
 
+def test_the_highest_of_several_floors_and_the_lowest_ceiling_hold(tmp_path):
+    deep = fence_file(tmp_path / "a.geojson", BOX, min_up_m=-20.0, max_up_m=60.0)
+    high = fence_file(tmp_path / "b.geojson", BOX, min_up_m=-5.0, max_up_m=100.0)
+    for files in ((deep, high), (high, deep)):
+        fence = read_fence(deep, ORIGIN, fence_tables(files))
+        assert (fence.low, fence.high) == (-5.0, 60.0)
+
+
 @pytest.mark.parametrize(
     ("polygons", "circles", "says"),
     [
