@@ -10,6 +10,7 @@ from plans import SLOPE, item, plan_file, terrain, waypoint
 from scipy.stats import binom, binomtest
 
 import flighttune as ft
+from flighttune.campaign import counting
 
 # the fewest flights that can support a claim of the band and its fence: 0.7^9 <= 0.1 / 2
 FEW = ("--epsilon", 0.3, "--confidence", 0.9, "--flights", 9)
@@ -258,6 +259,43 @@ def test_the_air_of_a_mission_may_be_that_of_another_campaign(tmp_path):
 
     assert "calm air" in band.sentence or "wind" not in band.sentence
     assert band.half_widths.max() < 0.5  # m: in calm air the circuit is flown within 0.2 m
+
+
+@pytest.mark.parametrize(
+    ("least", "said"),
+    [
+        ((15.0, 15.0), "With `--set flight.V_a_mps=18` these 2 complete."),  # 0.9 times is first
+        ((15.0, 21.0), "With `--set flight.V_a_mps=22` these 2 complete."),
+        ((23.0, 15.0), "With `--set flight.V_a_mps=24` these 2 complete."),
+        ((15.0, 99.0), "They do not complete with 0.8, 0.9, 1.1, 1.2 times the airspeed"),
+    ],
+)
+def test_a_change_is_said_with_which_all_flights_that_ended_early_complete(
+    tmp_path, monkeypatch, least, said
+):
+    """Flights of 20 m/s of which two complete from an airspeed on."""
+    made_up_flights(monkeypatch, lost_every=4)
+    flown = counting._flown
+
+    def with_endings(pool, *args, **options):
+        ended = [{"run": run, "status": "stall", "reason": "slow"} for run in (15, 19)]
+        pool.progress.endings[:] = ended
+        return flown(pool, *args, **options)
+
+    def rows(_pool, plan, runs, **_):
+        V = plan.scenario.flight.V_a_mps
+        return [
+            {"run": run, "status": "completed" if V >= at_least else "stall"}
+            for run, at_least in zip(runs, least, strict=True)
+        ]
+
+    monkeypatch.setattr("flighttune.campaign.mission.WorkerPool.in_order", rows)
+    monkeypatch.setattr(counting, "_flown", with_endings)
+    legs = [{"north_m": n, "east_m": 0.0} for n in (0.0, 600.0)]
+    changes = {"route.waypoint": legs, "flight.V_a_mps": 20.0}
+    odds = ft.mission("circuit_in_wind", changes=changes, workers=1)
+
+    assert odds.way.startswith(said)
 
 
 @pytest.mark.soak
