@@ -115,9 +115,10 @@ def test_the_sag_of_edges_and_the_overlap_of_windows_take_room(
     assert room.limits[0, 0, 1] == pytest.approx(right, abs=SCAN_STEP)
 
 
-def test_a_needle_between_the_lines_that_a_turn_spreads_is_met(tmp_path):
+@pytest.mark.parametrize("turns", [1.0, -1.0])
+def test_a_needle_between_the_lines_that_a_turn_spreads_is_met(tmp_path, turns):
     """Lines across a circle of 200 m, `SCAN_STEP` apart on it, are 3.5 times as far apart there."""
-    circles = Waypoint(north=0.0, east=0.0, turns=1.0, radius=200.0)
+    circles = Waypoint(north=0.0, east=0.0, turns=turns, radius=200.0)
     path = plan([Waypoint(north=-600.0, east=0.0), circles], ABILITY)
     north, east, _, _ = path.at(SCAN_STEP * np.arange(path.length / SCAN_STEP))
     top = int(north.argmax())
@@ -330,6 +331,19 @@ def test_a_long_edge_follows_its_parallel(tmp_path):
 def bent_path():
     corners = [(0, 0), (600, 0), (700, 500), (200, 700), (-300, 300)]
     return plan([Waypoint(north=n, east=e) for n, e in corners], ABILITY)
+
+
+def test_the_nearest_edge_is_named_by_its_zone_whatever_zones_come_before(tmp_path):
+    leg = plan([Waypoint(north=0.0, east=0.0), Waypoint(north=800.0, east=0.0)], ABILITY)
+    box, triangle = ((-50, -90), (-50, 90), (900, 90), (900, -90)), ((9, 60), (9, 80), (99, 70))
+    for i, zones in enumerate(([SQUARE], [triangle, SQUARE], [triangle, triangle[::-1], SQUARE])):
+        apart = [[(n + 150 * k, e) for n, e in zone] for k, zone in enumerate(zones[:-1])]
+        rings = [box, *apart, zones[-1]]
+        fence = read_fence(fence_file(tmp_path / f"{i}.geojson", *rings), ORIGIN)
+        nearest = fence.nearest(leg)
+        named = (nearest["edge"], nearest["side"])
+        assert named == (f"edge 1 of zone {len(zones)}", "right")
+        assert nearest["margin_m"] == pytest.approx(25.0, abs=0.05)
 
 
 def test_the_margin_of_a_path_is_the_distance_that_shapely_finds(tmp_path):
