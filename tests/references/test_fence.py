@@ -286,6 +286,13 @@ def test_px4_stays_inside_at_least_one_area_and_ardupilot_inside_all(tmp_path, o
         fence(3, BOX, ahead)
     with pytest.raises(ft.InputError, match=r"areas .* must overlap"):
         fence(12, BOX, apart)
+    # four areas around a hole, which is in none of them
+    west, east = ([(-50, e), (-50, e + 50), (900, e + 50), (900, e)] for e in (-30, 60))
+    south, north = ([(n, -30), (n, 110), (n + 400, 110), (n + 400, -30)] for n in (-50, 500))
+    around = fence(12, west, east, south, north)
+    assert around.outside == (False, True)
+    hole = around.rings[1]
+    assert (*hole.min(axis=0), *hole.max(axis=0)) == pytest.approx((350, 20, 500, 60), abs=0.01)
 
 
 def test_long_edges_that_cross_in_their_middle_are_refused(tmp_path):

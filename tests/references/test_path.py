@@ -221,15 +221,23 @@ def test_every_way_out_of_a_refusal_is_one():
         plan(rows, replace(narrow, **{keys[key]: value}))
 
 
-def test_circles_that_take_the_height_go_down_by_five_degrees_at_most():
-    circle = Waypoint(north=1500, east=0, up=-200.0, turns=1.0, radius=200.0, spiral=True)
-    path = plan([Waypoint(north=0, east=0), circle, Waypoint(north=0, east=900, up=-200)], AROUND)
-    leg, down, _ = path.stretches
+@pytest.mark.parametrize(
+    ("up", "gamma", "steepest"),
+    [(-200.0, AROUND.gamma, 5.0), (-200.0, (-2.0 * DEG, 0.2), 2.0), (200.0, (-0.2, 3.0 * DEG), 3.0)],
+)
+def test_circles_take_the_height_by_five_degrees_at_most_and_by_what_the_aircraft_can(
+    up, gamma, steepest
+):
+    circle = Waypoint(north=1500, east=0, up=up, turns=1.0, radius=200.0, spiral=True)
+    ends = Waypoint(north=0, east=0), Waypoint(north=0, east=900, up=up)
+    path = plan([ends[0], circle, ends[1]], replace(AROUND, gamma=gamma))
+    leg, circles, _ = path.stretches
 
-    assert (leg.gamma, down.gamma) == (0.0, pytest.approx(-5.0 * DEG, rel=0.4))
-    assert -5.0 * DEG <= down.gamma
-    assert down.length >= 200.0 / math.tan(5.0 * DEG)
-    assert down.length <= 200.0 / math.tan(5.0 * DEG) + 1.2 * math.tau * 200.0
+    assert (leg.gamma, circles.gamma > 0.0) == (0.0, up > 0.0)
+    assert abs(circles.gamma) == pytest.approx(steepest * DEG, rel=0.4)
+    assert abs(circles.gamma) <= steepest * DEG
+    least = 200.0 / math.tan(steepest * DEG)
+    assert least <= circles.length <= least + 1.2 * math.tau * 200.0
 
 
 def test_a_circle_by_time_takes_it_and_less_than_a_turn_more():
