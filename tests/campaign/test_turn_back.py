@@ -168,6 +168,16 @@ def test_the_areas_are_as_wide_as_they_say_or_wider():
             assert area.contains(points(south["lon2"], south["lat2"]))
 
 
+def test_volumes_are_written_in_decimetres_and_not_smaller():
+    where = ft.route("circuit").where
+    written = volumes_geojson(where, {"a": Volume(50.02, 3.58, 9.01, "x")})
+
+    sizes = json.loads(written)["features"][0]["properties"]
+    assert (sizes["width_m"], sizes["min_over_ground_m"], sizes["max_over_ground_m"]) == (
+        50.1, 3.5, 9.1,
+    )  # fmt: skip
+
+
 def test_the_room_is_around_the_flight_geography_down_to_the_ground():
     room = TurnRoom(from_route=300.0, height=6.0)
 
