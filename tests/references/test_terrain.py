@@ -123,6 +123,17 @@ def test_the_ground_is_that_of_a_plane_between_posts_on_a_grid_of_another_projec
     assert above - level == pytest.approx(0.2 * 0.9996 * aside, abs=0.1)
 
 
+def test_posts_that_are_stored_in_other_steps_have_their_heights(tmp_path):
+    """GDAL: a height is the number that is stored times the scale, plus the offset."""
+    rasterio = pytest.importorskip("rasterio")
+    file, places = terrain(tmp_path / "t.tif"), np.array([[47.4, 8.5], [47.41, 8.51]])
+    with rasterio.open(file, "r+") as data:
+        data.scales, data.offsets = (0.5,), (150.0,)
+
+    stored = [ground(lat) for lat, _ in places]
+    assert ground_heights(file, places) == pytest.approx(0.5 * np.array(stored) + 150.0, abs=1e-6)
+
+
 def test_a_place_outside_of_the_raster_is_named(tmp_path):
     file = plan_file(tmp_path / "m.plan", *PATROL[:3], waypoint(47.4, 8.6, 60))
     words = "mission", file, "--plan", "--terrain", terrain(tmp_path / "t.tif")
