@@ -148,6 +148,11 @@ SETTLED = {
         step(T - 2.0, LAG) + step(T - 10.0, LAG),
         math.log(10.0) * LAG,
     ),
+    "two steps, the first settles later": (
+        1.0 * (T >= 2.0) + (T >= 10.0),
+        step(T - 2.0, LAG) + step(T - 10.0, 0.2),
+        math.log(10.0) * LAG,
+    ),
     "a step before it has settled": (
         (T >= 2.0) - 1.0 * (T >= 3.0),
         step(T - 2.0, LAG) - step(T - 3.0, LAG),
