@@ -176,6 +176,18 @@ def test_settling_counts_from_the_end_of_a_change_to_5_percent_of_it(ref, error,
     assert found.settling_s == pytest.approx(settled, abs=SAMPLING, nan_ok=True)
 
 
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_path_angle_that_gives_way_is_held_against_the_one_that_is_given(side):
+    """Of 0.1 rad asked for 0.05 are given, and 0.04 are flown."""
+    angles = {"gamma_ref": 0.1 * side, "gamma_given": 0.05 * side}
+    error = np.full_like(T, (0.1 - 0.04) * side)
+
+    given = measures(run_of(0.0 * T, error, **angles))["gamma"]
+    assert given["end_error"] == pytest.approx(0.05 - 0.04)
+    del angles["gamma_given"]
+    assert measures(run_of(0.0 * T, error, **angles))["gamma"]["end_error"] == pytest.approx(0.06)
+
+
 def test_effort_and_time_at_limits_are_those_of_the_command():
     phi_limited = np.where(T < 3.0, 2.0, np.where(T < 4.5, 1.0, 0.0))
     run = run_of(
