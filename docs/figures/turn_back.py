@@ -20,6 +20,7 @@ from flighttune.campaign.counted_flights import plan_in
 from flighttune.campaign.counting import load_counted
 from flighttune.campaign.flying.rows import fly_group
 from flighttune.claims.band import Band, TurnBack
+from flighttune.scenario.load import scenario_of
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
 MORE = ("--flights", "208")  # of the X8 more flights are lost than 93 allow
@@ -80,9 +81,9 @@ def judged(name: str, folder: Path, flights: int) -> str:
         if flown.status != "completed":
             lost += 1
             continue
-        turn = scenario.turn_back
+        turn = scenario_of(flown).turn_back  # it may have begun in level flight
         assert turn is not None  # each of these flights turns back
-        signals = flown.signals[["north", "east", "down"]].to_numpy()[flown.t >= turn.detected_s]
+        signals = flown.signals[["north", "east", "down"]].to_numpy()[flown.t >= turn.found_s]
         beside, bearing = width * np.sqrt(rng.random()), rng.uniform(0.0, 2.0 * np.pi)
         place = [np.interp(turn.at_m, along, x) for x in (*line.T, path[:, 2])]
         places = place + (signals - signals[0]) * (1.0, 1.0, -1.0)

@@ -216,6 +216,8 @@ def turning_back(plan: Plan, stated: str | float) -> Plan:
         "roll_rate_dps": phi_rate,
         "place": pd.DataFrame(places).to_dict("records"),
     }
+    if np.any(gamma):  # an aircraft may have no steady flight on a slope that it can fly
+        table["or_level"] = True
     tables = nominal.as_dict() | {"turn_back": table, "expect": []}
     del tables["route"]
     if planned.reference.holds_airspeed:
@@ -232,10 +234,13 @@ def turning_back(plan: Plan, stated: str | float) -> Plan:
 
 
 def room_of(run: Run, turn_back: TurnBackTable) -> FloatArray:
-    """How far a flight came from its route since it detected, shape (samples, 2), as in `ROOM`."""
+    """How far a flight came from its route since it detected, shape (samples, 2), as in `ROOM`.
+
+    Samples begin `detected_s` before it detected, also of a flight that flew longer until then.
+    """
     _, north, east, *_ = turn_back.columns
     position = run.signals[["north", "east", "down"]].to_numpy()
-    i = int(np.searchsorted(run.t, turn_back.detected_s))
+    i = int(np.searchsorted(run.t, turn_back.found_s))
     moved = position - position[i]
     places = cKDTree(np.column_stack([north, east]))
     # The place of detection is put where it is on the route. The distance to the nearest place is
@@ -243,4 +248,5 @@ def room_of(run: Run, turn_back: TurnBackTable) -> FloatArray:
     from_route, _ = places.query(moved[:, :2] + turn_back.here[1:3])
     room = np.column_stack([from_route, np.abs(moved[:, 2])])
     room[:i] = 0.0
-    return np.maximum.accumulate(room)
+    longer = i - int(np.searchsorted(run.t, turn_back.detected_s))
+    return np.maximum.accumulate(room)[longer:]

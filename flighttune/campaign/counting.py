@@ -29,6 +29,7 @@ from flighttune.planning.plan import Plan
 from flighttune.planning.source import Flights
 from flighttune.present.names import why_ended
 from flighttune.references.follow import SAME_PLACE, RouteReference
+from flighttune.scenario.load import scenario_of
 from flighttune.scenario.schema import Scenario
 from flighttune.simulate.run import ERRORS, SIGNAL_UNITS, Run, given_way
 
@@ -413,7 +414,9 @@ def _extremes(
     elif model is not None:
         flown = residuals_of(model, run, start_condition(scenario))  # from each sample to the next
     elif scenario.turn_back is not None and [*ROOM] == signals:
-        flown = counted_flights.room_of(run, scenario.turn_back)
+        begun = scenario_of(run).turn_back  # it may have begun in level flight
+        assert begun is not None  # as the scenario that it was drawn in
+        flown = counted_flights.room_of(run, begun)
     else:
         flown = run.signals[signals].to_numpy()
     values = np.ravel(shapes.window_extremes(flown, samples)).tolist()

@@ -386,6 +386,10 @@ class TurnRoom(NamedTuple):
 ENDED = {"no_trim": "without a steady flight at their start"}
 
 
+# How flights that turn back begin where their route has slopes.
+BEGUN = "begun in steady flight or, where there is none on a slope, in level flight before it"
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class TurnBack(counted.Counted):
     """A count of how far flights come that turn back at any place of their route."""
@@ -402,7 +406,8 @@ class TurnBack(counted.Counted):
     def summary(self) -> str:
         """The room in a line of a mission's answer, or why none is claimed."""
         if self.claims:
-            return f"Turning back takes {self.room.from_route:.0f} m beyond it."
+            begun = f" Its flights are {self.begun}." if self.begun else ""
+            return f"Turning back takes {self.room.from_route:.0f} m beyond it.{begun}"
         ended = "".join(
             f", {row['count']} of them {ENDED.get(row['status'], row['status'].replace('_', ' '))}"
             for row in counted_endings(self.endings)
@@ -426,10 +431,16 @@ class TurnBack(counted.Counted):
 
     @property
     def _leaves(self) -> str:
+        begun = f", {self.begun}," if self.begun else ""
         return (
-            f"that turns back goes further than {self.room.from_route:.0f} m beyond the flight "
-            f"geography in any direction, or {self.room.height:.0f} m above or below it,"
+            f"that turns back{begun} goes further than {self.room.from_route:.0f} m beyond the "
+            f"flight geography in any direction, or {self.room.height:.0f} m above or below it,"
         )
+
+    @property
+    def begun(self) -> str:
+        """How flights begin on slopes, in words; empty without slopes, or of flighttune 0.4.0."""
+        return BEGUN if self.table.or_level else ""
 
     def volumes(self, corridor: Band) -> dict[str, Volume]:
         """The volumes around the route that these flights turn back from."""

@@ -28,7 +28,7 @@ from flighttune.flight.own import LawMaker, PlantMaker, with_own
 from flighttune.plants.base import N_X_SIGNALS, AirPathPlant, GuardedPlant, Plant, follows_at_once
 from flighttune.plants.point_mass import PointMassPlant, PoweredPointMass
 from flighttune.plants.weather import WIND, WindRecord
-from flighttune.scenario.load import as_arguments
+from flighttune.scenario.load import as_arguments, from_level
 from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import TUNED, PlantTable
 from flighttune.simulate.loop import LOOP_SIGNALS, simulate
@@ -231,7 +231,7 @@ def fly_alone(
         source = wind_run.provenance.plant
         reason = f"the wind is that of {source}, which did not fly: {wind_run.reason}"
         return _without_samples(origin(gains), wind_run.status, reason)
-    return fly_once(
+    run = fly_once(
         scenario,
         plant_of(table, scenario, wind),
         gains,
@@ -240,6 +240,11 @@ def fly_alone(
         lead=conditions.lead_on(scenario, table),
         progress=progress,
     )
+    turns = scenario.turn_back
+    if run.status == "no_trim" and turns is not None and turns.or_level and turns.sloped_s is None:
+        others = {"wind_run": wind_run, "progress": progress}
+        return fly_alone(from_level(scenario), table, gains, gains_name, **others)
+    return run
 
 
 def steady_wind(scenario: Scenario) -> WindRecord | None:

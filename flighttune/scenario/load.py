@@ -343,6 +343,18 @@ def scenario_of(run: Run) -> Scenario:
     return scenario_from(dict(run.provenance.scenario))
 
 
+def from_level(scenario: Scenario) -> Scenario:
+    """A flight that turns back, begun in level flight; laws and plants keep their classes."""
+    turns, tables = scenario.turn_back, scenario.as_dict()
+    assert turns is not None  # what does not turn back begins as it is stated
+    wind = (0.0, 0.0)
+    if scenario.wind is not None:
+        wind = scenario.wind.profile().at(turns.here[5])[:2]
+    tables["turn_back"]["sloped_s"] = turns.time_on_slope(*wind)
+    kept = {"law": scenario.law, "plant": scenario.plant}
+    return scenario_from(tables).model_copy(update=kept)
+
+
 def gains_notes(runs: Iterable[Run]) -> list[str]:
     """`Scenario.gains_notes` of the gains that runs flew, each once."""
     notes: dict[str, None] = {}

@@ -21,12 +21,13 @@ from shapely.geometry import shape
 
 import flighttune as ft
 from flighttune.campaign.counted_flights import distribution_of, plan_in, room_of, turning_back
-from flighttune.campaign.counting import flights_of
+from flighttune.campaign.counting import drawn, flights_of
 from flighttune.campaign.flying.rows import fly_group
 from flighttune.campaign.mission import MissionOdds
 from flighttune.claims.band import ROOM, TurnBack, TurnRoom
 from flighttune.claims.counted import About
 from flighttune.references.maps import Volume, volumes_geojson
+from flighttune.scenario.load import scenario_of
 
 BANK, SPEED, G = 30.0, 25.0, 9.81
 
@@ -44,6 +45,9 @@ WRITTEN = 0.002
 
 # m: a climb is rounded within its ends
 CLIMBS = 0.3
+
+# s and m: path angles change within seconds
+ON_SLOPE, HEIGHTS = 2.5, 5.0
 
 FEW = {"epsilon": 0.3, "confidence": 0.9, "learn": 10, "flights": 7, "workers": 1}
 
@@ -125,12 +129,117 @@ def test_a_circle_turns_once(turning):
     assert np.rad2deg(np.ptp(run.signals["chi"])) == pytest.approx(360.0, abs=1.0)
 
 
+@pytest.mark.parametrize(("at_m", "sign"), [(500.0, 1.0), (900.0, 1.0), (900.0, -1.0)])
+def test_a_flight_from_level_flight_is_on_the_slope_as_long_as_on_its_route(at_m, sign):
+    """By hand: 300 m level, then a leg of 7 in 100."""
+    corners = [(0.0, 0.0), (300.0, 0.0), (1300.0, 70.0 * sign)]
+    waypoints = [{"north_m": n, "east_m": 0.0, "up_m": up} for n, up in corners]
+    changes = {"route.waypoint": waypoints, "flight.h_m": 1100.0}
+    plan = turning_back(ft.flights("circuit", changes=changes).plan(plant="kinematic"), BANK)
+    steady, run = flown(plan, at_m=at_m), flown(plan, at_m=at_m, sloped_s=(at_m - 300.0) / SPEED)
+    rooms, (run, table) = [room_of(*steady), room_of(*run)], run
+
+    found = int(np.searchsorted(run.t, table.found_s))
+    gamma = np.rad2deg(run.signals["gamma"].to_numpy())
+    slope = sign * np.rad2deg(np.arctan(0.07))
+    assert gamma[0] == pytest.approx(0.0, abs=1e-6)
+    assert gamma[found] == pytest.approx(slope, abs=0.1)
+    half = np.abs(gamma[: found + 1]) > 0.5 * abs(slope)
+    sloped = np.sum(half) / (len(half) - 1) * run.t[found]
+    assert sloped == pytest.approx((at_m - 300.0) / SPEED, abs=ON_SLOPE)
+    h = 1100.0 + 0.07 * sign * (at_m - 300.0)
+    assert table.here[5] == pytest.approx(h, abs=CLIMBS)
+    start = scenario_of(run).flight.h_m
+    assert start - run.signals["down"].to_numpy()[found] == pytest.approx(h, abs=HEIGHTS)
+    # the point mass has one airspeed: it needs the same room, and in the same samples
+    assert rooms[1] == pytest.approx(rooms[0], abs=FLOWN)
+    assert np.rad2deg(np.ptp(run.signals["chi"])) == pytest.approx(180.0, abs=1.0)
+
+
+def test_only_flights_of_a_route_with_slopes_may_begin_level():
+    def start(up):
+        legs = [{"north_m": n, "east_m": 0.0, "up_m": up * n} for n in (0.0, 800.0)]
+        plan = ft.flights("circuit", changes={"route.waypoint": legs}).plan(plant="kinematic")
+        return turning_back(plan, BANK).as_dict()["nominal"]["turn_back"].get("or_level")
+
+    assert [start(0.0), start(0.02)] == [None, True]
+
+
+@pytest.fixture(scope="module")
+def steep(tmp_path_factory):
+    """A leg down by 6 deg, on which the Aerosonde gets faster at a closed throttle."""
+    up = np.tan(np.deg2rad(6.0)) * 900.0
+    legs = [(0.0, up), (200.0, up), (1100.0, 0.0), (1300.0, 0.0)]
+    north = (Geodesic.WGS84.Direct(47.4, 8.5, 0.0, s)["lat2"] for s, _ in legs)
+    rows = [waypoint(lat, 8.5, 80.0 + h) for lat, (_, h) in zip(north, legs, strict=True)]
+    return plan_file(tmp_path_factory.mktemp("steep") / "down.plan", *rows)
+
+
+def test_a_flight_without_steady_flight_comes_to_its_place_as_its_mission_does(steep):
+    mission = drawn(ft.flights(steep, aircraft="aerosonde"), None, None, "wind", None)
+    plan = turning_back(mission, BANK)
+    values = {**plan.values_of(0), "turn_back.at_m": 950.0}
+    scenario = plan.dispersed(values, 0)
+    back = fly_group(plan, scenario, plan.groups[0])
+    begun = scenario_of(back).turn_back
+    of_mission = {k: v for k, v in values.items() if not k.startswith("turn_back.")}
+    whole = fly_group(
+        mission, mission.dispersed(mission.values_of(0) | of_mission, 0), mission.groups[0]
+    )
+
+    assert (back.status, whole.status) == ("completed", "completed")
+    slope = whole.t[whole.signals["along"].between(200.0, 950.0)]
+    assert begun.sloped_s == pytest.approx(np.ptp(slope), abs=ON_SLOPE)
+    around = np.abs(whole.signals["along"] - 950.0) < 2.0 * SPEED
+    there = np.abs(back.t - begun.found_s) < 2.0
+    V = whole.signals["V_a"][around].mean()
+    assert V > SPEED + SPEEDS  # it got faster
+    assert back.signals["V_a"].to_numpy()[there].mean() == pytest.approx(V, abs=SPEEDS)
+    h = scenario_of(back).flight.h_m - back.signals["down"].to_numpy()[there].mean()
+    assert h == pytest.approx(begun.here[5], abs=HEIGHTS)
+
+
+def test_flights_of_older_files_begin_in_steady_flight_and_those_that_have_one_stay_the_same(steep):
+    """Files of flighttune 0.4.0 do not have the key."""
+    plan = turning_back(ft.flights(steep, aircraft="aerosonde").plan(kind="jsbsim"), BANK)
+
+    def runs(at_m):
+        now = plan.dispersed({**plan.values_of(0), "turn_back.at_m": at_m}, 0)
+        tables = now.as_dict()
+        del tables["turn_back"]["or_level"]
+        return [fly_group(plan, x, plan.groups[0]) for x in (ft.scenario_from(tables), now)]
+
+    assert [run.status for run in runs(950.0)] == ["no_trim", "completed"]
+    pd.testing.assert_frame_equal(*(run.signals for run in runs(100.0)), check_exact=True)
+
+
+@pytest.mark.soak
+@pytest.mark.usefixtures("few_learned")
+def test_the_room_of_a_mission_with_a_steep_leg_is_claimed_of_all_its_flights(steep, tmp_path):
+    few = ("--epsilon", 0.3, "--confidence", 0.9)
+    out = tmp_path / "d.npz"
+    told = answer(
+        "mission", steep, "--aircraft", "aerosonde", "--turn-back", 30, *few, "--out", out
+    )
+    room = ft.load(told["room"])
+
+    assert room.claims
+    assert not room.endings
+    plan = plan_in(room.about).with_runs(int(room.draws[-1]) + 1)
+    runs = [fly_group(plan, plan.scenario_of(x), plan.groups[0]) for x in room.draws.tolist()]
+    assert any(scenario_of(run).turn_back.sloped_s is not None for run in runs)
+    condition = "or, where there is none on a slope, in level flight before it"
+    assert condition in told["turn_back"]["sentence"]
+    assert condition in room.summary
+    assert answer("verify", told["room"])["valid"]
+
+
 def test_draws_are_at_all_places_and_to_both_sides(turning):
-    drawn = turning.parameters(0, 400)
+    values = turning.parameters(0, 400)
 
     length = ft.route("circuit").length
-    assert set(drawn["turn_back.side"]) == {-1, 1}
-    counts, _ = np.histogram(drawn["turn_back.at_m"], bins=4, range=(0.0, length))
+    assert set(values["turn_back.side"]) == {-1, 1}
+    counts, _ = np.histogram(values["turn_back.at_m"], bins=4, range=(0.0, length))
     assert counts.min() > 60
 
 
