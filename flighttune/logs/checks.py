@@ -408,7 +408,14 @@ class Verdicts(NamedTuple):
 
 def judged(given: Given, dt: float) -> Verdicts:
     """Sentences on columns that others contradict, that are unlike, and that cannot be told."""
-    now, said = _Judgement(given, dt), Verdicts([], [], set())
+    said = Verdicts([], [], set())
+    # Telemetry has zeros where an autopilot sends no rates.
+    silent = [x for x in given if KIND.get(x) == "rate" and not np.nan_to_num(given[x]).any()]
+    for name in silent:
+        said.notes.append(f"{name} is 0 throughout: it is taken as not measured")
+        said.columns.add(name)
+    given = {name: column for name, column in given.items() if name not in silent}
+    now = _Judgement(given, dt)
     _say_clock(said, now)
     for _ in range(MAX_CURES):
         if not now.broken:

@@ -121,7 +121,7 @@ def reproduce(
     outputs, findings = {}, []
     for k, name in enumerate(chosen):
         tell("items", k / len(chosen))
-        outputs[ITEMS[name]] = ITEMS[name].make(study)
+        outputs[name] = ITEMS[name].make(study)
     tell("items", 1.0)
     for k, name in enumerate(CLAIMS):
         tell("claims", k / len(CLAIMS))
@@ -130,7 +130,10 @@ def reproduce(
     parts = errata(study)
     text = [HEAD.rstrip(), *(f"## {part.title}\n\n{part.markdown()}" for part in parts)]
     with together(folder):
-        items = [(item, output, _written(item, output, folder)) for item, output in outputs.items()]
+        items = [
+            (ITEMS[name], output, _written(ITEMS[name], output, folder))
+            for name, output in outputs.items()
+        ]
         page = write_page(
             folder / "index.html",
             page_template("flighttune.paper", "page.html.jinja"),
