@@ -62,7 +62,7 @@ def test_a_page_of_a_recorded_run_states_the_claim_of_its_band_again(file, tmp_p
     made = answer("report", tmp_path / flown["recording"], "--out", tmp_path / "r.html")
 
     page = page_text(made["report"])
-    assert f"Counted band: {band.sentence}." in page
+    assert f"Counted band: {band.sentence}." in page.replace("</li><li>", " ")
     assert "in calm air; drawn at random: initial course -5 to 5 deg" in page
     assert page.count("counted band</span>") == 2  # a chart for each error
     assert any(band.sentence in note for note in made["notes"])
