@@ -26,6 +26,7 @@ from flighttune.campaign.statistics.intervals import share as interval_of
 from flighttune.control.linear_model import closed_loop
 from flighttune.control.margins import loop_margins
 from flighttune.flight.models import gain_set, linear_loop, linear_model, loop_measures
+from flighttune.metrics import measures
 from flighttune.reports.meet import write_meet_page
 
 pytestmark = pytest.mark.slow
@@ -278,6 +279,21 @@ def test_gains_that_never_settle_rank_behind_those_that_settle_late():
 
     assert np.isnan(never.checks[0][0].value)
     assert search.value(never) > search.value(paper)
+
+
+def test_the_largest_error_at_the_end_of_several_flights_counts(overshoot):
+    tables, law = overshoot.as_dict(), overshoot.laws[0]
+    short = scenario_from(tables | {"flight": tables["flight"] | {"duration_s": 3.0}})
+    ends = [
+        measures(flown(x, ft.PAPER_GAINS).runs[0])["chi"]["end_error"]
+        for x in (overshoot, short)
+    ]
+    assert ends[1] > 2.0 * ends[0]
+    for both in ((overshoot, short), (short, overshoot)):
+        with WorkerPool(1) as pool:
+            search = Search([flights_to_meet(x, x.law_tables[0]) for x in both], law, pool)
+            (trial,) = search.fly([ft.PAPER_GAINS])
+        assert trial.ends["chi"] == pytest.approx(max(ends), abs=1e-9)
 
 
 def test_unstable_and_known_candidates_are_not_flown(overshoot):
