@@ -10,8 +10,10 @@ from log_files import sampled, write_dataflash
 from scipy.stats import binomtest
 
 import flighttune as ft
-from flighttune.campaign.beside import Beside
+from flighttune.campaign import counting
+from flighttune.campaign.beside import Beside, _with_guidance, loops
 from flighttune.campaign.flying.rows import scenario_of_run
+from flighttune.logs.parameters import flown_now
 
 CORNERS = (0.0, 0.0), (500.0, 0.0), (700.0, 300.0)
 SHORT = {"route.waypoint": [{"north_m": n, "east_m": e} for n, e in CORNERS]}
@@ -81,6 +83,26 @@ def test_margins_are_those_of_a_frequency_response(beside):
     roll = beside.margins["yours"].records[0]
     assert roll["phase_margin_deg"] == pytest.approx(np.degrees(phase[crossing]) + 180.0, abs=0.5)
     assert roll["gain_increase"] == pytest.approx(1.0 / np.abs(L[turn]), rel=0.03)
+
+
+def test_margins_of_gains_on_a_route_are_those_with_its_look_ahead(file):
+    """``L = G (K_P s + K_I) (s + 1/T) / s^3``: the course that is wanted turns to the route in T."""
+    own = {"name": "own", "K_P": [[1.2, 0.0], [0.0, 1.2]], "K_I": [[0.9, 0.0], [0.0, 0.9]]}
+    stated = ft.flights("circuit_in_wind", changes={**SHORT, "gains": [own]})
+    now = flown_now(file, None)
+    plan = _with_guidance(counting.drawn(stated, None, "own", None, None), now)
+    T = plan.scenario.route.look_ahead_s
+    (lag, _) = ft.loop.load_identified("aerosonde").nearest(25.0, 0.0).lags
+    s = 1j * np.geomspace(1e-2, 60.0, 200_001)
+    second = s**2 / lag.natural_frequency**2 + 2.0 * lag.damping * s / lag.natural_frequency + 1.0
+    G = np.exp(-s * (lag.delay + 0.01)) / ((1.0 + s * lag.lag) * second)
+    L = G * (1.2 * s + 0.9) * (s + 1.0 / T) / s**3
+    crossing = np.flatnonzero((np.abs(L[:-1]) > 1.0) & (np.abs(L[1:]) <= 1.0))[-1]
+
+    roll = loops(plan, now)["ours"].records[0]
+
+    wanted = np.degrees(np.unwrap(np.angle(L))[crossing]) % 360.0 - 180.0
+    assert roll["phase_margin_deg"] == pytest.approx(wanted, abs=0.5)
 
 
 @pytest.mark.soak
