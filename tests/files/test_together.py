@@ -67,8 +67,9 @@ def test_an_answer_with_an_error_leaves_all_as_it_was_but_for_what_is_kept(folde
 
     def fails(*, keep):
         with whole.together(folder):
-            if keep:
+            if keep:  # one of these is not written
                 whole.keep_on_error(folder / "a.json")
+                whole.keep_on_error(folder / "c.json")
             whole.write_text(folder / "a.json", "long computed")
             whole.write_text(folder / "b.json", "new")
             raise ZeroDivisionError
