@@ -26,7 +26,13 @@ from flighttune.flight.load import scenario_and_gains
 from flighttune.flight.models import law_setup
 from flighttune.gaps.watch import FACTOR, LAG_S, SLOW, signals_of
 from flighttune.present.answer import Answer, Answering
-from flighttune.references.follow import APPROACH, LEAST_SHARE, STEEPEST_DIVE
+from flighttune.references.follow import (
+    APPROACH,
+    APPROACH_BESIDE,
+    LEAST_SHARE,
+    LEAST_SHARE_BESIDE,
+    STEEPEST_DIVE,
+)
 from flighttune.scenario.schema import Scenario
 from flighttune.units import G_0, G_PAPER
 
@@ -102,7 +108,7 @@ def c_source(
         gains=_comment(gains),
         notes="".join(f"\n * {_comment(note)}" for note in notes),
         version=__version__,
-        speed_priority=_speed_priority(g) if speed_priority or law.gains.airspeed else "",
+        speed_priority=_speed_priority(law.gains.airspeed, speed_priority, g),
         dt=_number(law.dt),
         lead_phi=_number(lead[0]),
         lead_n_z=_number(lead[1]),
@@ -131,11 +137,13 @@ def _of_pi(law: MimoPI, g: float) -> dict[str, Any]:
     }
 
 
-def _speed_priority(g: float) -> str:
-    """The path angle that gives way to the airspeed, in C."""
+def _speed_priority(channel: bool, beside: bool, g: float) -> str:
+    """The path angle that gives way to the airspeed, in C, where it does."""
+    if not (channel or beside):
+        return ""
     return Template((_FOLDER / "speed_priority.c").read_text(encoding="utf-8")).substitute(
-        priority_per_g=_number(APPROACH / g),
-        least_share=_number(LEAST_SHARE),
+        per_speed=_number(APPROACH / g) if channel else f"{_number(APPROACH_BESIDE)} / V_ref",
+        least_share=_number(LEAST_SHARE if channel else LEAST_SHARE_BESIDE),
         steepest_dive=_number(STEEPEST_DIVE),
         least_speed=_number(LEAST_SPEED),
         wind_s=_number(WIND_ESTIMATE_S),

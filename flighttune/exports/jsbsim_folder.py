@@ -40,7 +40,13 @@ from flighttune.plants.sensors import Sensors
 from flighttune.present.answer import Answer, Answering, printable
 from flighttune.present.frame import page_template
 from flighttune.references.feasible import FeasibleReference
-from flighttune.references.follow import APPROACH, LEAST_SHARE, STEEPEST_DIVE
+from flighttune.references.follow import (
+    APPROACH,
+    APPROACH_BESIDE,
+    LEAST_SHARE,
+    LEAST_SHARE_BESIDE,
+    STEEPEST_DIVE,
+)
 from flighttune.references.segments import Reference
 from flighttune.scenario.schema import Scenario
 from flighttune.simulate.run import Run
@@ -331,11 +337,15 @@ def _values(scenario: Scenario, setup: LawSetup, loop: OuterLoop, fdm: Fdm) -> d
             "ft/outer/n_x/beyond-stop": mimo_pi.BEYOND_STOP,
         }
     if scenario.speed_priority:
+        f = scenario.flight
+        share, per_g = LEAST_SHARE_BESIDE, APPROACH_BESIDE / f.V_a_mps
+        if scenario.airspeed:
+            share, per_g = LEAST_SHARE, APPROACH / f.g_mps2
         values |= {
-            "ft/outer/V-ref-mps": scenario.flight.V_a_mps,  # of a third channel it is sampled
-            "ft/outer/n_x/priority-per-g": APPROACH / scenario.flight.g_mps2,
+            "ft/outer/V-ref-mps": f.V_a_mps,  # of a third channel it is sampled
+            "ft/outer/n_x/priority-per-g": per_g,
             "ft/outer/n_x/steepest-dive": STEEPEST_DIVE,
-            "ft/outer/V-least-share": LEAST_SHARE,
+            "ft/outer/V-least-share": share,
         }
     commands = dict(zip(_COMMANDS, condition.commands(len(gains.inputs)), strict=False))
     for i, (command, start) in enumerate(commands.items()):

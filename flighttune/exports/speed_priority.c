@@ -4,7 +4,7 @@
 double ft_path_angle(double gamma_ref, double V_ref, double chi, double V_a, double n_x_most,
                      const double *wind)
 {
-    const double bound = n_x_most + ${priority_per_g} * (V_a - ${least_share} * V_ref);
+    const double bound = n_x_most + ${per_speed} * (V_a - ${least_share} * V_ref);
     const double sine = fmin(fmax(bound, ${steepest_dive}), 1.0), gamma = asin(sine);
     const double up = V_a * sine, level = V_a * cos(gamma), climb = up - wind[2];
     const double across = wind[1] * cos(chi) - wind[0] * sin(chi);

@@ -212,11 +212,14 @@ class Follower:
         return V[i] + min(s / STEP - i, 1.0) * rise, rise / STEP * forward
 
 
-# Share of its reference below which the airspeed shall not fall.
-LEAST_SHARE = 0.95
+# Share of its reference below which the airspeed of a third channel shall not fall, and the rate at
+# which it may approach that share, 1/s: docs/airspeed.md has its flights.
+LEAST_SHARE, APPROACH = 0.95, 0.35
 
-# Rate at which the airspeed may approach that share, 1/s: docs/airspeed.md has its flights.
-APPROACH = 0.35
+# The same beside two channels: in gusts a healthy aircraft with a slow engine falls through 0.95,
+# and its path would pay for that. The rate is in g/V: a faster one makes a jet swing, and a
+# slower one loses a slow aircraft in gusts.
+LEAST_SHARE_BESIDE, APPROACH_BESIDE = 0.875, 1.5
 
 # Sine of the steepest descent that is asked for in exchange for airspeed.
 STEEPEST_DIVE = -0.5
@@ -227,22 +230,27 @@ class AirspeedPriority:
 
     With n_x at most what the engines give, ``V' = g (n_x - sin(gamma))`` stays above
     ``-kappa (V - V_low)`` as long as ``sin(gamma) <= n_x + kappa (V - V_low) / g``, gamma through
-    the air: V then never falls through V_low, `LEAST_SHARE` of its reference. The path angle over
-    ground that is asked for is cut to that, in the wind that an aircraft knows. At the other stop
-    nothing is cut: a descent that is too steep costs some airspeed above the reference, and keeping
-    it would cost the path.
+    the air: V then never falls through V_low, a share of its reference. The path angle over ground
+    that is asked for is cut to that, in the wind that an aircraft knows. At the other stop nothing
+    is cut: a descent that is too steep costs some airspeed above the reference, and keeping it
+    would cost the path.
     """
 
-    # `V` (m/s): airspeed to hold where the reference has none, of a plant that holds it by itself.
-    def __init__(self, V: float, g: float, dt: float) -> None:
+    # `V` (m/s): the airspeed that a plant holds by itself, None where the reference has one.
+    def __init__(self, V: float | None, g: float, dt: float) -> None:
         self._wind = WindEstimate(dt)
-        self.numbers = V, APPROACH / g, self._wind.share
+        numbers = (
+            (0.0, APPROACH / g) if V is None else (LEAST_SHARE_BESIDE * V, APPROACH_BESIDE / V)
+        )
+        self.numbers = *numbers, self._wind.share
 
     def __call__(self, m: Measured, ref: ReferenceSample) -> ReferenceSample:
         """Return the reference of a sample; its path angle may be less than what was asked."""
         assert m.n_x is not None  # of a plant that shows n_x
-        V, per_g, _ = self.numbers
-        sine = steepest_sine(m.n_x[2], m.V_a, V if ref.V is None else ref.V, per_g)
+        V_low, per_g, _ = self.numbers
+        if ref.V is not None:
+            V_low = LEAST_SHARE * ref.V
+        sine = steepest_sine(m.n_x[2], m.V_a, V_low, per_g)
         wind = self._wind(m.wind)
         gamma = math.asin(sine) if wind is None else path_over_ground(m.chi, sine, m.V_a, wind)
         if ref.gamma <= gamma:
@@ -274,9 +282,9 @@ class Planner:
 # What follows is written so that Numba compiles it too.
 
 
-def steepest_sine(n_x_max: float, V_a: float, V: float, per_g: float) -> float:
+def steepest_sine(n_x_max: float, V_a: float, V_low: float, per_g: float) -> float:
     """Sine of the steepest path through the air that the engines bear, see `AirspeedPriority`."""
-    return min(max(n_x_max + per_g * (V_a - LEAST_SHARE * V), STEEPEST_DIVE), 1.0)
+    return min(max(n_x_max + per_g * (V_a - V_low), STEEPEST_DIVE), 1.0)
 
 
 def speed_over(north: float, east: float, dt: float) -> float:

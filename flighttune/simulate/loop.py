@@ -167,7 +167,8 @@ class Flight:
         if not isinstance(reference, FeasibleReference):
             airspeed = reference.airspeed(t)
         if airspeed or speed_priority:
-            priority = following.AirspeedPriority(condition.V_a, reference.g, dt)
+            held = None if airspeed else condition.V_a
+            priority = following.AirspeedPriority(held, reference.g, dt)
         if lead is not None and isinstance(reference, Reference) and reference.planned:
             plan = following.Planner(dt, reference.g)  # a route's follower has one of its own
         m = len(plant.limits.lower)

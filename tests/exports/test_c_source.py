@@ -201,7 +201,7 @@ def test_the_c_file_of_three_channels_keeps_to_limits_schedule_and_rates(wind, t
         now = measured(chi, gamma, phi, V_a, wind=wind, n_x=(0.0, least, most))
         airspeed = planned, V_ref, V_rate
         asked = ft.loop.ReferenceSample(chi_ref, gamma_ref, chi_rate, gamma_rate, *airspeed)
-        priority = AirspeedPriority(25.0, g, 0.02)
+        priority = AirspeedPriority(None, g, 0.02)
         sample = priority(now, asked)
         expected = law.step(now, sample, 0.0)
         values = [chi_ref, gamma_ref, V_ref, chi_rate, gamma_rate, V_rate, V_a]
@@ -291,7 +291,7 @@ def test_the_c_file_of_two_channels_gives_a_path_angle_way_to_the_airspeed(law, 
 
         angle = given(*numbers, (ctypes.c_double * 3)(*wind))
 
-        sine = n_x + 0.35 / 9.81 * (V_a - 0.95 * 25.0)
+        sine = n_x + 1.5 / 25.0 * (V_a - 0.875 * 25.0)
         across = wind[1] * math.cos(chi) - wind[0] * math.sin(chi)
         along = wind[0] * math.cos(chi) + wind[1] * math.sin(chi)
         forward = along + math.sqrt(V_a**2 * (1.0 - sine**2) - across**2)
