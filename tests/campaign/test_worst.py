@@ -177,6 +177,12 @@ def test_a_flight_outside_of_a_tube_contradicts_its_proof(proven):
     assert worst.answer().status == 1
     assert "contradicts its proof" in worst.answer().failure
 
+    other = made_up(chi_err_deg=15.0, gamma_deg=5.0, duration_s=0.3)
+    away = ft.worst(other, claim=tube, start_deg=5.0, gains="paper", budget=32, workers=1)
+    assert away.value > 1.0  # from a start that the tube says nothing of
+    assert tube.why_not(ft.fly(away.scenario).runs[0])
+    assert not away.contradicts
+
 
 @pytest.mark.slow
 def test_a_tube_has_flights_and_metric_of_its_own(proven):

@@ -3,6 +3,7 @@
 import json
 import pickle
 import shutil
+from itertools import permutations
 
 import dispersed
 import pytest
@@ -231,3 +232,14 @@ def test_gains_stay_tuned_on_the_aircraft_where_the_law_alone_flies():
 
     (law,), (there,) = alone.gain_sets.values(), aircraft.gain_sets.values()
     assert law.as_lists() == there.as_lists()
+
+
+@pytest.mark.parametrize("design", ["random", "latin_hypercube", "sobol"])
+def test_a_key_has_the_same_draws_wherever_it_stands_among_others(design):
+    tables = [{**SPEED, "key": key} for key in KEYS]
+    draws = [
+        plan_of(*order, design=design, runs=16).parameters(0, 8)[KEYS]
+        for order in permutations(tables)
+    ]
+
+    assert all(other.equals(draws[0]) for other in draws)
