@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 import flighttune as ft
-from flighttune.certificates.exact_rate import Sampling, exact_rates
+from flighttune.certificates.exact_rate import ExactRate, Sampling, exact_rates
 from flighttune.control.inner_loop import MAX_SAMPLED
+from flighttune.identification.file import design_model
 
 # Share of the true rate that must be proven.
 TARGET = 0.99
@@ -27,6 +28,17 @@ def certified(scenario):
 @pytest.fixture
 def mission():
     return certified("mission")
+
+
+def test_a_norm_may_grow_by_the_ratio_of_its_longest_to_its_shortest_axis():
+    """By hand: of ``sqrt(s' Q s)``, s in the units, the axes are ``units / sqrt(Q)`` long."""
+    condition = ft.loop.load_identified("aerosonde").conditions[0]
+    law = design_model(condition, g=9.81).law_model  # all states count alike
+    units, Q = np.array([1.0, 3.0, 1.0, 0.5]), np.diag([1.0, 4.0, 1.0, 16.0])
+    axes = units / np.sqrt(np.diag(Q))
+
+    growth = ExactRate(rate=1.0, Q=Q, units=units).growth(law)
+    assert growth == pytest.approx(axes.max() / axes.min())
 
 
 @pytest.mark.counts

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from made_up import made_up_run, made_up_scenario
 
-from flighttune.flight.flown import check_claim
+from flighttune.flight.flown import BoundCheck, ClaimCheck, Counts, check_claim
 
 T = np.linspace(0.0, 10.0, 101)
 
@@ -206,3 +206,16 @@ def test_every_requirement_is_met_or_missed_or_was_not_flown(expect, counts):
     assert [check.flown for check in claim.bounds] == [
         check.run == runs[0].label for check in claim.bounds
     ]
+
+
+def test_a_bound_above_a_measure_of_one_run_is_none_of_another():
+    """Of both bounds of a, the lower is no poor one; b has no other."""
+    bounds = tuple(
+        BoundCheck(run=run, subject="chi", measure="MO_deg", sense=sense, bound=2.0, value=2.0)
+        for run, sense in (("a", "at_least"), ("a", "at_most"), ("b", "at_least"))
+    )
+    counts = Counts(requirements=2, met=2), Counts(requirements=1, met=1)
+    claim = ClaimCheck(verdict="met", counts=counts, bounds=bounds, missed=())
+
+    assert [check.run for check in claim.lower] == ["b"]
+    assert claim.short == "Claim met: 3 of 3 requirements (1 lower bound)"
