@@ -86,7 +86,7 @@ def test_margins_are_those_of_a_frequency_response(beside):
 
 
 def test_margins_of_gains_on_a_route_are_those_with_its_look_ahead(file):
-    """``L = G (K_P s + K_I) (s + 1/T) / s^3``: the course that is wanted turns to the route in T."""
+    """``L = G (K_P s + K_I) (s + 1/T) / s^3``: the course wanted turns to the route in T."""
     own = {"name": "own", "K_P": [[1.2, 0.0], [0.0, 1.2]], "K_I": [[0.9, 0.0], [0.0, 0.9]]}
     stated = ft.flights("circuit_in_wind", changes={**SHORT, "gains": [own]})
     now = flown_now(file, None)

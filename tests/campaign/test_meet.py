@@ -285,8 +285,7 @@ def test_the_largest_error_at_the_end_of_several_flights_counts(overshoot):
     tables, law = overshoot.as_dict(), overshoot.laws[0]
     short = scenario_from(tables | {"flight": tables["flight"] | {"duration_s": 3.0}})
     ends = [
-        measures(flown(x, ft.PAPER_GAINS).runs[0])["chi"]["end_error"]
-        for x in (overshoot, short)
+        measures(flown(x, ft.PAPER_GAINS).runs[0])["chi"]["end_error"] for x in (overshoot, short)
     ]
     assert ends[1] > 2.0 * ends[0]
     for both in ((overshoot, short), (short, overshoot)):

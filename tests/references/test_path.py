@@ -223,7 +223,11 @@ def test_every_way_out_of_a_refusal_is_one():
 
 @pytest.mark.parametrize(
     ("up", "gamma", "steepest"),
-    [(-200.0, AROUND.gamma, 5.0), (-200.0, (-2.0 * DEG, 0.2), 2.0), (200.0, (-0.2, 3.0 * DEG), 3.0)],
+    [
+        (-200.0, AROUND.gamma, 5.0),
+        (-200.0, (-2.0 * DEG, 0.2), 2.0),
+        (200.0, (-0.2, 3.0 * DEG), 3.0),
+    ],
 )
 def test_circles_take_the_height_by_five_degrees_at_most_and_by_what_the_aircraft_can(
     up, gamma, steepest
