@@ -126,3 +126,14 @@ def test_wind_is_linear_between_levels_and_constant_beyond():
 
     assert winds[2] == pytest.approx((2.5, 1.0, 0.25))
     assert [winds[i] for i in (0, 1, 3, 4)] == [low, low, high, high]
+
+
+@pytest.mark.parametrize(
+    ("begin", "first"), [(0.0, 0), (0.05, 3), (0.06, 3), (0.061, 4), (0.14, 7), (0.3, 10)]
+)
+def test_a_late_error_is_there_from_its_time_on_and_not_before(begin, first):
+    """Samples are 0.02 s apart; 0.14 / 0.02 is a little more than 7 in floats."""
+    errors = ft.loop.Sensors(late=(begin, 2.0)).errors(10, 0.02)
+
+    assert errors[:, 2].tolist() == [0.0] * first + [2.0] * (10 - first)
+    assert not errors[:, :2].any()
