@@ -412,3 +412,17 @@ def test_a_plan_knows_its_code_and_draws_none(folder):
     (folder / "campaign.toml").write_text(textwrap.dedent(hidden))
     with pytest.raises(ft.ScenarioError, match=r"must not name .*code"):
         ft.load_campaign(folder / "campaign.toml")
+
+
+@pytest.mark.parametrize("runs", [code.Runs.NAMED, code.Runs.ANY])
+def test_a_file_that_now_has_the_contents_of_another_one_that_may_run_is_refused(tmp_path, runs):
+    file, other = tmp_path / "a.py", tmp_path / "b.py"
+    file.write_text("x = 1\n")
+    other.write_text("x = 2\n")
+    planned, _ = (code.named_sha256(x, "[[law]]") for x in (file, other))
+
+    with code.running(runs):
+        assert code.ask(str(file), planned, "[[law]]") == b"x = 1\n"
+        file.write_bytes(other.read_bytes())
+        with pytest.raises(ft.ScenarioError, match="a.py has other contents now"):
+            code.ask(str(file), planned, "[[law]]")
