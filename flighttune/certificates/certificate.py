@@ -306,7 +306,7 @@ class Certificate(Answering):
             words += ", where lags and commands count by the rate that they cause"
         for error, box in zip(self.gains.errors, self.boxes, strict=False):
             words += f"; {box.sentence(error)}"
-        if claim.radius is None:
+        if claim.radius is None or claim.L_d is None:
             return words
         return (
             f"{words}; under a disturbance whose derivative is at most "

@@ -165,7 +165,7 @@ class LagBox:
     def sentence(self, error: str) -> str:
         """The claim in words."""
         words = f"{error} {self.place} decays at {at_least(self.rate, 6)} 1/s if that is constant, "
-        if self.norm_rate is None:
+        if self.norm_rate is None or self.growth is None:
             return f"{words}and at no proven rate if it changes"
         return (
             f"{words}and in a norm at {at_least(self.norm_rate, 6)} 1/s, with a growth of at most "

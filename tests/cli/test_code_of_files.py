@@ -424,5 +424,5 @@ def test_a_file_that_now_has_the_contents_of_another_one_that_may_run_is_refused
     with code.running(runs):
         assert code.ask(str(file), planned, "[[law]]") == b"x = 1\n"
         file.write_bytes(other.read_bytes())
-        with pytest.raises(ft.ScenarioError, match="a.py has other contents now"):
+        with pytest.raises(ft.ScenarioError, match=r"a\.py has other contents now"):
             code.ask(str(file), planned, "[[law]]")

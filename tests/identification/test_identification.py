@@ -248,3 +248,14 @@ def test_the_table_of_the_page_is_what_the_shipped_files_say():
             digits = ("order", 0), ("bandwidth_rad_s", 1), ("delay_s", 3), ("fit_percent", 1)
             shipped.append([f"{lag[key]:.{places}f}" for key, places in digits])
     assert [list(row[3:]) for row in told] == shipped
+
+
+def test_the_nearest_condition_is_on_the_side_of_the_path_angle_that_is_asked():
+    model = ft.loop.load_identified("aerosonde")
+    (first, *_) = model.conditions
+    sides = tuple(first.model_copy(update={"gamma": gamma}) for gamma in (-0.1, 0.1))
+    for conditions in (sides, sides[::-1]):
+        both = model.model_copy(update={"conditions": conditions})
+        assert [both.nearest(25.0, x).gamma for x in (-0.3, -0.02, 0.02, 0.3)] == [
+            *(-0.1, -0.1, 0.1, 0.1)
+        ]

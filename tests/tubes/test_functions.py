@@ -307,3 +307,14 @@ def test_a_loop_is_settled_once_its_boxes_stay_within_the_last(end, wide):
     boxes[2, 3, end] = wide
 
     assert proof.settled_from(SimpleNamespace(reference=np.zeros((6, 7)), boxes=boxes)) == 3
+
+
+@pytest.mark.parametrize("at", range(4))
+def test_bounds_for_ever_hold_at_every_sample_of_both_rounds(at):
+    """Two samples after the last one, then two of the second round; the first is within these."""
+    after_end, passed = np.zeros((2, 4, 2)), np.zeros((4, 4, 2))
+    passed[:2] = [-9.0, 9.0]
+    later = (after_end, passed)[at // 2]
+    later[at, :, 0], later[at, :, 1] = -3.0, 2.0
+
+    assert proof.for_ever(after_end, passed).tolist() == [[-3.0, 2.0]] * 4
