@@ -193,3 +193,15 @@ def test_a_new_scenario_rolls_in(tmp_path):
     answer("new", "mine", "--aircraft", "c172p", cwd=tmp_path)
 
     assert ft.load_scenario(tmp_path / "mine.toml").rolls_in
+
+
+def test_the_corner_that_is_rounded_by_the_most_is_told():
+    corners = [(0.0, 0.0), (900.0, 0.0), (1400.0, 900.0), (0.0, 1400.0)]
+    legs = [{"north_m": north, "east_m": east} for north, east in corners]
+    planned = ft.route("circuit", changes={"route.waypoint": legs})
+    path = planned.reference.path
+    away = [np.hypot(path.north - n, path.east - e).min() for n, e in corners[1:-1]]
+
+    assert max(away) > min(away) + 1.0
+    (said,) = (note for note in planned.changed if "rounds the corners" in note)
+    assert f"passes their waypoints at up to {max(away):.0f} m." in said
