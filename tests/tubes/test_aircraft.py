@@ -331,3 +331,13 @@ def check_conformant(case, seed):
 @few_or_many(5, 250)
 def test_no_flight_in_the_boxes_leaves_the_tube(count):
     check_cases(check_conformant, conformant(), count)
+
+
+def test_a_box_begins_at_its_sample_whatever_the_rounding_of_its_time():
+    band = counted_boxes(flight(duration_s=0.4))
+    edges, wider = band.flights.edges, 1.0 + np.arange(len(band.about.half))
+    grown = replace(band, about=replace(band.about, half=band.about.half * wider[:, None]))
+
+    for rounding in (-1e-12, 0.0, 1e-12):
+        high = grown.bounds(edges[:-1] + rounding).high
+        assert high == pytest.approx(grown.half_widths)
