@@ -26,12 +26,12 @@ import running
 from flighttune.control.gains import PAPER_GAINS, paper_family
 from flighttune.control.limits import Limits
 from flighttune.control.mimo_pi import MimoPI
-from flighttune.plants.base import FlightCondition
-from flighttune.plants.point_mass import PointMassPlant
-from flighttune.references.segments import Reference
-from flighttune.simulate.batch import SIGNALS, fly_sampled
-from flighttune.simulate.disturbance import Sinusoid
-from flighttune.simulate.loop import simulate
+from flighttune.flight.loop.batch import SIGNALS, fly_sampled
+from flighttune.flight.loop.disturbance import Sinusoid
+from flighttune.flight.loop.loop import simulate
+from flighttune.routes.segments import Reference
+from flighttune.vehicles.plants.base import FlightCondition
+from flighttune.vehicles.plants.point_mass import PointMassPlant
 
 DT, DURATION = 0.01, 20.0
 T = np.arange(round(DURATION / DT) + 1) * DT
@@ -55,8 +55,8 @@ import numpy as np
 from flighttune.control.controller import FlightCondition
 from flighttune.control.gains import PAPER_GAINS
 from flighttune.control.mimo_pi import MimoPI
-from flighttune.simulate.batch import fly_sampled
-from flighttune.simulate.disturbance import Sinusoid
+from flighttune.flight.loop.batch import fly_sampled
+from flighttune.flight.loop.disturbance import Sinusoid
 law = MimoPI(PAPER_GAINS, dt=0.01)
 started = time.perf_counter()
 condition, still = FlightCondition(V_a=25.0), [Sinusoid()]

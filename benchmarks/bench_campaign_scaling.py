@@ -28,7 +28,7 @@ import psutil
 import pyarrow.parquet as pq
 import running
 
-from flighttune.campaign.engine.flyer import THREADS
+from flighttune.campaigns.engine.flyer import THREADS
 
 RUNS, LOWEST = 24 if running.QUICK else 2000, 0.9
 LOOK_S = 0.02 if running.QUICK else 0.5
@@ -61,9 +61,9 @@ KEYS = (
 )
 PLAIN = """
 import json, sys, time
-from flighttune.planning.source import load_campaign
-from flighttune.planning.plan import plan_campaign
-from flighttune.campaign.flying.rows import fly_runs, warm_up
+from flighttune.campaigns.planning.source import load_campaign
+from flighttune.campaigns.planning.plan import plan_campaign
+from flighttune.campaigns.flying.rows import fly_runs, warm_up
 plan = plan_campaign(load_campaign(sys.argv[1]))
 warm_up(plan)
 print("ready", flush=True)

@@ -20,7 +20,7 @@ import running
 
 from flighttune import load_scenario
 from flighttune.flight.conditions import manoeuvre_of
-from flighttune.references.feasible import Manoeuvre, feasible_reference
+from flighttune.routes.feasible import Manoeuvre, feasible_reference
 
 MOST = 1.05
 PRICE = 1.0

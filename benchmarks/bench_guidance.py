@@ -15,9 +15,9 @@ import running
 import flighttune as ft
 from flighttune.flight.conditions import command_limits, reference_of, start_condition
 from flighttune.flight.fly import plant_of
+from flighttune.flight.loop.loop import simulate
 from flighttune.flight.models import gain_sets, law_setup
-from flighttune.references.follow import RouteReference
-from flighttune.simulate.loop import simulate
+from flighttune.routes.follow import RouteReference
 
 MAX_CROSS_TRACK = 8.0
 SHARE = 60.0 / 90.0  # course towards the path far from it, over 90 deg, in the vector field

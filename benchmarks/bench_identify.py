@@ -15,11 +15,11 @@ from pathlib import Path
 
 import running
 
-from flighttune.identification.fit import DT, identify_plant
-from flighttune.plants.base import FlightCondition
-from flighttune.plants.jsbsim.fdm import Fdm
-from flighttune.plants.jsbsim.plant import JSBSimPlant
-from flighttune.plants.jsbsim.trim import trim
+from flighttune.vehicles.identification.fit import DT, identify_plant
+from flighttune.vehicles.plants.base import FlightCondition
+from flighttune.vehicles.plants.jsbsim.fdm import Fdm
+from flighttune.vehicles.plants.jsbsim.plant import JSBSimPlant
+from flighttune.vehicles.plants.jsbsim.trim import trim
 
 LONGEST_S = 10.0
 REPEATS = 1 if running.QUICK else 3

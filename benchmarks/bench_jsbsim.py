@@ -16,21 +16,27 @@ import time
 import running
 
 from flighttune import load_scenario, scenario_from
-from flighttune.aircraft.aircraft import load_aircraft
+from flighttune.base.files.shipped import scenario_files
 from flighttune.control.exact_law import ExactLaw
 from flighttune.control.gains import PIGains
-from flighttune.files.shipped import scenario_files
 from flighttune.flight.conditions import reference_of, start_condition
 from flighttune.flight.fly import aircraft_table, fly_alone
+from flighttune.flight.loop.loop import COMPILED_FROM, Flight, simulate
+from flighttune.flight.metrics import measures
 from flighttune.flight.models import gain_set
-from flighttune.metrics import measures
-from flighttune.plants.base import FlightCondition
-from flighttune.plants.jsbsim.fdm import Fdm
-from flighttune.plants.jsbsim.plant import JSBSimPlant
-from flighttune.plants.jsbsim.trim import trim
-from flighttune.plants.weather import Gust, OscillatingWind, Turbulence, Weather, WindProfile
-from flighttune.scenario.schema import Scenario
-from flighttune.simulate.loop import COMPILED_FROM, Flight, simulate
+from flighttune.flight.scenario.schema import Scenario
+from flighttune.vehicles.aircraft.aircraft import load_aircraft
+from flighttune.vehicles.plants.base import FlightCondition
+from flighttune.vehicles.plants.jsbsim.fdm import Fdm
+from flighttune.vehicles.plants.jsbsim.plant import JSBSimPlant
+from flighttune.vehicles.plants.jsbsim.trim import trim
+from flighttune.vehicles.plants.weather import (
+    Gust,
+    OscillatingWind,
+    Turbulence,
+    Weather,
+    WindProfile,
+)
 
 SECONDS, ROUTE_SECONDS = (5.0, 18.0) if running.QUICK else (60.0, 300.0)
 REPEATS = 1 if running.QUICK else 7

@@ -19,9 +19,9 @@ import numpy as np
 import running
 
 import flighttune as ft
-from flighttune.campaign.dataset import open_dataset
-from flighttune.planning.plan import plan_campaign
-from flighttune.planning.source import load_campaign
+from flighttune.campaigns.dataset import open_dataset
+from flighttune.campaigns.planning.plan import plan_campaign
+from flighttune.campaigns.planning.source import load_campaign
 
 BASE = "paper"
 LAWS = {

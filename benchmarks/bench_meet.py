@@ -17,11 +17,11 @@ from scipy.optimize import minimize
 
 import flighttune as ft
 from flighttune import Scenario, scenario_from
-from flighttune.campaign.engine.pool import WorkerPool
-from flighttune.campaign.meet import Search, flights_to_meet
-from flighttune.campaign.meeting import Trial
+from flighttune.campaigns.engine.pool import WorkerPool
 from flighttune.control.gains import PIGains
 from flighttune.flight.models import gain_set
+from flighttune.studies.meet import Search, flights_to_meet
+from flighttune.studies.meeting import Trial
 
 MOST_FLIGHTS = 100
 

@@ -16,10 +16,10 @@ import rerun as rr
 import running
 
 from flighttune.control.gains import PAPER_GAINS
-from flighttune.recording.entities import TIMELINE
-from flighttune.recording.record import write_recording
-from flighttune.records.parquet import load_recording, parquet_bytes
-from flighttune.simulate.run import SIGNAL_UNITS, Provenance, Run
+from flighttune.flight.loop.run import SIGNAL_UNITS, Provenance, Run
+from flighttune.flight.records.parquet import load_recording, parquet_bytes
+from flighttune.outputs.recording.entities import TIMELINE
+from flighttune.outputs.recording.record import write_recording
 
 DT = 0.02
 REPEATS = 1 if running.QUICK else 5

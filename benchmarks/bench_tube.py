@@ -21,15 +21,15 @@ import numpy as np
 import running
 
 import flighttune as ft
+from flighttune.base.units import DEG
+from flighttune.claims.tubes.enclosure import load_tube
+from flighttune.claims.tubes.problem import tube_problem
+from flighttune.claims.tubes.sample import LIFT
+from flighttune.claims.tubes.tube import flights_inside, tube_of
 from flighttune.flight.conditions import reference_of, start_condition
+from flighttune.flight.loop.loop import simulate
 from flighttune.flight.models import gain_set
-from flighttune.plants.point_mass import PointMassPlant
-from flighttune.simulate.loop import simulate
-from flighttune.tubes.enclosure import load_tube
-from flighttune.tubes.problem import tube_problem
-from flighttune.tubes.sample import LIFT
-from flighttune.tubes.tube import flights_inside, tube_of
-from flighttune.units import DEG
+from flighttune.vehicles.plants.point_mass import PointMassPlant
 
 ROWS = {
     "K*, start within 5 deg": ("paper", 5.0, 0.0, (5.3, 6.1), 0.03, 80.0, 1.1),

@@ -18,9 +18,9 @@ from flighttune.control.inner_loop import with_input_lag
 from flighttune.control.limits import Limits
 from flighttune.control.linear_model import kinematic_model
 from flighttune.control.margins import loop_margins
-from flighttune.tuning.problem import TuningProblem
-from flighttune.tuning.result import TuningResult
-from flighttune.tuning.tune import diagnosis, frontier, relaxed, tune_problem
+from flighttune.control.tuning.problem import TuningProblem
+from flighttune.control.tuning.result import TuningResult
+from flighttune.control.tuning.tune import diagnosis, frontier, relaxed, tune_problem
 
 SEEDS = range(1 if running.QUICK else 10)
 METHODS = {"gradient": tune_problem, "genetic": tune_by_evolution}

@@ -5,11 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from flighttune.arrays import FloatArray
+from flighttune.base.arrays import FloatArray
 from flighttune.control.linear_model import closed_loops
-from flighttune.theory.indicators import IndicatorArrays, indicators_batch
-from flighttune.tuning.problem import TuningProblem
-from flighttune.tuning.result import TuningResult, assessment, result
+from flighttune.control.theory.indicators import IndicatorArrays, indicators_batch
+from flighttune.control.tuning.problem import TuningProblem
+from flighttune.control.tuning.result import TuningResult, assessment, result
 
 # Box of the search where the problem has no tighter one: evolution needs a small one
 EVOLVED_GAIN = 10.0

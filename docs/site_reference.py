@@ -11,10 +11,10 @@ from figures.commands import helps
 from figures.formats import KEYS
 
 import flighttune
-from flighttune.aircraft.aircraft import AircraftConfig
-from flighttune.planning.schema import CampaignTable
-from flighttune.quantities import Table
-from flighttune.scenario.schema import Scenario
+from flighttune.base.quantities import Table
+from flighttune.campaigns.planning.schema import CampaignTable
+from flighttune.flight.scenario.schema import Scenario
+from flighttune.vehicles.aircraft.aircraft import AircraftConfig
 
 SHOWN = ("minimum", "exclusiveMinimum", "maximum", "exclusiveMaximum", "minLength", "minItems")
 SIGN = {

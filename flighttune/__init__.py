@@ -13,12 +13,12 @@ __version__ = "0.4.0"
 # Names that went into a module without being in its stub.
 MOVED = {
     "FlightEnv": "flighttune.gym",
-    "OutputError": "flighttune.errors",
-    "Provenance": "flighttune.simulate.run",
-    "Report": "flighttune.present.frame",
-    "ShapeError": "flighttune.errors",
-    "StoppedError": "flighttune.errors",
-    "TrimError": "flighttune.errors",
+    "OutputError": "flighttune.base.errors",
+    "Provenance": "flighttune.flight.loop.run",
+    "Report": "flighttune.base.answers.frame",
+    "ShapeError": "flighttune.base.errors",
+    "StoppedError": "flighttune.base.errors",
+    "TrimError": "flighttune.base.errors",
 }
 
 # What took the place of names that went.
@@ -61,7 +61,7 @@ def _checked(namespace: str, value: Any) -> Any:
 
     if not isinstance(value, FunctionType):
         return value
-    from flighttune.arguments import checked
+    from flighttune.base.arguments import checked
 
     call = checked(value)
     call.__module__ = namespace  # by which it is pickled

@@ -8,25 +8,25 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from flighttune.arrays import FloatArray
+from flighttune.base.arrays import FloatArray
+from flighttune.base.errors import InputError, ScenarioError, TrimError, need
+from flighttune.base.files import code
+from flighttune.base.files.table import validated
+from flighttune.base.units import DEG, wrap_angle
+from flighttune.campaigns.planning import plan, schema, source
 from flighttune.control.controller import FlightCondition, GuardedLaw, LawError
 from flighttune.control.gains import PIGains
-from flighttune.errors import InputError, ScenarioError, TrimError, need
-from flighttune.files import code
-from flighttune.files.table import validated
 from flighttune.flight.conditions import command_limits, lead_on
 from flighttune.flight.flown import FlownScenario
 from flighttune.flight.fly import manoeuvre, plant_of, provenance, steady_wind
+from flighttune.flight.loop.loop import Flight, Sample, step_of
+from flighttune.flight.loop.run import Run, RunStatus
 from flighttune.flight.models import gain_set, law_setup
 from flighttune.flight.own import with_own
-from flighttune.planning import plan, schema, source
-from flighttune.plants.base import N_X_SIGNALS, follows_at_once
-from flighttune.plants.jsbsim.plant import LARGEST_SEED
-from flighttune.scenario.schema import Scenario
-from flighttune.scenario.tables import ControllerTable, default_gains
-from flighttune.simulate.loop import Flight, Sample, step_of
-from flighttune.simulate.run import Run, RunStatus
-from flighttune.units import DEG, wrap_angle
+from flighttune.flight.scenario.schema import Scenario
+from flighttune.flight.scenario.tables import ControllerTable, default_gains
+from flighttune.vehicles.plants.base import N_X_SIGNALS, follows_at_once
+from flighttune.vehicles.plants.jsbsim.plant import LARGEST_SEED
 
 if TYPE_CHECKING or find_spec("gymnasium"):
     from gymnasium import Env, spaces

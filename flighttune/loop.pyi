@@ -1,5 +1,6 @@
 """The names of `flighttune.loop` and their modules."""
 
+from flighttune.base.errors import PlantError as PlantError
 from flighttune.control.controller import Controller as Controller
 from flighttune.control.controller import FlightCondition as FlightCondition
 from flighttune.control.controller import LawSetup as LawSetup
@@ -15,21 +16,20 @@ from flighttune.control.linear_model import LinearModel as LinearModel
 from flighttune.control.linear_model import closed_loop as closed_loop
 from flighttune.control.linear_model import kinematic_model as kinematic_model
 from flighttune.control.mimo_pi import MimoPI as MimoPI
-from flighttune.errors import PlantError as PlantError
+from flighttune.control.theory.indicators import Indicators as Indicators
+from flighttune.control.theory.indicators import indicators as indicators
+from flighttune.control.theory.indicators import indicators_batch as indicators_batch
+from flighttune.control.tuning.problem import TuningProblem as TuningProblem
+from flighttune.flight.metrics import channel_metrics as channel_metrics
+from flighttune.flight.metrics import flight_metrics as flight_metrics
 from flighttune.flight.models import tuning_problem as tuning_problem
-from flighttune.identification.file import load_identified as load_identified
-from flighttune.metrics import channel_metrics as channel_metrics
-from flighttune.metrics import flight_metrics as flight_metrics
-from flighttune.plants.base import COMMON_SIGNALS as COMMON_SIGNALS
-from flighttune.plants.base import Plant as Plant
-from flighttune.plants.base import Stop as Stop
-from flighttune.plants.jsbsim.plant import JSBSimPlant as JSBSimPlant
-from flighttune.plants.lagged import LaggedPlant as LaggedPlant
-from flighttune.plants.point_mass import PointMassPlant as PointMassPlant
-from flighttune.plants.point_mass import PoweredPointMass as PoweredPointMass
-from flighttune.plants.sensors import Sensors as Sensors
-from flighttune.references.segments import Reference as Reference
-from flighttune.theory.indicators import Indicators as Indicators
-from flighttune.theory.indicators import indicators as indicators
-from flighttune.theory.indicators import indicators_batch as indicators_batch
-from flighttune.tuning.problem import TuningProblem as TuningProblem
+from flighttune.routes.segments import Reference as Reference
+from flighttune.vehicles.identification.file import load_identified as load_identified
+from flighttune.vehicles.plants.base import COMMON_SIGNALS as COMMON_SIGNALS
+from flighttune.vehicles.plants.base import Plant as Plant
+from flighttune.vehicles.plants.base import Stop as Stop
+from flighttune.vehicles.plants.jsbsim.plant import JSBSimPlant as JSBSimPlant
+from flighttune.vehicles.plants.lagged import LaggedPlant as LaggedPlant
+from flighttune.vehicles.plants.point_mass import PointMassPlant as PointMassPlant
+from flighttune.vehicles.plants.point_mass import PoweredPointMass as PoweredPointMass
+from flighttune.vehicles.plants.sensors import Sensors as Sensors

@@ -4,9 +4,9 @@ import shutil
 
 from places import SHIPPED_AIRCRAFT
 
-from flighttune.aircraft.aircraft import load_aircraft, save_gains
-from flighttune.plants.jsbsim.fdm import Fdm
-from flighttune.plants.jsbsim.model_files import model_hash
+from flighttune.vehicles.aircraft.aircraft import load_aircraft, save_gains
+from flighttune.vehicles.plants.jsbsim.fdm import Fdm
+from flighttune.vehicles.plants.jsbsim.model_files import model_hash
 
 
 def fdm_of(aircraft, **settings):

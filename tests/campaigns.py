@@ -16,9 +16,9 @@ import psutil
 from airframes import changed_aerosonde
 
 import flighttune as ft
-from flighttune.campaign.engine import pool as pool_module
-from flighttune.campaign.flying.rows import fly_runs, rows_flown
-from flighttune.files.table import toml_text
+from flighttune.base.files.table import toml_text
+from flighttune.campaigns.engine import pool as pool_module
+from flighttune.campaigns.flying.rows import fly_runs, rows_flown
 
 SCENARIO = """
 title = "A short turn in wind"
@@ -147,7 +147,8 @@ def wait_until(condition, seconds=240.0):
 
 def flyers(process):
     """The processes that fly below one."""
-    return [p for p in children(process) if "flighttune.campaign.engine.server" in _command_line(p)]
+    server = "flighttune.campaigns.engine.server"
+    return [p for p in children(process) if server in _command_line(p)]
 
 
 def gone(processes):
@@ -244,8 +245,10 @@ def parts(out):
 def flown_here(module, rows=rows_flown):
     """Fly in this process, without workers."""
     # A module that is first imported meanwhile would keep the replaced class.
-    for name in ("band", "beside", "claims", "meet", "mission", "refly", "worst"):
-        import_module(f"flighttune.campaign.{name}")
+    for name in ("claims.verbs", "claims.verify", "claims.mission", "studies.beside"):
+        import_module(f"flighttune.{name}")
+    for name in ("meet", "refly", "worst"):
+        import_module(f"flighttune.studies.{name}")
 
     class Pool(pool_module.WorkerPool):
         def in_order(self, plan, runs, doing, **options):

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 import flighttune as ft
-from flighttune.simulate.run import SIGNAL_UNITS, Bounds, RunClaim
+from flighttune.flight.loop.run import SIGNAL_UNITS, Bounds, RunClaim
 
 SENTENCE = "of 9 flights 1 lies outside"
 

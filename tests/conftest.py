@@ -11,9 +11,9 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
-from flighttune.campaign.engine import pool
-from flighttune.campaign.engine.flyer import Flyer
-from flighttune.simulate.batch import cores
+from flighttune.campaigns.engine import pool
+from flighttune.campaigns.engine.flyer import Flyer
+from flighttune.flight.loop.batch import cores
 
 settings.register_profile("here", deadline=None, derandomize=True, database=None)
 settings.load_profile("here")

@@ -1,7 +1,7 @@
 """Plans of short flights for tests, without files: a scenario's tables and what is dispersed."""
 
 import flighttune as ft
-from flighttune.planning.schema import CampaignTable
+from flighttune.campaigns.planning.schema import CampaignTable
 
 SOFT = {"name": "soft", "K_P": [[0.8, 0.1], [-0.1, 0.9]], "K_I": [[0.4, 0.0], [0.0, 0.4]]}
 KINEMATIC = {"kind": "kinematic"}

@@ -20,8 +20,8 @@ from hypothesis import strategies as st
 from pydantic import BaseModel
 
 import flighttune as ft
-from flighttune.aircraft.aircraft import AircraftConfig
-from flighttune.planning.schema import CampaignTable
+from flighttune.campaigns.planning.schema import CampaignTable
+from flighttune.vehicles.aircraft.aircraft import AircraftConfig
 
 
 def first_or_all(cases):

@@ -85,7 +85,7 @@ def run(arguments, ends):
 
 def ended(folder, before, numbers, every, arguments):
     """What each end leaves: as it is, and after the next command has looked at the folder."""
-    from flighttune.files.whole import settle
+    from flighttune.base.files.whole import settle
 
     at = 0
     while True:

@@ -3,9 +3,9 @@
 import pandas as pd
 
 import flighttune as ft
-from flighttune.files.table import toml_text
-from flighttune.records.parquet import parquet_bytes
-from flighttune.simulate.run import Provenance
+from flighttune.base.files.table import toml_text
+from flighttune.flight.loop.run import Provenance
+from flighttune.flight.records.parquet import parquet_bytes
 
 
 def scenario_tables(**changes):

@@ -4,8 +4,8 @@ import numpy as np
 from dispersed import plan_of
 
 import flighttune as ft
-from flighttune.campaign.counting import flights_of
 from flighttune.claims.counted import About, BandFlights
+from flighttune.claims.counting import flights_of
 from flighttune.claims.distribution import Distribution
 from flighttune.gaps.residual import RESIDUALS
 from tests.made_up import made_up_scenario

@@ -4,8 +4,8 @@ import math
 
 import numpy as np
 
-from flighttune.aircraft.aircraft import OffNominal
-from flighttune.plants.jsbsim import properties
+from flighttune.vehicles.aircraft.aircraft import OffNominal
+from flighttune.vehicles.plants.jsbsim import properties
 
 FT, LBF = 0.3048, 4.4482216152605  # m, N
 MASS, MOTOR = 11.0, 120.0  # kg, N

@@ -9,7 +9,7 @@ import warnings
 import cvxpy as cp
 import numpy as np
 
-from flighttune.theory.lyapunov import lyapunov_solution
+from flighttune.control.theory.lyapunov import lyapunov_solution
 
 OPTIONS = {
     "solver": "CLARABEL",

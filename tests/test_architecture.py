@@ -11,16 +11,17 @@ import pytest
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "flighttune"
 ONLY_IN = {
-    "cvxpy": "theory/lmi.py",
-    "dask": "campaign/engine/cluster",
-    "distributed": "campaign/engine/cluster",
+    "cvxpy": "control/theory/lmi.py",
+    "dask": "campaigns/engine/cluster",
+    "distributed": "campaigns/engine/cluster",
     "gymnasium": "gym.py",
-    "jsbsim": "plants/jsbsim",
-    "numba": "simulate/kernel.py",
+    "jsbsim": "vehicles/plants/jsbsim",
+    "numba": "flight/loop/kernel.py",
     "pymavlink": "logs/read.py",
     "pyulog": "logs/read.py",
-    "rasterio": "references/raster.py",
-    "rerun": ("recording", "records/parquet.py"),  # a recording names the runs it was drawn from
+    "rasterio": "routes/raster.py",
+    # A recording names the runs it was drawn from.
+    "rerun": ("outputs/recording", "flight/records/parquet.py"),
 }  # a file, or the folder it may be used in
 
 

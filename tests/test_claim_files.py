@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import flighttune as ft
-from flighttune.certificates.exact_rate import exact_rates
-from tests.tubes.test_proof import claim_of, rewritten
+from flighttune.control.certificates.exact_rate import exact_rates
+from tests.claims.tubes.test_proof import claim_of, rewritten
 
 FILES = Path(__file__).parent / "files_of_0_3_0"
 

@@ -15,13 +15,13 @@ import pytest
 from fuzzing import EDGES, TEXTS, damaged, digit_changed, holder_of, places_in
 
 import flighttune as ft
-from flighttune.files.table import tables_of
-from flighttune.tubes.enclosure import load_tube
+from flighttune.base.files.table import tables_of
+from flighttune.claims.tubes.enclosure import load_tube
+from tests.claims.tubes.test_aircraft import flight
+from tests.claims.tubes.test_proof import arrays_of
+from tests.claims.tubes.test_soundness import all_stay, made_up, tube
 from tests.made_up import shortened
 from tests.made_up_band import counted_boxes
-from tests.tubes.test_aircraft import flight
-from tests.tubes.test_proof import arrays_of
-from tests.tubes.test_soundness import all_stay, made_up, tube
 
 SEED = 26
 FEW, MANY = 10, 1000
@@ -143,7 +143,7 @@ def no_flight_leaves(path, _):
 
 
 def its_flight_stays(path, _):
-    from flighttune.tubes.tube import flights_inside
+    from flighttune.claims.tubes.tube import flights_inside
 
     return flights_inside(load_tube(path))
 

@@ -47,9 +47,9 @@ def test_type_checkers_see_each_name_as_exported(namespace, stub):
         ("simulator", "$"),
         ("MimoPI", ": it is now flighttune.loop.MimoPI$"),
         ("PlantError", ": it is now flighttune.loop.PlantError$"),
-        ("StoppedError", ": it is now flighttune.errors.StoppedError$"),
+        ("StoppedError", ": it is now flighttune.base.errors.StoppedError$"),
         ("FlightEnv", ": it is now flighttune.gym.FlightEnv$"),
-        ("TrimError", ": it is now flighttune.errors.TrimError$"),
+        ("TrimError", ": it is now flighttune.base.errors.TrimError$"),
     ],
 )
 def test_a_name_that_is_not_there_says_where_it_went(name, now):

@@ -9,7 +9,7 @@ import pytest
 from commands import flighttune
 
 import flighttune as ft
-from flighttune.errors import EXTRAS, missing_extra, need
+from flighttune.base.errors import EXTRAS, missing_extra, need
 
 OPTIONAL = tomllib.loads((Path(__file__).parents[1] / "pyproject.toml").read_text())["project"][
     "optional-dependencies"
@@ -36,7 +36,7 @@ def test_only_what_is_missing_is_named(monkeypatch):
 @pytest.mark.slow
 def test_an_import_that_fails_inside_a_command_names_the_extra_too(monkeypatch, tmp_path):
     monkeypatch.setitem(sys.modules, "dask", None)
-    monkeypatch.setattr("flighttune.campaign.engine.cluster.need", lambda *_: None)
+    monkeypatch.setattr("flighttune.campaigns.engine.cluster.need", lambda *_: None)
 
     nobody = ("--scheduler", "tcp://127.0.0.1:1")
     _, said = flighttune("campaign", "first_campaign", *nobody, status=2, cwd=tmp_path)

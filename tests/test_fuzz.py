@@ -39,22 +39,22 @@ from places import SHIPPED_AIRCRAFT, SHIPPED_SCENARIOS
 from plans import HOME, PATROL, item, plan_file, terrain
 
 import flighttune as ft
-from flighttune.aircraft.aircraft import load_aircraft
-from flighttune.campaign.dataset import Dataset, open_dataset
+from flighttune.base.files.load import BLANK, DIGITS, MARK, seal
+from flighttune.base.files.table import tables_of
+from flighttune.campaigns.dataset import Dataset, open_dataset
 from flighttune.control.margins import loop_margins
-from flighttune.files.load import BLANK, DIGITS, MARK, seal
-from flighttune.files.table import tables_of
 from flighttune.flight.load import route_scenario
+from flighttune.flight.loop.run import Provenance
 from flighttune.flight.models import law_model
 from flighttune.flight.route import planned_route
-from flighttune.identification.file import design_model
+from flighttune.gaps.compare import load_source
 from flighttune.logs.parameters import flown_now
-from flighttune.plants.jsbsim.trim import trim_table
-from flighttune.records.compare import load_source
-from flighttune.references.fence import fence_tables, read_fence
-from flighttune.references.maps import ground_at
-from flighttune.references.mission import read_route
-from flighttune.simulate.run import Provenance
+from flighttune.routes.fence import fence_tables, read_fence
+from flighttune.routes.maps import ground_at
+from flighttune.routes.mission import read_route
+from flighttune.vehicles.aircraft.aircraft import load_aircraft
+from flighttune.vehicles.identification.file import design_model
+from flighttune.vehicles.plants.jsbsim.trim import trim_table
 
 G_0 = 9.80665
 

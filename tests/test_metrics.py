@@ -8,9 +8,9 @@ import pytest
 from made_up import made_up_run
 
 import flighttune as ft
-from flighttune.metrics import MEASURED, measures, measures_of, required_names, signal_arrays
-from flighttune.simulate import kernel
-from flighttune.simulate.measures import error_measures
+from flighttune.flight.loop import kernel
+from flighttune.flight.loop.measures import error_measures
+from flighttune.flight.metrics import MEASURED, measures, measures_of, required_names, signal_arrays
 
 SAMPLING = 2e-4
 T = np.linspace(0.0, 20.0, 200_001)

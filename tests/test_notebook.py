@@ -14,8 +14,8 @@ from jupyter_client.manager import start_new_kernel
 from pictures import FLAT, opened_recording, pixels
 
 import flighttune as ft
+from tests.claims.tubes.test_aircraft import flight
 from tests.made_up_band import WIDE, counted_boxes
-from tests.tubes.test_aircraft import flight
 
 LEAST_RECORDING = 100_000
 """Bytes; what comes first is shorter."""
@@ -66,7 +66,7 @@ def test_a_claim_is_drawn_and_a_console_shows_its_sentence():
 
 
 def test_a_recording_is_shown_in_a_cell_where_the_viewer_is_installed(flown, monkeypatch):
-    monkeypatch.setattr("flighttune.errors.find_spec", lambda name: None)
+    monkeypatch.setattr("flighttune.base.errors.find_spec", lambda name: None)
     with pytest.raises(ft.FlightTuneError, match=r"flighttune\[notebook\]"):
         ft.show(flown)
 

@@ -9,7 +9,7 @@ import pytest
 from made_up import made_up_scenario
 
 import flighttune as ft
-from flighttune.recording.entities import runs_to_draw
+from flighttune.outputs.recording.entities import runs_to_draw
 
 NOMINAL, HEAVY = "jsbsim:aerosonde", "jsbsim:aerosonde:heavy_aft"
 

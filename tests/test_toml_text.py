@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from places import SCENARIO_NAMES
 
 import flighttune as ft
-from flighttune.files.table import toml_text
+from flighttune.base.files.table import toml_text
 
 TEXT = st.text(st.characters(exclude_categories=("Cs",)), max_size=12)
 SCALARS = st.one_of(

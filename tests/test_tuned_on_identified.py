@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 import flighttune as ft
+from flighttune.control.theory.indicators import scaled
+from flighttune.control.theory.lyapunov import common_Q
 from flighttune.flight.models import identified_problems
-from flighttune.theory.indicators import scaled
-from flighttune.theory.lyapunov import common_Q
 
 pytestmark = pytest.mark.slow
 

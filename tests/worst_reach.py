@@ -1,6 +1,6 @@
 """The exact ultimate radius of a disturbed loop, and the disturbance that takes it there.
 
-An independent figure to hold the bounds of `flighttune.theory` against.
+An independent figure to hold the bounds of `flighttune.control.theory` against.
 """
 
 import math

@@ -1,6 +1,7 @@
 """The aircraft that recordings show: twin booms and an inverted V-tail, of lofted sections.
 
-Run it with ``python docs/figures/aircraft_glb.py`` to write ``flighttune/recording/aircraft.glb``.
+Run it with ``python docs/figures/aircraft_glb.py``: it writes
+``flighttune/outputs/recording/aircraft.glb``.
 """
 
 import json
@@ -10,10 +11,10 @@ from pathlib import Path
 
 import numpy as np
 
-from flighttune.arrays import FloatArray
-from flighttune.recording.scene import MODEL_SPAN
+from flighttune.base.arrays import FloatArray
+from flighttune.outputs.recording.scene import MODEL_SPAN
 
-MODEL = Path(__file__).parents[2] / "flighttune" / "recording" / "aircraft.glb"
+MODEL = Path(__file__).parents[2] / "flighttune/outputs/recording/aircraft.glb"
 SHADES = {True: 1.0, False: 0.45}
 """Brightness of wing and tail, and of the rest; the colour of the run multiplies both."""
 

@@ -9,8 +9,8 @@ import numpy as np
 
 import flighttune as ft
 from flighttune.control.linear_model import closed_loops
-from flighttune.theory.indicators import indicators
-from flighttune.tuning.envelope import FINE, Peaks, channels
+from flighttune.control.theory.indicators import indicators
+from flighttune.control.tuning.envelope import FINE, Peaks, channels
 
 IDENTIFIED = {"law": "paper", "tuning.model": "identified"}
 SCENARIOS = "level_turn", "gust_in_turn", "turbulent_climb", "crosswind_course", "paper_identified"

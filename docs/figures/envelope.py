@@ -5,13 +5,13 @@ from pathlib import Path
 
 import numpy as np
 
+from flighttune.base.answers.chart import Sheet
+from flighttune.base.units import DEG
 from flighttune.control.gains import PAPER_GAINS, PIGains
 from flighttune.control.linear_model import Envelope, kinematic_model
-from flighttune.present.chart import Sheet
-from flighttune.tuning.envelope import rate_chart, rate_curve, tune_over_envelope
-from flighttune.tuning.problem import TuningProblem
-from flighttune.tuning.tune import tune_by_gradient
-from flighttune.units import DEG
+from flighttune.control.tuning.envelope import rate_chart, rate_curve, tune_over_envelope
+from flighttune.control.tuning.problem import TuningProblem
+from flighttune.control.tuning.tune import tune_by_gradient
 
 G = 9.81
 ENVELOPE = Envelope(

@@ -7,10 +7,10 @@ in a wider fence (`flighttune mission mission.plan --fence wider.plan`), then in
 import sys
 from pathlib import Path
 
-from flighttune.campaign.counting import load_counted
+from flighttune.base.answers.chart import Chart, Sheet
 from flighttune.claims.band import Band
-from flighttune.present.chart import Chart, Sheet
-from flighttune.reports.claim import band_charts
+from flighttune.claims.counting import load_counted
+from flighttune.outputs.pages.claim import band_charts
 
 FILE = Path(__file__).parents[1] / "first_mission.svg"
 TITLES = "As drawn: the circle leaves the fence", "With the circle 151 m further west"

@@ -6,11 +6,11 @@ import numpy as np
 
 import flighttune as ft
 from flighttune import load_scenario
+from flighttune.base.units import DEG_PER_RAD
+from flighttune.flight.loop.run import Run
 from flighttune.flight.models import gain_set
 from flighttune.gaps.gap import Gap
-from flighttune.reports.charts import gap_sheet
-from flighttune.simulate.run import Run
-from flighttune.units import DEG_PER_RAD
+from flighttune.outputs.pages.charts import gap_sheet
 
 FOLDER = Path(__file__).parents[1]
 BEGIN, END = "<!-- gap:begin -->\n", "<!-- gap:end -->"

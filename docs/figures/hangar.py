@@ -20,14 +20,14 @@ from tempfile import mkdtemp
 from typing import Any
 
 import flighttune as ft
-from flighttune.aircraft.aircraft import load_aircraft
-from flighttune.files.shipped import models_of_jsbsim, scenario_files
-from flighttune.files.table import toml_text
-from flighttune.present.answer import Column, Table
-from flighttune.present.chart import DASHED, Chart, Sheet
-from flighttune.present.names import columns
-from flighttune.present.palette import HUES, INK
-from flighttune.units import DEG_PER_RAD, G_PAPER
+from flighttune.base.answers.answer import Column, Table
+from flighttune.base.answers.chart import DASHED, Chart, Sheet
+from flighttune.base.answers.names import columns
+from flighttune.base.answers.palette import HUES, INK
+from flighttune.base.files.shipped import models_of_jsbsim, scenario_files
+from flighttune.base.files.table import toml_text
+from flighttune.base.units import DEG_PER_RAD, G_PAPER
+from flighttune.vehicles.aircraft.aircraft import load_aircraft
 
 PAGE = Path(__file__).parents[1] / "hangar.md"
 PICTURE = PAGE.with_suffix(".svg")

@@ -19,11 +19,11 @@ import pandas as pd
 from scipy.signal import lfilter
 
 import flighttune as ft
-from flighttune.arrays import FloatArray
+from flighttune.base.arrays import FloatArray
+from flighttune.base.units import DEG_PER_RAD, G_0
 from flighttune.control.inner_loop import InnerLag
-from flighttune.identification.file import IdentifiedChannel
 from flighttune.logs.identify import LogIdentification
-from flighttune.units import DEG_PER_RAD, G_0
+from flighttune.vehicles.identification.file import IdentifiedChannel
 
 RATES = 50.0, 25.0, 10.0
 """Samples of the logs, 1/s."""

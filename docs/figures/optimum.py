@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 
 import flighttune as ft
-from flighttune.certificates.bound import optimal_channel
-from flighttune.present.chart import Chart, Sheet
-from flighttune.present.palette import HUES, INK
+from flighttune.base.answers.chart import Chart, Sheet
+from flighttune.base.answers.palette import HUES, INK
+from flighttune.control.certificates.bound import optimal_channel
 
 FILE = Path(__file__).parents[1] / "optimum.svg"
 I_STAR = 5.0

@@ -10,20 +10,20 @@ import numpy.typing as npt
 from scipy.linalg import expm
 
 import flighttune as ft
-from flighttune.aircraft.aircraft import load_aircraft
-from flighttune.arrays import FloatArray, check_positive
+from flighttune.base.answers.chart import DASHED, Chart, Sheet
+from flighttune.base.answers.palette import HUES, NEUTRAL
+from flighttune.base.arrays import FloatArray, check_positive
+from flighttune.base.errors import InputError, PlantError, ShapeError
+from flighttune.base.units import DEG, G_0
 from flighttune.control.gains import PAPER_GAINS, PIGains
 from flighttune.control.linear_model import LinearModel
 from flighttune.control.mimo_pi import MimoPI
-from flighttune.errors import InputError, PlantError, ShapeError
-from flighttune.identification.file import design_model, load_identified
-from flighttune.plants.base import FlightCondition
-from flighttune.plants.jsbsim.plant import JSBSimPlant, steps_for
-from flighttune.present.chart import DASHED, Chart, Sheet
-from flighttune.present.palette import HUES, NEUTRAL
-from flighttune.references.segments import Reference
-from flighttune.simulate.loop import simulate
-from flighttune.units import DEG, G_0
+from flighttune.flight.loop.loop import simulate
+from flighttune.routes.segments import Reference
+from flighttune.vehicles.aircraft.aircraft import load_aircraft
+from flighttune.vehicles.identification.file import design_model, load_identified
+from flighttune.vehicles.plants.base import FlightCondition
+from flighttune.vehicles.plants.jsbsim.plant import JSBSimPlant, steps_for
 
 AIRCRAFT = "aerosonde"
 V_A = 25.0

@@ -21,11 +21,11 @@ from typing import TYPE_CHECKING, Any
 
 from packaging.version import Version
 
-from flighttune.errors import RecordingError
-from flighttune.files.whole import whole_file
-from flighttune.recording.entities import TIMELINE
-from flighttune.recording.record import LOCAL, rerun_program, stream_url
-from flighttune.records.parquet import check_recording
+from flighttune.base.errors import RecordingError
+from flighttune.base.files.whole import whole_file
+from flighttune.flight.records.parquet import check_recording
+from flighttune.outputs.recording.entities import TIMELINE
+from flighttune.outputs.recording.record import LOCAL, rerun_program, stream_url
 
 if TYPE_CHECKING:
     from rerun.experimental import ViewerState

@@ -16,11 +16,11 @@ import shapely
 from geographiclib.geodesic import Geodesic
 from shapely import LineString, Polygon
 
-from flighttune.campaign.counted_flights import plan_in
-from flighttune.campaign.counting import load_counted
-from flighttune.campaign.flying.rows import fly_group
+from flighttune.campaigns.flying.rows import fly_group
 from flighttune.claims.band import Band, TurnBack
-from flighttune.scenario.load import scenario_of
+from flighttune.claims.counted_flights import plan_in
+from flighttune.claims.counting import load_counted
+from flighttune.flight.scenario.load import scenario_of
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
 MORE = ("--flights", "208")  # of the X8 more flights are lost than 93 allow

@@ -3,7 +3,7 @@
 import re
 from pathlib import Path
 
-from flighttune.claims.count import flights_needed
+from flighttune.campaigns.statistics.count import flights_needed
 
 PAGE = Path(__file__).parents[1] / "which_bound.md"
 EPSILON, CONFIDENCE = 1e-4, 0.95

@@ -7,26 +7,26 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from flighttune.arguments import checked_class
-from flighttune.arrays import FloatArray
+from flighttune.base.answers.answer import Answer, Table, at_most, number, pick, printable
+from flighttune.base.answers.names import columns, endings_table, listed, why_ended
+from flighttune.base.answers.names import endings as counted_endings
+from flighttune.base.arguments import checked_class
+from flighttune.base.arrays import FloatArray
+from flighttune.base.errors import InputError, naming
+from flighttune.base.files import array, load
+from flighttune.base.files.table import abridged, json_object, value_of
+from flighttune.campaigns.statistics.count import supported_epsilon, sure
 from flighttune.claims import counted
-from flighttune.claims.count import supported_epsilon, sure
 from flighttune.claims.monitor import Monitor
 from flighttune.claims.shape import MAX_NUMBERS
-from flighttune.errors import InputError, naming
-from flighttune.files import array, load
-from flighttune.files.table import abridged, json_object, value_of
+from flighttune.flight.loop.run import SIGNAL_UNITS, Bounds, Run, RunClaim
+from flighttune.flight.metrics import OFF_ROUTE
+from flighttune.flight.scenario.load import scenario_of
+from flighttune.flight.scenario.route import BACK_S, TurnBackTable
 from flighttune.gaps.watch import MODELS
-from flighttune.metrics import OFF_ROUTE
-from flighttune.present.answer import Answer, Table, at_most, number, pick, printable
-from flighttune.present.names import columns, endings_table, listed, why_ended
-from flighttune.present.names import endings as counted_endings
-from flighttune.references.fence import DISTANCE_SIGNS, read_fence, room_along
-from flighttune.references.follow import SAME_PLACE
-from flighttune.references.maps import Corridor, Volume, Where, areas_of
-from flighttune.scenario.load import scenario_of
-from flighttune.scenario.route import BACK_S, TurnBackTable
-from flighttune.simulate.run import SIGNAL_UNITS, Bounds, Run, RunClaim
+from flighttune.routes.fence import DISTANCE_SIGNS, read_fence, room_along
+from flighttune.routes.follow import SAME_PLACE
+from flighttune.routes.maps import Corridor, Volume, Where, areas_of
 
 # Rounding of the times of samples, s.
 SAME_TIME = 1e-9

@@ -11,25 +11,25 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import Field
 
-from flighttune.aircraft.aircraft import files_hash
-from flighttune.arrays import FloatArray, check_between
-from flighttune.claims.count import allowed_outside, counted_scale, sure
+from flighttune.base.answers.answer import Answer, Answering, Table, number, pick, quoted
+from flighttune.base.answers.names import columns, endings_table, listed, shown_unit
+from flighttune.base.arrays import FloatArray, check_between
+from flighttune.base.errors import InputError
+from flighttune.base.files.array import write_sealed
+from flighttune.base.files.table import STRICT, tables_of
+from flighttune.campaigns.statistics.count import allowed_outside, counted_scale, sure
 from flighttune.claims.distribution import Distribution
 from flighttune.claims.shape import MIN_LEARNED, Extremes, predicted, scores_of
 from flighttune.control.gains import PIGains, gains_table
 from flighttune.control.law import DEFAULT, split_name
-from flighttune.errors import InputError
-from flighttune.files.array import write_sealed
-from flighttune.files.table import STRICT, tables_of
+from flighttune.flight.loop.run import Kind, Run, along_route
 from flighttune.flight.route import PlannedRoute, planned_route
+from flighttune.flight.scenario.load import scenario_of
+from flighttune.flight.scenario.schema import Scenario
 from flighttune.gaps.residual import ConformantModel
 from flighttune.gaps.watch import SignalModel
-from flighttune.plants.base import plant_label
-from flighttune.present.answer import Answer, Answering, Table, number, pick, quoted
-from flighttune.present.names import columns, endings_table, listed, shown_unit
-from flighttune.scenario.load import scenario_of
-from flighttune.scenario.schema import Scenario
-from flighttune.simulate.run import Kind, Run, along_route
+from flighttune.vehicles.aircraft.aircraft import files_hash
+from flighttune.vehicles.plants.base import plant_label
 
 # Axis of the windows.
 Over: TypeAlias = Literal["time", "along"]

@@ -8,13 +8,13 @@ from typing import Annotated, Any
 
 from pydantic import Field
 
-from flighttune.aircraft.aircraft import OffNominal
-from flighttune.errors import InputError
-from flighttune.files.table import abridged
-from flighttune.present.answer import Table
-from flighttune.present.names import columns, key_words, listed
-from flighttune.scenario.schema import Scenario
-from flighttune.scenario.tables import DisturbanceTable, PlantTable, SensorsTable
+from flighttune.base.answers.answer import Table
+from flighttune.base.answers.names import columns, key_words, listed
+from flighttune.base.errors import InputError
+from flighttune.base.files.table import abridged
+from flighttune.flight.scenario.schema import Scenario
+from flighttune.flight.scenario.tables import DisturbanceTable, PlantTable, SensorsTable
+from flighttune.vehicles.aircraft.aircraft import OffNominal
 
 # Tables of a scenario that must be those of the flights counted, but for what was dispersed.
 FLOWN_ALIKE = ("flight", "reference", "route", "limits", "controller")

@@ -13,14 +13,14 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from flighttune.arrays import FloatArray
+from flighttune.base.arrays import FloatArray
+from flighttune.base.errors import InputError
 from flighttune.control.linear_model import closed_loop, disturbance_entry
-from flighttune.errors import InputError
+from flighttune.control.theory.indicators import Indicators, indicators
+from flighttune.control.theory.lyapunov import Ellipsoid, invariant_ellipsoid
+from flighttune.flight.loop.disturbance import Sinusoid
+from flighttune.flight.loop.run import Run
 from flighttune.gaps.residual import CHANNELS, trim_of
-from flighttune.simulate.disturbance import Sinusoid
-from flighttune.simulate.run import Run
-from flighttune.theory.indicators import Indicators, indicators
-from flighttune.theory.lyapunov import Ellipsoid, invariant_ellipsoid
 
 # Change of slope of the reference, rad a sample, beyond which it counts as moved.
 #

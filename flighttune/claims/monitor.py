@@ -10,19 +10,19 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from flighttune.arrays import FloatArray
-from flighttune.claims.count import flights_needed
+from flighttune.base.answers.answer import Answer, Answering, Table, number
+from flighttune.base.answers.names import columns, listed
+from flighttune.base.arrays import FloatArray
+from flighttune.base.errors import InputError, naming
+from flighttune.base.files.array import TEXT, read_arrays, write_sealed
+from flighttune.base.files.load import sealed_bytes
+from flighttune.base.files.table import STRICT, json_object, tables_of, value_of
+from flighttune.campaigns.statistics.count import flights_needed
 from flighttune.claims.counted import Counted, Of, flown_by
-from flighttune.errors import InputError, naming
-from flighttune.files.array import TEXT, read_arrays, write_sealed
-from flighttune.files.load import sealed_bytes
-from flighttune.files.table import STRICT, json_object, tables_of, value_of
+from flighttune.control.theory.exact import Check, Verification
+from flighttune.flight.loop.run import SCORE, SIGNAL_UNITS, Alarm, Bounds, Kind, Run, RunClaim
 from flighttune.gaps import watch as watching
 from flighttune.logs.checks import refuse_wrong
-from flighttune.present.answer import Answer, Answering, Table, number
-from flighttune.present.names import columns, listed
-from flighttune.simulate.run import SCORE, SIGNAL_UNITS, Alarm, Bounds, Kind, Run, RunClaim
-from flighttune.theory.exact import Check, Verification
 
 MIN_LOGS = 3
 # Beginning of a log that is not judged, s: an autopilot that takes over has a transient.

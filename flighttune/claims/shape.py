@@ -6,8 +6,8 @@ from typing import TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from flighttune.arrays import FloatArray
-from flighttune.errors import InputError
+from flighttune.base.arrays import FloatArray
+from flighttune.base.errors import InputError
 
 # Most windows of a flight, and most numbers kept of all flights that are counted.
 MAX_WINDOWS, MAX_NUMBERS = 200, 2**27

@@ -4,12 +4,12 @@ import os
 from dataclasses import replace
 from pathlib import Path
 
+from flighttune.base.answers.answer import Answer
+from flighttune.base.errors import InputError
+from flighttune.base.files.shipped import is_shipped
+from flighttune.base.files.whole import together
 from flighttune.cli.options import Verb
 from flighttune.cli.show import INTERRUPTED, fail, on_interrupt, quiet, tell
-from flighttune.errors import InputError
-from flighttune.files.shipped import is_shipped
-from flighttune.files.whole import together
-from flighttune.present.answer import Answer
 
 
 def trim(trim_aircraft: Verb, verbose: bool) -> Answer:
@@ -19,7 +19,7 @@ def trim(trim_aircraft: Verb, verbose: bool) -> Answer:
 
 def design(design_aircraft: Verb, aircraft: str, out: Path | None, dry_run: bool) -> Answer:
     """Design the gains of AIRCRAFT's inner loop, check its step responses and write the gains."""
-    from flighttune.aircraft.aircraft import load_aircraft
+    from flighttune.vehicles.aircraft.aircraft import load_aircraft
 
     folder = load_aircraft(aircraft).folder
     if out is None and is_shipped(folder) and not dry_run:
@@ -55,7 +55,7 @@ def adopt(
     identified, the outer loop is tuned on the identified model and flown in a turn, compared with
     the paper's gains scaled with airspeed.
     """
-    from flighttune.adoption.page import write_adoption
+    from flighttune.outputs.pages.adoption import write_adoption
 
     folder = out or Path("aircraft") / Path(os.path.abspath(model)).stem.removesuffix("-set")
     named = {"aileron": aileron, "elevator": elevator, "rudder": rudder}

@@ -12,6 +12,8 @@ import typer
 from typer.core import TyperGroup
 
 from flighttune import __version__
+from flighttune.base.errors import FlightTuneError, InfeasibleError, InputError, missing_extra
+from flighttune.base.files.whole import reason_of
 from flighttune.cli.aircraft import adopt, design, identify, trim
 from flighttune.cli.explain import band, compare, gap, monitor, tube, worst
 from flighttune.cli.flights import campaign, fly, list_shipped, mission, new, view
@@ -19,8 +21,6 @@ from flighttune.cli.gains import certify, meet, tune, verify
 from flighttune.cli.options import COMMANDS, FLOWN_BY, FORMER, RUN_CODE, command
 from flighttune.cli.pages import export, report, reproduce
 from flighttune.cli.show import COULD_NOT_RUN, INTERRUPTED, NO, cleaning_up, clear, fail, output
-from flighttune.errors import FlightTuneError, InfeasibleError, InputError, missing_extra
-from flighttune.files.whole import reason_of
 
 # Options of the group that may also stand behind a command; the last has no value.
 ANYWHERE = ("--workers", "--scheduler", "--run-code")
@@ -177,7 +177,7 @@ def _reason(error: Exception) -> str:
         got = next(iter(str(error).splitlines()), "no memory")
         return f"the libraries must be whole and fit into the memory there is, got: {got}."
     if isinstance(error, OSError) and error.filename:
-        from flighttune.files.table import shown
+        from flighttune.base.files.table import shown
 
         return f"{shown(str(error.filename))}: {reason_of(error)}."
     what = f"{type(error).__name__}: {error}"

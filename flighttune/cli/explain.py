@@ -4,11 +4,11 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
+from flighttune.base.answers.answer import Answer
+from flighttune.base.errors import InputError
+from flighttune.base.files.whole import remove_file, together
 from flighttune.cli.options import FLOWN_BY, Verb, check_ending, this_command
 from flighttune.cli.show import campaign_display, progress_bar
-from flighttune.errors import InputError
-from flighttune.files.whole import remove_file, together
-from flighttune.present.answer import Answer
 
 
 def page_note(file: Path) -> str:
@@ -23,11 +23,11 @@ def gap(explain_gap: Verb, scenario: str, out: Path | None, claims: list[Path] |
     difference lag, mass, damping and wind explain. Exit status 1 if a flight ends early, or the
     aircraft leaves its tube.
     """
-    from flighttune.campaign.claims import within
+    from flighttune.claims.verify import within
     from flighttune.gaps.of_log import LogGap
-    from flighttune.recording.record import record
-    from flighttune.reports.charts import gap_sheet
-    from flighttune.reports.page import write_gap_page
+    from flighttune.outputs.pages.charts import gap_sheet
+    from flighttune.outputs.pages.page import write_gap_page
+    from flighttune.outputs.recording.record import record
 
     stem = f"{Path(scenario.partition('@')[0]).stem}-gap"
     folder = out or Path("runs") / stem
@@ -70,11 +70,11 @@ def compare(compare_runs: Verb, autopilot: Path | None, out: Path | None) -> Ans
     if autopilot:
         compared.page(out, this_command())
     elif is_page:
-        from flighttune.reports.page import write_comparison_page
+        from flighttune.outputs.pages.page import write_comparison_page
 
         write_comparison_page(compared, out)
     else:
-        from flighttune.recording.record import write_overlay
+        from flighttune.outputs.recording.record import write_overlay
 
         write_overlay(compared, out)
     return replace(answer, files=files)
@@ -103,10 +103,10 @@ def tube(
 
     Exit status 1 if the set cannot be bounded for the whole time, or if a flight leaves it.
     """
-    from flighttune.campaign.band import residual
-    from flighttune.campaign.claims import load_residual
-    from flighttune.files.load import BAND, kind_of
-    from flighttune.tubes.tube import largest_disturbance
+    from flighttune.base.files.load import BAND, kind_of
+    from flighttune.claims.tubes.tube import largest_disturbance
+    from flighttune.claims.verbs import residual
+    from flighttune.claims.verify import load_residual
 
     largest, base = disturbance == "largest", Path("runs") / Path(scenario).stem
     if largest and (boxes, out) != (None, None):
@@ -145,7 +145,7 @@ def band(count_band: Verb, source: str, flights: int | None, out: Path | None) -
     signals at all times, for any law, plant and weather. --set seed=N draws others. Exit status 1
     if too many flights did not complete for any claim.
     """
-    from flighttune.files.load import BAND, kind_of
+    from flighttune.base.files.load import BAND, kind_of
 
     if kind_of(source) != BAND:
         out = out or Path("runs") / f"{Path(source).stem}-band.npz"

@@ -6,14 +6,14 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from flighttune import errors
+from flighttune.base import errors
+from flighttune.base.answers.answer import Answer, Table
+from flighttune.base.answers.names import columns
+from flighttune.base.files import shipped
+from flighttune.base.files.whole import together
 from flighttune.cli.explain import page_note
 from flighttune.cli.options import FLOWN_BY, Verb, check_ending
 from flighttune.cli.show import fail, on_interrupt, say, show
-from flighttune.files import shipped
-from flighttune.files.whole import together
-from flighttune.present.answer import Answer, Table
-from flighttune.present.names import columns
 
 KEPT = "what has been flown is kept, go on with the same command and --resume"
 
@@ -22,8 +22,8 @@ def fly(
     fly_scenario: Verb, scenario: str, out: Path, view: bool, claims: list[Path] | None
 ) -> None:
     """Fly every gain set of SCENARIO on each of its plants and record it."""
-    from flighttune.campaign.claims import within
-    from flighttune.recording.record import record
+    from flighttune.claims.verify import within
+    from flighttune.outputs.recording.record import record
 
     name, flown = Path(scenario).stem, within(fly_scenario(), claims or ())
     files = record(flown, out, name=name)
@@ -49,9 +49,9 @@ def mission(
     where they come nearest to it. Exit status 1 if the planned path leaves the fence, or the count
     does not support a probability of at most epsilon; 2 if the mission cannot be flown.
     """
-    from flighttune.campaign.mission import mission_plan
-    from flighttune.files.load import BAND, kind_of
-    from flighttune.reports.claim import write_claim_page
+    from flighttune.base.files.load import BAND, kind_of
+    from flighttune.claims.mission import mission_plan
+    from flighttune.outputs.pages.claim import write_claim_page
 
     settings = count_mission.keywords
     of_route = "fences", "aircraft", "terrain", "changes", "out"
@@ -124,10 +124,10 @@ def _heading(path: Path) -> dict[str, str]:
 
 def view(path: Path, port: int | None, columns: list[str] | None, out: Path | None) -> None:
     """Open a recording, or the log of a real flight, in the Rerun viewer."""
-    from flighttune.files.load import LOG, written
+    from flighttune.base.files.load import LOG, written
 
     if (log := written(path, LOG, columns=columns or ())) is not None:
-        from flighttune.recording.record import write_log
+        from flighttune.outputs.recording.record import write_log
 
         path = out or path
         write_log(log, path)
@@ -136,8 +136,8 @@ def view(path: Path, port: int | None, columns: list[str] | None, out: Path | No
 
 
 def _open(path: Path, *, port: int | None = None) -> None:
-    from flighttune.recording.record import run_viewer, viewer
-    from flighttune.records.parquet import recording_in
+    from flighttune.flight.records.parquet import recording_in
+    from flighttune.outputs.recording.record import run_viewer, viewer
 
     recording = recording_in(path) if path.is_dir() else path
     if recording is None:
@@ -169,11 +169,11 @@ def campaign(
     answered by yes. It is 2 if the campaign was cut short, 130 after Ctrl-C; --resume flies the
     missing runs.
     """
-    from flighttune.campaign.dataset import open_dataset
-    from flighttune.campaign.engine.engine import forecast
-    from flighttune.files.load import CAMPAIGN
-    from flighttune.planning.plan import plan_campaign
-    from flighttune.planning.source import load_campaign
+    from flighttune.base.files.load import CAMPAIGN
+    from flighttune.campaigns.dataset import open_dataset
+    from flighttune.campaigns.engine.engine import forecast
+    from flighttune.campaigns.planning.plan import plan_campaign
+    from flighttune.campaigns.planning.source import load_campaign
 
     planned = load_campaign(campaign, changes=changes, gains=gains or (), until_sure=until_sure)
     plan, file_of_plan = plan_campaign(planned, runs=runs), out / CAMPAIGN

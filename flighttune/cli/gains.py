@@ -4,11 +4,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from flighttune.base.answers.answer import Answer
+from flighttune.base.errors import InputError
+from flighttune.base.files.whole import keep_on_error, together
 from flighttune.cli.options import FLOWN_BY, RUN_CODE, Verb, check_ending, this_command
 from flighttune.cli.show import campaign_display, progress_bar
-from flighttune.errors import InputError
-from flighttune.files.whole import keep_on_error, together
-from flighttune.present.answer import Answer
 
 
 def tune(
@@ -45,7 +45,7 @@ def tune(
             answer.save(out)
         if page is not None:
             from flighttune.flight.load import as_scenario
-            from flighttune.reports.meet import write_tune_page
+            from flighttune.outputs.pages.meet import write_tune_page
 
             write_tune_page(page, as_scenario(source, changes), result, this_command())
     return answer
@@ -63,7 +63,7 @@ def meet(search: Verb, page: Path | None, out: Path | None) -> Answer:
             keep_on_error(out)
             answer.save(out)
         if page is not None:
-            from flighttune.reports.meet import write_meet_page
+            from flighttune.outputs.pages.meet import write_meet_page
 
             write_meet_page(page, meeting, this_command())
     return answer
@@ -80,7 +80,7 @@ def certify(certify_gains: Verb, source: str, out: Path | None, figure: Path | N
         if proof is not None:
             certified.certificate.save(proof)
         if figure is not None:
-            from flighttune.reports.charts import loop_sheet
+            from flighttune.outputs.pages.charts import loop_sheet
 
             loop_sheet(certified, f"{Path(source).stem}; gains {certified.name}").save(figure)
     return replace(certified.answer(), files={"proof": proof, "figure": figure})
@@ -99,12 +99,12 @@ def verify(verify_claim: Verb, claim: Path, count: int | None, run: int | None) 
 
     Exit status 1 if the claim is not supported, or a bit of a run differs.
     """
-    from flighttune.campaign.claims import CHECKED, AnyClaim
-    from flighttune.campaign.engine.pool import WorkerPool
-    from flighttune.campaign.refly import refly
+    from flighttune.base.files.load import CLAIMS, DATASET, RECORDING, load_one
+    from flighttune.campaigns.engine.pool import WorkerPool
     from flighttune.claims.band import Band
-    from flighttune.files.load import CLAIMS, DATASET, RECORDING, load_one
-    from flighttune.recording.record import record
+    from flighttune.claims.verify import CHECKED, AnyClaim
+    from flighttune.outputs.recording.record import record
+    from flighttune.studies.refly import refly
 
     value = load_one(claim, CHECKED, *CLAIMS, DATASET, RECORDING)
     if run is None and isinstance(value, AnyClaim):

@@ -22,11 +22,11 @@ from typing import Annotated, Any, Literal, TypeAlias, get_args, get_origin
 from typer import Argument, Option
 
 from flighttune import modules_of
+from flighttune.base.answers.answer import Answer
+from flighttune.base.errors import InputError
+from flighttune.base.files.shipped import aircraft_names, campaign_files, scenario_files
+from flighttune.base.units import DEG
 from flighttune.cli.show import campaign_display, emit, progress_bar, working
-from flighttune.errors import InputError
-from flighttune.files.shipped import aircraft_names, campaign_files, scenario_files
-from flighttune.present.answer import Answer
-from flighttune.units import DEG
 
 # Texts of all commands by their heading in the help, and of options that are alike.
 COMMANDS = tomllib.loads(Path(__file__).with_name("commands.toml").read_text(encoding="utf-8"))
@@ -51,7 +51,7 @@ def this_command() -> str:
 
 def changes(settings: list[str]) -> dict[str, Any]:
     """The values of ``--set`` by key, read as TOML; a word that is not TOML is a string."""
-    from flighttune.files.table import shown, toml_value
+    from flighttune.base.files.table import shown, toml_value
 
     values = {}
     for setting in settings:

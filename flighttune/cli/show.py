@@ -16,11 +16,11 @@ from shutil import get_terminal_size
 from types import FrameType
 from typing import Any, NoReturn
 
-from flighttune.campaign.engine.progress import CampaignObserver, CampaignProgress
-from flighttune.errors import FORKS, StoppedError
-from flighttune.files.code import NOTICE
-from flighttune.files.whole import reason_of
-from flighttune.present.answer import Answer, printable
+from flighttune.base.answers.answer import Answer, printable
+from flighttune.base.errors import FORKS, StoppedError
+from flighttune.base.files.code import NOTICE
+from flighttune.base.files.whole import reason_of
+from flighttune.campaigns.engine.progress import CampaignObserver, CampaignProgress
 
 FINE, NO, COULD_NOT_RUN, INTERRUPTED = 0, 1, 2, 130
 

@@ -13,12 +13,12 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from flighttune.arguments import checked_class
-from flighttune.arrays import FloatArray, check_numbers, check_positive, check_upright
+from flighttune.base.arguments import checked_class
+from flighttune.base.arrays import FloatArray, check_numbers, check_positive, check_upright
+from flighttune.base.units import G_PAPER
 from flighttune.control.gains import PIGains
 from flighttune.control.limits import AntiWindup, CommandLimiter, Limits
 from flighttune.control.linear_model import LinearModel
-from flighttune.units import G_PAPER
 
 
 @checked_class

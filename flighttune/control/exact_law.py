@@ -7,16 +7,16 @@ from typing import Literal, NamedTuple, TypeAlias, get_args
 
 import numpy as np
 
-from flighttune.arguments import checked_class
-from flighttune.arrays import check_positive
+from flighttune.base.arguments import checked_class
+from flighttune.base.arrays import check_positive
+from flighttune.base.errors import InputError
+from flighttune.base.units import G_PAPER, wrap_angle
 from flighttune.control.controller import Measured, ReferenceSample
 from flighttune.control.gains import RATES, PIGains
 from flighttune.control.limits import FREE, RATE_LIMITED, AntiWindup, Limits, limit_command
 from flighttune.control.linear_model import LinearModel, law_model
 from flighttune.control.mimo_pi import ChannelLaw, PIState, StatefulPI, channel_laws
 from flighttune.control.wind import speed_in_wind
-from flighttune.errors import InputError
-from flighttune.units import G_PAPER, wrap_angle
 
 Priority: TypeAlias = Literal["gamma", "chi"]
 

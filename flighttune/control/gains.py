@@ -12,12 +12,12 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import SerializerFunctionWrapHandler, model_serializer
 
-from flighttune.arguments import checked_class
-from flighttune.arrays import FloatArray, check_positive, read_only_matrix, set_read_only
-from flighttune.errors import InputError
-from flighttune.files.whole import write_text
-from flighttune.present.answer import Column, Table
-from flighttune.units import G_PAPER
+from flighttune.base.answers.answer import Column, Table
+from flighttune.base.arguments import checked_class
+from flighttune.base.arrays import FloatArray, check_positive, read_only_matrix, set_read_only
+from flighttune.base.errors import InputError
+from flighttune.base.files.whole import write_text
+from flighttune.base.units import G_PAPER
 
 # Commands that gains of the paper's law act on.
 COMMANDS = ("phi", "n_z")

@@ -14,11 +14,11 @@ from typing import Literal, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from flighttune.arguments import checked_class
-from flighttune.arrays import FloatArray, check_not_negative, check_positive, read_only_vector
+from flighttune.base.arguments import checked_class
+from flighttune.base.arrays import FloatArray, check_not_negative, check_positive, read_only_vector
+from flighttune.base.errors import InputError, ShapeError
 from flighttune.control.gains import PIGains
 from flighttune.control.linear_model import LinearModel
-from flighttune.errors import InputError, ShapeError
 
 
 def with_input_lag(model: LinearModel, bandwidths: npt.ArrayLike) -> LinearModel:

@@ -14,13 +14,13 @@ from pkgutil import iter_modules
 from types import MappingProxyType
 from typing import Any, ClassVar, NamedTuple
 
-from flighttune.arrays import FloatArray
+from flighttune.base.answers.answer import pick
+from flighttune.base.arrays import FloatArray
+from flighttune.base.errors import InputError
 from flighttune.control import exact_law, inner_loop, mimo_pi
 from flighttune.control.controller import Controller, GuardedLaw, LawSetup, SelfLimiting
 from flighttune.control.gains import COMMANDS, RATES, PIGains, command_gains, rate_gains
 from flighttune.control.linear_model import LinearModel, kinematic_model
-from flighttune.errors import InputError
-from flighttune.present.answer import pick
 
 
 class Trim(NamedTuple):
@@ -53,7 +53,8 @@ class SampledController(NamedTuple):
 class OuterLoop(NamedTuple):
     """A law as JSBSim flies it by itself."""
 
-    # Template of `flighttune.exports` whose components take the place of those of the paper's law
+    # Template of `flighttune.outputs.exports` with components in place of those of the paper's
+    # law
     components: str | None
     rows: tuple[str, str, str]  # names of the properties that its gains act on
     values: Mapping[str, float]  # settings by property, besides gains and limits

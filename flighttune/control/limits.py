@@ -8,9 +8,9 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
-from flighttune.arguments import checked_class
-from flighttune.arrays import FloatArray
-from flighttune.errors import InputError, ShapeError
+from flighttune.base.arguments import checked_class
+from flighttune.base.arrays import FloatArray
+from flighttune.base.errors import InputError, ShapeError
 
 FREE, MAGNITUDE_LIMITED, RATE_LIMITED = 0, 1, 2
 

@@ -16,11 +16,11 @@ from itertools import product
 import numpy as np
 import numpy.typing as npt
 
-from flighttune.arguments import checked_class
-from flighttune.arrays import FloatArray, check_positive, check_upright, set_read_only
+from flighttune.base.arguments import checked_class
+from flighttune.base.arrays import FloatArray, check_positive, check_upright, set_read_only
+from flighttune.base.errors import InputError, ShapeError
+from flighttune.base.units import DEG
 from flighttune.control.gains import COMMANDS, ERRORS, ERRORS_WITH_AIRSPEED, WITH_AIRSPEED, PIGains
-from flighttune.errors import InputError, ShapeError
-from flighttune.units import DEG
 
 # States, inputs and errors of the chi/gamma law.
 LAW_NAMES = ERRORS, COMMANDS, ERRORS

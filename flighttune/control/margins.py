@@ -9,12 +9,12 @@ from typing import Any, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from flighttune.arrays import FloatArray
+from flighttune.base.answers.answer import Table, pick
+from flighttune.base.answers.names import columns
+from flighttune.base.arrays import FloatArray
 from flighttune.control.gains import PIGains
 from flighttune.control.inner_loop import with_input_lag
 from flighttune.control.linear_model import LinearModel, closed_loop, inner_feedback, velocity_form
-from flighttune.present.answer import Table, pick
-from flighttune.present.names import columns
 
 GRID_PER_DECADE = 60
 RTOL = 1e-15  # of a root between two points of the grid

@@ -8,14 +8,14 @@ from typing import Any, NamedTuple, TypeAlias, get_args
 import numpy as np
 import numpy.typing as npt
 
-from flighttune.arguments import checked_class
-from flighttune.arrays import FloatArray, check_positive
+from flighttune.base.arguments import checked_class
+from flighttune.base.arrays import FloatArray, check_positive
+from flighttune.base.errors import InputError, ShapeError
+from flighttune.base.units import G_PAPER, wrap_angle
 from flighttune.control.controller import FlightCondition, Measured, ReferenceSample, SelfLimiting
 from flighttune.control.gains import ERRORS, ERRORS_WITH_AIRSPEED, PIGains
 from flighttune.control.limits import FREE, AntiWindup, Limits, limit_command
 from flighttune.control.wind import WindEstimate, climb_through_air
-from flighttune.errors import InputError, ShapeError
-from flighttune.units import G_PAPER, wrap_angle
 
 Vector: TypeAlias = MutableSequence[Any] | npt.NDArray[Any]
 

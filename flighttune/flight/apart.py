@@ -8,7 +8,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from flighttune.errors import PlantError, ending_of, need_fork
+from flighttune.base.errors import PlantError, ending_of, need_fork
 
 if TYPE_CHECKING:
     from multiprocessing.connection import Connection

@@ -7,19 +7,19 @@ from typing import NamedTuple
 
 import numpy as np
 
+from flighttune.base.errors import InputError
+from flighttune.base.units import DEG
 from flighttune.control.inner_loop import InnerLag
 from flighttune.control.limits import Limits
 from flighttune.control.wind import climb_through_air
-from flighttune.errors import InputError
-from flighttune.plants.base import FlightCondition
-from flighttune.plants.weather import Weather, WindProfile, path_through_air
-from flighttune.references.feasible import FeasibleReference, Manoeuvre, feasible_reference
-from flighttune.references.follow import RouteReference
-from flighttune.references.segments import Reference
-from flighttune.scenario.route import RouteTable
-from flighttune.scenario.schema import Scenario
-from flighttune.scenario.tables import LimitsTable, PlantTable
-from flighttune.units import DEG
+from flighttune.flight.scenario.route import RouteTable
+from flighttune.flight.scenario.schema import Scenario
+from flighttune.flight.scenario.tables import LimitsTable, PlantTable
+from flighttune.routes.feasible import FeasibleReference, Manoeuvre, feasible_reference
+from flighttune.routes.follow import RouteReference
+from flighttune.routes.segments import Reference
+from flighttune.vehicles.plants.base import FlightCondition
+from flighttune.vehicles.plants.weather import Weather, WindProfile, path_through_air
 
 # Share of every limit that a reference of shape feasible leaves to the feedback by default.
 MARGIN = 0.2
@@ -162,7 +162,9 @@ def slopes(scenario: Scenario) -> list[Slope]:
 
 def slopes_not_held(scenario: Scenario) -> tuple[str, ...]:
     """A sentence for the steepest climb and descent that an aircraft cannot hold, and why."""
-    from flighttune.plants.jsbsim.trim import steepest  # where only the law flies, no JSBSim
+    from flighttune.vehicles.plants.jsbsim.trim import (
+        steepest,  # where only the law flies, no JSBSim
+    )
 
     found, h, notes = slopes(scenario), scenario.flight.h_m, []
     for slope, way in ((min(found), "descends"), (max(found), "climbs")):

@@ -10,27 +10,27 @@ from typing import Any, Literal, NamedTuple, TypeAlias, get_args
 import numpy as np
 import pandas as pd
 
-from flighttune import metrics
-from flighttune.arguments import checked_class
-from flighttune.arrays import FloatArray
+from flighttune.base.answers.answer import Answer, Answering, Table, pick
+from flighttune.base.answers.names import columns
+from flighttune.base.arguments import checked_class
+from flighttune.base.arrays import FloatArray
+from flighttune.base.units import DEG
 from flighttune.control.gains import PAPER_SPEED, PIGains, paper_family
 from flighttune.control.law import split_name
+from flighttune.control.theory.indicators import Indicators
+from flighttune.control.tuning.result import TuningResult
+from flighttune.flight import metrics
 from flighttune.flight.conditions import slopes_not_held
+from flighttune.flight.loop.measures import SETTLING_BAND, SMALLEST_STEP
+from flighttune.flight.loop.run import Claim, Run, claimed, priority_notes, with_claims
+from flighttune.flight.metrics import AIRSPEED, airspeed_metrics, measures, metric_tables
 from flighttune.flight.models import loop_measures
-from flighttune.metrics import AIRSPEED, airspeed_metrics, measures, metric_tables
-from flighttune.present.answer import Answer, Answering, Table, pick
-from flighttune.present.names import columns
-from flighttune.scenario.schema import Scenario
-from flighttune.scenario.tables import TUNED_FED_BACK, TUNED_IDENTIFIED, ExpectTable, in_rad
-from flighttune.simulate.measures import SETTLING_BAND, SMALLEST_STEP
-from flighttune.simulate.run import Claim, Run, claimed, priority_notes, with_claims
-from flighttune.theory.indicators import Indicators
-from flighttune.tuning.result import TuningResult
-from flighttune.units import DEG
+from flighttune.flight.scenario.schema import Scenario
+from flighttune.flight.scenario.tables import TUNED_FED_BACK, TUNED_IDENTIFIED, ExpectTable, in_rad
 
 Sense: TypeAlias = Literal["at_most", "at_least"]
 
-# Measures by subject, as of `flighttune.metrics.measures`
+# Measures by subject, as of `flighttune.flight.metrics.measures`
 Measured: TypeAlias = Mapping[str, Mapping[str, float]]
 
 

@@ -14,26 +14,32 @@ from typing import Any
 
 import pandas as pd
 
+from flighttune.base.errors import InputError, TrimError
+from flighttune.base.files import code
 from flighttune.control.controller import MAX_LAG_S, LawError
 from flighttune.control.gains import PIGains
 from flighttune.control.law import split_name
 from flighttune.control.limits import Limits
 from flighttune.control.linear_model import LinearModel, closed_loop
-from flighttune.errors import InputError, TrimError
-from flighttune.files import code
+from flighttune.control.theory.indicators import indicators
 from flighttune.flight import conditions, load, models
 from flighttune.flight.apart import Progress, apart
 from flighttune.flight.flown import FlownScenario
+from flighttune.flight.loop.loop import LOOP_SIGNALS, simulate
+from flighttune.flight.loop.run import SIGNAL_UNITS, Provenance, Run, RunStatus
 from flighttune.flight.own import LawMaker, PlantMaker, with_own
-from flighttune.plants.base import N_X_SIGNALS, AirPathPlant, GuardedPlant, Plant, follows_at_once
-from flighttune.plants.point_mass import PointMassPlant, PoweredPointMass
-from flighttune.plants.weather import WIND, WindRecord
-from flighttune.scenario.load import as_arguments, from_level
-from flighttune.scenario.schema import Scenario
-from flighttune.scenario.tables import TUNED, PlantTable
-from flighttune.simulate.loop import LOOP_SIGNALS, simulate
-from flighttune.simulate.run import SIGNAL_UNITS, Provenance, Run, RunStatus
-from flighttune.theory.indicators import indicators
+from flighttune.flight.scenario.load import as_arguments, from_level
+from flighttune.flight.scenario.schema import Scenario
+from flighttune.flight.scenario.tables import TUNED, PlantTable
+from flighttune.vehicles.plants.base import (
+    N_X_SIGNALS,
+    AirPathPlant,
+    GuardedPlant,
+    Plant,
+    follows_at_once,
+)
+from flighttune.vehicles.plants.point_mass import PointMassPlant, PoweredPointMass
+from flighttune.vehicles.plants.weather import WIND, WindRecord
 
 VERSIONED = ("flighttune", "numpy", "scipy", "pandas", "jsbsim")
 
@@ -182,7 +188,7 @@ def plant_of(table: PlantTable, scenario: Scenario, wind: WindRecord | None = No
         limits = conditions.command_limits(scenario)
         n_x = float(limits.lower[2]), float(limits.upper[2])
         return PoweredPointMass(n_x, lags and (*lags, table.thrust_lag()), **options)
-    from flighttune.plants.jsbsim.plant import JSBSimPlant, steps_for
+    from flighttune.vehicles.plants.jsbsim.plant import JSBSimPlant, steps_for
 
     aircraft = JSBSimPlant(
         table.config,

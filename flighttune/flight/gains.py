@@ -8,32 +8,32 @@ from typing import Any
 
 import pandas as pd
 
-from flighttune.arrays import check_at_least
-from flighttune.certificates.bound import bound_rate
-from flighttune.certificates.exact_rate import exact_rates
-from flighttune.certificates.lag_box import lag_boxes
-from flighttune.certificates.make import Certification, certify_model
+from flighttune.base.answers.answer import Answer, Answering, Table
+from flighttune.base.answers.chart import Sheet
+from flighttune.base.answers.names import columns
+from flighttune.base.answers.palette import line_styles
+from flighttune.base.arrays import check_at_least
+from flighttune.base.errors import InfeasibleError, InputError
+from flighttune.base.files import code
+from flighttune.base.files.whole import together, write_text
+from flighttune.control.certificates.bound import bound_rate
+from flighttune.control.certificates.exact_rate import exact_rates
+from flighttune.control.certificates.lag_box import lag_boxes
+from flighttune.control.certificates.make import Certification, certify_model
 from flighttune.control.gains import PIGains, paper_family
 from flighttune.control.law import Law
 from flighttune.control.linear_model import LinearModel
-from flighttune.errors import InfeasibleError, InputError
-from flighttune.files import code
-from flighttune.files.whole import together, write_text
+from flighttune.control.tuning.envelope import largest_factor, tune_over_envelope
+from flighttune.control.tuning.problem import TuningProblem
+from flighttune.control.tuning.result import TuningResult
+from flighttune.control.tuning.tune import POINTS, STARTS, diagnosis, frontier_chart, tune_problem
+from flighttune.control.tuning.tune import frontier as frontier_table
 from flighttune.flight import models
 from flighttune.flight.load import as_scenario, scenario_and_gains
 from flighttune.flight.own import with_own
-from flighttune.identification.file import files_of
-from flighttune.present.answer import Answer, Answering, Table
-from flighttune.present.chart import Sheet
-from flighttune.present.names import columns
-from flighttune.present.palette import line_styles
-from flighttune.scenario.schema import Scenario
-from flighttune.scenario.tables import TuningModel, flown_aircraft
-from flighttune.tuning.envelope import largest_factor, tune_over_envelope
-from flighttune.tuning.problem import TuningProblem
-from flighttune.tuning.result import TuningResult
-from flighttune.tuning.tune import POINTS, STARTS, diagnosis, frontier_chart, tune_problem
-from flighttune.tuning.tune import frontier as frontier_table
+from flighttune.flight.scenario.schema import Scenario
+from flighttune.flight.scenario.tables import TuningModel, flown_aircraft
+from flighttune.vehicles.identification.file import files_of
 
 
 def tune(

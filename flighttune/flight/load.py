@@ -4,20 +4,26 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from flighttune.aircraft.aircraft import AircraftConfig, load_aircraft, start_faults
+from flighttune.base.errors import InfeasibleError, InputError, ScenarioError, TrimError, naming
+from flighttune.base.files.shipped import scenario_files
+from flighttune.base.files.table import joined, toml_tables, validated
+from flighttune.base.units import DEG
 from flighttune.control.gains import PIGains
-from flighttune.errors import InfeasibleError, InputError, ScenarioError, TrimError, naming
-from flighttune.files.shipped import scenario_files
-from flighttune.files.table import joined, toml_tables, validated
 from flighttune.flight import conditions
 from flighttune.flight.models import gain_set, tuning_scaling
-from flighttune.identification.file import load_identified
-from flighttune.plants.jsbsim.plant import check_off_nominal
-from flighttune.references.items import RouteFile
-from flighttune.scenario.load import existing_file, title_with, with_changes, with_files, with_gains
-from flighttune.scenario.schema import Scenario
-from flighttune.scenario.tables import TUNED_FED_BACK, PlantTable
-from flighttune.units import DEG
+from flighttune.flight.scenario.load import (
+    existing_file,
+    title_with,
+    with_changes,
+    with_files,
+    with_gains,
+)
+from flighttune.flight.scenario.schema import Scenario
+from flighttune.flight.scenario.tables import TUNED_FED_BACK, PlantTable
+from flighttune.routes.items import RouteFile
+from flighttune.vehicles.aircraft.aircraft import AircraftConfig, load_aircraft, start_faults
+from flighttune.vehicles.identification.file import load_identified
+from flighttune.vehicles.plants.jsbsim.plant import check_off_nominal
 
 # Key of [flight] for each attribute of a condition that an aircraft bounds.
 FLIGHT_KEYS = {"V_a": "V_a_mps", "h": "h_m", "phi": "phi_deg", "n_z": "n_z"}
@@ -227,7 +233,7 @@ def _fault(key: str, read: Callable[[], object]) -> Iterator[str]:
 
 def _glide_faults(scenario: Scenario, config: AircraftConfig) -> Iterator[str]:
     """A route that does not descend as steeply as an aircraft without an engine glides."""
-    from flighttune.plants.jsbsim.trim import level  # where only the law flies, no JSBSim
+    from flighttune.vehicles.plants.jsbsim.trim import level  # where only the law flies, no JSBSim
 
     f = scenario.flight
     try:

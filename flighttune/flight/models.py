@@ -10,28 +10,28 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flighttune.arrays import FloatArray, numbers_of
-from flighttune.certificates.exact_rate import Sampling
+from flighttune.base.arrays import FloatArray, numbers_of
+from flighttune.base.errors import InputError, ScenarioError
+from flighttune.base.files.shipped import nearest_name
+from flighttune.base.units import wrap_angle
 from flighttune.control import inner_loop
+from flighttune.control.certificates.exact_rate import Sampling
 from flighttune.control.controller import LawSetup
 from flighttune.control.gains import NO_FEEDBACK, RATES, PIGains, paper_family
 from flighttune.control.law import Law, Trim, made_law
 from flighttune.control.limits import Limits
 from flighttune.control.linear_model import Envelope, LinearModel, closed_loop
 from flighttune.control.margins import channel_margins, loop_margins
-from flighttune.errors import InputError, ScenarioError
-from flighttune.files.shipped import nearest_name
+from flighttune.control.theory.indicators import indicators
+from flighttune.control.tuning.envelope import tune_worst_case
+from flighttune.control.tuning.problem import LARGEST_GAIN, TuningProblem, decoupled
+from flighttune.control.tuning.result import TuningResult
+from flighttune.control.tuning.tune import tune_problem
 from flighttune.flight.conditions import command_limits, limits_on, reference_of, stated_condition
-from flighttune.identification.file import DesignModel, design_model
-from flighttune.plants.weather import turbulence_scales
-from flighttune.scenario.schema import GainsTable, Scenario
-from flighttune.scenario.tables import SHAPED, TUNED, TUNED_FED_BACK, TUNED_IDENTIFIED
-from flighttune.theory.indicators import indicators
-from flighttune.tuning.envelope import tune_worst_case
-from flighttune.tuning.problem import LARGEST_GAIN, TuningProblem, decoupled
-from flighttune.tuning.result import TuningResult
-from flighttune.tuning.tune import tune_problem
-from flighttune.units import wrap_angle
+from flighttune.flight.scenario.schema import GainsTable, Scenario
+from flighttune.flight.scenario.tables import SHAPED, TUNED, TUNED_FED_BACK, TUNED_IDENTIFIED
+from flighttune.vehicles.identification.file import DesignModel, design_model
+from flighttune.vehicles.plants.weather import turbulence_scales
 
 # Stands for a gain that may fall to nothing.
 TINY = 1e-300

@@ -8,14 +8,14 @@ from typing import Any
 
 import tomlkit
 
-from flighttune.aircraft.aircraft import AircraftConfig, load_aircraft
-from flighttune.errors import InputError, OutputError
-from flighttune.files.whole import write_text
+from flighttune.base.answers.answer import pick
+from flighttune.base.errors import InputError, OutputError
+from flighttune.base.files.whole import write_text
+from flighttune.base.units import DEG, G_PAPER
 from flighttune.flight.load import load_scenario
-from flighttune.identification.file import load_identified, rounded
-from flighttune.plants.jsbsim.trim import level
-from flighttune.present.answer import pick
-from flighttune.units import DEG, G_PAPER
+from flighttune.vehicles.aircraft.aircraft import AircraftConfig, load_aircraft
+from flighttune.vehicles.identification.file import load_identified, rounded
+from flighttune.vehicles.plants.jsbsim.trim import level
 
 AIRCRAFT = "aerosonde"
 

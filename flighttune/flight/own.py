@@ -6,13 +6,13 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any, TypeVar
 
+from flighttune.base.errors import ScenarioError
+from flighttune.base.files import code
+from flighttune.base.files.table import validated
 from flighttune.control.controller import FAILURES, Controller, failure
-from flighttune.errors import ScenarioError
-from flighttune.files import code
-from flighttune.files.table import validated
-from flighttune.plants.base import Plant
-from flighttune.scenario.schema import Scenario
-from flighttune.scenario.tables import LawTable, PlantTable
+from flighttune.flight.scenario.schema import Scenario
+from flighttune.flight.scenario.tables import LawTable, PlantTable
+from flighttune.vehicles.plants.base import Plant
 
 # Called with a `LawSetup` and the parameters of a scenario's table, for every flight.
 LawMaker = Callable[..., Controller]

@@ -8,20 +8,20 @@ from typing import Any
 
 import numpy as np
 
-from flighttune.aircraft.aircraft import load_aircraft
-from flighttune.arguments import checked_class
-from flighttune.errors import InputError
-from flighttune.files.load import kind_of
-from flighttune.files.whole import write_text
+from flighttune.base.answers.answer import Answer, Answering, Table, pick, printable
+from flighttune.base.answers.names import columns
+from flighttune.base.arguments import checked_class
+from flighttune.base.errors import InputError
+from flighttune.base.files.load import kind_of
+from flighttune.base.files.whole import write_text
 from flighttune.flight.conditions import reference_of, slopes_not_held
 from flighttune.flight.load import SPEED, as_scenario, route_scenario
-from flighttune.present.answer import Answer, Answering, Table, pick, printable
-from flighttune.present.names import columns
-from flighttune.references.follow import RouteReference
-from flighttune.references.maps import Corridor, Mark, RouteMap, Where, areas_of, on_earth
-from flighttune.references.mission import KINDS, ROUTE_FILES, read_route, route_plan
-from flighttune.references.path import STEP
-from flighttune.scenario.schema import Scenario
+from flighttune.flight.scenario.schema import Scenario
+from flighttune.routes.follow import RouteReference
+from flighttune.routes.maps import Corridor, Mark, RouteMap, Where, areas_of, on_earth
+from flighttune.routes.mission import KINDS, ROUTE_FILES, read_route, route_plan
+from flighttune.routes.path import STEP
+from flighttune.vehicles.aircraft.aircraft import load_aircraft
 
 # Aircraft that flies a file by default.
 AIRCRAFT = "aerosonde"

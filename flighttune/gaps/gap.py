@@ -15,31 +15,31 @@ from typing import Any, Literal, overload
 import numpy as np
 import pandas as pd
 
-from flighttune.arguments import checked_class
+from flighttune.base.answers.answer import Answer, Answering, Column, Table, pick
+from flighttune.base.answers.names import CHANNEL_NAMES, CHANNEL_SYMBOLS, columns
+from flighttune.base.arguments import checked_class
+from flighttune.base.errors import InputError
+from flighttune.base.files import code
+from flighttune.base.files.load import LOG, written
+from flighttune.base.units import DEG_PER_RAD
 from flighttune.control import inner_loop, linear_model
 from flighttune.control.gains import COMMANDS, WITH_AIRSPEED, PIGains
 from flighttune.control.law import Law
-from flighttune.errors import InputError
-from flighttune.files import code
-from flighttune.files.load import LOG, written
+from flighttune.control.theory.indicators import Indicators, indicators
 from flighttune.flight import fly as flight
 from flighttune.flight import load, models
 from flighttune.flight.conditions import command_limits, lead_on, reference_of, weather_of
 from flighttune.flight.flown import FlownScenario
+from flighttune.flight.loop.run import Claim, Run, claimed, with_claims
+from flighttune.flight.metrics import channel_metrics, flight_metrics
+from flighttune.flight.scenario.schema import Scenario
+from flighttune.flight.scenario.tables import PlantTable
 from flighttune.gaps.of_log import LogGap, log_gap
 from flighttune.gaps.residual import CHANNELS, Mismatch, mismatch
-from flighttune.identification.file import FILE_NAME, lag_table
-from flighttune.identification.fit import fitted_lag
 from flighttune.logs.log import Columns
-from flighttune.metrics import channel_metrics, flight_metrics
-from flighttune.plants.point_mass import PointMassPlant, PoweredPointMass
-from flighttune.present.answer import Answer, Answering, Column, Table, pick
-from flighttune.present.names import CHANNEL_NAMES, CHANNEL_SYMBOLS, columns
-from flighttune.scenario.schema import Scenario
-from flighttune.scenario.tables import PlantTable
-from flighttune.simulate.run import Claim, Run, claimed, with_claims
-from flighttune.theory.indicators import Indicators, indicators
-from flighttune.units import DEG_PER_RAD
+from flighttune.vehicles.identification.file import FILE_NAME, lag_table
+from flighttune.vehicles.identification.fit import fitted_lag
+from flighttune.vehicles.plants.point_mass import PointMassPlant, PoweredPointMass
 
 # A shorter flight cannot be compared, and no lag can be fitted to it.
 LEAST_SAMPLES = 12

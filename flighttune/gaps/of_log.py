@@ -14,24 +14,24 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
-from flighttune.aircraft.aircraft import AircraftConfig, OffNominal, load_aircraft
-from flighttune.arrays import FloatArray
-from flighttune.errors import FlightTuneError, InputError
-from flighttune.files.load import A_LOG, LOG, load_one
+from flighttune.base.answers.answer import Answer, Answering, Column, Table, pick
+from flighttune.base.answers.chart import DASHED, Chart, Sheet
+from flighttune.base.answers.names import columns as columns_by
+from flighttune.base.answers.palette import HUES, INK, NEUTRAL, PLANTS
+from flighttune.base.arrays import FloatArray
+from flighttune.base.errors import FlightTuneError, InputError
+from flighttune.base.files.load import A_LOG, LOG, load_one
+from flighttune.base.units import DEG, DEG_PER_RAD
 from flighttune.flight.apart import Progress
-from flighttune.identification.file import FILE_NAME, load_identified
+from flighttune.flight.loop.run import Run
 from flighttune.logs.checks import refuse_wrong
 from flighttune.logs.identify import EXCITED, HELD_S, flying, interval_of, speed_of
 from flighttune.logs.log import Columns
-from flighttune.plants.base import FlightCondition, Plant
-from flighttune.plants.jsbsim.plant import DEEPEST_GROUND, JSBSimPlant
-from flighttune.plants.point_mass import PointMassPlant
-from flighttune.present.answer import Answer, Answering, Column, Table, pick
-from flighttune.present.chart import DASHED, Chart, Sheet
-from flighttune.present.names import columns as columns_by
-from flighttune.present.palette import HUES, INK, NEUTRAL, PLANTS
-from flighttune.simulate.run import Run
-from flighttune.units import DEG, DEG_PER_RAD
+from flighttune.vehicles.aircraft.aircraft import AircraftConfig, OffNominal, load_aircraft
+from flighttune.vehicles.identification.file import FILE_NAME, load_identified
+from flighttune.vehicles.plants.base import FlightCondition, Plant
+from flighttune.vehicles.plants.jsbsim.plant import DEEPEST_GROUND, JSBSimPlant
+from flighttune.vehicles.plants.point_mass import PointMassPlant
 
 # Time after the start of a stretch in which the steady start is forgotten, and that compared, s.
 WAIT_S, STRETCH_S = 5.0, 12.0

@@ -6,15 +6,15 @@ from itertools import pairwise
 
 import numpy as np
 
-from flighttune.arrays import FloatArray, check_positive
+from flighttune.base.arrays import FloatArray, check_positive
+from flighttune.base.errors import InputError
+from flighttune.base.units import G_PAPER
 from flighttune.control import inner_loop, law
-from flighttune.errors import InputError
 from flighttune.flight.conditions import reference_of
-from flighttune.identification.fit import lag_response
-from flighttune.plants import base, point_mass
-from flighttune.scenario.schema import Scenario
-from flighttune.simulate.run import Run
-from flighttune.units import G_PAPER
+from flighttune.flight.loop.run import Run
+from flighttune.flight.scenario.schema import Scenario
+from flighttune.vehicles.identification.fit import lag_response
+from flighttune.vehicles.plants import base, point_mass
 
 CHANNELS = ("chi", "gamma")
 

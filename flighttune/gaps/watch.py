@@ -12,11 +12,11 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from flighttune.arrays import FloatArray
-from flighttune.errors import InputError
-from flighttune.files.table import STRICT
-from flighttune.simulate.run import Alarm, Run
-from flighttune.units import G_0
+from flighttune.base.arrays import FloatArray
+from flighttune.base.errors import InputError
+from flighttune.base.files.table import STRICT
+from flighttune.base.units import G_0
+from flighttune.flight.loop.run import Alarm, Run
 
 # Lag through which all terms go, s: a rate is what a signal has ahead of its own lag, over it.
 LAG_S = 0.5

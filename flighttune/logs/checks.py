@@ -7,8 +7,11 @@ from typing import Literal, NamedTuple, TypeAlias
 import numpy as np
 from scipy import fft
 
-from flighttune.arrays import FloatArray
-from flighttune.errors import InputError, RecordingError
+from flighttune.base.answers.names import listed
+from flighttune.base.arrays import FloatArray
+from flighttune.base.errors import InputError, RecordingError
+from flighttune.base.units import DEG, DEG_PER_RAD, FT, G_0, KNOT
+from flighttune.flight.loop.run import Run
 from flighttune.logs.read import Stream
 from flighttune.logs.relations import (
     KIND,
@@ -21,9 +24,6 @@ from flighttune.logs.relations import (
     completed,
     copied,
 )
-from flighttune.present.names import listed
-from flighttune.simulate.run import Run
-from flighttune.units import DEG, DEG_PER_RAD, FT, G_0, KNOT
 
 # Vehicles without wings: PX4's type of vehicle, ArduPilot's name, types of MAVLink.
 ROTARY = ("type 1 of PX4", "ArduCopter", *(f"type {kind}" for kind in (2, 3, 4, 13, 14, 15)))

@@ -9,22 +9,22 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from flighttune.arrays import FloatArray, true_spans
+from flighttune.base.answers.answer import Answer, Answering, Table, pick
+from flighttune.base.answers.chart import DASHED, Chart, Sheet
+from flighttune.base.answers.names import columns as columns_by
+from flighttune.base.answers.palette import HUES, NEUTRAL
+from flighttune.base.arrays import FloatArray, true_spans
+from flighttune.base.errors import InputError
+from flighttune.base.files.load import A_LOG, LOG, load_one, written
+from flighttune.base.units import DEG, DEG_PER_RAD, G_0
 from flighttune.control.inner_loop import InnerLag, Order
-from flighttune.errors import InputError
-from flighttune.files.load import A_LOG, LOG, load_one, written
-from flighttune.identification import file as model_file
-from flighttune.identification import fit
-from flighttune.identification.identify import AircraftIdentification, identify_aircraft
+from flighttune.flight.loop.run import Run
 from flighttune.logs.checks import refuse_wrong
 from flighttune.logs.log import Columns
-from flighttune.plants.point_mass import turn_rates
-from flighttune.present.answer import Answer, Answering, Table, pick
-from flighttune.present.chart import DASHED, Chart, Sheet
-from flighttune.present.names import columns as columns_by
-from flighttune.present.palette import HUES, NEUTRAL
-from flighttune.simulate.run import Run
-from flighttune.units import DEG, DEG_PER_RAD, G_0
+from flighttune.vehicles.identification import file as model_file
+from flighttune.vehicles.identification import fit
+from flighttune.vehicles.identification.identify import AircraftIdentification, identify_aircraft
+from flighttune.vehicles.plants.point_mass import turn_rates
 
 CHANNELS: tuple[model_file.Channel, ...] = ("phi", "n_z")
 

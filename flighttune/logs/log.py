@@ -14,17 +14,17 @@ from typing import Any, TypeAlias
 import numpy as np
 import pandas as pd
 
-from flighttune.errors import InputError
-from flighttune.files.shipped import nearest_name
-from flighttune.files.table import shown, toml_tables
+from flighttune.base.answers.names import listed
+from flighttune.base.errors import InputError
+from flighttune.base.files.shipped import nearest_name
+from flighttune.base.files.table import shown, toml_tables
+from flighttune.base.units import DEG, FT, G_0, KNOT
 from flighttune.flight.fly import library_versions
+from flighttune.flight.loop.run import SIGNAL_UNITS, Provenance, Run
 from flighttune.logs.checks import check_flight, checked, degrees_as_radians
 from flighttune.logs.read import Column, read_log
 from flighttune.logs.streams import EVENTS, Phase, in_words, inside, on_one_base, phases
-from flighttune.present.names import listed
-from flighttune.references.maps import TOO_LARGE
-from flighttune.simulate.run import SIGNAL_UNITS, Provenance, Run
-from flighttune.units import DEG, FT, G_0, KNOT
+from flighttune.routes.maps import TOO_LARGE
 
 # Value of each unit that a log may have, in SI.
 UNITS = (

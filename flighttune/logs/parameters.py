@@ -8,12 +8,12 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from flighttune.base.answers.names import listed
+from flighttune.base.errors import InputError, naming
+from flighttune.base.files.table import abridged
+from flighttune.base.files.whole import reason_of
 from flighttune.control.laws.autopilot import Autopilot, guidance, period_among
-from flighttune.errors import InputError, naming
-from flighttune.files.table import abridged
-from flighttune.files.whole import reason_of
 from flighttune.logs.read import read_parameters
-from flighttune.present.names import listed
 
 # Aeroplanes and VTOLs in the head of files of QGroundControl and in logs, with their MAV_TYPE.
 WITH_WINGS = re.compile(r"fixed.?wing|vtol|plane|MAV_TYPE (1|19|2[0-5])$", re.IGNORECASE)

@@ -17,12 +17,12 @@ from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from flighttune.arrays import FloatArray
-from flighttune.errors import InputError, RecordingError, need
-from flighttune.files.load import kind_of_log
-from flighttune.files.whole import allowed
+from flighttune.base.arrays import FloatArray
+from flighttune.base.errors import InputError, RecordingError, need
+from flighttune.base.files.load import kind_of_log
+from flighttune.base.files.whole import allowed
 from flighttune.flight.apart import apart
-from flighttune.simulate.run import SIGNAL_UNITS
+from flighttune.flight.loop.run import SIGNAL_UNITS
 
 # Time (s) and value of the samples of one field.
 Stream: TypeAlias = tuple[FloatArray, FloatArray]

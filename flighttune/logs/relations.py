@@ -7,9 +7,9 @@ from typing import Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
-from flighttune.arrays import FloatArray, Floats
-from flighttune.references.maps import north_east
-from flighttune.units import DEG, DEG_PER_RAD, G_0
+from flighttune.base.arrays import FloatArray, Floats
+from flighttune.base.units import DEG, DEG_PER_RAD, G_0
+from flighttune.routes.maps import north_east
 
 SLOWEST = 5.0  # ground speed below which a vehicle does not fly, m/s
 STEEP = 0.35  # cosine of the path angle below which a course says little

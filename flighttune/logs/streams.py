@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from flighttune.arrays import FloatArray
-from flighttune.errors import RecordingError
+from flighttune.base.arrays import FloatArray
+from flighttune.base.errors import RecordingError
 from flighttune.logs.read import Stream
 
 # Ending of the angles by quaternion, and whether it is one from front-left-up to east-north-up.

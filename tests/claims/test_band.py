@@ -8,13 +8,13 @@ import pytest
 from scipy.stats import binom
 
 import flighttune as ft
+from flighttune.base.files.array import write_sealed
+from flighttune.base.files.table import tables_of
+from flighttune.campaigns.statistics.count import allowed_outside, flights_needed
 from flighttune.claims import shape as shape_module
 from flighttune.claims.band import read_counted
-from flighttune.claims.count import allowed_outside, flights_needed
 from flighttune.claims.counted import About
 from flighttune.claims.shape import learned_shape, window_edges, window_extremes
-from flighttune.files.array import write_sealed
-from flighttune.files.table import tables_of
 from tests.made_up_band import band_flights
 
 # s and samples of the made-up flights, and their signals

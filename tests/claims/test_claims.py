@@ -12,7 +12,7 @@ from commands import answer, flighttune
 from made_up import run_file, scenario_file
 
 import flighttune as ft
-from tests.tubes.test_soundness import made_up, tube
+from tests.claims.tubes.test_soundness import made_up, tube
 
 START_DEG, DISTURBANCE = 1.0, 0.004
 CLAIMS = Path(__file__).parents[1] / "files_of_0_3_0"

@@ -8,7 +8,7 @@ from scipy.integrate import quad
 from scipy.stats import binom, binomtest, hypergeom
 
 import flighttune as ft
-from flighttune.claims.count import (
+from flighttune.campaigns.statistics.count import (
     allowed_outside,
     chance_missed,
     counted_scale,

@@ -5,8 +5,8 @@ import pytest
 from dispersed import AEROSONDE, WIND, campaign_of, one_of, plan_of, tables_of, uniform
 
 import flighttune as ft
-from flighttune.campaign.counted_flights import at_random, distribution_of
-from flighttune.campaign.counting import flights_of
+from flighttune.claims.counted_flights import at_random, distribution_of
+from flighttune.claims.counting import flights_of
 from flighttune.claims.monitor import FAULTS
 
 # 2 m/s^2 from 1 s on, for 1.5 s: from 25 to 28 m/s.

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from made_up import made_up_run, shortened
 from printed import A_K, E
-from recording.conftest import LAW, SCENARIO, flown
 from scipy.linalg import expm
 
 import flighttune as ft
 from flighttune.claims.linear_loop import bound_of, error_states, linear_bound
 from flighttune.control.linear_model import disturbance_entry
-from flighttune.theory.lyapunov import invariant_ellipsoid
+from flighttune.control.theory.lyapunov import invariant_ellipsoid
+from tests.outputs.recording.conftest import LAW, SCENARIO, flown
 
 FIGURES, UNIT = ft.loop.indicators(A_K), invariant_ellipsoid(A_K, E, L_d=1.0)
 DT, L_D = 0.01, 0.015

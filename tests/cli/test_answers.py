@@ -14,7 +14,7 @@ from commands import answer
 from plans import item, plan_file, waypoint
 
 import flighttune as ft
-from flighttune.campaign.engine.engine import forecast
+from flighttune.campaigns.engine.engine import forecast
 from flighttune.cli.options import COMMANDS
 
 pytestmark = pytest.mark.slow

@@ -11,7 +11,7 @@ from commands import answer, flighttune
 from dispersed import AEROSONDE, KINEMATIC, SOFT, WIND, one_of, plan_of, tables_of, uniform
 
 import flighttune as ft
-from flighttune.campaign.dataset import Dataset
+from flighttune.campaigns.dataset import Dataset
 from flighttune.flight.fly import library_versions
 
 CHANGED, REFUSED = 3, 8

@@ -15,12 +15,12 @@ from commands import answer, flighttune
 from made_up import run_file
 
 import flighttune as ft
-from flighttune.campaign import counting
-from flighttune.campaign.engine import pool
-from flighttune.campaign.engine.flyer import Flyer, work_of
-from flighttune.campaign.flying.rows import Draw
+from flighttune.base.files import code
+from flighttune.campaigns.engine import pool
+from flighttune.campaigns.engine.flyer import Flyer, work_of
+from flighttune.campaigns.flying.rows import Draw
+from flighttune.claims import counting
 from flighttune.cli.options import COMMANDS
-from flighttune.files import code
 
 pytestmark = pytest.mark.usefixtures("own_workers")  # paths are those of the working folder
 

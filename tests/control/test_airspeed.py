@@ -9,10 +9,10 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 import flighttune as ft
-from flighttune.certificates.make import certify_model
-from flighttune.plants.weather import WindRecord
-from flighttune.references.segments import Segment
-from flighttune.simulate.loop import simulate
+from flighttune.control.certificates.make import certify_model
+from flighttune.flight.loop.loop import simulate
+from flighttune.routes.segments import Segment
+from flighttune.vehicles.plants.weather import WindRecord
 
 G = 9.81
 V_0 = 25.0

@@ -13,8 +13,8 @@ from flighttune.control.exact_law import turning_speed
 from flighttune.control.inner_loop import with_inner_loop
 from flighttune.control.limits import MAGNITUDE_LIMITED
 from flighttune.control.margins import channel_margins
-from flighttune.plants.point_mass import turn_rates
-from flighttune.simulate.loop import simulate
+from flighttune.flight.loop.loop import simulate
+from flighttune.vehicles.plants.point_mass import turn_rates
 
 G = 9.81
 ROUNDING = 1e-12

@@ -9,7 +9,7 @@ from plain_members import Glider, Proportional
 
 import flighttune as ft
 from flighttune.control.controller import GuardedLaw, LawError
-from flighttune.simulate.loop import simulate
+from flighttune.flight.loop.loop import simulate
 
 START = ft.loop.FlightCondition(V_a=25.0, h=800.0, chi=0.4, gamma=0.1)
 LEVEL = ft.loop.Reference(chi=0.0, gamma=0.0)

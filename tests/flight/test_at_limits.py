@@ -6,7 +6,7 @@ import pytest
 from made_up import made_up_scenario
 
 import flighttune as ft
-from flighttune.metrics import at_limits, swings
+from flighttune.flight.metrics import at_limits, swings
 
 WANTED = [{"at_most": {"chi": {"peak_deg": 90.0}, "gamma": {"peak_deg": 90.0}}}]
 LIMITS = {"phi_deg": [-40.0, 40.0], "phi_rate_dps": 40.0, "n_z": [0.5, 2.0], "n_z_rate_per_s": 1.0}

@@ -7,11 +7,11 @@ import pytest
 from made_up import made_up_scenario
 
 import flighttune as ft
-from flighttune.campaign.flying.rows import fly_batch
+from flighttune.campaigns.flying.rows import fly_batch
 from flighttune.control.inner_loop import sampled_loop
 from flighttune.control.law import Trim
 from flighttune.flight.models import gain_set
-from flighttune.plants.base import GuardedPlant, follows_at_once
+from flighttune.vehicles.plants.base import GuardedPlant, follows_at_once
 
 # Sampled at 50 Hz without lag, (z - 1)(z + k) + dt (1 + k) K_P z has a root beyond -1 if
 # dt (1 + k) K_P exceeds 2 (1 - k): 0.37 and 0.1 here.

@@ -14,10 +14,10 @@ from made_up import made_up_scenario, scenario_tables
 from plain_members import Glider, Proportional
 
 import flighttune as ft
+from flighttune.campaigns.planning.plan import plan_from
 from flighttune.claims.linear_loop import linear_bound
 from flighttune.flight import apart
 from flighttune.flight.new import new_scenario
-from flighttune.planning.plan import plan_from
 
 TABLES = scenario_tables(
     law=[

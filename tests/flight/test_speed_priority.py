@@ -10,10 +10,10 @@ from places import SHIPPED_AIRCRAFT
 
 import flighttune as ft
 from flighttune.flight.load import route_scenario
+from flighttune.flight.loop import loop
+from flighttune.flight.loop.run import given_way
 from flighttune.flight.new import new_scenario
-from flighttune.references.mission import read_route
-from flighttune.simulate import loop
-from flighttune.simulate.run import given_way
+from flighttune.routes.mission import read_route
 
 V_0 = 25.0
 # m/s below which the airspeed shall not fall: 0.875 of its reference.

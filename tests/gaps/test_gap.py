@@ -9,7 +9,7 @@ import pytest
 from claimed import claimed
 
 import flighttune as ft
-from flighttune.reports.charts import bound_chart, gap_charts, itae_chart
+from flighttune.outputs.pages.charts import bound_chart, gap_charts, itae_chart
 
 ROUNDING = 1e-12
 LIMITS_IN_RADIANS = 1e-9

@@ -445,8 +445,8 @@ def test_reports_comparisons_and_recordings_take_logs(flight, tmp_path, monkeypa
     assert both.pairs[0].a.duration == pytest.approx(20.0, abs=0.05)
     assert both.max_distance > 10.0
     assert [pair.b.provenance.plant for pair in each.pairs] == ["kinematic", "jsbsim:aerosonde"]
-    from flighttune.recording.record import write_log, write_overlay
-    from flighttune.reports.page import write_comparison_page
+    from flighttune.outputs.pages.page import write_comparison_page
+    from flighttune.outputs.recording.record import write_log, write_overlay
 
     write_comparison_page(both, "both.html")
     write_overlay(both, "both.rrd")

@@ -8,10 +8,10 @@ import pytest
 from scipy.signal import periodogram
 
 import flighttune as ft
-from flighttune.plants.jsbsim.air import weather_step
-from flighttune.plants.jsbsim.fdm import Fdm
-from flighttune.plants.jsbsim.trim import trim
-from flighttune.plants.weather import Turbulence, Weather
+from flighttune.vehicles.plants.jsbsim.air import weather_step
+from flighttune.vehicles.plants.jsbsim.fdm import Fdm
+from flighttune.vehicles.plants.jsbsim.trim import trim
+from flighttune.vehicles.plants.weather import Turbulence, Weather
 
 FPS = 0.3048
 V_A = 200.0

@@ -12,9 +12,9 @@ import jsbsim
 import pytest
 
 import flighttune as ft
-from flighttune.plants.jsbsim.fdm import Fdm, silence
-from flighttune.plants.jsbsim.model_files import EARTH
-from flighttune.plants.jsbsim.trim import trim
+from flighttune.vehicles.plants.jsbsim.fdm import Fdm, silence
+from flighttune.vehicles.plants.jsbsim.model_files import EARTH
+from flighttune.vehicles.plants.jsbsim.trim import trim
 
 DEG = math.pi / 180.0
 FPS = 0.3048

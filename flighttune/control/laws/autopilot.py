@@ -15,12 +15,12 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, ClassVar, NamedTuple
 
+from flighttune.base.errors import InputError
+from flighttune.base.files.shipped import nearest_name
+from flighttune.base.units import DEG, wrap_angle
 from flighttune.control.controller import FlightCondition, LawSetup, Measured, ReferenceSample
 from flighttune.control.gains import RATES
 from flighttune.control.law import Law
-from flighttune.errors import InputError
-from flighttune.files.shipped import nearest_name
-from flighttune.units import DEG, wrap_angle
 
 RIGHT_ANGLE = 0.5 * math.pi
 

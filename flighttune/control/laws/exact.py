@@ -4,15 +4,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
-from flighttune.arrays import FloatArray
+from flighttune.base.answers.answer import pick
+from flighttune.base.arrays import FloatArray
+from flighttune.base.errors import InputError
 from flighttune.control.controller import LawSetup
 from flighttune.control.exact_law import BRAKING, LIFT_FLOOR, ExactLaw, Priority
 from flighttune.control.gains import RATES
 from flighttune.control.inner_loop import InnerLag
 from flighttune.control.law import Law, OuterLoop, SampledController, pi_settings
 from flighttune.control.linear_model import LinearModel
-from flighttune.errors import InputError
-from flighttune.present.answer import pick
 
 # Lags of its channel over which an error counts as much as its rate, 1/s: design/exact_gains.md.
 LAGS_PER_ERROR = 3.0

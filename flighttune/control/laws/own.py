@@ -4,11 +4,11 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
+from flighttune.base.errors import InputError
 from flighttune.control import controller as controllers
 from flighttune.control.gains import PIGains
 from flighttune.control.law import Law
 from flighttune.control.linear_model import LinearModel
-from flighttune.errors import InputError
 
 
 @dataclass(frozen=True, kw_only=True)

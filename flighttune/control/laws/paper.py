@@ -3,11 +3,11 @@
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
+from flighttune.base.answers.answer import pick
 from flighttune.control.controller import LawSetup
 from flighttune.control.law import Law, OuterLoop, SampledController, Trim, pi_settings
 from flighttune.control.linear_model import LinearModel
 from flighttune.control.mimo_pi import MimoPI
-from flighttune.present.answer import pick
 
 
 @dataclass(frozen=True, kw_only=True)

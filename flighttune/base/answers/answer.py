@@ -1,0 +1,415 @@
+"""The answer of a command: one value, shown as text, as tables or as one JSON object.
+
+Numbers and tables become text here, for a terminal, a page, a notebook and Markdown.
+"""
+
+import json
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import KW_ONLY, dataclass, field, replace
+from decimal import ROUND_CEILING, ROUND_FLOOR, Decimal
+from html import escape
+from itertools import zip_longest
+from pathlib import Path
+from shlex import quote
+from textwrap import fill, wrap
+from typing import Any
+
+from flighttune.base.errors import printable as printable
+from flighttune.base.files.whole import write_text
+
+# Text in place of a missing number.
+MISSING = "–"
+
+# Space between two columns.
+GAP = "  "
+
+# Width to which a column of words may be wrapped before the table is cut in two, characters.
+NARROWEST = 16
+
+# Characters of a cell from which on a page may wrap the last column.
+LONG_WORDS = 40
+
+
+def quoted(text: str) -> str:
+    """A name or title that somebody chose, in quotation marks that it cannot close."""
+    return '"{}"'.format(" ".join(printable(text).split()).replace('"', "'"))
+
+
+def number(value: float, form: str = ".4g") -> str:
+    """A number in a format of its own; infinity as a sign, `MISSING` for NaN."""
+    if math.isnan(value):
+        return MISSING
+    if math.isinf(value):
+        return "∞" if value > 0.0 else "−∞"
+    return f"{value:{form}}"
+
+
+def at_most(bound: float, digits: int = 4) -> str:
+    """An upper bound in so many significant digits, which is not below it."""
+    return _rounded(bound, digits, ROUND_CEILING)
+
+
+def at_least(bound: float, digits: int = 4) -> str:
+    """A lower bound in so many significant digits, which is not above it."""
+    return _rounded(bound, digits, ROUND_FLOOR)
+
+
+def _rounded(bound: float, digits: int, rounding: str) -> str:
+    if bound == 0.0 or not math.isfinite(bound):
+        return number(bound, f".{digits}g")
+    exact = Decimal(repr(float(bound)))
+    place = Decimal(1).scaleb(exact.adjusted() - digits + 1)
+    return number(float(exact.quantize(place, rounding)), f".{digits}g")
+
+
+def figures(value: float) -> str:
+    """A number with three significant figures, and none after the point from 1000 on."""
+    return number(value, ".0f" if abs(value) >= 1000.0 else ".3g")
+
+
+def interval(
+    value: float, lo: float, hi: float, *, written: Callable[[float], str] = figures
+) -> str:
+    """``4.63 [4.25, 4.89]`` with three figures, ``4.63 [<= 4.89]`` with one bound."""
+    if math.isnan(value):
+        return MISSING
+    if math.isinf(lo) != math.isinf(hi):
+        bound = f"<= {written(hi)}" if math.isinf(lo) else f">= {written(lo)}"
+        return f"{written(value)} [{bound}]"
+    return f"{written(value)} [{written(lo)}, {written(hi)}]"
+
+
+def percent(share: float) -> str:
+    """A share in per cent, without the sign: one decimal, more near 0 and 100."""
+    if not math.isfinite(share):
+        return MISSING
+    value = 100.0 * share
+    edge = min(value, 100.0 - value)
+    decimals = 0 if edge == 0.0 else 1 if edge >= 0.1 else 2 if edge >= 0.01 else 3
+    return f"{value:.{decimals}f}"
+
+
+def p_value(p: float) -> str:
+    """A p-value as text; a very small one as an upper bound."""
+    return f"{p:.2g}" if p >= 1e-4 else "< 0.0001"
+
+
+def matrix(values: Iterable[Iterable[float]]) -> str:
+    """A matrix in one line, its rows separated by semicolons."""
+    return "[" + "; ".join(", ".join(f"{value:z.4f}" for value in row) for row in values) + "]"
+
+
+@dataclass(frozen=True, slots=True)
+class Column:
+    """Key of a column in a record, and the format of its values."""
+
+    key: str  # dots lead into a value: "metrics.chi.ITAE"
+    name: str = ""
+    unit: str = ""
+    digits: str | Callable[[float], str] = "z.4g"  # how its numbers are written
+    factor: float = 1.0  # from the value to the unit shown
+    ends: tuple[str, str] | None = None  # keys of the interval around its numbers
+    missing: str = MISSING
+
+    @property
+    def heading(self) -> str:
+        """Name with unit."""
+        return f"{self.name} [{self.unit}]" if self.unit else self.name
+
+    def text(self, record: Mapping[str, Any]) -> str:
+        """The value as it is written."""
+        if (value := _value(record, self.key)) is None:
+            return self.missing
+        if isinstance(value, bool):
+            return "yes" if value else "no"
+        if isinstance(value, list) and value and isinstance(value[0], list):
+            return matrix(value)
+        if isinstance(value, list | tuple):
+            return ", ".join(map(str, value)) or self.missing
+        if isinstance(value, str):
+            return value
+        if self.ends is None:
+            return self.missing if math.isnan(value) else self.written(value)
+        low, high = (_value(record, end) for end in self.ends)
+        ends = (math.nan if end is None else end for end in (low, high))
+        return interval(value, *ends, written=self.written)
+
+    def written(self, value: float) -> str:
+        """A number as it is written, in the unit shown."""
+        value = value * self.factor
+        return self.digits(value) if callable(self.digits) else number(value, self.digits)
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """Records and the columns that are shown of them."""
+
+    columns: Sequence[Column]
+    records: Sequence[Mapping[str, Any]]
+    title: str = ""
+    _: KW_ONLY
+    name: str = ""  # key of the records in a JSON object; empty where its values have them
+    label: str = ""  # key of the run whose colour a row has on a page
+    grouped: bool = False  # the first column repeats: it heads a table each where room is short
+
+    @property
+    def filled(self) -> "Table":
+        """The table without columns that have no value; the first one stays."""
+        columns = [
+            column
+            for place, column in enumerate(self.columns)
+            if not place
+            or any(_value(record, column.key) not in (None, "") for record in self.records)
+        ]
+        return replace(self, columns=columns)
+
+    @property
+    def head(self) -> list[str]:
+        """Headings; none where no column has a name."""
+        return (
+            [column.heading for column in self.columns] if any(c.name for c in self.columns) else []
+        )
+
+    @property
+    def left_aligned(self) -> list[bool]:
+        """Whether each column is text, and so left-aligned."""
+        return [
+            not any(_is_number(_value(record, column.key)) for record in self.records)
+            for column in self.columns
+        ]
+
+    @property
+    def rows(self) -> list[list[str]]:
+        """Cells as text."""
+        return [[column.text(record) for column in self.columns] for record in self.records]
+
+    @property
+    def labels(self) -> list[str]:
+        """Label of the run of each row; empty without."""
+        return [str(_value(record, self.label)) for record in self.records] if self.label else []
+
+    @property
+    def ends_in_words(self) -> bool:
+        """Whether a page may wrap the last column."""
+        return any(len(row[-1]) > LONG_WORDS for row in self.rows)
+
+    def text(self, width: int) -> str:
+        """The table in lines of at most `width` characters; words are wrapped, numbers are not."""
+        # one line, for a title of a file must not look like a line of ours
+        title = [" ".join(self.title.split())] if self.title else []
+        first, *others = shown = self.filled.columns
+        least = dict(zip(shown, replace(self, columns=shown)._least(), strict=True))
+        if self.grouped and sum(least[c] + len(GAP) for c in shown) > width + len(GAP):
+            groups: dict[str, list[Mapping[str, Any]]] = {}
+            for record in self.records:
+                groups.setdefault(first.text(record), []).append(record)
+            tables = [
+                replace(self, title=name, columns=others, records=rows, grouped=False).text(width)
+                for name, rows in groups.items()
+            ]
+            return "\n\n".join([*title, *tables])
+        blocks, room = [[first]], width - least[first]
+        for column in others:
+            room -= least[column] + len(GAP)
+            if room < 0 and len(blocks[-1]) > 1:
+                blocks.append([first])
+                room = width - least[first] - least[column] - len(GAP)
+            blocks[-1].append(column)
+        lines = [line for block in blocks for line in replace(self, columns=block)._lines(width)]
+        return "\n".join([*title, *lines])
+
+    def _least(self) -> list[int]:
+        """Width to which each column may be wrapped: numbers are never broken, words may be."""
+        widths = []
+        columns = zip([column.heading for column in self.columns], *self.rows, strict=True)
+        for place, ((heading, *cells), words) in enumerate(
+            zip(columns, self.left_aligned, strict=True)
+        ):
+            if not words:
+                widths.append(max(map(len, (*heading.split(), *cells)), default=0))
+            elif not place:  # it names the rows
+                widths.append(min(max(map(len, (heading, *cells))), 2 * NARROWEST))
+            else:
+                parts = " ".join([heading, *cells]).split()
+                widths.append(min(max(map(len, parts), default=0), NARROWEST))
+        return widths
+
+    def _lines(self, width: int) -> Iterator[str]:
+        """Lines of one block: the widest columns are wrapped until all have room."""
+        least, rows, words = self._least(), self.rows, self.left_aligned
+        cells = zip([column.heading for column in self.columns], *rows, strict=True)
+        widths = [max(map(len, texts)) for texts in cells]
+        while sum(widths) + len(GAP) * (len(widths) - 1) > width and widths != least:
+            wide = [i for i in range(len(widths)) if widths[i] > least[i]]
+            widths[max(wide, key=lambda i: widths[i])] -= 1
+        for place, row in enumerate([self.head, *rows] if self.head else rows):
+            wrapped = [
+                wrap(cell, size, break_on_hyphens=False)
+                for cell, size in zip(row, widths, strict=True)
+            ]
+            for parts in zip_longest(*wrapped, fillvalue=""):
+                cells_of_line = [
+                    part.ljust(size) if left else part.rjust(size)
+                    for part, size, left in zip(parts, widths, words, strict=True)
+                ]
+                yield GAP.join(cells_of_line).rstrip()
+            if self.head and not place:
+                yield GAP.join("─" * size for size in widths)
+
+    def html(self) -> str:
+        """The table for a notebook; without headings the first cell of a row is its heading."""
+        left = " style='text-align:left'"  # a notebook moves cells to the right
+
+        def cells(texts: Sequence[str], kind: str) -> str:
+            return "".join(f"<{kind}{left}>{escape(text)}</{kind}>" for text in texts)
+
+        top = f"<thead><tr>{cells(self.head, 'th')}</tr></thead>" if self.head else ""
+        kind = "td" if self.head else "th"
+        body = "".join(
+            f"<tr>{cells(row[:1], kind)}{cells(row[1:], 'td')}</tr>" for row in self.rows
+        )
+        caption = f"<caption{left}><b>{escape(self.title)}</b></caption>"
+        return f"<table>{caption}{top}<tbody>{body}</tbody></table>"
+
+    def markdown(self) -> str:
+        """Markdown without the title; numbers stand to the right."""
+        rule = ["---" if words else "---:" for words in self.left_aligned]
+        top, *cells = (
+            [" ".join(cell.split()).replace("|", "\\|") for cell in row]
+            for row in (self.head, *self.rows)
+        )
+        return "\n".join(f"| {' | '.join(line)} |" for line in [top, rule, *cells])
+
+
+def facts_table(title: str, facts: Mapping[str, str]) -> Table:
+    """A table of words: a name and what is said of it in each row."""
+    records = [{"what": name, "value": value} for name, value in facts.items()]
+    return Table(title=title, columns=(Column("what"), Column("value")), records=records)
+
+
+def _value(record: Any, key: str) -> Any:
+    """A value of a record, None where it has none; both keys and ways into values have dots."""
+    if isinstance(record, list | tuple):
+        record = {str(place): value for place, value in enumerate(record)}
+    if not isinstance(record, Mapping):
+        return None
+    if key in record:
+        return record[key]
+    for place, letter in enumerate(key):
+        if letter == "." and key[:place] in record:
+            return _value(record[key[:place]], key[place + 1 :])
+    return None
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+# Command that reads a file, by the key of the file in an answer.
+READ_BY = {"recording": "view", "dataset": "report", "proof": "verify", "scenario": "fly"}
+
+
+WIDTH = 100  # characters of a result that is printed from Python
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Answer:
+    """The result of a command: values, tables, sentences, a command to copy, files, failure."""
+
+    summary: Sequence[str] = ()  # the answer in a few lines, before everything else
+    changed: Sequence[str] = ()  # what of the question was changed or left out, after them
+    values: Mapping[str, Any] = field(default_factory=dict)
+    tables: Sequence[Table] = ()
+    notes: Sequence[str] = ()
+    verdict: str = ""
+    command: str = ""  # to copy
+    files: Mapping[str, Path | str | None] = field(default_factory=dict)
+    failure: str = ""  # reason for an exit status other than 0
+    status: int = 1  # exit status of a failure: 1 where the answer is no
+
+    def json(self) -> str:
+        """One JSON object; numbers that JSON has no word for become null."""
+        from pydantic_core import to_jsonable_python  # here: --help must be quick
+
+        records = {table.name: table.records for table in self.tables if table.name}
+        verdict = self.verdict or self.failure  # an answer that is no says so here too
+        sentences = {"notes": [*self.changed, *self.notes], "verdict": verdict}
+        if self.summary:
+            sentences["summary"] = self.summary
+        if self.command:
+            sentences["command"] = self.command
+        values = {**records, **sentences, **self.values, **self.files}
+        plain = to_jsonable_python(values, inf_nan_mode="null", fallback=_plain)
+        return json.dumps(plain, indent=2)
+
+    def save(self, path: str | Path) -> None:
+        """Write the JSON object."""
+        write_text(Path(path), self.json() + "\n")
+
+    def text(self, width: int) -> Iterator[str]:
+        """Paragraphs and tables of at most `width` characters; commands and paths may be longer."""
+        head = [line for part in (self.summary, self.changed) for line in (*part, "") if part]
+        for line in head:
+            yield fill(line, width, break_long_words=False, break_on_hyphens=False)
+        for place, table in enumerate(table for table in self.tables if table.records):
+            text = table.text(width)
+            yield f"\n{text}" if place else text
+        last = "" if any(self.verdict in line for line in self.summary) else self.verdict
+        sentences = [sentence for sentence in (*self.notes, last) if sentence]
+        if self.tables and sentences:
+            yield ""
+        for sentence in sentences:
+            yield fill(sentence, width, break_long_words=False, break_on_hyphens=False)
+        if self.command:
+            yield self.command
+        for key, path in self.files.items():
+            if path is not None:
+                how = f"   (flighttune {READ_BY[key]} {quote(str(path))})" if key in READ_BY else ""
+                yield f"{key.replace('_', ' ')}: {path}{how}"
+        recording = self.files.get("recording")
+        if recording is not None and not (self.files.get("page") or self.failure):
+            yield f"A page to send: flighttune report {quote(str(Path(recording).parent))}"
+
+    def html(self) -> str:
+        """Tables and sentences for a notebook."""
+        tables = [table.html() for table in self.tables if table.records]
+        before, after = (
+            [f"<p>{escape(text)}</p>" for text in texts if text]
+            for texts in ((*self.summary, *self.changed), (*self.notes, self.verdict, self.failure))
+        )
+        return printable("".join([*before, *tables, *after]))
+
+
+class Answering:
+    """A result that terminal, ``--json`` and notebooks show by its `answer`."""
+
+    __slots__ = ()
+
+    def answer(self) -> Answer:
+        """Values, tables, notes and verdict, as they are shown."""
+        raise NotImplementedError
+
+    def save(self, path: str | Path, /) -> Any:
+        """Write the JSON object of the answer; gains in it are read by `load_gains`."""
+        self.answer().save(path)
+
+    # A dataclass makes a representation of all its arrays, unless its class has one already.
+    def __init_subclass__(cls) -> None:
+        cls.__repr__ = Answering.__str__
+
+    def __str__(self) -> str:
+        return "\n".join(self.answer().text(WIDTH))
+
+    def _repr_html_(self) -> str:
+        return self.answer().html()
+
+
+def pick(value: object, names: str) -> dict[str, Any]:
+    """Attributes of `value` by name; `names` are separated by spaces."""
+    return {name: getattr(value, name) for name in names.split()}
+
+
+def _plain(value: Any) -> Any:
+    """A mapping that is no dictionary, an array or a scalar of NumPy's as what pydantic knows."""
+    return dict(value) if isinstance(value, Mapping) else value.tolist()

@@ -1,0 +1,162 @@
+"""Parts of every page: sections with charts and tables, and the frame of HTML."""
+
+import base64
+import hashlib
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from flighttune.base.answers.answer import Answer, Answering, Table, printable
+from flighttune.base.answers.chart import Chart, dashes, key, marked_up, style
+from flighttune.base.files.whole import write_text
+
+if TYPE_CHECKING:
+    from jinja2 import Template
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Section:
+    """A part of the page."""
+
+    id: str = "runs"  # its anchor
+    title: str = ""  # of all sections but the first it is all that is seen at first
+    note: str | Sequence[str] = ""  # how to read it: prose, or sentences for a list
+    charts: Sequence[Chart] = ()
+    tables: Sequence[Table] = ()
+    legend: bool = True  # whether the runs are named above the charts
+    columns: int = 2  # charts side by side on a wide screen, 2 or 3
+    open: bool = False  # whether it is seen at first
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """The sentences of its list, each with its capital and full stop; or its prose."""
+        if isinstance(self.note, str):
+            return (self.note,) if self.note else ()
+        return tuple(sentence(part) for note in self.note for part in SENTENCES.split(note))
+
+
+# Parts of a page that answers, in this order: anchor, title, whether it is seen at first.
+PARTS = (
+    ("accuracy", "Accuracy", True),
+    ("requirements", "Requirements", True),
+    ("responses", "Responses", True),
+    ("margins", "Margins of the loop", False),
+    ("costs", "What each requirement costs", False),
+    ("flown", "What was flown", False),
+    ("claim", "What is claimed", False),
+)
+
+
+# Where a sentence of a note ends and another one begins.
+SENTENCES = re.compile(r"(?<=[\w)])\. (?=[A-Z])")
+
+# A first word that takes a capital: no symbol, and no name of a file, plant or run.
+WORD = re.compile(r"[a-z]+(?=[,;:]? (?!/))")
+
+# A command at the end of a note, of which a full stop would look like a part.
+COMMAND = re.compile(r"(?<=: )flighttune \w+ \S+(?: --\S+(?: [^-\s]\S*)?)*$")
+
+
+def sentence(note: str) -> str:
+    """A note of a terminal as a sentence of a page."""
+    note = COMMAND.sub(lambda command: f"`{command[0]}`", note.rstrip(". "))
+    return f"{note[:1].upper() if WORD.match(note) else note[:1]}{note[1:]}."
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Report(Answering):
+    """A page that was written."""
+
+    path: Path
+    summary: tuple[str, ...]  # sentences at its top
+    sections: tuple[str, ...]  # titles
+    tables: tuple[Table, ...]
+    shown: Answer = field(default_factory=Answer, repr=False)  # what a terminal shows
+
+    def answer(self) -> Answer:
+        """The answer that the page shows, and its file."""
+        return replace(self.shown, files={"report": self.path})
+
+
+def write_page(
+    path: Path,
+    template: "Template",
+    *,
+    summary: tuple[str, ...] = (),
+    sections: Sequence[Section] = (),
+    **more: Any,
+) -> Report:
+    """Write a page, without tables that have no row and sections that have nothing to show."""
+    filled = (
+        replace(section, tables=[table for table in section.tables if table.records])
+        for section in sections
+    )
+    sections = [section for section in filled if section.charts or section.tables]
+    look, script = (
+        Path(__file__).with_name(name).read_text(encoding="utf-8")
+        for name in ("page.css", "page.js")
+    )
+    # The content security policy of the page allows this script alone.
+    digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+    page = template.render(
+        **{"claim": "", "about": (), "legend": (), "styles": {}, **more},
+        summary=summary,
+        sections=sections,
+        style=f"{style()}\n{look}",
+        script=script,
+        script_hash=f"sha256-{digest}",
+    )
+    write_text(path, printable(page))  # a title may have characters that steer a terminal
+    titles = tuple(section.title for section in sections if section.title)
+    tables = tuple(table for section in sections for table in section.tables)
+    return Report(path=path, summary=summary, sections=titles, tables=tables)
+
+
+def write_answer(
+    path: str | Path,
+    *,
+    title: str,
+    summary: Sequence[str],
+    commands: str,
+    parts: Mapping[str, Section],
+    texts: Mapping[str, str] | None = None,
+    **more: Any,
+) -> Report:
+    """Write a page that answers: a sentence, `parts` as far as there are any, how to repeat it."""
+    # Parts that are not in `PARTS` come last.
+    names = {key: {"id": key, "title": name, "open": seen} for key, name, seen in PARTS}
+    ordered = [*(x for x in names if x in parts), *(x for x in parts if x not in names)]
+    return write_page(
+        Path(path),
+        page_template("flighttune.base.answers", "answer.html.jinja"),
+        title=title,
+        summary=tuple(map(sentence, summary)),
+        sections=[replace(parts[key], **names.get(key, {"id": key})) for key in ordered],
+        commands=commands,
+        texts={name: text for name, text in (texts or {}).items() if text},
+        **more,
+    )
+
+
+@cache
+def page_template(package: str, name: str) -> "Template":
+    """A template of a package; it may extend ``frame.html.jinja``, the frame of every page."""
+    from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
+    from markupsafe import Markup
+
+    environment = Environment(
+        loader=ChoiceLoader(
+            [PackageLoader(folder, ".") for folder in (package, "flighttune.base.answers")]
+        ),
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        undefined=StrictUndefined,
+    )
+    environment.filters["key"] = lambda style: Markup(key(style.colour, dashes(style), style.width))
+    environment.filters["words"] = lambda text: Markup(marked_up(text, "<sub>{}</sub>"))
+    environment.filters["sign"] = lambda colour, dash: Markup(key(colour, dash))
+    return environment.get_template(name)

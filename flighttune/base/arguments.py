@@ -1,0 +1,230 @@
+"""Arguments of public calls, held to the annotations of their names: one line says what is wrong.
+
+It is the door by which a user's values come in. Calls inside the package do not pass it.
+"""
+
+import collections.abc
+import functools
+import inspect
+import numbers
+import types
+import typing
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from pathlib import Path, PurePath
+from typing import Any, TypeVar
+
+import numpy as np
+import numpy.typing as npt
+
+from flighttune.base.arrays import got, is_number
+from flighttune.base.errors import InputError
+
+Call = TypeVar("Call", bound=Callable[..., Any])
+Kind = TypeVar("Kind")
+
+# Largest whole number of a call: more runs, flights or points than can be flown; seeds are below.
+LARGEST = 2**31
+
+# Most characters of the line that refuses a call.
+MAX_LINE = 1000
+
+# Longest path and longest part of one, bytes.
+MAX_PATH, MAX_PART = 4096, 255
+
+# What nobody's class is.
+PLAIN = (type(None), bool, int, float, complex, str, bytes, list, tuple, dict, set, np.ndarray)
+
+WORDS: dict[Any, str] = {
+    bool: "true or false",
+    float: "a number",
+    int: "a whole number",
+    str: "text",
+    Path: "a path",
+    type(None): "None",
+}
+
+ARRAY = {*typing.get_args(npt.ArrayLike)}
+
+
+def checked(call: Call) -> Call:
+    """A function, or the `__init__` of a class, whose arguments are held to their annotations."""
+
+    @functools.wraps(call)
+    def wrapped(*args: Any, **options: Any) -> Any:
+        check(call, args, options)
+        return call(*args, **options)
+
+    return typing.cast("Call", wrapped)
+
+
+def checked_class(kind: type[Kind]) -> type[Kind]:
+    """A class whose arguments are held to their annotations where it cannot be made of them.
+
+    Where it can, nothing is looked at: some are made for every flight.
+    """
+    made: Callable[..., None] = kind.__init__
+
+    @functools.wraps(made)
+    def init(self: Kind, *args: Any, **options: Any) -> None:
+        try:
+            made(self, *args, **options)
+        except InputError as error:
+            text = " ".join(str(error).split())  # a value may be an array or a long text
+            if text == str(error) and len(text) <= MAX_LINE:
+                raise
+            raise type(error)(f"{text[:MAX_LINE]} ...") from error
+        except Exception:
+            check(made, (self, *args), options)
+            raise
+
+    setattr(kind, "__init__", init)  # noqa: B010
+    return kind
+
+
+def check(call: Callable[..., Any], args: Sequence[Any], options: Mapping[str, Any]) -> None:
+    """Refuse the first argument that is not of the kind of its annotation."""
+    signature, hints = _annotations(call)
+    try:
+        given = signature.bind(*args, **options).arguments
+    except TypeError:  # another name or number of arguments, which the call says
+        return
+    for name, value in given.items():
+        parameter, annotation = signature.parameters[name], hints[name]
+        if parameter.kind is parameter.VAR_KEYWORD:
+            continue
+        several = parameter.kind is parameter.VAR_POSITIONAL
+        for each in value if several else (value,):
+            if each is parameter.default:
+                continue
+            if not fits(each, annotation):
+                raise InputError(_misfit(name, each, annotation))
+            if isinstance(each, str | PurePath) and not _is_name(str(each)):
+                raise InputError(
+                    f"`{name}` must be a name or path that files can have, got {got(str(each))}."
+                )
+
+
+def _misfit(name: str, value: Any, annotation: Any) -> str:
+    """What is wrong with a value; of a dictionary, with its first wrong entry."""
+    kinds = typing.get_args(annotation) if _is_union(annotation) else (annotation,)
+    for kind in kinds if isinstance(value, Mapping) else ():
+        origin, inside = typing.get_origin(kind), typing.get_args(kind)
+        if isinstance(origin, type) and issubclass(origin, Mapping):
+            for key, each in value.items():
+                if not fits(key, inside[0]):
+                    return f"each name in `{name}` must be {words(inside[0])}, got {got(key)}."
+                if not fits(each, inside[1]):
+                    return f"`{name}` must have {words(inside[1])} for {key}, got {got(each)}."
+    return f"`{name}` must be {words(annotation)}, got {got(value)}."
+
+
+def _is_union(annotation: Any) -> bool:
+    return typing.get_origin(annotation) in (typing.Union, types.UnionType)
+
+
+def _is_name(text: str) -> bool:
+    parts = text.encode(errors="surrogateescape").split(b"/")
+    return "\0" not in text and len(text) < MAX_PATH and max(map(len, parts)) <= MAX_PART
+
+
+@functools.cache
+def _annotations(call: Callable[..., Any]) -> tuple[inspect.Signature, dict[str, Any]]:
+    signature, hints = inspect.signature(call), {}
+    for name, parameter in signature.parameters.items():
+        stated = types.SimpleNamespace(__annotations__={name: parameter.annotation})
+        try:
+            hints[name] = typing.get_type_hints(stated, call.__globals__, include_extras=True)[name]
+        except (NameError, AttributeError):  # of a library that is imported on first use
+            hints[name] = Any
+        if parameter.annotation is parameter.empty:
+            hints[name] = Any
+    return signature, hints
+
+
+def fits(value: Any, annotation: Any) -> bool:
+    """Whether a value is of the kind of an annotation; of a kind that cannot be asked, it is."""
+    origin, inside = typing.get_origin(annotation), typing.get_args(annotation)
+    if annotation is Any or annotation is object or isinstance(annotation, TypeVar):
+        return True
+    if _is_union(annotation):
+        array = {*inside} >= ARRAY
+        return (array and _is_array(value)) or any(
+            fits(value, each) for each in inside if not (array and each in ARRAY)
+        )
+    if origin is typing.Literal:
+        return isinstance(value, str | int) and value in inside
+    if origin is np.ndarray:
+        return _is_array(value)
+    if origin is tuple and inside[-1:] != (Ellipsis,):
+        return _is_list(value) and len(value) == len(inside) and all(map(fits, value, inside))
+    if isinstance(origin, type) and issubclass(origin, Mapping):
+        return isinstance(value, Mapping) and all(
+            fits(key, inside[0]) and fits(each, inside[1]) for key, each in value.items()
+        )
+    if origin is collections.abc.Callable:
+        return callable(value)
+    if isinstance(origin, type) and issubclass(origin, Iterable):
+        if origin is collections.abc.Iterable and not isinstance(value, PLAIN):
+            return isinstance(value, Iterable)  # it may be gone after one look
+        entries: Any = value if _is_list(value) else None
+        return entries is not None and all(fits(each, inside[0]) for each in entries)
+    if hasattr(annotation, "__metadata__"):
+        return fits(value, origin if origin not in (None, typing.Annotated) else inside[0])
+    return _is_a(value, annotation)
+
+
+def _is_a(value: Any, kind: Any) -> bool:
+    """Whether a value is of a class; numbers are those of NumPy too."""
+    if kind is None:
+        return value is None
+    if kind is bool:
+        return isinstance(value, bool | np.bool_)
+    if kind is int:
+        whole = isinstance(value, numbers.Integral) and not isinstance(value, bool)
+        return whole and abs(int(value)) < LARGEST
+    if kind is float:
+        return is_number(value)
+    if not isinstance(kind, type):
+        return True
+    if getattr(kind, "_is_protocol", False):
+        members = {*dir(kind), *kind.__annotations__} - {*dir(typing.Protocol)}
+        return all(hasattr(value, name) for name in members if name[0] != "_")
+    return isinstance(value, PurePath if issubclass(kind, PurePath) else kind)
+
+
+def _is_list(value: Any) -> bool:
+    return isinstance(value, list | tuple | set | frozenset | np.ndarray | range) or (
+        isinstance(value, Sequence) and not isinstance(value, str | bytes)
+    )
+
+
+def _is_array(value: Any) -> bool:
+    """Whether NumPy makes numbers of a value."""
+    try:
+        return np.asarray(value).dtype.kind in "biufc"
+    except (ValueError, TypeError, OverflowError):  # of rows of several lengths
+        return False
+
+
+def words(annotation: Any) -> str:
+    """The kind of an annotation in words."""
+    origin, inside = typing.get_origin(annotation), typing.get_args(annotation)
+    if _is_union(annotation):
+        array = ARRAY if {*inside} >= ARRAY else set()
+        kinds = ["numbers"] * bool(array) + [words(x) for x in inside if x not in array]
+        return " or ".join(dict.fromkeys(kinds))
+    if origin is typing.Literal:
+        return " or ".join(map(repr, inside))
+    if origin is np.ndarray:
+        return "numbers"
+    if isinstance(origin, type) and issubclass(origin, Mapping):
+        return "a dictionary"
+    if origin is collections.abc.Callable:
+        return "a function"
+    if origin is tuple and inside[-1:] != (Ellipsis,):
+        return f"{len(inside)} values, each {' and '.join(dict.fromkeys(map(words, inside)))}"
+    if isinstance(origin, type) and issubclass(origin, Iterable):
+        return f"a list, each {words(inside[0])}"
+    if hasattr(annotation, "__metadata__"):
+        return words(annotation.__origin__)
+    return WORDS.get(annotation, f"a {getattr(annotation, '__name__', annotation)}")

@@ -1,0 +1,210 @@
+"""Files that were written: one place asks what each is, by its content, and reads it.
+
+The readers stand in a table and are imported on first use: this module knows every kind of file,
+and nothing of what they hold. Most files carry the SHA-256 of all their other bytes, and a changed
+one is refused before any library decodes it. In a Parquet file the digits stand in the metadata of
+the schema, which is never compressed, in an archive in its comment.
+"""
+
+import hashlib
+import re
+import struct
+import zlib
+from contextlib import suppress
+from importlib import import_module
+from io import SEEK_END, BytesIO
+from pathlib import Path
+from typing import Any, BinaryIO
+from zipfile import ZIP_DEFLATED, ZIP_STORED
+
+from flighttune.base.errors import RecordingError
+from flighttune.base.files import table, whole
+
+MARK = b"SHA-256="
+DIGITS = 64
+
+# Write this as the value of the last key in the metadata: whatever looks like it stands before it.
+BLANK = MARK.decode() + "0" * DIGITS
+
+# Kinds of files; those of claims are what their `format` begins with.
+CERTIFICATE, BOUND = "flighttune certificate", "flighttune rate bound"
+TUBE, BAND, MONITOR = "flighttune tube", "flighttune band", "flighttune monitor"
+RECORDING, DATASET, LOG = "recording", "campaign", "log"
+
+# What a file is, and what takes it.
+SHOWN = {
+    CERTIFICATE: "a certificate, which `flighttune verify` takes",
+    BOUND: "a bound on R_K, which `flighttune verify` takes",
+    TUBE: "the proof of a tube, which `fly --claim`, `verify` and `worst` take",
+    BAND: "a band file, which `flighttune band`, `fly --claim` and `verify` take",
+    MONITOR: "a monitor of logs, which `flighttune report LOG --claim` and `verify` take",
+    RECORDING: "a recording, which `flighttune view`, `report` and `verify` take",
+    DATASET: "the folder of a campaign, which `flighttune report` and `verify` take",
+    LOG: "the log of a flight, which `flighttune report` and `gap` take",
+    "": "another file, or a damaged one",
+}
+
+# Bytes at the beginning of a file, or of its first array, that hold its `format`
+HEAD = 4096
+
+# Most bytes of a file that is read whole
+MAX_BYTES = 2**30
+
+CLAIMS = (CERTIFICATE, BOUND, TUBE, BAND, MONITOR)
+
+# Reader of each kind of file, as module:function.
+READERS = {
+    CERTIFICATE: "flighttune.control.certificates.certificate:load_certificate",
+    BOUND: "flighttune.control.certificates.bound:load_bound",
+    TUBE: "flighttune.claims.tubes.enclosure:load_tube",
+    BAND: "flighttune.claims.counting:load_counted",
+    MONITOR: "flighttune.claims.monitor:load_monitor",
+    RECORDING: "flighttune.flight.records.parquet:load_recording",
+    DATASET: "flighttune.campaigns.dataset:open_dataset",
+    LOG: "flighttune.logs.log:load_part",
+}
+
+A_LOG = "log of a flight (.ulg, .bin, .tlog or .csv)"
+
+CAMPAIGN = "campaign.json"  # the file that makes a folder that of a campaign
+
+# What files begin with; a telemetry log has the time of its first message before it.
+RERUN, PARQUET, ARCHIVE = b"RRF", b"PAR1", b"PK"
+
+# What the record at the end of a zip archive begins with, and its most bytes.
+ARCHIVE_END, LONGEST_END = b"PK\x05\x06", 2**16 + 22
+
+LOG_STARTS = {"ULog": b"ULog\x01\x12\x35", "DataFlash": (b"\xa3\x95", b"FMT,"), "csv": b"<LABELS>"}
+
+# Kind of a file whose content does not tell it: a table has no mark.
+ENDINGS: dict[str, str] = dict.fromkeys((".rrd", ".parquet"), RECORDING)
+ENDINGS |= dict.fromkeys((".ulg", ".bin", ".tlog", ".csv"), LOG)
+
+
+def load_one(path: object, what: str, *kinds: str, columns: Any = ()) -> Any:
+    """Read a file of one of some kinds; a RecordingError says that it must be `what`.
+
+    A value that was read before, and is no path, is returned as it is.
+    """
+    if not isinstance(path, str | Path):
+        return path
+    if (value := written(path, *kinds, columns=columns)) is not None:
+        return value
+    place, kind = _place(path), kind_of(path)
+    if not kind and file_bytes(place, what, HEAD).lstrip().startswith(b"{"):
+        got = table.abridged(table.json_tables(place).get("format"))
+        raise RecordingError(f"{place}: `format` must be that of a {what}, got {got}.")
+    raise RecordingError(f"{place}: must be a {what}, got {SHOWN[kind]}.")
+
+
+def written(source: object, *kinds: str, columns: Any = ()) -> Any:
+    """The value in a file of one of some kinds; None for all else, which may be flown."""
+    kind = kind_of(source) if isinstance(source, str | Path) else ""
+    if kind not in kinds:
+        return None
+    module, _, reader = READERS[kind].partition(":")
+    read = getattr(import_module(module), reader)
+    return read(str(source), columns) if kind == LOG else read(_place(str(source)))
+
+
+def kind_of(source: str | Path) -> str:
+    """Kind of a file by its content, or else by its ending; empty for what nobody wrote."""
+    whole.settle(Path(source).parent)
+    path, head, stated = _place(source), b"", ""
+    if path.is_dir():
+        whole.settle(path)
+        return DATASET if (path / CAMPAIGN).is_file() else RECORDING
+    with suppress(OSError), path.open("rb") as file:
+        head = file.read(16)
+        stated = stated_format(file) if path.is_file() else ""
+    if head.startswith((RERUN, PARQUET)):
+        return RECORDING
+    if stated in READERS:
+        return stated
+    if head.startswith(ARCHIVE) and path.suffix.lower() != ".kmz":  # a map, packed as a zip
+        raise RecordingError(
+            f"{path}: must be a file that can be read, got an archive that flighttune did not "
+            "write, or that is damaged or cut off."
+        )
+    return LOG if kind_of_log(head) else ENDINGS.get(path.suffix.lower(), "")
+
+
+def kind_of_log(head: bytes) -> str:
+    """Kind of a log by its first bytes; empty for another file and most tables."""
+    for kind, start in LOG_STARTS.items():
+        if head.startswith(start):
+            return kind
+    return "MAVLink" if len(head) > 8 and head[8] in b"\xfe\xfd" else ""
+
+
+def _place(source: str | Path) -> Path:
+    """The file of a source, without the part that is chosen of it behind an ``@``."""
+    path = Path(source)
+    return path if path.exists() else Path(str(source).partition("@")[0])
+
+
+def seal(data: bytes) -> bytes:
+    """Put the SHA-256 of all other bytes of a file in the place of `BLANK`."""
+    before, _, after = data.rpartition(BLANK.encode())
+    return before + MARK + _sha256(before, after) + after
+
+
+def sealed_bytes(path: Path, kind: str, remedy: str = "fly it again") -> bytes:
+    """Bytes of a file, if they are those that `seal` returned; `kind` is what it must be."""
+    data = file_bytes(path, kind)
+    if kind not in (actual := SHOWN.get(stated_format(BytesIO(data)) or kind, kind)):
+        raise RecordingError(f"{path}: must be a {kind}, got {actual}.")
+    before, mark, footer = data.rpartition(MARK)
+    if not mark:
+        raise RecordingError(
+            f"{path}: must be a {kind} with the SHA-256 that flighttune writes, got none: it is "
+            f"cut off, of another program, or of flighttune 0.1.0; {remedy}."
+        )
+    if footer[:DIGITS] != _sha256(before, footer[DIGITS:]):
+        raise RecordingError(
+            f"{path}: must be a {kind} as it was written, got another SHA-256: it is damaged, cut "
+            f"off or edited; {remedy}."
+        )
+    return data
+
+
+def file_bytes(path: Path, kind: str, first: int | None = None) -> bytes:
+    """Bytes of a file that is not empty, or the `first` ones; one line says why there are none."""
+    if not path.is_file():
+        got = "a folder" if path.is_dir() else "no such file"
+        raise RecordingError(f"{path}: must be a {kind}, got {got}.")
+    with whole.allowed(path, "readable"), path.open("rb") as file:
+        data = file.read(MAX_BYTES + 1 if first is None else first)
+    if len(data) > MAX_BYTES:
+        raise RecordingError(f"{path}: must have at most {MAX_BYTES} bytes, got more.")
+    if not data:
+        raise RecordingError(f"{path}: must be a {kind}, got an empty file.")
+    return data
+
+
+def stated_format(file: BinaryIO) -> str:
+    """The `format` in the JSON text or in the first array of a file, without its number."""
+    file.seek(0)
+    data = file.read(2 * HEAD)
+    if data.startswith(ARCHIVE):
+        file.seek(max(0, file.seek(0, SEEK_END) - LONGEST_END))
+        cut = ARCHIVE_END not in file.read()
+        # NumPy's letters have four bytes
+        data = b"" if cut else _first_member(data).replace(b"\0", b"")
+    match = re.search(r'"format":\s*"([a-z ]+) \d', data[:HEAD].decode(errors="replace"))
+    return match[1] if match else ""
+
+
+def _first_member(data: bytes) -> bytes:
+    """The beginning of the first member of a zip archive, stored or deflated; empty for another."""
+    with suppress(struct.error, zlib.error):
+        packing, *lengths = struct.unpack_from("<8xH16xHH", data)
+        body = data[30 + sum(lengths) :]
+        if packing == ZIP_DEFLATED:
+            return zlib.decompressobj(-zlib.MAX_WBITS).decompress(body, HEAD)
+        return body[:HEAD] if packing == ZIP_STORED else b""
+    return b""
+
+
+def _sha256(before: bytes, after: bytes) -> bytes:
+    return hashlib.sha256(before + after).hexdigest().encode()

@@ -1,0 +1,371 @@
+"""TOML and JSON files, read whole and strictly: tables, values of classes, and their mistakes.
+
+The class of a value, a frozen dataclass, is the format of its file too. The keys are the names of
+the fields, and the first one names the format with its version. An unknown, missing or repeated
+key, a value of another type and another version are refused in one line that names file and key.
+Files are held to the checks that the class itself makes.
+"""
+
+import difflib
+import hashlib
+import json
+import re
+import tomllib
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from functools import cache, wraps
+from pathlib import Path
+from reprlib import Repr
+from typing import Any, ClassVar, Protocol, TypeVar
+
+from pydantic import BaseModel, ConfigDict, TypeAdapter, ValidationError
+from pydantic.fields import FieldInfo
+from pydantic_core import ErrorDetails
+
+from flighttune.base.errors import InputError, ScenarioError, naming
+from flighttune.base.files.whole import allowed, settle, write_text
+
+# Mistakes listed in one line; the rest is counted.
+MAX_LISTED = 5
+
+# Characters of a key or a value that a message repeats.
+MAX_CHARACTERS = 80
+
+# Characters of a word that a message repeats whole: as many as the name of a file can have.
+MAX_WORD = 255
+
+Model = TypeVar("Model", bound=BaseModel)
+
+_ABRIDGED = Repr()
+_ABRIDGED.maxstring = _ABRIDGED.maxother = MAX_CHARACTERS
+
+
+def shown(key: str) -> str:
+    """A key as a message repeats it: the middle of a long one is left out."""
+    return abridged(key)[1:-1]
+
+
+def abridged(value: object) -> str:
+    """A value as a message repeats it: the middle of a long one is left out."""
+    return _ABRIDGED.repr(value)
+
+
+def joined(faults: Iterable[str], count: int = 0) -> str:
+    """Faults as one line that ends in a full stop, or in the last one's question mark.
+
+    They are the first of `count`, if that is given.
+    """
+    sentences = [fault.removesuffix(".") for fault in faults]
+    more = max(count, len(sentences)) - MAX_LISTED
+    line = "; ".join(sentences[:MAX_LISTED]) + (f"; and {more} more" if more > 0 else "")
+    words = (word if len(word) <= MAX_WORD else shown(word) for word in line.split())
+    return " ".join(words) + ("" if line.endswith("?") else ".")
+
+
+def mistakes(error: ValidationError, tables: object, model: type[BaseModel] | None = None) -> str:
+    """All mistakes in `tables` as one line, the deepest first; a `model` is that of a TOML file."""
+    # An unknown key comes before the key that is missing in its place, and the fault of a range
+    # before the remark that a range is no number.
+    problems = sorted(
+        error.errors(include_url=False),
+        key=lambda problem: (len(problem["loc"]), problem["type"] not in ("missing", "float_type")),
+        reverse=True,
+    )
+    sentences: list[str] = []
+    count, seen = 0, set[tuple[int | str, ...]]()
+    for problem in problems:
+        place = _place(problem, tables)
+        # A value of a union has a problem for each member: the member that fits best fails deepest.
+        if place in seen:
+            continue
+        seen |= {place[:length] for length in range(len(place) + 1)}
+        count += 1
+        if count <= MAX_LISTED:
+            sentences.append(_sentence(problem, place, model))
+    return joined(sentences, count)
+
+
+def validated(model: type[Model], tables: Any, source: object) -> Model:
+    """Tables read as `model`; a ScenarioError names `source`, the file, and each wrong key."""
+    try:
+        return model.model_validate(tables)
+    except ValidationError as error:
+        named = None if str(source).endswith(".json") else model
+        raise ScenarioError(f"{source}: {mistakes(error, tables, named)}") from None
+
+
+def refused_in_a_line(model: type[Model]) -> type[Model]:
+    """The class of a table, whose mistakes in a call from Python are a line too."""
+    made = model.__init__
+
+    @wraps(made)
+    def init(self: Model, /, **tables: Any) -> None:
+        try:
+            made(self, **tables)
+        except ValidationError as error:
+            raise ScenarioError(f"{model.__name__}: {mistakes(error, tables, model)}") from None
+
+    setattr(model, "__init__", init)  # noqa: B010
+    return model
+
+
+def _place(problem: ErrorDetails, tables: Any) -> tuple[int | str, ...]:
+    """Keys and indices down to the wrong value, without the members of unions in between."""
+    place: list[int | str] = []
+    for part in problem["loc"]:
+        if isinstance(tables, dict):
+            there = part in tables
+        else:
+            there = isinstance(tables, list) and part in range(len(tables))
+        if there:
+            inside: Any = tables
+            tables = inside[part]
+            place.append(part)
+    if problem["type"] == "missing":
+        place.append(problem["loc"][-1])
+    return tuple(place)
+
+
+def _sentence(
+    problem: ErrorDetails, place: tuple[int | str, ...], model: type[BaseModel] | None
+) -> str:
+    kind, message = problem["type"], problem["msg"].removeprefix("Value error, ")
+    if message.startswith("["):  # a validator named table and key
+        return message
+    keys = [str(part) for part in place if model is None or isinstance(part, str)]
+    if message.startswith("`"):  # a table that checks itself named the key in it
+        inside, fault = message[1:].split("`", 1)
+        return f"{_named([*keys, inside], model)}{fault}"
+    key, subject = keys[-1] if keys else "", _named(keys, model)
+    if kind == "missing":
+        return f"{subject} must be given"
+    if kind in ("extra_forbidden", "unexpected_keyword_argument"):
+        names = _known_keys(model, keys[:-1]) if model else []
+        close = difflib.get_close_matches(shown(key), names, n=1, cutoff=0.5)
+        hint = f"did you mean `{close[0]}`?" if close else f"the keys are {', '.join(names)}"
+        return f"{subject} is not a known key" + (f"; {hint}" if names else "")
+    if kind in ("model_type", "dict_type", "dataclass_type"):
+        message = "must be a table"
+    # "List should have at least 1 item after validation, ..." becomes "must have at least 1 item".
+    message = re.sub("^(Input|List|Tuple|String) | after validation.*", "", message)
+    message = message.replace("should", "must", 1)
+    value = problem.get("input")
+    if kind == "too_long" and isinstance(value, list):
+        return f"{subject} {message}, got {len(value)}"
+    return f"{subject} {message}, got {abridged(value)}"
+
+
+def _named(keys: list[str], model: type[BaseModel] | None) -> str:
+    if model is None or len(keys) < 2:
+        return f"`{shown('.'.join(keys))}`"
+    return f"[{shown('.'.join(keys[:-1]))}] `{shown(keys[-1])}`"
+
+
+def _known_keys(model: type[BaseModel], place: Sequence[str]) -> list[str]:
+    """Keys of the table at `place` in a model; of all tables that can be there."""
+    tables = [_fields(model)]
+    for key in place:
+        kinds = [table[key].annotation for table in tables if key in table]
+        inside = []
+        for kind in kinds:  # which grows by the members of lists and unions
+            if isinstance(kind, type) and issubclass(kind, BaseModel):
+                inside.append(_fields(kind))
+            kinds += getattr(kind, "__args__", ())
+        tables = inside or tables  # the key of a dictionary leads to no other table
+    return list(dict.fromkeys(key for table in tables for key in table))
+
+
+def _fields(model: type[BaseModel]) -> dict[str, FieldInfo]:
+    return {field.alias or name: field for name, field in model.model_fields.items()}
+
+
+# Largest file that is read: a certificate at a thousand conditions has a tenth of it.
+MAX_BYTES = 16_000_000
+
+# Most characters and values of a TOML file, each of which may be a mistake of its own: a route of a
+# thousand waypoints has a tenth of them.
+MAX_TOML, MAX_VALUES = 2**20, 2**16
+
+STRICT = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
+
+# A dotted key of over 32 parts: `tomllib` takes minutes for 100,000. The expression begins only
+# where a key can and gives nothing back, so that it costs one pass of any text.
+PART = r"""(?:"[^"\n]*+"|'[^'\n]*+'|[\w-]++)"""
+DEEP_KEY = re.compile(rf"(?m)(?:^|[\[{{,])[ \t]*+(?:{PART}[ \t]*+\.[ \t]*+){{32}}")
+
+
+def stamp(file: Path) -> tuple[int, ...]:
+    """Time of the last write to a file, its number and its size; empty without a file."""
+    try:
+        status = file.stat()
+    except OSError:
+        return ()
+    return status.st_mtime_ns, status.st_ctime_ns, status.st_ino, status.st_size
+
+
+def toml_tables(path: Path) -> dict[str, Any]:
+    """The tables of a TOML file; ScenarioError if it cannot be read."""
+    return _parsed(file_text(path), f"{path}: the file", _toml, "TOML")
+
+
+def json_tables(path: Path) -> dict[str, Any]:
+    """The object of a JSON file, read strictly; ``NaN`` and ``Infinity`` are read as floats."""
+    return _parsed(file_text(path), f"{path}: the file", _json, "JSON")
+
+
+def json_object(text: str, place: str) -> dict[str, Any]:
+    """The object of a JSON text inside a file; a ScenarioError begins with `place`."""
+    return _parsed(text, place, _json, "JSON")
+
+
+def toml_value(text: str, place: str) -> Any:
+    """A value written as TOML; a text that is no TOML is itself the value."""
+
+    def parse(line: str) -> Any:
+        try:
+            return _toml(line)
+        except tomllib.TOMLDecodeError:
+            return {"value": text}
+
+    return _parsed(f"value = {text}", place, parse, "TOML")["value"]
+
+
+def _toml(text: str) -> Any:
+    if DEEP_KEY.search(text):
+        raise RecursionError
+    if len(text) > MAX_TOML:
+        raise ValueError(f"it must have at most {MAX_TOML} characters, got {len(text)}")
+    tables = tomllib.loads(text)
+    if keys := _large_integer(tables):
+        raise ValueError(f"`{shown('.'.join(keys))}` must be an integer of at most 64 bits")
+    return tables
+
+
+def _large_integer(tables: dict[str, Any]) -> list[str]:
+    """Keys down to an integer that TOML does not have, which Python may refuse to print."""
+    above: list[tuple[str, Iterator[tuple[Any, Any]]]] = [("", iter(tables.items()))]
+    count = 0
+    while above:
+        for key, value in above[-1][1]:
+            count += 1
+            if count > MAX_VALUES:
+                raise ValueError(f"it must have at most {MAX_VALUES} values, got more")
+            if isinstance(value, dict | list):
+                pairs = value.items() if isinstance(value, dict) else enumerate(value)
+                above.append((str(key), iter(pairs)))
+                break
+            if isinstance(value, int) and not -(2**63) <= value < 2**63:
+                return [name for name, _ in above[1:]] + [str(key)]
+        else:
+            above.pop()
+    return []
+
+
+def _json(text: str) -> Any:
+    return json.loads(text, object_pairs_hook=_unique)
+
+
+def file_text(path: Path) -> str:
+    """The text of a file; ScenarioError if it is too large or no UTF-8."""
+    settle(path.parent)
+    with allowed(path, "readable", ScenarioError), path.open("rb") as file:
+        data = file.read(MAX_BYTES + 1)
+    if len(data) > MAX_BYTES:
+        raise ScenarioError(f"{path}: the file must have at most {MAX_BYTES} bytes, got more.")
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise ScenarioError(f"{path}: the file must be UTF-8 text: {error}.") from error
+
+
+def _parsed(text: str, place: str, parse: Callable[[str], Any], language: str) -> dict[str, Any]:
+    try:
+        tables = parse(text)
+    except ValueError as error:
+        reason = str(error).partition("; use sys")[0]  # Python's advice is for programmers
+        raise ScenarioError(f"{place} must be valid {language}: {reason}.") from error
+    except RecursionError:
+        raise ScenarioError(f"{place} must not be nested so deeply.") from None
+    if not isinstance(tables, dict):
+        raise ScenarioError(f"{place} must hold one object, got {type(tables).__name__}.")
+    return tables
+
+
+def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """An object of a JSON file; a key that is given twice would hide its first value."""
+    table = dict(pairs)
+    if len(table) < len(pairs):
+        seen = set[str]()
+        for key, _ in pairs:
+            if key in seen:
+                raise ValueError(f"`{shown(key)}` is given twice")
+            seen.add(key)
+    return table
+
+
+def hash_of(values: Any) -> str:
+    """SHA-256 of plain values, the same for any order of their keys."""
+    return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()
+
+
+def toml_text(tables: Mapping[str, Any]) -> str:
+    """TOML of nested plain values, such as a recorded scenario; None is left out."""
+    import tomlkit
+
+    return tomlkit.dumps(_without_none(tables))
+
+
+def _without_none(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {key: _without_none(item) for key, item in value.items() if item is not None}
+    if isinstance(value, (list, tuple)):
+        return [_without_none(item) for item in value]
+    return value
+
+
+class ValueOfFile(Protocol):
+    """A frozen dataclass that can be read and written; `STRICT` is its pydantic configuration."""
+
+    __pydantic_config__: ClassVar[ConfigDict]
+    FORMAT: ClassVar[str]  # name and version: readers refuse any other
+    UNITS: ClassVar[Mapping[str, str]]  # in the file for its readers: nothing is converted
+
+
+V = TypeVar("V", bound=ValueOfFile)
+
+
+def write(value: ValueOfFile, path: str | Path) -> None:
+    """Write a value whole or not at all; an OutputError says that it cannot be written."""
+    write_text(Path(path), json.dumps(tables_of(value), indent=2, allow_nan=False) + "\n")
+
+
+def read(path: str | Path, kind: type[V]) -> V:
+    """Read a value of some class; a ScenarioError names file and key."""
+    with naming(path, ScenarioError):
+        return value_of(json_tables(Path(path)), kind)
+
+
+def tables_of(value: ValueOfFile) -> dict[str, Any]:
+    """The JSON object of a value; floats in it read back to the same bits."""
+    fields = _adapter(type(value)).dump_python(value, mode="json")
+    return {"format": value.FORMAT, "units": dict(value.UNITS), **fields}
+
+
+def value_of(tables: Mapping[str, Any], kind: type[V]) -> V:
+    """The value whose JSON object `tables` is."""
+    fields = dict(tables)
+    if (written := fields.pop("format", None)) != kind.FORMAT:
+        raise InputError(
+            f"`format` must be {kind.FORMAT!r}, got {abridged(written)}; make the file again."
+        )
+    if fields.pop("units", None) != kind.UNITS:
+        raise InputError("`units` must be those of this format: nothing is converted.")
+    try:
+        # From text: in pydantic's strict mode only there is an array a tuple.
+        return _adapter(kind).validate_json(json.dumps(fields))
+    except ValidationError as error:
+        raise InputError(mistakes(error, fields)) from error
+
+
+@cache
+def _adapter(kind: type[V]) -> TypeAdapter[V]:
+    return TypeAdapter(kind)

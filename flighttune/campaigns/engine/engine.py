@@ -1,0 +1,326 @@
+"""Fly a plan into a folder, here or on a cluster, and forecast its flights, time and disk space."""
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from flighttune.base.answers.answer import Answer, Answering, Table, pick
+from flighttune.base.answers.names import columns, duration, endings_table, rate
+from flighttune.base.arrays import check_at_least
+from flighttune.base.errors import InputError, RecordingError, StoppedError
+from flighttune.base.files import code
+from flighttune.base.files.load import CAMPAIGN
+from flighttune.campaigns.dataset import RUNS, Dataset, locked, open_dataset, parquet_bytes
+from flighttune.campaigns.engine.pool import WorkerPool
+from flighttune.campaigns.engine.progress import CampaignObserver
+from flighttune.campaigns.flying.columns import table_of
+from flighttune.campaigns.planning.plan import Group, Plan, draws_in_words, plan_campaign
+from flighttune.campaigns.planning.source import load_campaign
+from flighttune.campaigns.statistics.count import looks
+from flighttune.campaigns.statistics.findings import SUCCESS, Answers, answer_words, answers
+from flighttune.flight.fly import library_versions
+from flighttune.flight.loop.batch import cores
+from flighttune.flight.records.refly import changed_versions
+
+# A timing that takes at least this long is accurate enough, s
+ENOUGH_S = 0.25
+
+# Factor by which the number of runs grows from one timing to the next
+MORE = 4
+
+COST_COLUMNS = columns("core_s workers wall_s rows_bytes signals_bytes", of="cost")
+
+
+def forecast(plan: Plan, workers: int | None = None) -> Answer:
+    """Flights, dispersions, signals kept and the cost of a plan: it flies a few runs."""
+    # Whoever asks what a campaign costs shall not run code of somebody else.
+    cost = {} if plan.code else _cost(plan, workers or cores())
+    campaign, keep = plan.campaign, plan.campaign.keep
+    disperse = [table.model_dump(mode="json", exclude_none=True) for table in campaign.disperse]
+    counted = draws_in_words(plan.runs, plan.groups)
+    keys = " ".join(dict.fromkeys(key for table in disperse for key in table))
+    values = {
+        "title": campaign.title,
+        **pick(plan, "runs draws"),
+        **pick(campaign, "design seed time_limit_s"),
+        "disperse": disperse,
+        "keep": keep.model_dump(mode="json"),
+        **cost,
+    }
+    tables = [
+        Table(columns("runs draws design seed time_limit_s"), [values], campaign.title),
+        Table(columns(keys), disperse, "dispersed"),
+    ]
+    if cost:
+        title = f"cost, from {cost['timed_runs']} runs flown now"
+        tables.insert(1, Table(columns("plant gains run_s"), cost["groups"], "groups"))
+        tables.append(Table(COST_COLUMNS, [values], title))
+    unknown = "time and space are not estimated: that runs the code of"
+    kept = f"the first {keep.failures} failures, the worst {keep.worst} by {keep.worst_by}"
+    return Answer(
+        values=values,
+        tables=tables,
+        notes=[
+            f"{'at most ' if campaign.until_sure else ''}{plan.runs} flights = {counted}",
+            f"signals kept: {kept}, a sample of {keep.sample}",
+            *(f"{unknown} {file}" for file in plan.code),
+        ],
+    )
+
+
+def _cost(plan: Plan, workers: int) -> dict[str, Any]:
+    """Fly a few runs of a plan in one process and estimate what all of them will take."""
+    size = min(len(plan.groups), plan.runs)
+    with WorkerPool(1) as pool:
+        list(pool.rows(plan, range(size)))  # untimed: starts the process
+        while True:
+            began = time.perf_counter()
+            rows = list(pool.rows(plan, range(size)))
+            spent = time.perf_counter() - began
+            if size == plan.runs or spent > ENOUGH_S:
+                break
+            size = min(size * MORE, plan.runs)
+        sizes = [len(signals) for _, signals in pool.signals(plan, [0])]
+    # The last timing has the most runs: kinematic flights take less time each in a larger batch.
+    table, keep = table_of(plan, rows), plan.campaign.keep
+    run_s = table.to_pandas().groupby(["plant", "gains"], sort=False)["wall_s"].mean()
+    core_s = spent / size * plan.runs
+    return {
+        "groups": run_s.rename("run_s").reset_index().to_dict("records"),
+        "timed_runs": size,
+        "core_s": core_s,  # of all runs on one core
+        "workers": workers,
+        "wall_s": core_s / workers,
+        "rows_bytes": round(len(parquet_bytes(table)) / size * plan.runs),
+        "signals_bytes": sum(sizes) * min(plan.runs, keep.failures + keep.worst + keep.sample),
+    }
+
+
+# Counts of the progress that the outcome has too
+COUNTED = ("completed", "failed", "crashed", "succeeded", "flown")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CampaignOutcome(Answering):
+    """State of a campaign after it was flown or resumed."""
+
+    dataset: str  # folder, as it was given
+    planned: int  # runs of the plan
+    runs: int  # runs that are there: completed + failed + crashed
+    completed: int  # flown to their end
+    failed: int  # ended early, never began, or took too long
+    crashed: int  # ended the process that flew them
+    succeeded: int  # met every requirement
+    statuses: dict[str, int]  # number of runs by status
+    flown: int  # rows that were flown this time
+    kept: int  # runs whose signals are kept
+    wall_s: float  # s, of this time
+    rate_per_s: float  # 1/s, flown / wall_s
+    groups: tuple[Group, ...]  # plants and gain sets that fly each draw
+    by_group: list[dict[str, Any]]  # the label of each, and numbers of its runs as above
+    endings: list[Mapping[str, Any]]  # run, status and reason of those that are not completed
+    # Of each group whether the share asked for succeeds: yes, no, or empty if it is not sure
+    sure: Mapping[str, str] = field(default_factory=dict)
+    until_sure: float | None = None  # share of flights that was asked for
+    interrupted: bool = False  # stopped before its end
+    assumed: tuple[str, ...] = ()  # what its scenario assumes, a sentence each
+
+    def answer(self) -> Answer:
+        """Flights by their status, and the time they took; status 130 if they were interrupted.
+
+        Status 1 if the share asked for is not surely reached by all groups.
+        """
+        speed = f"{duration(self.wall_s)}, {rate(self.rate_per_s)} a second"
+        interrupted = (
+            f"interrupted, {self.runs} of {self.planned} runs are in {self.dataset}; go on with "
+            "the same command and --resume"
+        )
+        answered = answer_words(self.sure, self.until_sure)
+        most = f" of at most {self.planned}" if self.until_sure else ""
+        reached = all(answer == "yes" for answer in self.sure.values())
+        said = "planned runs completed failed crashed succeeded statuses flown kept"
+        return Answer(
+            values=pick(self, f"{said} wall_s rate_per_s interrupted{' sure' * bool(self.sure)}"),
+            tables=[
+                Table(columns(" ".join(self.by_group[0])), self.by_group),
+                endings_table(self.endings),
+            ],
+            notes=[
+                f"{self.runs}{most} flights = {draws_in_words(self.runs, self.groups)}",
+                f"flown now: {self.flown} in {speed}" if self.flown else "nothing was missing",
+                *self.assumed,
+            ],
+            verdict=answered if reached else "",
+            files={"dataset": self.dataset},
+            failure=interrupted if self.interrupted else "" if reached else answered,
+            status=130 if self.interrupted else 1,
+        )
+
+
+@code.flies
+def run_campaign(
+    campaign: Plan | str | Path,
+    out: str | Path,
+    *,
+    runs: int | None = None,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    resume: bool = False,
+    observer: CampaignObserver | None = None,
+) -> CampaignOutcome:
+    """Fly a campaign, or the runs that are missing from it.
+
+    Parameters
+    ----------
+    campaign : Plan, str or Path
+        A campaign file, or the name of a shipped one.
+    out : str or Path
+        Folder of the rows. Only this process writes.
+    runs : int, optional
+        Flights in total, by default the file's.
+    workers : int, optional
+        Processes that fly on this machine; by default one per core.
+    scheduler : str, optional
+        Address of a dask scheduler, ``tcp://HOST:PORT``, whose workers fly instead.
+    resume : bool
+        Fly the runs that `out` lacks.
+    observer : CampaignObserver, optional
+        Receives the progress; may stop the campaign.
+
+    Returns
+    -------
+    CampaignOutcome
+        Runs that failed are rows like any other.
+
+    Raises
+    ------
+    InputError
+        If the campaign cannot be read; if `out` holds another campaign, or is in use; if
+        dask.distributed is not installed.
+    OutputError
+        If `out` cannot be written, e.g. on a full disk. Files already written are complete.
+    CampaignError
+        If the cluster is gone. Files already written are complete.
+
+    Examples
+    --------
+    >>> ft.run_campaign("first_campaign", "runs/first", runs=4).completed
+    4
+    """
+    began = time.perf_counter()
+    plan = campaign if isinstance(campaign, Plan) else plan_campaign(load_campaign(campaign))
+    if runs is not None:
+        check_at_least(1, runs=runs)
+        plan = plan.with_runs(runs)
+    with WorkerPool(workers, scheduler, observer) as pool, locked(Path(out)):
+        dataset = _dataset(out, plan, resume=resume)
+        dataset.clean()
+        _count(dataset, pool)
+        plan, sure = dataset.plan, {}
+        interrupted = False
+        try:
+            sure = _fly(dataset, pool)
+            dataset.keep_signals(pool.signals)
+        except StoppedError:
+            interrupted = True
+        dataset.clean()
+    wall, progress = time.perf_counter() - began, pool.progress
+    return CampaignOutcome(
+        dataset=str(out),
+        planned=plan.runs,
+        runs=progress.done,
+        **{name: getattr(progress, name) for name in COUNTED},
+        statuses=dict(sorted(progress.statuses.items())),
+        kept=len(dataset.kept),
+        groups=plan.groups,
+        by_group=_by_group(dataset, sorted(progress.statuses)),
+        endings=progress.endings,
+        sure=sure,
+        until_sure=plan.campaign.until_sure,
+        wall_s=wall,
+        rate_per_s=progress.flown / wall,
+        interrupted=interrupted,
+        assumed=plan.scenario.assumptions,
+    )
+
+
+def _by_group(dataset: Dataset, statuses: Sequence[str]) -> list[dict[str, Any]]:
+    """Numbers of runs of each plant and gain set, by how they ended."""
+    names, counts = ["plant", "gains", "status", SUCCESS], []
+    rows = dataset.rows(names).to_pandas() if dataset.parts else pd.DataFrame(columns=names)
+    for group in dataset.plan.groups:
+        own = rows[(rows["plant"] == group.plant) & (rows["gains"] == group.gains)]
+        ends = {status: int((own["status"] == status).sum()) for status in statuses}
+        completed, crashed = (ends.pop(status, 0) for status in ("completed", "crashed"))
+        counts.append(
+            {"group": group.label, "runs": len(own), "completed": completed}
+            | {"failed": sum(ends.values()), "crashed": crashed}
+            | {"succeeded": int(own[SUCCESS].sum()), **ends}
+        )
+    return counts
+
+
+def _dataset(out: str | Path, plan: Plan, *, resume: bool) -> Dataset:
+    """The folder of a campaign with its ``campaign.json``, new or to be resumed."""
+    folder, versions = Path(out), library_versions()
+    if (folder / CAMPAIGN).exists():
+        dataset = open_dataset(out)
+        was, now = dataset.plan.runs, plan.runs
+        if not resume:
+            raise InputError(
+                f"{out}: must not hold a campaign, got one of {was} runs; go on with it by "
+                "--resume, or give another --out."
+            )
+        plan = plan.with_tuned_gains_of(dataset.plan)
+        if changed := dataset.plan.with_runs(now).differences(plan):
+            raise InputError(f"{out}: holds another campaign: {'; '.join(changed)}.")
+        if other := changed_versions(dict.fromkeys(versions, "absent") | dataset.versions):
+            changes = [f"{name}: was {then}, is {now}" for name, (then, now) in other.items()]
+            raise InputError(f"{out}: was flown with other libraries: {'; '.join(changes)}.")
+        if now < was or (now > was and not plan.extendable):
+            design = plan.campaign.design
+            may = "can only grow" if plan.extendable else f"must stay with {design} draws"
+            raise InputError(f"{out}: `runs` of a campaign {may}, was {was}, is {now}.")
+        if now == was:
+            return dataset
+    elif any((folder / RUNS).glob("*")):
+        raise InputError(f"{out}: must be empty, got {RUNS}/ without {CAMPAIGN}.")
+    dataset = Dataset(out, plan, versions)
+    dataset.write_plan()
+    return dataset
+
+
+def _fly(dataset: Dataset, pool: WorkerPool) -> Answers:
+    """Fly all missing runs, or those until it is sure of every group; the answers."""
+    plan = dataset.plan
+    if plan.campaign.until_sure is None:
+        dataset.write_rows(pool.rows, plan.runs)
+        return {}
+    sure = {}
+    pool.progress.planned = plan.runs
+    for draws in looks(plan.draws):
+        # What a look counts must not depend on how many flights an earlier command has left.
+        end = min(draws * len(plan.groups), plan.runs)
+        dataset.write_rows(pool.rows, end)
+        rows = dataset.rows(["plant", "gains", SUCCESS]).to_pandas()
+        sure = answers(rows[rows["run"] < end], plan)
+        if all(sure.values()):
+            break
+    pool.progress.planned = 0
+    return sure
+
+
+def _count(dataset: Dataset, pool: WorkerPool) -> None:
+    """Count the rows on disk; a damaged file is removed, so that its runs are flown again."""
+    for part in dataset.parts:
+        try:
+            rows = dataset.read_part(part, ["run", "status", "success", "reason"])
+        except RecordingError as error:
+            pool.observer.hear(str(error))
+            dataset.remove(part.path)
+        else:
+            pool.progress.add(rows.to_pylist())

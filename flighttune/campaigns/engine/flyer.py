@@ -1,0 +1,163 @@
+"""The work of a worker, here or on a cluster: each draw is flown by a process of its own.
+
+A crash inside JSBSim therefore costs a row and not the campaign. The process answers run by run:
+where it ends, the run that it was flying is to blame, and the runs after it go to a new process.
+"""
+
+import math
+import os
+import pickle
+import shutil
+import signal
+import subprocess
+import sys
+import threading
+import time
+from contextlib import suppress
+from dataclasses import replace
+from multiprocessing import Pipe
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+from flighttune.base.errors import PlantError, ending_of, need_fork
+from flighttune.base.files.shipped import TRUST_AIRCRAFT
+from flighttune.base.files.whole import lock, reason_of, scratch_folder, scratch_place
+
+if TYPE_CHECKING:
+    from flighttune.campaigns.flying.rows import Draw, Probes, Row
+    from flighttune.campaigns.planning.plan import Plan
+
+SERVER = "flighttune.campaigns.engine.server"
+
+# Set to 1 in each process: one flight uses one core, and BLAS gives the same bits everywhere
+THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
+
+# File in the temporary folder of a process, locked until the process ends, however it ends
+LOCK = "lock"
+
+# Longest time until a thread notices that the flights have been stopped, s
+STOP_S = 0.1
+
+# Time beyond its own limit after which a process that does not answer is ended, s
+GRACE_S = 10.0
+
+# Row of a run or its recorded signals; for a run without them an error, or how its process ended
+# (the exit code, which is that of SIGALRM after the time limit).
+Answer: TypeAlias = "Row | bytes | str | int"
+
+OF_THREAD = threading.local()
+
+
+class Flyer:
+    """Client of the process that flies for one thread; starts a new one after each crash."""
+
+    def __init__(self) -> None:
+        need_fork("the flights of a campaign")
+        self.stopped = False
+        _remove_abandoned()
+        self._start()
+
+    def fly(self, work: bytes, draw: "Draw") -> list[Answer]:
+        """An answer for each run of a draw; `work` is what `work_of` makes."""
+        answers: list[Answer] = []
+        # Runs that a process ended in, or before: someone, or the system out of memory, may have
+        # ended it once.
+        suspects: set[tuple[int, bool]] = set()
+        while runs := draw.runs[len(answers) :]:
+            ready = False
+            try:
+                self._pipe.send((work, draw._replace(runs=runs)))
+                limit = self._receive()
+                if isinstance(limit, str):  # a refusal
+                    raise PlantError(limit)
+                ready = True
+                for _ in runs:
+                    answers.append(self._receive(limit + GRACE_S))
+                    if isinstance(answers[-1], str):
+                        break  # the process does not go on with the runs after it
+            except (EOFError, OSError):
+                run, code = draw.runs[len(answers)], self.end()
+                self._start()
+                timed_out = code == -signal.SIGALRM
+                if (run, ready) not in suspects and not timed_out:
+                    suspects.add((run, ready))
+                elif ready:
+                    answers.append(code)
+                else:
+                    late = "they take longer than `time_limit_s` and the time to load them"
+                    ending = late if timed_out else ending_of(code)
+                    raise PlantError(f"the undispersed flights cannot be flown: {ending}") from None
+        return answers
+
+    def end(self) -> int:
+        """End the process and remove what it left; return its exit code."""
+        self._process.kill()
+        code = self._process.wait()
+        self._pipe.close()
+        self._scratch.cleanup()
+        return code
+
+    def _start(self) -> None:
+        self._scratch = scratch_folder()
+        self._pipe, theirs = Pipe()
+        settings = {**dict.fromkeys((*THREADS, TRUST_AIRCRAFT), "1"), "TMPDIR": self._scratch.name}
+        try:
+            with Path(self._scratch.name, "new").open("wb") as lock_file:
+                with suppress(OSError):  # not every file system has locks
+                    lock(lock_file)
+                    Path(lock_file.name).rename(Path(self._scratch.name, LOCK))
+                self._process = subprocess.Popen(
+                    [sys.executable, "-m", SERVER, str(theirs.fileno())],
+                    pass_fds=[theirs.fileno(), lock_file.fileno()],
+                    stdin=subprocess.DEVNULL,
+                    stdout=subprocess.DEVNULL,
+                    stderr=subprocess.DEVNULL,
+                    start_new_session=True,  # Ctrl-C is for the command, which ends its processes
+                    env=os.environ | settings,
+                )
+        except OSError as error:
+            self._scratch.cleanup()
+            got = reason_of(error)
+            raise PlantError(f"the process that flies must start, got: {got}.") from error
+        finally:
+            theirs.close()
+
+    def _receive(self, limit: float = math.inf) -> Any:
+        end = time.monotonic() + limit
+        while not self._pipe.poll(STOP_S):
+            if self.stopped:
+                raise PlantError("the flights have been stopped.")
+            if time.monotonic() > end:  # it hangs, and could not end itself
+                raise EOFError
+        return self._pipe.recv()
+
+
+def _remove_abandoned() -> None:
+    """Remove temporary folders of processes that were killed together with their command."""
+    for path in scratch_place().glob(f"flighttune-*/{LOCK}"):
+        with suppress(OSError):  # locked, of another user, or just removed
+            # The place is open to all users: a pipe of that name must not block the command.
+            descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_NOFOLLOW)
+            try:
+                lock(descriptor)
+                shutil.rmtree(path.parent)
+            finally:
+                os.close(descriptor)
+
+
+def fly(work: bytes, draw: "Draw") -> list[Answer]:
+    """`Flyer.fly` by the process of this thread."""
+    if not hasattr(OF_THREAD, "flyer"):  # on a worker of a cluster
+        OF_THREAD.flyer = Flyer()
+    return OF_THREAD.flyer.fly(work, draw)
+
+
+def work_of(plan: "Plan", probes: "Probes", *, signals: bool = False) -> bytes:
+    """A plan and probes as processes get them; with `signals` flights are recorded."""
+    from flighttune.base.files.code import grant
+    from flighttune.flight.fly import library_versions
+
+    # The versions are compared before the rest is read, which other versions may not be able to.
+    # A replaced plan is one without the draws that it has made so far.
+    content = replace(plan), probes, signals, grant()
+    return pickle.dumps((library_versions(), pickle.dumps(content)))

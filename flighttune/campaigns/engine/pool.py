@@ -1,0 +1,184 @@
+"""Runs of plans flown into rows by workers; a few kinematic flights in batches here."""
+
+import time
+from collections.abc import Iterable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from itertools import chain
+from typing import Any
+
+from flighttune.base.arrays import check_at_least
+from flighttune.base.errors import InputError, StoppedError
+from flighttune.campaigns.engine.cluster import ClusterWorkers, campaign_error, check_scheduler
+from flighttune.campaigns.engine.flyer import OF_THREAD, Answer, Flyer, fly, work_of
+from flighttune.campaigns.engine.progress import CampaignObserver, CampaignProgress
+from flighttune.campaigns.flying import rows as flying
+from flighttune.campaigns.planning.plan import Plan
+from flighttune.flight.loop.batch import cores
+from flighttune.flight.own import ask_to_fly
+
+# Tasks handed to each worker: one in flight, and one ready for when that ends
+TASKS_PER_WORKER = 2
+
+# Kinematic flights that take this process less time than workers take to start
+FEW = 2000
+
+# Longest wait for a result before progress is shown and a stop is noticed, s
+POLL_S = 0.2
+
+
+class Threads:
+    """Threads of this process, each with a process that flies; used like `ClusterWorkers`."""
+
+    def __init__(self, count: int) -> None:
+        # all at once: each takes a second to import what it needs
+        self._flyers = [Flyer() for _ in range(count)]
+        flyers = iter(self._flyers)
+        self._executor = ThreadPoolExecutor(
+            count, initializer=lambda: setattr(OF_THREAD, "flyer", next(flyers))
+        )
+
+    def submit(self, work: bytes, draw: flying.Draw) -> Future[list[Answer]]:
+        """Hand out the arguments of `fly`."""
+        return self._executor.submit(fly, work, draw)
+
+    def threads(self) -> int:
+        """Number of tasks that can run at a time."""
+        return len(self._flyers)
+
+    def stop(self) -> None:
+        """Cancel the tasks that are waiting and end the flights in progress."""
+        for flyer in self._flyers:
+            flyer.stopped = True
+        self._executor.shutdown(cancel_futures=True)
+        for flyer in self._flyers:
+            flyer.end()
+
+
+class WorkerPool:
+    """Flies runs with the workers of a campaign, for an observer that may stop it."""
+
+    # Workers are started, or connected to, when there is something to fly, and stop at the end of
+    # the ``with`` block.
+    def __init__(
+        self,
+        workers: int | None = None,
+        scheduler: str | None = None,
+        observer: CampaignObserver | None = None,
+    ) -> None:
+        if workers is not None and scheduler is not None:
+            raise InputError("`workers` must not be given with `scheduler`, which has its own.")
+        check_at_least(1, workers=workers)
+        if scheduler:
+            check_scheduler(scheduler)
+        self._count, self._scheduler = workers or cores(), scheduler
+        self._workers: Threads | ClusterWorkers | None = None
+        self.observer = observer or CampaignObserver()
+        self.progress = CampaignProgress()
+
+    def __enter__(self) -> "WorkerPool":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._workers is not None:
+            self._workers.stop()
+
+    def _started(self) -> Threads | ClusterWorkers:
+        if self._workers is None:
+            remote = self._scheduler
+            self._workers = ClusterWorkers(remote) if remote else Threads(self._count)
+        return self._workers
+
+    def rows(
+        self,
+        plan: Plan,
+        runs: Iterable[int],
+        *,
+        doing: str | None = None,
+        probes: flying.Probes | None = None,
+        draws: Sequence[flying.Drawn] | None = None,
+    ) -> Iterator[flying.Row]:
+        """Fly runs of a plan, in rising order; their rows, and StoppedError if stopped."""
+        runs, probes, progress = list(runs), probes or {}, self.progress
+        if not runs:
+            return
+        if doing:
+            progress.statuses.clear()
+            progress.succeeded = 0
+        ask_to_fly(plan.scenario, plan.flown)
+        progress.runs = progress.done + len(runs)
+        flown_here: list[flying.Row] = []
+
+        def alone_draws() -> Iterator[flying.Draw]:
+            """Work for the workers; a draw without runs after a batch that this process flew."""
+            many = draws is None and len(runs) > FEW
+            if many or len(flying.batched_groups(plan, probes, draws)) < len(plan.groups):
+                self._started()  # the processes get ready while the first batch is flown
+            for together, alone in flying.blocks(plan, runs, probes, draws):
+                if many and together:
+                    yield flying.Draw(tuple(run for draw in together for run in draw.runs), None)
+                else:
+                    flown_here.extend(flying.fly_together(plan, together))
+                    yield flying.Draw((), {})
+                yield from alone
+
+        for draw, answers in self._answers(doing or "flying", work_of(plan, probes), alone_draws()):
+            rows = [
+                x if isinstance(x, dict) else flying.lost_row(plan, run, draw.drawn, x)
+                for run, x in zip(draw.runs, answers, strict=True)
+            ]
+            for row in chain(flown_here, rows):
+                yield row
+                progress.add([row])
+                progress.flown += 1
+            flown_here.clear()
+        if self.observer.stopped:
+            raise StoppedError("the observer stopped the flights.")
+
+    def in_order(self, plan: Plan, runs: Iterable[int], **options: Any) -> list[flying.Row]:
+        """All rows of `rows`, in order of `run`."""
+        return sorted(self.rows(plan, runs, **options), key=lambda row: row["run"])
+
+    def signals(self, plan: Plan, runs: Iterable[int]) -> Iterator[tuple[int, bytes]]:
+        """Fly runs of a plan again for their signals: each with the bytes of its recording."""
+        self.progress.runs = self.progress.done  # the progress goes on to show the rows
+        draws, work = (flying.Draw((run,), {}) for run in runs), work_of(plan, {}, signals=True)
+        for ((run,), _), (signals,) in self._answers("keeping signals", work, draws):
+            if isinstance(signals, bytes):
+                yield run, signals
+            else:
+                self.observer.hear(f"run {run}: did not end when it was flown for its signals.")
+        if self.observer.stopped:
+            raise StoppedError("the observer stopped the flights.")
+
+    def _answers(
+        self, doing: str, work: bytes, draws: Iterator[flying.Draw]
+    ) -> Iterator[tuple[flying.Draw, list[Any]]]:
+        """Draws with the answers of the workers, in any order; one without runs at once."""
+        observer, progress, more = self.observer, self.progress, True
+        if progress.began is None:
+            observer.see(progress)
+            progress.began = time.perf_counter()
+        progress.doing = doing
+        pending: dict[Future[list[Answer]], flying.Draw] = {}
+        while more or pending:
+            observer.see(progress)
+            # `<=` hands out a task even with no worker: some schedulers start workers for it
+            room = len(pending) <= TASKS_PER_WORKER * progress.workers
+            if more and room and not observer.stopped:
+                draw = next(draws, None)
+                more = draw is not None
+                if draw and draw.runs:
+                    pending[self._started().submit(work, draw)] = draw
+                elif draw:
+                    yield draw, []
+                continue
+            # results that are ready when the observer stops the flights are not lost
+            for future in wait(pending, 0.0 if observer.stopped else POLL_S, FIRST_COMPLETED).done:
+                try:
+                    answers = future.result()
+                except Exception as error:
+                    raise campaign_error(error, self._scheduler) from error
+                yield pending.pop(future), answers
+            if observer.stopped:
+                return
+            progress.workers = self._started().threads()

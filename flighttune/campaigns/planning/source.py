@@ -1,0 +1,445 @@
+"""Campaign files, checked against their scenarios; and what is flown, as a value."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from flighttune.base.answers.names import CHANNEL_SYMBOLS
+from flighttune.base.arguments import checked_class
+from flighttune.base.arrays import check_not_negative
+from flighttune.base.errors import InputError, ScenarioError, naming
+from flighttune.base.files.load import DATASET, SHOWN, kind_of
+from flighttune.base.files.shipped import campaign_files, scenario_files
+from flighttune.base.files.table import abridged, shown, toml_tables, validated
+from flighttune.campaigns.planning.draws import copula_factor, dispersed_places, with_drawn
+from flighttune.campaigns.planning.plan import Plan, plan_campaign, recorded_plan
+from flighttune.campaigns.planning.schema import (
+    DISTRIBUTIONS,
+    Campaign,
+    CampaignTable,
+    Dispersion,
+    Uniform,
+)
+from flighttune.flight.load import check_identified, check_scenario, load_scenario
+from flighttune.flight.route import AIRCRAFT, mission_scenario
+from flighttune.flight.scenario import load
+from flighttune.flight.scenario.schema import Scenario
+from flighttune.flight.scenario.tables import TUNED_FOR_AIRCRAFT, GainsTable, PlantTable
+from flighttune.routes.fence import own_fence
+from flighttune.vehicles.aircraft.aircraft import OffNominal, load_aircraft
+from flighttune.vehicles.plants.base import goes_by
+from flighttune.vehicles.plants.jsbsim.plant import check_off_nominal
+
+
+def load_campaign(
+    path: str | Path,
+    scenario: Scenario | None = None,
+    *,
+    changes: Mapping[str, Any] | None = None,
+    gains: Sequence[str] = (),
+    until_sure: float | None = None,
+) -> Campaign:
+    """Read and check a campaign file.
+
+    Parameters
+    ----------
+    path : path-like
+        A TOML file, or the name of a campaign that ships with the package.
+    scenario : Scenario, optional
+        A scenario in place of the one that the file names.
+    changes : mapping of str to value, optional
+        Values of the scenario to set by dotted key, besides those of ``[overrides]``.
+    gains : sequence of str, optional
+        Gain sets in place of the campaign's, as of `load_scenario`.
+    until_sure : float, 1, optional
+        Share of successful flights to ask for, in place of the file's.
+
+    Returns
+    -------
+    Campaign
+        Frozen and valid: at the median of everything dispersed the scenario can be flown.
+
+    Raises
+    ------
+    ScenarioError
+        If the file or its scenario cannot be read, a key is unknown, missing or impossible, or the
+        scenario refuses a dispersion. One line that names file and key.
+
+    Examples
+    --------
+    >>> ft.load_campaign("first_campaign").runs
+    40
+    """
+    table, file = campaign_table(path, changes, until_sure)
+    campaign = campaign_about(table, file, scenario, gains)
+    if campaign.until_sure is not None and not campaign.nominal.expect:
+        raise ScenarioError(f"{file}: `until_sure` must be with [[success]], got no requirement.")
+    return campaign
+
+
+def campaign_table(
+    path: str | Path, changes: Mapping[str, Any] | None = None, until_sure: float | None = None
+) -> tuple[CampaignTable, Path]:
+    """The tables of a campaign file with values to set, and the file; its scenario is not read."""
+    folders = "campaigns", "scenarios/campaigns"
+    file = load.existing_file(path, "campaign", campaign_files(), folders)
+    tables = load.with_code(toml_tables(file), file)
+    if "flight" in tables and "scenario" not in tables:
+        raise ScenarioError(
+            f"{file}: must be a campaign, got a scenario, which `flighttune fly` flies."
+        )
+    _check_disperse(tables.get("disperse"), str(file))
+    if "gains" in tables:
+        tables["gains"] = load.gain_entries(tables["gains"], file.parent)
+    if until_sure is not None:
+        tables["until_sure"] = until_sure
+    if changes:
+        tables |= {
+            "overrides": {**tables.get("overrides", {}), **changes},
+            "title": load.title_with(tables, changes),
+        }
+    return validated(CampaignTable, tables, str(file)), file
+
+
+def campaign_about(
+    table: CampaignTable, file: Path, scenario: Scenario | None, gains: Sequence[str] = ()
+) -> Campaign:
+    """The campaign of a file's tables, about a scenario in place of the one that they name."""
+    base = scenario or load_scenario(_scenario_of(table.scenario, file))
+    nominal = _nominal(table, base, str(file))
+    if gains:
+        nominal = load.with_gains(nominal, gains, str(file))
+        table = table.model_copy(update={"gains": nominal.gains})
+    return campaign_on(table, nominal, str(file))
+
+
+def campaign_on(table: CampaignTable, nominal: Scenario, source: str) -> Campaign:
+    """The campaign of tables about a scenario that has the gains, plants and overrides already."""
+    with naming(source, ScenarioError):
+        copula_factor(table.correlation)
+    places = dispersed_places(table.disperse, nominal, source)
+    medians = {dispersion.key: dispersion.central for dispersion in table.disperse}
+    tables = with_drawn(nominal.as_dict(), table.disperse, places, medians)
+    where = f"{source}: the scenario at the median of [[disperse]]"
+    central = validated(Scenario, tables, where)
+    check_scenario(central, where)
+    return Campaign.of(table, nominal=nominal, central=central)
+
+
+def _scenario_of(name: str, file: Path) -> Path:
+    """The file of a campaign's scenario: beside the campaign, or shipped."""
+    for beside in (file.parent / name, file.parent / f"{name}.toml"):
+        if beside.is_file() and beside != file:
+            return beside
+    shipped = scenario_files()
+    if name.removesuffix(".toml") in shipped:
+        return shipped[name.removesuffix(".toml")]
+    raise ScenarioError(
+        f"{file}: `scenario` must be a file beside the campaign or one of "
+        f"{', '.join(shipped)}, got {abridged(name)}."
+    )
+
+
+def _nominal(table: CampaignTable, base: Scenario, source: str) -> Scenario:
+    """The scenario with gains, plants, overrides and requirements of a campaign put in."""
+    own = {entry.name: entry for entry in base.gains if isinstance(entry, GainsTable)}
+    entries = table.gains or []
+    if any(isinstance(entry, str) and ":" in entry for entry in entries):  # LAW:GAINS, as of `fly`
+        tables_given = [entry for entry in entries if isinstance(entry, GainsTable)]
+        names = [entry if isinstance(entry, str) else entry.name for entry in entries]
+        base, entries = load.with_gains(base, names, source, tables_given), []
+    tables = base.as_dict()
+    if entries:
+        tables["gains"] = _plain([own.get(x, x) if isinstance(x, str) else x for x in entries])
+    if table.plant is not None:
+        tables["plant"] = _plain(table.plant)
+    tables = load.with_changes(tables, table.overrides, f"{source}: [overrides]")
+    tables["expect"] = _plain(table.success) or _expectations(tables)
+    whole = f"{source}: the scenario with the campaign's keys"
+    scenario = validated(Scenario, tables, whole)
+    check_scenario(scenario, whole)
+    check_identified(scenario, whole)
+    return scenario.assuming()
+
+
+def _plain(tables: list[Any]) -> list[Any]:
+    return [
+        table if isinstance(table, str) else table.model_dump(mode="python", exclude_none=True)
+        for table in tables
+    ]
+
+
+def _expectations(tables: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """The scenario's requirements, without those of gains and plants that are not flown."""
+    gains = [entry if isinstance(entry, str) else entry["name"] for entry in tables["gains"]]
+    plants = [PlantTable.model_validate(plant).label for plant in tables["plant"]]
+    return [
+        expect
+        for expect in tables.get("expect", [])
+        if expect.get("gains") in (None, *gains)
+        and any(goes_by(label, expect.get("plant")) for label in plants)
+    ]
+
+
+def _check_disperse(tables: Any, source: str) -> None:
+    """Check each [[disperse]] separately, so that a mistake in it names its key."""
+    for table in tables if isinstance(tables, list) else []:
+        if not isinstance(table, Mapping):
+            continue
+        key, kind = table.get("key"), table.get("distribution")
+        where = f"{source}: [[disperse]]" + (f" `{shown(key)}`" if isinstance(key, str) else "")
+        if not isinstance(kind, str) or kind not in DISTRIBUTIONS:
+            kinds = ", ".join(DISTRIBUTIONS)
+            raise ScenarioError(
+                f"{where} `distribution` must be one of {kinds}, got {abridged(kind)}."
+            )
+        validated(DISTRIBUTIONS[kind], table, where)
+
+
+# Campaign whose air and dispersions a mission has by default, and dispersions in m, which are right
+# for the size of its aircraft alone.
+LIKE, SHIFTS = "circuit_in_wind", ("cg_aft_m", "cg_right_m", "cg_down_m")
+
+INERTIAS = "ixx_factor", "iyy_factor", "izz_factor"
+
+# Angular frequencies of a disturbance without a stated one, rad/s, and its phases, deg.
+FREQUENCIES, PHASES_DEG = (0.05, 6.0), (-180.0, 180.0)
+
+
+@checked_class
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Flights:
+    """Flights that can be flown, drawn and counted, whatever they were read from.
+
+    Attributes
+    ----------
+    place : str
+        The source that they were read from, for messages and names of files.
+    scenario : Scenario
+        The scenario without what is drawn.
+    campaign : Campaign or None
+        The campaign with what is drawn; none of a scenario alone.
+    recorded : Plan or None
+        The plan of a campaign that was flown.
+    mission : Path or None
+        The file of a mission.
+    start_deg : float, deg
+        Starts of a scenario are off by up to this in course and path angle.
+    disturbance : tuple of two float, rad/s
+        Square waves of up to these sizes disturb the rates of course and path angle of a scenario.
+
+    Examples
+    --------
+    >>> flights = ft.flights("level_turn").starting(2.0)
+    >>> flights.plan(plant="kinematic").keys
+    ('flight.chi_deg', 'flight.gamma_deg')
+    """
+
+    place: str
+    scenario: Scenario
+    campaign: Campaign | None = None
+    recorded: Plan | None = None
+    mission: Path | None = None
+    start_deg: float = 0.0
+    disturbance: tuple[float, float] = (0.0, 0.0)
+
+    @property
+    def fences(self) -> tuple[Path, ...]:
+        """Files with a fence of their own: the mission, if its kind has fences."""
+        return () if self.mission is None else own_fence(self.mission)
+
+    def starting(self, within_deg: float) -> "Flights":
+        """Flights of a scenario from starts drawn within this half-width, deg; 0 keeps theirs."""
+        check_not_negative(start_deg=within_deg)
+        self._check_scenario("start_deg", within_deg)
+        return replace(self, start_deg=within_deg or self.start_deg)
+
+    def disturbed(self, largest: float) -> "Flights":
+        """Flights of a scenario with both rates disturbed by up to this, rad/s; 0 keeps theirs."""
+        check_not_negative(disturbance=largest)
+        self._check_scenario("disturbance", largest)
+        return replace(self, disturbance=(largest, largest) if largest else self.disturbance)
+
+    def _check_scenario(self, name: str, value: float) -> None:
+        if value and self.campaign is not None:
+            raise InputError(
+                f"{self.place}: `{name}` must be absent for what is no scenario: missions and "
+                "campaigns draw their own."
+            )
+
+    def plan(
+        self, *, plant: str | None = None, gains: str | None = None, kind: str | None = None
+    ) -> Plan:
+        """The plan of these flights, with gains tuned; of a scenario for its first plant of a kind.
+
+        `gains` that are not of the source, by name or file, take the place of its own.
+        """
+        if self.mission and plant is not None:
+            raise InputError(f"{self.place}: `plant` must be absent for a mission.")
+        scenario, campaign = self.scenario, self.campaign
+        if campaign is None:
+            if gains not in (None, *scenario.gain_names):
+                scenario = load.with_gains(scenario, [gains], self.place)
+            labels = [table.label for table in scenario.plant if kind in (None, table.kind)]
+            chosen, name = plant or next(iter(labels), None), Path(self.place).stem
+            plan = plan_campaign(about(scenario, name, chosen, self.start_deg, self.disturbance))
+            return plan.with_runs(len(plan.groups))
+        if not (self.mission or self.recorded) and gains not in (None, *scenario.gain_names):
+            scenario = load.with_gains(scenario, [gains], self.place)
+            table = campaign.model_copy(update={"gains": scenario.gains})
+            campaign = campaign_on(table, scenario, self.place)
+        plan = self.recorded or plan_campaign(campaign)
+        if self.mission or self.recorded:
+            plan.chosen_group(None, gains)  # refuses others than its own
+        return plan
+
+
+def flights(
+    source: Flights | Scenario | Campaign | Plan | str | Path,
+    *,
+    aircraft: str | None = None,
+    like: str | None = None,
+    terrain: str | Path | None = None,
+    changes: Mapping[str, Any] | None = None,
+) -> Flights:
+    """The flights that a source states: the only place that asks what a source is.
+
+    Parameters
+    ----------
+    source : Flights, Scenario, Campaign, Plan, str or Path
+        A scenario or campaign, its file, or the name of a shipped one; the folder of a campaign
+        that was flown; or a mission: ``.plan`` of QGroundControl, ``.waypoints`` of Mission
+        Planner, KML or GeoJSON.
+    aircraft : str, optional
+        Aircraft that flies a mission; by default ``aerosonde``.
+    like : str, optional
+        Campaign whose air and dispersions the flights of a mission have; by default light
+        turbulence, wind to 8 m/s and the dispersions of the aircraft.
+    terrain : str or Path, optional
+        Raster of heights (GeoTIFF, .hgt) by which heights above terrain of a mission are flown.
+    changes : mapping of str to value, optional
+        Values to set in what is read from a file, by dotted key.
+
+    Returns
+    -------
+    Flights
+
+    Raises
+    ------
+    InputError, ScenarioError
+        If there is no such source, it cannot be read, or an argument is not for its kind.
+
+    Examples
+    --------
+    >>> ft.flights("first_campaign").plan().draws
+    10
+    """
+    if not isinstance(source, str | Path):
+        if changes or aircraft or like:
+            raise InputError("`aircraft`, `like` and `changes` must be given with a file.")
+        return source if isinstance(source, Flights) else _of(source)
+    place = str(source)
+    if mission := mission_scenario(place, aircraft, changes, terrain):
+        drawn = _about_mission(mission, aircraft or AIRCRAFT, like)
+        return Flights(place=place, scenario=mission, campaign=drawn, mission=Path(place))
+    if aircraft is not None or like is not None:
+        raise InputError(f"{place}: `aircraft` and `like` must be absent: it is no mission.")
+    if _is_scenario(place):
+        return _of(load_scenario(place, changes=changes), place)
+    if (kind := kind_of(place)) not in ("", DATASET):
+        raise InputError(f"{place}: must be what can be flown, got {SHOWN[kind]}.")
+    if not kind:
+        return _of(load_campaign(place, changes=changes), place)
+    if changes:
+        raise InputError(f"{place}: `--set` must be absent for a campaign already flown.")
+    return _of(recorded_plan(place)[0], place)
+
+
+def _of(stated: Scenario | Campaign | Plan, place: str = "") -> Flights:
+    if isinstance(stated, Scenario):
+        return Flights(place=place or stated.title, scenario=stated)
+    if isinstance(stated, Campaign):
+        return Flights(place=place or stated.title, scenario=stated.nominal, campaign=stated)
+    place, campaign = place or stated.campaign.title, stated.campaign
+    return Flights(place=place, scenario=campaign.nominal, campaign=campaign, recorded=stated)
+
+
+def _is_scenario(source: str | Path) -> bool:
+    """Whether a file or name is that of a scenario; if not, of a campaign."""
+    path = Path(source)
+    if path.is_file() and path.suffix == ".toml":
+        return "scenario" not in toml_tables(path)
+    stem = path.name.removesuffix(".toml")
+    return stem in scenario_files() and stem not in campaign_files()
+
+
+def _about_mission(scenario: Scenario, aircraft: str, like: str | None) -> Campaign:
+    """Flights of a mission that are drawn as those of the campaign `like`."""
+    own = LIKE if aircraft == AIRCRAFT else f"{LIKE}_{aircraft}"
+    shipped = own in campaign_files()
+    name = like or (own if shipped else LIKE)
+    table, file = campaign_table(name, {"plant.aircraft": aircraft})
+    title = f"{scenario.title}, flown as {name}"
+    if like is None and not shipped:
+        left_out = SHIFTS
+        if not _possible_inertias(aircraft, table.disperse):
+            left_out += INERTIAS
+            title += " with the aircraft's own inertias"
+        drawn = [x for x in table.disperse if not x.key.endswith(left_out)]
+        related = [x for x in table.correlation if not x.keys[0].endswith(left_out)]
+        table = table.model_copy(update={"disperse": drawn, "correlation": related})
+    return campaign_about(table, file, scenario).model_copy(update={"title": title})
+
+
+def _possible_inertias(aircraft: str, drawn: Sequence[Dispersion]) -> bool:
+    """Whether an aircraft can have the least and largest inertias that are drawn."""
+    config = load_aircraft(aircraft)
+    of = {x.key.rpartition(".")[2]: x for x in drawn if x.key.endswith(INERTIAS)}
+    # The models of some are flat: their inertias about two axes add up to that about the third.
+    for largest in of:  # that about one axis, with the least about the two others
+        ends = {key: x.at(np.array([float(key == largest)])).item() for key, x in of.items()}
+        off = OffNominal.model_validate(ends)
+        try:
+            check_off_nominal(config.with_off_nominal(off))
+        except InputError:
+            return False
+    return True
+
+
+def about(
+    scenario: Scenario,
+    name: str,
+    plant: str | None,
+    start_deg: float,
+    disturbance: tuple[float, float],
+) -> Campaign:
+    """Starts and disturbances of one plant of a scenario, all equally likely."""
+    if plant in [table.label for table in scenario.plant]:  # callers refuse an unknown one
+        # another may not stand the disturbance
+        kept = [table for table in scenario.plant if table.label == plant]
+        expect = [x for x in scenario.expect if goes_by(plant, x.plant)]
+        tuning = scenario.tuning
+        stated = tuning.model, *scenario.gains
+        tuned_on = any(name in stated for name in ("identified", *TUNED_FOR_AIRCRAFT))
+        if tuned_on and scenario.aircraft and not kept[0].aircraft:
+            # Gains stay tuned on the first aircraft, which is no longer among the plants.
+            first = tuning.identified or scenario.aircraft[0].aircraft
+            tuning = tuning.model_copy(update={"identified": first})
+        scenario = scenario.model_copy(update={"plant": kept, "expect": expect, "tuning": tuning})
+    tables = scenario.as_dict()
+    drawn: list[Dispersion] = []
+    if start_deg:
+        for key in ("flight.chi_deg", "flight.gamma_deg"):
+            drawn.append(Uniform(key=key, lower=-start_deg, upper=start_deg, acts="adds"))
+    for channel, size in zip(CHANNEL_SYMBOLS, disturbance, strict=True):
+        if not size:
+            continue
+        tables["disturbance"] = {"wave": "square"}
+        ranges = {"amplitude": (-size, size), "omega_rad_s": FREQUENCIES, "phase_deg": PHASES_DEG}
+        for key, (low, high) in ranges.items():
+            drawn.append(Uniform(key=f"disturbance.{channel}_{key}", lower=low, upper=high))
+    table = CampaignTable(title=scenario.title, scenario=name, runs=1, disperse=drawn)
+    return campaign_on(table, load.scenario_from(tables), name)

@@ -1,0 +1,495 @@
+"""Missions: planned, counted inside their fence, and turned back from."""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from flighttune.base.answers.answer import Answer, Answering
+from flighttune.base.errors import InfeasibleError, InputError
+from flighttune.base.files import code
+from flighttune.base.files.load import BAND, kind_of
+from flighttune.base.files.whole import keep_on_error, remove_file, together, write_text
+from flighttune.campaigns.engine.pool import WorkerPool
+from flighttune.campaigns.engine.progress import CampaignObserver
+from flighttune.campaigns.planning.plan import Plan
+from flighttune.campaigns.planning.schema import Campaign
+from flighttune.campaigns.planning.source import Flights
+from flighttune.campaigns.planning.source import flights as flights_of_source
+from flighttune.campaigns.statistics.count import flights_in_two_steps, fresh_flights
+from flighttune.claims import counted_flights, counting
+from flighttune.claims.band import KEPT, Band, TurnBack, check_off_route
+from flighttune.flight.route import PlannedRoute, planned_route, route
+from flighttune.flight.scenario.load import scenario_from, with_changes
+from flighttune.flight.scenario.schema import Scenario
+from flighttune.routes import maps
+from flighttune.routes.fence import Fence, fence_tables, own_fence, read_fence
+
+# Epsilon, confidence and flights to learn from by default.
+EPSILON, CONFIDENCE, LEARN = 0.05, 0.95, 15
+
+# Flights that turn back to learn from.
+LEARN_TURNS = 60
+
+# Factors on keys, the airspeed and the wind that turns are planned for, with which flights that
+# ended early are flown again, in this order.
+FACTORS = {"flight.V_a_mps": (0.9, 1.1, 0.8, 1.2), "route.wind_mps": (1.5, 2.0)}
+
+# Values of a key that are tried for a path inside its fence, and the lowest airspeed, a share.
+TRIED, SLOWEST = 8, 0.4
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class MissionOdds(Answering):
+    """What was counted of a mission: its corridor, flights inside its fence, room to turn back.
+
+    Attributes
+    ----------
+    band : Band
+        The corridor; ``band.inside(fence)`` has the flights inside a fence.
+    room : TurnBack or None
+        The flights that turn back, if they were counted.
+    files : mapping of str to Path or None
+        The files written: ``band``, ``room`` and ``volumes``.
+    file : Path or None
+        The file of the band.
+    terrain : Path or None
+        The file of the terrain, if one was looked at.
+    way : str
+        A sentence with the change with which flights that ended early complete, or empty.
+
+    Examples
+    --------
+    >>> few = {"epsilon": 0.3, "confidence": 0.9, "flights": 7}
+    >>> short = {"route.waypoint": [{"north_m": n, "east_m": 0.0} for n in (0.0, 300.0)]}
+    >>> odds = ft.mission("circuit_in_wind", changes=short, **few)
+    >>> odds.room is None, [*odds.band.about.signals]
+    (True, ['cross_track', 'height_err'])
+    """
+
+    band: Band
+    room: TurnBack | None = None
+    files: Mapping[str, Path | None]
+    file: Path | None = None
+    terrain: str | Path | None = None
+    way: str = ""
+
+    def with_room(self, room: TurnBack) -> "MissionOdds":
+        """The answer with the room to turn back, written beside the file of the band."""
+        files = dict(self.files)
+        if self.file is not None:
+            files["room"], volumes = beside(self.file)
+            with together():
+                room.save(files["room"])
+                if room.claims and self.band.claims:
+                    files["volumes"] = volumes
+                    where, shapes = self.band.flights.route.where, room.volumes(self.band)
+                    write_text(volumes, f"{maps.volumes_geojson(where, shapes)}\n")
+                elif volumes.exists() and maps.of_volumes(volumes):
+                    remove_file(volumes)
+        return replace(self, room=room, files=files)
+
+    def answer(self) -> Answer:
+        """The answer of the band, with the room to turn back beside it; a failure if one fails."""
+        answer, room = self.band.answer(self.file or "FILE"), self.room
+        seen = _over_ground(self.band.flights.route, self.terrain, self.band)
+        answer = _beside(answer, seen)
+        whether, odds, *others = self.band.summary(room)
+        summary = [whether, f"{odds} {self.way}".rstrip(), *others]
+        if seen.faults:
+            notes = [*answer.notes, answer.verdict] if answer.verdict else answer.notes
+            summary = [*seen.faults, *summary[1:]]
+            said = {"verdict": seen.faults[0], "failure": answer.failure or seen.failure}
+            answer = replace(answer, notes=notes, **said)
+        if room is None:
+            return replace(answer, summary=summary, files=self.files)
+        said = room.answer(self.files.get("room") or "FILE")
+        total = self.band.confidence + room.confidence - 1.0
+        return replace(
+            answer,
+            summary=summary,
+            values={**answer.values, "confidence": total, "turn_back": said.values},
+            tables=[*answer.tables, said.tables[0], room.ended],
+            notes=[*answer.notes, *said.notes, said.verdict],
+            failure=answer.failure
+            or (f"room to turn back: {said.failure}" if said.failure else ""),
+            files=self.files,
+        )
+
+
+def beside(band: Path) -> tuple[Path, Path]:
+    """Files of the room to turn back and of its volumes, beside that of a band."""
+    return Path(f"{band.with_suffix('')}-turn-back.npz"), band.with_suffix(".geojson")
+
+
+@code.flies
+def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
+    source: Band | Flights | Scenario | Campaign | Plan | str | Path,
+    *,
+    fences: Sequence[str | Path] = (),
+    turn_back: str | float | None = None,
+    epsilon: float | None = None,
+    confidence: float | None = None,
+    flights: int | None = None,
+    until_sure: bool = False,
+    aircraft: str | None = None,
+    like: str | None = None,
+    terrain: str | Path | None = None,
+    seed: int | None = None,
+    changes: Mapping[str, Any] | None = None,
+    out: str | Path | None = None,
+    run_code: bool = False,  # noqa: ARG001 - of the decorator
+    workers: int | None = None,
+    scheduler: str | None = None,
+    observer: CampaignObserver | None = None,
+) -> MissionOdds:
+    """Count whether a mission stays inside its fence, and the room that it needs to turn back.
+
+    Its flights are drawn, and their corridor is counted as a `band`: 15 are learned from.
+
+    Parameters
+    ----------
+    source : Band, Flights, Scenario, Campaign, Plan, str or Path
+        A mission (.plan, .waypoints, .kml, .geojson), a scenario or campaign with a route, or the
+        band file of one: its flights are not flown again.
+    fences : sequence of str or Path
+        Plans, KML or GeoJSON with the areas to stay in and out of, by default that of the mission.
+    turn_back : str or float, deg, optional
+        Count the room to turn back too, and its volumes: flight geography, contingency volume and
+        ground risk buffer. Flights turn back at any place of the route, by 180 deg of course at
+        this bank, or by a whole turn with ``circle:BANK``. A flight finds that it must, goes on for
+        1 s, and rolls in.
+    epsilon : float, 1, optional
+        Accepted probability of each claim, by default 0.05, or the file's.
+    confidence : float, 1, optional
+        Confidence of all that is said together, 0 to 1, by default 0.95, or the file's.
+    flights : int, optional
+        Flights to count. By default the count ends after 78 (with a fence) if none is outside, and
+        goes on to 126 otherwise, of which one may be. It ends sooner where a no is certain.
+    until_sure : bool
+        Count until it is sure whether a flight leaves the fence with a probability of at most
+        epsilon, by a rule that is valid at any number of flights, in place of a number planned and
+        a corridor: a clear yes takes 84 flights, a clear no 12. At most `flights` are flown, by
+        default 208.
+    aircraft : str, optional
+        Aircraft that flies a mission, at an airspeed at which it is identified, by default
+        aerosonde.
+    like : str, optional
+        Campaign whose air and dispersions the flights of a mission have, by default light
+        turbulence, wind to 8 m/s and the dispersions of the aircraft.
+    terrain : str or Path, optional
+        Raster of heights above sea level in m (GeoTIFF, .hgt): heights of the mission above terrain
+        are flown by it, and the answer has the lowest place of path and corridor over the ground.
+        Without it the terrain is not looked at.
+    out : str or Path, optional
+        File (.npz) of the band to write, as its `save` does; the room and its volumes are written
+        beside it.
+    seed, changes, run_code, workers, scheduler, observer : as for `band`
+
+    Returns
+    -------
+    MissionOdds
+
+    Raises
+    ------
+    InputError, ScenarioError
+        If the mission cannot be flown, a fence not be counted, or flights not turn back.
+    InfeasibleError
+        If the planned path leaves the fence already: no flight is flown then.
+    StoppedError
+        If the observer stopped the flights.
+
+    Examples
+    --------
+    >>> few = {"epsilon": 0.3, "confidence": 0.9, "flights": 7}
+    >>> short = {"route.waypoint": [{"north_m": n, "east_m": 0.0} for n in (0.0, 300.0)]}
+    >>> ft.mission("circuit_in_wind", changes=short, **few).answer().values["flights"]
+    7
+    """
+    by: counting.By = (workers, scheduler, observer)
+    of_flights = {"aircraft": aircraft, "like": like, "changes": changes}
+    file, kept, steps = None if out is None else Path(out), counting.kept_band(source), (0, 0)
+    own: Sequence[Path] = ()
+
+    def planned(**more: Any) -> tuple[Plan, Flights]:
+        assert not isinstance(source, Band)
+        changed = {**of_flights, "changes": {**(changes or {}), **more} or None}
+        stated = flights_of_source(source, **changed, terrain=terrain)
+        return counting.drawn(stated, None, None, None, seed), stated
+
+    if kept is None:
+        epsilon = EPSILON if epsilon is None else epsilon
+        confidence = CONFIDENCE if confidence is None else confidence
+        plan, stated = planned()
+        place, own = stated.place, stated.fences
+    else:
+        own_count = {"seed": seed is not None, "flights": flights, "until_sure": until_sure}
+        _check_absent({**of_flights, **own_count})
+        epsilon = kept.about.epsilon if epsilon is None else epsilon
+        confidence = kept.about.confidence if confidence is None else confidence
+        check_off_route(kept.about.signals, kept.flights.over)
+        plan, place = counted_flights.plan_of(kept), "the band"
+        file = Path(source) if isinstance(source, str | Path) else file
+    if turn_back is not None and file is not None:
+        _check_beside(file, source, *fences)
+    # What cannot be counted, and a path that leaves its fence, is refused before a flight.
+    turning = None if turn_back is None else counted_flights.turning_back(plan, turn_back)
+    areas, fence = _asked_fence(fences, own, alone=until_sure, turns=turning is not None)
+    if kept is None:  # corridor, fence and room share the probability of an error
+        claims = 1 + bool(areas) + (turning is not None) if not until_sure else 1
+        confidence = 1.0 - (1.0 - confidence) / claims
+        steps = (
+            (0, fresh_flights(flights, epsilon, confidence))
+            if until_sure or flights is not None
+            else flights_in_two_steps(epsilon, confidence)
+        )
+        plan = plan.with_runs(LEARN + steps[-1])
+    _check_path(plan, areas, fence, terrain, kept)
+    count = partial(counting.counted_on, place=place, epsilon=epsilon, confidence=confidence, by=by)
+    band = kept or count(
+        Band,
+        plan=plan,
+        flights=steps,
+        learn=LEARN,
+        certain=lambda counted: (counted.with_fence(areas) if areas else counted).decided,
+        until_sure=until_sure,
+    )
+    with together():
+        if file is not None and kept is None:
+            _save_counted(band, file)
+        if areas:
+            band = band.with_fence(areas)
+            band.inside(areas, fence)  # refuses it before it is kept
+            if file is not None:
+                band.save(file)
+        band = band.claiming(epsilon, confidence)
+        if out is not None:
+            band.save(out)
+        files = {"band": None if out is None else Path(out)}
+        way = _way_to_complete(band, plan, planned, by) if kept is None else ""
+        odds = MissionOdds(band=band, files=files, file=file, terrain=terrain, way=way)
+        if turning is None:
+            return odds
+        room = count(
+            TurnBack,
+            plan=turning,
+            flights=flights_in_two_steps(epsilon, confidence),
+            learn=LEARN_TURNS,
+            certain=lambda turns: turns.decided,
+        )
+        return odds.with_room(room)
+
+
+def _check_absent(settings: Mapping[str, Any]) -> None:
+    """Refuse settings of flights that a band has already."""
+    for name in (name for name, value in settings.items() if value):
+        raise InputError(f"`{name}` must be absent for a band, which has its own.")
+
+
+def _save_counted(band: Band, file: Path) -> None:
+    """Save a band that was counted now; the room and volumes of an earlier one are removed."""
+    room, volumes = beside(file)
+    if file.exists() and room.exists() and kind_of(room) == BAND:
+        remove_file(room)
+        if volumes.exists() and maps.of_volumes(volumes):
+            remove_file(volumes)
+    keep_on_error(file)
+    band.save(file)
+
+
+def _check_beside(band: Path, *given: object) -> None:
+    """Refuse a file of a band whose volumes would be written over a file that was given."""
+    volumes = beside(band)[1]
+    for file in (Path(x) for x in given if isinstance(x, str | Path)):
+        if volumes.exists() and file.exists() and volumes.samefile(file):
+            raise InputError(f"{band}: the volumes beside it must not replace {file}.")
+
+
+def _way_to_complete(
+    band: Band, plan: Plan, planned: Callable[..., tuple[Plan, Flights]], by: counting.By
+) -> str:
+    """A sentence with the change with which flights that ended early complete, or empty."""
+    lost = sorted(row["run"] for row in band.endings)
+    if not (lost and band.too_many_lost):
+        return ""
+    now = plan.scenario.flight.V_a_mps, band.flights.route.wind
+    tried = zip(FACTORS.items(), now, strict=True)
+    with WorkerPool(*by) as pool:
+        for key, x in ((key, x * value) for (key, factors), value in tried for x in factors):
+            value = float(f"{x:.3g}")
+            with suppress(InfeasibleError, InputError):  # neither route nor aircraft need have it
+                other, _ = planned(**{key: value})
+                rows = pool.in_order(other.with_runs(plan.runs), lost)
+                if all(row["status"] == "completed" for row in rows):
+                    they = "it completes" if len(lost) == 1 else f"these {len(lost)} complete"
+                    return f"With `--set {key}={value:g}` {they}."
+    V_a, wind = (", ".join(f"{x:g}" for x in sorted(of)) for of in FACTORS.values())
+    times = f"{V_a} times the airspeed, or with turns for {wind} times the wind"
+    return f"They do not complete with {times}."
+
+
+def _asked_fence(
+    fences: Sequence[str | Path], own: Sequence[Path], *, alone: bool, turns: bool
+) -> tuple[dict[str, Any], Path]:
+    """The GeoJSON of the fence that is asked about, and its file; empty without one."""
+    files = [Path(fence) for fence in fences or own]
+    areas = fence_tables(files, asked=bool(fences))
+    if alone and (turns or not areas):
+        got = "`turn_back`, which needs a corridor" if areas else "no fence"
+        raise InputError(f"`until_sure` must be about a fence alone, got {got}.")
+    return areas, Path(", ".join(map(str, files)))
+
+
+def _check_path(
+    plan: Plan, areas: dict[str, Any], fence: Path, terrain: str | Path | None, kept: Band | None
+) -> None:
+    """Refuse a path below the ground or outside its fence, and a fence that cannot be counted."""
+    planned, fresh = planned_route(plan.campaign.central), kept is None
+    if fresh and terrain and (low := maps.clearance(terrain, planned.where))["over_ground_m"] < 0.0:
+        raise InfeasibleError(maps.clearance_words("The planned path", low))
+    if not areas:
+        return
+    place = read_fence(fence, planned.where[1], areas)
+    nearest = place.nearest(planned.reference.path)
+    if fresh and nearest["leaves_m"] is not None:
+        raise InfeasibleError(planned_inside(planned, place, nearest))
+    counted_flights.check_one_path(plan, range(plan.runs) if kept is None else kept.draws.tolist())
+
+
+def mission_plan(
+    source: str | Path,
+    *,
+    fences: Sequence[str | Path] = (),
+    aircraft: str | None = None,
+    terrain: str | Path | None = None,
+    changes: Mapping[str, Any] | None = None,
+    out: Path | None = None,
+) -> Answer:
+    """The route of a mission or scenario before a flight, written to a file if one is stated.
+
+    Its path is judged by `fences`, or by the fence of the mission. The route of a band file is
+    written with its corridor.
+    """
+    if out is not None and out.exists() and Path(source).exists() and out.samefile(source):
+        raise InputError(f"{out}: `--out` must be another file than the one that is read.")
+    if band := counting.kept_band(source):
+        if aircraft or changes:
+            raise InputError("`aircraft` and `changes` must be absent for a band file.")
+        planned, corridor, shapes = band.flights.route, band.corridor(), [*band.about.fences]
+    else:
+        planned = route(source, aircraft=aircraft, terrain=terrain, changes=changes)
+        corridor, shapes = None, []
+    files = [*map(Path, fences)] or ([] if shapes else [*own_fence(Path(source))])
+    shapes += [tables] if (tables := fence_tables(files, asked=bool(fences))) else []
+    seen = _over_ground(planned, terrain, band)
+    places = [read_fence(files[0] if files else KEPT, planned.where[1], shape) for shape in shapes]
+    nearest = [fence.nearest(planned.reference.path) for fence in places]
+    said = [planned_inside(planned, *x) for x in zip(places, nearest, strict=True)]
+    notes = [] if out is None else planned.save(out, corridor, shapes)
+    outside = [x for x, near in zip(said, nearest, strict=True) if near["leaves_m"] is not None]
+    answer = _beside(planned.answer([*outside, *seen.faults]), seen)
+    inside = [x for x in said if x not in outside]
+    if answer.failure:  # what is well does not come before what is not
+        answer = replace(answer, changed=[*inside, *answer.changed])
+    else:
+        answer = replace(answer, summary=[*inside, *answer.summary])
+    return replace(
+        answer,
+        notes=[*notes, *answer.notes],
+        values={**answer.values, **({"fence": {"nearest": nearest}} if nearest else {})},
+        files={"route": out},
+        failure="the planned path leaves the fence" if outside else seen.failure,
+    )
+
+
+class OverGround(NamedTuple):
+    """The lowest places of a path, and of its corridor, over the ground."""
+
+    values: Mapping[str, Any]
+    changed: Sequence[str] = ()  # the places in words
+    faults: Sequence[str] = ()  # those below the ground, as an answer that is no
+    notes: Sequence[str] = ()
+
+    @property
+    def failure(self) -> str:
+        """Why the answer is no; empty if it is not."""
+        return "the path or its corridor is below the ground" if self.faults else ""
+
+
+def _over_ground(
+    planned: PlannedRoute, terrain: str | Path | None, band: Band | None
+) -> OverGround:
+    """What a terrain says of a path and its corridor."""
+    if terrain is None:
+        return OverGround({}, notes=[maps.NOT_SEEN])
+    seen = {"path": maps.clearance(terrain, planned.where)}
+    if band is not None and band.claims and not band.about.predicted_from:
+        seen["corridor"] = maps.clearance(terrain, planned.where, band.corridor())
+    faults, changed = [], []
+    for subject, lowest in zip(("the planned path", "the corridor"), seen.values(), strict=False):
+        words = maps.clearance_words(subject, lowest)
+        if lowest["over_ground_m"] < 0.0:
+            faults.append(f"No: {words}")
+        else:
+            changed.append(f"{words[0].upper()}{words[1:]}")
+    return OverGround({"terrain": seen}, changed, faults)
+
+
+def _beside(answer: Answer, seen: OverGround) -> Answer:
+    """An answer with what the terrain says beside it."""
+    return replace(
+        answer,
+        values={**answer.values, **seen.values},
+        changed=[*seen.changed, *answer.changed],
+        notes=[*answer.notes, *seen.notes],
+    )
+
+
+def planned_inside(planned: PlannedRoute, fence: Fence, nearest: Mapping[str, Any]) -> str:
+    """Whether a planned path stays inside a fence, in a sentence, and what would keep it inside."""
+    (path, origin, _), edge = planned.where, nearest["edge"]
+    there = f"on the {nearest['stretch']}, {nearest['along_m']:.0f} m along"
+    if nearest["leaves_m"] is None:
+        return (
+            f"Yes: the planned path stays inside the fence, nearest {there}: "
+            f"{nearest['margin_m']:.1f} m, {nearest['side']} ({edge})."
+        )
+    leaves = nearest["leaves_m"]
+    lat, lon = maps.on_earth(path.beside(np.array([leaves])), origin)[0]
+    ways = _ways_inside(planned, fence, path.stretch_at(leaves).waypoint)
+    return (
+        f"No: the planned path leaves the fence on the {path.stretch_at(leaves).words}, "
+        f"{leaves:.0f} m along, at {lat:.5f}, {lon:.5f}, and is up to "
+        f"{-nearest['margin_m']:.1f} m outside ({edge}, {there}). {ways}"
+    )
+
+
+def _ways_inside(planned: PlannedRoute, fence: Fence, waypoint: int) -> str:
+    """The largest airspeed, wind or radius of a circle that would keep a planned path inside."""
+    scenario, path = planned.scenario, planned.reference.path
+    assert scenario.route is not None  # it is planned
+    V, radius = scenario.flight.V_a_mps, scenario.route.waypoint[waypoint - 1].radius_m
+    slowest = [SLOWEST * V, *(table.config.envelope.V_a[0] for table in scenario.aircraft)]
+    ranges = {"flight.V_a_mps": (V, max(slowest)), "route.wind_mps": (planned.wind, 0.0)}
+    if radius is not None:
+        ranges[f"route.waypoint[{waypoint - 1}].radius_m"] = radius, 0.0
+    ways = []
+    for key, ends in ranges.items():
+        for value in np.linspace(*ends, TRIED).tolist()[1:]:
+            with suppress(InputError):
+                changed = with_changes(scenario.as_dict(), {key: value}, planned.conditions)
+                other = planned_route(scenario_from(changed)).reference.path
+                if fence.nearest(other)["leaves_m"] is None:
+                    ways.append(f"`--set {key}={value:.3g}`")
+                    break
+    least = math.ceil(-fence.nearest(path)["margin_m"])
+    return (
+        f"It stays inside with {' or '.join(ways)}."
+        if ways
+        else f"No lower airspeed or wind does: the route or the fence must be moved by {least} m."
+    )

@@ -1,0 +1,543 @@
+"""A tube: bounds proven for all flights of a problem, what they say, and their file."""
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Any, ClassVar, Literal
+
+import numpy as np
+import numpy.typing as npt
+from pydantic import Field
+
+from flighttune.base.answers.answer import (
+    Answer,
+    Answering,
+    Column,
+    Table,
+    at_least,
+    at_most,
+    pick,
+    quoted,
+)
+from flighttune.base.answers.names import CHANNEL_SYMBOLS, columns, endings_table
+from flighttune.base.arguments import checked_class
+from flighttune.base.arrays import FloatArray, read_only_matrix, true_spans
+from flighttune.base.errors import InputError, naming
+from flighttune.base.files.array import BOOL, FLOAT, SINGLE, TEXT, Arrays, check_shapes, read_arrays
+from flighttune.base.files.table import STRICT, json_object, tables_of, value_of
+from flighttune.base.files.whole import whole_file
+from flighttune.base.units import DEG, DEG_PER_RAD
+from flighttune.claims.band import Residual
+from flighttune.claims.distribution import STARTS, flown_values
+from flighttune.claims.tubes.problem import (
+    QUANTITIES,
+    AircraftBoxes,
+    TubeProblem,
+    reference_samples,
+    residual_of_logs,
+    sample_count,
+    sample_times,
+)
+from flighttune.claims.tubes.proof import HandOver, replay, settled_from
+from flighttune.claims.tubes.sample import start_set
+from flighttune.control.gains import COMMANDS, PIGains, gains_table
+from flighttune.control.inner_loop import InnerLag
+from flighttune.control.theory.exact import Verification
+from flighttune.flight.loop.run import ERRORS, Bounds, Kind, Run, RunClaim, given_way
+from flighttune.flight.scenario.load import scenario_from, scenario_of
+from flighttune.gaps.residual import RESIDUALS
+from flighttune.vehicles.identification.file import changed_files, files_of
+
+WIDTH_COLUMNS = columns("error max end ever", of="tube")
+FLIGHT_COLUMNS = columns(
+    "plant duration_s V_a_mps rate_hz start.chi start.gamma within end.chi end.gamma", of="tube"
+)
+DISTURBANCE_COLUMNS = columns("channel low high", of="tube")
+LIMIT_KEYS = ("lower", "upper", "rate_lower", "rate_upper")
+LIMIT_COLUMNS = [*columns(f"command {' '.join(LIMIT_KEYS)}"), Column("held_s", "can hold", "s")]
+# Why a tube is wrong that its own flight leaves
+LEFT = "a flight leaves the tube, so it is wrong and no file is written"
+LOST = "`flighttune band` bounds such flights with a probability, without a model."
+
+# Relative rounding of numbers in a scenario that was written and read again.
+ROUNDING = 1e-12
+
+# Rad by which the ends of a range are rounded where it is added to a start.
+ROUNDING_RAD = 1e-14
+
+# Largest difference, in rad, 1 and rad/s, between a feasible reference in a file and the same
+# reference rebuilt. An optimiser makes it, and its last digits differ from machine to machine: by
+# up to 5.3e-9 where inputs change by 1e-14. It is 0.00006 deg; tubes are wider than 0.001 deg.
+SAME_REFERENCE = 1e-6
+
+# Margin, rad and 1, of the bounds in a file over those proven: another machine may add up in
+# another order.
+BOUND_MARGIN = 1e-9
+
+# Sizes of all members and of a file above which it is not read: three and five times those of the
+# largest tube known, of an aircraft in the paper's step.
+MAX_BYTES, MAX_COMPRESSED = 128_000_000, 32_000_000
+
+# Numbers above which a proof would only take up time and memory; samples are those of a round.
+MAX_PIECES, MAX_SYMBOLS, MAX_SAMPLES = 4096, 20000, 10000
+
+ALWAYS = {"claim": TEXT, "bounds": FLOAT, "held": BOOL, "chosen": SINGLE}
+EVER = {"W": FLOAT, "centre": FLOAT, "size": FLOAT, "bounds": FLOAT, "chosen": SINGLE}
+
+# Arrays that a file may have, and their types; all but `ALWAYS` only where they are needed, those
+# of `EVER` with a set that is kept.
+MEMBERS = {**ALWAYS, "reference": FLOAT, "boxes": FLOAT} | {f"ever_{x}": EVER[x] for x in EVER}
+
+
+@dataclass(frozen=True, slots=True)
+class Settings:
+    """Settings of an enclosure."""
+
+    sides: Annotated[int, Field(ge=1, le=64)]  # pieces of the starts along each axis
+    symbols: Annotated[int, Field(ge=1, le=MAX_SYMBOLS)]  # most symbols of a piece
+    tolerance: float  # see `Search`
+    most: Annotated[int, Field(ge=1, le=MAX_PIECES)]  # most pieces, see `Search`
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Claim:
+    """Values that cannot be rebuilt from the scenario, besides the arrays."""
+
+    scenario: dict[str, Any]
+    gains: PIGains
+    plant: str
+    start_rad: float
+    disturbance_rad_s: float | None
+    law: str
+    settings: Settings
+    # First sample of the set that is kept, and number of samples that map it into itself
+    hand_over: tuple[int, Annotated[int, Field(ge=1, le=MAX_SAMPLES)]] | None
+    # See `AircraftBoxes`; no lags and no hash where the plant is no aircraft
+    lags: tuple[InnerLag, ...]
+    band_sha256: str | None
+    files: Mapping[str, str] = field(default_factory=dict)  # see `Tube`
+
+    __pydantic_config__: ClassVar = STRICT
+    FORMAT: ClassVar[str] = "flighttune tube 8"
+    UNITS: ClassVar[Mapping[str, str]] = {
+        "bounds": "lower and upper bounds of the errors (rad) and commands (rad, 1) by sample",
+        "boxes": "bounds on the rates left over (rad/s) and the roll (rad) by sample",
+    }
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CountedProbability:
+    """The probability that a flight of the distribution counted leaves a tube, or its boxes."""
+
+    of: Literal["flight", "residual_rates"]  # a flight leaves the tube, or rates their boxes
+    at_most: float
+    confidence: float
+
+    @property
+    def sentence(self) -> str:
+        """The probability in words."""
+        chance = f"probability at most {at_most(self.at_most)}, confidence {self.confidence:.10g}"
+        if self.of == "flight":
+            return f"a flight of the distribution counted leaves the tube with {chance}"
+        return (
+            "the residual rates of a flight of the distribution counted leave their boxes with "
+            f"{chance}"
+        )
+
+
+@checked_class
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Tube(Answering):
+    """Bounds that hold for every flight of a problem: a claim that is proven.
+
+    Attributes
+    ----------
+    problem : TubeProblem
+        The flights enclosed.
+    status : {"bounded", "unbounded"}
+        Whether the bounds last for the whole time.
+    reason : str
+        Time and cause where they do not.
+    bounds : Bounds
+        Bounds on the errors (rad) and the commands (rad and 1) up to where they last. The errors
+        stay between the straight lines from sample to sample, measured to the reference that moves
+        straight as well.
+    can_limit : ndarray of bool, shape (k, 2)
+        Whether a limit can hold the command of roll and of load factor.
+    settings : Settings
+        How the enclosure was made.
+    chosen : ndarray of float32, shape (n,)
+        Choices that make the proof short: slopes, splits, symbols given up.
+    hand_over : HandOver or None
+        Set in which the flights stay for ever; None where no such set was found.
+    files : mapping of str to str
+        Of a tube from a file: SHA-256 of the files of its aircraft or identified model, by name.
+
+    Examples
+    --------
+    >>> tube = ft.tube("level_turn", "paper", changes={"flight.duration_s": 2.5})
+    >>> flown = ft.fly(tube.problem.scenario).within(tube)
+    >>> [claim.kind for claim in flown.runs[0].claims]
+    ['proven']
+    """
+
+    problem: TubeProblem
+    status: Literal["bounded", "unbounded"]
+    reason: str
+    bounds: Bounds
+    can_limit: npt.NDArray[np.bool_]
+    settings: Settings
+    chosen: npt.NDArray[np.float32]
+    hand_over: HandOver | None = None
+    files: Mapping[str, str] = field(default_factory=dict)
+
+    kind: ClassVar[Kind] = "proven"
+
+    @property
+    def half_widths(self) -> dict[str, dict[str, float | None]]:
+        """Half-widths of both errors in deg: the largest, at the end, and for ever after."""
+        widths = self.bounds.half_widths * DEG_PER_RAD
+        ever = self.hand_over and 0.5 * DEG_PER_RAD * np.ptp(self.hand_over.bounds, axis=1)
+        return {
+            channel: {
+                "max": float(widths[:, i].max()),
+                "end": float(widths[-1, i]),
+                "ever": None if ever is None else float(ever[i]),
+            }
+            for i, channel in enumerate(CHANNEL_SYMBOLS)
+            if len(widths)
+        }
+
+    @property
+    def sentence(self) -> str:
+        """The claim in words: which flights stay within which bounds, and on what it rests."""
+        problem = self.problem
+        if self.status != "bounded":
+            return f"nothing is claimed of the flights of {problem.model}: {self.reason}"
+        low, high = problem.disturbances
+        worst = float(np.abs([low, high]).max())
+        within = " and ".join(
+            f"{symbol} within {at_most(self.half_widths[channel]['max'] or 0.0, 2)} deg"
+            for channel, symbol in CHANNEL_SYMBOLS.items()
+        )
+        starts = f"from starts within {at_least(problem.start * DEG_PER_RAD)} deg of its start"
+        shaken = f" and under any disturbance of at most {at_least(worst)} rad/s" if worst else ""
+        if self.probability is not None or problem.aircraft_checked is not None:
+            shaken = " and under any disturbance in the boxes of its file"
+        words = (
+            f"every flight of {problem.model} at {problem.scenario.airspeed_words} with these "
+            f"gains, {starts if problem.start else 'from its start'}{shaken}, in "
+            f"{problem.scenario.air}, keeps {within} of the middle of its tube; its maker calls "
+            f"the scenario {quoted(problem.scenario.title)}"
+        )
+        if problem.aircraft_checked is False:
+            words += "; that an aircraft keeps the boxes in the file is not checked"
+        return words if self.probability is None else f"{words}; {self.probability.sentence}"
+
+    def why_not(self, run: Run) -> str:
+        """Why the tube says nothing of a run; empty if the run is one of its flights."""
+        problem, made = self.problem, run.provenance
+        if self.status != "bounded":
+            return f"the set is not bounded: {self.reason}"
+        if changed := changed_files(self.files):
+            return f"the files of {changed[0]} must be those that it was proven with"
+        if len(run.signals) < 2:
+            return f"it did not fly: {run.outcome}"
+        if made.gains is None or made.law.kind != problem.law.kind:
+            return f"its law must be {problem.law.name}, got {made.law.name}"
+        if not np.array_equal(made.gains.K, problem.gains.K):
+            return "its gains must be those of the tube, got others"
+        if given_way(run).any():
+            return "speed had priority in it, which the model of the tube does not know"
+        scenario = scenario_of(run)
+        plant, counted = scenario.plant_table(made.plant), problem.band
+        if (plant.kind, plant.aircraft) != (problem.table.kind, problem.table.aircraft):
+            return f"its plant must be {problem.plant}, got {made.plant}"
+        if counted is not None:
+            return counted.flights.distribution.difference(scenario, plant) or ""
+        flown = flown_values(scenario, plant)
+        enclosed = flown_values(problem.scenario, problem.table)
+        for key in dict.fromkeys([*flown, *enclosed]):
+            if not self._allows(key, flown.get(key), enclosed.get(key)):
+                return f"`{key}` must be {enclosed.get(key)!r}, got {flown.get(key)!r}"
+        reference = reference_samples(scenario, plant)
+        same = reference.shape == problem.reference.shape
+        if not same or np.abs(reference - problem.reference).max() > SAME_REFERENCE:
+            return "its reference must be that of the tube, got another"
+        return ""
+
+    def _allows(self, key: str, flown: Any, enclosed: Any) -> bool:
+        """Whether a value of a scenario is one of those that the tube encloses."""
+        if flown == enclosed:
+            return True
+        if key in STARTS and isinstance(flown, float | int) and isinstance(enclosed, float | int):
+            return abs(flown - enclosed) * DEG <= self.problem.start + ROUNDING
+        if key == "disturbance.as_wind":
+            return not flown
+        if key.startswith("disturbance."):
+            # Of any shape, as long as it is within the bound of its channel.
+            bounds = self.problem.disturbances[1].max(axis=0)
+            channel, _, quantity = key.removeprefix("disturbance.").partition("_")
+            bound = dict(zip(CHANNEL_SYMBOLS, bounds, strict=True)).get(channel, 0.0)
+            return quantity != "amplitude" or abs(flown or 0.0) <= bound
+        # The reference is compared by its values.
+        return key.startswith("reference.")
+
+    def on(self, run: Run) -> RunClaim:
+        """The bounds of both errors at the samples of a run."""
+        return RunClaim(
+            kind=self.kind,
+            title=f"tube in {self.problem.scenario.air}",
+            sentence=self.sentence,
+            bounds=self.bounds.of(ERRORS).lasting(run.t),
+            units=dict.fromkeys(ERRORS, "rad"),
+        )
+
+    def verify(self) -> Verification:
+        """Prove every sample again from the choices in the tube, without the search for them."""
+        problem, settings = self.problem, self.settings
+        starts = start_set(problem.loop, problem.start, settings.sides, settings.symbols)
+        return replay(problem, starts, self.chosen, self.bounds, self.can_limit, self.hand_over)
+
+    def answer(self, gains: str = "") -> Answer:
+        """The flights enclosed and the widths; a failure if the set is not bounded.
+
+        `gains` is their name, if it is known.
+        """
+        problem, scenario, widths = self.problem, self.problem.scenario, self.half_widths
+        limits, counted, family = problem.limits, problem.band, problem.table.family.enclosed
+        low, high = problem.disturbances
+        lowest, highest = low.min(axis=0).tolist(), high.max(axis=0).tolist()
+        flights = {
+            "plant": problem.plant,
+            **pick(scenario.flight, "duration_s V_a_mps"),
+            "rate_hz": scenario.controller.rate_hz,
+            "start": dict(zip(CHANNEL_SYMBOLS, problem.path_at_start, strict=True)),
+            "within": problem.start,
+            "end": dict(zip(CHANNEL_SYMBOLS, problem.reference[-1, :2].tolist(), strict=True)),
+        }
+        disturbance = [
+            {"channel": channel, "low": lower, "high": upper}
+            for channel, lower, upper in zip(CHANNEL_SYMBOLS, lowest, highest, strict=True)
+        ]
+        limited = {name: self.held_intervals(i) for i, name in enumerate(QUANTITIES[2:])}
+        commands = [
+            {
+                "command": name,
+                **{key: float(getattr(limits, key)[i]) * unit for key in LIMIT_KEYS},
+                "held_s": [f"{begin:g} to {end:g}" for begin, end in self.held_intervals(i)]
+                or "never",
+            }
+            for i, (name, unit) in enumerate((("phi_cmd [deg]", DEG_PER_RAD), ("n_z_cmd", 1.0)))
+        ]
+        notes = [*scenario.gains_notes(problem.plant)]
+        if self.status != "bounded":
+            notes += [LOST] if problem.boxes else []
+        elif self.hand_over is None:
+            notes.append(
+                "Nothing is claimed beyond the end of the scenario: no invariant set was found."
+            )
+        else:
+            notes.append(
+                f"From {self.handed_over:.2f} s on no limit holds a command, if later "
+                "disturbances stay within those at the end."
+            )
+        if counted is not None:
+            notes.append(f"counted: {counted.sentence}")
+            notes.append("Check the boxes too: flighttune verify PROOF --boxes FILE")
+        if problem.disturbance and problem.disturbance == residual_of_logs(problem.table):
+            evidence = problem.table.identified_model.log
+            notes.append(f"The disturbance is the {evidence and evidence.sentence}.")
+        if self.probability is not None:
+            notes.append(self.probability.sentence)
+        flown = f"gains {gains}, {family}" if gains else family
+        title = f"{quoted(scenario.title)}; {flown}: {self.status}"
+        return Answer(
+            values={
+                **pick(self, "status reason probability sentence"),
+                "inside": self.reason != LEFT,
+                "model": problem.model,
+                "half_width_deg": widths,
+                "limits_can_hold": limited,
+                "handed_over_s": self.handed_over,
+                "gains": problem.gains.as_lists(),
+                "start_rad": problem.start,
+                "disturbance_rad_s": [lowest, highest],
+                "counted": counted.sentence if counted else None,
+                "aircraft_checked": problem.aircraft_checked,
+                "scenario": scenario.as_dict(),
+            },
+            tables=[
+                Table(WIDTH_COLUMNS, [{"error": key, **row} for key, row in widths.items()], title),
+                Table(FLIGHT_COLUMNS, [flights], "flights"),
+                Table(DISTURBANCE_COLUMNS, disturbance, "any disturbance of the rates"),
+                Table(LIMIT_COLUMNS, commands, "limits, rates per second"),
+                gains_table("gains", problem.gains),
+                endings_table(counted.endings if counted else ()),
+            ],
+            notes=notes,
+            verdict=self.sentence if self.status == "bounded" else "",
+            failure="" if self.status == "bounded" else self.reason,
+        )
+
+    @property
+    def handed_over(self) -> float | None:
+        """Time from which on the flights are in a set that they never leave, s."""
+        dt = 1.0 / self.problem.scenario.controller.rate_hz
+        return None if self.hand_over is None else self.hand_over.sample * dt
+
+    @property
+    def probability(self) -> CountedProbability | None:
+        """Probability counted for an aircraft; None without its band, and for a tube that is lost.
+
+        It speaks of flights where the tube is from all starts counted, and these are the only
+        difference between the flights. Otherwise it speaks of the residual rates alone: most
+        flights do not even start inside a tube from one start.
+        """
+        problem, band = self.problem, self.problem.band
+        if band is None or self.status != "bounded":
+            return None
+        starts = band.flights.distribution.start_range(problem.scenario, problem.table)
+        from_all = starts is not None and problem.start >= starts - ROUNDING_RAD
+        return CountedProbability(
+            of="flight" if from_all else "residual_rates",
+            at_most=band.about.epsilon,
+            confidence=band.confidence,
+        )
+
+    def held_intervals(self, channel: int) -> list[tuple[float, float]]:
+        """Intervals, s, in which a limit can hold the command of a channel."""
+        t = self.bounds.t.tolist()
+        return [(t[first], t[end - 1]) for first, end in true_spans(self.can_limit[:, channel])]
+
+    def save(self, path: str | Path) -> None:
+        """Write the tube with its proof (.npz); an InputError if it is not bounded."""
+        if self.status != "bounded":
+            raise InputError(
+                f"the tube must be bounded to be proven, got one that is not: {self.reason}."
+            )
+        problem, ever, boxes = self.problem, self.hand_over, self.problem.boxes
+        claim = Claim(
+            scenario=problem.scenario.as_dict(),
+            gains=problem.gains,
+            plant=problem.plant,
+            start_rad=problem.start,
+            disturbance_rad_s=problem.disturbance,
+            law=problem.law.name,
+            settings=self.settings,
+            hand_over=None if ever is None else (ever.sample, ever.samples),
+            lags=() if boxes is None else boxes.lags,
+            band_sha256=None if boxes is None else boxes.band_sha256,
+            files=self.files or files_of(problem.table.aircraft or problem.table.identified),
+        )
+        looser = np.array([-BOUND_MARGIN, BOUND_MARGIN])
+        arrays = {
+            "claim": np.array(json.dumps(tables_of(claim))),
+            "bounds": self.bounds.pairs + looser,
+            "held": self.can_limit,
+            "chosen": self.chosen,
+        }
+        if problem.scenario.feasible:
+            arrays["reference"] = problem.reference
+        if boxes is not None:
+            arrays["boxes"] = boxes.bounds.pairs
+        if ever is not None:
+            arrays |= {f"ever_{name}": getattr(ever, name) for name in EVER}
+            arrays["ever_bounds"] = ever.bounds + looser
+        with whole_file(Path(path)) as part, part.open("wb") as file:
+            np.savez_compressed(file, **arrays)
+
+
+def bounds_of(t: FloatArray, pairs: FloatArray) -> Bounds:
+    """Bounds on `QUANTITIES` from lower and upper ones, shape (k, 4, 2)."""
+    return Bounds(t, pairs[..., 0], pairs[..., 1], QUANTITIES)
+
+
+def load_tube(path: str | Path, band: Residual | None = None) -> Tube:
+    """Read a tube and rebuild its problem from the scenario in the file."""
+    with naming(path):
+        arrays = read_arrays(Path(path), "tube", MEMBERS, MAX_BYTES, MAX_COMPRESSED)
+        # Bounds and choices in the file are not trusted before `Tube.verify` has checked them. The
+        # boxes of an aircraft are those of the file, and must be those of the `band`, if there is
+        # one.
+        claim = value_of(json_object(str(arrays["claim"]), "`claim`"), Claim)
+        return _tube_from(claim, arrays, band)
+
+
+def _tube_from(claim: Claim, arrays: Arrays, band: Residual | None) -> Tube:
+    """The tube of a file; only boxes are taken from its arrays, and a feasible reference."""
+    scenario, gains = scenario_from(claim.scenario), claim.gains
+    # Before anything as long as the scenario is made: a file may state a duration of years.
+    k = sample_count(scenario)
+    shapes: dict[str, tuple[int, ...] | None] = {
+        **dict.fromkeys(ALWAYS),
+        "bounds": (k, len(QUANTITIES), 2),
+        "held": (k, 2),
+    }
+    if scenario.feasible:
+        shapes["reference"] = k, 6
+    if claim.band_sha256 is not None:
+        shapes["boxes"] = k, len(RESIDUALS), 2
+    if claim.hand_over is not None:
+        shapes |= dict.fromkeys(f"ever_{name}" for name in EVER)
+    for name in arrays.keys() - shapes.keys():
+        raise InputError(f"`{name}.npy` must not be in the file of this tube.")
+    check_shapes("tube", arrays, shapes)
+    if gains.K.shape != (2, 4):
+        raise InputError(f"`gains` must have 2 rows and columns, got {gains.K_P.shape}.")
+    # Files of gains on roll and load factor may name the law of rates that the scenario had.
+    law, _ = scenario.law_of(f"{claim.law}:", gains if gains.inputs == COMMANDS else None)
+    table = scenario.plant_table(claim.plant)
+    reference = reference_samples(scenario, table)
+    if scenario.feasible:
+        if (off := float(np.abs(arrays["reference"] - reference).max())) > SAME_REFERENCE:
+            raise InputError(
+                f"`reference` must be that of the scenario to {SAME_REFERENCE:g} (rad, 1, rad/s), "
+                f"got one that is off by {off:.3g}."
+            )
+        reference = read_only_matrix("reference", arrays["reference"])
+    stored = None
+    if claim.band_sha256 is not None:
+        low, high = np.moveaxis(arrays["boxes"], 2, 0)
+        if len(claim.lags) != 2 or not (low <= high).all():
+            raise InputError("`boxes` must be lower and upper bounds, with two `lags`.")
+        stored = AircraftBoxes(
+            bounds=Bounds(sample_times(scenario), low, high, tuple(RESIDUALS)),
+            lags=claim.lags,
+            band_sha256=claim.band_sha256,
+        )
+    problem = TubeProblem(
+        scenario=scenario,
+        gains=gains,
+        plant=table.label,
+        start=claim.start_rad,
+        disturbance=claim.disturbance_rad_s,
+        band=band,
+        law=law,
+        reference=reference,
+        stored=stored,
+    )
+    ever = None
+    if claim.hand_over is not None:
+        (sample, samples), n = claim.hand_over, problem.loop.rows
+        shapes = {"W": (n, n), "centre": (n,), "size": (n,), "bounds": (len(QUANTITIES), 2)}
+        check_shapes("tube", arrays, {f"ever_{name}": shapes[name] for name in shapes})
+        if not settled_from(problem.loop) < sample < k:
+            raise InputError(
+                f"`hand_over` must be after the last change and before sample {k}, got sample "
+                f"{sample}."
+            )
+        values = {name: arrays[f"ever_{name}"] for name in EVER}
+        ever = HandOver(sample=sample, samples=samples, **values)
+    return Tube(
+        problem=problem,
+        status="bounded",
+        reason="",
+        bounds=bounds_of(problem.t, arrays["bounds"]),
+        can_limit=arrays["held"],
+        settings=claim.settings,
+        chosen=arrays["chosen"].ravel(),
+        hand_over=ever,
+        files=claim.files,
+    )

@@ -1,0 +1,207 @@
+"""The set of all errors that the flights of a scenario can have."""
+
+from bisect import bisect_left
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from flighttune.base.answers.answer import Answer, Column, Table, pick
+from flighttune.base.answers.names import columns
+from flighttune.base.arrays import FloatArray
+from flighttune.base.errors import InfeasibleError
+from flighttune.claims.tubes import exact, interval, proof, sample
+from flighttune.claims.tubes.enclosure import LEFT, Settings, Tube, bounds_of
+from flighttune.claims.tubes.problem import QUANTITIES, TubeProblem, tube_problem
+from flighttune.claims.tubes.search import Search, coordinates, settled_set
+from flighttune.control.gains import PIGains
+from flighttune.flight import conditions, fly, load
+from flighttune.flight.loop.loop import simulate
+from flighttune.flight.scenario.schema import Scenario
+
+# Time, s, within which the width of a set that is about to be lost doubles
+DOUBLING = 0.2
+
+# Disturbances that are tried, rad/s: all of two digits
+DISTURBANCES = [float(f"{digits}e{power}") for power in range(-6, 0) for digits in range(10, 100)]
+
+
+TRIED_COLUMNS = [Column("disturbance", "disturbance", "rad/s", ".2g"), *columns("status reason")]
+
+
+def largest_disturbance(
+    scenario: Scenario | str | Path,
+    gains: PIGains | str | None = None,
+    *,
+    plant: str | None = None,
+    start: float = 0.0,
+    changes: Mapping[str, Any] | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Answer:
+    """Look for the largest disturbance, to two digits, for which the set of `tube` is bounded.
+
+    The answer has those that were tried. The largest bounded one is known to two digits if one that
+    is larger follows it. None is bounded, which is a failure, if the first of `DISTURBANCES`, or
+    the scenario's own, is not.
+    """
+    problem = stated_problem(scenario, gains, changes, plant=plant, start=start)
+    tried: dict[float, Tube] = {}
+
+    def lost(size: float) -> bool:
+        tried[size] = tube_of(replace(problem, disturbance=size), for_ever=False, progress=progress)
+        return tried[size].status == "unbounded"
+
+    scenario_size = float(problem.disturbances[1].max())
+    larger = [size for size in DISTURBANCES if size > scenario_size]
+    bisect_left([scenario_size, *larger] if scenario_size else larger, True, key=lost)
+    records = [
+        {"disturbance": size, **pick(tube, "status reason")} for size, tube in sorted(tried.items())
+    ]
+    bounded = [row["disturbance"] for row in records if row["status"] == "bounded"]
+    largest = max(bounded, default=None)
+    verdict = f"largest disturbance for which the set is bounded: {largest} rad/s"
+    return Answer(
+        values={"largest_disturbance": largest},
+        tables=[Table(TRIED_COLUMNS, records, "tried", name="tried")],
+        verdict=verdict if bounded else "",
+        failure="" if bounded else "for no disturbance tried the set is bounded.",
+    )
+
+
+def enclosed(problem: TubeProblem, progress: Callable[[float], None] | None = None) -> Tube:
+    """The tube of a problem; a flight that leaves it makes it unbounded."""
+    enclosure = tube_of(problem, progress=progress)
+    if flights_inside(enclosure):
+        return enclosure
+    return replace(enclosure, status="unbounded", reason=LEFT)
+
+
+def stated_problem(
+    scenario: Scenario | str | Path,
+    gains: PIGains | str | None,
+    changes: Mapping[str, Any] | None,
+    **flights: Any,
+) -> TubeProblem:
+    """The flights to enclose; `flights` are further arguments of `tube_problem`."""
+    loaded, name, chosen = load.scenario_and_gains(scenario, gains, changes)
+    law = loaded.law_for(chosen) if isinstance(gains, PIGains) else loaded.law_of(name, chosen)[0]
+    if not law.by_gains:
+        raise InfeasibleError(
+            f"{loaded.title}: gains {name}: a tube must be of a law that it knows, got {law.name}."
+        )
+    return tube_problem(loaded, chosen, law=law, **flights)
+
+
+def tube_of(
+    problem: TubeProblem,
+    *,
+    attempts: Sequence[Settings] = (),
+    for_ever: bool = True,
+    progress: Callable[[float], None] | None = None,
+) -> Tube:
+    """Enclose all flights of a problem: the controller as it flies, with all its limits.
+
+    `attempts`: tried one after the other until the set is bounded; by default one with few pieces
+    and one with many. `for_ever`: look for a set that holds the flights after the time of the
+    scenario too. `progress`: called with the share of time that is enclosed, 0 to 1.
+    """
+    if not attempts:
+        disturbed = not np.array_equal(*problem.disturbances)
+        sides = 1 if problem.start == 0.0 else 4 if disturbed else 8
+        symbols = 660 if disturbed else 200
+        # Every piece costs time: a box of starts, already in pieces, is split further only if need
+        # be.
+        few, many = (1 if sides > 1 else 60), sides * sides + 100
+        attempts = [Settings(sides, symbols, 0.5, few), Settings(sides, symbols, 0.2, many)]
+    tried = []
+    for settings in attempts:
+        tried.append(_attempt(problem, settings, progress, for_ever=for_ever))
+        if tried[-1].status == "bounded":
+            return tried[-1]
+    return max(tried, key=lambda tube: len(tube.bounds.t))
+
+
+def _why_lost(stop: str, t: FloatArray, ranges: Sequence[FloatArray]) -> str:
+    """Time at which the set is lost, and growth of its width."""
+    lost = len(ranges)
+    reason = f"{stop} from t = {t[lost]:.2f} s on"
+    span = round(DOUBLING / (t[1] - t[0]))
+    if lost <= span:
+        return reason
+    widths = np.ptp([errors[:2] for errors in ranges], axis=2)
+    steady = (widths[span:] < 2.0 * widths[:-span]).all(axis=1)
+    first = int(np.flatnonzero(steady)[-1]) + 1 if steady.any() else 0
+    if first < len(steady):
+        reason += f"; from {t[first]:.2f} s on the width doubles within {DOUBLING} s"
+    return reason
+
+
+def _attempt(
+    problem: TubeProblem,
+    settings: Settings,
+    progress: Callable[[float], None] | None,
+    *,
+    for_ever: bool,
+) -> Tube:
+    loop, t = problem.loop, problem.t
+    rows, still, hulls = coordinates(loop) if for_ever else None, proof.settled_from(loop), {}
+    if rows is not None and still < len(t):
+        loop = proof.continued(loop, rows[1])
+    search = Search(loop, tolerance=settings.tolerance, most=settings.most)
+    starts = sample.start_set(loop, problem.start, settings.sides, settings.symbols)
+    enclosure = exact.enclosure_of(loop, starts, search)
+    ranges, limits_at, reason, chosen = [], [], "", None
+    for k in range(len(loop.reference)):
+        if k == len(t):
+            chosen = search.choices
+        try:
+            errors, limited = enclosure.sample(k)
+        except interval.Unbounded as stop:
+            if k >= len(t):
+                rows = None
+            else:
+                reason = _why_lost(str(stop), t, ranges)
+            break
+        ranges.append(errors)
+        limits_at.append(limited)
+        if rows is not None and still <= k < len(t):
+            hulls[k + 1] = proof.hull(enclosure.pieces, rows[0])
+        if progress is not None and k % 50 == 0:
+            progress(k / len(loop.reference))
+    ever = None
+    if rows is not None and hulls and not reason:
+        ever = settled_set(problem.loop, *rows, hulls, np.array(ranges[len(t) :]))
+    ranges, limits_at = ranges[: len(t)], limits_at[: len(t)]
+    return Tube(
+        problem=problem,
+        status="unbounded" if reason else "bounded",
+        reason=reason,
+        bounds=bounds_of(t[: len(ranges)], np.reshape(ranges, (-1, len(QUANTITIES), 2))),
+        can_limit=np.array(limits_at, dtype=bool).reshape(-1, 2),
+        settings=settings,
+        # Choices after the end are for the set that is kept.
+        chosen=search.choices if ever or chosen is None else chosen,
+        hand_over=ever,
+    )
+
+
+def flights_inside(enclosure: Tube) -> bool:
+    """Whether the scenario's own flight and those from the corners of the starts are inside."""
+    problem = enclosure.problem
+    scenario, condition = problem.scenario, conditions.start_condition(problem.scenario)
+    # A tube that is not bounded is compared as far as it goes.
+    for chi, gamma in sorted({(0.0, 0.0), *product((-problem.start, problem.start), repeat=2)}):
+        signals, _ = simulate(
+            fly.plant_of(problem.table, scenario),
+            problem.controller(),
+            conditions.reference_of(scenario),
+            condition=replace(condition, chi=condition.chi + chi, gamma=condition.gamma + gamma),
+            duration=scenario.flight.duration_s,
+            lead=conditions.lead_on(scenario, problem.table),
+        )
+        if not enclosure.bounds.contain(signals):
+            return False
+    return True

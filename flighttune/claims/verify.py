@@ -1,0 +1,302 @@
+"""What files hold, and the check of claims: certificates, bounds on R_K, tubes and bands."""
+
+import math
+from collections.abc import Sequence
+from contextlib import nullcontext
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import TypeAlias, TypeVar
+
+from flighttune.base.answers.answer import Answer, Answering, Column, Table, pick
+from flighttune.base.answers.names import columns, listed
+from flighttune.base.arguments import checked_class
+from flighttune.base.errors import InputError, naming
+from flighttune.base.files import code
+from flighttune.base.files.load import (
+    A_LOG,
+    BAND,
+    CLAIMS,
+    LOG,
+    MONITOR,
+    READERS,
+    TUBE,
+    kind_of,
+    load_one,
+)
+from flighttune.campaigns.dataset import Dataset
+from flighttune.campaigns.engine.pool import WorkerPool
+from flighttune.campaigns.statistics.count import chance_missed, flights_again
+from flighttune.claims import counted_flights, counting
+from flighttune.claims.band import Band, Residual
+from flighttune.claims.counted import Counted
+from flighttune.claims.monitor import LogMonitor
+from flighttune.claims.tubes.enclosure import Tube
+from flighttune.claims.tubes.problem import OF_RESIDUALS
+from flighttune.control.certificates.bound import RateBound
+from flighttune.control.certificates.certificate import Certificate
+from flighttune.control.theory.exact import Check, Verification
+from flighttune.flight.flown import FlownScenario
+from flighttune.flight.loop.run import Run
+from flighttune.flight.records.parquet import Recording
+from flighttune.gaps.compare import Source
+from flighttune.gaps.gap import Gap
+from flighttune.logs.log import Columns
+from flighttune.vehicles.identification.file import changed_files
+
+CHECKED = (
+    "claim (certificate, bound on R_K, tube, band or monitor), recording, or folder of a campaign"
+)
+CLAIM = "claim: the file of a certificate, a bound on R_K, a tube, a band or a monitor"
+AROUND_FLIGHTS = "claim about flights: the file of a tube, a band or a monitor"
+
+CHOSEN = (
+    "That its maker chose seed, signals, fences, numbers of flights or the rule that ends them, "
+    "epsilon and confidence before a flight was counted is not checked: no file can show it."
+)
+
+CHECK_COLUMNS = [Column("name", "check"), *columns("margin exact")]
+
+
+def verified_band(
+    band: Counted,
+    *,
+    count: int | None = None,
+    run_code: bool = False,
+    pool: WorkerPool | None = None,
+) -> Verification:
+    """Fly all flights learned from again, and `count` of those counted, chosen at random."""
+    counted, about = len(band.scores), band.about
+    again = min(flights_again(about.epsilon), counted) if count is None else count
+    draws, forged = counting.some_draws(band, again), math.ceil(about.epsilon * counted)
+    try:
+        files = counted_flights.plan_of(band).code
+        if files and not run_code:
+            reason = f"not checked: flying its flights again runs {listed(files)}; allow --run-code"
+            return Verification(valid=False, reason=reason, checked=False)
+        fences = band.said_of_fences if isinstance(band, Band) else ()
+        with nullcontext(pool) if pool else WorkerPool() as workers:
+            if differ := counting.differing(band, draws, workers):
+                raise InputError(
+                    "flights of the band that are flown again must be equal to the bit, draw "
+                    f"{differ[0]} is not"
+                )
+            counting.check_shape(band, workers)
+    except InputError as error:
+        return Verification(valid=False, reason=str(error))
+    flown = (
+        f"All {about.learned} flights learned from were flown again and give the shape; {again} of "
+        f"the {counted} counted, chosen at random, were flown again and are equal to the bit. A "
+        f"forgery of {forged} counted flights, which would double epsilon, would be missed with "
+        f"probability {chance_missed(forged, counted, again):.2g}."
+    )
+    return Verification(valid=True, reason="", notes=(flown, CHOSEN, *fences))
+
+
+AnyClaim: TypeAlias = Certificate | RateBound | Tube | Counted | LogMonitor
+Loaded: TypeAlias = Recording | Dataset | Run | AnyClaim
+
+
+def load(path: str | Path, *, columns: Columns = ()) -> Loaded:
+    """Read what flighttune wrote, or a log; what it is, is read from its content.
+
+    Nothing in the file of a claim is proven again, as `verify` does. The scale of a band is
+    computed again from its flights.
+
+    Parameters
+    ----------
+    path : str or Path
+        A recording (.rrd), its folder or the Parquet file of a run; the folder of a campaign; the
+        file of a certificate, a bound on R_K, a tube, a band or a monitor; or the log of a real
+        flight, ``LOG@START:END`` for a part of it in s.
+    columns : mapping or sequence
+        Where a log has its signals, as for `load_log`.
+
+    Returns
+    -------
+    Recording, Dataset, Certificate, RateBound, Tube, Band, Monitor, LogMonitor or Run
+        A log is a `Run`. A claim has a `sentence`.
+
+    Raises
+    ------
+    InputError, RecordingError
+        If there is no such file, it is of another kind, or it does not support what it claims.
+
+    Examples
+    --------
+    >>> ft.tube("level_turn", "paper", changes={"flight.duration_s": 2.5}).save("tube.npz")
+    >>> ft.load("tube.npz").status
+    'bounded'
+    """
+    if columns and kind_of(path) != LOG:
+        raise InputError(f"{path}: `columns` must be absent for what is no log.")
+    return load_one(path, "file that flighttune wrote, or a log", *READERS, columns=columns)
+
+
+def load_residual(boxes: Residual | str | Path) -> Residual:
+    """The count of residual signals in a file, or itself; an InputError refuses another claim."""
+    counted = load_one(boxes, "file of residual signals", BAND)
+    if not isinstance(counted, Residual):
+        place = f"{boxes}: " if isinstance(boxes, str | Path) else ""
+        raise InputError(f"{place}{OF_RESIDUALS}, got a {type(counted).__name__}.")
+    return counted
+
+
+@checked_class
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Verified(Answering):
+    """A claim and its verification.
+
+    Attributes
+    ----------
+    claim : Certificate, RateBound, Tube, Band, Residual, TurnBack, Monitor or LogMonitor
+    verification : Verification
+        Its checks, and the first that fails.
+    source : str
+        The file that the claim was read from; empty for a value.
+
+    Examples
+    --------
+    >>> verified = ft.verify(ft.certify("paper", "paper").certificate)
+    >>> verified.valid, all(check.exact for check in verified.checks)
+    (True, True)
+    """
+
+    claim: AnyClaim
+    verification: Verification
+    source: str = ""
+
+    @property
+    def valid(self) -> bool:
+        """Whether every check holds."""
+        return self.verification.valid
+
+    @property
+    def reason(self) -> str:
+        """The first check that fails; empty if all hold."""
+        return self.verification.reason
+
+    @property
+    def checks(self) -> tuple[Check, ...]:
+        """Every inequality or inclusion of a proof, with its margin; none of a band."""
+        return self.verification.checks
+
+    def answer(self) -> Answer:
+        """The checks and the claim; a failure if one of them does not hold."""
+        value, valid, kind = self.claim, self.valid, self.claim.kind
+        file = self.source or "FILE"  # in a command of the note of a count
+        claim = value.answer(file) if isinstance(value, Counted) else value.answer()
+        checks = [asdict(check) for check in self.verification.checks]
+        notes = *self.verification.notes, *claim.notes
+        place = f"{self.source}: " if self.source else ""
+        title = f"{place}{'valid: every check holds' if valid else 'not valid'}"
+        # All inclusions of a tube are exact.
+        shown = CHECK_COLUMNS[:2] if isinstance(value, Tube | LogMonitor) else CHECK_COLUMNS
+        lacks = kind if self.verification.checked else "checked"
+        return Answer(
+            values={**pick(self, "valid reason"), "claim": claim.values},
+            tables=[Table(shown, checks, title, name="checks"), *claim.tables],
+            notes=[*stale_notes(value), *(notes if valid else ())],
+            verdict=f"{kind if valid else f'claimed, not {lacks}'}: {self.claim.sentence}",
+            failure="" if valid else f"{place}{self.reason}",
+        )
+
+
+@code.flies_again
+def verify(
+    claim: AnyClaim | Path | str,
+    *,
+    boxes: Residual | Path | str | None = None,
+    logs: Sequence[Run | Path | str] = (),
+    columns: Columns = (),
+    count: int | None = None,
+    run_code: bool = False,
+    pool: WorkerPool | None = None,
+) -> Verified:
+    """Check a claim from its numbers alone.
+
+    A certificate and a bound on R_K are checked in rational arithmetic without any solver, in
+    seconds. A tube is proven again without the search that found it, in a fraction of its time.
+    The claim of a band, also of one that confirms the boxes of a tube, is computed again from its
+    plan and what its file keeps of each flight. All flights that its shape was learned from are
+    flown again, and of those counted some that are chosen at random, and every suspicious copy. A
+    band of 500 flights learned from and 1640 counted takes a third of the time of its count.
+    Weights, limits and scores of a monitor of logs are found again from what its file holds of each
+    log, or from the logs.
+
+    Parameters
+    ----------
+    claim : Certificate, RateBound, Tube, Band, Residual, TurnBack, Monitor, LogMonitor, str or Path
+        A claim, or its file; what it is, is read from its content.
+    boxes : Residual, str or Path, optional
+        Residual signals that confirm the boxes of an aircraft's tube.
+    logs : sequence of Run, str or Path
+        All logs that a monitor of logs learned from.
+    columns : mapping or sequence
+        Where these logs have their signals, as for `load_log`.
+    count : int, optional
+        Counted flights to fly again, by default so many that as many invented ones as double
+        epsilon are found with a probability of 95 %: 59 at 5 % and 299 at 1 %. A note states the
+        probability of missing them.
+    run_code : bool
+        Run the Python files that a band, a recording or a campaign names, to fly its flights again.
+        Without it they are not flown: such a band is not checked, and not valid.
+    pool : WorkerPool, optional
+        Workers that fly flights of a band again; by default one process per core.
+
+    Returns
+    -------
+    Verified
+        `valid`, or the `reason` why not: the inequality, the sample or the flight.
+
+    Raises
+    ------
+    InputError, RecordingError
+        If a file cannot be read or is not a claim.
+
+    Examples
+    --------
+    >>> ft.verify(ft.certify("paper", "paper").certificate).valid
+    True
+    """
+    value = load_one(claim, CLAIM, *CLAIMS)
+    source = str(claim) if isinstance(claim, str | Path) else ""
+    if boxes is not None:
+        if not isinstance(value, Tube):
+            raise InputError("`boxes` must be given for the tube of an aircraft only.")
+        value = replace(value, problem=replace(value.problem, band=load_residual(boxes)))
+    if (logs or columns) and not isinstance(value, LogMonitor):
+        raise InputError("`logs` and `columns` must be given for a monitor of logs only.")
+    if isinstance(value, LogMonitor):
+        verification = value.verify([load_one(x, A_LOG, LOG, columns=columns) for x in logs])
+    elif isinstance(value, Counted):
+        verification = verified_band(value, count=count, run_code=run_code, pool=pool)
+    else:
+        verification = value.verify()
+        band = value.problem.band if isinstance(value, Tube) else None
+        if band is not None and verification.valid:
+            counted = verified_band(band, count=count, run_code=run_code, pool=pool)
+            verification = replace(counted, checks=verification.checks)
+    return Verified(claim=value, verification=verification, source=source)
+
+
+def stale_notes(claim: AnyClaim) -> list[str]:
+    """A sentence for aircraft or models whose files have changed since a proof was made."""
+    if not isinstance(claim, Certificate | Tube):
+        return []  # a bound is of any aircraft, a band flies its own again
+    return [
+        f"The files of {name} are no longer those that it was made with: it says nothing of {name} "
+        "as it is now."
+        for name in changed_files(claim.files)
+    ]
+
+
+# Flights that claims can be drawn around.
+T = TypeVar("T", FlownScenario, Gap, Source)
+
+
+def within(flights: T, files: Sequence[str | Path]) -> T:
+    """Flights with the claims in files around them; an InputError names the file."""
+    for file in files:
+        with naming(file):
+            flights = flights.within(load_one(file, AROUND_FLIGHTS, TUBE, BAND, MONITOR))
+    return flights

@@ -1,0 +1,264 @@
+"""Making certificates: solvers propose, the exact checks decide."""
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from functools import partial
+from importlib.metadata import version
+from typing import Any, Literal
+
+import numpy as np
+
+from flighttune.base.answers.answer import Answer, Answering, Column, Table, pick
+from flighttune.base.answers.names import columns
+from flighttune.base.arguments import checked_class
+from flighttune.base.arrays import FloatArray
+from flighttune.base.errors import InputError
+from flighttune.control.certificates import exact_rate, lag_box
+from flighttune.control.certificates.certificate import (
+    Certificate,
+    Claim,
+    proof_tables,
+    vertex_matrices,
+)
+from flighttune.control.gains import PIGains
+from flighttune.control.linear_model import (
+    Envelope,
+    LinearModel,
+    closed_loop,
+    disturbance_entry,
+    jacobian_hull,
+    loops_of,
+)
+from flighttune.control.margins import loop_margins, margins_table
+from flighttune.control.theory import exact, lyapunov
+from flighttune.control.theory.indicators import Indicators, indicators
+
+ANY_ENVELOPE = (
+    "The certificate holds over any envelope: the error dynamics of the exact law are the same "
+    "everywhere."
+)
+INDICATOR_COLUMNS = [Column("units", "units of state"), *columns("R_K I_K E_K spectral_abscissa")]
+# Largest bound on disturbances, rad/s^2; the square of a larger one overflows.
+MAX_L_D = 1e6
+
+CERTIFICATE_COLUMNS = columns("in_words rate growth radius L_d largest_factor", of="certificate")
+
+# Airspeed (m/s) and flight-path angle (rad), and the model there.
+Condition = tuple[tuple[float, float], LinearModel]
+
+
+@checked_class
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Certification(Answering):
+    """Gains on a linear model with a certificate that has been verified, or why there is none.
+
+    Attributes
+    ----------
+    status : "certified" or "refused"
+    reason : str
+        Why it was refused; empty otherwise.
+    model : LinearModel
+    gains : PIGains
+    certificate : Certificate or None
+    verification : Verification or None
+        The checks of the certificate.
+    name : str
+        Name of the gains.
+    over_envelope : bool
+        Whether a certificate over an envelope, or at every identified condition, was asked for.
+    ranges : tuple of Envelope, or None
+        The trim and the ranges of flight of the scenario, where its law differs over them.
+    g : float or None, m/s^2
+        Acceleration of gravity; goes with `ranges`.
+    largest_factor : float or None
+        Largest factor on the envelope, scaled about the trim, that is certified; None where the
+        certificate is of the model alone or holds everywhere.
+    scaling : ndarray, shape (n + p,), or None
+        Units of state in which the gains were tuned; None where they are plain.
+    absent : str
+        Why the sampled loop has no exact rate, or the identified conditions no box of lags; empty
+        where they have, or none was asked for.
+
+    Examples
+    --------
+    >>> certification = ft.certify("paper", "paper")
+    >>> certification.status, round(certification.certificate.claim.rate, 4)
+    ('certified', 0.4599)
+    """
+
+    status: Literal["certified", "refused"]
+    reason: str
+    model: LinearModel
+    gains: PIGains
+    certificate: Certificate | None = None
+    verification: exact.Verification | None = None
+    name: str = "gains"
+    over_envelope: bool = False
+    ranges: tuple[Envelope, Envelope] | None = None
+    g: float | None = None
+    largest_factor: float | None = None
+    scaling: FloatArray | None = None
+    absent: str = ""
+
+    @property
+    def in_words(self) -> str:
+        """The status, and what a certificate is worth where it is little."""
+        return self.status if self.certificate is None else self.certificate.in_words
+
+    @property
+    def indicators(self) -> Indicators:
+        """R_K, I_K and E_K of the loop, in plain units of state."""
+        return indicators(closed_loop(self.model, self.gains), errors=len(self.model.errors))
+
+    @property
+    def values(self) -> dict[str, Any]:
+        """The claim and its checks, for a command and a page; null where nothing is proven.
+
+        The norm decays at half the rate, from at most ``growth`` times its start.
+        """
+        values = dict.fromkeys(("rate", "radius", "L_d", "holds", "growth"))
+        values |= {"status": self.status, "reason": self.reason}
+        values |= {"conditions": [], "checks": [], "exact_rates": [], "boxes": []}
+        values["in_words"] = self.in_words
+        if self.certificate is not None and self.verification is not None:
+            values |= self.certificate.values | pick(self.certificate, "growth")
+            values["checks"] = [asdict(check) for check in self.verification.checks]
+        return values
+
+    def answer(self) -> Answer:
+        """Indicators, eigenvalues, margins and certificate; a failure if the loop has none."""
+        loop, certificate = self.indicators, self.values
+        plain = pick(loop, "R_K I_K E_K scaling spectral_abscissa")
+        units, scaled = [{"units": "plain", **plain}], None
+        if self.scaling is not None:
+            in_scaled = indicators(closed_loop(self.model, self.gains), scaling=self.scaling)
+            scaled = pick(in_scaled, "R_K I_K scaling")
+            units.append({"units": "scaled by [tuning]", **scaled})
+        proven = {"R_K": certificate["rate"], "largest_factor": self.largest_factor}
+        over = proven if self.over_envelope else None
+        poles = [{"real": pole.real, "imaginary": pole.imag} for pole in loop.eigenvalues]
+        why = self.reason if loop.status == "stable" else loop.reason
+        everywhere = self.over_envelope and self.largest_factor is None
+        identified = bool(certificate["conditions"])
+        return Answer(
+            values={
+                **pick(loop, "status reason"),
+                **plain,
+                "eigenvalues": [list(pole.values()) for pole in poles],
+                "Q": loop.Q,
+                "scaled": scaled,
+                "gains": self.name,
+                **self.gains.as_lists(),
+                "certificate": certificate,
+                "envelope": over,
+            },
+            tables=[
+                Table(INDICATOR_COLUMNS, units, f"{self.name}: {loop.status}"),
+                Table(columns("real imaginary", of="eigenvalues"), poles, "eigenvalues"),
+                margins_table(loop_margins(self.model, self.gains)),
+                Table(
+                    CERTIFICATE_COLUMNS,
+                    [{**certificate, "largest_factor": self.largest_factor}],
+                    "certificate",
+                ),
+                *proof_tables(certificate),
+            ],
+            notes=[
+                *([ANY_ENVELOPE] if everywhere and not identified else []),
+                *filter(None, [self.absent, self.certificate and self.certificate.boxes_note]),
+                *(self.certificate.assumed if self.certificate else ()),
+            ],
+            verdict=f"proven: {self.certificate.sentence}"
+            if self.certificate
+            else f"no certificate: {why}",
+            failure="" if self.certificate else f"gains {self.name}: {why}",
+        )
+
+
+def certify_model(
+    model: LinearModel,
+    gains: PIGains,
+    *,
+    envelope: Envelope | None = None,
+    g: float | None = None,
+    L_d: float | None = None,
+    conditions: Sequence[Condition] = (),
+    scenario_sha256: str | None = None,
+    rates: Sequence[exact_rate.ExactRate] = (),
+    boxes: Sequence[lag_box.LagBox] = (),
+) -> Certification:
+    """Certify the rate of gains, and the ultimate radius for a disturbance bound.
+
+    Every inequality of a certificate has been proven; the claims are less than what was computed by
+    about 1e-8 of themselves to leave room for that. `model` is that at the trim; an `envelope` of
+    the chi/gamma law contains it, and needs `g`. `L_d` (unit of x' per second) bounds the norm of
+    the disturbance's derivative. The same is claimed at `conditions`, (V_a, gamma) and a model
+    each, and for every mixture of their loops. `rates` and `boxes` go into the certificate.
+    """
+    models = tuple(model for _, model in conditions)
+    if any(other.states != model.states for other in models):
+        raise InputError("`conditions` must have models with the states of `model`.")
+    refused = partial(Certification, status="refused", model=model, gains=gains)
+    polytope = None
+    if envelope is None or g is None:
+        loops = loops_of((model, *models), gains)
+        # the same ones once, in their order
+        loops = loops[np.sort(np.unique(loops, axis=0, return_index=True)[1])]
+    else:
+        polytope = jacobian_hull(envelope, g=g)
+        loops = loops_of(polytope.models(), gains)
+    vertices = vertex_matrices(model, gains, polytope, models)
+    alone = len(loops) == 1
+    figures = indicators(loops[0]) if alone else lyapunov.common_Q(loops)
+    proven = None if figures.Q is None else exact.provable_rate(vertices, figures.Q)
+    if proven is None:
+        why = figures.reason or "no inflation of Q could be proven to satisfy its inequality."
+        return refused(reason=why)
+    ellipsoid = radius = None
+    if L_d is not None:
+        if L_d > MAX_L_D:
+            raise InputError(f"`L_d` must be at most {MAX_L_D:g}, got {L_d:g}.")
+        E = disturbance_entry(model)
+        if alone:
+            # Without slack the exact check would refute it by rounding alone.
+            ellipsoid, reason = lyapunov.invariant_ellipsoid(loops[0], E, L_d=L_d, slack=1e-6), ""
+        else:
+            ellipsoid, reason = lyapunov.common_ellipsoid(loops, E, L_d=L_d)
+        if ellipsoid is None:
+            return refused(reason=reason)
+        radius = ellipsoid.radius * exact.FACTORS[0]
+    solvers = {"solver": "Clarabel", "clarabel": version("clarabel")}
+    if alone:
+        solvers = {"Lyapunov equation": f"numpy {np.__version__}"}
+    certificate = Certificate(
+        claim=Claim(
+            rate=proven[1],
+            radius=radius,
+            L_d=L_d,
+            envelope=envelope,
+            g=g,
+            conditions=tuple(condition for condition, _ in conditions),
+        ),
+        model=model,
+        gains=gains,
+        Q=proven[0],
+        W=None if ellipsoid is None else ellipsoid.W,
+        multiplier=None if ellipsoid is None else ellipsoid.multiplier,
+        hull=polytope,
+        models=models,
+        made_with={"flighttune": version("flighttune"), **solvers},
+        scenario_sha256=scenario_sha256,
+        exact_rates=tuple(rates),
+        boxes=tuple(boxes),
+    )
+    verification = certificate.verify()
+    if not verification.valid:
+        return refused(reason=verification.reason)
+    return Certification(
+        status="certified",
+        reason="",
+        model=model,
+        gains=gains,
+        certificate=certificate,
+        verification=verification,
+    )

@@ -1,0 +1,271 @@
+"""Results of an optimiser, checked against the problem without trusting the optimiser."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+
+import numpy as np
+
+from flighttune.base.answers.answer import Answer, Answering, Column, Table, pick
+from flighttune.base.answers.names import columns
+from flighttune.base.arguments import checked_class
+from flighttune.base.arrays import FloatArray
+from flighttune.control.gains import PIGains, gains_lists, gains_table
+from flighttune.control.linear_model import closed_loops
+from flighttune.control.margins import loop_margins, margins_table
+from flighttune.control.theory.indicators import indicators
+from flighttune.control.tuning.problem import TuningProblem, quadratic_cost
+
+if TYPE_CHECKING:
+    from flighttune.control.certificates.bound import RateBound
+
+Status = Literal["optimal", "found", "infeasible", "failed"]
+
+# Relative amount by which rounding may exceed a limit
+ROUNDING = 1e-9
+
+# Relative distance within which a limit counts as binding
+BINDING = 1e-5
+
+RESULT_COLUMNS = columns("status R_K I_K E_K spectral_abscissa active method starts wall_s")
+ENVELOPE_COLUMNS = columns("status R_envelope R_K I_K E_K spectral_abscissa wall_s", of="tuning")
+DIAGNOSIS_COLUMNS = columns("smallest_I_K largest_R_K common_factor", of="tuning")
+LIMIT_COLUMNS = columns("name factor_alone smallest_I_K_without", of="tuning")
+PLAIN = "units of state: plain, as in `certify`"
+SCALED = "units of state: scaled by [tuning]; `certify` gives R_K in plain ones too"
+
+
+class Assessment(NamedTuple):
+    """Gains measured against a problem."""
+
+    K: FloatArray  # shape (m, 2 p): the stacked gains assessed
+    # Indicators as in `flighttune.control.theory.indicators.Indicators`
+    R_K: float
+    I_K: float
+    E_K: float
+    spectral_abscissa: float
+    within_limits: bool  # whether input limits and gain bounds hold, whatever I_K and E_K
+    # Constraints that bind, and limits that are exceeded: ``I_K``, ``E_K``, ``<input>_max``,
+    # ``<input>_rate_min``, ``K_P[<input>,<error>]_max`` and the like.
+    active: tuple[str, ...]
+    cost: float  # quadratic cost; nan without `weights`
+
+    def meets(self, problem: TuningProblem) -> bool:
+        """Whether the loop is stable and meets every constraint of a problem."""
+        fast = self.R_K > 0.0 and self.R_K >= (1.0 - ROUNDING) * problem.R_min
+        small = self.I_K <= problem.I_star and self.E_K <= problem.E_star
+        return self.within_limits and fast and small
+
+    def why_not(self, problem: TuningProblem) -> str:
+        """A sentence on these gains of the smallest I_K, and on the limits that bind there."""
+        if self.I_K <= problem.I_star:
+            return (
+                f"No gains were found with an E_K of at most `E_star` {problem.E_star:g}; those of "
+                f"the smallest I_K within the limits have {self.E_K:.6g}."
+            )
+        binding = f" with {', '.join(self.active)} binding" if self.active else ""
+        return (
+            f"`I_star` must be at least {self.I_K:.6g}, the smallest I_K reached{binding}, "
+            f"got {problem.I_star:g}."
+        )
+
+
+class Diagnosis(NamedTuple):
+    """Distance of a problem from feasibility, or the room to tighten its limits."""
+
+    # s^2: smallest I_K found within the input limits; inf if no stable gains were
+    smallest_I_K: float
+    # 1/s: largest R_K found within the input limits, whatever I_K; 0 if no stable gains were
+    largest_R_K: float
+    # Smallest factor on all input limits at once that leaves the problem feasible: above 1 it is
+    # infeasible, below 1 the limits could be that much tighter. inf if no factor helps; 0 where
+    # there are no input limits and the problem is feasible.
+    common_factor: float
+    gains: PIGains | None  # gains that are feasible at the common factor
+    binding: tuple[str, ...]  # limits that bind there
+    # A record for each finite limit, the most worth relaxing first: ``name`` (``<input>`` or
+    # ``<input>_rate``, both its sides); ``factor_alone``, the smallest factor on this limit alone
+    # that makes the problem feasible, inf if none does; ``smallest_I_K_without`` (s^2), the
+    # smallest I_K found without it; ``use``, the share of it that the gains at the common factor
+    # use, above 1 where they break it.
+    limits: tuple[Mapping[str, Any], ...]
+
+
+@checked_class
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class TuningResult(Answering):
+    """Gains that an optimiser found for a problem, or why it found none.
+
+    Attributes
+    ----------
+    status : "optimal", "found", "infeasible" or "failed"
+        "found": a local optimum over an envelope.
+        "infeasible": no gains were found that meet all constraints, although the search for the
+        smallest I_K converged. "failed": no stabilising gains were found at all.
+    reason : str
+        Why it is not optimal; empty otherwise.
+    method : str
+        The optimiser.
+    problem : TuningProblem
+        The problem that was stated; that at the first reference if there are several models.
+    gains : PIGains or None
+        The best ones; if infeasible those of the smallest I_K; None if failed.
+    R_K, I_K, E_K, spectral_abscissa : float
+        Indicators of `gains`, computed anew from them; 0, inf, inf and nan without gains.
+    active : tuple of str
+        Names of the constraints that bind at `gains`.
+    cost : float
+        Quadratic cost of `gains` from the problem's `x_0`; nan without `weights`.
+    smallest_I_K : float or None
+        If infeasible and the method looks for it: the smallest I_K within the input limits.
+    starts, agreeing : int
+        Searches made, and those that ended within 1e-4 of the best value, relative.
+    wall_s : float
+        Time it took, s.
+    R_envelope, R_envelope_bound : float or None, 1/s
+        Over an envelope: the rate there, 0 if infeasible, and the highest that any common Q of
+        these gains has.
+    factor : float or None
+        Part of the envelope, scaled about the trim, that was reached; 1 if found.
+    diagnosis : Diagnosis or None
+        For an infeasible problem, what would have to give.
+    tuned_for : mapping or None
+        Names of ``aircraft`` and the ends of the airspeeds, ``V_a_mps``, that it was tuned for, and
+        what their model assumes, ``assumed``, if anything.
+    bound : RateBound or None
+        If a proof was asked for: the bound on R_K that no gains exceed.
+    sensitivity : float or None
+        Where the problem bounds it: the largest one of the loop at its commands.
+    errors_in_gusts : sequence of float or None, length p
+        With the objective "rms": of each error, over that of the gusts' angle.
+
+    Examples
+    --------
+    >>> result = ft.tune("paper")
+    >>> result.gains.K_P.diagonal().round(2).tolist(), result.active
+    ([2.22, 2.48], ('I_K',))
+    """
+
+    status: Status
+    reason: str
+    method: str
+    problem: TuningProblem
+    gains: PIGains | None = None
+    R_K: float = 0.0
+    I_K: float = math.inf
+    E_K: float = math.inf
+    spectral_abscissa: float = math.nan
+    active: tuple[str, ...] = ()
+    cost: float = math.nan
+    smallest_I_K: float | None = None
+    starts: int = 0
+    agreeing: int = 0
+    wall_s: float = 0.0
+    R_envelope: float | None = None
+    R_envelope_bound: float | None = None
+    factor: float | None = None
+    diagnosis: Diagnosis | None = None
+    tuned_for: Mapping[str, Any] | None = None
+    bound: "RateBound | None" = None
+    sensitivity: float | None = None
+    errors_in_gusts: Sequence[float] | None = None
+
+    @property
+    def solved(self) -> bool:
+        """Whether the gains meet all constraints."""
+        return self.status in ("optimal", "found")
+
+    @property
+    def _bounds_in_words(self) -> list[str]:
+        if self.sensitivity is None:
+            return []
+        acts = "holds the gains" if "sensitivity" in self.active else "does not hold the gains"
+        most = self.problem.sensitivity_max
+        words = [
+            f"The largest sensitivity is {self.sensitivity:.3f}; its bound of {most:.4g} {acts}."
+        ]
+        if self.errors_in_gusts:
+            shares = ", ".join(f"{share:.3f}" for share in self.errors_in_gusts)
+            words.append(
+                f"The rms errors in turbulence over that of the gusts' angle are {shares}."
+            )
+        return words
+
+    def answer(self) -> Answer:
+        """Indicators, gains and margins; a failure with the nearest problem if there are none."""
+        problem, over = self.problem, self.R_envelope is not None
+        plain = bool(np.all(np.asarray(problem.scaling) == 1.0))
+        nearest = self.diagnosis and pick(
+            self.diagnosis, "smallest_I_K largest_R_K common_factor binding limits"
+        )
+        values = {
+            **pick(self, "status reason R_K I_K E_K cost spectral_abscissa active"),
+            **pick(self, "R_envelope R_envelope_bound factor starts agreeing wall_s method"),
+            **pick(self, "tuned_for sensitivity errors_in_gusts"),
+            "scaling": problem.scaling,
+            "diagnosis": nearest,
+            **gains_lists(self.gains),
+            **({"bound": self.bound.answer().values} if self.bound else {}),
+        }
+        shown = ENVELOPE_COLUMNS if over else RESULT_COLUMNS
+        if problem.weights is not None:
+            shown = [*shown, Column("cost", "quadratic cost")]
+        margins = loop_margins(problem.model, self.gains) if self.solved and self.gains else ()
+        tables = [
+            Table(shown, [values], "tuning over the envelope" if over else "tuning"),
+            gains_table("gains", self.gains),
+            margins_table(margins),
+        ]
+        if nearest:
+            tables += [
+                Table(DIAGNOSIS_COLUMNS, [nearest], "within the limits"),
+                Table(LIMIT_COLUMNS, nearest["limits"], "limits"),
+            ]
+        return Answer(
+            values=values,
+            tables=tables,
+            notes=[
+                PLAIN if plain else SCALED,
+                *self._bounds_in_words,
+                *(self.tuned_for or {}).get("assumed", ()),
+                *([f"proven {self.bound.sentence}"] if self.bound else []),
+            ],
+            failure="" if self.solved else self.reason,
+        )
+
+
+def assessment(problem: TuningProblem, K: FloatArray) -> Assessment:
+    """The stacked gains K, shape (m, 2 p), measured against `problem`."""
+    A_K, p = closed_loops(problem.model, K), len(problem.model.errors)
+    measured = indicators(A_K, scaling=problem.scaling, errors=p)
+    names, *_, bound = problem.limit_rows
+    slack, size = problem.slack(K[problem.free]), np.abs(bound)
+    lower, upper = problem.gain_bounds
+    bounds = {"I_K": problem.I_star, "E_K": problem.E_star}
+    active = [
+        name
+        for name, bound in bounds.items()
+        if abs(getattr(measured, name) - bound) <= BINDING * bound < math.inf
+    ]
+    active += ["R_K"] if 0.0 < measured.R_K <= (1.0 + BINDING) * problem.R_min else []
+    active += [name for name, low in zip(names, slack <= BINDING * size, strict=True) if low]
+    for side, bound in zip(("min", "max"), problem.gain_bounds, strict=True):
+        touching = problem.free & (np.abs(K - bound) <= BINDING * np.maximum(np.abs(bound), 1.0))
+        active += [f"{name}_{side}" for name in problem.gain_names[touching]]
+    within = bool((slack >= -ROUNDING * size).all() and (lower <= K).all() and (K <= upper).all())
+    return Assessment(
+        K=K,
+        **pick(measured, "R_K I_K E_K spectral_abscissa"),
+        within_limits=within,
+        active=tuple(active) if math.isfinite(measured.I_K) else (),
+        cost=math.nan if problem.weights is None else quadratic_cost(problem, K)[0],
+    )
+
+
+def result(problem: TuningProblem, best: Assessment | None, **outcome: Any) -> TuningResult:
+    """A `TuningResult` of an outcome (its other attributes) with the figures of its best gains."""
+    if best is None:
+        return TuningResult(problem=problem, **outcome)
+    figures = pick(best, "R_K I_K E_K spectral_abscissa active cost")
+    return TuningResult(problem=problem, gains=problem.gains(best.K), **figures, **outcome)

@@ -1,0 +1,240 @@
+"""Gains under a bound on the sensitivity: fastest decay, least errors in turbulence, least E_K.
+
+Inner feedback is sought with them. The fastest decay lies where poles meet, at which there are no
+slopes: a simplex finds it. The other two are smooth, and SLSQP meets every bound at once.
+"""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from flighttune.base.arrays import FloatArray
+from flighttune.control.linear_model import closed_loops, fed_by, inner_feedback, measured_rows
+from flighttune.control.theory.lyapunov import solution_of_checked
+from flighttune.control.tuning.problem import TuningProblem
+from flighttune.control.tuning.program import UNSTABLE_LOG
+
+# Starts: the gains of the largest R_K times these, with these of the inner feedback
+STARTS = (1.6, 0.2), (2.0, 0.4)
+
+# Part of the rate of the largest R_K at which gains of the least errors in turbulence must decay.
+# Without a bound their integrals would be given up; the whole rate costs 3 to 4 % of ITAE in wind.
+LEAST_DECAY = 0.5
+
+# Price of a logarithm of sensitivity beyond the bound, where a simplex searches; it is begun anew
+# where it stopped.
+PENALTY = 100.0
+SIMPLEX = {"xatol": 1e-3, "fatol": 1e-5, "maxfev": 200}
+RESTARTS = 3
+
+SMOOTH = {"maxiter": 100, "ftol": 1e-7}
+
+# Numbers of frequencies during a search and at its end, and the lowest and highest one relative to
+# the slowest and the fastest pole. Between two of them a peak is higher by less than 1e-3, which
+# the last step of a search takes off.
+GRID, FINE, SLOWER, FASTER = 160, 4000, 0.02, 20.0
+
+# Times at which a response is integrated, denser at first, over so many slowest time constants
+NODES, SPAN = 600, 14.0
+
+# What a simplex with feedback takes off the logarithm of the largest sensitivity at first, and then
+# any search of what its frequencies miss; how often it does.
+ROOM, MORE_THAN_MISSED, MAX_TIGHTENINGS = 2e-3, 1.1, 5
+
+# `feedback` must be below 1.
+MOST_FEEDBACK = 0.95
+
+# Difference of ends that agree
+SAME_END = 1e-2
+
+
+def searched(
+    problems: Sequence[TuningProblem], k: FloatArray
+) -> tuple[FloatArray, float, int] | None:
+    """Free gains and inner feedback of one command, and how many searches agree; None without any.
+
+    `problems` have the same free gains; the first says what is sought and the largest sensitivity.
+    `k` (shape (f,)) are the gains of the largest R_K, which stabilise all of them.
+    """
+    search = _Search(problems, k)
+    answers: list[tuple[float, FloatArray]] = []
+    for factor, fed in STARTS:
+        z, room = search.start(factor, fed), search.room
+        for tightening in range(MAX_TIGHTENINGS):
+            z = search.end(z, room, restarts=RESTARTS if tightening == 0 else 1)
+            if (missed := search.peaks(z, search.fine).max() - search.limit) <= 0.0:
+                answers.append((float(search.costs(z).max()), z))
+                break
+            room += MORE_THAN_MISSED * missed
+    if not answers:
+        return None
+    best, z = min(answers, key=lambda answer: answer[0])
+    agreeing = sum(reached <= best + SAME_END for reached, _ in answers)
+    free, fed = search.parts(z)
+    return free, float(fed[0]), agreeing
+
+
+class _Search:
+    """The search for z: factors on the gains `k`, then the inner feedback where it is sought."""
+
+    def __init__(self, problems: Sequence[TuningProblem], k: FloatArray) -> None:
+        self._first, self._k, first = problems[0], k, problems[0]
+        self._aim, self.limit = first.objective, math.log(first.sensitivity_max)
+        self._coarse, self.fine = ([Peaks(case, n) for case in problems] for n in (GRID, FINE))
+        self._loops = [GustLoop(case) for case in problems]
+        ends = np.sort(first.k_bounds / k, axis=0)
+        low, high = np.append(np.maximum(ends[0], 0.0), 0.0), np.append(ends[1], MOST_FEEDBACK)
+        self._bounds = np.column_stack([low, high])[: len(k) + first.feedback]
+        self.room = ROOM if first.feedback and self._aim == "decay" else 0.0
+        # The largest real part of a pole
+        self._slowest = LEAST_DECAY * self._rates(self.start(1.0, 0.0))[-1]
+        self._slowest *= self._aim == "rms"
+
+    def start(self, factor: float, fed: float) -> FloatArray:
+        """All gains times a factor, with this feedback."""
+        return np.append(np.full(len(self._k), factor), fed)[: len(self._bounds)]
+
+    def parts(self, z: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Free gains, and the inner feedback, which is zero unless it is sought."""
+        f = len(self._k)
+        return self._k * z[:f], z[f:] if self._first.feedback else np.zeros(1)
+
+    def peaks(self, z: FloatArray, frequencies: Sequence["Peaks"]) -> FloatArray:
+        """Logarithms of the sensitivities of all models."""
+        return np.concatenate([each.logs(*self.parts(z)) for each in frequencies])
+
+    def costs(self, z: FloatArray) -> FloatArray:
+        """Costs to be made small: minus the decay, or the logarithm of the errors of each model."""
+        free, fed = self.parts(z)
+        poles = self._rates(z)
+        if self._aim == "decay":
+            return poles[-1:]
+        if poles[-1] >= 0.0:
+            return np.full(len(self._loops), UNSTABLE_LOG)
+        errors = GustLoop.largest_error if self._aim == "E_K" else GustLoop.errors
+        return np.log([np.max(errors(loop, self._first.K(free), fed)) for loop in self._loops])
+
+    def _rates(self, z: FloatArray) -> FloatArray:
+        """Real parts of the poles of all models, the largest last."""
+        free, fed = self.parts(z)
+        K = self._first.K(free)
+        poles = [np.linalg.eigvals(loop.matrix(K, fed)).real for loop in self._loops]
+        return np.sort(np.concatenate(poles, dtype=np.float64))
+
+    def end(self, z: FloatArray, room: float, *, restarts: int) -> FloatArray:
+        """The end of a search from `z`, with `room` to the logarithm of the largest sensitivity."""
+        from scipy.optimize import minimize
+
+        most, bounds = self.limit - room, self._bounds
+        z = np.clip(z, *bounds.T)
+        if self._aim == "decay":
+            for _ in range(restarts):
+                z = minimize(
+                    lambda z: self.costs(z)[0] + PENALTY * self._over(z, most),
+                    z,
+                    method="Nelder-Mead",
+                    bounds=bounds,
+                    options=SIMPLEX,
+                ).x
+            return z
+
+        def slack(y: FloatArray) -> FloatArray:
+            z, bound = y[:-1], y[-1]  # of the costs, which have a kink where two are equal
+            left = bound - self.costs(z), self._slowest - self._rates(z)
+            return np.concatenate([*left, most - self.peaks(z, self._coarse)])
+
+        y = minimize(
+            lambda y: (y[-1], np.eye(len(y))[-1]),
+            np.append(z, self.costs(z).max()),
+            jac=True,
+            method="SLSQP",
+            bounds=[*bounds, (None, None)],
+            constraints={"type": "ineq", "fun": slack},
+            options=SMOOTH,
+        ).x
+        return np.clip(y[:-1], *bounds.T)
+
+    def _over(self, z: FloatArray, most: float) -> float:
+        return max(float(self.peaks(z, self._coarse).max()) - most, 0.0)
+
+
+class Peaks:
+    """Largest singular value of ``S = 1 / (1 - K G)`` at the commands, over frequencies."""
+
+    def __init__(self, problem: TuningProblem, count: int) -> None:
+        self._problem, model = problem, problem.model
+        poles = np.abs(np.linalg.eigvals(model.A))
+        fastest = float(poles.max(initial=1.0))
+        slowest = float(poles[poles > 1e-6 * fastest].min(initial=fastest))
+        omega = np.geomspace(SLOWER * min(slowest, 1.0), FASTER * fastest, count)[:, None, None]
+        x = np.linalg.solve(
+            1j * omega * np.eye(len(model.A)) - model.A,
+            np.broadcast_to(model.B, (count, *model.B.shape)),
+        )
+        # The sign is minus because errors fall with the commands.
+        G, self._followed = -model.C @ x, measured_rows(model) @ x
+        # A stacked gain (K_P, K_I) acts on G and on its integral.
+        self._GI = np.concatenate([G, G / (1j * omega)], axis=1)
+
+    def logs(self, k: FloatArray, feedback: FloatArray) -> FloatArray:
+        """Their logarithms, with the inner feedback (shape (m,)) of each command."""
+        L = (1.0 + feedback)[:, None] * (self._problem.K(k) @ self._GI)
+        L = np.eye(L.shape[-1]) + L + feedback[:, None] * self._followed
+        if L.shape[-1] == 1:
+            return -np.log(np.abs(L).ravel())
+        # the largest singular value of an inverse
+        return -np.log(np.linalg.svd(L, compute_uv=False)[:, -1])
+
+
+class GustLoop:
+    """The loop of a problem by stacked gains and inner feedback, and its errors in gusts."""
+
+    def __init__(self, problem: TuningProblem) -> None:
+        from scipy.linalg import block_diag
+
+        self.model = problem.model
+        p = len(self.model.errors)
+        if problem.gusts is not None:
+            a = np.asarray(problem.gusts)
+            self._air = block_diag(*([[0.0, 1.0], [-w * w, -2.0 * w]] for w in a))
+            # d, of variance one, and its rate, of the states of the air
+            self._gust = block_diag(*([[w**1.5, math.sqrt(3.0 * w)]] for w in a))
+            self._white = np.kron(np.eye(p), [[0.0], [1.0]])
+            self._rows = np.hstack([self.model.C, np.zeros((p, p)), -self._gust])
+
+    def matrix(self, K: FloatArray, feedback: FloatArray) -> FloatArray:
+        """A_K of stacked gains K, shape (m, 2 p), with the inner feedback of the first inputs."""
+        return closed_loops(fed_by(self.model, feedback), K)
+
+    def largest_error(self, K: FloatArray, feedback: FloatArray) -> float:
+        """E_K of a stable loop to some 1e-4: the integral of its response to a step of d'."""
+        n, _, p = self.model.shape
+        rates, modes = np.linalg.eig(self.matrix(K, feedback))
+        t = SPAN / -float(np.max(np.real(rates))) * np.linspace(0.0, 1.0, NODES) ** 2
+        entry = np.eye(n + p)[:, :n][:, self.model.C.any(axis=0)]
+        response = (modes[n:, :, None] * np.linalg.solve(modes, entry)).transpose(0, 2, 1)
+        sizes = np.linalg.norm(np.real(response @ np.exp(np.outer(rates, t))), axis=1)
+        return float(np.trapezoid(sizes, t).max())
+
+    def errors(self, K: FloatArray, feedback: FloatArray) -> FloatArray:
+        """Rms of each error in its gusts over that of their angle, shape (p,), of a stable loop.
+
+        Gusts across the flight turn the path by their speed over the airspeed, at once:
+        ``e = C x - d`` with the Dryden spectrum of MIL-F-8785C,
+        ``(1 + 3 (w/a)^2) / (1 + (w/a)^2)^2``, a the airspeed over its scale; white noise makes d by
+        ``(sqrt(3) s/a + 1) / (s/a + 1)^2``. The path turns with a force that is measured, so that
+        the inner feedback sees d': the errors are those of the sensitivity at the commands.
+        """
+        (n, _, p), model = self.model.shape, self.model
+        N, k = n + p, inner_feedback(model, feedback)[0]
+        fed = model.B * k  # what d' adds to x'
+        whole = np.zeros((N + 2 * p, N + 2 * p))
+        whole[:N, :N], whole[N:, N:] = self.matrix(K, feedback), self._air
+        whole[:n, N:] = (
+            -(model.B * (1.0 + k)) @ K[:, :p] @ self._gust - fed @ self._gust @ self._air
+        )
+        whole[n:N, N:] = -self._gust
+        noise = np.vstack([-fed @ self._gust @ self._white, np.zeros((p, p)), self._white])
+        covariance = solution_of_checked(whole.T, noise @ noise.T)
+        return np.sqrt(np.einsum("pi,ij,pj->p", self._rows, covariance, self._rows))

@@ -1,0 +1,342 @@
+"""Tuning by SLSQP on exact gradients from several starts; infeasible problems; frontiers."""
+
+import math
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, replace
+from operator import itemgetter
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from flighttune.base.answers.chart import Chart
+from flighttune.base.answers.palette import INK, NEUTRAL, LineStyle
+from flighttune.base.arrays import FloatArray, check_at_least
+from flighttune.control.gains import PIGains
+from flighttune.control.limits import Limits
+from flighttune.control.tuning.problem import TuningProblem
+from flighttune.control.tuning.program import Objective, Program, stabilising_starts
+from flighttune.control.tuning.result import Assessment, Diagnosis, TuningResult, assessment, result
+
+STARTS = 4
+
+# Starts that must all miss feasibility before the smallest I_K is looked for
+PROBES = 2
+
+AGREEMENT = 1e-4
+
+# Share of R_K given up for a smaller trace of Q where I_K does not bind
+RATE_GIVEN_UP = 1e-4
+
+
+def tune_problem(problem: TuningProblem, *, starts: int = STARTS) -> TuningResult:
+    """Gains of the largest R_K, or the least cost, that meet the constraints of a problem."""
+    check_at_least(1, starts=starts)
+    began = time.perf_counter()
+    search = tune_by_gradient if problem.weights is None else tune_by_cost
+    return replace(search(problem, starts=starts), wall_s=time.perf_counter() - began)
+
+
+def tune_by_gradient(problem: TuningProblem, *, starts: int = STARTS) -> TuningResult:
+    """Gains of the largest R_K, by SLSQP on exact gradients from several starts.
+
+    The optimisation model of arXiv 2411.13140, section 4.4. The problem is not convex: that no
+    feasible gains were found is no proof that none exist. Where I_K does not bind, R_K is that of
+    the slowest channel and leaves the others open: the gains are those of (nearly) that rate with
+    the smallest trace of Q, the mean-square transient.
+    """
+    # SLSQP finds a local optimum of a problem that is not convex, so several starts must do: on
+    # `paper` all four end within 1e-4 of R_K 0.53976, and `agreeing` tells the user how many did.
+    # Two of them are enough to see whether the bound on I_K leaves any gains at all. If not, the
+    # smallest I_K is searched first: it answers "how much would do", and where it is within the
+    # bound it is a feasible start for the others. XX: four starts weigh time (0.4 s on
+    # `paper`) against the chance to miss the best gains, which nothing here bounds.
+    k = stabilising_starts(problem, starts)
+    if not len(k):
+        return TuningResult(
+            status="failed",
+            reason="No stabilising gains were found to start from.",
+            method="gradient",
+            problem=problem,
+        )
+    ends = searches(problem, k[:PROBES], "R_K")
+    smallest, warm = None, k[:0]
+    if not any(end.meets(problem) for end in ends):
+        smallest = smallest_radius(problem, k)
+    if smallest is not None:
+        warm = smallest.K[problem.free][None]
+        ends.append(smallest)
+    if smallest is None or smallest.I_K <= problem.I_star:
+        others = np.vstack([warm, k[PROBES:]])
+        ends += searches(problem, others, "R_K") if len(others) else []
+    feasible = [end for end in ends if end.meets(problem)]
+    best = max(feasible, key=lambda end: end.R_K, default=smallest)
+    value = best.R_K if best else 0.0
+    reason = "No stabilising gains were found within the limits."
+    if best:
+        reason = "" if feasible else best.why_not(problem)
+    if feasible and best is not None and "I_K" not in best.active:
+        best = _calmest_at_rate(problem, best)
+    return result(
+        problem,
+        best,
+        status="optimal" if feasible else "infeasible",
+        reason=reason,
+        method="gradient",
+        starts=len(k),
+        agreeing=sum(end.R_K >= (1.0 - AGREEMENT) * value for end in feasible),
+        smallest_I_K=best.I_K if best and not feasible else None,
+    )
+
+
+def tune_by_cost(problem: TuningProblem, *, starts: int = STARTS) -> TuningResult:
+    """Gains of the least quadratic cost with an R_K of at least `R_min`, by the gradient method."""
+    fastest = tune_by_gradient(replace(problem, weights=None, R_min=0.0), starts=starts)
+    if fastest.status != "optimal" or fastest.gains is None:
+        return fastest
+    if fastest.R_K < problem.R_min:
+        reason = (
+            f"`R_min` must be at most {fastest.R_K:.6g}, the largest R_K under the other "
+            f"constraints, got {problem.R_min:g}."
+        )
+        return replace(fastest, status="infeasible", reason=reason)
+    # The first search begins at the gains of the largest R_K, which are feasible if any are.
+    k = np.vstack([fastest.gains.K[problem.free], stabilising_starts(problem, starts)])
+    ends = searches(problem, k, "cost", min_R_K=problem.R_min)
+    if not (feasible := [end for end in ends if end.meets(problem)]):
+        feasible = [assessment(problem, fastest.gains.K)]
+    best = min(feasible, key=lambda end: end.cost)
+    return result(
+        problem,
+        best,
+        status="optimal",
+        reason="",
+        method="gradient",
+        starts=len(k),
+        agreeing=sum(end.cost <= (1.0 + AGREEMENT) * best.cost for end in feasible),
+    )
+
+
+def smallest_radius(problem: TuningProblem, k: FloatArray) -> Assessment | None:
+    """The smallest I_K within limits and bounds from free gains k, (starts, f), whatever E_K."""
+    best, problem = None, replace(problem, E_star=math.inf)
+    for start in k:
+        (end,) = searches(problem, start[None], "I_K")
+        if not (end.within_limits and end.R_K > 0.0):
+            continue
+        agree = best is not None and abs(end.I_K - best.I_K) <= AGREEMENT * best.I_K
+        if best is None or end.I_K < best.I_K:
+            best = end
+        if agree:
+            break
+    return best
+
+
+def _calmest_at_rate(problem: TuningProblem, best: Assessment) -> Assessment:
+    """Gains with nearly the best rate and the smallest trace of Q."""
+    # The optimum of R_K leaves faster channels open; a little less rate makes them definite.
+    rate, k = (1.0 - RATE_GIVEN_UP) * best.R_K, best.K[problem.free][None]
+    (calmest,) = searches(problem, k, "trace", min_R_K=rate)
+    as_fast = calmest.R_K >= (1.0 - 2.0 * RATE_GIVEN_UP) * best.R_K
+    return calmest if as_fast and calmest.meets(problem) else best
+
+
+def searches(
+    problem: TuningProblem, k: FloatArray, objective: Objective, *, min_R_K: float = 0.0
+) -> list[Assessment]:
+    """Optima of an objective from each of the free gains k, shape (starts, f)."""
+    task = Program([problem], objective, min_R_K=min_R_K)
+    return [assessment(problem, K) for K in problem.K(task.descend(k)[0])]
+
+
+def diagnosis(problem: TuningProblem) -> Diagnosis:
+    """Distance of a problem from feasibility, and the input limit that is in the way."""
+    k = stabilising_starts(problem, STARTS)
+    smallest = smallest_radius(problem, k)
+    unlimited = replace(problem, I_star=math.inf)
+    fastest = [candidate for candidate in searches(unlimited, k, "R_K") if candidate.within_limits]
+    names, *_, bound = problem.limit_rows
+    limit_of_row = [_limit(row) for row in names]
+    groups = tuple(dict.fromkeys(limit_of_row))
+    # The problem is not convex: the diagnosis describes the best gains found and proves nothing.
+    # The common factor is a variable of the smooth program, not found by trial.
+    factor, at_factor = _smallest_factor(problem, groups, k)
+    share = np.full(len(names), math.nan)  # of each limit, that the gains at the factor use
+    if at_factor is not None:
+        used = bound - problem.slack(at_factor.K[problem.free])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            share = np.where(used > 0.0, used / np.maximum(bound, 0.0), 0.0)
+    limits = []
+    for name in groups:
+        without, alone = smallest_radius(relaxed(problem, (name,), math.inf), k), math.inf
+        if without is not None and without.I_K <= problem.I_star:
+            alone, _ = _smallest_factor(problem, (name,), np.vstack([without.K[problem.free], k]))
+        limit = {
+            "name": name,
+            "factor_alone": alone,
+            "smallest_I_K_without": without.I_K if without else math.inf,
+            "use": float(share[[of_row == name for of_row in limit_of_row]].max()),
+        }
+        limits.append(limit)
+    return Diagnosis(
+        smallest_I_K=smallest.I_K if smallest else math.inf,
+        largest_R_K=max((candidate.R_K for candidate in fastest), default=0.0),
+        common_factor=factor,
+        gains=problem.gains(at_factor.K) if at_factor else None,
+        binding=tuple(name for name in at_factor.active if name != "I_K") if at_factor else (),
+        limits=tuple(sorted(limits, key=itemgetter("smallest_I_K_without", "factor_alone"))),
+    )
+
+
+def _smallest_factor(
+    problem: TuningProblem, groups: Sequence[str], k: FloatArray
+) -> tuple[float, Assessment | None]:
+    """Smallest factor on some limits that is feasible, with its gains; inf if none is."""
+    if not groups:
+        ends = [end for end in searches(problem, k, "R_K") if end.meets(problem)]
+        return (0.0, ends[0]) if ends else (math.inf, None)
+    relaxable = np.array([_limit(row) in groups for row in problem.limit_rows.names])
+    task = Program([problem], "factor", relaxable=relaxable)
+    best: tuple[float, Assessment | None] = (math.inf, None)
+    for gains, factor in zip(*task.descend(k), strict=True):
+        wider = relaxed(problem, groups, factor)
+        measured = assessment(wider, problem.K(gains))
+        if factor < best[0] and measured.meets(wider):
+            best = float(factor), measured
+    return best
+
+
+def relaxed(problem: TuningProblem, groups: Sequence[str], factor: float) -> TuningProblem:
+    """The problem with some of its limits multiplied; inf drops a limit."""
+    if problem.limits is None:
+        return problem
+    limits = {}
+    for end, bound in asdict(problem.limits).items():
+        kind = "_rate" if end.startswith("rate") else ""
+        chosen = np.array([f"{name}{kind}" in groups for name in problem.model.inputs])
+        dropped = -math.inf if end.endswith("lower") else math.inf
+        limits[end] = np.where(chosen, dropped if math.isinf(factor) else factor * bound, bound)
+    return replace(problem, limits=Limits(**limits))
+
+
+def _limit(row: str) -> str:
+    """``phi_rate`` of ``phi_rate_min``."""
+    return row.removesuffix("_max").removesuffix("_min")
+
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+POINTS = 25
+WIDEST = 3.0
+
+DECADE = 10.0
+
+# Title and horizontal axis of the figure over each indicator
+AXES = {
+    "I_K": (
+        "R_K against I_K: nothing can lie above the curve",
+        "I_K, the paper's bound on the ultimate set [s²]",
+    ),
+    "E_K": (
+        "The same gains against E_K, the exact largest error",
+        "E_K, largest error per L_d [s²]; smaller is better",
+    ),
+}
+
+# Part of the height left for names above and below the marks
+ROOM = 0.08
+
+
+def frontier(
+    problem: TuningProblem,
+    *,
+    points: int = POINTS,
+    marked: Mapping[str, PIGains] | None = None,
+    starts: int = 1,
+) -> "pd.DataFrame":
+    """The largest R_K for every I_K, and where given gains lie.
+
+    The `I_star` of the problem plays no part. `points`: at least 2, from the smallest I_K on,
+    closest there, to `WIDEST` times that or the largest of the gains `marked`. `starts`: searches
+    at each point from drawn gains, besides the one from the gains of the smallest I_K.
+
+    Returns a row for each point and marked set: ``name`` (``frontier`` or the mark), ``I_star``
+    (nan for marks), ``I_K``, ``R_K``, ``spectral_abscissa``, ``E_K``, ``within_limits``, ``active``
+    (names, separated by spaces) and each gain, ``K_P[phi,chi]`` and so on. R_K never falls along
+    the frontier. The rows are those of the marks alone if no stable gains were found within the
+    limits. Raises InputError if `points` is less than 2.
+    """
+    import pandas as pd
+
+    check_at_least(2, points=points)
+    marks = {name: assessment(problem, gains.K) for name, gains in (marked or {}).items()}
+    rows = [_row(problem, name, math.nan, measured) for name, measured in marks.items()]
+    k = stabilising_starts(problem, max(STARTS, starts))
+    if (smallest := smallest_radius(problem, k)) is None:
+        return pd.DataFrame(rows)
+    finite = [measured.I_K for measured in marks.values() if math.isfinite(measured.I_K)]
+    I_max = max([WIDEST * smallest.I_K, *finite])
+    growth = np.linspace(0.0, 1.0, points) ** 2 * math.log(I_max / smallest.I_K)
+    I_star = smallest.I_K * np.exp(growth)
+    # At the smallest I_K there is nothing left to search.
+    best, along = smallest, [_row(problem, "frontier", smallest.I_K, smallest)]
+    first = np.vstack([smallest.K[problem.free], k[:starts]])
+    task = Program([replace(problem, I_star=I_star[-1])], "R_K")
+    ends, _ = task.descend(np.tile(first, (points - 1, 1)), np.repeat(I_star[1:], len(first)))
+    ends = ends.reshape(points - 1, len(first), -1)
+    for limit, K in zip(I_star[1:], problem.K(ends), strict=True):
+        at_limit = replace(problem, I_star=limit)
+        candidates = [best, *(assessment(at_limit, gains) for gains in K)]
+        best = max(
+            (candidate for candidate in candidates if candidate.meets(at_limit)),
+            key=lambda candidate: candidate.R_K,
+        )
+        along.append(_row(problem, "frontier", limit, best))
+    return pd.DataFrame(along + rows)
+
+
+def frontier_chart(
+    table: "pd.DataFrame",
+    styles: Mapping[str, LineStyle],
+    *,
+    against: Literal["I_K", "E_K"] = "I_K",
+) -> Chart:
+    """Draw the frontier and the marked gains, each with its name, over I_K or over E_K."""
+    title, x = AXES[against]
+    along, marks = (table[(table["name"] == "frontier") == yes] for yes in (True, False))
+    marks = marks[marks["R_K"] > 0.0]
+    radii = np.concatenate([np.asarray(table[against], dtype=float) for table in (along, marks)])
+    # The axis is logarithmic where it spans more than one decade.
+    spread = len(radii) > 1 and radii.max() > DECADE * radii.min()
+    chart = Chart(title=title, x=x, y="R_K, guaranteed rate [1/s]", log="x" if spread else "")
+    chart.line(along[against], along["R_K"], NEUTRAL, width=2.4, name="largest R_K found")
+    columns = (np.asarray(marks[key]) for key in ("name", against, "R_K", "within_limits"))
+    points = list(zip(*columns, strict=True))
+    # A mark that breaks the input limits is hollow. Gains without a style are dark.
+    for name, size, R_K, within in points:
+        tip = f"{name}: R_K {R_K:.4f} 1/s, {against} {size:.3f} s²" + (
+            "" if within else ", beyond the limits"
+        )
+        colour = styles[name].colour if name in styles else INK
+        chart.points(size, R_K, colour, run="", size=5, filled=bool(within), tips=[tip])
+    (low, high), (left, right) = chart.y_ends(), chart.x_ends()
+    chart.y_range = (low - ROOM * (high - low), high + ROOM * (high - low))
+    side = (right / left) ** ROOM if spread else 1.0
+    shift = 0.0 if spread else ROOM * (right - left)
+    chart.x_range = (left / side - shift, right * side + shift)
+    chart.label_points([(float(x), float(y), str(name)) for name, x, y, _ in points])
+    return chart
+
+
+def _row(
+    problem: TuningProblem, name: str, I_star: float, measured: Assessment
+) -> dict[str, object]:
+    figures = ("I_K", "E_K", "R_K", "spectral_abscissa", "within_limits")
+    return {
+        "name": name,
+        "I_star": I_star,
+        **{figure: getattr(measured, figure) for figure in figures},
+        "active": " ".join(name for name in measured.active if name != "I_K"),
+        **dict(zip(problem.gain_names.flat, measured.K.flat, strict=True)),
+    }

@@ -1,0 +1,404 @@
+"""One closed loop in time: plant, controller and reference to a table of signals."""
+
+import math
+import struct
+from collections.abc import Callable, Generator, Iterable, Sequence
+from functools import cache
+from itertools import chain, repeat
+from operator import itemgetter
+from typing import TypeAlias
+
+import numpy as np
+import pandas as pd
+
+from flighttune.base.arrays import FloatArray
+from flighttune.base.errors import InputError
+from flighttune.control.controller import (
+    Controller,
+    FlightCondition,
+    LawError,
+    Measured,
+    ReferenceSample,
+    SelfLimiting,
+)
+from flighttune.control.exact_law import ExactLaw
+from flighttune.control.gains import COMMANDS, ERRORS_WITH_AIRSPEED, WITH_AIRSPEED, PIGains
+from flighttune.flight.loop.batch import numbers_of
+from flighttune.routes import follow as following
+from flighttune.routes.feasible import FeasibleReference
+from flighttune.routes.segments import Reference
+from flighttune.vehicles.plants.base import COMMON_SIGNALS, N_X_SIGNALS, OVER_GROUND, Plant, Stop
+from flighttune.vehicles.plants.sensors import MEASURED, SensedPlant, Sensors
+from flighttune.vehicles.plants.weather import WIND
+
+# Signals that the loop adds to those of the plant, one row per sample of the controller.
+#
+# Signals that the controller records stand before the last two.
+KINDS = ("cmd", "unlimited", "limited")
+LOOP_SIGNALS = (
+    *("chi_ref", "gamma_ref", "chi_err", "gamma_err"),
+    *(f"{name}_{kind}" for kind in KINDS for name in COMMANDS),
+)
+
+# Further ones where speed has priority: the path angle that the law is given, which is less than
+# the reference where thrust is short. Where the airspeed is a channel also its reference and error.
+GIVEN = "gamma_given"
+AIRSPEED_SIGNALS = (GIVEN, "V_ref", "V_err")
+
+_V_A, _PHI, _N_Z, _DOWN = map(COMMON_SIGNALS.index, ("V_a", "phi", "n_z", "down"))
+_POSITION = slice(COMMON_SIGNALS.index("north"), _DOWN + 1)
+
+PROGRESS_EVERY = 50
+
+# Samples that a process flies before it loads compiled code, which takes as long as it saves in
+# them. Both give the same numbers.
+COMPILED_FROM = 15_000
+
+NOT_LATE = (0.0, 0.0)
+
+# What a law is given at a sample, with its time; the place on a route, if there is one; whether
+# the flight ends with this sample.
+Sample: TypeAlias = tuple[Measured, ReferenceSample, float, following.Place | tuple[()], bool]
+
+
+def simulate(
+    plant: Plant,
+    controller: Controller,
+    reference: Reference | FeasibleReference | following.RouteReference,
+    *,
+    condition: FlightCondition,
+    duration: float,
+    sensors: Sensors | None = None,
+    lead: tuple[float, float] | None = None,
+    speed_priority: bool = False,
+    progress: Callable[[float], None] | None = None,
+) -> tuple[pd.DataFrame, Stop | None]:
+    """Fly `plant` under `controller` along `reference` from `condition` for `duration` (s).
+
+    The plant was not flown before. The controller, from (chi, gamma) to (phi, n_z) within limits of
+    its own, as `Law.controller` makes it, is started from the roll and load factor of `condition`;
+    its sample time is the step of the loop. It may have a third command, n_x, where the plant takes
+    it and the reference has an airspeed; the signals then also hold `AIRSPEED_SIGNALS`. A flight
+    along a route ends at its end and has `ROUTE_SIGNALS`. With `sensors` the controller sees
+    course, climb and airspeed through them, and the signals hold `MEASURED`; the errors are the
+    true ones. `lead`: lags of roll and lift (s) by which they are planned ahead where the reference
+    rolls in or is a route. `speed_priority`: the path angle gives way where the airspeed would fall
+    too far below that of `condition`, as it does under a third command; the plant shows n_x, and
+    the signals then hold `GIVEN`. `progress` is called with the time flown (s), about once a second
+    of flight.
+
+    Returns one row a sample, indexed by `t` in s, SI and radians, read-only: signals of the plant,
+    then `LOOP_SIGNALS` with those of the controller. The table ends with the last sample before the
+    stop where the flight ended early, with the reason as the second value. A controller that
+    raises, or whose commands cannot be used, ends it with ``law_failed``. Raises TrimError if the
+    plant finds no steady flight at `condition`.
+    """
+    settings = sensors, lead, speed_priority
+    flight = Flight(plant, controller, reference, condition, duration, *settings)
+    if (flown := flight.fly_compiled(progress)) is not None:
+        return flown
+    advance, step = flight.samples.send, step_of(controller, plant)
+    commands, k = None, 0
+    while True:
+        try:
+            measured, ref, now, *_ = advance(commands)  # the first one starts the flight
+        except StopIteration as end:
+            return flight.signals(), end.value
+        try:
+            commands = step(measured, ref, now)
+        except LawError as error:
+            return flight.signals(), Stop("law_failed", str(error))
+        if progress is not None and k % PROGRESS_EVERY == 0:
+            progress(now)
+        k += 1
+
+
+def step_of(controller: Controller, plant: Plant) -> Callable[..., Sequence[float]]:
+    """The step of a law; the load factor that it feeds back is the one the inner loop follows."""
+    if (followed := _fed_back(controller, plant)) is None:
+        return controller.step
+    return lambda measured, *sample: controller.step(measured._replace(n_z=followed()), *sample)
+
+
+def _fed_back(controller: Controller, plant: Plant) -> Callable[[], float] | None:
+    """A reader of the load factor that the inner loop follows; None where it is not fed back."""
+    gains, followed = getattr(controller, "gains", None), getattr(plant, "n_z_followed", None)
+    return followed if isinstance(gains, PIGains) and gains.feeds_back else None
+
+
+class Flight:
+    """One flight that waits at every sample for its commands: `simulate` gives those of a law.
+
+    Parameters are those of `simulate`; whoever flies calls the controller's `step`, or takes
+    commands from elsewhere. `samples` yields each `Sample`, receives what `Controller.step` returns
+    at it, and returns why the flight ended early, or None. Its first one starts plant and
+    controller.
+    """
+
+    # Samples of all flights of this process that compiled code could have flown
+    flown = 0
+
+    def __init__(
+        self,
+        plant: Plant,
+        controller: Controller,
+        reference: Reference | FeasibleReference | following.RouteReference,
+        condition: FlightCondition,
+        duration: float,
+        sensors: Sensors | None = None,
+        lead: tuple[float, float] | None = None,
+        speed_priority: bool = False,
+    ) -> None:
+        dt = controller.dt
+        if not (math.isfinite(duration) and duration >= dt):
+            raise InputError(f"`duration` must be at least one sample ({dt} s), got {duration} s.")
+        if not isinstance(controller, SelfLimiting):
+            raise InputError(
+                "`controller` must apply limits itself (SelfLimiting); wrap it in GuardedLaw."
+            )
+        last = round(duration / dt)
+        self._t = t = np.arange(last + 1, dtype=np.float64) * dt
+        measured_of = _measured(plant.signals, condition.h, sensed=sensors is not None)
+        if sensors is not None:
+            plant = SensedPlant(plant, sensors.errors(last + 1, dt))
+        self._wrapped = getattr(controller, "wrapped", (True,))[0]
+        route = reference if isinstance(reference, following.RouteReference) else None
+        airspeed = priority = plan = None
+        if not isinstance(reference, FeasibleReference):
+            airspeed = reference.airspeed(t)
+        if airspeed or speed_priority:
+            held = None if airspeed else condition.V_a
+            priority = following.AirspeedPriority(held, reference.g, dt)
+        if lead is not None and isinstance(reference, Reference) and reference.planned:
+            plan = following.Planner(dt, reference.g)  # a route's follower has one of its own
+        m = len(plant.limits.lower)
+        if (m == 3) is (airspeed is None):
+            raise InputError(
+                f"`reference` must have an airspeed with a plant of {m} commands: "
+                f"{'none' if m == 2 else 'one'}, got {'none' if airspeed is None else 'one'}."
+            )
+        if len(controller.limiter.u_unsat) != m:
+            raise InputError(
+                f"`controller` must have the {m} commands of the plant, got "
+                f"{len(controller.limiter.u_unsat)}."
+            )
+        further = () if route is None else tuple(following.ROUTE_SIGNALS)
+        further += AIRSPEED_SIGNALS if airspeed else (GIVEN,) * speed_priority
+        self._columns = _columns(plant.signals, (*controller.signals, *further), m)
+        self._rows = bytearray()
+        self._given = plant, controller, condition, reference, lead or NOT_LATE
+        self._priority = priority if airspeed is None else None  # of a plant that holds its own
+        self.samples = self._samples(measured_of, plan, priority, airspeed)
+
+    def fly_compiled(
+        self, progress: Callable[[float], None] | None
+    ) -> tuple[pd.DataFrame, Stop | None] | None:
+        """Fly the exact law on an aircraft by compiled code; None where the plain loop must fly."""
+        # It gives the same bits as the plain loop, which flies until enough samples are flown to
+        # pay for loading Numba, and where Numba is not installed.
+        (plant, controller, condition, reference, lead), t = self._given, self._t
+        shown = plant.signals
+        if type(controller) is not ExactLaw or controller.gains.airspeed or "h" not in shown:
+            return None
+        Flight.flown += len(t)
+        if Flight.flown < COMPILED_FROM:
+            return None
+        from flighttune.flight.loop.kernel import COMPILED, exact_sample
+
+        if not COMPILED:
+            return None
+        plant.start(condition)
+        controller.start(condition)
+        observe, advance, dt = plant.observe, plant.advance, controller.dt
+        followed = _fed_back(controller, plant) or (lambda: signals[_N_Z])
+        angles = MEASURED if MEASURED[0] in shown else ("chi", "gamma", "V_a")
+        air = WIND[0] in shown and OVER_GROUND[0] not in shown
+        wind = shown.index(WIND[0]) if air else -1
+        places = *map(shown.index, (*angles, "h")), wind, len(shown)
+        law, state = np.array(numbers_of(controller.law)), controller.state
+        if isinstance(reference, following.RouteReference):
+            route, end, ahead = reference, reference.path.length, reference.look_ahead
+            speed, path, refs = reference.start_speed, reference.table, np.empty((0, 4))
+        else:
+            route, end, ahead, speed, path = None, math.inf, 0.0, 0.0, np.empty((0, 0))
+            refs = np.ascontiguousarray(np.transpose(_sampled(reference, t, lead)))
+        settings = condition.h, ahead, *lead
+        engines = shown.index(N_X_SIGNALS[-1]) if self._priority else -1
+        priority = *(self._priority.numbers if self._priority else (0.0, 0.0, 0.0)), engines
+        width = len(self._columns)
+        rows = np.empty((len(t), width))
+        still = 0.0, speed, 0.0, 0.0, 0.0, 0.0, 0.0
+        memory = np.array([*chain(*state[:5], state.expected), *still])
+        pack, bytes_of = struct.Struct(f"{len(shown)}d").pack_into, rows.data.cast("B")
+        stop, k = None, 0
+        for k, now in enumerate(t.tolist()):
+            signals = observe()
+            pack(bytes_of, 8 * width * k, *signals)
+            phi_cmd, n_z_cmd, along = exact_sample(
+                *(k, followed(), law, places, dt, settings, priority, refs, path, memory, rows)
+            )
+            if progress is not None and k % PROGRESS_EVERY == 0:
+                progress(now)
+            if k == len(t) - 1 or along >= end:
+                if route is not None:
+                    place = len(shown) + len(LOOP_SIGNALS) + len(controller.signals) - 2
+                    gave_way = self._gave_way(rows[: k + 1])
+                    arrived = tuple(rows[k, place : place + 3].tolist())
+                    stop = route.not_arrived(now, arrived, gave_way=gave_way)
+                break
+            if (stop := advance(phi_cmd, n_z_cmd, dt)) is not None:
+                break
+        return _table(rows[: k + 1], self._columns, t, self._wrapped), stop
+
+    def _gave_way(self, rows: FloatArray) -> bool:
+        """Whether the path angle gave way to the airspeed in samples."""
+        if GIVEN not in self._columns:
+            return False
+        given, asked = (self._columns.index(name) for name in (GIVEN, "gamma_ref"))
+        return bool((rows[:, given] < rows[:, asked]).any())
+
+    def _samples(
+        self,
+        measured_of: Callable[[tuple[float, ...]], Measured],
+        plan: following.Planner | None,
+        priority: following.AirspeedPriority | None,
+        airspeed: tuple[FloatArray, FloatArray] | None,
+    ) -> Generator[Sample, Sequence[float] | None, Stop | None]:
+        """Fly all samples, or to the end of a route, and add them to the rows."""
+        plant, controller, condition, reference, lead = self._given
+        route = reference if isinstance(reference, following.RouteReference) else None
+        plant.start(condition)
+        try:
+            controller.start(condition)
+        except LawError as error:
+            return Stop("law_failed", str(error))
+        dt, limiter, place, speed = controller.dt, controller.limiter, (), ()
+        references = _references(reference, self._t, lead)
+        follow = None if route is None else route.follower(dt, condition.h, lead)
+        u_unsat, limited, m = limiter.u_unsat, limiter.limited, 2 if airspeed is None else 3
+        speeds = None if airspeed is None else np.stack(airspeed, axis=1).tolist()
+        gave_way = False
+        observe, advance, rows = plant.observe, plant.advance, self._rows
+        pack, last = struct.Struct(f"{len(self._columns)}d").pack, len(self._t) - 1
+        end, times = math.inf if route is None else route.path.length, self._t.tolist()
+        # A flight and its generator that hold each other would keep the plant, and JSBSim with it,
+        # until the next garbage collection.
+        del self
+        for k, (now, ref) in enumerate(zip(times, references, strict=True)):
+            signals = observe()
+            measured = measured_of(signals)
+            if follow is not None:
+                ref, place = follow(measured)
+            elif plan is not None:
+                _, gamma_ref, chi_dot, gamma_dot, *_ = ref
+                ref = ref._replace(planned=plan(measured, chi_dot, gamma_dot, gamma_ref))
+            asked = ref
+            if speeds is not None and ref[5] is None:  # not by its place on a route
+                ref = ref._replace(V=speeds[k][0], V_dot=speeds[k][1])
+            if priority is not None:
+                ref = priority(measured, ref)
+                speed = (ref[1],) if speeds is None else (ref[1], ref[5], 0.0)
+                gave_way = gave_way or ref[1] < asked[1]
+            ends = k == last or (bool(place) and place[0] >= end)
+            commands = yield measured, ref, now, place, ends
+            assert commands is not None  # None only starts the flight
+            # The errors follow when all is flown: those of the signals, not those a sensor shows.
+            loop = asked[0], asked[1], 0.0, 0.0, *commands[:m]
+            rows += pack(*signals, *loop, *u_unsat, *commands[m:], *place, *speed, *limited)
+            if ends:
+                if route is None or not place:
+                    return None
+                return route.not_arrived(now, place, gave_way=gave_way)
+            if (stop := advance(commands[0], commands[1], dt, *commands[2:m])) is not None:
+                return stop
+        return None
+
+    def signals(self) -> pd.DataFrame:
+        """The table of `simulate`, of the samples so far; the flight cannot go on after it."""
+        values = np.frombuffer(self._rows, dtype=np.float64).reshape(-1, len(self._columns))
+        return _table(values, self._columns, self._t, self._wrapped)
+
+
+def _measured(
+    signals: tuple[str, ...], h_0: float, *, sensed: bool
+) -> Callable[[tuple[float, ...]], Measured]:
+    """A function that makes `Measured` of a plant's signals, which those of sensors follow."""
+    n = len(signals)
+    chi, gamma, V_a = range(n, n + len(MEASURED)) if sensed else (0, 1, _V_A)
+    new = tuple.__new__  # a third of the time of the call of the class
+    # Steered by its path through the air, a plant moves as in still air.
+    angles = itemgetter(chi, gamma, V_a, _PHI, _N_Z)
+    h = signals.index("h") if "h" in signals else None
+    n_x = signals.index(N_X_SIGNALS[0]) if N_X_SIGNALS[0] in signals else None
+    air = signals.index(WIND[0]) if WIND[0] in signals and "chi_ground" not in signals else None
+    has_body = {"theta", "elevator"} <= {*signals}
+    body = itemgetter(*map(signals.index, ("theta", "elevator"))) if has_body else None
+
+    def measured(seen: tuple[float, ...]) -> Measured:
+        height = h_0 - seen[_DOWN] if h is None else seen[h]
+        wind = None if air is None else seen[air : air + len(WIND)]
+        along = None if n_x is None else seen[n_x : n_x + len(N_X_SIGNALS)]
+        pitched = (None, None) if body is None else body(seen)
+        return new(Measured, (*angles(seen), height, seen[_POSITION], wind, along, *pitched))
+
+    return measured
+
+
+def _references(
+    reference: Reference | FeasibleReference | following.RouteReference,
+    t: np.ndarray,
+    lead: tuple[float, float],
+) -> Iterable[ReferenceSample]:
+    if isinstance(reference, following.RouteReference):
+        return repeat(ReferenceSample(*reference.initial), len(t))  # until it is followed
+    values = np.stack(_sampled(reference, t, lead))
+    if isinstance(reference, FeasibleReference):
+        planned = map(tuple, reference.commands(t).tolist())
+        return map(ReferenceSample, *values.tolist(), planned)
+    if (values == values[:, :1]).all():
+        return repeat(ReferenceSample(*values[:, 0].tolist()), len(t))
+    return map(ReferenceSample, *values.tolist())
+
+
+def _sampled(
+    reference: Reference | FeasibleReference, t: np.ndarray, lead: tuple[float, float]
+) -> list[FloatArray]:
+    """Course, path angle and their rates at each time."""
+    late = () if isinstance(reference, FeasibleReference) else (lead,)
+    return [*reference.sampled(t), *reference.rates(t, *late)]
+
+
+def _columns(
+    plant_signals: tuple[str, ...], law_signals: tuple[str, ...], m: int
+) -> tuple[str, ...]:
+    if plant_signals[: len(COMMON_SIGNALS)] != COMMON_SIGNALS:
+        raise InputError(f"`plant.signals` must begin with {COMMON_SIGNALS}, got {plant_signals}.")
+    commands = COMMANDS if m == len(COMMANDS) else WITH_AIRSPEED[COMMANDS]
+    cmd, unlimited, limited = ([f"{name}_{kind}" for name in commands] for kind in KINDS)
+    columns = *plant_signals, *LOOP_SIGNALS[:4], *cmd, *unlimited, *law_signals, *limited
+    if twice := sorted({name for name in columns if columns.count(name) > 1 or name == "t"}):
+        kind = LawError if set(twice) & set(law_signals) else InputError
+        raise kind(f"`signals` must have names that nothing else has, got {twice}.")
+    return columns
+
+
+def _table(
+    values: FloatArray, columns: tuple[str, ...], t: FloatArray, wrapped: bool
+) -> pd.DataFrame:
+    for name in ERRORS_WITH_AIRSPEED:
+        if f"{name}_err" not in columns:
+            continue
+        ref, err = (columns.index(f"{name}{kind}") for kind in ("_ref", "_err"))
+        errors = values[:, ref] - values[:, columns.index("V_a" if name == "V" else name)]
+        if name == "chi" and wrapped:
+            errors = math.pi - (math.pi - errors) % math.tau  # `wrap_angle`, to the bit
+        values[:, err] = errors
+    index = pd.Index(t[: len(values)], name="t")
+    values.flags.writeable = False
+    return pd.DataFrame(values, columns=_named(columns), index=index, copy=False)
+
+
+@cache
+def _named(columns: tuple[str, ...]) -> pd.Index:
+    """Names of columns, made once: it takes longer than all else in a table."""
+    return pd.Index(columns)

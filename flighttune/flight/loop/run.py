@@ -1,0 +1,457 @@
+"""A flown time history that cannot be changed afterwards, bounds, and the claims made of it."""
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, Literal, NamedTuple, NoReturn, Protocol, TypeAlias, runtime_checkable
+
+import numpy as np
+import pandas as pd
+
+from flighttune.base.answers.answer import Answer, facts_table, matrix, number, pick
+from flighttune.base.answers.palette import LineStyle, line_styles
+from flighttune.base.arguments import checked_class
+from flighttune.base.arrays import FloatArray
+from flighttune.base.errors import InputError
+from flighttune.base.units import DEG
+from flighttune.control.gains import PIGains
+from flighttune.control.law import Law, law_name, made_law, plain_laws
+from flighttune.vehicles.plants.base import StopStatus, aircraft_of
+
+
+class SignalTable(pd.DataFrame):
+    """A DataFrame whose columns stay what they are; everything made from it is a plain one."""
+
+    @property
+    def _constructor(self) -> type[pd.DataFrame]:
+        return pd.DataFrame
+
+    def _refused(self, *_: Any, **__: Any) -> NoReturn:
+        raise TypeError(
+            "`signals` of a run must stay as they were flown; `run.signals.assign(...)` and "
+            "`run.signals.copy()` make tables that can be changed"
+        )
+
+    __setitem__ = __delitem__ = insert = pop = _refused  # type: ignore[assignment]
+    _update_inplace = _set_axis = _refused  # type: ignore[assignment]
+
+
+RunStatus: TypeAlias = Literal["completed", "no_gains", "no_trim"] | StopStatus
+
+_SIGNALS_BY_UNIT = {
+    "rad": "chi gamma phi chi_ref gamma_ref chi_err gamma_err phi_cmd phi_unlimited phi_integral "
+    "chi_meas gamma_meas alpha beta theta theta_cmd psi chi_ground gamma_ground aileron elevator "
+    "rudder gamma_given",
+    "1": "n_z n_z_cmd n_z_unlimited n_z_integral phi_limited n_z_limited n_y throttle "
+    "n_x n_x_min n_x_max n_x_cmd n_x_unlimited n_x_limited n_x_integral alarm_score",
+    "m/s": "V_a V_a_meas V_g wind_north wind_east wind_down V_ref V_err",
+    "m": "north east down h along cross_track height_err",
+    "rad/s": "d_chi d_gamma p q r mismatch_chi mismatch_gamma chi_dot_integral gamma_dot_integral",
+    "m/s^2": "f_x f_y",
+    "N": "thrust",
+}
+
+# Unit of every signal a run may hold.
+#
+# ``*_err`` is reference minus actual, the course error wrapped to (-pi, pi]. ``*_cmd`` is the
+# command after all limits, ``*_unlimited`` before them, ``*_integral`` the part of it that comes
+# from the integrator. ``*_limited`` is 0 (free), 1 (held by a magnitude limit) or 2 (held by a
+# rate limit). ``*_meas`` is what the controller saw, in runs with sensors; in others it saw the
+# signal itself. Positions are local NED from the start. Surfaces are positive trailing edge
+# down, the rudder trailing edge left; the aileron is the left one, so that positive rolls right.
+# ``wind_*`` is the velocity of the air: north is air that moves north. Course and path angle are
+# over ground, or through the air in runs that have ``*_ground`` too. On a route ``along`` is the
+# distance along it, ``cross_track`` that to its right, and ``height_err`` its height minus the own.
+# ``f_x`` and ``f_y`` are specific forces along the nose and the right wing, in logs alone.
+# ``alarm_score`` is that of a monitor, the largest so far: above 1 it alarms.
+SIGNAL_UNITS = {name: unit for unit, names in _SIGNALS_BY_UNIT.items() for name in names.split()}
+
+
+ERRORS = ("chi_err", "gamma_err")
+
+# Signal of a run that a monitor watches: its largest score so far, over the limit of an alarm
+SCORE = "alarm_score"
+
+# Half width (rad) below which bounds count as that wide: a tube may begin at a point
+NARROWEST = 1e-9
+
+# Exit status where a claim says nothing of the flight that it was given for.
+COULD_NOT_SAY = 2
+
+# Tubes are proven, bands are counted.
+Kind: TypeAlias = Literal["proven", "counted"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Bounds:
+    """Lowest and highest values of m signals at n times."""
+
+    t: FloatArray  # (n,), s
+    # `low` and `high`: (n, m), in the units of the signals; NaN where nothing is claimed
+    low: FloatArray
+    high: FloatArray
+    names: tuple[str, ...] = ERRORS
+
+    @property
+    def pairs(self) -> FloatArray:
+        """Lower and upper bounds, shape (n, m, 2)."""
+        return np.stack([self.low, self.high], axis=-1)
+
+    @property
+    def half_widths(self) -> FloatArray:
+        """Half the distance between the bounds, shape (n, m)."""
+        return 0.5 * (self.high - self.low)
+
+    def of(self, names: Sequence[str]) -> "Bounds":
+        """The bounds of some of the signals."""
+        places = [self.names.index(name) for name in names]
+        return Bounds(self.t, self.low[:, places], self.high[:, places], tuple(names))
+
+    def lasting(self, t: FloatArray) -> "Bounds":
+        """The bounds at the samples `t` of a flight, which they share; NaN where they end."""
+        missing = np.full((max(len(t) - len(self.t), 0), len(self.names)), np.nan)
+        low, high = (np.concatenate([end, missing])[: len(t)] for end in (self.low, self.high))
+        return Bounds(t, low, high, self.names)
+
+    def contain(self, signals: pd.DataFrame) -> bool:
+        """Whether a flight with these signals is inside, as far as the bounds last."""
+        values = np.column_stack([signals[name] for name in self.names])
+        n = min(len(values), len(self.t))
+        low, high = self.low[:n], self.high[:n]
+        return bool(((values[:n] >= low) & (values[:n] <= high) | np.isnan(low)).all())
+
+    def distances(self, signals: pd.DataFrame) -> FloatArray:
+        """Distance of the signals of a flight from the middle of the bounds, shape (samples, m)."""
+        middle, t = 0.5 * (self.low + self.high), signals.index.to_numpy(dtype=float)
+        return np.column_stack(
+            [
+                np.abs(signals[name].to_numpy() - np.interp(t, self.t, column))
+                for name, column in zip(self.names, middle.T, strict=True)
+            ]
+        )
+
+    def share(self, signals: pd.DataFrame) -> float:
+        """Largest share of the bounds that a flight uses; it leaves them beyond 1."""
+        t = signals.index.to_numpy(dtype=float)
+        widths = [np.interp(t, self.t, column) for column in self.half_widths.T]
+        pointwise = self.distances(signals) / np.maximum(np.column_stack(widths), NARROWEST)
+        largest = float(pointwise.max())
+        # Inside, the share is the largest distance from the middle over the largest half width of
+        # its signal: a share of the width at each time would be large at the start of every flight,
+        # where a tube is narrow.
+        return largest if largest > 1.0 else float(self.reach(signals).max())
+
+    def reach(self, signals: pd.DataFrame) -> FloatArray:
+        """Largest distance of a flight from the middle over the largest half width, shape (m,)."""
+        half = np.maximum(self.half_widths.max(axis=0), NARROWEST)
+        return self.distances(signals).max(axis=0) / half
+
+    def ratios(self, signals: pd.DataFrame) -> dict[str, float]:
+        """Largest half width over the largest distance of a flight from the middle, by channel."""
+        ratios = self.half_widths.max(axis=0) / self.distances(signals).max(axis=0)
+        names = [name.removesuffix("_err") for name in self.names]
+        return dict(zip(names, ratios.tolist(), strict=True))
+
+
+class Alarm(NamedTuple):
+    """When a flight is first outside of what is expected of it, and why."""
+
+    at_s: float
+    why: str  # name of the model
+
+    @property
+    def sentence(self) -> str:
+        """The alarm in words."""
+        return f"Alarm at {self.at_s:.2f} s: the {self.why} differs from that of healthy flights."
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class RunClaim:
+    """A claim about flights, as one run that it covers has it."""
+
+    kind: Kind
+    title: str  # a few words, for legends
+    sentence: str  # the claim in words
+    bounds: Bounds  # of the signals that it is about, at the samples of the run
+    units: Mapping[str, str]  # of these signals
+    # rings of the fences that it is about, longitudes and latitudes, deg
+    fences: tuple[list[list[float]], ...] = ()
+    # Of a monitor: what it adds to the run, and when that alarms
+    signals: Mapping[str, FloatArray] = field(default_factory=dict)
+    alarm: Alarm | None = None
+    no_claim: str = ""  # why it says nothing of this run, whose score alone it has
+
+    def contains(self, signals: pd.DataFrame) -> bool:
+        """Whether the flight with these signals is inside the bounds."""
+        return self.bounds.contain(signals)
+
+    def said(self, signals: pd.DataFrame) -> str:
+        """Whether the flight with these signals is inside, or what alarms, in words."""
+        if self.no_claim:
+            return f"no claim about this flight: {self.no_claim}"
+        if self.alarm is not None:
+            return self.alarm.sentence
+        return f"{'inside' if self.contains(signals) else 'outside'} the {self.title}."
+
+
+# Path angle below the reference from which on the airspeed has priority, rad.
+GIVEN_WAY = 1e-6
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Provenance:
+    """Origin of a run: enough to fly it again to the same bits."""
+
+    scenario: Mapping[str, Any]  # as it would be written in TOML
+    plant: str  # its label: ``kinematic``, ``jsbsim:aerosonde``, ``jsbsim:aerosonde:heavy`` by name
+    gains_name: str  # in the scenario
+    gains: PIGains | None  # None where none were found
+    seed: int
+    versions: Mapping[str, str]  # of every library that shaped the numbers
+    wall_s: float
+
+    @property
+    def law(self) -> Law:
+        """The law flown; an InputError says that there is none of its kind."""
+        tables = {table["name"]: table for table in self.scenario.get("law") or ()}
+        name, gains = law_name(self.gains_name, tables), self.gains
+        table = tables.get(name) or {"kind": name if name in plain_laws() else "python"}
+        law = made_law(**{**table, "name": name})
+        if gains is not None and law.by_gains and gains.inputs[:2] != law.inputs:
+            return made_law(gains.law)
+        return law
+
+    @property
+    def log(self) -> Mapping[str, Any] | None:
+        """Gaps and checks of the log of a real flight; None for a simulated one."""
+        return self.scenario.get("log")
+
+    @property
+    def aircraft(self) -> str | None:
+        """Aircraft flown, as its scenario names it; None for a plant that is none."""
+        return aircraft_of(self.plant, self.scenario.get("plant") or ())
+
+
+@checked_class
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Run:
+    """One flight of one gain set on one plant.
+
+    Attributes
+    ----------
+    signals : DataFrame, indexed by `t` in s
+        One column a signal, float64, SI and radians; `SIGNAL_UNITS` names the units. Columns can be
+        neither added nor replaced nor taken away; a copy, or what `assign` returns, is free.
+    status : str
+        ``completed``, or why the flight ended early or never began.
+    reason : str
+        A sentence with time and numbers where `status` is not ``completed``.
+    provenance : Provenance
+        What made the run: `scenario`, `plant`, `gains_name`, `gains`, `seed`, `versions` of the
+        libraries and `wall_s`.
+    units : mapping of str to str
+        Units of signals that `SIGNAL_UNITS` does not know: those of a user's own law.
+    claims : tuple of RunClaim
+        Tubes and bands around its signals, which bound flights like it.
+
+    Examples
+    --------
+    >>> run = ft.fly(ft.load_scenario("paper_as_printed")).runs[0]
+    >>> run.label, run.status, run.duration
+    ('kinematic / paper', 'completed', 20.0)
+    """
+
+    signals: pd.DataFrame
+    status: RunStatus
+    reason: str
+    provenance: Provenance = field(repr=False)
+    units: Mapping[str, str] = field(default_factory=dict, repr=False)
+    claims: tuple[RunClaim, ...] = field(default=(), repr=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "signals", SignalTable(self.signals))
+
+    @property
+    def label(self) -> str:
+        """``plant / gains``, the name of the run everywhere."""
+        return f"{self.provenance.plant} / {self.provenance.gains_name}"
+
+    @property
+    def outcome(self) -> str:
+        """Status, and the reason where there is one, as words."""
+        return self.status.replace("_", " ") + (f": {self.reason}" if self.reason else "")
+
+    @property
+    def t(self) -> FloatArray:
+        """Time of each sample, shape (n,), s."""
+        return self.signals.index.to_numpy(dtype=float)
+
+    @property
+    def duration(self) -> float:
+        """Time flown, s."""
+        return float(self.signals.index[-1]) if len(self.signals) else 0.0
+
+    def _repr_html_(self) -> str:
+        origin = self.provenance
+        facts = {
+            "outcome": self.outcome,
+            "flown": f"{self.duration:g} s, {len(self.signals)} samples",
+        }
+        if len(self.signals) and {"chi_err", "gamma_err"} <= set(self.signals):
+            chi, gamma = (float(self.signals[f"{n}_err"].iloc[-1]) / DEG for n in ("chi", "gamma"))
+            facts["errors at the end"] = f"χ {number(chi)}°, γ {number(gamma)}°"
+        facts["signals"] = ", ".join(map(str, self.signals.columns))
+        if origin.gains is not None:
+            facts["gains"] = f"K_P {matrix(origin.gains.K_P)}, K_I {matrix(origin.gains.K_I)}"
+            if origin.gains.feeds_back:
+                facts["gains"] += f", feedback {', '.join(map(number, origin.gains.feedback))}"
+        return facts_table(self.label, facts).html()
+
+
+def claims_around(claims: Sequence[RunClaim], signal: str) -> Iterator[tuple[RunClaim, FloatArray]]:
+    """The claims that bound a signal, with its bounds, shape (2, samples) each."""
+    for claim in claims:
+        if signal in claim.bounds.names:
+            yield claim, claim.bounds.pairs[:, claim.bounds.names.index(signal)].T
+
+
+def along_route(run: Run) -> FloatArray:
+    """Distance of each sample along the route, m; its nearest point may go back a little."""
+    return np.maximum.accumulate(run.signals["along"].to_numpy())
+
+
+def claimed_along(run: Run, signal: str, s: FloatArray) -> Iterator[FloatArray]:
+    """Bounds claimed of a signal at distances along a route (m), shape (2, n) for each claim."""
+    for _, ends in claims_around(run.claims, signal):
+        yield np.array([np.interp(s, along_route(run), end) for end in ends])
+
+
+def given_way(run: Run) -> FloatArray:
+    """What the airspeed took from the path angle at each sample, rad."""
+    if "gamma_given" not in run.signals:
+        return np.zeros(len(run.signals))
+    less = (run.signals["gamma_ref"] - run.signals["gamma_given"]).to_numpy()
+    return np.where(less > GIVEN_WAY, less, 0.0)
+
+
+def priority_notes(runs: Iterable[Run]) -> list[str]:
+    """From when on the airspeed had priority in a run, and what it took from the path angle."""
+    notes = []
+    for run in runs:
+        less = given_way(run)
+        gave_way = less > 0.0
+        if gave_way.any():
+            t, share = run.t[gave_way], 100.0 * float(np.mean(gave_way))
+            cost = f"the path angle gives way by up to {less.max() / DEG:.1f} deg"
+            if "height_err" in run.signals:
+                below = run.signals["height_err"].max()
+                cost = f"the flight is up to {below:.0f} m below the route"
+            notes.append(
+                f"{run.label}: speed has priority from {t[0]:.1f} s on, in {share:.0f} % of the "
+                f"flight; {cost}."
+            )
+    return notes
+
+
+def claim_notes(runs: Iterable[Run]) -> list[str]:
+    """Whether runs are inside what is claimed of them, and the claims in words."""
+    runs = list(runs)
+    said = [f"{run.label}: {claim.said(run.signals)}" for run in runs for claim in run.claims]
+    claims = [
+        f"{claim.title[0].upper()}{claim.title[1:]}: {claim.sentence}."
+        for run in runs
+        for claim in run.claims
+        if not claim.no_claim
+    ]
+    return [*said, *dict.fromkeys(claims)]
+
+
+def not_claimed(runs: Iterable[Run]) -> list[str]:
+    """A sentence for each claim beside a run that says nothing of it."""
+    return [
+        f"{run.label}: {claim.said(run.signals)}"
+        for run in runs
+        for claim in run.claims
+        if claim.no_claim
+    ]
+
+
+def run_styles(runs: Iterable[Run]) -> dict[str, LineStyle]:
+    """Line style of every run by its label, the same in every picture of these runs."""
+    pairs = [(run.provenance.plant, run.provenance.gains_name) for run in runs]
+    return {f"{plant} / {name}": style for (plant, name), style in line_styles(pairs).items()}
+
+
+@runtime_checkable
+class Claim(Protocol):
+    """A claim about flights, which a tube proves or a band counts."""
+
+    @property
+    def sentence(self) -> str:
+        """The claim in words, made from its content."""
+        ...
+
+    def why_not(self, run: Run) -> str:
+        """Why the claim says nothing of a run; empty if it covers it."""
+        ...
+
+    def on(self, run: Run) -> RunClaim:
+        """The claim at the samples of a run that it covers."""
+        ...
+
+
+def with_claims(runs: Sequence[Run], claims: Sequence[object]) -> tuple[Run, ...]:
+    """The runs with the claims that cover them; an InputError says why one covers none."""
+    for claim in claims:
+        if not isinstance(claim, Claim):
+            what = type(claim).__name__
+            raise InputError(
+                f"`claim` must bound flights, as a tube, a band or a monitor, got a {what}."
+            )
+        reasons = [claim.why_not(run) for run in runs]
+        if all(reasons):
+            why = "there is no run"
+            if runs:
+                why = f"{runs[0].label}: no claim about this flight: {reasons[0]}"
+            raise InputError(f"`claim` must cover a run: {why}.")
+        runs = [
+            run if why else _with_claim(run, claim.on(run))
+            for run, why in zip(runs, reasons, strict=True)
+        ]
+    return tuple(runs)
+
+
+def _with_claim(run: Run, claim: RunClaim) -> Run:
+    """The run with a claim, and with the signals that it adds."""
+    signals = run.signals.assign(**claim.signals) if claim.signals else run.signals
+    return replace(run, signals=signals, claims=(*run.claims, claim))
+
+
+def claimed(runs: Sequence[Run]) -> Answer:
+    """The claims about runs, as part of an answer."""
+    claims, failures, unclaimed = [], [], not_claimed(runs)
+    for run in runs:
+        for claim in run.claims:
+            inside, alarm = claim.contains(run.signals), claim.alarm
+            row = {
+                "run": run.label,
+                **pick(claim, "kind title sentence no_claim"),
+                "inside": inside,
+            }
+            if SCORE in claim.units:
+                row["alarm"] = alarm and alarm._asdict()
+            claims.append(row)
+            # A flight that leaves a proven tube is a failure, and so is an alarm.
+            if claim.no_claim:
+                continue
+            if alarm is not None:
+                failures.append(f"{run.label}: {alarm.sentence}")
+            elif claim.kind == "proven" and not inside:
+                failures.append(f"{run.label}: the flight leaves its {claim.title}.")
+    check = "Claims are drawn as their files state them: flighttune verify FILE checks one."
+    return Answer(
+        values={"claims": claims},
+        summary=unclaimed,
+        notes=[*(x for x in claim_notes(runs) if x not in unclaimed), *([check] if claims else [])],
+        failure=next(iter([*failures, *unclaimed]), ""),
+        status=COULD_NOT_SAY if unclaimed and not failures else 1,
+    )

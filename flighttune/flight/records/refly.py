@@ -1,0 +1,219 @@
+"""Fly recorded runs again from their provenance, and look for the first difference."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import islice
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from flighttune.base.answers.answer import Answer, Answering, Table, pick
+from flighttune.base.answers.names import columns
+from flighttune.base.arguments import checked_class
+from flighttune.base.errors import RecordingError
+from flighttune.control.gains import PIGains
+from flighttune.flight.apart import Progress
+from flighttune.flight.flown import FlownScenario
+from flighttune.flight.fly import fly, library_versions
+from flighttune.flight.loop.run import SCORE, Run, claimed
+from flighttune.flight.own import LawMaker, PlantMaker
+from flighttune.flight.scenario.load import as_recorded, scenario_from
+
+EQUAL = "equal to the bit"
+COLUMNS = columns("run status result")
+DIFFERENCE_COLUMNS = columns("run what t recorded reflown", of="differences")
+
+
+class Difference(NamedTuple):
+    """Where a run that was flown again first differs."""
+
+    # A signal, an entry of the gains such as ``K_P[0][1]``, ``status``, ``samples`` or
+    # ``signals`` (their names); a column of a campaign's rows
+    what: str
+    t: float | None  # s: Time of the difference in a signal
+    # Both values, SI and rad
+    recorded: float | int | str | None
+    reflown: float | int | str | None
+
+    @property
+    def sentence(self) -> str:
+        """The difference in words: the signal, its time and both values."""
+        when = "" if self.t is None else f" at t = {self.t:g} s"
+        recorded, reflown = (
+            value if isinstance(value, str) else repr(value)
+            for value in (self.recorded, self.reflown)
+        )
+        return f"{self.what} differs{when}: {recorded} recorded, {reflown} flown again"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class CheckedRun:
+    """A run that was flown again."""
+
+    name: str  # label in a recording, else the number too
+    status: str  # as recorded
+    differences: tuple[Difference, ...]  # the first of a recording, all of a row
+    drawn: Mapping[str, Any] = field(default_factory=dict)  # what its campaign drew
+
+    @property
+    def record(self) -> dict[str, Any]:
+        """The run as ``--json`` has it."""
+        first = next(iter(self.differences), None)
+        return {
+            "run": self.name,
+            "status": self.status,
+            "equal": first is None,
+            "result": first.sentence if first else EQUAL,
+            "differences": [difference._asdict() for difference in self.differences],
+            "drawn": dict(self.drawn),
+        }
+
+
+@checked_class
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Reflown(Answering):
+    """Runs that were flown again, and whether they are equal to the bit.
+
+    Attributes
+    ----------
+    source : str
+        Name of the recording, campaign or band.
+    runs : tuple of CheckedRun
+    versions : mapping of str to (str, str)
+        Libraries whose version is not the recorded one: then and now.
+    missing : tuple of str
+        Runs that were recorded and cannot be read.
+    flown : FlownScenario or None
+        The flight of the run that was asked for by its number.
+
+    Examples
+    --------
+    >>> again = ft.refly(ft.fly("paper_as_printed").runs)
+    >>> again.equal, again.runs[0].name
+    (True, 'kinematic / paper')
+    """
+
+    source: str
+    runs: tuple[CheckedRun, ...]
+    versions: Mapping[str, tuple[str, str]] = field(default_factory=dict)
+    missing: tuple[str, ...] = ()
+    flown: FlownScenario | None = None
+
+    @property
+    def equal(self) -> bool:
+        """Whether no run differs by a bit."""
+        return not any(run.differences for run in self.runs)
+
+    def answer(self, signals: Mapping[str, Path] | None = None) -> Answer:
+        """Each run with what differs; `signals` are files of recorded flights by label."""
+        records = [run.record for run in self.runs]
+        differences = [{"run": r["run"], **other} for r in records for other in r["differences"]]
+        # All digits: whoever flies the draw again by --set types them.
+        drawn = [
+            {"parameter": key, "value": str(value)} for key, value in self.runs[0].drawn.items()
+        ]
+        around, versions = claimed(self.flown.runs if self.flown else ()), self.versions.items()
+        changed = [f"{name}: {then} then, {now} now" for name, (then, now) in versions]
+        different = [f"{r['run']}: {r['result']}" for r in records if not r["equal"]]
+        return Answer(
+            values={
+                **pick(self, "equal missing"),
+                "versions": {
+                    name: {"recorded": then, "now": now} for name, (then, now) in versions
+                },
+                **({"signals": signals} if signals else {}),
+                **(around.values if self.flown else {}),
+            },
+            tables=[
+                Table(COLUMNS, records, f"{self.source}, flown again", name="runs"),
+                Table(columns("parameter value"), drawn if len(self.runs) == 1 else []),
+                Table(DIFFERENCE_COLUMNS, differences, "differences"),
+            ],
+            notes=[*(f"missing: {line}" for line in self.missing), *changed, *around.notes],
+            failure=f"{self.source}: {different[0]}" if different else around.failure,
+        )
+
+
+def reflights(
+    runs: Sequence[Run],
+    *,
+    laws: Mapping[str, LawMaker] | None = None,
+    plants: Mapping[str, PlantMaker] | None = None,
+    progress: Progress | None = None,
+) -> tuple[CheckedRun, ...]:
+    """Fly runs of one scenario again, as it and the seed in their provenance say, and compare."""
+    scenarios = [dict(run.provenance.scenario) for run in runs]
+    if not runs or any(other != scenarios[0] for other in scenarios[1:]):
+        raise RecordingError(f"the runs must be of one scenario, got {len(runs)} of several.")
+    scenario = scenario_from(as_recorded(scenarios[0]))
+    labels = [f"{plant.label} / {name}" for plant in scenario.plant for name in scenario.gain_names]
+    for run in runs:
+        if run.label not in labels:
+            raise RecordingError(
+                f"{run.label}: the run must be one of its scenario ({', '.join(labels)}) "
+                "to be flown again."
+            )
+    again = fly(scenario, laws=laws, plants=plants, progress=progress)
+    return tuple(
+        CheckedRun(
+            name=run.label,
+            status=run.status,
+            differences=tuple(islice(differences(run, again[run.label]), 1)),
+        )
+        for run in runs
+    )
+
+
+def changed_versions(then: Mapping[str, str]) -> dict[str, tuple[str, str]]:
+    """Libraries whose version is not that of `then`: the version then, and now."""
+    now = library_versions()
+    pairs = {name: (version, now.get(name, "none")) for name, version in then.items()}
+    return {name: pair for name, pair in pairs.items() if pair[0] != pair[1]}
+
+
+def differences(recorded: Run, reflown: Run) -> Iterator[Difference]:
+    """Differences to the bit: of gains, then of signals in time, then of the outcome."""
+    yield from _in_gains(recorded.provenance.gains, reflown.provenance.gains)
+    yield from _in_signals(recorded, reflown)
+    for what, then, now in (
+        ("samples", len(recorded.signals), len(reflown.signals)),
+        ("status", recorded.status, reflown.status),
+        ("reason", recorded.reason, reflown.reason),
+    ):
+        if then != now:
+            yield Difference(what, None, then, now)
+
+
+def _in_gains(recorded: PIGains | None, reflown: PIGains | None) -> Iterator[Difference]:
+    if recorded is None or reflown is None:
+        if recorded is not reflown:
+            then, now = ("none" if gains is None else "found" for gains in (recorded, reflown))
+            yield Difference("gains", None, then, now)
+        return
+    for name in ("K_P", "K_I", "feedback"):
+        then, now = (np.asarray(getattr(gains, name)) for gains in (recorded, reflown))
+        for place in np.argwhere(then != now).tolist():
+            values = (gains[tuple(place)].item() for gains in (then, now))
+            yield Difference(name + "".join(f"[{i}]" for i in place), None, *values)
+
+
+def _in_signals(recorded: Run, reflown: Run) -> Iterator[Difference]:
+    if not (n := min(len(recorded.signals), len(reflown.signals))):
+        return
+    # A monitor adds its score to a flight, which is not flown again.
+    columns = [[str(x) for x in run.signals if x != SCORE] for run in (recorded, reflown)]
+    if columns[0] != columns[1]:
+        odd = [", ".join(sorted(set(a) - set(b))) or "others" for a, b in (columns, columns[::-1])]
+        yield Difference("signals", None, *odd)
+        return
+    then, now = (
+        run.signals[names].reset_index().to_numpy(dtype=float)[:n]
+        for run, names in zip((recorded, reflown), columns, strict=True)
+    )
+    # Bits, not values: a NaN equals itself, and zeros of either sign are two numbers.
+    bits = [np.ascontiguousarray(table).view(np.uint64) for table in (then, now)]
+    for row, column in np.argwhere(bits[0] != bits[1])[:1].tolist():
+        what = ["t", *columns[0]][column]
+        entry = (row, column)
+        yield Difference(what, float(then[row, 0]), float(then[entry]), float(now[entry]))

@@ -1,0 +1,399 @@
+"""Reports as self-contained HTML files: on the runs of a scenario, a comparison of runs, a log."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from flighttune.base.answers.answer import Answer, Table, facts_table, pick
+from flighttune.base.answers.chart import Chart
+from flighttune.base.answers.frame import Report, Section, page_template, write_answer, write_page
+from flighttune.base.answers.names import CHANNEL_SYMBOLS
+from flighttune.base.answers.palette import HUES, LIMIT
+from flighttune.base.arrays import FloatArray
+from flighttune.base.errors import FlightTuneError, RecordingError
+from flighttune.base.files.table import toml_text
+from flighttune.base.units import DEG_PER_RAD
+from flighttune.claims.linear_loop import linear_bound
+from flighttune.claims.monitor import LogMonitor, Monitor
+from flighttune.control.tuning.tune import frontier, frontier_chart
+from flighttune.flight.conditions import reference_of, stated_condition
+from flighttune.flight.flown import advice, check_claim
+from flighttune.flight.loop.run import (
+    COULD_NOT_SAY,
+    Run,
+    claim_notes,
+    claimed,
+    not_claimed,
+    priority_notes,
+    run_styles,
+)
+from flighttune.flight.models import tuning_problem
+from flighttune.flight.scenario.load import gains_notes, scenario_of
+from flighttune.flight.scenario.schema import Scenario
+from flighttune.flight.scenario.tables import TUNED, TUNED_FED_BACK, TUNED_IDENTIFIED
+from flighttune.gaps import compare
+from flighttune.gaps.gap import Gap, explain_flight, step_table
+from flighttune.gaps.watch import score_so_far
+from flighttune.outputs.pages import charts, panels
+from flighttune.outputs.pages.panels import TEXTS, by_plant, provenance_table
+from flighttune.vehicles.aircraft.aircraft import load_aircraft
+
+STRONG, _ = (colour for colour, _ in HUES[0])
+
+# Signals of logs, at the top and below.
+ABOVE, BELOW = "chi gamma", "phi phi_cmd n_z n_z_cmd V_a V_g"
+
+# Gain sets whose gap is drawn; the table has all of them.
+MAX_GAPS = 3
+
+# Samples of a reference that is described in words.
+ANGLES = 2001
+
+# Longest aircraft run for which the ladder is flown: beyond it a report would take minutes.
+LONGEST_LADDER = 6_000
+
+# Tables of runs that a terminal shows too; ``--json`` has the records of all.
+PRINTED = ("convergence", "certificates", "aircraft")
+
+
+def write_log_page(
+    source: compare.Source, path: Path, monitors: Sequence[Monitor | LogMonitor] = ()
+) -> Report:
+    """Write one self-contained page about the log of a real flight; parent folders are made."""
+    (run,), styles = source.runs, run_styles(source.runs)
+    log = run.provenance.log or {}
+    stated = {key: log.get(key, ()) for key in ("phases", "odd", "missing", "gaps", "checks")}
+    part = f"{run.duration:.1f} s from {log['from_s']:g} s on, {len(run.signals)} samples"
+    facts = {"log": f"{log['file']} ({log['kind']})", "part": part}
+    facts |= {key: "; ".join(lines) for key, lines in stated.items() if lines}
+    summary, alarms, scores, failure = [f"A real flight of {run.duration:.1f} s."], [], [], ""
+    unclaimed = list[str]()
+    for monitor in monitors:
+        score, alarm = score_so_far(monitor.watches, run), None
+        sentence = f"No alarm from {monitor.watches[0].from_s:g} s on."
+        if no_claim := monitor.not_about(run):
+            sentence = f"{run.label}: no claim about this flight: {no_claim}."
+            unclaimed.append(sentence)
+        elif (alarm := monitor.alarm(run)) is not None:
+            sentence = alarm.sentence
+            failure = failure or sentence
+        alarms.append(alarm and alarm._asdict())
+        chart = Chart(title=f"Largest score so far: {sentence}", y="score [1]")
+        chart.line(run.t[-len(score) :], score, STRONG)
+        chart.level(1.0, LIMIT)
+        scores.append(chart)
+        summary += [*([] if no_claim else [sentence]), f"The monitor: {monitor.sentence}."]
+    summary = [*unclaimed, *summary]
+    watched = Section(id="monitor", title="Monitor", charts=scores, legend=False)
+    sections = _of_logs([(run, styles[run.label])], facts_table("The log", facts))
+    page = write_answer(
+        path,
+        summary=summary,
+        parts={section.id: section for section in (watched, *sections)},
+        title=str(run.provenance.scenario["title"]),
+        legend=list(styles.items()),
+        styles=styles,
+        provenance=facts_table("Versions", run.provenance.versions),
+        commands=f"flighttune report {source.name}",
+    )
+    notes = [
+        *summary,
+        *(line for key in ("phases", "odd", "checks") for line in stated[key]),
+        *(f"missing: {line}" for line in source.missing),
+    ]
+    values = {"bytes": path.stat().st_size, "summary": summary, "log": log, "alarms": alarms}
+    shown = Answer(values=values, notes=notes, failure=failure or next(iter(unclaimed), ""))
+    status = 1 if failure or not unclaimed else COULD_NOT_SAY
+    return replace(page, shown=replace(shown, status=status))
+
+
+def _of_logs(flights: panels.Drawn, table: Table) -> list[Section]:
+    """Sections about flights of which one at least is a log: signals that any of them has."""
+    there = {name for run, _ in flights for name in run.signals}
+    above, below = (
+        panels.flown_signals(flights, " ".join(x for x in signals.split() if x in there))
+        for signals in (ABOVE, BELOW)
+    )
+    placed = [(run, style) for run, style in flights if {"north", "east", "down"} <= {*run.signals}]
+    paths = panels.paths(placed) if placed else []
+    return [
+        Section(note=TEXTS["log"], charts=[*above, *paths], tables=[table]),
+        Section(id="commands", title="Commands, load and speed", charts=below),
+    ]
+
+
+def write_report(source: compare.Source, path: Path) -> Report:
+    """Write one self-contained page about the runs of a scenario."""
+    runs = [run for run in source.runs if len(run.signals) > 1]
+    if not runs:
+        raise RecordingError(f"{source.name}: a run must have flown, got none.")
+    for run in runs[1:]:
+        first, other = ({**x.provenance.scenario, "gains": None} for x in (runs[0], run))
+        if other != first:
+            raise RecordingError(
+                f"{source.name}: the runs must be of one scenario, got another one for "
+                f"{run.label} than for {runs[0].label}; use compare for those."
+            )
+    scenario, origin, styles = scenario_of(runs[0]), runs[0].provenance, run_styles(source.runs)
+    flights = [(run, styles[run.label]) for run in runs]
+    claim = check_claim(scenario, source.runs)
+    convergence = panels.convergence_table(source.runs, claim)
+    converged = by_plant(
+        (run.provenance.plant, record["converges"], 1)
+        for run, record in zip(source.runs, convergence.records, strict=True)
+    )
+    gaps, without_gap = _gaps(scenario, runs)
+    around, first = claimed(source.runs), [f"{claim.short}.", f"Converged: {converged}."]
+    lacks = [f"{source.lacks}: all else is about the others."] if source.lacks else []
+    next_step = advice(scenario, source.runs, "SCENARIO")
+    failed = [around.failure] if around.failure else []
+    below = [panels.tracking_table(runs), panels.runs_table(source.runs)]
+    criterion = {
+        "part": 100.0 * panels.CONVERGED_PART,
+        "least": panels.CONVERGED_AT_LEAST * DEG_PER_RAD,
+    }
+    page = write_page(
+        path,
+        page_template("flighttune.outputs.pages", "page.html.jinja"),
+        about=(flown_in_words(scenario, runs), _gains_in_words(scenario, runs)),
+        summary=tuple(
+            dict.fromkeys([*lacks, *around.summary, *first, *failed, *gains_notes(runs)])
+        ),
+        closest=f"{claim.closest[:1].upper()}{claim.closest[1:]}." if claim.closest else "",
+        missed=(*claim.missed, *claim.held, *([next_step] if next_step else [])),
+        criterion=TEXTS["converges"].format(**criterion),
+        sections=[
+            *_of_flights(flights, convergence, below, "Commands after magnitude and rate limits."),
+            *([_gap_section(gaps, runs)] if gaps else []),
+            _certificate_section(scenario, flights),
+        ],
+        title=scenario.title,
+        claim=scenario.verifies,
+        legend=[(run.label, style) for run, style in flights],
+        styles=styles,
+        without_gap=without_gap,
+        missing=source.missing,
+        provenance=provenance_table(source.name, scenario, runs),
+        scenario_text=toml_text(origin.scenario),
+        first_gains=next((run.provenance.gains_name for run in runs if run.provenance.gains), None),
+        version=origin.versions.get("flighttune", ""),
+    )
+    named = [table for table in page.tables if table.name]
+    shown = Answer(
+        values={
+            "bytes": path.stat().st_size,
+            "missing": source.missing,
+            **pick(page, "summary sections"),
+            "tables": {table.name: table.records for table in named},
+            **around.values,
+        },
+        tables=[replace(table, name="") for table in named if table.name in PRINTED],
+        summary=(*lacks, *around.summary),
+        notes=[
+            *first,
+            *gains_notes(runs),
+            *around.notes,
+            *(f"missing: {line}" for line in source.missing),
+        ],
+        failure=source.lacks or around.failure,
+        status=2 if source.lacks else around.status,
+    )
+    return replace(page, shown=shown)
+
+
+def write_comparison_page(comparison: compare.Comparison, path: str | Path) -> Report:
+    """Write one self-contained page about comparable runs."""
+    runs, sources = compare.overlaid(comparison), compare.sources_of(comparison)
+    flown, styles = [run for run in runs if not run.provenance.log], run_styles(runs)
+    flights, pairs = [(run, styles[run.label]) for run in runs], compare.pairs_table(comparison)
+    scenario = (flown or runs)[0].provenance.scenario
+    if len(flown) < len(runs):
+        sections = _of_logs(flights, pairs)
+    else:
+        metrics = compare.comparison_table("metrics", comparison.metrics)
+        sections = _of_flights(flights, pairs, [metrics])
+    return write_answer(
+        path,
+        summary=comparison.gains_notes,
+        parts={section.id: section for section in sections},
+        title=f"{scenario.get('title', 'Flight')}: comparison",
+        legend=list(styles.items()),
+        styles=styles,
+        provenance=provenance_table(", ".join(sources), scenario_of(flown[0]), flown)
+        if flown
+        else facts_table("Versions", runs[0].provenance.versions),
+        commands=f"flighttune compare {' '.join(sources)}",
+        texts={"scenario.toml": toml_text(scenario)},
+    )
+
+
+def write_gap_page(gap: Gap, tables: Sequence[Table], path: Path) -> Report:
+    """Write one self-contained page about a gap whose aircraft flew."""
+    origin = gap.aircraft.provenance
+    note = [TEXTS["claim_of_aircraft"], *claim_notes([gap.aircraft])]
+    return write_answer(
+        path,
+        title=f"From the law to the aircraft: {gap.scenario.title}; gains {gap.name}",
+        about=(flown_in_words(gap.scenario, gap.runs),),
+        summary=[*not_claimed([gap.aircraft]), *gap.causes, *gap.scenario.assumptions],
+        parts={
+            "responses": Section(note=note, charts=charts.gap_charts(gap)),
+            "numbers": Section(title="Numbers", tables=tables),
+        },
+        styles=run_styles(gap.runs),
+        provenance=provenance_table(gap.scenario.title, gap.scenario, gap.runs),
+        commands=f"flighttune gap scenario.toml --gains {origin.gains_name}",
+        texts={"scenario.toml": toml_text(origin.scenario)},
+    )
+
+
+def flown_in_words(scenario: Scenario, runs: Sequence[Run]) -> str:
+    """Aircraft, airspeed, manoeuvre and weather of a scenario in one line."""
+    aircraft = []
+    for name in dict.fromkeys(filter(None, (run.provenance.aircraft for run in runs))):
+        try:
+            aircraft.append(load_aircraft(name).title)
+        except FlightTuneError:  # of somebody else's recording
+            aircraft.append(name)
+    start, subject = stated_condition(scenario), "; ".join(aircraft) or "Guidance law"
+    at = f"{subject}: at {scenario.airspeed_words} in {scenario.air}"
+    if scenario.route is not None:
+        return f"{at}, {len(scenario.route.waypoint)} waypoints."
+    t = np.linspace(0.0, scenario.flight.duration_s, ANGLES)
+    chi, gamma = reference_of(scenario).sampled(t)
+    course, climb = _moves("course", start.chi, chi), _moves("path angle", start.gamma, gamma)
+    if "goes from" in course:
+        climb = climb.replace("goes from", "from")  # the page has no room to say it twice
+    return f"{at}, {course} and {climb}."
+
+
+def _moves(name: str, start: float, reference: FloatArray) -> str:
+    """Words for the reference of an angle, in degrees, from the angle at the start."""
+    path = np.round(DEG_PER_RAD * np.append(start, reference), 1) + 0.0
+    first, last, low, high = (f"{end:g}°" for end in (path[0], path[-1], path.min(), path.max()))
+    if low == high:
+        return f"the {name} stays at {first}"
+    if {first, last} == {low, high}:
+        return f"the {name} goes from {first} to {last}"
+    if first == last and first in (low, high):
+        return f"the {name} goes from {first} to {high if first == low else low} and back"
+    return f"the {name} moves between {low} and {high}"
+
+
+def _gains_in_words(scenario: Scenario, runs: Sequence[Run]) -> str:
+    """Sources of the gains of the runs, in one line."""
+    identified = "largest R_K on the identified aircraft"
+    tuned, tuning = identified, scenario.tuning
+    if tuning.lag_s is not None:
+        tuned = "fastest decay behind lags of {:g} to {:g} s".format(*tuning.lag_s)
+    elif tuning.model == "kinematic":
+        tuned = f"largest R_K with I_K ≤ {tuning.I_star:g} on the guidance law"
+    origins = {
+        "paper": "K*, arXiv 2411.13140",
+        TUNED: tuned,
+        TUNED_IDENTIFIED: identified,
+        TUNED_FED_BACK: "least errors in turbulence on the identified aircraft, fed back",
+    }
+    names = dict.fromkeys(run.provenance.gains_name.split(":")[-1] for run in runs)
+    sets = (f"{origins[name]} ({name})" if name in origins else name for name in names)
+    return f"Gains: {', '.join(sets)}."
+
+
+def _gaps(scenario: Scenario, runs: Sequence[Run]) -> tuple[list[Gap], list[str]]:
+    """Gaps of the first aircraft, nominal and off-nominal; reasons for the missing ones."""
+    gaps, without = [], []
+    aircraft = scenario.aircraft
+    plants = {table.label for table in aircraft if table.aircraft == aircraft[0].aircraft}
+    for run in runs:
+        if run.provenance.plant not in plants:
+            continue
+        if len(run.signals) > LONGEST_LADDER:
+            without.append(
+                f"{run.label}: {len(run.signals)} samples are more than {LONGEST_LADDER}; "
+                "flighttune gap flies the ladder of a flight of any length."
+            )
+            continue
+        try:
+            gaps.append(explain_flight(scenario, run))
+        except FlightTuneError as error:
+            without.append(f"{run.label}: {error}")
+    return gaps, without
+
+
+def overview(flights: panels.Drawn) -> list[Chart]:
+    """The charts at the top: of a route on a map and along it, else of course and path angle."""
+    return charts.route_charts(flights) or panels.tracking(flights)
+
+
+def _of_flights(
+    flights: panels.Drawn, at_top: Table, below: Sequence[Table], commands: str = ""
+) -> list[Section]:
+    """Sections about flights: overview, errors with metrics, commands."""
+    runs = [run for run, _ in flights]
+    first, areas = priority_notes(runs), claim_notes(runs)
+    # Of a route, tubes and bands are drawn at the top, and so is the path.
+    path = [] if charts.planned_path(flights) else panels.paths(flights)
+    on_route = "along" in runs[0].signals
+    return [
+        Section(
+            note=[*first, *(areas if on_route else [])], charts=overview(flights), tables=[at_top]
+        ),
+        Section(
+            id="tracking",
+            title="Errors and metrics",
+            note=[TEXTS["errors"], *([] if on_route else areas)],
+            charts=panels.errors(flights),
+            tables=below,
+        ),
+        Section(
+            id="commands",
+            title="Commands and path" if path else "Commands",
+            note=commands,
+            charts=[*panels.commands(flights), *path],
+        ),
+    ]
+
+
+def _gap_section(gaps: Sequence[Gap], runs: Sequence[Run]) -> Section:
+    shown, more = gaps[:MAX_GAPS], len(gaps) - MAX_GAPS
+    note = [TEXTS["gap"], *(sentence for gap in shown for sentence in gap.causes)]
+    note += [f"The tables have {more} more."] if more > 0 else []
+    kinds = (charts.itae_chart, charts.steps_chart, charts.bound_chart)
+    return Section(
+        id="gap",
+        title="From the law to the aircraft",
+        note=note,
+        charts=[kind(gap, x) for gap in shown for x in CHANNEL_SYMBOLS for kind in kinds],
+        columns=3,
+        tables=[replace(step_table(gaps), name="gap"), panels.paths_table(runs)],
+        legend=False,
+    )
+
+
+def _certificate_section(scenario: Scenario, flights: panels.Drawn) -> Section:
+    """Certificates of the gains, bounds of flights of the law, and the frontier with the gains."""
+    sets = {run.provenance.gains_name: run.provenance.gains for run, _ in flights}
+    gains = {name: gain_set for name, gain_set in sets.items() if gain_set is not None}
+    bounds = {run.label: bound for run, _ in flights if (bound := linear_bound(run)) is not None}
+    curve = frontier(
+        tuning_problem(scenario),
+        points=9,
+        marked=gains,
+        starts=0,  # drawn gains find the same curve in twice the time
+    )
+    # A gain set has the style of its run on the last plant, the strongest.
+    marks = {run.provenance.gains_name: style for run, style in flights}
+    curves, notes = panels.certificate_panels(flights, bounds), ["bound" if bounds else "no_bound"]
+    if "frontier" in set(curve["name"]):
+        curves += [frontier_chart(curve, marks, against=key) for key in ("I_K", "E_K")]
+    else:
+        notes.append("no_curve")
+    return Section(
+        id="certificate",
+        title="Certificate",
+        note=[TEXTS[note] for note in notes],
+        charts=curves,
+        tables=[panels.gains_table(gains, curve), panels.certificates_table(scenario, gains)],
+    )

@@ -1,0 +1,105 @@
+"""The page of anything: of runs, of a campaign, of a log, or of the claim in a file."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from flighttune.base.answers.frame import Report
+from flighttune.base.errors import InputError
+from flighttune.base.files.load import BAND, CLAIMS, DATASET, MONITOR, load_one, written
+from flighttune.campaigns.dataset import Dataset
+from flighttune.campaigns.statistics.findings import load_findings
+from flighttune.campaigns.statistics.intervals import CONFIDENCE, Method
+from flighttune.claims.monitor import LogMonitor, Monitor
+from flighttune.claims.verify import within
+from flighttune.flight.flown import FlownScenario
+from flighttune.gaps.compare import Source, load_source
+from flighttune.logs.log import Columns
+from flighttune.outputs.pages import campaign, claim
+from flighttune.outputs.pages.page import write_log_page, write_report
+
+
+def report(
+    source: str | Path | FlownScenario,
+    path: str | Path | None = None,
+    *,
+    claims: Sequence[str | Path] = (),
+    changes: Mapping[str, Any] | None = None,
+    columns: Columns = (),
+    interval: Method | None = None,
+    confidence: float = CONFIDENCE,
+) -> Report:
+    """Write one page about runs, a campaign or a claim, which needs no network.
+
+    It takes seconds: a page about runs of an aircraft flies the plants below it too.
+
+    Parameters
+    ----------
+    source : str, Path or FlownScenario
+        A run folder, a recording or a Parquet file; ``SCENARIO@GAINS``, which is flown; the folder
+        of a campaign, which may be running; the file of a claim; or the log of a real flight (.ulg,
+        .bin, .tlog, .csv), ``@START:END`` for a part of it in s. What a file is, is read from its
+        content. Also flights that `fly` returned.
+    path : str or Path, optional
+        HTML file to write or replace; by default ``report.html``, in the folder of a campaign.
+        Parent folders are made.
+    claims : sequence of str or Path
+        Files of tubes and bands to draw around runs; of a log monitors, which say when it alarms.
+    changes : mapping of str to value, optional
+        Values to set in a scenario that is flown, by dotted key.
+    columns : mapping or sequence
+        Where a log has its signals, as for `load_log`.
+    interval : {"wilson", "clopper-pearson", "any-time"}
+        Confidence interval of the success rates of a campaign, by default wilson, and any-time if
+        it flies until it is sure; any-time is for independent draws (``design`` random) and holds
+        however often the page is made while they are flown, so that the campaign may be stopped by
+        what it says. It counts the flights before the first gap.
+    confidence : float
+        Confidence of the intervals of a campaign, 0 to 1, by default 0.95.
+
+    Returns
+    -------
+    Report
+
+    Raises
+    ------
+    RecordingError
+        If no run flew, the runs are of several scenarios, or a file is damaged.
+    OutputError
+        If the page cannot be written.
+    InputError
+        If a claim does not cover a run, claims or changes are given for anything but runs, or an
+        interval at any time for draws that are not independent.
+
+    Examples
+    --------
+    >>> ft.report("paper_as_printed@paper", "report.html").summary[0]
+    'Claim met: 4 of 4 requirements.'
+    """
+    if isinstance(source, FlownScenario):
+        if changes:
+            raise InputError("`changes` must be absent for flights that `fly` returned.")
+        flown = Source(name=source.scenario.title, runs=source.runs)
+    else:
+        stated = written(source, DATASET, *CLAIMS)
+        if stated is not None and (claims or changes or columns):
+            raise InputError(
+                f"{Path(source)}: `--claim`, `--set` and `--column` must be absent: they are for "
+                "runs."
+            )
+        if isinstance(stated, Dataset):
+            findings = load_findings(str(Path(source))).by(interval, confidence)
+            return campaign.write_campaign_report(findings, path or Path(source) / "report.html")
+        if stated is not None:
+            return claim.write_claim_page(stated, str(Path(source)), path or "report.html")
+        flown = load_source(source, changes=changes or {}, columns=columns)
+    page = Path(path or "report.html")
+    if any(run.provenance.log for run in flown.runs):
+        monitors = [load_one(file, "monitor", MONITOR, BAND) for file in claims]
+        for file, monitor in zip(claims, monitors, strict=True):
+            if not isinstance(monitor, Monitor | LogMonitor):
+                raise InputError(f"{file}: must be a monitor: a log is of no scenario.")
+        return write_log_page(flown, page, monitors)
+    if columns:
+        raise InputError(f"{flown.name}: `--column` must be absent for what is no log.")
+    return write_report(within(flown, claims), page)

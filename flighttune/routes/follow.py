@@ -1,0 +1,368 @@
+"""Guidance: the reference for a position beside a path, and its roll, lift and airspeed."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import pandas as pd
+
+from flighttune.base.arrays import FloatArray
+from flighttune.control.controller import Measured, ReferenceSample
+from flighttune.control.exact_law import turning_speed
+from flighttune.control.wind import WindEstimate, path_over_ground
+from flighttune.routes.path import STEP, Path
+from flighttune.vehicles.plants.base import Stop
+
+# Signals of a flight along a route, and their units.
+ROUTE_SIGNALS = {"along": "m", "cross_track": "m", "height_err": "m"}
+
+# Distances along the route, to the right of it, and below it, m.
+Place = tuple[float, float, float]
+
+# Distance between a position and the one that its place gives, up to which they are the same, m.
+SAME_PLACE = 0.01
+
+COLUMNS = ("north", "east", "course", "curvature", "up", "slope")
+CURVATURE, SLOPE = map(COLUMNS.index, ("curvature", "slope"))
+DIFFERENCES = len(COLUMNS)  # in the rows of a path, from a column to its difference to the next
+
+# Lower bound of 1 - curvature e_y, which is zero at the centre of a turn.
+MIN_SPREAD = 0.2
+
+# Newton's steps to the nearest point of the path, from that of the sample before.
+SEARCHES = 2
+
+# Longitudinal load factor with which the airspeed of a route changes: 5 m/s in 10 s.
+CHANGE_N_X = 0.05
+
+# Half the time between two points of a slope at one time, s.
+SLOPE_S = 1e-3
+
+# Speed over ground below which the look-ahead shrinks no more, m/s.
+MIN_SPEED = 1.0
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RouteReference:
+    """The reference of a flight along a path."""
+
+    path: Path
+    # Largest airspeed of the flight, m/s.
+    V_a: float
+    # Time (s) in which an error of position would be flown off at the speed of the flight.
+    look_ahead: float
+    g: float
+    # Whether the law holds `V_a`, by n_x.
+    holds_airspeed: bool = False
+    # Airspeed at each point of the path, shape (n,), m/s; None where it is `V_a` everywhere.
+    airspeeds: FloatArray | None = None
+
+    @property
+    def V(self) -> FloatArray:
+        """Airspeed at each point of the path, shape (n,), m/s."""
+        return np.full_like(self.path.s, self.V_a) if self.airspeeds is None else self.airspeeds
+
+    def airspeed(self, t: FloatArray) -> tuple[FloatArray, FloatArray] | None:
+        """Return the airspeed (m/s) and its rate at times `t`; None where the plant holds it."""
+        return (np.full_like(t, self.V_a), np.zeros_like(t)) if self.holds_airspeed else None
+
+    @property
+    def initial(self) -> tuple[float, float]:
+        """Course and path angle at the start, rad."""
+        return float(self.path.course[0]), math.atan(self.path.slope[0])
+
+    @property
+    def start_speed(self) -> float:
+        """Speed over ground at the start in still air, m/s."""
+        return float(self.V[0]) * math.cos(self.initial[1])
+
+    def sampled(self, t: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Course and path angle at times `t` (s) of a flight in still air, each of its shape."""
+        speed = self.V * np.cos(np.arctan(self.path.slope))
+        times = np.concatenate([[0.0], np.cumsum(STEP / speed[:-1])])
+        s = np.interp(t, times, self.path.s)
+        course = np.interp(s, self.path.s, self.path.course)
+        return course, np.arctan(np.interp(s, self.path.s, self.path.slope))
+
+    def rates(self, t: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Their rates from times `t` (s) on, rad/s."""
+        if np.size(t) < 2:  # a slope needs two times
+            low, high = (np.array(self.sampled(np.add(t, side))) for side in (-SLOPE_S, SLOPE_S))
+            chi, gamma = (high - low) / (2.0 * SLOPE_S)
+            return chi, gamma
+        chi, gamma = (np.gradient(values, t) for values in self.sampled(t))
+        return chi, gamma
+
+    def not_arrived(self, t: float, place: Place, *, gave_way: bool = False) -> Stop | None:
+        """Why a flight that lasted `t` (s) and came to `place` did not fly all of it; or None.
+
+        `gave_way`: height was given up for the airspeed.
+        """
+        along, *off = place
+        left, most = self.path.length - along, self.look_ahead * self.V_a
+        beside = abs(off[0]) if self.holds_airspeed or gave_way else math.hypot(*off)
+        if left > 0.0:
+            return Stop("not_arrived", f"t = {t:g} s: {left:.0f} m of the route are left.")
+        if beside > most:
+            far = f"{beside:.0f} m from it, must be within its look-ahead of {most:.0f} m"
+            return Stop("not_arrived", f"t = {t:g} s: the end of the route was passed {far}.")
+        return None
+
+    def displacement(self, signals: pd.DataFrame) -> float:
+        """Largest distance, m, of the positions of a flight from those that its places give."""
+        along, *off = signals[[*ROUTE_SIGNALS]].to_numpy().T
+        positions = signals[["north", "east", "down"]].to_numpy() * (1.0, 1.0, -1.0)
+        # The distance along the route counts as never decreasing, as in the windows of a band: it
+        # is that of the start behind it, and the largest so far of a flight carried back by the
+        # wind.
+        places = self.path.beside(np.maximum.accumulate(along), *off)
+        return float(np.linalg.norm(positions - places, axis=1).max())
+
+    @cached_property
+    def table(self) -> FloatArray:
+        """`COLUMNS` at each point of the path but the last, then their changes to the next."""
+        values = np.stack([getattr(self.path, name) for name in COLUMNS], axis=1)
+        return np.hstack([values[:-1], np.diff(values, axis=0)])
+
+    @cached_property
+    def rows(self) -> list[list[float]]:
+        """`table` as lists, which Python reads faster."""
+        return self.table.tolist()
+
+    def follower(self, dt: float, h_0: float, lead: tuple[float, float] = (0.0, 0.0)) -> "Follower":
+        """Guidance of a flight from `h_0` (m); roll and lift are planned `lead` (s) ahead."""
+        return Follower(self, dt, h_0, lead)
+
+
+def airspeeds_along(
+    path: Path, V_a: float, changes: Mapping[int, float], g: float
+) -> FloatArray | None:
+    """Airspeed at each point of a path, m/s, from `V_a` at its start; None where it is constant.
+
+    `changes`: airspeeds by the number of the waypoint from the end of whose turn or circles on they
+    hold. Each is approached with `CHANGE_N_X` in still air, ``(V^2)' = 2 g n_x`` along the path.
+    """
+    if {*changes.values()} <= {V_a}:
+        return None
+    target = np.full_like(path.s, V_a)
+    for waypoint, V in sorted(changes.items()):
+        ends = [x.start + x.length for x in path.stretches if x.waypoint == waypoint]
+        target[path.s >= max(ends, default=0.0)] = V
+    square, step = V_a * V_a, 2.0 * g * CHANGE_N_X * STEP
+    squares = []
+    for goal in (target * target).tolist():
+        squares.append(square)
+        square = min(max(goal, square - step), square + step)
+    return np.sqrt(squares)
+
+
+class Follower:
+    r"""Measurements to the reference of a law, sample by sample.
+
+    `reference`: the route. `dt` (s): time between samples. `h_0` (m): height of the start. `lead`
+    (s): lags of roll and lift behind their commands.
+
+    Notes
+    -----
+    Look-ahead guidance about the nearest point of the path, whose course and path angle are
+    ``chi_p`` and ``gamma_p``; T is the look-ahead and V_g the speed over ground:
+
+    .. math:: \chi_{ref} = \chi_p - \arctan\frac{e_y}{L},\quad
+              \gamma_{ref} = \gamma_p + \arctan\frac{e_h}{L},\quad L = V_g T
+
+    with the distance e_y to the right of the path and the height e_h that is missing. Where course
+    and path angle are as asked, ``e_y' = -V_g sin(arctan(e_y / L))``: the distance shrinks like
+    ``exp(-t / T)`` once it is small against L (T. Fossen, *Handbook of Marine Craft Hydrodynamics
+    and Motion Control*, look-ahead-based steering). The rates of the reference are those of this
+    motion, with the curvature and the bend of the climb `lead` ahead. `Planner` plans roll and lift
+    for those of the path itself.
+    """
+
+    def __init__(
+        self, reference: RouteReference, dt: float, h_0: float, lead: tuple[float, float]
+    ) -> None:
+        self._rows, self._dt = reference.rows, dt
+        self._settings = h_0, reference.look_ahead, *lead
+        self._plan = Planner(dt, reference.g)
+        self._nearest = path_at(self._rows, 0.0)
+        self._before: tuple[float, float] | None = None
+        self._V_g = reference.start_speed
+        self._V = None if reference.airspeeds is None else reference.airspeeds.tolist()
+
+    def __call__(self, m: Measured) -> tuple[ReferenceSample, Place]:
+        """Return the reference at a sample, and where the aircraft is on the route."""
+        chi, gamma, _, _, _, h, (north, east, _), *_ = m
+        if self._before is not None:
+            self._V_g = speed_over(north - self._before[0], east - self._before[1], self._dt)
+        self._before = north, east
+        ref, place, path, planned, self._nearest = guidance(
+            self._rows, self._nearest, self._V_g, (chi, gamma, north, east, h), self._settings
+        )
+        turn_rate, climb_rate, forward = planned
+        V, V_dot = (None, 0.0) if self._V is None else self._airspeed(self._V, place[0], forward)
+        commands = self._plan(m, turn_rate, climb_rate, ref[1])
+        return tuple.__new__(ReferenceSample, (*ref, commands, V, V_dot, path)), place
+
+    def _airspeed(self, V: list[float], s: float, forward: float) -> tuple[float, float]:
+        """The airspeed at a distance (m), and its rate at a speed along the route (m/s)."""
+        i = min(int(s / STEP), len(self._rows) - 1)
+        rise = V[i + 1] - V[i]
+        return V[i] + min(s / STEP - i, 1.0) * rise, rise / STEP * forward
+
+
+# Share of its reference below which the airspeed of a third channel shall not fall, and the rate at
+# which it may approach that share, 1/s: docs/airspeed.md has its flights.
+LEAST_SHARE, APPROACH = 0.95, 0.35
+
+# The same beside two channels: in gusts a healthy aircraft with a slow engine falls through 0.95,
+# and its path would pay for that. The rate is in g/V: a faster one makes a jet swing, and a
+# slower one loses a slow aircraft in gusts.
+LEAST_SHARE_BESIDE, APPROACH_BESIDE = 0.875, 1.5
+
+# Sine of the steepest descent that is asked for in exchange for airspeed.
+STEEPEST_DIVE = -0.5
+
+
+class AirspeedPriority:
+    """Keeps the path angle of a reference flyable by the engines, sample by sample.
+
+    With n_x at most what the engines give, ``V' = g (n_x - sin(gamma))`` stays above
+    ``-kappa (V - V_low)`` as long as ``sin(gamma) <= n_x + kappa (V - V_low) / g``, gamma through
+    the air: V then never falls through V_low, a share of its reference. The path angle over ground
+    that is asked for is cut to that, in the wind that an aircraft knows. At the other stop nothing
+    is cut: a descent that is too steep costs some airspeed above the reference, and keeping it
+    would cost the path.
+    """
+
+    # `V` (m/s): the airspeed that a plant holds by itself, None where the reference has one.
+    def __init__(self, V: float | None, g: float, dt: float) -> None:
+        self._wind = WindEstimate(dt)
+        numbers = (
+            (0.0, APPROACH / g) if V is None else (LEAST_SHARE_BESIDE * V, APPROACH_BESIDE / V)
+        )
+        self.numbers = *numbers, self._wind.share
+
+    def __call__(self, m: Measured, ref: ReferenceSample) -> ReferenceSample:
+        """Return the reference of a sample; its path angle may be less than what was asked."""
+        assert m.n_x is not None  # of a plant that shows n_x
+        V_low, per_g, _ = self.numbers
+        if ref.V is not None:
+            V_low = LEAST_SHARE * ref.V
+        sine = steepest_sine(m.n_x[2], m.V_a, V_low, per_g)
+        wind = self._wind(m.wind)
+        gamma = math.asin(sine) if wind is None else path_over_ground(m.chi, sine, m.V_a, wind)
+        if ref.gamma <= gamma:
+            return ref
+        return ref._replace(gamma=gamma, gamma_dot=0.0, planned=None)
+
+
+class Planner:
+    """Plans the commands of one flight, sample by sample.
+
+    Turning the velocity over ground at the rate chi' takes the roll ``atan(chi' V_t / g)``, and
+    bending it at gamma' the vertical lift ``cos(gamma) + gamma' V_t / g`` in weights, with V_t the
+    `turning_speed`. The wind in V_t is not the one measured: that would show the law what no
+    aircraft knows.
+    """
+
+    def __init__(self, dt: float, g: float) -> None:
+        self._g, self._wind = g, WindEstimate(dt)
+
+    def __call__(
+        self, m: Measured, chi_dot: float, gamma_dot: float, gamma: float
+    ) -> tuple[float, float]:
+        """Roll (rad) and load factor for rates (rad/s) of the reference at its path angle (rad)."""
+        per_g = turning_speed(m, self._wind(m.wind)) / self._g
+        lift = math.cos(gamma) + gamma_dot * per_g
+        return math.atan(chi_dot * per_g), lift / math.cos(m.phi)
+
+
+# What follows is written so that Numba compiles it too.
+
+
+def steepest_sine(n_x_max: float, V_a: float, V_low: float, per_g: float) -> float:
+    """Sine of the steepest path through the air that the engines bear, see `AirspeedPriority`."""
+    return min(max(n_x_max + per_g * (V_a - V_low), STEEPEST_DIVE), 1.0)
+
+
+def speed_over(north: float, east: float, dt: float) -> float:
+    """Speed, m/s, of a move north and east (m) in `dt` (s)."""
+    return math.sqrt(north * north + east * east) / dt
+
+
+def path_at(rows: Sequence[Sequence[float]], s: float) -> tuple[float, ...]:
+    """The path at s (m): s, north, east, course, its cosine and sine, curvature, height, slope."""
+    part = s / STEP
+    i = int(part)
+    if i > len(rows) - 1:  # half the time of `min`
+        i = len(rows) - 1
+    part -= i
+    row = rows[i]
+    n, e, course = row[0] + part * row[6], row[1] + part * row[7], row[2] + part * row[8]
+    k, up, slope = row[3] + part * row[9], row[4] + part * row[10], row[5] + part * row[11]
+    return s, n, e, course, math.cos(course), math.sin(course), k, up, slope
+
+
+def column_at(rows: Sequence[Sequence[float]], column: int, s: float) -> float:
+    """A column of the path at a distance s, m."""
+    part = s / STEP
+    i = int(part)
+    if i > len(rows) - 1:
+        i = len(rows) - 1
+    row = rows[i]
+    return row[column] + (part - i) * row[column + DIFFERENCES]
+
+
+def guidance(
+    rows: Sequence[Sequence[float]],
+    nearest: tuple[float, ...],
+    V_g: float,
+    now: tuple[float, ...],
+    settings: tuple[float, ...],
+) -> tuple[tuple[float, ...], Place, tuple[float, ...], tuple[float, ...], tuple[float, ...]]:
+    """Look-ahead guidance of a sample, see `Follower`.
+
+    `nearest`: the point of the sample before, by `path_at`. `now`: course and path angle (rad),
+    north, east and height (m). `settings`: height of the start (m), look-ahead, lead of roll and of
+    lift (s). Returns course, path angle and their rates to follow; the place; the path there, as in
+    a sample; rates of turn and climb to be planned, and speed along the path; the nearest point.
+    """
+    chi, gamma, north, east, h = now
+    h_0, T, roll_lead, lift_lead = settings
+    s, n, e, course, c_n, c_e, curvature, up, slope = nearest
+    ahead = e_y = spread = 0.0
+    # The point found last serves the next sample too: one reading of the path for each search.
+    for search in range(SEARCHES + 1):
+        ahead, e_y = (north - n) * c_n + (east - e) * c_e, (east - e) * c_n - (north - n) * c_e
+        spread = 1.0 - curvature * e_y
+        if spread < MIN_SPREAD:
+            spread = MIN_SPREAD
+        if search < SEARCHES:
+            s += ahead / spread
+            if s < 0.0:
+                s = 0.0
+            nearest = path_at(rows, s)
+            s, n, e, course, c_n, c_e, curvature, up, slope = nearest
+    e_h, L = up - (h - h_0), max(V_g, MIN_SPEED) * T
+    side, below = e_y / L, e_h / L
+    forward = V_g * math.cos(chi - course) / spread
+    aside = V_g * math.sin(chi - course)
+    sinking = forward * slope - V_g * math.tan(gamma)
+    later = s + V_g * lift_lead
+    bend = (column_at(rows, SLOPE, later + STEP) - column_at(rows, SLOPE, later)) / STEP
+    climb_rate = bend / (1.0 + slope * slope) * forward
+    turn_rate = column_at(rows, CURVATURE, s + V_g * roll_lead) * forward
+    ref = (
+        course - math.atan(side),
+        math.atan(slope) + math.atan(below),
+        turn_rate - aside / (L * (1.0 + side * side)),
+        climb_rate + sinking / (L * (1.0 + below * below)),
+    )
+    # Behind the start the distance from the route is that from the start.
+    off = e_y
+    if abs(ahead) >= SAME_PLACE:
+        off = math.copysign(math.sqrt(e_y * e_y + ahead * ahead), e_y)
+    path = course, e_y, e_h, curvature, slope
+    return ref, (s, off, e_h), path, (turn_rate, climb_rate, forward), nearest

@@ -1,0 +1,172 @@
+"""Heights between the posts of a raster of a stranger: the only place that knows rasterio.
+
+GDAL chooses a format by content, and some formats name files and addresses that they open. A file
+is opened by one driver, without the files beside it, and read in parts beside the places asked for.
+"""
+
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from flighttune.base.arrays import FloatArray
+from flighttune.base.errors import InputError, need
+
+# Driver by the ending of a file; all others are GeoTIFF.
+TILE, DRIVERS = ".hgt", {".hgt": "SRTMHGT"}
+
+# Options of GDAL: nothing but the file is opened, and 64 MB of its blocks are kept.
+ALONE = {
+    "GDAL_DISABLE_READDIR_ON_OPEN": "EMPTY_DIR",
+    "GDAL_PAM_ENABLED": "NO",
+    "GDAL_GEOREF_SOURCES": "INTERNAL",
+    "CPL_VSIL_CURL_ALLOWED_FILENAME": "none",
+    "GDAL_CACHEMAX": 64,
+}
+
+# Most bytes of a block, which GDAL unpacks whole, of the blocks of a raster that are read together,
+# and of all that are.
+MAX_BLOCK, TOGETHER, MAX_READ = 64_000_000, 32_000_000, 4_000_000_000
+
+# Most rows and columns of the posts that are read at once.
+SIDE = 512
+
+# Most directories of a TIFF that are looked at: one has the mask of the posts.
+MAX_DIRECTORIES = 32
+
+METRES = "", "m", "metre", "meter", "metres", "meters"
+
+# Lowest and highest land there is, roughly, m: a post beyond has no height, in a file that does not
+# say which value stands for none.
+LOWEST, HIGHEST = -500.0, 9000.0
+
+
+@contextmanager
+def _opened(file: Path) -> Iterator[Any]:
+    """A raster, opened alone; all that rasterio raises in the block becomes an InputError."""
+    import rasterio
+
+    try:
+        with (
+            warnings.catch_warnings(action="ignore"),  # a refusal says it
+            np.errstate(all="ignore"),
+            rasterio.Env(**ALONE),
+            # A `Path` is no address; another file than the one that was seen could be.
+            rasterio.open(file.resolve(), driver=DRIVERS.get(file.suffix.lower(), "GTiff")) as data,
+        ):
+            yield data
+    except InputError:
+        raise
+    except Exception as error:  # rasterio, affine and PROJ raise a dozen kinds on a damaged file
+        reason = next(iter(str(error).splitlines()), type(error).__name__).rstrip(".")
+        if file.suffix.lower() == TILE:
+            reason += "; .hgt files are named by a corner, as N47E008.hgt, and have 1201 or 3601 "
+            reason += "posts to a side"
+        raise InputError(
+            f"must be a raster (GeoTIFF or .hgt) with heights there, got {reason}."
+        ) from error
+
+
+def ground_heights(file: Path, places: FloatArray) -> FloatArray:
+    """Height, m, linear between posts, at places (n, 2) in deg; NaN where the file has none."""
+    need("`--terrain`", "rasterio")
+    from rasterio.warp import transform
+
+    if not file.is_file():
+        raise InputError("there is no such file of a terrain.")
+    with _opened(file) as data:
+        _check(file, data)
+        x, y = transform("EPSG:4326", data.crs, places[:, 1], places[:, 0])
+        cell = np.reshape(~data.transform, (3, 3))[1::-1] @ [x, y, np.ones(len(places))]
+        at, last = cell - 0.5, np.array([data.height, data.width]) - 1.0  # row and column
+        inside = ((at >= 0.0) & (at <= last[:, None])).all(axis=0)  # false for NaN
+        heights = np.full(len(places), np.nan)
+        if inside.any():
+            heights[inside] = _between_posts(data, at[:, inside])
+    return heights
+
+
+def _check(file: Path, data: Any) -> None:
+    """Refuse a raster that does not say enough, refers to other files or takes much memory."""
+    unit = (data.units[0] or "") if data.count == 1 else f"{data.count} bands"
+    numbers = data.count > 1 or np.dtype(data.dtypes[0]).kind in "iuf"
+    if data.crs is None or unit.lower() not in METRES or not numbers:
+        got = "no such system" if data.crs is None else unit if numbers else data.dtypes[0]
+        raise InputError(f"must have a coordinate system and one band of heights in m, got {got}.")
+    if not 0.0 < abs(data.transform.determinant) < np.inf or data.transform.is_identity:
+        raise InputError(
+            "must say in the file itself where its posts are, apart from each other, got a "
+            f"transform of {[*data.transform[:6]]}."
+        )
+    if data.tags(ns="OVERVIEWS") or "grids=" in data.crs.to_wkt():
+        raise InputError(
+            "must have all its heights in the file itself, got one that names another."
+        )
+    _check_block(data)
+    if any(flag.name == "per_dataset" for flag in data.mask_flag_enums[0]):
+        import rasterio
+
+        for number in range(2, MAX_DIRECTORIES):
+            try:
+                with rasterio.open(f"GTIFF_DIR:{number}:{file.resolve()}", driver="GTiff") as other:
+                    _check_block(other)
+            except rasterio.errors.RasterioIOError:
+                break
+
+
+def _check_block(data: Any) -> None:
+    rows, columns = data.block_shapes[0]
+    if (size := rows * columns * np.dtype(data.dtypes[0]).itemsize) > MAX_BLOCK:
+        raise InputError(
+            f"must have blocks of at most {MAX_BLOCK} bytes, got {size}: `gdal_translate -co "
+            "TILED=YES` makes smaller ones."
+        )
+
+
+def _between_posts(data: Any, at: FloatArray) -> FloatArray:
+    """Heights at rows and columns (2, n), of which only the posts around are read."""
+    from rasterio.windows import Window
+    from scipy.ndimage import map_coordinates
+
+    size, heights = np.array([data.height, data.width]), np.empty(at.shape[1])
+    low = np.floor(at).astype(int)
+    order, ends = _parts(data, low, size)
+    for part in np.split(order, ends):
+        first = low[:, part].min(axis=1)
+        stop = np.minimum(low[:, part].max(axis=1) + 2, size)
+        window = Window(*first[::-1], *(stop - first)[::-1])
+        posts = data.read(1, window=window, masked=True).astype(float).filled(np.nan)
+        posts = posts * data.scales[0] + data.offsets[0]
+        posts[(posts < LOWEST) | (posts > HIGHEST)] = np.nan
+        heights[part] = map_coordinates(
+            posts, at[:, part] - first[:, None], order=1, mode="nearest"
+        )
+    return heights
+
+
+def _parts(
+    data: Any, low: npt.NDArray[np.int_], size: npt.NDArray[np.int_]
+) -> tuple[npt.NDArray[np.int_], npt.NDArray[np.int_]]:
+    """Places in an order in which each block is unpacked once, and where a part of them begins."""
+    block = np.array(data.block_shapes[0])
+    each = int(block.prod()) * np.dtype(data.dtypes[0]).itemsize
+    (top, left), (below, right) = low // block[:, None], (low + 1) // block[:, None]
+    index = [row * size[1] + column for row in (top, below) for column in (left, right)]
+    read = each * len(np.unique(index))
+    if read > MAX_READ:
+        raise InputError(
+            f"must have at most {MAX_READ} bytes in the blocks below the path, got {read}: "
+            "`gdal_translate -co TILED=YES` makes smaller ones."
+        )
+    # Small blocks are read together, as far as they are kept.
+    wide = max(1, SIDE // int(block[1]))
+    high = max(1, min(SIDE // int(block[0]), TOGETHER // (each * wide)))
+    group = low // (block * [high, wide])[:, None]
+    keys = np.concatenate([group, low // SIDE])
+    order = np.lexsort(keys[::-1])
+    changes = (np.diff(keys[:, order], axis=1) != 0).any(axis=0)
+    return order, np.flatnonzero(changes) + 1

@@ -1,0 +1,469 @@
+"""The guidance that a user flies now beside the gains of a scenario, on the same draws."""
+
+import math
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, overload
+
+import numpy as np
+import pandas as pd
+
+from flighttune.base.answers.answer import Answer, Answering, Table, facts_table, number, percent
+from flighttune.base.answers.frame import Report, Section, write_answer
+from flighttune.base.answers.names import columns, endings_table, listed
+from flighttune.base.arrays import FloatArray
+from flighttune.base.errors import InputError
+from flighttune.base.files import code
+from flighttune.base.units import DEG_PER_RAD
+from flighttune.campaigns.engine.pool import WorkerPool
+from flighttune.campaigns.engine.progress import CampaignObserver
+from flighttune.campaigns.planning.plan import Plan
+from flighttune.campaigns.planning.schema import Campaign
+from flighttune.campaigns.planning.source import Flights, campaign_on
+from flighttune.campaigns.planning.source import flights as flights_of_source
+from flighttune.campaigns.statistics.count import allowed_outside, flights_needed
+from flighttune.campaigns.statistics.findings import findings_of
+from flighttune.campaigns.statistics.intervals import paired, rate_interval, scores
+from flighttune.claims import counted_flights, counting
+from flighttune.claims.mission import CONFIDENCE, EPSILON
+from flighttune.control.gains import NO_FEEDBACK, PIGains, rate_gains
+from flighttune.control.law import made_law
+from flighttune.control.limits import Limits
+from flighttune.control.linear_model import LinearModel, inner_feedback
+from flighttune.control.margins import Loop, cut_margins, margins_table
+from flighttune.flight import conditions, models
+from flighttune.flight.fly import library_versions
+from flighttune.flight.loop.run import Run
+from flighttune.flight.scenario.load import scenario_from
+from flighttune.flight.scenario.schema import Scenario
+from flighttune.gaps.compare import Comparison, Runs, compare_runs
+from flighttune.logs.log import Columns, load_part
+from flighttune.logs.parameters import Flown, flown_now
+from flighttune.routes.follow import RouteReference
+from flighttune.routes.items import SETS_AIRSPEED
+from flighttune.routes.mission import ROUTE_FILES
+
+NO_TRACK = (
+    "A reference over time has no track: your guidance follows its course, turn and rate of climb."
+)
+NOT_EMULATED = (
+    "Not emulated: your throttle, which is that of the aircraft here, underspeed and excess wind, "
+    "and the switch from leg to leg. Where the throttle is at a stop, TECS gives up height for "
+    "airspeed; ours holds the path."
+)
+
+# Where the loops are cut.
+CUT = "roll", "lift"
+
+YOURS, OURS = "yours", "ours"
+
+# Measures in the user's terms, with their unit and its factor.
+MEASURED = {
+    "flight.cross_track_m": ("cross track", "m", 1.0),
+    "flight.height_err_m": ("height", "m", 1.0),
+    "flight.V_a_dev_mps": ("airspeed", "m/s", 1.0),
+    "chi.peak_rad": ("course", "deg", DEG_PER_RAD),
+    "gamma.peak_rad": ("path angle", "deg", DEG_PER_RAD),
+}
+
+# Share of the time of a flight in which a signal stays below a number, and the signals of a log
+# that are held against those of the flights, with their unit and its factor.
+SHARE = 0.95
+LOGGED = {
+    "cross_track": ("cross track", "m", 1.0),
+    "height_err": ("height", "m", 1.0),
+    "phi_cmd": ("commanded roll", "deg", DEG_PER_RAD),
+}
+
+ACCURACY = columns("of yours ours unit better flights share", of="beside")
+PARAMETERS = columns("name value range from", of="parameters")
+TRACKING = columns("of log low high unit", of="beside_log")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Beside(Answering):
+    """The guidance of a user and the gains of a scenario on the same draws.
+
+    Attributes
+    ----------
+    now : Flown
+        The guidance of the user.
+    plan : Plan
+        The flights: of each draw one with the guidance, then one with the gains.
+    rows : DataFrame
+        A row each flight, as a campaign has them; ``gains`` is ``yours`` or ``ours``.
+    tracking : list of mapping
+        How near to their tracks the log and the flights with the guidance are; empty without one.
+    notes : tuple of str
+        Sentences about the log and what was assumed.
+    """
+
+    now: Flown
+    plan: Plan
+    rows: pd.DataFrame
+    tracking: list[dict[str, Any]]
+    notes: tuple[str, ...] = ()
+
+    @property
+    def accuracy(self) -> list[dict[str, Any]]:
+        """Largest errors that a new flight keeps, and in how many draws ours are smaller."""
+        n, rows = self.plan.draws, []
+        place = max(allowed_outside(n, EPSILON, CONFIDENCE), 0)
+        for measure, (words, unit, factor) in MEASURED.items():
+            if self.rows[measure].isna().all():
+                continue
+            row: dict[str, Any] = {"of": words}
+            for name, of_law in self.rows.groupby("gains"):
+                row[str(name)] = float(np.sort(scores(of_law, measure))[-1 - place]) * factor
+            (pair,) = paired(self.rows, measure)
+            better = pair["wins_a" if pair["a"] == OURS else "wins_b"]
+            lo, hi = rate_interval(better, n, CONFIDENCE, method="clopper-pearson")
+            row |= {"unit": unit, "better": better, "share": better / n}
+            rows.append(row | {"lo": float(lo), "hi": float(hi), "flights": n})
+        return rows
+
+    @property
+    def margins(self) -> dict[str, Table]:
+        """Margins of both loops behind the identified inner loop; none without a model of it."""
+        with suppress(InputError):
+            return loops(self.plan, self.now)
+        return {}
+
+    def answer(self) -> Answer:
+        """Accuracy, losses, margins and what was emulated, in four lines; then the tables."""
+        accuracy, n = self.accuracy, self.plan.draws
+        ended = self.rows[self.rows["status"] != "completed"].assign(run=lambda x: x["draw"])
+        lost = {x: ended[ended["gains"] == x].to_dict(orient="records") for x in (YOURS, OURS)}
+        kept = f"Errors that {percent(1.0 - EPSILON)} % of flights keep to"
+        bound = f"{kept}, each by itself, at a confidence of {percent(CONFIDENCE)} %"
+        if n < (needed := flights_needed(EPSILON, CONFIDENCE)):
+            kept = f"Largest errors of {n}"
+            bound = f"{kept}; {needed} are needed for a bound"
+        both, better, said = [], [], []
+        for x in accuracy[:3]:  # cross track, height and airspeed of a route
+            yours, ours = (number(x[name], ".3g") for name in (YOURS, OURS))
+            both.append(f"{x['of']} {yours} | {ours} {x['unit']}")
+            better.append(f"{x['of']} {x['better']} ({percent(x['lo'])} to {percent(x['hi'])} %)")
+        for rows in lost.values():
+            why = ", ".join(dict.fromkeys(row["status"].replace("_", " ") for row in rows))
+            said.append(f"{len(rows)} ({why})" if rows else "0")
+        unused = ", ".join(self.now.unused) or "none"
+        checked = "" if self.tracking else "; not checked against a log"
+        beyond = listed(self.now.beyond)
+        beyond = f" Beyond their published ranges: {beyond}." if beyond else ""
+        return Answer(
+            summary=[
+                f"{kept}, yours | ours: {', '.join(both)}; lost {' | '.join(said)} of {n}.",
+                f"Ours is better of {n} draws in: {', '.join(better)}.",
+                self._in_your_terms,
+                f"Yours: the equations of {self.now.name} above the inner loop here, not the "
+                f"firmware{checked}.{beyond}",
+            ],
+            values={
+                "guidance": self.now.name,
+                "accuracy": accuracy,
+                "lost": {name: len(rows) for name, rows in lost.items()},
+                "parameters": self.now.rows,
+                "beyond": self.now.beyond,
+                "unused": self.now.unused,
+                "rest": self.now.rest,
+                "tracking": self.tracking,
+            },
+            tables=[
+                Table(ACCURACY, accuracy, bound),
+                *(
+                    replace(endings_table(rows), title=f"lost of {name}", name=f"lost_of_{name}")
+                    for name, rows in lost.items()
+                ),
+                Table(TRACKING, self.tracking, "the log, and the flights with your guidance"),
+                *self.margins.values(),
+                Table(PARAMETERS, self.now.rows, f"parameters of {self.now.name}"),
+            ],
+            notes=[
+                *self.now.notes,
+                *self.notes,
+                *self.plan.scenario.assumptions,
+                *([] if self.plan.scenario.route else [NO_TRACK]),
+                NOT_EMULATED,
+                f"Not used of the guidance: {unused}. Parameters of other parts: {self.now.rest}.",
+            ],
+        )
+
+    @property
+    def _in_your_terms(self) -> str:
+        """The gain of the course in the name of the user's parameter, and the margins."""
+        law, period = self.now.law, self.now.law.period
+        K_P = _rate_gains(self.plan).K_P[0, 0]
+        same = 4.0 * math.pi * law.roles["damping"] / K_P
+        cuts = [table.records for table in self.margins.values()]
+        margins = "; ".join(
+            f"{name} {' | '.join(_cut(rows, place) for rows in cuts)}"
+            for place, name in enumerate(CUT if cuts else ())
+        )
+        return (
+            f"Our K_P of the course, {K_P:.2f} 1/s, is {period} = {same:.1f} s (yours "
+            f"{law.roles['period']:g} s). {f'Margins: {margins}.' if margins else ''}"
+        ).strip()
+
+    def page(self, path: str | Path, command: str) -> Report:
+        """Write the answer as one self-contained page; `command` repeats it."""
+        answer, ours = self.answer(), self.plan.groups[-1].gains
+        # margins, if there are any, are the tables from the fifth on
+        (*notes, unused), (*found, parameters) = answer.notes, answer.tables
+        return write_answer(
+            path,
+            title=f"{self.plan.scenario.title}: {self.now.name} beside {ours}",
+            summary=answer.summary,
+            parts={
+                "accuracy": Section(note=notes, tables=found[:4]),
+                "margins": Section(tables=found[4:]),
+                "flown": Section(note=unused, tables=[parameters]),
+            },
+            provenance=facts_table("Provenance", library_versions()),
+            commands=command,
+        )
+
+
+def _cut(rows: Sequence[Mapping[str, Any]], place: int) -> str:
+    """Gain and phase margin of a loop cut at one place."""
+    if not rows:
+        return "unstable"
+    gain, phase = rows[place]["gain_increase"], rows[place]["phase_margin_deg"]
+    return f"{20.0 * math.log10(gain):.1f} dB, {phase:.0f} deg"
+
+
+def loops(plan: Plan, now: Flown) -> dict[str, Table]:
+    """Margins of each loop cut at roll and at lift, behind the identified inner loop."""
+    scenario, ours = plan.scenario, _rate_gains(plan)
+    reference = conditions.reference_of(scenario)
+    model = models.identified_models(scenario, made_law("exact"))[0].model
+    law = now.law.make(models.law_setup(scenario, ours, Limits.none(2)))
+    a, b, c, d = (np.diag(x) for x in law.linear(scenario.flight.V_a_mps))
+    # On a route the loops over the distances from it are closed, too: the guidance of the user has
+    # them by its period, and that of the program by its look-ahead.
+    per_T = 1.0 / reference.look_ahead if isinstance(reference, RouteReference) else 0.0
+    yours = np.array([a, c + b * (per_T > 0.0), d * (per_T > 0.0)])
+    rows = np.array([ours.K_P, ours.K_I + ours.K_P * per_T, ours.K_I * per_T])
+    both = _guided(model, yours, NO_FEEDBACK), _guided(model, rows, ours.feedback)
+    cuts = zip((YOURS, OURS), (margins_table(cut_margins(loop, CUT)) for loop in both), strict=True)
+    return {x: replace(cut, title=f"margins of {x}", name=f"margins_{x}") for x, cut in cuts}
+
+
+def _rate_gains(plan: Plan) -> PIGains:
+    """Gains of the plan as those of the rates of course and path angle."""
+    gains, flight = plan.gain_sets[plan.groups[-1].gains], plan.scenario.flight
+    assert gains is not None  # of the group that was chosen
+    return rate_gains(gains, V_a=flight.V_a_mps, g=flight.g_mps2)
+
+
+def _guided(model: LinearModel, rows: FloatArray, feedback: Sequence[float]) -> Loop:
+    """The loop of ``u = P e + Q y + R integral of y`` with ``y' = e``; `rows` are P, Q and R."""
+    n, m, p = model.shape
+    A = np.zeros((n + 2 * p, n + 2 * p))
+    A[:n, :n], A[n : n + p, :n], A[n + p :, n : n + p] = model.A, model.C, np.eye(p)
+    k, of_state = inner_feedback(model, feedback)
+    C = np.hstack([rows[0] @ model.C, rows[1], rows[2]]) * (1.0 + k)[:, None]
+    C[:, :n] -= of_state
+    # An integral that nothing acts on would count as unstable.
+    used = np.concatenate([np.ones(n, bool), *(rows[i:].any(axis=(0, 1)) for i in (1, 2))])
+    B = np.vstack([model.B, np.zeros((2 * p, m))])
+    return A[np.ix_(used, used)], B[used], -C[:, used]
+
+
+def _kept(run: Run, _scenario: Scenario | None) -> list[float]:
+    """What the signals of `LOGGED` stay below in `SHARE` of the time, NaN of one that is absent."""
+    kept = run.signals.reindex(columns=[*LOGGED]).abs().quantile(SHARE)
+    return [value * factor for value, (*_, factor) in zip(kept, LOGGED.values(), strict=True)]
+
+
+@overload
+def compare(
+    a: str | Path | Runs, *others: str | Path | Runs, columns: Columns = ...
+) -> Comparison: ...
+
+
+@overload
+def compare(
+    a: Flights | Scenario | Campaign | Plan | str | Path, *, autopilot: str | Path, **options: Any
+) -> Beside: ...
+
+
+@code.flies
+def compare(  # type: ignore[misc] # noqa: PLR0913 - each is a choice of the user, and has a default
+    a: Flights | Scenario | Campaign | Plan | Runs | str | Path,
+    *others: str | Path | Runs,
+    columns: Columns = (),
+    autopilot: str | Path | None = None,
+    version: str | None = None,
+    log: str | None = None,
+    flights: int | None = None,
+    aircraft: str | None = None,
+    like: str | None = None,
+    seed: int | None = None,
+    changes: Mapping[str, Any] | None = None,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    observer: CampaignObserver | None = None,
+) -> Comparison | Beside:
+    """Hold runs against those of the first source, or gains against the guidance flown now.
+
+    With `autopilot` the flights of a mission, scenario or campaign are flown by its gains and by
+    the guidance of PX4 or ArduPilot with the user's parameters, on the same draws. The guidance is
+    the published equations of NPFG or L1, and of the balance of TECS, above the inner loop and the
+    throttle of the aircraft here; it follows the planned path itself, arcs included.
+
+    Parameters
+    ----------
+    a : str, path-like, Run, FlownScenario, Source, Flights, Scenario, Campaign or Plan
+        Source that the others are compared with. A string is anything `load_source` takes: a run
+        folder, a Parquet file, a recording or ``scenario@gains``. With `autopilot`, flights as
+        `flights` takes them, or ``SCENARIO@GAINS``.
+    others : str, path-like, Run, FlownScenario or Source
+        Further sources. Without any, the first run of `a` is compared with each of its others.
+    columns : mapping or sequence
+        Where a log has its signals, as for `load_log`.
+    autopilot : str or Path, optional
+        Compare with what this autopilot flies: its parameters as QGroundControl (.params) or
+        Mission Planner (.param, .parm) writes them, or its log (.ulg, .bin, .tlog).
+    version : str, optional
+        Version of the autopilot, such as 1.15, by default that of the file.
+    log : str, optional
+        Check the guidance by a log that was flown with these parameters; LOG@START:END for a part
+        of it in s.
+    flights : int, optional
+        Draws to fly, each with both, by default 93.
+    aircraft : str, optional
+        Aircraft that flies a mission, by default aerosonde.
+    seed, changes, workers, scheduler, observer : as for `band`
+    like : as for `mission`
+
+    Returns
+    -------
+    Comparison or Beside
+        Of runs, with `comparable` False and a reason where the manoeuvres (start, length,
+        reference) or aircraft differ. A kinematic plant may be compared with an aircraft. Where one
+        of two runs ended early, both are measured over the time both flew. Beside an autopilot, the
+        `accuracy` and `margins` of both, and the `rows` of all flights.
+
+    Raises
+    ------
+    InputError
+        If there is nothing to compare with, a source cannot be read or flown, or the parameters are
+        of no aeroplane.
+    StoppedError
+        If the observer stopped the flights.
+
+    Examples
+    --------
+    >>> comparison = ft.compare(ft.fly(ft.load_scenario("level_turn")))
+    >>> [pair.b.label for pair in comparison.pairs]
+    ['kinematic / tuned', 'jsbsim:aerosonde / paper', 'jsbsim:aerosonde / tuned']
+    """
+    of_flights = {"aircraft": aircraft, "like": like, "changes": changes}
+    if autopilot is None:
+        options = {"version": version, "log": log, "flights": flights, "seed": seed}
+        for name, value in (of_flights | options).items():
+            if value not in (None, False, {}):
+                raise InputError(f"`{name}` must be absent without the parameters of an autopilot.")
+        if not isinstance(a, str | Path | Runs):
+            raise InputError(f"`a` must be runs, got a {type(a).__name__}: `fly` it.")
+        return compare_runs([a, *others], columns)
+    if others or isinstance(a, Runs):
+        raise InputError("`autopilot` must be compared with one source of flights, got runs.")
+    now = flown_now(autopilot, version)
+    place, _, gains = str(a).partition("@") if isinstance(a, str) else (a, "", "")
+    stated = flights_of_source(place, **of_flights)
+    plan = counting.drawn(stated, None, gains or None, None, seed)
+    _check_one_airspeed(str(stated.place), plan.scenario)
+    plan = _with_guidance(plan, now)
+    group = plan.groups[0]
+    if flights is None:
+        flights = flights_needed(EPSILON, CONFIDENCE, 1)
+        with_others = counted_flights.distribution_of(plan.campaign, group.plant)
+        try:
+            counted_flights.check_random(stated.place, with_others, plan.campaign.central)
+        except InputError:
+            flights = 1  # all would be the same
+    plan = plan.with_runs(flights * len(plan.groups))
+    logged, notes = ([], []) if log is None else _logged(log, columns, now, version)
+    with WorkerPool(workers, scheduler, observer) as pool:
+        rows = list(pool.rows(plan, range(plan.runs), probes={"kept": _kept}))
+    frame = findings_of(pd.DataFrame(rows), plan).rows
+    frame["gains"] = np.where(frame["gains"] == group.gains, YOURS, OURS)
+    tracking = _tracking(logged, frame) if logged else []
+    notes += [_within(tracking)] if tracking else []
+    return Beside(now=now, plan=plan, rows=frame, tracking=tracking, notes=tuple(notes))
+
+
+def _check_one_airspeed(place: str, scenario: Scenario) -> None:
+    """Refuse changes of the airspeed, which are not emulated, with what flies it at one."""
+    if not scenario.airspeed:
+        return
+    start = f"{scenario.flight.V_a_mps:g}"
+    notes = scenario.route.notes if scenario.route else ()
+    said = " ".join(note for note in notes if note.startswith(SETS_AIRSPEED))
+    if scenario.route is None:
+        cure = "leave `V_mps` of [reference] out"
+    elif place.endswith(ROUTE_FILES):
+        cure = f"`--set flight.V_a_mps={start}` flies all of it at {start} m/s"
+    else:
+        cure = f"`--set route.holds_airspeed=false` flies all of it at {start} m/s"
+    raise InputError(
+        f"{place}: must be flown at one airspeed, as changes of it are not emulated, got "
+        f"{scenario.airspeed_words}: {cure}. {said}".strip()
+    )
+
+
+def _with_guidance(plan: Plan, now: Flown) -> Plan:
+    """A plan of one group with the guidance of the user before it, on the same draws."""
+    (group,), scenario = plan.groups, plan.scenario
+    law = {"name": YOURS, "kind": now.law.kind, "parameters": dict(now.law.parameters)}
+    laws = [table.model_dump(exclude_none=True) for table in scenario.law_tables]
+    changed = scenario_from({**scenario.as_dict(), "law": [*laws, law]})
+    gains = plan.gain_sets[group.gains]
+    (name,) = replace(now.law, name=YOURS).names_of([group.gains.rpartition(":")[2]])
+    return replace(
+        plan,
+        campaign=campaign_on(plan.campaign, changed, plan.campaign.title),
+        gain_sets={name: gains, group.gains: gains},
+        groups=(group._replace(gains=name), group),
+    )
+
+
+def _logged(
+    log: str, columns: Columns, now: Flown, version: str | None
+) -> tuple[list[float], list[str]]:
+    """The bounds that the signals of a log keep, and sentences of what differs from the flights."""
+    run, place = load_part(str(log), columns), Path(str(log).partition("@")[0])
+    kept = _kept(run, None)
+    if np.isnan(kept).all():
+        raise InputError(f"{log}: must have one of the signals {', '.join(LOGGED)}, got none.")
+    differ: list[str] = []
+    with suppress(InputError):
+        flown = flown_now(place, version).law.parameters
+        differ = [x for x in flown if flown[x] != now.law.parameters.get(x, flown[x])]
+    return kept, [f"The log was flown with other parameters: {', '.join(differ)}."] * bool(differ)
+
+
+def _tracking(logged: Sequence[float], rows: pd.DataFrame) -> list[dict[str, Any]]:
+    """The log between the least and the largest of the flights with the user's guidance."""
+    flown = rows[(rows["gains"] == YOURS) & (rows["status"] == "completed")]
+    kept = pd.DataFrame(flown["kept"].tolist(), columns=[*LOGGED])
+    words, units, _ = zip(*LOGGED.values(), strict=True)
+    table = {"of": words, "log": logged, "low": kept.min(), "high": kept.max(), "unit": units}
+    return pd.DataFrame(table).dropna(subset=["log", "low"]).to_dict("records")
+
+
+def _within(tracking: Sequence[Mapping[str, Any]]) -> str:
+    """Whether the log lies among the flights."""
+    inside = [x["of"] for x in tracking if x["low"] <= x["log"] <= x["high"]]
+    outside = [x["of"] for x in tracking if x["of"] not in inside]
+    yours = "the flights with your guidance"
+    said = [f"among {yours} in {listed(inside)}"] * bool(inside)
+    said += [f"outside of {'them' if inside else yours} in {listed(outside)}"] * bool(outside)
+    return (
+        f"The log lies {listed(said)}, by the {100.0 * SHARE:g}th percentile of the size of each; "
+        "it had another mission and other wind."
+    )

@@ -1,0 +1,692 @@
+"""Gains that meet the requirements of scenarios, found by flying them."""
+
+import math
+import warnings
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from flighttune.base.arrays import FloatArray, check_at_least
+from flighttune.base.errors import InputError
+from flighttune.base.files import code
+from flighttune.base.units import DEG
+from flighttune.campaigns.engine.pool import WorkerPool
+from flighttune.campaigns.engine.progress import CampaignObserver
+from flighttune.campaigns.flying.columns import measured_in
+from flighttune.campaigns.flying.rows import Row
+from flighttune.campaigns.planning.draws import SEED, cycle
+from flighttune.campaigns.planning.plan import Group, Plan, aircraft_hashes
+from flighttune.campaigns.planning.schema import MEASURES, Campaign, CampaignTable
+from flighttune.campaigns.planning.source import campaign_on, load_campaign
+from flighttune.campaigns.statistics.count import LOOK, sure
+from flighttune.campaigns.statistics.intervals import CONFIDENCE, share
+from flighttune.claims.counted_flights import at_random
+from flighttune.control.gains import PAPER_GAINS, PIGains
+from flighttune.control.law import Law, law_kinds, split_name
+from flighttune.control.linear_model import closed_loop
+from flighttune.control.theory.indicators import indicators_batch
+from flighttune.flight import load, models
+from flighttune.flight.flown import BoundCheck, bound_checks, bounded_loop, not_followed
+from flighttune.flight.metrics import AIRSPEED, limits_in_words
+from flighttune.flight.scenario import tables
+from flighttune.flight.scenario.schema import Scenario
+from flighttune.studies.meeting import BY_DEFAULT, Meeting, Status, Trial
+from flighttune.vehicles.plants.base import goes_by
+
+# What is minimised once all requirements are met with the margin `WANTED`, if it is no column of
+# the rows: the ITAE of both channels; or `MARGIN`, whatever the margin: the largest excess
+ITAE, MARGIN = "ITAE", "margin"
+
+# Margin of the requirement met worst, relative to its bound, that comes before the metric: this,
+# or that of the gains of the start if it is larger
+WANTED = 0.2
+
+# Share of the R_K of gains of the start that others must keep if those meet everything: a flight
+# without a steady disturbance, and a bound on an overshoot, have no use for integral action
+KEPT_RATE = 0.5
+KEPT = (
+    "R_K must be at least half that of {}, which meets everything: at_least.loop.R_K of [[expect]] "
+    "replaces that."
+)
+
+# Margins of the linear loop that are required unless the scenario states others
+MARGINS: dict[str, tables.Bound] = {"gain_margin_dB": 6.0, "phase_margin_deg": 35.0}
+
+# Measures of the loop, of which larger is better, that are named where they are worse than with the
+# gains of the start by more than this share; and the error at the end, rad or m/s, that is named
+LOOP = "R_K", "gain_margin_dB", "phase_margin_rad", "delay_margin_s"
+NOTED, NO_ERROR = 0.01, 0.01 * DEG
+
+# Share of the draws of a campaign on which gains must meet all requirements, by default
+SUCCESS = 0.95
+
+# Flights of a search by default, without and with a campaign
+BUDGET, CAMPAIGN_BUDGET = 600, 6000
+
+# Status of gains that meet what is required or not, and of those that are surely such or neither
+MET: Mapping[bool, Status] = {False: "missed", True: "met"}
+SURELY: Mapping[str, Status] = {"yes": "met", "no": "missed", "": "not sure"}
+
+# Draws on which each candidate of a search over a campaign is flown, and the least for the count
+DRAWS, COUNTED = 32, 200
+
+# Candidates of a generation of the first descent, and its first step in the logarithm of the gains.
+# Each restart has twice as much of both, up to steps by `MAX_SPREAD`.
+POPULATION = 12
+SPREAD, MAX_SPREAD = 1.0, 4.0
+
+# Generations without a gain of `GAIN` of the objective after which a descent ends
+STALLED, GAIN = 8, 2e-3
+
+# Factors on K_P and K_I of the starts: overshoot often asks for a hundredth of the tuned K_I, which
+# a descent from large K_I does not reach
+FACTORS = (1.0, 1.0), (1.0, 1.0 / 30.0), (0.5, 0.5), (0.5, 1.0 / 60.0)
+
+# Gains this much smaller than the largest are rounding of a tuning, and are not searched
+ROUNDING = 1e-5
+
+# Relative change of the gains at which a descent ends
+FINEST = 1e-2
+
+# Excess over a requirement of a flight that was not flown to its end, relative to its bound
+LOST = 1e3
+
+# A requirement is active if it is within this share of the one that is met worst
+ACTIVE = 0.02
+
+
+def flights_to_meet(
+    scenario: Scenario, law: tables.LawTable, table: CampaignTable | None = None
+) -> Campaign:
+    """Flights of a scenario by a law, dispersed as the `table` of a campaign says."""
+    tuned = list(tables.TUNED_FOR_AIRCRAFT)
+    tuned_names = {None, *tuned, *law.law.names_of(tuned)}
+    expect = [
+        requirement.model_copy(update={"gains": None, "status": None})
+        for requirement in scenario.expect
+        if requirement.gains in tuned_names and (requirement.at_most or requirement.at_least)
+    ]
+    if not expect:
+        raise InputError(
+            f"{scenario.title}: [[expect]] must bound a measure for all gain sets, or for "
+            f"{' or '.join(tuned)}, to be met, got no such bound."
+        )
+    # The gains of the scenario are not flown, and none are tuned for the median.
+    changed = {"expect": expect, "gains": ["paper"], "law": [law]}
+    table = table or CampaignTable(title=scenario.title, scenario="scenario", runs=1)
+    return campaign_on(table, scenario.model_copy(update=changed), scenario.title)
+
+
+class Search:
+    """Flies candidates of one law in campaigns, and keeps all of them."""
+
+    # The `metric` is `ITAE`, `MARGIN` or a column of the rows, maybe with ``_deg`` in place of
+    # ``_rad``. With several `draws` of a campaign the share of them on which all requirements are
+    # met is maximised, and the excess that the share `success` of them keeps is minimised.
+    def __init__(
+        self,
+        campaigns: Sequence[Campaign],
+        law: Law,
+        pool: WorkerPool,
+        *,
+        metric: str = ITAE,
+        draws: int = 1,
+        success: float = 1.0,
+    ) -> None:
+        if metric not in (ITAE, MARGIN) and tables.in_rad(metric) not in MEASURES:
+            raise InputError(
+                f"`metric` must be {ITAE}, {MARGIN} or one of {', '.join(MEASURES)} (or _deg in "
+                f"place of _rad), got {metric!r}."
+            )
+        self.flights, self.candidates, self.wanted, self.least_R_K = 0, 0, WANTED, 0.0
+        self._R_K: dict[PIGains, float] = {}
+        self.trials: dict[PIGains, Trial] = {}
+        self._rows: dict[PIGains, list[list[Row]]] = {}  # of draws that were stated
+        self.campaigns, self._law, self._pool, self._metric = campaigns, law, pool, metric
+        self.draws, self._success = draws, success
+        scenarios = [campaign.nominal for campaign in campaigns]
+        self._required = list(map(_required, scenarios))
+        self._aircraft = list(map(aircraft_hashes, scenarios))
+        self.each = draws * sum(map(len, self._required))  # flights of a candidate
+        self._problem = models.tuning_problem(scenarios[0], law)
+        self._model = self._problem.model
+        with suppress(InputError):  # without an identified aircraft: [tuning]'s
+            self._model = models.identified_models(scenarios[0], law)[0].model
+
+    def begin(self, starts: Sequence[PIGains], budget: int, counting: int) -> list[Trial]:
+        """Fly the gains of the start, in a budget that has these flights and a count."""
+        least = len(starts) * self.each + counting
+        if budget < least:
+            sets = f"each of the {len(starts)} gain sets" if len(starts) > 1 else "the gains"
+            count = f" and {counting} for the count on fresh draws" if counting else ""
+            raise InputError(
+                f"`budget` must be at least {least} flights, {self.each} for {sets} of the "
+                f"start{count}, got {budget}."
+            )
+        return self.fly(starts)
+
+    def fly(self, sets: Sequence[PIGains], draws: range | None = None) -> list[Trial]:
+        """Fly candidates in all scenarios; none that is unstable or has been flown on the draws."""
+        stable = []
+        for gains in dict.fromkeys(sets):
+            loop = indicators_batch(closed_loop(self._model, gains))
+            if not loop.stable:
+                trial = self._trial(gains, [[{"plant": x} for x in own] for own in self._required])
+                # the further right its eigenvalues, the worse
+                excess = trial.excess + LOST * (1.0 + float(loop.spectral_abscissa))
+                self.trials[gains] = replace(trial, excess=np.tile(excess, (self.draws, 1)))
+            elif draws or gains not in self.trials:
+                stable.append(gains)
+        self.candidates += len(stable)
+        places = range(len(self.campaigns)) if stable else ()
+        flown = [self._flown(place, stable, draws or range(self.draws)) for place in places]
+        for gains, *rows in zip(stable, *flown, strict=True):
+            if draws is not None:
+                before = self._rows.get(gains, [[]] * len(rows))
+                rows = self._rows[gains] = [a + b for a, b in zip(before, rows, strict=True)]
+            self.trials[gains] = self._trial(gains, rows)
+        return [self.trials[gains] for gains in sets]
+
+    def _plan(self, place: int, sets: Sequence[PIGains]) -> Plan:
+        """All draws of a campaign, flown with candidates."""
+        campaign, names = self.campaigns[place], self._law.names_of([*map(str, range(len(sets)))])
+        groups = tuple(Group(plant, name) for name in names for plant in self._required[place])
+        # The requirements are checked by `_trial`: those on the loop once, not in every flight.
+        expect = [
+            table.model_copy(
+                update={x: {**getattr(table, x), "loop": {}} for x in ("at_most", "at_least")}
+            )
+            for table in campaign.nominal.expect
+        ]
+        bare = campaign.nominal.model_copy(update={"expect": expect})
+        return Plan(
+            campaign=campaign.model_copy(update={"nominal": bare}),
+            gain_sets=dict(zip(names, sets, strict=True)),
+            groups=groups,
+            runs=self.draws * len(groups),
+            aircraft=self._aircraft[place],
+        )
+
+    def in_draw(self, draw: int) -> Scenario:
+        """The first scenario in a draw of its campaign, with its requirements."""
+        scenario = self._plan(0, [PAPER_GAINS]).scenario_of(draw)
+        return scenario.model_copy(update={"expect": self.campaigns[0].nominal.expect})
+
+    def _flown(self, place: int, sets: Sequence[PIGains], draws: range) -> list[list[Row]]:
+        """Rows of a campaign by candidate, draw by draw."""
+        plan = self._plan(place, sets)
+        drawn = [{SEED: plan.scenario.seed}] if self.draws == 1 else None
+        runs = range(draws.start * len(plan.groups), draws.stop * len(plan.groups))
+        self.flights += len(runs)
+        rows = self._pool.in_order(plan, runs, doing="searching", draws=drawn)
+        return [[row for row in rows if row["gains"] == name] for name in plan.gain_sets]
+
+    def _trial(self, gains: PIGains, rows: Sequence[Sequence[Row]]) -> Trial:
+        """The checks of rows of each campaign; those of gains not flown have no status."""
+        (name,) = self._law.names_of(["0"])
+        # The checks of each draw, with their excesses; LOST where a flight does not follow
+        draws: dict[int, list[tuple[BoundCheck, float]]] = {}
+        ends: dict[str, float] = {}
+        held: list[str] = []
+        metric = 0.0
+        for campaign, of_campaign in zip(self.campaigns, rows, strict=True):
+            scenario = campaign.nominal
+            margins = _default_margins(scenario)
+            loop = bounded_loop([*scenario.expect, *margins], scenario, name, gains)
+            where = f"{scenario.title}: " if len(self.campaigns) > 1 else ""
+            for row in of_campaign:
+                flown = row.get("status") == "completed"
+                expected = scenario.expected(row["plant"], name)
+                measured = {**(measured_in(row) if flown else {}), **loop}
+                why = not_followed(expected, measured, calm=scenario.calm)
+                for check in bound_checks(expected, measured, where + row["plant"]):
+                    of_loop, excess = check.subject == "loop", check.margin
+                    check = replace(check, flown=flown or of_loop)
+                    if why and not of_loop and check.met:
+                        check = replace(check, value=math.nan, why=why)
+                    if not check.flown or (why and not of_loop):
+                        excess = LOST
+                    draws.setdefault(row.get("draw", 0), []).append((check, excess))
+                for channel, values in measured.items():
+                    ends[channel] = max(ends.get(channel, 0.0), values.get("end_error", 0.0))
+                held += [f"{where}{row['plant']}: {x}." for x in limits_in_words(measured)]
+                metric += _metric(row, self._metric) if flown else math.inf
+            for of_draw in draws.values():
+                by_default = bound_checks(margins, loop, where + BY_DEFAULT)
+                of_draw.extend((check, check.margin) for check in by_default)
+        by_draw = (zip(*of_draw, strict=True) for of_draw in draws.values())
+        checks, excess = zip(*by_draw, strict=True)
+        finite = np.nan_to_num(np.array(excess), nan=LOST, posinf=LOST)
+        beside = {"metric": metric, "ends": ends, "held": tuple(held)}
+        return Trial(gains=gains, excess=finite, checks=checks, **beside)
+
+    def value(self, trial: Trial) -> float:
+        """Draws on which a requirement is missed, then the excess; then the metric, below -1."""
+        missed = int((trial.worst > 0.0).sum())
+        excess = float(np.quantile(trial.worst, self._success, method="inverted_cdf"))
+        if self.least_R_K and self.R_K(trial.gains) < self.least_R_K:
+            missed, excess = missed + 1, max(excess, 1.0 - self.R_K(trial.gains) / self.least_R_K)
+        if self._metric != MARGIN and self.draws == 1 and excess <= -self.wanted:
+            return 0.5 * _squeezed(trial.metric) - 1.5
+        if excess == LOST:  # a requirement has no value: what is nearer to having one is better
+            excess += 0.5 * LOST * _squeezed(trial.metric)
+        return missed + 0.5 * _squeezed(excess)
+
+    def keep_R_K(self, start: Trial) -> bool:
+        """Require half the R_K of a start that meets all; a bound on R_K takes its place."""
+        bounded = any("R_K" in x.at_least.get("loop", ()) for x in self.campaigns[0].nominal.expect)
+        if kept := start.met and not bounded:
+            self.least_R_K = KEPT_RATE * self.R_K(start.gains)
+        return kept
+
+    def R_K(self, gains: PIGains) -> float:
+        """R_K of the loop of the first scenario with these gains, 1/s."""
+        if gains not in self._R_K:
+            scenario, (name,) = self.campaigns[0].nominal, self._law.names_of(["0"])
+            self._R_K[gains] = models.loop_measures(scenario, name, gains, ["R_K"]).get("R_K", 0.0)
+        return self._R_K[gains]
+
+    def best(self) -> Trial:
+        """The best candidate so far."""
+        return min(self.trials.values(), key=self.value)
+
+    def search(self, starts: Sequence[PIGains], budget: float) -> None:
+        """Descend from the starts and `FACTORS` of them, best first, up to `budget` flights."""
+        varied = [_varied(gains, factors) for gains in starts for factors in FACTORS]
+        trials = self.fly(varied[: max(0, int((budget - self.flights) // self.each))])
+        ranked = [trial.gains for trial in sorted(trials, key=self.value)]
+        spread, population, start = SPREAD, POPULATION, self.best().gains
+        for restart in range(2 * len(ranked)):
+            if self.flights + population * self.each > budget:
+                population = POPULATION  # what is left of the budget is not left lying
+            before = self.value(self.best())
+            self._descend(start, budget, spread, population)
+            best = self.best()
+            if best.worst.max() <= -self.wanted and self.value(best) > before - GAIN and restart:
+                return
+            spread, population = min(2.0 * spread, MAX_SPREAD), 2 * population
+            start = ranked[(restart + 1) // 2 % len(ranked)] if restart % 2 else best.gains
+
+    def _descend(self, start: PIGains, end: float, spread: float, population: int) -> None:
+        """Search from gains, up to `end` flights of this search; gains that are 0 stay so."""
+        warnings.filterwarnings("ignore", "Could not import matplotlib")  # of cma
+        import cma
+
+        # Covariance matrix adaptation (N. Hansen, arXiv 1604.00772) on the logarithms of the gains.
+        K, largest = start.K, self._problem.K_max
+        assert largest is not None
+        free = K != 0.0
+        signs = np.sign(K[free])
+        top = np.log(largest[free])
+        seed = self._problem.seed + 1 + self.flights  # 0 is the time of day
+        settings: dict[str, Any] = {"popsize": population, "seed": seed, "tolx": FINEST}
+        settings |= {"bounds": [None, top.tolist()], "verbose": -9}
+        first = np.minimum(np.log(np.abs(K[free])), top)
+        strategy = cma.CMAEvolutionStrategy(first, spread, settings)
+        least, stalled = math.inf, 0
+        while not strategy.stop() and stalled < STALLED:
+            if self.flights + population * self.each > end:
+                return
+            asked, candidates = strategy.ask(), []
+            for x in asked:
+                K[free] = signs * np.exp(x)
+                candidates.append(_of_matrix(start, K))
+            values = [self.value(trial) for trial in self.fly(candidates)]
+            strategy.tell(asked, values)
+            stalled = 0 if min(values) < least - GAIN else stalled + 1
+            least = min(least, *values)
+
+    def conflicting(self, trial: Trial) -> list[int]:
+        """Requirements of one draw that are missed or hold the others off, met worst first."""
+        excess = trial.excess[0]
+        least = min(max(excess.max(), -WANTED) - ACTIVE, 0.0)
+        return [int(i) for i in np.argsort(-excess, kind="stable") if excess[i] >= least]
+
+    def trade_offs(self, nearest: Trial) -> Iterator[dict[str, Any]]:
+        """The conflicting requirements: best value, and best value with the others met, or None."""
+        trials = list(self.trials.values())
+        excess = np.array([trial.excess[0] for trial in trials])
+        for i in self.conflicting(nearest):
+            others = np.delete(excess, i, axis=1).max(axis=1, initial=-LOST) <= 0.0
+            alone = np.argmin(excess[:, i])
+            beside = np.argmin(np.where(others, excess[:, i], np.inf))
+            yield {
+                **stated(nearest.checks[0][i]),
+                "alone": trials[alone].checks[0][i].value,
+                "beside": trials[beside].checks[0][i].value if others.any() else None,
+            }
+
+
+def stated(check: BoundCheck) -> dict[str, Any]:
+    """A requirement with its value, as tables and ``--json`` have it."""
+    return {
+        "run": check.run,
+        "measure": f"{check.subject}.{check.measure}",
+        "sense": check.sense.replace("_", " "),
+        "bound": check.bound,
+        "value": check.value if check.flown else math.nan,
+        "margin": -check.margin if check.flown else math.nan,
+        "why": "" if check.met else check.why,
+    }
+
+
+def starting_gains(scenario: Scenario, law: Law) -> dict[str, PIGains]:
+    """Gains tuned for a law, and those of a scenario, by name; without what does not exist."""
+    sets: dict[str, PIGains | None] = {}
+    listed = [split_name(name)[1] for name in scenario.gain_names]
+    for name in dict.fromkeys([*tables.TUNED_FOR_AIRCRAFT, tables.TUNED, *listed]):
+        with suppress(InputError):  # e.g. no aircraft is identified
+            sets[name] = models.gain_set(scenario, law.names_of([name])[0])
+    return {name: gains for name, gains in sets.items() if gains is not None}
+
+
+@code.flies
+def meet(
+    scenario: Scenario | str | Path,
+    *,
+    also: Sequence[Scenario | str | Path] = (),
+    start: PIGains | str | None = None,
+    budget: int | None = None,
+    metric: str = ITAE,
+    campaign: str | Path | None = None,
+    success: float | None = None,
+    until_sure: bool = False,
+    changes: Mapping[str, Any] | None = None,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    observer: CampaignObserver | None = None,
+) -> Meeting:
+    """Find gains that meet the ``[[expect]]`` of a scenario, by flying candidates.
+
+    Seconds for the law, a minute for an aircraft (600 flights), several with a campaign.
+
+    Parameters
+    ----------
+    scenario : Scenario, str or Path
+        The gains are for its first law. Also a file, or the name of a shipped one.
+    also : sequence of Scenario, str or Path
+        Other scenarios whose requirements the same gains must meet; none with a campaign.
+    start : PIGains or str, optional
+        Gains to start from, also by name or file, by default the best of the tuned ones and the
+        scenario's.
+    budget : int, optional
+        Maximum number of flights, with those of the count on fresh draws, by default 600, or 6000
+        with a campaign.
+    metric : str
+        Metric to minimise once all requirements are met by 20 % of their bounds: ``ITAE``, the sum
+        over both channels, or a column of campaign rows; or ``margin``, which maximises the margin
+        further, by default ITAE. It is absent with a campaign.
+    campaign : str or Path, optional
+        Campaign that disperses the scenario: a file, or the name of a shipped one. The share of
+        draws that meet the requirements is maximised, and counted on the draws of the campaign,
+        none of which the search has seen or chosen by.
+    success : float, 1, optional
+        Share of the draws of a campaign on which gains must meet all requirements, by default 0.95.
+        The lower end of its interval must reach it, or the estimate where no count of so many draws
+        has such an end. It is absent without a campaign.
+    until_sure : bool
+        Count independent draws of a campaign, whatever its design, until it is sure whether the
+        gains found meet all requirements in that share of them, by a rule that is valid at any
+        number of draws, at a confidence of 0.95: a clear yes takes 84 draws at 0.95, a clear no 12.
+        By default as many draws are counted as the campaign has, at least 200; with this they are
+        the most.
+    changes : mapping of str to value, optional
+        Values to set in a scenario that is read from a file, by dotted key.
+    workers : int, optional
+        Processes that fly on this machine, by default one per core; the gains found do not depend
+        on them.
+    scheduler : str, optional
+        Address of a dask scheduler, ``tcp://HOST:PORT``, whose workers fly instead.
+    observer : CampaignObserver, optional
+        Receives the progress; may stop the search.
+
+    Returns
+    -------
+    Meeting
+        The best gains, even if they miss a requirement; those of the start if none of those found
+        miss less, or meet all by more or by as much. Where the start meets all, R_K is at least
+        half of its, unless R_K is bounded. What is ``worse`` with them is said.
+
+    Raises
+    ------
+    InputError, ScenarioError
+        If nothing is required, the law has no gains, or an argument is out of its range.
+    StoppedError
+        If the observer stopped the search.
+
+    Examples
+    --------
+    >>> meeting = ft.meet("paper_identified", start="tuned_identified", budget=4)
+    >>> meeting.status, meeting.start_met, meeting.gains.K_P.shape
+    ('met', True, (2, 2))
+    """
+    check_at_least(1, budget=budget)
+    if campaign is not None and also:
+        raise InputError("`also` must be absent with a campaign, which is about one scenario.")
+    loaded = load.as_scenario(scenario, changes)
+    starts, notes = {}, loaded.gains_notes()
+    if start is not None:
+        begun, name, gains = load.scenario_and_gains(loaded, start)
+        starts, notes = {name: gains}, begun.gains_notes(gains=name)
+    dispersed = None if campaign is None else load_campaign(campaign, loaded)
+    scenarios = [loaded if dispersed is None else dispersed.nominal, *map(load.as_scenario, also)]
+    law_table = scenarios[0].law_tables[0]
+    law = law_table.law
+    if not law.by_gains:
+        able = " or ".join(kind for kind, known in law_kinds().items() if known.by_gains)
+        raise InputError(f"`law` must be {able} for its gains to be tuned, got {law.name}.")
+    _check_campaign(dispersed, success, metric, until_sure)
+    success = SUCCESS if success is None else success
+    seen = dispersed and dispersed.model_copy(
+        update={"design": "random", "seed": dispersed.seed + 1}
+    )
+    campaigns = [flights_to_meet(scenario, law_table, seen) for scenario in scenarios]
+    if not (starts := starts or starting_gains(scenarios[0], law)):
+        raise InputError("`start` must be given: no gains could be tuned to start from.")
+    draws = 1 if dispersed is None else whole_cycles(campaigns[0], DRAWS)
+    budget = budget or (CAMPAIGN_BUDGET if campaign else BUDGET)
+    fresh = 0 if dispersed is None else _fresh_draws(dispersed)
+    counting = 2 * fresh * len(_required(scenarios[0]))
+    with WorkerPool(workers, scheduler, observer) as pool:
+        pool.progress.budget = budget
+        search = Search(campaigns, law, pool, metric=metric, draws=draws, success=success)
+        trials = dict(zip(starts, search.begin([*starts.values()], budget, counting), strict=True))
+        first = min(trials, key=lambda name: search.value(trials[name]))
+        search.wanted = max(WANTED, -float(trials[first].worst.max()))
+        if search.keep_R_K(trials[first]):
+            notes = (*notes, KEPT.format(first))
+        # Margins beyond those wanted are worth nothing on a campaign: what is not asked for pays.
+        if dispersed is None or trials[first].worst.max() > -WANTED:
+            search.search([*starts.values()], budget - counting)
+        best = nearest = search.best()
+        flown_start, counted, worst = trials[first], None, None
+        status, start_met = MET[best.met], flown_start.met
+        if dispersed is not None:
+            of_count = at_random(dispersed) if until_sure else dispersed
+            fresh_flights = [flights_to_meet(scenarios[0], law_table, of_count)]
+            count = Search(fresh_flights, law, pool, draws=fresh, success=success)
+            both = best.gains, flown_start.gains
+            (nearest, flown_start), counted = _count(count, both, success, until_sure)
+            status, of_start = counted.pop("statuses")
+            start_met = of_start == "met"
+            search.flights += count.flights
+            worst = count.in_draw(nearest.worst_draw)
+    assumed = [*dict.fromkeys(x for scenario in scenarios for x in scenario.assumptions)]
+    return Meeting(
+        status=status,
+        scenario=scenarios[0],
+        campaign=dispersed,
+        gains=nearest.gains,
+        start=first,
+        start_gains=trials[first].gains,
+        start_met=start_met,
+        flights=search.flights,
+        candidates=search.candidates,
+        metric={"name": metric, "value": nearest.metric, "start": flown_start.metric},
+        requirements=[*_requirements(nearest, flown_start, search.conflicting(nearest))],
+        worse=[*_worse(scenarios[0], law, nearest, flown_start)],
+        trade_offs=[] if best.met or dispersed else [*search.trade_offs(best)],
+        success=counted,
+        worst=worst,
+        trials=[*search.trials.values()],
+        tuned_for={
+            "aircraft": tables.flown_aircraft(x for each in scenarios for x in each.plant),
+            "V_a_mps": sorted({V for scenario in scenarios for V in scenario.airspeeds}),
+            **({"assumed": assumed} if assumed else {}),
+        },
+        notes=notes if dispersed else (*notes, *nearest.held),
+        endings=pool.progress.endings,
+    )
+
+
+def _check_campaign(
+    dispersed: Campaign | None, success: float | None, metric: str, until_sure: bool
+) -> None:
+    """Refuse what is only about a campaign without one, and what cannot be with one."""
+    if until_sure and (dispersed is None or success == 1.0):
+        got = "a success of 1" if dispersed else "none"
+        raise InputError(f"`until_sure` must be with a campaign and a success below 1, got {got}.")
+    if success is not None and dispersed is None:
+        raise InputError(
+            f"`success` must be absent without a campaign, whose draws it counts, got {success:g}."
+        )
+    if success is not None and not 0.0 < success <= 1.0:
+        raise InputError(f"`success` must be above 0 and at most 1, got {success:g}.")
+    if dispersed is not None and metric != ITAE:
+        raise InputError(
+            "`metric` must be absent with a campaign, whose share of flights that succeed is "
+            f"maximised, got {metric}."
+        )
+
+
+def _fresh_draws(campaign: Campaign) -> int:
+    """Draws of a campaign on which gains are counted: its own, and at least `COUNTED`."""
+    groups = len(campaign.nominal.gain_names) * len(campaign.nominal.plant)
+    return whole_cycles(campaign, max(COUNTED, (campaign.runs or 0) // groups))
+
+
+def _count(
+    count: Search, sets: Sequence[PIGains], wanted: float, until_sure: bool
+) -> tuple[list[Trial], dict[str, Any]]:
+    """Fly gains and start on fresh draws, all or until it is sure; the shares that meet all."""
+    trials: list[Trial] = []
+    flags: list[npt.NDArray[np.bool_]] = []
+    n, answers = 0, [""]
+    ends = [*range(0, count.draws, LOOK if until_sure else count.draws), count.draws]
+    for begin, n in pairwise(ends):
+        trials = count.fly(sets, range(begin, n))
+        # The search chose these gains on its own draws: a choice on the fresh ones would make the
+        # interval false.
+        # Of gains whose loop is unstable all draws are there, without a flight.
+        flown = ~trials[0].default
+        flags = [trial.excess[:n, flown].max(axis=1) <= 0.0 for trial in trials]
+        if until_sure:
+            answers = [sure(int(np.sum(~met)), n, 1.0 - wanted, CONFIDENCE) for met in flags]
+        if answers[0]:
+            break
+    if until_sure:  # an interval is not valid at a number of draws that the draws decide
+        shares = [{"value": float(met.mean()), "n": n} for met in flags]
+        by, statuses = "evidence", [SURELY[answer] for answer in answers]
+    else:
+        # The lower end of the interval decides, unless it is below `wanted` for any count.
+        cycles = np.arange(n) // cycle(count.campaigns[0])
+        by = "lo" if share(np.ones(n, dtype=bool), cycles).lo >= wanted else "value"
+        shares = [share(met, cycles)._asdict() for met in flags]
+        statuses = [MET[part[by] >= wanted] for part in shares]
+    by_default = trials[0].default
+    return trials, {
+        "share": shares[0],
+        "of_start": shares[1],
+        "by": by,
+        "sure": answers[0],
+        "statuses": [
+            status if (trial.excess[:, by_default] <= 0.0).all() else "missed"
+            for status, trial in zip(statuses, trials, strict=True)
+        ],
+        "wanted": wanted,
+        "worst_draw": trials[0].worst_draw,
+        "seed": count.campaigns[0].seed,
+    }
+
+
+def _requirements(trial: Trial, start: Trial, active: Sequence[int]) -> Iterator[dict[str, Any]]:
+    """The requirements with their values on the worst draw, and the shares that meet each."""
+    draw = trial.worst_draw
+    before = start.checks[draw % len(start.checks)]  # an unstable start has one draw
+    for i, check in enumerate(trial.checks[draw]):
+        yield {
+            **stated(check),
+            "active": i in active,
+            "start": before[i].value,
+            "share": float((trial.excess[:, i] <= 0.0).mean()),
+            "share_start": float((start.excess[:, i] <= 0.0).mean()),
+        }
+
+
+def _worse(scenario: Scenario, law: Law, trial: Trial, start: Trial) -> Iterator[dict[str, Any]]:
+    """Margins and errors at the end that are worse than with the gains of the start."""
+    name = law.names_of(["0"])[0]
+    now, before = (models.loop_measures(scenario, name, x.gains, LOOP) for x in (trial, start))
+    for measure in LOOP:
+        if now.get(measure, 0.0) < (1.0 - NOTED) * before.get(measure, 0.0):
+            lower = now.get(measure, math.nan)
+            yield {"measure": f"loop.{measure}", "value": lower, "start": before[measure]}
+    for channel, error in trial.ends.items():
+        first = start.ends.get(channel, math.inf)
+        if error > max(NO_ERROR, (1.0 + NOTED) * first):
+            measure = f"{channel}.end_error_{'mps' if channel == AIRSPEED else 'rad'}"
+            yield {"measure": measure, "value": error, "start": first}
+
+
+def whole_cycles(campaign: Campaign, draws: int) -> int:
+    """At least so many draws, in whole cycles of the design."""
+    return -(-draws // cycle(campaign)) * cycle(campaign)
+
+
+def _required(scenario: Scenario) -> list[str]:
+    """Labels of the plants with requirements; in wind aircraft first: others replay their wind."""
+    plants = sorted(scenario.plant, key=lambda x: scenario.windy and x.aircraft is None)
+    labels = (plant.label for plant in plants)
+    return [label for label in labels if any(goes_by(label, x.plant) for x in scenario.expect)]
+
+
+def _default_margins(scenario: Scenario) -> list[tables.ExpectTable]:
+    """`MARGINS` as a requirement, without those that the scenario bounds itself."""
+    own = (name for table in scenario.expect for name in table.at_least.get("loop", ()))
+    bounded = {*map(tables.in_rad, own)}
+    left = {name: bound for name, bound in MARGINS.items() if tables.in_rad(name) not in bounded}
+    return [tables.ExpectTable(at_least={"loop": left})] if left else []
+
+
+def _metric(row: Row, metric: str) -> float:
+    if metric == ITAE:
+        return row["chi.ITAE"] + row["gamma.ITAE"]
+    if metric == MARGIN:
+        return math.nan
+    value = row[tables.in_rad(metric)]
+    if value is None:
+        return math.inf
+    return value if tables.in_rad(metric) == metric else value / DEG
+
+
+def _varied(gains: PIGains, factors: tuple[float, float]) -> PIGains:
+    """Gains with factors on K_P and on K_I, without those that are rounding."""
+    K = np.where(np.abs(gains.K) < ROUNDING * np.abs(gains.K).max(), 0.0, gains.K)
+    return _of_matrix(gains, K * np.repeat(factors, len(gains.errors)))
+
+
+def _of_matrix(gains: PIGains, K: FloatArray) -> PIGains:
+    """Gains with other numbers, stacked as those of `PIGains.K`."""
+    K_P, K_I = np.hsplit(K, 2)
+    return replace(gains, K_P=K_P, K_I=K_I)
+
+
+def _squeezed(x: float) -> float:
+    """A number between -1 and 1 that grows with `x`."""
+    return x / (1.0 + abs(x)) if math.isfinite(x) else math.copysign(1.0, x)

@@ -1,0 +1,181 @@
+"""Fly runs of recordings, campaigns and bands again, and compare them to the bit."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from flighttune.base.errors import InputError, RecordingError, ScenarioError, naming
+from flighttune.base.files import code
+from flighttune.base.files.load import BAND, DATASET, RECORDING, load_one
+from flighttune.campaigns.dataset import Dataset
+from flighttune.campaigns.engine.pool import WorkerPool
+from flighttune.campaigns.engine.progress import CampaignObserver
+from flighttune.campaigns.flying.rows import fly_again, row_differences
+from flighttune.claims.band import Band
+from flighttune.claims.counted import Counted
+from flighttune.claims.counted_flights import plan_of
+from flighttune.claims.counting import differing, some_draws
+from flighttune.flight.apart import Progress
+from flighttune.flight.loop.run import Run
+from flighttune.flight.own import LawMaker, PlantMaker, ask_to_fly
+from flighttune.flight.records.parquet import Recording
+from flighttune.flight.records.refly import (
+    CheckedRun,
+    Difference,
+    Reflown,
+    changed_versions,
+    reflights,
+)
+
+# Runs drawn of a campaign or band by default.
+DRAWN = 5
+
+FLOWN = "recording, its folder, the Parquet file of a run, the folder of a campaign, or a band"
+
+OTHER_EXTREMES = Difference("extremes", None, "those of the band", "others")
+
+
+@code.flies_again
+def refly(
+    source: str | Path | Recording | Dataset | Counted | Sequence[Run],
+    run: int | None = None,
+    *,
+    count: int | None = None,
+    run_code: bool = False,  # noqa: ARG001 - of the decorator
+    laws: Mapping[str, LawMaker] | None = None,
+    plants: Mapping[str, PlantMaker] | None = None,
+    progress: Progress | None = None,
+    observer: CampaignObserver | None = None,
+) -> Reflown:
+    """Fly recorded runs, rows of a campaign or flights of a band again; compare them to the bit.
+
+    A flight takes as long as in `fly`; those of a band are flown by one process per core.
+
+    Parameters
+    ----------
+    source : str, Path, Recording, Dataset, Band or sequence of Run
+        A recording, its folder or a Parquet file of one run: all runs are flown again, from the
+        scenario and seed in them. The folder of a campaign, or the file of a band; or what `load`
+        returns of these.
+    run : int, optional
+        Number of the run in a campaign (column `run`), or of the draw of a band; by default some
+        are drawn at random.
+    count : int, optional
+        Number of runs drawn at random of a campaign or band, by default 5; not with `run`.
+    run_code : bool
+        Run the Python files that the runs name; without it such runs are refused.
+    laws, plants : mapping of str to callable, optional
+        As for `fly`, where recorded runs were flown with them.
+    progress : callable, optional
+        Called with how far each flight is.
+    observer : CampaignObserver, optional
+        Receives the progress of flights of a band; may stop them.
+
+    Returns
+    -------
+    Reflown
+        If one `run` was stated it has the flight too, with the band around it.
+
+    Raises
+    ------
+    RecordingError
+        If there are no such runs, they are of several scenarios, or not flown as their scenario
+        says (a rung of a ladder, a figure of the paper).
+    ScenarioError
+        If a scenario cannot be read, being from another version, or its code may not run.
+    InputError
+        If `count` is given where no runs are drawn, a band has fewer flights, or the files of an
+        aircraft have changed since.
+
+    Examples
+    --------
+    >>> files = ft.record(ft.fly("paper_as_printed"), "runs/printed")
+    >>> ft.refly("runs/printed").equal
+    True
+    """
+    if count is not None and (run is not None or count < 1):
+        got = f"{count} and run {run}" if run is not None else str(count)
+        raise InputError(f"`count` must be at least 1, and absent with `run`, got {got}.")
+    recorded = load_one(source, FLOWN, RECORDING, DATASET, BAND)
+    name = str(source) if isinstance(source, str | Path) else "the band"
+    if isinstance(recorded, Counted | Dataset):
+        of_count = isinstance(recorded, Counted)
+        name = name if of_count else str(recorded.folder)
+        plan = plan_of(recorded) if of_count else recorded.plan
+        versions = {} if of_count else changed_versions(recorded.versions)
+        with naming(name, ScenarioError):
+            ask_to_fly(plan.scenario, plan.flown)
+        again = (
+            _draws_again(recorded, name, run, count or DRAWN, observer)
+            if of_count
+            else _rows_again(recorded, name, run, count or DRAWN)
+        )
+        drawn = tuple(again)
+        flown = None if run is None else fly_again(plan, run, progress=progress)
+        if flown is not None and run is not None and isinstance(recorded, Band):
+            of_band = not recorded.why_not(flown[plan.group_of(run).label])
+            flown = flown.within(recorded) if of_band else flown
+        return Reflown(source=name, runs=drawn, versions=versions, flown=flown)
+    if isinstance(recorded, Recording):
+        name, runs, missing = str(recorded.path), recorded.runs, recorded.missing
+    else:
+        name, runs, missing = "the runs", recorded, ()
+    for key, value in {"run": run, "count": count}.items():
+        if value is not None:
+            raise InputError(f"{name}: `{key}` must be absent: all runs of a recording fly again.")
+    try:
+        checked = reflights(runs, laws=laws, plants=plants, progress=progress)
+    except (RecordingError, ScenarioError) as error:
+        if not isinstance(recorded, Recording):
+            raise
+        raise RecordingError(f"{name}: {error}") from error
+    changed = [changed_versions(run.provenance.versions) for run in runs]
+    versions = {key: pair for run in changed for key, pair in run.items()}
+    return Reflown(source=name, runs=checked, versions=versions, missing=missing)
+
+
+def _rows_again(dataset: Dataset, name: str, run: int | None, count: int) -> Iterator[CheckedRun]:
+    """Rows of a campaign against their runs."""
+    plan = dataset.plan
+    if run is not None:
+        runs = [run]
+    else:
+        rows = dataset.rows(["run", "status"]).to_pylist()
+        # others may crash or hang again, in this process
+        numbers = [row["run"] for row in rows if row["status"] not in ("crashed", "timed_out")]
+        drawn = np.random.default_rng().choice(numbers, min(count, len(numbers)), replace=False)
+        runs = sorted(drawn.tolist())
+    for number in runs:
+        if (part := next((part for part in dataset.parts if number in part.runs), None)) is None:
+            raise RecordingError(
+                f"{name}: `run` must be one that was flown, got {number} of {plan.runs}."
+            )
+        row = dataset.read_part(part).slice(part.runs.index(number), 1).to_pylist()[0]
+        reason = row["reason"] or row["missed"]
+        yield CheckedRun(
+            name=f"run {number}: {row['plant']} / {row['gains']}, draw {row['draw']}",
+            status=f"{row['status']}: {reason}" if reason else row["status"],
+            differences=row_differences(plan, number, row),
+            drawn={key: row[key] for key in (*plan.keys, "seed")},
+        )
+
+
+def _draws_again(
+    band: Counted, name: str, run: int | None, count: int, observer: CampaignObserver | None
+) -> Iterator[CheckedRun]:
+    """Flights of a band against the extremes that it keeps of them."""
+    plan, completed = plan_of(band), dict(zip(band.draws, np.isfinite(band.scores), strict=True))
+    if run is not None and run not in completed:
+        first, last = band.draws[[0, -1]]
+        raise InputError(f"{name}: `run` must be {first} to {last}, got {run}.")
+    draws = some_draws(band, count) if run is None else [run]
+    with WorkerPool(None, None, observer) as pool:
+        differ = differing(band, draws, pool)
+    for draw in draws:
+        yield CheckedRun(
+            name=f"draw {draw}",
+            status="completed" if completed[draw] else "not completed",
+            differences=(OTHER_EXTREMES,) if draw in differ else (),
+            drawn=plan.values_of(draw),
+        )

@@ -1,0 +1,605 @@
+"""The worst flight of a stated set, searched for."""
+
+import math
+import warnings
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+from scipy.special import chdtri, ndtr
+
+from flighttune.base.answers.answer import Answer, Answering, Table, pick
+from flighttune.base.answers.names import CHANNEL_SYMBOLS, columns, endings_table
+from flighttune.base.arguments import checked_class
+from flighttune.base.arrays import FloatArray, check_at_least
+from flighttune.base.errors import InputError
+from flighttune.base.files import code
+from flighttune.base.files.load import CLAIMS, load_one, written
+from flighttune.base.files.load import TUBE as TUBE_FILE
+from flighttune.base.files.table import toml_text
+from flighttune.base.files.whole import write_text
+from flighttune.base.units import DEG_PER_RAD
+from flighttune.campaigns.engine.pool import WorkerPool
+from flighttune.campaigns.engine.progress import CampaignObserver
+from flighttune.campaigns.flying.columns import measured_in
+from flighttune.campaigns.flying.rows import Drawn, Probes, scenario_of_run
+from flighttune.campaigns.planning.draws import LARGEST_POINT, SEED, SMALLEST_POINT, correlated
+from flighttune.campaigns.planning.plan import Plan, plan_campaign
+from flighttune.campaigns.planning.schema import MEASURES, Campaign
+from flighttune.campaigns.planning.source import Flights, about, flights
+from flighttune.claims import counted_flights, counting
+from flighttune.claims.counted import About, BandFlights, Counted
+from flighttune.claims.monitor import LogMonitor
+from flighttune.claims.tubes.enclosure import Tube
+from flighttune.claims.verify import AnyClaim
+from flighttune.control.certificates.bound import RateBound
+from flighttune.control.certificates.certificate import Certificate
+from flighttune.flight.flown import bound_checks
+from flighttune.flight.fly import fly
+from flighttune.flight.loop.run import ERRORS, Bounds, Run
+from flighttune.flight.scenario.load import scenario_from, with_gains
+from flighttune.flight.scenario.schema import GainsTable, Scenario
+from flighttune.vehicles.plants.jsbsim.plant import LARGEST_SEED
+
+# Metric: largest excess over a requirement relative to its bound; 0 just meets it.
+MARGIN = "margin"
+
+# Metric: share of a tube that the errors use; beyond 1 they leave it.
+TUBE = "tube"
+
+# Metric: share of a band that a flight uses; beyond 1 it is outside.
+BAND = "band"
+
+# Share of the stated distribution inside the region searched.
+REGION = 0.999
+
+# Flights of a generation: enough to keep workers busy.
+POPULATION = 32
+
+# Every this many generations the worst draw so far is flown with other seeds.
+SEEDS_EVERY = 6
+
+# First step of a search about the worst draw so far, in standard deviations.
+SPREAD = 0.5
+
+# Share of a tube by which a flight from a corner of the starts may be outside: starts in files are
+# in deg, and the edge of the tube is that corner.
+ROUNDING = 1e-9
+
+# Value of a flight that was not flown to its end, beyond all others.
+FAILED = 1e3
+
+WORST_COLUMNS = columns(
+    "plant gains value first distance radius status ratio.chi ratio.gamma ratio_of_search.chi "
+    "ratio_of_search.gamma family",
+    of="worst",
+)
+
+Seeds = npt.NDArray[np.int64]
+Indices = npt.NDArray[np.intp]
+
+# Intervals of a flight in each of which the sensitivity to a bang-bang disturbance is measured, and
+# times at which the disturbances of a round push an error.
+INTERVALS, TARGETS = 45, 25
+
+# Values of the metric for n draws, larger is worse. The arguments are normal scores before
+# correlation, shape (n, d), and seeds, shape (n,).
+Objective = Callable[[FloatArray, Seeds], FloatArray]
+
+
+@checked_class
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class WorstFlight(Answering):
+    """The worst flight that a search found.
+
+    Attributes
+    ----------
+    scenario : Scenario
+        This flight alone, which `fly` flies.
+    metric : str
+        The quantity that was maximised.
+    value : float
+        Its value; infinite for a flight that ended early.
+    first : float
+        Worst value of the first generation, which is drawn from the distribution.
+    flights : int
+        Number of flights.
+    family : "bang_bang", "square_wave" or None
+        Disturbance of the flight.
+    distance, radius : float or None
+        Distance from the median in standard normal space, and radius of the region searched; None
+        for a bang-bang disturbance.
+    status, missed, plant, gains : str
+        Outcome, requirements missed, and labels of the flight.
+    drawn : mapping
+        Dispersed keys and the seed, or amplitudes and switching times.
+    ratio, ratio_of_search : mapping of str to float, or None
+        With a tube: its largest half width over the largest distance from its middle, by channel,
+        of this flight and of all flights of the search; below 1 the tube is left.
+    endings : sequence of mapping
+        ``run``, ``status`` and ``reason`` of the flights of the search that were not completed.
+    contradicts : bool
+        Whether the flight leaves a tube that is proven for it, which is then wrong.
+
+    Examples
+    --------
+    >>> worst = ft.worst("first_campaign", budget=32, metric="chi.ITAE", plant="kinematic")
+    >>> worst.value == worst.first, worst.scenario.plant[0].label
+    (True, 'kinematic')
+    """
+
+    scenario: Scenario
+    metric: str
+    value: float
+    first: float
+    flights: int
+    family: str | None
+    distance: float | None
+    radius: float | None
+    status: str
+    missed: str
+    plant: str
+    gains: str
+    drawn: Mapping[str, Any]
+    ratio: Mapping[str, float] | None = None
+    ratio_of_search: Mapping[str, float] | None = None
+    contradicts: bool = False
+    endings: Sequence[Mapping[str, Any]] = ()
+
+    def save(self, path: str | Path) -> None:
+        """Write the flight as a scenario (.toml)."""
+        write_text(Path(path), toml_text(self.scenario.as_dict()))
+
+    def answer(self) -> Answer:
+        """The flight and what was drawn for it; a failure if it contradicts the proof of a tube."""
+        values = pick(self, "metric value first flights family distance radius status missed plant")
+        values |= pick(self, "gains drawn ratio ratio_of_search")
+        drawn = [
+            # A seed is no quantity: all its digits are needed to fly it again.
+            {"key": key, "value": value if isinstance(value, float) else str(value)}
+            for key, value in self.drawn.items()
+        ]
+        near = f"the worst flight uses {self.value:.4g} of the {self.metric}"
+        notes = [*self.scenario.gains_notes(self.plant, self.gains)]
+        notes += [near] * (self.metric in (TUBE, BAND) and not self.contradicts)
+        return Answer(
+            values=values,
+            tables=[
+                Table(WORST_COLUMNS, [values], f"worst {self.metric} in {self.flights} flights"),
+                Table(columns("key value"), drawn, "drawn"),
+                endings_table(self.endings),
+            ],
+            notes=notes,
+            verdict="" if self.contradicts else self.missed or "no requirement is missed",
+            failure=f"{near}: this contradicts its proof" if self.contradicts else "",
+        )
+
+
+@code.flies
+def worst(  # noqa: PLR0913 - each is a choice of the user, and has a default
+    source: Flights | Scenario | Campaign | Plan | Tube | Counted | str | Path,
+    *,
+    claim: Tube | Path | str | None = None,
+    budget: int = 2000,
+    metric: str | None = None,
+    gains: str | None = None,
+    plant: str | None = None,
+    completed: bool = False,
+    start_deg: float = 0.0,
+    disturbance: float = 0.0,
+    seed: int = 1,
+    changes: Mapping[str, Any] | None = None,
+    run_code: bool = False,  # noqa: ARG001 - of the decorator
+    workers: int | None = None,
+    scheduler: str | None = None,
+    observer: CampaignObserver | None = None,
+) -> WorstFlight:
+    """Search dispersions and disturbances for the worst flight.
+
+    2000 flights take seconds for the law and minutes for an aircraft.
+
+    Parameters
+    ----------
+    source : Flights, Scenario, Campaign, Plan, Tube, Band, str or Path
+        A campaign (file, shipped name or folder), whose dispersions are searched, a scenario with
+        `start_deg` or `disturbance`, or the file of a tube or band: its flights are searched for
+        the one nearest to its edge.
+    claim : Tube, Path or str, optional
+        Tube to whose bounds the flight shall come closest; the answer says how many times wider it
+        is.
+    budget : int
+        Maximum number of flights.
+    metric : str, optional
+        Metric to maximise: a column of a campaign's rows, or ``margin``, the largest excess over a
+        requirement relative to its bound, by default margin if there are requirements, else
+        ``chi.ITAE``.
+    gains : str, optional
+        Gain set by name or file, by default the one tuned for the aircraft, else the first.
+    plant : str, optional
+        Label of the plant, by default the first.
+    completed : bool
+        Consider only completed flights.
+    start_deg : float, deg
+        Half-width of the start range in course and path angle.
+    disturbance : float, rad/s
+        Largest disturbance of a scenario's two rates, bang-bang or square.
+    seed : int
+        Seed of the search.
+    changes : mapping of str to value, optional
+        Values to set in the scenario, by dotted key.
+    run_code : bool
+        Run Python files that the folder of a campaign or the file of a band names.
+    workers : int, optional
+        Processes that fly on this machine, by default one per core; the flight does not depend on
+        them.
+    scheduler : str, optional
+        Address of a dask scheduler, ``tcp://HOST:PORT``, whose workers fly instead.
+    observer : CampaignObserver, optional
+        Receives the progress; may stop the search.
+
+    Returns
+    -------
+    WorstFlight
+
+    Raises
+    ------
+    InputError, ScenarioError
+        If source, gains or plant are not there, nothing is dispersed, the budget is too small, or
+        other flights are asked for than those of a tube or band.
+    StoppedError
+        If the observer stopped the search.
+
+    Examples
+    --------
+    >>> ft.worst("first_campaign", budget=32, metric="chi.ITAE", plant="kinematic").flights
+    32
+    """
+    tube: Tube | None = load_one(claim, "tube", TUBE_FILE)
+    stated = written(source, *CLAIMS) or source
+    place = f"{source}: " if stated is not source else ""
+    if isinstance(stated, AnyClaim):
+        if metric or gains or start_deg or disturbance or changes or claim:
+            raise InputError(
+                f"{place}metric, gains, starts, disturbance, changes and claim must be absent for "
+                "a tube or band file, which has its own."
+            )
+        plan, searched_in = _flights_of(stated, place)
+        tube = stated if isinstance(stated, Tube) else None
+    else:
+        if tube is not None and metric is not None:
+            raise InputError("`metric` must not be given with a tube, whose share is the metric.")
+        if metric not in (None, MARGIN, *MEASURES):
+            raise InputError(
+                f"`metric` must be {MARGIN} or one of {', '.join(MEASURES)}, got {metric!r}."
+            )
+        searched_for = flights(stated, changes=changes).starting(start_deg).disturbed(disturbance)
+        plan, sizes = searched_for.plan(plant=plant, gains=gains), (disturbance, disturbance)
+        searched_in = dict[str, Any](metric=metric, sizes=sizes, start_deg=start_deg)
+    bounds = None if tube is None else tube.bounds.of(ERRORS)
+    if bounds is not None:
+        searched_in |= {"metric": TUBE, "probes": {TUBE: partial(_use_of, bounds)}}
+    group = plan.chosen_group(plant, gains if gains in plan.gain_sets else None)
+    if not plan.keys:
+        raise InputError(
+            f"{stated}: `disperse` must name a key to search; for a scenario give --start-deg or "
+            "--disturbance."
+        )
+    with WorkerPool(workers, scheduler, observer) as pool:
+        searched = StatedSet(plan.of_group(group), pool, completed=completed, **searched_in)
+        flight = searched.find_worst(budget=budget, seed=seed)
+        flight = replace(flight, endings=pool.progress.endings)
+    if tube is None or bounds is None:
+        return flight
+    of_search = {
+        channel: 1.0 / share if share else math.inf  # no flight came to its end
+        for channel, share in zip(CHANNEL_SYMBOLS, searched.reach.tolist(), strict=True)
+    }
+    (run,) = fly(flight.scenario).runs
+    # That of an aircraft holds only flights whose residual rates keep its boxes, which are counted.
+    proven = tube.problem.boxes is None and not tube.why_not(run)
+    return replace(
+        flight,
+        ratio=bounds.ratios(run.signals),
+        ratio_of_search=of_search,
+        contradicts=proven and bounds.share(run.signals) > 1.0 + ROUNDING,
+    )
+
+
+def _flights_of(claim: AnyClaim, place: str) -> tuple[Plan, dict[str, Any]]:
+    """The plan of the flights of a claim, and how they are searched."""
+    if isinstance(claim, Certificate | RateBound):
+        raise InputError(f"{place}must be of flights, to be searched, got a claim about gains.")
+    if isinstance(claim, LogMonitor):
+        raise InputError(f"{place}must be of flights, to be searched, got a monitor of logs.")
+    if isinstance(claim, Counted):
+        if not claim.claims:
+            raise InputError(f"{place}the band must have a claim, got none.")
+        share_of = partial(_share_of, claim.about, claim.flights, claim.scale)
+        return counted_flights.plan_of(claim), {"metric": BAND, "probes": {BAND: share_of}}
+    if claim.status != "bounded":
+        raise InputError(f"{place}the tube must be bounded, got one that is not: {claim.reason}.")
+    problem, sizes = claim.problem, (0.0, 0.0)
+    if problem.boxes is None:  # with boxes, what disturbs the model is no disturbance of a flight
+        chi, gamma = problem.disturbances[1].max(axis=0).tolist()
+        sizes = chi, gamma
+    if not (problem.start or any(sizes)):
+        raise InputError(
+            f"{place}the tube must have a range of starts or a disturbance to search, got that of "
+            "one flight."
+        )
+    gains = {"name": "tube", **problem.gains.as_lists(), "law": problem.gains.law}
+    table, title = GainsTable.model_validate(gains), problem.scenario.title
+    scenario = with_gains(problem.scenario, [f"{problem.law.name}:tube"], title, [table])
+    start_deg = problem.start * DEG_PER_RAD
+    plan = plan_campaign(about(scenario, "tube", problem.plant, start_deg, sizes))
+    return plan, {"sizes": sizes, "start_deg": start_deg}
+
+
+class StatedSet:
+    """The flights of a plan of one group: flies them and keeps the worst."""
+
+    def __init__(
+        self,
+        plan: Plan,
+        pool: WorkerPool,
+        *,
+        metric: str | None = None,
+        probes: Probes | None = None,
+        sizes: tuple[float, float] = (0.0, 0.0),
+        start_deg: float = 0.0,
+        completed: bool = False,
+    ) -> None:
+        (group,) = plan.groups
+        tables = plan.scenario.expected(group.plant, group.gains)
+        bounded = any(table.at_most or table.at_least for table in tables)
+        self.plan, self.metric = plan, metric or (MARGIN if bounded else "chi.ITAE")
+        self.disturbances = sizes  # of both rates, rad/s
+        self.flights = 0
+        self.worst: dict[str, Any] = {"value": -math.inf}
+        self._made_by: tuple[Plan, Drawn] = plan, {}  # plan and draw of the worst row
+        # largest distance of all flights from the middle of the tube over the largest half width
+        self.reach = np.zeros(2)
+        self._start_deg, self._lost = start_deg, -FAILED if completed else FAILED
+        self._probes, self.pool = probes or {}, pool
+
+    def find_worst(self, *, budget: int, seed: int) -> WorstFlight:
+        """Search for the worst flight by at most `budget` flights.
+
+        Evolution strategy with covariance matrix adaptation (N. Hansen, "The CMA evolution
+        strategy: a tutorial", arXiv 1604.00772) on the normal scores of the dispersed keys; the
+        first generation is drawn from their distribution. The region is the ball that holds the
+        share `REGION` of that distribution; a point outside is moved to its surface. The seed of
+        turbulence and noise is that of the worst flight so far; every `SEEDS_EVERY` generations
+        that flight is flown with other seeds. With a disturbance, up to half of the budget is first
+        spent on bang-bang disturbances.
+        """
+        check_at_least(POPULATION, budget=budget)
+        self.pool.progress.budget = budget
+        family, keys = None, self.plan.keys
+        if any(self.disturbances):
+            family = "square_wave"
+            # In a tube one channel at a time: else only the one nearer to its bound is searched.
+            channels = (0, 1) if TUBE in self._probes else (None,)
+            for channel in channels:
+                self._fly_bang_bang(budget // 2 // len(channels), channel)
+        z, _, first = search_worst(self.values, len(keys), budget=budget - self.flights, seed=seed)
+        (plan, drawn), row = self._made_by, self.worst
+        place = {"distance": float(np.linalg.norm(z)), "radius": region_radius(len(keys))}
+        if plan.keys != keys:
+            family, place = "bang_bang", {"distance": None, "radius": None}
+        title = f"the worst flight found of: {plan.campaign.title}"
+        return WorstFlight(
+            scenario=scenario_of_run(plan, row["run"], drawn).model_copy(update={"title": title}),
+            metric=self.metric,
+            value=row["value"] if row["value"] < FAILED else math.inf,
+            first=first if first < FAILED else math.inf,
+            flights=self.flights,
+            family=family,
+            **place,
+            **{key: row[key] for key in ("status", "missed", "plant", "gains")},
+            drawn=drawn,
+        )
+
+    def values(self, z: FloatArray, seeds: Seeds) -> FloatArray:
+        """Fly draws and return the metric of each; an `Objective`."""
+        campaign = self.plan.campaign
+        u = np.clip(ndtr(z), SMALLEST_POINT, LARGEST_POINT)
+        u = correlated(u, list(campaign.keys), campaign.correlation)
+        columns = {table.key: table.at(u[:, i]) for i, table in enumerate(campaign.disperse)}
+        draws = pd.DataFrame(columns | {SEED: seeds % (LARGEST_SEED + 1)}).to_dict("records")
+        return self._fly(self.plan.with_runs(len(draws)), draws)
+
+    def _fly_bang_bang(self, budget: int, channel: int | None) -> None:
+        """Push each error, or that of one channel, at some times as far as a disturbance can.
+
+        A flight is an array of signs, shape (1 + samples, 2): of the deviations of the start, then
+        of the disturbances from each sample to the next. For a linear loop the disturbance
+        ``d_k = D sign(de(T)/dd_k)`` is the worst there is for the error at time T. The first
+        derivatives are about a disturbance that alternates, which hardly moves the flight; limits
+        bend the loop, so that those of later rounds are about the worst flight so far.
+        """
+        scenario, pushed = self.plan.scenario, (0, 1) if channel is None else (channel,)
+        samples = round(scenario.flight.duration_s * scenario.controller.rate_hz)
+        parts = np.array_split(np.arange(1, samples + 1), min(INTERVALS, samples))
+        blocks = [np.array([0]), *parts]
+        targets = np.unique(np.linspace(1, samples, TARGETS).round().astype(np.intp))
+        signs, worst = np.ones((1 + samples, 2)), -np.inf
+        for block in blocks[::2]:
+            signs[block] = -1.0
+        # A round: the middle, a change of each channel in each block, both senses of each target.
+        cost = 1 + 2 * len(blocks) + 2 * len(targets) * len(pushed)
+        while budget >= cost:
+            budget -= cost
+            others = (_other(signs, *changed) for changed in product(blocks, (0, 1)))
+            flown = self._errors(*self._switched([signs, *others]))
+            slopes = _slopes(signs, blocks, flown, targets, pushed)
+            tried = [
+                np.where(slope == 0.0, signs, sense * np.sign(slope))
+                for slope, sense in product(slopes, (1.0, -1.0))
+            ]
+            reached = self._fly(*self._switched(tried), channel)
+            if reached.max() <= worst:
+                break
+            signs, worst = tried[int(reached.argmax())], reached.max()
+
+    def _switched(self, flights: Sequence[FloatArray]) -> tuple[Plan, list[Drawn]]:
+        """The plan and draws of flights given as arrays of signs, see `_fly_bang_bang`."""
+        campaign, rate = self.plan.campaign, self.plan.scenario.controller.rate_hz
+        starts = [table for table in campaign.disperse if table.key.startswith("flight.")]
+        tables = self.plan.scenario.as_dict()
+        tables.pop("disturbance")
+        nominal = scenario_from(tables)
+        draws: list[Drawn] = []
+        for signs in flights:
+            start = zip(starts, signs[0].tolist(), strict=False)
+            drawn: dict[str, Any] = {table.key: self._start_deg * sign for table, sign in start}
+            disturbed = zip(CHANNEL_SYMBOLS, self.disturbances, signs[1:].T, strict=True)
+            for channel, size, column in disturbed:
+                switches = (np.flatnonzero(np.diff(column)) + 1) / rate
+                drawn[f"disturbance.{channel}_amplitude"] = size * float(column[0])
+                drawn[f"disturbance.{channel}_switch_s"] = switches.tolist()
+            draws.append({**drawn, SEED: nominal.seed})
+        changed = {"nominal": nominal, "central": nominal, "disperse": starts}
+        campaign = campaign.model_copy(update=changed)
+        return replace(self.plan, campaign=campaign, runs=len(draws)), draws
+
+    def _errors(self, plan: Plan, draws: Sequence[Drawn]) -> list[FloatArray | None]:
+        """Fly draws and return the errors of each; None for a flight that ends early."""
+        errors = [row.get("errors") for row in self._rows(plan, draws, {"errors": _errors_of})]
+        return [None if flat is None else np.reshape(flat, (-1, 2)) for flat in errors]
+
+    def _fly(self, plan: Plan, draws: Sequence[Drawn], channel: int | None = None) -> FloatArray:
+        """Fly draws and return the metric of each, or its reach in one `channel` of the tube."""
+        rows = self._rows(plan, draws, self._probes)
+        values = np.array([value_of(row, self.metric, plan.scenario) for row in rows])
+        values[values >= FAILED] = self._lost
+        i = int(np.argmax(values))
+        if values[i] > self.worst["value"]:
+            self.worst, self._made_by = {**rows[i], "value": float(values[i])}, (plan, draws[i])
+        if TUBE not in self._probes:
+            return values
+        reach = np.array([row[TUBE][1:] if TUBE in row else (np.nan, np.nan) for row in rows])
+        self.reach = np.fmax(self.reach, np.fmax.reduce(reach))
+        other = values if channel is None else reach[:, channel]
+        return np.where(np.isnan(other), values, other)
+
+    def _rows(self, plan: Plan, draws: Sequence[Drawn], probes: Probes) -> list[dict[str, Any]]:
+        self.flights += len(draws)
+        runs = range(plan.runs)
+        return self.pool.in_order(plan, runs, doing="searching", probes=probes, draws=draws)
+
+
+def region_radius(dimension: int) -> float:
+    """Radius of the ball that holds `REGION` of a standard normal distribution."""
+    return math.sqrt(float(chdtri(dimension, 1.0 - REGION)))
+
+
+def search_worst(
+    values: Objective, dimension: int, *, budget: int, seed: int
+) -> tuple[FloatArray, int, float]:
+    """The worst of `budget` points of the region, its seed, and the worst of the first ones."""
+    warnings.filterwarnings("ignore", "Could not import matplotlib")  # of cma
+    import cma
+
+    rng, radius = np.random.default_rng(seed), region_radius(dimension)
+
+    def inside(z: FloatArray) -> FloatArray:
+        length = np.linalg.norm(z, axis=1, keepdims=True)
+        return z * np.minimum(1.0, radius / np.maximum(length, 1e-12))
+
+    z = inside(rng.standard_normal((POPULATION, dimension)))
+    seeds = rng.integers(0, 2**31, POPULATION)
+    objective = values(z, seeds)
+    place = int(np.argmax(objective))
+    best, chance, worst = z[place], int(seeds[place]), float(objective[place])
+    first, strategy = worst, None
+    for generation in range(1, budget // POPULATION):
+        if generation % SEEDS_EVERY == 0:
+            # The worst point so far is flown with other seeds: turbulence may have been kind to it.
+            z = asked = np.tile(best, (POPULATION, 1))
+            seeds = rng.integers(0, 2**31, POPULATION)
+        else:
+            if strategy is None or strategy.stop():
+                settings = {"popsize": POPULATION, "seed": seed + generation, "verbose": -9}
+                strategy = cma.CMAEvolutionStrategy(best, SPREAD, settings)
+            asked = np.array(strategy.ask())
+            z, seeds = inside(asked), np.full(POPULATION, chance)
+        objective = values(z, seeds)
+        if generation % SEEDS_EVERY and strategy is not None:
+            # A point outside the region scores as its projection, minus a penalty that grows with
+            # distance: the strategy learns to stay inside. Signs are reversed, as it minimises.
+            over = np.linalg.norm(asked - z, axis=1)
+            strategy.tell(list(asked), (-objective + (1e-3 + np.std(objective)) * over**2).tolist())
+        place = int(np.argmax(objective))
+        if objective[place] > worst:
+            best, worst = z[place], float(objective[place])
+            if seeds[place] != chance:
+                # With another seed the objective is another function: the strategy starts anew.
+                chance, strategy = int(seeds[place]), None
+    return best, chance, first
+
+
+def _other(signs: FloatArray, block: Indices, channel: int) -> FloatArray:
+    """The flight with one channel of a block set to the sign that is rarer in it."""
+    other = signs.copy()
+    other[block, channel] = -1.0 if signs[block, channel].sum() >= 0.0 else 1.0
+    return other
+
+
+def _slopes(
+    about: FloatArray,
+    blocks: Sequence[Indices],
+    flown: Sequence[FloatArray | None],
+    targets: Indices,
+    pushed: Sequence[int],
+) -> list[FloatArray]:
+    """Derivatives of errors at each target by every sign, shape (1 + samples, 2) each."""
+    first, *others = flown
+    slope = np.zeros((len(blocks), 2, len(targets), 2))
+    for (i, channel), errors in zip(product(range(len(blocks)), (0, 1)), others, strict=True):
+        if first is not None and errors is not None:
+            changed = (_other(about, blocks[i], channel) - about)[blocks[i], channel].sum()
+            slope[i, channel] = (errors - first)[targets] / changed
+    rows = np.arange(len(about))
+    centres = [block.mean() for block in blocks[1:]]
+    slopes = []
+    for target, error in product(range(len(targets)), pushed):
+        columns = [np.interp(rows, centres, slope[1:, i, target, error]) for i in (0, 1)]
+        slopes.append(np.stack(columns, axis=1))
+        slopes[-1][0] = slope[0, :, target, error]
+    return slopes
+
+
+def _errors_of(run: Run, _: Scenario) -> list[float]:
+    """Errors of a flight, sample by sample."""
+    return run.signals[list(ERRORS)].to_numpy().ravel().tolist()
+
+
+def _use_of(tube: Bounds, run: Run, _: Scenario) -> list[float]:
+    """Share of a tube that a flight uses, and its reach in both channels."""
+    return [tube.share(run.signals), *tube.reach(run.signals).tolist()]
+
+
+def _share_of(
+    about: About, flights: BandFlights, scale: float, run: Run, scenario: Scenario
+) -> list[float]:
+    """Share of a band that a flight uses."""
+    return [counting.score(about, flights, run, scenario) / scale]
+
+
+def value_of(row: Mapping[str, Any], metric: str, scenario: Scenario) -> float:
+    """Value of a metric in a row, larger is worse; `FAILED` for a flight without a value."""
+    if row["status"] != "completed":
+        return FAILED
+    if metric != MARGIN:
+        value = row[metric][0] if metric in (TUBE, BAND) else row[metric]
+        return FAILED if value is None else float(value)
+    checks = bound_checks(scenario.expected(row["plant"], row["gains"]), measured_in(row))
+    margins = (FAILED if math.isnan(check.margin) else check.margin for check in checks)
+    return max(margins, default=FAILED)

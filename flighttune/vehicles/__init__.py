@@ -1,0 +1,1 @@
+"""Aircraft: their files, the plants that fly them, and the models identified in flight."""

@@ -1,0 +1,474 @@
+"""The XML of an aircraft: placeholders where each flight has its own numbers, and our systems.
+
+The systems in front of any model are the inner loop and the actuators behind it.
+"""
+
+import math
+import os
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import NamedTuple
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element, SubElement, fromstring
+
+import numpy as np
+
+from flighttune.base.arrays import FloatArray
+from flighttune.base.errors import InputError, PlantError
+from flighttune.base.files.shipped import nearest_name
+from flighttune.base.files.xml import node
+from flighttune.base.units import FT, SLUG
+from flighttune.vehicles.aircraft.aircraft import (
+    AXES,
+    SURFACES,
+    AircraftConfig,
+    Fault,
+    OffNominal,
+    Surface,
+    property_name,
+)
+
+SURFACE_LAG, THROTTLE_LAG = 25.0, 5.0  # Bandwidth of the actuators, rad/s
+
+
+def put_in_front(root: Element, config: AircraftConfig) -> None:
+    """Put the inner loop and the actuators in front of the systems of a model."""
+    inner_loop = fromstring(Path(__file__).with_name("inner_loop.xml").read_text(encoding="utf-8"))
+    # JSBSim runs the systems in the order of the file, and the flight control after them.
+    first = next((i for i, element in enumerate(root) if element.tag == "system"), len(root))
+    # Variables of the aerodynamics in whose place the positions of surfaces are read, each once.
+    replaced = (x for _, surface in config.surfaces.named() for x in surface.replaces)
+    replaced = dict.fromkeys(x.removeprefix("-") for x in replaced)
+    root[first:first] = [inner_loop, _actuators(config, replaced)]
+    read = {name.removeprefix("ft/") for name in config.declared if name.startswith("ft/")}
+    read |= replaced.keys()
+    for element in root.iterfind("aerodynamics//*"):
+        text = (element.text or "").strip()
+        if (name := property_name(text.lstrip("-"))) in read:
+            element.text = f"{'-' * text.startswith('-')}ft/{name}"
+
+
+def _actuators(config: AircraftConfig, replaced: Iterable[str]) -> Element:
+    channel, engines = Element("channel", name="actuators"), config.engines
+    for name, surface in config.surfaces.named():
+        actuator = _actuator(name, "rad", SURFACE_LAG, *map(repr, surface.travel))
+        channel.append(actuator)
+        output = node("output", surface.command or f"fcs/{name}-cmd-norm")
+        if surface.replaces:
+            continue
+        if (surface.command or "").endswith("-rad"):
+            actuator.append(output)
+        else:
+            share = node("function", _norm(name, surface))
+            channel.append(node("fcs_function", share, output, name=f"ft/{name}-norm"))
+    channel.extend(_read(variable, config) for variable in replaced)
+    if config.surfaces.rudder is None:
+        channel.append(_actuator("rudder", "rad", SURFACE_LAG, "0", "0"))
+    lever = _actuator("throttle", "norm", THROTTLE_LAG, "0", "ft/limits/throttle-max")
+    channel.append(lever)
+    if engines.full != 1.0:
+        gain = node("input", "ft/throttle-norm"), node("gain", repr(engines.full))
+        lever = node("pure_gain", *gain, name="ft/throttle-lever")
+        channel.append(lever)
+    lever.extend(node("output", f"{engines.command}[{i}]") for i in range(engines.count))
+    for i, (name, source) in enumerate(config.linked.items()):
+        link = node("input", source), node("gain", "1"), node("output", name)
+        channel.append(node("pure_gain", *link, name=f"ft/link-{i}"))
+    declared = [node("property", name, value=repr(x)) for name, x in config.declared.items()]
+    return node("system", *declared, channel, name="actuators")
+
+
+def _actuator(name: str, unit: str, lag: float, low: str, high: str) -> Element:
+    return node(
+        "actuator",
+        *(node("input", f"ft/{name}-cmd-{unit}"), node("lag", repr(lag))),
+        node("clipto", node("min", low), node("max", high)),
+        name=f"ft/{name}-{unit}",
+    )
+
+
+def _norm(name: str, surface: Surface) -> Element:
+    """The position of a surface as a share of that at full command."""
+    low, high = surface.full or surface.travel
+    # Below zero, and else.
+    cases = [
+        node("quotient", node("property", f"ft/{name}-rad"), node("value", repr(full)))
+        for full in ((-low, high) if low < high else (high, -low))
+    ]
+    below = node("lt", node("property", f"ft/{name}-rad"), node("value", "0"))
+    return node("ifthen", below, *cases)
+
+
+def _read(variable: str, config: AircraftConfig) -> Element:
+    """The function that aerodynamics read instead of a position that flight control commands."""
+    # For an elevon it is the sum of the positions of aileron and elevator.
+    parts = Element("sum")
+    for name, surface in config.surfaces.named():
+        for sign in (sign for sign in ("", "-") if f"{sign}{variable}" in surface.replaces):
+            if variable.endswith("-norm"):
+                parts.append(node("product", node("value", f"{sign}1"), _norm(name, surface)))
+                continue
+            low, high = surface.full or surface.travel
+            unit = math.degrees(1.0) if variable.endswith("deg") else 1.0
+            factor = math.copysign(unit, high - low) * (-1.0 if sign else 1.0)
+            size = node("property", f"ft/{name}-rad")
+            size = node("abs", size) if "/mag-" in variable else size
+            parts.append(node("product", node("value", repr(factor)), size))
+    return node("fcs_function", node("function", parts), name=f"ft/{variable}")
+
+
+_PLACEHOLDER = re.compile(r"\{\{(.+?)\*(.+?)\}\}")
+_HEAD = '<?xml version="1.0" encoding="utf-8"?>\n'
+
+
+def read_xml(file: Path, subject: str) -> ElementTree.Element:
+    """Return the root element of `file`; `subject` begins the message of a PlantError."""
+    about = subject if subject == str(file) else f"{subject}: {file}"
+    try:
+        root = ElementTree.parse(file).getroot()
+        text = ElementTree.tostring(root, encoding="unicode")
+    except (OSError, ElementTree.ParseError) as error:
+        reason = error.strerror if isinstance(error, OSError) else f"must be XML: {error}"
+        raise PlantError(f"{about}: {reason}.") from error
+    except RecursionError:
+        raise PlantError(f"{about} has too many elements inside each other.") from None
+    if "{{" in text:
+        raise PlantError(f"{about} must not hold two braces: they stand for our numbers.")
+    return root
+
+
+def placeholder(name: str, base: float = 1.0) -> str:
+    """Text that stands for the value of `name` times `base`, the number in the aircraft's file."""
+    return f"{{{{{name}*{base!r}}}}}"
+
+
+def template_of(root: ElementTree.Element) -> str:
+    """Text of an element tree, with the placeholders in it."""
+    return _HEAD + ElementTree.tostring(root, encoding="unicode")
+
+
+def filled(template: str, values: Mapping[str, float]) -> str:
+    """Text with `values` in its placeholders, to the last bit."""
+    return _PLACEHOLDER.sub(lambda match: repr(values[match[1]] * float(match[2])), template)
+
+
+# Names of the actuators of the surfaces.
+SURFACE_ACTUATORS = tuple(f"ft/{name}-rad" for name in SURFACES)
+
+# Beginning of the properties of what fails in flight.
+FAULT = "ft/fault/"
+
+# Share of the mass that slides where the centre of gravity moves in flight.
+BALLAST = 0.1
+
+# Beginning of the placeholder of a factor on a single function.
+COEFFICIENT = "coefficient "
+
+# Numbers proportional to the thrust of engines that push without a propeller.
+_THRUST_OF = {"electric_engine": ("power",), "turbine_engine": ("milthrust", "maxthrust")}
+
+# Diameter that no propeller of an aeroplane has had, ft.
+WIDEST_PROPELLER = 30.0
+
+_NOT_OPERATIONS = ("description", "documentation")
+
+
+def scale_axis(root: Element, key: str, file: Path, by: str = "") -> None:
+    """Multiply all functions of the axis of `key`, one of `AXES`, by a property or placeholder."""
+    axes, wanted = root.findall("aerodynamics/axis"), key.partition("_")[0].upper()
+    functions = [f for axis in axes if axis.get("name") == wanted for f in axis.iter("function")]
+    if not functions:
+        names = ", ".join(dict.fromkeys(axis.get("name", "?") for axis in axes))
+        raise InputError(
+            f"`{key}_factor` must be left out: {file} has no {wanted} axis, only {names}."
+        )
+    for function in functions:
+        _multiply_function(function, by or placeholder(key))
+
+
+def scale_coefficient(root: Element, name: str, file: Path) -> None:
+    """Multiply the one function, or part, that is called `name`, all or behind its last slash."""
+    named = [
+        (parent, i, child.get("name", "").strip())
+        for aerodynamics in root.iterfind("aerodynamics")
+        for parent in aerodynamics.iter()
+        for i, child in enumerate(parent)
+        if child.get("name") and child.tag != "axis"
+    ]
+    functions = [part for part in named if name in (part[2], part[2].rpartition("/")[2])]
+    if len(functions) != 1:
+        choices = ", ".join(full for _, _, full in functions)
+        short = [full.rpartition("/")[2] for _, _, full in named]
+        hint = f", it means {choices}." if choices else nearest_name(name, short)
+        raise InputError(
+            f"`coefficient_factors.{name}` must be a named aerodynamic function of {file}{hint}"
+        )
+    parent, i, _ = functions[0]
+    factor = placeholder(f"{COEFFICIENT}{name}")
+    if parent[i].tag == "function":
+        _multiply_function(parent[i], factor)
+    else:
+        _multiply(parent, i, factor)
+
+
+def scale_thrust(root: Element, folders: Sequence[Path], file: Path) -> None:
+    """Multiply the thrust of every engine: of its propeller, or of what pushes directly."""
+    for engine in root.iterfind("propulsion/engine"):
+        # The files of engines and thrusters are looked for in `folders`, in this order, and put
+        # into the main file.
+        motor = _inlined(engine, folders)
+        thruster = engine.find("thruster")
+        thruster_kind = None if thruster is None else _inlined(thruster, folders)
+        if thruster_kind is not None and thruster_kind.tag == "propeller":
+            if (factor := thruster_kind.find("ct_factor")) is None:
+                factor = SubElement(thruster_kind, "ct_factor")
+            factor.text = placeholder("thrust", float(factor.text or 1.0))
+            continue
+        numbers = [n for tag in _THRUST_OF.get(motor.tag, ()) for n in motor.findall(tag)]
+        if not numbers:
+            raise InputError(
+                f"`thrust_factor` must be left out: {file} has a <{motor.tag}> without a "
+                "propeller; known are electric and turbine engines, and propellers."
+            )
+        for number in numbers:
+            number.text = placeholder("thrust", float(number.text or 0.0))
+
+
+def in_inches(propeller: Element) -> bool:
+    """Whether a diameter has no unit, and is wider than any propeller in the feet of JSBSim."""
+    diameters = (x for x in propeller.iterfind("diameter") if "unit" not in x.attrib)
+    with suppress(ValueError):
+        return any(float(x.text or "") > WIDEST_PROPELLER for x in diameters)
+    return False
+
+
+def mend_engines(root: Element, folders: Sequence[Path], *, off: bool) -> None:
+    """Give diameters of propellers their unit, and turbines that are `off` no thrust."""
+    for holder in root.findall("propulsion//*[@file]"):
+        file = found_file(holder.attrib["file"], folders, folders[0])
+        if not os.path.isfile(file):  # JSBSim names what is missing
+            continue
+        part = read_xml(file, str(file))
+        if part.tag == "propeller" and in_inches(part):
+            for diameter in part.iterfind("diameter"):
+                diameter.set("unit", "IN")
+        elif part.tag == "turbine_engine" and off:
+            # Where no time passes JSBSim lets a turbine push as an idle one.
+            for thrust in part.iterfind("milthrust"):
+                thrust.text = "0"
+        else:
+            continue
+        del holder.attrib["file"]
+        holder.insert(0, part)
+
+
+def slow_actuators(root: Element) -> None:
+    """Multiply the time constants of the surface actuators of a model with its systems."""
+    for name in SURFACE_ACTUATORS:
+        lag = _only(root, f"system/channel/actuator[@name='{name}']/lag")
+        lag.text = placeholder("actuator_rate", SURFACE_LAG)
+
+
+def add_fault(root: Element, fault: Fault, config: AircraftConfig, file: Path) -> None:
+    """Put properties of the whole aircraft where something fails in flight into its main file."""
+    system = _only(root, "system[@name='actuators']")
+    channel = _only(system, "channel")
+    values = {name: 1.0 for name in fault.factors if name != "actuator_lag"}
+    for name in (name for name in AXES if name in fault.factors):
+        scale_axis(root, name, file, f"{FAULT}{name}")
+    if "actuator_lag" in fault.factors:
+        for name in SURFACE_ACTUATORS:
+            _only(channel, f"actuator[@name='{name}']/lag").text = f"{FAULT}actuator_rate"
+        off = config.off_nominal or OffNominal()
+        values["actuator_rate"] = SURFACE_LAG / off.actuator_lag_factor
+    if fault.V_a_bias_mps:
+        values["V_a-bias"] = 0.0
+        largest = _only(root, ".//fcs_function[@name='ft/V_a-mps']/function/max")
+        largest[0] = node("sum", node("property", f"{FAULT}V_a-bias"), largest[0])
+    if "throttle" in fault.factors:
+        _loosen_throttle(channel)
+    for name in fault.stuck:
+        surface = getattr(config.surfaces, name)
+        if surface is None:
+            raise InputError(f"`{name}_stuck_deg` must be left out: {config.file} has no {name}.")
+        clip = _only(channel, f"actuator[@name='ft/{name}-rad']/clipto")
+        for end, stop in zip(clip, surface.travel, strict=True):
+            end.text = f"{FAULT}{name}-{end.tag}"
+            values[f"{name}-{end.tag}"] = stop
+    for name, value in values.items():
+        system.insert(0, node("property", f"{FAULT}{name}", value=repr(value)))
+
+
+def _loosen_throttle(channel: Element) -> None:
+    """Put a factor between the throttle and what it moves: the lever, or the engines."""
+    throttle = _only(channel, "actuator[@name='ft/throttle-norm']")
+    factors = (node("property", name) for name in (f"{FAULT}throttle", "ft/throttle-norm"))
+    product = node("function", node("product", *factors))
+    reaching = node("fcs_function", product, name=f"{FAULT}throttle-reaching")
+    lever = channel.find("pure_gain[@name='ft/throttle-lever']")
+    if lever is not None:
+        _only(lever, "input").text = f"{FAULT}throttle-reaching"
+    else:
+        for output in throttle.findall("output"):
+            throttle.remove(output)
+            reaching.append(output)
+    channel.insert(list(channel).index(throttle) + 1, reaching)
+
+
+def _only(root: Element, path: str) -> Element:
+    """The one element at a path of our own systems."""
+    (element,) = root.iterfind(path)
+    return element
+
+
+def _inlined(holder: Element, folders: Sequence[Path]) -> Element:
+    """Put the file that `holder` names into it, and return what was in that file."""
+    name = holder.attrib.pop("file", None)
+    if name is None:
+        return holder[0]
+    read = read_xml(found_file(name, folders, folders[0]), f"{folders[0]}")
+    holder.insert(0, read)
+    return read
+
+
+def found_file(name: str, folders: Sequence[Path], named_in: Path) -> Path:
+    """The file that JSBSim finds under a name; in the first of the folders where there is none."""
+    file = name if name.endswith(".xml") else f"{name}.xml"
+    # Of a name that is too long for any file system, `Path.exists` raises an error.
+    files = (folder / file for folder in folders if os.path.exists(folder / file))
+    path = next(files, folders[0] / file)
+    if os.path.exists(path) and not os.path.isfile(path):  # JSBSim would wait for a pipe
+        raise PlantError(f"{named_in}: `file` must name a file, got {path}.")
+    # A file of somebody else must not reach out of its folder, by its path or behind a symlink.
+    for place in (Path(os.path.normpath(path)), Path(os.path.realpath(path))):
+        if not any(place.is_relative_to(folder) for folder in folders):
+            raise PlantError(
+                f'{named_in}: `file` must stay in the folder of the model, got "{name}".'
+            )
+    return path
+
+
+def _multiply_function(function: Element, factor: str) -> None:
+    (last,) = [i for i, part in enumerate(function) if part.tag not in _NOT_OPERATIONS][-1:]
+    _multiply(function, last, factor)
+
+
+def _multiply(parent: Element, i: int, factor: str) -> None:
+    kind = "property" if factor.startswith(FAULT) else "value"
+    parent[i] = node("product", node(kind, factor), parent[i])
+
+
+_KG_M2 = SLUG * FT * FT
+_INCHES = 12.0
+
+# Place of each moment and product of inertia in the matrix.
+INERTIAS = {
+    "ixx": (0, 0),
+    "iyy": (1, 1),
+    "izz": (2, 2),
+    "ixy": (0, 1),
+    "ixz": (0, 2),
+    "iyz": (1, 2),
+}
+
+# Share of the largest inertia by which rounding may break the triangle inequality.
+_TRIANGLE = 1e-9
+
+
+class Body(NamedTuple):
+    """Weight (lbf), centre of gravity (ft: aft, right, up) and inertia about it (slug ft^2, body).
+
+    The inertia is a tensor: its products have a minus sign.
+    """
+
+    weight: float
+    cg: FloatArray
+    inertia: FloatArray
+
+
+class MassBalance(NamedTuple):
+    """The whole aircraft as JSBSim weighs it, and the part of it whose numbers can be set."""
+
+    # The aircraft with load and fuel, and without
+    whole: Body
+    empty: Body
+    pounds_per_slug: float  # lbf of weight in a slug of mass, as JSBSim converts
+
+    def values(self, off: OffNominal) -> dict[str, float]:
+        """Numbers of the empty aircraft (lbf, in, slug ft^2) that make the whole as `off` says."""
+        weight = off.mass_factor * self.whole.weight
+        empty_weight = self.empty.weight + weight - self.whole.weight
+        ballast = BALLAST * weight if off.slides else 0.0
+        if not empty_weight > ballast:
+            lowest = 1.0 - self.empty.weight / self.whole.weight
+            raise InputError(
+                f"`mass_factor` must be above {lowest:.3g}, what load and fuel weigh, "
+                f"got {off.mass_factor:g}."
+            )
+        cg = self.whole.cg + np.array([1.0, 1.0, -1.0]) * off.cg_shift / FT
+        # About one point (the nominal centre of gravity) moments and inertias add up: those of load
+        # and fuel stay as they are, and the empty aircraft makes up for the rest.
+        nominal, empty = self.whole.cg, self.empty
+        load_moment = self.whole.weight * nominal - empty.weight * empty.cg
+        load_inertia = self.whole.inertia - empty.inertia
+        load_inertia = load_inertia - self._offset(empty.weight, empty.cg - nominal)
+        empty_weight -= ballast
+        load_moment = load_moment + ballast * cg
+        load_inertia = load_inertia + self._offset(ballast, cg - nominal)
+        empty_cg = (weight * cg - load_moment) / empty_weight
+        inertia = self._inertia(off) + self._offset(weight, cg - nominal) - load_inertia
+        inertia = inertia - self._offset(empty_weight, empty_cg - nominal)
+        values = {name: float(inertia[place]) for name, place in INERTIAS.items()}
+        # By default JSBSim turns the signs of all three products; with the attribute that
+        # `open_mass_balance` sets only that of xz.
+        values["ixz"] = -values["ixz"]
+        for part, place in (("cg", empty_cg), ("ballast", cg)):
+            names = (f"{part}_{axis}" for axis in "xyz")
+            values |= dict(zip(names, (place * _INCHES).tolist(), strict=True))
+        return {**values, "emptywt": empty_weight, "ballast": ballast}
+
+    def _offset(self, weight: float, distance: FloatArray) -> FloatArray:
+        """Inertia of a point at `distance` (ft: aft, right, up), body axes."""
+        x = np.array([-1.0, 1.0, -1.0]) * distance
+        return weight / self.pounds_per_slug * (x @ x * np.eye(3) - np.outer(x, x))
+
+    def _inertia(self, off: OffNominal) -> FloatArray:
+        """Inertia of the whole aircraft; refuses what no body has."""
+        scaled, factors = self.whole.inertia.copy(), off.inertia_factors
+        for name, factor in factors.items():
+            i, j = INERTIAS[name]
+            scaled[i, j] = scaled[j, i] = factor * self.whole.inertia[i, j]
+        least, middle, largest = np.linalg.eigvalsh(scaled)
+        a, b, c = np.linalg.eigvalsh(self.whole.inertia)
+        sum_needed = min(1.0, (a + b) / c)  # some aircraft break the inequality as they are
+        possible = least > 0.0 and least + middle >= (sum_needed - _TRIANGLE) * largest
+        if factors and not possible:
+            moments = ", ".join(f"{value * _KG_M2:.4g}" for value in (least, middle, largest))
+            raise InputError(
+                f"{' and '.join(f'`{name}_factor`' for name in factors)} must leave principal "
+                "inertias of which none is larger than the two others together, got "
+                f"{moments} kg m2."
+            )
+        return scaled
+
+
+def open_mass_balance(root: Element, *, slides: bool = False) -> None:
+    """Put placeholders where the file says what the empty aircraft weighs, and what slides."""
+
+    def location(name: str, part: str) -> Element:
+        axes = (node(axis, placeholder(f"{part}_{axis}")) for axis in "xyz")
+        return node("location", *axes, name=name, unit="IN")
+
+    (balance,) = root.findall("mass_balance")
+    for element in balance.findall("*"):
+        if element.tag in (*INERTIAS, "emptywt", "location"):
+            balance.remove(element)
+    balance.set("negated_crossproduct_inertia", "false")
+    balance.extend(node(name, placeholder(name), unit="SLUG*FT2") for name in INERTIAS)
+    balance.append(node("emptywt", placeholder("emptywt"), unit="LBS"))
+    balance.append(location("CG", "cg"))
+    if slides:
+        weight = node("weight", placeholder("ballast"), unit="LBS")
+        balance.append(node("pointmass", weight, location("ballast", "ballast"), name="ballast"))

@@ -1,0 +1,368 @@
+"""One JSBSim instance, built once and kept quiet: names are checked, errors translated."""
+
+import ctypes
+import math
+import re
+import threading
+from collections.abc import Callable
+from typing import Any
+
+import jsbsim
+import numpy as np
+
+from flighttune.base.errors import PlantError
+from flighttune.vehicles.aircraft.aircraft import PROPERTY_NAME, AircraftConfig
+from flighttune.vehicles.aircraft.model_xml import INERTIAS, Body, MassBalance
+from flighttune.vehicles.plants.jsbsim import model_files
+
+_ANSI_COLOUR = re.compile(r"\x1b\[[0-9;]*m")
+_KEPT_RECORDS = 200
+_NAME = re.compile(PROPERTY_NAME)
+
+
+class QuietLogger(jsbsim.FGLogger):
+    """Logger that writes nowhere and keeps the errors of each thread."""
+
+    def __init__(self) -> None:
+        self._thread = threading.local()
+
+    def set_level(self, level: Any) -> None:
+        """Begin a record."""
+        self._thread.level, self._thread.text = int(level), ""
+
+    def file_location(self, filename: str, line: int) -> None:
+        """Take the place in the XML that the record is about."""
+        self._thread.text += f"{filename}:{line}: "
+
+    def message(self, message: str) -> None:
+        """Take a piece of text."""
+        self._thread.text += message
+
+    def format(self, format: Any) -> None:
+        """Ignore colours."""
+
+    def flush(self) -> None:
+        """End the record."""
+        thread = self._thread
+        if thread.level >= jsbsim.LogLevel.ERROR and len(thread.records) < _KEPT_RECORDS:
+            thread.records.append(thread.text)
+
+    def clear(self) -> None:
+        """Forget this thread's records."""
+        self._thread.level, self._thread.text, self._thread.records = 0, "", []
+
+    @property
+    def text(self) -> str:
+        """This thread's errors in one line."""
+        return one_line(" ".join(self._thread.records))
+
+
+def one_line(text: str) -> str:
+    """Return `text` without colours and line breaks."""
+    return " ".join(_ANSI_COLOUR.sub("", text).split())
+
+
+# JSBSim holds one logger a thread and lets go of it at the thread's end without Python's lock: a
+# logger that dies there takes the process along. This one outlives every thread, with references to
+# spare for those that two threads drop at the same moment.
+_LOGGER = QuietLogger()
+_IMMORTAL = [_LOGGER] * 10_000
+
+
+def silence() -> QuietLogger:
+    """Silence JSBSim in this thread from now on; the logger returned holds what it says."""
+    _LOGGER.clear()
+    jsbsim.set_logger(_LOGGER)
+    return _LOGGER
+
+
+# ICAO standard atmosphere: K/m, K, Pa and g/(R L).
+LAPSE_RATE = 0.0065
+SEA_LEVEL_TEMPERATURE = 288.15
+SEA_LEVEL_PRESSURE = 101325.0
+PRESSURE_EXPONENT = 5.25588
+
+_RANKINE = 1.8
+
+# Pascal in a pound-force per square foot.
+_PSF = 47.880259
+
+_INCHES = 12.0
+
+# Properties that are 0 in an empty aircraft: point masses and fuel.
+_LOAD = re.compile(r"inertia/pointmass-weight|/tank(\[\d+\])?/contents-lbs")
+
+# Integration steps a second while an engine settles. Long steps bring it to the same steady state
+# with a fifth of the work; where they do not, as with some governors, short ones have to do.
+_LONG_STEP_RATE, _SETTLING_RATE = 10.0, 50.0
+
+# Longest times in long and in short steps, as multiples of the settling time: a filter in front of
+# the throttle moves on by the steps of the flight, however long a step is.
+_LONG_STEPS, _SHORT_STEPS = 2.0, 5.0
+
+# Longest time in which an electric propeller settles that is too light for such steps, s.
+_LIGHT_SETTLES = 15.0
+
+# Change of thrust in a sample, as a share of it, that ends the settling.
+_SETTLED_CHANGE = 1e-10
+
+# Longest wait for a steady thrust as a multiple of the settling time, and the relative change of a
+# thrust in a second that counts as none.
+_MAX_SETTLINGS, _STEADY = 5, 1e-12
+
+MOTIONS = [
+    f"simulation/integrator/{of}/{motion}"
+    for of in ("rate", "position")
+    for motion in ("rotational", "translational")
+]
+
+# Largest number of characters of JSBSim's words in a message.
+MAX_REASON = 240
+
+# The starter of all piston engines, with both magnetos, and the time that it turns them, s.
+STARTER = {
+    "propulsion/active_engine": -1.0,
+    "propulsion/magneto_cmd": 3.0,
+    "propulsion/starter_cmd": 1.0,
+}
+STARTING = 8.0
+
+
+class Fdm:
+    """A loaded aircraft over a flat Earth at rest; property nodes only by names that exist."""
+
+    # `steps` is the number of integration steps in one sample of the inner loop's computer.
+    # JSBSim's sea level is laid at the `ground` (m above sea level), with the air of that height:
+    # turbulence of JSBSim, which takes heights above sea level for heights above ground, is then
+    # right.
+    def __init__(self, config: AircraftConfig, *, steps: int = 1, ground: float = 0.0) -> None:
+        self.files = files = model_files.unchanged(config)
+        model_files.check_loads(files)
+        self.config, self._model = config, model_files.source_folders(config).file
+        # Time the engine takes to a steady state, s; 0 where JSBSim knows it at once.
+        self.engine_settles = config.engines.settle
+        engines = range(config.engines.count)
+        # Systems of the model itself may have a memory.
+        self.own_flight_control = model_files.has_flight_control(files)
+        self.electric = bool(engines) and model_files.has_engine(files, model_files.ELECTRIC)
+        # Steps longer than those of the flight make the speed of a light propeller diverge.
+        self.light = self.electric and config.engines.settle <= _LIGHT_SETTLES
+        # Whether long steps have brought the engine to a steady state each time.
+        self._long_steps = not self.light
+        self.ground = ground
+        self.steps = steps
+        self.rate = config.inner_loop_rate * steps  # integration steps a second
+        silence()
+        self._exec = jsbsim.FGFDMExec(str(config.folder))
+        try:
+            with model_files.model_folders(files, weigh, steps) as folders:
+                self._load(folders, silence())
+        except PlantError:
+            self.abandon()
+            raise
+        except RuntimeError as error:  # JSBSim's own errors and those of its property tree
+            raise self._translation("cannot be loaded", error) from error
+        self._properties = self._exec.get_property_manager()
+        self.run: Callable[[], bool] = self._exec.run
+        self.integrators = {name: (self.writer(name), self.reader(name)) for name in MOTIONS}
+        self._running = [self.reader(f"propulsion/engine[{i}]/set-running") for i in engines]
+        thrusts = [f"propulsion/engine[{i}]/thrust-lbs" for i in engines]
+        if engines and config.engines.thrust:
+            thrusts = [config.engines.thrust]
+        self.thrusts = list(map(self.reader, thrusts))  # lbf
+        self._thrust = self.thrusts[0] if engines else float
+        # Properties set for the whole flight, in JSBSim's units.
+        # -1 starts all engines at once. Without it they stay off, and the trim finds no thrust.
+        self.settings = {**config.settings} | ({"propulsion/set-running": -1.0} if engines else {})
+        if ground:
+            self.settings |= _sea_level_at(ground)
+        for name, value in self.settings.items():
+            self.writer(name)(value)
+        self.evaluate()
+
+    def _load(self, folders: model_files.ModelFolders, log: QuietLogger) -> None:
+        self._exec.set_debug_level(0)
+        self._exec.set_dt(1.0 / self.rate)
+        model, engines, systems = map(str, (folders.model, folders.engines, folders.systems))
+        self._private = "|".join(map(re.escape, (model, engines, systems)))
+        if not self._exec.load_model_with_paths(folders.name, model, engines, systems, False):
+            if missing := ", ".join(model_files.missing_parts(self.config, log.text)):
+                raise PlantError(f"{self._model}: must have all its parts, got no file {missing}.")
+            reason = self._message(log.text) or "no reason"
+            raise PlantError(f"{self._model}: must load in JSBSim, got: {reason}.")
+
+    def names(self, beginning: str) -> list[str]:
+        """Names of the properties that begin so."""
+        lines = self._exec.query_property_catalog(beginning).splitlines()
+        names = (line.partition(" ")[0] for line in lines)
+        return [name for name in names if name.startswith(beginning)]
+
+    def has(self, name: str) -> bool:
+        """Whether there is a property of that name that can be written."""
+        node = self._existing(name)
+        return node is not None and bool(node.get_attribute(jsbsim.Attribute.WRITE))
+
+    def shows(self, name: str) -> bool:
+        """Whether there is a property of that name."""
+        return self._existing(name) is not None
+
+    def start_engines(self) -> None:
+        """Start those that do not run, at the airspeed and throttle there are."""
+        # Electric ones never say that they run. Started again by JSBSim, some propellers diverge.
+        if self.electric or all(read() for read in self._running):
+            return
+        if self.has("propulsion/magneto_cmd"):
+            for name, value in STARTER.items():
+                self.writer(name)(value)
+            self.hold(STARTING)
+            self.writer("propulsion/starter_cmd")(0.0)
+        # JSBSim's own start goes to a steady state in steps of half a second, in which some
+        # propellers stop: it comes last. -1 means all engines.
+        if not all(read() for read in self._running):
+            self.writer("propulsion/set-running")(-1.0)
+
+    def reader(self, name: str) -> Callable[[], float]:
+        """Return a function that reads the property `name` (JSBSim's units), which must exist."""
+        return self._node(name).get_double_value
+
+    def writer(self, name: str) -> Callable[[float], bool]:
+        """Return a function that writes the property `name` (JSBSim's units), which must exist."""
+        node = self._node(name)
+        if not node.get_attribute(jsbsim.Attribute.WRITE):
+            raise PlantError(f"{self._model}: property `{name}` must be writable, got read-only.")
+        return node.set_double_value
+
+    def declared_writer(self, name: str) -> Callable[[float], bool]:
+        """Return a function that writes a declared property, also one of another simulator."""
+        node = self._properties.get_node(name) if name in self.config.declared else None
+        if node is None:
+            raise PlantError(f"{self._model}: property `{name}` must be declared, it is not.")
+        return node.set_double_value
+
+    def evaluate(self) -> None:
+        """Put the aircraft into the state of the ``ic/`` properties and evaluate its forces."""
+        # No time passes. What JSBSim computes early in a step (``accelerations/N*``, what systems
+        # see) is that of the evaluation before.
+        silence()
+        try:
+            # Only with the trim status set do lags and rate limits settle in one evaluation.
+            self._exec.set_trim_status(True)
+            finished = self._exec.run_ic()
+            self._exec.set_trim_status(False)
+        except jsbsim.BaseError as error:
+            raise self._translation("cannot be evaluated", error) from error
+        if not finished:
+            self.abandon()
+            raise PlantError(f"{self._model}: JSBSim does not take the state of `ic/`.")
+
+    def settle_engine(self) -> None:
+        """Let the engine settle at throttle and airspeed while the aircraft stays still."""
+        if self.engine_settles:
+            self.start_engines()
+            rate = _LONG_STEP_RATE if self._long_steps else _SETTLING_RATE
+            # Behind a filter the throttle may take some steps until the thrust begins to change.
+            self.hold(self.engine_settles * _LONG_STEP_RATE / rate, rate=rate)
+            if self._long_steps:
+                # The slower an electric one turns, the longer it takes.
+                longest = (10.0 if self.electric else _LONG_STEPS) * self.engine_settles
+                self._long_steps = self.hold(longest, rate=rate, still=_SETTLED_CHANGE)
+            self.hold(_SHORT_STEPS * self.engine_settles, still=_SETTLED_CHANGE)
+
+    def hold(self, duration: float, *, rate: float = _SETTLING_RATE, still: float = 0.0) -> bool:
+        """Let `duration` (s) pass for an aircraft that stays still, as `run_still` does."""
+        if self.light:  # they settle in the steps in which they fly
+            rate = max(rate, self.rate)
+        # Whole samples of the inner loop, so that its next one falls on the start of the flight.
+        return self.run_still(math.ceil(duration * rate / self.steps), rate, still)
+
+    def rest(self) -> None:
+        """Hold the aircraft in the steps of its flight until the thrust is steady."""
+        now = self._thrust()
+        # An evaluation leaves a turboprop without power, and a steady state depends on the step.
+        for _ in range(math.ceil(_MAX_SETTLINGS * self.engine_settles)):
+            before = now
+            self.run_still(math.ceil(self.config.inner_loop_rate), self.rate)
+            now = self._thrust()
+            if abs(now - before) <= _STEADY * abs(now):
+                return
+
+    def run_still(self, samples: int, rate: float, still: float = 0.0) -> bool:
+        """Let samples of the inner loop pass, at `rate` (1/s), while the aircraft stays still."""
+        # Integrators of type 0 hold the aircraft still while time passes.
+        states = [(write, read()) for write, read in self.integrators.values()]
+        for write, _ in states:
+            write(0.0)
+        # A sample that changes the thrust by a smaller share of it than `still` ends the wait, and
+        # the result says so.
+        at_rest = False
+        self._exec.set_dt(1.0 / rate)
+        try:
+            for sample in range(samples):
+                before = self._thrust()
+                for _ in range(self.steps):
+                    self._exec.run()
+                # Strict: a share of 0 never ends the wait early. The throttle comes with the first.
+                at_rest = sample > 0 and abs(self._thrust() - before) < still * abs(before)
+                if at_rest:
+                    break
+        except jsbsim.BaseError as error:
+            raise self._translation("cannot be run", error) from error
+        self._exec.set_dt(1.0 / self.rate)
+        self._exec.set_sim_time(0.0)  # time at rest does not count: the flight begins at t = 0
+        for write, value in states:
+            write(value)
+        return at_rest
+
+    def _body(self) -> Body:
+        cg = [self.reader(f"inertia/cg-{axis}-in")() / _INCHES for axis in "xyz"]
+        inertia = np.empty((3, 3))
+        for name, (i, j) in INERTIAS.items():
+            inertia[i, j] = inertia[j, i] = self.reader(f"inertia/{name}-slugs_ft2")()
+        return Body(self.reader("inertia/weight-lbs")(), np.array(cg), inertia)
+
+    def abandon(self) -> None:
+        """Keep the broken aircraft until the process ends."""
+        # JSBSim evaluates an aircraft once more when it frees it, and ends the process if that
+        # fails.
+        ctypes.pythonapi.Py_IncRef(ctypes.py_object(self._exec))
+
+    def _existing(self, name: str) -> jsbsim.FGPropertyNode | None:
+        # JSBSim aborts the process on a malformed name, and invents a node for an unknown one.
+        exists = _NAME.fullmatch(name) and self._properties.hasNode(name)
+        return self._properties.get_node(name) if exists else None
+
+    def _node(self, name: str) -> jsbsim.FGPropertyNode:
+        if (node := self._existing(name)) is None:
+            raise PlantError(f"{self._model}: must have the property `{name}`, got none.")
+        return node
+
+    def _translation(self, action: str, error: RuntimeError) -> PlantError:
+        self.abandon()
+        return PlantError(f"{self._model}: {action} by JSBSim: {self._message(str(error))}")
+
+    def _message(self, text: str) -> str:
+        """Words of JSBSim in one line, about the file of the user instead of the one made of it."""
+        line = re.sub(rf"({self._private})/(\S+?\.xml)(:\d+)?", r"\2", one_line(text))
+        return line.replace("No filename given. ", "")[:MAX_REASON].rstrip(" .:")
+
+
+def _sea_level_at(ground: float) -> dict[str, float]:
+    """Settings that shift the standard atmosphere down by `ground` (m), exact below tropopause."""
+    # Pressure and temperature of the standard atmosphere at the ground become those at JSBSim's sea
+    # level, so that every height above it has the air of `ground` plus that height.
+    share = 1.0 - LAPSE_RATE * ground / SEA_LEVEL_TEMPERATURE
+    return {
+        "atmosphere/delta-T": -LAPSE_RATE * ground * _RANKINE,
+        "atmosphere/P-sl-psf": SEA_LEVEL_PRESSURE * share**PRESSURE_EXPONENT / _PSF,
+    }
+
+
+def weigh(config: AircraftConfig) -> MassBalance:
+    """Load an aircraft and weigh it, then once more without load and fuel."""
+    fdm = Fdm(config)
+    whole = fdm._body()
+    pounds_per_slug = whole.weight / fdm.reader("inertia/mass-slugs")()
+    for name in filter(_LOAD.search, fdm.names("")):
+        fdm.writer(name)(0.0)
+    fdm.evaluate()  # JSBSim computes mass and inertia here
+    return MassBalance(whole=whole, empty=fdm._body(), pounds_per_slug=pounds_per_slug)

@@ -1,0 +1,90 @@
+"""Names of metrics and of keys as text."""
+
+import math
+import re
+from pathlib import Path
+
+import pytest
+
+import flighttune
+from flighttune.base.answers.answer import at_least, at_most
+from flighttune.base.answers.names import (
+    METRIC_LABELS,
+    QUANTITIES,
+    TABLES,
+    key_words,
+    measure_words,
+    metric_label,
+)
+from flighttune.flight.metrics import AIRSPEED_METRICS, FLIGHT_METRICS, LOOP_METRICS, METRICS
+
+
+def test_every_label_of_a_single_table_is_one_of_its_columns():
+    code = "".join(path.read_text() for path in Path(flighttune.__file__).parent.rglob("*.py"))
+    used = {name: set() for name in TABLES["tables"]}
+    for keys, name in re.findall(r'columns\w*\(\s*((?:"[^"]*"\s*)+),\s*of="(\w+)"', code):
+        used[name] |= set(keys.replace('"', " ").split())
+    for name, labels in TABLES["tables"].items():
+        assert labels.keys() <= used[name]
+
+
+def test_every_metric_has_a_label_and_angles_are_in_degrees():
+    named = {
+        *METRICS,
+        *FLIGHT_METRICS,
+        *AIRSPEED_METRICS,
+        "peak_rad",
+        "end_error_rad",
+        "end_error_mps",
+        "error",
+    }
+    named |= {*LOOP_METRICS} - QUANTITIES.keys()
+    assert named == METRIC_LABELS.keys()
+    assert metric_label("V.MO_mps").heading == "overshoot of V [m/s]"
+    assert metric_label("chi.MO_rad").heading == "overshoot of χ [deg]"
+    assert metric_label("chi.MO_rad").written(math.pi / 18.0) == "10.00"
+    assert metric_label("gamma.effort_rms").heading == "effort rms of γ [1]"
+    assert metric_label("flight.n_z_max").heading == "maximum n_z [1]"
+    assert metric_label("chi.MO_deg").written(10.0) == "10.00"
+    assert measure_words("chi.MO_deg") == "overshoot of course"
+    assert measure_words("gamma.settling_s") == "settling time of path angle (5\u00a0%)"
+    assert measure_words("V.settling_s within 0.5 deg") == (
+        "settling time of airspeed (within 0.5 deg)"
+    )
+    assert measure_words("height_err.error within 9 m, 2 m from 4 s") == (
+        "largest error over envelope of height (within 9 m, 2 m from 4 s)"
+    )
+    assert metric_label("loop.phase_margin_deg").heading == "phase margin [deg]"
+
+
+@pytest.mark.parametrize(
+    ("key", "words"),
+    [
+        ("flight.chi_deg", "initial course"),
+        ("plant.airframe.actuator_lag_factor", "actuator lag"),
+        ("limits.n_z[1]", "maximum limit of load factor"),
+        ("reference.chi_deg[1].start_s", "reference course 2 start"),
+        ("plant[jsbsim:x.8].airframe.ixx_factor", "roll inertia of jsbsim:x.8"),
+    ],
+)
+def test_a_dispersed_quantity_is_said_in_words(key, words):
+    assert key_words(key) == words
+
+
+@pytest.mark.parametrize(
+    ("value", "digits", "below", "above"),
+    # 0.05 and 0.1 are printed as they were stated, though their doubles are a little above.
+    [
+        (0.046192420328, 4, "0.04619", "0.0462"),
+        (0.05, 4, "0.05", "0.05"),
+        (0.1, 2, "0.1", "0.1"),
+        (0.0831, 2, "0.083", "0.084"),
+        (12.1, 2, "12", "13"),
+        (9.999, 2, "9.9", "10"),
+        (-0.12345, 3, "-0.124", "-0.123"),
+        (0.0, 2, "0", "0"),
+        (math.inf, 3, "∞", "∞"),
+    ],
+)
+def test_a_bound_in_few_digits_is_on_its_side(value, digits, below, above):
+    assert (at_least(value, digits), at_most(value, digits)) == (below, above)

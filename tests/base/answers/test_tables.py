@@ -1,0 +1,149 @@
+"""Tables on a terminal of any width, on a page, in a notebook and in Markdown."""
+
+import json
+import math
+import xml.etree.ElementTree as ET
+
+import pytest
+
+from flighttune.base.answers.answer import Answer, Column, Table, facts_table
+
+WIDTHS = 120, 80, 48
+NUMBERS = ("ITAE χ", "ITAE γ", "MO χ", "MO γ", "settle χ", "settle γ")
+VALUES = [
+    ("kinematic", "paper", 5.57, 4.86, 8.35, 14.98, 6.12, 10.38),
+    ("kinematic", "tuned", 4.55, 2.51, 7.16, 10.30, 5.74, "never"),
+    ("jsbsim:aerosonde", "exact:tuned_identified", 6.97, 0.74, 3.65, 1.81, None, 3.04),
+]
+NAMES = ("plant", "gains", *NUMBERS)
+RUNS = Table(
+    title="Runs",
+    columns=(
+        Column("plant", "plant"),
+        Column("gains", "gains"),
+        *(Column(name, name, digits=".2f", missing="-") for name in NUMBERS),
+    ),
+    records=[dict(zip(NAMES, row, strict=True)) for row in VALUES],
+    grouped=True,
+)
+
+
+def no_wider(text, width):
+    return max(map(len, text.splitlines())) <= width
+
+
+@pytest.mark.parametrize("width", WIDTHS)
+def test_a_table_fits_and_no_number_is_cut(width):
+    text = RUNS.text(width)
+
+    assert no_wider(text, width)
+    words = text.split()
+    for row in RUNS.rows:
+        assert all(words.count(cell) >= 1 for cell in row[2:] if cell != "-")
+
+
+def test_where_room_is_short_each_plant_has_its_table():
+    tables = RUNS.text(70).split("\n\n")
+
+    assert [table.splitlines()[0] for table in tables] == ["Runs", "kinematic", "jsbsim:aerosonde"]
+    assert tables[2].splitlines()[-1].split()[0] == "exact:tuned_identified"
+
+
+@pytest.mark.parametrize("width", WIDTHS)
+def test_words_are_wrapped_to_the_width(width):
+    columns = Column("name", "name"), Column("words", "words")
+    text = Table(columns=columns, records=[{"name": "x", "words": "word " * 60}]).text(width)
+
+    assert no_wider(text, width)
+    assert text.split().count("word") == 60
+
+
+def test_numbers_stand_to_the_right_also_where_one_is_missing():
+    values = {"a": 1.5, "b": math.nan, "c": math.inf, "d": -math.inf, "e": -0.25, "f": "never"}
+    columns = Column("name", "name"), Column("value", "a heading", digits="g")
+    records = [{"name": name, "value": value} for name, value in values.items()]
+    lines = Table(columns=columns, records=records).text(80).splitlines()[2:]
+
+    assert [line.split()[-1] for line in lines] == ["1.5", "–", "∞", "−∞", "-0.25", "never"]
+    assert len({len(line) for line in lines}) == 1
+
+
+@pytest.mark.parametrize(
+    ("column", "shown"),
+    [
+        (Column("angle", unit="deg", digits=".1f", factor=180.0 / math.pi), "30.0"),
+        (Column("metrics.chi.ITAE", digits=".2f"), "5.57"),
+        (Column("metrics.chi.ITAE", digits=".1f", ends=("pair.0", "pair.1")), "5.6 [5.0, 6.0]"),
+        (Column("met"), "no"),
+        (Column("names"), "a, b"),
+        (Column("absent", digits=".2f", missing="-"), "-"),
+    ],
+)
+def test_a_column_finds_its_value_by_its_key_and_writes_it_in_its_unit(column, shown):
+    record = {
+        "angle": math.pi / 6.0,
+        "metrics": {"chi": {"ITAE": 5.57}},
+        "pair": [5.0, 6.0],
+        "met": False,
+        "names": ["a", "b"],
+    }
+
+    assert column.text(record) == shown
+
+
+def test_a_column_without_any_value_is_left_out():
+    columns = Column("name", "name"), Column("reason", "reason"), Column("n", "n", digits=".0f")
+    text = Table(columns=columns, records=[{"name": "x", "reason": "", "n": 3}]).text(80)
+
+    assert text.splitlines()[0].split() == ["name", "n"]
+
+
+@pytest.mark.parametrize("grouped", [False, True])
+def test_a_title_is_one_line_of_the_text(grouped):
+    """A title of a file with a line break would print a line that looks like the command's."""
+    table = Table(
+        [Column("x"), Column("y")], [{"x": "a", "y": 1.0}], "s\nclaim: met", grouped=grouped
+    )
+
+    for width in (4, 80):
+        assert table.text(width).splitlines()[0] == "s claim: met"
+
+
+def test_a_table_in_a_notebook_is_escaped_and_names_its_rows():
+    table = ET.fromstring(facts_table("<b>", {"a": "b & c"}).html())
+
+    assert table.findtext("caption/b") == "<b>"
+    assert (table.findtext("tbody/tr/th"), table.findtext("tbody/tr/td")) == ("a", "b & c")
+
+
+def test_a_cell_does_not_break_a_table_in_markdown():
+    columns = Column("a", "a"), Column("b", "|b|")
+    text = Table(columns, [{"a": "x | y", "b": "two\nlines"}]).markdown()
+
+    assert text.splitlines() == ["| a | \\|b\\| |", "| --- | --- |", "| x \\| y | two lines |"]
+
+
+def test_an_answer_has_the_same_records_in_text_and_json(tmp_path):
+    columns = Column("name", "name"), Column("value", "value", digits=".2f")
+    records = [{"name": "x", "value": 1.234567}]
+    answer = Answer(
+        values={"status": "fine", "largest": math.inf},
+        tables=[Table(name="rows", columns=columns, records=records)],
+        notes=["a note"],
+        files={"page": tmp_path, "figure": None},
+    )
+
+    text = "\n".join(answer.text(80))
+
+    assert json.loads(answer.json()) == {
+        "status": "fine",
+        "largest": None,
+        "rows": records,
+        "notes": ["a note"],
+        "verdict": "",
+        "page": str(tmp_path),
+        "figure": None,
+    }
+    assert "1.23" in text
+    assert f"page: {tmp_path}" in text
+    assert "figure" not in text

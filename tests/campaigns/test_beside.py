@@ -1,0 +1,216 @@
+"""Gains beside the guidance that a user flies now, on the same draws."""
+
+import math
+import re
+
+import numpy as np
+import pytest
+from commands import flighttune
+from log_files import sampled, write_dataflash
+from scipy.stats import binomtest
+
+import flighttune as ft
+from flighttune.campaigns.flying.rows import scenario_of_run
+from flighttune.claims import counting
+from flighttune.logs.parameters import flown_now
+from flighttune.studies.beside import Beside, _with_guidance, loops
+
+CORNERS = (0.0, 0.0), (500.0, 0.0), (700.0, 300.0)
+SHORT = {"route.waypoint": [{"north_m": n, "east_m": e} for n, e in CORNERS]}
+FEW = {"flights": 2, "workers": 1, "changes": SHORT}
+
+
+@pytest.fixture(scope="module")
+def file(tmp_path_factory):
+    path = tmp_path_factory.mktemp("now") / "plane.parm"
+    path.write_text("NAVL1_PERIOD 14\nNAVL1_DAMPING 0.8\nTECS_THR_DAMP 0.5\nRC1_MIN 1000\n")
+    return path
+
+
+@pytest.fixture(scope="module")
+def beside(file):
+    return ft.compare("circuit_in_wind", autopilot=file, **FEW)
+
+
+@pytest.mark.soak
+def test_both_fly_the_same_draws_and_the_answer_has_both(beside, file):
+    keys = [*beside.plan.keys, "seed", "draw"]
+    yours, ours = (beside.rows.loc[beside.rows["gains"] == x, keys] for x in ("yours", "ours"))
+    assert yours.to_dict("records") == ours.to_dict("records")
+    assert len(yours) == 2
+    answer = beside.answer()
+    assert len(answer.summary) == 4
+    assert [row["of"] for row in answer.values["accuracy"]] == [
+        *("cross track", "height", "airspeed", "course", "path angle")
+    ]
+    assert "not the firmware; not checked against a log" in answer.summary[3]
+    assert answer.values["unused"] == ["TECS_THR_DAMP"]
+    assert answer.values["rest"] == 1
+    sources = {row["from"] for row in answer.values["parameters"]}
+    assert sources == {file.name, "default of ArduPilot 4.5"}
+    gains = beside.plan.gain_sets[beside.plan.groups[-1].gains]
+    period = 4.0 * math.pi * 0.8 / gains.K_P[0, 0]
+    said = f"{gains.K_P[0, 0]:.2f} 1/s, is NAVL1_PERIOD = {period:.1f} s (yours 14 s)"
+    assert said in answer.summary[2]
+
+
+@pytest.mark.soak
+def test_ours_are_the_flights_that_a_campaign_has(beside):
+    alone = ft.flights("circuit_in_wind", changes=SHORT).plan()
+    row = beside.rows[(beside.rows["gains"] == "ours") & (beside.rows["draw"] == 1)].iloc[0]
+    group = next(i for i, x in enumerate(alone.groups) if x.gains == beside.plan.groups[-1].gains)
+    number = len(alone.groups) + group
+    enough = alone.with_runs(max(alone.runs, number + 1))
+    run = ft.fly(scenario_of_run(enough, number)).runs[-1]
+    flown = ft.loop.flight_metrics(run)
+    for name in ("cross_track_m", "height_err_m", "V_a_dev_mps"):
+        assert row[f"flight.{name}"] == pytest.approx(flown[name], rel=1e-9)
+
+
+@pytest.mark.soak
+def test_margins_are_those_of_a_frequency_response(beside):
+    # L = G (a s + b) / s^2 with the identified roll behind half a sample
+    (lag, _), omega = ft.loop.load_identified("aerosonde").nearest(25.0, 0.0).lags, 2.0 * math.pi
+    a, b = 4.0 * math.pi * 0.8 / 14.0, (omega / 14.0) ** 2
+    w = np.geomspace(1e-2, 60.0, 200_001)
+    s = 1j * w
+    second = s**2 / lag.natural_frequency**2 + 2.0 * lag.damping * s / lag.natural_frequency + 1.0
+    G = np.exp(-s * (lag.delay + 0.01)) / ((1.0 + s * lag.lag) * second)
+    L = G * (a * s + b) / s**2
+    phase = np.unwrap(np.angle(L))
+    crossing = np.flatnonzero((np.abs(L[:-1]) > 1.0) & (np.abs(L[1:]) <= 1.0))[-1]
+    turn = np.flatnonzero((phase[:-1] > -np.pi) & (phase[1:] <= -np.pi))[-1]
+    roll = beside.margins["yours"].records[0]
+    assert roll["phase_margin_deg"] == pytest.approx(np.degrees(phase[crossing]) + 180.0, abs=0.5)
+    assert roll["gain_increase"] == pytest.approx(1.0 / np.abs(L[turn]), rel=0.03)
+
+
+def test_margins_of_gains_on_a_route_are_those_with_its_look_ahead(file):
+    """``L = G (K_P s + K_I) (s + 1/T) / s^3``: the course wanted turns to the route in T."""
+    own = {"name": "own", "K_P": [[1.2, 0.0], [0.0, 1.2]], "K_I": [[0.9, 0.0], [0.0, 0.9]]}
+    stated = ft.flights("circuit_in_wind", changes={**SHORT, "gains": [own]})
+    now = flown_now(file, None)
+    plan = _with_guidance(counting.drawn(stated, None, "own", None, None), now)
+    T = plan.scenario.route.look_ahead_s
+    (lag, _) = ft.loop.load_identified("aerosonde").nearest(25.0, 0.0).lags
+    s = 1j * np.geomspace(1e-2, 60.0, 200_001)
+    second = s**2 / lag.natural_frequency**2 + 2.0 * lag.damping * s / lag.natural_frequency + 1.0
+    G = np.exp(-s * (lag.delay + 0.01)) / ((1.0 + s * lag.lag) * second)
+    L = G * (1.2 * s + 0.9) * (s + 1.0 / T) / s**3
+    crossing = np.flatnonzero((np.abs(L[:-1]) > 1.0) & (np.abs(L[1:]) <= 1.0))[-1]
+
+    roll = loops(plan, now)["ours"].records[0]
+
+    wanted = np.degrees(np.unwrap(np.angle(L))[crossing]) % 360.0 - 180.0
+    assert roll["phase_margin_deg"] == pytest.approx(wanted, abs=0.5)
+
+
+@pytest.mark.soak
+def test_counts_and_bounds_are_those_of_scipy_and_order_statistics(beside):
+    random, n = np.random.default_rng(7), 93
+    yours, ours = random.normal(5.0, 1.0, n), random.normal(4.5, 1.0, n)
+    rows = beside.rows.loc[np.arange(2 * n) % 2].reset_index(drop=True)
+    rows["draw"] = np.repeat(np.arange(n), 2)
+    rows["flight.cross_track_m"] = np.column_stack([yours, ours]).ravel()
+    rows["status"] = "completed"
+    rows.loc[rows["gains"].eq("yours") & rows["draw"].eq(3), "status"] = "left_envelope"
+    many = Beside(now=beside.now, plan=beside.plan.with_runs(2 * n), rows=rows, tracking=[])
+    cross, *_ = many.accuracy
+    better = int(np.sum(ours < np.where(np.arange(n) == 3, np.inf, yours)))
+    interval = binomtest(better, n).proportion_ci(0.95, method="exact")
+    assert (cross["better"], cross["flights"]) == (better, n)
+    assert (cross["lo"], cross["hi"]) == pytest.approx((interval.low, interval.high), abs=1e-9)
+    # one of 93 may be outside at 5 % and 0.95 (S. S. Wilks): the second largest; lost is infinite
+    assert cross["ours"] == np.sort(ours)[-2]
+    assert cross["yours"] == np.max(np.delete(yours, 3))
+    assert "; lost 1 (left envelope) | 0 of 93." in many.answer().summary[0]
+
+
+@pytest.mark.soak
+def test_a_log_lies_among_the_flights_or_not(beside, file, tmp_path):
+    tables = ft.load_scenario("circuit", changes=SHORT).as_dict()
+    law = {"name": "l1", "kind": "autopilot", "parameters": {"NAVL1_PERIOD": 14.0}}
+    flown = ft.fly(ft.scenario_from(tables | {"law": [law], "gains": ["paper"], "expect": []}))
+    run = next(run for run in flown.runs if run.status == "completed")
+    t, signals = sampled(run, noise=False, dropouts=False, late=False)
+    near = write_dataflash(tmp_path / "near.bin", t, signals)
+    off = {"cross_track": 0.0 * t + 50.0, "phi_cmd": 2.0 * signals["phi_cmd"]}
+    far = write_dataflash(tmp_path / "far.bin", t, signals | off)
+    for log, among in ((near, None), (far, "outside of")):
+        answer = ft.compare("circuit_in_wind", autopilot=file, log=str(log), **FEW).answer()
+        cross, height, roll = answer.values["tracking"]
+        assert "not checked" not in answer.summary[3]
+        if among is None:
+            kept = np.quantile(np.abs(run.signals["height_err"]), 0.95)
+            assert height["log"] == pytest.approx(kept, abs=0.05)
+            kept = np.degrees(np.quantile(np.abs(run.signals["phi_cmd"]), 0.95))
+            assert roll["log"] == pytest.approx(kept, abs=0.5)
+            assert roll["low"] <= roll["log"] <= roll["high"]
+        else:
+            assert cross["log"] == pytest.approx(50.0)
+            assert roll["log"] > roll["high"]
+            (said,) = [note for note in answer.notes if among in note]
+            assert re.search(r"outside of [a-z ]+ in cross track", said)
+            assert "commanded roll, by the 95th percentile of the size" in said
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--with", "copter.param"], "parameters of an aeroplane"),
+        (["--with", "missing.param"], "no such file"),
+        (["--flights", "5"], "`flights` must be absent without the parameters of an autopilot"),
+        (["paper@K1", "--with", "plane.param"], "one source of flights"),
+        (["--with", "plane.param", "--out", "x.rrd"], ".html"),
+    ],
+)
+def test_what_cannot_be_compared_is_refused_in_a_line(tmp_path, monkeypatch, options, words):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "copter.param").write_text("ATC_RAT_RLL_P,0.1\n")
+    (tmp_path / "plane.param").write_text("NAVL1_PERIOD,14\n")
+    _, failure = flighttune("compare", "paper@paper", *options, status=2)
+    assert words in failure
+
+
+@pytest.mark.soak
+def test_a_scenario_without_draws_is_flown_once_and_written_as_a_page(tmp_path, file):
+    page = tmp_path / "page.html"
+    out, _ = flighttune(
+        "compare", "level_turn", "--with", file, "--out", page, "--workers", "1", status=0
+    )
+    assert "Largest errors of 1; 59 are needed for a bound" in " ".join(out.split())
+    shown = page.read_text()
+    parts = re.findall(r'<(section|details) id="(\w+)"( open)?', shown)
+    assert parts[:3] == [
+        ("section", "accuracy", ""),
+        ("details", "margins", ""),
+        ("details", "flown", ""),
+    ]
+    assert "not the firmware" in shown
+    assert "--workers 1" in shown
+
+
+SPEEDS = """QGC WPL 110
+0\t1\t0\t16\t0\t0\t0\t0\t47.395\t8.55\t430\t1
+1\t0\t3\t22\t15\t0\t0\t0\t47.3952\t8.5501\t60\t1
+2\t0\t3\t16\t0\t0\t0\t0\t47.402\t8.55\t60\t1
+3\t0\t3\t178\t0\t20\t-1\t0\t0\t0\t0\t1
+4\t0\t3\t16\t0\t0\t0\t0\t47.402\t8.56\t60\t1
+5\t0\t0\t177\t2\t-1\t0\t0\t0\t0\t0\t1
+"""
+
+
+@pytest.mark.soak
+def test_what_is_not_emulated_of_a_mission_is_named_with_the_keys_that_fly_it(file, tmp_path):
+    mission = tmp_path / "m.waypoints"
+    mission.write_text(SPEEDS)
+    asked = ["compare", mission, "--with", file, "--flights", 1, "--workers", 1]
+
+    said = flighttune(*asked, status=2)[1]
+    assert "item 5 (DO_JUMP 177) must repeat at most 10 times" in said
+    asked += re.search("--set route.skip=true", said)[0].split()
+    said = flighttune(*asked, status=2)[1]
+    assert "must be flown at one airspeed" in said
+    assert "an airspeed of 20 m/s by item 3" in said
+    asked += re.search(r"--set flight.V_a_mps=25", said)[0].split()
+    assert "lost 0 | 0 of 1" in " ".join(flighttune(*asked)[0].split())

@@ -1,0 +1,40 @@
+"""Flights that can be counted: of one air, drawn at random, and which scenario is one of them."""
+
+import pytest
+from dispersed import AEROSONDE, SOFT, TURBULENCE, WIND, plan_of, tables_of, uniform
+
+import flighttune as ft
+from flighttune.claims.counted_flights import air_of, distribution_of, in_air
+
+START = uniform("flight.chi_deg", -5.0, 5.0), uniform("flight.gamma_deg", 3.0, 7.0)
+
+
+def small_campaign(**tables):
+    return plan_of(tables_of((AEROSONDE,), **{"gains": [SOFT], **tables}), *START).campaign
+
+
+def test_a_wind_that_is_drawn_may_be_stated():
+    plan = ft.plan_campaign(ft.load_campaign("light_turbulence"))
+    (plant,) = plan.scenario.plant
+    known = distribution_of(plan.campaign, plant.label)
+
+    def difference(**wind):
+        scenario = ft.scenario_from({**plan.scenario.as_dict(), "wind": wind})
+        return known.difference(scenario, plant)
+
+    assert known.windy
+    assert difference(speed_mps=0.0, from_deg=30.0) is None
+    assert "`wind.speed_mps` must be 0 to 8, got 9.0" in difference(speed_mps=9.0, from_deg=30.0)
+    assert "`wind.down_mps` must be 0.0" in difference(speed_mps=3.0, from_deg=30.0, down_mps=1.0)
+
+
+def test_air_is_taken_apart():
+    campaign = small_campaign(wind=WIND, turbulence=TURBULENCE)
+    words = small_campaign(wind=WIND, turbulence={"intensity": "light"})
+
+    assert air_of(campaign.central).startswith("severity")
+    assert air_of(in_air(campaign, "calm").nominal) == "calm"
+    assert air_of(in_air(campaign, "wind").nominal) == "wind"
+    assert air_of(in_air(words, "severe").nominal) == "severe"
+    with pytest.raises(ft.InputError, match=r"`air`.*'stormy'"):
+        in_air(campaign, "stormy")

@@ -1,0 +1,452 @@
+"""Faults that are made, not played: afterwards every run is there once, with the same bits."""
+
+import itertools
+import os
+import random
+import resource
+import signal
+import subprocess
+import sys
+import time
+from collections import Counter
+from contextlib import suppress
+from textwrap import dedent
+
+import psutil
+import pytest
+from campaigns import (
+    CIRCULAR,
+    DOUBLING,
+    SPEED,
+    Notes,
+    aircraft_with,
+    bits,
+    children,
+    dask_cluster,
+    flyers,
+    flying,
+    gone,
+    last_line,
+    parts,
+    plan,
+    some_parts,
+    table_flown,
+    wait_until,
+    write_campaign,
+)
+from dispersed import one_of
+from fuzzing import first_or_all
+
+import flighttune as ft
+from flighttune.campaigns.engine import flyer
+from flighttune.campaigns.engine.flyer import Flyer
+from tests.cli.test_code_of_files import LAW
+
+# real clusters, processes that are killed
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("own_workers")]
+
+RUNS, WORKERS = 160, 2
+ENDINGS = [
+    *((who, signal.SIGKILL) for who in ("all", "command", "worker", "workers")),
+    *(("command", number) for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP)),
+    ("command", signal.SIGQUIT),
+]
+"""Processes that are ended, and how."""
+
+ENDED = 80
+"""Campaigns that are ended at random."""
+
+FILE_LIMIT = 12_000
+"""Room for campaign.json, not for the rows of a draw, bytes."""
+
+
+@pytest.fixture(scope="module")
+def file(tmp_path_factory):
+    return write_campaign(tmp_path_factory.mktemp("files"), runs=RUNS)
+
+
+@pytest.fixture(scope="module")
+def ours(file):
+    return ft.plan_campaign(ft.load_campaign(file))
+
+
+@pytest.fixture(scope="module")
+def undisturbed(ours):
+    """Rows as one process flies them."""
+    return bits(table_flown(ours))
+
+
+def rows_of(out):
+    return ft.load(out).rows()
+
+
+@pytest.mark.counts
+@pytest.mark.parametrize(
+    ("functions", "limit", "status", "reason"),
+    [
+        pytest.param(
+            *(CIRCULAR, 60.0, "crashed", "the flight ended the process that flew it: SIGSEGV"),
+            marks=pytest.mark.counts,
+        ),
+        (DOUBLING, 2.0, "timed_out", "the flight must end within 2 s of wall time"),
+    ],
+    ids=["overflows JSBSim's stack", "stays in JSBSim for ever"],
+)
+def test_a_run_that_ends_its_process_is_one_row(
+    tmp_path, address, functions, limit, status, reason
+):
+    mass = "plant.airframe.mass_factor"
+    aircraft = aircraft_with(tmp_path / "aircraft", functions)
+    ours = plan(
+        tmp_path, runs=11, law=False, aircraft=(aircraft,),
+        top=f"time_limit_s = {limit}\ngains = ['paper']",
+        disperse=[SPEED, one_of(mass, 1.0, 1.05) | {"weights": [0.9, 0.1]}],
+    )  # fmt: skip
+    (poison,) = (run for run in range(11) if ours.parameters()[mass][ours.draw_of(run)] > 1.0)
+    others = [run for run in range(11) if run != poison]
+
+    done = ft.run_campaign(ours, tmp_path / "out", scheduler=address)
+
+    rows = rows_of(tmp_path / "out")
+    assert rows.column("run").to_pylist() == list(range(11))
+    crashed = rows.take([poison]).to_pylist()[0]
+    assert (crashed["status"], crashed["success"]) == (status, False)
+    assert reason in crashed["reason"]
+    assert bits(rows.take(others)) == bits(table_flown(ours, others))
+    assert done.statuses == {"completed": 10, status: 1}
+    assert (done.crashed, done.failed) == ((1, 0) if status == "crashed" else (0, 1))
+
+
+def with_own_law(scenario):
+    """Add a law of the user's to a scenario; its file."""
+    law = scenario.with_name("level.py")
+    law.write_text(dedent(LAW))
+    tables = '[[law]]\nname = "level"\nkind = "python"\nmodule = "level.py"\nclass = "Mine"\n'
+    scenario.write_text(scenario.read_text() + tables)
+    return law
+
+
+@pytest.mark.counts
+@pytest.mark.parametrize(
+    ("added", "said"),
+    first_or_all([("# other", "must be the file that was planned"), (None, "must be a file")]),
+)
+def test_a_worker_that_lacks_the_law_of_a_campaign_refuses_it_by_name(
+    tmp_path, address, added, said
+):
+    file = write_campaign(tmp_path, runs=4, wind="")
+    law = with_own_law(tmp_path / "short_turn_in_wind.toml")
+    ours = ft.plan_campaign(ft.load_campaign(file))
+    law.unlink()
+    if added:
+        law.write_text(dedent(LAW) + added)
+
+    with pytest.raises(ft.FlightTuneError, match=rf"worker .*\[\[law\]\] level: .*{said}"):
+        ft.run_campaign(ours, tmp_path / "out", scheduler=address)
+
+    law.write_text(dedent(LAW))
+    assert ft.run_campaign(ours, tmp_path / "out", scheduler=address, resume=True).completed == 4
+
+
+@pytest.mark.counts
+def test_a_law_whose_file_changes_meanwhile_ends_the_count_at_once(tmp_path):
+    file = write_campaign(tmp_path, runs=RUNS, wind="")
+    law = with_own_law(tmp_path / "short_turn_in_wind.toml")
+    ours = ft.plan_campaign(ft.load_campaign(file))
+
+    def change(progress):
+        if progress.done:
+            law.write_text(dedent(LAW) + "# other")
+        return False
+
+    with pytest.raises(ft.FlightTuneError, match=r"level: .* other contents now"):
+        ft.run_campaign(ours, tmp_path / "out", workers=WORKERS, observer=Notes(change))
+
+    rows = rows_of(tmp_path / "out").to_pylist()
+    assert sum(row["status"] == "invalid" for row in rows) <= WORKERS  # flights of that moment
+    law.write_text(dedent(LAW))
+    done = ft.run_campaign(ours, tmp_path / "out", workers=WORKERS, resume=True)
+    assert done.statuses["completed"] >= RUNS - WORKERS
+
+
+@pytest.mark.soak
+def test_a_campaign_that_is_stopped_goes_on_and_a_process_killed_in_mid_chunk_costs_nothing(
+    tmp_path, ours, undisturbed
+):
+    out, killed = tmp_path / "out", []
+
+    def kill_one(progress):
+        if progress.done > first.runs and not killed:
+            killed.append(flyers(psutil.Process())[0])
+            killed[0].kill()
+        return False
+
+    stops = Notes(lambda progress: progress.done > 0)
+    first = ft.run_campaign(ours, out, workers=1, observer=stops)
+
+    there = rows_of(out).column("run").to_pylist()
+    assert first.interrupted
+    assert 0 < first.runs == len({*there}) == len(there) < RUNS
+    assert not children()
+
+    second = ft.run_campaign(ours, out, workers=2, resume=True, observer=Notes(kill_one))
+
+    assert gone(killed)
+    assert (second.flown, second.crashed) == (RUNS - first.runs, 0)
+    assert bits(rows_of(out)) == undisturbed
+
+
+@pytest.mark.counts
+def test_the_scheduler_gone_is_one_line_and_the_rest_is_flown_here(
+    tmp_path, file, ours, undisturbed
+):
+    out = tmp_path / "out"
+    with (
+        dask_cluster(tmp_path) as (scheduler_address, scheduler),
+        flying(file, "--out", out, "--scheduler", scheduler_address) as command,
+    ):
+        some_parts(out)
+        scheduler.kill()
+        assert command.wait(timeout=240) == 2
+        assert last_line(command) == (
+            f"flighttune: {scheduler_address}: the connection to the scheduler is lost; what has "
+            "been flown is kept, go on with the same command and --resume"
+        )
+    assert 0 < len(rows_of(out)) < RUNS
+
+    ft.run_campaign(ours, out, workers=2, resume=True)
+
+    assert bits(rows_of(out)) == undisturbed
+
+
+@pytest.mark.counts
+def test_the_main_process_killed_leaves_no_worker_and_whole_files(
+    tmp_path, file, ours, undisturbed, address
+):
+    out, scratch = tmp_path / "out", tmp_path / "scratch"
+    scratch.mkdir()
+    environment = {**os.environ, "TMPDIR": str(scratch)}
+    with flying(file, "--out", out, "--workers", "2", env=environment) as command:
+        some_parts(out)
+        command.suspend()  # so that it cannot have flown everything before it is killed
+        below = children(command)
+        assert len(list(scratch.iterdir())) == len(below) == 2
+        command.kill()
+        wait_until(lambda: gone(below))
+    assert not list(scratch.iterdir())
+    assert 0 < len(rows_of(out)) < RUNS
+
+    ft.run_campaign(ours, out, scheduler=address, resume=True)
+
+    assert bits(rows_of(out)) == undisturbed
+    assert not (out / ".writing").exists()
+
+
+def as_in_a_terminal():
+    """Signals as they are in a terminal, whoever started the tests; no image of a crash."""
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    for _, number in ENDINGS:
+        if number != signal.SIGKILL:
+            signal.signal(number, signal.SIG_DFL)
+
+
+@pytest.mark.counts
+def test_a_campaign_ended_at_any_time_goes_on_to_the_same_bits(tmp_path, file, undisturbed):
+    draw, seen = random.Random(26), Counter()
+    scratch = tmp_path / "scratch"
+    scratch.mkdir()
+    options = {"env": {**os.environ, "TMPDIR": str(scratch)}, "preexec_fn": as_in_a_terminal}
+    for i in range(ENDED):
+        out, (who, number) = tmp_path / f"out-{i}", ENDINGS[i % len(ENDINGS)]
+        with flying(file, "--out", out, "--workers", "2", **options) as command:
+            if draw.random() < 0.7:
+                wait_until(lambda o=out, c=command: parts(o) or c.poll() is not None)
+            time.sleep(draw.uniform(0.0, 2.0))
+            workers = flyers(command)
+            ended = {
+                "command": [command],
+                "worker": draw.sample(workers, min(1, len(workers))),
+                "workers": workers,
+                "all": [command, *workers],
+            }
+            for process in ended[who]:
+                with suppress(psutil.NoSuchProcess):
+                    process.send_signal(number)
+            status = command.wait(timeout=240)
+            wait_until(lambda workers=workers: gone(workers))
+        kept = len(rows_of(out)) if parts(out) else 0
+        seen[f"{who}, {number.name}: exit status {status}, {kept:3} rows kept"] += 1
+
+        with flying(file, "--out", out, "--workers", "1", "--resume", **options) as command:
+            assert command.wait(timeout=240) == 0, last_line(command)
+
+        assert bits(rows_of(out)) == undisturbed, (who, number)
+        there = {path.name for path in out.iterdir()}
+        assert there <= {"campaign.json", "campaign.lock", "runs", "signals"}
+        assert not list(scratch.iterdir())
+    for what, times in sorted(seen.items()):
+        sys.stdout.write(f"{what}: {times}\n")
+
+
+@pytest.mark.counts
+def test_a_flight_that_never_ends_outlives_a_killed_command_by_its_time_limit_at_most(tmp_path):
+    file = write_campaign(
+        tmp_path, runs=8, law=False, top="time_limit_s = 2.0\ngains = ['paper']",
+        aircraft=(aircraft_with(tmp_path / "aircraft", DOUBLING),),
+        disperse=[SPEED, one_of("plant.airframe.mass_factor", 1.05)],
+    )  # fmt: skip
+    with flying(file, "--out", tmp_path / "out", "--workers", "1") as command:
+        some_parts(tmp_path / "out")
+        below = children(command)
+        command.kill()
+        wait_until(lambda: gone(below))
+
+
+@pytest.mark.counts
+def test_a_file_that_may_not_grow_is_one_line(tmp_path, file, ours, undisturbed, address):
+    out, limit = tmp_path / "out", (resource.RLIMIT_FSIZE, (FILE_LIMIT, FILE_LIMIT))
+    options = {"preexec_fn": lambda: resource.setrlimit(*limit)}
+    with flying(file, "--out", out, "--scheduler", address, **options) as command:
+        assert command.wait(timeout=240) == 2
+        assert "must be writable, got file too large; what has been" in last_line(command)
+    there = {path.name for path in out.iterdir()}
+    assert there <= {"campaign.json", "campaign.lock", "runs", ".writing"}
+    assert not parts(out)
+
+    ft.run_campaign(ours, out, scheduler=address, resume=True)
+
+    assert bits(rows_of(out)) == undisturbed
+
+
+@pytest.mark.counts
+def test_a_full_disk_is_one_line_and_what_is_there_stays(
+    tmp_path, file, ours, undisturbed, address
+):
+    disk = tmp_path / "disk"
+    disk.mkdir()
+    mount = ["mount", "-t", "tmpfs", "-o", "size=100k", "tmpfs", str(disk)]
+    if os.getuid() != 0 or subprocess.run(mount, capture_output=True, check=False).returncode:
+        pytest.skip("a small disk can only be made by root where mounting is allowed")
+    try:
+        with flying(file, "--out", disk / "out", "--scheduler", address) as command:
+            assert command.wait(timeout=240) == 2
+            assert "got no space left on device; what has been" in last_line(command)
+        there = rows_of(disk / "out")
+        assert 0 < len(there) < RUNS
+        assert set(bits(there)) <= set(undisturbed)
+
+        subprocess.run(["mount", "-o", "remount,size=10m", str(disk)], check=True)
+        ft.run_campaign(ours, disk / "out", scheduler=address, resume=True)
+
+        assert bits(rows_of(disk / "out")) == undisturbed
+    finally:
+        subprocess.run(["umount", "-l", str(disk)], check=True)
+
+
+@pytest.mark.counts
+@pytest.mark.parametrize(
+    ("made", "says"),
+    first_or_all(
+        [
+            ("numpy-0.0.dist-info/METADATA", "a worker cannot fly for this campaign: numpy must"),
+            ("flighttune/__init__.py", "a worker has no `flighttune.campaigns`: install"),
+        ]
+    ),
+)
+def test_a_worker_that_is_not_fit_is_one_line(tmp_path, ours, made, says):
+    folder = tmp_path / "packages"
+    (folder / made).parent.mkdir(parents=True)
+    (folder / made).write_text("Metadata-Version: 2.1\nName: numpy\nVersion: 0.0\n" * ("M" in made))
+
+    with (
+        dask_cluster(tmp_path, path=folder) as (unfit, _),
+        pytest.raises(ft.FlightTuneError, match=says),
+    ):
+        ft.run_campaign(ours, tmp_path / "out", scheduler=unfit)
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize(
+    ("functions", "said"),
+    [
+        (CIRCULAR, "SIGSEGV"),
+        pytest.param(DOUBLING, "longer than `time_limit_s`", marks=pytest.mark.counts),
+    ],
+)
+def test_an_aircraft_whose_undispersed_flight_does_not_end_is_one_line(tmp_path, functions, said):
+    aircraft = aircraft_with(tmp_path / "aircraft", functions.replace("24.9", "0.1"))
+    ours = plan(tmp_path, runs=4, law=False, aircraft=(aircraft,), top="time_limit_s = 1.0")
+    began = time.monotonic()
+
+    with pytest.raises(ft.FlightTuneError, match=f"undispersed flights .*{said}"):
+        ft.run_campaign(ours, tmp_path / "out", workers=1)
+    assert time.monotonic() - began < 120.0  # 11 s and two starts of a process; was twice 120 s
+
+
+@pytest.mark.counts
+def test_a_process_killed_in_a_flight_and_again_while_it_starts_costs_no_run(tmp_path, monkeypatch):
+    ours = plan(tmp_path, runs=4, law=False)
+    calls, receive = itertools.count(), Flyer._receive
+
+    def kills(flyer, *limit):
+        if next(calls) in (1, 2):  # the first waits for a run, the second for a new process
+            flyer._process.kill()
+        return receive(flyer, *limit)
+
+    monkeypatch.setattr(Flyer, "_receive", kills)
+    ft.run_campaign(ours, tmp_path / "out", workers=1)
+
+    assert Counter(ft.load(tmp_path / "out").rows()["status"].to_pylist()) == {"completed": 4}
+
+
+@pytest.mark.counts
+def test_a_worker_of_a_cluster_that_is_lost_costs_no_run(tmp_path, ours, undisturbed):
+    lost = []
+
+    def kill(progress):
+        if progress.done and not lost:
+            started = psutil.Process().children()
+            lost.extend(p for p in started if {"dask", "worker"} <= {*p.cmdline()})
+            lost[0].kill()
+        return False
+
+    with dask_cluster(tmp_path, workers=2) as (scheduler_address, _):
+        done = ft.run_campaign(
+            ours, tmp_path / "out", scheduler=scheduler_address, observer=Notes(kill)
+        )
+
+    assert len(lost) == 2
+    assert done.crashed == 0
+    assert bits(rows_of(tmp_path / "out")) == undisturbed
+
+
+@pytest.mark.counts
+def test_processes_that_hang_are_replaced_and_cost_no_run(tmp_path, undisturbed, monkeypatch):
+    monkeypatch.setattr(flyer, "GRACE_S", 1.0)
+    ours = plan(tmp_path, runs=RUNS, top="time_limit_s = 5.0")
+    hanging = []
+
+    def stop(progress):
+        if progress.done and not hanging:
+            hanging.extend(flyers(psutil.Process()))
+            for process in hanging:
+                process.suspend()
+        return False
+
+    done = ft.run_campaign(ours, tmp_path / "out", workers=WORKERS, observer=Notes(stop))
+
+    assert len(hanging) == WORKERS
+    assert gone(hanging)
+    assert done.statuses == {"completed": RUNS}
+    assert bits(rows_of(tmp_path / "out")) == undisturbed
+
+
+@pytest.mark.soak
+def test_an_aircraft_that_is_another_one_now_is_one_line(tmp_path, address):
+    aircraft = aircraft_with(tmp_path / "aircraft", "")
+    ours = plan(tmp_path, runs=4, law=False, aircraft=(aircraft,))
+    file = tmp_path / "aircraft" / "aerosonde.xml"
+    file.write_text(file.read_text().replace("-38.21", "-38.22"))
+
+    with pytest.raises(ft.FlightTuneError, match=r"files of aircraft .*planned"):
+        ft.run_campaign(ours, tmp_path / "out", scheduler=address)

@@ -1,0 +1,196 @@
+"""The worst flight: against closed forms, and on small campaigns of the law."""
+
+import math
+from dataclasses import replace
+from unittest import mock
+
+import numpy as np
+import pytest
+from campaigns import flown_here, table_flown
+from commands import answer, flighttune
+from dispersed import KINEMATIC, SOFT, plan_of, tables_of, uniform
+from scipy.stats import chi2
+
+import flighttune as ft
+from flighttune.flight.loop.run import ERRORS, Bounds
+from flighttune.studies import worst as worst_module
+from flighttune.studies.worst import SEEDS_EVERY, StatedSet, search_worst, value_of
+from tests.claims.tubes.test_soundness import made_up
+from tests.claims.tubes.test_soundness import tube as tube_of
+
+SAME = 1e-9
+"""A flight of a batch and the same one alone differ by 1e-12."""
+
+START = uniform("flight.chi_deg", -40.0, 40.0), uniform("flight.gamma_deg", -10.0, 10.0)
+DEMAND = {"at_most": {"chi": {"peak_deg": 35.0}}}
+
+
+def small_plan(**tables):
+    """Three seconds of the law from random starts."""
+    return plan_of(tables_of((KINEMATIC,), **{"gains": [SOFT], **tables}), *START, runs=8)
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize("dimension", [2, 8, 20])
+def test_the_worst_of_a_plane_lies_where_its_normal_meets_the_region(dimension):
+    normal = np.arange(1.0, dimension + 1.0)
+    normal /= np.linalg.norm(normal)
+
+    z, _, first = search_worst(lambda z, seeds: z @ normal, dimension, budget=2000, seed=3)
+
+    radius = math.sqrt(chi2.ppf(0.999, dimension))
+    assert np.linalg.norm(z) <= radius * (1.0 + SAME)
+    assert z @ normal > 0.98 * radius
+    assert first < z @ normal
+
+
+def test_chance_is_that_of_the_worst_flight_so_far_and_others_are_tried():
+    seen = []
+
+    def values(z, seeds):
+        seen.append((z, seeds))
+        return (seeds % 1000).astype(float)
+
+    _, seed, first = search_worst(values, 3, budget=640, seed=5)
+
+    best = first
+    assert first == max(seen[0][1] % 1000)
+    for generation, (z, seeds) in enumerate(seen[1:], 1):
+        if generation % SEEDS_EVERY == 0:
+            assert len(set(seeds)) == len(seeds)
+            assert (z == z[0]).all()
+            best = max(best, *(seeds % 1000))
+        else:
+            assert set(seeds % 1000) == {best}
+    assert seed % 1000 == best > first
+
+
+@pytest.mark.slow
+def test_the_worst_flight_is_worse_than_random_ones_and_is_flown_again_as_it_was():
+    plan = small_plan()
+    with flown_here(worst_module) as pool:
+        searched = StatedSet(plan, pool, metric="chi.peak_rad")
+        worst = searched.find_worst(budget=320, seed=1)
+
+    rows = table_flown(plan.with_runs(300)).to_pandas()
+    assert worst.value > rows["chi.peak_rad"].max()
+    assert worst.distance <= worst.radius * (1.0 + SAME)
+    assert abs(worst.drawn["flight.chi_deg"]) <= 40.0
+    (run,) = ft.fly(worst.scenario).runs
+    assert run.signals["chi_err"].abs().max() == pytest.approx(worst.value, rel=SAME)
+
+
+def test_the_margin_is_that_of_the_nearest_demand():
+    others = {"at_least": {"flight": {"n_z_min": 2.0}}}, {"at_most": {"chi": {"ITAE": 0.0}}}
+    plan = small_plan(expect=[DEMAND, *others])
+    row = {
+        "status": "completed", "plant": "kinematic", "gains": "soft",
+        "chi.peak_rad": np.radians(70.0), "flight.n_z_min": 1.0, "chi.ITAE": 0.3,
+    }  # fmt: skip
+
+    assert value_of(row, "margin", plan.scenario) == pytest.approx(1.0)  # 70 of 35 deg
+    assert value_of({**row, "chi.ITAE": 1.5}, "margin", plan.scenario) == pytest.approx(1.5)
+    assert value_of({**row, "status": "diverged"}, "chi.ITAE", plan.scenario) > 100.0
+    assert value_of(row, "chi.ITAE", plan.scenario) == 0.3
+
+
+@pytest.mark.parametrize(("completed", "worst"), [(False, 1), (True, 2)])
+def test_flights_that_end_early_are_the_worst_or_left_out(completed, worst):
+    ends = [("completed", 0.5), ("diverged", 0.1), ("completed", 0.7)]
+
+    def rows(plan, runs, **options):
+        return [{"run": run, "status": x, "chi.ITAE": y} for run, (x, y) in enumerate(ends)]
+
+    with flown_here(worst_module, rows) as pool:
+        searched = StatedSet(small_plan(), pool, metric="chi.ITAE", completed=completed)
+        values = searched.values(np.zeros((3, 2)), np.arange(3))
+
+    assert np.argmax(values) == searched.worst["run"] == worst
+
+
+def test_nearness_is_that_to_the_widest_place_until_a_flight_leaves_the_narrowest():
+    (run,) = ft.fly(small_plan().scenario_of(2)).runs
+    t = run.signals.index.to_numpy()
+    middle = run.signals[["chi_err", "gamma_err"]].to_numpy()
+    width = np.where(t < 1.0, 0.01, 0.1)[:, None]
+
+    def tube(beside):
+        return Bounds(t=t, low=middle + beside - width, high=middle + beside + width)
+
+    near = tube(0.009)
+    assert near.share(run.signals) == pytest.approx(0.09)
+    assert near.reach(run.signals) == pytest.approx([0.09, 0.09])
+    assert near.ratios(run.signals) == pytest.approx(dict.fromkeys(("chi", "gamma"), 1.0 / 0.09))
+    assert tube(0.02).share(run.signals) == pytest.approx(2.0)
+
+
+def test_the_command_writes_a_scenario_that_flies_to_what_it_says(tmp_path):
+    drawn = ft.flights(small_plan(expect=[DEMAND]))
+    with flown_here(worst_module), mock.patch.object(worst_module, "flights", return_value=drawn):
+        said = answer("worst", "campaign", "--budget", 64, "--out", tmp_path / "worst.toml")
+
+    assert said["metric"] == "margin"
+    assert said["flights"] == 64
+    flown = "".join(flighttune("fly", said["scenario"], "--out", tmp_path / "runs", status=1))
+    assert "chi.peak_deg must be at most 35" in flown
+    assert f"got {35.0 * (1.0 + said['value']):.4g}" in flown
+
+
+@pytest.fixture(scope="module")
+def proven(tmp_path_factory):
+    """A tube of 0.3 s of the law from a box of starts, disturbed, and its file."""
+    scenario = made_up(chi_err_deg=15.0, gamma_deg=5.0, duration_s=0.3)
+    proven = tube_of(scenario, ft.PAPER_GAINS, for_ever=False, start=0.01, disturbance=0.02)
+    file = tmp_path_factory.mktemp("tube") / "proof"  # no ending: it is known by its content
+    proven.save(file)
+    return proven, file
+
+
+@pytest.mark.slow
+def test_the_flights_of_a_tube_are_searched_and_stay_inside(proven):
+    tube, file = proven
+
+    worst = ft.worst(file, budget=32, workers=1)
+
+    flown = ft.fly(worst.scenario).within(tube).runs[0]
+    assert (worst.metric, worst.contradicts) == ("tube", False)
+    assert worst.answer().failure == ""
+    assert tube.why_not(flown) == ""
+    assert 0.5 < worst.value <= 1.0
+    # the batch and a flight alone differ by rounding, and the bounds in the file by their margin
+    assert tube.bounds.of(ERRORS).share(flown.signals) == pytest.approx(worst.value, abs=1e-6)
+    assert abs(worst.drawn["flight.chi_deg"]) <= np.degrees(0.01)
+    assert worst.value == pytest.approx(ft.worst(tube, budget=32, workers=1).value, abs=1e-6)
+
+
+@pytest.mark.slow
+def test_a_flight_outside_of_a_tube_contradicts_its_proof(proven):
+    tube, _ = proven
+    bounds = tube.bounds
+    middle, half = 0.5 * (bounds.low + bounds.high), 0.1 * bounds.half_widths
+    wrong = replace(tube, bounds=replace(bounds, low=middle - half, high=middle + half))
+
+    worst = ft.worst(wrong, budget=32, workers=1)
+
+    assert worst.value > 1.0
+    assert worst.contradicts
+    assert worst.answer().status == 1
+    assert "contradicts its proof" in worst.answer().failure
+
+    other = made_up(chi_err_deg=15.0, gamma_deg=5.0, duration_s=0.3)
+    away = ft.worst(other, claim=tube, start_deg=5.0, gains="paper", budget=32, workers=1)
+    assert away.value > 1.0  # from a start that the tube says nothing of
+    assert tube.why_not(ft.fly(away.scenario).runs[0])
+    assert not away.contradicts
+
+
+@pytest.mark.slow
+def test_a_tube_has_flights_and_metric_of_its_own(proven):
+    tube, of_one = proven[0], tube_of(made_up(duration_s=0.1), ft.PAPER_GAINS, for_ever=False)
+    for source, options, reason in (
+        (tube, {"metric": "margin"}, "must be absent for a tube"),
+        (tube, {"budget": 1}, "`budget` must be"),
+        (of_one, {}, "starts or a disturbance"),
+    ):
+        with pytest.raises(ft.InputError, match=reason):
+            ft.worst(source, workers=1, **options)

@@ -1,0 +1,343 @@
+"""An aircraft's tube: its conformant model under every disturbance in the boxes."""
+
+import json
+import re
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from campaigns import flown_here
+from dispersed import uniform
+from fuzzing import first_or_all
+from hypothesis import strategies as st
+from made_up import scenario_file
+
+import flighttune as ft
+from flighttune.claims import verbs as band_module
+from flighttune.claims.counted_flights import plan_of
+from flighttune.claims.shape import LEAST
+from flighttune.claims.tubes.enclosure import Tube, load_tube
+from flighttune.claims.tubes.problem import tube_problem
+from flighttune.claims.tubes.tube import flights_inside, tube_of
+from flighttune.gaps.residual import residual_rates
+from tests.campaigns.test_band import ALONE, count
+from tests.claims.tubes.test_proof import arrays_of, claim_of, rewritten
+from tests.claims.tubes.test_soundness import (
+    FEW_PIECES,
+    check_cases,
+    disturbed_flight,
+    few_or_many,
+    made_up,
+    tube,
+)
+from tests.commands import flighttune
+from tests.made_up_band import ROLL, ROLL_CHANGE, WIDE, boxes_of, counted_boxes
+
+
+def flight(**changes):
+    values = {"feed_forward": False, "chi_err_deg": 4.0, "gamma_deg": 0.0, "gamma_ref_deg": 0.0}
+    scenario = made_up(**{**values, **changes}).as_dict()
+    scenario["plant"] = [{"kind": "jsbsim", "aircraft": "aerosonde"}]
+    return ft.scenario_from(scenario)
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize("feed_forward", first_or_all([True, False]))
+def test_the_aircraft_flies_inside_its_tube_which_is_proven_again(tmp_path, feed_forward):
+    scenario = flight(feed_forward=feed_forward, duration_s=0.4)
+
+    found = tube(scenario, ft.PAPER_GAINS, band=counted_boxes(scenario), for_ever=False)
+
+    assert found.status == "bounded"
+    assert flights_inside(found)
+    assert "probability at most 0.05" in found.problem.model
+    found.save(tmp_path / "tube.npz")
+    assert ft.verify(tmp_path / "tube.npz").valid
+
+
+@pytest.mark.soak
+def test_a_set_that_is_lost_bounds_no_flight(tmp_path):
+    """At the ends of its boxes the rates are those of a tight turn."""
+    scenario = flight(duration_s=1.5)
+
+    lost = tube(scenario, ft.PAPER_GAINS, band=counted_boxes(scenario, half_width=1.0))
+
+    said = lost.answer()
+    assert (lost.status, lost.probability) == ("unbounded", None)
+    assert 0 < len(lost.bounds.t) < len(lost.problem.t)
+    assert said.failure == lost.reason
+    assert any("`flighttune band` bounds such flights" in note for note in said.notes)
+    assert not any("leaves the tube with" in note for note in said.notes)
+    with pytest.raises(ft.InputError, match="must be bounded"):
+        lost.save(tmp_path / "tube.npz")
+
+
+@pytest.mark.slow
+def test_in_wind_the_start_must_be_stated():
+    calm = flight(duration_s=0.1)
+    windy = ft.scenario_from(calm.as_dict() | {"wind": {"speed_mps": 3.0, "from_deg": 90.0}})
+    boxes = counted_boxes(windy, half_width=10.0 * WIDE)
+
+    assert tube(windy, ft.PAPER_GAINS, band=boxes, for_ever=False).status == "bounded"
+    with pytest.raises(ft.InputError, match="`wind` must be stated"):
+        tube(calm, ft.PAPER_GAINS, band=boxes)
+
+
+@pytest.mark.slow
+def test_starts_are_those_of_the_boxes():
+    scenario = flight(duration_s=0.1)
+    known = counted_boxes(scenario)
+    starts = uniform("flight.chi_deg", 2.0, 7.0), uniform("flight.gamma_deg", -3.0, 3.0)
+    wider = counted_boxes(scenario, WIDE, ROLL, *starts)
+
+    with pytest.raises(ft.InputError, match=r"`start`.* 0 deg.*`flight.chi_deg`"):
+        tube(scenario, ft.PAPER_GAINS, band=known, start=0.01)
+    found = tube(scenario, ft.PAPER_GAINS, band=wider, start=0.03, for_ever=False)
+    assert found.status == "bounded"
+    with pytest.raises(ft.InputError, match=r"`start`.* 2 deg.*2.292 deg"):
+        tube(scenario, ft.PAPER_GAINS, band=wider, start=0.04)
+
+
+@pytest.mark.parametrize(
+    ("start_deg", "of"), [(1.9, "residual_rates"), (2.0, "flight"), (2.2, "flight")]
+)
+def test_only_a_tube_from_all_starts_counted_bounds_flights(start_deg, of):
+    """The course starts 2 deg to either side, and so does the path angle."""
+    scenario = flight(duration_s=0.1)
+    starts = uniform("flight.chi_deg", 2.0, 6.0), uniform("flight.gamma_deg", -2.0, 2.0)
+    known = counted_boxes(scenario, WIDE, ROLL, *starts)
+    problem = SimpleNamespace(
+        band=known, scenario=scenario, table=scenario.plant[0], start=np.deg2rad(start_deg)
+    )
+
+    counted = Tube.probability.fget(SimpleNamespace(problem=problem, status="bounded"))
+
+    assert (counted.of, counted.at_most) == (of, 0.05)
+
+
+def test_what_the_boxes_say_nothing_about_is_refused():
+    scenario = flight()
+    known = counted_boxes(scenario)
+    other = ft.PIGains(K_P=2.0 * ft.PAPER_GAINS.K_P, K_I=ft.PAPER_GAINS.K_I)
+
+    with pytest.raises(ft.InputError, match=r"`K_P`.*paper"):
+        tube(scenario, other, band=known)
+    with pytest.raises(ft.InputError, match=r"`flight.chi_deg`.*4.0.*5.0"):
+        tube(flight(chi_err_deg=5.0), ft.PAPER_GAINS, band=known)
+    with pytest.raises(ft.InputError, match="`disturbance` must not be given"):
+        tube(scenario, ft.PAPER_GAINS, band=known, disturbance=0.1)
+    with pytest.raises(ft.InputError, match="`boxes` must be given"):
+        tube(scenario, ft.PAPER_GAINS, plant="jsbsim:aerosonde")
+    scheduled = scenario.as_dict()
+    scheduled["controller"]["schedule"] = True
+    with pytest.raises(ft.InputError, match=r"schedule` must be False, got True"):
+        tube(ft.scenario_from(scheduled), ft.PAPER_GAINS, band=known)
+    with pytest.raises(ft.InputError, match="of kind jsbsim"):
+        tube(made_up(), ft.PAPER_GAINS, band=known)
+
+
+@pytest.fixture(scope="module")
+def proof(tmp_path_factory):
+    """The file of a tube, and that of the band its boxes come from."""
+    scenario = flight(duration_s=0.1, feed_forward=True)
+    folder = tmp_path_factory.mktemp("proof")
+    boxes = counted_boxes(scenario)
+    boxes.save(folder / "boxes.npz")
+    tube(scenario, ft.PAPER_GAINS, band=boxes, for_ever=False).save(folder / "tube.npz")
+    return folder / "tube.npz", folder / "boxes.npz"
+
+
+UNCHECKED = "that an aircraft keeps the boxes in the file is not checked"
+
+
+@pytest.mark.slow
+def test_without_its_band_a_tube_is_proven_for_the_boxes_in_the_file_alone(proof):
+    stdout, _ = flighttune("verify", proof[0])
+    found, _ = flighttune("verify", proof[0], "--json")
+
+    assert UNCHECKED in " ".join(stdout.split())
+    assert not re.search("probability|confidence|259|made up.*drawn", stdout)
+    found = json.loads(found)
+    assert (found["valid"], found["claim"]["aircraft_checked"]) == (True, False)
+    assert found["claim"]["counted"] is None
+    assert "probability" not in found["claim"]["model"]
+
+
+@pytest.mark.soak
+def test_boxes_whose_flights_are_made_up_are_refused_with_the_tube(proof):
+    stdout, stderr = flighttune("verify", proof[0], "--boxes", proof[1], status=1)
+
+    assert "claimed, not proven" in stdout
+    assert "flights of the band that are flown again must be equal to the bit" in stderr
+    with pytest.raises(ft.InputError, match="`boxes` must be given"):
+        ft.verify(ft.load(proof[1]), boxes=proof[1])
+
+
+@pytest.mark.soak
+def test_with_its_band_boxes_are_rebuilt_and_flown_again(tmp_path):
+    scenario = flight(duration_s=0.3, feed_forward=True)
+    path = scenario_file(tmp_path / "flight.toml", scenario)
+    boxes = count(path, kind=ft.residual, flights=ALONE, start_deg=1.0, gains="paper")
+    found = tube(scenario, ft.PAPER_GAINS, band=boxes, for_ever=False)
+    found.save(tmp_path / "tube.npz")
+    narrow = replace(boxes, extremes=np.float32(0.01) * boxes.extremes)
+
+    with flown_here(band_module) as pool:
+        verified = ft.verify(tmp_path / "tube.npz", boxes=boxes, pool=pool)
+        of_narrow = tube(scenario, ft.PAPER_GAINS, band=narrow, for_ever=False)
+        forged = ft.verify(of_narrow, pool=pool)
+
+    assert verified.valid
+    assert verified.checks
+    assert verified.claim.problem.aircraft_checked is True
+    assert "All 10 flights learned from were flown again" in verified.verification.notes[0]
+    assert not forged.valid
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("factor", "claim", "name"),
+    [(0.1, {}, "boxes"), (1.0, {"band_sha256": "0" * 64}, "band_sha256")],
+)
+def test_boxes_other_than_those_counted_are_refused(proof, tmp_path, factor, claim, name):
+    boxes = {"boxes": factor * arrays_of(proof[0])["boxes"]}
+    path = rewritten(proof[0], boxes, tmp_path / "forged.npz", **claim)
+
+    assert load_tube(path).problem.aircraft_checked is False
+    with pytest.raises(ft.InputError, match=rf"forged\.npz: `{name}` must"):
+        load_tube(path, ft.load(proof[1]))
+
+
+@pytest.mark.slow
+def test_boxes_and_an_aircraft_go_together(proof, tmp_path):
+    path = rewritten(proof[0], {"boxes": None}, tmp_path / "forged.npz", band_sha256=None)
+    with pytest.raises(ft.InputError, match="`boxes` must be given"):
+        load_tube(path)
+
+    scenario = {**claim_of(proof[0])["scenario"], "plant": [{"kind": "kinematic"}]}
+    rewritten(proof[0], {}, path, scenario=scenario, plant="kinematic")
+    with pytest.raises(ft.InputError, match=r"`boxes`.*kinematic"):
+        load_tube(path)
+
+
+@pytest.mark.slow
+def test_of_a_tube_that_a_flight_leaves_no_file_is_written(tmp_path):
+    scenario = flight(duration_s=0.3, ramp_dps=1.0)
+    path = scenario_file(tmp_path / "flight.toml", scenario)
+    # The aircraft leaves boxes that are this narrow, and so does its flight their tube.
+    counted_boxes(scenario, half_width=1e-7).save(tmp_path / "boxes.npz")
+    options = "--gains", "paper", "--boxes", tmp_path / "boxes.npz"
+
+    stdout, stderr = flighttune(
+        "tube", path, *options, "--out", tmp_path / "tube.npz", "--json", status=1
+    )
+
+    assert json.loads(stdout)["inside"] is False
+    assert "a flight leaves the tube" in stderr
+    assert not list(tmp_path.glob("tube.*"))
+
+
+FLIGHTS = 4
+SAME = 1e-6
+"""rad/s: the residual rates of a flight are found again to the error of integration."""
+
+RATE = st.floats(-0.03, 0.03)
+LAGS = [
+    one.lags for name in ("aerosonde", "a4") for one in ft.loop.load_identified(name).conditions
+]
+
+
+class Disturbed(ft.loop.PointMassPlant):
+    """The model under a disturbance that is constant over each sample, shape (samples, 2).
+
+    Its controller sees `beyond` more roll at each sample.
+    """
+
+    def __init__(self, lags, rates, beyond, g):
+        self._left, self._now = iter(rates.tolist()), (0.0, 0.0)
+        self._beyond = iter(beyond.tolist())
+        super().__init__(lags, disturbance=lambda _: self._now, g=g)
+
+    def advance(self, *commands):
+        self._now = tuple(next(self._left))
+        return super().advance(*commands)
+
+    def observe(self):
+        chi, gamma, phi, *rest = super().observe()
+        return (chi, gamma, phi + next(self._beyond), *rest)
+
+
+def roll_beyond(samples, rng):
+    """Goes to and fro in its box, as fast as its change may."""
+    turns = np.repeat(rng.choice([-1.0, 1.0], samples), rng.choice([1, 5, 40]))[:samples]
+    beyond = [rng.uniform(-ROLL, ROLL)]
+    for turn in turns[1:]:
+        beyond.append(float(np.clip(beyond[-1] + turn * ROLL_CHANGE, -ROLL, ROLL)))
+    return np.array(beyond)
+
+
+@st.composite
+def conformant(draw):
+    """A scenario of an aircraft, and its model with lags as identified and boxes made up."""
+    scenario = flight(
+        chi_err_deg=draw(st.floats(-40.0, 40.0)),
+        gamma_deg=draw(st.floats(-20.0, 30.0)),
+        gamma_ref_deg=draw(st.floats(-20.0, 30.0)),
+        roll_dps=draw(st.floats(10.0, 60.0)),
+        anti_windup=draw(st.sampled_from(["conditional", "none"])),
+        feed_forward=draw(st.booleans()),
+        ramp_dps=draw(st.one_of(st.none(), st.floats(-8.0, 8.0))),
+    )
+    known = counted_boxes(scenario)
+    windows = len(known.flights.edges) - 1
+    ends = np.array(draw(st.lists(RATE, min_size=4, max_size=4))).reshape(2, 2)
+    rng = np.random.default_rng(draw(st.integers(0, 99)))
+    alike = draw(st.sampled_from([1, 5, 25]))  # windows in a row with the same box
+    scale = np.repeat(rng.random((2, windows, 2)), alike, axis=1)[:, :windows]
+    scale = scale * np.sort(ends, axis=0)[:, None]
+    rest = np.tile([ROLL, ROLL_CHANGE], (windows, 1))
+    low, high = np.hstack([scale.min(axis=0), -rest]), np.hstack([scale.max(axis=0), rest])
+    model = replace(known.flights.model, lags=draw(st.sampled_from(LAGS)))
+    flights, centre = replace(known.flights, model=model), 0.5 * (low + high)
+    half = np.maximum(0.5 * (high - low), LEAST)
+    return scenario, boxes_of(plan_of(known), flights, centre, half)
+
+
+def check_conformant(case, seed):
+    scenario, known = case
+    problem = tube_problem(scenario, ft.PAPER_GAINS, band=known)
+    found = tube_of(problem, attempts=FEW_PIECES, for_ever=False)
+    rng, model = np.random.default_rng(seed), known.flights.model
+    boxes = known.bounds(problem.t)
+    low, high = boxes.low[:-1, :2], boxes.high[:-1, :2]
+    for _ in range(FLIGHTS):
+        share = rng.random(low.shape) if rng.random() < 0.5 else rng.choice([0.0, 1.0], low.shape)
+        rates = low + share * (high - low)
+        beyond = roll_beyond(len(problem.t), rng)
+        plant = Disturbed(model.lags, rates, beyond, scenario.flight.g_mps2)
+        signals, start = disturbed_flight(problem, plant=plant)
+        again = residual_rates(
+            model,
+            problem.controller().dt,
+            signals[["chi", "gamma"]].to_numpy(),
+            signals[["phi_cmd", "n_z_cmd"]].to_numpy(),
+            (start.phi, start.n_z_start),
+        )
+        assert again == pytest.approx(rates, abs=SAME)
+        assert found.bounds.contain(signals)
+
+
+@few_or_many(5, 250)
+def test_no_flight_in_the_boxes_leaves_the_tube(count):
+    check_cases(check_conformant, conformant(), count)
+
+
+def test_a_box_begins_at_its_sample_whatever_the_rounding_of_its_time():
+    band = counted_boxes(flight(duration_s=0.4))
+    edges, wider = band.flights.edges, 1.0 + np.arange(len(band.about.half))
+    grown = replace(band, about=replace(band.about, half=band.about.half * wider[:, None]))
+
+    for rounding in (-1e-12, 0.0, 1e-12):
+        high = grown.bounds(edges[:-1] + rounding).high
+        assert high == pytest.approx(grown.half_widths)

@@ -1,0 +1,320 @@
+"""Enclosures of functions and of lags, and the interval arithmetic below them."""
+
+from fractions import Fraction
+from itertools import product
+from types import SimpleNamespace
+
+import mpmath
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.integrate import quad
+from scipy.linalg import expm
+
+import flighttune as ft
+from flighttune.claims.tubes import forms, proof
+from flighttune.claims.tubes.dynamics import SampledLag
+from flighttune.claims.tubes.forms import Pieces, Quantity, combined
+from flighttune.claims.tubes.interval import LARGEST_ANGLE, Interval, cosine, sine_and_cosine
+from flighttune.control.theory import exact
+from flighttune.vehicles.plants.lagged import LaggedChannel
+
+ROUNDING = 1e-12
+"""Of the members, which are computed in floating point."""
+
+PIECES, ROWS, SYMBOLS, MEMBERS = 3, 3, 12, 200
+
+
+@pytest.fixture
+def pieces():
+    rng = np.random.default_rng(7)
+    made = Pieces(rng.uniform(-0.4, 0.4, (PIECES, ROWS)), constraints=1, capacity=SYMBOLS + 8)
+    made.make_room(SYMBOLS + 8)
+    made.values[:, :ROWS, 1 : 1 + SYMBOLS] = rng.uniform(-0.03, 0.03, (PIECES, ROWS, SYMBOLS))
+    made.used = SYMBOLS
+    made.kind[:SYMBOLS] = np.arange(SYMBOLS) % 3
+    return made
+
+
+def members(form, symbols):
+    """Values of a form for rows of symbols, shape (P, members)."""
+    return form.coefficients[:, :1] + form.coefficients[:, 1:] @ symbols
+
+
+def inside(form, symbols, values):
+    return np.all(np.abs(members(form, symbols) - values) <= form.err[:, np.newaxis] + ROUNDING)
+
+
+@pytest.fixture
+def symbols(pieces):
+    rng = np.random.default_rng(8)
+    return rng.choice([-1.0, 1.0], (pieces.capacity, MEMBERS)) * rng.choice([1.0, 0.3], MEMBERS)
+
+
+def ranged(pieces, form):
+    return Quantity(form, pieces.plain_range(form))
+
+
+@pytest.mark.parametrize(
+    ("enclosure", "function"),
+    [
+        (lambda a, _: forms.tangent(a), lambda x, _: np.tan(x)),
+        (lambda a, _: forms.cosine_of(a).form, lambda x, _: np.cos(x)),
+        (lambda a, _: forms.secant(a).form, lambda x, _: 1.0 / np.cos(x)),
+        (forms.product, np.multiply),
+        (forms.secant_change, lambda x, y: 1.0 / np.cos(x) - 1.0 / np.cos(x + y)),
+        # A kink, whatever the slope
+        *(
+            (lambda a, _, slope=slope: forms.positive_part(a, slope), lambda x, _: np.maximum(x, 0))
+            for slope in (0.0, 0.37, 1.0)
+        ),
+    ],
+)
+def test_a_function_is_enclosed(pieces, symbols, enclosure, function):
+    both = [ranged(pieces, form) for form in pieces.forms()[:2]]
+    x, y = (members(quantity.form, symbols) for quantity in both)
+
+    assert inside(enclosure(*both), symbols, function(x, y))
+
+
+@pytest.mark.parametrize(
+    ("enclosure", "function"),
+    [(forms.cosine_of, np.cos), (forms.secant, lambda x: 1.0 / np.cos(x))],
+)
+def test_the_values_of_a_function_are_enclosed(pieces, symbols, enclosure, function):
+    angle = pieces.forms()[0]
+    exactly = function(members(angle, symbols))
+
+    values = enclosure(ranged(pieces, angle)).values
+
+    assert (values.low <= exactly.min(axis=1) + ROUNDING).all()
+    assert (values.high >= exactly.max(axis=1) - ROUNDING).all()
+
+
+@pytest.mark.parametrize("scale", [0.1, 1.0, 3.0])
+def test_arctangent_of_a_quotient_is_enclosed(pieces, symbols, scale):
+    a, c, _ = pieces.forms()
+    a, b = combined((scale, a)), combined((1.0, c), shift=1.0)
+
+    found = forms.arctangent(ranged(pieces, a), ranged(pieces, b))
+
+    assert inside(found, symbols, np.arctan2(members(a, symbols), members(b, symbols)))
+
+
+def test_fewer_symbols_make_no_range_smaller(pieces):
+    weights = np.random.default_rng(9).uniform(-1.0, 1.0, (20, ROWS))
+
+    def ranges():
+        sums = forms.transformed(weights, pieces.forms())
+        values = [pieces.plain_range(form) for form in sums]
+        return np.array([[value.low, value.high] for value in values])
+
+    before = ranges()
+    pieces.reduce(np.array([[0, 3], [1, 4], [2, -1], [5, -1], [6, 9]]))
+
+    assert pieces.used == SYMBOLS - 5 + ROWS + 1
+    assert ((ranges() - before) * [[1.0], [-1.0]] <= ROUNDING).all()
+
+
+def test_a_constraint_cuts_the_range_to_what_it_says(pieces):
+    form = pieces.forms()[0]
+    whole = pieces.plain_range(form)
+    half = Interval(whole.low, whole.middle)
+    every = np.arange(PIECES)
+
+    pieces.constrain(every, np.zeros(PIECES, dtype=int), form, half)
+    found = pieces.constrained_range(form, half.radius[:, np.newaxis])
+
+    assert found.high == pytest.approx(half.high, abs=ROUNDING)
+    assert np.all(found.high >= half.high)
+
+
+NUMBER = st.floats(-1e3, 1e3)
+SMALLEST_DIVISOR = 1e-300
+"""A quotient of `NUMBER` by less may be larger than any float."""
+
+ANGLE = st.floats(-LARGEST_ANGLE, LARGEST_ANGLE)
+
+
+def holds(interval, number):
+    return Fraction(float(interval.low)) <= number <= Fraction(float(interval.high))
+
+
+@given(a=NUMBER, b=NUMBER)
+def test_sums_and_products_contain_the_exact_ones(a, b):
+    one, other = Interval.point(a), Interval.point(b)
+
+    assert holds(one + other, Fraction(a) + Fraction(b))
+    assert holds(one - other, Fraction(a) - Fraction(b))
+    assert holds(one * other, Fraction(a) * Fraction(b))
+    if b > SMALLEST_DIVISOR:
+        assert holds(one / other, Fraction(a) / Fraction(b))
+
+
+def test_a_radius_reaches_both_ends_from_the_middle():
+    """Over 1000 intervals whose middles and differences are not floats, in rational numbers."""
+    ends = np.sort(np.random.default_rng(5).normal(size=(2, 1000)), axis=0)
+    interval = Interval(*ends)
+
+    for low, high, middle, radius in zip(*ends, interval.middle, interval.radius, strict=True):
+        assert Fraction(middle) + Fraction(radius) >= Fraction(high)
+        assert Fraction(middle) - Fraction(radius) <= Fraction(low)
+
+
+# The nearest float to the sum of the floats 0.1 and 0.2, which is above the sum.
+END = 0.1 + 0.2
+
+
+def test_a_set_refuses_a_point_just_outside():
+    centre, size = np.array([0.1, -0.1]), np.array([0.2, 0.2])
+    assert Fraction(END) > Fraction(0.1) + Fraction(0.2)
+
+    for row, point in ((0, END), (1, -END)):
+        ranges = np.column_stack([centre, centre])
+        assert proof.inside(ranges, centre, size)
+        ranges[row] = point
+        assert not proof.inside(ranges, centre, size)
+
+
+def test_the_hull_of_a_parallelotope_is_its_set_rounded_outwards():
+    rng = np.random.default_rng(3)
+    W, centre = rng.normal(size=(5, 5)), rng.normal(size=5)
+    size = np.abs(rng.normal(size=5))
+
+    hull = proof.hull(proof.parallelotope(W, centre, size), W)
+
+    assert not proof.inside(hull, centre, size)
+    assert proof.inside(hull, centre, (1.0 + 1e-9) * size)
+
+
+def test_a_parallelotope_contains_the_corners_of_its_set_exactly():
+    """In 60 digits, for rows so nearly dependent that their inverse has only six right ones."""
+    n = 8
+    W = np.array([[1.0 / (i + j + 1.0) for j in range(n)] for i in range(n)])
+    rng = np.random.default_rng(3)
+    centre, size = rng.normal(size=n), rng.uniform(0.1, 1.0, n)
+
+    box = proof.parallelotope(W, centre, size)
+
+    with mpmath.workdps(60):
+        middle, generators, err = (
+            mpmath.matrix(values.tolist())
+            for values in (box.values[0, :, 0], box.values[0, :, 1 : 1 + n], box.err[0])
+        )
+        for signs in rng.choice([-1.0, 1.0], (20, n)):
+            q = mpmath.matrix([mpmath.mpf(c) + s * mpmath.mpf(h) for c, s, h in
+                               zip(centre, signs, size, strict=True)])  # fmt: skip
+            z = mpmath.lu_solve(mpmath.matrix(W.tolist()), q)
+            symbols = mpmath.lu_solve(generators, z - middle)
+            clipped = mpmath.matrix([max(-1, min(1, x)) for x in symbols])
+            rest = z - middle - generators * clipped
+            assert all(abs(x) <= e for x, e in zip(rest, err, strict=True))
+
+
+def sine(angle):
+    return sine_and_cosine(angle)[0]
+
+
+@given(angle=ANGLE)
+def test_sine_and_cosine_contain_the_exact_ones(angle):
+    for ours, theirs in ((sine, exact.sine), (cosine, exact.cosine)):
+        found, (low, high) = ours(Interval.point(angle)), theirs(angle)
+
+        assert holds(found, low)
+        assert holds(found, high)
+
+
+@given(a=ANGLE, b=ANGLE, part=st.floats(0.0, 1.0))
+def test_ranges_of_angles_contain_every_value(a, b, part):
+    low, high = min(a, b), max(a, b)
+    angle = min(max(low + part * (high - low), low), high)
+    whole = Interval(np.asarray(low), np.asarray(high))
+
+    assert all(holds(sine(whole), end) for end in exact.sine(angle))
+    assert all(holds(cosine(whole), end) for end in exact.cosine(angle))
+
+
+DT = 0.02
+QUADRATURE = 1e-9
+
+LAGS = [
+    ft.loop.InnerLag(order=1, natural_frequency=6.0),
+    ft.loop.InnerLag(order=2, natural_frequency=12.0, damping=0.6, delay=0.03),
+    ft.loop.InnerLag(order=3, natural_frequency=9.0, damping=0.8, lag=0.1, delay=0.055),
+]
+
+
+@pytest.mark.parametrize("lag", LAGS)
+def test_a_step_is_answered_as_in_flight_at_every_sample_and_on_average(lag):
+    sampled, channel = SampledLag.of(lag, DT), LaggedChannel(lag, 0.0)
+    given = [0.0] * (sampled.older + 1)
+    state = np.zeros(sampled.order)
+    for k in range(12):
+        command = 1.0 if k < 5 else -0.5
+        channel.order(k * DT, command)
+        given.insert(0, command)
+        inputs = np.array([*state, given[sampled.older + 1], given[sampled.older]])
+        states, edges = sampled.transition @ inputs, sorted(channel.switches((k + 1) * DT))
+        area, begin = 0.0, k * DT
+        for end in (*edges, (k + 1) * DT):
+            area += quad(channel.at, begin, end)[0]
+            channel.move_to(end)
+            begin = end
+        assert states[0] == pytest.approx(channel.at((k + 1) * DT), abs=ROUNDING)
+        assert sampled.mean @ inputs == pytest.approx(area / DT, abs=QUADRATURE)
+        state = states
+
+
+@pytest.mark.parametrize("lag", LAGS)
+def test_values_within_a_sample_contain_the_response_and_little_more(lag):
+    sampled = SampledLag.of(lag, DT)
+    start = [Interval(np.array([-0.1]), np.array([0.1])) for _ in range(sampled.order)]
+    command = Interval(np.array([0.9]), np.array([1.0]))
+
+    A, B = lag.undelayed
+    still = sampled.rest
+    # At the end the response is the first row of exp(A h) times the distance from rest, plus rest.
+    ends = [
+        (still * u + expm(A * DT) @ (np.array(y) - still * u))[0]
+        for u in (0.9, 1.0)
+        for y in product((-0.1, 0.1), repeat=sampled.order)
+    ]
+    end = Interval(np.array([min(ends)]), np.array([max(ends)]))
+
+    values = sampled.values_within(start, end, command, DT)
+
+    rng = np.random.default_rng(5)
+    for _ in range(200):
+        y, u, t = rng.uniform(-0.1, 0.1, sampled.order), rng.uniform(0.9, 1.0), rng.uniform(0, DT)
+        response = (still * u + expm(A * t) @ (y - still * u))[0]
+        assert values.low[0] <= response <= values.high[0]
+    assert values.high[0] - values.low[0] <= 0.2 + 3.0 * DT * (np.abs(A[0]).sum() + B[0])
+
+
+def test_bounds_for_ever_are_of_the_tube_and_of_the_second_round():
+    """A round begins in a box that is wider than the flights: the first one is left out."""
+    passed = np.zeros((4, 4, 2))
+    passed[:2], passed[2, :, 0], passed[3, :, 1] = [-9.0, 9.0], -1.0, 2.0
+
+    assert proof.for_ever(np.zeros((2, 4, 2)), passed).tolist() == [[-1.0, 2.0]] * 4
+
+
+@pytest.mark.parametrize(("end", "wide"), [(0, -2.0), (1, 2.0)])
+def test_a_loop_is_settled_once_its_boxes_stay_within_the_last(end, wide):
+    boxes = np.tile([-1.0, 1.0], (6, 4, 1))
+    boxes[1, :, end] *= 0.5
+    boxes[2, 3, end] = wide
+
+    assert proof.settled_from(SimpleNamespace(reference=np.zeros((6, 7)), boxes=boxes)) == 3
+
+
+@pytest.mark.parametrize("at", range(4))
+def test_bounds_for_ever_hold_at_every_sample_of_both_rounds(at):
+    """Two samples after the last one, then two of the second round; the first is within these."""
+    after_end, passed = np.zeros((2, 4, 2)), np.zeros((4, 4, 2))
+    passed[:2] = [-9.0, 9.0]
+    later = (after_end, passed)[at // 2]
+    later[at, :, 0], later[at, :, 1] = -3.0, 2.0
+
+    assert proof.for_ever(after_end, passed).tolist() == [[-3.0, 2.0]] * 4

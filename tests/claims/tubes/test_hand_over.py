@@ -1,0 +1,124 @@
+"""After the time of the scenario: the set that flights stay in for ever."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from fuzzing import first_or_all
+
+import flighttune as ft
+from flighttune.claims.tubes.problem import QUANTITIES, tube_problem
+from flighttune.claims.tubes.tube import tube_of
+from flighttune.flight.loop.disturbance import Sinusoid
+from tests.claims.tubes.test_proof import arrays_of, claim_of, rewritten
+from tests.claims.tubes.test_soundness import disturbed_flight, made_up, tube
+
+pytestmark = pytest.mark.slow
+
+D = 0.002
+LONGER = 10
+"""How many times as long as the scenario the flights are that must stay inside."""
+
+
+@pytest.fixture(scope="module")
+def scenario():
+    return made_up(chi_err_deg=0.3, gamma_deg=15.2, duration_s=4.0, rate_hz=12.5)
+
+
+def lasting(scenario, times):
+    tables = scenario.as_dict()
+    tables["flight"]["duration_s"] *= times
+    return ft.scenario_from(tables)
+
+
+@pytest.fixture(scope="module")
+def found(scenario):
+    return tube(scenario, ft.PAPER_GAINS, disturbance=D)
+
+
+@pytest.fixture(scope="module")
+def path(found, tmp_path_factory):
+    path = tmp_path_factory.mktemp("tube") / "tube.npz"
+    found.save(path)
+    return path
+
+
+@pytest.mark.counts
+@pytest.mark.parametrize("omega", first_or_all([0.7, 0.0, 1.5, 6.0]))
+def test_flights_ten_times_as_long_stay_inside(scenario, found, omega):
+    longer = replace(found.problem, scenario=lasting(scenario, LONGER))
+    swing = Sinusoid(chi_amplitude=D, chi_omega=omega, gamma_amplitude=-D, gamma_omega=omega)
+
+    signals, _ = disturbed_flight(longer, disturbance=swing)
+
+    after = signals[signals.index > scenario.flight.duration_s]
+    for name, (low, high) in zip(QUANTITIES, found.hand_over.bounds, strict=True):
+        assert after[name].between(low, high).all()
+    assert not after[["phi_limited", "n_z_limited"]].to_numpy().any()
+
+
+WIDER = 1.25
+"""How many times as wide as the tube of a longer flight bounds for ever may be."""
+
+
+@pytest.mark.counts
+def test_bounds_for_ever_are_those_of_the_tube_of_a_longer_flight(scenario, found):
+    problem = tube_problem(lasting(scenario, 3.0), ft.PAPER_GAINS, disturbance=D)
+    longer = tube_of(problem, for_ever=False)
+
+    after = longer.bounds.pairs[longer.bounds.t > scenario.flight.duration_s, :2]
+    widths = after[..., 1].max(axis=0) - after[..., 0].min(axis=0)
+    assert (np.ptp(found.hand_over.bounds[:2], axis=1) < WIDER * widths).all()
+
+
+@pytest.mark.soak
+def test_it_is_in_the_file_and_proven_again(found, path):
+    again = ft.load(path)
+
+    assert again.handed_over == found.handed_over
+    assert again.verify().valid
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize(
+    ("name", "change", "said"),
+    [
+        ("ever_W", lambda W: 0.9 * W, "sample .*: the set that is kept"),
+        ("ever_size", lambda size: 0.5 * size, "sample .*: the set that is kept"),
+        ("ever_size", lambda size: 300.0 * size, "after .* samples from sample "),
+        # four times as long in one direction: flights leave it in another
+        ("ever_size", lambda size: np.r_[4.0 * size[:1], size[1:]], "after .* proven to be kept"),
+        ("ever_bounds", lambda bounds: 0.9 * bounds, "after .*chi_err >= .* is not proven"),
+    ],
+)
+def test_a_set_that_is_not_kept_or_not_reached_is_refused(path, tmp_path, name, change, said):
+    changed = {name: change(arrays_of(path)[name])}
+
+    verdict = ft.verify(rewritten(path, changed, tmp_path / "changed.npz"))
+
+    assert not verdict.valid
+    assert re.search(said, verdict.reason)
+
+
+@pytest.mark.soak
+# The bounds of the last sample end with the margin of the interval after it, which those for ever
+# do not have: flights must have been in the set by then.
+@pytest.mark.parametrize("sample", [0, 51])
+def test_a_hand_over_before_the_last_change_or_after_the_last_sample_is_refused(
+    path, tmp_path, sample
+):
+    _, samples = claim_of(path)["hand_over"]
+    rewritten(path, {}, tmp_path / "changed.npz", hand_over=[sample, samples])
+
+    with pytest.raises(ft.InputError, match=f"`hand_over`.*51.*sample {sample}"):
+        ft.verify(tmp_path / "changed.npz")
+
+
+def test_nothing_is_claimed_for_ever_of_a_reference_that_still_moves(scenario):
+    tables = lasting(scenario, 0.1).as_dict()
+    tables["reference"]["gamma_deg"] = [
+        {"shape": "ramp", "start_s": 0.2, "rate_dps": 2.0, "duration_s": 1.0}
+    ]
+
+    assert tube(ft.scenario_from(tables), ft.PAPER_GAINS, disturbance=D).hand_over is None

@@ -1,0 +1,354 @@
+"""A tube's file and its commands: read back, checked, refused where something in it is not so."""
+
+import io
+import json
+import re
+import shutil
+import subprocess
+import sys
+import tracemalloc
+import zipfile
+
+import numpy as np
+import pytest
+from made_up import scenario_file
+
+import flighttune as ft
+from flighttune.base.answers.answer import quoted
+from tests.claims.tubes.test_soundness import made_up, tube
+from tests.commands import flighttune
+
+
+@pytest.fixture(scope="module")
+def proven(tmp_path_factory):
+    path = tmp_path_factory.mktemp("tube") / "tube.npz"
+    # Roll leaves its rate limit within the time: there is something to choose.
+    scenario = made_up(chi_err_deg=15.0, gamma_deg=15.0, duration_s=1.0)
+    found = tube(scenario, ft.PAPER_GAINS, for_ever=False, disturbance=0.02)
+    found.save(path)
+    return found, path
+
+
+def arrays_of(path):
+    with np.load(path) as arrays:
+        return {name: arrays[name] for name in arrays.files}
+
+
+def claim_of(path):
+    return json.loads(str(arrays_of(path)["claim"]))
+
+
+def rewritten(path, arrays, to=None, **claim):
+    """The file with other arrays (None for no array) and other entries of the claim."""
+    content = arrays_of(path)
+    content["claim"] = np.array(json.dumps({**claim_of(path), **claim}))
+    content = {name: array for name, array in (content | arrays).items() if array is not None}
+    np.savez_compressed(to or path, **content)
+    return to or path
+
+
+@pytest.fixture
+def changed(proven, tmp_path):
+    """A copy of the file with one array, or one entry of the claim, changed, put in or left out."""
+
+    def change(name, function):
+        arrays, claim = arrays_of(proven[1]), claim_of(proven[1])
+        in_claim = {name: function(claim.get(name))} if name in (*claim, "counted") else {}
+        other = {} if in_claim else {name: function(arrays.get(name, np.zeros((51, 2))).copy())}
+        return rewritten(proven[1], other, tmp_path / "changed.npz", **in_claim)
+
+    return change
+
+
+def test_a_tube_reads_back_and_is_proven_again(proven):
+    found, path = proven
+
+    again = ft.load(path)
+
+    assert again.bounds.pairs == pytest.approx(found.bounds.pairs, abs=1e-8)
+    assert (again.can_limit == found.can_limit).all()
+    assert ft.verify(path).valid
+
+
+@pytest.mark.parametrize(
+    ("name", "index", "value", "inequality"),
+    [
+        ("bounds", (30, 0, 0), lambda x: x + 1e-6, "sample 30 .*chi_err >= .* is not proven"),
+        ("bounds", (20, 1, 1), lambda x: x - 1e-6, "sample 20 .*gamma_err <= .* is not proven"),
+        ("bounds", (40, 2, 1), lambda x: x - 1e-6, "sample 40 .*phi_cmd <= .* is not proven"),
+        ("held", (0, 0), lambda _: False, "sample 0 .*no limit holds phi_cmd"),
+    ],
+)
+def test_a_claim_of_more_than_is_proven_is_refused_with_sample_and_inequality(
+    changed, name, index, value, inequality
+):
+    def forge(array):
+        array[index] = value(array[index])
+        return array
+
+    found = ft.verify(changed(name, forge))
+
+    assert not found.valid
+    assert re.search(inequality, found.reason)
+
+
+@pytest.mark.slow
+def test_what_is_wrong_in_the_choices_makes_the_set_wider_and_is_refused(changed):
+    assert not ft.verify(changed("chosen", lambda chosen: chosen * 0.9)).valid
+    assert "early" in ft.verify(changed("chosen", lambda chosen: chosen[:-40])).reason
+
+
+def in_table(*path, value):
+    """A change of one value deep in the claim."""
+
+    def change(table):
+        inner = table
+        for key in path[:-1]:
+            inner = inner[key]
+        inner[path[-1]] = value
+        return table
+
+    return change
+
+
+@pytest.mark.parametrize(
+    ("key", "change"),
+    [
+        ("gains", lambda gains: {**gains, "K_I": [[3.6, 0.1784], [-0.1784, 3.4869]]}),
+        ("disturbance_rad_s", lambda _: 1e306),
+        ("start_rad", lambda _: 0.01),
+        ("scenario", in_table("reference", "chi_deg", value=-90.0)),
+        ("scenario", in_table("limits", "phi_deg", value=[-5.0, 5.0])),
+        ("scenario", in_table("controller", "feed_forward", value=False)),
+        ("scenario", in_table("plant", 0, "kind", value="point_mass")),
+    ],
+)
+def test_another_loop_than_the_one_enclosed_is_refused(changed, key, change):
+    path = changed(key, change)
+    if key == "scenario":
+        label = ft.scenario_from(claim_of(path)["scenario"]).plant[0].label
+        path = rewritten(path, {}, plant=label)
+
+    assert "is not proven" in ft.verify(path).reason
+
+
+def test_a_disturbance_that_is_left_out_is_that_of_the_scenario(proven, tmp_path):
+    swing = {"chi_amplitude": 0.5, "chi_omega_rad_s": 1.0}
+    scenario = {**claim_of(proven[1])["scenario"], "disturbance": swing}
+    path = tmp_path / "changed.npz"
+
+    rewritten(proven[1], {}, path, scenario=scenario, disturbance_rad_s=None)
+    assert "is not proven" in ft.verify(path).reason
+    rewritten(proven[1], {}, path, scenario=scenario)
+    with pytest.raises(ft.InputError, match=r"changed\.npz: `disturbance`.* 0.5 "):
+        ft.load(path)
+
+
+@pytest.mark.slow
+def test_a_feasible_reference_in_the_file_must_be_that_of_the_scenario(tmp_path):
+    tables = made_up(chi_err_deg=4.0, gamma_deg=0.0, gamma_ref_deg=0.0).as_dict()
+    tables["reference"]["shape"] = "feasible"
+    tables["flight"]["duration_s"] = 1.0
+    path = tmp_path / "tube.npz"
+    found = tube(ft.scenario_from(tables), ft.PAPER_GAINS, for_ever=False)
+    found.save(path)
+    near, far = (found.problem.reference + by for by in (1e-9, 1e-5))
+
+    again = ft.load(rewritten(path, {"reference": near}, tmp_path / "near.npz"))
+
+    assert (again.problem.reference == near).all()
+    assert ft.verify(path).valid
+    with pytest.raises(ft.InputError, match=r"far\.npz: `reference`.*1e-05"):
+        ft.load(rewritten(path, {"reference": far}, tmp_path / "far.npz"))
+
+
+@pytest.mark.parametrize(
+    ("name", "change", "what"),
+    [
+        ("format", lambda _: "flighttune tube 4", "format"),
+        ("bounds", lambda bounds: bounds[:-1], "bounds"),
+        ("held", lambda held: held.astype(float), r"`held\.npy` must be of type bool"),
+        ("chosen", lambda chosen: chosen.astype(float), r"`chosen\.npy` .* float32, got float64"),
+        ("chosen", lambda chosen: chosen * np.nan, r"`chosen\.npy` must be finite"),
+        ("settings", lambda s: {**s, "sides": 10**6}, r"`settings\.sides`"),
+        ("start_rad", lambda _: float("nan"), "`start_rad`"),
+        ("hand_over", lambda _: [40.7, 5], r"`hand_over\.0`"),
+        ("scenario", lambda s: {**s, "colour": "red"}, "colour"),
+        ("scenario", in_table("flight", "duration_s", value=2e4), "`bounds` must have shape"),
+        ("counted", lambda _: "on 10^9 flights", "`counted`"),
+        *(
+            (name, lambda array: array, rf"`{name}\.npy` must not")
+            for name in ("reference", "boxes", "ever_W", "colour")
+        ),
+        *((name, lambda _: None, rf"`{name}\.npy` must be in") for name in ("bounds", "chosen")),
+    ],
+)
+def test_what_is_no_tube_is_refused_in_one_line_by_name(changed, name, change, what):
+    with pytest.raises(ft.InputError, match=rf"changed\.npz: .*{what}") as refused:
+        ft.verify(changed(name, change))
+
+    assert "\n" not in str(refused.value)
+
+
+def test_a_file_without_its_claim_is_refused(proven, tmp_path):
+    path = rewritten(proven[1], {"claim": None}, tmp_path / "changed.npz")
+
+    with pytest.raises(ft.InputError, match=r"changed\.npz: must be a file"):
+        ft.load(path)
+
+
+@pytest.mark.filterwarnings("ignore:Duplicate name")
+def test_an_array_that_is_there_twice_is_refused(proven, tmp_path):
+    path = tmp_path / "changed.npz"
+    shutil.copy(proven[1], path)
+    with zipfile.ZipFile(path, "a") as archive:
+        archive.writestr("bounds.npy", archive.read("bounds.npy"))
+
+    with pytest.raises(ft.InputError, match=r"`bounds\.npy`.*once"):
+        ft.load(path)
+
+
+BOMB = 50_000_000
+"""Choices of a member of zeros: 200 MB, more than a tube may have, and 0.2 MB in the file."""
+
+LITTLE = 20_000_000
+"""Bytes that reading may take to refuse a file: that of `proven` has a thousandth of it."""
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize(
+    ("name", "stated"), [("chosen.npy", None), ("chosen.npy", 1000), ("colour.npy", 1000)]
+)
+def test_a_member_that_is_too_large_is_refused_before_it_is_unpacked(
+    proven, tmp_path, name, stated
+):
+    path = tmp_path / "bomb.npz"
+    with zipfile.ZipFile(proven[1]) as whole, zipfile.ZipFile(path, "w") as archive:
+        for entry in whole.infolist():
+            if entry.filename != name:
+                archive.writestr(entry, whole.read(entry))
+        zeros = io.BytesIO()
+        np.save(zeros, np.zeros(BOMB, np.float32))
+        archive.writestr(name, zeros.getvalue(), compress_type=zipfile.ZIP_DEFLATED)
+        size = len(zeros.getvalue())
+        del zeros
+    if stated is not None:  # the directory of the file may say that the member is small
+        lie = path.read_bytes().replace(size.to_bytes(4, "little"), stated.to_bytes(4, "little"))
+        path.write_bytes(lie)
+
+    tracemalloc.start()
+    with pytest.raises(ft.InputError, match=r"bomb\.npz: "):
+        ft.load(path)
+    _, most = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+
+    assert most < LITTLE
+
+
+@pytest.mark.soak
+def test_choices_that_split_the_set_without_end_are_refused(proven, tmp_path):
+    # Each split names all pieces and doubles them.
+    endless = np.ones(6_000_000, dtype=np.float32)
+    path = rewritten(proven[1], {"chosen": endless}, tmp_path / "changed.npz")
+
+    assert "the choices make the set too large" in ft.verify(path).reason
+
+
+@pytest.mark.soak
+def test_the_check_does_not_import_the_search():
+    code = (
+        "import sys, flighttune.claims.tubes.enclosure; "
+        "print([m for m in sys.modules if 'tube' in m])"
+    )
+    shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+
+    assert "flighttune.claims.tubes.enclosure" in shown.stdout
+    assert "flighttune.claims.tubes.search" not in shown.stdout
+
+
+@pytest.fixture
+def scenario(tmp_path):
+    def write(duration=0.6, ramp_dps=None, **more):
+        level = {"gamma_deg": 0.0, "gamma_ref_deg": 0.0, "ramp_dps": ramp_dps}
+        turn = made_up(chi_err_deg=20.0, duration_s=duration, **level)
+        return scenario_file(tmp_path / "short.toml", turn, **more)
+
+    return write
+
+
+@pytest.mark.slow
+def test_a_title_in_a_proof_is_quoted_and_cannot_move_the_cursor(scenario, tmp_path):
+    proof = tmp_path / "proof.npz"
+    # While its reference moves at the end, no set is looked for that holds for ever.
+    flighttune("tube", scenario(ramp_dps=1.0), "--out", proof)
+    assert [x.title for x in ft.plot(ft.load(proof)).charts] == ["Course error", "Path-angle error"]
+    title = "A turn of 90 deg\x1b[2J, of 10^9 flights none left"
+    rewritten(proof, {}, scenario={**claim_of(proof)["scenario"], "title": title})
+
+    stdout, _ = flighttune("verify", proof)
+
+    assert "\x1b" not in stdout
+    assert quoted(title) in " ".join(stdout.split())
+
+
+@pytest.mark.slow
+def test_a_set_that_cannot_be_bounded_is_an_answer_with_time_and_reason(scenario, tmp_path):
+    # The disturbance alone turns the path upright in half a second.
+    out = tmp_path / "proof.npz"
+    arguments = scenario(), "--disturbance", "4", "--out", out
+
+    stdout, stderr = flighttune("tube", *arguments, "--json", status=1)
+
+    found = json.loads(stdout)
+    assert found["status"] == "unbounded"
+    assert re.search(r"from t = 0\.\d\d s on", found["reason"])
+    # The start is 20 deg off: roll meets its rate limit of 30 deg/s at once.
+    assert found["limits_can_hold"]["phi_cmd"][0][0] == 0.0
+    assert found["reason"] in stderr
+    assert not out.exists()
+
+
+@pytest.mark.soak
+def test_the_largest_disturbance_that_is_bounded_is_found_to_two_digits(scenario):
+    stdout, _ = flighttune("tube", scenario(duration=0.1), "--disturbance", "largest", "--json")
+
+    found = json.loads(stdout)
+    tried = {row["disturbance"]: row["status"] for row in found["tried"]}
+    largest = found["largest_disturbance"]
+    assert tried[largest] == "bounded"
+    lost = [size for size, status in tried.items() if status == "unbounded"]
+    assert all(row["reason"] for row in found["tried"] if row["disturbance"] in lost)
+    # No number of two digits is in between.
+    assert largest < min(lost) <= float(f"{largest * 1.1:.1e}")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "more", "what"),
+    [
+        (["--disturbance", "-1"], {}, "`disturbance` must be positive, got -1"),
+        (["--disturbance", "most"], {}, "--disturbance: must be a number, got 'most'"),
+        (["--plant", "jsbsim:x"], {}, "`plant` must be one of kinematic"),
+        (
+            ["--disturbance", "largest", "--out", "proof.npz"],
+            {},
+            "`disturbance` must be a number with",
+        ),
+        ([], {"wind": {"speed_mps": 3.0, "from_deg": 0.0}}, "`wind` must not"),
+        (
+            ["--plant", "jsbsim:aerosonde"],
+            {"plant": [{"kind": "jsbsim", "aircraft": "aerosonde"}]},
+            "`start_deg` must be given",
+        ),
+        (
+            ["--disturbance", "0.01"],
+            {"disturbance": {"chi_amplitude": 0.1, "chi_omega_rad_s": 1.0}},
+            "at least that of the scenario's",
+        ),
+    ],
+)
+def test_what_no_tube_is_known_for_is_refused_in_one_line(scenario, arguments, more, what):
+    stdout, stderr = flighttune("tube", scenario(**more), *arguments, status=2)
+
+    assert stdout == ""
+    assert what in stderr
+    assert stderr.count("\n") == 1

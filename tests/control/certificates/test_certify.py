@@ -1,0 +1,312 @@
+"""Certificates: valid ones hold in flight, changed ones are refused with what fails."""
+
+import json
+import subprocess
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from places import SHIPPED_AIRCRAFT
+from printed import L_D, MODEL
+from scipy.integrate import solve_ivp
+
+import flighttune as ft
+from flighttune.base.files.table import tables_of, value_of
+from flighttune.control.certificates.make import certify_model
+from flighttune.control.linear_model import Envelope
+from flighttune.control.tuning.envelope import largest_factor
+from tests.claims.tubes.test_soundness import tube
+
+G = 9.81
+TUNED = ft.PIGains(K_P=np.diag([2.2209, 2.4797]), K_I=3.8753 * np.eye(2))
+ENVELOPE = Envelope(
+    V_a=(22.0, 28.0),
+    gamma=(np.deg2rad(-15.0), np.deg2rad(45.0)),
+    phi=(np.deg2rad(-20.0), np.deg2rad(20.0)),
+    n_z=(0.8, 1.3),
+)
+CLAIMED_LESS = 1e-6
+
+
+@pytest.fixture(scope="module")
+def at_trim():
+    return certify_model(MODEL, ft.PAPER_GAINS, L_d=L_D).certificate
+
+
+@pytest.fixture(scope="module")
+def over_envelope():
+    return certify_model(
+        MODEL, TUNED, envelope=ENVELOPE, g=G, L_d=L_D, scenario_sha256="0" * 64
+    ).certificate
+
+
+def changed(certificate, path, change):
+    """The certificate with one number of its file put through `change`."""
+    tables = json.loads(json.dumps(tables_of(certificate)))
+    at = tables
+    for key in path[:-1]:
+        at = at[key]
+    at[path[-1]] = change(at.get(path[-1]) if isinstance(at, dict) else at[path[-1]])
+    return value_of(tables, ft.Certificate)
+
+
+def test_the_papers_gains_are_certified_for_their_rate_and_the_ellipsoids_radius(at_trim):
+    assert at_trim.claim.rate == pytest.approx(0.4599306, rel=CLAIMED_LESS)
+    assert at_trim.claim.radius == pytest.approx(0.0333, abs=5e-5)
+    assert ft.verify(at_trim).valid
+
+
+def test_a_weak_certificate_says_what_it_is_worth(at_trim):
+    weak = ft.PIGains(K_P=ft.PAPER_GAINS.K_P, K_I=2e-5 * np.eye(2))
+
+    made = certify_model(MODEL, weak)
+
+    hours = 2.0 * np.log(2.0) / ft.loop.indicators(ft.loop.closed_loop(MODEL, weak)).R_K / 3600.0
+    assert hours > 24.0
+    assert at_trim.in_words == "certified"
+    assert f"certified, but the proven rate halves errors in {hours:.2g} hours" in made.in_words
+    assert f"an error may first grow {made.values['growth']:.0f}-fold" in made.in_words
+    assert "s² is too large to be a useful bound" in made.in_words
+
+
+def test_the_tuned_gains_are_certified_over_an_envelope(over_envelope):
+    verification = ft.verify(over_envelope)
+    names = [check.name for check in verification.checks]
+
+    assert verification.valid
+    assert verification.reason == ""
+    assert all(check.exact and check.margin >= 0.0 for check in verification.checks)
+    assert sum("A' Q + Q A + I <= 0" in name for name in names) == 32
+    assert sum("A W + W A'" in name for name in names) == 32
+    assert sum("of the envelope" in name for name in names) == 5
+
+
+def test_a_file_reads_back_to_the_same_bits_and_verifies(over_envelope, tmp_path):
+    path = tmp_path / "gains.json"
+
+    over_envelope.save(path)
+    again = ft.load(path)
+
+    again.save(tmp_path / "again.json")
+    assert (tmp_path / "again.json").read_bytes() == path.read_bytes()
+    assert np.array_equal(again.Q, over_envelope.Q)
+    assert ft.verify(path).valid
+    assert again.scenario_sha256 == "0" * 64
+    assert {"flighttune", "solver", "clarabel"} <= set(again.made_with)
+    assert {file.name for file in tmp_path.iterdir()} == {"gains.json", "again.json"}
+
+
+@pytest.mark.slow
+def test_verifying_a_file_does_not_even_import_a_solver(over_envelope, tmp_path):
+    path = tmp_path / "gains.json"
+    over_envelope.save(path)
+    code = (
+        "import sys; from flighttune.control.certificates.certificate import load_certificate; "
+        "assert load_certificate(sys.argv[1]).verify().valid; print('clarabel' in sys.modules)"
+    )
+
+    done = subprocess.run(
+        [sys.executable, "-c", code, path], capture_output=True, text=True, check=True
+    )
+
+    assert done.stdout.split() == ["False"]
+
+
+CHANGES = [
+    (("claim", "rate"), lambda rate: 1.0001 * rate, "rate Q <= I"),
+    (("claim", "radius"), lambda radius: 0.9999 * radius, "W <= radius^2 I"),
+    (("claim", "L_d"), lambda L_d: 1.01 * L_d, "A W + W A' + a W"),
+    (("claim", "envelope", "V_a"), lambda V_a: [21.9, V_a[1]], "g/V of the envelope"),
+    (("claim", "envelope", "gamma"), lambda gamma: [gamma[0], 0.8], "a of the envelope"),
+    (("claim", "g"), lambda g: 9.82, "g/V of the envelope"),
+    (("Q", 0), lambda row: [1.02 * row[0], *row[1:]], ""),
+    (("W", 1), lambda row: [row[0], 1.02 * row[1], *row[2:]], ""),
+    (("multiplier",), lambda a: 1.1 * a, "A W + W A' + a W"),
+    (("gains", "K_I", 0), lambda row: [1.1 * row[0], row[1]], "at vertex"),
+    (("hull", "upper"), lambda upper: [*upper[:3], 1.01], "at vertex"),
+    (("model", "A"), lambda A: [[0.1, 0.0], A[1]], "trim model inside the polytope"),
+    (("model", "C"), lambda C: [[2.0, 0.0], [0.0, 2.0]], "trim model inside the polytope"),
+]
+
+
+@pytest.mark.parametrize(("path", "change", "inequality"), CHANGES)
+def test_a_change_that_breaks_the_claim_is_refused_and_the_inequality_named(
+    over_envelope, path, change, inequality
+):
+    verification = ft.verify(changed(over_envelope, path, change))
+
+    assert not verification.valid
+    failed = [check for check in verification.checks if not check.exact]
+    assert any(inequality in check.name for check in failed)
+    assert "margin" in verification.reason
+
+
+@pytest.mark.soak
+@settings(max_examples=100,
+          suppress_health_check=[HealthCheck.function_scoped_fixture])  # fmt: skip
+@given(
+    key=st.sampled_from(["Q", "W"]),
+    row=st.integers(0, 3),
+    column=st.integers(0, 3),
+    power=st.floats(-14.0, 0.0),
+    sign=st.sampled_from([-1.0, 1.0]),
+)
+def test_whatever_is_changed_the_exact_verdict_is_that_of_the_eigenvalues(
+    at_trim, key, row, column, power, sign
+):
+    """Symmetrically, so that only the inequalities decide; undecided within rounding."""
+    matrix = np.array(getattr(at_trim, key))
+    change = sign * 10.0**power * np.abs(matrix).max()
+    matrix[row, column] += change
+    matrix[column, row] = matrix[row, column]
+
+    verification = ft.verify(replace(at_trim, **{key: matrix}))
+    least = min(check.margin for check in verification.checks)
+
+    if abs(least) > 1e-13:
+        assert verification.valid == (least > 0.0)
+
+
+LOW = Envelope(V_a=(15.0, 20.0), gamma=(0.0, 0.5), phi=(0.0, 0.1), n_z=(0.9, 1.1))
+WIDE = Envelope(V_a=(15.0, 40.0), gamma=(-0.8, 0.8), phi=(-1.0, 1.0), n_z=(-1.0, 3.0))
+
+
+@pytest.mark.parametrize(
+    ("gains", "envelope", "why"),
+    [
+        (TUNED, LOW, "trim model inside the polytope"),
+        (ft.PAPER_GAINS, WIDE, "no common Q"),
+        (ft.PIGains(K_P=-np.eye(2), K_I=np.eye(2)), None, "left half plane"),
+    ],
+)
+def test_what_cannot_be_proven_is_refused_with_a_reason(gains, envelope, why):
+    refused = certify_model(MODEL, gains, envelope=envelope, g=G if envelope else None)
+
+    assert (refused.status, refused.certificate) == ("refused", None)
+    assert why in refused.reason
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize("gains", [ft.PAPER_GAINS, TUNED])
+def test_the_largest_envelope_of_gains_can_be_proven_and_one_percent_more_cannot(gains):
+    trim = Envelope.at(V_a=25.0, gamma=np.pi / 12)
+    factor = largest_factor(gains, ENVELOPE, trim, g=G)
+
+    largest, beyond = (ENVELOPE.scaled(trim, part * factor) for part in (1.0, 1.01))
+
+    assert certify_model(MODEL, gains, envelope=largest, g=G).status == "certified"
+    assert certify_model(MODEL, gains, envelope=beyond, g=G).status == "refused"
+
+
+def test_envelope_and_gravity_go_together():
+    with pytest.raises(ft.InputError, match="`envelope` and `g`"):
+        certify_model(MODEL, TUNED, envelope=ENVELOPE)
+
+
+def test_a_claim_must_be_positive(at_trim):
+    with pytest.raises(ft.InputError, match=r"`rate`.*-1\.0"):
+        replace(at_trim.claim, rate=-1.0)
+    with pytest.raises(ft.InputError, match="`radius` and `L_d`"):
+        replace(at_trim.claim, L_d=None)
+
+
+GAMMA = np.pi / 12
+INTEGRATION = 1e-6
+
+
+def errors_rate(V_a, e, u, d):
+    """Eq. (39) of arXiv 2411.13140: e' of the law, course reference 0, no limits."""
+    phi, n_z = u
+    return -np.array(
+        [G / V_a * np.tan(phi), G / V_a * (n_z * np.cos(phi) - np.cos(GAMMA - e[1]))]
+    ) - np.asarray(d)
+
+
+def flight(V_a, e_0, d, duration):
+    """s = (e', e) over time, and the commands, from a start trimmed but for the error."""
+    xi_0 = np.linalg.solve(TUNED.K_I, [0.0, np.cos(GAMMA)])
+
+    def rates(t, y):
+        e, xi = y[:2], y[2:]
+        return np.concatenate([errors_rate(V_a, e, TUNED.K_P @ e + TUNED.K_I @ xi, d(t)), e])
+
+    t = np.linspace(0.0, duration, 4001)
+    flown = solve_ivp(
+        rates, (0.0, duration), np.concatenate([e_0, xi_0]), t_eval=t, rtol=1e-10, atol=1e-12
+    )
+    e, xi = flown.y[:2], flown.y[2:]
+    u = TUNED.K_P @ e + TUNED.K_I @ xi
+    e_dot = np.array([errors_rate(V_a, *at) for at in zip(e.T, u.T, map(d, t), strict=True)]).T
+    return t, np.vstack([e_dot, e]), u
+
+
+def stays_inside(s, u):
+    ranges = (GAMMA - s[3], ENVELOPE.gamma), (u[0], ENVELOPE.phi), (u[1], ENVELOPE.n_z)
+    return all(low <= x.min() and x.max() <= high for x, (low, high) in ranges)
+
+
+@pytest.mark.parametrize("V_a", [22.0, 24.3, 28.0])
+@pytest.mark.parametrize("e_0", [(0.1, -0.05), (-0.12, 0.08), (0.0, 0.1)])
+def test_the_quadratic_form_decays_at_the_certified_rate_inside_the_envelope(
+    over_envelope, V_a, e_0
+):
+    t, s, u = flight(V_a, np.array(e_0), lambda _: (0.0, 0.0), 15.0)
+
+    form = np.einsum("it,ij,jt->t", s, over_envelope.Q, s)
+
+    assert stays_inside(s, u)
+    allowed = form[:-1] * np.exp(-over_envelope.claim.rate * np.diff(t))
+    assert (form[1:] <= allowed * (1.0 + INTEGRATION) + 1e-14).all()
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize("V_a", [22.0, 28.0])
+@pytest.mark.parametrize("sense", [-1.0, 1.0])
+def test_a_disturbance_of_the_papers_rate_leaves_the_loop_inside_the_certified_radius(
+    over_envelope, V_a, sense
+):
+    """Half the amplitude at twice the frequency: the paper's own takes n_z out of this envelope."""
+
+    def d(t):
+        return 0.05 * np.sin(0.3 * t), sense * 0.05 * np.cos(0.3 * t)
+
+    t, s, u = flight(V_a, np.zeros(2), d, 100.0)
+
+    settled = t > 40.0
+    assert stays_inside(s[:, settled], u[:, settled])
+    assert np.linalg.norm(s[:, settled], axis=0).max() < over_envelope.claim.radius
+
+
+@pytest.mark.soak
+def test_a_proof_of_a_model_whose_file_has_changed_says_so(tmp_path):
+    model, tube_file = tmp_path / "model.json", tmp_path / "tube.npz"
+    text = (SHIPPED_AIRCRAFT / "aerosonde/identified.json").read_text()
+    model.write_text(text)
+    tables = ft.load_scenario("paper").as_dict() | {"gains": ["paper"], "expect": []}
+    tables["flight"]["duration_s"] = 0.5
+    tables["plant"] = [{"kind": "point_mass_lag", "identified": str(model)}]
+    tables["tuning"] |= {"model": "identified", "identified": str(model)}
+    scenario = ft.scenario_from(tables)
+    certificate = ft.certify(scenario, "paper").certificate
+    certificate.save(tmp_path / "proof.json")
+    law = ft.load_scenario("paper", changes={"flight.duration_s": 0.2})
+    files = certificate.files  # as a tube of the same model has: that is longer to prove
+    replace(tube(law, ft.PAPER_GAINS, for_ever=False), files=files).save(tube_file)
+    flown = ft.fly(law, gains=["paper"])
+    said = f"The files of {model} are no longer those that it was made with"
+    for file in ("proof.json", "tube.npz"):
+        assert said not in " ".join(ft.verify(tmp_path / file).answer().notes)
+    assert any(run.claims for run in flown.within(ft.load(tube_file)).runs)
+
+    model.write_text(json.dumps(json.loads(text) | {"seed": 12345}))
+
+    for file in ("proof.json", "tube.npz"):
+        assert said in " ".join(ft.verify(tmp_path / file).answer().notes)
+    page = tmp_path / "proof.html"
+    ft.report(tmp_path / "proof.json", page)
+    assert "no longer those that it was made with" in page.read_text()
+    with pytest.raises(ft.InputError, match=r"must be those .* proven"):
+        flown.within(ft.load(tube_file))

@@ -1,0 +1,140 @@
+"""Exact rates in certificates: near the truth for every shipped aircraft, and not to be forged."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+import flighttune as ft
+from flighttune.control.certificates.exact_rate import ExactRate, Sampling, exact_rates
+from flighttune.control.inner_loop import MAX_SAMPLED
+from flighttune.vehicles.identification.file import design_model
+
+# Share of the true rate that must be proven.
+TARGET = 0.99
+
+# Of rates behind lags, of two ways to take the delay: exactly and by a Pade section.
+PADE = 0.03
+
+IDENTIFIED = {"tuning.model": "identified"}
+
+
+@cache
+def certified(scenario):
+    return ft.certify(scenario, changes=IDENTIFIED).certificate
+
+
+@pytest.fixture
+def mission():
+    return certified("mission")
+
+
+def test_a_norm_may_grow_by_the_ratio_of_its_longest_to_its_shortest_axis():
+    """By hand: of ``sqrt(s' Q s)``, s in the units, the axes are ``units / sqrt(Q)`` long."""
+    condition = ft.loop.load_identified("aerosonde").conditions[0]
+    law = design_model(condition, g=9.81).law_model  # all states count alike
+    units, Q = np.array([1.0, 3.0, 1.0, 0.5]), np.diag([1.0, 4.0, 1.0, 16.0])
+    axes = units / np.sqrt(np.diag(Q))
+
+    growth = ExactRate(rate=1.0, Q=Q, units=units).growth(law)
+    assert growth == pytest.approx(axes.max() / axes.min())
+
+
+@pytest.mark.counts
+@pytest.mark.parametrize(
+    "scenario",
+    ["mission", *(pytest.param(f"circuit_{x}", marks=pytest.mark.slow) for x in ("c172p", "a4"))],
+)
+def test_the_gains_of_shipped_aircraft_have_nearly_their_true_rate(scenario):
+    certificate = certified(scenario)
+
+    continuous, sampled = (
+        rate.values(certificate.model, certificate.gains) for rate in certificate.exact_rates
+    )
+
+    poles = np.linalg.eigvals(ft.loop.closed_loop(certificate.model, certificate.gains))
+    assert continuous["decay"] == pytest.approx(-poles.real.max(), rel=1.0 - TARGET)
+    assert sampled["decay"] == pytest.approx(-poles.real.max(), rel=PADE)
+    assert sampled["decay"] >= TARGET * sampled["true_rate"]
+    # The rate of R_K is of a form whose square root decays at half of it.
+    assert continuous["decay"] > 2.0 * certificate.claim.rate
+
+
+def test_a_certificate_keeps_its_exact_rates_in_its_file(mission, tmp_path):
+    mission.save(tmp_path / "proof.json")
+
+    read = ft.load(tmp_path / "proof.json")
+
+    assert read.sentence == mission.sentence
+    assert ft.verify(tmp_path / "proof.json").valid
+    assert "sampled at 50 Hz" in read.sentence
+
+
+FORGERIES = {
+    "rate": lambda rate: {"rate": 1.002 * rate.rate},
+    "Q": lambda rate: {"Q": rate.Q - 0.1 * np.eye(len(rate.Q))},
+    "units": lambda rate: {"units": rate.units * np.linspace(1.0, 3.0, len(rate.units))},
+}
+SAMPLED = {
+    "dt": lambda _: {"dt": 0.021},
+    "delay": lambda x: {"lags": tuple(replace(lag, delay=lag.delay + 0.005) for lag in x.lags)},
+    "law": lambda x: {"trapezoidal": not x.trapezoidal},
+}
+
+
+@pytest.mark.parametrize(
+    ("place", "forgery"),
+    [*((place, name) for place in (0, 1) for name in FORGERIES), *((1, x) for x in SAMPLED)],
+)
+def test_a_forged_exact_rate_is_not_valid(mission, place, forgery):
+    rate = mission.exact_rates[place]
+    if forgery in FORGERIES:
+        changed = FORGERIES[forgery](rate)
+    else:
+        changed = {"sampling": replace(rate.sampling, **SAMPLED[forgery](rate.sampling))}
+
+    verification = ft.verify(replace(mission, exact_rates=(replace(rate, **changed),))).verification
+
+    assert not verification.valid
+    assert "loop)" in verification.reason
+
+
+def test_exact_rates_are_of_the_gains_of_their_certificate(mission):
+    slower = replace(mission.gains, K_I=0.9 * mission.gains.K_I)
+
+    assert not ft.verify(replace(mission, gains=slower)).valid
+
+
+def test_a_loop_with_too_many_samples_of_delay_has_the_continuous_rate_alone():
+    model = ft.loop.kinematic_model(V_a=25.0, gamma=0.0, g=9.81)
+    late = ft.loop.InnerLag(order=1, natural_frequency=5.0, delay=0.02 * MAX_SAMPLED / 2)
+    gains = ft.PIGains(K_P=0.1 * np.eye(2), K_I=0.01 * np.eye(2))
+    sampling = Sampling(model=model, lags=(late, late), dt=0.02, trapezoidal=True)
+
+    rates, why = exact_rates(model, gains, sampling=sampling)
+
+    assert [rate.sampling for rate in rates] == [None]
+    assert "sampled at 50 Hz" in why
+    assert f"{MAX_SAMPLED} states" in why
+    with pytest.raises(ft.InputError, match="`lags` must"):
+        sampling.loop(gains)
+
+
+def test_certify_says_why_the_sampled_loop_has_no_exact_rate():
+    changes = {"tuning.model": "identified", "controller.rate_hz": 1000.0}  # 25 ms late, twice
+
+    answer = ft.certify("paper", "paper", changes=changes).answer()
+
+    assert [rate["loop"] for rate in answer.values["certificate"]["exact_rates"]] == ["continuous"]
+    assert any("sampled at 1000 Hz" in note for note in answer.notes)
+
+
+def test_a_sampled_loop_has_the_integral_of_its_law(mission):
+    """The exact law sums each error after its command, the paper's takes the trapezoid."""
+    sampling, model = mission.exact_rates[1].sampling, mission.model
+    other = replace(sampling, trapezoidal=not sampling.trapezoidal)
+
+    checks = [x.checks(model, mission.gains) for x in (sampling, other)]
+    assert not sampling.trapezoidal
+    assert [[check.exact for check in each] for each in checks] == [[True, True], [True, False]]

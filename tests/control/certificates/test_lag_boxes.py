@@ -1,0 +1,305 @@
+"""Rates over boxes of lags and delays: against dense grids and flights, and not to be forged."""
+
+import itertools
+import json
+import math
+from dataclasses import replace
+from fractions import Fraction
+from functools import cache
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+import flighttune as ft
+from flighttune.control.certificates import lag_box
+from flighttune.control.certificates.lag_box import constant_rate, constant_rate_proven, norm_rate
+from flighttune.flight.models import gain_set
+
+# Relative distance between a proven rate and the least over the points of a grid: four digits.
+FOUR_DIGITS = 5e-5
+
+# Relative difference of seconds in a file of six digits.
+OF_FILE = 1e-5
+
+# Rate of any gains with which the box of the twelve conditions was counted by hand, and about it:
+# whole lags of 0.13 to 0.22 s, without the delay apart.
+COUNTED, ABOUT = 0.9, 0.1
+
+IDENTIFIED = {"tuning.model": "identified"}
+
+# The gains of the largest R_K of the exact law on the identified Aerosonde, as tune prints them.
+GAINS = ft.PIGains(
+    K_P=np.diag([1.526, 1.429]), K_I=np.diag([0.861, 0.764]), inputs=("chi_dot", "gamma_dot")
+)
+
+
+@cache
+def behind_lags():
+    return ft.certify("mission", GAINS, lag=(0.2, 0.6)).certificate
+
+
+@cache
+def over_conditions():
+    return ft.certify("mission", GAINS, envelope=True, changes=IDENTIFIED).certificate
+
+
+def test_the_box_of_an_assumed_lag_has_the_least_rate_of_its_lags():
+    fed = replace(GAINS, feedback=(0.4, 0.3))
+
+    for i, box in enumerate(ft.certify("mission", fed, lag=(0.2, 0.6)).certificate.boxes):
+        K_P, K_I, k = GAINS.K_P[i, i], GAINS.K_I[i, i], fed.feedback[i]
+        least = min(
+            -np.roots([lag, 1.0 + k, (1.0 + k) * K_P, (1.0 + k) * K_I]).real.max()
+            for lag in np.linspace(0.2, 0.6, 2001)
+        )
+        assert box.rate == pytest.approx(least, rel=FOUR_DIGITS)
+        assert 0.0 < box.norm_rate <= box.rate
+        assert (box.lag, box.delay) == ((0.2, 0.6), (0.0, 0.0))
+
+
+@pytest.mark.soak
+def test_the_box_of_an_identified_aircraft_has_the_lags_and_delays_of_all_conditions():
+    model, certificate = ft.loop.load_identified("aerosonde"), over_conditions()
+
+    for box, name in zip(certificate.boxes, ("phi", "n_z"), strict=True):
+        lags = [condition.channels[name].lag for condition in model.conditions]
+        # Of a lag of third order: 2 z / w and the time constant of its real pole.
+        seconds = [2.0 * x.damping / x.natural_frequency + x.lag for x in lags]
+        delays = [x.delay + 0.01 for x in lags]  # and half a sample at 50 Hz
+        assert box.lag == pytest.approx((min(seconds), max(seconds)), rel=OF_FILE)
+        assert box.delay == pytest.approx((min(delays), max(delays)), rel=OF_FILE)
+        assert box.rate == pytest.approx(COUNTED, abs=ABOUT)
+        assert box.norm_rate > 0.99 * box.rate
+
+
+@pytest.mark.soak
+def test_the_identified_models_themselves_are_as_fast_as_their_box():
+    certificate = over_conditions()
+
+    loops = [ft.loop.closed_loop(model, GAINS) for model in certificate.models]
+    slowest = min(-np.linalg.eigvals(loop).real.max() for loop in loops)
+
+    assert len(loops) == 12
+    assert min(box.rate for box in certificate.boxes) <= slowest
+    assert any(f"decay at {slowest:.4g} 1/s" in note for note in certificate.answer().notes)
+
+
+def test_a_file_with_boxes_is_valid_and_says_both_rates(tmp_path):
+    certificate = behind_lags()
+    certificate.save(tmp_path / "proof.json")
+
+    verified = ft.verify(tmp_path / "proof.json")
+
+    assert verified.valid
+    for box in certificate.boxes:
+        assert f"of 0.2..0.6 s decays at {math.floor(1e6 * box.rate) / 1e6:g} 1/s" in (
+            verified.claim.sentence
+        )
+        assert f"in a norm at {box.norm_rate:.6g} 1/s" in verified.claim.sentence
+    assert any("does not enclose" in note for note in verified.answer().notes)
+
+
+FORGERIES = {
+    "a wider range of the lag": lambda box: {"lag": (0.2, 0.605)},
+    "a faster rate": lambda box: {"rate": 1.0001 * box["rate"]},
+    "a faster norm": lambda box: {"norm_rate": 1.02 * box["norm_rate"]},
+    "another norm": lambda box: {"Q": (np.array(box["Q"]) + 0.1 * np.eye(3)).tolist()},
+    "another law": lambda box: {"b": [0.9, 0.9]},
+    # of a law with b = 1, at a rate so slow that it holds over either range
+    "a slower law": lambda _: {"b": [0.5, 0.9], "rate": 1e-3, "norm_rate": None, "Q": None},
+    "a law that turns more": lambda _: {
+        "b": [1.1, 1.5],
+        "rate": 1e-3,
+        "norm_rate": None,
+        "Q": None,
+    },
+    "a law that diverges": lambda box: {"a": [0.0, 0.05]},
+    "a delay": lambda box: {"delay": [0.05, 0.1], "norm_rate": None, "Q": None},
+}
+
+
+@pytest.fixture
+def tables(tmp_path):
+    behind_lags().save(tmp_path / "proof.json")
+    return json.loads((tmp_path / "proof.json").read_text())
+
+
+@pytest.mark.parametrize("forgery", FORGERIES)
+def test_a_forged_box_in_a_file_is_not_valid(forgery, tables, tmp_path):
+    tables["boxes"][0] |= FORGERIES[forgery](tables["boxes"][0])
+    (tmp_path / "proof.json").write_text(json.dumps(tables))
+
+    verified = ft.verify(tmp_path / "proof.json")
+
+    assert not verified.valid
+    assert "box" in verified.reason
+
+
+def test_every_field_of_a_box_has_a_forgery(tables):
+    box = tables["boxes"][0]
+
+    assert {*box} == {key for forgery in FORGERIES.values() for key in forgery(box)}
+
+
+def test_boxes_are_of_the_gains_and_of_every_channel_of_their_certificate():
+    certificate = behind_lags()
+    faster = replace(GAINS, K_I=1.1 * GAINS.K_I)
+
+    assert not ft.verify(replace(certificate, gains=faster)).valid
+    assert not ft.verify(replace(certificate, boxes=certificate.boxes[:1])).valid
+
+
+def test_a_lag_that_makes_a_channel_unstable_refuses_the_certificate():
+    certification = ft.certify("mission", GAINS, lag=[(0.2, 0.6), (0.2, 2.5)])
+
+    assert certification.status == "refused"
+    assert "gamma: its loop is not proven to be stable" in certification.reason
+    assert certification.answer().failure
+
+
+@pytest.mark.parametrize("lag", [(0.6, 0.2), (0.0, 0.2), (0.1, 0.2, 0.3), [(0.1, 0.2)] * 3])
+def test_a_range_of_lags_that_is_none_is_refused(lag):
+    with pytest.raises(ft.InputError, match="`lag` must be"):
+        ft.certify("mission", GAINS, lag=lag)
+
+
+def test_coupled_channels_have_no_box():
+    certification = ft.certify("paper", "paper", lag=(0.1, 0.2))
+
+    assert certification.status == "refused"
+    assert "couple the channels" in certification.reason
+
+
+@pytest.mark.soak
+def test_gains_tuned_for_a_range_of_lags_have_the_largest_rate_of_all_gains():
+    # The three poles of lag s^3 + s^2 + K_P s + K_I add up to 1 / lag, whatever the gains.
+    most = 1.0 / (3.0 * 0.6)
+
+    tuned = ft.tune("mission", lag=(0.2, 0.6), starts=1)
+
+    boxes = ft.certify("mission", tuned.gains, lag=(0.2, 0.6)).certificate.boxes
+    assert all(0.99 * most < box.rate <= most for box in boxes)
+    assert min(box.norm_rate for box in boxes) > max(box.rate for box in behind_lags().boxes)
+
+
+@pytest.mark.soak
+def test_the_range_of_lags_that_a_scenario_states_is_that_of_its_gains_named_tuned():
+    changes = {"tuning.lag_s": [0.2, 0.6], "tuning.starts": 1}
+    stated = ft.load_scenario("mission", changes=changes)
+
+    tuned = ft.tune("mission", lag=(0.2, 0.6), starts=1)
+
+    assert gain_set(stated, "tuned") == ft.tune("mission", changes=changes).gains == tuned.gains
+    without = ft.load_scenario("mission", changes={"tuning.starts": 1})
+    identified = gain_set(without, "tuned_identified")
+    assert gain_set(stated, "tuned_identified") == identified != tuned.gains
+
+
+@pytest.mark.parametrize(
+    "stated", [{"lag": (0.2, 0.6)}, {"changes": {"tuning.lag_s": [0.2, 0.6]}}], ids=str
+)
+def test_a_range_of_lags_is_tuned_for_at_one_condition(stated):
+    with pytest.raises(ft.InputError, match="`lag` must be absent"):
+        ft.tune("paper", envelope=True, **stated)
+
+
+# Relative excess over the same, by the part of the box between two points.
+BETWEEN_POINTS = 1e-6
+
+# Least share of the rate for constant lags that a norm has however they change: those of boxes
+# over which R_K's gains were counted.
+SHARE = 0.93
+
+# K_P (1/s), K_I (1/s^2) and inner feedback of a channel of the exact law.
+LARGEST_R_K, FASTEST, FED_BACK = (1.526, 0.861, 0.0), (2.349, 1.949, 0.0), (1.9, 1.2, 0.5)
+
+LAW = ((0.0, 0.0), (1.0, 1.0))  # of e' = -y
+LAGS = {
+    "twelve conditions": ((0.13, 0.22), (0.0, 0.0), *LAW),
+    "threefold": ((0.2, 0.6), (0.0, 0.0), *LAW),
+    "lag and delay": ((0.13, 0.19), (0.01, 0.03), *LAW),
+    "climb and airspeed": ((0.13, 0.19), (0.02, 0.02), (0.0, 0.2), (0.8, 1.1)),
+}
+
+
+def slowest_root(gains, lag, delay, a, b):
+    """Slowest pole of e' = a e - b G u behind the inner feedback, G the lag and Pade section."""
+    K_P, K_I, k = gains
+    late, pole = [-delay / 2.0, 1.0], np.polymul([delay / 2.0, 1.0], [lag, 1.0])
+    closed = np.polyadd(pole, k * np.array(late))  # y = (1 + k) late / closed u
+    loop = np.polymul(np.polymul([1.0, -a], [1.0, 0.0]), closed)
+    return -np.roots(
+        np.trim_zeros(np.polyadd(loop, b * (1.0 + k) * np.polymul(late, [K_P, K_I])), "f")
+    ).real.max()
+
+
+def least_on_a_grid(gains, box):
+    width = [ends[0] < ends[1] for ends in box]
+    count = {1: 501, 2: 21, 3: 9}[sum(width)]
+    axes = [np.linspace(*ends, count if wide else 1) for ends, wide in zip(box, width, strict=True)]
+    return min(slowest_root(gains, *point) for point in itertools.product(*axes))
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize("box", LAGS)
+@pytest.mark.parametrize("gains", [LARGEST_R_K, FASTEST, FED_BACK])
+def test_the_rate_for_constant_lags_is_the_least_of_a_dense_grid(gains, box):
+    least = least_on_a_grid(gains, LAGS[box])
+
+    rate = constant_rate(gains, LAGS[box])
+
+    assert (1.0 - FOUR_DIGITS) * least < rate < (1.0 + BETWEEN_POINTS) * least
+    assert constant_rate_proven(gains, LAGS[box], rate)
+    assert not constant_rate_proven(gains, LAGS[box], (1.0 + FOUR_DIGITS) * least)
+
+
+@pytest.mark.parametrize("gains", [LARGEST_R_K, FED_BACK])
+@pytest.mark.parametrize("delay", [0.0, 0.03])
+def test_the_rate_at_a_point_is_that_of_its_slowest_root(gains, delay):
+    point = 0.15, delay, 0.1, 0.9
+    slowest, box = slowest_root(gains, *point), [(x, x) for x in point]
+
+    assert constant_rate_proven(gains, box, (1.0 - BETWEEN_POINTS) * slowest)
+    assert not constant_rate_proven(gains, box, (1.0 + BETWEEN_POINTS) * slowest)
+
+
+def test_bernstein_coefficients_are_those_of_powers_and_decide_between_the_nodes(monkeypatch):
+    """x^n has (i over n) / (3 over n); (x - 1/2)^2 - 1/1000 is positive at all nodes."""
+    powers = [(3 * lag_box.TO_BERNSTEIN @ lag_box.NODES**n).tolist() for n in range(4)]
+    assert powers == [[3, 3, 3, 3], [0, 1, 2, 3], [0, 0, 1, 3], [0, 0, 0, 3]]
+
+    def conditions(_, __, point):
+        return np.array([(point[0] - Fraction(1, 2)) ** 2 - Fraction(1, 1000)])
+
+    monkeypatch.setattr(lag_box, "_conditions", conditions)
+    assert not constant_rate_proven(LARGEST_R_K, ((0.0, 1.0), (0.0, 0.0), *LAW), 1.0)
+
+
+def loop(gains, lag, delay, a, b):
+    """States e, xi, y and what is delayed, as the equations read."""
+    K_P, K_I, k = gains
+    u = np.array([(1.0 + k) * K_P, (1.0 + k) * K_I, -k, 0.0])
+    e, _, y, z = np.eye(4)
+    return np.array([a * e - b * y, e, (2.0 * z - u - y) / lag, 2.0 * (u - z) / delay])
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize("gains", [LARGEST_R_K, FASTEST, FED_BACK])
+def test_the_norm_falls_at_its_rate_however_lag_and_delay_switch(gains):
+    box = LAGS["lag and delay"]
+    constant = constant_rate(gains, box)
+
+    rate, Q = norm_rate(gains, box, constant)
+
+    rng = np.random.default_rng(1)
+    x = np.eye(4)
+    for _ in range(60):
+        dt = rng.uniform(0.001, 0.3)
+        points = [[rng.choice(ends) for ends in box], [rng.uniform(*ends) for ends in box]]
+        ends = [expm(dt * loop(gains, *point)) @ x for point in points]
+        bound = np.exp(-rate * dt) * np.sqrt(np.einsum("ij,ik,kj->j", x, Q, x))
+        for end in ends:
+            assert (np.sqrt(np.einsum("ij,ik,kj->j", end, Q, end)) <= bound).all()
+        x = ends[0] / np.linalg.norm(ends[0], axis=0)
+    assert SHARE * constant < rate <= constant

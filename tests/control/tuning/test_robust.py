@@ -1,0 +1,105 @@
+"""Tuning for several models: channels, the worst one, and what cannot be asked."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import flighttune as ft
+from flighttune.control.inner_loop import inner_loop_scaling, with_inner_loop
+from flighttune.control.tuning import envelope
+from flighttune.control.tuning.envelope import channels, tune_worst_case
+from tests.control.tuning.conftest import DECOUPLED
+
+SAME = 1e-4
+"""Relative difference between two searches for one optimum."""
+STEP = 0.02
+"""Relative change of a gain that must not improve an optimum."""
+
+
+def problem(w=8.0, gamma=0.25, lags=None, **kept):
+    law = ft.loop.kinematic_model(V_a=25.0, gamma=gamma, g=9.81)
+    second = {"order": 2, "damping": 0.7, "delay": 0.05}
+    lags = lags or [ft.loop.InnerLag(natural_frequency=f, **second) for f in (w, 2.0 * w)]
+    return ft.loop.TuningProblem(
+        model=with_inner_loop(law, lags), scaling=inner_loop_scaling(law, lags), seed=1, **kept
+    )
+
+
+def rate(one, K):
+    loop = ft.loop.closed_loop(one.model, one.gains(K))
+    return ft.loop.indicators(loop, scaling=one.scaling).R_K
+
+
+def test_one_model_gives_the_optimum_of_the_decoupled_problem():
+    one = problem()
+
+    found, plain = tune_worst_case([one]), ft.tune(replace(one, K_fixed=DECOUPLED))
+
+    assert found.R_K == pytest.approx(plain.R_K, rel=2.0 * SAME)
+
+
+def test_no_small_change_of_a_gain_improves_the_worst_rate_of_its_channel():
+    several = [problem(w) for w in (5.0, 8.0, 12.0)]
+    found = tune_worst_case(several)
+    assert found.R_K == pytest.approx(min(rate(one, found.gains.K) for one in several))
+    for number in range(2):
+        parts = [channels(one)[number] for one in several]
+        own = found.gains.K[np.ix_(parts[0][0], [number, 2 + number])]
+        best = min(rate(part, own) for _, _, part in parts)
+        for column in range(2):
+            for factor in (1.0 - STEP, 1.0 + STEP):
+                moved = own.copy()
+                moved[0, column] *= factor
+                assert min(rate(part, moved) for _, _, part in parts) < best * (1.0 + SAME)
+
+
+@pytest.mark.slow
+def test_the_worst_of_several_models_is_better_than_that_of_gains_for_one():
+    several = [problem(w, gamma) for w in (4.0, 12.0) for gamma in (-0.1, 0.7)]
+
+    found, single = tune_worst_case(several), tune_worst_case(several[-1:])
+
+    assert found.R_K == pytest.approx(min(rate(one, found.gains.K) for one in several))
+    assert found.R_K > min(rate(one, single.gains.K) for one in several)
+    assert found.R_K < single.R_K * (1.0 + SAME)
+
+
+def test_models_of_different_order_go_together():
+    other = problem(gamma=0.0, lags=[ft.loop.InnerLag(order=1, natural_frequency=5.0)] * 2)
+
+    assert tune_worst_case([problem(), other]).status == "optimal"
+
+
+def test_input_limits_are_kept():
+    limits = ft.loop.Limits(
+        lower=np.array([-0.3, -0.3]), upper=np.array([0.3, 0.3]),
+        rate_lower=np.array([-9.0, -9.0]), rate_upper=np.array([9.0, 9.0]),
+    )  # fmt: skip
+    x_0 = np.array([0.2, 0.2])
+    free, bound = problem(), problem(limits=limits, x_0=x_0)
+
+    found = tune_worst_case([bound])
+
+    asked = found.gains.K @ np.concatenate([x_0, x_0 * bound.dt])
+    assert found.status == "optimal"
+    assert np.abs(asked).max() <= 0.3
+    assert found.R_K < tune_worst_case([free]).R_K
+
+
+@pytest.mark.parametrize(("share", "status"), [(0.75, "infeasible"), (1.01, "optimal")])
+def test_gains_whose_error_is_above_its_bound_are_no_optimum(monkeypatch, share, status):
+    """With poles -1 and -2 the error after an impulse is ``2 exp(-2t) - exp(-t)``: E_K = 1/2."""
+    law = ft.loop.kinematic_model(V_a=25.0, gamma=0.0, g=9.81)
+    own = np.array([[3.0, 2.0]]) * 25.0 / 9.81
+    monkeypatch.setattr(envelope, "_tuned", lambda *_: (own, 1, 1, 0.0))
+
+    found = tune_worst_case([ft.loop.TuningProblem(model=law, E_star=0.5 * share)])
+
+    assert found.E_K == pytest.approx(0.5, rel=1e-6)
+    assert (found.status, found.active) == (status, ("E_K",) * (share < 1.0))
+
+
+def test_problems_with_other_bounds_are_refused():
+    with pytest.raises(ft.InputError, match="`problems`"):
+        tune_worst_case([problem(), problem(K_max=np.full((2, 4), 3.0))])

@@ -1,0 +1,195 @@
+"""The fastest reference within limits, against closed forms and a flight of its own model."""
+
+import math
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from made_up import scenario_tables
+
+import flighttune as ft
+from flighttune.flight.conditions import reference_of
+from flighttune.flight.load import check_scenario
+from flighttune.flight.loop.loop import simulate
+from flighttune.routes.feasible import Manoeuvre, feasible_reference
+
+DEG = math.pi / 180.0
+
+LAGS = (
+    ft.loop.InnerLag(order=2, natural_frequency=9.0, damping=0.8, delay=0.03),
+    ft.loop.InnerLag(order=1, natural_frequency=12.0, delay=0.013),
+)
+PAPER = Manoeuvre(
+    V_a=25.0,
+    g=9.81,
+    start=(60.0 * DEG, 45.0 * DEG),
+    end=(0.0, 15.0 * DEG),
+    u_0=(0.0, math.cos(45.0 * DEG)),
+    lower=(-36.0 * DEG, -1.48),
+    upper=(36.0 * DEG, 1.88),
+    rate_lower=(-24.0 * DEG, -0.8),
+    rate_upper=(24.0 * DEG, 0.8),
+    lags=LAGS,
+    dt=0.02,
+)
+HUNDREDTH_DEG = 0.01 * DEG
+
+
+@pytest.fixture(scope="module")
+def found():
+    return feasible_reference(PAPER)
+
+
+def test_it_ends_where_it_shall_and_stays_there(found):
+    t = np.array([found.duration + 5.0, 100.0])
+    chi, gamma = found.sampled(t)
+
+    assert chi == pytest.approx([0.0, 0.0], abs=HUNDREDTH_DEG)
+    assert gamma == pytest.approx([15.0 * DEG] * 2, abs=HUNDREDTH_DEG)
+    assert found.initial == PAPER.start
+    assert found.commands(t) == pytest.approx(np.array([[0.0, math.cos(15.0 * DEG)]] * 2))
+
+
+def test_commands_keep_every_limit(found):
+    commands = found.commands(np.arange(0.0, 12.0, PAPER.dt))
+    rates = np.diff(commands, axis=0) / PAPER.dt
+
+    # The penalty of the plan is exact up to its tolerance.
+    assert (commands >= np.array(PAPER.lower) - 1e-6).all()
+    assert (commands <= np.array(PAPER.upper) + 1e-6).all()
+    assert (rates >= np.array(PAPER.rate_lower) - 1e-4).all()
+    assert (rates <= np.array(PAPER.rate_upper) + 1e-4).all()
+
+
+def test_some_limit_is_met_nearly_all_the_time(found):
+    """A plan that meets no limit for a while could be faster."""
+    commands = found.commands(np.arange(0.0, found.duration, PAPER.dt))
+    rates = np.abs(np.diff(commands, axis=0)) / PAPER.dt
+    at_rate = rates > 0.98 * np.array(PAPER.rate_upper)
+    at_stop = np.abs(commands[1:, 0]) > 0.98 * PAPER.upper[0]
+
+    assert np.mean(at_rate.any(axis=1) | at_stop) > 0.9
+
+
+@pytest.mark.parametrize("change_deg", [3.0, -6.0])
+def test_a_change_of_path_angle_takes_as_long_as_the_rate_of_load_factor_says(change_deg):
+    """Level enough for cos(gamma) = 1, the load factor is a triangle of slope r:
+    ``change = (g/V) r (T/2)^2``."""
+    half = 0.5 * change_deg * DEG
+    pull = replace(PAPER, start=(0.0, -half), end=(0.0, half), u_0=(0.0, math.cos(half)), lags=None)
+
+    triangle = 2.0 * math.sqrt(abs(change_deg) * DEG * 25.0 / (9.81 * 0.8))
+    assert feasible_reference(pull).duration == pytest.approx(triangle, rel=0.01)
+
+
+def test_the_point_mass_behind_the_lag_flies_it_without_the_help_of_feedback(found):
+    controller = ft.loop.MimoPI(
+        ft.PAPER_GAINS, ft.loop.Limits.none(2), dt=PAPER.dt, feed_forward=True
+    )
+    condition = ft.loop.FlightCondition(V_a=25.0, chi=60.0 * DEG, gamma=45.0 * DEG)
+    plant = ft.loop.PointMassPlant(LAGS, g=9.81)
+
+    signals, stop = simulate(plant, controller, found, condition=condition, duration=12.0)
+
+    # After the last sample of the plan the reference stands: path angle drifts by far less.
+    assert stop is None
+    flown = signals.index <= found.duration
+    assert signals.loc[flown, ["chi_err", "gamma_err"]].abs().max().max() < 1e-9
+    assert signals[["chi_err", "gamma_err"]].abs().max().max() < HUNDREDTH_DEG
+
+
+def test_the_shorter_way_round_is_flown():
+    turn = replace(PAPER, start=(170.0 * DEG, 0.0), end=(-170.0 * DEG, 0.0), u_0=(0.0, 1.0))
+
+    chi, _ = feasible_reference(turn).sampled(np.array([0.0, 60.0]))
+
+    assert chi / DEG == pytest.approx([170.0, 190.0], abs=0.01)
+
+
+def test_nothing_to_change_takes_no_time():
+    still = replace(PAPER, end=PAPER.start)
+
+    assert feasible_reference(still).duration < 0.5
+
+
+TABLES = scenario_tables(
+    flight={"chi_deg": 30.0, "duration_s": 10.0},
+    reference={"shape": "feasible", "gamma_deg": 5.0, "margin": 0.1},
+    limits={
+        "phi_deg": [-30.0, 40.0], "phi_rate_dps": 20.0, "n_z": [0.0, 1.8], "n_z_rate_per_s": 1.0,
+    },
+    controller={"feed_forward": True},
+    plant=[{"kind": "point_mass"}],
+)  # fmt: skip
+
+
+def changed(**tables):
+    merged = {
+        name: {**TABLES[name], **values} if isinstance(values, dict) else values
+        for name, values in tables.items()
+    }
+    return {**TABLES, **merged}
+
+
+def test_the_margin_is_taken_off_every_limit_about_level_flight():
+    commands = reference_of(ft.scenario_from(TABLES)).commands(np.arange(0.0, 10.0, 0.02))
+
+    assert commands[:, 0].min() == pytest.approx(-27.0 * DEG, abs=1e-6)
+    assert commands[:, 1].max() <= 1.0 + 0.9 * 0.8 + 1e-6
+
+
+def test_below_the_design_speed_there_is_less_lift():
+    slow = changed(flight={"V_a_mps": 20.0}, limits={"n_z": [-2.0, 2.0]})
+    slow["plant"] = [{"kind": "jsbsim", "aircraft": "aerosonde"}]
+    most = 1.0 + 0.9 * (2.1 * (20.0 / 25.0) ** 2 - 1.0)  # the Aerosonde has 2.1 at 25 m/s
+
+    commands = reference_of(ft.scenario_from(slow)).commands(np.arange(0.0, 10.0, 0.02))
+
+    assert commands[:, 1].max() <= most + 1e-6
+
+
+def test_the_reference_may_begin_elsewhere_than_the_flight():
+    scenario = ft.scenario_from(changed(reference={"chi_from_deg": 25.0, "gamma_from_deg": 1.0}))
+
+    assert np.array(reference_of(scenario).initial) / DEG == pytest.approx([25.0, 1.0])
+
+
+@pytest.mark.parametrize(
+    ("tables", "message"),
+    [
+        ({"reference": {"shape": None}}, "`margin` of .reference. must be given with shape"),
+        (
+            {"reference": {"chi_deg": [{"shape": "step", "change_deg": 5.0}]}},
+            "`chi_deg` of .reference. must be a number",
+        ),
+        ({"limits": {"phi_rate_dps": None}}, "`phi_rate_dps`"),
+        ({"flight": {"phi_deg": 37.0}}, "`phi`.*begin"),
+        ({"flight": {"n_z": 1.75}, "limits": {"n_z": [0.2, 1.8]}}, "`n_z`.*begin"),
+        ({"limits": {"n_z": [1.2, 1.8]}}, "`n_z` must hold that of steady flight"),
+        ({"limits": {"phi_deg": [0.0, 40.0]}}, "`phi`.*to the left.*got 0 deg"),
+        ({"limits": {"phi_deg": [-4.5e-5, 40.0]}}, "`phi`.*to the left.*got 4.05e-05 deg"),
+        ({"limits": {"phi_rate_dps": 1e-6}}, "within the limits in 200 s, got none"),
+        (
+            {"plant": [{"kind": "point_mass_lag", "roll_lag_rad_s": 0.05, "n_z_lag_rad_s": 5.0}]},
+            "lag of the first plant must settle within 200 s .* got 240 s",
+        ),
+    ],
+)
+def test_what_cannot_be_is_one_line_and_takes_no_time(tables, message):
+    began = time.process_time()
+    with pytest.raises((ft.ScenarioError, ft.InputError), match=message) as raised:
+        check_scenario(ft.scenario_from(changed(**tables)), "file.toml")
+
+    assert "\n" not in str(raised.value)
+    assert time.process_time() - began < 3.0  # without bounds: minutes
+
+
+@pytest.mark.soak
+def test_a_fast_controller_does_not_make_the_plan_slow(found):
+    manoeuvre, began = replace(PAPER, dt=0.001), time.process_time()
+
+    duration = feasible_reference(manoeuvre).duration
+
+    assert duration == pytest.approx(found.duration, abs=0.01)
+    assert time.process_time() - began < 4.0

@@ -1,0 +1,362 @@
+"""A folder that JSBSim flies by itself, run by its own console command: the flight of `fly`."""
+
+import math
+import os
+import re
+import shlex
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pandas as pd
+import pytest
+from airframes import changed_aerosonde
+from commands import answer, flighttune
+from fuzzing import first_or_all
+from made_up import shortened
+from places import SCENARIO_NAMES, SHIPPED_SCENARIOS
+
+import flighttune as ft
+from flighttune.outputs.exports.jsbsim_folder import CSV
+
+SAME = 1e-9
+"""Rad, 1 of load factor, and relative to the airspeed.
+
+The shipped aircraft differ by 3e-13 at most, by 2e-10 where they follow an airspeed in wind, the
+adopted by 1e-11.
+"""
+
+COLUMNS = ["Time", "chi_rad", "gamma_rad", "phi_rad", "n_z", "V_a_mps"]
+LONGEST_S = 120
+ADOPTED = sorted((Path(__file__).parents[2] / "adopted").glob("*/turn.toml"))
+assert len(ADOPTED) >= 10
+
+
+FLOWN = (
+    *("level_turn", "jet_pull_up", "sensor_noise", "engine_fails_in_climb", "heavy_and_aft"),
+    "speed_change_in_turn",
+)
+"""Scenarios in which something differs: aircraft, sensors, engine, airframe or law."""
+
+
+def flights(names):
+    """Scenarios over time in still air, the first gains by a law of ours, and each aircraft."""
+    for name in names:
+        scenario = ft.load_scenario(name)
+        gains, *_ = (one for one in scenario.gain_names if scenario.law_of(one)[0].kind != "python")
+        of_time = not (scenario.route or scenario.windy or scenario.disturbance)
+        for table in scenario.plant if of_time else ():
+            if table.kind == "jsbsim":
+                yield scenario, gains, table.label
+
+
+def flown_by_jsbsim(command, cwd=None):
+    """Run JSBSim's console command; return what it printed."""
+    path = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
+    done = subprocess.run(
+        shlex.split(command),
+        capture_output=True,
+        text=True,
+        timeout=LONGEST_S,
+        check=False,
+        cwd=cwd,
+        env=os.environ | {"PATH": path},
+    )
+    assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-2000:]
+    return done.stdout
+
+
+def apart(scenario, gains_name, plant, folder):
+    """Largest difference of each signal between JSBSim's flight and that of `fly`."""
+    made = folder / "made"
+    exported = ft.export(scenario, gains_name, out=made, plant=plant)
+    assert exported.same, exported.verdict
+    assert f"with the gains {gains_name}:" in exported.verdict
+    (made / CSV).unlink()
+    moved = made.rename(folder / "sent to a colleague")
+    flown_by_jsbsim(exported.command.replace(str(made), shlex.quote(str(moved))))
+    flown = ft.fly(scenario, gains_name)[f"{plant} / {gains_name}"].signals
+    written = pd.read_csv(moved / CSV)
+    assert list(written.columns) == COLUMNS
+    assert len(written) == round(scenario.flight.duration_s * scenario.controller.rate_hz) + 1
+    written = written[: len(flown)]  # JSBSim flies on where `fly` ends at the edge of the envelope
+    np.testing.assert_allclose(written["Time"] - exported.start, flown.index, rtol=0.0, atol=1e-6)
+    apart = {
+        name: written[column].to_numpy() - flown[name].to_numpy()
+        for name, column in zip(("chi", "gamma", "phi", "n_z", "V_a"), COLUMNS[1:], strict=True)
+        if name != "V_a" or scenario.airspeed
+    }
+    apart["chi"] = np.angle(np.exp(1j * apart["chi"]))  # one of the two is modulo a turn
+    return {name: float(np.abs(values).max()) for name, values in apart.items()}
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize(
+    "names",
+    [
+        *([name] for name in FLOWN),
+        pytest.param(sorted({*SCENARIO_NAMES} - {*FLOWN}), marks=pytest.mark.counts),
+    ],
+    ids=lambda names: names[0],
+)
+def test_jsbsim_alone_flies_as_fly_does(names, tmp_path):
+    differences = {
+        (scenario.title, plant): apart(scenario, gains, plant, tmp_path / str(k))
+        for k, (scenario, gains, plant) in enumerate(flights(names))
+    }
+
+    assert differences
+    assert all(max(found.values()) < SAME for found in differences.values()), differences
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize("file", first_or_all(ADOPTED), ids=lambda file: file.parent.name)
+def test_adopted_aircraft_fly_as_well(file, tmp_path):
+    scenario = shortened(file, 15.0)
+
+    found = apart(scenario, scenario.gain_names[-1], scenario.plant[0].label, tmp_path)
+
+    assert max(found.values()) < SAME, found
+
+
+CLIMB_IN_WIND = """
+gains = ["tuned_identified"]
+flight = {{V_a_mps = {V}, h_m = 1000.0, duration_s = 25.0}}
+wind = {{speed_mps = {wind}, from_deg = 60.0, down_mps = {down}}}
+controller = {{anti_windup = "{anti_windup}"}}
+tuning = {{identified = "{aircraft}"}}
+plant = [{{kind = "jsbsim", aircraft = "{aircraft}"{engine}}}]
+[reference]
+V_mps = {V}
+gamma_deg = [{{shape = "ramp", start_s = 2.0, duration_s = 6.0, rate_dps = 2.0}}]
+chi_deg = [{{shape = "ramp", start_s = 5.0, duration_s = 6.0, rate_dps = 5.0}}]
+"""
+
+
+@pytest.mark.counts
+@pytest.mark.parametrize(
+    ("aircraft", "V", "down", "gains", "anti_windup", "engine"),
+    [
+        ("c172p", 55.0, 0.0, "tuned_identified", "conditional", ""),
+        pytest.param(
+            *("x8", 18.0, 2.0, "exact:tuned_identified", "back_calculation"),
+            ", throttle_max = 0.3, throttle_max_from_s = 4.01",
+            marks=pytest.mark.soak,
+        ),
+    ],
+)
+def test_speed_has_priority_as_in_fly(aircraft, V, down, gains, anti_windup, engine, tmp_path):
+    """A climb that the engine cannot carry, with a turn in wind, and an engine that fails."""
+    air = {"wind": 0.15 * V, "down": down}
+    text = CLIMB_IN_WIND.format(
+        aircraft=aircraft, V=V, anti_windup=anti_windup, engine=engine, **air
+    )
+    tables = tomllib.loads(text) | {"title": "a climb", "law": ["paper", "exact"]}
+    found = apart(ft.scenario_from(tables), gains, f"jsbsim:{aircraft}", tmp_path)
+
+    found["V_a"] /= V
+    assert max(found.values()) < SAME, found
+    written = pd.read_csv(tmp_path / "sent to a colleague" / CSV)
+    assert written["gamma_rad"].iloc[-1] < math.radians(11.0)  # of 12 deg that are asked for
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize(
+    ("gains", "reference"),
+    [
+        ("exact:tuned_fed_back", {"chi_deg": 30.0, "gamma_deg": 2.0}),
+        ("tuned_identified", {"chi_deg": 30.0, "gamma_deg": 2.0, "shape": "feasible"}),
+    ],
+)
+def test_two_channels_give_way_to_the_airspeed_as_in_fly(gains, reference, tmp_path):
+    """An engine that fails while the aircraft turns and climbs in wind, in sinking air."""
+    tables = ft.load_scenario("engine_fails_in_climb").as_dict()
+    tables |= {"law": ["exact", "paper"], "reference": reference, "expect": []}
+    tables["gains"] = [gains.split(":")[-1]]
+    tables["controller"] |= {"speed_priority": True}
+    tables["flight"] |= {"duration_s": 25.0}
+    tables["plant"][0]["throttle_max_from_s"] = 3.0
+    tables["wind"] = {"speed_mps": 6.0, "from_deg": 60.0, "down_mps": 2.0}
+    tables["limits"] = {"phi_deg": [-45.0, 45.0], "phi_rate_dps": 30.0}
+    tables["limits"] |= {"n_z": [-2.0, 2.0], "n_z_rate_per_s": 1.0}
+    found = apart(ft.scenario_from(tables), gains, "jsbsim:aerosonde", tmp_path)
+
+    assert max(found.values()) < SAME, found
+    written = pd.read_csv(tmp_path / "sent to a colleague" / CSV)
+    assert written["gamma_rad"].iloc[-1] < math.radians(-3.0)
+
+
+@pytest.mark.counts
+@pytest.mark.parametrize(("priority", "feedback"), [("gamma", [0.5, 0.3]), ("chi", [0.0, 0.0])])
+def test_the_exact_law_flies_alike_where_lift_is_short(priority, feedback, tmp_path):
+    tables = ft.load_scenario("paper").as_dict() | {"expect": []}
+    options = {"priority": priority, "braking": 0.8, "lift_floor": 0.3}
+    tables["law"] = [{"name": "mine", "kind": "exact", **options}]
+    tables["limits"]["n_z"] = [-2.1, 1.1]
+    # The paper's K*, whose rates over errors are its angles by g/V.
+    per_V = np.array([9.81 / 25.0])
+    gains = {"K_P": ft.PAPER_GAINS.K_P * per_V, "K_I": ft.PAPER_GAINS.K_I * per_V}
+    tables["gains"] = [
+        {"name": "fed", "law": "exact", "feedback": feedback}
+        | {name: values.tolist() for name, values in gains.items()}
+    ]
+
+    found = apart(ft.scenario_from(tables), "mine:fed", "jsbsim:aerosonde", tmp_path)
+
+    assert max(found.values()) < SAME, found
+
+
+def test_a_law_in_python_is_refused_by_name(tmp_path):
+    scenario = ft.load_scenario("paper")
+    law = {"name": "mine", "kind": "python", "module": __file__, "class": "Path"}
+    tables = scenario.as_dict() | {"law": [law], "expect": []}
+
+    with pytest.raises(ft.InputError, match="got the law 'mine'"):
+        ft.export(ft.scenario_from(tables), "mine:paper", out=tmp_path)
+
+
+OTHERS = {
+    "in a turn over high ground": {
+        "flight": {"phi_deg": 20.0, "gamma_deg": 5.0, "chi_deg": 200.0, "ground_m": 300.0}
+    },
+    "between samples of the inner loop": {
+        "controller": {"rate_hz": 80.0, "anti_windup": "back_calculation", "schedule": True}
+    },
+    "another start": {
+        "controller": {"anti_windup": "none", "feed_forward": False},
+        "flight": {"n_z": 1.4},
+    },
+    "wind": {
+        "wind": {"speed_mps": 18.0, "from_deg": 70.0, "down_mps": 1.0},
+        "controller": {"schedule": True},
+    },
+}
+
+
+@pytest.mark.counts
+@pytest.mark.parametrize("changed", OTHERS.values(), ids=OTHERS)
+@pytest.mark.parametrize("gains", ["paper", "exact:paper"])
+def test_starts_and_settings_of_other_scenarios_are_those_of_fly(gains, changed, tmp_path):
+    tables = ft.load_scenario("level_turn").as_dict()
+    for table, keys in changed.items():
+        tables[table] = tables.get(table, {}) | keys
+    tables["flight"]["duration_s"] = 8.0
+
+    found = apart(ft.scenario_from(tables), gains, "jsbsim:aerosonde", tmp_path)
+
+    assert max(found.values()) < SAME, found
+
+
+def exported(scenario, folder):
+    """The command's answer."""
+    return answer("export", scenario, "--gains", "paper", "--out", folder)
+
+
+CLOCK = """
+<function name="aero/moment/clock"> <product> <value> 0.1 </value>
+  <sin> <property> simulation/sim-time-sec </property> </sin>
+</product> </function>
+"""
+
+
+def turn_of_changed(change, folder):
+    """A level turn of the Aerosonde, the text of whose main file is changed."""
+    changed_aerosonde(folder, change)
+    scenario = folder.parent / "turn.toml"
+    text = (SHIPPED_SCENARIOS / "level_turn.toml").read_text().replace('"aerosonde"', f'"{folder}"')
+    scenario.write_text(text)
+    return scenario
+
+
+HYSTERESIS = """
+<flight_control name="own"><channel name="own"><pure_gain name="a/cmd">
+  <input>fcs/elevator-pos-rad</input><gain>1</gain><output>fcs/cmd</output></pure_gain>
+  <fcs_function name="a/endless"><function><quotient><value>1</value><value>0</value></quotient>
+  </function><output>fcs/endless</output></fcs_function></channel>
+</flight_control>
+<system name="own"><channel name="own"><actuator name="a/tail"> <input>fcs/cmd</input>
+  <hysteresis_width>0.02</hysteresis_width> <output>fcs/tail</output> </actuator></channel></system>
+</fdm_config>"""
+
+
+@pytest.mark.soak
+def test_flight_control_begins_where_that_of_fly_does_hysteresis_and_infinity_included(tmp_path):
+    def change(text):
+        aerodynamics = text.replace("fcs/elevator-pos-rad", "fcs/tail")
+        return aerodynamics.replace("</fdm_config>", HYSTERESIS)
+
+    turn = turn_of_changed(change, tmp_path / "loose")
+
+    differences = exported(turn, tmp_path / "out")["differences"]
+    assert max(differences.values()) < SAME
+
+
+@pytest.mark.soak
+def test_a_flight_that_is_not_that_of_fly_is_no_success(tmp_path):
+    """A roll moment by JSBSim's clock, which has run on when the exported flight starts."""
+
+    def change(text):
+        return text.replace('<axis name="ROLL">', f'<axis name="ROLL">{CLOCK}')
+
+    scenario = turn_of_changed(change, tmp_path / "clocked")
+
+    out, err = flighttune(
+        "export", scenario, "--gains", "paper", "--out", tmp_path / "out", "-q", status=1
+    )
+
+    said = "JSBSim's flight is not that of `flighttune fly`: phi differs first, at t = 0.02 s"
+    assert said in err
+    assert said in (tmp_path / "out/README.md").read_text(encoding="utf-8")
+    assert out == ""
+
+
+@pytest.mark.soak
+def test_the_command_of_the_readme_flies_the_folder_wherever_it_was_moved(tmp_path):
+    values = exported("level_turn", tmp_path / "made")
+    flown = Path(values["csv"]).read_bytes()
+    Path(values["csv"]).unlink()
+    moved = (tmp_path / "made").rename(tmp_path / "from a colleague")
+    readme = (moved / "README.md").read_text(encoding="utf-8")
+    command = re.search("^jsbsim .*$", readme, re.MULTILINE)[0]
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.mkdir()
+
+    for cwd, line in (
+        (moved, command),
+        (elsewhere, command.replace("=.", "='../from a colleague'", 1)),
+    ):
+        flown_by_jsbsim(line, cwd=cwd)
+
+        assert (moved / CSV).read_bytes() == flown
+        (moved / CSV).unlink()
+    assert shlex.split(values["command"])[2:] == shlex.split(command)[2:]
+    assert f"`Time` = {values['start_s']:g} s" in readme
+    assert max(values["differences"].values()) < SAME
+
+
+def test_a_title_with_control_characters_is_written_as_xml(tmp_path):
+    title = '\x1b[31mred\x07\x9b\u202e <&> "end"'
+    tables = ft.load_scenario("level_turn").as_dict() | {"title": title, "expect": []}
+    tables["flight"]["duration_s"] = 1.0
+    tables["reference"] = {"chi_deg": 0.0, "gamma_deg": 0.0}
+    scenario = ft.scenario_from(tables)
+
+    ft.export(scenario, "paper", out=tmp_path)
+
+    script = ElementTree.parse(tmp_path / "flight.xml").getroot()
+    assert script.get("name") == ' [31mred    <&> "end"'
+    assert "\x1b" not in (tmp_path / "README.md").read_text(encoding="utf-8")
+
+
+@pytest.mark.soak
+def test_a_console_that_takes_another_step_flies_nothing(tmp_path):
+    found = exported("level_turn", tmp_path)
+    command = " ".join(part for part in found["command"].split() if "rate" not in part)
+
+    said = flown_by_jsbsim(command)
+
+    assert "the step must be 0.005 s" in said
+    assert Path(found["csv"]).read_text().strip() == ",".join(COLUMNS)

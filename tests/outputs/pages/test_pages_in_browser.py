@@ -1,0 +1,156 @@
+"""Every kind of page in a browser, wide, on a desk and on a phone: no text lies on another."""
+
+import re
+
+import pytest
+from browser import DESK, PHONE, WIDE, told_at_widths
+from commands import flighttune
+from log_files import heavy_cessna, sampled, write_csv
+from plans import plan_file, waypoint
+
+from flighttune.base.answers.answer import facts_table
+from flighttune.base.answers.chart import Chart
+from flighttune.base.answers.frame import Section, page_template, write_page
+from flighttune.outputs.pages.claim import FENCES, VOLUMES
+
+FEW = "--epsilon 0.5 --confidence 0.9"
+
+# Commands that make a page, and its file.
+PAGES = {
+    "runs": ("fly paper --out paper", "report paper -o page.html"),
+    "comparison": ("compare paper@paper paper@tuned --out page.html",),
+    "gap": ("gap paper --out .", "gap.html"),
+    "log": ("report log.csv -o page.html",),
+    "campaign": ("campaign first_campaign --runs 40 --out flown", "report flown -o page.html"),
+    "certificate": ("certify paper --out c.json", "report c.json -o page.html"),
+    "bound": ("tune paper --prove b.json", "report b.json -o page.html"),
+    "tube": (
+        "tube level_turn --gains paper --set flight.duration_s=2.5 --out t.npz",
+        "report t.npz -o page.html",
+    ),
+    "band": (
+        f"band level_turn --start-deg 2 --plant kinematic --learn 10 {FEW} --out b.npz",
+        "report b.npz -o page.html",
+    ),
+    "monitor": (
+        f"monitor level_turn --start-deg 2 --learn 20 {FEW} --out m.npz",
+        "report m.npz -o page.html",
+    ),
+    "mission": (f"mission m.plan --turn-back 30 {FEW} --page page.html --out m.npz",),
+    "beside": ("compare m.plan --with my.parm --flights 2 --out page.html",),
+    "tuned": ("tune paper --page page.html",),
+    "met": ("meet paper_identified --budget 4 --page page.html",),
+    "adoption": ("adopt 737 --out adopted", "adopted/adoption.html"),
+    "reproduction": ("reproduce --out reproduced", "reproduced/index.html"),
+}
+
+
+CORNERS = (47.395, 8.49), (47.41, 8.49), (47.41, 8.52), (47.395, 8.52)
+MISSION = [waypoint(*place, 300) for place in ((47.4, 8.5), (47.404, 8.5), (47.404, 8.508))]
+FENCE = {"version": 2, "circles": [], "polygons": [{"inclusion": True, "polygon": CORNERS}]}
+
+# Two texts whose places are the same, and two beside each other.
+TWICE = (
+    '<div style="position:relative"><b>one</b><i style="position:absolute;left:{}px">two</i></div>'
+)
+
+
+@pytest.fixture(scope="module")
+def pages(tmp_path_factory):
+    """The text of a page of a kind, which is made once, in a folder of its own."""
+    texts = {}
+
+    def page(kind):
+        if kind not in texts:
+            folder = tmp_path_factory.mktemp(kind)
+            plan_file(folder / "m.plan", *MISSION, geoFence=FENCE)
+            (folder / "my.parm").write_text("NAVL1_PERIOD 14\nRC1_MIN 1000\n")
+            if kind == "log":
+                write_csv(folder / "log.csv", *sampled(heavy_cessna(30.0)))
+            *commands, last = PAGES[kind]
+            file = last if last.endswith(".html") and " " not in last else "page.html"
+            for command in commands if file == last else PAGES[kind]:
+                flighttune(*command.split(), cwd=folder)
+            texts[kind] = (folder / file).read_text(encoding="utf-8")
+        return texts[kind]
+
+    return page
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize("kind", PAGES)
+def test_no_text_of_a_page_lies_on_another(chromium, pages, kind, tmp_path):
+    told = told_at_widths(chromium, pages(kind), tmp_path)
+
+    for width in (WIDE, DESK, PHONE):
+        assert told[width]["overlaps"] == [], width
+        assert told[width]["wide"] == [], width
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("apart", "overlaps"), [(0, [["one", "two"]]), (200, [])])
+def test_a_text_on_another_is_seen(chromium, apart, overlaps, tmp_path):
+    told = told_at_widths(chromium, TWICE.format(apart), tmp_path)
+
+    assert [told[width]["overlaps"] for width in (WIDE, DESK, PHONE)] == [overlaps] * 3
+
+
+@pytest.mark.soak
+def test_the_claim_of_a_mission_is_a_list_of_sentences(pages):
+    (claim,) = re.findall(r'id="claim".*?<ul class="note">(.*?)</ul>', pages("mission"), re.DOTALL)
+    sentences = re.findall(r"<li>(.*?)</li>", claim)
+
+    assert len(sentences) >= 8
+    for sentence in sentences:
+        assert re.match(r"[^a-z]", sentence), sentence
+        assert sentence.endswith("."), sentence
+        assert not re.search(r"\. [A-Z]", sentence), sentence
+
+
+def test_notes_become_sentences():
+    notes = [
+        "a new flight leaves it: 0 of 6 did. All are flights of a glider",
+        "kinematic / paper: two of four",
+        "\u03c7 within 0.5 deg",
+        "fly one again: flighttune verify m.npz --run 21",
+    ]
+
+    assert Section(note=notes).notes == (
+        "A new flight leaves it: 0 of 6 did.",
+        "All are flights of a glider.",
+        "kinematic / paper: two of four.",
+        "\u03c7 within 0.5 deg.",
+        "Fly one again: `flighttune verify m.npz --run 21`.",
+    )
+
+
+def test_lines_of_a_map_differ_by_their_dashes_and_colours():
+    """Those of volumes by both, so that one who sees no colours tells them apart too."""
+    colours, dashes = zip(*VOLUMES, strict=True)
+
+    assert len({*colours}) == len({*dashes}) == len(VOLUMES)
+    assert len({*FENCES}) == len(FENCES)
+
+
+@pytest.mark.soak
+def test_no_two_lines_of_a_chart_on_the_page_of_a_mission_look_alike(pages):
+    for names in re.findall(r"<figcaption>(.*?)</figcaption>", pages("mission"), re.DOTALL):
+        signs = re.findall(r"<svg class=\"swatch.*?</svg>", names, re.DOTALL)
+        assert len({*signs}) == len(signs), names
+
+
+def test_a_page_has_no_character_that_steers_a_terminal(tmp_path):
+    """XML forbids them, and a page may be shown by a pager."""
+    wicked = "a\x1b[31m\x00title\u202e\x07"
+    chart = Chart(title=wicked, x=wicked, y=wicked)
+    chart.line([0.0, 1.0], [0.0, 1.0], "#354FD8", name=wicked)
+    template = page_template("flighttune.base.answers", "answer.html.jinja")
+    texts = {"provenance": facts_table("Provenance", {"file": wicked}), "commands": wicked}
+    write_page(
+        tmp_path / "page.html", template, title=wicked, summary=(wicked,), texts={wicked: wicked},
+        sections=[Section(note=[wicked, wicked], charts=[chart])], **texts,
+    )  # fmt: skip
+
+    text = (tmp_path / "page.html").read_text(encoding="utf-8")
+    assert "title" in text
+    assert all(char.isprintable() or char in "\n\u00a0" for char in text)

@@ -1,0 +1,152 @@
+"""The page: everything inside, every sentence from the runs, small enough to send."""
+
+import base64
+import dataclasses
+import hashlib
+import html
+import re
+
+import numpy as np
+import pandas as pd
+import pytest
+from made_up import run_file, run_folder
+
+import flighttune as ft
+from flighttune.outputs.pages.page import LONGEST_LADDER
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.mark.soak
+def test_the_one_script_of_the_page_is_the_one_that_its_policy_allows(page):
+    (script,) = re.findall(r"<script>(.*?)</script>", page, re.DOTALL)
+    digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+    policy = re.search(r'Content-Security-Policy" content="([^"]*)"', page).group(1)
+
+    assert page.count("<script") == 1
+    assert "default-src 'none'" in policy
+    assert f"script-src 'sha256-{digest}'" in policy
+
+
+@pytest.mark.soak
+def test_the_answer_stands_before_the_first_figure_in_a_hundred_words(page, written, flown_paper):
+    top = re.sub(
+        r"<style>.*?</style>|<title>.*?</title>", "", page.partition("<figure")[0], flags=re.S
+    )
+    words = html.unescape(re.sub(r"<[^>]*>", " ", top)).split()
+
+    assert len(words) <= 100
+    claim, converges = written.summary
+    assert claim == f"{flown_paper.claim.short}."
+    assert flown_paper.claim.sentence.startswith(flown_paper.claim.short)
+    assert converges == "Converged: kinematic 2/2, jsbsim:aerosonde 1/2."
+
+
+def records_of(written, name):
+    """Records of a table of a page, by the run or the gains that they are about."""
+    (table,) = (table for table in written.tables if table.name == name)
+    first = table.columns[0].key
+    return {record[first]: record for record in table.records}
+
+
+@pytest.mark.soak
+def test_the_tables_have_the_numbers_of_the_runs(written, flown_paper):
+    runs = {run.label: run for run in flown_paper.runs}
+    law, craft = runs["kinematic / tuned"], runs["jsbsim:aerosonde / tuned"]
+
+    (tracking,) = (table for table in written.tables if table.name == "tracking")
+    settling = {
+        record["channel"]: record["settling_s"]
+        for record in tracking.records
+        if record["run"] == law.label
+    }
+    expected = ft.loop.channel_metrics(law)["settling_s"]
+    assert settling == {"χ": expected["chi"], "γ": expected["gamma"]}
+    rate = flown_paper.indicators["tuned"].R_K
+    assert records_of(written, "certificates")["tuned"]["rate"] == pytest.approx(rate, abs=1e-6)
+    paths = [run.signals[["north", "east", "down"]].to_numpy() for run in (law, craft)]
+    apart = np.linalg.norm(paths[1] - paths[0], axis=1).max()
+    own = records_of(written, "aircraft")["tuned"]
+    assert own["max_distance_m"] == pytest.approx(apart, abs=0.05)
+    assert records_of(written, "gains")["paper"]["K_P"] == ft.PAPER_GAINS.K_P.tolist()
+
+
+@pytest.mark.soak
+def test_a_flight_that_ended_at_once_has_its_row_its_count_and_its_reason(flown_paper, tmp_path):
+    first, second, *_ = flown_paper.runs  # both of the law
+    why = "roll command 155.7 deg: the law has no value."
+    ended = dataclasses.replace(
+        first, signals=first.signals[:1], status="diverged", reason=f"t = 0 s: {why}"
+    )
+
+    page = ft.report(run_folder(tmp_path / "x", ended, second), tmp_path / "report.html")
+
+    rows = records_of(page, "convergence")
+    assert list(rows) == [first.label, second.label]
+    assert rows[first.label]["flight"] == "diverged at 0.0 s"
+    assert rows[first.label]["requirements"] == "not flown"
+    # two bounds of each run
+    assert page.summary[0].endswith("2 met, 0 missed, 2 not flown; 1 of 2 runs ended early.")
+    assert why in page.path.read_text()
+
+
+def test_the_ladder_of_a_very_long_flight_is_left_to_gap_and_that_is_said(flown_paper, tmp_path):
+    craft = flown_paper.runs[2]
+    rows = 2 * LONGEST_LADDER
+    signals = pd.DataFrame(
+        np.resize(craft.signals.to_numpy(), (rows, craft.signals.shape[1])),
+        index=pd.Index(np.arange(rows) * 0.02, name="t"),
+        columns=craft.signals.columns,
+    )
+    long = run_file(tmp_path / "x.parquet", dataclasses.replace(craft, signals=signals))
+
+    written = ft.report(long, tmp_path / "long.html")
+
+    assert "From the law to the aircraft" not in written.sections
+    assert f"{craft.label}: {rows} samples are more than" in written.path.read_text()
+
+
+def test_words_of_a_scenario_are_text_and_not_markup(flown_paper, tmp_path):
+    wicked = "<script>alert('1')<script> & co"
+
+    def named(run):
+        made = run.provenance
+        scenario = {**made.scenario, "title": wicked}
+        return dataclasses.replace(run, provenance=dataclasses.replace(made, scenario=scenario))
+
+    runs = tuple(named(run) for run in flown_paper.runs if run.provenance.plant == "kinematic")
+    written = ft.report(run_folder(tmp_path / wicked, *runs), tmp_path / "wicked.html")
+    text = written.path.read_text()
+
+    assert "<script>alert" not in text
+    assert "&lt;script&gt;alert" in text
+
+
+@pytest.mark.soak
+def test_an_aircraft_beside_its_nominal_self_has_a_gap_of_its_own(tmp_path):
+    written = ft.report("heavy_and_aft@paper", tmp_path / "both.html")
+
+    (table,) = (table for table in written.tables if table.name == "gap")
+    nominal, heavy = (
+        [record["metrics"] for record in table.records if record["gains"] == name]
+        for name in ("paper", "paper (heavy_aft)")
+    )
+    assert {record["gains"] for record in table.records} == {"paper", "paper (heavy_aft)"}
+    assert nominal != heavy
+
+
+def test_flights_need_no_folder_for_a_page(flown_paper, tmp_path):
+    written = ft.report(flown_paper, tmp_path / "page.html")
+
+    assert written.summary[0].startswith("Claim met: ")
+    with pytest.raises(ft.InputError, match="`changes` must be absent"):
+        ft.report(flown_paper, tmp_path / "page.html", changes={"seed": 2})
+
+
+def test_gains_from_a_file_are_called_by_their_name(flown_paper, tmp_path):
+    run = flown_paper.runs[0]
+    own = dataclasses.replace(run.provenance, gains_name="mine")
+    runs = run, dataclasses.replace(run, provenance=own)
+    written = ft.report(run_folder(tmp_path / "runs", *runs), tmp_path / "page.html")
+
+    assert "Gains: K*, arXiv 2411.13140 (paper), mine." in html.unescape(written.path.read_text())

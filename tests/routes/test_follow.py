@@ -1,0 +1,260 @@
+"""Flights along a route, on every plant: where they are, and how they come back to it."""
+
+import math
+
+import numpy as np
+import pandas as pd
+import pytest
+from commands import flighttune
+from hypothesis import Phase, given, settings
+from hypothesis import strategies as st
+from places import SHIPPED_SCENARIOS
+from scipy.spatial import cKDTree
+
+import flighttune as ft
+from flighttune.flight.conditions import reference_of
+from flighttune.flight.loop import loop
+from flighttune.routes.follow import SAME_PLACE
+
+ROUTE = {
+    "wind_mps": 8.0,
+    "waypoint": [
+        {"north_m": 0.0, "east_m": 0.0},
+        {"north_m": 600.0, "east_m": 0.0},
+        {"north_m": 600.0, "east_m": 600.0, "up_m": 20.0},
+        {"north_m": 0.0, "east_m": 900.0, "up_m": 20.0},
+    ],
+}
+
+
+def scenario(plants, **tables):
+    tables = {"limits": {}, **tables}
+    flight = {"V_a_mps": 25.0, "duration_s": 120.0, **tables.pop("flight", {})}
+    made = ft.load_scenario("paper_identified").as_dict()
+    for key in ("reference", "expect", "verifies", "source"):
+        del made[key]
+    made |= {"gains": ["tuned_identified"], "flight": flight, "plant": plants}
+    return ft.scenario_from(made | {"route": ROUTE} | {k: v for k, v in tables.items() if v})
+
+
+WINDY = {
+    "wind.speed_mps": 5.0,
+    "wind.from_deg": 70.0,
+    "turbulence.intensity": "moderate",
+    "route.waypoint": ROUTE["waypoint"],
+    "route.wind_mps": 8.0,
+}
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize(
+    ("name", "changes"),
+    [("circuit", WINDY), ("mission", {}), ("sensor_noise", {}), ("crosswind_course", {})],
+)
+def test_compiled_samples_fly_as_the_plain_loop_does(monkeypatch, name, changes):
+    """The plain loop is the reference, to the bit: wind, gusts, sensors, a law that feeds back."""
+    pytest.importorskip("numba")
+    from flighttune.flight.loop import kernel
+
+    calls, compiled = [], kernel.exact_sample
+    monkeypatch.setattr(kernel, "exact_sample", lambda *x: calls.append(x[0]) or compiled(*x))
+    fed_back = {"law": ["exact"], "gains": ["tuned_fed_back"], "expect": []}
+    flown = []
+    for samples in (0, math.inf):
+        monkeypatch.setattr(loop, "COMPILED_FROM", samples)
+        flown += [x for x in ft.fly(name, changes=fed_back | changes).runs if x.provenance.aircraft]
+    first, plain = (run.signals for run in flown)
+
+    assert [run.status for run in flown] == ["completed"] * 2
+    assert calls == [*range(len(first))]
+    pd.testing.assert_frame_equal(first, plain, check_exact=True)
+
+
+LAW = [{"kind": "kinematic"}]
+
+
+@pytest.mark.parametrize(
+    "plant", [*LAW, {"kind": "point_mass"}, {"kind": "jsbsim", "aircraft": "aerosonde"}]
+)
+def test_a_flight_stays_on_its_route_in_still_air(plant):
+    """Distance to the side by the plant's own position: to the leg between two waypoints."""
+    (run,) = ft.fly(scenario([plant])).runs
+    signals = run.signals
+
+    assert run.status == "completed"
+    assert np.abs(signals["cross_track"]).max() < 1.0
+    assert np.abs(signals["height_err"]).max() < 1.0
+    first = signals[signals["along"] < 400]
+    assert first["cross_track"].to_numpy() == pytest.approx(first["east"].to_numpy(), abs=1e-6)
+    last = signals.iloc[-1]
+    assert math.hypot(last["north"], last["east"] - 900.0) < 2.0
+    assert -last["down"] == pytest.approx(20.0, abs=1.0)
+
+
+def test_an_error_of_position_is_flown_off_in_the_look_ahead():
+    """A point that moves as asked: its distance to a straight leg shrinks like exp(-t / T)."""
+    straight = {
+        "look_ahead_s": 4.0,
+        "waypoint": [{"north_m": 0.0, "east_m": 0.0}, {"north_m": 2000.0, "east_m": 0.0}],
+    }
+    reference = reference_of(scenario(LAW, route=straight))
+    dt, V = 0.01, 25.0
+    follow, north, east, chi = reference.follower(dt, 1000.0), 0.0, 5.0, 0.0
+    aside = []
+    for _ in range(2000):
+        seen = ft.loop.Measured(chi, 0.0, V, 0.0, 1.0, 1000.0, (north, east, 0.0), None)
+        asked, (_, beside, below) = follow(seen)
+        assert (beside, below) == pytest.approx((east, 0.0), abs=1e-6)
+        aside.append(east)
+        chi = asked.chi
+        north, east = north + V * dt * math.cos(chi), east + V * dt * math.sin(chi)
+
+    assert math.log(aside[800] / aside[1800]) / 10.0 == pytest.approx(1.0 / 4.0, rel=0.01)
+
+
+SPACING = 0.1  # m, of the points of a path that a position is held against
+
+
+@pytest.mark.counts
+@settings(max_examples=6, phases=[Phase.generate])  # shrinking takes minutes
+@given(
+    course=st.floats(-180.0, 180.0),
+    wind=st.floats(0.0, 12.0),
+    wind_from=st.floats(0.0, 360.0),
+    circles=st.sampled_from([-1.2, 0.0, 0.3, 2.0]),
+)
+def test_places_on_a_route_are_whole_positions(course, wind, wind_from, circles):
+    """Positions against places, and distances from a path drawn as a line, by SciPy's tree."""
+    points = [dict(point) for point in ROUTE["waypoint"]]
+    points[2] |= {"turns": circles} if circles else {}
+    made = scenario(
+        LAW,
+        flight={"chi_deg": course, "duration_s": 250.0},
+        wind={"speed_mps": wind, "from_deg": wind_from},
+        route={"waypoint": points, "wind_mps": 12.0},
+    )
+    (run,), reference = ft.fly(made).runs, reference_of(made)
+    signals, path = run.signals, reference.path
+    positions = signals[["north", "east", "down"]].to_numpy() * (1, 1, -1)
+    places = path.beside(*signals[["along", "cross_track", "height_err"]].to_numpy().T)
+    apart = np.linalg.norm(positions - places, axis=1).max()
+    line = path.beside(path.points(SPACING))[:, :2]
+    off_line, _ = cKDTree(line).query(positions[signals["along"] < path.length, :2])
+
+    aside = np.abs(signals["cross_track"])[signals["along"] < path.length]
+    assert (aside > off_line - 0.5 * SPACING).all()
+    if reference.displacement(signals) <= SAME_PLACE:
+        assert apart < 0.01
+    else:
+        assert abs(course) > 90.0 - 30.0  # drift in a wind of 12 m/s at 25 m/s
+
+
+def test_a_flight_behind_its_start_is_as_far_from_its_route_as_from_the_start():
+    """Started the other way, a flight turns back within its turning circles."""
+    (run,) = ft.fly(scenario(LAW, flight={"chi_deg": 170.0})).runs
+    first = run.signals[run.signals["along"] == 0.0]
+    from_start = np.hypot(first["north"], first["east"])
+
+    assert first["north"].min() < -30.0
+    assert np.abs(first["cross_track"]).to_numpy() == pytest.approx(from_start.to_numpy(), abs=0.02)
+    assert ft.loop.flight_metrics(run)["cross_track_m"] >= from_start.max() - 0.02
+
+
+def test_a_flight_that_is_carried_back_has_no_places_there():
+    reference = reference_of(scenario(LAW))
+    along = np.array([0.0, 50.0, 100.0, 90.0, 95.0, 120.0])
+    signals = pd.DataFrame(
+        {"north": along, "east": 2.0, "down": 3.0, "along": along, "cross_track": 2.0}
+    ).assign(height_err=3.0)
+    signals["down"] -= np.interp(along, reference.path.s, reference.path.up)
+
+    assert reference.displacement(signals) == pytest.approx(
+        math.hypot(10.0, reference.path.up[100] - reference.path.up[90]), abs=1e-6
+    )
+
+
+def test_a_route_has_its_rates_at_one_time_and_at_a_list_of_one():
+    """In the middle of a turn the course changes by the airspeed over the radius."""
+    reference = reference_of(scenario(LAW))
+    turn = next(stretch for stretch in reference.path.stretches if stretch.kind == "turn")
+    t = (turn.start + 0.5 * turn.length) / 25.0
+
+    for times in (t, [t], np.array([t])):
+        chi_dot, _ = reference.rates(times)
+        assert chi_dot == pytest.approx(25.0 / turn.radius, rel=1e-3)
+
+
+def straight(duration_s, **start):
+    """A flight of the law at 25 m/s along a route of 1000 m to the north."""
+    waypoints = [{"north_m": north, "east_m": 0.0, "up_m": 0.0} for north in (0.0, 1000.0)]
+    flight = {"duration_s": duration_s, **start}
+    (run,) = ft.fly(scenario(LAW, flight=flight, route={"waypoint": waypoints})).runs
+    return run
+
+
+@pytest.mark.parametrize("left", [50.0, 1.0])
+def test_a_flight_that_does_not_arrive_says_what_is_left(left):
+    run = straight((1000.0 - left) / 25.0)
+
+    assert run.status == "not_arrived"
+    assert run.reason.endswith(f": {left:.0f} m of the route are left.")
+
+
+def test_a_flight_arrives_at_the_end_of_its_route_and_within_the_look_ahead_of_it():
+    arrived = straight(60.0)
+    reference = reference_of(scenario(LAW, flight={}))
+    length, most = reference.path.length, reference.look_ahead * reference.V_a
+
+    assert arrived.status == "completed"
+    assert arrived.signals["along"].iloc[-1] == pytest.approx(1000.0, abs=25.0 / 50.0)
+    assert most == 3.0 * 25.0
+    assert reference.not_arrived(1.0, (length, 0.6 * 74.9, -0.8 * 74.9)) is None
+    stop = reference.not_arrived(1.0, (length, 0.6 * 75.6, -0.8 * 75.6))
+    assert (stop.status, stop.reason) == (
+        "not_arrived",
+        "t = 1 s: the end of the route was passed 76 m from it, must be within its look-ahead of "
+        "75 m.",
+    )
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"reference": {"chi_deg": 0.0, "gamma_deg": 0.0}}, "`reference` or `route`"),
+        ({"route": {"waypoint": ROUTE["waypoint"][:1]}}, "waypoint"),
+        ({"route": {"waypoint": [{"north_m": 0.0}] * 2}}, "`north_m` and `east_m`"),
+        ({"route": {"waypoint": [{"north_m": math.nan, "east_m": 0.0}] * 2}}, "north_m"),
+    ],
+)
+def test_a_route_that_cannot_be_read_is_refused(change, message):
+    with pytest.raises(ft.ScenarioError, match=message):
+        scenario(LAW, **change)
+
+
+@pytest.mark.parametrize("command", ["tube", "export"])
+def test_what_needs_a_reference_over_time_refuses_a_route_by_name(command, tmp_path):
+    options = {"export": ("--out", tmp_path / "out")}
+    _, said = flighttune(command, "circuit", *options.get(command, ()), status=2)
+
+    assert "`route` must be absent" in said
+
+
+def test_a_route_below_the_ground_is_refused_by_its_height(tmp_path):
+    text = (SHIPPED_SCENARIOS / "circuit.toml").read_text()
+    file = tmp_path / "low.toml"
+    file.write_text(text.replace("up_m    = 10.0", "up_m    = -10.0"))
+
+    assert ft.load_scenario(file, changes={"flight.ground_m": 980.0}).route is not None
+    with pytest.raises(ft.ScenarioError, match=r"low.toml.*`up_m` .*995 m .*990 m"):
+        ft.load_scenario(file, changes={"flight.ground_m": 995.0})
+
+
+def test_a_route_that_cannot_be_flown_in_wind_is_refused_by_its_waypoint(tmp_path):
+    points = [(0.0, 0.0), (99.0, 0.0), (99.0, 99.0)]
+    sharp = ", ".join(f"{{north_m = {north}, east_m = {east}}}" for north, east in points)
+    values = f"route.waypoint=[{sharp}]", "wind.speed_mps=8", "wind.from_deg=90"
+    made = [word for x in (*values, "route.turnaround_m=0") for word in ("--set", x)]
+    _, said = flighttune("fly", "circuit", *made, "--out", tmp_path, status=2)
+
+    assert "leg to waypoint 2" in said
+    assert "[wind]" not in said

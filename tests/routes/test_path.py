@@ -1,0 +1,282 @@
+"""Paths through waypoints against Fresnel's integrals, circles and Dubins' words; refusals."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.special import fresnel
+
+import flighttune as ft
+from flighttune.routes.follow import airspeeds_along
+from flighttune.routes.path import Ability, Waypoint, plan
+
+DEG = math.pi / 180.0
+ABILITY = Ability(
+    V_a=25.0, wind=8.0, phi=36.0 * DEG, phi_rate=24.0 * DEG, gamma=(-10.0 * DEG, 10.0 * DEG), g=9.81
+)
+RADIUS = 33.0**2 / (9.81 * math.tan(36.0 * DEG))
+ROLLING = 33.0 * 36.0 / 24.0
+
+
+def points(*places):
+    return [
+        Waypoint(**dict(zip(("north", "east", "up", "turns"), p, strict=False))) for p in places
+    ]
+
+
+def distances(path, waypoint, circles=None):
+    """Distances of a path, or of the middle of some circles of it, from a waypoint."""
+    apart = np.hypot(path.north - waypoint.north, path.east - waypoint.east)
+    if circles is None:
+        return apart
+    ends = circles.start + ROLLING, circles.start + circles.length - ROLLING
+    return apart[(path.s > ends[0]) & (path.s < ends[1])]
+
+
+def test_a_corner_begins_where_clothoid_and_arc_say():
+    """Tangent length of a right angle: Fresnel's integrals, then an arc about its centre."""
+    path = plan(points((0, 0), (1000, 0), (1000, 1000)), ABILITY)
+    leg, turn, _ = path.stretches
+
+    scale = math.sqrt(math.pi * RADIUS * ROLLING)
+    sine, cosine = fresnel(ROLLING / scale)
+    x, y, angle = scale * cosine, scale * sine, ROLLING / (2.0 * RADIUS)
+    centre = x - RADIUS * math.sin(angle), y + RADIUS * math.cos(angle)
+    reach = centre[0] + centre[1] * math.tan(math.pi / 4)
+
+    assert leg.length == pytest.approx(1000.0 - reach, abs=1e-6)
+    assert turn.length == pytest.approx(RADIUS * math.pi / 2 + ROLLING, abs=1e-6)
+    assert turn.radius == pytest.approx(RADIUS)
+    half = np.searchsorted(path.s, turn.start + 0.5 * turn.length)
+    towards = np.hypot(path.north - (1000 - reach + centre[0]), path.east - centre[1])
+    assert towards[half - 20 : half + 20] == pytest.approx(RADIUS, abs=1e-3)
+
+
+def test_a_path_passes_its_last_waypoint_and_circles_have_their_radius():
+    route = points((0, 0), (900, 0, 20), (900, 900, 50, 2), (0, 1200, 50, -1), (-900, 500, 50))
+    path = plan(route, ABILITY)
+    end = round(path.length)
+
+    assert (path.north[end], path.east[end]) == pytest.approx((-900, 500), abs=0.6)  # half a step
+    assert path.up[end] == pytest.approx(50.0, abs=1e-9)
+    for circles, centre in ((path.stretches[3], route[2]), (path.stretches[5], route[3])):
+        assert circles.kind == "loiter"
+        assert distances(path, centre, circles) == pytest.approx(RADIUS, abs=1e-3)
+    assert abs(path.stretches[3].turn) >= 2 * math.tau
+    assert path.stretches[5].turn <= -math.tau
+
+
+def test_a_climb_of_its_own_angle_ends_before_the_waypoint():
+    route = [Waypoint(north=0, east=0), Waypoint(north=2000, east=0, up=60, climb=6 * DEG)]
+    path = plan(route, ABILITY)
+    top = 60 / math.tan(6 * DEG)
+
+    assert np.interp(0.5 * top, path.s, path.up) == pytest.approx(30.0, abs=1e-6)
+    assert np.interp([top + 30, 2000], path.s, path.up) == pytest.approx(60.0, abs=1e-6)
+    assert path.slope.max() == pytest.approx(math.tan(6 * DEG))
+
+
+@pytest.mark.parametrize(
+    ("route", "message"),
+    [
+        (points((0, 0)), "at least 2"),
+        (points((0, 0), (100, 0), (100, 900)), "leg to waypoint 2"),
+        (points((0, 0), (900, 0), (0, 10)), "160 deg at waypoint 2"),
+        (points((0, 0), (900, 0, 300)), "height of waypoint 2"),
+        (points((0, 0), (0, 0)), "waypoint 2 must"),
+        (points((0, 0), (0.01, 0)), "1 m apart or more, got 0.01 m"),
+        (points((0, 0, 0, 1), (900, 0)), "first waypoint"),
+    ],
+)
+def test_what_cannot_be_flown_is_refused_by_the_number_of_its_waypoint(route, message):
+    with pytest.raises(ft.InputError, match=message):
+        plan(route, ABILITY)
+
+
+@pytest.mark.parametrize("leg", [20_000.0, 60_000.0])
+def test_a_fast_aircraft_begins_and_ends_on_the_heights_and_slopes_of_its_route(leg):
+    fast = replace(ABILITY, V_a=200.0, wind=66.0, gamma=(-0.5, 0.5))
+    route = [Waypoint(north=0.0, east=0.0), Waypoint(north=leg, east=0.0, up=leg / 10.0)]
+    path = plan([*route, Waypoint(north=2.0 * leg, east=0.0)], fast)
+
+    end = np.searchsorted(path.s, path.length)
+    assert path.up[[0, end]] == pytest.approx([0.0, 0.0], abs=0.2)  # m: a point is up to 1 m off
+    assert path.slope[[0, end]] == pytest.approx([0.1, -0.1], abs=1e-9)
+
+
+def test_climbs_that_change_faster_than_the_load_factor_allows_are_refused():
+    fast = replace(ABILITY, V_a=200.0, wind=66.0, gamma=(-0.5, 0.5))
+    heights = zip((0.0, 3000.0, 0.0, 0.0), (0.0, 9000.0, 18_000.0, 30_000.0), strict=True)
+
+    with pytest.raises(ft.InputError, match=r"waypoint 3 must .*9000"):
+        plan([Waypoint(north=north, east=0.0, up=up) for up, north in heights], fast)
+
+
+AROUND = replace(ABILITY, turnaround=math.inf)
+
+# Rolls in within 5 cm, so that turns are circles to this distance.
+NIMBLE = replace(AROUND, phi_rate=2e4)
+NEARLY_CIRCLES_M = 0.5
+
+
+def survey(rows, spacing, length=700.0, beyond=60.0):
+    """Waypoints of rows as ground stations have them: with a turn-around beyond both ends."""
+    line = [-beyond, 0.0, length, length + beyond]
+    return [
+        Waypoint(north=north, east=row * spacing)
+        for row in range(rows)
+        for north in (line if row % 2 == 0 else reversed(line))
+    ]
+
+
+def around(path):
+    return [stretch for stretch in path.stretches if stretch.kind == "turn-around"]
+
+
+@pytest.mark.parametrize("spacing", [60.0, 150.0, 260.0])
+def test_a_narrow_turn_around_is_the_bulb_of_three_circles(spacing):
+    """R (pi + 4 phi) with cos(phi) = (R + w / 2) / 2 R: Jin and Tang (2010), eq. (3)."""
+    (bulb,) = around(plan(survey(2, spacing), NIMBLE))
+    phi = math.acos((RADIUS + 0.5 * spacing) / (2.0 * RADIUS))
+
+    assert bulb.length == pytest.approx(RADIUS * (math.pi + 4.0 * phi), abs=NEARLY_CIRCLES_M)
+
+
+def test_a_wide_turn_around_is_a_half_circle_with_a_straight():
+    (turn,) = around(plan(survey(2, 3.0 * RADIUS), NIMBLE))
+
+    assert turn.length == pytest.approx(RADIUS * (math.pi + 1.0), abs=NEARLY_CIRCLES_M)
+    assert turn.aside == pytest.approx(RADIUS, abs=NEARLY_CIRCLES_M)
+
+
+def test_eight_rows_of_60_m_are_flown_at_25_mps_through_every_waypoint():
+    rows = survey(8, 60.0)
+    path = plan(rows, AROUND)
+
+    assert len(around(path)) == 7
+    assert max(distances(path, x).min() for x in rows) <= 0.5  # half a step of the table
+    for row, first in enumerate(rows[1::4]):  # rows themselves are straight
+        inside = (path.north > 0.0) & (path.north < 700.0) & (np.abs(path.curvature) < 1e-12)
+        near = inside & (np.abs(path.east - first.east) < 0.05)
+        assert np.count_nonzero(near) >= 690, row
+
+
+CORNERS = points((0, 0), (900, 0), (900, 700), (950, 1500), (-300, 300))
+
+
+@pytest.mark.parametrize("route", [CORNERS, survey(4, 60.0)], ids=["corners", "turn-arounds"])
+def test_the_roll_of_a_path_and_its_rate_are_within_the_ability(route):
+    path = plan(route, AROUND)
+    roll = np.arctan(path.curvature * ABILITY.speed**2 / ABILITY.g)
+    rate = np.diff(roll) * ABILITY.speed
+
+    assert np.abs(roll).max() <= ABILITY.phi * (1 + 1e-9)
+    # roll grows faster than its mean where it is small: tan(36 deg) / 36 deg = 1.156
+    assert np.abs(rate).max() <= ABILITY.phi_rate * math.tan(ABILITY.phi) / ABILITY.phi * 1.001
+    assert np.diff(path.course) == pytest.approx(path.curvature[:-1], abs=1e-4)
+
+
+def test_a_corner_that_turns_back_is_flown_through_its_waypoint():
+    path = plan([Waypoint(north=n, east=e) for n, e in ((0, 0), (900, 0), (0, 10))], AROUND)
+    (back,) = around(path)
+
+    at = np.searchsorted(path.s, [back.start, back.start + back.length])
+    assert path.north[at] == pytest.approx(900.0, abs=1.0)
+    assert path.east[at] == pytest.approx(0.0, abs=1.0)
+
+
+@pytest.mark.parametrize(
+    "route",
+    [
+        [*points((0, 0), (900, 0)), Waypoint(north=950, east=20, turns=-1.0, radius=200.0)],
+        [*points((0, 0)), Waypoint(north=1.001 * RADIUS, east=0, turns=1.0, radius=RADIUS)],
+    ],
+    ids=["around the place before", "beside the start"],
+)
+def test_a_circle_that_is_too_near_is_reached_by_a_turn_around(route):
+    path = plan([*route, Waypoint(north=900, east=2000)], AROUND)
+    (loiter,), end = (x for x in path.stretches if x.kind == "loiter"), round(path.length)
+
+    assert around(path)
+    assert distances(path, route[-1], loiter) == pytest.approx(route[-1].radius, abs=0.05)
+    assert (path.north[end], path.east[end]) == pytest.approx((900, 2000), abs=0.6)
+
+
+def test_every_way_out_of_a_refusal_is_one():
+    rows = survey(3, 420.0, beyond=120.0)
+    narrow = replace(AROUND, turnaround=120.0)
+    with pytest.raises(ft.InputError, match="waypoint") as refusal:
+        plan(rows, narrow)
+
+    keys = {"V_a_mps": "V_a", "turnaround_m": "turnaround", "wind_mps": "wind"}
+    offered = str(refusal.value).partition("flown with")[2]
+    ways = {
+        key: float(offered.split(f"`{key}` of ")[1].split()[0].rstrip("."))
+        for key in keys
+        if f"`{key}`" in offered
+    }
+    assert {"V_a_mps", "turnaround_m"} <= set(ways), offered
+    for key, value in ways.items():
+        plan(rows, replace(narrow, **{keys[key]: value}))
+
+
+@pytest.mark.parametrize(
+    ("up", "gamma", "steepest"),
+    [
+        (-200.0, AROUND.gamma, 5.0),
+        (-200.0, (-2.0 * DEG, 0.2), 2.0),
+        (200.0, (-0.2, 3.0 * DEG), 3.0),
+    ],
+)
+def test_circles_take_the_height_by_five_degrees_at_most_and_by_what_the_aircraft_can(
+    up, gamma, steepest
+):
+    circle = Waypoint(north=1500, east=0, up=up, turns=1.0, radius=200.0, spiral=True)
+    ends = Waypoint(north=0, east=0), Waypoint(north=0, east=900, up=up)
+    path = plan([ends[0], circle, ends[1]], replace(AROUND, gamma=gamma))
+    leg, circles, _ = path.stretches
+
+    assert (leg.gamma, circles.gamma > 0.0) == (0.0, up > 0.0)
+    assert abs(circles.gamma) == pytest.approx(steepest * DEG, rel=0.4)
+    assert abs(circles.gamma) <= steepest * DEG
+    least = 200.0 / math.tan(steepest * DEG)
+    assert least <= circles.length <= least + 1.2 * math.tau * 200.0
+
+
+def test_a_circle_by_time_takes_it_and_less_than_a_turn_more():
+    circle = Waypoint(north=1500, east=0, turns=1.0, radius=200.0, hold=120.0)
+    path = plan([Waypoint(north=0, east=0), circle, Waypoint(north=0, east=900)], AROUND)
+
+    time = path.stretches[1].length / AROUND.V_a
+    assert 120.0 <= time <= 120.0 + (math.tau * 200.0 + 60.0) / AROUND.V_a
+
+
+def test_an_airspeed_changes_by_a_twentieth_of_g_from_the_waypoint_on():
+    path = plan(points((0, 0), (300, 0), (2000, 0)), ABILITY)
+
+    V = airspeeds_along(path, 25.0, {2: 30.0}, 9.81)
+
+    s = path.s - 300.0  # V^2 grows by twice the acceleration for each metre
+    wanted = np.sqrt(625.0 + 2.0 * 9.81 * 0.05 * np.clip(s, 0.0, None))
+    assert V == pytest.approx(np.minimum(wanted, 30.0), abs=1e-9)
+
+
+def test_a_route_is_planned_below_90_deg_of_bank():
+    tables = ft.load_scenario("circuit").as_dict() | {"plant": [{"kind": "kinematic"}]}
+    tables |= {"limits": {"phi_deg": [-120.0, 120.0], "phi_rate_dps": 30.0}, "expect": []}
+
+    with pytest.raises(ft.InputError, match=r"112\.5 deg, .* got 120"):
+        ft.route(ft.scenario_from(tables))
+
+
+@pytest.mark.parametrize("corner", [(402.0, 1500.0), (4000.0, 400.0)])  # 150 deg and 22 deg
+def test_a_corner_that_is_rounded_far_from_its_waypoint_says_how_far(corner):
+    """An arc of radius R in a corner of the angle a passes it at R (1 / cos(a / 2) - 1)."""
+    waypoints = [{"north_m": x, "east_m": y} for x, y in ((0.0, 0.0), (3000.0, 0.0), corner)]
+    planned = ft.route("circuit", changes={"route.waypoint": waypoints})
+    (turn,) = (x for x in planned.stretches if x["kind"] == "turn")
+    away = turn["radius_m"] * (1.0 / math.cos(0.5 * turn["turn"]) - 1.0)
+
+    said = [float(note.split()[-2]) for note in planned.changed]
+    assert said == ([pytest.approx(away, rel=0.02)] if away > 90.0 else [])

@@ -1,0 +1,207 @@
+"""References that roll in: their rates, the roll and lift planned for them, and what flies them."""
+
+import math
+import shutil
+
+import numpy as np
+import pytest
+import tomlkit
+from commands import answer
+from made_up import made_up_scenario, scenario_tables
+from places import SHIPPED_AIRCRAFT
+from scipy.integrate import quad
+
+import flighttune as ft
+from flighttune.campaigns.flying.rows import batchable
+from flighttune.control.wind import WIND_ESTIMATE_S
+from flighttune.routes.follow import Planner
+from flighttune.routes.segments import Segment
+
+DEG = math.pi / 180.0
+G = 9.81
+
+PLAIN = Segment(3.0, (0.0, 4.0), rates=(0.1,))
+ROLLED = Segment(3.0, (0.0, 4.0), rates=(0.1,), roll_in=1.5)
+
+TURN = {"shape": "ramp", "start_s": 3.0, "duration_s": 6.0, "rate_dps": 8.0, "roll_in_s": 1.2}
+CLIMB = {"shape": "ramp", "start_s": 12.0, "duration_s": 4.0, "rate_dps": 2.0, "roll_in_s": 1.0}
+LIMITS = {"phi_deg": [-45.0, 45.0], "phi_rate_dps": 30.0, "n_z": [-2.0, 2.0], "n_z_rate_per_s": 1.0}
+
+
+def turn_and_climb(plant="kinematic", **changes):
+    """A turn, then a climb, both rolled in and planned."""
+    tables = {
+        "flight": {"duration_s": 20.0},
+        "reference": {"chi_deg": [TURN], "gamma_deg": [CLIMB]},
+        "controller": {"feed_forward": True},
+        "plant": [plant if isinstance(plant, dict) else {"kind": plant}],
+    }
+    return made_up_scenario(**(tables | changes))
+
+
+def largest_errors(scenario):
+    """Largest errors of course and path angle, deg."""
+    (run,) = ft.fly(scenario).runs
+    assert run.status == "completed"
+    return run.signals[["chi_err", "gamma_err"]].abs().max().to_numpy() / DEG
+
+
+def measured(wind=None, chi=0.0, phi=0.0):
+    return ft.loop.Measured(chi, 0.0, 25.0, phi, 1.0, 100.0, (0.0, 0.0, 0.0), wind)
+
+
+def test_a_roll_in_is_the_mean_of_the_ramp_over_its_time():
+    t = np.linspace(0.0, 10.0, 41)
+    means = [quad(lambda s: float(PLAIN(np.array([s]))[0]), x - 0.75, x + 0.75)[0] / 1.5 for x in t]
+
+    assert ROLLED(t) == pytest.approx(means, abs=1e-8)  # of the quadrature
+    assert ROLLED(np.array([2.25]))[0] == 0.0
+    after = ROLLED(np.linspace(7.75, 50.0, 99))
+    assert np.ptp(after) == 0.0  # it is at rest to the bit
+    assert after[0] == pytest.approx(0.4)
+
+
+def test_the_rate_rises_and_falls_in_a_straight_line():
+    t = np.array([2.0, 2.25, 3.0, 3.75, 5.0, 6.25, 7.0, 7.75])
+
+    assert ROLLED.slope(t) == pytest.approx([0, 0, 0.05, 0.1, 0.1, 0.1, 0.05, 0], abs=1e-15)
+
+
+def test_the_law_alone_flies_a_planned_turn_without_an_error():
+    """The paper's law turns by its roll: only what commands are held for is left."""
+    chi, gamma = largest_errors(turn_and_climb())
+
+    assert chi < 5e-3
+    assert gamma < 0.03  # the load factor is that of the roll measured, a sample before
+
+
+def test_behind_a_lag_the_plan_goes_ahead_by_it():
+    lag = {"kind": "point_mass_lag", "roll_lag_rad_s": 5.0, "n_z_lag_rad_s": 6.0}
+    unplanned = turn_and_climb(lag, controller={"feed_forward": False})
+
+    assert largest_errors(turn_and_climb(lag)) == pytest.approx([0.0, 0.0], abs=0.35)
+    assert largest_errors(unplanned)[0] > 2.0
+
+
+@pytest.mark.parametrize("wind", [(0.0, 0.0, 0.0), (7.0, -3.0, 0.0)])
+def test_the_roll_planned_turns_the_path_over_ground_at_the_rate_asked_for(wind):
+    """Newton: lift acts across the path through the air, and turns that over ground."""
+    rate, chi, plan = 0.15, 0.7, Planner(0.02, G)
+    phi, _ = plan(measured(wind, chi=chi), rate, 0.0, 0.0)
+    _, n_z = plan(measured(wind, chi=chi, phi=phi), rate, 0.0, 0.0)
+
+    to = np.array([math.cos(chi), math.sin(chi)])
+    along = float(np.dot(wind[:2], to))
+    V_g = along + math.sqrt(25.0**2 - np.dot(wind[:2], wind[:2]) + along**2)
+    air = V_g * to - wind[:2]
+    right = np.array([-air[1], air[0]]) / 25.0
+    force = n_z * G * math.sin(phi) * right
+    across = np.array([-to[1], to[0]])
+    assert n_z * math.cos(phi) == pytest.approx(1.0, abs=1e-12)
+    assert float(np.dot(force, across)) / V_g == pytest.approx(rate, rel=1e-9)
+
+
+def test_the_wind_of_the_plan_is_an_estimate_that_comes_late():
+    plan = Planner(0.02, G)
+    plan(measured((0.0, 0.0, 0.0)), 0.1, 0.0, 0.0)
+    for _ in range(round(WIND_ESTIMATE_S / 0.02)):
+        phi, _ = plan(measured((8.0, 0.0, 0.0)), 0.1, 0.0, 0.0)
+    estimated = math.tan(phi) * G / 0.1 - 25.0  # from behind
+
+    assert estimated == pytest.approx(8.0 * (1.0 - math.exp(-1.0)), rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("ramp", "message"),
+    [
+        (TURN | {"roll_in_s": 7.0}, "`roll_in_s` must be at most 6 s"),
+        (TURN | {"start_s": 0.1}, "`roll_in_s` must be at most 0.2 s"),
+        (TURN | {"roll_in_s": 0.1}, "`roll_in_s` must be at least 0.68 s, in which `phi_rate_dps`"),
+        (TURN | {"rate_dps": 10.0, "roll_in_s": 0.1}, "`roll_in_s` must be at least 0.85 s"),
+        (TURN | {"rate_dps": 30.0}, "`rate_dps` must lie within 22.48 deg/s .* `phi_deg`"),
+        (TURN | {"rate_dps": -30.0}, "`rate_dps` must lie within -22.48 deg/s"),
+    ],
+)
+def test_a_roll_in_that_cannot_be_flown_is_refused(ramp, message, tmp_path):
+    file = tmp_path / "turn.toml"
+    tables = scenario_tables(
+        reference={"chi_deg": [ramp], "gamma_deg": 0.0}, limits=LIMITS, flight={"duration_s": 20.0}
+    )
+    file.write_text(tomlkit.dumps(tables))
+    with pytest.raises(ft.ScenarioError, match=f"turn.toml.*{message}"):
+        ft.load_scenario(file)
+
+
+def test_an_aircraft_whose_lag_is_not_known_flies_no_plan(tmp_path):
+    aircraft = tmp_path / "mine"
+    shutil.copytree(SHIPPED_AIRCRAFT / "c172p", aircraft)
+    (aircraft / "identified.json").unlink()
+    tables = ft.load_scenario("mission").as_dict()
+    tables |= {"gains": ["paper"], "expect": [], "limits": {}, "tuning": {}}
+    tables["reference"] = {"chi_deg": [TURN | {"rate_dps": 3.0}], "gamma_deg": 0.0}
+    tables["plant"] = [{"kind": "jsbsim", "aircraft": str(aircraft)}]
+    file = tmp_path / "mission.toml"
+    file.write_text(tomlkit.dumps(tables | {"flight": tables["flight"] | {"V_a_mps": 50.0}}))
+
+    with pytest.raises(ft.ScenarioError, match=r"mission.toml: .*identified.json: must be there"):
+        ft.load_scenario(file)
+
+
+def test_the_compiled_kernel_leaves_planned_references_to_the_loop():
+    scenario = turn_and_climb()
+    law, _ = scenario.law_of("paper", ft.PAPER_GAINS)
+
+    assert not batchable(scenario, scenario.plant[0], law)
+    assert batchable(made_up_scenario(), scenario.plant[0], law)
+
+
+def test_a_law_of_ones_own_sees_the_reference_ahead():
+    seen = []
+
+    class Looks:
+        dt, signals = 0.02, {}
+
+        def __init__(self, setup):
+            self.setup = setup
+
+        def start(self, condition):
+            pass
+
+        def step(self, m, reference, t):
+            chi, _ = self.setup.reference.sampled(np.array([t + 1.0]))
+            seen.append((t, chi[0], reference.planned))
+            return 0.0, math.cos(m.gamma)
+
+    ft.fly(turn_and_climb(), laws={"looks": Looks})
+
+    t, chi, planned = seen[round(5.0 / 0.02)]
+    assert chi == pytest.approx((t + 1.0 - 3.0) * 8.0 * DEG)
+    assert math.tan(planned[0]) == pytest.approx(8.0 * DEG * 25.0 / G)
+
+
+@pytest.mark.soak
+def test_gap_says_what_planning_takes_away():
+    paper = {"law": "paper", "gains": ["tuned_identified"]}
+    answer = ft.gap("mission", changes=paper).answer()
+
+    planning = answer.values["planning"]["chi"]
+    assert planning["planned"] < 0.3 * DEG < 6.0 * DEG < planning["unplanned"]
+    assert any("Planning roll and lift takes" in note for note in answer.notes)
+
+
+def test_a_new_scenario_rolls_in(tmp_path):
+    answer("new", "mine", "--aircraft", "c172p", cwd=tmp_path)
+
+    assert ft.load_scenario(tmp_path / "mine.toml").rolls_in
+
+
+def test_the_corner_that_is_rounded_by_the_most_is_told():
+    corners = [(0.0, 0.0), (900.0, 0.0), (1400.0, 900.0), (0.0, 1400.0)]
+    legs = [{"north_m": north, "east_m": east} for north, east in corners]
+    planned = ft.route("circuit", changes={"route.waypoint": legs})
+    path = planned.reference.path
+    away = [np.hypot(path.north - n, path.east - e).min() for n, e in corners[1:-1]]
+
+    assert max(away) > min(away) + 1.0
+    (said,) = (note for note in planned.changed if "rounds the corners" in note)
+    assert f"passes their waypoints at up to {max(away):.0f} m." in said

@@ -1,0 +1,173 @@
+"""What a model assumes is said wherever something rests on it: terminal, JSON, pages and files."""
+
+import json
+import shutil
+
+import pytest
+from commands import answer, flighttune
+
+import flighttune as ft
+from flighttune.vehicles.identification.file import (
+    IdentifiedAircraft,
+    IdentifiedChannel,
+    IdentifiedCondition,
+    LogEvidence,
+)
+
+SAID = "Assumed, not measured: n_z of kite follows its command at 4 rad/s."
+
+TURN = """
+title = "A turn"
+law = "exact"
+[[gains]]
+name = "own"
+law = "exact"
+K_P = [[1.2, 0.0], [0.0, 1.2]]
+K_I = [[0.2, 0.0], [0.0, 0.3]]
+[flight]
+V_a_mps = 25.0
+duration_s = 8.0
+[reference]
+chi_deg = 4.0
+gamma_deg = 0.0
+[limits]
+phi_deg = [-45.0, 45.0]
+[tuning]
+model = "identified"
+{tuning}
+[[plant]]
+{plant}
+[[expect]]
+at_most.chi.MO_deg = 5.0
+"""
+
+COUNTED = "--epsilon 0.5 --confidence 0.5 --learn 10 --flights 10"
+
+CAMPAIGN = """
+title = "Turns"
+scenario = "{scenario}"
+runs = 2
+[[disperse]]
+key = "flight.chi_deg"
+distribution = "uniform"
+lower = -0.5
+upper = 0.5
+acts = "adds"
+"""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A model whose load-factor lag is assumed, scenarios that rest on it, and what is made."""
+    folder = tmp_path_factory.mktemp("assumed")
+    lags = {"phi": 5.0, "n_z": 4.0}
+    channels = {
+        name: IdentifiedChannel.of(
+            ft.loop.InnerLag(order=1, natural_frequency=w), fit_percent=0.0, residual=1.0
+        )
+        for name, w in lags.items()
+    }
+    condition = IdentifiedCondition.model_construct(V_a=25.0, gamma=0.0, h=500.0, channels=channels)
+    evidence = LogEvidence.model_construct(
+        logs=("kite",),
+        assumed=("n_z",),
+        frequency_95_rad_s={},
+        delay_95_s={},
+        stretches={"phi": 3},
+        phi_deg=(-45.0, 45.0),
+        phi_rate_dps=60.0,
+        n_z=(0.5, 1.9),
+        n_z_rate_per_s=1.5,
+    )
+    model = IdentifiedAircraft.model_construct(
+        aircraft="kite", conditions=(condition,), log=evidence
+    )
+    model.save(folder / "mine.json")
+    # Whole paths: worker processes may have begun in another folder.
+    named = f'identified = "{(folder / "mine.json").as_posix()}"'
+    own = f'kind = "point_mass_lag"\n{named}'
+    (folder / "own.toml").write_text(TURN.format(tuning="", plant=own))
+    aerosonde = 'kind = "jsbsim"\naircraft = "aerosonde"'
+    (folder / "flown.toml").write_text(TURN.format(tuning=named, plant=aerosonde))
+    for name in ("own", "flown"):
+        (folder / f"{name}_all.toml").write_text(CAMPAIGN.format(scenario=f"{name}.toml"))
+    flighttune("fly", "own.toml", "--out", "runs", cwd=folder)
+    flighttune("tune", "own.toml", "--out", "gains.json", cwd=folder)
+    flighttune("certify", "own.toml", "--out", "proof.json", cwd=folder)
+    flighttune("campaign", "own_all.toml", "--out", "rows", cwd=folder)
+    band = f"band own.toml --start-deg 1 --out own.npz {COUNTED}"
+    flighttune(*band.split(), cwd=folder)
+    return folder
+
+
+COMMANDS = {
+    "identified": "new again --aircraft mine.json",
+    "flown": "fly own.toml --out again",
+    "tuned": "tune own.toml --page tune.html",
+    "certified": "certify own.toml",
+    "met": "meet own.toml --start own --budget 1 --page meet.html",
+    "campaign": "campaign own_all.toml --out again3",
+    "counted": f"band own.toml --start-deg 1 --out again.npz {COUNTED}",
+    "worst": "worst own_all.toml --budget 32",
+    "frontier": "tune own.toml --frontier --set tuning.model=kinematic --out frontier",
+    "exported in C": "export own.toml --format c --out c",
+    "gap": "gap flown.toml --out gap",
+    "exported": "export flown.toml --out folder",
+    "gains flown elsewhere": "fly level_turn --gains gains.json --set flight.duration_s=4 "
+    "--out elsewhere",
+    "page of flights": "report runs --out report.html",
+    "flights compared": "compare runs again2 --out compare.html",
+    "page of a campaign": "report rows --out rows.html",
+    "page of a band": "report own.npz --out band.html",
+    "proof verified": "verify proof.json",
+    "proof shown": "report proof.json --out proof.html",
+}
+
+
+# Pages and other texts for a reader, with which a command answers too.
+PAGES = {
+    "tuned": ["tune.html"],
+    "met": ["meet.html"],
+    "gap": ["gap/gap.html"],
+    "flights compared": ["compare.html"],
+    "page of flights": ["report.html"],
+    "page of a campaign": ["rows.html"],
+    "page of a band": ["band.html"],
+    "exported in C": ["c/ft_outer_loop.c"],
+    "exported": ["folder/README.md"],
+    "identified": ["again.toml"],
+}
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize("kind", COMMANDS)
+def test_what_rests_on_an_assumption_says_so(kind, folder):
+    arguments = COMMANDS[kind].split()
+    if kind == "flights compared":
+        shutil.copytree(folder / "runs", folder / "again2", dirs_exist_ok=True)
+
+    said, errors = flighttune(*arguments, cwd=folder, status=None)
+
+    assert SAID in " ".join(said.split()), errors
+    for page in PAGES.get(kind, ()):
+        assert SAID in (folder / page).read_text(encoding="utf-8")
+
+
+def test_files_carry_it(folder, tmp_path):
+    assert SAID in json.loads((folder / "gains.json").read_text())["tuned_for"]["assumed"]
+    assert SAID in json.loads((folder / "proof.json").read_text())["assumed"]
+    moved = shutil.copytree(folder / "runs", tmp_path / "runs")
+    for run in ft.load(moved).runs:  # where the model is not
+        assert SAID in run.provenance.scenario["assumed"]
+
+
+def test_the_json_object_of_a_flight_carries_it(folder):
+    said = answer("fly", "own.toml", "--out", "json", cwd=folder)
+
+    assert SAID in said["notes"]
+
+
+def test_a_model_that_assumes_nothing_says_nothing(folder):
+    assert ft.loop.load_identified("aerosonde").assumptions == ()
+    assert ft.load_scenario("circuit").assumptions == ()
+    assert "assumed" not in ft.load_scenario("circuit").as_dict()

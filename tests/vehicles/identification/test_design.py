@@ -1,0 +1,147 @@
+"""Derivatives of the airframe against its published coefficients, and gains made of them."""
+
+import math
+import shutil
+
+import pytest
+from places import SHIPPED_AIRCRAFT
+
+import flighttune as ft
+from flighttune.vehicles.identification.design import Airframe, inner_loop_gains
+from flighttune.vehicles.plants.jsbsim.bench import AirframeState
+from flighttune.vehicles.plants.jsbsim.fdm import Fdm
+
+AEROSONDE = ft.loop.JSBSimPlant("aerosonde").config
+V_A, RHO_1000 = 25.0, 1.11164
+MASS, JX, JY, JZ, JXZ = 11.0, 0.8244, 1.135, 1.759, 0.1204
+S, B, C = 0.55, 2.8956, 0.18994
+WEIGHT = MASS * 9.80665
+Q_S = 0.5 * RHO_1000 * V_A**2 * S
+SETTLING = 4e-3
+"""Share by which gains move with the flow behind a propeller from evaluation to evaluation."""
+MOMENTUM, FOOT_POUND = 28.0, 1.3558179
+"""Angular momentum of a propeller, ft lbf s, and N m in a foot-pound."""
+CG_AFT = 0.05888
+DRAG = 0.043 + 0.0232 * (WEIGHT / Q_S) ** 2
+"""In a sideslip it has a part along the wing."""
+
+
+@pytest.fixture(scope="module")
+def slopes():
+    fdm = Fdm(AEROSONDE)
+    return Airframe.about(fdm, ft.loop.FlightCondition(V_a=V_A, h=1000.0))
+
+
+def lateral(C_l, C_n, C_Y=0.0):
+    """Roll and yaw acceleration of the published coefficients, the side force behind the CG."""
+    L, N = Q_S * B * C_l, Q_S * (B * C_n + C_Y * CG_AFT)
+    gamma = JX * JZ - JXZ**2
+    return (JZ * L + JXZ * N) / gamma, (JXZ * L + JX * N) / gamma
+
+
+@pytest.mark.parametrize(
+    ("by", "coefficients"),
+    [
+        ("p", (-0.51 * B / (2 * V_A), -0.069 * B / (2 * V_A))),
+        ("r", (0.25 * B / (2 * V_A), -0.095 * B / (2 * V_A))),
+        ("beta", (-0.13, 0.073, -0.83 - DRAG)),
+        ("aileron", (0.17, -0.011, 0.075)),
+        ("rudder", (0.0024, -0.069, 0.19)),
+    ],
+)
+def test_lateral_derivatives_are_those_of_the_coefficients(slopes, by, coefficients):
+    p_dot, r_dot = lateral(*coefficients)
+
+    assert slopes.of("p_dot", by) == pytest.approx(p_dot, rel=1e-3, abs=1e-2)
+    assert slopes.of("r_dot", by) == pytest.approx(r_dot, rel=1e-3, abs=1e-2)
+
+
+def test_longitudinal_derivatives_are_those_of_the_coefficients(slopes):
+    pitch = Q_S * C / JY
+    assert slopes.of("q_dot", "q") == pytest.approx(-38.21 * C / (2 * V_A) * pitch, rel=0.1)
+    lever = CG_AFT / C
+    assert slopes.of("q_dot", "alpha") == pytest.approx((-2.74 + 5.61 * lever) * pitch, rel=0.03)
+    assert slopes.of("q_dot", "elevator") == pytest.approx((-0.99 + 0.13 * lever) * pitch, rel=5e-3)
+    assert slopes.of("n_z", "alpha") == pytest.approx(5.61 * Q_S / WEIGHT, rel=0.02)
+    assert slopes.of("n_y", "beta") == pytest.approx((-0.83 - DRAG) * Q_S / WEIGHT, rel=2e-3)
+    assert slopes.of("u_dot", "throttle") == pytest.approx(120.0 / MASS, rel=2e-3)
+
+
+def test_roll_gains_place_the_poles_of_the_roll_error(slopes):
+    design = AEROSONDE.design
+    gains = inner_loop_gains(slopes, design)
+
+    effect, damping = slopes.of("p_dot", "aileron"), -slopes.of("p_dot", "p")
+    omega = math.sqrt(effect * gains["roll/k_p"])
+    total = damping + effect * gains["roll/k_d"]
+    assert omega == pytest.approx(design.roll_error)
+    assert total == pytest.approx(2.0 * 0.9 * omega)
+    assert gains["roll/k_ff"] * effect == pytest.approx(damping)
+
+    by_default = inner_loop_gains(slopes, design.model_copy(update={"roll_error": None}))
+    stiffness = effect * by_default["roll/k_p"]
+    assert math.sqrt(stiffness) == pytest.approx(min(2.3 * design.roll, 12.5))
+
+
+def test_the_rudder_feed_forward_balances_a_roll_without_sideslip(slopes):
+    # Rolling at p without sideslip: r = alpha p + g/V phi, so r' = g/V p, by the coefficients.
+    gains = inner_loop_gains(slopes, AEROSONDE.design)
+    alpha, span = slopes.trimmed.alpha, B / (2.0 * V_A)
+    rolling = lateral(-0.51 * span + 0.25 * span * alpha, -0.069 * span - 0.095 * span * alpha)
+    aileron, rudder = lateral(0.17, -0.011, 0.075), lateral(0.0024, -0.069, 0.19)
+
+    law = gains["yaw/k_ff"] + gains["yaw/k_r"] * alpha
+    yaw = rolling[1] + gains["roll/k_ff"] * aileron[1] + law * rudder[1]
+
+    assert alpha == pytest.approx(math.radians(3.4), abs=math.radians(0.3))
+    assert yaw == pytest.approx(9.80665 / V_A, abs=0.03)
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize("name", ["aerosonde", "c172p", "a4"])
+def test_a_design_is_that_of_the_file_and_meets_what_it_asks_for(name):
+    shipped = ft.loop.JSBSimPlant(name).config.gains
+
+    designed = ft.design(name)
+
+    assert designed.gains.gains == pytest.approx(shipped.gains, rel=SETTLING)
+    assert designed.missed == ""
+
+
+def test_a_rudder_that_turns_the_wrong_way_is_refused(slopes):
+    backwards = {what: dict(row) for what, row in slopes.slopes.items()}
+    backwards["r_dot"]["rudder"] *= -1.0
+
+    with pytest.raises(ft.loop.PlantError, match=r"r_dot by rudder .* 20"):
+        inner_loop_gains(
+            Airframe(trimmed=AirframeState(V_a=V_A, alpha=0.05), slopes=backwards), AEROSONDE.design
+        )
+
+
+@pytest.mark.soak
+def test_the_gyroscopic_moment_of_a_heavy_propeller_is_made_up_for(tmp_path):
+    folder = shutil.copytree(SHIPPED_AIRCRAFT / "aerosonde", tmp_path / "gyroscope")
+    text = (folder / "aerosonde.xml").read_text()
+    for axis, momentum, rate in (("PITCH", MOMENTUM, "r"), ("YAW", -MOMENTUM, "q")):
+        moment = f"<property>velocities/{rate}-rad_sec</property><value>{momentum}</value>"
+        function = f'<function name="g/{rate}"><product>{moment}</product></function>'
+        text = text.replace(f'<axis name="{axis}">', f'<axis name="{axis}">{function}')
+    (folder / "aerosonde.xml").write_text(text)
+
+    designed = ft.design(folder)
+    designed.save(folder)
+    channels = ft.identify(folder).identified.conditions[0].channels
+    gains = designed.gains.gains
+    of = Airframe.about(Fdm(designed.config), ft.loop.FlightCondition(V_a=V_A, h=1000.0)).of
+
+    pitch, yaw = MOMENTUM * FOOT_POUND / JY, -MOMENTUM * FOOT_POUND * JX / (JX * JZ - JXZ**2)
+    assert pitch + gains["pitch/k_r"] * of("q_dot", "elevator") == pytest.approx(0.0, abs=0.05)
+    assert yaw + gains["yaw/k_q"] * of("r_dot", "rudder") == pytest.approx(0.0, abs=0.05)
+    assert min(channel.fit_percent for channel in channels.values()) > 90.0
+
+
+def test_without_a_design_table_there_is_nothing_to_design_for():
+    config = AEROSONDE.model_copy(update={"design": None})
+
+    with pytest.raises(ft.InputError, match=r"aircraft.toml: `design` must be given"):
+        ft.design(config)

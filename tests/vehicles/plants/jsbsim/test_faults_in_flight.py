@@ -1,0 +1,93 @@
+"""What fails in flight: nothing before its time, and by the stated amount from then on."""
+
+import math
+
+import pytest
+from made_up import made_up_scenario
+
+import flighttune as ft
+from flighttune.vehicles.aircraft.aircraft import Fault, OffNominal
+
+LEVEL = ft.loop.FlightCondition(V_a=25.0)
+SAMPLE, FROM_S = 0.02, 0.2
+ROUNDING = 1e-9
+FULL_THRUST = 120.0  # N, of the Aerosonde's ideal motor: aircraft/aerosonde/README.md
+
+
+def flown(samples, **fault):
+    """Signals at each sample of a plant, and its aircraft at the end."""
+    off = OffNominal(fault=Fault(from_s=FROM_S, **fault)) if fault else None
+    plant = ft.loop.JSBSimPlant("aerosonde", off_nominal=off)
+    plant.start(LEVEL)
+    rows = []
+    for _ in range(samples):
+        rows.append(dict(zip(plant.signals, plant.observe(), strict=True)))
+        plant.advance(0.0, 1.0, SAMPLE)
+    return [*rows, dict(zip(plant.signals, plant.observe(), strict=True))], plant.fdm
+
+
+FAULTS = [
+    {"lift_factor": 0.8},
+    {"drag_factor": 1.5},
+    {"throttle_factor": 0.06},
+    {"actuator_lag_factor": 4.0},
+    {"cg_aft_m": 0.025},
+    {"aileron_stuck_deg": 5.0},
+    {"V_a_bias_mps": -4.0},
+]
+
+
+@pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: next(iter(fault)))
+def test_a_fault_changes_nothing_before_its_time(fault):
+    healthy, _ = flown(11)
+    rows, _ = flown(11, **fault)
+
+    for before, row in zip(healthy[:11], rows[:11], strict=True):
+        assert list(row.values()) == pytest.approx(list(before.values()), abs=ROUNDING)
+    assert list(rows[11].values()) != pytest.approx(list(healthy[11].values()), abs=ROUNDING)
+
+
+def test_lift_and_thrust_are_the_stated_share():
+    rows, _ = flown(11, lift_factor=0.8)
+    assert rows[11]["n_z"] / rows[10]["n_z"] == pytest.approx(0.8, abs=0.01)  # thrust helps lift
+
+    rows, _ = flown(12, throttle_factor=0.06)
+    assert rows[12]["thrust"] == pytest.approx(0.06 * FULL_THRUST * rows[12]["throttle"], rel=0.05)
+
+
+def test_the_centre_of_gravity_moves_and_the_mass_stays():
+    (_, before), (_, after) = flown(5, cg_aft_m=0.025), flown(11, cg_aft_m=0.025)
+
+    moved = after.reader("inertia/cg-x-in")() - before.reader("inertia/cg-x-in")()
+    assert moved * 0.0254 == pytest.approx(0.025, rel=1e-9)
+    weights = [fdm.reader("inertia/weight-lbs")() for fdm in (before, after, flown(1)[1])]
+    assert weights == pytest.approx([weights[2]] * 3, rel=1e-9)
+
+
+def test_a_surface_is_stuck_where_it_is_said_and_actuators_are_as_slow_as_said():
+    rows, _ = flown(30, aileron_stuck_deg=5.0)
+    assert [row["aileron"] for row in rows[12:]] == pytest.approx([math.radians(5.0)] * 19)
+
+    _, fdm = flown(11, actuator_lag_factor=4.0)
+    assert fdm.reader("ft/fault/actuator_rate")() == 25.0 / 4.0
+
+
+@pytest.mark.slow
+def test_an_airspeed_sensor_that_reads_low_makes_the_aircraft_fly_as_much_too_fast():
+    """The inner loop holds what it measures, and the law is told the same airspeed."""
+    bias, from_s = -3.0, 1.0
+    airframe = {"fault": {"from_s": from_s, "V_a_bias_mps": bias}}
+    plant = {"kind": "jsbsim", "aircraft": "aerosonde", "airframe": airframe}
+    flight = {"V_a_mps": 25.0, "duration_s": 40.0}
+    (run,) = ft.fly(made_up_scenario(law=["exact"], flight=flight, plant=[plant])).runs
+
+    told = run.signals["V_a_meas"] - run.signals["V_a"]
+    assert told[run.t < from_s - 1e-9].tolist() == [0.0] * int((run.t < from_s - 1e-9).sum())
+    assert told[run.t >= from_s - 1e-9].to_numpy() == pytest.approx(bias, abs=ROUNDING)
+    assert run.signals["V_a"].iloc[-1] == pytest.approx(25.0 - bias, abs=0.1)
+
+
+def test_a_surface_that_an_aircraft_has_not_is_refused():
+    off = OffNominal(fault=Fault(from_s=1.0, rudder_stuck_deg=1.0))
+    with pytest.raises(ft.InputError, match=r"`rudder_stuck_deg` .* left out: .*x8"):
+        ft.loop.JSBSimPlant("x8", off_nominal=off)

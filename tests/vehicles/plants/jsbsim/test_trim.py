@@ -1,0 +1,214 @@
+"""Steady flight found by the trim search, and why there is none."""
+
+import math
+import re
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from airframes import fdm_of
+from made_up import shortened
+from places import SHIPPED_AIRCRAFT
+
+import flighttune as ft
+from flighttune.vehicles.plants.jsbsim.bench import AirframeState, Bench
+from flighttune.vehicles.plants.jsbsim.trim import _TrimProblem, interior_root
+
+DEG = math.pi / 180.0
+
+NOISE = 1e-6  # of a residual, as of the thrust of a governed engine
+
+
+@pytest.mark.parametrize("phi_deg", [-45.0, -20.0, 30.0, 45.0])
+@pytest.mark.parametrize("gamma_deg", [-4.0, 0.0, 20.0])
+def test_a_banked_start_is_a_steady_coordinated_turn(fly, phi_deg, gamma_deg):
+    phi, gamma = phi_deg * DEG, gamma_deg * DEG
+
+    start = fly((phi, math.cos(gamma) / math.cos(phi)), phi=phi, gamma=gamma, chi=2.0, duration=0.2)
+
+    assert start["chi"][0] == pytest.approx(2.0, abs=1e-6)
+    assert start["gamma"] == pytest.approx(gamma, abs=0.05 * DEG)
+    assert start["phi"] == pytest.approx(phi, abs=0.05 * DEG)
+    assert start["n_y"] == pytest.approx(0.0, abs=1e-3)
+    assert start["V_a"] == pytest.approx(25.0, abs=1e-2)
+
+
+@pytest.mark.parametrize(
+    ("condition", "message"),
+    [
+        ({"gamma": 80.0 * DEG, "V_a": 40.0}, "V_a .*: full throttle has too little thrust .*left"),
+        ({"gamma": -20.0 * DEG}, "V_a .*: the aircraft speeds up with the throttle closed .*left"),
+        ({"V_a": 15.2, "phi": 45.0 * DEG}, "V_a .*: it would stall, alpha is at 16.0 deg .*left"),
+        ({"V_a": 12.0}, "^`V_a` must lie in 15 to 45 m/s .*, got 12 m/s"),
+        ({"phi": 50.0 * DEG}, "^`phi` must lie in -45 to 45 deg .*, got 50 deg"),
+        ({"n_z": 2.5}, "^`n_z` must lie in -2.1 to 2.1 .*, got 2.5"),
+    ],
+)
+def test_what_stands_against_a_steady_flight_is_said(condition, message):
+    error = ft.InputError if message.startswith("^") else ft.loop.PlantError
+    with pytest.raises(error, match=message):
+        ft.loop.JSBSimPlant().start(ft.loop.FlightCondition(**{"V_a": 25.0} | condition))
+
+
+def test_a_search_that_does_not_converge_says_what_is_left_over():
+    """What thrust lacks to drag, over the weight, decelerates; C_D = 0.043 + 0.0232 C_L^2."""
+    condition = ft.loop.FlightCondition(V_a=25.0, h=1000.0)
+    problem = _TrimProblem(fdm_of("aerosonde"), condition)
+    x = problem.steady()
+    x[-1] -= 0.1  # of the throttle
+
+    with pytest.raises(ft.loop.PlantError, match="did not converge") as failure:
+        problem.check(x)
+
+    thrust, drag, left = map(
+        float,
+        re.search(
+            r"thrust over its weight is (\S+) at .* drag (\S+) \(left over: (\S+) g backward",
+            str(failure.value),
+        ).groups(),
+    )
+    assert drag - thrust == pytest.approx(left, abs=0.005)  # numbers of two digits
+    C_L = 11.0 * 9.80665 / (0.5 * 1.11164 * 25.0**2 * 0.55)
+    assert drag == pytest.approx((0.043 + 0.0232 * C_L**2) / C_L, abs=0.005)
+
+
+def test_trim_error_names_the_elevator_at_its_stop(changed_aircraft):
+    travel = r"(elevator = { travel_deg = \[-25.0), 25.0"
+    folder = changed_aircraft("aircraft.toml", travel, r"\1, 1.0")
+
+    with pytest.raises(ft.loop.PlantError, match="elevator is at its stop"):
+        ft.loop.JSBSimPlant(folder).start(ft.loop.FlightCondition(V_a=25.0))
+
+
+def test_a_glide_that_is_not_steady_is_said_so(changed_aircraft):
+    folder = changed_aircraft("aircraft.toml", r"\[engines\]", "[engines]\\ncount = 0")
+
+    slow, steady = ft.trim(folder, V_a=[2.0, 25.0]).records
+    assert slow["reason"] == "no steady glide at V_a 2 m/s, h 1000 m"
+    assert steady["trim"]
+
+
+LEVER = """<system name="lever"><channel name="lever"><fcs_function name="a/open"><function><table>
+<independentVar>a/lever</independentVar>
+<tableData>0 0.05
+0.62 0.02
+0.66 0.90
+1 1</tableData></table></function><output>fcs/throttle-pos-norm</output></fcs_function>
+</channel></system>"""
+
+
+def behind_lever(folder, system, **settle):
+    """Copy the Aerosonde, with `system` between the lever ``a/lever`` and its throttle."""
+    shutil.copytree(SHIPPED_AIRCRAFT / "aerosonde", folder)
+    changes = [
+        ("aircraft.toml", "fcs/throttle-pos-norm", "a/lever"),
+        ("aerosonde.xml", "</fdm_config>", f"{system}</fdm_config>"),
+    ]
+    changes += [("aircraft.toml", "[engines]", f"[engines]\n{k} = {v}") for k, v in settle.items()]
+    for name, old, new in changes:
+        file = folder / name
+        assert old in file.read_text()
+        file.write_text(file.read_text().replace(old, new))
+    return folder
+
+
+def test_a_thrust_that_falls_before_it_grows_steeply_is_trimmed(tmp_path):
+    plain = level_throttle("aerosonde")
+    folder = behind_lever(tmp_path / "lever", LEVER)
+
+    # The table between its rows at 0.62 and 0.66.
+    assert 0.02 < plain < 0.9
+    lever = 0.62 + 0.04 * (plain - 0.02) / 0.88
+    assert level_throttle(folder) == pytest.approx(lever, abs=1e-6)
+
+
+def level_throttle(aircraft):
+    return ft.trim(aircraft, V_a=[25.0], gamma=[0.0]).records[0]["trim"]["throttle"]
+
+
+FILTER = """<system name="lever"><property>a/lever</property><channel name="lever">
+<lag_filter name="a/slow"><input>a/lever</input><c1>1</c1>
+<output>fcs/throttle-pos-norm</output></lag_filter></channel></system>"""
+
+
+def test_a_throttle_behind_a_filter_of_a_second_is_trimmed_as_without_it(tmp_path):
+    folder = behind_lever(tmp_path / "filter", FILTER, settle_s=15.0)
+
+    assert level_throttle(folder) == pytest.approx(level_throttle("aerosonde"), abs=1e-6)
+
+
+# The engine runs from full throttle on, and stops where the lever is closed too fast.
+STALLS = """<system name="lever"><property>a/lever</property><property>a/runs</property>
+<channel name="lever">
+<lag_filter name="a/slow"><input>a/lever</input><c1>1</c1></lag_filter>
+<switch name="a/runs-now"><default value="a/runs"/>
+<test logic="AND" value="1"> a/lever gt 0.97 </test>
+<test logic="AND" value="0"> a/fast gt 0.02 </test><output>a/runs</output></switch>
+<summer name="a/fast"><input>a/slow</input><input>-a/lever</input></summer>
+<fcs_function name="a/out"><function><product><property>a/lever</property>
+<property>a/runs</property></product></function><output>fcs/throttle-pos-norm</output>
+</fcs_function></channel></system>"""
+
+
+@pytest.mark.soak
+def test_a_thrust_that_depends_on_the_throttles_before_it_is_said_so(tmp_path):
+    folder = behind_lever(tmp_path / "stalls", STALLS, settle_s=3.0)
+
+    (row,) = ft.trim(folder, V_a=[25.0], gamma=[0.0]).records
+
+    reason = r"its thrust depends on its history, at the throttle 0\.9\d+ it is 1 weights larger .*"
+    assert re.fullmatch(reason, row["reason"])
+
+
+def test_a_flight_starts_alike_whether_its_trim_is_searched_or_remembered(changed_aircraft):
+    folder = changed_aircraft("aircraft.toml", r"title *=.*", 'title = "new"', aircraft="c172p")
+    starts = []
+    for _ in range(2):
+        plant = ft.loop.JSBSimPlant(folder)
+        plant.start(ft.loop.FlightCondition(V_a=50.0))
+        plant.advance(0.0, 1.0, 0.02)
+        starts.append(plant.observe())
+
+    assert starts[0] == starts[1]
+
+
+LAG = """<system name="yoke"><channel name="yoke"><lag_filter name="a/yoke">
+<input>fcs/left-aileron-pos-rad</input><c1>20</c1></lag_filter></channel></system>"""
+
+
+def test_filters_of_the_flight_control_are_at_rest_on_the_bench(changed_aircraft):
+    read = r"(?s)(<function name=.aero/moment/roll.*?)fcs/left-aileron-pos-rad(.*)(</fdm_config>)"
+    folder = changed_aircraft("aerosonde.xml", read, rf"\1a/yoke\2{LAG}\3")
+    fdm = fdm_of(folder)
+    bench, yoke = Bench(fdm, 1000.0), fdm.reader("a/yoke")
+
+    for aileron in (-0.3, 0.1, 0.0):
+        bench.accelerations(AirframeState(V_a=25.0, aileron=aileron))
+        assert yoke() == pytest.approx(aileron, abs=1e-9)
+
+
+def test_a_root_is_found_to_within_the_noise_of_the_residual():
+    def residual(x):
+        return 4.0 * NOISE * np.round((x - 0.3) / (4.0 * NOISE)) + NOISE  # never below it
+
+    start, bounds, widths = np.array([0.1]), (np.zeros(1), np.ones(1)), np.array([1e-5])
+
+    root = interior_root(residual, start, bounds, widths=widths, rounding=2.0 * NOISE)
+
+    assert root == pytest.approx(0.3, abs=4.0 * NOISE)
+    assert interior_root(residual, start, bounds, widths=widths) is None
+
+
+TURBOPROP = Path(__file__).parents[3] / "adopted/DHC6/turn.toml"
+STEADY = 1e-3
+"""Share by which thrust may change in the first second: the torque turns the aircraft."""
+
+
+@pytest.mark.soak
+def test_the_thrust_of_a_turboprop_does_not_fall_after_the_start():
+    run = ft.fly(shortened(TURBOPROP, 1.0, gains=["paper"])).runs[0]
+
+    assert run.status == "completed"
+    thrust = run.signals["thrust"]
+    assert thrust.iloc[-1] == pytest.approx(thrust.iloc[0], rel=STEADY)
