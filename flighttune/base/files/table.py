@@ -24,8 +24,8 @@ from pydantic_core import ErrorDetails
 from flighttune.base.errors import InputError, ScenarioError, naming
 from flighttune.base.files.whole import allowed, settle, write_text
 
-# Mistakes listed in one line; the rest is counted.
-MAX_LISTED = 5
+# Mistakes listed in one line; the rest is counted, and beyond the larger number none is looked at.
+MAX_LISTED, MAX_MISTAKES = 5, 10_000
 
 # Characters of a key or a value that a message repeats.
 MAX_CHARACTERS = 80
@@ -89,6 +89,10 @@ def validated(model: type[Model], tables: Any, source: object) -> Model:
     try:
         return model.model_validate(tables)
     except ValidationError as error:
+        if error.error_count() > MAX_MISTAKES:  # to list them would take gigabytes
+            raise ScenarioError(
+                f"{source}: it must be a {model.__name__}, got {error.error_count()} wrong values."
+            ) from None
         named = None if str(source).endswith(".json") else model
         raise ScenarioError(f"{source}: {mistakes(error, tables, named)}") from None
 

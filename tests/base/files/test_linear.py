@@ -111,3 +111,11 @@ def test_a_large_file_of_mistakes_is_refused_in_a_time_like_its_size(tmp_path, n
     with limited(MOST_S, ROOM), pytest.raises(ft.InputError) as refusal:
         read(tmp_path / file)
     assert len(str(refusal.value).splitlines()) == 1
+
+
+def test_values_that_are_all_wrong_are_counted_and_not_listed():
+    """A list of what each lacks would take 3 kB a value."""
+    with pytest.raises(ft.InputError) as refusal:
+        ft.scenario_from({"title": "x", "gains": [1] * 20_000})
+
+    assert str(refusal.value).endswith("it must be a Scenario, got 40002 wrong values.")
