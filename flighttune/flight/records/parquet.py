@@ -267,7 +267,8 @@ def _in_folder(folder: Path) -> Recording:
     order = order or tuple(by_hash)
     runs = tuple(by_hash[sha256][1] for sha256 in order if sha256 in by_hash)
     lost, taken = len(order) - len(runs), [file for file, _ in by_hash.values()]
-    lacks = f"{lost} of the {len(order)} runs are not there" if lost else ""
+    is_ = "is" if lost == 1 else "are"
+    lacks = f"{lost} of {len(order)} runs {is_} missing" if lost else ""
     missing = [f"{folder}: {lacks}"] if lost else []
     missing += [f"{file}: of another flight" for file in files if file not in taken]
     return Recording(path=folder, runs=runs, missing=tuple(missing), lacks=lacks)

@@ -146,7 +146,7 @@ def write_report(source: compare.Source, path: Path) -> Report:
     )
     gaps, without_gap = _gaps(scenario, runs)
     around, first = claimed(source.runs), [f"{claim.short}.", f"Converged: {converged}."]
-    lacks = [f"{source.lacks}: all else is about the others."] if source.lacks else []
+    lacks = [f"{source.lacks}: the rest is about the others."] if source.lacks else []
     next_step = advice(scenario, source.runs, "SCENARIO")
     failed = [around.failure] if around.failure else []
     below = [panels.tracking_table(runs), panels.runs_table(source.runs)]

@@ -22,10 +22,10 @@ def folder(tmp_path):
 
 def test_a_report_says_first_that_runs_are_missing_and_ends_with_status_2(folder, tmp_path):
     page = tmp_path / "page.html"
-    sentence = "1 of the 3 runs are not there"
+    sentence = "1 of 3 runs is missing"
 
     out, err = flighttune("report", folder, "--out", page, status=2)
-    assert out.startswith(f"{sentence}: all else is about the others.")
+    assert out.startswith(f"{sentence}: the rest is about the others.")
     assert err == f"flighttune: {folder}: {sentence}\n"
 
     out, err = flighttune("report", folder, "--out", page, "-q", status=2)

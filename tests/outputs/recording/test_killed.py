@@ -63,7 +63,8 @@ def test_a_second_flight_that_is_killed_is_not_mixed_with_the_first(
     (duration,) = {run.duration for run in recording.runs}
     every = {path: ft.load(path).runs[0].duration for path in files.signals.values()}
     others = [path for path, other in every.items() if other != duration]
-    lost = [f"{tmp_path}: {len(others)} of the 2 runs are not there"] if others else []
+    is_ = "is" if len(others) == 1 else "are"
+    lost = [f"{tmp_path}: {len(others)} of 2 runs {is_} missing"] if others else []
     assert sorted(recording.missing) == sorted(
         [*lost, *(f"{path}: of another flight" for path in others)]
     )

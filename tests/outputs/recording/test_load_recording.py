@@ -83,7 +83,7 @@ def test_a_folder_without_one_of_its_runs_says_so(folder):
     recording = ft.load(folder)
 
     assert labels(recording.runs) == ["kinematic / strict", "kinematic / K1"]
-    assert recording.missing == (f"{folder}: 1 of the 3 runs are not there",)
+    assert recording.missing == (f"{folder}: 1 of 3 runs is missing",)
 
 
 def test_a_flight_leaves_no_file_of_the_one_that_it_replaces(folder, flown):
