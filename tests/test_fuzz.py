@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 import pytest
-from campaigns import table_flown
+from flown_campaigns import table_flown
 from fuzzing import (
     files,
     holder_of,

@@ -1,7 +1,7 @@
 """One cluster for the tests of a module that do no harm to it: even idle it takes time."""
 
 import pytest
-from campaigns import dask_cluster
+from flown_campaigns import dask_cluster
 
 
 @pytest.fixture(scope="module")

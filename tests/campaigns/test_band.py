@@ -5,9 +5,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from campaigns import Notes, flown_here, write_campaign
 from commands import answer, flighttune
 from dispersed import AEROSONDE, KINEMATIC, SOFT, WIND, one_of, plan_of, tables_of, uniform
+from flown_campaigns import Notes, flown_here, write_campaign
 
 import flighttune as ft
 from flighttune.campaigns.flying.rows import fly_group, rows_flown, scenario_of_run

@@ -8,10 +8,10 @@ from textwrap import dedent
 
 import numpy as np
 import pytest
-from campaigns import flown_here
 from commands import flighttune
 from dispersed import AEROSONDE, KINEMATIC, SOFT, plan_of, uniform
 from dispersed import tables_of as tables_of_plan
+from flown_campaigns import flown_here
 from scipy.stats import hypergeom
 
 import flighttune as ft

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from campaigns import flown_here
 from commands import answer
 from dispersed import KINEMATIC, tables_of
+from flown_campaigns import flown_here
 from made_up import scenario_file
 from scipy.signal import dimpulse, dlti
 

@@ -9,7 +9,8 @@ import sys
 from contextlib import suppress
 
 import pytest
-from campaigns import (
+from commands import answer, flighttune
+from flown_campaigns import (
     bits,
     children,
     flying,
@@ -19,7 +20,6 @@ from campaigns import (
     wait_until,
     write_campaign,
 )
-from commands import answer, flighttune
 from fuzzing import first_or_all
 
 import flighttune as ft

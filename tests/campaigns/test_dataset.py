@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 import pyarrow as pa
 import pytest
-from campaigns import Notes, bits, parts, plan, table_flown
+from flown_campaigns import Notes, bits, parts, plan, table_flown
 
 import flighttune as ft
 from flighttune.campaigns import dataset as dataset_module

@@ -6,8 +6,8 @@ import time
 
 import psutil
 import pytest
-from campaigns import SPEED, Notes, bits, children, plan, table_flown, write_campaign
 from dispersed import uniform
+from flown_campaigns import SPEED, Notes, bits, children, plan, table_flown, write_campaign
 
 import flighttune as ft
 from flighttune.campaigns.engine import pool

@@ -14,7 +14,8 @@ from textwrap import dedent
 
 import psutil
 import pytest
-from campaigns import (
+from dispersed import one_of
+from flown_campaigns import (
     CIRCULAR,
     DOUBLING,
     SPEED,
@@ -34,7 +35,6 @@ from campaigns import (
     wait_until,
     write_campaign,
 )
-from dispersed import one_of
 from fuzzing import first_or_all
 
 import flighttune as ft

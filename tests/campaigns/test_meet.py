@@ -10,8 +10,8 @@ from unittest import mock
 
 import numpy as np
 import pytest
-from campaigns import table_flown
 from commands import answer, flighttune
+from flown_campaigns import table_flown
 from fuzzing import first_or_all
 from made_up import scenario_file
 from scipy.optimize import brentq

@@ -7,8 +7,8 @@ from itertools import product
 import numpy as np
 import pandas as pd
 import pytest
-from campaigns import parts, plan
 from commands import answer
+from flown_campaigns import parts, plan
 from made_up_campaign import made_up_plan, made_up_rows
 from scipy import stats
 

@@ -9,7 +9,6 @@ from unittest.mock import Mock
 import numpy as np
 import pyarrow as pa
 import pytest
-from campaigns import bits, table_flown
 from dispersed import (
     AEROSONDE,
     KINEMATIC,
@@ -21,6 +20,7 @@ from dispersed import (
     tables_of,
     uniform,
 )
+from flown_campaigns import bits, table_flown
 from hypothesis import given, settings
 from hypothesis import strategies as st
 

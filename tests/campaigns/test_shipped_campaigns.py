@@ -1,7 +1,7 @@
 """The campaigns that ship: their headers, and what becomes of their first flights."""
 
 import pytest
-from campaigns import table_flown
+from flown_campaigns import table_flown
 from places import CAMPAIGN_NAMES, ROOT
 
 import flighttune as ft

@@ -6,9 +6,9 @@ from unittest import mock
 
 import numpy as np
 import pytest
-from campaigns import flown_here, table_flown
 from commands import answer, flighttune
 from dispersed import KINEMATIC, SOFT, plan_of, tables_of, uniform
+from flown_campaigns import flown_here, table_flown
 from scipy.stats import chi2
 
 import flighttune as ft

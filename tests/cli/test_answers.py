@@ -9,8 +9,8 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
-from campaigns import write_campaign
 from commands import answer
+from flown_campaigns import write_campaign
 from plans import item, plan_file, waypoint
 
 import flighttune as ft

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from campaigns import write_campaign
 from commands import answer, flighttune
 from dispersed import uniform
+from flown_campaigns import write_campaign
 
 import flighttune as ft
 

@@ -6,9 +6,9 @@ import re
 import numpy as np
 import pyarrow as pa
 import pytest
-from campaigns import table_flown
 from commands import answer, flighttune
 from dispersed import AEROSONDE, KINEMATIC, SOFT, WIND, one_of, plan_of, tables_of, uniform
+from flown_campaigns import table_flown
 
 import flighttune as ft
 from flighttune.campaigns.dataset import Dataset

@@ -10,8 +10,8 @@ from contextlib import chdir, suppress
 from pathlib import Path
 
 import pytest
-from campaigns import flown_here
 from commands import answer, flighttune
+from flown_campaigns import flown_here
 from made_up import run_file
 
 import flighttune as ft

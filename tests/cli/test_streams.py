@@ -6,8 +6,8 @@ import sys
 from pathlib import Path
 
 import pytest
-from campaigns import write_campaign
 from commands import flighttune
+from flown_campaigns import write_campaign
 
 import flighttune as ft
 

@@ -7,8 +7,8 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from campaigns import flown_here
 from dispersed import uniform
+from flown_campaigns import flown_here
 from fuzzing import first_or_all
 from hypothesis import strategies as st
 from made_up import scenario_file
