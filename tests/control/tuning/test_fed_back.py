@@ -13,6 +13,7 @@ from flighttune.control.tuning.shaped import GustLoop
 from flighttune.vehicles.plants.weather import turbulence_scales
 
 SAME, BETTER = 1e-6, 1e-2
+FOUR_DIGITS = 2e-4
 OMEGA = np.geomspace(1e-2, 1e3, 4000)
 FT = 0.3048
 
@@ -61,6 +62,18 @@ def test_errors_in_gusts_are_the_integral_of_drydens_spectrum():
     problem = ft.loop.TuningProblem(model=model, objective="rms", gusts=np.array([a]))
     found = GustLoop(problem).errors(np.array([[K_P, K_I]]), np.array([k]))
     assert found == pytest.approx([by_hand], rel=SAME)
+
+
+@pytest.mark.parametrize("q", [(1.0, 0.25), (0.25, 1.0)])
+def test_the_largest_error_of_two_channels_is_that_of_the_worse(q):
+    """Where ``e'' + p e' + q e = d'`` has real poles, its impulse response is above 0: 1 / q."""
+    names = dict.fromkeys(("states", "inputs", "errors"), ("chi", "gamma"))
+    model = ft.loop.LinearModel(A=np.zeros((2, 2)), B=-np.eye(2), C=np.eye(2), **names)
+    K = np.hstack([2.5 * np.eye(2), np.diag(q)])
+
+    found = GustLoop(ft.loop.TuningProblem(model=model)).largest_error(K, np.zeros(2))
+
+    assert found == pytest.approx(4.0, rel=FOUR_DIGITS)
 
 
 @pytest.mark.parametrize("objective", ["rms", "decay"])
