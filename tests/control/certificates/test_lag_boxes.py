@@ -150,6 +150,16 @@ def test_boxes_are_of_the_gains_and_of_every_channel_of_their_certificate():
     assert not ft.verify(replace(certificate, boxes=certificate.boxes[:1])).valid
 
 
+@pytest.mark.parametrize("factors", [(1.0, 1.0), (1.1, 1.0), (1.0, 1.1)])
+def test_boxes_hold_the_law_of_every_model_of_their_certificate(factors):
+    certificate = behind_lags()
+    models = [replace(certificate.model, B=factor * certificate.model.B) for factor in factors]
+
+    law, *_ = lag_box.boxes_checks(certificate.boxes, models, GAINS)
+
+    assert law.exact == (max(factors) == 1.0)
+
+
 def test_a_lag_that_makes_a_channel_unstable_refuses_the_certificate():
     certification = ft.certify("mission", GAINS, lag=[(0.2, 0.6), (0.2, 2.5)])
 
