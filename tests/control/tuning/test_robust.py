@@ -54,6 +54,42 @@ def test_no_small_change_of_a_gain_improves_the_worst_rate_of_its_channel():
                 assert min(rate(part, moved) for _, _, part in parts) < best * (1.0 + SAME)
 
 
+@pytest.mark.parametrize("frequencies", [(5.0, 12.0), (12.0, 5.0)])
+def test_the_figures_of_gains_for_several_models_are_those_of_the_worst(frequencies):
+    several = [problem(w) for w in frequencies]
+
+    found = tune_worst_case(several, starts=1)
+
+    loops = [
+        ft.loop.indicators(
+            ft.loop.closed_loop(one.model, found.gains), scaling=one.scaling, errors=2
+        )
+        for one in several
+    ]
+    assert found.R_K == pytest.approx(min(loop.R_K for loop in loops))
+    for name in ("I_K", "E_K", "spectral_abscissa"):
+        assert getattr(found, name) == pytest.approx(max(getattr(loop, name) for loop in loops))
+
+
+@pytest.mark.parametrize("frequencies", [(3.0, 12.0), (12.0, 3.0)])
+def test_the_sensitivity_of_gains_for_several_models_is_the_largest(monkeypatch, frequencies):
+    """By the definition, at the commands: ``(1 - K G)^-1`` at many frequencies."""
+    several = [problem(w, gamma=0.0, objective="decay") for w in frequencies]
+    own = np.array([[1.0, 0.3]]) * 25.0 / 9.81
+    monkeypatch.setattr(envelope, "_tuned", lambda *_: (own, 1, 1, 0.0))
+    s = 1j * np.geomspace(1e-2, 1e2, 4000)[:, None, None]
+
+    found = tune_worst_case(several)
+
+    K = found.gains.K_P + found.gains.K_I / s
+    peaks = []
+    for model in (one.model for one in several):
+        G = model.C @ np.linalg.solve(s * np.eye(len(model.A)) - model.A, model.B)
+        peaks.append(np.linalg.norm(np.linalg.inv(np.eye(2) - K @ G), 2, axis=(1, 2)).max())
+    assert min(peaks) < 0.9 * max(peaks)
+    assert found.sensitivity == pytest.approx(max(peaks), rel=1e-3)
+
+
 @pytest.mark.slow
 def test_the_worst_of_several_models_is_better_than_that_of_gains_for_one():
     several = [problem(w, gamma) for w in (4.0, 12.0) for gamma in (-0.1, 0.7)]
