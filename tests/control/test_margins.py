@@ -10,7 +10,7 @@ from printed import MARKED, MODEL, lagged
 
 import flighttune as ft
 from flighttune.control.inner_loop import with_input_delay
-from flighttune.control.margins import delay_margin, lag_margin, loop_margins
+from flighttune.control.margins import cut_margins, delay_margin, lag_margin, loop_margins
 
 LAGGED, K6 = lagged(), MARKED["K6"]
 BELOW, ABOVE = 0.99, 1.01
@@ -79,6 +79,21 @@ def test_margins_are_those_of_python_control_with_slicot(name):
         assert together.disk_margin == pytest.approx(expected["disk_margin"], rel=ROUNDING)
     else:  # of three inputs only a bound is computed, on the safe side
         assert 0.99 * expected["disk_margin"] < together.disk_margin < expected["disk_margin"]
+
+
+def test_the_delay_margin_of_an_input_is_the_least_of_all_its_crossovers():
+    """An integrator beside a resonance at 3 rad/s: |L| is 1 below, before and behind the peak."""
+    A = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -9.0, -0.12]])
+    omega = np.geomspace(0.1, 10.0, 1_000_001)
+    L = 0.5 / (1j * omega) + 0.3j * omega / (9.0 - omega**2 + 0.12j * omega)
+    at = np.flatnonzero(np.diff(np.abs(L) > 1.0))
+    delays = (np.pi + np.angle(L[at])) / omega[at]
+
+    (found,) = cut_margins((A, np.array([[1.0], [0.0], [1.0]]), np.array([[0.5, 0.0, 0.3]])), "u")
+
+    assert len(delays) == 3
+    assert delays.argmin() == 2
+    assert found.delay_margin == pytest.approx(delays.min(), rel=1e-4)
 
 
 def test_every_change_inside_the_disk_margin_is_survived():
