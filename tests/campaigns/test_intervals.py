@@ -74,3 +74,18 @@ def test_intervals_of_a_quantile_are_those_of_scipy(n, q):
     expected = [tails[0].low, tails[1].high]
     expected = [e if np.isfinite(e) else s * np.inf for e, s in zip(expected, (-1, 1), strict=True)]
     assert found == tuple(expected)
+
+
+@pytest.mark.parametrize("q", [0.05, 0.5, 0.95])
+def test_fewer_effective_values_widen_an_interval_of_a_quantile_outwards(q):
+    n, effective = 300, 220
+    of_effective = np.arange(1.0, effective + 1.0)
+
+    lo, hi = quantile_interval(np.arange(1.0, n + 1.0), q, effective=effective)
+
+    ranks = [
+        stats.quantile_test(of_effective, p=q, alternative=side).confidence_interval(0.975)
+        for side in ("greater", "less")
+    ]
+    assert lo == np.floor(ranks[0].low * n / effective)
+    assert hi == np.ceil(ranks[1].high * n / effective)

@@ -123,6 +123,13 @@ def test_values_in_clusters_count_for_less():
     assert effective_size(values, np.zeros(20_000)) == 20_000
 
 
+@pytest.mark.parametrize(("count", "members"), [(2, 5), (3, 2), (40, 3)])
+def test_clusters_of_one_value_each_count_as_one_less(count, members):
+    clusters = np.repeat(np.arange(count), members)
+
+    assert effective_size(clusters**2, clusters) == pytest.approx(count - 1)
+
+
 def test_shares_and_percentiles_of_clusters_cover():
     rng, hits, plain, of_median = np.random.default_rng(6), 0, 0, 0
     clusters = np.repeat(np.arange(60), 5)
