@@ -257,6 +257,16 @@ def test_what_cannot_turn_back_is_refused_in_one_line(source, turn_back, says):
     assert "\n" not in str(refusal.value)
 
 
+@pytest.mark.parametrize(("low", "high"), [(45.0, 50.0), (50.0, 45.0)])
+def test_the_side_that_allows_less_bank_and_roll_rate_holds(low, high):
+    changes = {"limits.phi_deg": [-low, high], "limits.phi_rate_dps": [-low, high]}
+    plan = ft.flights("circuit", changes=changes).plan(plant="kinematic")
+
+    assert turning_back(plan, 40.0).scenario.turn_back.roll_rate_dps == pytest.approx(45.0)
+    with pytest.raises(ft.InputError, match="a bank of 1 to 45 deg, got 47"):
+        turning_back(plan, 47.0)
+
+
 def test_the_areas_are_as_wide_as_they_say_or_wider():
     """By hand: a leg with round ends, and places at the width from it all around."""
     changes = {"route.waypoint": [{"north_m": n, "east_m": 0.0} for n in (0.0, 800.0)]}
