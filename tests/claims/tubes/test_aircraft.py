@@ -85,10 +85,12 @@ def test_in_wind_the_start_must_be_stated():
 
 
 @pytest.mark.slow
-def test_starts_are_those_of_the_boxes():
+@pytest.mark.parametrize("chi_deg", [(2.0, 7.0), (1.0, 6.0)])
+def test_starts_are_those_of_the_boxes(chi_deg):
+    """The course starts at 4 deg, 2 deg from the nearer end."""
     scenario = flight(duration_s=0.1)
     known = counted_boxes(scenario)
-    starts = uniform("flight.chi_deg", 2.0, 7.0), uniform("flight.gamma_deg", -3.0, 3.0)
+    starts = uniform("flight.chi_deg", *chi_deg), uniform("flight.gamma_deg", -3.0, 3.0)
     wider = counted_boxes(scenario, WIDE, ROLL, *starts)
 
     with pytest.raises(ft.InputError, match=r"`start`.* 0 deg.*`flight.chi_deg`"):

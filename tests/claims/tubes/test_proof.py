@@ -15,6 +15,8 @@ from made_up import scenario_file
 
 import flighttune as ft
 from flighttune.base.answers.answer import quoted
+from flighttune.claims.tubes.problem import tube_problem
+from flighttune.vehicles.identification.file import LogEvidence
 from tests.claims.tubes.test_soundness import made_up, tube
 from tests.commands import flighttune
 
@@ -352,3 +354,30 @@ def test_what_no_tube_is_known_for_is_refused_in_one_line(scenario, arguments, m
     assert stdout == ""
     assert what in stderr
     assert stderr.count("\n") == 1
+
+
+@pytest.mark.parametrize(("chi", "gamma"), [(0.02, 0.01), (0.01, 0.02)])
+def test_the_disturbance_of_a_model_from_logs_is_the_larger_residual_rate(tmp_path, chi, gamma):
+    evidence = LogEvidence(
+        logs=("flight.csv",), assumed=(), frequency_95_rad_s={}, delay_95_s={}, stretches={},
+        phi_deg=(-30.0, 30.0), phi_rate_dps=30.0, n_z=(0.0, 2.0), n_z_rate_per_s=1.0,
+        residual_rad_s={"chi": chi, "gamma": gamma},
+    )  # fmt: skip
+    model = ft.loop.load_identified("aerosonde").model_copy(update={"log": evidence})
+    model.save(tmp_path / "mine.json")
+    plants = [{"kind": "point_mass_lag", "identified": str(tmp_path / "mine.json")}]
+    flown = ft.scenario_from(made_up(gamma_deg=0.0).as_dict() | {"plant": plants})
+
+    assert tube_problem(flown, ft.PAPER_GAINS).disturbance == 0.02
+
+
+@pytest.mark.parametrize("n_z", [[0.95, 2.0], [0.0, 0.98]])
+def test_load_factors_at_both_ends_of_the_starts_are_inside_their_range(n_z):
+    """Path angles of 10 to 20 deg are steady with 0.985 to 0.940."""
+    tables = made_up(gamma_deg=15.0).as_dict()
+    tables["limits"]["n_z"] = n_z
+    flown = ft.scenario_from(tables)
+
+    assert tube_problem(flown, ft.PAPER_GAINS, start=np.deg2rad(0.5)).start > 0.0
+    with pytest.raises(ft.InputError, match=r"`n_z` .* must start inside its range"):
+        tube_problem(flown, ft.PAPER_GAINS, start=np.deg2rad(5.0))
