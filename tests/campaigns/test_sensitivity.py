@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 from scipy import stats
 
-from flighttune.campaigns.statistics.findings import holm, influences
+from flighttune.campaigns.statistics.findings import holm, influences, strength
 
 pytestmark = pytest.mark.slow
 
@@ -134,3 +134,11 @@ def test_holm_corrects_as_in_his_paper():
     """Worked by hand: the smallest times 4, then 3, 2, 1, never falling."""
     assert holm([0.01, 0.04, 0.03, 0.005]) == pytest.approx([0.03, 0.06, 0.06, 0.02])
     assert holm([math.nan, 0.3]) == pytest.approx([1.0, 0.3])
+
+
+@pytest.mark.parametrize(
+    ("share", "rho"), [(0.1, -0.5), (0.1, 0.5), (0.25, -0.1), (0.25, math.nan), (math.nan, 0.5)]
+)
+def test_an_influence_is_as_strong_as_the_larger_share_that_it_explains(share, rho):
+    """A rank correlation explains its square, falling or rising."""
+    assert strength({"share": share, "rho": rho}) == 0.25
