@@ -10,12 +10,14 @@ import pytest
 import flighttune as ft
 from flighttune.gaps.watch import (
     LAG_S,
+    SignalModel,
     Watch,
     columns_of,
     lagged,
     models_of,
     moments,
     residuals,
+    score_so_far,
     taught,
 )
 
@@ -78,6 +80,37 @@ def test_a_step_that_is_not_expected_alarms_when_its_lag_reaches_the_limit(turni
     assert alarm.why == "turn"
     assert alarm.at_s - 40.0 == pytest.approx(LAG_S * math.log(4.0), abs=1.0 / RATE)
     assert watch.alarm(turning()) is None
+
+
+TURN = SignalModel(name="turn", target="r", terms=("sin_phi/V_g",), weights=(9.81,))
+ROLL = SignalModel(name="roll", target="p", terms=("d(phi)",), weights=(1.0,))
+
+
+def watch_of(*halves):
+    return Watch(
+        models=tuple(x for x, _ in halves),
+        middle=np.zeros(2),
+        half=np.array([half for _, half in halves]),
+    )
+
+
+@pytest.mark.parametrize("order", [1, -1])
+def test_an_alarm_names_the_signal_that_is_not_as_expected_wherever_it_stands(turning, order):
+    watch = watch_of(*[(TURN, 0.15), (ROLL, 1.0)][::order])
+
+    alarm = watch.alarm(turning(np.where(T >= 40.0, 0.2, 0.0)))
+
+    assert alarm is not None
+    assert alarm.why == "turn"
+
+
+@pytest.mark.parametrize("order", [1, -1])
+def test_a_score_is_the_largest_so_far_by_the_watch_for_which_it_is_least(turning, order):
+    watches = [watch_of((TURN, half), (ROLL, 1.0)) for half in (0.1, 0.4)]
+
+    score = score_so_far(watches[::order], turning(np.where((T >= 40.0) & (T < 60.0), 0.2, 0.0)))
+
+    assert score[-1] == pytest.approx(0.2 / 0.4, abs=1e-3)
 
 
 def test_a_residual_less_its_past_forgets_an_offset_and_then_a_step(turning):

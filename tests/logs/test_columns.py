@@ -9,7 +9,7 @@ from log_files import heavy_cessna
 
 import flighttune as ft
 from flighttune.logs.checks import checked
-from flighttune.logs.relations import KIND
+from flighttune.logs.relations import KIND, Motion, wind_triangle
 
 FEW = (
     *("p sign", "n_z without gravity", "V_a in kn", "phi and theta", "phi and phi_cmd"),
@@ -90,6 +90,26 @@ def test_a_right_log_is_not_accused(log_of, flight):
 @pytest.mark.parametrize("make", [*RIGHT.values(), FLIGHTS["Cessna"]], ids=[*RIGHT, "Cessna"])
 def test_no_right_log_is_accused_at_any_rate(log_of, make, rate):
     assert log_of(make, rate)["wrong"] == []
+
+
+@pytest.mark.parametrize("nose", [False, True])
+@pytest.mark.parametrize("wind", [(6.0, -3.0), (-2.0, 7.0)])
+def test_a_circle_shows_wind_and_unit_of_the_airspeed_with_and_without_a_nose(nose, wind):
+    dt, factor, V_a = 0.1, 1.2, 20.0
+    psi = 0.1 * dt * np.arange(1200)
+    north, east = (
+        factor * V_a * part + air
+        for part, air in zip((np.cos(psi), np.sin(psi)), wind, strict=True)
+    )
+    given = {"phi": 0.2 + 0.0 * psi, "V_a": V_a + 0.0 * psi, "v_north": north, "v_east": east}
+    given |= {"psi": np.angle(np.exp(1j * psi))} if nose else {}
+
+    found = wind_triangle(Motion(given, dt))
+
+    assert not isinstance(found, str)
+    # A mean over 1.1 s shortens an arc of 0.1 rad/s by 0.05 %.
+    assert found[0] == pytest.approx(factor, rel=1e-3)
+    assert found[1] == pytest.approx(wind, abs=0.01)
 
 
 @pytest.mark.parametrize("name", ["phi and phi_cmd", "n_z and n_z_cmd"])
