@@ -37,6 +37,16 @@ def scenario(plants, **tables):
     return ft.scenario_from(made | {"route": ROUTE} | {k: v for k, v in tables.items() if v})
 
 
+@pytest.mark.parametrize("phi_deg", [(-20.0, 40.0), (-40.0, 20.0)])
+def test_a_route_is_banked_by_no_more_than_the_smaller_side_of_the_limits_allows(phi_deg):
+    limits = {"phi_deg": phi_deg, "phi_rate_dps": 40.0}
+    path = reference_of(scenario([{"kind": "point_mass"}], limits=limits)).path
+
+    # The tightest turn takes four fifths of the bank at 25 m/s with 8 m/s of wind from behind.
+    tightest = 9.81 * math.tan(math.radians(0.8 * 20.0)) / 33.0**2
+    assert np.abs(path.curvature).max() == pytest.approx(tightest, rel=1e-3)
+
+
 WINDY = {
     "wind.speed_mps": 5.0,
     "wind.from_deg": 70.0,

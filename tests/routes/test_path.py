@@ -10,6 +10,7 @@ from scipy.special import fresnel
 import flighttune as ft
 from flighttune.routes.follow import airspeeds_along
 from flighttune.routes.path import Ability, Waypoint, plan
+from flighttune.routes.turns import Piece, Pose, curved, turned, ways
 
 DEG = math.pi / 180.0
 ABILITY = Ability(
@@ -148,6 +149,23 @@ def test_a_wide_turn_around_is_a_half_circle_with_a_straight():
 
     assert turn.length == pytest.approx(RADIUS * (math.pi + 1.0), abs=NEARLY_CIRCLES_M)
     assert turn.aside == pytest.approx(RADIUS, abs=NEARLY_CIRCLES_M)
+
+
+@pytest.mark.parametrize("straight", [0.5, 300.0])
+@pytest.mark.parametrize("sides", [(1, 1), (1, -1), (-1, 1), (-1, -1)])
+def test_two_turns_with_a_straight_between_are_among_the_ways_however_short_it_is(sides, straight):
+    curvature, rolling, angles = 0.01, 20.0, (1.2, 0.9)
+    first, last = (
+        turned(side * curvature, angle, rolling) for side, angle in zip(sides, angles, strict=True)
+    )
+    north, east, course = curved([*first, Piece(straight, 0.0, 0.0), *last])
+
+    found = ways(Pose(0.0, 0.0, 0.0), Pose(north, east, course), curvature, rolling)
+
+    # Each turn is its angle over its curvature and one roll-in longer.
+    expected = sum(angles) / curvature + 2.0 * rolling + straight
+    lengths = [sum(piece.length for piece in pieces) for pieces in found]
+    assert min(abs(length - expected) for length in lengths) < 1e-6
 
 
 def test_eight_rows_of_60_m_are_flown_at_25_mps_through_every_waypoint():

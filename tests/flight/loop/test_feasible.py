@@ -9,7 +9,7 @@ import pytest
 from made_up import scenario_tables
 
 import flighttune as ft
-from flighttune.flight.conditions import reference_of
+from flighttune.flight.conditions import manoeuvre_of, reference_of
 from flighttune.flight.load import check_scenario
 from flighttune.flight.loop.loop import simulate
 from flighttune.routes.feasible import Manoeuvre, feasible_reference
@@ -147,6 +147,9 @@ def test_below_the_design_speed_there_is_less_lift():
     commands = reference_of(ft.scenario_from(slow)).commands(np.arange(0.0, 10.0, 0.02))
 
     assert commands[:, 1].max() <= most + 1e-6
+    least = 1.0 - 0.9 * (2.1 * (20.0 / 25.0) ** 2 + 1.0)  # and -2.1
+    limits = manoeuvre_of(ft.scenario_from(slow))
+    assert (limits.lower[1], limits.upper[1]) == pytest.approx((least, most))
 
 
 def test_the_reference_may_begin_elsewhere_than_the_flight():
