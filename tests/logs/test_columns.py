@@ -8,7 +8,7 @@ from log_columns import ERRORS, RIGHT, sampled
 from log_files import heavy_cessna
 
 import flighttune as ft
-from flighttune.logs.checks import checked
+from flighttune.logs.checks import _rotated, checked
 from flighttune.logs.relations import KIND, Motion, wind_triangle
 
 FEW = (
@@ -90,6 +90,16 @@ def test_a_right_log_is_not_accused(log_of, flight):
 @pytest.mark.parametrize("make", [*RIGHT.values(), FLIGHTS["Cessna"]], ids=[*RIGHT, "Cessna"])
 def test_no_right_log_is_accused_at_any_rate(log_of, make, rate):
     assert log_of(make, rate)["wrong"] == []
+
+
+@pytest.mark.parametrize("course", [0.4, 2.0, -1.0])
+def test_a_velocity_that_is_rotated_keeps_its_size_and_turns_clockwise(course):
+    given = {"v_north": 20.0 * np.cos([course]), "v_east": 20.0 * np.sin([course])}
+
+    found = _rotated(0.7)(given)
+
+    velocity = complex(found["v_north"][0], found["v_east"][0])
+    assert velocity == pytest.approx(20.0 * np.exp(1j * (course + 0.7)), rel=1e-12)
 
 
 @pytest.mark.parametrize("nose", [False, True])

@@ -11,6 +11,7 @@ import pytest
 from log_files import COMMAND, WRITERS, message, sampled, write_dataflash, write_tlog, write_ulog
 
 import flighttune as ft
+from flighttune.logs.streams import phases
 
 FT = 0.3048
 """One foot, m."""
@@ -251,6 +252,25 @@ def test_a_log_is_cut_into_flight_modes_and_says_what_is_odd(clean, tmp_path):
     assert part.signals["phi"].iloc[100] == pytest.approx(whole.signals["phi"].iloc[400])
     with pytest.raises(ft.InputError, match=r"FBWA, AUTO, got 'LAND'"):
         ft.load(f"{path}@LAND")
+
+
+@pytest.mark.parametrize("axes", ["xyz", "zxy"])
+def test_clips_and_vibration_are_those_of_all_three_axes(axes):
+    t, first, second, third = np.arange(20.0), *axes
+    stream = {
+        "phi": (t, 0.0 * t),
+        f"clip_{first}": (t, np.where(t >= 9.0, 4.0, 0.0)),
+        f"clip_{second}": (t, np.where(t >= 5.0, 3.0, 1.0)),
+        f"vibe_{third}": (t, 35.0 + 0.0 * t),
+        f"vibe_{first}": (t, 8.0 + 0.0 * t),
+    }
+
+    _, odd = phases("flight.bin", stream, {}, {})
+
+    assert odd == [
+        "accelerometers clipped 6 times, first at 5.0 s",
+        "vibration of the accelerometers up to 35 m/s2, where up to 30 is acceptable",
+    ]
 
 
 @pytest.mark.parametrize("socket_type", ["", "UDP"])

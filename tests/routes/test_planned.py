@@ -25,6 +25,7 @@ ROLLED = Segment(3.0, (0.0, 4.0), rates=(0.1,), roll_in=1.5)
 
 TURN = {"shape": "ramp", "start_s": 3.0, "duration_s": 6.0, "rate_dps": 8.0, "roll_in_s": 1.2}
 CLIMB = {"shape": "ramp", "start_s": 12.0, "duration_s": 4.0, "rate_dps": 2.0, "roll_in_s": 1.0}
+PULL = {"shape": "ramp", "start_s": 3.0, "duration_s": 1.0, "rate_dps": 2.0, "roll_in_s": 1.0}
 LIMITS = {"phi_deg": [-45.0, 45.0], "phi_rate_dps": 30.0, "n_z": [-2.0, 2.0], "n_z_rate_per_s": 1.0}
 
 
@@ -120,15 +121,32 @@ def test_the_wind_of_the_plan_is_an_estimate_that_comes_late():
         (TURN | {"rate_dps": 10.0, "roll_in_s": 0.1}, "`roll_in_s` must be at least 0.85 s"),
         (TURN | {"rate_dps": 30.0}, "`rate_dps` must lie within 22.48 deg/s .* `phi_deg`"),
         (TURN | {"rate_dps": -30.0}, "`rate_dps` must lie within -22.48 deg/s"),
+        # Level flight takes 1 of the 2 up and adds 1 to the 2 down.
+        (PULL | {"rate_dps": 23.0}, "`rate_dps` must lie within 22.48 deg/s .* `n_z`"),
+        (PULL | {"rate_dps": -68.0}, "`rate_dps` must lie within -67.45 deg/s .* `n_z`"),
     ],
 )
 def test_a_roll_in_that_cannot_be_flown_is_refused(ramp, message, tmp_path):
     file = tmp_path / "turn.toml"
-    tables = scenario_tables(
-        reference={"chi_deg": [ramp], "gamma_deg": 0.0}, limits=LIMITS, flight={"duration_s": 20.0}
-    )
+    channel = "gamma_deg" if "`n_z`" in message else "chi_deg"
+    reference = {"chi_deg": 0.0, "gamma_deg": 0.0} | {channel: [ramp]}
+    tables = scenario_tables(reference=reference, limits=LIMITS, flight={"duration_s": 20.0})
     file.write_text(tomlkit.dumps(tables))
     with pytest.raises(ft.ScenarioError, match=f"turn.toml.*{message}"):
+        ft.load_scenario(file)
+
+
+@pytest.mark.parametrize("rates", [[-20.0, 40.0], [-40.0, 20.0]])
+def test_a_roll_in_is_as_slow_as_the_slower_side_of_its_rate(rates, tmp_path):
+    file = tmp_path / "turn.toml"
+    reference = {"chi_deg": [TURN | {"roll_in_s": 1.0}], "gamma_deg": 0.0}
+    tables = scenario_tables(
+        reference=reference, limits=LIMITS | {"phi_rate_dps": rates}, flight={"duration_s": 20.0}
+    )
+    file.write_text(tomlkit.dumps(tables))
+
+    # 8 deg/s at 25 m/s take 8 / 9.81 * 25 deg of roll by its tangent, at 20 deg/s.
+    with pytest.raises(ft.ScenarioError, match=r"`roll_in_s` must be at least 1\.02 s"):
         ft.load_scenario(file)
 
 

@@ -9,6 +9,7 @@ import flighttune as ft
 from flighttune.control.inner_loop import inner_loop_scaling, with_inner_loop
 from flighttune.control.tuning import envelope
 from flighttune.control.tuning.envelope import channels, tune_worst_case
+from flighttune.flight.gains import _tuned_for
 from tests.control.tuning.conftest import DECOUPLED
 
 SAME = 1e-4
@@ -139,3 +140,21 @@ def test_gains_whose_error_is_above_its_bound_are_no_optimum(monkeypatch, share,
 def test_problems_with_other_bounds_are_refused():
     with pytest.raises(ft.InputError, match="`problems`"):
         tune_worst_case([problem(), problem(K_max=np.full((2, 4), 3.0))])
+
+
+@pytest.mark.parametrize(
+    ("name", "tuning", "everywhere", "speeds"),
+    [
+        # The Aerosonde is identified at 25, 20 and 30 m/s.
+        ("paper_identified", {"model": "identified", "robust": True}, False, [20.0, 30.0]),
+        ("paper_identified", {"model": "identified"}, False, [25.0, 25.0]),
+        ("paper", {}, True, [22.0, 28.0]),
+        ("paper", {}, False, [25.0]),
+    ],
+)
+def test_gains_say_the_airspeeds_that_they_are_tuned_for(name, tuning, everywhere, speeds):
+    changes = {f"tuning.{key}": value for key, value in tuning.items()}
+
+    tuned_for = _tuned_for(ft.load_scenario(name, changes=changes), None, envelope=everywhere)
+
+    assert tuned_for["V_a_mps"] == speeds
