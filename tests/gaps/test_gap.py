@@ -3,12 +3,14 @@
 import math
 import re
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
 from claimed import claimed
 
 import flighttune as ft
+from flighttune.gaps.gap import Step
 from flighttune.outputs.pages.charts import bound_chart, gap_charts, itae_chart
 
 ROUNDING = 1e-12
@@ -73,6 +75,20 @@ def test_the_steps_add_up_to_the_whole(gap_name, request):
         apart = (ends[1] - ends[0])[metric].to_numpy()
         assert added == pytest.approx(apart, abs=ROUNDING, nan_ok=True)
     assert gap.residual < ROUNDING
+
+
+@pytest.mark.parametrize("channel", ["chi", "gamma"])
+def test_the_largest_step_is_the_cause_whether_it_adds_or_takes_away(paper_gap, channel):
+    pairs = zip(paper_gap.steps, pairwise(paper_gap.runs), strict=True)
+    down = replace(
+        paper_gap, steps=tuple(Step(upper, lower, step.adds) for step, (lower, upper) in pairs)
+    )
+
+    sizes = {step.adds: abs(step.metrics.loc[channel, "ITAE"]) for step in paper_gap.steps}
+    (cause, change), (cause_down, change_down) = paper_gap.cause(channel), down.cause(channel)
+
+    assert cause == cause_down == max(sizes, key=sizes.get)
+    assert change_down == pytest.approx(-change)
 
 
 def test_without_lift_the_course_waits_and_the_papers_law_does_not(paper_gap):

@@ -47,6 +47,21 @@ def test_lag_and_delay_come_back(identification):
         assert told.fit_percent > 97.0
 
 
+@pytest.mark.parametrize("at_s", [20.0, 45.0])
+def test_the_residual_rates_of_a_log_are_the_largest_of_all_its_stretches(tmp_path, at_s):
+    t = SAMPLE * np.arange(1800)
+    chi = 0.03 * np.clip(t - at_s, 0.0, 4.0)
+    table = {"t_s": t, "phi": 0.0, "phi_cmd": 0.0, "n_z": 1.0, "n_z_cmd": 1.0, "V_a": 20.0}
+    table |= {"v_north": 20.0 * np.cos(chi), "v_east": 20.0 * np.sin(chi), "v_down": 0.0 * t}
+    pd.DataFrame(table).to_csv(tmp_path / "flight.csv", index=False)
+
+    told = ft.identify(tmp_path / "flight.csv", assume={"phi": 5.0, "n_z": 5.0}).identified.log
+
+    assert told.residual_stretches > 5
+    assert told.residual_rad_s["chi"] == pytest.approx(0.03, rel=1e-6)
+    assert told.residual_rad_s["gamma"] == pytest.approx(0.0, abs=1e-9)
+
+
 @pytest.mark.parametrize(("dt", "steps"), [(0.02, (0.01,)), (0.04, (0.01, 0.03))])
 def test_a_step_between_two_samples_is_where_a_loop_of_50_Hz_would_give_it(dt, steps):
     """At 50 Hz in their middle, for a sample is 10 ms old in the mean; else at either time."""

@@ -114,6 +114,19 @@ def test_a_dataflash_log_with_a_clock_in_ms_is_read(clean, tmp_path):
     assert old.signals["phi"].to_numpy()[:1000] == pytest.approx(phi, abs=BETWEEN)
 
 
+def test_of_two_sensors_of_one_kind_in_a_ulog_the_first_is_read(clean, tmp_path):
+    t, signals = until(10.0, *clean)
+    path = write_ulog(tmp_path / "flight.ulg", t, signals)
+    second = [message("A", struct.pack("<BH", 1, 99) + b"airspeed_validated")]
+    for stamp in (1e6 * t).astype(int).tolist():
+        second.append(message("D", struct.pack("<HQf", 99, stamp + 10**6, 77.0)))
+    path.write_bytes(path.read_bytes() + b"".join(second))
+
+    V_a = ft.load_log(path).signals["V_a"]
+
+    assert V_a.max() == pytest.approx(signals["V_a"].max(), rel=SINGLE)
+
+
 def test_a_dataflash_log_that_was_converted_to_text_is_read(tmp_path):
     """Mission Planner writes such; its angles are in deg. A log of the age of clocks in ms."""
     formats = (

@@ -14,7 +14,7 @@ from scipy.linalg import expm
 import flighttune as ft
 from flighttune.control.certificates import lag_box
 from flighttune.control.certificates.lag_box import constant_rate, constant_rate_proven, norm_rate
-from flighttune.flight.models import gain_set
+from flighttune.flight.models import gain_set, identified_models, late_ranges
 
 # Relative distance between a proven rate and the least over the points of a grid: four digits.
 FOUR_DIGITS = 5e-5
@@ -56,6 +56,21 @@ def test_the_box_of_an_assumed_lag_has_the_least_rate_of_its_lags():
         assert box.rate == pytest.approx(least, rel=FOUR_DIGITS)
         assert 0.0 < box.norm_rate <= box.rate
         assert (box.lag, box.delay) == ((0.2, 0.6), (0.0, 0.0))
+
+
+def test_ranges_of_lags_and_delays_hold_those_of_every_condition_identified():
+    scenario = ft.load_scenario("paper_identified", changes={"tuning.model": "identified"})
+    law, identified = scenario.laws[0], ft.loop.load_identified("aerosonde")
+
+    ranges = late_ranges(scenario, law, None, identified_models(scenario, law, everywhere=True))
+
+    for i, name in enumerate(("phi", "n_z")):
+        lags = [condition.channels[name].lag for condition in identified.conditions]
+        # Of a lag of third order: 2 z / w and the time constant of its real pole.
+        seconds = [2.0 * x.damping / x.natural_frequency + x.lag for x in lags]
+        delays = [x.delay + 0.01 for x in lags]  # and half a sample at 50 Hz
+        for found, each in zip(ranges, (seconds, delays), strict=True):
+            assert found[i] == pytest.approx((min(each), max(each)), rel=OF_FILE)
 
 
 @pytest.mark.soak

@@ -10,6 +10,7 @@ from flighttune.control.inner_loop import inner_loop_scaling, with_inner_loop
 from flighttune.control.tuning import envelope
 from flighttune.control.tuning.envelope import channels, tune_worst_case
 from flighttune.flight.gains import _tuned_for
+from flighttune.flight.models import identified_problems
 from tests.control.tuning.conftest import DECOUPLED
 
 SAME = 1e-4
@@ -158,3 +159,17 @@ def test_gains_say_the_airspeeds_that_they_are_tuned_for(name, tuning, everywher
     tuned_for = _tuned_for(ft.load_scenario(name, changes=changes), None, envelope=everywhere)
 
     assert tuned_for["V_a_mps"] == speeds
+
+
+@pytest.mark.parametrize("phi_deg", [[-20.0, 45.0], [-45.0, 20.0]])
+def test_the_gain_of_the_course_is_bounded_by_the_smaller_bank(phi_deg):
+    limits = {"phi_deg": phi_deg, "phi_rate_dps": 30.0, "n_z": [0.0, 2.0], "n_z_rate_per_s": 1.0}
+    changes = {"limits": limits, "tuning.model": "identified", "tuning.roll_rate": True}
+    scenario = ft.load_scenario("paper_identified", changes=changes)
+
+    (one,) = identified_problems(scenario)
+
+    # Rolling out of 20 deg takes 2/3 s, half of which counts, and comes late by lag and hold.
+    lag = scenario.identified_in.identified_model.nearest(25.0, np.radians(15.0)).lags[0]
+    late = 0.5 * 20.0 / 30.0 + lag.whole + 0.01
+    assert one.K_max[0, 0] == pytest.approx(25.0 / scenario.flight.g_mps2 / late, rel=1e-6)
