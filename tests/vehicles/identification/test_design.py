@@ -3,8 +3,10 @@
 import math
 import shutil
 
+import numpy as np
 import pytest
 from places import SHIPPED_AIRCRAFT
+from scipy.integrate import solve_ivp
 
 import flighttune as ft
 from flighttune.vehicles.identification.design import Airframe, inner_loop_gains
@@ -83,6 +85,37 @@ def test_roll_gains_place_the_poles_of_the_roll_error(slopes):
     assert math.sqrt(stiffness) == pytest.approx(min(2.3 * design.roll, 12.5))
 
 
+def test_pitch_gains_make_the_load_factor_follow_a_step_as_two_equal_poles_do(slopes):
+    gains, d, wanted = inner_loop_gains(slopes, AEROSONDE.design), slopes.of, AEROSONDE.design.n_z
+    k_p, k_i, k_q, model = (gains[f"pitch/{x}"] for x in ("k_p", "k_i", "k_q", "model-rad_sec"))
+
+    def load(alpha, elevator):
+        return d("n_z", "alpha") * alpha + d("n_z", "elevator") * elevator
+
+    def rates(_, x):
+        alpha, q, elevator, asked, integral = x
+        off = asked - load(alpha, elevator)
+        # The rate of pitch that the load factor asked for takes is not damped.
+        command = k_q * (q - 9.80665 / V_A * asked) - k_p * off - k_i * integral
+        pitching = d("q_dot", "alpha") * alpha + d("q_dot", "q") * q
+        return (
+            q - 9.80665 / V_A * load(alpha, elevator),
+            pitching + d("q_dot", "elevator") * elevator,
+            25.0 * (command - elevator),
+            model * (1.0 - asked),
+            off,
+        )
+
+    t = np.linspace(0.0, 2.0, 101)
+    found = solve_ivp(rates, (0.0, 2.0), np.zeros(5), t_eval=t, rtol=1e-8, atol=1e-10).y
+
+    response, two_poles = load(found[0], found[2]), 1.0 - (1.0 + wanted * t) * np.exp(-wanted * t)
+    settling = t >= 0.4  # the elevator is behind its actuator, and first pushes the other way
+    assert response[settling] == pytest.approx(two_poles[settling], abs=0.04)
+    assert response.max() <= 1.0 + AEROSONDE.design.n_z_overshoot
+    assert t[response >= 0.9][0] <= AEROSONDE.design.n_z_t90
+
+
 def test_the_rudder_feed_forward_balances_a_roll_without_sideslip(slopes):
     # Rolling at p without sideslip: r = alpha p + g/V phi, so r' = g/V p, by the coefficients.
     gains = inner_loop_gains(slopes, AEROSONDE.design)
@@ -95,6 +128,19 @@ def test_the_rudder_feed_forward_balances_a_roll_without_sideslip(slopes):
 
     assert alpha == pytest.approx(math.radians(3.4), abs=math.radians(0.3))
     assert yaw == pytest.approx(9.80665 / V_A, abs=0.03)
+
+
+@pytest.mark.parametrize("weathercock", [-1.0, 0.0, 0.5])
+def test_an_airframe_without_weathercock_stability_gets_it_from_the_rudder(slopes, weathercock):
+    rows = {what: dict(row) for what, row in slopes.slopes.items()}
+    rows["r_dot"]["beta"] = weathercock
+    airframe = Airframe(trimmed=slopes.trimmed, slopes=rows)
+
+    gains = inner_loop_gains(airframe, AEROSONDE.design)
+
+    # The rudder follows k_p n_y, and n_y follows the sideslip: 1/s2 in all, or more.
+    by_rudder = rows["r_dot"]["rudder"] * gains["yaw/k_p"] * rows["n_y"]["beta"]
+    assert weathercock + by_rudder >= 1.0
 
 
 @pytest.mark.soak
