@@ -118,8 +118,8 @@ class ControllerTable(q.Table):
     tracking_time_s: q.TimeConstant | None = None
     feed_forward: bool = False  # of the load factor of the reference
     schedule: bool = False  # true: gains proportional to the airspeed
-    # true: the path angle of an aircraft gives way where its airspeed falls towards 0.875 of that of
-    # [flight]; where the law follows the airspeed it gives way anyway
+    # true: the path angle of an aircraft gives way where its airspeed falls towards 0.875 of that
+    # of [flight]; where the law follows the airspeed it gives way anyway
     speed_priority: bool | None = None
 
 
