@@ -10,12 +10,13 @@ from printed import MARKED, MODEL, lagged
 
 import flighttune as ft
 from flighttune.control.inner_loop import with_input_delay
-from flighttune.control.margins import cut_margins, delay_margin, lag_margin, loop_margins
+from flighttune.control.margins import delay_margin, lag_margin, loop_margins
 
 LAGGED, K6 = lagged(), MARKED["K6"]
 BELOW, ABOVE = 0.99, 1.01
 PADE_SECTIONS = 6
 ROUNDING = 1e-9
+OF_GRID = 2e-3
 
 REFERENCE = json.loads(
     (Path(__file__).parents[1] / "reference" / "margins" / "margins.json").read_text("utf-8")
@@ -81,19 +82,44 @@ def test_margins_are_those_of_python_control_with_slicot(name):
         assert 0.99 * expected["disk_margin"] < together.disk_margin < expected["disk_margin"]
 
 
-def test_the_delay_margin_of_an_input_is_the_least_of_all_its_crossovers():
-    """An integrator beside a resonance at 3 rad/s: |L| is 1 below, before and behind the peak."""
-    A = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -9.0, -0.12]])
-    omega = np.geomspace(0.1, 10.0, 1_000_001)
-    L = 0.5 / (1j * omega) + 0.3j * omega / (9.0 - omega**2 + 0.12j * omega)
-    at = np.flatnonzero(np.diff(np.abs(L) > 1.0))
-    delays = (np.pi + np.angle(L[at])) / omega[at]
+def resonant(seed):
+    """A stable loop of a lag and two resonances, which crosses 1 or the real axis several times."""
+    rng, A = np.random.default_rng(seed), np.zeros((5, 5))
+    A[0, 0] = -rng.uniform(-0.3, 1.0)
+    for i in (1, 3):
+        w = 10.0 ** rng.uniform(-0.5, 1.0)
+        A[i : i + 2, i : i + 2] = [[0.0, w], [-w, -2.0 * rng.uniform(-0.02, 0.1) * w]]
+    B, C = rng.normal(size=(5, 1)), 2.0 * rng.normal(size=(1, 5))
+    K_P, K_I = -np.abs(rng.normal(size=2)) * [1.0, 0.3]
+    names = {"inputs": ("u",), "errors": ("e",)}
+    model = ft.loop.LinearModel(A=A, B=B, C=C, states=tuple("abcde"), **names)
+    return model, ft.PIGains(K_P=[[K_P]], K_I=[[K_I]], **names)
 
-    (found,) = cut_margins((A, np.array([[1.0], [0.0], [1.0]]), np.array([[0.5, 0.0, 0.3]])), "u")
 
-    assert len(delays) == 3
-    assert delays.argmin() == 2
-    assert found.delay_margin == pytest.approx(delays.min(), rel=1e-4)
+@pytest.mark.parametrize("seed", [3878, 4346, 23397, 24838])
+def test_margins_are_those_of_the_worst_of_several_crossings(seed):
+    model, gains = resonant(seed)
+    omega = np.geomspace(1e-3, 1e3, 1_000_001)
+    rates, modes = np.linalg.eig(model.A)
+    residues = (model.C @ modes)[0] * np.linalg.solve(modes, model.B)[:, 0]
+    G = sum(residue / (1j * omega - rate) for residue, rate in zip(residues, rates, strict=True))
+    L = -(gains.K_P[0, 0] + gains.K_I[0, 0] / (1j * omega)) * G
+    on_circle = np.flatnonzero(np.diff(np.abs(L) > 1.0))
+    lags = (np.pi + np.angle(L[on_circle])) % (2.0 * np.pi)
+    factors = 1.0 / np.abs(L[np.flatnonzero(np.diff(L.imag > 0.0) & (L.real[:-1] < 0.0))])
+
+    alone, together = loop_margins(model, gains)
+
+    assert max(len(on_circle), len(factors)) > 1
+    assert alone.phase_margin == pytest.approx(lags.min(), rel=OF_GRID)
+    assert alone.delay_margin == pytest.approx((lags / omega[on_circle]).min(), rel=OF_GRID)
+    assert together.delay_margin == pytest.approx(alone.delay_margin, rel=ROUNDING)
+    assert alone.gain_increase == pytest.approx(
+        min(factors[factors > 1.0], default=np.inf), rel=OF_GRID
+    )
+    assert alone.gain_decrease == pytest.approx(
+        max(factors[factors < 1.0], default=0.0), rel=OF_GRID
+    )
 
 
 def test_every_change_inside_the_disk_margin_is_survived():
