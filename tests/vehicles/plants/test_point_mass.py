@@ -107,6 +107,37 @@ def test_a_crosswind_that_rises_turns_the_nose_and_not_the_path_over_ground():
     assert end["V_g"] * math.sin(end["chi"]) == pytest.approx(pushed_by_thrust, abs=METRE)
 
 
+@pytest.mark.parametrize("w", [4.0, -4.0])
+def test_air_that_begins_to_sink_or_rise_turns_the_path_through_it_alone(w):
+    V_a = 25.0
+    gust = WindRecord(t=np.array([1.0, 1.01]), wind=np.array([[0.0, 0.0, 0.0], [0.0, 0.0, w]]))
+
+    end = fly(ft.loop.PointMassPlant(wind=gust), START, [(0.0, 1.0)] * 101, 0.01)
+
+    pushed_by_thrust = w - V_a * math.tanh(w / V_a)
+    # The lift is less than 0.02 of the weight off for 0.01 s.
+    assert -end["V_g"] * math.sin(end["gamma"]) == pytest.approx(pushed_by_thrust, abs=0.0002 * G)
+
+
+@pytest.mark.parametrize(
+    "wind", [(5.0, 0.0, 0.0), (-5.0, 0.0, 0.0), (0.0, 4.0, 0.0), (0.0, 0.0, 3.0)]
+)
+def test_a_sudden_wind_changes_airspeed_and_path_but_no_velocity_over_ground(wind):
+    gust = WindRecord(t=np.array([0.0, 0.01]), wind=np.array([[0.0, 0.0, 0.0], wind]))
+    plant = ft.loop.PoweredPointMass((-0.5, 0.5), wind=gust)
+    plant.start(ft.loop.FlightCondition(V_a=25.0, gamma=0.2))
+
+    plant.advance(0.0, math.cos(0.2), 0.01, math.sin(0.2))
+
+    end = dict(zip(plant.signals, plant.observe(), strict=True))
+    over = 25.0 * np.array([math.cos(0.2), 0.0, -math.sin(0.2)])
+    # Lift and thrust turn by up to 0.2 rad with the path through the air.
+    turned = 0.2 * G * 0.01
+    assert end["V_a"] == pytest.approx(np.linalg.norm(over - wind), abs=turned)
+    assert end["gamma"] == pytest.approx(0.2, abs=turned / 25.0)
+    assert end["chi"] == pytest.approx(0.0, abs=turned / 25.0)
+
+
 @pytest.mark.soak
 @pytest.mark.parametrize(
     "lags",

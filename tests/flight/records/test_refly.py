@@ -1,0 +1,22 @@
+"""Flights that are flown again, of which any may differ."""
+
+from dataclasses import replace
+
+import pytest
+from made_up import made_up_scenario
+
+import flighttune as ft
+
+
+@pytest.mark.parametrize("different", [0, 1])
+def test_one_flight_of_many_that_differs_is_told(different):
+    plants = [{"kind": "kinematic"}, {"kind": "point_mass"}]
+    runs = [*ft.fly(made_up_scenario(plant=plants, flight={"duration_s": 1.0})).runs]
+    signals = runs[different].signals
+    runs[different] = replace(runs[different], signals=signals.assign(chi=signals["chi"] + 1e-12))
+
+    again = ft.refly(runs)
+
+    assert [bool(run.differences) for run in again.runs] == [different == 0, different == 1]
+    assert not again.equal
+    assert runs[different].label in again.answer().failure
