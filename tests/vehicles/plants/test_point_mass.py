@@ -8,6 +8,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import flighttune as ft
+from flighttune.vehicles.plants.lagged import LaggedChannel
 from flighttune.vehicles.plants.point_mass import turn_rates
 from flighttune.vehicles.plants.weather import WindRecord
 
@@ -105,6 +106,17 @@ def test_a_crosswind_that_rises_turns_the_nose_and_not_the_path_over_ground():
 
     pushed_by_thrust = w - V_a * math.tanh(w / V_a)
     assert end["V_g"] * math.sin(end["chi"]) == pytest.approx(pushed_by_thrust, abs=METRE)
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.1])
+def test_a_command_takes_effect_at_the_end_of_its_delay(delay):
+    channel = LaggedChannel(ft.loop.InnerLag(order=1, natural_frequency=5.0, delay=delay), 0.0)
+
+    channel.order(0.0, 1.0)
+    for switch in channel.switches(0.5):
+        channel.move_to(switch)
+
+    assert channel.at(0.5) == pytest.approx(1.0 - math.exp(-5.0 * (0.5 - delay)), rel=1e-9)
 
 
 @pytest.mark.parametrize("w", [4.0, -4.0])
