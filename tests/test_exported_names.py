@@ -103,7 +103,7 @@ def test_the_example_of_a_public_name_runs_as_it_is_printed(name, tmp_path, monk
     value, page = attrgetter(name)(flighttune), REFERENCE[name].read_text()
     text = inspect.getdoc(value) if callable(value) else page.partition(f".{name}\n")[2]
     # Python names the module of an error, pages do not.
-    text = re.sub(r"^( *)(\w+Error): ", r"\1flighttune.errors.\2: ", text, flags=re.MULTILINE)
+    text = re.sub(r"^( *)(\w+Error): ", r"\1flighttune.base.errors.\2: ", text, flags=re.MULTILINE)
     example = doctest.DocTestParser().get_doctest(text, {"ft": flighttune}, name, None, 0)
     said = io.StringIO()
 

@@ -17,7 +17,7 @@ from typing import Any, ClassVar, Literal, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from flighttune.base.answers.answer import Answer, Answering, Table, at_most, pick
+from flighttune.base.answers.answer import Answer, Answering, Table, pick
 from flighttune.base.answers.names import columns as columns_by
 from flighttune.base.arguments import checked_class
 from flighttune.base.arrays import FloatArray, check_positive, set_read_only
@@ -113,7 +113,7 @@ class RateBound(Answering):
     def sentence(self) -> str:
         """The claim in words."""
         none = Fraction(self.R_bound) * Fraction(self.I_star) <= 1
-        what = "none exist" if none else f"R_K <= {at_most(self.R_bound, 6)} 1/s"
+        what = "none exist" if none else f"R_K <= {self.R_bound:.6g} 1/s"
         return (
             "for every linear model whose states are its errors, of any aircraft, and all gains "
             f"with I_K <= {self.I_star:g} s², coupled or not: {what}"

@@ -11,7 +11,7 @@ from typing import Annotated, Any, ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
-from flighttune.base.answers.answer import Answer, Answering, Table, at_least, at_most, pick, quoted
+from flighttune.base.answers.answer import Answer, Answering, Table, pick, quoted
 from flighttune.base.answers.names import columns, listed
 from flighttune.base.arguments import checked_class
 from flighttune.base.arrays import FloatArray, check_positive, set_read_only
@@ -293,13 +293,13 @@ class Certificate(Answering):
             where = f"for the linear model, {states}"
         words = (
             f"{where}: a quadratic form of errors and their rates decays at "
-            f"{at_least(claim.rate, 6)} 1/s, their norm at half of it"
+            f"{claim.rate:.6g} 1/s, their norm at half of it"
         )
         for values in self.rates_values:
             words += (
                 f"; a norm of the loop ({values['loop']}) decays at "
-                f"{at_least(values['decay'], 6)} 1/s, with a growth of at most "
-                f"{at_most(values['growth'], 3)}"
+                f"{values['decay']:.6g} 1/s, with a growth of at most "
+                f"{values['growth']:.3g}"
             )
         sampled = any(rate.sampling for rate in self.exact_rates)
         if sampled or (self.exact_rates and any(lag_units(self.model) != 1.0)):
@@ -310,7 +310,7 @@ class Certificate(Answering):
             return words
         return (
             f"{words}; under a disturbance whose derivative is at most "
-            f"{at_least(claim.L_d, 6)} the norm ends up at {at_most(claim.radius, 6)} or less"
+            f"{claim.L_d:.6g} the norm ends up at {claim.radius:.6g} or less"
         )
 
     def answer(self) -> Answer:

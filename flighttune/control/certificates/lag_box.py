@@ -30,7 +30,6 @@ from typing import Any, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from flighttune.base.answers.answer import at_least, at_most
 from flighttune.base.answers.names import columns
 from flighttune.base.arrays import FloatArray, check_positive, set_read_only
 from flighttune.base.errors import InputError
@@ -164,12 +163,12 @@ class LagBox:
 
     def sentence(self, error: str) -> str:
         """The claim in words."""
-        words = f"{error} {self.place} decays at {at_least(self.rate, 6)} 1/s if that is constant, "
+        words = f"{error} {self.place} decays at {self.rate:.6g} 1/s if that is constant, "
         if self.norm_rate is None or self.growth is None:
             return f"{words}and at no proven rate if it changes"
         return (
-            f"{words}and in a norm at {at_least(self.norm_rate, 6)} 1/s, with a growth of at most "
-            f"{at_most(self.growth, 3)}, if it changes in these ranges at will"
+            f"{words}and in a norm at {self.norm_rate:.6g} 1/s, with a growth of at most "
+            f"{self.growth:.3g}, if it changes in these ranges at will"
         )
 
 

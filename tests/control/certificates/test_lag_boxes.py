@@ -2,7 +2,6 @@
 
 import itertools
 import json
-import math
 from dataclasses import replace
 from fractions import Fraction
 from functools import cache
@@ -108,9 +107,7 @@ def test_a_file_with_boxes_is_valid_and_says_both_rates(tmp_path):
 
     assert verified.valid
     for box in certificate.boxes:
-        assert f"of 0.2..0.6 s decays at {math.floor(1e6 * box.rate) / 1e6:g} 1/s" in (
-            verified.claim.sentence
-        )
+        assert f"of 0.2..0.6 s decays at {box.rate:.6g} 1/s" in verified.claim.sentence
         assert f"in a norm at {box.norm_rate:.6g} 1/s" in verified.claim.sentence
     assert any("does not enclose" in note for note in verified.answer().notes)
 
