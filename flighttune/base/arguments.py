@@ -31,7 +31,7 @@ MAX_LINE = 1000
 # Longest path and longest part of one, bytes.
 MAX_PATH, MAX_PART = 4096, 255
 
-# What nobody's class is.
+# Built-in types. An object of another class may be an iterable that can be read only once.
 PLAIN = (type(None), bool, int, float, complex, str, bytes, list, tuple, dict, set, np.ndarray)
 
 WORDS: dict[Any, str] = {

@@ -123,7 +123,7 @@ def numbers_of(name: str, value: Any) -> FloatArray:
 
 
 def got(value: Any) -> str:
-    """A value, or the kind of one that is none of a line."""
+    """A value for a message, or its kind where it is too long for a line."""
     if isinstance(value, numbers.Integral) and not isinstance(value, bool):
         whole = int(value)
         if abs(whole) >= 10**20:

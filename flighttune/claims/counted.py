@@ -140,7 +140,7 @@ class BandFlights:
     def not_counted(
         self, scenario: Scenario, plant: str, name: str, but: tuple[str, ...] = ()
     ) -> str:
-        """How flights of a scenario are of others than these, in words; empty if they are not.
+        """First difference of a scenario's flights from the counted ones; empty if there is none.
 
         `plant` and `name` are the labels of its plant and gains. Keys that begin with `but` may
         have any value.

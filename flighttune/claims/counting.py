@@ -422,9 +422,9 @@ def _extremes(
     values = np.ravel(shapes.window_extremes(flown, samples)).tolist()
     route = reference_of(scenario)
     moved = route.displacement(run.signals) if isinstance(route, RouteReference) else 0.0
-    # A flight that is behind its start or blown back is not where its distances along and off the
-    # route say, and one whose path angle gives way is none of a model that knows no airspeed: both
-    # are outside of any band. Flights that only teach the shape may be such ones.
+    # The distances along and off the route are wrong for a flight that is behind its start or blown
+    # back. The conformant model knows no airspeed, so that a path angle that gives way is outside
+    # it. Both count as outside any band. Flights that only teach the shape are exempt.
     elsewhere = bool({*OFF_ROUTE} & {*signals}) and moved > SAME_PLACE
     unlike = isinstance(model, ConformantModel) and given_way(run).any()
     if not anywhere and (elsewhere or unlike):

@@ -189,7 +189,7 @@ class Distribution:
         return None
 
     def not_counted(self, scenario: Scenario, plant: PlantTable, but: tuple[str, ...] = ()) -> str:
-        """How a flight is of other flights than these, in words; empty if it could be one of them.
+        """First difference of a flight from the counted ones, in words; empty if there is none.
 
         Unlike in `difference`, a table that the flight leaves out must be one that its flights may
         lack. Keys that begin with `but` may have any value.
@@ -205,7 +205,7 @@ class Distribution:
     def _differences(
         self, flown: Mapping[str, Any], fixed: Mapping[str, Any]
     ) -> Iterator[tuple[str, Any, str]]:
-        """Keys that no flight of these has so: key, value or None, and the values counted."""
+        """Keys whose value was never drawn: key, value or None, and the values counted."""
         flown, fixed = (_at_places(values, self.dispersed) for values in (flown, fixed))
         for key in dict.fromkeys([*flown, *fixed]):
             value, drawn = flown.get(key), self.dispersed.get(key)

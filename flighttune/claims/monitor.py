@@ -146,7 +146,7 @@ class Monitor(Counted, Watching):
         return otherwise or Watching.why_not(self, run)
 
     def not_about(self, run: Run) -> str:
-        """How a run is of other flights than those counted; its faults are what is looked for."""
+        """First difference of a run from the counted flights, but for its faults."""
         if run.provenance.log:
             return "it is the log of a real flight, counted on simulated ones"
         return Counted.not_about(self, run)
@@ -273,7 +273,7 @@ class LogMonitor(Watching):
         try:
             moments = np.array([np.concatenate(log.moments) for log in self.logs])
             peaks = np.array([log.peaks for log in self.logs])
-        except ValueError:  # of other numbers in each
+        except ValueError:  # logs with different numbers of moments
             moments = peaks = np.zeros(0)
         models = self.logs[0].models
         sizes = [len(model.terms) + 1 for model in models]
@@ -328,7 +328,8 @@ class LogMonitor(Watching):
         if run.provenance.gains_name in {log.name for log in self.logs if not log.digest}:
             return "it learned from a log of this name"
         known = {log.digest for log in self.logs}
-        return "it learned from this log" * (_digest(self.logs[0].models, run) in known)
+        learned = _digest(self.logs[0].models, run) in known
+        return "it learned from this log" if learned else ""
 
     @property
     def sentence(self) -> str:

@@ -1,4 +1,4 @@
-"""Columns of a log judged by what is known of motion, and what would mend those that are wrong."""
+"""Columns of a log held against the laws of motion, with corrections for those that are wrong."""
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -134,6 +134,7 @@ def _match(relation: Relation, motion: Motion) -> Match:
 
 
 def _judged(relation: Relation, column: FloatArray, other: FloatArray, dt: float) -> Match:
+    """Compare a column with its value from others: likeness, time and ratio, shape (n, axes)."""
     there = np.isfinite(column).all(axis=1) & np.isfinite(other).all(axis=1)
     if np.count_nonzero(there) * dt < ENOUGH_S:
         return Match("cannot tell", why=f"it and {relation.others} last less than {ENOUGH_S:g} s")

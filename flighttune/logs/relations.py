@@ -19,7 +19,7 @@ STILL = 1.0 * DEG  # rms of angles and rates from which on they are compared, ra
 TRAILING = 4.0 * DEG  # constant angle between course and path that is taken as none, rad
 UNSTEADY = 0.5  # m/s by which wind changes in any air
 COPIED = 0.02  # part of the ground speed by which an airspeed that is it may differ
-DRIFTING = 40.0 * DEG  # the same of nose and course, which are apart in wind
+DRIFTING = 40.0 * DEG  # largest drift angle between nose and course, rad
 
 # Columns that may be each other's, and units that may be taken for each other.
 KINDS = {
@@ -142,7 +142,7 @@ class Motion:
 
     @cached_property
     def span(self) -> int:
-        """Number of samples, odd, that a mean is of."""
+        """Odd number of samples in a moving mean."""
         return 2 * max(1, round(0.5 * SMOOTH_S / self.dt)) + 1
 
     def smooth(self, values: FloatArray) -> FloatArray:
@@ -161,7 +161,7 @@ class Motion:
 
 
 def median(values: FloatArray) -> float:
-    """Of what is finite."""
+    """Median of the finite values; NaN without one."""
     there = values[np.isfinite(values)]
     return float(np.median(there)) if len(there) else math.nan
 
@@ -701,37 +701,15 @@ RELATIONS = (
     ),
     Relation("V_err", (), _speed_error, "the changes of speed", TURNS, 0.05, "loop"),
     Relation("height_err", ("v_down",), _height_error, "the vertical speed", TURNS, 0.5, "loop"),
-    Relation(
-        "phi_cmd",
-        ("phi",),
-        _command("phi"),
-        "the roll",
-        (0.3, 4.0),
-        STILL,
-        "loop",
-        "changes",
-        FOLLOWED,
-    ),
-    Relation(
-        "theta_cmd",
-        ("theta",),
-        _command("theta"),
-        "the pitch",
-        (0.3, 4.0),
-        STILL,
-        "loop",
-        "changes",
-        FOLLOWED,
-    ),
-    Relation(
-        "n_z_cmd",
-        ("n_z",),
-        _command("n_z"),
-        "the load factor",
-        (0.3, 4.0),
-        0.05,
-        "loop",
-        "changes",
-        FOLLOWED,
+    *(
+        Relation(
+            *(f"{name}_cmd", (name,), _command(name), words),
+            *((0.3, 4.0), still, "loop", "changes", FOLLOWED),
+        )
+        for name, words, still in (
+            ("phi", "the roll", STILL),
+            ("theta", "the pitch", STILL),
+            ("n_z", "the load factor", 0.05),
+        )
     ),
 )

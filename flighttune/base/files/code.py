@@ -108,8 +108,8 @@ def ask(file: str, stated: str | None, where: str) -> bytes:
     digest = sha256(content).hexdigest()
     if not runs or (runs is Runs.NAMED and (stated or digest) not in _NAMED):
         raise ScenarioError(
-            f"{where} `module` must be allowed by `--run-code`, or named by the scenario file that "
-            f"is flown: {file} is Python code."
+            f"{where} `module` names Python code, {file}, which must be allowed by `--run-code` "
+            "or be named by the scenario file that is flown."
         )
     if stated != digest and (stated is not None or digest not in _NAMED):
         raise ScenarioError(

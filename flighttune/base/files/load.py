@@ -169,7 +169,7 @@ def sealed_bytes(path: Path, kind: str, remedy: str = "fly it again") -> bytes:
 
 
 def file_bytes(path: Path, kind: str, first: int | None = None) -> bytes:
-    """Bytes of a file that is not empty, or the `first` ones; one line says why there are none."""
+    """Bytes of a file that is not empty, or the `first` ones; else a RecordingError."""
     if not path.is_file():
         got = "a folder" if path.is_dir() else "no such file"
         raise RecordingError(f"{path}: must be a {kind}, got {got}.")

@@ -80,7 +80,7 @@ FunctionCache: Any = numba.core.caching.FunctionCache if COMPILED else object
 
 
 class Kept(FunctionCache):
-    """Compiled functions on disk, each with its SHA-256: an aid, without which all goes on."""
+    """Compiled functions on disk, each with its SHA-256; after any error they are compiled."""
 
     # Numba believes its own files: it raises on one that was cut, and runs one that was changed.
 
@@ -123,7 +123,7 @@ def kernel(function: Callable[..., Any]) -> Any:
     # digest of every source that goes into it is therefore made a part of its name.
     function.__qualname__ = f"{function.__qualname__}_{DIGEST}"
     compiled: Any = njit(function)
-    with suppress(Exception):  # nowhere to write
+    with suppress(Exception):  # Numba raises where no folder can be written to
         compiled._cache = Kept(function)
     return compiled
 

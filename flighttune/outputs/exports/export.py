@@ -159,7 +159,7 @@ def _of_exact_law(law: RateLaw) -> dict[str, Any]:
 def _not_counted(
     monitor: Watching, scenario: Scenario, name: str, gains: PIGains, plant: str | None
 ) -> str:
-    """How flights of a scenario are of others than those a monitor was counted on, in words."""
+    """First difference of a scenario's flights from those of a monitor; empty if there is none."""
     if not isinstance(monitor, Monitor):
         return ""
     label = aircraft_table(scenario, plant).label if scenario.aircraft or plant else "no aircraft"
