@@ -21,7 +21,7 @@ from flighttune.campaigns.statistics.count import allowed_outside, counted_scale
 from flighttune.claims.distribution import Distribution
 from flighttune.claims.shape import MIN_LEARNED, Extremes, predicted, scores_of
 from flighttune.control.gains import PIGains, gains_table
-from flighttune.control.law import DEFAULT, split_name
+from flighttune.control.law import split_name
 from flighttune.flight.loop.run import Kind, Run, along_route
 from flighttune.flight.route import PlannedRoute, planned_route
 from flighttune.flight.scenario.load import scenario_of
@@ -128,7 +128,7 @@ class BandFlights:
 
     def flown_otherwise(self, plant: str, name: str, gains: PIGains | None) -> str:
         """Which of plant, law and gains of a flight are others, in words; empty if none is."""
-        laws = [split_name(x)[0] or DEFAULT for x in (name, self.gains_name)]
+        laws = [split_name(x)[0] for x in (name, self.gains_name)]
         if self.plant != plant:
             return f"plant is {plant}, counted on {self.plant}"
         if laws[0] != laws[1]:

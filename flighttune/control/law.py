@@ -167,16 +167,11 @@ def pi_settings(setup: LawSetup, law: str) -> dict[str, Any]:
 DEFAULT = "paper"
 
 
-def split_name(name: str) -> tuple[str, str]:
-    """Law and gain set of a name such as ``exact:tuned``; the law is empty where it has none."""
+def split_name(name: str, laws: Collection[str] = ()) -> tuple[str, str]:
+    """Law and gain set of a name such as ``exact:tuned``, among the laws of a scenario."""
     law, _, gains = name.rpartition(":")
-    return law, gains
-
-
-def law_name(name: str, laws: Collection[str]) -> str:
-    """Law of a gain set among the laws of a scenario: the one it names, or the one meant."""
-    law, _ = split_name(name)
-    return law or (DEFAULT if DEFAULT in laws or len(laws) != 1 else next(iter(laws)))
+    # without a law before the colon it is the only one, or the paper's
+    return law or (DEFAULT if DEFAULT in laws or len(laws) != 1 else next(iter(laws))), gains
 
 
 @cache

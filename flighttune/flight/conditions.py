@@ -1,9 +1,10 @@
 """What a scenario means in SI: its start, the limits of its commands, its reference, its air."""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
-from typing import NamedTuple
+from functools import wraps
+from typing import NamedTuple, TypeAlias, TypeVar
 
 import numpy as np
 
@@ -33,7 +34,24 @@ TURN_COURSES = 8
 # Roll short of 90 deg, rad: beyond it no turn rate is out of reach.
 STEEPEST_ROLL = math.pi / 2.0 - 1e-6
 
+AnyReference: TypeAlias = Reference | FeasibleReference | RouteReference
+T = TypeVar("T")
 
+
+def _kept(found: Callable[[Scenario], T]) -> Callable[[Scenario], T]:
+    """What a scenario means, found once: like a cached property, a copy is asked again."""
+
+    @wraps(found)
+    def kept(scenario: Scenario, /) -> T:
+        values = vars(scenario)
+        if found.__name__ not in values:
+            values[found.__name__] = found(scenario)
+        return values[found.__name__]
+
+    return kept
+
+
+@_kept
 def stated_condition(scenario: Scenario) -> FlightCondition:
     """Condition that [flight] states; on a route its angles count from those of its start."""
     f = scenario.flight
@@ -48,6 +66,7 @@ def stated_condition(scenario: Scenario) -> FlightCondition:
     )
 
 
+@_kept
 def start_condition(scenario: Scenario) -> FlightCondition:
     """Condition in which the flight starts in its steady wind: the path through the air."""
     start, wind = stated_condition(scenario), scenario.wind
@@ -61,6 +80,7 @@ def start_condition(scenario: Scenario) -> FlightCondition:
     return replace(start, chi=chi, gamma=gamma)
 
 
+@_kept
 def command_limits(scenario: Scenario) -> Limits:
     """Limits of the commands on every plant: those of [limits], else of the first aircraft."""
     if (aircraft := scenario.aircraft) and scenario.limits == LimitsTable():
@@ -92,7 +112,8 @@ def weather_of(scenario: Scenario) -> Weather | None:
     )
 
 
-def reference_of(scenario: Scenario) -> Reference | FeasibleReference | RouteReference:
+@_kept
+def reference_of(scenario: Scenario) -> AnyReference:
     """The reference that the outer loop follows; an InputError says why it cannot be flown."""
     if scenario.feasible:
         return feasible_reference(manoeuvre_of(scenario))

@@ -16,7 +16,6 @@ from flighttune.base.arguments import checked_class
 from flighttune.base.arrays import FloatArray
 from flighttune.base.units import DEG
 from flighttune.control.gains import PAPER_SPEED, PIGains, paper_family
-from flighttune.control.law import split_name
 from flighttune.control.theory.indicators import Indicators
 from flighttune.control.tuning.result import TuningResult
 from flighttune.flight import metrics
@@ -549,7 +548,7 @@ def _ways(
             for check in bound_checks(tables, measures(law))
         ):
             yield f"gains that meet it on the aircraft too, `flighttune meet {source}`"
-    gains = split_name(made_by.gains_name)[1]
+    gains = made_by.listed
     better = not {TUNED_IDENTIFIED, TUNED_FED_BACK} & {
         x for x in scenario.gains if isinstance(x, str)
     }

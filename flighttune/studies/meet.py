@@ -28,7 +28,7 @@ from flighttune.campaigns.statistics.count import LOOK, sure
 from flighttune.campaigns.statistics.intervals import CONFIDENCE, share
 from flighttune.claims.counted_flights import at_random
 from flighttune.control.gains import PAPER_GAINS, PIGains
-from flighttune.control.law import Law, law_kinds, split_name
+from flighttune.control.law import Law, law_kinds
 from flighttune.control.linear_model import closed_loop
 from flighttune.control.theory.indicators import indicators_batch
 from flighttune.flight import load, models
@@ -379,7 +379,7 @@ def stated(check: BoundCheck) -> dict[str, Any]:
 def starting_gains(scenario: Scenario, law: Law) -> dict[str, PIGains]:
     """Gains tuned for a law, and those of a scenario, by name; without what does not exist."""
     sets: dict[str, PIGains | None] = {}
-    listed = [split_name(name)[1] for name in scenario.gain_names]
+    listed = map(scenario.listed_as, scenario.gain_names)
     for name in dict.fromkeys([*tables.TUNED_FOR_AIRCRAFT, tables.TUNED, *listed]):
         with suppress(InputError):  # e.g. no aircraft is identified
             sets[name] = models.gain_set(scenario, law.names_of([name])[0])

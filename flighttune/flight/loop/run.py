@@ -14,7 +14,7 @@ from flighttune.base.arrays import FloatArray
 from flighttune.base.errors import InputError
 from flighttune.base.units import DEG
 from flighttune.control.gains import PIGains
-from flighttune.control.law import Law, law_name, made_law, plain_laws
+from flighttune.control.law import Law, made_law, plain_laws, split_name
 from flighttune.vehicles.plants.base import StopStatus, aircraft_of
 
 
@@ -213,12 +213,22 @@ class Provenance:
     def law(self) -> Law:
         """The law flown; an InputError says that there is none of its kind."""
         tables = {table["name"]: table for table in self.scenario.get("law") or ()}
-        name, gains = law_name(self.gains_name, tables), self.gains
+        (name, _), gains = self._split, self.gains
         table = tables.get(name) or {"kind": name if name in plain_laws() else "python"}
         law = made_law(**{**table, "name": name})
         if gains is not None and law.by_gains and gains.inputs[:2] != law.inputs:
             return made_law(gains.law)
         return law
+
+    @property
+    def listed(self) -> str:
+        """Name of the gains without the law, as the scenario lists them."""
+        return self._split[1]
+
+    @property
+    def _split(self) -> tuple[str, str]:
+        laws = [table["name"] for table in self.scenario.get("law") or ()]
+        return split_name(self.gains_name, laws)
 
     @property
     def log(self) -> Mapping[str, Any] | None:

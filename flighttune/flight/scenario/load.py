@@ -31,7 +31,7 @@ from flighttune.base.files.table import (
     validated,
 )
 from flighttune.control.gains import PIGains
-from flighttune.control.law import DEFAULT, split_name
+from flighttune.control.law import DEFAULT
 from flighttune.flight.loop.run import Run
 from flighttune.flight.scenario.schema import GainsTable, Scenario
 from flighttune.flight.scenario.tables import LawTable, PlantTable
@@ -218,7 +218,7 @@ def with_gains(
             entry = gains_table(Path(name))
             gains, law = entry.name, f"{scenario.law_of('', entry.gains())[0].name}:"
         else:
-            gains, law = split_name(name)[1], name
+            gains, law = scenario.listed_as(name), name
             entry = by_name.get(gains, gains)
         flown_by = scenario.law_table(law)
         laws[flown_by.name] = flown_by

@@ -15,7 +15,7 @@ from flighttune.base.files.shipped import nearest_name
 from flighttune.base.files.table import abridged, hash_of, refused_in_a_line
 from flighttune.base.quantities import FASTEST_WIND, STEEPEST_DEG, Table
 from flighttune.control.gains import COMMANDS, PIGains, paper_family
-from flighttune.control.law import DEFAULT, Law, law_name, made_law, split_name
+from flighttune.control.law import DEFAULT, Law, made_law, split_name
 from flighttune.flight.metrics import CHANNELS, OFF_ROUTE, UNSETTLED, required_names
 from flighttune.flight.scenario import tables
 from flighttune.flight.scenario.route import RouteTable, TurnBackTable
@@ -254,7 +254,7 @@ class Scenario(Table):
         They are those of one `plant` and one of `gain_names`, by default of all.
         """
         sets = (entry for entry in self.gains if isinstance(entry, GainsTable))
-        flown = [x for x in sets if gains is None or split_name(gains)[1] == x.name]
+        flown = [x for x in sets if gains is None or self.listed_as(gains) == x.name]
         if not any(entry.tuned_for for entry in flown):
             return self.assumptions
         aircraft = tables.flown_aircraft(self.plant if plant is None else [self.plant_table(plant)])
@@ -318,7 +318,7 @@ class Scenario(Table):
     def law_table(self, name: str) -> tables.LawTable:
         """The table of the law that flies a gain set; `name` as for `law_of`."""
         listed = {table.name: table for table in self.law_tables}
-        law = law_name(name, listed)
+        law, _ = self._split(name)
         if law not in listed and law not in tables.LAWS:
             laws = ", ".join(dict.fromkeys([*listed, *tables.LAWS]))
             raise InputError(
@@ -326,12 +326,19 @@ class Scenario(Table):
             )
         return listed.get(law) or tables.law_named(law)
 
+    def listed_as(self, name: str) -> str:
+        """A gain set of `gain_names` as ``gains`` lists it, without the law."""
+        return self._split(name)[1]
+
+    def _split(self, name: str) -> tuple[str, str]:
+        return split_name(name, [table.name for table in self.law_tables])
+
     def law_of(self, name: str, gains: PIGains | None = None) -> tuple[Law, str]:
         """The law that flies a gain set of `gain_names`, and the gain set as ``gains`` lists it."""
-        law, own = self.law_table(name).law, split_name(name)[1]
+        law = self.law_table(name).law
         if gains is not None and law.by_gains and gains.inputs[:2] != law.inputs:
             law = self.law_for(gains)
-        return law, own
+        return law, self.listed_as(name)
 
     def law_for(self, gains: PIGains) -> Law:
         """The first law of the scenario that takes gains as they are, else the one they are of."""

@@ -20,7 +20,6 @@ from flighttune.base.errors import InputError
 from flighttune.base.files.table import toml_text
 from flighttune.campaigns.planning.plan import plain
 from flighttune.control.gains import PIGains
-from flighttune.control.law import split_name
 from flighttune.control.tuning.result import TuningResult
 from flighttune.flight.flown import BoundCheck, FlownScenario
 from flighttune.flight.fly import fly
@@ -64,7 +63,7 @@ def write_meet_page(path: Path, meeting: Meeting, command: str) -> Report:
         excess = -np.nan_to_num([row["margin"] for row in rows], nan=-np.inf)
         worst = np.argsort(-excess, kind="stable")[:PAIRS].tolist()
         charts = [chart(trials, rows, i, k) for i, k in combinations(worst, 2)]
-    start = split_name(meeting.start)[1]  # without the law, as gains are named in a scenario
+    start = meeting.scenario.listed_as(meeting.start)
     sets = {start: meeting.start_gains, "found": meeting.gains}
     costs = TEXTS["shares" if counted else "candidates"]
     return _write(

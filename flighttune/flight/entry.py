@@ -1,0 +1,98 @@
+"""Who flies: one gain set by one law on one plant of a scenario, found once by their names."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+from flighttune.control.gains import PIGains
+from flighttune.control.law import Law
+from flighttune.control.limits import Limits
+from flighttune.flight import conditions
+from flighttune.flight.own import with_own
+from flighttune.flight.scenario.schema import Scenario
+from flighttune.flight.scenario.tables import PlantTable
+from flighttune.vehicles.plants.base import FlightCondition
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Entry:
+    """One gain set flown by one law on one plant of a scenario: each flight is that of an entry."""
+
+    scenario: Scenario
+    plant: PlantTable
+    law: Law
+    gains: PIGains | None  # None where tuning found none
+    name: str  # of the gains, as runs have it: ``tuned``, ``exact:tuned``
+
+    @property
+    def label(self) -> str:
+        """``plant / gains``, as `Run.label`."""
+        return f"{self.plant.label} / {self.name}"
+
+    @property
+    def listed(self) -> str:
+        """Name of the gains without the law, as the scenario lists them."""
+        return self.scenario.listed_as(self.name)
+
+    @cached_property
+    def limits(self) -> Limits:
+        """Limits of the commands: of the scenario and, on an aircraft, of its folder."""
+        return conditions.limits_on(self.scenario, [self.plant])
+
+    @property
+    def reference(self) -> conditions.AnyReference:
+        """The reference that the outer loop follows."""
+        return conditions.reference_of(self.scenario)
+
+    @property
+    def condition(self) -> FlightCondition:
+        """Condition in which the flight starts in its steady wind."""
+        return conditions.start_condition(self.scenario)
+
+    @cached_property
+    def lead(self) -> tuple[float, float]:
+        """Lags (s) of roll and lift behind their plan on the plant."""
+        return conditions.lead_on(self.scenario, self.plant)
+
+    @cached_property
+    def wind_from(self) -> "Entry | None":
+        """The aircraft whose wind the plant replays; None of an aircraft, or in still air."""
+        source = self.scenario.wind_source
+        if source is None or self.plant.aircraft is not None:
+            return None
+        return replace(self, plant=source)
+
+    @property
+    def own(self) -> tuple[tuple[str, str], ...]:
+        """What flies from a file of the user: ``law`` or ``plant``, and its name."""
+        flown = self.law.name, self.plant.label
+        return tuple((key, table.name or "") for key, table in self.scenario.of_files(flown))
+
+    def within(self, scenario: Scenario) -> "Entry":
+        """The same plant, law and gains in another scenario that has them."""
+        return entry_of(scenario, self.name, self.gains, self.plant.label)
+
+    def bound(self, *, plant: bool = True) -> "Entry":
+        """The entry whose law, and `plant`, hold the classes of the user that they fly by."""
+        flown = {self.law.name, *([self.plant.label] if plant else [])}
+        scenario = with_own(self.scenario, flown=flown)
+        if scenario is self.scenario:
+            return self
+        laws = {table.name: table.law for table in scenario.law_tables}
+        law, table = laws.get(self.law.name, self.law), scenario.plant_table(self.plant.label)
+        return replace(self, scenario=scenario, law=law, plant=table)
+
+
+def entry_of(
+    scenario: Scenario, name: str, gains: PIGains | None, plant: str | None = None
+) -> Entry:
+    """The entry of gains by the name that they fly by, on a plant, by default the first."""
+    law, _ = scenario.law_of(name, gains)
+    table = scenario.plant[0] if plant is None else scenario.plant_table(plant)
+    return Entry(scenario=scenario, plant=table, law=law, gains=gains, name=name)
+
+
+def entries(scenario: Scenario, gain_sets: Mapping[str, PIGains | None]) -> tuple[Entry, ...]:
+    """Every gain set on every plant, plant by plant."""
+    first = [entry_of(scenario, name, gains) for name, gains in gain_sets.items()]
+    return tuple(replace(entry, plant=table) for table in scenario.plant for entry in first)
