@@ -34,6 +34,8 @@ from fuzzing import (
 )
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from log_files import sampled as sampled_log
+from log_files import write_dataflash, write_tlog, write_ulog
 from made_up import made_up_scenario, run_file, scenario_file, shortened
 from places import SHIPPED_AIRCRAFT, SHIPPED_SCENARIOS
 from plans import HOME, PATROL, item, plan_file, terrain
@@ -49,6 +51,7 @@ from flighttune.flight.models import law_model
 from flighttune.flight.route import planned_route
 from flighttune.gaps.compare import load_source
 from flighttune.logs.parameters import flown_now
+from flighttune.outputs.recording.record import record
 from flighttune.routes.fence import fence_tables, read_fence
 from flighttune.routes.maps import ground_at
 from flighttune.routes.mission import read_route
@@ -523,6 +526,46 @@ def binary(name, data, load, use=lambda _: None):
     return Kind(name, data, bytes, load, use, files=lambda made, _: binary_files(made))
 
 
+def of_a_turn():
+    """The flights of a short level turn."""
+    turn = shortened("level_turn", 4.0, gains=["paper"], expect=[])
+    return ft.fly(turn)
+
+
+def logged(write, name):
+    """A log of the first seconds of a level turn, as an autopilot writes it."""
+
+    def made(folder):
+        run = of_a_turn().runs[0]
+        t, signals = sampled_log(run, dropouts=False)
+        return write(
+            folder / name, t[:100], {key: x[:100] for key, x in signals.items()}
+        ).read_bytes()
+
+    return made
+
+
+def recorded(folder):
+    """A recording of one short flight."""
+    record(of_a_turn(), folder, name="x")
+    return (folder / "x.rrd").read_bytes()
+
+
+def monitored(folder):
+    """A monitor of three logs."""
+    t = np.arange(500) / 25.0
+
+    def log(k):
+        phi, p = 0.5 * np.sin(0.7 * t + k), 0.35 * np.cos(0.7 * t + k)
+        r = 0.5 * np.sin(phi) + 0.1 * p + 0.01 * np.cos(40.0 * t + k)
+        table = {"t_s": t, "phi_rad": phi, "p": p, "r": r, "v_north": 20.0, "v_east": 0.0 * t}
+        pd.DataFrame(table).to_csv(folder / f"{k}.csv", index=False)
+        return ft.load_log(folder / f"{k}.csv")
+
+    ft.monitor(*map(log, range(3))).save(folder / "x.npz")
+    return (folder / "x.npz").read_bytes()
+
+
 def said_of(claim):
     answered(lambda: claim.answer(), lambda: claim.sentence)
 
@@ -539,6 +582,11 @@ BINARY = {
     "table of a log": binary(
         "x.csv", lambda _: comma_separated(JSBSIM_TABLE).encode(), ft.load_log
     ),
+    "ULog": binary("x.ulg", logged(write_ulog, "x.ulg"), ft.load_log),
+    "DataFlash": binary("x.bin", logged(write_dataflash, "x.bin"), ft.load_log),
+    "telemetry": binary("x.tlog", logged(write_tlog, "x.tlog"), ft.load_log),
+    "recording": binary("x.rrd", recorded, ft.load),
+    "monitor": binary("x.npz", monitored, ft.load, said_of),
     "corners": binary("x.fen", lambda _: CORNER_LINES, of_fence),
 }
 """Kinds of files whose bytes are changed, and not their values."""
