@@ -25,12 +25,14 @@ def made(parameters):
     return scenario(parameters).laws[0].make(setup)
 
 
-def commanded(parameters, *, chi=0.0, V=20.0, wind=(0.0, 0.0), samples=3, path=(0.0,) * 5):
+def commanded(
+    parameters, *, chi=0.0, V=20.0, V_sp=None, wind=(0.0, 0.0), samples=3, path=(0.0,) * 5
+):
     """Commands after samples of steady level flight; `path` as of `ReferenceSample`."""
     law, c, s = made(parameters), math.cos(chi), math.sin(chi)
     across = wind[1] * c - wind[0] * s
     V_g = wind[0] * c + wind[1] * s + math.sqrt(V * V - across * across)
-    law.start(ft.loop.FlightCondition(V_a=V, chi=chi))
+    law.start(ft.loop.FlightCondition(V_a=V_sp or V, chi=chi))
     for k in range(samples):
         place = V_g * k * DT * c, V_g * k * DT * s, 0.0
         measured = ft.loop.Measured(chi, 0.0, V, 0.0, 1.0, 100.0, place, (*wind, 0.0), theta=0.0)
@@ -65,6 +67,103 @@ def on_path(right, curvature=0.0):
 )
 def test_the_roll_is_that_of_the_published_equations(parameters, flight, roll):
     assert commanded(parameters, **flight)[0] == pytest.approx(roll, abs=ROUNDED)
+
+
+# Nothing limits the roll.
+FREE = NPFG | {"FW_R_LIM": 89.99}
+BOUNDED = FREE | {"NPFG_LB_PERIOD": 1.0, "NPFG_UB_PERIOD": 0.0, "NPFG_PERIOD": 2.0}
+BOTH = BOUNDED | {"NPFG_UB_PERIOD": 1.0, "NPFG_PERIOD": 90.0}
+CROSS = {"V": 20.0, "chi": 0.2, "wind": (4.0, -3.0), "path": (0.1, 6.0, 0.0, 0.02, 0.0)}
+
+
+@pytest.mark.parametrize(
+    ("parameters", "flight", "acceleration"),
+    [
+        # beside a right turn in a headwind from the left, and a left one asked for at 19 m/s
+        (FREE, {"chi": 0.3, "wind": (-4, 5), "path": (0.1, 15, 0, 0.006, 0)}, -6.28855564),
+        (
+            FREE,
+            {"chi": -2, "V": 16, "V_sp": 19, "wind": (3, -2), "path": (-1.8, -25, 0, -0.008, 0)},
+            9.502941255,
+        ),
+        # wind within 1.5 m/s of the airspeed, ahead and across; wind above it
+        (FREE, {"chi": 0.2, "V": 10, "wind": (-6, -7), "path": (2.6, 3, 0, 0.01, 0)}, 1.036553843),
+        (
+            FREE,
+            {"chi": 2.1, "V": 10, "wind": (-9.2, 1), "path": (1.3, 4, 0, 0.02, 0)},
+            -7.872387299,
+        ),
+        (FREE, {"chi": 2.4, "V": 8, "wind": (-9, 3), "path": (0.2, -6, 0, 0.01, 0)}, -7.037167544),
+        # turned away from its track, 0.2 m from the middle of a circle, 0.6 m/s over ground
+        (FREE, {"chi": 2.5, "V": 18, "wind": (1, 2), "path": (0.1, -8, 0, 0.01, 0)}, -15.833626974),
+        (FREE, {"chi": 0.1, "wind": (1, 2), "path": (0, 49.8, 0, 0.02, 0)}, 343.009839282),
+        (
+            FREE,
+            {"chi": 0.1, "V": 12, "wind": (-11.4, 0.5), "path": (0.2, 1.5, 0, 0, 0)},
+            -0.420506654,
+        ),
+        # least periods in a windy turn, where it is partly feasible, and with little damping
+        (BOUNDED, CROSS, 2.66323777),
+        (BOUNDED, {"chi": 2.4, "V": 10, "wind": (-7, 6), "path": (2.4, 3, 0, 0.02, 0)}, 5.00314761),
+        (BOUNDED | {"NPFG_DAMPING": 0.4}, CROSS, 2.623521194),
+        # largest periods, below the least one, and in a wind above the airspeed
+        (BOTH, CROSS, 12.042647705),
+        (
+            BOTH | {"NPFG_PERIOD": 20.0},
+            {"chi": 0.2, "wind": (12, -3), "path": (0.1, 6, 0, 0.2, 0)},
+            1896.852723152,
+        ),
+        (BOTH, {"chi": 2.2, "V": 8, "wind": (-9, 3), "path": (2.5, 2, 0, 0.03, 0)}, 9.213849734),
+    ],
+)
+def test_npfg_accelerates_as_the_source_of_px4_does(parameters, flight, acceleration):
+    # DirectionalGuidance.cpp, CourseToAirspeedRefMapper.cpp and controlHeading, in its vectors
+    found = math.tan(commanded(parameters, **flight)[0]) * G
+    assert found == pytest.approx(acceleration, rel=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("flight", "acceleration"),
+    [
+        # outside of a right circle, towards it and away; a left one; backwards on both sides
+        ({"chi": 0.3, "path": (0.1, -5, 0, 0.01, 0)}, 2.139341015056),
+        ({"chi": 0.1, "path": (0.5, -30, 0, 0.01, 0)}, 11.026284130633),
+        ({"chi": -0.6, "path": (0.2, 30, 0, -0.01, 0)}, 2.362380905792),
+        ({"chi": 2.8, "path": (0, -8, 0, 0.01, 0)}, -10.447336882916),
+        ({"chi": -2.6, "path": (0.2, -6, 0, -0.01, 0)}, 0.756161308409),
+        # inside: near its middle, of a left one, and backwards
+        ({"chi": 0.4, "path": (0.1, 70, 0, 0.01, 0)}, -5.537624407989),
+        ({"chi": 0.2, "V": 15, "path": (0.1, 10, 0, -0.02, 0)}, -5.908872796112),
+        ({"chi": -2, "path": (0.3, 12, 0, 0.01, 0)}, 8.646952970182),
+    ],
+)
+def test_l1_holds_a_circle_as_the_source_of_ardupilot_does(flight, acceleration):
+    # AP_L1_Control::update_loiter, with its vectors from the middle of the circle
+    found = math.tan(commanded(L1 | {"ROLL_LIMIT_DEG": 89.99}, **flight)[0]) * G
+    assert found == pytest.approx(acceleration, rel=1e-10)
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+@pytest.mark.parametrize(
+    ("distance", "samples", "integral"),
+    # 0.05 of the angle to the track in a second, up to 0.1 rad; none beyond 5 deg
+    [(5.0, 100, 0.1 * math.asin(5.0 / 81.1691)), (5.0, 3000, 0.1), (9.0, 100, 0.0)],
+)
+def test_l1_adds_up_small_angles_to_a_track(side, distance, samples, integral):
+    # L1 distance 0.75 * 17 s * 20 m/s / pi = 81.1691 m; 4 * 0.75^2 * (20 m/s)^2 over it
+    parameters = L1 | {"NAVL1_XTRACK_I": 0.05, "ROLL_LIMIT_DEG": 80.0}
+    roll, *_ = commanded(parameters, samples=samples, **on_path(-side * distance))
+    angle = math.asin(distance / 81.1691) + integral
+    assert math.tan(roll) * G == pytest.approx(
+        side * 2.25 * 400.0 / 81.1691 * math.sin(angle), rel=1e-5
+    )
+
+
+def test_l1_of_ardupilot_leads_to_a_far_track_at_half_a_right_angle():
+    far, further = (commanded(L1, **on_path(right))[0] for right in (-60.0, -200.0))
+    assert far == pytest.approx(further, abs=1e-12)
+    at_45_deg = 2.25 * 400.0 / 81.1691 * math.sin(0.25 * math.pi)
+    assert math.tan(far) * G == pytest.approx(at_45_deg, rel=1e-5)
 
 
 @pytest.mark.parametrize(
@@ -124,6 +223,127 @@ def test_tecs_pitches_for_the_missing_height_over_its_time_constant(parameters, 
     _, lift, climb = commanded(parameters, samples=3000, path=(0.0, 0.0, 4.0, 0.0, 0.0))
     assert climb == pytest.approx(angle, abs=1e-5)
     assert lift == pytest.approx(1.0 + 20.0 / G * angle / late, abs=1e-4)
+
+
+def climbed(
+    parameters, *, V=20.0, V_sp=20.0, speeding=0.0, gamma=0.0, alpha=0.0, phi=0.0, samples=150,
+    track=None, slope=0.0,
+):  # fmt: skip
+    """Commands after samples of straight flight north that gains speed, m/s^2, from 100 m on.
+
+    The track is at a height (m), or its slope alone is asked for.
+    """
+    law, x, h = made(parameters), 0.0, 100.0
+    law.start(ft.loop.FlightCondition(V_a=V_sp))
+    for k in range(samples):
+        V_a, moves = V + speeding * k * DT, DT * (k > 0)
+        x, h = x + V_a * math.cos(gamma) * moves, h + V_a * math.sin(gamma) * moves
+        measured = ft.loop.Measured(
+            0.0, gamma, V_a, phi, 1.0, h, (x, 0.0, 100.0 - h), None, theta=gamma + alpha
+        )
+        path = None if track is None else (0.0, 0.0, track - h, 0.0, 0.0)
+        answer = law.step(measured, ft.loop.ReferenceSample(0.0, math.atan(slope), path=path), 0.0)
+    return answer
+
+
+SPEEDING = {"track": 103.0, "samples": 40, "gamma": 0.05, "alpha": 0.03, "speeding": 0.5}
+
+
+@pytest.mark.parametrize(
+    ("period", "parameters", "flight", "angle"),
+    [
+        ("NPFG_PERIOD", {}, SPEEDING | {"V_sp": 22.0}, 0.020645284725),
+        ("NPFG_PERIOD", {"FW_T_CLMB_MAX": 2.5, "FW_T_CLMB_R_SP": 4}, {"track": 200}, 0.139834808),
+        ("NPFG_PERIOD", {"FW_T_SINK_MAX": 1.5, "FW_T_SINK_R_SP": 3}, {"track": 20}, -0.08554052),
+        ("NPFG_PERIOD", {"FW_T_I_GAIN_PIT": 0.3}, {"track": 70.0, "samples": 100}, -0.10146652),
+        (
+            "NPFG_PERIOD",
+            {"FW_T_SPDWEIGHT": 0.4},
+            {"track": 102.0, "V_sp": 23.0, "speeding": 0.4},
+            0.011126269566,
+        ),
+        (
+            "NPFG_PERIOD",
+            {"FW_T_SPDWEIGHT": 1.7, "FW_T_SINK_MIN": 3.0},
+            {"track": 100.0, "V_sp": 12.0},
+            0.105,
+        ),
+        (
+            "FW_L1_PERIOD",
+            {"FW_T_SEB_R_FF": 0.8},
+            {"slope": 0.06, "gamma": 0.02, "V_sp": 20.5},
+            0.051753717901,
+        ),
+        ("NPFG_PERIOD", {"FW_T_VERT_ACC": 4}, {"track": 120, "samples": 5, "V": 18}, -0.1 / 4.5),
+        ("NAVL1_PERIOD", {}, SPEEDING | {"V_sp": 22.0}, -0.029840005067),
+        ("NAVL1_PERIOD", {"TECS_CLMB_MAX": 2.5}, {"track": 200.0}, 0.19005325301),
+        ("NAVL1_PERIOD", {"TECS_SINK_MAX": 1.5}, {"track": 20.0}, -0.114031951806),
+        (
+            "NAVL1_PERIOD",
+            {"TECS_SPDWEIGHT": 0.4},
+            {"track": 102.0, "V_sp": 23.0, "speeding": 0.4},
+            -0.030882134144,
+        ),
+        ("NAVL1_PERIOD", {"TECS_SPDWEIGHT": 1.7}, {"track": 100.0, "V_sp": 19.0}, 0.103363914373),
+        (
+            "NAVL1_PERIOD",
+            {"TECS_TIME_CONST": 4.0},
+            {"slope": 0.06, "gamma": 0.02, "V_sp": 20.5},
+            -0.020546813554,
+        ),
+    ],
+)
+def test_tecs_climbs_as_the_sources_of_px4_and_ardupilot_do(period, parameters, flight, angle):
+    # TECS.cpp of PX4 and AP_TECS.cpp of ArduPilot, sample by sample with their default parameters
+    found = climbed({period: 15.0, **parameters}, **flight)[2]
+    assert found == pytest.approx(angle, abs=1e-10)
+
+
+UP, DOWN = {"track": 200.0}, {"track": 20.0}
+
+
+@pytest.mark.parametrize(
+    ("parameters", "flight", "pitch"),
+    [
+        (NPFG | {"FW_P_LIM_MAX": 3.0, "FW_P_LIM_MIN": -9.0}, UP, 3.0),
+        (NPFG | {"FW_P_LIM_MAX": 9.0, "FW_P_LIM_MIN": -3.0}, DOWN, -3.0),
+        (L1 | {"TECS_PITCH_MAX": 3.0, "TECS_PITCH_MIN": -9.0}, UP, 3.0),
+        (L1 | {"TECS_PITCH_MAX": 9.0, "TECS_PITCH_MIN": -3.0}, DOWN, -3.0),
+        # limits of TECS that are 0 are not set, and those of the aircraft hold beside others
+        (L1 | {"TECS_PITCH_MAX": 0.0, "PTCH_LIM_MAX_DEG": 4.0}, UP, 4.0),
+        (L1 | {"PTCH_LIM_MIN_DEG": -2.0}, DOWN, -2.0),
+        (L1 | {"TECS_PITCH_MIN": -9.0, "PTCH_LIM_MIN_DEG": -2.0}, DOWN, -2.0),
+        (L1 | {"TECS_PITCH_MAX": 9.0, "PTCH_LIM_MAX_DEG": 2.0}, UP, 2.0),
+    ],
+)
+def test_the_pitch_stays_in_the_limits_of_its_side(parameters, flight, pitch):
+    trim = 0.02
+    _, _, angle = climbed(parameters, alpha=trim, **flight)
+    assert math.degrees(angle + trim) == pytest.approx(pitch, abs=1e-9)
+
+
+@pytest.mark.parametrize(("bank", "divided"), [(0.0, 0.0), (0.4, 0.4), (1.4, 1.2)])
+def test_the_lift_turns_the_pitch_within_its_time_constant(bank, divided):
+    # gamma' = V (wanted - pitch) / (tc g), and the lift is divided by the cosine of 1.2 rad at most
+    gamma, alpha = 0.05, 0.03
+    flight = {"gamma": gamma, "alpha": alpha, "track": 103.0, "samples": 60, "phi": bank}
+    _, lift, angle = climbed(NPFG | {"FW_P_TC": 0.7}, **flight)
+    upwards = math.cos(gamma) + 20.0 * (angle - gamma) / 0.7 / G
+    assert lift == pytest.approx(upwards / math.cos(divided), rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("parameters", "roll"),
+    [
+        (NPFG | {"FW_PN_R_SLEW_MAX": 30.0}, 3 * 30.0 * DT),
+        (NPFG | {"FW_R_LIM": 37.0}, 37.0),
+        (L1 | {"ROLL_LIMIT_DEG": 12.0}, 12.0),
+    ],
+)
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_roll_and_its_rate_are_limited_to_either_side(parameters, roll, side):
+    found, *_ = commanded(parameters, **on_path(-side * 60.0))
+    assert math.degrees(found) == pytest.approx(side * roll, abs=1e-9)
 
 
 @pytest.mark.parametrize("parameters", [NPFG, L1, {"FW_L1_PERIOD": 12.0}])
