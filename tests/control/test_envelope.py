@@ -1,6 +1,7 @@
 """The polytopes of an envelope: every Jacobian of the law lies inside, extremes included."""
 
 import math
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -78,6 +79,17 @@ def test_an_envelope_is_scaled_about_the_trim():
     assert WIDE.contains(half)
     assert half.contains(TRIM)
     assert not half.contains(WIDE)
+
+
+@pytest.mark.parametrize("name", ["V_a", "gamma", "phi", "n_z"])
+@pytest.mark.parametrize("end", [0, 1])
+def test_an_envelope_contains_none_that_is_wider_to_one_side(name, end):
+    ends = [*getattr(WIDE, name)]
+    ends[end] += 0.01 * (-1.0, 1.0)[end]
+    wider = replace(WIDE, **{name: tuple(ends)})
+
+    assert wider.contains(WIDE)
+    assert not WIDE.contains(wider)
 
 
 @pytest.mark.parametrize(

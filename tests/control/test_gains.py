@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import flighttune as ft
+from flighttune.control.gains import paper_family
 
 
 def test_gains_are_equal_by_numbers_and_names():
@@ -15,6 +16,58 @@ def test_gains_are_equal_by_numbers_and_names():
     assert hash(copy) == hash(ft.PAPER_GAINS)
     assert {ft.PAPER_GAINS: "paper"}[copy] == "paper"
     assert copy != ft.PAPER_GAINS.K_P.tolist()
+
+
+def test_the_papers_gains_are_those_that_it_prints():
+    """K* below Eq. (43) of arXiv 2411.13140, and K1 to K6 of its Table 2."""
+    K_star = [[1.6968, 0.5906, 3.4869, 0.1784], [-0.5906, 1.9556, -0.1784, 3.4869]]
+    epsilons = {"paper": 0.0, "K1": -4.0, "K2": -2.0, "K3": -1.0, "K4": 0.5, "K5": 0.8, "K6": 1.0}
+
+    family = paper_family()
+
+    assert [*family] == [*epsilons]
+    for name, epsilon in epsilons.items():
+        expected = np.array(K_star) - epsilon * np.array([[1, 0, 1, 0], [0, 1, 0, 1]])
+        assert family[name].K == pytest.approx(expected, abs=1e-15), name
+
+
+@pytest.mark.parametrize("V_a", [18.0, 31.0])
+def test_gains_of_one_law_become_those_of_the_other_and_return(V_a):
+    """The paper's law turns by g/V times the roll command: chi' = g/V phi about level flight."""
+    rates = ft.loop.rate_gains(ft.PAPER_GAINS, V_a=V_a, g=9.81)
+
+    assert rates.inputs == ("chi_dot", "gamma_dot")
+    assert rates.K == pytest.approx(ft.PAPER_GAINS.K * 9.81 / V_a, rel=1e-15)
+    again = ft.loop.command_gains(rates, V_a=V_a, g=9.81)
+    assert again.inputs == ("phi", "n_z")
+    assert again.K == pytest.approx(ft.PAPER_GAINS.K, rel=1e-15)
+    assert ft.loop.rate_gains(rates, V_a=V_a) is rates
+
+
+@pytest.mark.parametrize("law", ["paper", "exact"])
+@pytest.mark.parametrize("channels", [2, 3])
+def test_gains_are_written_and_read_with_law_and_channels(tmp_path, law, channels):
+    K = np.arange(1.0, 1.0 + 2 * channels**2).reshape(2, channels, channels)
+    fed = {"feedback": [0.3, 0.1]} if law == "exact" else {}
+    file = tmp_path / "gains.json"
+
+    gains = ft.PIGains.from_lists(*K.tolist(), law=law, **fed)
+    gains.save(file)
+
+    read = ft.load_gains(file)
+    assert read == gains
+    assert (read.law, read.airspeed) == (law, channels == 3)
+    assert read.inputs[:2] == (("phi", "n_z") if law == "paper" else ("chi_dot", "gamma_dot"))
+    assert read.errors == ("chi", "gamma", "V")[:channels]
+    assert read.feedback == tuple(fed.get("feedback", (0.0, 0.0)))
+    assert np.array([read.K_P, read.K_I]) == pytest.approx(K)
+
+
+@pytest.mark.parametrize("feedback", [(1.0, 0.0), (0.0, 1.0), (-0.1, 0.0), (0.0, -0.1), (0.1,)])
+def test_feedback_is_two_numbers_from_0_to_below_1(feedback):
+    rates = ft.loop.rate_gains(ft.PAPER_GAINS, V_a=25.0)
+    with pytest.raises(ft.InputError, match="`feedback` must be two numbers from 0 to below 1"):
+        replace(rates, feedback=feedback)
 
 
 def test_gains_differ_by_the_last_bit_of_a_number_and_by_a_name():
@@ -42,6 +95,9 @@ ONE = np.ones(2)
         ({"upper": -ONE}, r"`lower` must be below `upper`, got \[-1\.0, -1\.0\]"),
         ({"upper": [np.nan, 1.0]}, r"`upper` must not be NaN"),
         ({"rate_lower": 0.5 * ONE}, r"rate ranges must hold zero"),
+        ({"rate_upper": -0.5 * ONE}, r"rate ranges must hold zero"),
+        ({"rate_upper": [1.0, -2.0]}, r"`rate_lower` must be below `rate_upper`"),
+        ({"lower": [-1.0, 1.0]}, r"`lower` must be below `upper`, got \[-1\.0, 1\.0\]"),
         ({"upper": np.ones(3)}, r"must have one length"),
     ],
 )
@@ -54,6 +110,40 @@ def test_limits_that_cannot_be_are_refused(change, message):
 def test_limits_cannot_be_changed():
     with pytest.raises(ValueError, match="read-only"):
         ft.loop.Limits.none(2).lower[0] = 3.0
+
+
+def test_a_rate_of_zero_to_one_side_is_a_limit():
+    fields = {"lower": -ONE, "upper": ONE, "rate_lower": -ONE, "rate_upper": 0.0 * ONE}
+    assert ft.loop.Limits(**fields).rate_upper.tolist() == [0.0, 0.0]
+
+
+# Range, and rate down and up, of one command, with a sample of 0.1 s.
+STEEP = ft.loop.Limits(lower=[-1.0], upper=[3.0], rate_lower=[-2.0], rate_upper=[5.0])
+
+
+@pytest.mark.parametrize(
+    ("before", "wanted", "command", "limited"),
+    [
+        (0.0, 0.4, 0.4, 0),
+        (0.0, -0.15, -0.15, 0),
+        (0.0, 2.0, 0.5, 2),
+        (0.0, -2.0, -0.2, 2),
+        (2.7, 9.0, 3.0, 1),
+        (-0.9, -9.0, -1.0, 1),
+        # outside of the range it comes back at the rate
+        (4.0, 9.0, 3.8, 1),
+        (4.0, 0.0, 3.8, 2),
+        (-2.0, -9.0, -1.5, 1),
+        (-2.0, 0.0, -1.5, 2),
+    ],
+)
+def test_a_command_keeps_the_range_and_rate_of_its_side(before, wanted, command, limited):
+    limiter = ft.loop.CommandLimiter(STEEP, dt=0.1)
+    limiter.start([before])
+
+    assert limiter.limit(wanted) == pytest.approx((command,), abs=1e-12)
+    assert limiter.limited == [limited]
+    assert limiter.excess == pytest.approx((wanted - command,), abs=1e-12)
 
 
 def test_limits_that_hold_together_are_the_narrower_of_each():

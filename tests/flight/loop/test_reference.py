@@ -1,9 +1,11 @@
 """References and disturbances at times whose value is plain."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.integrate import quad
 
 import flighttune as ft
 from flighttune.flight.loop.disturbance import Sinusoid
@@ -24,6 +26,63 @@ def test_segments_add_to_the_start_value():
     assert gamma == pytest.approx([0.0, 0.0, 0.1, -0.1, 0.0, 0.0, 0.0])
     assert reference.sampled(3.0) == (1.75, 0.0)
     assert reference.rates(3.0) == (0.25, 0.0)
+
+
+ROLLED = Segment(2.0, (0.0, 4.0, 7.0), rates=(0.3, -0.1), roll_in=1.5)
+
+
+def test_a_rate_that_rolls_in_is_its_mean_over_that_time():
+    """Expected: the mean of the plain ramp over 1.5 s about each time, by quadrature."""
+    plain = lambda t: np.interp(t, [2.0, 6.0, 9.0], [0.0, 1.2, 0.9])  # noqa: E731
+    t = np.linspace(0.0, 12.0, 97)
+    means = [
+        quad(plain, x - 0.75, x + 0.75, points=[2.0, 6.0, 9.0], epsabs=1e-13)[0] / 1.5
+        for x in t.tolist()
+    ]
+
+    assert ROLLED(t) == pytest.approx(np.array(means), abs=1e-9)
+    assert ROLLED.slope(t) == pytest.approx((plain(t + 0.75) - plain(t - 0.75)) / 1.5, abs=1e-12)
+    assert ROLLED.times == (1.25, 2.75, 5.25, 6.75, 8.25, 9.75)
+    assert replace(ROLLED, roll_in=0.0).times == (2.0, 6.0, 9.0)
+
+
+def test_a_rate_holds_from_its_break_to_the_next_whatever_the_rounding():
+    ramp = replace(ROLLED, roll_in=0.0)
+    t = np.array([1.9, 2.0 - 1e-12, 5.9, 6.0 - 1e-12, 8.9, 9.0 - 1e-12])
+
+    assert ramp.slope(t).tolist() == [0.0, 0.3, 0.3, -0.1, -0.1, 0.0]
+
+
+def test_a_planned_reference_leads_each_channel_by_its_own_lag():
+    path = Segment(1.0, (0.0, 2.0), rates=(0.2,))
+    chi = replace(ROLLED, start=1.0)
+    reference = ft.loop.Reference(
+        chi=0.1, gamma=0.0, chi_segments=(chi, chi), gamma_segments=(path,), V=20.0,
+        V_segments=(Segment(0.0, (0.0, 2.0), rates=(1.5,)), Segment(1.0, (0.0,), jumps=(-4.0,))),
+    )  # fmt: skip
+    t = np.array([0.8, 1.4, 2.9])
+
+    chi_dot, gamma_dot = reference.rates(t, lead=(0.3, 0.7))
+
+    assert reference.planned
+    assert chi_dot == pytest.approx(2.0 * chi.slope(t + 0.3), abs=1e-15)
+    assert gamma_dot == pytest.approx([0.2, 0.2, 0.0], abs=1e-15)
+    V, V_dot = reference.airspeed(t)
+    assert V == pytest.approx([21.2, 18.1, 19.0])
+    assert V_dot == pytest.approx([1.5, 1.5, 0.0])
+    stepping = replace(reference, chi_segments=())
+    assert not stepping.planned
+    assert stepping.rates(t, lead=(0.3, 0.7))[1] == pytest.approx([0.0, 0.2, 0.2])
+    assert replace(reference, V=None).airspeed(t) is None
+
+
+def test_the_initial_values_hold_what_starts_there():
+    jump, ramp = Segment(0.0, (0.0,), jumps=(0.5,)), Segment(0.0, (0.0, 1.0), rates=(0.5,))
+    for chi, gamma, initial in (
+        ((jump,), (), (1.5, 0.2)), ((), (jump,), (1.0, 0.7)), ((ramp,), (ramp,), (1.0, 0.2)),
+    ):  # fmt: skip
+        reference = ft.loop.Reference(chi=1.0, gamma=0.2, chi_segments=chi, gamma_segments=gamma)
+        assert reference.initial == pytest.approx(initial)
 
 
 @pytest.mark.soak
