@@ -4,9 +4,12 @@ import ast
 import re
 from collections import defaultdict
 from graphlib import CycleError, TopologicalSorter
+from importlib import import_module
 from pathlib import Path
 
 import pytest
+
+from flighttune.base.answering import SPEAKERS, Answering
 
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "flighttune"
@@ -115,6 +118,44 @@ def test_each_place_that_the_page_names_is_there():
         path = next((base / place for base in (PACKAGE, ROOT) if (base / place).is_file()), None)
         assert path or "NAME" in place, place
         assert not name or re.search(rf"^(class|def) {name}\b", path.read_text(), re.M), name
+
+
+def lines_of_results():
+    """Each class of results that no other is made of, with the classes that it is made of."""
+    bases, speaking = {}, set()
+    for path in MODULES.values():
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ClassDef):
+                bases[node.name] = {ast.unparse(base).split(".")[-1] for base in node.bases}
+                if any(isinstance(x, ast.FunctionDef) and x.name == "answer" for x in node.body):
+                    speaking.add(node.name)
+
+    def line(name):
+        return {name}.union(*(line(base) for base in bases.get(name, ())))
+
+    last = bases.keys() - set().union(*bases.values())
+    found = {name: line(name) for name in last}
+    return {name: of for name, of in found.items() if "Answering" in of}, speaking - {"Answering"}
+
+
+def test_every_result_that_answers_has_a_function_that_speaks_for_it():
+    lines, speaking = lines_of_results()
+    assert len(lines) > 20
+    for name, line in lines.items():
+        assert line & (SPEAKERS.keys() | speaking), name
+    assert SPEAKERS.keys() <= set().union(*lines.values())
+    for place in SPEAKERS.values():
+        module, _, function = place.partition(":")
+        assert module.startswith("flighttune.outputs.answers.")
+        assert callable(getattr(import_module(module), function)), place
+
+
+def test_a_result_without_a_row_says_where_it_must_have_one():
+    class Mute(Answering):
+        pass
+
+    with pytest.raises(NotImplementedError, match=r"Mute must have a row in `SPEAKERS` of"):
+        Mute().answer()
 
 
 @pytest.mark.parametrize("library", ONLY_IN)

@@ -22,7 +22,7 @@ from typing import Any
 import flighttune as ft
 from flighttune.base.answers.answer import Column, Table
 from flighttune.base.answers.chart import DASHED, Chart, Sheet
-from flighttune.base.answers.names import columns
+from flighttune.base.answers.labels import columns
 from flighttune.base.answers.palette import HUES, INK
 from flighttune.base.files.shipped import models_of_jsbsim, scenario_files
 from flighttune.base.files.table import toml_text

@@ -7,14 +7,16 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from flighttune.base.answers.answer import Answer, Table, at_most, number, pick, printable
-from flighttune.base.answers.names import columns, endings_table, listed, why_ended
-from flighttune.base.answers.names import endings as counted_endings
+from flighttune.base.answers.answer import Answer, Table
+from flighttune.base.answers.labels import columns, endings_table
 from flighttune.base.arguments import checked_class
 from flighttune.base.arrays import FloatArray
-from flighttune.base.errors import InputError, naming
+from flighttune.base.endings import endings as counted_endings
+from flighttune.base.endings import why_ended
+from flighttune.base.errors import InputError, naming, printable
 from flighttune.base.files import array, load
 from flighttune.base.files.table import abridged, json_object, value_of
+from flighttune.base.words import at_most, listed, number, pick
 from flighttune.campaigns.statistics.count import supported_epsilon, sure
 from flighttune.claims import counted
 from flighttune.claims.monitor import Monitor

@@ -11,12 +11,15 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import Field
 
-from flighttune.base.answers.answer import Answer, Answering, Table, number, pick, quoted
-from flighttune.base.answers.names import columns, endings_table, listed, shown_unit
+from flighttune.base.answering import Answering
+from flighttune.base.answers.answer import Answer, Table
+from flighttune.base.answers.labels import columns, endings_table
 from flighttune.base.arrays import FloatArray, check_between
 from flighttune.base.errors import InputError
 from flighttune.base.files.array import write_sealed
 from flighttune.base.files.table import STRICT, tables_of
+from flighttune.base.names import shown_unit
+from flighttune.base.words import listed, number, pick, quoted
 from flighttune.campaigns.statistics.count import allowed_outside, counted_scale, sure
 from flighttune.claims.distribution import Distribution
 from flighttune.claims.shape import MIN_LEARNED, Extremes, predicted, scores_of

@@ -10,8 +10,8 @@ from typing import Literal, TypeAlias, TypeVar
 
 import numpy as np
 
-from flighttune.base.answers.names import why_ended
 from flighttune.base.arrays import FloatArray, check_at_least
+from flighttune.base.endings import why_ended
 from flighttune.base.errors import InputError
 from flighttune.base.files.load import BAND, written
 from flighttune.campaigns.engine.pool import WorkerPool

@@ -9,9 +9,11 @@ from typing import Annotated, Any
 from pydantic import Field
 
 from flighttune.base.answers.answer import Table
-from flighttune.base.answers.names import columns, key_words, listed
+from flighttune.base.answers.labels import columns
 from flighttune.base.errors import InputError
 from flighttune.base.files.table import abridged
+from flighttune.base.names import key_words
+from flighttune.base.words import listed
 from flighttune.flight.scenario.schema import Scenario
 from flighttune.flight.scenario.tables import DisturbanceTable, PlantTable, SensorsTable
 from flighttune.vehicles.aircraft.aircraft import OffNominal

@@ -10,7 +10,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flighttune.base.answers.answer import Answer, Answering
+from flighttune.base.answering import Answering
+from flighttune.base.answers.answer import Answer
 from flighttune.base.errors import InfeasibleError, InputError
 from flighttune.base.files import code
 from flighttune.base.files.load import BAND, kind_of

@@ -10,13 +10,15 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from flighttune.base.answers.answer import Answer, Answering, Table, number
-from flighttune.base.answers.names import columns, listed
+from flighttune.base.answering import Answering
+from flighttune.base.answers.answer import Answer, Table
+from flighttune.base.answers.labels import columns
 from flighttune.base.arrays import FloatArray
 from flighttune.base.errors import InputError, naming
 from flighttune.base.files.array import TEXT, read_arrays, write_sealed
 from flighttune.base.files.load import sealed_bytes
 from flighttune.base.files.table import STRICT, json_object, tables_of, value_of
+from flighttune.base.words import listed, number
 from flighttune.campaigns.statistics.count import flights_needed
 from flighttune.claims.counted import Counted, Of, flown_by
 from flighttune.control.theory.exact import Check, Verification

@@ -7,8 +7,9 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TypeAlias, TypeVar
 
-from flighttune.base.answers.answer import Answer, Answering, Column, Table, pick
-from flighttune.base.answers.names import columns, listed
+from flighttune.base.answering import Answering
+from flighttune.base.answers.answer import Answer, Column, Table
+from flighttune.base.answers.labels import columns
 from flighttune.base.arguments import checked_class
 from flighttune.base.errors import InputError, naming
 from flighttune.base.files import code
@@ -23,6 +24,7 @@ from flighttune.base.files.load import (
     kind_of,
     load_one,
 )
+from flighttune.base.words import listed, pick
 from flighttune.campaigns.dataset import Dataset
 from flighttune.campaigns.engine.pool import WorkerPool
 from flighttune.campaigns.statistics.count import chance_missed, flights_again

@@ -8,7 +8,7 @@ from typing import Any
 
 from flighttune.base import errors
 from flighttune.base.answers.answer import Answer, Table
-from flighttune.base.answers.names import columns
+from flighttune.base.answers.labels import columns
 from flighttune.base.files import shipped
 from flighttune.base.files.whole import together
 from flighttune.cli.explain import page_note

@@ -14,9 +14,9 @@ from pkgutil import iter_modules
 from types import MappingProxyType
 from typing import Any, ClassVar, NamedTuple
 
-from flighttune.base.answers.answer import pick
 from flighttune.base.arrays import FloatArray
 from flighttune.base.errors import InputError
+from flighttune.base.words import pick
 from flighttune.control import exact_law, inner_loop, mimo_pi
 from flighttune.control.controller import Controller, GuardedLaw, LawSetup, SelfLimiting
 from flighttune.control.gains import COMMANDS, RATES, PIGains, command_gains, rate_gains

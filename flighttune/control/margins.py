@@ -9,9 +9,10 @@ from typing import Any, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from flighttune.base.answers.answer import Table, pick
-from flighttune.base.answers.names import columns
+from flighttune.base.answers.answer import Table
+from flighttune.base.answers.labels import columns
 from flighttune.base.arrays import FloatArray
+from flighttune.base.words import pick
 from flighttune.control.gains import PIGains
 from flighttune.control.inner_loop import with_input_lag
 from flighttune.control.linear_model import LinearModel, closed_loop, inner_feedback, velocity_form

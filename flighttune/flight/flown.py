@@ -10,11 +10,13 @@ from typing import Any, Literal, NamedTuple, TypeAlias, get_args
 import numpy as np
 import pandas as pd
 
-from flighttune.base.answers.answer import Answer, Answering, Table, pick
-from flighttune.base.answers.names import columns
+from flighttune.base.answering import Answering
+from flighttune.base.answers.answer import Answer, Table
+from flighttune.base.answers.labels import columns
 from flighttune.base.arguments import checked_class
 from flighttune.base.arrays import FloatArray
 from flighttune.base.units import DEG
+from flighttune.base.words import pick
 from flighttune.control.gains import PAPER_SPEED, PIGains, paper_family
 from flighttune.control.theory.indicators import Indicators
 from flighttune.control.tuning.result import TuningResult

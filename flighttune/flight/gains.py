@@ -8,9 +8,10 @@ from typing import Any
 
 import pandas as pd
 
-from flighttune.base.answers.answer import Answer, Answering, Table
+from flighttune.base.answering import Answering
+from flighttune.base.answers.answer import Answer, Table
 from flighttune.base.answers.chart import Sheet
-from flighttune.base.answers.names import columns
+from flighttune.base.answers.labels import columns
 from flighttune.base.answers.palette import line_styles
 from flighttune.base.arrays import check_at_least
 from flighttune.base.errors import InfeasibleError, InputError

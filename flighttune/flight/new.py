@@ -8,10 +8,10 @@ from typing import Any
 
 import tomlkit
 
-from flighttune.base.answers.answer import pick
 from flighttune.base.errors import InputError, OutputError
 from flighttune.base.files.whole import write_text
 from flighttune.base.units import DEG, G_PAPER
+from flighttune.base.words import pick
 from flighttune.flight.load import load_scenario
 from flighttune.vehicles.aircraft.aircraft import AircraftConfig, load_aircraft
 from flighttune.vehicles.identification.file import load_identified, rounded

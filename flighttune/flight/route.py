@@ -8,12 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from flighttune.base.answers.answer import Answer, Answering, Table, pick, printable
-from flighttune.base.answers.names import columns
+from flighttune.base.answering import Answering
+from flighttune.base.answers.answer import Answer, Table
+from flighttune.base.answers.labels import columns
 from flighttune.base.arguments import checked_class
-from flighttune.base.errors import InputError
+from flighttune.base.errors import InputError, printable
 from flighttune.base.files.load import kind_of
 from flighttune.base.files.whole import write_text
+from flighttune.base.words import pick
 from flighttune.flight.conditions import reference_of, slopes_not_held
 from flighttune.flight.load import SPEED, as_scenario, route_scenario
 from flighttune.flight.scenario.schema import Scenario

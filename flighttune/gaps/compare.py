@@ -11,11 +11,14 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 import pandas as pd
 
-from flighttune.base.answers.answer import Answer, Answering, Table, pick
-from flighttune.base.answers.names import columns, listed, shown_unit
+from flighttune.base.answering import Answering
+from flighttune.base.answers.answer import Answer, Table
+from flighttune.base.answers.labels import columns
 from flighttune.base.arguments import checked_class
 from flighttune.base.errors import InputError, RecordingError, naming
 from flighttune.base.files.load import READERS, load_one, written
+from flighttune.base.names import shown_unit
+from flighttune.base.words import listed, pick
 from flighttune.flight import flown, load
 from flighttune.flight.fly import fly
 from flighttune.flight.loop.run import Claim, Run, with_claims

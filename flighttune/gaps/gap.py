@@ -15,13 +15,16 @@ from typing import Any, Literal, overload
 import numpy as np
 import pandas as pd
 
-from flighttune.base.answers.answer import Answer, Answering, Column, Table, pick
-from flighttune.base.answers.names import CHANNEL_NAMES, CHANNEL_SYMBOLS, columns
+from flighttune.base.answering import Answering
+from flighttune.base.answers.answer import Answer, Column, Table
+from flighttune.base.answers.labels import columns
 from flighttune.base.arguments import checked_class
 from flighttune.base.errors import InputError
 from flighttune.base.files import code
 from flighttune.base.files.load import LOG, written
+from flighttune.base.names import CHANNEL_NAMES, CHANNEL_SYMBOLS
 from flighttune.base.units import DEG_PER_RAD
+from flighttune.base.words import pick
 from flighttune.control import inner_loop, linear_model
 from flighttune.control.gains import COMMANDS, WITH_AIRSPEED, PIGains
 from flighttune.control.law import Law

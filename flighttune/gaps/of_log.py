@@ -14,14 +14,16 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
-from flighttune.base.answers.answer import Answer, Answering, Column, Table, pick
+from flighttune.base.answering import Answering
+from flighttune.base.answers.answer import Answer, Column, Table
 from flighttune.base.answers.chart import DASHED, Chart, Sheet
-from flighttune.base.answers.names import columns as columns_by
+from flighttune.base.answers.labels import columns as columns_by
 from flighttune.base.answers.palette import HUES, INK, NEUTRAL, PLANTS
 from flighttune.base.arrays import FloatArray
 from flighttune.base.errors import FlightTuneError, InputError
 from flighttune.base.files.load import A_LOG, LOG, load_one
 from flighttune.base.units import DEG, DEG_PER_RAD
+from flighttune.base.words import pick
 from flighttune.flight.apart import Progress
 from flighttune.flight.loop.run import Run
 from flighttune.logs.checks import refuse_wrong

@@ -7,10 +7,10 @@ from typing import Literal, NamedTuple, TypeAlias
 import numpy as np
 from scipy import fft
 
-from flighttune.base.answers.names import listed
 from flighttune.base.arrays import FloatArray
 from flighttune.base.errors import InputError, RecordingError
 from flighttune.base.units import DEG, DEG_PER_RAD, FT, G_0, KNOT
+from flighttune.base.words import listed
 from flighttune.flight.loop.run import Run
 from flighttune.logs.read import Stream
 from flighttune.logs.relations import (

@@ -9,14 +9,16 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from flighttune.base.answers.answer import Answer, Answering, Table, pick
+from flighttune.base.answering import Answering
+from flighttune.base.answers.answer import Answer, Table
 from flighttune.base.answers.chart import DASHED, Chart, Sheet
-from flighttune.base.answers.names import columns as columns_by
+from flighttune.base.answers.labels import columns as columns_by
 from flighttune.base.answers.palette import HUES, NEUTRAL
 from flighttune.base.arrays import FloatArray, true_spans
 from flighttune.base.errors import InputError
 from flighttune.base.files.load import A_LOG, LOG, load_one, written
 from flighttune.base.units import DEG, DEG_PER_RAD, G_0
+from flighttune.base.words import pick
 from flighttune.control.inner_loop import InnerLag, Order
 from flighttune.flight.loop.run import Run
 from flighttune.logs.checks import refuse_wrong

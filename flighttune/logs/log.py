@@ -14,11 +14,11 @@ from typing import Any, TypeAlias
 import numpy as np
 import pandas as pd
 
-from flighttune.base.answers.names import listed
 from flighttune.base.errors import InputError
 from flighttune.base.files.shipped import nearest_name
 from flighttune.base.files.table import shown, toml_tables
 from flighttune.base.units import DEG, FT, G_0, KNOT
+from flighttune.base.words import listed
 from flighttune.flight.fly import library_versions
 from flighttune.flight.loop.run import SIGNAL_UNITS, Provenance, Run
 from flighttune.logs.checks import check_flight, checked, degrees_as_radians

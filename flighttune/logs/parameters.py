@@ -8,10 +8,10 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from flighttune.base.answers.names import listed
 from flighttune.base.errors import InputError, naming
 from flighttune.base.files.table import abridged
 from flighttune.base.files.whole import reason_of
+from flighttune.base.words import listed
 from flighttune.control.laws.autopilot import Autopilot, guidance, period_among
 from flighttune.logs.read import read_parameters
 

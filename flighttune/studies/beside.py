@@ -10,13 +10,15 @@ from typing import Any, overload
 import numpy as np
 import pandas as pd
 
-from flighttune.base.answers.answer import Answer, Answering, Table, facts_table, number, percent
+from flighttune.base.answering import Answering
+from flighttune.base.answers.answer import Answer, Table, facts_table
 from flighttune.base.answers.frame import Report, Section, write_answer
-from flighttune.base.answers.names import columns, endings_table, listed
+from flighttune.base.answers.labels import columns, endings_table
 from flighttune.base.arrays import FloatArray
 from flighttune.base.errors import InputError
 from flighttune.base.files import code
 from flighttune.base.units import DEG_PER_RAD
+from flighttune.base.words import listed, number, percent
 from flighttune.campaigns.engine.pool import WorkerPool
 from flighttune.campaigns.engine.progress import CampaignObserver
 from flighttune.campaigns.planning.plan import Plan

@@ -8,10 +8,12 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from flighttune.base.answers.answer import Answer, Answering, Column, Table, interval, percent, pick
-from flighttune.base.answers.names import columns, endings_table, in_words, listed, measure_words
+from flighttune.base.answering import Answering
+from flighttune.base.answers.answer import Answer, Column, Table
+from flighttune.base.answers.labels import columns, endings_table, in_words, measure_words
 from flighttune.base.arguments import checked_class
 from flighttune.base.arrays import FloatArray
+from flighttune.base.words import interval, listed, percent, pick
 from flighttune.campaigns.planning.schema import Campaign
 from flighttune.campaigns.statistics.intervals import CONFIDENCE
 from flighttune.claims.counted_flights import distribution_of

@@ -14,8 +14,9 @@ import numpy.typing as npt
 import pandas as pd
 from scipy.special import chdtri, ndtr
 
-from flighttune.base.answers.answer import Answer, Answering, Table, pick
-from flighttune.base.answers.names import CHANNEL_SYMBOLS, columns, endings_table
+from flighttune.base.answering import Answering
+from flighttune.base.answers.answer import Answer, Table
+from flighttune.base.answers.labels import columns, endings_table
 from flighttune.base.arguments import checked_class
 from flighttune.base.arrays import FloatArray, check_at_least
 from flighttune.base.errors import InputError
@@ -24,7 +25,9 @@ from flighttune.base.files.load import CLAIMS, load_one, written
 from flighttune.base.files.load import TUBE as TUBE_FILE
 from flighttune.base.files.table import toml_text
 from flighttune.base.files.whole import write_text
+from flighttune.base.names import CHANNEL_SYMBOLS
 from flighttune.base.units import DEG_PER_RAD
+from flighttune.base.words import pick
 from flighttune.campaigns.engine.pool import WorkerPool
 from flighttune.campaigns.engine.progress import CampaignObserver
 from flighttune.campaigns.flying.columns import measured_in

@@ -1,13 +1,12 @@
 """The answer of a command: one value, shown as text, as tables or as one JSON object.
 
-Numbers and tables become text here, for a terminal, a page, a notebook and Markdown.
+Tables become text here, for a terminal, a page, a notebook and Markdown.
 """
 
 import json
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, field, replace
-from decimal import ROUND_CEILING, ROUND_FLOOR, Decimal
 from html import escape
 from itertools import zip_longest
 from pathlib import Path
@@ -15,11 +14,9 @@ from shlex import quote
 from textwrap import fill, wrap
 from typing import Any
 
-from flighttune.base.errors import printable as printable
+from flighttune.base.errors import printable
 from flighttune.base.files.whole import write_text
-
-# Text in place of a missing number.
-MISSING = "–"
+from flighttune.base.words import MISSING, interval, matrix, number
 
 # Space between two columns.
 GAP = "  "
@@ -29,75 +26,6 @@ NARROWEST = 16
 
 # Characters of a cell from which on a page may wrap the last column.
 LONG_WORDS = 40
-
-
-def quoted(text: str) -> str:
-    """A name or title that somebody chose, in quotation marks that it cannot close."""
-    return '"{}"'.format(" ".join(printable(text).split()).replace('"', "'"))
-
-
-def number(value: float, form: str = ".4g") -> str:
-    """A number in a format of its own; infinity as a sign, `MISSING` for NaN."""
-    if math.isnan(value):
-        return MISSING
-    if math.isinf(value):
-        return "∞" if value > 0.0 else "−∞"
-    return f"{value:{form}}"
-
-
-def at_most(bound: float, digits: int = 4) -> str:
-    """An upper bound in so many significant digits, which is not below it."""
-    return _rounded(bound, digits, ROUND_CEILING)
-
-
-def at_least(bound: float, digits: int = 4) -> str:
-    """A lower bound in so many significant digits, which is not above it."""
-    return _rounded(bound, digits, ROUND_FLOOR)
-
-
-def _rounded(bound: float, digits: int, rounding: str) -> str:
-    if bound == 0.0 or not math.isfinite(bound):
-        return number(bound, f".{digits}g")
-    exact = Decimal(repr(float(bound)))
-    place = Decimal(1).scaleb(exact.adjusted() - digits + 1)
-    return number(float(exact.quantize(place, rounding)), f".{digits}g")
-
-
-def figures(value: float) -> str:
-    """A number with three significant figures, and none after the point from 1000 on."""
-    return number(value, ".0f" if abs(value) >= 1000.0 else ".3g")
-
-
-def interval(
-    value: float, lo: float, hi: float, *, written: Callable[[float], str] = figures
-) -> str:
-    """``4.63 [4.25, 4.89]`` with three figures, ``4.63 [<= 4.89]`` with one bound."""
-    if math.isnan(value):
-        return MISSING
-    if math.isinf(lo) != math.isinf(hi):
-        bound = f"<= {written(hi)}" if math.isinf(lo) else f">= {written(lo)}"
-        return f"{written(value)} [{bound}]"
-    return f"{written(value)} [{written(lo)}, {written(hi)}]"
-
-
-def percent(share: float) -> str:
-    """A share in per cent, without the sign: one decimal, more near 0 and 100."""
-    if not math.isfinite(share):
-        return MISSING
-    value = 100.0 * share
-    edge = min(value, 100.0 - value)
-    decimals = 0 if edge == 0.0 else 1 if edge >= 0.1 else 2 if edge >= 0.01 else 3
-    return f"{value:.{decimals}f}"
-
-
-def p_value(p: float) -> str:
-    """A p-value as text; a very small one as an upper bound."""
-    return f"{p:.2g}" if p >= 1e-4 else "< 0.0001"
-
-
-def matrix(values: Iterable[Iterable[float]]) -> str:
-    """A matrix in one line, its rows separated by semicolons."""
-    return "[" + "; ".join(", ".join(f"{value:z.4f}" for value in row) for row in values) + "]"
 
 
 @dataclass(frozen=True, slots=True)
@@ -310,9 +238,6 @@ def _is_number(value: Any) -> bool:
 READ_BY = {"recording": "view", "dataset": "report", "proof": "verify", "scenario": "fly"}
 
 
-WIDTH = 100  # characters of a result that is printed from Python
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Answer:
     """The result of a command: values, tables, sentences, a command to copy, files, failure."""
@@ -379,35 +304,6 @@ class Answer:
             for texts in ((*self.summary, *self.changed), (*self.notes, self.verdict, self.failure))
         )
         return printable("".join([*before, *tables, *after]))
-
-
-class Answering:
-    """A result that terminal, ``--json`` and notebooks show by its `answer`."""
-
-    __slots__ = ()
-
-    def answer(self) -> Answer:
-        """Values, tables, notes and verdict, as they are shown."""
-        raise NotImplementedError
-
-    def save(self, path: str | Path, /) -> Any:
-        """Write the JSON object of the answer; gains in it are read by `load_gains`."""
-        self.answer().save(path)
-
-    # A dataclass makes a representation of all its arrays, unless its class has one already.
-    def __init_subclass__(cls) -> None:
-        cls.__repr__ = Answering.__str__
-
-    def __str__(self) -> str:
-        return "\n".join(self.answer().text(WIDTH))
-
-    def _repr_html_(self) -> str:
-        return self.answer().html()
-
-
-def pick(value: object, names: str) -> dict[str, Any]:
-    """Attributes of `value` by name; `names` are separated by spaces."""
-    return {name: getattr(value, name) for name in names.split()}
 
 
 def _plain(value: Any) -> Any:

@@ -15,9 +15,9 @@ from typing import Any, Literal, NamedTuple, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from flighttune.base.answers.answer import printable
 from flighttune.base.answers.palette import LIMIT, NEUTRAL, LineStyle, css_colour, css_variables
 from flighttune.base.arrays import FloatArray, true_spans
+from flighttune.base.errors import printable
 from flighttune.base.files.whole import write_text
 
 Range: TypeAlias = tuple[float, float]

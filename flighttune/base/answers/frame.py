@@ -9,8 +9,10 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from flighttune.base.answers.answer import Answer, Answering, Table, printable
+from flighttune.base.answering import Answering
+from flighttune.base.answers.answer import Answer, Table
 from flighttune.base.answers.chart import Chart, dashes, key, marked_up, style
+from flighttune.base.errors import printable
 from flighttune.base.files.whole import write_text
 
 if TYPE_CHECKING:

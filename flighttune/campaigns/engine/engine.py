@@ -8,12 +8,14 @@ from typing import Any
 
 import pandas as pd
 
-from flighttune.base.answers.answer import Answer, Answering, Table, pick
-from flighttune.base.answers.names import columns, duration, endings_table, rate
+from flighttune.base.answering import Answering
+from flighttune.base.answers.answer import Answer, Table
+from flighttune.base.answers.labels import columns, endings_table
 from flighttune.base.arrays import check_at_least
 from flighttune.base.errors import InputError, RecordingError, StoppedError
 from flighttune.base.files import code
 from flighttune.base.files.load import CAMPAIGN
+from flighttune.base.words import duration, pick, rate
 from flighttune.campaigns.dataset import RUNS, Dataset, locked, open_dataset, parquet_bytes
 from flighttune.campaigns.engine.pool import WorkerPool
 from flighttune.campaigns.engine.progress import CampaignObserver

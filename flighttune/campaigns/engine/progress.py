@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from flighttune.base.answers.names import duration, rate
+from flighttune.base.words import duration, rate
 
 
 @dataclass(slots=True, kw_only=True)

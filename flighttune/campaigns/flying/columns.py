@@ -6,7 +6,7 @@ from typing import Any
 
 import pyarrow as pa
 
-from flighttune.base.answers.names import UNIT_OF_SUFFIX
+from flighttune.base.names import UNIT_OF_SUFFIX
 from flighttune.campaigns.planning.plan import Plan
 from flighttune.campaigns.planning.schema import MEASURES, Choice, Dispersion, Grid
 from flighttune.flight.metrics import AIRSPEED, AIRSPEED_METRICS, ENVELOPES, required_names, unit_of

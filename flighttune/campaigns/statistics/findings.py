@@ -13,11 +13,11 @@ import numpy.typing as npt
 import pandas as pd
 from scipy.special import ndtri
 
-from flighttune.base.answers.answer import pick
-from flighttune.base.answers.names import endings, listed, reasons
 from flighttune.base.arrays import FloatArray
+from flighttune.base.endings import endings, reasons
 from flighttune.base.errors import InputError
 from flighttune.base.units import DEG
+from flighttune.base.words import listed, pick
 from flighttune.campaigns.dataset import open_dataset
 from flighttune.campaigns.planning.plan import Group, Plan
 from flighttune.campaigns.planning.schema import INDEPENDENT, MEASURES

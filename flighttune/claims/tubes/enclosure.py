@@ -10,24 +10,16 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import Field
 
-from flighttune.base.answers.answer import (
-    Answer,
-    Answering,
-    Column,
-    Table,
-    at_least,
-    at_most,
-    pick,
-    quoted,
-)
-from flighttune.base.answers.names import CHANNEL_SYMBOLS, columns, endings_table
+from flighttune.base.answering import Answering
 from flighttune.base.arguments import checked_class
 from flighttune.base.arrays import FloatArray, read_only_matrix, true_spans
 from flighttune.base.errors import InputError, naming
 from flighttune.base.files.array import BOOL, FLOAT, SINGLE, TEXT, Arrays, check_shapes, read_arrays
 from flighttune.base.files.table import STRICT, json_object, tables_of, value_of
 from flighttune.base.files.whole import whole_file
+from flighttune.base.names import CHANNEL_SYMBOLS
 from flighttune.base.units import DEG, DEG_PER_RAD
+from flighttune.base.words import at_least, at_most, quoted
 from flighttune.claims.band import Residual
 from flighttune.claims.distribution import STARTS, flown_values
 from flighttune.claims.tubes.problem import (
@@ -35,13 +27,12 @@ from flighttune.claims.tubes.problem import (
     AircraftBoxes,
     TubeProblem,
     reference_samples,
-    residual_of_logs,
     sample_count,
     sample_times,
 )
 from flighttune.claims.tubes.proof import HandOver, replay, settled_from
 from flighttune.claims.tubes.sample import start_set
-from flighttune.control.gains import COMMANDS, PIGains, gains_table
+from flighttune.control.gains import COMMANDS, PIGains
 from flighttune.control.inner_loop import InnerLag
 from flighttune.control.theory.exact import Verification
 from flighttune.flight.loop.run import ERRORS, Bounds, Kind, Run, RunClaim, given_way
@@ -49,16 +40,8 @@ from flighttune.flight.scenario.load import scenario_from, scenario_of
 from flighttune.gaps.residual import RESIDUALS
 from flighttune.vehicles.identification.file import changed_files, files_of
 
-WIDTH_COLUMNS = columns("error max end ever", of="tube")
-FLIGHT_COLUMNS = columns(
-    "plant duration_s V_a_mps rate_hz start.chi start.gamma within end.chi end.gamma", of="tube"
-)
-DISTURBANCE_COLUMNS = columns("channel low high", of="tube")
-LIMIT_KEYS = ("lower", "upper", "rate_lower", "rate_upper")
-LIMIT_COLUMNS = [*columns(f"command {' '.join(LIMIT_KEYS)}"), Column("held_s", "can hold", "s")]
 # Why a tube is wrong that its own flight leaves
 LEFT = "a flight leaves the tube, so it is wrong and no file is written"
-LOST = "`flighttune band` bounds such flights with a probability, without a model."
 
 # Relative rounding of numbers in a scenario that was written and read again.
 ROUNDING = 1e-12
@@ -299,87 +282,6 @@ class Tube(Answering):
         problem, settings = self.problem, self.settings
         starts = start_set(problem.loop, problem.start, settings.sides, settings.symbols)
         return replay(problem, starts, self.chosen, self.bounds, self.can_limit, self.hand_over)
-
-    def answer(self, gains: str = "") -> Answer:
-        """The flights enclosed and the widths; a failure if the set is not bounded.
-
-        `gains` is their name, if it is known.
-        """
-        problem, scenario, widths = self.problem, self.problem.scenario, self.half_widths
-        limits, counted, family = problem.limits, problem.band, problem.table.family.enclosed
-        low, high = problem.disturbances
-        lowest, highest = low.min(axis=0).tolist(), high.max(axis=0).tolist()
-        flights = {
-            "plant": problem.plant,
-            **pick(scenario.flight, "duration_s V_a_mps"),
-            "rate_hz": scenario.controller.rate_hz,
-            "start": dict(zip(CHANNEL_SYMBOLS, problem.path_at_start, strict=True)),
-            "within": problem.start,
-            "end": dict(zip(CHANNEL_SYMBOLS, problem.reference[-1, :2].tolist(), strict=True)),
-        }
-        disturbance = [
-            {"channel": channel, "low": lower, "high": upper}
-            for channel, lower, upper in zip(CHANNEL_SYMBOLS, lowest, highest, strict=True)
-        ]
-        limited = {name: self.held_intervals(i) for i, name in enumerate(QUANTITIES[2:])}
-        commands = [
-            {
-                "command": name,
-                **{key: float(getattr(limits, key)[i]) * unit for key in LIMIT_KEYS},
-                "held_s": [f"{begin:g} to {end:g}" for begin, end in self.held_intervals(i)]
-                or "never",
-            }
-            for i, (name, unit) in enumerate((("phi_cmd [deg]", DEG_PER_RAD), ("n_z_cmd", 1.0)))
-        ]
-        notes = [*scenario.gains_notes(problem.plant)]
-        if self.status != "bounded":
-            notes += [LOST] if problem.boxes else []
-        elif self.hand_over is None:
-            notes.append(
-                "Nothing is claimed beyond the end of the scenario: no invariant set was found."
-            )
-        else:
-            notes.append(
-                f"From {self.handed_over:.2f} s on no limit holds a command, if later "
-                "disturbances stay within those at the end."
-            )
-        if counted is not None:
-            notes.append(f"counted: {counted.sentence}")
-            notes.append("Check the boxes too: flighttune verify PROOF --boxes FILE")
-        if problem.disturbance and problem.disturbance == residual_of_logs(problem.table):
-            evidence = problem.table.identified_model.log
-            notes.append(f"The disturbance is the {evidence and evidence.sentence}.")
-        if self.probability is not None:
-            notes.append(self.probability.sentence)
-        flown = f"gains {gains}, {family}" if gains else family
-        title = f"{quoted(scenario.title)}; {flown}: {self.status}"
-        return Answer(
-            values={
-                **pick(self, "status reason probability sentence"),
-                "inside": self.reason != LEFT,
-                "model": problem.model,
-                "half_width_deg": widths,
-                "limits_can_hold": limited,
-                "handed_over_s": self.handed_over,
-                "gains": problem.gains.as_lists(),
-                "start_rad": problem.start,
-                "disturbance_rad_s": [lowest, highest],
-                "counted": counted.sentence if counted else None,
-                "aircraft_checked": problem.aircraft_checked,
-                "scenario": scenario.as_dict(),
-            },
-            tables=[
-                Table(WIDTH_COLUMNS, [{"error": key, **row} for key, row in widths.items()], title),
-                Table(FLIGHT_COLUMNS, [flights], "flights"),
-                Table(DISTURBANCE_COLUMNS, disturbance, "any disturbance of the rates"),
-                Table(LIMIT_COLUMNS, commands, "limits, rates per second"),
-                gains_table("gains", problem.gains),
-                endings_table(counted.endings if counted else ()),
-            ],
-            notes=notes,
-            verdict=self.sentence if self.status == "bounded" else "",
-            failure="" if self.status == "bounded" else self.reason,
-        )
 
     @property
     def handed_over(self) -> float | None:

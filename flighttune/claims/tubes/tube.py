@@ -9,10 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from flighttune.base.answers.answer import Answer, Column, Table, pick
-from flighttune.base.answers.names import columns
+from flighttune.base.answers.answer import Answer, Column, Table
+from flighttune.base.answers.labels import columns
 from flighttune.base.arrays import FloatArray
 from flighttune.base.errors import InfeasibleError
+from flighttune.base.words import pick
 from flighttune.claims.tubes import exact, interval, proof, sample
 from flighttune.claims.tubes.enclosure import LEFT, Settings, Tube, bounds_of
 from flighttune.claims.tubes.problem import QUANTITIES, TubeProblem, tube_problem

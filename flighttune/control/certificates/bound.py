@@ -17,12 +17,14 @@ from typing import Any, ClassVar, Literal, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from flighttune.base.answers.answer import Answer, Answering, Table, pick
-from flighttune.base.answers.names import columns as columns_by
+from flighttune.base.answering import Answering
+from flighttune.base.answers.answer import Answer, Table
+from flighttune.base.answers.labels import columns as columns_by
 from flighttune.base.arguments import checked_class
 from flighttune.base.arrays import FloatArray, check_positive, set_read_only
 from flighttune.base.errors import InputError
 from flighttune.base.files.table import STRICT, read, write
+from flighttune.base.words import pick
 from flighttune.control.linear_model import LinearModel
 from flighttune.control.theory.exact import Check, Verification, as_float, exact, positive_definite
 from flighttune.control.theory.lmi import blocks, largest, parameter, solve, unknown

@@ -11,12 +11,14 @@ from typing import Annotated, Any, ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
-from flighttune.base.answers.answer import Answer, Answering, Table, pick, quoted
-from flighttune.base.answers.names import columns, listed
+from flighttune.base.answering import Answering
+from flighttune.base.answers.answer import Answer, Table
+from flighttune.base.answers.labels import columns
 from flighttune.base.arguments import checked_class
 from flighttune.base.arrays import FloatArray, check_positive, set_read_only
 from flighttune.base.errors import InputError
 from flighttune.base.files.table import STRICT, read, write
+from flighttune.base.words import listed, pick, quoted
 from flighttune.control.certificates.exact_rate import SAME_MODEL, ExactRate, lag_units
 from flighttune.control.certificates.lag_box import BOX_COLUMNS, NOT_ENCLOSED, LagBox, boxes_checks
 from flighttune.control.gains import ERRORS_WITH_AIRSPEED, PIGains, gains_table

@@ -30,7 +30,7 @@ from typing import Any, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from flighttune.base.answers.names import columns
+from flighttune.base.answers.labels import columns
 from flighttune.base.arrays import FloatArray, check_positive, set_read_only
 from flighttune.base.errors import InputError
 from flighttune.control.gains import PIGains

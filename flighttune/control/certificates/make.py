@@ -8,11 +8,13 @@ from typing import Any, Literal
 
 import numpy as np
 
-from flighttune.base.answers.answer import Answer, Answering, Column, Table, pick
-from flighttune.base.answers.names import columns
+from flighttune.base.answering import Answering
+from flighttune.base.answers.answer import Answer, Column, Table
+from flighttune.base.answers.labels import columns
 from flighttune.base.arguments import checked_class
 from flighttune.base.arrays import FloatArray
 from flighttune.base.errors import InputError
+from flighttune.base.words import pick
 from flighttune.control.certificates import exact_rate, lag_box
 from flighttune.control.certificates.certificate import (
     Certificate,

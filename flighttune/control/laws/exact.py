@@ -4,9 +4,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
-from flighttune.base.answers.answer import pick
 from flighttune.base.arrays import FloatArray
 from flighttune.base.errors import InputError
+from flighttune.base.words import pick
 from flighttune.control.controller import LawSetup
 from flighttune.control.exact_law import BRAKING, LIFT_FLOOR, ExactLaw, Priority
 from flighttune.control.gains import RATES

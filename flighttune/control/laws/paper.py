@@ -3,7 +3,7 @@
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
-from flighttune.base.answers.answer import pick
+from flighttune.base.words import pick
 from flighttune.control.controller import LawSetup
 from flighttune.control.law import Law, OuterLoop, SampledController, Trim, pi_settings
 from flighttune.control.linear_model import LinearModel

@@ -7,10 +7,12 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 
-from flighttune.base.answers.answer import Answer, Answering, Column, Table, pick
-from flighttune.base.answers.names import columns
+from flighttune.base.answering import Answering
+from flighttune.base.answers.answer import Answer, Column, Table
+from flighttune.base.answers.labels import columns
 from flighttune.base.arguments import checked_class
 from flighttune.base.arrays import FloatArray
+from flighttune.base.words import pick
 from flighttune.control.gains import PIGains, gains_lists, gains_table
 from flighttune.control.linear_model import closed_loops
 from flighttune.control.margins import loop_margins, margins_table

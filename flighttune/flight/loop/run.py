@@ -7,12 +7,13 @@ from typing import Any, Literal, NamedTuple, NoReturn, Protocol, TypeAlias, runt
 import numpy as np
 import pandas as pd
 
-from flighttune.base.answers.answer import Answer, facts_table, matrix, number, pick
+from flighttune.base.answers.answer import Answer, facts_table
 from flighttune.base.answers.palette import LineStyle, line_styles
 from flighttune.base.arguments import checked_class
 from flighttune.base.arrays import FloatArray
 from flighttune.base.errors import InputError
 from flighttune.base.units import DEG
+from flighttune.base.words import matrix, number, pick
 from flighttune.control.gains import PIGains
 from flighttune.control.law import Law, made_law, plain_laws, split_name
 from flighttune.vehicles.plants.base import StopStatus, aircraft_of

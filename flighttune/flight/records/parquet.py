@@ -17,13 +17,12 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from flighttune.base.answers.answer import pick
-from flighttune.base.answers.names import distinct
 from flighttune.base.arguments import checked_class
 from flighttune.base.arrays import FloatArray
 from flighttune.base.errors import RecordingError
 from flighttune.base.files import parquet
 from flighttune.base.files.load import BLANK, RERUN, file_bytes, seal, sealed_bytes
+from flighttune.base.words import distinct, pick
 from flighttune.control.gains import PIGains
 from flighttune.flight.loop.run import SIGNAL_UNITS, Alarm, Bounds, Provenance, Run, RunClaim
 

@@ -8,10 +8,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flighttune.base.answers.answer import Answer, Answering, Table, pick
-from flighttune.base.answers.names import columns
+from flighttune.base.answering import Answering
+from flighttune.base.answers.answer import Answer, Table
+from flighttune.base.answers.labels import columns
 from flighttune.base.arguments import checked_class
 from flighttune.base.errors import RecordingError
+from flighttune.base.words import pick
 from flighttune.control.gains import PIGains
 from flighttune.flight.apart import Progress
 from flighttune.flight.flown import FlownScenario

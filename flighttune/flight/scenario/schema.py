@@ -9,11 +9,11 @@ from typing import Annotated, Any
 
 from pydantic import Field, model_validator
 
-from flighttune.base.answers.names import listed
 from flighttune.base.errors import FlightTuneError, InputError
 from flighttune.base.files.shipped import nearest_name
 from flighttune.base.files.table import abridged, hash_of, refused_in_a_line
 from flighttune.base.quantities import FASTEST_WIND, STEEPEST_DEG, Table
+from flighttune.base.words import listed
 from flighttune.control.gains import COMMANDS, PIGains, paper_family
 from flighttune.control.law import DEFAULT, Law, made_law, split_name
 from flighttune.flight.metrics import CHANNELS, OFF_ROUTE, UNSETTLED, required_names

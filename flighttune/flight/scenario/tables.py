@@ -21,11 +21,11 @@ from pydantic import (
 )
 
 from flighttune.base import quantities as q
-from flighttune.base.answers.names import listed
 from flighttune.base.arrays import FloatArray
 from flighttune.base.errors import InputError
 from flighttune.base.files.table import abridged
 from flighttune.base.units import DEG, G_PAPER
+from flighttune.base.words import listed
 from flighttune.control.exact_law import Priority
 from flighttune.control.gains import PIGains
 from flighttune.control.inner_loop import InnerLag

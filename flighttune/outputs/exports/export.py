@@ -11,7 +11,8 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 
 from flighttune import __version__
-from flighttune.base.answers.answer import Answer, Answering
+from flighttune.base.answering import Answering
+from flighttune.base.answers.answer import Answer
 from flighttune.base.errors import InputError
 from flighttune.base.files.load import BAND, MONITOR, load_one
 from flighttune.base.files.whole import together, write_text

@@ -16,10 +16,11 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from flighttune import __version__
-from flighttune.base.answers.answer import Answer, Answering, printable
+from flighttune.base.answering import Answering
+from flighttune.base.answers.answer import Answer
 from flighttune.base.answers.frame import page_template
 from flighttune.base.arrays import FloatArray
-from flighttune.base.errors import InputError
+from flighttune.base.errors import InputError, printable
 from flighttune.base.files.whole import (
     apart,
     remove_file,

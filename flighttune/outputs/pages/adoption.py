@@ -6,7 +6,7 @@ from pathlib import Path
 
 from flighttune.base.answers.answer import Table, facts_table
 from flighttune.base.answers.frame import Section, write_answer
-from flighttune.base.answers.names import columns
+from flighttune.base.answers.labels import columns
 from flighttune.flight.loop.run import run_styles
 from flighttune.outputs.pages.panels import errors, flown_signals
 from flighttune.studies.adoption.adopt import AIRCRAFT, CALM_DEG, PAGE, TURN, Adoption

@@ -6,19 +6,13 @@ from pathlib import Path
 
 import numpy as np
 
-from flighttune.base.answers.answer import (
-    MISSING,
-    Answer,
-    Column,
-    Table,
-    facts_table,
-    figures,
-    percent,
-)
+from flighttune.base.answers.answer import Answer, Column, Table, facts_table
 from flighttune.base.answers.frame import Report, Section, page_template, write_page
-from flighttune.base.answers.names import columns, key_words, listed, metric_label
+from flighttune.base.answers.labels import columns, metric_label
 from flighttune.base.files.shipped import scenario_files
 from flighttune.base.files.table import toml_text
+from flighttune.base.names import key_words
+from flighttune.base.words import MISSING, figures, listed, percent
 from flighttune.campaigns.dataset import dataset_hash
 from flighttune.campaigns.statistics.findings import SUCCESS, Findings, answer_words
 from flighttune.outputs.pages import campaign_charts as charts

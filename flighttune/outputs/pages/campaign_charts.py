@@ -5,11 +5,13 @@ from typing import Any
 
 import numpy as np
 
-from flighttune.base.answers.answer import Column, figures, percent
+from flighttune.base.answers.answer import Column
 from flighttune.base.answers.chart import DASHED, HEAD_AND_FOOT, HEIGHT, Chart
-from flighttune.base.answers.names import key_words, measure_words, metric_label
+from flighttune.base.answers.labels import measure_words, metric_label
 from flighttune.base.answers.palette import LIMIT, LineStyle, line_styles
 from flighttune.base.arrays import FloatArray
+from flighttune.base.names import key_words
+from flighttune.base.words import figures, percent
 from flighttune.campaigns.flying.columns import unit_of_key
 from flighttune.campaigns.planning.plan import Group
 from flighttune.campaigns.statistics.findings import Findings, is_number, strength, values_of

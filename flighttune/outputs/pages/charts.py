@@ -7,9 +7,9 @@ import numpy as np
 import numpy.typing as npt
 
 from flighttune.base.answers.chart import DASHED, DOTTED, Chart, Sheet
-from flighttune.base.answers.names import CHANNEL_NAMES, CHANNEL_SYMBOLS, SYMBOLS
 from flighttune.base.answers.palette import HUES, INK, LIMIT, NEUTRAL
 from flighttune.base.arrays import FloatArray
+from flighttune.base.names import CHANNEL_NAMES, CHANNEL_SYMBOLS, SYMBOLS
 from flighttune.base.units import DEG, DEG_PER_RAD
 from flighttune.control.certificates.make import Certification
 from flighttune.control.gains import PIGains

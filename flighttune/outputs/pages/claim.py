@@ -8,16 +8,17 @@ from typing import Any
 
 import numpy as np
 
-from flighttune.base.answers.answer import Answer, facts_table, quoted
+from flighttune.base.answers.answer import Answer, facts_table
 from flighttune.base.answers.chart import DASHED, DOTTED, HEIGHT, LONG, Chart, Sheet, dashes
 from flighttune.base.answers.frame import Report, Section, write_answer
-from flighttune.base.answers.names import shown_unit
 from flighttune.base.answers.palette import HUES, LIMIT, NEUTRAL, PLANTS
 from flighttune.base.arrays import FloatArray
 from flighttune.base.errors import InputError
 from flighttune.base.files.table import toml_text
 from flighttune.base.files.whole import current
+from flighttune.base.names import shown_unit
 from flighttune.base.units import DEG_PER_RAD
+from flighttune.base.words import quoted
 from flighttune.claims.band import KEPT, Band, SignalBounds, TurnBack
 from flighttune.claims.counted import Counted
 from flighttune.claims.monitor import LogMonitor

@@ -13,11 +13,12 @@ import numpy as np
 from flighttune.base.answers.answer import Column, Table
 from flighttune.base.answers.chart import DASHED, Chart
 from flighttune.base.answers.frame import Report, Section, write_answer
-from flighttune.base.answers.names import in_words, listed, measure_words, metric_label
+from flighttune.base.answers.labels import in_words, measure_words, metric_label
 from flighttune.base.answers.palette import HUES, INK, LIMIT, NEUTRAL
 from flighttune.base.arrays import FloatArray
 from flighttune.base.errors import InputError
 from flighttune.base.files.table import toml_text
+from flighttune.base.words import listed
 from flighttune.campaigns.planning.plan import plain
 from flighttune.control.gains import PIGains
 from flighttune.control.tuning.result import TuningResult

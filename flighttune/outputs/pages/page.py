@@ -6,15 +6,16 @@ from pathlib import Path
 
 import numpy as np
 
-from flighttune.base.answers.answer import Answer, Table, facts_table, pick
+from flighttune.base.answers.answer import Answer, Table, facts_table
 from flighttune.base.answers.chart import Chart
 from flighttune.base.answers.frame import Report, Section, page_template, write_answer, write_page
-from flighttune.base.answers.names import CHANNEL_SYMBOLS
 from flighttune.base.answers.palette import HUES, LIMIT
 from flighttune.base.arrays import FloatArray
 from flighttune.base.errors import FlightTuneError, RecordingError
 from flighttune.base.files.table import toml_text
+from flighttune.base.names import CHANNEL_SYMBOLS
 from flighttune.base.units import DEG_PER_RAD
+from flighttune.base.words import pick
 from flighttune.claims.linear_loop import linear_bound
 from flighttune.claims.monitor import LogMonitor, Monitor
 from flighttune.control.tuning.tune import frontier, frontier_chart

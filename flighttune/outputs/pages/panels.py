@@ -8,11 +8,13 @@ from typing import Any, TypeAlias
 import numpy as np
 import pandas as pd
 
-from flighttune.base.answers.answer import MISSING, Table, facts_table
+from flighttune.base.answers.answer import Table, facts_table
 from flighttune.base.answers.chart import DASHED, DOTTED, MAX_DRAWN, Chart
-from flighttune.base.answers.names import CHANNEL_SYMBOLS, columns, shown_unit
+from flighttune.base.answers.labels import columns
 from flighttune.base.answers.palette import LIMIT, NEUTRAL, LineStyle
 from flighttune.base.arrays import FloatArray, true_spans
+from flighttune.base.names import CHANNEL_SYMBOLS, shown_unit
+from flighttune.base.words import MISSING
 from flighttune.claims.linear_loop import LinearBound
 from flighttune.control.gains import PIGains
 from flighttune.flight.flown import ClaimCheck, envelopes

@@ -8,8 +8,8 @@ import numpy as np
 import numpy.typing as npt
 import rerun as rr
 
-from flighttune.base.answers.names import distinct
 from flighttune.base.answers.palette import LineStyle
+from flighttune.base.words import distinct
 from flighttune.flight.loop.run import Run, run_styles
 
 TIMELINE = "flight_time"  # since the start of the flight

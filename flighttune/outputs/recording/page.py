@@ -12,10 +12,12 @@ import rerun as rr
 import rerun.blueprint as rrb
 from rerun.blueprint.components import LinkAxis
 
-from flighttune.base.answers.answer import Column, Table, pick
-from flighttune.base.answers.names import METRIC_LABELS, SYMBOLS, columns
+from flighttune.base.answers.answer import Column, Table
+from flighttune.base.answers.labels import METRIC_LABELS, columns
 from flighttune.base.answers.palette import hue_tells_gains
 from flighttune.base.files.table import toml_text
+from flighttune.base.names import SYMBOLS
+from flighttune.base.words import pick
 from flighttune.control.theory.indicators import Indicators
 from flighttune.flight.loop.run import Run, claim_notes, priority_notes, run_styles
 from flighttune.flight.metrics import OFF_ROUTE, metric_tables

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
-from flighttune.base.answers.names import shown_unit
 from flighttune.base.arrays import FloatArray
+from flighttune.base.names import shown_unit
 from flighttune.flight.loop.run import SIGNAL_UNITS, Run, claims_around
 from flighttune.gaps.residual import CHANNELS, trim_of
 from flighttune.vehicles.plants import point_mass, sensors

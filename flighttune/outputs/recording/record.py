@@ -17,10 +17,10 @@ import rerun_bindings
 from rerun.error_utils import catch_and_log_exceptions
 
 from flighttune.base.answers.chart import peaks
-from flighttune.base.answers.names import shown_unit
 from flighttune.base.answers.palette import LIMIT, NEUTRAL, rgb
 from flighttune.base.errors import RecordingError, need
 from flighttune.base.files.whole import remove_file, together, whole_file
+from flighttune.base.names import shown_unit
 from flighttune.flight.flown import FlownScenario
 from flighttune.flight.loop.run import Run, claims_around
 from flighttune.flight.records import parquet

@@ -15,8 +15,9 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 import tomlkit
 
-from flighttune.base.answers.answer import Answer, Answering, Table, pick
-from flighttune.base.answers.names import CHANNEL_SYMBOLS, columns, listed
+from flighttune.base.answering import Answering
+from flighttune.base.answers.answer import Answer, Table
+from flighttune.base.answers.labels import columns
 from flighttune.base.arrays import check_positive
 from flighttune.base.errors import InputError, OutputError, PlantError, TrimError
 from flighttune.base.files.shipped import models_of_jsbsim, nearest_name
@@ -31,7 +32,9 @@ from flighttune.base.files.whole import (
     together,
     write_text,
 )
+from flighttune.base.names import CHANNEL_SYMBOLS
 from flighttune.base.units import DEG
+from flighttune.base.words import listed, pick
 from flighttune.control.gains import PAPER_GAINS, PAPER_SPEED
 from flighttune.flight.flown import SWING, FlownScenario
 from flighttune.flight.fly import fly

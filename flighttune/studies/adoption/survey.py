@@ -15,10 +15,10 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
-from flighttune.base.answers.names import listed
 from flighttune.base.arrays import FloatArray
 from flighttune.base.errors import InputError, PlantError
 from flighttune.base.units import DEG, FT, G_0
+from flighttune.base.words import listed
 from flighttune.studies.adoption.flightgear import UNSTATED, Stated
 from flighttune.vehicles.aircraft.aircraft import (
     PROPERTY_NAME,

@@ -15,8 +15,8 @@ from typing import Any, Literal, NamedTuple, TypeAlias
 import numpy as np
 import pandas as pd
 
-from flighttune.base.answers.answer import number
 from flighttune.base.arrays import FloatArray
+from flighttune.base.words import number
 from flighttune.control.linear_model import closed_loop
 from flighttune.control.theory.indicators import Indicators, indicators
 from flighttune.control.theory.lyapunov import common_Q, lyapunov_solution, paper_balls

@@ -12,8 +12,7 @@ import numpy as np
 from pydantic import AfterValidator, Field, PrivateAttr
 
 from flighttune.base import quantities as q
-from flighttune.base.answers.answer import printable
-from flighttune.base.errors import InputError
+from flighttune.base.errors import InputError, printable
 from flighttune.base.files.shipped import aircraft_folder
 from flighttune.base.files.table import hash_of, json_tables, stamp, toml_tables, validated
 from flighttune.base.files.whole import UNFINISHED, settle, write_text

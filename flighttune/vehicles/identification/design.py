@@ -12,14 +12,16 @@ from pathlib import Path
 
 import numpy as np
 
-from flighttune.base.answers.answer import Answer, Answering, Table, pick
+from flighttune.base.answering import Answering
+from flighttune.base.answers.answer import Answer, Table
 from flighttune.base.answers.chart import DASHED, Chart, Sheet
-from flighttune.base.answers.names import columns
+from flighttune.base.answers.labels import columns
 from flighttune.base.answers.palette import HUES, INK
 from flighttune.base.arrays import FloatArray
 from flighttune.base.errors import InputError, PlantError
 from flighttune.base.files.whole import together
 from flighttune.base.units import DEG, G_0
+from flighttune.base.words import pick
 from flighttune.vehicles.aircraft.aircraft import (
     AircraftConfig,
     InnerLoopGains,

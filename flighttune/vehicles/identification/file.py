@@ -16,7 +16,7 @@ from typing import Annotated, Any, Literal, NamedTuple, TypeAlias
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, PlainSerializer, computed_field
 
 from flighttune.base import quantities as q
-from flighttune.base.answers import answer, chart, names
+from flighttune.base.answers import answer, chart, labels
 from flighttune.base.arrays import FloatArray, is_number
 from flighttune.base.errors import InputError, ScenarioError
 from flighttune.base.files import shipped
@@ -240,7 +240,7 @@ class IdentifiedAircraft(_Table):
         return min(self.conditions, key=distance)
 
 
-LAG_COLUMNS = names.columns(
+LAG_COLUMNS = labels.columns(
     "V_a_mps gamma_deg channel order natural_frequency_rad_s damping lag_s delay_s bandwidth_rad_s "
     "cross fit_percent"
 )

@@ -11,9 +11,10 @@ from typing import Any, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from flighttune.base.answers.answer import Answer, Answering, Table
+from flighttune.base.answering import Answering
+from flighttune.base.answers.answer import Answer, Table
 from flighttune.base.answers.chart import DASHED, Chart, Sheet
-from flighttune.base.answers.names import columns
+from flighttune.base.answers.labels import columns
 from flighttune.base.answers.palette import HUES, NEUTRAL
 from flighttune.base.arrays import FloatArray
 from flighttune.base.errors import TrimError

@@ -7,15 +7,15 @@ from pathlib import Path
 import pytest
 
 import flighttune
-from flighttune.base.answers.answer import at_least, at_most
-from flighttune.base.answers.names import (
+from flighttune.base.answers.labels import (
     METRIC_LABELS,
     QUANTITIES,
     TABLES,
-    key_words,
     measure_words,
     metric_label,
 )
+from flighttune.base.names import key_words
+from flighttune.base.words import at_least, at_most
 from flighttune.flight.metrics import AIRSPEED_METRICS, FLIGHT_METRICS, LOOP_METRICS, METRICS
 
 

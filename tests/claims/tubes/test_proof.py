@@ -14,7 +14,7 @@ import pytest
 from made_up import scenario_file
 
 import flighttune as ft
-from flighttune.base.answers.answer import quoted
+from flighttune.base.words import quoted
 from flighttune.claims.tubes.problem import tube_problem
 from flighttune.vehicles.identification.file import LogEvidence
 from tests.claims.tubes.test_soundness import made_up, tube

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from flighttune.base.answers.names import listed
 from flighttune.base.arrays import FloatArray
 from flighttune.base.errors import InputError, TrimError
 from flighttune.base.units import DEG, DEG_PER_RAD, FT, G_0
+from flighttune.base.words import listed
 from flighttune.vehicles.aircraft.aircraft import AircraftConfig, start_faults
 from flighttune.vehicles.plants.base import FlightCondition
 from flighttune.vehicles.plants.jsbsim.bench import AirframeState, Bench

@@ -6,8 +6,10 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any
 
-from flighttune.base.answers.answer import Answer, Answering, Table, figures
-from flighttune.base.answers.names import columns
+from flighttune.base.answering import Answering
+from flighttune.base.answers.answer import Answer, Table
+from flighttune.base.answers.labels import columns
+from flighttune.base.words import figures
 from flighttune.vehicles.aircraft.aircraft import load_aircraft
 from flighttune.vehicles.plants.jsbsim.trim import trim_table
 

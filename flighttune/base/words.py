@@ -1,0 +1,115 @@
+"""Numbers and names as text: for sentences, tables and refusals."""
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from decimal import ROUND_CEILING, ROUND_FLOOR, Decimal
+from typing import Any
+
+from flighttune.base.errors import printable
+
+# Text in place of a missing number.
+MISSING = "–"
+
+
+def quoted(text: str) -> str:
+    """A name or title that somebody chose, in quotation marks that it cannot close."""
+    return '"{}"'.format(" ".join(printable(text).split()).replace('"', "'"))
+
+
+def number(value: float, form: str = ".4g") -> str:
+    """A number in a format of its own; infinity as a sign, `MISSING` for NaN."""
+    if math.isnan(value):
+        return MISSING
+    if math.isinf(value):
+        return "∞" if value > 0.0 else "−∞"
+    return f"{value:{form}}"
+
+
+def at_most(bound: float, digits: int = 4) -> str:
+    """An upper bound in so many significant digits, which is not below it."""
+    return _rounded(bound, digits, ROUND_CEILING)
+
+
+def at_least(bound: float, digits: int = 4) -> str:
+    """A lower bound in so many significant digits, which is not above it."""
+    return _rounded(bound, digits, ROUND_FLOOR)
+
+
+def _rounded(bound: float, digits: int, rounding: str) -> str:
+    if bound == 0.0 or not math.isfinite(bound):
+        return number(bound, f".{digits}g")
+    exact = Decimal(repr(float(bound)))
+    place = Decimal(1).scaleb(exact.adjusted() - digits + 1)
+    return number(float(exact.quantize(place, rounding)), f".{digits}g")
+
+
+def figures(value: float) -> str:
+    """A number with three significant figures, and none after the point from 1000 on."""
+    return number(value, ".0f" if abs(value) >= 1000.0 else ".3g")
+
+
+def interval(
+    value: float, lo: float, hi: float, *, written: Callable[[float], str] = figures
+) -> str:
+    """``4.63 [4.25, 4.89]`` with three figures, ``4.63 [<= 4.89]`` with one bound."""
+    if math.isnan(value):
+        return MISSING
+    if math.isinf(lo) != math.isinf(hi):
+        bound = f"<= {written(hi)}" if math.isinf(lo) else f">= {written(lo)}"
+        return f"{written(value)} [{bound}]"
+    return f"{written(value)} [{written(lo)}, {written(hi)}]"
+
+
+def percent(share: float) -> str:
+    """A share in per cent, without the sign: one decimal, more near 0 and 100."""
+    if not math.isfinite(share):
+        return MISSING
+    value = 100.0 * share
+    edge = min(value, 100.0 - value)
+    decimals = 0 if edge == 0.0 else 1 if edge >= 0.1 else 2 if edge >= 0.01 else 3
+    return f"{value:.{decimals}f}"
+
+
+def p_value(p: float) -> str:
+    """A p-value as text; a very small one as an upper bound."""
+    return f"{p:.2g}" if p >= 1e-4 else "< 0.0001"
+
+
+def matrix(values: Iterable[Iterable[float]]) -> str:
+    """A matrix in one line, its rows separated by semicolons."""
+    return "[" + "; ".join(", ".join(f"{value:z.4f}" for value in row) for row in values) + "]"
+
+
+def listed(words: Sequence[str], joint: str = "and", most: int | None = None) -> str:
+    """Words as they are read: ``a``, ``a and b``, ``a, b and c``; the first `most` of many."""
+    if most is not None and len(words) > most:
+        words = [*words[:most], f"{len(words) - most} more"]
+    return f" {joint} ".join(filter(None, [", ".join(words[:-1]), *words[-1:]]))
+
+
+def distinct(names: Iterable[str]) -> list[str]:
+    """Names in order; one that repeats an earlier one ends in ``_2``, ``_3`` and so on."""
+    used: dict[str, None] = {}
+    for stem in names:
+        name, again = stem, 2
+        while name in used:
+            name, again = f"{stem}_{again}", again + 1
+        used[name] = None
+    return list(used)
+
+
+def rate(per_s: float) -> str:
+    """A number a second, to three figures or whole."""
+    return f"{per_s:.0f}" if per_s >= 100.0 else f"{per_s:.3g}"
+
+
+def duration(seconds: float) -> str:
+    """A time as one would say it: ``48 s``, ``12 min``, ``3.4 h``."""
+    if seconds < 120.0:
+        return f"{seconds:.0f} s" if seconds >= 10.0 else f"{seconds:.2g} s"
+    return f"{seconds / 60.0:.0f} min" if seconds < 7200.0 else f"{seconds / 3600.0:.1f} h"
+
+
+def pick(value: object, names: str) -> dict[str, Any]:
+    """Attributes of `value` by name; `names` are separated by spaces."""
+    return {name: getattr(value, name) for name in names.split()}

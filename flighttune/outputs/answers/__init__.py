@@ -1,0 +1,1 @@
+"""What each result says: tables, sentences and advice, one file a subject."""
