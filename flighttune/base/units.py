@@ -1,6 +1,16 @@
 """Constants, and conversions for the edges where SI and radians end."""
 
 import math
+from typing import Annotated, TypeAlias
+
+# Floats by their unit, for signatures: a command line shows it, and has degrees for radians.
+Degrees: TypeAlias = Annotated[float, "deg"]
+Metres: TypeAlias = Annotated[float, "m"]
+MetresPerSecond: TypeAlias = Annotated[float, "m/s"]
+Radians: TypeAlias = Annotated[float, "rad"]
+RadiansPerSecond: TypeAlias = Annotated[float, "rad/s"]
+RadiansPerSecond2: TypeAlias = Annotated[float, "rad/s^2"]
+Seconds: TypeAlias = Annotated[float, "s"]
 
 G_0 = 9.80665  # standard gravity, m/s^2
 

@@ -132,7 +132,7 @@ def beside(band: Path) -> tuple[Path, Path]:
 def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
     source: Band | Flights | Scenario | Campaign | Plan | str | Path,
     *,
-    fences: Sequence[str | Path] = (),
+    fences: Sequence[Path | str] = (),
     turn_back: str | float | None = None,
     epsilon: float | None = None,
     confidence: float | None = None,

@@ -8,7 +8,7 @@ from flighttune.base.errors import InputError
 from flighttune.base.files import code
 from flighttune.base.files.load import A_LOG, BAND, LOG, kind_of, load_one, written
 from flighttune.base.files.whole import keep_on_error, together
-from flighttune.base.units import DEG
+from flighttune.base.units import DEG, Degrees, Radians, RadiansPerSecond
 from flighttune.campaigns.engine.pool import WorkerPool
 from flighttune.campaigns.engine.progress import CampaignObserver
 from flighttune.campaigns.planning.plan import Plan
@@ -45,7 +45,7 @@ def band(  # noqa: PLR0913 - each is a choice of the user, and has a default
     plant: str | None = None,
     air: str | None = None,
     seed: int | None = None,
-    start_deg: float = 0.0,
+    start_deg: Degrees = 0.0,
     changes: Mapping[str, Any] | None = None,
     out: str | Path | None = None,
     run_code: bool = False,  # noqa: ARG001 - of the decorator
@@ -180,7 +180,7 @@ def residual(  # noqa: PLR0913 - as `band`
     plant: str | None = None,
     air: str | None = None,
     seed: int | None = None,
-    start_deg: float = 0.0,
+    start_deg: Degrees = 0.0,
     changes: Mapping[str, Any] | None = None,
     workers: int | None = None,
     scheduler: str | None = None,
@@ -231,8 +231,8 @@ def tube(
     boxes: Residual | None = None,
     *,
     plant: str | None = None,
-    start: float = 0.0,
-    disturbance: float | None = None,
+    start: Radians = 0.0,
+    disturbance: RadiansPerSecond | None = None,
     changes: Mapping[str, Any] | None = None,
     progress: Callable[[float], None] | None = None,
     observer: CampaignObserver | None = None,
@@ -314,7 +314,7 @@ def monitor(  # noqa: PLR0913 - as `band`
     plant: str | None = None,
     air: str | None = None,
     seed: int | None = None,
-    start_deg: float = 0.0,
+    start_deg: Degrees = 0.0,
     changes: Mapping[str, Any] | None = None,
     columns: Columns = (),
     out: str | Path | None = None,

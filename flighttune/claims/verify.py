@@ -208,7 +208,7 @@ def verify(
     claim: AnyClaim | Path | str,
     *,
     boxes: Residual | Path | str | None = None,
-    logs: Sequence[Run | Path | str] = (),
+    logs: Sequence[Run | str | Path] = (),
     columns: Columns = (),
     count: int | None = None,
     run_code: bool = False,

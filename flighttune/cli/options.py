@@ -1,32 +1,32 @@
-"""Commands made of the verbs of the package; options are read from signature and docstring.
+"""Commands made of the verbs of the package.
 
-The text of a verb is read, not imported: a help starts without NumPy. ``commands.toml`` has the
-rest.
+``cli/verbs.py`` reads the parameters of a verb and their sentences; ``commands.toml`` has what no
+signature can say.
 """
 
-import ast
 import re
 import shlex
 import sys
 import tomllib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from contextvars import ContextVar
-from functools import partial
+from dataclasses import dataclass
+from functools import cached_property, partial
 from importlib import import_module
-from inspect import Parameter, Signature, cleandoc, signature
+from inspect import Parameter, Signature, signature
 from pathlib import Path
 from types import MappingProxyType
 from typing import Annotated, Any, Literal, TypeAlias, get_args, get_origin
 
-from typer import Argument, Option
+import typer
 
-from flighttune import modules_of
 from flighttune.base.answers.answer import Answer
 from flighttune.base.errors import InputError
 from flighttune.base.files.shipped import aircraft_names, campaign_files, scenario_files
 from flighttune.base.units import DEG
 from flighttune.cli.show import campaign_display, emit, progress_bar, working
+from flighttune.cli.verbs import Argument, arguments_of
 
 # Texts of all commands by their heading in the help, and of options that are alike.
 COMMANDS = tomllib.loads(Path(__file__).with_name("commands.toml").read_text(encoding="utf-8"))
@@ -40,7 +40,7 @@ FLOWN_BY: ContextVar[Mapping[str, Any]] = ContextVar(
 # `--run-code` of a command that flies again what a file of flighttune's has.
 RUN_CODE: ContextVar[bool] = ContextVar("run_code", default=False)
 
-# The verb of a command: its `keywords` are the options that were given; it takes more.
+# The command's verb, bound to the options that the user gave.
 Verb: TypeAlias = partial[Any]
 
 
@@ -75,104 +75,222 @@ COMPLETE: dict[str, Callable[[], Any]] = {
     "flights": lambda: [*campaign_files(), *scenario_files()],
 }
 
-TYPES = {"str": str, "int": int, "float": float, "bool": bool, "Path": Path, "Columns": str}
-SEQUENCES, OF_PYTHON = {"Columns", "Iterable", "Sequence"}, {"Callable", "Mapping"}
-
 # Endings of the files that commands write.
 OF_FILES = ".csv", ".html", ".json", ".npz", ".parquet", ".rrd", ".svg", ".toml"
 
 # Parameters that the command line supplies.
 SUPPLIED = {"progress": progress_bar, "observer": campaign_display}
 
-
-def command(body: Callable[..., Answer | None], texts: Mapping[str, Any]) -> Callable[..., None]:
-    """A command that calls `body`, with the verb of its `texts` before the values of its options.
-
-    The options are those of the verb and those of `body` with help in ``commands.toml``. The seed
-    of draws is one of the changes.
-    """
-    place, own = texts.get("verb", ""), signature(body).parameters
-    verb = _definition(*f"flighttune.{place}".split(":")) if place else None
-    # A command without a verb takes the values of its options alone.
-    arguments, of_body = _arguments(verb), [*own][1:] if place else [*own]
-    first, several = next(iter([*arguments, *of_body]), ""), _several(verb)
-    drawn = arguments.get("seed", ("", 0))[1] is None
-    absent = {*SUPPLIED, *FLOWN_BY.get(), "run_code", *texts.get("absent", ())}
-    absent |= {"seed"} if drawn else set()
-    spelled = ALIKE | {x: y for x, y in texts.items() if isinstance(y, dict)}
-    kinds = {x: own[x].annotation for x in of_body} | dict.fromkeys(("as_json", "quiet"), bool)
-    made = [x for x in _parameters(verb, kinds, spelled, first) if x.name not in absent]
-    made.sort(key=lambda x: (x.name in ("as_json", "quiet"), x.name == "changes"))
-    defaults = {x.name: x.default for x in made}
-    read = {x: spelled[x] for x in defaults if "read" in spelled.get(x, ())}
-    files = {
-        x: spelled[x]["help"]
-        for x in of_body
-        if kinds[x] in (Path, Path | None) and x != first and "help" in spelled.get(x, ())
-    }
-
-    def run(*, quiet: bool, as_json: bool = False, **values: Any) -> None:
-        with working(texts["doing"], quiet=quiet, as_json=as_json):
-            if RUN_CODE.get() and "run_code" not in arguments:
-                others = "verify, band, mission, monitor and worst"
-                raise InputError(f"--run-code must be given with {others} alone.")
-            for x, how in read.items():
-                values[x] = _read(values[x] or [], how["read"], _flag(x), how["metavar"])
-            if drawn and (seed := values["changes"].pop("seed", None)) is not None:
-                if type(seed) is not int or seed < 0:
-                    reason = f"`seed` must be an integer from 0 on, got {seed!r}."
-                    raise InputError(f"--set: {reason}")
-                values["seed"] = seed
-            source = values.get(first, "")
-            for x, text in files.items():
-                values[x] = _file_to_write(_flag(x), text, values[x], source)
-            taken = {x: values[x] for x in of_body}
-            others = values.pop(several, None) or ()
-            if place:
-                chosen = {
-                    x: values[x]
-                    for x in [*arguments][1:]
-                    if x in values and values[x] not in (None, [], {}, defaults.get(x))
-                }
-                call = partial(_called, place, [*arguments], source, *others, **chosen)
-                answer = body(call, **taken)
-            else:
-                answer = body(**taken)
-            if answer is not None:
-                emit(answer, source)
-
-    run.__signature__ = Signature(made)  # type: ignore[attr-defined]
-    run.__annotations__ = {x.name: x.annotation for x in made}
-    run.__doc__ = body.__doc__
-    return run
+# Options of every command, last in its help after the changes.
+OF_ALL = {"as_json": bool, "quiet": bool}
 
 
-def _read(words: list[str], how: str, flag: str, form: str) -> Any:
-    """The value of an option that has words of a form."""
-    try:
-        return READ[how](words)
-    except InputError:
-        raise
-    except ValueError:
-        raise InputError(f"{flag} must be {form}, got {', '.join(words)[:80]!r}.") from None
+@dataclass(frozen=True, kw_only=True)
+class Option:
+    """An option or argument of a command; ``commands.toml`` tells what each key means."""
+
+    name: str
+    argument: Argument  # of the verb; an empty one of an option that only the command has
+    own: Any = None  # type of an option that only the command has
+    help: str = ""
+    sentence: str = ""
+    metavar: str | None = None
+    flags: Sequence[str] = ()
+    min: int | None = None
+    max: int | None = None
+    hidden: bool = False
+    choices: Sequence[str] = ()
+    complete: str = ""
+    read: str = ""
+    ending: Sequence[str] = ()
+    folder: bool = False
+    default: str = ""
+
+    @property
+    def flag(self) -> str:
+        """Its first flag on the command line."""
+        return [*self.flags, f"--{self.name.replace('_', '-')}"][0]
+
+    @cached_property
+    def kind(self) -> Any:
+        """Type of what the command line has; None if it cannot have it."""
+        if self.read:
+            return list[str]
+        if self.choices:
+            return Literal[tuple(self.choices)]
+        return self.own or self.argument.kind
+
+    @property
+    def value(self) -> Any:
+        """Value of an option that is not given."""
+        if self.kind is bool:
+            return bool(self.argument.default)
+        return None if self.own else self.argument.default
+
+    def parameter(self, *, positional: bool, flags: Mapping[str, str]) -> Parameter:
+        """The parameter from which Typer makes it; `flags` are those that its help may name."""
+        kind, value = self.kind, self.value
+        kept = {key: getattr(self, key) for key in ("metavar", "min", "max")}
+        more = {key: x for key, x in kept.items() if x is not None}
+        if self.hidden:
+            more["hidden"] = True
+        if self.complete:
+            more["autocompletion"] = COMPLETE[self.complete]
+        if self.argument.unit == "rad":
+            more["callback"] = _radians
+        if positional:
+            made = partial(typer.Argument)
+            value = None if kind == list[str] or type(None) in get_args(kind) else Parameter.empty
+        else:
+            made = partial(typer.Option, *(self.flags or [self.flag]))
+        text = self._help(flags, repeatable=get_origin(kind) is list and not positional)
+        annotation = Annotated[kind | None if value is None else kind, made(help=text, **more)]
+        return Parameter(self.name, Parameter.KEYWORD_ONLY, default=value, annotation=annotation)
+
+    def _help(self, flags: Mapping[str, str], *, repeatable: bool) -> str:
+        """The sentences of the option, with its unit, ending and default."""
+        if self.help:
+            default = f" [default: {self.default}]" if self.default else ""
+            return _in_first_sentence(self.help.format(*self.ending), default)
+        text = re.sub(r"`(\w+)`", lambda x: flags.get(x[1], x[0]), self.argument.text or ".")
+        text = " ".join(text.replace("``", "").split())
+        text = re.sub(r"[,;] by default (.+?)(?=\.( |$))", r" [default: \1]", text)
+        unit = {"": "", "rad": ", deg"}.get(self.argument.unit, f", {self.argument.unit}")
+        return _in_first_sentence(text, unit + "; repeatable" * repeatable, self.sentence)
+
+    def words(self, words: list[str]) -> Any:
+        """The value of an option that has words of a form."""
+        try:
+            return READ[self.read](words)
+        except InputError:
+            raise
+        except ValueError:
+            got = ", ".join(words)[:80]
+            raise InputError(f"{self.flag} must be {self.metavar}, got {got!r}.") from None
+
+    def file(self, file: Path | None, source: Any) -> Path | None:
+        """The file or folder to write, its ending checked, or the default for a source."""
+        if file and self.folder and file.suffix in OF_FILES and not file.is_dir():
+            raise InputError(f"{file}: {self.flag} must be a folder, got the name of a file.")
+        check_ending(file, *self.ending, option=self.flag)
+        if file or not self.default:
+            return file
+        whole_log = re.sub(r"@[\d.:]*$", "", Path(str(source)).name)  # without the part of it
+        return Path(self.default.replace("NAME", Path(whole_log).stem))
 
 
-def _file_to_write(flag: str, text: str, file: Path | None, source: Any) -> Path | None:
-    """A file, its ending checked, or its default: the help of its option says both."""
-    if file and text.startswith("Folder") and file.suffix in OF_FILES and not file.is_dir():
-        raise InputError(f"{file}: {flag} must be a folder, got the name of a file.")
-    check_ending(file, *re.findall(r"\((\.\w+)\)", text), option=flag)
-    default = re.search(r"\[default: (runs/\S+)\]", text)
-    if file or not default:
-        return file
-    whole_log = re.sub(r"@[\d.:]*$", "", Path(str(source)).name)  # without the part of it
-    return Path(default[1].replace("NAME", Path(whole_log).stem))
+def _in_first_sentence(text: str, more: str, sentence: str = "") -> str:
+    """A text with `more` in its first sentence, before a default in brackets; or another first."""
+    first, bracket, others = re.split(r"( \[default: |\.(?= |$))", text, maxsplit=1)
+    return f"{sentence or first}{more}{bracket}{others}"
+
+
+def _radians(value: Any) -> Any:
+    """Radians of an angle, or of several, that the command line has in degrees."""
+    return [x * DEG for x in value] if isinstance(value, list) else value and value * DEG
 
 
 def check_ending(out: Path | None, *endings: str, option: str = "--out") -> None:
     """Refuse a file that does not end in one of `endings`, before anything is computed."""
     if out is not None and endings and out.suffix.lower() not in endings:
         raise InputError(f"{out}: {option} must end in {' or '.join(endings)}.")
+
+
+class Command:
+    """A command: a body, and the verb of its `texts`, which the body takes before its options.
+
+    The options are those of the verb and those of the body with help in ``commands.toml``.
+    """
+
+    def __init__(self, body: Callable[..., Answer | None], texts: Mapping[str, Any]) -> None:
+        self.body, self.place, self.doing = body, texts.get("verb", ""), texts["doing"]
+        self.verb, own = arguments_of(self.place), signature(body).parameters
+        # A command without a verb takes the values of its options alone.
+        self.own = {x.name: x.annotation for x in [*own.values()][bool(self.place) :]}
+        self.source = next(iter([*self.verb, *self.own]), "")
+        self.several = next((x.name for x in self.verb.values() if x.several), "")
+        # The seed of draws is one of the changes.
+        self.seeded = "seed" in self.verb and self.verb["seed"].default is None
+        self.absent = {*SUPPLIED, *FLOWN_BY.get(), "run_code", *texts.get("absent", ())}
+        self.absent |= {"seed"} if self.seeded else set()
+        spelled = ALIKE | {x: y for x, y in texts.items() if isinstance(y, dict)}
+        self.known = {x.name: x for x in self._known(spelled)}
+        self.options = {
+            name: option
+            for name, option in self.known.items()
+            if option.kind is not None and name not in self.absent
+        }
+
+    def _known(self, spelled: Mapping[str, Any]) -> Iterator[Option]:
+        """Parameters of verb and body, also those that are no options but that helps may name."""
+        own = self.own | OF_ALL
+        names = dict.fromkeys([*self.verb, *own])
+        for name in sorted(names, key=lambda x: (x in OF_ALL, x == "changes")):
+            keys = spelled.get(name, {})
+            argument = self.verb.get(name, Argument(name=name))
+            only_here = own[name] if name in own and "help" in keys else None
+            yield Option(name=name, argument=argument, own=only_here, **keys)
+
+    def function(self) -> Callable[..., None]:
+        """The function whose parameters Typer takes for the options."""
+
+        def run(*, quiet: bool, as_json: bool = False, **values: Any) -> None:
+            self.run(values, quiet=quiet, as_json=as_json)
+
+        flags = {x: option.flag for x, option in self.known.items()}
+        made = [
+            option.parameter(positional=name in (self.source, self.several), flags=flags)
+            for name, option in self.options.items()
+        ]
+        run.__signature__ = Signature(made)  # type: ignore[attr-defined]
+        run.__annotations__ = {x.name: x.annotation for x in made}
+        run.__doc__ = self.body.__doc__
+        return run
+
+    def run(self, values: dict[str, Any], *, quiet: bool, as_json: bool) -> None:
+        """Run the command with the values of its options, and print its answer."""
+        with working(self.doing, quiet=quiet, as_json=as_json):
+            if RUN_CODE.get() and "run_code" not in self.verb:
+                others = "verify, band, mission, monitor and worst"
+                raise InputError(f"--run-code must be given with {others} alone.")
+            source = values.get(self.source, "")
+            values = self._read(values, source)
+            verb = [self._called(values, source)] if self.place else []
+            answer = self.body(*verb, **{x: values[x] for x in self.own})
+            if answer is not None:
+                emit(answer, source)
+
+    def _read(self, given: Mapping[str, Any], source: Any) -> dict[str, Any]:
+        """Values of the options, from words where they have a form; the files to write."""
+        values = dict(given)
+        for name, option in self.options.items():
+            if option.read:
+                values[name] = option.words(values[name] or [])
+        if self.seeded and (seed := values["changes"].pop("seed", None)) is not None:
+            if type(seed) is not int or seed < 0:
+                raise InputError(f"--set: `seed` must be an integer from 0 on, got {seed!r}.")
+            values["seed"] = seed
+        for name, option in self.options.items():
+            if option.own in (Path, Path | None) and name != self.source:
+                values[name] = option.file(values[name], source)
+        return values
+
+    def _called(self, values: Mapping[str, Any], source: Any) -> Verb:
+        """The verb, bound to what was given."""
+        defaults = {x: option.value for x, option in self.options.items()}
+        others = self.source, self.several
+        given = {
+            x: values[x]
+            for x in self.verb
+            if x in values and x not in others and values[x] not in (None, [], {}, defaults.get(x))
+        }
+        several = values.get(self.several) or ()
+        return partial(_called, self.place, [*self.verb], source, *several, **given)
+
+
+def command(body: Callable[..., Answer | None], texts: Mapping[str, Any]) -> Callable[..., None]:
+    """The function of a command, as Typer takes it."""
+    return Command(body, texts).function()
 
 
 def _called(place: str, names: list[str], source: Any, /, *values: Any, **keywords: Any) -> Any:
@@ -185,117 +303,3 @@ def _called(place: str, names: list[str], source: Any, /, *values: Any, **keywor
             keywords[supplied] = stack.enter_context(SUPPLIED[supplied]())
         verb = getattr(import_module(f"flighttune.{module}"), name)
         return verb(keywords.pop(names[0], source), *values, **keywords)
-
-
-def _definition(module: str, name: str) -> ast.FunctionDef:
-    """Signature and docstring of a verb, from the text of its module."""
-    file = Path(__file__).parents[2].joinpath(*module.split(".")).with_suffix(".py")
-    pattern = re.compile(rf'^def {name}\(.*?^    """.*?"""', re.DOTALL | re.MULTILINE)
-    (text,) = pattern.findall(file.read_text(encoding="utf-8"))
-    *_, verb = ast.parse(text).body  # after its overloads
-    assert isinstance(verb, ast.FunctionDef)
-    return verb
-
-
-def _several(verb: ast.FunctionDef | None) -> str:
-    """The parameter of a verb that takes any number of values."""
-    return verb.args.vararg.arg if verb and verb.args.vararg else ""
-
-
-def _arguments(verb: ast.FunctionDef | None) -> dict[str, tuple[str, Any]]:
-    """Annotation and default of each parameter of a verb."""
-    if verb is None:
-        return {}
-    stated = [*verb.args.args, *verb.args.kwonlyargs]
-    defaults = [*verb.args.defaults, *verb.args.kw_defaults]
-    defaults = [None] * (len(stated) - len(defaults)) + defaults
-    several = {name: ("Sequence[str]", None) for name in [_several(verb)] if name}
-    return {
-        x.arg: (ast.unparse(x.annotation or ast.Constant("")), getattr(default, "value", None))
-        for x, default in zip(stated, defaults, strict=True)
-    } | several
-
-
-def _parameters(
-    verb: ast.FunctionDef | None, own: Mapping[str, Any], spelled: Mapping[str, Any], first: str
-) -> Iterator[Parameter]:
-    """Arguments and options of a verb and, with help in `spelled`, of a command's own."""
-    entries, arguments = _entries(verb), _arguments(verb)
-    for name in dict.fromkeys([*arguments, *own]):
-        described, _ = entries.get(name, ("", ""))
-        more = {**spelled.get(name, {})}
-        annotation, value = arguments.get(name, ("", None))
-        kind = _type(annotation, described)
-        if name in own and "help" in more:
-            kind, value = own[name], None
-        if more.pop("read", None):
-            kind = list[str]
-        if kind is None:
-            continue
-        if kind is bool:
-            value = bool(value)
-        made = partial(Option, *more.pop("flags", [_flag(name, described)]))
-        if name in (first, _several(verb)):
-            made = Argument
-            value = None if kind == list[str] or type(None) in get_args(kind) else Parameter.empty
-        sentence = more.pop("sentence", "")
-        if complete := more.pop("complete", None):
-            more["autocompletion"] = COMPLETE[complete]
-        if re.search(r"float, rad\b(?!/)", described):
-            more["callback"] = _radians
-        repeatable = get_origin(kind) is list and made is not Argument
-        more = {"help": _help(name, entries, sentence, repeatable=repeatable), **more}
-        annotation = Annotated[kind | None if value is None else kind, made(**more)]
-        yield Parameter(name, Parameter.KEYWORD_ONLY, default=value, annotation=annotation)
-
-
-def _entries(verb: ast.FunctionDef | None) -> dict[str, tuple[str, str]]:
-    """Type and text of each parameter in a NumPy docstring, or in that of the verb it names."""
-    text = cleandoc((verb and ast.get_docstring(verb)) or "")
-    section = re.search(r"Parameters\n-+\n(.*?)(?=\n\n\w+\n-+\n|\Z)", text, re.DOTALL)
-    entry = re.compile(r"^(\w[\w, ]*) : ([^\n]*)\n?((?:    .*\n?)*)", re.MULTILINE)
-    entries = {}
-    for names, described, text in entry.findall(section[1] if section else ""):
-        own = dict.fromkeys(names.split(", "), (described, text))
-        if other := re.fullmatch(r"as for `(\w+)`", described):
-            shared = _entries(_definition(modules_of("flighttune")[other[1]], other[1]))
-            own = {name: shared[name] for name in own}
-        entries |= own
-    return entries
-
-
-def _type(annotation: str, described: str) -> Any:
-    """The type of an option; None of a parameter that has none on a command line."""
-    if choices := re.search(r"\{(.+)\}", described):
-        return Literal[ast.literal_eval(f"({choices[1]},)")]
-    words = re.findall(r"\w+", annotation)
-    types = [TYPES[word] for word in words if word in TYPES]
-    if OF_PYTHON & {*words} or not types:
-        return None
-    return list[types[-1]] if SEQUENCES & {*words} else types[0]
-
-
-def _help(name: str, entries: dict[str, tuple[str, str]], first: str, *, repeatable: bool) -> str:
-    """The sentences of a parameter as the help of an option, its default in brackets."""
-    described, text = entries.get(name, ("", "."))
-    text = re.sub(
-        r"`(\w+)`", lambda x: _flag(x[1], entries[x[1]][0]) if x[1] in entries else x[0], text
-    )
-    text = " ".join(text.replace("``", "").split())
-    text = re.sub(r"[,;] by default (.+?)(?=\.( |$))", r" [default: \1]", text)
-    sentence, bracket, others = re.split(r"( \[default: |\.(?= |$))", text, maxsplit=1)
-    unit = re.search(r"(?<!or )float, (?!1\b|optional)([^,]*)", described)
-    unit = f", {'deg' if unit[1] == 'rad' else unit[1]}" if unit else ""
-    repeated = "; repeatable" if repeatable else ""
-    return f"{first or sentence}{unit}{repeated}{bracket}{others}"
-
-
-def _radians(value: Any) -> Any:
-    """Radians of an angle, or of several, that the command line has in degrees."""
-    return [x * DEG for x in value] if isinstance(value, list) else value and value * DEG
-
-
-def _flag(name: str, described: str = "") -> str:
-    if name == "start" and described.startswith("float, rad"):  # `meet` starts from gains
-        name = "start_deg"
-    return ALIKE.get(name, {}).get("flags", [f"--{name.replace('_', '-')}"])[0]

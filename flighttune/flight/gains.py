@@ -17,6 +17,7 @@ from flighttune.base.arrays import check_at_least
 from flighttune.base.errors import InfeasibleError, InputError
 from flighttune.base.files import code
 from flighttune.base.files.whole import together, write_text
+from flighttune.base.units import RadiansPerSecond2
 from flighttune.control.certificates.bound import bound_rate
 from flighttune.control.certificates.exact_rate import exact_rates
 from flighttune.control.certificates.lag_box import lag_boxes
@@ -153,7 +154,7 @@ def certify(
     gains: PIGains | str | None = None,
     *,
     envelope: bool = False,
-    L_d: float | None = None,
+    L_d: RadiansPerSecond2 | None = None,
     lag: Sequence[float] | Sequence[Sequence[float]] | None = None,
     changes: Mapping[str, Any] | None = None,
 ) -> Certification:

@@ -10,7 +10,7 @@ import tomlkit
 
 from flighttune.base.errors import InputError, OutputError
 from flighttune.base.files.whole import write_text
-from flighttune.base.units import DEG, G_PAPER
+from flighttune.base.units import DEG, G_PAPER, Degrees, Seconds
 from flighttune.base.words import pick
 from flighttune.flight.load import load_scenario
 from flighttune.vehicles.aircraft.aircraft import AircraftConfig, load_aircraft
@@ -39,8 +39,8 @@ def new_scenario(
     name: str,
     *,
     aircraft: str | None = None,
-    overshoot: float | None = None,
-    settle: float | None = None,
+    overshoot: Degrees | None = None,
+    settle: Seconds | None = None,
 ) -> Path:
     """Write a scenario that an aircraft can fly to ``NAME.toml``, and return the file.
 

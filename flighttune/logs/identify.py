@@ -17,7 +17,15 @@ from flighttune.base.answers.palette import HUES, NEUTRAL
 from flighttune.base.arrays import FloatArray, true_spans
 from flighttune.base.errors import InputError
 from flighttune.base.files.load import A_LOG, LOG, load_one, written
-from flighttune.base.units import DEG, DEG_PER_RAD, G_0
+from flighttune.base.units import (
+    DEG,
+    DEG_PER_RAD,
+    G_0,
+    Metres,
+    MetresPerSecond,
+    Radians,
+    RadiansPerSecond,
+)
 from flighttune.base.words import pick
 from flighttune.control.inner_loop import InnerLag, Order
 from flighttune.flight.loop.run import Run
@@ -191,12 +199,12 @@ class LogIdentification(Answering):
 def identify(
     source: str | Path | Run,
     *logs: str | Path | Run,
-    V_a: Sequence[float] = (),
-    gamma: Sequence[float] = (),
-    h: float = 1000.0,
+    V_a: Sequence[MetresPerSecond] = (),
+    gamma: Sequence[Radians] = (),
+    h: Metres = 1000.0,
     seed: int = 0,
     columns: Columns = (),
-    assume: Mapping[str, float] | None = None,
+    assume: Mapping[str, RadiansPerSecond] | None = None,
 ) -> AircraftIdentification | LogIdentification:
     """Identify the inner loop of an aircraft, by flying it or from logs of real flights.
 

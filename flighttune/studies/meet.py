@@ -390,7 +390,7 @@ def starting_gains(scenario: Scenario, law: Law) -> dict[str, PIGains]:
 def meet(
     scenario: Scenario | str | Path,
     *,
-    also: Sequence[Scenario | str | Path] = (),
+    also: Sequence[Scenario | Path | str] = (),
     start: PIGains | str | None = None,
     budget: int | None = None,
     metric: str = ITAE,

@@ -26,7 +26,7 @@ from flighttune.base.files.load import TUBE as TUBE_FILE
 from flighttune.base.files.table import toml_text
 from flighttune.base.files.whole import write_text
 from flighttune.base.names import CHANNEL_SYMBOLS
-from flighttune.base.units import DEG_PER_RAD
+from flighttune.base.units import DEG_PER_RAD, Degrees, RadiansPerSecond
 from flighttune.base.words import pick
 from flighttune.campaigns.engine.pool import WorkerPool
 from flighttune.campaigns.engine.progress import CampaignObserver
@@ -194,8 +194,8 @@ def worst(  # noqa: PLR0913 - each is a choice of the user, and has a default
     gains: str | None = None,
     plant: str | None = None,
     completed: bool = False,
-    start_deg: float = 0.0,
-    disturbance: float = 0.0,
+    start_deg: Degrees = 0.0,
+    disturbance: RadiansPerSecond = 0.0,
     seed: int = 1,
     changes: Mapping[str, Any] | None = None,
     run_code: bool = False,  # noqa: ARG001 - of the decorator

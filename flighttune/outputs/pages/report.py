@@ -23,7 +23,7 @@ def report(
     source: str | Path | FlownScenario,
     path: str | Path | None = None,
     *,
-    claims: Sequence[str | Path] = (),
+    claims: Sequence[Path | str] = (),
     changes: Mapping[str, Any] | None = None,
     columns: Columns = (),
     interval: Method | None = None,

@@ -33,7 +33,7 @@ from flighttune.base.files.whole import (
     write_text,
 )
 from flighttune.base.names import CHANNEL_SYMBOLS
-from flighttune.base.units import DEG
+from flighttune.base.units import DEG, Metres, MetresPerSecond
 from flighttune.base.words import listed, pick
 from flighttune.control.gains import PAPER_GAINS, PAPER_SPEED
 from flighttune.flight.flown import SWING, FlownScenario
@@ -229,8 +229,8 @@ def adopt(
     model: str,
     folder: Path,
     *,
-    V_a: float | None = None,
-    h: float | None = None,
+    V_a: MetresPerSecond | None = None,
+    h: Metres | None = None,
     values: Mapping[str, float] | None = None,
     throttle: str | None = None,
     commands: Mapping[str, Sequence[str]] | None = None,

@@ -9,6 +9,7 @@ from typing import Any
 from flighttune.base.answering import Answering
 from flighttune.base.answers.answer import Answer, Table
 from flighttune.base.answers.labels import columns
+from flighttune.base.units import Metres, MetresPerSecond, Radians
 from flighttune.base.words import figures
 from flighttune.vehicles.aircraft.aircraft import load_aircraft
 from flighttune.vehicles.plants.jsbsim.trim import trim_table
@@ -64,10 +65,10 @@ class Trims(Answering):
 def trim(
     aircraft: str | Path,
     *,
-    V_a: Sequence[float] | None = None,
-    gamma: Sequence[float] | None = None,
-    phi: float = 0.0,
-    h: float = 1000.0,
+    V_a: Sequence[MetresPerSecond] | None = None,
+    gamma: Sequence[Radians] | None = None,
+    phi: Radians = 0.0,
+    h: Metres = 1000.0,
 ) -> Trims:
     """Trim an aircraft at every airspeed with every flight-path angle.
 
