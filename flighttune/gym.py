@@ -15,7 +15,9 @@ from flighttune.base.files.table import validated
 from flighttune.base.units import DEG, wrap_angle
 from flighttune.campaigns.planning import plan, schema, source
 from flighttune.control.controller import FlightCondition, GuardedLaw, LawError
+from flighttune.control.controller_keys import ControllerTable
 from flighttune.control.gains import PIGains
+from flighttune.control.gains_keys import default_gains
 from flighttune.flight.conditions import command_limits, lead_on
 from flighttune.flight.flown import FlownScenario
 from flighttune.flight.fly import manoeuvre, plant_of, provenance, steady_wind
@@ -24,7 +26,6 @@ from flighttune.flight.loop.run import Run, RunStatus
 from flighttune.flight.models import gain_set, law_setup
 from flighttune.flight.own import with_own
 from flighttune.flight.scenario.schema import Scenario
-from flighttune.flight.scenario.tables import ControllerTable, default_gains
 from flighttune.vehicles.plants.base import N_X_SIGNALS, follows_at_once
 from flighttune.vehicles.plants.jsbsim.plant import LARGEST_SEED
 

@@ -135,3 +135,6 @@ def short(value: str) -> str:
 
 # Longest name of something that ships, or longest path.
 PathName: TypeAlias = Annotated[str, Field(min_length=1, max_length=4096), AfterValidator(short)]
+
+# Name of a gain set, a law or a plant.
+Name: TypeAlias = Annotated[str, Field(min_length=1, pattern=r"^[\w.*+-]+$"), AfterValidator(short)]

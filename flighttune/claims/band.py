@@ -24,11 +24,11 @@ from flighttune.claims.shape import MAX_NUMBERS
 from flighttune.flight.loop.run import SIGNAL_UNITS, Bounds, Run, RunClaim
 from flighttune.flight.metrics import OFF_ROUTE
 from flighttune.flight.scenario.load import scenario_of
-from flighttune.flight.scenario.route import BACK_S, TurnBackTable
 from flighttune.gaps.watch import MODELS
 from flighttune.routes.fence import DISTANCE_SIGNS, read_fence, room_along
 from flighttune.routes.follow import SAME_PLACE
 from flighttune.routes.maps import Corridor, Volume, Where, areas_of
+from flighttune.routes.turn_back_keys import BACK_S, TurnBackTable
 
 # Rounding of the times of samples, s.
 SAME_TIME = 1e-9

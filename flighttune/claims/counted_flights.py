@@ -20,10 +20,10 @@ from flighttune.claims.distribution import AIRSPEEDS, STARTS, Distribution, flow
 from flighttune.flight import conditions, route
 from flighttune.flight.loop.run import Run
 from flighttune.flight.scenario.load import scenario_from, spelled
-from flighttune.flight.scenario.route import DETECTED_S, TurnBackTable, rate_of
 from flighttune.flight.scenario.schema import Scenario
-from flighttune.flight.scenario.tables import INTENSITIES
 from flighttune.routes.follow import CHANGE_N_X
+from flighttune.routes.turn_back_keys import DETECTED_S, TurnBackTable, rate_of
+from flighttune.vehicles.weather_keys import INTENSITIES
 
 CALM, STEADY_WIND = "calm", "wind"
 

@@ -14,9 +14,12 @@ from flighttune.base.errors import InputError
 from flighttune.base.files.table import abridged
 from flighttune.base.names import key_words
 from flighttune.base.words import listed
+from flighttune.flight.loop.disturbance_keys import DisturbanceTable
 from flighttune.flight.scenario.schema import Scenario
 from flighttune.flight.scenario.tables import DisturbanceTable, PlantTable, SensorsTable
 from flighttune.vehicles.aircraft.aircraft import OffNominal
+from flighttune.vehicles.plant_keys import PlantTable
+from flighttune.vehicles.weather_keys import SensorsTable
 
 # Tables of a scenario that must be those of the flights counted, but for what was dispersed.
 FLOWN_ALIKE = ("flight", "reference", "route", "limits", "controller")

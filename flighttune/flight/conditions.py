@@ -10,15 +10,16 @@ import numpy as np
 
 from flighttune.base.errors import InputError
 from flighttune.base.units import DEG
+from flighttune.control.controller_keys import LimitsTable
 from flighttune.control.inner_loop import InnerLag
 from flighttune.control.limits import Limits
 from flighttune.control.wind import climb_through_air
-from flighttune.flight.scenario.route import RouteTable
 from flighttune.flight.scenario.schema import Scenario
-from flighttune.flight.scenario.tables import LimitsTable, PlantTable
 from flighttune.routes.feasible import FeasibleReference, Manoeuvre, feasible_reference
 from flighttune.routes.follow import RouteReference
+from flighttune.routes.route_keys import RouteTable
 from flighttune.routes.segments import Reference
+from flighttune.vehicles.plant_keys import PlantTable
 from flighttune.vehicles.plants.base import FlightCondition
 from flighttune.vehicles.plants.weather import Weather, WindProfile, path_through_air
 

@@ -10,7 +10,7 @@ from flighttune.control.limits import Limits
 from flighttune.flight import conditions
 from flighttune.flight.own import with_own
 from flighttune.flight.scenario.schema import Scenario
-from flighttune.flight.scenario.tables import PlantTable
+from flighttune.vehicles.plant_keys import PlantTable
 from flighttune.vehicles.plants.base import FlightCondition
 
 

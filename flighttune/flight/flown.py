@@ -18,6 +18,7 @@ from flighttune.base.arrays import FloatArray
 from flighttune.base.units import DEG
 from flighttune.base.words import pick
 from flighttune.control.gains import PAPER_SPEED, PIGains, paper_family
+from flighttune.control.gains_keys import TUNED_FED_BACK, TUNED_IDENTIFIED
 from flighttune.control.theory.indicators import Indicators
 from flighttune.control.tuning.result import TuningResult
 from flighttune.flight import metrics
@@ -26,8 +27,8 @@ from flighttune.flight.loop.measures import SETTLING_BAND, SMALLEST_STEP
 from flighttune.flight.loop.run import Claim, Run, claimed, priority_notes, with_claims
 from flighttune.flight.metrics import AIRSPEED, airspeed_metrics, measures, metric_tables
 from flighttune.flight.models import loop_measures
+from flighttune.flight.requirement_keys import ExpectTable, in_rad
 from flighttune.flight.scenario.schema import Scenario
-from flighttune.flight.scenario.tables import TUNED_FED_BACK, TUNED_IDENTIFIED, ExpectTable, in_rad
 
 Sense: TypeAlias = Literal["at_most", "at_least"]
 

@@ -18,6 +18,7 @@ from flighttune.base.errors import InputError, TrimError
 from flighttune.base.files import code
 from flighttune.control.controller import MAX_LAG_S, LawError
 from flighttune.control.gains import PIGains
+from flighttune.control.gains_keys import TUNED
 from flighttune.control.law import split_name
 from flighttune.control.limits import Limits
 from flighttune.control.linear_model import LinearModel, closed_loop
@@ -30,7 +31,7 @@ from flighttune.flight.loop.run import SIGNAL_UNITS, Provenance, Run, RunStatus
 from flighttune.flight.own import LawMaker, PlantMaker, with_own
 from flighttune.flight.scenario.load import as_arguments, from_level
 from flighttune.flight.scenario.schema import Scenario
-from flighttune.flight.scenario.tables import TUNED, PlantTable
+from flighttune.vehicles.plant_keys import PlantTable
 from flighttune.vehicles.plants.base import (
     N_X_SIGNALS,
     AirPathPlant,

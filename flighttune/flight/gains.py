@@ -30,12 +30,13 @@ from flighttune.control.tuning.problem import TuningProblem
 from flighttune.control.tuning.result import TuningResult
 from flighttune.control.tuning.tune import POINTS, STARTS, diagnosis, frontier_chart, tune_problem
 from flighttune.control.tuning.tune import frontier as frontier_table
+from flighttune.control.tuning.tuning_keys import TuningModel
 from flighttune.flight import models
 from flighttune.flight.load import as_scenario, scenario_and_gains
 from flighttune.flight.own import with_own
 from flighttune.flight.scenario.schema import Scenario
-from flighttune.flight.scenario.tables import TuningModel, flown_aircraft
 from flighttune.vehicles.identification.file import files_of
+from flighttune.vehicles.plant_keys import flown_aircraft
 
 
 def tune(
@@ -136,7 +137,7 @@ def _tuned_for(scenario: Scenario, law: Law | None, *, envelope: bool) -> dict[s
     """Aircraft and airspeeds of the models that gains are tuned on."""
     speeds = [scenario.flight.V_a_mps]
     if scenario.tuning.model == "identified":
-        identified = scenario.identified_in.identified_model
+        identified = scenario.identified_model
         if scenario.tuning.robust:
             speeds = [condition.V_a for condition in identified.conditions]
         assumed = {"assumed": [*identified.assumptions]} if identified.assumptions else {}
@@ -290,9 +291,8 @@ def certify_scenario(
     )
     certificate = certification.certificate
     if certificate is not None and settings.model == "identified":
-        table = scenario.identified_in
-        files = files_of(table.identified or getattr(table, "aircraft", None))
-        assumed = table.identified_model.assumptions
+        files = files_of(scenario.identified_name)
+        assumed = scenario.identified_model.assumptions
         certificate = replace(certificate, files=files, assumed=assumed)
     largest = None
     if over and full:

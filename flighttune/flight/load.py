@@ -9,6 +9,7 @@ from flighttune.base.files.shipped import scenario_files
 from flighttune.base.files.table import joined, toml_tables, validated
 from flighttune.base.units import DEG
 from flighttune.control.gains import PIGains
+from flighttune.control.gains_keys import TUNED_FED_BACK
 from flighttune.flight import conditions
 from flighttune.flight.models import gain_set, tuning_scaling
 from flighttune.flight.scenario.load import (
@@ -19,10 +20,10 @@ from flighttune.flight.scenario.load import (
     with_gains,
 )
 from flighttune.flight.scenario.schema import Scenario
-from flighttune.flight.scenario.tables import TUNED_FED_BACK, PlantTable
 from flighttune.routes.items import RouteFile
 from flighttune.vehicles.aircraft.aircraft import AircraftConfig, load_aircraft, start_faults
 from flighttune.vehicles.identification.file import load_identified
+from flighttune.vehicles.plant_keys import PlantTable
 from flighttune.vehicles.plants.jsbsim.plant import check_off_nominal
 
 # Key of [flight] for each attribute of a condition that an aircraft bounds.
@@ -186,7 +187,7 @@ def check_identified(scenario: Scenario, source: str) -> None:
     place = f"{source}: [tuning] `identified` must be an aircraft or a model file"
     with naming(place, ScenarioError):
         if scenario.tuning.identified is not None:
-            _ = scenario.tuning.identified_model
+            _ = scenario.identified_model
 
 
 def _faults(scenario: Scenario, plant: PlantTable) -> Iterator[str]:

@@ -18,6 +18,7 @@ from flighttune.control import inner_loop
 from flighttune.control.certificates.exact_rate import Sampling
 from flighttune.control.controller import LawSetup
 from flighttune.control.gains import NO_FEEDBACK, RATES, PIGains, paper_family
+from flighttune.control.gains_keys import TUNED, TUNED_FED_BACK, TUNED_IDENTIFIED, GainsTable
 from flighttune.control.law import Law, Trim, made_law
 from flighttune.control.limits import Limits
 from flighttune.control.linear_model import Envelope, LinearModel, closed_loop
@@ -27,9 +28,9 @@ from flighttune.control.tuning.envelope import tune_worst_case
 from flighttune.control.tuning.problem import LARGEST_GAIN, TuningProblem, decoupled
 from flighttune.control.tuning.result import TuningResult
 from flighttune.control.tuning.tune import tune_problem
+from flighttune.control.tuning.tuning_keys import SHAPED
 from flighttune.flight.conditions import command_limits, limits_on, reference_of, stated_condition
-from flighttune.flight.scenario.schema import GainsTable, Scenario
-from flighttune.flight.scenario.tables import SHAPED, TUNED, TUNED_FED_BACK, TUNED_IDENTIFIED
+from flighttune.flight.scenario.schema import Scenario
 from flighttune.vehicles.identification.file import DesignModel, design_model
 from flighttune.vehicles.plants.weather import turbulence_scales
 
@@ -63,7 +64,7 @@ def identified_models(
     condition. If `everywhere`, or where [tuning] says ``robust``, each condition has one of its
     own.
     """
-    identified, law = scenario.identified_in.identified_model, law or scenario.laws[0]
+    identified, law = scenario.identified_model, law or scenario.laws[0]
     V_a, gamma = scenario.flight.V_a_mps, reference_of(scenario).initial[1]
     g, hold = scenario.flight.g_mps2, 0.5 / scenario.controller.rate_hz
     model = partial(design_model, g=g, hold=hold, law=law, airspeed=scenario.airspeed)

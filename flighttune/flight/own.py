@@ -10,8 +10,9 @@ from flighttune.base.errors import ScenarioError
 from flighttune.base.files import code
 from flighttune.base.files.table import validated
 from flighttune.control.controller import FAILURES, Controller, failure
+from flighttune.control.law_keys import LawTable
 from flighttune.flight.scenario.schema import Scenario
-from flighttune.flight.scenario.tables import LawTable, PlantTable
+from flighttune.vehicles.plant_keys import PlantTable
 from flighttune.vehicles.plants.base import Plant
 
 # Called with a `LawSetup` and the parameters of a scenario's table, for every flight.

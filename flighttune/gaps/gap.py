@@ -36,12 +36,12 @@ from flighttune.flight.flown import FlownScenario
 from flighttune.flight.loop.run import Claim, Run, claimed, with_claims
 from flighttune.flight.metrics import channel_metrics, flight_metrics
 from flighttune.flight.scenario.schema import Scenario
-from flighttune.flight.scenario.tables import PlantTable
 from flighttune.gaps.of_log import LogGap, log_gap
 from flighttune.gaps.residual import CHANNELS, Mismatch, mismatch
 from flighttune.logs.log import Columns
 from flighttune.vehicles.identification.file import FILE_NAME, lag_table
 from flighttune.vehicles.identification.fit import fitted_lag
+from flighttune.vehicles.plant_keys import PlantTable
 from flighttune.vehicles.plants.point_mass import PointMassPlant, PoweredPointMass
 
 # A shorter flight cannot be compared, and no lag can be fitted to it.

@@ -28,15 +28,18 @@ from flighttune.campaigns.statistics.count import LOOK, sure
 from flighttune.campaigns.statistics.intervals import CONFIDENCE, share
 from flighttune.claims.counted_flights import at_random
 from flighttune.control.gains import PAPER_GAINS, PIGains
+from flighttune.control.gains_keys import TUNED, TUNED_FOR_AIRCRAFT
 from flighttune.control.law import Law, law_kinds
+from flighttune.control.law_keys import LawTable
 from flighttune.control.linear_model import closed_loop
 from flighttune.control.theory.indicators import indicators_batch
 from flighttune.flight import load, models
 from flighttune.flight.flown import BoundCheck, bound_checks, bounded_loop, not_followed
 from flighttune.flight.metrics import AIRSPEED, limits_in_words
-from flighttune.flight.scenario import tables
+from flighttune.flight.requirement_keys import Bound, ExpectTable, in_rad
 from flighttune.flight.scenario.schema import Scenario
 from flighttune.studies.meeting import BY_DEFAULT, Meeting, Status, Trial
+from flighttune.vehicles.plant_keys import flown_aircraft
 from flighttune.vehicles.plants.base import goes_by
 
 # What is minimised once all requirements are met with the margin `WANTED`, if it is no column of
@@ -56,7 +59,7 @@ KEPT = (
 )
 
 # Margins of the linear loop that are required unless the scenario states others
-MARGINS: dict[str, tables.Bound] = {"gain_margin_dB": 6.0, "phase_margin_deg": 35.0}
+MARGINS: dict[str, Bound] = {"gain_margin_dB": 6.0, "phase_margin_deg": 35.0}
 
 # Measures of the loop, of which larger is better, that are named where they are worse than with the
 # gains of the start by more than this share; and the error at the end, rad or m/s, that is named
@@ -102,10 +105,10 @@ ACTIVE = 0.02
 
 
 def flights_to_meet(
-    scenario: Scenario, law: tables.LawTable, table: CampaignTable | None = None
+    scenario: Scenario, law: LawTable, table: CampaignTable | None = None
 ) -> Campaign:
     """Flights of a scenario by a law, dispersed as the `table` of a campaign says."""
-    tuned = list(tables.TUNED_FOR_AIRCRAFT)
+    tuned = list(TUNED_FOR_AIRCRAFT)
     tuned_names = {None, *tuned, *law.law.names_of(tuned)}
     expect = [
         requirement.model_copy(update={"gains": None, "status": None})
@@ -139,7 +142,7 @@ class Search:
         draws: int = 1,
         success: float = 1.0,
     ) -> None:
-        if metric not in (ITAE, MARGIN) and tables.in_rad(metric) not in MEASURES:
+        if metric not in (ITAE, MARGIN) and in_rad(metric) not in MEASURES:
             raise InputError(
                 f"`metric` must be {ITAE}, {MARGIN} or one of {', '.join(MEASURES)} (or _deg in "
                 f"place of _rad), got {metric!r}."
@@ -380,7 +383,7 @@ def starting_gains(scenario: Scenario, law: Law) -> dict[str, PIGains]:
     """Gains tuned for a law, and those of a scenario, by name; without what does not exist."""
     sets: dict[str, PIGains | None] = {}
     listed = map(scenario.listed_as, scenario.gain_names)
-    for name in dict.fromkeys([*tables.TUNED_FOR_AIRCRAFT, tables.TUNED, *listed]):
+    for name in dict.fromkeys([*TUNED_FOR_AIRCRAFT, TUNED, *listed]):
         with suppress(InputError):  # e.g. no aircraft is identified
             sets[name] = models.gain_set(scenario, law.names_of([name])[0])
     return {name: gains for name, gains in sets.items() if gains is not None}
@@ -536,7 +539,7 @@ def meet(
         worst=worst,
         trials=[*search.trials.values()],
         tuned_for={
-            "aircraft": tables.flown_aircraft(x for each in scenarios for x in each.plant),
+            "aircraft": flown_aircraft(x for each in scenarios for x in each.plant),
             "V_a_mps": sorted({V for scenario in scenarios for V in scenario.airspeeds}),
             **({"assumed": assumed} if assumed else {}),
         },
@@ -656,12 +659,12 @@ def _required(scenario: Scenario) -> list[str]:
     return [label for label in labels if any(goes_by(label, x.plant) for x in scenario.expect)]
 
 
-def _default_margins(scenario: Scenario) -> list[tables.ExpectTable]:
+def _default_margins(scenario: Scenario) -> list[ExpectTable]:
     """`MARGINS` as a requirement, without those that the scenario bounds itself."""
     own = (name for table in scenario.expect for name in table.at_least.get("loop", ()))
-    bounded = {*map(tables.in_rad, own)}
-    left = {name: bound for name, bound in MARGINS.items() if tables.in_rad(name) not in bounded}
-    return [tables.ExpectTable(at_least={"loop": left})] if left else []
+    bounded = {*map(in_rad, own)}
+    left = {name: bound for name, bound in MARGINS.items() if in_rad(name) not in bounded}
+    return [ExpectTable(at_least={"loop": left})] if left else []
 
 
 def _metric(row: Row, metric: str) -> float:
@@ -669,10 +672,10 @@ def _metric(row: Row, metric: str) -> float:
         return row["chi.ITAE"] + row["gamma.ITAE"]
     if metric == MARGIN:
         return math.nan
-    value = row[tables.in_rad(metric)]
+    value = row[in_rad(metric)]
     if value is None:
         return math.inf
-    return value if tables.in_rad(metric) == metric else value / DEG
+    return value if in_rad(metric) == metric else value / DEG
 
 
 def _varied(gains: PIGains, factors: tuple[float, float]) -> PIGains:

@@ -43,11 +43,12 @@ from flighttune.claims.tubes.enclosure import Tube
 from flighttune.claims.verify import AnyClaim
 from flighttune.control.certificates.bound import RateBound
 from flighttune.control.certificates.certificate import Certificate
+from flighttune.control.gains_keys import GainsTable
 from flighttune.flight.flown import bound_checks
 from flighttune.flight.fly import fly
 from flighttune.flight.loop.run import ERRORS, Bounds, Run
 from flighttune.flight.scenario.load import scenario_from, with_gains
-from flighttune.flight.scenario.schema import GainsTable, Scenario
+from flighttune.flight.scenario.schema import Scenario
 from flighttune.vehicles.plants.jsbsim.plant import LARGEST_SEED
 
 # Metric: largest excess over a requirement relative to its bound; 0 just meets it.

@@ -20,6 +20,7 @@ from flighttune.campaigns.flying.columns import NOT_REPRODUCIBLE, Row, table_of
 from flighttune.campaigns.planning.plan import Group, Plan
 from flighttune.campaigns.planning.schema import MEASURES
 from flighttune.control.gains import PIGains
+from flighttune.control.gains_keys import GainsTable
 from flighttune.control.law import Law, split_name
 from flighttune.control.linear_model import loops_of
 from flighttune.control.theory.indicators import indicators_batch
@@ -37,7 +38,7 @@ from flighttune.flight.records.refly import Difference
 from flighttune.flight.route import planned_route
 from flighttune.flight.scenario.load import scenario_from
 from flighttune.flight.scenario.schema import Scenario
-from flighttune.flight.scenario.tables import GainsTable, PlantTable
+from flighttune.vehicles.plant_keys import PlantTable
 from flighttune.vehicles.plants.point_mass import rolled_over
 
 # Draws whose kinematic flights are flown together: their signals stay in the processor's cache, and

@@ -17,11 +17,11 @@ from flighttune.base.quantities import Table
 from flighttune.campaigns.planning.draws import cycle, dispersed_places, drawn, with_drawn
 from flighttune.campaigns.planning.schema import Campaign, CampaignTable
 from flighttune.control.gains import PIGains
+from flighttune.control.gains_keys import TUNED, TUNED_FOR_AIRCRAFT, default_gains
 from flighttune.flight.load import check_scenario
 from flighttune.flight.models import gain_sets
 from flighttune.flight.scenario.load import Place, as_recorded, leaves, with_values
 from flighttune.flight.scenario.schema import Scenario
-from flighttune.flight.scenario.tables import TUNED, TUNED_FOR_AIRCRAFT, default_gains
 from flighttune.vehicles.aircraft.aircraft import files_hash
 
 # Version of the plain values of a plan; other versions are refused

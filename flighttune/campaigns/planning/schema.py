@@ -12,10 +12,13 @@ from scipy.special import ndtri
 from flighttune.base.arrays import FloatArray
 from flighttune.base.files.table import abridged, refused_in_a_line
 from flighttune.base.quantities import Finite, NotNegative, PathName, Positive, Table
+from flighttune.control.gains_keys import GainsTable
 from flighttune.flight.metrics import FLIGHT_METRICS
+from flighttune.flight.requirement_keys import CHANNEL_MEASURES, ExpectTable
 from flighttune.flight.scenario.load import MAX_KEY
-from flighttune.flight.scenario.schema import GainsTable, Scenario
-from flighttune.flight.scenario.tables import CHANNEL_MEASURES, ExpectTable, PlantTable, Seed
+from flighttune.flight.scenario.schema import Scenario
+from flighttune.vehicles.plant_keys import PlantTable
+from flighttune.vehicles.weather_keys import Seed
 
 # Values of a key of a scenario
 Value: TypeAlias = bool | int | float | str

@@ -23,13 +23,14 @@ from flighttune.campaigns.planning.schema import (
     Dispersion,
     Uniform,
 )
+from flighttune.control.gains_keys import TUNED_FOR_AIRCRAFT, GainsTable
 from flighttune.flight.load import check_identified, check_scenario, load_scenario
 from flighttune.flight.route import AIRCRAFT, mission_scenario
 from flighttune.flight.scenario import load
 from flighttune.flight.scenario.schema import Scenario
-from flighttune.flight.scenario.tables import TUNED_FOR_AIRCRAFT, GainsTable, PlantTable
 from flighttune.routes.fence import own_fence
 from flighttune.vehicles.aircraft.aircraft import OffNominal, load_aircraft
+from flighttune.vehicles.plant_keys import PlantTable
 from flighttune.vehicles.plants.base import goes_by
 from flighttune.vehicles.plants.jsbsim.plant import check_off_nominal
 

@@ -32,7 +32,7 @@ from flighttune.campaigns.statistics.intervals import (
     share,
 )
 from flighttune.flight.flown import bound_checks, bounded_loop
-from flighttune.flight.scenario.tables import in_rad
+from flighttune.flight.requirement_keys import in_rad
 
 # Columns that may be null, which then are empty.
 TEXTS = ("reason", "missed")

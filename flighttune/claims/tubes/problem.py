@@ -25,8 +25,8 @@ from flighttune.flight.conditions import lead_on, limits_on, reference_of, start
 from flighttune.flight.loop.run import Bounds
 from flighttune.flight.models import law_setup
 from flighttune.flight.scenario.schema import Scenario
-from flighttune.flight.scenario.tables import PlantTable
 from flighttune.routes import feasible, segments
+from flighttune.vehicles.plant_keys import PlantTable
 from flighttune.vehicles.plants import base, weather
 
 # Quantities that a tube bounds: errors in rad, commands in rad and 1

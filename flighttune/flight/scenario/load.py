@@ -31,11 +31,13 @@ from flighttune.base.files.table import (
     validated,
 )
 from flighttune.control.gains import PIGains
+from flighttune.control.gains_keys import GainsTable
 from flighttune.control.law import DEFAULT
+from flighttune.control.law_keys import LawTable
 from flighttune.flight.loop.run import Run
-from flighttune.flight.scenario.schema import GainsTable, Scenario
-from flighttune.flight.scenario.tables import LawTable, PlantTable
+from flighttune.flight.scenario.schema import Scenario
 from flighttune.routes.mission import read_route
+from flighttune.vehicles.plant_keys import PlantTable
 
 # Names of tables and positions in arrays from the top of a scenario to a value
 Place: TypeAlias = tuple[str | int, ...]

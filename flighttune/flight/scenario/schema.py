@@ -14,14 +14,38 @@ from flighttune.base.files.shipped import nearest_name
 from flighttune.base.files.table import abridged, hash_of, refused_in_a_line
 from flighttune.base.quantities import FASTEST_WIND, STEEPEST_DEG, Table
 from flighttune.base.words import listed
+from flighttune.control.controller_keys import ControllerTable, EnvelopeTable, LimitsTable
 from flighttune.control.gains import COMMANDS, PIGains, paper_family
+from flighttune.control.gains_keys import (
+    TUNED,
+    TUNED_FED_BACK,
+    TUNED_IDENTIFIED,
+    GainsTable,
+    on_aircraft,
+)
 from flighttune.control.law import DEFAULT, Law, made_law, split_name
+from flighttune.control.law_keys import LAWS, Laws, LawTable, law_named
+from flighttune.control.tuning.tuning_keys import TuningTable
+from flighttune.flight.loop.disturbance_keys import DisturbanceTable
 from flighttune.flight.metrics import CHANNELS, OFF_ROUTE, UNSETTLED, required_names
-from flighttune.flight.scenario import tables
+from flighttune.flight.requirement_keys import ExpectTable
 from flighttune.flight.scenario.route import RouteTable, TurnBackTable
 from flighttune.flight.scenario.tables import TUNED, TUNED_FED_BACK, TUNED_IDENTIFIED, GainsTable
+from flighttune.routes.reference_keys import ReferenceTable
+from flighttune.routes.route_keys import RouteTable
 from flighttune.routes.segments import Reference
+from flighttune.routes.turn_back_keys import TurnBackTable
+from flighttune.vehicles.flight_keys import FlightTable
+from flighttune.vehicles.identification.file import IdentifiedAircraft, load_identified
+from flighttune.vehicles.plant_keys import PlantTable, flown_aircraft
 from flighttune.vehicles.plants.sensors import Sensors
+from flighttune.vehicles.weather_keys import (
+    GustTable,
+    Seed,
+    SensorsTable,
+    TurbulenceTable,
+    WindTable,
+)
 
 # Samples of the controller in a flight: five and a half hours at 50 Hz, 200 MB of signals.
 MAX_SAMPLES = 1_000_000
@@ -47,31 +71,31 @@ class Scenario(Table):
     title: Annotated[str, Field(min_length=1)]
     verifies: str = ""  # for the reader
     source: str = ""  # for the reader
-    seed: tables.Seed = 0  # of turbulence, sensor noise and tuning
+    seed: Seed = 0  # of turbulence, sensor noise and tuning
     # What turns errors into commands: a name, a list of names or tables; the paper's if left out
-    law: tables.Laws | None = None
+    law: Laws | None = None
     # names (paper, K1 to K6, tuned, tuned_identified, tuned_fed_back), files beside the scenario,
     # or tables
     gains: list[str | GainsTable] = Field(default_factory=lambda: ["paper", TUNED], min_length=1)
-    flight: tables.FlightTable
-    reference: tables.ReferenceTable | None = None
+    flight: FlightTable
+    reference: ReferenceTable | None = None
     route: RouteTable | None = None
     # Written by `flighttune mission --turn-back` in place of a route and a reference
     turn_back: TurnBackTable | None = None
-    limits: tables.LimitsTable = tables.LimitsTable()  # of the commands
-    controller: tables.ControllerTable = tables.ControllerTable()
-    tuning: tables.TuningTable = tables.TuningTable()
-    disturbance: tables.DisturbanceTable | None = None  # the paper's, on the kinematic law
-    wind: tables.WindTable | None = None
-    gust: tables.GustTable | None = None
-    turbulence: tables.TurbulenceTable | None = None
-    sensors: tables.SensorsTable | None = None
+    limits: LimitsTable = LimitsTable()  # of the commands
+    controller: ControllerTable = ControllerTable()
+    tuning: TuningTable = TuningTable()
+    disturbance: DisturbanceTable | None = None  # the paper's, on the kinematic law
+    wind: WindTable | None = None
+    gust: GustTable | None = None
+    turbulence: TurbulenceTable | None = None
+    sensors: SensorsTable | None = None
     # Conditions over which `certify --envelope` looks for one proof
-    envelope: tables.EnvelopeTable | None = None
-    expect: list[tables.ExpectTable] = Field(default_factory=list)  # what the runs must achieve
+    envelope: EnvelopeTable | None = None
+    expect: list[ExpectTable] = Field(default_factory=list)  # what the runs must achieve
     # Sentences on what its identified models assume; written by the program
     assumed: list[str] | None = None
-    plant: Annotated[list[tables.PlantTable], Field(min_length=1)]
+    plant: Annotated[list[PlantTable], Field(min_length=1)]
 
     @model_validator(mode="before")
     @classmethod
@@ -104,7 +128,7 @@ class Scenario(Table):
             )
         on_identified = TUNED_IDENTIFIED in self.gains or TUNED_FED_BACK in self.gains
         if on_identified or self.tuning.model == "identified":
-            _ = self.identified_in
+            _ = self.identified_name
         labels_of = {"law": [law.name for law in laws], "gains": [*self.gain_names]}
         labels_of["plant"] = [plant.label for plant in self.plant]
         for key, labels in labels_of.items():
@@ -257,11 +281,11 @@ class Scenario(Table):
         flown = [x for x in sets if gains is None or self.listed_as(gains) == x.name]
         if not any(entry.tuned_for for entry in flown):
             return self.assumptions
-        aircraft = tables.flown_aircraft(self.plant if plant is None else [self.plant_table(plant)])
+        aircraft = flown_aircraft(self.plant if plant is None else [self.plant_table(plant)])
         speeds = self.airspeeds[:1] if self.controller.schedule else self.airspeeds
         unlike = (
             f"The gains {entry.name} were tuned for {tuned.words}; here they fly on "
-            f"{tables.on_aircraft(aircraft)} at {self.airspeed_words}."
+            f"{on_aircraft(aircraft)} at {self.airspeed_words}."
             for entry in flown
             if (tuned := entry.tuned_for) and tuned.unlike(aircraft, speeds)
         )
@@ -271,7 +295,7 @@ class Scenario(Table):
     def assumptions(self) -> tuple[str, ...]:
         """What its identified models and gains assume, a sentence each."""
         sentences = [*(self.assumed or ())]
-        named = [self.tuning] if self.tuning.identified else []
+        named = [self] if self.tuning.identified else []
         for table in (*named, *(x for x in self.plant if x.identified or x.aircraft)):
             with suppress(FlightTuneError):  # elsewhere the file may be missing, or never was
                 sentences += table.identified_model.assumptions
@@ -293,16 +317,16 @@ class Scenario(Table):
 
     def of_files(
         self, flown: Collection[str] | None = None
-    ) -> tuple[tuple[str, tables.LawTable | tables.PlantTable], ...]:
+    ) -> tuple[tuple[str, LawTable | PlantTable], ...]:
         """Laws and plants in Python files, by key; of those `flown`, by name, or of all."""
         listed = (*(("law", x) for x in self.law_tables), *(("plant", x) for x in self.plant))
         own = ((key, x) for key, x in listed if x.module)
         return tuple((key, x) for key, x in own if flown is None or x.name in flown)
 
     @property
-    def law_tables(self) -> tuple[tables.LawTable, ...]:
+    def law_tables(self) -> tuple[LawTable, ...]:
         """The tables of the laws flown, in order; the paper's by default."""
-        return tuple(self.law or (tables.law_named(DEFAULT),))
+        return tuple(self.law or (law_named(DEFAULT),))
 
     @property
     def laws(self) -> tuple[Law, ...]:
@@ -315,16 +339,16 @@ class Scenario(Table):
         listed = tuple(entry if isinstance(entry, str) else entry.name for entry in self.gains)
         return tuple(name for law in self.laws for name in law.names_of(listed))
 
-    def law_table(self, name: str) -> tables.LawTable:
+    def law_table(self, name: str) -> LawTable:
         """The table of the law that flies a gain set; `name` as for `law_of`."""
         listed = {table.name: table for table in self.law_tables}
         law, _ = self._split(name)
-        if law not in listed and law not in tables.LAWS:
-            laws = ", ".join(dict.fromkeys([*listed, *tables.LAWS]))
+        if law not in listed and law not in LAWS:
+            laws = ", ".join(dict.fromkeys([*listed, *LAWS]))
             raise InputError(
                 f"`gains` must name a law of {laws} before the colon, got {abridged(name)}."
             )
-        return listed.get(law) or tables.law_named(law)
+        return listed.get(law) or law_named(law)
 
     def listed_as(self, name: str) -> str:
         """A gain set of `gain_names` as ``gains`` lists it, without the law."""
@@ -345,7 +369,7 @@ class Scenario(Table):
         fitting = (law for law in self.laws if law.by_gains and law.inputs == gains.inputs[:2])
         return next(fitting, None) or made_law(gains.law)
 
-    def plant_table(self, label: str) -> tables.PlantTable:
+    def plant_table(self, label: str) -> PlantTable:
         """The table of one of its plants."""
         plants = {table.label: table for table in self.plant}
         if label not in plants:
@@ -367,21 +391,26 @@ class Scenario(Table):
         return not (self.turbulence or self.gust or self.sensors or self.disturbance)
 
     @property
-    def aircraft(self) -> tuple[tables.PlantTable, ...]:
+    def aircraft(self) -> tuple[PlantTable, ...]:
         """Its plants that are aircraft, in order."""
         return tuple(plant for plant in self.plant if plant.aircraft is not None)
 
     @property
-    def identified_in(self) -> tables.PlantTable | tables.TuningTable:
-        """The table that names the identified model: [tuning], else the first plant with one."""
+    def identified_name(self) -> str:
+        """The aircraft or file that [tuning] names for its model, else that of the first plant."""
         if self.tuning.identified is not None:
-            return self.tuning
+            return self.tuning.identified
         identified = (*self.aircraft, *(plant for plant in self.plant if plant.identified))
         if not identified:
             raise InputError(
                 "`identified` of [tuning] must be given: no plant is an aircraft, got nothing"
             )
-        return identified[0]
+        return identified[0].aircraft or identified[0].identified or ""
+
+    @cached_property
+    def identified_model(self) -> IdentifiedAircraft:
+        """The identified model that gains are tuned on, read once."""
+        return load_identified(self.identified_name)
 
     @property
     def windy(self) -> bool:
@@ -389,7 +418,7 @@ class Scenario(Table):
         return any((self.wind, self.gust, self.turbulence))
 
     @property
-    def wind_source(self) -> tables.PlantTable | None:
+    def wind_source(self) -> PlantTable | None:
         """The plant whose wind those replay that have no weather: the first aircraft in wind."""
         return self.aircraft[0] if self.windy and self.aircraft else None
 
@@ -464,7 +493,7 @@ class Scenario(Table):
         """Whether the reference is the fastest change within the limits."""
         return self.reference is not None and self.reference.shape == "feasible"
 
-    def expected(self, plant: str, gains: str) -> list[tables.ExpectTable]:
+    def expected(self, plant: str, gains: str) -> list[ExpectTable]:
         """The requirements of a run of this plant and these gains."""
         return [table for table in self.expect if table.meant(plant, gains)]
 

@@ -21,6 +21,7 @@ from flighttune.base.files.table import toml_text
 from flighttune.base.words import listed
 from flighttune.campaigns.planning.plan import plain
 from flighttune.control.gains import PIGains
+from flighttune.control.gains_keys import TUNED, GainsTable
 from flighttune.control.tuning.result import TuningResult
 from flighttune.flight.flown import BoundCheck, FlownScenario
 from flighttune.flight.fly import fly
@@ -28,7 +29,6 @@ from flighttune.flight.gains import certify_scenario
 from flighttune.flight.loop.run import run_styles
 from flighttune.flight.models import gain_set
 from flighttune.flight.scenario.schema import Scenario
-from flighttune.flight.scenario.tables import TUNED, GainsTable
 from flighttune.outputs.pages import panels
 from flighttune.outputs.pages.page import flown_in_words, overview
 from flighttune.outputs.pages.panels import TEXTS, by_plant, provenance_table

@@ -18,6 +18,7 @@ from flighttune.base.units import DEG_PER_RAD
 from flighttune.base.words import pick
 from flighttune.claims.linear_loop import linear_bound
 from flighttune.claims.monitor import LogMonitor, Monitor
+from flighttune.control.gains_keys import TUNED, TUNED_FED_BACK, TUNED_IDENTIFIED
 from flighttune.control.tuning.tune import frontier, frontier_chart
 from flighttune.flight.conditions import reference_of, stated_condition
 from flighttune.flight.flown import advice, check_claim
@@ -33,7 +34,6 @@ from flighttune.flight.loop.run import (
 from flighttune.flight.models import tuning_problem
 from flighttune.flight.scenario.load import gains_notes, scenario_of
 from flighttune.flight.scenario.schema import Scenario
-from flighttune.flight.scenario.tables import TUNED, TUNED_FED_BACK, TUNED_IDENTIFIED
 from flighttune.gaps import compare
 from flighttune.gaps.gap import Gap, explain_flight, step_table
 from flighttune.gaps.watch import score_so_far

@@ -20,13 +20,13 @@ from flighttune.flight.conditions import reference_of
 from flighttune.flight.loop.run import Run, claimed_along
 from flighttune.flight.metrics import OFF_ROUTE
 from flighttune.flight.scenario.load import scenario_of
-from flighttune.flight.scenario.route import RouteTable
 from flighttune.outputs.recording import entities
 from flighttune.outputs.recording.entities import MAP, ROUTE, DrawnRun, log_still, on_screen, times
 from flighttune.outputs.recording.plots import positions
 from flighttune.routes.follow import RouteReference
 from flighttune.routes.maps import on_earth
 from flighttune.routes.path import Path as RoutePath
+from flighttune.routes.route_keys import RouteTable
 from flighttune.vehicles.aircraft.aircraft import load_aircraft
 from flighttune.vehicles.plants.base import OVER_GROUND
 from flighttune.vehicles.plants.jsbsim.model_files import wing_span

@@ -170,6 +170,6 @@ def test_the_gain_of_the_course_is_bounded_by_the_smaller_bank(phi_deg):
     (one,) = identified_problems(scenario)
 
     # Rolling out of 20 deg takes 2/3 s, half of which counts, and comes late by lag and hold.
-    lag = scenario.identified_in.identified_model.nearest(25.0, np.radians(15.0)).lags[0]
+    lag = scenario.identified_model.nearest(25.0, np.radians(15.0)).lags[0]
     late = 0.5 * 20.0 / 30.0 + lag.whole + 0.01
     assert one.K_max[0, 0] == pytest.approx(25.0 / scenario.flight.g_mps2 / late, rel=1e-6)

@@ -1,0 +1,69 @@
+"""Tables whose keys depend on their kind, which may be a class of the user's."""
+
+from abc import abstractmethod
+from collections.abc import Callable, Mapping
+from typing import Annotated, Any, Protocol, Self
+
+from pydantic import ConfigDict, Field, PrivateAttr
+
+from flighttune.base import quantities as q
+
+
+class Kind(Protocol):
+    """What the keys of a table need to know of its kind."""
+
+    @property
+    def keys(self) -> frozenset[str]:
+        """Keys that only this kind takes."""
+        ...
+
+    @property
+    def required(self) -> tuple[str, ...]:
+        """Keys that it cannot do without."""
+        ...
+
+
+class OwnTable(q.Table):
+    """A law or plant, which may be a class of the user's: the class itself is in no file."""
+
+    model_config = ConfigDict(serialize_by_alias=True)
+
+    module: Annotated[str, Field(min_length=1)] | None = None  # file with the class, of kind python
+    # Name of the class in that file
+    class_: Annotated[str, Field(min_length=1)] | None = Field(default=None, alias="class")
+    parameters: dict[str, Any] | None = None  # what the class is made with
+    sha256: str | None = None  # of the file when the scenario was read; filled in
+    _maker: Callable[..., Any] | None = PrivateAttr(None)
+
+    @property
+    def maker(self) -> Callable[..., Any] | None:
+        """The class of the user's, once it is loaded or given from Python."""
+        return self._maker
+
+    @property
+    @abstractmethod
+    def family(self) -> Kind:
+        """Keys, labels and defaults of its kind."""
+
+    @property
+    def of_the_user(self) -> bool:
+        """Whether a class of the user's flies."""
+        return "module" in self.family.keys
+
+    def made_by(self, maker: Callable[..., Any]) -> Self:
+        """The table with the class of the user's."""
+        table = self.model_copy()
+        table._maker = maker
+        return table
+
+
+def check_keys(table: q.Table, kind: str, kinds: Mapping[str, Kind]) -> None:
+    """Refuse keys of other kinds, and that a key is missing that a kind cannot do without."""
+    for key in sorted(table.model_fields_set - kinds[kind].keys):
+        if others := " or ".join(name for name, other in kinds.items() if key in other.keys):
+            raise ValueError(f"`{key.removesuffix('_')}` must be given with kind {others} only")
+    for key in kinds[kind].required:
+        if getattr(table, key) is None:
+            raise ValueError(f"`{key}` must be given with kind {kind}")
+    if len({"module", "class_"} & table.model_fields_set) == 1:
+        raise ValueError("`module` and `class` must be given together")
