@@ -16,7 +16,6 @@ from flighttune.base.names import key_words
 from flighttune.base.words import listed
 from flighttune.flight.loop.disturbance_keys import DisturbanceTable
 from flighttune.flight.scenario.schema import Scenario
-from flighttune.flight.scenario.tables import DisturbanceTable, PlantTable, SensorsTable
 from flighttune.vehicles.aircraft.aircraft import OffNominal
 from flighttune.vehicles.plant_keys import PlantTable
 from flighttune.vehicles.weather_keys import SensorsTable

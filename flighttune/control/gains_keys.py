@@ -7,7 +7,7 @@ from typing import Annotated, Literal, TypeAlias
 from pydantic import AfterValidator, Field
 
 from flighttune.base import quantities as q
-from flighttune.base.answers.names import listed
+from flighttune.base.words import listed
 from flighttune.control.gains import PIGains
 from flighttune.control.law import DEFAULT
 

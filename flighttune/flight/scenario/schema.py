@@ -29,8 +29,6 @@ from flighttune.control.tuning.tuning_keys import TuningTable
 from flighttune.flight.loop.disturbance_keys import DisturbanceTable
 from flighttune.flight.metrics import CHANNELS, OFF_ROUTE, UNSETTLED, required_names
 from flighttune.flight.requirement_keys import ExpectTable
-from flighttune.flight.scenario.route import RouteTable, TurnBackTable
-from flighttune.flight.scenario.tables import TUNED, TUNED_FED_BACK, TUNED_IDENTIFIED, GainsTable
 from flighttune.routes.reference_keys import ReferenceTable
 from flighttune.routes.route_keys import RouteTable
 from flighttune.routes.segments import Reference
