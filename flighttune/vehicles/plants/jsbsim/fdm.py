@@ -4,12 +4,14 @@ import ctypes
 import math
 import re
 import threading
+import warnings
 from collections.abc import Callable
 from typing import Any
 
 import jsbsim
 import numpy as np
 
+from flighttune.base.arrays import FloatArray
 from flighttune.base.errors import PlantError
 from flighttune.vehicles.aircraft.aircraft import PROPERTY_NAME, AircraftConfig
 from flighttune.vehicles.aircraft.model_xml import INERTIAS, Body, MassBalance
@@ -255,6 +257,12 @@ class Fdm:
             self.abandon()
             raise PlantError(f"{self._model}: JSBSim does not take the state of `ic/`.")
 
+    def evaluate_again(self) -> None:
+        """Evaluate flight control, forces and accelerations in flight; no time passes."""
+        self._exec.suspend_integration()
+        self._exec.run()
+        self._exec.resume_integration()
+
     def settle_engine(self) -> None:
         """Let the engine settle at throttle and airspeed while the aircraft stays still."""
         if self.engine_settles:
@@ -312,6 +320,11 @@ class Fdm:
         for write, value in states:
             write(value)
         return at_rest
+
+    def earth_to_body(self) -> FloatArray:
+        """Rotation from the axes of the Earth to those of the body."""
+        with warnings.catch_warnings(action="ignore"):  # of the matrix class that JSBSim returns
+            return np.asarray(self._exec.get_propagate().get_Tec2b())
 
     def _body(self) -> Body:
         cg = [self.reader(f"inertia/cg-{axis}-in")() / _INCHES for axis in "xyz"]

@@ -278,6 +278,13 @@ def model_folders(files: Unchanged, weigh: Weigh, steps: int = 1) -> Iterator[Mo
 
 def main_file_text(files: Unchanged, weigh: Weigh, steps: int = 1) -> str:
     """Return the main file that JSBSim shall load."""
+    return model_xml.filled(*template_and_values(files, weigh, steps))
+
+
+def template_and_values(
+    files: Unchanged, weigh: Weigh, steps: int = 1
+) -> tuple[str, dict[str, float]]:
+    """Main file with placeholders where something is off the nominal, and the values for them."""
     config = files.config
     off = config.off_nominal or _NOMINAL
     # Values are filled in behind the cache: dispersed flights share one template.
@@ -286,7 +293,7 @@ def main_file_text(files: Unchanged, weigh: Weigh, steps: int = 1) -> str:
     template, balance = _template(of_factors, weigh, steps)
     values = off.scaled | {"actuator_rate": 1.0 / off.actuator_lag_factor}
     values |= {f"{COEFFICIENT}{name}": by for name, by in off.coefficient_factors.items()}
-    return model_xml.filled(template, values | balance.values(off) if balance else values)
+    return template, values | balance.values(off) if balance else values
 
 
 @lru_cache(maxsize=32)

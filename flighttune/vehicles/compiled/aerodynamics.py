@@ -1,0 +1,78 @@
+# SPDX-License-Identifier: LGPL-2.1-or-later
+"""Aerodynamic forces and moments: FGAerodynamics."""
+
+from xml.etree.ElementTree import Element
+
+from flighttune.vehicles.compiled.functions import function
+from flighttune.vehicles.compiled.properties import RADIANS, Properties, Unsupported
+from flighttune.vehicles.compiled.trace import Number, select, symbolic
+from flighttune.vehicles.compiled.vectors import Vector, add, cross, times
+
+_AXES = {
+    name: place
+    for names in ("DRAG SIDE LIFT ROLL PITCH YAW", "AXIAL SIDE NORMAL", "X Y Z")
+    for place, name in enumerate(names.split())
+}
+
+# Dynamic pressure above which the lift coefficient is computed, psf.
+_MOVING = 1.0
+
+
+def aerodynamics(now: Properties, root: Element) -> None:
+    """Forces (lbf) and moments (lbf ft) in body axes, about the centre of gravity."""
+    aero = root.find("aerodynamics")
+    if aero is None:
+        raise Unsupported("a model without aerodynamics")
+    if aero.find("aero_ref_pt_shift_x") is not None:
+        raise Unsupported("a shift of the aerodynamic reference point")
+    _lengths(now, aero)
+    axes = sorted(aero.findall("axis"), key=lambda axis: _AXES[axis.get("name", "")])
+    own: list[Number] = [0.0] * 6
+    at_cg: list[Number] = [0.0] * 6
+    for axis in axes:
+        if axis.get("frame"):
+            raise Unsupported("an axis with a `frame`")
+        i = _AXES[axis.get("name", "")]
+        for part in axis.findall("function"):
+            sums = at_cg if part.get("apply_at_cg") == "true" else own
+            sums[i] = sums[i] + function(now, part)
+    names = {axis.get("name", "") for axis in axes}
+    forces = _in_body_axes(now, own[:3], names)
+    moments = add(own[3:], cross(now.reference_point, forces))
+    if symbolic(*at_cg[:3]):
+        forces = add(forces, _in_body_axes(now, at_cg[:3], names))
+    now.forces["aero"], now.moments["aero"] = forces, moments
+    now["_lift"] = -times(now.body_to_wind, forces)[2]
+
+
+def _lengths(now: Properties, aero: Element) -> None:
+    """What functions read besides flow and controls."""
+    qbar, area = now["aero/qbar-psf"], now["metrics/Sw-sqft"]
+    coefficient = now["_lift"] / (area * qbar)
+    squared = select(qbar > _MOVING, coefficient * coefficient, now["aero/cl-squared"])
+    now["aero/cl-squared"] = squared
+    # Functions of the whole see the lengths of the step before.
+    for part in aero.findall("function"):
+        if part.get("type") in (None, "pre"):
+            function(now, part)
+    twice = 2 * now["velocities/vt-fps"]
+    now["aero/bi2vel"] = now["metrics/bw-ft"] / twice
+    now["aero/ci2vel"] = now["metrics/cbarw-ft"] / twice
+    alpha = now["aero/alpha-rad"]
+    now["aero/alpha-wing-rad"] = alpha + now["metrics/iw-rad"]
+    now["aero/qbar-area"] = area * qbar
+    limits = aero.find("hysteresis_limits")
+    if limits is not None:
+        unit = 1.0 if limits.get("unit", "RAD") == "RAD" else RADIANS
+        low, high = (float(limits.findtext(end) or "nan") * unit for end in ("min", "max"))
+        before = now["aero/stall-hyst-norm"]
+        stalled = select(alpha > high, 1.0, select(alpha < low, 0.0, before))
+        now["aero/stall-hyst-norm"] = stalled
+
+
+def _in_body_axes(now: Properties, forces: Vector, axes: set[str]) -> Vector:
+    if axes & {"LIFT", "DRAG"}:
+        return times(now.wind_to_body, [-forces[0], forces[1], -forces[2]])
+    if axes & {"AXIAL", "NORMAL"}:
+        return [-forces[0], forces[1], -forces[2]]
+    return forces

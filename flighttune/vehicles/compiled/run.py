@@ -1,0 +1,76 @@
+# SPDX-License-Identifier: LGPL-2.1-or-later
+"""One step of a flight: its parts in the order of FGFDMExec::Run."""
+
+from dataclasses import dataclass
+from typing import Literal
+from xml.etree.ElementTree import Element
+
+from flighttune.vehicles.compiled.aerodynamics import aerodynamics
+from flighttune.vehicles.compiled.air_data import air_data, body_arm
+from flighttune.vehicles.compiled.atmosphere import atmosphere
+from flighttune.vehicles.compiled.components import run_channels
+from flighttune.vehicles.compiled.engine_files import EngineFile
+from flighttune.vehicles.compiled.engines import propulsion
+from flighttune.vehicles.compiled.properties import POSITION, Properties, named
+from flighttune.vehicles.compiled.rigid_body import (
+    INERTIA,
+    INVERSE_INERTIA,
+    Planet,
+    accelerate,
+    gravity,
+    integrate,
+    propagate,
+)
+from flighttune.vehicles.compiled.turbulence import total_wind
+from flighttune.vehicles.compiled.vectors import Matrix, Vector, add
+
+
+@dataclass(frozen=True)
+class Model:
+    """An aircraft as one step flies it."""
+
+    root: Element  # the main file with all its parts in it
+    engines: tuple[EngineFile, ...]
+    planet: Planet
+    dt: float
+    turbulence: Literal["", "milspec", "tustin"] = ""
+
+
+def run(now: Properties, model: Model) -> None:
+    """One step."""
+    dt = model.dt
+    now["simulation/sim-time-sec"] = now["simulation/sim-time-sec"] + dt
+    integrate(now, dt)
+    propagate(now, model.planet)
+    now.gravity = gravity(now.vector(POSITION), now["_radius"], model.planet)
+    atmosphere(now)
+    total_wind(now, dt, model.turbulence)
+    _levers(now, model)
+    run_channels(now, model.root, dt)
+    now.cg = now.vector(named("inertia/cg-{}-in"))
+    now.reference_point = body_arm(now.vector(named("metrics/aero-rp-{}-in")), now.cg)
+    air_data(now)
+    propulsion(now, model.engines, dt)
+    aerodynamics(now, model.root)
+    _total(now)
+    accelerate(now, _matrix(now.vector(INERTIA)), _matrix(now.vector(INVERSE_INERTIA)))
+
+
+def _levers(now: Properties, model: Model) -> None:
+    """Commands of engines are positions unless a channel writes those."""
+    for engine in model.engines:
+        for lever in ("throttle", "mixture", "advance"):
+            position = engine.numbered(f"fcs/{lever}-pos-norm")
+            now[position] = now[engine.numbered(f"fcs/{lever}-cmd-norm")]
+
+
+def _total(now: Properties) -> None:
+    now.forces["total"] = add(now.forces["aero"], now.forces["prop"])
+    now.moments["total"] = add(now.moments["aero"], now.moments["prop"])
+    for kind in ("aero", "prop", "total"):
+        now.put(named(f"forces/fb{{}}-{kind}-lbs"), now.forces[kind])
+        now.put(named(f"moments/{{}}-{kind}-lbsft", "lmn"), now.moments[kind])
+
+
+def _matrix(entries: Vector) -> Matrix:
+    return [entries[0:3], entries[3:6], entries[6:9]]

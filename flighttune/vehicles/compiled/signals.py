@@ -1,0 +1,51 @@
+# SPDX-License-Identifier: LGPL-2.1-or-later
+"""What a flight shows of a step: the signals of the plant, and what its guard looks at."""
+
+from collections.abc import Mapping
+
+from flighttune.base.units import FT, G_0, LBF
+from flighttune.vehicles.aircraft.aircraft import SURFACES
+from flighttune.vehicles.compiled.engine_files import EngineFile
+from flighttune.vehicles.compiled.properties import Properties
+from flighttune.vehicles.compiled.trace import Number, cos, sin
+from flighttune.vehicles.plants.jsbsim import properties
+from flighttune.vehicles.plants.jsbsim.properties import SIGNALS
+
+# Behind the signals: airspeed (ft/s), lift (lbf), height above the ground (ft), and the load
+# factors that the inner loop sees.
+GUARDED = ("vt-fps", "lift-lbs", "h-sl-ft", "n_z-followed")
+
+# Height above the ground (m) at the start, and that of the ground.
+HEIGHT_0, GROUND = "_height-0", "_ground"
+
+
+def shown_signals(
+    now: Properties, engines: tuple[EngineFile, ...], thrust: str = ""
+) -> Mapping[str, Number]:
+    """`SIGNALS` and `GUARDED` after a step.
+
+    Course and heading are those of JSBSim, within a turn. `thrust`: property of the thrust of a
+    model whose thrust is a force of its own.
+    """
+    F_x, F_y, F_z = (now[f"forces/fb{axis}-total-lbs"] for axis in "xyz")
+    alpha, weight = now["aero/alpha-rad"], now["inertia/mass-slugs"] * (G_0 / FT)
+    lift = F_x * sin(alpha) - F_z * cos(alpha)
+    h = now["position/h-sl-ft"] * FT
+    pushes = [thrust] if thrust else [f"{engine.at}/thrust-lbs" for engine in engines]
+    total: Number = 0.0
+    for name in pushes:
+        total = total + now[name]
+    values = (
+        *(now["flight-path/psi-gt-rad"], now["flight-path/gamma-rad"], now["attitude/phi-rad"]),
+        *(lift / weight, now["velocities/vt-fps"] * FT),
+        *(now["position/from-start-neu-n-ft"] * FT, now["position/from-start-neu-e-ft"] * FT),
+        *(now[HEIGHT_0] - h, alpha, now["aero/beta-rad"]),
+        *(now["attitude/theta-rad"], now["attitude/psi-rad"]),
+        *(now[f"velocities/{axis}-rad_sec"] for axis in "pqr"),
+        *(h + now[GROUND], now["velocities/vg-fps"] * FT, F_y / weight),
+        *(now[f"ft/{name}-rad"] for name in SURFACES),
+        *(now[properties.THROTTLE], total * LBF),
+        *(now[f"atmosphere/total-wind-{axis}-fps"] * FT for axis in ("north", "east", "down")),
+    )
+    guarded = (*(now["velocities/vt-fps"], lift, now["position/h-sl-ft"], now[properties.N_Z]),)
+    return dict(zip((*SIGNALS, *GUARDED), (*values, *guarded), strict=True))

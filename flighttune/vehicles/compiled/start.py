@@ -1,0 +1,322 @@
+# SPDX-License-Identifier: LGPL-2.1-or-later
+"""The state of a flight at its start, from JSBSim: what it shows, and what it keeps to itself."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import accumulate
+from typing import TypeAlias
+from xml.etree.ElementTree import Element
+
+import numpy as np
+
+from flighttune.base.arrays import FloatArray
+from flighttune.vehicles.compiled import turbulence
+from flighttune.vehicles.compiled.components import (
+    ZERO_TRIGGER,
+    inputs_of,
+    integrand,
+    integrator_kind,
+    name_of,
+    systems_of,
+)
+from flighttune.vehicles.compiled.functions import is_number
+from flighttune.vehicles.compiled.properties import INERTIAL_RATES, INERTIAL_VELOCITY, named
+from flighttune.vehicles.compiled.rigid_body import (
+    ACCELERATION_1,
+    ANGULAR_ACCELERATION,
+    BODY_ACCELERATION,
+    INERTIA,
+    INERTIAL_ACCELERATION,
+    INVERSE_INERTIA,
+    QUATERNION,
+    QUATERNION_RATE,
+    VELOCITY_1,
+    VELOCITY_2,
+    VELOCITY_RATE,
+    inverse_inertia,
+    quaternion_rate,
+)
+from flighttune.vehicles.compiled.run import Model
+from flighttune.vehicles.compiled.vectors import matrix_of, over
+from flighttune.vehicles.plants.jsbsim.fdm import Fdm
+
+Values: TypeAlias = dict[str, float]
+
+# Doubles on each side of a guess that are tried, for quaternions and for an acceleration; steps of
+# JSBSim by which they are told apart.
+_NEAR, _TRIED, _STEPS = 4, 64, 12
+
+
+def start_values(
+    fdm: Fdm, model: Model, numbers: Mapping[str, float], names: Sequence[str]
+) -> Values:
+    """Values of states and parameters at the start of a flight of JSBSim.
+
+    JSBSim makes its first steps, which show what it keeps to itself: the flight of `fdm` is over.
+    """
+    start = _Start(fdm, model, numbers)
+    later = {*QUATERNION, *QUATERNION_RATE, *ACCELERATION_1}
+    values = {name: start[name] for name in names if name not in later}
+    integrators, dt = _integrators(fdm, model.root), model.dt
+    read = {
+        name: fdm.reader(name)
+        for part in integrators
+        for name in (part.name, part.source, part.trigger, *part.gains.values())
+        if name
+    }
+    motions, rows = [], []
+    for k in range(_STEPS + 1):
+        if k:
+            fdm.run()
+        motions.append(motion_of(fdm))
+        rows.append({name: value() for name, value in read.items()})
+    sums = _sums(fdm, integrators)
+    values |= {
+        f"_sum:{part.name}": part.settled(rows, last, dt)
+        for part, last in zip(integrators, sums, strict=True)
+    }
+    q = quaternion_from(motions, dt)
+    values |= dict(zip(QUATERNION, q, strict=True))
+    values |= dict(zip(QUATERNION_RATE, quaternion_rate(q, motions[0].rates), strict=True))
+    return values | dict(zip(ACCELERATION_1, acceleration_before(motions, dt), strict=True))
+
+
+def _sums(fdm: Fdm, integrators: Sequence["_Integrator"]) -> list[float]:
+    """Sums of integrators: what they show without their gains."""
+    # Where no time passes, the filters of turbulence divide by zero.
+    fdm.writer("atmosphere/turb-type")(0.0)
+    for part in integrators:
+        for name in part.gains.values():
+            fdm.writer(name)(0.0)
+    fdm.evaluate_again()
+    return [fdm.reader(part.name)() for part in integrators]
+
+
+@dataclass(frozen=True)
+class _Integrator:
+    """A PID whose sum JSBSim hides; its gains are properties."""
+
+    name: str
+    gains: Mapping[str, str]  # property by ``kp``, ``ki`` and ``kd``
+    source: str
+    trigger: str
+    kind: str
+
+    def settled(self, rows: Sequence[Mapping[str, float]], last: float, dt: float) -> float:
+        """The sum before the steps whose properties are `rows`, at whose end it is `last`."""
+        k_p, k_i = (rows[0][self.gains[tag]] if tag in self.gains else 0.0 for tag in ("kp", "ki"))
+        inputs, shown = ([row[name] for row in rows] for name in (self.source, self.name))
+        held = [bool(self.trigger) and abs(row[self.trigger]) >= ZERO_TRIGGER for row in rows]
+        pairs = zip(held[1:], inputs[:-1], inputs[1:], strict=True)
+        changes = [
+            k_i * dt * (0.0 if stays else integrand(self.kind, x, before))
+            for stays, before, x in pairs
+        ]
+
+        def matches(total: float) -> int:
+            """How many of the numbers that JSBSim shows are those of this sum at the start."""
+            sums = [*accumulate(changes, initial=total)]
+            same = sum(k_p * x + s == y for x, s, y in zip(inputs, sums, shown, strict=True))
+            return same + (sums[-1] == last)
+
+        # It is empty while disengaged, and runs once or twice with the loop engaged.
+        once = k_i * dt * inputs[0]
+        guesses = once, shown[0] - k_p * inputs[0], last - sum(changes)
+        near = [s for guess in guesses for s in neighbours(guess, _TRIED)]
+        return max((once, once + once, 0.0, *near), key=matches)
+
+
+def _integrators(fdm: Fdm, root: Element) -> list[_Integrator]:
+    found = []
+    for element in root.iterfind(".//channel/pid"):
+        texts = {tag: (element.findtext(tag) or "").strip() for tag in ("kp", "ki", "kd")}
+        gains = {tag: text for tag, text in texts.items() if text}
+        if gains and all(map(fdm.has, gains.values())):
+            trigger = (element.findtext("trigger") or "").strip()
+            (source,) = inputs_of(element)
+            found.append(
+                _Integrator(name_of(element), gains, source, trigger, integrator_kind(element))
+            )
+    return found
+
+
+class _Start:
+    """Values by name; those that JSBSim hides are worked out once."""
+
+    def __init__(self, fdm: Fdm, model: Model, numbers: Mapping[str, float]) -> None:
+        self._fdm, self._model = fdm, model
+        self._numbers = numbers
+        self._declared = {
+            (part.text or "").strip(): float(part.get("value") or 0.0)
+            for part in model.root.iter("property")
+        }
+        self.hidden: Values = _rigid_body(fdm) | _inertia(fdm) | turbulence.AT_REST
+        self.hidden |= dict.fromkeys(turbulence.COSINE_GUST, 0.0)
+        self.hidden["_lift"] = fdm.reader("forces/fwz-aero-lbs")()
+        for engine in model.engines:
+            n = engine.number
+            self.hidden |= {f"_first{n}": 1.0, f"_n2-norm{n}": 0.0, f"_augmented{n}": 0.0}
+        for system in systems_of(model.root):
+            for element in system.iterfind("channel/*"):
+                self.hidden |= self._component(element)
+
+    def __getitem__(self, name: str) -> float:
+        if name in self.hidden:
+            return self.hidden[name]
+        if name.startswith("_number:"):
+            return self._numbers[name.removeprefix("_number:")]
+        if name.startswith("_"):
+            raise KeyError(name)
+        if name.startswith("/") or not self._fdm.shows(name):
+            return self._declared.get(name, 0.0)
+        return self._fdm.reader(name)()
+
+    def _value(self, text: str) -> float:
+        """The number or property in a text."""
+        text = text.strip()
+        if text in self._numbers:
+            return self._numbers[text]
+        if is_number(text):
+            return float(text)
+        return -self[text[1:]] if text.startswith("-") else self[text]
+
+    def _component(self, element: Element) -> Values:
+        sources, name = inputs_of(element), name_of(element)
+        kind = element.tag
+        if not sources or not element.get("name"):
+            return {}
+        if kind == "actuator":
+            return self._actuator(element, self._value(sources[0]))
+        if kind in ("pid", "integrator"):
+            return self._integrator(element, self._value(sources[0]))
+        if kind in ("lag_filter", "washout_filter", "lead_lag_filter"):
+            return {f"_in:{name}": self._value(sources[0]), f"_out:{name}": self[name]}
+        if kind == "sensor":
+            return {f"_delay{k}:{name}": self[name] for k in range(1, 8)}
+        return {}
+
+    def _actuator(self, element: Element, x: float) -> Values:
+        # While JSBSim trims, lag and rate limit pass their input on; a clip shows its bound.
+        name = name_of(element)
+        y, clip = self[name], element.find("clipto")
+        bounds = [] if clip is None else [self._value(end.text or "") for end in clip]
+        y = x if y in bounds else y
+        return {f"_lag-in:{name}": x, f"_lag-out:{name}": y, f"_rate:{name}": y}
+
+    def _integrator(self, element: Element, x: float) -> Values:
+        def parameter(tag: str) -> float:
+            part = element.find(tag)
+            return 0.0 if part is None else self._value(part.text or "")
+
+        name = name_of(element)
+        y, k_p, k_i = self[name], parameter("kp"), parameter("ki") or parameter("c1")
+        # It is emptied while disengaged, then runs twice with the loop engaged.
+        once = k_i * self._model.dt * x
+        near = y - k_p * x
+        candidates = (once + once, 0.0, *neighbours(near, 4))
+        found = (s for s in candidates if k_p * x + s == y and (k_p == 0.0 or s != near))
+        return {f"_in:{name}": x, f"_sum:{name}": next(found, near)}
+
+
+def _rigid_body(fdm: Fdm) -> Values:
+    """The derivatives by which JSBSim integrates, but for those of the attitude."""
+
+    def read(names: Sequence[str]) -> list[float]:
+        return [fdm.reader(name)() for name in names]
+
+    motion = motion_of(fdm)
+    force, (mass,) = read(named("forces/fb{}-total-lbs")), read(["inertia/mass-slugs"])
+    groups = {
+        tuple(VELOCITY_1): motion.velocity,
+        tuple(VELOCITY_2): motion.velocity,
+        tuple(INERTIAL_ACCELERATION): motion.acceleration,
+        tuple(BODY_ACCELERATION): over(force, mass),
+        tuple(ANGULAR_ACCELERATION): read(named("accelerations/{}dot-rad_sec2", "pqr")),
+        tuple(VELOCITY_RATE): read(named("accelerations/{}dot-ft_sec2", "uvw")),
+    }
+    return {
+        name: float(x)
+        for names, values in groups.items()
+        for name, x in zip(names, values, strict=True)
+    }
+
+
+def _inertia(fdm: Fdm) -> Values:
+    xx, yy, zz, xy, xz, yz = (
+        fdm.reader(f"inertia/i{name}-slugs_ft2")() for name in ("xx", "yy", "zz", "xy", "xz", "yz")
+    )
+    J = [[xx, -xy, xz], [-xy, yy, -yz], [xz, -yz, zz]]
+    entries = [x for matrix in (J, inverse_inertia(J)) for row in matrix for x in row]
+    return dict(zip((*INERTIA, *INVERSE_INERTIA), map(float, entries), strict=True))
+
+
+def neighbours(x: float, count: int) -> list[float]:
+    """A double and those next to it, the nearest first."""
+    near = [x]
+    up = down = x
+    for _ in range(count):
+        up, down = math.nextafter(up, math.inf), math.nextafter(down, -math.inf)
+        near += [up, down]
+    return near
+
+
+@dataclass(frozen=True)
+class Motion:
+    """What JSBSim shows of the rigid body at an instant."""
+
+    rotation: FloatArray  # shape (3, 3): from the Earth to the body
+    rates: list[float]
+    velocity: list[float]
+    acceleration: list[float]
+
+
+def motion_of(fdm: Fdm) -> Motion:
+    """The motion now."""
+    names = INERTIAL_RATES, INERTIAL_VELOCITY, named("accelerations/{}idot-ft_sec2", "uvw")
+    return Motion(fdm.earth_to_body(), *([fdm.reader(x)() for x in group] for group in names))
+
+
+def quaternion_from(motions: Sequence[Motion], dt: float) -> list[float]:
+    """The quaternion that gives the rotations of JSBSim to the bit, now and in the steps after."""
+    T = motions[0].rotation
+    first = 0.5 * math.sqrt(max(0.0, 1.0 + T[0, 0] + T[1, 1] + T[2, 2]))
+    rest = (T[1, 2] - T[2, 1], T[2, 0] - T[0, 2], T[0, 1] - T[1, 0])
+    guess = [first, *(0.25 / first * float(x) for x in rest)]
+    # All combinations of near doubles, a column each; arithmetic of NumPy is that of JSBSim.
+    near = np.meshgrid(*(neighbours(x, _NEAR) for x in guess), indexing="ij")
+    starts = now = np.array([values.ravel() for values in near])
+    for motion in motions:
+        wrong = np.zeros(now.shape[1], dtype=int)
+        for row, wanted in zip(matrix_of(list(now)), motion.rotation, strict=True):
+            for a, b in zip(row, wanted, strict=True):
+                wrong += np.not_equal(a, b)
+        # Where none is exact, as after a start that was not read to the bit, the best remain.
+        best = wrong == wrong.min()
+        starts, now = starts[:, best], now[:, best]
+        moved = now + dt * np.array(quaternion_rate(list(now), motion.rates))
+        now = np.array(_normalized(moved))
+    return starts[:, 0].tolist()
+
+
+def _normalized(q: FloatArray) -> FloatArray:
+    """Quaternions of length 1, a column each."""
+    length = np.sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
+    keep = np.abs(length - 1.0) < 1e-10
+    return np.where(keep, q, q * (1.0 / length))
+
+
+def acceleration_before(motions: Sequence[Motion], dt: float) -> list[float]:
+    """The acceleration before the start with which JSBSim makes its first step, to the bit."""
+    found = []
+    before, after = motions[0], motions[1]
+    for v_0, a_0, v_1 in zip(before.velocity, before.acceleration, after.velocity, strict=True):
+        wanted = (1.5 * a_0 - (v_1 - v_0) / dt) / 0.5
+        # Any that gives the velocity after the step will do: it is not used again.
+        near = (
+            a_1
+            for a_1 in (a_0, *neighbours(wanted, _TRIED))
+            if v_0 + dt * (1.5 * a_0 - 0.5 * a_1) == v_1
+        )
+        found.append(next(near, a_0))
+    return found

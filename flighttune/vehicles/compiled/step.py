@@ -1,0 +1,114 @@
+# SPDX-License-Identifier: LGPL-2.1-or-later
+"""The compiled step of an aircraft: its states, parameters, signals and machine code."""
+
+import ctypes
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from flighttune.base.arrays import FloatArray
+from flighttune.vehicles.compiled import normals, turbulence
+from flighttune.vehicles.compiled.ir import step_ir
+from flighttune.vehicles.compiled.machine import Loaded
+from flighttune.vehicles.compiled.properties import Properties
+from flighttune.vehicles.compiled.run import Model, run
+from flighttune.vehicles.compiled.trace import Graph, Number
+
+# Further values of the last step by name, from the properties after it.
+Shown: TypeAlias = Callable[[Properties], Mapping[str, Number]]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Names:
+    """Places in the arrays of a compiled step."""
+
+    states: tuple[str, ...]
+    parameters: tuple[str, ...]
+    stream: tuple[str, ...]  # inputs of which every step has its own
+    signals: tuple[str, ...]
+    properties: tuple[str, ...]
+
+
+def traced(model: Model, shown: Shown) -> tuple[Names, str]:
+    """The names and the IR of a step."""
+    graph = Graph()
+    now = Properties(graph)
+    run(now, model)
+    signals = dict(shown(now))
+    stream = tuple(turbulence.NOISE) if model.turbulence else ()
+    inputs = [name for name in now.inputs if name not in stream]
+    states = tuple(name for name in inputs if name in now.now)
+    names = Names(
+        states=states,
+        parameters=tuple(name for name in inputs if name not in now.now),
+        stream=stream,
+        signals=tuple(signals),
+        properties=tuple(name for name in now.now if not name.startswith("_")),
+    )
+    arrays = {"s": names.states, "p": names.parameters, "u": names.stream}
+    places = {name: (array, i) for array, of in arrays.items() for i, name in enumerate(of)}
+    updates, properties = ([now.now[name] for name in of] for of in (states, names.properties))
+    text = step_ir(graph, places, updates, list(signals.values()), properties, len(stream))
+    return names, text + (normals.NORMALS if stream else "")
+
+
+class MachineStep:
+    """One step of an aircraft in machine code, for any number of flights.
+
+    ``step(states, parameters, n, stream, shown, how_much)`` makes n steps in place; all but n and
+    `how_much` are addresses of doubles. If `how_much` is 1 the signals of the last step are
+    written to ``shown``, if it is 2 its properties behind them. `stream` has a row of numbers for
+    each step, the normal numbers of turbulence: ``normals(seed, n, out)`` makes them.
+    """
+
+    def __init__(self, names: Names, code: bytes) -> None:
+        self.names, self.code = names, code
+        self._loaded = Loaded(code)  # the addresses are good as long as it lives
+        self.address = self._loaded.address("step")
+        self.normals_address = self._loaded.address("normals") if names.stream else 0
+        void, pointer, count = None, ctypes.c_void_p, ctypes.c_int64
+        kind = ctypes.CFUNCTYPE(void, pointer, pointer, count, pointer, pointer, count)
+        self._step: Any = kind(self.address)
+
+    def arrays(self, values: Callable[[str], float]) -> tuple[FloatArray, FloatArray]:
+        """States and parameters of a flight from their values by name."""
+        states, parameters = (
+            np.array([values(name) for name in names], dtype=float)
+            for names in (self.names.states, self.names.parameters)
+        )
+        return states, parameters
+
+    def normals(self, seed: int, steps: int) -> FloatArray:
+        """The normal numbers of a flight in turbulence, a row a step."""
+        out = np.empty((steps, len(self.names.stream)))
+        kind = ctypes.CFUNCTYPE(None, ctypes.c_int64, ctypes.c_int64, ctypes.c_void_p)
+        kind(self.normals_address)(seed, out.size, out.ctypes.data)
+        return out
+
+    def fly(
+        self,
+        states: FloatArray,
+        parameters: FloatArray,
+        steps: int,
+        stream: FloatArray | None = None,
+        shown: FloatArray | None = None,
+    ) -> None:
+        """Make steps; `shown` has room for the signals, or also for the properties behind them."""
+        how_much = 0
+        if shown is not None:
+            how_much = 1 if len(shown) == len(self.names.signals) else 2
+        self._step(
+            states.ctypes.data,
+            parameters.ctypes.data,
+            steps,
+            None if stream is None else stream.ctypes.data,
+            None if shown is None else shown.ctypes.data,
+            how_much,
+        )
+
+
+def place_of(names: Sequence[str], name: str) -> int:
+    """Where a name is in an array; -1 if the step does not need it."""
+    return names.index(name) if name in names else -1
