@@ -106,6 +106,9 @@ CROSS = {"V": 20.0, "chi": 0.2, "wind": (4.0, -3.0), "path": (0.1, 6.0, 0.0, 0.0
         (BOUNDED, CROSS, 2.66323777),
         (BOUNDED, {"chi": 2.4, "V": 10, "wind": (-7, 6), "path": (2.4, 3, 0, 0.02, 0)}, 5.00314761),
         (BOUNDED | {"NPFG_DAMPING": 0.4}, CROSS, 2.623521194),
+        # a period between both bounds, as without them
+        (BOTH | {"NPFG_PERIOD": 8.0}, CROSS, 5.806701372),
+        (FREE | {"NPFG_PERIOD": 8.0}, CROSS, 5.806701372),
         # largest periods, below the least one, and in a wind above the airspeed
         (BOTH, CROSS, 12.042647705),
         (
