@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from flighttune.base.answering import SPEAKERS, Answering
+from flighttune.base.answering import FIGURES, SPEAKERS, Answering
 
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "flighttune"
@@ -139,15 +139,17 @@ def lines_of_results():
     return {name: of for name, of in found.items() if "Answering" in of}, speaking - {"Answering"}
 
 
-def test_every_result_that_answers_has_a_function_that_speaks_for_it():
+def test_every_result_that_answers_has_its_row_in_the_table_of_functions_that_speak():
     lines, speaking = lines_of_results()
     assert len(lines) > 20
     for name, line in lines.items():
         assert line & (SPEAKERS.keys() | speaking), name
-    assert SPEAKERS.keys() <= set().union(*lines.values())
-    for place in SPEAKERS.values():
+        assert "Drawn" not in line or line & FIGURES.keys(), name
+    assert SPEAKERS.keys() <= {"Run"}.union(*lines.values())
+    assert FIGURES.keys() <= SPEAKERS.keys()
+    for place in (*SPEAKERS.values(), *FIGURES.values()):
         module, _, function = place.partition(":")
-        assert module.startswith("flighttune.outputs.answers.")
+        assert module.startswith("flighttune.outputs.")
         assert callable(getattr(import_module(module), function)), place
 
 
@@ -155,7 +157,7 @@ def test_a_result_without_a_row_says_where_it_must_have_one():
     class Mute(Answering):
         pass
 
-    with pytest.raises(NotImplementedError, match=r"Mute must have a row in `SPEAKERS` of"):
+    with pytest.raises(NotImplementedError, match=r"`Mute` must have a row in the tables of"):
         Mute().answer()
 
 

@@ -9,7 +9,7 @@ import pytest
 from places import SCENARIO_NAMES
 
 import flighttune as ft
-from flighttune.flight.flown import mistake
+from flighttune.outputs.answers.advice import mistake
 
 pytestmark = pytest.mark.slow
 

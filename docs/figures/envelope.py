@@ -9,9 +9,10 @@ from flighttune.base.answers.chart import Sheet
 from flighttune.base.units import DEG
 from flighttune.control.gains import PAPER_GAINS, PIGains
 from flighttune.control.linear_model import Envelope, kinematic_model
-from flighttune.control.tuning.envelope import rate_chart, rate_curve, tune_over_envelope
+from flighttune.control.tuning.envelope import rate_curve, tune_over_envelope
 from flighttune.control.tuning.problem import TuningProblem
 from flighttune.control.tuning.tune import tune_by_gradient
+from flighttune.outputs.answers.tuning import rate_chart
 
 G = 9.81
 ENVELOPE = Envelope(

@@ -4,6 +4,7 @@ The functions that speak are imported on first use: this module knows every resu
 what it says.
 """
 
+from collections.abc import Mapping
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -11,8 +12,42 @@ from typing import Any
 # Characters of a line that is printed from Python.
 WIDTH = 100
 
-# The function that says what a result of each class is, as module:function.
-SPEAKERS = {"Tube": "flighttune.outputs.answers.tube:answer"}
+# The function that says what a result of each class is, and the one that draws its figure, as
+# module:function.
+SPEAKERS = {
+    "Adoption": "flighttune.outputs.answers.adoption:answer",
+    "AircraftIdentification": "flighttune.outputs.answers.identification:answer",
+    "Beside": "flighttune.outputs.answers.beside:answer",
+    "CampaignOutcome": "flighttune.outputs.answers.campaign:answer",
+    "Certificate": "flighttune.outputs.answers.certificate:answer",
+    "Certification": "flighttune.outputs.answers.certification:answer",
+    "Comparison": "flighttune.outputs.answers.compare:answer",
+    "DesignedAircraft": "flighttune.outputs.answers.design:answer",
+    "ExportedFlight": "flighttune.outputs.answers.export:flight",
+    "ExportedSource": "flighttune.outputs.answers.export:source",
+    "FlownScenario": "flighttune.outputs.answers.flown:answer",
+    "Frontier": "flighttune.outputs.answers.frontier:answer",
+    "Gap": "flighttune.outputs.answers.gap:answer",
+    "LogGap": "flighttune.outputs.answers.log_gap:answer",
+    "LogIdentification": "flighttune.outputs.answers.log_identification:answer",
+    "Meeting": "flighttune.outputs.answers.meeting:answer",
+    "PlannedRoute": "flighttune.outputs.answers.route:answer",
+    "RateBound": "flighttune.outputs.answers.bound:answer",
+    "Reflown": "flighttune.outputs.answers.refly:answer",
+    "Run": "flighttune.outputs.answers.run:facts",
+    "TriedDisturbances": "flighttune.outputs.answers.tube:tried",
+    "Trims": "flighttune.outputs.answers.trim:answer",
+    "Tube": "flighttune.outputs.answers.tube:answer",
+    "TuningResult": "flighttune.outputs.answers.tuning:answer",
+    "WorstFlight": "flighttune.outputs.answers.worst:answer",
+}
+FIGURES = {
+    "AircraftIdentification": "flighttune.outputs.answers.identification:sheet",
+    "DesignedAircraft": "flighttune.outputs.answers.design:sheet",
+    "Frontier": "flighttune.outputs.answers.frontier:sheet",
+    "LogGap": "flighttune.outputs.answers.log_gap:sheet",
+    "LogIdentification": "flighttune.outputs.answers.log_identification:sheet",
+}
 
 
 class Answering:
@@ -22,7 +57,7 @@ class Answering:
 
     def answer(self, *args: Any, **options: Any) -> Any:
         """Values, tables, notes and verdict, as they are shown; see `SPEAKERS`."""
-        return _speaker(type(self))(self, *args, **options)
+        return function_for(self, SPEAKERS)(self, *args, **options)
 
     def save(self, path: str | Path, /) -> Any:
         """Write the JSON object of the answer; gains in it are read by `load_gains`."""
@@ -39,12 +74,20 @@ class Answering:
         return self.answer().html()
 
 
-def _speaker(kind: type) -> Any:
-    """The function that speaks for a class, or for the nearest class that it is made of."""
-    place = next((SPEAKERS[x.__name__] for x in kind.__mro__ if x.__name__ in SPEAKERS), None)
-    if place is None:
-        raise NotImplementedError(
-            f"{kind.__module__}.{kind.__name__} must have a row in `SPEAKERS` of {__name__}."
-        )
+class Drawn(Answering):
+    """A result that answers, and has a figure."""
+
+    __slots__ = ()
+
+    def sheet(self) -> Any:
+        """The charts of its figure; see `FIGURES`."""
+        return function_for(self, FIGURES)(self)
+
+
+def function_for(result: object, table: Mapping[str, str]) -> Any:
+    """The function in a table for the class of a result, or for the nearest one above it."""
+    line = [kind.__name__ for kind in type(result).__mro__]
+    if (place := next((table[name] for name in line if name in table), None)) is None:
+        raise NotImplementedError(f"`{line[0]}` must have a row in the tables of {__name__}.")
     module, _, function = place.partition(":")
     return getattr(import_module(module), function)

@@ -68,7 +68,9 @@ def compare(compare_runs: Verb, autopilot: Path | None, out: Path | None) -> Ans
     if out is None or answer.failure:
         return replace(answer, files=dict.fromkeys(files))
     if autopilot:
-        compared.page(out, this_command())
+        from flighttune.outputs.pages.beside import write_beside_page
+
+        write_beside_page(compared, out, this_command())
     elif is_page:
         from flighttune.outputs.pages.page import write_comparison_page
 
@@ -125,7 +127,7 @@ def tube(
         if largest:
             settings = {**enclose.keywords, "progress": follow}
             del settings["disturbance"]
-            return largest_disturbance(scenario, **settings)
+            return largest_disturbance(scenario, **settings).answer()
         enclosure = enclose(boxes=counted, disturbance=bound, progress=follow)
     files: dict[str, Path | None] = {"proof": None}
     with together():

@@ -9,10 +9,7 @@ from typing import Any, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from flighttune.base.answers.answer import Table
-from flighttune.base.answers.labels import columns
 from flighttune.base.arrays import FloatArray
-from flighttune.base.words import pick
 from flighttune.control.gains import PIGains
 from flighttune.control.inner_loop import with_input_lag
 from flighttune.control.linear_model import LinearModel, closed_loop, inner_feedback, velocity_form
@@ -42,9 +39,6 @@ DISK_ACCURACY = 1e-10
 # Iterations that balance three or more inputs; the first one balances two.
 SWEEPS = 10
 
-MARGIN_COLUMNS = columns(
-    "loop gain_decrease gain_increase phase_margin_deg delay_margin_s lag_margin_s", of="margins"
-)
 
 TOGETHER = "all at once"  # name of the margins of all inputs
 
@@ -307,19 +301,3 @@ def _zeros_on_axis(A: Any, B: FloatArray, C: Any, D: FloatArray) -> FloatArray:
     real, imag, size = np.real(zeros), np.imag(zeros), np.abs(zeros)
     on_axis = (size < BAND) & (imag > 0.0) & (np.abs(real) <= ON_AXIS * size)
     return np.sort(unit * imag[on_axis])
-
-
-def margins_table(margins: Sequence[Margins]) -> Table:
-    """Stability margins: a row a channel, and one for all channels at once."""
-    records = [
-        {
-            **pick(row, "loop gain_decrease gain_increase"),
-            "phase_margin_deg": math.degrees(row.phase_margin),
-            "delay_margin_s": row.delay_margin,
-        }
-        for row in margins
-    ]
-    if margins:  # the last row is that of all channels at once
-        last = margins[-1]
-        records[-1] |= {"lag_margin_s": last.lag_margin, "disk_margin": last.disk_margin}
-    return Table(MARGIN_COLUMNS, records, "stability margins", name="margins")

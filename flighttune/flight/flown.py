@@ -7,25 +7,19 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, TypeAlias, get_args
 
-import numpy as np
 import pandas as pd
 
 from flighttune.base.answering import Answering
-from flighttune.base.answers.answer import Answer, Table
-from flighttune.base.answers.labels import columns
 from flighttune.base.arguments import checked_class
 from flighttune.base.arrays import FloatArray
 from flighttune.base.units import DEG
-from flighttune.base.words import pick
-from flighttune.control.gains import PAPER_SPEED, PIGains, paper_family
-from flighttune.control.gains_keys import TUNED_FED_BACK, TUNED_IDENTIFIED
+from flighttune.control.gains import PIGains
 from flighttune.control.theory.indicators import Indicators
 from flighttune.control.tuning.result import TuningResult
 from flighttune.flight import metrics
-from flighttune.flight.conditions import slopes_not_held
 from flighttune.flight.loop.measures import SETTLING_BAND, SMALLEST_STEP
-from flighttune.flight.loop.run import Claim, Run, claimed, priority_notes, with_claims
-from flighttune.flight.metrics import AIRSPEED, airspeed_metrics, measures, metric_tables
+from flighttune.flight.loop.run import Claim, Run, with_claims
+from flighttune.flight.metrics import AIRSPEED, airspeed_metrics, metric_tables
 from flighttune.flight.models import loop_measures
 from flighttune.flight.requirement_keys import ExpectTable, in_rad
 from flighttune.flight.scenario.schema import Scenario
@@ -322,32 +316,6 @@ def _unsettled(name: str, measured: Mapping[str, float]) -> str:
     return f"{what} is {least / DEG:.2g} deg, {left}"
 
 
-# Metrics of the printed table; ``--json`` has them all.
-RUN_COLUMNS = columns(
-    "plant gains status metrics.chi.ITAE metrics.gamma.ITAE metrics.chi.MO_rad "
-    "metrics.gamma.MO_rad metrics.chi.settling_s metrics.gamma.settling_s"
-)
-ROUTE_COLUMNS = columns(
-    "plant gains status metrics.flight.cross_track_m metrics.flight.height_err_m "
-    "metrics.flight.V_a_dev_mps metrics.chi.saturation_s metrics.gamma.saturation_s"
-)
-BOUND_KEYS = "run subject measure sense bound value met flown"
-
-
-# Time that a command spends at a limit, s, from which the limit counts as a cause.
-AT_LIMIT_S = 0.5
-
-# Relative difference of airspeeds from which gains count as those of another airspeed.
-OTHER_AIRSPEED = 0.15
-
-# A mistake in a law shows in this time from the first error of this size on, s and rad.
-FIRST_S, FIRST_ERROR = 1.0, 1.0 * DEG
-
-# Roll commands beyond half a turn and so many times the error are degrees: laws have gains of 1 to
-# 5, which become 57 to 290.
-NO_ROLL, NO_GAIN = math.pi, 20.0
-
-
 @checked_class
 @dataclass(frozen=True, eq=False)
 class FlownScenario(Answering):
@@ -426,139 +394,3 @@ class FlownScenario(Answering):
         channels = self.metrics.loc[run.label].to_dict(orient="index")
         airspeed = {AIRSPEED: measured} if (measured := airspeed_metrics(run)) else {}
         return {**channels, **airspeed, "flight": self.flight.loc[run.label].to_dict()}
-
-    def answer(self, signals: Mapping[str, Path] | None = None) -> Answer:
-        """How each run ended and what was measured; a failure names the requirements missed.
-
-        `signals`: files of recorded runs by label.
-        """
-        shown = RUN_COLUMNS if self.scenario.route is None else ROUTE_COLUMNS
-        tuning, place = self.scenario.tuning, "steady flight on the first reference"
-        loop = f"linear loop on the kinematic law, {place}"
-        if tuning.model == "identified":
-            place = "nominal condition" if tuning.robust else place
-            loop = f"linear loop on the identified aircraft, {place}"
-        loops = {name: pick(value, "R_K I_K E_K") for name, value in self.indicators.items()}
-        runs = self.records(signals or {})
-        for run in runs:
-            run["indicators"] = loops.get(run["gains"], dict.fromkeys(("R_K", "I_K", "E_K")))
-        linear = [{"gains": name, **values} for name, values in loops.items()]
-        notes = [f"{run.label}: {run.outcome}" for run in self.runs if run.status != "completed"]
-        notes += [
-            f"{name}: R_K none: its law states no linear model that its gains act on."
-            for name in dict.fromkeys(run.provenance.gains_name for run in self.runs)
-            if name not in self.indicators and not self.scenario.law_of(name)[0].by_gains
-        ]
-        notes += priority_notes(self.runs)
-        around = claimed(self.runs)
-        claim, missed = self.claim, self.claim.missed
-        slopes = slopes_not_held(self.scenario)
-        next_step = advice(self.scenario, self.runs, self.source, slopes)
-        failed = any(run.status in ("law_failed", "plant_failed") for run in self.runs)
-        if not failed and any(run.provenance.aircraft for run in self.runs):
-            command = f"flighttune gap {self.source} {self.chosen}".rstrip()
-            notes.append(f"Why aircraft and law differ: {command}")
-        # how a flight ended is a note already
-        sentence = claim.short if failed else claim.sentence
-        more = f" ({len(missed) - 1} more)" if missed[1:] else ""
-        return Answer(
-            values={
-                "runs": runs,
-                "claim": {
-                    "claim": self.scenario.verifies,
-                    **pick(claim, "verdict sentence"),
-                    **pick(claim.total, "requirements met not_flown"),
-                    "bounds": [pick(bound, BOUND_KEYS) for bound in claim.bounds],
-                    "next": next_step,
-                },
-                "missed": missed,
-                **around.values,
-            },
-            tables=[
-                Table(shown, runs, self.scenario.title, grouped=True),
-                Table(columns("gains R_K I_K E_K"), linear, loop),
-            ],
-            summary=around.summary,
-            notes=[*self.scenario.notes, *slopes, *around.notes, *notes],
-            verdict=f"{sentence}. {next_step}" if next_step else sentence,
-            failure=around.failure or (f"{missed[0]}{more}" if missed else ""),
-            status=around.status,
-        )
-
-
-def advice(scenario: Scenario, runs: Sequence[Run], source: str, slopes: Sequence[str] = ()) -> str:
-    """One line with what may help the runs that miss an upper bound; empty if nothing is known to.
-
-    It begins with likely mistakes in laws of the user. `source` is the scenario as commands name
-    it, `slopes` are sentences on those of the reference that cannot be held.
-    """
-    lines, sound = dict[str, None](), list[Run]()
-    for run in runs:
-        name = run.provenance.gains_name
-        if scenario.law_table(name).of_the_user and (doubt := mistake(run)):
-            lines[f"{name}: {doubt}"] = None
-        else:
-            sound.append(run)
-    ways = dict.fromkeys(way for run in sound for way in _ways(scenario, run, runs, source, slopes))
-    return " ".join([*lines, *([f"To try next: {'; '.join(ways)}."] if ways else [])])
-
-
-def mistake(run: Run) -> str:
-    """A likely mistake in the law of a run: its sign, or degrees; empty if none shows."""
-    columns = run.signals
-    if len(columns) < 2:
-        return ""
-    roll = columns["phi_unlimited"].to_numpy()
-    lift = columns["n_z_unlimited"] * np.cos(columns["phi"]) - np.cos(columns["gamma"])
-    for channel, turn in (("chi", roll), ("gamma", lift.to_numpy())):
-        error = columns[f"{channel}_err"].to_numpy()
-        if channel == "gamma" and "gamma_given" in columns:  # the path angle may have given way
-            error = (columns["gamma_given"] - columns["gamma"]).to_numpy()
-        size = np.abs(error)
-        for k in np.flatnonzero(size > FIRST_ERROR)[:1]:  # none or one
-            end = int(np.searchsorted(run.t, run.t[k] + FIRST_S))
-            away = (error * turn)[k:end] < 0.0
-            if away.all() and (size[end - 1 :] > size[k]).all():
-                return "the law turns away from the reference: is the sign of its output right?"
-            least = max(NO_ROLL, NO_GAIN * np.median(size[k:end]))
-            if channel == "chi" and np.median(np.abs(roll[k:end])) > least:
-                return "its roll commands are more than half a turn: are they degrees?"
-    return ""
-
-
-def _ways(
-    scenario: Scenario, run: Run, runs: Sequence[Run], source: str, slopes: Sequence[str]
-) -> Iterator[str]:
-    made_by, reference, V_a = run.provenance, scenario.reference, scenario.flight.V_a_mps
-    tables = scenario.expected(made_by.plant, made_by.gains_name)
-    ends = [table.status for table in tables if table.status] or ["completed"]
-    measured = measures(run)
-    checks = [check for check in bound_checks(tables, measured) if check.sense == "at_most"]
-    missed = {(check.subject, check.measure) for check in checks if not check.met}
-    if not missed or run.status not in ends:
-        return
-    at_limit = any(measured[channel]["saturation_s"] > AT_LIMIT_S for channel in ("chi", "gamma"))
-    if at_limit and reference is not None and reference.shape is None:
-        segments = isinstance(reference.chi_deg, list) or isinstance(reference.gamma_deg, list)
-        slower = "a slower change, `rate_dps` of [reference]"
-        within = 'a reference within the limits, `shape = "feasible"` in [reference]'
-        yield f"{slower if segments else within}, as commands reach their limits"
-    for law in runs if made_by.aircraft and made_by.law.by_gains else ():
-        if law.provenance.aircraft or law.provenance.gains_name != made_by.gains_name:
-            continue
-        if any(
-            check.met and (check.subject, check.measure) in missed
-            for check in bound_checks(tables, measures(law))
-        ):
-            yield f"gains that meet it on the aircraft too, `flighttune meet {source}`"
-    gains = made_by.listed
-    better = not {TUNED_IDENTIFIED, TUNED_FED_BACK} & {
-        x for x in scenario.gains if isinstance(x, str)
-    }
-    if better and gains in paper_family() and abs(V_a / PAPER_SPEED - 1.0) > OTHER_AIRSPEED:
-        yield f"`{TUNED_IDENTIFIED}` in `gains`, as {gains} is meant for {PAPER_SPEED:g} m/s"
-    strayed = (run.signals["V_a"] / V_a - 1.0).abs().max() > OTHER_AIRSPEED
-    if strayed and slopes:
-        yield "a path that is less steep, as its airspeed cannot be held on this one"
-    elif strayed and not (scenario.controller.schedule or made_by.law.same_everywhere):
-        yield "`schedule = true` in [controller], as the airspeed changes in flight"

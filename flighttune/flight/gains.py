@@ -8,11 +8,7 @@ from typing import Any
 
 import pandas as pd
 
-from flighttune.base.answering import Answering
-from flighttune.base.answers.answer import Answer, Table
-from flighttune.base.answers.chart import Sheet
-from flighttune.base.answers.labels import columns
-from flighttune.base.answers.palette import line_styles
+from flighttune.base.answering import FIGURES, Answering, function_for
 from flighttune.base.arrays import check_at_least
 from flighttune.base.errors import InfeasibleError, InputError
 from flighttune.base.files import code
@@ -28,7 +24,7 @@ from flighttune.control.linear_model import LinearModel
 from flighttune.control.tuning.envelope import largest_factor, tune_over_envelope
 from flighttune.control.tuning.problem import TuningProblem
 from flighttune.control.tuning.result import TuningResult
-from flighttune.control.tuning.tune import POINTS, STARTS, diagnosis, frontier_chart, tune_problem
+from flighttune.control.tuning.tune import POINTS, STARTS, diagnosis, tune_problem
 from flighttune.control.tuning.tune import frontier as frontier_table
 from flighttune.control.tuning.tuning_keys import TuningModel
 from flighttune.flight import models
@@ -328,12 +324,9 @@ class Frontier(Answering):
     table: pd.DataFrame
 
     @property
-    def sheet(self) -> Sheet:
+    def sheet(self) -> Any:
         """R_K against I_K, and the same gains against E_K."""
-        styles = line_styles([("", name) for name in self.scenario.gain_names])
-        by_name = {name: style for (_, name), style in styles.items()}
-        charts = [frontier_chart(self.table, by_name, against=key) for key in ("I_K", "E_K")]
-        return Sheet(charts=charts, columns=1)
+        return function_for(self, FIGURES)(self)
 
     def save(self, folder: str | Path) -> dict[str, Path]:
         """Write ``frontier.csv`` and ``frontier.svg`` into a folder."""
@@ -342,19 +335,6 @@ class Frontier(Answering):
             write_text(csv, self.table.to_csv(index=False, lineterminator="\n"))
             self.sheet.save(figure)
         return {"csv": csv, "figure": figure}
-
-    def answer(self) -> Answer:
-        """The points of the frontier, and the gain sets by name."""
-        shown = columns("name I_K E_K R_K spectral_abscissa")
-        rows = self.table[[column.key for column in shown]].to_dict(orient="records")
-        return Answer(
-            values={
-                "points": [row for row in rows if row["name"] == "frontier"],
-                "marked": {row["name"]: row for row in rows if row["name"] != "frontier"},
-            },
-            tables=[Table(shown, rows, self.scenario.title)],
-            notes=[*self.scenario.assumptions],
-        )
 
 
 def frontier(

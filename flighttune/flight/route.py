@@ -1,7 +1,7 @@
 """A route as an aircraft would fly it: its stretches, turns and times, before any flight."""
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -9,8 +9,6 @@ from typing import Any
 import numpy as np
 
 from flighttune.base.answering import Answering
-from flighttune.base.answers.answer import Answer, Table
-from flighttune.base.answers.labels import columns
 from flighttune.base.arguments import checked_class
 from flighttune.base.errors import InputError, printable
 from flighttune.base.files.load import kind_of
@@ -33,10 +31,6 @@ WIDER_M = 0.5
 
 # Distance of a path from a waypoint beyond which it is said, m: `WP_RADIUS` of ArduPilot's planes.
 CORNER_M = 90.0
-
-COLUMNS = columns(
-    "kind name start_m length_m course turn radius_m roll roll_downwind gamma time_s", of="route"
-)
 
 
 @checked_class
@@ -143,40 +137,6 @@ class PlannedRoute(Answering):
     def except_slopes(self) -> str:
         """Words after "it can be flown" where an aircraft cannot hold a slope; empty elsewhere."""
         return ", but not everywhere at its airspeed" * bool(slopes_not_held(self.scenario))
-
-    def answer(self, faults: Sequence[str] = ()) -> Answer:
-        """The stretches, the length and the time in still air and in wind.
-
-        With `faults` of the path, a sentence each, the answer is no: they are its first lines.
-        """
-        path, slowest, time = self.reference.path, float(self.reference.V.min()), self.time
-        stretches, in_wind = self.stretches, f"a wind of {self.wind:.3g} m/s"
-        if not self.wind:
-            in_wind = ""
-        elif self.wind < slowest:
-            in_wind = f", at most {path.length / (slowest - self.wind):.0f} s in {in_wind}"
-        else:
-            in_wind = f", without an end against {in_wind}, which is faster than the aircraft"
-        length = f"{path.length:.0f} m, {time:.0f} s in still air{in_wind}"
-        flown = f"The path can be flown{self.except_slopes}: {length}."
-        plants = ", ".join(table.label for table in self.scenario.plant)
-        return Answer(
-            summary=[
-                *(faults or [flown]),
-                *([f"The path has {length}."] if faults else []),
-                f"For {plants}: {self.conditions}.",
-            ],
-            changed=[*self.scenario.notes, *self.changed],
-            values={
-                "conditions": self.conditions,
-                "length_m": path.length,
-                "time_s": time,
-                "stretches": stretches,
-            },
-            tables=[Table(COLUMNS, stretches, f"{self.scenario.title}: {self.conditions}")],
-            verdict=faults[0] if faults else length,
-            failure=faults[0].removeprefix("No: ") if faults else "",
-        )
 
     def save(
         self,

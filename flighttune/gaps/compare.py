@@ -12,13 +12,10 @@ import numpy as np
 import pandas as pd
 
 from flighttune.base.answering import Answering
-from flighttune.base.answers.answer import Answer, Table
-from flighttune.base.answers.labels import columns
 from flighttune.base.arguments import checked_class
 from flighttune.base.errors import InputError, RecordingError, naming
 from flighttune.base.files.load import READERS, load_one, written
-from flighttune.base.names import shown_unit
-from flighttune.base.words import listed, pick
+from flighttune.base.words import listed
 from flighttune.flight import flown, load
 from flighttune.flight.fly import fly
 from flighttune.flight.loop.run import Claim, Run, with_claims
@@ -48,11 +45,6 @@ MANOEUVRE = ("V_a_mps", "h_m", "chi_deg", "gamma_deg", "phi_deg", "n_z", "durati
 # Keys that are text, or are compared elsewhere.
 DESCRIPTION = ("title", "verifies", "source", "gains", "plant", "reference", "route")
 
-COMPARED = columns("pair channel metric unit a b diff better", of="compared")
-PAIR_COLUMNS = columns(
-    "run_a run_b source_a source_b compared_s max_distance_m max_distance_at_s better.a better.b",
-    of="pairs",
-)
 COLUMNS = ("pair", "run_a", "run_b", "channel", "name", "unit", "a", "b", "diff", "better")
 
 
@@ -142,69 +134,6 @@ class Comparison(Answering):
     def gains_notes(self) -> list[str]:
         """A sentence for gains that were tuned for others than a run flew them on."""
         return gains_notes(run for pair in self.pairs for run in (pair.a, pair.b))
-
-    def answer(self) -> Answer:
-        """Pairs and metrics side by side; status 2 where the runs cannot be compared."""
-        differs = {
-            f"not the same: {key}: {first} and {second}"
-            for pair in self.pairs
-            for key, (first, second) in pair.differs.items()
-        }
-        return Answer(
-            values={
-                **pick(self, "comparable reason"),
-                "metrics": self.metrics.to_dict(orient="records"),
-                "max_distance_m": self.max_distance,
-                **pick(self, "unpaired missing"),
-            },
-            tables=[pairs_table(self), comparison_table("metrics", self.metrics)],
-            notes=[
-                *self.gains_notes,
-                *sorted(differs),
-                *(f"missing: {line}" for line in self.missing),
-                *(f"no partner: {line}" for line in self.unpaired),
-            ],
-            failure=self.reason,
-            status=2,
-        )
-
-
-def comparison_table(title: str, metrics: pd.DataFrame) -> Table:
-    """Metrics of pairs side by side, from rows of `Comparison.metrics`; angles in degrees."""
-    records = []
-    for row in metrics.to_dict(orient="records"):
-        unit, factor = shown_unit(str(row["unit"]))
-        records.append(
-            {
-                "pair": f"{row['run_a']} | {row['run_b']}",
-                "channel": row["channel"],
-                "metric": row["name"].removesuffix("_rad"),
-                "unit": unit,
-                **{key: row[key] * factor for key in ("a", "b", "diff")},
-                "better": {"a": "A", "b": "B"}.get(str(row["better"]), row["better"]),
-            }
-        )
-    return Table(title=title, columns=COMPARED, records=records, grouped=True)
-
-
-def pairs_table(comparison: Comparison) -> Table:
-    """Which runs were compared, how far apart they flew, and in how many metrics each is better."""
-    better = comparison.metrics.groupby(["pair", "better"]).size()
-    records = [
-        {
-            "run_a": pair.a.label,
-            "run_b": pair.b.label,
-            **pick(pair, "source_a source_b differs"),
-            "status_a": pair.a.status,
-            "status_b": pair.b.status,
-            "compared_s": pair.a.duration,
-            "max_distance_m": pair.max_distance,
-            "max_distance_at_s": pair.t_max_distance,
-            "better": {side: int(better.get((place, side), 0)) for side in ("a", "b", "same")},
-        }
-        for place, pair in enumerate(comparison.pairs)
-    ]
-    return Table(title="pairs", name="pairs", columns=PAIR_COLUMNS, records=records)
 
 
 def load_source(

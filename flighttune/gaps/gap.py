@@ -1,10 +1,7 @@
-"""The ladder from the paper's law to an aircraft: the same gains flown on each rung, and their gap.
-
-The gap is a value with its tables and sentences.
-"""
+"""The ladder from the paper's law to an aircraft: the same gains on each rung, and their gap."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import pairwise
@@ -16,15 +13,11 @@ import numpy as np
 import pandas as pd
 
 from flighttune.base.answering import Answering
-from flighttune.base.answers.answer import Answer, Column, Table
-from flighttune.base.answers.labels import columns
 from flighttune.base.arguments import checked_class
 from flighttune.base.errors import InputError
 from flighttune.base.files import code
 from flighttune.base.files.load import LOG, written
-from flighttune.base.names import CHANNEL_NAMES, CHANNEL_SYMBOLS
-from flighttune.base.units import DEG_PER_RAD
-from flighttune.base.words import pick
+from flighttune.base.names import CHANNEL_SYMBOLS
 from flighttune.control import inner_loop, linear_model
 from flighttune.control.gains import COMMANDS, WITH_AIRSPEED, PIGains
 from flighttune.control.law import Law
@@ -33,13 +26,13 @@ from flighttune.flight import fly as flight
 from flighttune.flight import load, models
 from flighttune.flight.conditions import command_limits, lead_on, reference_of, weather_of
 from flighttune.flight.flown import FlownScenario
-from flighttune.flight.loop.run import Claim, Run, claimed, with_claims
+from flighttune.flight.loop.run import Claim, Run, with_claims
 from flighttune.flight.metrics import channel_metrics, flight_metrics
 from flighttune.flight.scenario.schema import Scenario
 from flighttune.gaps.of_log import LogGap, log_gap
 from flighttune.gaps.residual import CHANNELS, Mismatch, mismatch
 from flighttune.logs.log import Columns
-from flighttune.vehicles.identification.file import FILE_NAME, lag_table
+from flighttune.vehicles.identification.file import FILE_NAME
 from flighttune.vehicles.identification.fit import fitted_lag
 from flighttune.vehicles.plant_keys import PlantTable
 from flighttune.vehicles.plants.point_mass import PointMassPlant, PoweredPointMass
@@ -54,27 +47,6 @@ ADDS = ("turning with actual lift", "lag of the inner loop", "six degrees of fre
 REFERENCE_STEP = math.radians(5.0)
 
 LagSource = Literal["identified", "fitted"]
-
-# Metrics of the tables; ``--json`` has them all.
-METRICS = [
-    f"metrics.{channel}.{key}"
-    for key in ("ITAE", "MO_rad", "ST_rad", "saturation_s")
-    for channel in CHANNEL_SYMBOLS
-]
-
-
-RUNG_COLUMNS = columns(" ".join(["plant", "status", *METRICS]))
-STEP_COLUMNS = [
-    *columns("gains"),
-    Column("adds", "upper minus lower plant"),
-    *(replace(column, digits="+.2f") for column in columns(" ".join(METRICS))),
-]
-AIRSPEED_COLUMNS = columns(
-    "plant metrics.V.ITAE metrics.V.MO_mps metrics.V.settling_s metrics.V.ST_mps metrics.V.min_mps"
-)
-LAG_COLUMNS = columns("channel order natural_frequency_rad_s delay_s fit_percent")
-MISMATCH_TITLE = "mismatch d: rates flown minus the law's"
-MISMATCH_COLUMNS = [Column("bound", "largest |d|", "rad/s"), *columns("L_d")]
 
 
 class Step:
@@ -208,49 +180,8 @@ class Gap(Answering):
         """The gap with what is claimed of the aircraft's flight; an InputError says why not."""
         return replace(self, runs=(*self.runs[:-1], *with_claims(self.runs[-1:], claims)))
 
-    def answer(self, signals: Mapping[str, Path] | None = None) -> Answer:
-        """The steps and the inner loop; a failure unless all rungs flew to the end."""
-        ladder = self.flown().records(signals or {})
-        changes = [(x, *cause) for x in CHANNEL_SYMBOLS if (cause := self.cause(x))]
-        lags = {
-            name: {**lag_table(lag), "fit_percent": fit} for name, (lag, fit) in self.lags.items()
-        }
-        mismatch = self.mismatch and pick(self.mismatch, "L_d bound")
-        failed = "; ".join(f"{plant} {reason}" for plant, reason in self.failed.items())
-        early = "" if self.status == "explained" else f"{self.scenario.title}: {self.reason}"
-        hidden = failed and self.steps
-        notes = [f"No metrics of, from or to a rung that failed: {failed}"] if hidden else []
-        rows, around = [{"channel": name, **lag} for name, lag in lags.items()], claimed(self.runs)
-        tables = [
-            Table(RUNG_COLUMNS, ladder, "plants, from the law to the aircraft"),
-            Table(AIRSPEED_COLUMNS, ladder if self.scenario.airspeed else [], "airspeed"),
-            step_table([self]),
-            Table(LAG_COLUMNS, rows, f"inner loop ({self.lag_source})"),
-            Table(MISMATCH_COLUMNS, list(filter(None, [mismatch])), MISMATCH_TITLE),
-        ]
-        return Answer(
-            values={
-                **pick(self, "status reason"),
-                "gains": self.aircraft.provenance.gains_name,
-                "ladder": ladder,
-                "inner_loop": {"source": self.lag_source} | lags if lags else None,
-                "contributions": [step.values for step in self.steps],
-                "whole": None if self.whole is None else self.whole.values,
-                "largest_residual": self.residual if self.steps else None,
-                "cause": {x: {"adds": adds, "ITAE": change} for x, adds, change in changes},
-                "mismatch": mismatch,
-                "planning": self._largest,
-                **around.values,
-            },
-            summary=around.summary,
-            tables=tables if self.steps else [],
-            notes=[*self.scenario.notes, *notes, *self.causes, *self._planning, *around.notes],
-            failure=around.failure or early,
-            status=around.status,
-        )
-
     @property
-    def _largest(self) -> dict[str, dict[str, float]] | None:
+    def largest_errors(self) -> dict[str, dict[str, float]] | None:
         """Largest errors (rad) with roll and lift planned and without, by channel."""
         if self.unplanned is None:
             return None
@@ -261,43 +192,6 @@ class Gap(Answering):
             }
             for channel in CHANNEL_SYMBOLS
         }
-
-    @property
-    def _planning(self) -> list[str]:
-        """A sentence on what planning takes away; none where nothing is planned."""
-        errors = " and that of ".join(
-            f"{CHANNEL_NAMES[channel]} from {largest['unplanned'] * DEG_PER_RAD:.3g} to "
-            f"{largest['planned'] * DEG_PER_RAD:.3g} deg"
-            for channel, largest in (self._largest or {}).items()
-        )
-        return [f"Planning roll and lift takes the largest error of {errors}."] if errors else []
-
-    @property
-    def causes(self) -> tuple[str, ...]:
-        """A sentence for each channel: its ITAE from law to aircraft, and the largest step."""
-        itae, sentences = self.flown().metrics["ITAE"], []
-        for channel, name in CHANNEL_NAMES.items():
-            if (cause := self.cause(channel)) is None:
-                continue
-            first, aircraft = (itae[run.label, channel] for run in (self.runs[0], self.aircraft))
-            plant = self.runs[0].provenance.plant
-            sentences.append(
-                f"{name.capitalize()} with {self.name}: ITAE is {first:.2f} rad s² on {plant} and "
-                f"{aircraft:.2f} on the aircraft; the largest step is {cause[1]:+.2f} ({cause[0]})."
-            )
-        return tuple(sentences)
-
-
-def step_table(gaps: Sequence[Gap]) -> Table:
-    """The difference that each step from the paper's law to the aircraft adds, and the total."""
-    records = [
-        {"gains": gap.name, **step.values}
-        for gap in gaps
-        if gap.whole is not None
-        for step in (*gap.steps, gap.whole)
-    ]
-    layout = STEP_COLUMNS if len(gaps) > 1 else STEP_COLUMNS[1:]
-    return Table(title="steps", columns=layout, records=records)
 
 
 def failure_of(run: Run) -> str:

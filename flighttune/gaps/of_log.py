@@ -14,16 +14,11 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
-from flighttune.base.answering import Answering
-from flighttune.base.answers.answer import Answer, Column, Table
-from flighttune.base.answers.chart import DASHED, Chart, Sheet
-from flighttune.base.answers.labels import columns as columns_by
-from flighttune.base.answers.palette import HUES, INK, NEUTRAL, PLANTS
+from flighttune.base.answering import Drawn
 from flighttune.base.arrays import FloatArray
 from flighttune.base.errors import FlightTuneError, InputError
 from flighttune.base.files.load import A_LOG, LOG, load_one
 from flighttune.base.units import DEG, DEG_PER_RAD
-from flighttune.base.words import pick
 from flighttune.flight.apart import Progress
 from flighttune.flight.loop.run import Run
 from flighttune.logs.checks import refuse_wrong
@@ -110,14 +105,9 @@ Signals: TypeAlias = Mapping[str, FloatArray]
 # A fresh plant from the factors.
 PlantMaker: TypeAlias = Callable[[Mapping[str, float]], Plant]
 
-RUNG_COLUMNS = columns_by("flown chi gamma phi n_z tail nose", of="rungs_of_log")
-CAUSE_COLUMNS = columns_by("cause alone_percent without_percent")
-FACTOR_COLUMNS = columns_by("title value unit", of="factors_of_log")
-PART_COLUMNS = [Column("from_s", "from", "s", ".1f"), *RUNG_COLUMNS[1:]]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class LogGap(Answering):
+class LogGap(Drawn):
     """The difference between a real flight and a model that flies its commands."""
 
     # Names of log and model
@@ -141,68 +131,6 @@ class LogGap(Answering):
     causes: Mapping[str, tuple[float, float]]
     explained: float  # share that all factors explain
     notes: tuple[str, ...]  # sentences on what the log cannot tell, and why
-
-    def answer(self) -> Answer:
-        """Differences by what flew the commands, causes, factors, and where they part."""
-        apart = {name: _apart(self.t, self.logged, flown) for name, flown in self.flights.items()}
-        rungs = [
-            {"flown": name, **{key: _rms(values) for key, values in each.items()}}
-            for name, each in apart.items()
-        ]
-        causes = [
-            {"cause": name, "alone_percent": 100.0 * alone, "without_percent": 100.0 * without}
-            for name, (alone, without) in self.causes.items()
-        ]
-        factors = [
-            {"factor": name, **pick(FACTORS[name], "title unit")}
-            | {"value": value, "low": low, "high": high}
-            for name, (value, low, high) in self.factors.items()
-        ]
-        parts = [
-            {"from_s": float(start), **{k: _rms(v[i]) for k, v in apart[self.aircraft].items()}}
-            for i, start in enumerate(self.t[:, 0] + WAIT_S)
-        ]
-        title = f"{self.log}: rms difference in {len(parts)} stretches of {STRETCH_S:g} s"
-        tables = [
-            Table(RUNG_COLUMNS, rungs, title, name="differences"),
-            Table(CAUSE_COLUMNS, causes, f"difference from {self.aircraft}", name="causes"),
-            Table(FACTOR_COLUMNS, factors, "explained best by", name="factors"),
-            Table(PART_COLUMNS, parts, f"where {self.aircraft} and the log part", name="parts"),
-        ]
-        chi, t = np.abs(np.nan_to_num(apart[self.aircraft]["chi"])), _compared(self.t, self.t)
-        worst = np.unravel_index(np.argmax(chi), chi.shape)
-        share = f"{', '.join(self.causes)} together explain {100.0 * self.explained:.1f} %"
-        causes_say = share if self.causes else "the log can tell no cause"
-        verdict = (
-            f"Of the difference between {self.log} and {self.aircraft}, {causes_say}; the course "
-            f"parts most at {t[worst]:.1f} s, by {chi[worst] * DEG_PER_RAD:.1f} deg."
-        )
-        values = {"explained_percent": 100.0 * self.explained}
-        ended = [
-            f"{name}: {count} of {len(parts)} flights ended early, and are compared until then."
-            for name, signals in self.flights.items()
-            if (count := int(np.isnan(signals["chi"]).any(axis=1).sum()))
-        ]
-        no_nose = ["Nose is pitch minus path angle, which a point mass does not have."]
-        notes = [*self.notes, *no_nose * ("nose" in apart[self.aircraft]), *ended]
-        return Answer(values=values, tables=tables, notes=notes, verdict=verdict)
-
-    def sheet(self) -> Sheet:
-        """Course, path angle, roll and load factor in the stretch with the largest difference."""
-        differences = _scaled(self.t, self.logged, self.flights[self.aircraft])
-        k, charts = int(np.argmax(np.sum(differences**2, axis=1))), []
-        colours = [*PLANTS[: len(self.flights) - 2], HUES[0][0], HUES[1][0]]
-        for name in ("chi", "gamma", "phi", "n_z"):
-            unit, symbol = (1.0, "1") if name == "n_z" else (DEG, "deg")
-            chart = Chart(title=name, y=f"{name} [{symbol}]")
-            for (flown, signals), (colour, _) in zip(self.flights.items(), colours, strict=True):
-                chart.line(self.t[k], signals[name][k] / unit, colour, name=flown)
-            for key, colour, dash in ((f"{name}_cmd", NEUTRAL, DASHED), (name, INK, "")):
-                if key in self.logged:
-                    line, label = self.logged[key][k] / unit, "command" if dash else "log"
-                    chart.line(self.t[k], line, colour, dash=dash, name=label)
-            charts.append(chart)
-        return Sheet(charts=charts, title=f"{self.log}: its commands flown on {self.aircraft}")
 
 
 def log_gap(
@@ -332,7 +260,7 @@ class _Flights:
 
     def difference(self, flown: Signals) -> FloatArray:
         """Scaled difference, shape (stretches, signals times samples)."""
-        return _scaled(self.t, self.logged, flown)
+        return scaled(self.t, self.logged, flown)
 
     def slopes(self, factors: Mapping[str, float]) -> FloatArray:
         """Change of the difference with each factor over its size, shape (samples, factors)."""
@@ -459,17 +387,17 @@ def _stretches(run: Run, step: float) -> tuple[FloatArray, Signals]:
     return times, {name: np.interp(times, t, values) for name, values in logged.items()}
 
 
-def _compared(t: FloatArray, values: FloatArray) -> FloatArray:
+def compared(t: FloatArray, values: FloatArray) -> FloatArray:
     """Samples of stretches after the time that a start takes to be forgotten."""
     return values[:, round(WAIT_S / float(t[0, 1] - t[0, 0])) :]
 
 
-def _apart(t: FloatArray, logged: Signals, flown: Signals) -> dict[str, FloatArray]:
+def difference(t: FloatArray, logged: Signals, flown: Signals) -> dict[str, FloatArray]:
     """Log minus model in SI by signal that both have, shape (stretches, samples)."""
     apart = {}
     for name in SCALES:
         if name in logged and name in flown:
-            apart[name] = _compared(t, logged[name] - flown[name])
+            apart[name] = compared(t, logged[name] - flown[name])
             if name in DRIFTING:
                 there = np.isfinite(apart[name])
                 total = np.sum(apart[name], axis=1, where=there, keepdims=True)
@@ -477,13 +405,13 @@ def _apart(t: FloatArray, logged: Signals, flown: Signals) -> dict[str, FloatArr
     return apart
 
 
-def _scaled(t: FloatArray, logged: Signals, flown: Signals) -> FloatArray:
+def scaled(t: FloatArray, logged: Signals, flown: Signals) -> FloatArray:
     """Differences over their sizes, shape (stretches, signals times samples)."""
-    scaled = np.hstack([x / SCALES[name] for name, x in _apart(t, logged, flown).items()])
+    scaled = np.hstack([x / SCALES[name] for name, x in difference(t, logged, flown).items()])
     return np.clip(np.nan_to_num(scaled, nan=LOST), -LOST, LOST)
 
 
-def _rms(values: FloatArray) -> float:
+def rms(values: FloatArray) -> float:
     """Root mean square while a flight lasted; NaN if it never did."""
     flown = values[np.isfinite(values)]
     return float(np.sqrt(np.mean(flown**2))) if len(flown) else math.nan

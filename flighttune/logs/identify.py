@@ -9,11 +9,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from flighttune.base.answering import Answering
-from flighttune.base.answers.answer import Answer, Table
-from flighttune.base.answers.chart import DASHED, Chart, Sheet
-from flighttune.base.answers.labels import columns as columns_by
-from flighttune.base.answers.palette import HUES, NEUTRAL
+from flighttune.base.answering import Drawn
 from flighttune.base.arrays import FloatArray, true_spans
 from flighttune.base.errors import InputError
 from flighttune.base.files.load import A_LOG, LOG, load_one, written
@@ -26,7 +22,6 @@ from flighttune.base.units import (
     Radians,
     RadiansPerSecond,
 )
-from flighttune.base.words import pick
 from flighttune.control.inner_loop import InnerLag, Order
 from flighttune.flight.loop.run import Run
 from flighttune.logs.checks import refuse_wrong
@@ -69,11 +64,6 @@ NAMES = {"phi": "roll", "n_z": "load-factor"}
 UNSEEN = {"phi": ((-45.0, 45.0), 60.0), "n_z": ((0.5, 1.5), 2.0)}
 SHOWN_S = 40.0
 
-CHANNEL_COLUMNS = columns_by(
-    "channel order natural_frequency frequency_interval delay delay_interval fit_percent stretches",
-    of="responses",
-)
-
 
 class Section(NamedTuple):
     """Samples without a gap, in which a vehicle flies."""
@@ -110,7 +100,7 @@ class ChannelOfLogs(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class LogIdentification(Answering):
+class LogIdentification(Drawn):
     """The response of an inner loop as logs show it."""
 
     # Content of a model file; None where a channel has no lag
@@ -131,69 +121,7 @@ class LogIdentification(Answering):
         if self.identified is None:
             return {"model": None, "figure": None}
         path = path or Path("runs") / "identified" / f"{self.names[0]}.json"
-        return model_file.save_with_figure(self.identified, Path(path), self.sheet())
-
-    def answer(self) -> Answer:
-        """Lags with intervals; a failure where a channel has none."""
-        records = [
-            {
-                "channel": name,
-                **pick(channel.lag, "order natural_frequency delay"),
-                "frequency_interval": _ends("{:.2f} to {:.2f}", channel.frequency),
-                "delay_interval": _ends("{:.3f} to {:.3f}", channel.delay),
-                **pick(channel, "fit_percent stretches"),
-                "by_log_percent": channel.by_log,
-            }
-            for name, channel in self.channels.items()
-        ]
-        tables = [Table(CHANNEL_COLUMNS, records, f"{self.title}: responses", name="responses")]
-        notes = [f"{name}: {reason}" for name, reason in self.untold.items()]
-        notes += [
-            f"{name} of each log by the lag of the others: "
-            f"{', '.join(f'{share:.1f}' for share in channel.by_log)} %"
-            for name, channel in self.channels.items()
-            if channel.by_log
-        ]
-        notes += [
-            f"{name} has no interval: {channel.reason}"
-            for name, channel in self.channels.items()
-            if channel.reason
-        ]
-        evidence = self.identified and self.identified.log
-        if evidence and evidence.residual_rad_s:
-            rates = " and ".join(
-                f"{value:.3g} rad/s of {name}" for name, value in evidence.residual_rad_s.items()
-            )
-            notes.append(f"residual rates up to {rates}: {evidence.sentence}")
-        notes += self.identified.assumptions if self.identified else ()
-        if self.identified is None:
-            name = next(iter(self.untold))
-            ask = f"give its bandwidth to be assumed, --assume {name}=RAD_S, or logs that show it"
-            failure = f"{self.title}: {self.untold[name]}; {ask}"
-            return Answer(values={"untold": dict(self.untold)}, tables=tables, failure=failure)
-        values = {**model_file.identified_tables(self.identified), "untold": dict(self.untold)}
-        return Answer(
-            values=values, tables=[*tables, model_file.lags_table(self.identified)], notes=notes
-        )
-
-    def sheet(self) -> Sheet:
-        """The first seconds of each channel: commanded, measured and the fit."""
-        charts = []
-        for name, channel in self.channels.items():
-            section = max(channel.sections, key=lambda section: len(section.t))
-            shown = section.t - section.t[0] <= SHOWN_S
-            title = f"{NAMES[name]}: {channel.fit_percent:.1f} % of the variance held out"
-            chart = Chart(title=title, y=f"{name} [{'deg' if name == 'phi' else '1'}]")
-            fitted = section.measured + section.residual(channel.lag)
-            for label, values, colour, dash in (
-                ("commanded", section.commanded, NEUTRAL, DASHED),
-                ("measured", section.measured, HUES[0][0][0], ""),
-                (f"lag of order {channel.lag.order}", fitted, HUES[1][0][0], ""),
-            ):
-                t, shape = section.t[shown] - section.t[0], values[shown] / UNITS[name]
-                chart.line(t, shape, colour, dash=dash, name=label)
-            charts.append(chart)
-        return Sheet(charts=charts, title=self.title)
+        return model_file.save_with_figure(self.identified, Path(path), self)
 
 
 def identify(
@@ -310,11 +238,6 @@ def _identify_logs(
     if set(untold) <= set(assume):
         identified = _aircraft(runs, names, channels, assume)
     return LogIdentification(identified=identified, channels=channels, untold=untold, names=names)
-
-
-def _ends(form: str, interval: tuple[float, float] | None) -> str:
-    """An interval in words; empty without one."""
-    return form.format(*interval) if interval else ""
 
 
 def speed_of(run: Run) -> FloatArray:

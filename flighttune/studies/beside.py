@@ -1,6 +1,5 @@
 """The guidance that a user flies now beside the gains of a scenario, on the same draws."""
 
-import math
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -11,14 +10,11 @@ import numpy as np
 import pandas as pd
 
 from flighttune.base.answering import Answering
-from flighttune.base.answers.answer import Answer, Table, facts_table
-from flighttune.base.answers.frame import Report, Section, write_answer
-from flighttune.base.answers.labels import columns, endings_table
 from flighttune.base.arrays import FloatArray
 from flighttune.base.errors import InputError
 from flighttune.base.files import code
 from flighttune.base.units import DEG_PER_RAD
-from flighttune.base.words import listed, number, percent
+from flighttune.base.words import listed
 from flighttune.campaigns.engine.pool import WorkerPool
 from flighttune.campaigns.engine.progress import CampaignObserver
 from flighttune.campaigns.planning.plan import Plan
@@ -34,9 +30,8 @@ from flighttune.control.gains import NO_FEEDBACK, PIGains, rate_gains
 from flighttune.control.law import made_law
 from flighttune.control.limits import Limits
 from flighttune.control.linear_model import LinearModel, inner_feedback
-from flighttune.control.margins import Loop, cut_margins, margins_table
+from flighttune.control.margins import Loop, Margins, cut_margins
 from flighttune.flight import conditions, models
-from flighttune.flight.fly import library_versions
 from flighttune.flight.loop.run import Run
 from flighttune.flight.scenario.load import scenario_from
 from flighttune.flight.scenario.schema import Scenario
@@ -46,15 +41,6 @@ from flighttune.logs.parameters import Flown, flown_now
 from flighttune.routes.follow import RouteReference
 from flighttune.routes.items import SETS_AIRSPEED
 from flighttune.routes.mission import ROUTE_FILES
-
-NO_TRACK = (
-    "A reference over time has no track: your guidance follows its course, turn and rate of climb."
-)
-NOT_EMULATED = (
-    "Not emulated: your throttle, which is that of the aircraft here, underspeed and excess wind, "
-    "and the switch from leg to leg. Where the throttle is at a stop, TECS gives up height for "
-    "airspeed; ours holds the path."
-)
 
 # Where the loops are cut.
 CUT = "roll", "lift"
@@ -78,10 +64,6 @@ LOGGED = {
     "height_err": ("height", "m", 1.0),
     "phi_cmd": ("commanded roll", "deg", DEG_PER_RAD),
 }
-
-ACCURACY = columns("of yours ours unit better flights share", of="beside")
-PARAMETERS = columns("name value range from", of="parameters")
-TRACKING = columns("of log low high unit", of="beside_log")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -127,118 +109,16 @@ class Beside(Answering):
         return rows
 
     @property
-    def margins(self) -> dict[str, Table]:
+    def margins(self) -> dict[str, Sequence[Margins]]:
         """Margins of both loops behind the identified inner loop; none without a model of it."""
         with suppress(InputError):
             return loops(self.plan, self.now)
         return {}
 
-    def answer(self) -> Answer:
-        """Accuracy, losses, margins and what was emulated, in four lines; then the tables."""
-        accuracy, n = self.accuracy, self.plan.draws
-        ended = self.rows[self.rows["status"] != "completed"].assign(run=lambda x: x["draw"])
-        lost = {x: ended[ended["gains"] == x].to_dict(orient="records") for x in (YOURS, OURS)}
-        kept = f"Errors that {percent(1.0 - EPSILON)} % of flights keep to"
-        bound = f"{kept}, each by itself, at a confidence of {percent(CONFIDENCE)} %"
-        if n < (needed := flights_needed(EPSILON, CONFIDENCE)):
-            kept = f"Largest errors of {n}"
-            bound = f"{kept}; {needed} are needed for a bound"
-        both, better, said = [], [], []
-        for x in accuracy[:3]:  # cross track, height and airspeed of a route
-            yours, ours = (number(x[name], ".3g") for name in (YOURS, OURS))
-            both.append(f"{x['of']} {yours} | {ours} {x['unit']}")
-            better.append(f"{x['of']} {x['better']} ({percent(x['lo'])} to {percent(x['hi'])} %)")
-        for rows in lost.values():
-            why = ", ".join(dict.fromkeys(row["status"].replace("_", " ") for row in rows))
-            said.append(f"{len(rows)} ({why})" if rows else "0")
-        unused = ", ".join(self.now.unused) or "none"
-        checked = "" if self.tracking else "; not checked against a log"
-        beyond = listed(self.now.beyond)
-        beyond = f" Beyond their published ranges: {beyond}." if beyond else ""
-        return Answer(
-            summary=[
-                f"{kept}, yours | ours: {', '.join(both)}; lost {' | '.join(said)} of {n}.",
-                f"Ours is better of {n} draws in: {', '.join(better)}.",
-                self._in_your_terms,
-                f"Yours: the equations of {self.now.name} above the inner loop here, not the "
-                f"firmware{checked}.{beyond}",
-            ],
-            values={
-                "guidance": self.now.name,
-                "accuracy": accuracy,
-                "lost": {name: len(rows) for name, rows in lost.items()},
-                "parameters": self.now.rows,
-                "beyond": self.now.beyond,
-                "unused": self.now.unused,
-                "rest": self.now.rest,
-                "tracking": self.tracking,
-            },
-            tables=[
-                Table(ACCURACY, accuracy, bound),
-                *(
-                    replace(endings_table(rows), title=f"lost of {name}", name=f"lost_of_{name}")
-                    for name, rows in lost.items()
-                ),
-                Table(TRACKING, self.tracking, "the log, and the flights with your guidance"),
-                *self.margins.values(),
-                Table(PARAMETERS, self.now.rows, f"parameters of {self.now.name}"),
-            ],
-            notes=[
-                *self.now.notes,
-                *self.notes,
-                *self.plan.scenario.assumptions,
-                *([] if self.plan.scenario.route else [NO_TRACK]),
-                NOT_EMULATED,
-                f"Not used of the guidance: {unused}. Parameters of other parts: {self.now.rest}.",
-            ],
-        )
 
-    @property
-    def _in_your_terms(self) -> str:
-        """The gain of the course in the name of the user's parameter, and the margins."""
-        law, period = self.now.law, self.now.law.period
-        K_P = _rate_gains(self.plan).K_P[0, 0]
-        same = 4.0 * math.pi * law.roles["damping"] / K_P
-        cuts = [table.records for table in self.margins.values()]
-        margins = "; ".join(
-            f"{name} {' | '.join(_cut(rows, place) for rows in cuts)}"
-            for place, name in enumerate(CUT if cuts else ())
-        )
-        return (
-            f"Our K_P of the course, {K_P:.2f} 1/s, is {period} = {same:.1f} s (yours "
-            f"{law.roles['period']:g} s). {f'Margins: {margins}.' if margins else ''}"
-        ).strip()
-
-    def page(self, path: str | Path, command: str) -> Report:
-        """Write the answer as one self-contained page; `command` repeats it."""
-        answer, ours = self.answer(), self.plan.groups[-1].gains
-        # margins, if there are any, are the tables from the fifth on
-        (*notes, unused), (*found, parameters) = answer.notes, answer.tables
-        return write_answer(
-            path,
-            title=f"{self.plan.scenario.title}: {self.now.name} beside {ours}",
-            summary=answer.summary,
-            parts={
-                "accuracy": Section(note=notes, tables=found[:4]),
-                "margins": Section(tables=found[4:]),
-                "flown": Section(note=unused, tables=[parameters]),
-            },
-            provenance=facts_table("Provenance", library_versions()),
-            commands=command,
-        )
-
-
-def _cut(rows: Sequence[Mapping[str, Any]], place: int) -> str:
-    """Gain and phase margin of a loop cut at one place."""
-    if not rows:
-        return "unstable"
-    gain, phase = rows[place]["gain_increase"], rows[place]["phase_margin_deg"]
-    return f"{20.0 * math.log10(gain):.1f} dB, {phase:.0f} deg"
-
-
-def loops(plan: Plan, now: Flown) -> dict[str, Table]:
+def loops(plan: Plan, now: Flown) -> dict[str, Sequence[Margins]]:
     """Margins of each loop cut at roll and at lift, behind the identified inner loop."""
-    scenario, ours = plan.scenario, _rate_gains(plan)
+    scenario, ours = plan.scenario, our_rate_gains(plan)
     reference = conditions.reference_of(scenario)
     model = models.identified_models(scenario, made_law("exact"))[0].model
     law = now.law.make(models.law_setup(scenario, ours, Limits.none(2)))
@@ -249,11 +129,10 @@ def loops(plan: Plan, now: Flown) -> dict[str, Table]:
     yours = np.array([a, c + b * (per_T > 0.0), d * (per_T > 0.0)])
     rows = np.array([ours.K_P, ours.K_I + ours.K_P * per_T, ours.K_I * per_T])
     both = _guided(model, yours, NO_FEEDBACK), _guided(model, rows, ours.feedback)
-    cuts = zip((YOURS, OURS), (margins_table(cut_margins(loop, CUT)) for loop in both), strict=True)
-    return {x: replace(cut, title=f"margins of {x}", name=f"margins_{x}") for x, cut in cuts}
+    return {x: cut_margins(loop, CUT) for x, loop in zip((YOURS, OURS), both, strict=True)}
 
 
-def _rate_gains(plan: Plan) -> PIGains:
+def our_rate_gains(plan: Plan) -> PIGains:
     """Gains of the plan as those of the rates of course and path angle."""
     gains, flight = plan.gain_sets[plan.groups[-1].gains], plan.scenario.flight
     assert gains is not None  # of the group that was chosen

@@ -15,8 +15,6 @@ import pandas as pd
 from scipy.special import chdtri, ndtr
 
 from flighttune.base.answering import Answering
-from flighttune.base.answers.answer import Answer, Table
-from flighttune.base.answers.labels import columns, endings_table
 from flighttune.base.arguments import checked_class
 from flighttune.base.arrays import FloatArray, check_at_least
 from flighttune.base.errors import InputError
@@ -27,7 +25,6 @@ from flighttune.base.files.table import toml_text
 from flighttune.base.files.whole import write_text
 from flighttune.base.names import CHANNEL_SYMBOLS
 from flighttune.base.units import DEG_PER_RAD, Degrees, RadiansPerSecond
-from flighttune.base.words import pick
 from flighttune.campaigns.engine.pool import WorkerPool
 from flighttune.campaigns.engine.progress import CampaignObserver
 from flighttune.campaigns.flying.columns import measured_in
@@ -79,11 +76,6 @@ ROUNDING = 1e-9
 # Value of a flight that was not flown to its end, beyond all others.
 FAILED = 1e3
 
-WORST_COLUMNS = columns(
-    "plant gains value first distance radius status ratio.chi ratio.gamma ratio_of_search.chi "
-    "ratio_of_search.gamma family",
-    of="worst",
-)
 
 Seeds = npt.NDArray[np.int64]
 Indices = npt.NDArray[np.intp]
@@ -159,30 +151,6 @@ class WorstFlight(Answering):
     def save(self, path: str | Path) -> None:
         """Write the flight as a scenario (.toml)."""
         write_text(Path(path), toml_text(self.scenario.as_dict()))
-
-    def answer(self) -> Answer:
-        """The flight and what was drawn for it; a failure if it contradicts the proof of a tube."""
-        values = pick(self, "metric value first flights family distance radius status missed plant")
-        values |= pick(self, "gains drawn ratio ratio_of_search")
-        drawn = [
-            # A seed is no quantity: all its digits are needed to fly it again.
-            {"key": key, "value": value if isinstance(value, float) else str(value)}
-            for key, value in self.drawn.items()
-        ]
-        near = f"the worst flight uses {self.value:.4g} of the {self.metric}"
-        notes = [*self.scenario.gains_notes(self.plant, self.gains)]
-        notes += [near] * (self.metric in (TUBE, BAND) and not self.contradicts)
-        return Answer(
-            values=values,
-            tables=[
-                Table(WORST_COLUMNS, [values], f"worst {self.metric} in {self.flights} flights"),
-                Table(columns("key value"), drawn, "drawn"),
-                endings_table(self.endings),
-            ],
-            notes=notes,
-            verdict="" if self.contradicts else self.missed or "no requirement is missed",
-            failure=f"{near}: this contradicts its proof" if self.contradicts else "",
-        )
 
 
 @code.flies

@@ -80,9 +80,11 @@ def test_margins_are_those_of_a_frequency_response(beside):
     phase = np.unwrap(np.angle(L))
     crossing = np.flatnonzero((np.abs(L[:-1]) > 1.0) & (np.abs(L[1:]) <= 1.0))[-1]
     turn = np.flatnonzero((phase[:-1] > -np.pi) & (phase[1:] <= -np.pi))[-1]
-    roll = beside.margins["yours"].records[0]
-    assert roll["phase_margin_deg"] == pytest.approx(np.degrees(phase[crossing]) + 180.0, abs=0.5)
-    assert roll["gain_increase"] == pytest.approx(1.0 / np.abs(L[turn]), rel=0.03)
+    roll = beside.margins["yours"][0]
+    assert np.degrees(roll.phase_margin) == pytest.approx(
+        np.degrees(phase[crossing]) + 180.0, abs=0.5
+    )
+    assert roll.gain_increase == pytest.approx(1.0 / np.abs(L[turn]), rel=0.03)
 
 
 def test_margins_of_gains_on_a_route_are_those_with_its_look_ahead(file):
@@ -99,10 +101,10 @@ def test_margins_of_gains_on_a_route_are_those_with_its_look_ahead(file):
     L = G * (1.2 * s + 0.9) * (s + 1.0 / T) / s**3
     crossing = np.flatnonzero((np.abs(L[:-1]) > 1.0) & (np.abs(L[1:]) <= 1.0))[-1]
 
-    roll = loops(plan, now)["ours"].records[0]
+    roll = loops(plan, now)["ours"][0]
 
     wanted = np.degrees(np.unwrap(np.angle(L))[crossing]) % 360.0 - 180.0
-    assert roll["phase_margin_deg"] == pytest.approx(wanted, abs=0.5)
+    assert np.degrees(roll.phase_margin) == pytest.approx(wanted, abs=0.5)
 
 
 @pytest.mark.soak

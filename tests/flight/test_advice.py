@@ -7,7 +7,7 @@ import pytest
 from made_up import made_up_scenario
 
 import flighttune as ft
-from flighttune.flight.flown import advice
+from flighttune.outputs.answers.advice import advice
 
 TURN = {"chi_deg": 60.0, "gamma_deg": 0.0}
 RAMP = {"chi_deg": [{"shape": "ramp", "duration_s": 2.0, "rate_dps": 20.0}], "gamma_deg": 0.0}

@@ -11,6 +11,7 @@ from claimed import claimed
 
 import flighttune as ft
 from flighttune.gaps.gap import Step
+from flighttune.outputs.answers.gap import causes
 from flighttune.outputs.pages.charts import bound_chart, gap_charts, itae_chart
 
 ROUNDING = 1e-12
@@ -42,7 +43,7 @@ def test_the_rungs_go_from_the_papers_law_to_the_aircraft(paper_gap):
     assert (paper_gap.status, paper_gap.reason, paper_gap.failed) == ("explained", "", {})
     assert [run.provenance.plant for run in paper_gap.runs] == RUNGS
     assert {run.duration for run in paper_gap.runs} == {20.0}
-    assert all(" on kinematic and " in sentence for sentence in paper_gap.causes)
+    assert all(" on kinematic and " in sentence for sentence in causes(paper_gap))
     for rung in paper_gap.runs[:-1]:
         assert not {*WIND} & {*rung.signals}  # in still air
 

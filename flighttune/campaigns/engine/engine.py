@@ -10,12 +10,12 @@ import pandas as pd
 
 from flighttune.base.answering import Answering
 from flighttune.base.answers.answer import Answer, Table
-from flighttune.base.answers.labels import columns, endings_table
+from flighttune.base.answers.labels import columns
 from flighttune.base.arrays import check_at_least
 from flighttune.base.errors import InputError, RecordingError, StoppedError
 from flighttune.base.files import code
 from flighttune.base.files.load import CAMPAIGN
-from flighttune.base.words import duration, pick, rate
+from flighttune.base.words import pick
 from flighttune.campaigns.dataset import RUNS, Dataset, locked, open_dataset, parquet_bytes
 from flighttune.campaigns.engine.pool import WorkerPool
 from flighttune.campaigns.engine.progress import CampaignObserver
@@ -23,7 +23,7 @@ from flighttune.campaigns.flying.columns import table_of
 from flighttune.campaigns.planning.plan import Group, Plan, draws_in_words, plan_campaign
 from flighttune.campaigns.planning.source import load_campaign
 from flighttune.campaigns.statistics.count import looks
-from flighttune.campaigns.statistics.findings import SUCCESS, Answers, answer_words, answers
+from flighttune.campaigns.statistics.findings import SUCCESS, Answers, answers
 from flighttune.flight.fly import library_versions
 from flighttune.flight.loop.batch import cores
 from flighttune.flight.records.refly import changed_versions
@@ -130,37 +130,6 @@ class CampaignOutcome(Answering):
     until_sure: float | None = None  # share of flights that was asked for
     interrupted: bool = False  # stopped before its end
     assumed: tuple[str, ...] = ()  # what its scenario assumes, a sentence each
-
-    def answer(self) -> Answer:
-        """Flights by their status, and the time they took; status 130 if they were interrupted.
-
-        Status 1 if the share asked for is not surely reached by all groups.
-        """
-        speed = f"{duration(self.wall_s)}, {rate(self.rate_per_s)} a second"
-        interrupted = (
-            f"interrupted, {self.runs} of {self.planned} runs are in {self.dataset}; go on with "
-            "the same command and --resume"
-        )
-        answered = answer_words(self.sure, self.until_sure)
-        most = f" of at most {self.planned}" if self.until_sure else ""
-        reached = all(answer == "yes" for answer in self.sure.values())
-        said = "planned runs completed failed crashed succeeded statuses flown kept"
-        return Answer(
-            values=pick(self, f"{said} wall_s rate_per_s interrupted{' sure' * bool(self.sure)}"),
-            tables=[
-                Table(columns(" ".join(self.by_group[0])), self.by_group),
-                endings_table(self.endings),
-            ],
-            notes=[
-                f"{self.runs}{most} flights = {draws_in_words(self.runs, self.groups)}",
-                f"flown now: {self.flown} in {speed}" if self.flown else "nothing was missing",
-                *self.assumed,
-            ],
-            verdict=answered if reached else "",
-            files={"dataset": self.dataset},
-            failure=interrupted if self.interrupted else "" if reached else answered,
-            status=130 if self.interrupted else 1,
-        )
 
 
 @code.flies

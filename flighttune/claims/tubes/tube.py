@@ -2,18 +2,16 @@
 
 from bisect import bisect_left
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from flighttune.base.answers.answer import Answer, Column, Table
-from flighttune.base.answers.labels import columns
+from flighttune.base.answering import Answering
 from flighttune.base.arrays import FloatArray
 from flighttune.base.errors import InfeasibleError
-from flighttune.base.words import pick
 from flighttune.claims.tubes import exact, interval, proof, sample
 from flighttune.claims.tubes.enclosure import LEFT, Settings, Tube, bounds_of
 from flighttune.claims.tubes.problem import QUANTITIES, TubeProblem, tube_problem
@@ -30,7 +28,17 @@ DOUBLING = 0.2
 DISTURBANCES = [float(f"{digits}e{power}") for power in range(-6, 0) for digits in range(10, 100)]
 
 
-TRIED_COLUMNS = [Column("disturbance", "disturbance", "rad/s", ".2g"), *columns("status reason")]
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TriedDisturbances(Answering):
+    """The tubes of a problem with one disturbance after the other."""
+
+    tried: Mapping[float, Tube]  # by the bound on the disturbance, rad/s
+
+    @property
+    def largest(self) -> float | None:
+        """The largest disturbance whose tube is bounded, rad/s; None if there is none."""
+        bounded = (size for size, tube in self.tried.items() if tube.status == "bounded")
+        return max(bounded, default=None)
 
 
 def largest_disturbance(
@@ -41,12 +49,11 @@ def largest_disturbance(
     start: float = 0.0,
     changes: Mapping[str, Any] | None = None,
     progress: Callable[[float], None] | None = None,
-) -> Answer:
+) -> TriedDisturbances:
     """Look for the largest disturbance, to two digits, for which the set of `tube` is bounded.
 
-    The answer has those that were tried. The largest bounded one is known to two digits if one that
-    is larger follows it. None is bounded, which is a failure, if the first of `DISTURBANCES`, or
-    the scenario's own, is not.
+    The largest bounded one of those tried is known to two digits if one that is larger follows it.
+    None is bounded if the first of `DISTURBANCES`, or the scenario's own, is not.
     """
     problem = stated_problem(scenario, gains, changes, plant=plant, start=start)
     tried: dict[float, Tube] = {}
@@ -58,18 +65,7 @@ def largest_disturbance(
     scenario_size = float(problem.disturbances[1].max())
     larger = [size for size in DISTURBANCES if size > scenario_size]
     bisect_left([scenario_size, *larger] if scenario_size else larger, True, key=lost)
-    records = [
-        {"disturbance": size, **pick(tube, "status reason")} for size, tube in sorted(tried.items())
-    ]
-    bounded = [row["disturbance"] for row in records if row["status"] == "bounded"]
-    largest = max(bounded, default=None)
-    verdict = f"largest disturbance for which the set is bounded: {largest} rad/s"
-    return Answer(
-        values={"largest_disturbance": largest},
-        tables=[Table(TRIED_COLUMNS, records, "tried", name="tried")],
-        verdict=verdict if bounded else "",
-        failure="" if bounded else "for no disturbance tried the set is bounded.",
-    )
+    return TriedDisturbances(tried=dict(sorted(tried.items())))
 
 
 def enclosed(problem: TubeProblem, progress: Callable[[float], None] | None = None) -> Tube:

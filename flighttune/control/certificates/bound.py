@@ -18,13 +18,10 @@ import numpy as np
 import numpy.typing as npt
 
 from flighttune.base.answering import Answering
-from flighttune.base.answers.answer import Answer, Table
-from flighttune.base.answers.labels import columns as columns_by
 from flighttune.base.arguments import checked_class
 from flighttune.base.arrays import FloatArray, check_positive, set_read_only
 from flighttune.base.errors import InputError
 from flighttune.base.files.table import STRICT, read, write
-from flighttune.base.words import pick
 from flighttune.control.linear_model import LinearModel
 from flighttune.control.theory.exact import Check, Verification, as_float, exact, positive_definite
 from flighttune.control.theory.lmi import blocks, largest, parameter, solve, unknown
@@ -46,8 +43,6 @@ MAX_BOXES = 5000
 
 # A box is halved along R_K where that side is longer than this share of the other one.
 WIDE = 0.7
-
-BOUND_COLUMNS = columns_by("I_star R_bound", of="bound")
 
 
 @checked_class
@@ -120,11 +115,6 @@ class RateBound(Answering):
             "for every linear model whose states are its errors, of any aircraft, and all gains "
             f"with I_K <= {self.I_star:g} s², coupled or not: {what}"
         )
-
-    def answer(self) -> Answer:
-        """The bound and its sentence."""
-        values = pick(self, "sentence I_star R_bound")
-        return Answer(values=values, tables=[Table(BOUND_COLUMNS, [values])], verdict=self.sentence)
 
     def save(self, path: str | Path) -> None:
         """Write the claim with its proof (.json)."""

@@ -12,16 +12,14 @@ import numpy as np
 from pydantic import Field
 
 from flighttune.base.answering import Answering
-from flighttune.base.answers.answer import Answer, Table
-from flighttune.base.answers.labels import columns
 from flighttune.base.arguments import checked_class
 from flighttune.base.arrays import FloatArray, check_positive, set_read_only
 from flighttune.base.errors import InputError
 from flighttune.base.files.table import STRICT, read, write
 from flighttune.base.words import listed, pick, quoted
 from flighttune.control.certificates.exact_rate import SAME_MODEL, ExactRate, lag_units
-from flighttune.control.certificates.lag_box import BOX_COLUMNS, NOT_ENCLOSED, LagBox, boxes_checks
-from flighttune.control.gains import ERRORS_WITH_AIRSPEED, PIGains, gains_table
+from flighttune.control.certificates.lag_box import NOT_ENCLOSED, LagBox, boxes_checks
+from flighttune.control.gains import ERRORS_WITH_AIRSPEED, PIGains
 from flighttune.control.linear_model import (
     ENTRIES,
     LAW_NAMES,
@@ -49,9 +47,6 @@ MAX_I_K = 200.0
 
 # The exact check takes seconds at this size, and grows with its fourth power.
 MAX_STATES = 24
-
-
-EXACT_COLUMNS = columns("loop decay growth true_rate", of="exact_rates")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -315,28 +310,6 @@ class Certificate(Answering):
             f"{claim.L_d:.6g} the norm ends up at {claim.radius:.6g} or less"
         )
 
-    def answer(self) -> Answer:
-        """The claim with the gains and the model that it is about."""
-        values = {
-            **self.values,
-            **pick(self.claim, "envelope g"),
-            "sentence": self.sentence,
-            "gains": pick(
-                self.gains, "inputs errors K_P K_I" + " feedback" * self.gains.feeds_back
-            ),
-            "model": pick(self.model, "states inputs errors A B C"),
-        }
-        return Answer(
-            values=values,
-            tables=[
-                Table(columns("rate radius L_d"), [values], "certificate"),
-                *proof_tables(values),
-                gains_table("gains", self.gains),
-            ],
-            notes=[self.in_words, *filter(None, [self.boxes_note]), *self.assumed],
-            verdict=self.sentence,
-        )
-
     def save(self, path: str | Path) -> None:
         """Write the claim with its proof (.json)."""
         write(self, path)
@@ -362,14 +335,6 @@ class Certificate(Answering):
         if self.boxes:
             checks += boxes_checks(self.boxes, (model, *self.models), self.gains)
         return rational.Verification.of(checks)
-
-
-def proof_tables(values: Mapping[str, Any]) -> list[Table]:
-    """The exact rates and the boxes of lags and delays in the values of a certificate."""
-    return [
-        Table(EXACT_COLUMNS, values["exact_rates"], "exact rates of the norm"),
-        Table(BOX_COLUMNS, values["boxes"], "box of lags and delays"),
-    ]
 
 
 def load_certificate(path: str | Path) -> Certificate:

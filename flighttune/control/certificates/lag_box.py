@@ -30,7 +30,6 @@ from typing import Any, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from flighttune.base.answers.labels import columns
 from flighttune.base.arrays import FloatArray, check_positive, set_read_only
 from flighttune.base.errors import InputError
 from flighttune.control.gains import PIGains
@@ -66,7 +65,6 @@ SAME_ENTRIES = 1e-12
 # Least and most of the numbers of a box; one beyond is a slip of the unit.
 BOUNDS = {"lag": (1e-4, 60.0), "delay": (0.0, 60.0), "a": (-60.0, 60.0), "b": (1e-6, 1e6)}
 
-BOX_COLUMNS = columns("error lag delay rate norm_rate growth", of="lag_boxes")
 
 NOT_ENCLOSED = (
     "A box has a lag of first order, and a delay as a first-order Pade section. It does not "

@@ -9,19 +9,12 @@ from typing import Any, Literal
 import numpy as np
 
 from flighttune.base.answering import Answering
-from flighttune.base.answers.answer import Answer, Column, Table
-from flighttune.base.answers.labels import columns
 from flighttune.base.arguments import checked_class
 from flighttune.base.arrays import FloatArray
 from flighttune.base.errors import InputError
 from flighttune.base.words import pick
 from flighttune.control.certificates import exact_rate, lag_box
-from flighttune.control.certificates.certificate import (
-    Certificate,
-    Claim,
-    proof_tables,
-    vertex_matrices,
-)
+from flighttune.control.certificates.certificate import Certificate, Claim, vertex_matrices
 from flighttune.control.gains import PIGains
 from flighttune.control.linear_model import (
     Envelope,
@@ -31,19 +24,12 @@ from flighttune.control.linear_model import (
     jacobian_hull,
     loops_of,
 )
-from flighttune.control.margins import loop_margins, margins_table
 from flighttune.control.theory import exact, lyapunov
 from flighttune.control.theory.indicators import Indicators, indicators
 
-ANY_ENVELOPE = (
-    "The certificate holds over any envelope: the error dynamics of the exact law are the same "
-    "everywhere."
-)
-INDICATOR_COLUMNS = [Column("units", "units of state"), *columns("R_K I_K E_K spectral_abscissa")]
 # Largest bound on disturbances, rad/s^2; the square of a larger one overflows.
 MAX_L_D = 1e6
 
-CERTIFICATE_COLUMNS = columns("in_words rate growth radius L_d largest_factor", of="certificate")
 
 # Airspeed (m/s) and flight-path angle (rad), and the model there.
 Condition = tuple[tuple[float, float], LinearModel]
@@ -126,55 +112,6 @@ class Certification(Answering):
             values |= self.certificate.values | pick(self.certificate, "growth")
             values["checks"] = [asdict(check) for check in self.verification.checks]
         return values
-
-    def answer(self) -> Answer:
-        """Indicators, eigenvalues, margins and certificate; a failure if the loop has none."""
-        loop, certificate = self.indicators, self.values
-        plain = pick(loop, "R_K I_K E_K scaling spectral_abscissa")
-        units, scaled = [{"units": "plain", **plain}], None
-        if self.scaling is not None:
-            in_scaled = indicators(closed_loop(self.model, self.gains), scaling=self.scaling)
-            scaled = pick(in_scaled, "R_K I_K scaling")
-            units.append({"units": "scaled by [tuning]", **scaled})
-        proven = {"R_K": certificate["rate"], "largest_factor": self.largest_factor}
-        over = proven if self.over_envelope else None
-        poles = [{"real": pole.real, "imaginary": pole.imag} for pole in loop.eigenvalues]
-        why = self.reason if loop.status == "stable" else loop.reason
-        everywhere = self.over_envelope and self.largest_factor is None
-        identified = bool(certificate["conditions"])
-        return Answer(
-            values={
-                **pick(loop, "status reason"),
-                **plain,
-                "eigenvalues": [list(pole.values()) for pole in poles],
-                "Q": loop.Q,
-                "scaled": scaled,
-                "gains": self.name,
-                **self.gains.as_lists(),
-                "certificate": certificate,
-                "envelope": over,
-            },
-            tables=[
-                Table(INDICATOR_COLUMNS, units, f"{self.name}: {loop.status}"),
-                Table(columns("real imaginary", of="eigenvalues"), poles, "eigenvalues"),
-                margins_table(loop_margins(self.model, self.gains)),
-                Table(
-                    CERTIFICATE_COLUMNS,
-                    [{**certificate, "largest_factor": self.largest_factor}],
-                    "certificate",
-                ),
-                *proof_tables(certificate),
-            ],
-            notes=[
-                *([ANY_ENVELOPE] if everywhere and not identified else []),
-                *filter(None, [self.absent, self.certificate and self.certificate.boxes_note]),
-                *(self.certificate.assumed if self.certificate else ()),
-            ],
-            verdict=f"proven: {self.certificate.sentence}"
-            if self.certificate
-            else f"no certificate: {why}",
-            failure="" if self.certificate else f"gains {self.name}: {why}",
-        )
 
 
 def certify_model(

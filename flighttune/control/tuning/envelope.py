@@ -11,18 +11,15 @@ problem, solved so that no channel is left undetermined. Where the sensitivity o
 bounded, another search goes on from there.
 """
 
-import itertools
 import math
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, replace
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
-from flighttune.base.answers.chart import DASHED, Chart
-from flighttune.base.answers.palette import HUES, NEUTRAL
 from flighttune.base.arrays import FloatArray
 from flighttune.base.errors import InputError
 from flighttune.control.gains import NO_FEEDBACK, PIGains
@@ -238,25 +235,6 @@ def rate_curve(
     if end < up_to:
         factors, rates = np.append(factors, end), [*rates, 0.0]
     return factors, np.array(rates)
-
-
-def rate_chart(curves: Mapping[str, tuple[FloatArray, FloatArray]], envelope: Envelope) -> Chart:
-    """Draw each `rate_curve` by the name of its gains; `envelope` is the one at 100 %."""
-    chart = Chart(
-        title="Rate certified over an envelope",
-        x="size of the envelope about the trim [%]",
-        y="certified rate [1/s]",
-        x_range=(0.0, 100.0 * max(float(factors[-1]) for factors, _ in curves.values())),
-    )
-    chart.upright(100.0, dash=DASHED)
-    chart.legend.append((str(envelope), NEUTRAL, DASHED))
-    for (name, (factors, rates)), ((colour, _), _) in zip(
-        curves.items(), itertools.cycle(HUES), strict=False
-    ):
-        chart.line(100.0 * factors, rates, colour, name=name, width=2.0)
-        if not rates[-1]:
-            chart.points(100.0 * factors[-1], 0.0, colour, shape="cross", size=5)
-    return chart
 
 
 def tune_over_envelope(

@@ -8,14 +8,11 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 import numpy as np
 
 from flighttune.base.answering import Answering
-from flighttune.base.answers.answer import Answer, Column, Table
-from flighttune.base.answers.labels import columns
 from flighttune.base.arguments import checked_class
 from flighttune.base.arrays import FloatArray
 from flighttune.base.words import pick
-from flighttune.control.gains import PIGains, gains_lists, gains_table
+from flighttune.control.gains import PIGains
 from flighttune.control.linear_model import closed_loops
-from flighttune.control.margins import loop_margins, margins_table
 from flighttune.control.theory.indicators import indicators
 from flighttune.control.tuning.problem import TuningProblem, quadratic_cost
 
@@ -29,13 +26,6 @@ ROUNDING = 1e-9
 
 # Relative distance within which a limit counts as binding
 BINDING = 1e-5
-
-RESULT_COLUMNS = columns("status R_K I_K E_K spectral_abscissa active method starts wall_s")
-ENVELOPE_COLUMNS = columns("status R_envelope R_K I_K E_K spectral_abscissa wall_s", of="tuning")
-DIAGNOSIS_COLUMNS = columns("smallest_I_K largest_R_K common_factor", of="tuning")
-LIMIT_COLUMNS = columns("name factor_alone smallest_I_K_without", of="tuning")
-PLAIN = "units of state: plain, as in `certify`"
-SCALED = "units of state: scaled by [tuning]; `certify` gives R_K in plain ones too"
 
 
 class Assessment(NamedTuple):
@@ -177,64 +167,6 @@ class TuningResult(Answering):
     def solved(self) -> bool:
         """Whether the gains meet all constraints."""
         return self.status in ("optimal", "found")
-
-    @property
-    def _bounds_in_words(self) -> list[str]:
-        if self.sensitivity is None:
-            return []
-        acts = "holds the gains" if "sensitivity" in self.active else "does not hold the gains"
-        most = self.problem.sensitivity_max
-        words = [
-            f"The largest sensitivity is {self.sensitivity:.3f}; its bound of {most:.4g} {acts}."
-        ]
-        if self.errors_in_gusts:
-            shares = ", ".join(f"{share:.3f}" for share in self.errors_in_gusts)
-            words.append(
-                f"The rms errors in turbulence over that of the gusts' angle are {shares}."
-            )
-        return words
-
-    def answer(self) -> Answer:
-        """Indicators, gains and margins; a failure with the nearest problem if there are none."""
-        problem, over = self.problem, self.R_envelope is not None
-        plain = bool(np.all(np.asarray(problem.scaling) == 1.0))
-        nearest = self.diagnosis and pick(
-            self.diagnosis, "smallest_I_K largest_R_K common_factor binding limits"
-        )
-        values = {
-            **pick(self, "status reason R_K I_K E_K cost spectral_abscissa active"),
-            **pick(self, "R_envelope R_envelope_bound factor starts agreeing wall_s method"),
-            **pick(self, "tuned_for sensitivity errors_in_gusts"),
-            "scaling": problem.scaling,
-            "diagnosis": nearest,
-            **gains_lists(self.gains),
-            **({"bound": self.bound.answer().values} if self.bound else {}),
-        }
-        shown = ENVELOPE_COLUMNS if over else RESULT_COLUMNS
-        if problem.weights is not None:
-            shown = [*shown, Column("cost", "quadratic cost")]
-        margins = loop_margins(problem.model, self.gains) if self.solved and self.gains else ()
-        tables = [
-            Table(shown, [values], "tuning over the envelope" if over else "tuning"),
-            gains_table("gains", self.gains),
-            margins_table(margins),
-        ]
-        if nearest:
-            tables += [
-                Table(DIAGNOSIS_COLUMNS, [nearest], "within the limits"),
-                Table(LIMIT_COLUMNS, nearest["limits"], "limits"),
-            ]
-        return Answer(
-            values=values,
-            tables=tables,
-            notes=[
-                PLAIN if plain else SCALED,
-                *self._bounds_in_words,
-                *(self.tuned_for or {}).get("assumed", ()),
-                *([f"proven {self.bound.sentence}"] if self.bound else []),
-            ],
-            failure="" if self.solved else self.reason,
-        )
 
 
 def assessment(problem: TuningProblem, K: FloatArray) -> Assessment:

@@ -5,12 +5,10 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 from operator import itemgetter
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flighttune.base.answers.chart import Chart
-from flighttune.base.answers.palette import INK, NEUTRAL, LineStyle
 from flighttune.base.arrays import FloatArray, check_at_least
 from flighttune.control.gains import PIGains
 from flighttune.control.limits import Limits
@@ -230,23 +228,6 @@ if TYPE_CHECKING:
 POINTS = 25
 WIDEST = 3.0
 
-DECADE = 10.0
-
-# Title and horizontal axis of the figure over each indicator
-AXES = {
-    "I_K": (
-        "R_K against I_K: nothing can lie above the curve",
-        "I_K, the paper's bound on the ultimate set [s²]",
-    ),
-    "E_K": (
-        "The same gains against E_K, the exact largest error",
-        "E_K, largest error per L_d [s²]; smaller is better",
-    ),
-}
-
-# Part of the height left for names above and below the marks
-ROOM = 0.08
-
 
 def frontier(
     problem: TuningProblem,
@@ -294,39 +275,6 @@ def frontier(
         )
         along.append(_row(problem, "frontier", limit, best))
     return pd.DataFrame(along + rows)
-
-
-def frontier_chart(
-    table: "pd.DataFrame",
-    styles: Mapping[str, LineStyle],
-    *,
-    against: Literal["I_K", "E_K"] = "I_K",
-) -> Chart:
-    """Draw the frontier and the marked gains, each with its name, over I_K or over E_K."""
-    title, x = AXES[against]
-    along, marks = (table[(table["name"] == "frontier") == yes] for yes in (True, False))
-    marks = marks[marks["R_K"] > 0.0]
-    radii = np.concatenate([np.asarray(table[against], dtype=float) for table in (along, marks)])
-    # The axis is logarithmic where it spans more than one decade.
-    spread = len(radii) > 1 and radii.max() > DECADE * radii.min()
-    chart = Chart(title=title, x=x, y="R_K, guaranteed rate [1/s]", log="x" if spread else "")
-    chart.line(along[against], along["R_K"], NEUTRAL, width=2.4, name="largest R_K found")
-    columns = (np.asarray(marks[key]) for key in ("name", against, "R_K", "within_limits"))
-    points = list(zip(*columns, strict=True))
-    # A mark that breaks the input limits is hollow. Gains without a style are dark.
-    for name, size, R_K, within in points:
-        tip = f"{name}: R_K {R_K:.4f} 1/s, {against} {size:.3f} s²" + (
-            "" if within else ", beyond the limits"
-        )
-        colour = styles[name].colour if name in styles else INK
-        chart.points(size, R_K, colour, run="", size=5, filled=bool(within), tips=[tip])
-    (low, high), (left, right) = chart.y_ends(), chart.x_ends()
-    chart.y_range = (low - ROOM * (high - low), high + ROOM * (high - low))
-    side = (right / left) ** ROOM if spread else 1.0
-    shift = 0.0 if spread else ROOM * (right - left)
-    chart.x_range = (left / side - shift, right * side + shift)
-    chart.label_points([(float(x), float(y), str(name)) for name, x, y, _ in points])
-    return chart
 
 
 def _row(

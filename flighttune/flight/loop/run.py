@@ -1,19 +1,16 @@
 """A flown time history that cannot be changed afterwards, bounds, and the claims made of it."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal, NamedTuple, NoReturn, Protocol, TypeAlias, runtime_checkable
 
 import numpy as np
 import pandas as pd
 
-from flighttune.base.answers.answer import Answer, facts_table
-from flighttune.base.answers.palette import LineStyle, line_styles
+from flighttune.base.answering import SPEAKERS, function_for
 from flighttune.base.arguments import checked_class
 from flighttune.base.arrays import FloatArray
 from flighttune.base.errors import InputError
-from flighttune.base.units import DEG
-from flighttune.base.words import matrix, number, pick
 from flighttune.control.gains import PIGains
 from flighttune.control.law import Law, made_law, plain_laws, split_name
 from flighttune.vehicles.plants.base import StopStatus, aircraft_of
@@ -302,20 +299,7 @@ class Run:
         return float(self.signals.index[-1]) if len(self.signals) else 0.0
 
     def _repr_html_(self) -> str:
-        origin = self.provenance
-        facts = {
-            "outcome": self.outcome,
-            "flown": f"{self.duration:g} s, {len(self.signals)} samples",
-        }
-        if len(self.signals) and {"chi_err", "gamma_err"} <= set(self.signals):
-            chi, gamma = (float(self.signals[f"{n}_err"].iloc[-1]) / DEG for n in ("chi", "gamma"))
-            facts["errors at the end"] = f"χ {number(chi)}°, γ {number(gamma)}°"
-        facts["signals"] = ", ".join(map(str, self.signals.columns))
-        if origin.gains is not None:
-            facts["gains"] = f"K_P {matrix(origin.gains.K_P)}, K_I {matrix(origin.gains.K_I)}"
-            if origin.gains.feeds_back:
-                facts["gains"] += f", feedback {', '.join(map(number, origin.gains.feedback))}"
-        return facts_table(self.label, facts).html()
+        return function_for(self, SPEAKERS)(self).html()
 
 
 def claims_around(claims: Sequence[RunClaim], signal: str) -> Iterator[tuple[RunClaim, FloatArray]]:
@@ -342,54 +326,6 @@ def given_way(run: Run) -> FloatArray:
         return np.zeros(len(run.signals))
     less = (run.signals["gamma_ref"] - run.signals["gamma_given"]).to_numpy()
     return np.where(less > GIVEN_WAY, less, 0.0)
-
-
-def priority_notes(runs: Iterable[Run]) -> list[str]:
-    """From when on the airspeed had priority in a run, and what it took from the path angle."""
-    notes = []
-    for run in runs:
-        less = given_way(run)
-        gave_way = less > 0.0
-        if gave_way.any():
-            t, share = run.t[gave_way], 100.0 * float(np.mean(gave_way))
-            cost = f"the path angle gives way by up to {less.max() / DEG:.1f} deg"
-            if "height_err" in run.signals:
-                below = run.signals["height_err"].max()
-                cost = f"the flight is up to {below:.0f} m below the route"
-            notes.append(
-                f"{run.label}: speed has priority from {t[0]:.1f} s on, in {share:.0f} % of the "
-                f"flight; {cost}."
-            )
-    return notes
-
-
-def claim_notes(runs: Iterable[Run]) -> list[str]:
-    """Whether runs are inside what is claimed of them, and the claims in words."""
-    runs = list(runs)
-    said = [f"{run.label}: {claim.said(run.signals)}" for run in runs for claim in run.claims]
-    claims = [
-        f"{claim.title[0].upper()}{claim.title[1:]}: {claim.sentence}."
-        for run in runs
-        for claim in run.claims
-        if not claim.no_claim
-    ]
-    return [*said, *dict.fromkeys(claims)]
-
-
-def not_claimed(runs: Iterable[Run]) -> list[str]:
-    """A sentence for each claim beside a run that says nothing of it."""
-    return [
-        f"{run.label}: {claim.said(run.signals)}"
-        for run in runs
-        for claim in run.claims
-        if claim.no_claim
-    ]
-
-
-def run_styles(runs: Iterable[Run]) -> dict[str, LineStyle]:
-    """Line style of every run by its label, the same in every picture of these runs."""
-    pairs = [(run.provenance.plant, run.provenance.gains_name) for run in runs]
-    return {f"{plant} / {name}": style for (plant, name), style in line_styles(pairs).items()}
 
 
 @runtime_checkable
@@ -435,34 +371,3 @@ def _with_claim(run: Run, claim: RunClaim) -> Run:
     """The run with a claim, and with the signals that it adds."""
     signals = run.signals.assign(**claim.signals) if claim.signals else run.signals
     return replace(run, signals=signals, claims=(*run.claims, claim))
-
-
-def claimed(runs: Sequence[Run]) -> Answer:
-    """The claims about runs, as part of an answer."""
-    claims, failures, unclaimed = [], [], not_claimed(runs)
-    for run in runs:
-        for claim in run.claims:
-            inside, alarm = claim.contains(run.signals), claim.alarm
-            row = {
-                "run": run.label,
-                **pick(claim, "kind title sentence no_claim"),
-                "inside": inside,
-            }
-            if SCORE in claim.units:
-                row["alarm"] = alarm and alarm._asdict()
-            claims.append(row)
-            # A flight that leaves a proven tube is a failure, and so is an alarm.
-            if claim.no_claim:
-                continue
-            if alarm is not None:
-                failures.append(f"{run.label}: {alarm.sentence}")
-            elif claim.kind == "proven" and not inside:
-                failures.append(f"{run.label}: the flight leaves its {claim.title}.")
-    check = "Claims are drawn as their files state them: flighttune verify FILE checks one."
-    return Answer(
-        values={"claims": claims},
-        summary=unclaimed,
-        notes=[*(x for x in claim_notes(runs) if x not in unclaimed), *([check] if claims else [])],
-        failure=next(iter([*failures, *unclaimed]), ""),
-        status=COULD_NOT_SAY if unclaimed and not failures else 1,
-    )

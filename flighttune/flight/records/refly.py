@@ -3,28 +3,22 @@
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import islice
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from flighttune.base.answering import Answering
-from flighttune.base.answers.answer import Answer, Table
-from flighttune.base.answers.labels import columns
 from flighttune.base.arguments import checked_class
 from flighttune.base.errors import RecordingError
-from flighttune.base.words import pick
 from flighttune.control.gains import PIGains
 from flighttune.flight.apart import Progress
 from flighttune.flight.flown import FlownScenario
 from flighttune.flight.fly import fly, library_versions
-from flighttune.flight.loop.run import SCORE, Run, claimed
+from flighttune.flight.loop.run import SCORE, Run
 from flighttune.flight.own import LawMaker, PlantMaker
 from flighttune.flight.scenario.load import as_recorded, scenario_from
 
 EQUAL = "equal to the bit"
-COLUMNS = columns("run status result")
-DIFFERENCE_COLUMNS = columns("run what t recorded reflown", of="differences")
 
 
 class Difference(NamedTuple):
@@ -106,35 +100,6 @@ class Reflown(Answering):
     def equal(self) -> bool:
         """Whether no run differs by a bit."""
         return not any(run.differences for run in self.runs)
-
-    def answer(self, signals: Mapping[str, Path] | None = None) -> Answer:
-        """Each run with what differs; `signals` are files of recorded flights by label."""
-        records = [run.record for run in self.runs]
-        differences = [{"run": r["run"], **other} for r in records for other in r["differences"]]
-        # All digits: whoever flies the draw again by --set types them.
-        drawn = [
-            {"parameter": key, "value": str(value)} for key, value in self.runs[0].drawn.items()
-        ]
-        around, versions = claimed(self.flown.runs if self.flown else ()), self.versions.items()
-        changed = [f"{name}: {then} then, {now} now" for name, (then, now) in versions]
-        different = [f"{r['run']}: {r['result']}" for r in records if not r["equal"]]
-        return Answer(
-            values={
-                **pick(self, "equal missing"),
-                "versions": {
-                    name: {"recorded": then, "now": now} for name, (then, now) in versions
-                },
-                **({"signals": signals} if signals else {}),
-                **(around.values if self.flown else {}),
-            },
-            tables=[
-                Table(COLUMNS, records, f"{self.source}, flown again", name="runs"),
-                Table(columns("parameter value"), drawn if len(self.runs) == 1 else []),
-                Table(DIFFERENCE_COLUMNS, differences, "differences"),
-            ],
-            notes=[*(f"missing: {line}" for line in self.missing), *changed, *around.notes],
-            failure=f"{self.source}: {different[0]}" if different else around.failure,
-        )
 
 
 def reflights(

@@ -1,4 +1,4 @@
-"""What a tube says."""
+"""What a tube says, and the disturbances that were tried for one."""
 
 from typing import Any
 
@@ -9,6 +9,7 @@ from flighttune.base.units import DEG_PER_RAD
 from flighttune.base.words import pick, quoted
 from flighttune.claims.tubes.enclosure import LEFT, Tube
 from flighttune.claims.tubes.problem import QUANTITIES, TubeProblem, residual_of_logs
+from flighttune.claims.tubes.tube import TriedDisturbances
 from flighttune.control.gains import gains_table
 
 WIDTH_COLUMNS = columns("error max end ever", of="tube")
@@ -16,6 +17,7 @@ FLIGHT_COLUMNS = columns(
     "plant duration_s V_a_mps rate_hz start.chi start.gamma within end.chi end.gamma", of="tube"
 )
 DISTURBANCE_COLUMNS = columns("channel low high", of="tube")
+TRIED_COLUMNS = [Column("disturbance", "disturbance", "rad/s", ".2g"), *columns("status reason")]
 LIMIT_KEYS = ("lower", "upper", "rate_lower", "rate_upper")
 LIMIT_COLUMNS = [*columns(f"command {' '.join(LIMIT_KEYS)}"), Column("held_s", "can hold", "s")]
 
@@ -123,3 +125,18 @@ def notes(tube: Tube) -> list[str]:
     if tube.probability is not None:
         told.append(tube.probability.sentence)
     return told
+
+
+def tried(found: TriedDisturbances) -> Answer:
+    """The disturbances that were tried; a failure if the set is bounded for none of them."""
+    records = [
+        {"disturbance": size, **pick(tube, "status reason")} for size, tube in found.tried.items()
+    ]
+    bounded = found.largest is not None
+    verdict = f"largest disturbance for which the set is bounded: {found.largest} rad/s"
+    return Answer(
+        values={"largest_disturbance": found.largest},
+        tables=[Table(TRIED_COLUMNS, records, "tried", name="tried")],
+        verdict=verdict if bounded else "",
+        failure="" if bounded else "for no disturbance tried the set is bounded.",
+    )

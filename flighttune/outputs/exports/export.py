@@ -12,7 +12,6 @@ import numpy as np
 
 from flighttune import __version__
 from flighttune.base.answering import Answering
-from flighttune.base.answers.answer import Answer
 from flighttune.base.errors import InputError
 from flighttune.base.files.load import BAND, MONITOR, load_one
 from flighttune.base.files.whole import together, write_text
@@ -251,11 +250,6 @@ class ExportedSource(Answering):
     source: Path
     notes: tuple[str, ...] = ()
     monitor: Path | None = None  # of C99 too
-
-    def answer(self) -> Answer:
-        """The files and their folder."""
-        files = {"folder": self.source.parent, "source": self.source, "monitor": self.monitor}
-        return Answer(notes=self.notes, files={k: file for k, file in files.items() if file})
 
 
 def export(

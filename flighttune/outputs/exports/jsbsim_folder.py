@@ -17,7 +17,6 @@ import numpy as np
 
 from flighttune import __version__
 from flighttune.base.answering import Answering
-from flighttune.base.answers.answer import Answer
 from flighttune.base.answers.frame import page_template
 from flighttune.base.arrays import FloatArray
 from flighttune.base.errors import InputError, printable
@@ -98,26 +97,6 @@ class ExportedFlight(Answering):
     verdict: str  # sentence about the comparison
     same: bool  # whether the flights are the same but for rounding
     notes: tuple[str, ...] = ()
-
-    def answer(self) -> Answer:
-        """The command that flies the folder; a failure if its flight is not that of `fly`."""
-        folder = self.folder
-        return Answer(
-            values={
-                "start_s": self.start,
-                "csv": folder / CSV,
-                "differences": {COLUMNS[name]: value for name, value in self.differences.items()},
-            },
-            notes=[
-                *self.notes,
-                f"The command flies it and writes {folder / CSV}, which has the flight from "
-                f"Time = {self.start:g} s on.",
-                *([self.verdict] if self.same else ()),
-            ],
-            command=self.command,
-            files={"folder": folder, "script": folder / SCRIPT, "readme": folder / README},
-            failure="" if self.same else f"{folder}: {self.verdict} The folder is kept.",
-        )
 
 
 def export_jsbsim(

@@ -7,12 +7,14 @@ from pathlib import Path
 from flighttune.base.answers.answer import Table, facts_table
 from flighttune.base.answers.frame import Section, write_answer
 from flighttune.base.answers.labels import columns
-from flighttune.flight.loop.run import run_styles
+from flighttune.outputs.answers.adoption import turn_table
+from flighttune.outputs.answers.design import steps_table
+from flighttune.outputs.answers.identification import held_out
+from flighttune.outputs.answers.run import run_styles
+from flighttune.outputs.answers.tables import lags_table
 from flighttune.outputs.pages.panels import errors, flown_signals
 from flighttune.studies.adoption.adopt import AIRCRAFT, CALM_DEG, PAGE, TURN, Adoption
-from flighttune.vehicles.identification.design import steps_table
-from flighttune.vehicles.identification.file import lags_table
-from flighttune.vehicles.identification.identify import GOOD_FIT, held_out
+from flighttune.vehicles.identification.identify import GOOD_FIT
 
 TRIM_COLUMNS = columns("V_a_mps gamma_deg trim.alpha_deg trim.throttle reason")
 
@@ -41,7 +43,7 @@ def write_adoption(adoption: Adoption) -> Path:
         title=f"{tables['title']} at {adoption.V_a:.0f} m/s",
         summary=[*filter(None, [answer.failure or answer.verdict, *adoption.notes])],
         parts={
-            "requirements": Section(note=CRITERION, tables=[adoption.flights], legend=False),
+            "requirements": Section(note=CRITERION, tables=[turn_table(adoption)], legend=False),
             "responses": Section(
                 note=adoption.turn_name,
                 charts=[*errors(flights), *flown_signals(flights, SIGNALS)] if flights else (),

@@ -15,13 +15,15 @@ from flighttune.control.certificates.make import Certification
 from flighttune.control.gains import PIGains
 from flighttune.control.linear_model import LinearModel, closed_loop
 from flighttune.control.margins import Margins, channel_responses, loop_margins
-from flighttune.control.tuning.envelope import rate_chart, rate_curve
+from flighttune.control.tuning.envelope import rate_curve
 from flighttune.flight.conditions import reference_of
-from flighttune.flight.loop.run import claimed_along, claims_around, run_styles
+from flighttune.flight.loop.run import claimed_along, claims_around
 from flighttune.flight.metrics import OFF_ROUTE, channel_metrics
 from flighttune.flight.scenario.load import scenario_of
 from flighttune.flight.scenario.schema import Scenario
 from flighttune.gaps.gap import Gap
+from flighttune.outputs.answers.run import run_styles
+from flighttune.outputs.answers.tuning import rate_chart
 from flighttune.outputs.pages.panels import SIGNALS, Drawn, draw_bounds, most_points
 from flighttune.outputs.recording.plots import displayed
 from flighttune.routes.follow import RouteReference

@@ -27,7 +27,8 @@ from flighttune.claims.tubes.enclosure import Tube
 from flighttune.claims.verify import AnyClaim, stale_notes
 from flighttune.control.certificates.certificate import Certificate
 from flighttune.flight.flown import FlownScenario
-from flighttune.flight.loop.run import Run, run_styles
+from flighttune.flight.loop.run import Run
+from flighttune.outputs.answers.run import run_styles
 from flighttune.outputs.pages.charts import APART, DISTANCE_AXIS, KM, heights, route_map
 from flighttune.outputs.pages.panels import ERRORS, SIGNALS, TEXTS, errors, flown_signals, titles
 from flighttune.routes.fence import read_fence

@@ -26,14 +26,21 @@ from flighttune.control.tuning.result import TuningResult
 from flighttune.flight.flown import BoundCheck, FlownScenario
 from flighttune.flight.fly import fly
 from flighttune.flight.gains import certify_scenario
-from flighttune.flight.loop.run import run_styles
 from flighttune.flight.models import gain_set
 from flighttune.flight.scenario.schema import Scenario
+from flighttune.outputs.answers.meeting import (
+    CERTIFICATE_COLUMNS,
+    REQUIREMENT_COLUMNS,
+    sentence,
+    start_sentence,
+    worse_sentence,
+)
+from flighttune.outputs.answers.run import run_styles
 from flighttune.outputs.pages import panels
 from flighttune.outputs.pages.page import flown_in_words, overview
 from flighttune.outputs.pages.panels import TEXTS, by_plant, provenance_table
 from flighttune.studies.meet import stated
-from flighttune.studies.meeting import CERTIFICATE_COLUMNS, REQUIREMENT_COLUMNS, Meeting, Trial
+from flighttune.studies.meeting import Meeting, Trial
 from flighttune.vehicles.plants.base import goes_by
 
 # A tuning has no search that a requirement could stop; beside its gains stand the paper's.
@@ -74,7 +81,7 @@ def write_meet_page(path: Path, meeting: Meeting, command: str) -> Report:
         sets,
         _flown(meeting.worst or meeting.scenario, sets),
         summary=[
-            *filter(None, [meeting.start_sentence, meeting.sentence, meeting.worse_sentence]),
+            *filter(None, [start_sentence(meeting), sentence(meeting), worse_sentence(meeting)]),
             *meeting.tuned_for.get("assumed", ()),
         ],
         parts={

@@ -19,24 +19,27 @@ from flighttune.base.words import pick
 from flighttune.claims.linear_loop import linear_bound
 from flighttune.claims.monitor import LogMonitor, Monitor
 from flighttune.control.gains_keys import TUNED, TUNED_FED_BACK, TUNED_IDENTIFIED
-from flighttune.control.tuning.tune import frontier, frontier_chart
+from flighttune.control.tuning.tune import frontier
 from flighttune.flight.conditions import reference_of, stated_condition
-from flighttune.flight.flown import advice, check_claim
-from flighttune.flight.loop.run import (
-    COULD_NOT_SAY,
-    Run,
+from flighttune.flight.flown import check_claim
+from flighttune.flight.loop.run import COULD_NOT_SAY, Run
+from flighttune.flight.models import tuning_problem
+from flighttune.flight.scenario.load import gains_notes, scenario_of
+from flighttune.flight.scenario.schema import Scenario
+from flighttune.gaps import compare
+from flighttune.gaps.gap import Gap, explain_flight
+from flighttune.gaps.watch import score_so_far
+from flighttune.outputs.answers.advice import advice
+from flighttune.outputs.answers.compare import comparison_table, pairs_table
+from flighttune.outputs.answers.gap import causes, step_table
+from flighttune.outputs.answers.run import (
     claim_notes,
     claimed,
     not_claimed,
     priority_notes,
     run_styles,
 )
-from flighttune.flight.models import tuning_problem
-from flighttune.flight.scenario.load import gains_notes, scenario_of
-from flighttune.flight.scenario.schema import Scenario
-from flighttune.gaps import compare
-from flighttune.gaps.gap import Gap, explain_flight, step_table
-from flighttune.gaps.watch import score_so_far
+from flighttune.outputs.answers.tuning import frontier_chart
 from flighttune.outputs.pages import charts, panels
 from flighttune.outputs.pages.panels import TEXTS, by_plant, provenance_table
 from flighttune.vehicles.aircraft.aircraft import load_aircraft
@@ -208,12 +211,12 @@ def write_comparison_page(comparison: compare.Comparison, path: str | Path) -> R
     """Write one self-contained page about comparable runs."""
     runs, sources = compare.overlaid(comparison), compare.sources_of(comparison)
     flown, styles = [run for run in runs if not run.provenance.log], run_styles(runs)
-    flights, pairs = [(run, styles[run.label]) for run in runs], compare.pairs_table(comparison)
+    flights, pairs = [(run, styles[run.label]) for run in runs], pairs_table(comparison)
     scenario = (flown or runs)[0].provenance.scenario
     if len(flown) < len(runs):
         sections = _of_logs(flights, pairs)
     else:
-        metrics = compare.comparison_table("metrics", comparison.metrics)
+        metrics = comparison_table("metrics", comparison.metrics)
         sections = _of_flights(flights, pairs, [metrics])
     return write_answer(
         path,
@@ -238,7 +241,7 @@ def write_gap_page(gap: Gap, tables: Sequence[Table], path: Path) -> Report:
         path,
         title=f"From the law to the aircraft: {gap.scenario.title}; gains {gap.name}",
         about=(flown_in_words(gap.scenario, gap.runs),),
-        summary=[*not_claimed([gap.aircraft]), *gap.causes, *gap.scenario.assumptions],
+        summary=[*not_claimed([gap.aircraft]), *causes(gap), *gap.scenario.assumptions],
         parts={
             "responses": Section(note=note, charts=charts.gap_charts(gap)),
             "numbers": Section(title="Numbers", tables=tables),
@@ -359,7 +362,7 @@ def _of_flights(
 
 def _gap_section(gaps: Sequence[Gap], runs: Sequence[Run]) -> Section:
     shown, more = gaps[:MAX_GAPS], len(gaps) - MAX_GAPS
-    note = [TEXTS["gap"], *(sentence for gap in shown for sentence in gap.causes)]
+    note = [TEXTS["gap"], *(sentence for gap in shown for sentence in causes(gap))]
     note += [f"The tables have {more} more."] if more > 0 else []
     kinds = (charts.itae_chart, charts.steps_chart, charts.bound_chart)
     return Section(

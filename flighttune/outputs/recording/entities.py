@@ -10,7 +10,8 @@ import rerun as rr
 
 from flighttune.base.answers.palette import LineStyle
 from flighttune.base.words import distinct
-from flighttune.flight.loop.run import Run, run_styles
+from flighttune.flight.loop.run import Run
+from flighttune.outputs.answers.run import run_styles
 
 TIMELINE = "flight_time"  # since the start of the flight
 

@@ -19,8 +19,9 @@ from flighttune.base.files.table import toml_text
 from flighttune.base.names import SYMBOLS
 from flighttune.base.words import pick
 from flighttune.control.theory.indicators import Indicators
-from flighttune.flight.loop.run import Run, claim_notes, priority_notes, run_styles
+from flighttune.flight.loop.run import Run
 from flighttune.flight.metrics import OFF_ROUTE, metric_tables
+from flighttune.outputs.answers.run import claim_notes, priority_notes, run_styles
 from flighttune.outputs.recording import entities, scene
 from flighttune.outputs.recording.entities import DrawnRun
 from flighttune.outputs.recording.plots import TEXTS, Plot, value_range

@@ -24,7 +24,8 @@ from flighttune.base.names import shown_unit
 from flighttune.flight.flown import FlownScenario
 from flighttune.flight.loop.run import Run, claims_around
 from flighttune.flight.records import parquet
-from flighttune.gaps.compare import Comparison, comparison_table, overlaid
+from flighttune.gaps.compare import Comparison, overlaid
+from flighttune.outputs.answers.compare import comparison_table
 from flighttune.outputs.recording import entities
 from flighttune.outputs.recording.page import blueprint, log_legends, scenario_page
 from flighttune.outputs.recording.plots import Plot, displayed, limits_of, shown_plots, with_derived

@@ -16,8 +16,6 @@ import numpy as np
 import tomlkit
 
 from flighttune.base.answering import Answering
-from flighttune.base.answers.answer import Answer, Table
-from flighttune.base.answers.labels import columns
 from flighttune.base.arrays import check_positive
 from flighttune.base.errors import InputError, OutputError, PlantError, TrimError
 from flighttune.base.files.shipped import models_of_jsbsim, nearest_name
@@ -34,7 +32,7 @@ from flighttune.base.files.whole import (
 )
 from flighttune.base.names import CHANNEL_SYMBOLS
 from flighttune.base.units import DEG, Metres, MetresPerSecond
-from flighttune.base.words import listed, pick
+from flighttune.base.words import pick
 from flighttune.control.gains import PAPER_GAINS, PAPER_SPEED
 from flighttune.flight.flown import SWING, FlownScenario
 from flighttune.flight.fly import fly
@@ -187,42 +185,6 @@ class Adoption(Answering):
     def turn_name(self) -> str:
         """Manoeuvre of the turn."""
         return f"course of 20 deg, {'climb' if self.engines else 'steeper glide'} of 3 deg"
-
-    @property
-    def flights(self) -> Table:
-        """Results of the turn by gain set."""
-        title = f"{self.name} at {self.V_a:.0f} m/s: {self.turn_name}"
-        return Table(
-            columns("gains status ITAE.chi ITAE.gamma ST_deg.chi ST_deg.gamma", of="adopted"),
-            list(self.flown.values()),
-            title,
-        )
-
-    def answer(self) -> Answer:
-        """How the aircraft flies its turn; a failure unless it is adopted."""
-        folder = self.folder
-        (drag, share), glide = self.largest_drag, ""
-        if math.isfinite(self.glide_ratio):
-            glide = f", with a glide ratio of {self.glide_ratio:.1f} at {self.V_a:.0f} m/s"
-            glide += f" ({100.0 * share:.0f} % of the drag is {drag})" if drag else ""
-        values = pick(self, "status reason engines seconds")
-        values |= {"V_a_mps": self.V_a, "glide_ratio": self.glide_ratio}
-        values |= {"largest_drag": {drag: share} if drag else {}}
-        values |= {"switched_off": [part._asdict() for part in self.switched_off]}
-        lacking = listed([part.words for part in self.switched_off])
-        lacking = f", without {lacking}" if lacking else ""
-        return Answer(
-            values=values | pick(self, "fit_percent flown"),
-            tables=[self.flights],
-            notes=self.notes,
-            verdict=f"{self.status} in {self.seconds:.0f} s{glide}{lacking}",
-            files={
-                "folder": folder,
-                "draft": self.draft,
-                "scenario": folder / TURN if folder else None,
-            },
-            failure="" if self.status == "adopted" else f"{self.status}: {self.reason}",
-        )
 
 
 def adopt(

@@ -16,13 +16,13 @@ from typing import Annotated, Any, Literal, NamedTuple, TypeAlias
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, PlainSerializer, computed_field
 
 from flighttune.base import quantities as q
-from flighttune.base.answers import answer, chart, labels
+from flighttune.base.answering import Drawn
 from flighttune.base.arrays import FloatArray, is_number
 from flighttune.base.errors import InputError, ScenarioError
 from flighttune.base.files import shipped
 from flighttune.base.files.table import abridged, json_tables, shown, stamp, validated
 from flighttune.base.files.whole import together, write_text
-from flighttune.base.units import DEG_PER_RAD, G_0
+from flighttune.base.units import G_0
 from flighttune.control.inner_loop import InnerLag, Order, with_inner_loop
 from flighttune.control.law import Law, Trim, made_law
 from flighttune.control.linear_model import LinearModel
@@ -240,23 +240,6 @@ class IdentifiedAircraft(_Table):
         return min(self.conditions, key=distance)
 
 
-LAG_COLUMNS = labels.columns(
-    "V_a_mps gamma_deg channel order natural_frequency_rad_s damping lag_s delay_s bandwidth_rad_s "
-    "cross fit_percent"
-)
-
-
-def lags_table(aircraft: IdentifiedAircraft) -> answer.Table:
-    """Every lag with its fit, a row each channel of a condition."""
-    records = []
-    for point in aircraft.conditions:
-        place = {"V_a_mps": point.V_a, "gamma_deg": point.gamma * DEG_PER_RAD}
-        for name, channel in point.channels.items():
-            records.append({**place, "channel": name, **channel.model_dump(exclude={"simpler"})})
-    title = f"{aircraft.aircraft}: identified inner loop"
-    return answer.Table(title=title, columns=LAG_COLUMNS, records=records)
-
-
 class DesignModel(NamedTuple):
     """The chi/gamma law behind an identified inner loop: what gains are designed on."""
 
@@ -327,9 +310,10 @@ def identified_tables(aircraft: IdentifiedAircraft) -> dict[str, Any]:
 
 
 def save_with_figure(
-    aircraft: IdentifiedAircraft, path: Path, sheet: chart.Sheet
+    aircraft: IdentifiedAircraft, path: Path, result: Drawn
 ) -> dict[str, Path | None]:
     """Write a model and the figure of its fits, if it has charts, side by side."""
+    sheet = result.sheet()
     figure = path.with_suffix(".svg") if sheet.charts else None
     with together():
         aircraft.save(path)

@@ -4,19 +4,11 @@ from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import chain, product
+from itertools import product
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any
 
-import numpy as np
-import numpy.typing as npt
-
-from flighttune.base.answering import Answering
-from flighttune.base.answers.answer import Answer, Table
-from flighttune.base.answers.chart import DASHED, Chart, Sheet
-from flighttune.base.answers.labels import columns
-from flighttune.base.answers.palette import HUES, NEUTRAL
-from flighttune.base.arrays import FloatArray
+from flighttune.base.answering import Drawn
 from flighttune.base.errors import TrimError
 from flighttune.base.files.shipped import is_shipped
 from flighttune.base.units import DEG
@@ -24,7 +16,6 @@ from flighttune.control.inner_loop import Order
 from flighttune.vehicles.aircraft.aircraft import AircraftConfig
 from flighttune.vehicles.identification import file as model_file
 from flighttune.vehicles.identification.fit import (
-    DT,
     ChannelIdentification,
     Identification,
     identify_plant,
@@ -35,91 +26,11 @@ from flighttune.vehicles.plants.jsbsim.linearize import linearize, modes
 from flighttune.vehicles.plants.jsbsim.plant import JSBSimPlant
 from flighttune.vehicles.plants.jsbsim.trim import level
 
-Response: TypeAlias = npt.NDArray[np.complex128]
-
-CHANNELS: tuple[model_file.Channel, model_file.Channel] = ("phi", "n_z")
-NAMES = "Roll", "Load factor"
-COUPLINGS = (
-    ("Coupling: roll command to n_z", "magnitude [dB of 1/rad]"),
-    ("Coupling: load-factor command to roll", "magnitude [dB of rad]"),
-)
-LABELS = ("φ [deg]", "n_z [1]")
-UNITS = DEG, 1.0
-FLOWN, FIT, CROSS = HUES[0][0][0], HUES[1][0][0], HUES[3][0][0]
-
-# Magnitude at the bandwidth, dB.
-BANDWIDTH = -3.01
-
-
-def identification_figure(identification: Identification, title: str) -> Sheet:
-    """Bode diagrams, coupling and the held-out manoeuvre of one condition, a column per channel."""
-    columns = [
-        (*_bode(identification.channels[name], NAMES[i], COUPLINGS[i]), held_out(identification, i))
-        for i, name in enumerate(CHANNELS)
-    ]
-    return Sheet(charts=[*chain(*zip(*columns, strict=True))], title=title)
-
-
-def _bode(
-    channel: ChannelIdentification, name: str, coupling: tuple[str, str]
-) -> tuple[Chart, Chart, Chart]:
-    """Magnitude and phase of a channel as flown and fitted, and the magnitude of its coupling."""
-    response, lag = channel.frequency, channel.candidates[0].lag
-    assert response.other is not None  # of two channels
-    omega = np.geomspace(response.omega[0], response.omega[-1], 300)
-    magnitude, phase, other = (
-        Chart(title=title, x="frequency [rad/s]", y=unit, log="x")
-        for title, unit in (
-            (f"{name}: command to response", "magnitude [dB]"),
-            (f"{name}: its phase", "phase [deg]"),
-            coupling,
-        )
-    )
-    for chart, quantity in (magnitude, _decibel), (phase, _phase_deg):
-        fit = quantity(lag.response(omega))
-        chart.line(omega, fit, FIT, width=2.0, name=f"fit, order {lag.order}")
-        chart.points(response.omega, quantity(response.own), FLOWN, name="flown")
-    magnitude.level(BANDWIDTH, NEUTRAL, dash=DASHED)
-    magnitude.points(lag.bandwidth, BANDWIDTH, NEUTRAL, size=4.5)
-    label = f"−3 dB at {lag.bandwidth:.1f} rad/s"
-    magnitude.text(lag.bandwidth, BANDWIDTH, label, anchor="end", shift=(-8.0, 14.0))
-    other.points(response.omega, _decibel(response.other), CROSS, shape="cross", name="flown")
-    return magnitude, phase, other
-
-
-def held_out(identification: Identification, i: int) -> Chart:
-    """The manoeuvre not used for the fit, of roll (0) or load factor (1)."""
-    channel = identification.channels[CHANNELS[i]]
-    title = f"Not used for the fit: {channel.table.fit_percent:.1f} % of the variance explained"
-    chart = Chart(title=title, y=LABELS[i])
-    lines = ("commanded", NEUTRAL, DASHED, 1.0), ("flown", FLOWN, "", 2.4), ("fit", FIT, "", 1.3)
-    for name, colour, dash, width in lines:
-        values = getattr(channel, name) / UNITS[i]
-        chart.line(DT * np.arange(len(values)), values, colour, dash=dash, width=width, name=name)
-    return chart
-
-
-def _decibel(response: Response) -> FloatArray:
-    return 20.0 * np.log10(np.maximum(np.abs(response), 1e-6))
-
-
-def _phase_deg(response: Response) -> FloatArray:
-    return np.rad2deg(np.unwrap(np.angle(response)))
-
-
-# Gain of the inner loop that holds the airspeed it was designed for.
-DESIGN_SPEED = "V_a-design-mps"
-
 # Share of the variance, in percent, that the lags of a channel should explain.
 GOOD_FIT = 90.0
 
-MODE_COLUMNS = columns(
-    "name eigenvalue_per_s.0 eigenvalue_per_s.1 natural_frequency_rad_s damping", of="modes"
-)
-FIT_NOTE = (
-    "fit: share of the variance explained in a manoeuvre not used for the fit; cross: largest "
-    "response of the other channel, 1/rad (phi) and rad (n_z)"
-)
+# Gain of the inner loop that holds the airspeed it was designed for.
+DESIGN_SPEED = "V_a-design-mps"
 
 
 def _of_one_order(identifications: Sequence[Identification]) -> tuple[Identification, ...]:
@@ -140,7 +51,7 @@ def _of_one_order(identifications: Sequence[Identification]) -> tuple[Identifica
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class AircraftIdentification(Answering):
+class AircraftIdentification(Drawn):
     """Identification of an aircraft, and of its airframe without the inner loop."""
 
     identified: model_file.IdentifiedAircraft  # content of a model file
@@ -159,28 +70,7 @@ class AircraftIdentification(Answering):
         """Write model and figure, by default into the aircraft's folder unless it is shipped."""
         shipped = Path("runs") / "identified" / f"{self.folder.name}.json"
         path = path or (shipped if is_shipped(self.folder) else self.folder / model_file.FILE_NAME)
-        figure = identification_figure(self.conditions[0], self.place)
-        return model_file.save_with_figure(self.identified, Path(path), figure)
-
-    def answer(self) -> Answer:
-        """Lags with their fits, and modes; a failure where a lag explains too little."""
-        conditions = model_file.identified_tables(self.identified)["conditions"]
-        poor = [
-            f"{channel} at {point.V_a:g} m/s, {point.gamma / DEG:g} deg: {fitted.fit_percent:.1f} %"
-            for point in self.identified.conditions
-            for channel, fitted in point.channels.items()
-            if fitted.fit_percent < GOOD_FIT
-        ]
-        less = f"a lag explains less than {GOOD_FIT:g} % of {'; '.join(poor)}"
-        title = f"{self.place}: airframe without the inner loop"
-        airframe = Table(MODE_COLUMNS, self.modes, title, name="modes")
-        values = {"aircraft": self.identified.aircraft, "channels": conditions[0]["channels"]}
-        return Answer(
-            values={**values, "conditions": conditions, "skipped": self.skipped},
-            tables=[model_file.lags_table(self.identified), airframe],
-            notes=[FIT_NOTE, *(f"left out: {reason}" for reason in self.skipped)],
-            failure=f"{self.identified.aircraft}: {less}" if poor else "",
-        )
+        return model_file.save_with_figure(self.identified, Path(path), self)
 
 
 def design_speed(config: AircraftConfig) -> float:

@@ -11,7 +11,7 @@ from made_up import run_file
 import flighttune as ft
 from flighttune.base.answers.chart import DASHED
 from flighttune.base.answers.palette import LIMIT
-from flighttune.flight.loop.run import run_styles
+from flighttune.outputs.answers.run import run_styles
 from flighttune.outputs.pages.charts import planned_path, route_charts, route_map
 from flighttune.outputs.pages.panels import errors
 from tests.base.answers.test_chart import SVG, points

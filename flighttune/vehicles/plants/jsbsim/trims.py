@@ -1,24 +1,14 @@
 """Steady flights of an aircraft over its envelope, as a result that is shown."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import groupby
 from pathlib import Path
 from typing import Any
 
 from flighttune.base.answering import Answering
-from flighttune.base.answers.answer import Answer, Table
-from flighttune.base.answers.labels import columns
 from flighttune.base.units import Metres, MetresPerSecond, Radians
-from flighttune.base.words import figures
 from flighttune.vehicles.aircraft.aircraft import load_aircraft
 from flighttune.vehicles.plants.jsbsim.trim import trim_table
-
-COLUMNS = columns(
-    "V_a_mps gamma_deg trim.alpha_deg trim.beta_deg trim.elevator_deg trim.rudder_deg "
-    "trim.throttle reason"
-)
-SPEED_COLUMNS = columns("V_a_mps gamma throttle reason", of="trims")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -46,20 +36,6 @@ class Trims(Answering):
     aircraft: str
     title: str
     records: Sequence[Mapping[str, Any]]
-
-    def answer(self, *, every_condition: bool = False) -> Answer:
-        """A row for each airspeed, or for every condition."""
-        records, columns = self.records, COLUMNS
-        # With one path angle for each airspeed the table of all conditions is as short.
-        if not every_condition and len({row["V_a_mps"] for row in records}) < len(records):
-            records, columns = list(_speeds(records)), SPEED_COLUMNS
-        reason = self.records[0]["reason"]
-        failure = f"{self.aircraft}: no steady flight among {len(self.records)}: {reason}"
-        return Answer(
-            values={"aircraft": self.aircraft, "trims": self.records},
-            tables=[Table(columns, records, f"{self.title}: steady flight")],
-            failure="" if any(row["trim"] for row in self.records) else failure,
-        )
 
 
 def trim(
@@ -105,27 +81,3 @@ def trim(
     config = load_aircraft(aircraft)
     records = trim_table(config, V_a=V_a, gamma=gamma, phi=phi, h=h)
     return Trims(aircraft=str(aircraft), title=config.title, records=records)
-
-
-def _speeds(records: Sequence[Mapping[str, Any]]) -> Iterator[dict[str, Any]]:
-    """A row for each airspeed: where flight is steady, and why not at the other path angles."""
-    for V_a, group in groupby(records, key=lambda record: record["V_a_mps"]):
-        climbs = sorted(group, key=lambda record: record["gamma_deg"])
-        steady = [record for record in climbs if record["trim"]]
-        reasons = [
-            f"{_range(record['gamma_deg'] for record in alike)}: {reason}"
-            for reason, alike in groupby(climbs, key=lambda record: record["reason"])
-            if reason
-        ]
-        yield {
-            "V_a_mps": V_a,
-            "gamma": _range(record["gamma_deg"] for record in steady),
-            "throttle": _range(record["trim"]["throttle"] for record in steady),
-            "reason": "; ".join(reasons),
-        }
-
-
-def _range(values: Iterable[float]) -> str:
-    """``-5 to 10``, or the only value; empty without values."""
-    ordered = sorted(values)
-    return " to ".join(dict.fromkeys(figures(value) for value in (*ordered[:1], *ordered[-1:])))

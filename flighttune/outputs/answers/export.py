@@ -1,0 +1,36 @@
+"""What an export says."""
+
+from flighttune.base.answers.answer import Answer
+from flighttune.outputs.exports.export import ExportedSource
+from flighttune.outputs.exports.jsbsim_folder import COLUMNS, CSV, README, SCRIPT, ExportedFlight
+
+
+def source(exported: ExportedSource) -> Answer:
+    """The files and their folder."""
+    files = {
+        "folder": exported.source.parent,
+        "source": exported.source,
+        "monitor": exported.monitor,
+    }
+    return Answer(notes=exported.notes, files={k: file for k, file in files.items() if file})
+
+
+def flight(exported: ExportedFlight) -> Answer:
+    """The command that flies the folder; a failure if its flight is not that of `fly`."""
+    folder = exported.folder
+    return Answer(
+        values={
+            "start_s": exported.start,
+            "csv": folder / CSV,
+            "differences": {COLUMNS[name]: value for name, value in exported.differences.items()},
+        },
+        notes=[
+            *exported.notes,
+            f"The command flies it and writes {folder / CSV}, which has the flight from "
+            f"Time = {exported.start:g} s on.",
+            *([exported.verdict] if exported.same else ()),
+        ],
+        command=exported.command,
+        files={"folder": folder, "script": folder / SCRIPT, "readme": folder / README},
+        failure="" if exported.same else f"{folder}: {exported.verdict} The folder is kept.",
+    )

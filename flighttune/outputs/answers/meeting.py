@@ -1,0 +1,140 @@
+"""What gains say that were searched for."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from flighttune.base.answers.answer import Answer, Column, Table
+from flighttune.base.answers.labels import columns, endings_table, in_words, measure_words
+from flighttune.base.words import interval, listed, percent, pick
+from flighttune.campaigns.statistics.intervals import CONFIDENCE
+from flighttune.claims.counted_flights import distribution_of
+from flighttune.control.gains import gains_lists, gains_table
+from flighttune.control.linear_model import closed_loop
+from flighttune.control.margins import loop_margins
+from flighttune.control.theory.indicators import indicators
+from flighttune.flight.gains import certify_scenario
+from flighttune.flight.models import linear_model
+from flighttune.outputs.answers.tables import margins_table
+from flighttune.studies.meeting import BY_DEFAULT, Meeting
+
+REQUIREMENT_COLUMNS = columns(
+    "run words sense bound value start unit margin active", of="requirements"
+)
+SHARE_COLUMNS = [*REQUIREMENT_COLUMNS[:4], *columns("value unit share share_start", of="shares")]
+TRADE_COLUMNS = [*REQUIREMENT_COLUMNS[:5], *columns("unit alone beside", of="trade_offs")]
+TRADED = "the best of each among the gains flown here"
+CERTIFICATE_COLUMNS = [Column("in_words", "status"), *columns("rate growth radius")]
+BY_DEFAULT_NOTE = (
+    "Margins of the linear loop of 6 dB and 35 deg are required by default: others under "
+    "at_least.loop of [[expect]] replace them."
+)
+# What is claimed, by what decides it or by the answer that is sure.
+AT_ANY = f"confidence {CONFIDENCE:g} at any number of draws"
+DECIDED = {
+    "lo": "{} are wanted, by the lower end of the interval",
+    "value": "{} are wanted, by the estimate",
+    "yes": f"those of a new random draw do with a probability of at least {{}}, {AT_ANY}",
+    "no": f"those of a new random draw do with a probability below {{}}, {AT_ANY}",
+    "evidence": "it is not sure whether those of a new random draw do with a probability of {}",
+}
+
+
+def answer(meeting: Meeting) -> Answer:
+    """Requirements, gains, margins and certificate; a failure if a requirement is missed."""
+    scenario, rows, law = meeting.scenario, meeting.requirements, meeting.scenario.laws[0]
+    model = linear_model(scenario, law)
+    loop = indicators(closed_loop(model, meeting.gains), errors=len(model.errors))
+    figures = pick(loop, "R_K I_K E_K spectral_abscissa")
+    certificate = certify_scenario(scenario, meeting.gains, law=law).values
+    missed = [f"{subject(row)}: {row['why']}" for row in rows if row["why"]]
+    shown, said = SHARE_COLUMNS if meeting.success else REQUIREMENT_COLUMNS, sentence(meeting)
+    return Answer(
+        values={
+            **pick(meeting, "status start start_met flights candidates metric"),
+            **pick(meeting, "requirements worse trade_offs success tuned_for"),
+            **gains_lists(meeting.gains),
+            **figures,
+            "certificate": certificate,
+        },
+        tables=[
+            Table(shown, [*map(in_words, rows)], start_sentence(meeting) or scenario.title),
+            Table(TRADE_COLUMNS, [*map(in_words, meeting.trade_offs)], TRADED),
+            gains_table("gains", meeting.gains),
+            *drawn(meeting),
+            Table(columns("R_K I_K E_K spectral_abscissa"), [figures]),
+            margins_table(loop_margins(model, meeting.gains)),
+            Table(CERTIFICATE_COLUMNS, [certificate], "certificate"),
+            endings_table(meeting.endings),
+        ],
+        notes=[
+            *filter(None, [worse_sentence(meeting), *meeting.notes, *missed]),
+            *[BY_DEFAULT_NOTE] * any(row["run"].endswith(BY_DEFAULT) for row in rows),
+        ],
+        verdict=said,
+        failure="" if meeting.status == "met" else said,
+    )
+
+
+def drawn(meeting: Meeting) -> list[Table]:
+    """What was drawn for each plant; none without a campaign."""
+    if meeting.campaign is None:
+        return []
+    labels = [plant.label for plant in meeting.scenario.plant]
+    return [distribution_of(meeting.campaign, label).table(label) for label in labels]
+
+
+def start_sentence(meeting: Meeting) -> str:
+    """A note that the gains of the start need no search; empty if they do."""
+    n = len(meeting.requirements)
+    met = f"the gains of the start, {meeting.start}, already meet all {n} requirements"
+    return met if meeting.start_met else ""
+
+
+def worse_sentence(meeting: Meeting) -> str:
+    """Measures that are worse than with the gains of the start; empty if there are none."""
+    worse = [
+        f"{row['words']} {row['value']:.3g} {row['unit']} (was {row['start']:.3g})"
+        for row in map(in_words, meeting.worse)
+    ]
+    return f"Worse than with {meeting.start}: {listed(worse)}." if worse else ""
+
+
+def sentence(meeting: Meeting) -> str:
+    """Whether the requirements are met, after how many flights, and which are active."""
+    rows, flights = meeting.requirements, f"{meeting.flights} flight{'s' * (meeting.flights != 1)}"
+    if meeting.success:
+        return share_met(meeting, meeting.success, flights)
+    n, missed = len(rows), sum(not row["margin"] >= 0.0 for row in rows)
+    if missed:
+        said = f"{missed} of {n} requirements missed, after {flights}"
+        return f"{said}; these are the nearest gains."
+    least = 100.0 * min(row["margin"] for row in rows)
+    met = f"All {n} requirements are met by {least:.1f} %, after {flights}"
+    if meeting.metric["name"] == "margin":
+        return f"{met}."
+    active = [subject(row) for row in rows if row["active"]]
+    stop = "stops" if len(active) == 1 else "stop"
+    limits = f"; {listed(active)} {stop} it from falling" if active else ""
+    return (
+        f"{met}. {meeting.metric['name']} is {meeting.metric['value']:.4g}, "
+        f"{meeting.metric['start']:.4g} at the start{limits}."
+    )
+
+
+def share_met(meeting: Meeting, success: Mapping[str, Any], flights: str) -> str:
+    """The share of fresh draws on which the requirements are met."""
+    gains, start = (
+        interval(*(100.0 * x[end] for end in ("value", "lo", "hi")))
+        if "lo" in x
+        else percent(x["value"])
+        for x in (success["share"], success["of_start"])
+    )
+    rule = DECIDED[success["sure"] or success["by"]].format(f"{100 * success['wanted']:g} %")
+    return (
+        f"On {success['share']['n']} fresh draws (seed {success['seed']}) {gains} % of the "
+        f"flights meet all requirements, {start} % with {meeting.start}; {rule} ({flights})."
+    )
+
+
+def subject(row: Mapping[str, Any]) -> str:
+    return f"{measure_words(row['measure'])} on {row['run']}"

@@ -1,0 +1,44 @@
+"""What runs say that were flown again."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from flighttune.base.answers.answer import Answer, Table
+from flighttune.base.answers.labels import columns
+from flighttune.base.words import pick
+from flighttune.flight.records.refly import Reflown
+from flighttune.outputs.answers.run import claimed
+
+COLUMNS = columns("run status result")
+DIFFERENCE_COLUMNS = columns("run what t recorded reflown", of="differences")
+
+
+def answer(reflown: Reflown, signals: Mapping[str, Path] | None = None) -> Answer:
+    """Each run with what differs; `signals` are files of recorded flights by label."""
+    records = [run.record for run in reflown.runs]
+    differences = [{"run": r["run"], **other} for r in records for other in r["differences"]]
+    # All digits: whoever flies the draw again by --set types them.
+    drawn = [
+        {"parameter": key, "value": str(value)} for key, value in reflown.runs[0].drawn.items()
+    ]
+    around, versions = (
+        claimed(reflown.flown.runs if reflown.flown else ()),
+        reflown.versions.items(),
+    )
+    changed = [f"{name}: {then} then, {now} now" for name, (then, now) in versions]
+    different = [f"{r['run']}: {r['result']}" for r in records if not r["equal"]]
+    return Answer(
+        values={
+            **pick(reflown, "equal missing"),
+            "versions": {name: {"recorded": then, "now": now} for name, (then, now) in versions},
+            **({"signals": signals} if signals else {}),
+            **(around.values if reflown.flown else {}),
+        },
+        tables=[
+            Table(COLUMNS, records, f"{reflown.source}, flown again", name="runs"),
+            Table(columns("parameter value"), drawn if len(reflown.runs) == 1 else []),
+            Table(DIFFERENCE_COLUMNS, differences, "differences"),
+        ],
+        notes=[*(f"missing: {line}" for line in reflown.missing), *changed, *around.notes],
+        failure=f"{reflown.source}: {different[0]}" if different else around.failure,
+    )

@@ -1,0 +1,46 @@
+"""What a planned route says."""
+
+from collections.abc import Sequence
+
+from flighttune.base.answers.answer import Answer, Table
+from flighttune.base.answers.labels import columns
+from flighttune.flight.route import PlannedRoute
+
+COLUMNS = columns(
+    "kind name start_m length_m course turn radius_m roll roll_downwind gamma time_s", of="route"
+)
+
+
+def answer(route: PlannedRoute, faults: Sequence[str] = ()) -> Answer:
+    """The stretches, the length and the time in still air and in wind.
+
+    With `faults` of the path, a sentence each, the answer is no: they are its first lines.
+    """
+    path, slowest, time = route.reference.path, float(route.reference.V.min()), route.time
+    stretches, in_wind = route.stretches, f"a wind of {route.wind:.3g} m/s"
+    if not route.wind:
+        in_wind = ""
+    elif route.wind < slowest:
+        in_wind = f", at most {path.length / (slowest - route.wind):.0f} s in {in_wind}"
+    else:
+        in_wind = f", without an end against {in_wind}, which is faster than the aircraft"
+    length = f"{path.length:.0f} m, {time:.0f} s in still air{in_wind}"
+    flown = f"The path can be flown{route.except_slopes}: {length}."
+    plants = ", ".join(table.label for table in route.scenario.plant)
+    return Answer(
+        summary=[
+            *(faults or [flown]),
+            *([f"The path has {length}."] if faults else []),
+            f"For {plants}: {route.conditions}.",
+        ],
+        changed=[*route.scenario.notes, *route.changed],
+        values={
+            "conditions": route.conditions,
+            "length_m": path.length,
+            "time_s": time,
+            "stretches": stretches,
+        },
+        tables=[Table(COLUMNS, stretches, f"{route.scenario.title}: {route.conditions}")],
+        verdict=faults[0] if faults else length,
+        failure=faults[0].removeprefix("No: ") if faults else "",
+    )

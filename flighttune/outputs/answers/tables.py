@@ -1,0 +1,47 @@
+"""Tables that several answers show."""
+
+import math
+from collections.abc import Sequence
+
+from flighttune.base.answers.answer import Table
+from flighttune.base.answers.labels import columns
+from flighttune.base.units import DEG_PER_RAD
+from flighttune.base.words import pick
+from flighttune.control.margins import Margins
+from flighttune.vehicles.identification.file import IdentifiedAircraft
+
+LAG_COLUMNS = columns(
+    "V_a_mps gamma_deg channel order natural_frequency_rad_s damping lag_s delay_s bandwidth_rad_s "
+    "cross fit_percent"
+)
+
+MARGIN_COLUMNS = columns(
+    "loop gain_decrease gain_increase phase_margin_deg delay_margin_s lag_margin_s", of="margins"
+)
+
+
+def margins_table(margins: Sequence[Margins]) -> Table:
+    """Stability margins: a row a channel, and one for all channels at once."""
+    records = [
+        {
+            **pick(row, "loop gain_decrease gain_increase"),
+            "phase_margin_deg": math.degrees(row.phase_margin),
+            "delay_margin_s": row.delay_margin,
+        }
+        for row in margins
+    ]
+    if margins:  # the last row is that of all channels at once
+        last = margins[-1]
+        records[-1] |= {"lag_margin_s": last.lag_margin, "disk_margin": last.disk_margin}
+    return Table(MARGIN_COLUMNS, records, "stability margins", name="margins")
+
+
+def lags_table(aircraft: IdentifiedAircraft) -> Table:
+    """Every lag with its fit, a row each channel of a condition."""
+    records = []
+    for point in aircraft.conditions:
+        place = {"V_a_mps": point.V_a, "gamma_deg": point.gamma * DEG_PER_RAD}
+        for name, channel in point.channels.items():
+            records.append({**place, "channel": name, **channel.model_dump(exclude={"simpler"})})
+    title = f"{aircraft.aircraft}: identified inner loop"
+    return Table(title=title, columns=LAG_COLUMNS, records=records)

@@ -1,0 +1,55 @@
+"""What steady flights of an aircraft say."""
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import groupby
+from typing import Any
+
+from flighttune.base.answers.answer import Answer, Table
+from flighttune.base.answers.labels import columns
+from flighttune.base.words import figures
+from flighttune.vehicles.plants.jsbsim.trims import Trims
+
+COLUMNS = columns(
+    "V_a_mps gamma_deg trim.alpha_deg trim.beta_deg trim.elevator_deg trim.rudder_deg "
+    "trim.throttle reason"
+)
+SPEED_COLUMNS = columns("V_a_mps gamma throttle reason", of="trims")
+
+
+def answer(trims: Trims, *, every_condition: bool = False) -> Answer:
+    """A row for each airspeed, or for every condition."""
+    records, columns = trims.records, COLUMNS
+    # With one path angle for each airspeed the table of all conditions is as short.
+    if not every_condition and len({row["V_a_mps"] for row in records}) < len(records):
+        records, columns = list(speeds(records)), SPEED_COLUMNS
+    reason = trims.records[0]["reason"]
+    failure = f"{trims.aircraft}: no steady flight among {len(trims.records)}: {reason}"
+    return Answer(
+        values={"aircraft": trims.aircraft, "trims": trims.records},
+        tables=[Table(columns, records, f"{trims.title}: steady flight")],
+        failure="" if any(row["trim"] for row in trims.records) else failure,
+    )
+
+
+def speeds(records: Sequence[Mapping[str, Any]]) -> Iterator[dict[str, Any]]:
+    """A row for each airspeed: where flight is steady, and why not at the other path angles."""
+    for V_a, group in groupby(records, key=lambda record: record["V_a_mps"]):
+        climbs = sorted(group, key=lambda record: record["gamma_deg"])
+        steady = [record for record in climbs if record["trim"]]
+        reasons = [
+            f"{ends(record['gamma_deg'] for record in alike)}: {reason}"
+            for reason, alike in groupby(climbs, key=lambda record: record["reason"])
+            if reason
+        ]
+        yield {
+            "V_a_mps": V_a,
+            "gamma": ends(record["gamma_deg"] for record in steady),
+            "throttle": ends(record["trim"]["throttle"] for record in steady),
+            "reason": "; ".join(reasons),
+        }
+
+
+def ends(values: Iterable[float]) -> str:
+    """``-5 to 10``, or the only value; empty without values."""
+    ordered = sorted(values)
+    return " to ".join(dict.fromkeys(figures(value) for value in (*ordered[:1], *ordered[-1:])))

@@ -1,0 +1,162 @@
+"""What tuning says."""
+
+import itertools
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from flighttune.base.answers.answer import Answer, Column, Table
+from flighttune.base.answers.chart import DASHED, Chart
+from flighttune.base.answers.labels import columns
+from flighttune.base.answers.palette import HUES, INK, NEUTRAL, LineStyle
+from flighttune.base.arrays import FloatArray
+from flighttune.base.words import pick
+from flighttune.control.gains import gains_lists, gains_table
+from flighttune.control.linear_model import Envelope
+from flighttune.control.margins import loop_margins
+from flighttune.control.tuning.result import TuningResult
+from flighttune.outputs.answers.tables import margins_table
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+# Radii of a figure beyond whose ratio its axis is logarithmic.
+DECADE = 10.0
+# Title and horizontal axis of the figure over each indicator
+AXES = {
+    "I_K": (
+        "R_K against I_K: nothing can lie above the curve",
+        "I_K, the paper's bound on the ultimate set [s²]",
+    ),
+    "E_K": (
+        "The same gains against E_K, the exact largest error",
+        "E_K, largest error per L_d [s²]; smaller is better",
+    ),
+}
+# Part of the height left for names above and below the marks
+ROOM = 0.08
+
+RESULT_COLUMNS = columns("status R_K I_K E_K spectral_abscissa active method starts wall_s")
+ENVELOPE_COLUMNS = columns("status R_envelope R_K I_K E_K spectral_abscissa wall_s", of="tuning")
+DIAGNOSIS_COLUMNS = columns("smallest_I_K largest_R_K common_factor", of="tuning")
+LIMIT_COLUMNS = columns("name factor_alone smallest_I_K_without", of="tuning")
+PLAIN = "units of state: plain, as in `certify`"
+SCALED = "units of state: scaled by [tuning]; `certify` gives R_K in plain ones too"
+
+
+def answer(result: TuningResult) -> Answer:
+    """Indicators, gains and margins; a failure with the nearest problem if there are none."""
+    nearest = result.diagnosis and pick(
+        result.diagnosis, "smallest_I_K largest_R_K common_factor binding limits"
+    )
+    values = {
+        **pick(result, "status reason R_K I_K E_K cost spectral_abscissa active"),
+        **pick(result, "R_envelope R_envelope_bound factor starts agreeing wall_s method"),
+        **pick(result, "tuned_for sensitivity errors_in_gusts"),
+        "scaling": result.problem.scaling,
+        "diagnosis": nearest,
+        **gains_lists(result.gains),
+        **({"bound": result.bound.answer().values} if result.bound else {}),
+    }
+    plain = bool(np.all(np.asarray(result.problem.scaling) == 1.0))
+    return Answer(
+        values=values,
+        tables=tables(result, values, nearest),
+        notes=[
+            PLAIN if plain else SCALED,
+            *bounds_in_words(result),
+            *(result.tuned_for or {}).get("assumed", ()),
+            *([f"proven {result.bound.sentence}"] if result.bound else []),
+        ],
+        failure="" if result.solved else result.reason,
+    )
+
+
+def tables(
+    result: TuningResult, values: Mapping[str, Any], nearest: Mapping[str, Any] | None
+) -> list[Table]:
+    """The indicators in `values`, gains and margins, and the `nearest` problem if there is one."""
+    problem, over = result.problem, result.R_envelope is not None
+    shown = ENVELOPE_COLUMNS if over else RESULT_COLUMNS
+    if problem.weights is not None:
+        shown = [*shown, Column("cost", "quadratic cost")]
+    margins = loop_margins(problem.model, result.gains) if result.solved and result.gains else ()
+    found = [
+        Table(shown, [values], "tuning over the envelope" if over else "tuning"),
+        gains_table("gains", result.gains),
+        margins_table(margins),
+    ]
+    if nearest:
+        found += [
+            Table(DIAGNOSIS_COLUMNS, [nearest], "within the limits"),
+            Table(LIMIT_COLUMNS, nearest["limits"], "limits"),
+        ]
+    return found
+
+
+def bounds_in_words(result: TuningResult) -> list[str]:
+    """The bound on the sensitivity, and the errors in turbulence."""
+    if result.sensitivity is None:
+        return []
+    acts = "holds the gains" if "sensitivity" in result.active else "does not hold the gains"
+    most = result.problem.sensitivity_max
+    words = [
+        f"The largest sensitivity is {result.sensitivity:.3f}; its bound of {most:.4g} {acts}."
+    ]
+    if result.errors_in_gusts:
+        shares = ", ".join(f"{share:.3f}" for share in result.errors_in_gusts)
+        words.append(f"The rms errors in turbulence over that of the gusts' angle are {shares}.")
+    return words
+
+
+def frontier_chart(
+    table: "pd.DataFrame",
+    styles: Mapping[str, LineStyle],
+    *,
+    against: Literal["I_K", "E_K"] = "I_K",
+) -> Chart:
+    """Draw the frontier and the marked gains, each with its name, over I_K or over E_K."""
+    title, x = AXES[against]
+    along, marks = (table[(table["name"] == "frontier") == yes] for yes in (True, False))
+    marks = marks[marks["R_K"] > 0.0]
+    radii = np.concatenate([np.asarray(table[against], dtype=float) for table in (along, marks)])
+    # The axis is logarithmic where it spans more than one decade.
+    spread = len(radii) > 1 and radii.max() > DECADE * radii.min()
+    chart = Chart(title=title, x=x, y="R_K, guaranteed rate [1/s]", log="x" if spread else "")
+    chart.line(along[against], along["R_K"], NEUTRAL, width=2.4, name="largest R_K found")
+    columns = (np.asarray(marks[key]) for key in ("name", against, "R_K", "within_limits"))
+    points = list(zip(*columns, strict=True))
+    # A mark that breaks the input limits is hollow. Gains without a style are dark.
+    for name, size, R_K, within in points:
+        tip = f"{name}: R_K {R_K:.4f} 1/s, {against} {size:.3f} s²" + (
+            "" if within else ", beyond the limits"
+        )
+        colour = styles[name].colour if name in styles else INK
+        chart.points(size, R_K, colour, run="", size=5, filled=bool(within), tips=[tip])
+    (low, high), (left, right) = chart.y_ends(), chart.x_ends()
+    chart.y_range = (low - ROOM * (high - low), high + ROOM * (high - low))
+    side = (right / left) ** ROOM if spread else 1.0
+    shift = 0.0 if spread else ROOM * (right - left)
+    chart.x_range = (left / side - shift, right * side + shift)
+    chart.label_points([(float(x), float(y), str(name)) for name, x, y, _ in points])
+    return chart
+
+
+def rate_chart(curves: Mapping[str, tuple[FloatArray, FloatArray]], envelope: Envelope) -> Chart:
+    """Draw each `rate_curve` by the name of its gains; `envelope` is the one at 100 %."""
+    chart = Chart(
+        title="Rate certified over an envelope",
+        x="size of the envelope about the trim [%]",
+        y="certified rate [1/s]",
+        x_range=(0.0, 100.0 * max(float(factors[-1]) for factors, _ in curves.values())),
+    )
+    chart.upright(100.0, dash=DASHED)
+    chart.legend.append((str(envelope), NEUTRAL, DASHED))
+    for (name, (factors, rates)), ((colour, _), _) in zip(
+        curves.items(), itertools.cycle(HUES), strict=False
+    ):
+        chart.line(100.0 * factors, rates, colour, name=name, width=2.0)
+        if not rates[-1]:
+            chart.points(100.0 * factors[-1], 0.0, colour, shape="cross", size=5)
+    return chart
