@@ -20,6 +20,7 @@ from flighttune.base.files.shipped import scenario_files
 from flighttune.control.exact_law import ExactLaw
 from flighttune.control.gains import PIGains
 from flighttune.flight.conditions import reference_of, start_condition
+from flighttune.flight.entry import entry_of
 from flighttune.flight.fly import aircraft_table, fly_alone
 from flighttune.flight.loop.loop import COMPILED_FROM, Flight, simulate
 from flighttune.flight.metrics import measures
@@ -113,8 +114,9 @@ def circuit() -> Scenario:
 def along_a_route(scenario: Scenario, gains: PIGains) -> float:
     """Return the time of one integration step of a flight of `circuit`, s."""
     table = aircraft_table(scenario)
+    entry = entry_of(scenario, scenario.gain_names[0], gains, table.label)
     began = time.process_time()
-    run = fly_alone(scenario, table, gains, scenario.gain_names[0])
+    run = fly_alone(entry)
     measures(run)
     took = time.process_time() - began
     if run.duration != ROUTE_SECONDS:

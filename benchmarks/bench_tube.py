@@ -23,9 +23,8 @@ import running
 import flighttune as ft
 from flighttune.base.units import DEG
 from flighttune.claims.tubes.enclosure import load_tube
-from flighttune.claims.tubes.problem import tube_problem
 from flighttune.claims.tubes.sample import LIFT
-from flighttune.claims.tubes.tube import flights_inside, tube_of
+from flighttune.claims.tubes.tube import flights_inside, stated_problem, tube_of
 from flighttune.flight.conditions import reference_of, start_condition
 from flighttune.flight.loop.loop import simulate
 from flighttune.flight.models import gain_set
@@ -70,7 +69,7 @@ HOLDS = (1, 5, 25, 100, 1000)
 
 def tube(scenario, gains, **flights):
     """The tube of a scenario's flights."""
-    return tube_of(tube_problem(scenario, gains, **flights))
+    return tube_of(stated_problem(scenario, gains, **flights))
 
 
 def drawn(found, count, rng):

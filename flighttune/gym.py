@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,13 +19,12 @@ from flighttune.control.controller import FlightCondition, GuardedLaw, LawError
 from flighttune.control.controller_keys import ControllerTable
 from flighttune.control.gains import PIGains
 from flighttune.control.gains_keys import default_gains
-from flighttune.flight.conditions import command_limits, lead_on
+from flighttune.flight.entry import Entry, entry_of
 from flighttune.flight.flown import FlownScenario
 from flighttune.flight.fly import manoeuvre, plant_of, provenance, steady_wind
 from flighttune.flight.loop.loop import Flight, Sample, step_of
 from flighttune.flight.loop.run import Run, RunStatus
 from flighttune.flight.models import gain_set, law_setup
-from flighttune.flight.own import with_own
 from flighttune.flight.scenario.schema import Scenario
 from flighttune.vehicles.plants.base import N_X_SIGNALS, follows_at_once
 from flighttune.vehicles.plants.jsbsim.plant import LARGEST_SEED
@@ -127,7 +127,7 @@ class FlightEnv(Env):
             raise InputError(f"`gains` must be one of {', '.join(names)}, got {gains}.")
         self._gains = gains or default_gains(names)
         self._gain_set = None if self._plan is None else self._plan.gain_sets[self._gains]
-        self._episode = _Episode(scenario, self._plant)
+        self._episode = self._prepared(scenario)
         limits = self._episode.limits
         if not np.isfinite([limits.lower, limits.upper]).all():
             keys = ("`phi_deg`", "`n_z`", "`n_x`")[: len(limits.lower)]
@@ -162,6 +162,9 @@ class FlightEnv(Env):
                 if not left:
                     raise
 
+    def _prepared(self, scenario: Scenario) -> "_Episode":
+        return _Episode(entry_of(scenario, self._gains, None, self._plant))
+
     def _begin(self, draw: int | None) -> dict[str, Any]:
         info = {}
         if self._plan is None:
@@ -170,7 +173,7 @@ class FlightEnv(Env):
         else:
             draw = int(self.np_random.integers(self._plan.draws)) if draw is None else draw
             self.scenario, info = self._plan.scenario_of(draw), {"draw": draw}
-        self._episode = _Episode(self.scenario, self._plant)
+        self._episode = self._prepared(self.scenario)
         self._episode.start()
         return {"seed": self.scenario.seed, **info}
 
@@ -214,7 +217,7 @@ class FlightEnv(Env):
             self._gain_set = gain_set(self._world, self._gains)
         if self._gain_set is None:
             raise InputError(f"`gains` must be feasible, got {self._gains}: tuning found none.")
-        return self._episode.law_action(self._gains, self._gain_set)
+        return self._episode.law_action(self._gain_set)
 
     @property
     def flown(self) -> FlownScenario:
@@ -224,7 +227,7 @@ class FlightEnv(Env):
         if not len(signals):
             raise InputError("`flown` must be asked for after the end of a flight.")
         status, reason = episode.outcome
-        made_by = provenance(self.scenario, self._plant, "actions", None)
+        made_by = provenance(replace(episode.entry, name="actions"))
         run = Run(signals=signals, status=status, reason=reason, provenance=made_by)
         return FlownScenario(self.scenario, (run,), {})
 
@@ -249,16 +252,16 @@ class _Episode:
     """One flight: under way after `start`, until it is `over`."""
 
     @code.flies
-    def __init__(self, scenario: Scenario, label: str) -> None:
-        scenario = with_own(scenario, flown=(label,))
-        table = scenario.plant_table(label)
-        plant = plant_of(table, scenario, steady_wind(scenario))
-        self.limits = command_limits(scenario).within(plant.limits)
+    def __init__(self, entry: Entry) -> None:
+        entry = self.entry = entry.bound("plant")
+        scenario = entry.scenario
+        plant = plant_of(entry.plant, scenario, steady_wind(scenario))
+        self.limits = entry.limits.within(plant.limits)
         self.agent = _Agent(1.0 / scenario.controller.rate_hz)
         self._actions = GuardedLaw(self.agent, self.limits, "action")
-        stated = manoeuvre(scenario, plant, label)
-        self.flight = Flight(plant, self._actions, **stated, lead=lead_on(scenario, table))
-        self._scenario, self._plant, self._condition = scenario, plant, stated["condition"]
+        stated = manoeuvre(entry, plant, entry.plant.label)
+        self.flight = Flight(plant, self._actions, **stated, lead=entry.lead)
+        self._plant, self._condition = plant, stated["condition"]
         self._step: Callable[..., Sequence[float]] | None = None
         self._law_action: FloatArray | None = None
         self.over, self.stop = True, None
@@ -307,14 +310,12 @@ class _Episode:
         return error / (1.0 + error)
 
     @code.flies
-    def law_action(self, name: str, gains: PIGains) -> FloatArray:
+    def law_action(self, gains: PIGains) -> FloatArray:
         """Commands of the law at this sample, which it steps once."""
         if self._step is None:
-            flown = self._scenario.law_table(name).name
-            scenario = with_own(self._scenario, flown=(flown,))
-            law, _ = scenario.law_of(name, gains)
-            at_once = follows_at_once(self._plant)
-            controller = law.controller(law_setup(scenario, gains, self.limits, at_once=at_once))
+            entry, at_once = self.entry.bound("law"), follows_at_once(self._plant)
+            setup = law_setup(entry.scenario, gains, self.limits, at_once=at_once)
+            controller = entry.law.controller(setup)
             controller.start(self._condition)
             self._step = step_of(controller, self._plant)
         if self._law_action is None:

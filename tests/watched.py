@@ -1,6 +1,7 @@
 """Level turns of the Aerosonde, healthy or with a fault, for monitors."""
 
 import flighttune as ft
+from flighttune.flight.entry import entry_of
 from flighttune.flight.fly import fly_alone
 
 
@@ -20,5 +21,4 @@ def stuck(from_s):
 
 def flown(scenario):
     """Its flight with the paper's gains."""
-    (plant,) = scenario.plant
-    return fly_alone(scenario, plant, ft.PAPER_GAINS, "paper")
+    return fly_alone(entry_of(scenario, "paper", ft.PAPER_GAINS))

@@ -42,8 +42,7 @@ class Draws:
     def __init__(self, last):
         plan = ft.plan_campaign(ft.load_campaign(CAMPAIGN))
         self.plan = plan.of_group(plan.chosen_group(None, None)).with_runs(last)
-        (group,) = self.plan.groups
-        self.gains, self.name = self.plan.gain_sets[group.gains], group.gains
+        (self.group,) = self.plan.groups
 
     def fly(self, draw, fault=None):
         tables = self.plan.scenario_of(draw).as_dict() | {"expect": []}
@@ -51,7 +50,7 @@ class Draws:
             air = tables["plant"][0].setdefault("airframe", {})
             air["fault"] = {"from_s": FROM_S} | fault
         scenario = ft.scenario_from(tables)
-        return fly_alone(scenario, scenario.plant[0], self.gains, self.name)
+        return fly_alone(self.plan.entry(self.group, scenario))
 
 
 def first(above, t):

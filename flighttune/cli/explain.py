@@ -106,7 +106,7 @@ def tube(
     Exit status 1 if the set cannot be bounded for the whole time, or if a flight leaves it.
     """
     from flighttune.base.files.load import BAND, kind_of
-    from flighttune.claims.tubes.tube import largest_disturbance
+    from flighttune.claims.tubes.tube import largest_disturbance, stated_problem
     from flighttune.claims.verbs import residual
     from flighttune.claims.verify import load_residual
 
@@ -125,9 +125,10 @@ def tube(
     with progress_bar() as progress:
         follow = None if progress is None else partial(progress, "tube")
         if largest:
-            settings = {**enclose.keywords, "progress": follow}
+            settings = dict(enclose.keywords)
             del settings["disturbance"]
-            return largest_disturbance(scenario, **settings).answer()
+            problem = stated_problem(scenario, settings.pop("gains"), **settings)
+            return largest_disturbance(problem, follow).answer()
         enclosure = enclose(boxes=counted, disturbance=bound, progress=follow)
     files: dict[str, Path | None] = {"proof": None}
     with together():

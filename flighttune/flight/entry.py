@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 
+from flighttune.base.errors import InputError
 from flighttune.control.gains import PIGains
 from flighttune.control.law import Law
 from flighttune.control.limits import Limits
@@ -33,6 +34,16 @@ class Entry:
     def listed(self) -> str:
         """Name of the gains without the law, as the scenario lists them."""
         return self.scenario.listed_as(self.name)
+
+    @property
+    def found_gains(self) -> PIGains:
+        """Its gains; an InputError says that tuning found none."""
+        if self.gains is None:
+            raise InputError(
+                f"`gains` must be there to fly, got none for {self.name}: its tuning was "
+                "infeasible."
+            )
+        return self.gains
 
     @cached_property
     def limits(self) -> Limits:
@@ -72,10 +83,10 @@ class Entry:
         """The same plant, law and gains in another scenario that has them."""
         return entry_of(scenario, self.name, self.gains, self.plant.label)
 
-    def bound(self, *, plant: bool = True) -> "Entry":
-        """The entry whose law, and `plant`, hold the classes of the user that they fly by."""
-        flown = {self.law.name, *([self.plant.label] if plant else [])}
-        scenario = with_own(self.scenario, flown=flown)
+    def bound(self, *parts: str) -> "Entry":
+        """The entry whose ``law``, ``plant``, by default both, have their class of the user."""
+        names = {"law": self.law.name, "plant": self.plant.label}
+        scenario = with_own(self.scenario, flown=[names[part] for part in parts or names])
         if scenario is self.scenario:
             return self
         laws = {table.name: table.law for table in scenario.law_tables}
@@ -84,11 +95,11 @@ class Entry:
 
 
 def entry_of(
-    scenario: Scenario, name: str, gains: PIGains | None, plant: str | None = None
+    scenario: Scenario, name: str, gains: PIGains | None, label: str | None = None
 ) -> Entry:
-    """The entry of gains by the name that they fly by, on a plant, by default the first."""
+    """Gains by the name that runs have, on the plant of a label, by default the first."""
     law, _ = scenario.law_of(name, gains)
-    table = scenario.plant[0] if plant is None else scenario.plant_table(plant)
+    table = scenario.plant[0] if label is None else scenario.plant_table(label)
     return Entry(scenario=scenario, plant=table, law=law, gains=gains, name=name)
 
 

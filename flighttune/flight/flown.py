@@ -13,10 +13,10 @@ from flighttune.base.answering import Answering
 from flighttune.base.arguments import checked_class
 from flighttune.base.arrays import FloatArray
 from flighttune.base.units import DEG
-from flighttune.control.gains import PIGains
 from flighttune.control.theory.indicators import Indicators
 from flighttune.control.tuning.result import TuningResult
 from flighttune.flight import metrics
+from flighttune.flight.entry import Entry, entry_of
 from flighttune.flight.loop.measures import SETTLING_BAND, SMALLEST_STEP
 from flighttune.flight.loop.run import Claim, Run, with_claims
 from flighttune.flight.metrics import AIRSPEED, airspeed_metrics, metric_tables
@@ -165,7 +165,7 @@ def check_claim(scenario: Scenario, runs: Sequence[Run]) -> ClaimCheck:
         tables = scenario.expected(made_by.plant, made_by.gains_name)
         stated = any(table.status for table in tables)
         if flown := not _wrong_end(tables, run.status, run.reason):
-            loop = bounded_loop(tables, scenario, made_by.gains_name, made_by.gains)
+            loop = bounded_loop(tables, entry_of(scenario, made_by.gains_name, made_by.gains))
             measured = {**own, **loop}
         checks = [replace(x, flown=flown) for x in bound_checks(tables, measured, run.label)]
         late = not_followed(tables, measured, calm=scenario.calm)
@@ -187,15 +187,13 @@ def check_claim(scenario: Scenario, runs: Sequence[Run]) -> ClaimCheck:
     )
 
 
-def bounded_loop(
-    tables: Sequence[ExpectTable], scenario: Scenario, name: str, gains: PIGains | None
-) -> Measured:
+def bounded_loop(tables: Sequence[ExpectTable], entry: Entry) -> Measured:
     """Measures of the linear loop of a gain set, as ``loop``, where a table bounds one."""
     bounds = (bounds for table in tables for bounds in (table.at_most, table.at_least))
     wanted = {in_rad(measure) for own in bounds for measure in own.get("loop", ())}
-    if gains is None or not wanted:
+    if entry.gains is None or not wanted:
         return {}
-    return {"loop": loop_measures(scenario, name, gains, wanted)}
+    return {"loop": loop_measures(entry, wanted)}
 
 
 def missed(

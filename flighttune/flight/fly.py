@@ -19,12 +19,11 @@ from flighttune.base.files import code
 from flighttune.control.controller import MAX_LAG_S, LawError
 from flighttune.control.gains import PIGains
 from flighttune.control.gains_keys import TUNED
-from flighttune.control.law import split_name
-from flighttune.control.limits import Limits
 from flighttune.control.linear_model import LinearModel, closed_loop
 from flighttune.control.theory.indicators import indicators
 from flighttune.flight import conditions, load, models
 from flighttune.flight.apart import Progress, apart
+from flighttune.flight.entry import Entry, entries
 from flighttune.flight.flown import FlownScenario
 from flighttune.flight.loop.loop import LOOP_SIGNALS, simulate
 from flighttune.flight.loop.run import SIGNAL_UNITS, Provenance, Run, RunStatus
@@ -103,61 +102,50 @@ def fly(
     load.check_scenario(scenario, scenario.title)
     sets, tuning = models.gain_sets(scenario)
     indicators_of = {}
-    for name, gain_set in sets.items():
-        if gain_set is None:
-            continue
-        linear = _linear_loop(scenario, name, gain_set)
+    listed = entries(scenario, sets)
+    for entry in listed[: len(sets)]:  # law and gains have their loop, whatever the plant
+        linear = _linear_loop(entry)
         if linear is not None:
-            indicators_of[name] = indicators(closed_loop(*linear), errors=len(linear[0].errors))
-    # In wind the first aircraft flies first: plants without weather replay the wind it met.
-    source = scenario.wind_source
-    runs: dict[tuple[str, str], Run] = {}
-    for table in sorted(scenario.plant, key=lambda plant: scenario.windy and not plant.aircraft):
-        for name, gain_set in sets.items():
-            wind_run = runs[source.label, name] if source and table.aircraft is None else None
-            flight = partial(fly_alone, scenario, table, gain_set, name, wind_run=wind_run)
-            run = _flown(flight, scenario, table, name, progress)
-            of_tuning = gain_set is None and split_name(name)[1] == TUNED
-            if of_tuning and tuning is not None and tuning.reason:
-                run = replace(run, reason=tuning.reason)
-            runs[table.label, name] = run
-    flown = tuple(runs[table.label, name] for table in scenario.plant for name in sets)
+            indicators_of[entry.name] = indicators(
+                closed_loop(*linear), errors=len(linear[0].errors)
+            )
+    runs: dict[str, Run] = {}
+    # aircraft first: plants without weather replay the wind that one met
+    for entry in sorted(listed, key=lambda entry: entry.wind_from is not None):
+        run = _flown(entry, entry.wind_from and runs[entry.wind_from.label], progress)
+        of_tuning = entry.gains is None and entry.listed == TUNED
+        if of_tuning and tuning is not None and tuning.reason:
+            run = replace(run, reason=tuning.reason)
+        runs[entry.label] = run
+    flown = tuple(runs[entry.label] for entry in listed)
     chosen = shlex.join(["--gains", str(wanted[0])]) if wanted else ""
     return FlownScenario(
         scenario, flown, MappingProxyType(indicators_of), tuning, arguments, chosen
     )
 
 
-def _linear_loop(
-    scenario: Scenario, name: str, gains: PIGains
-) -> tuple[LinearModel, PIGains] | None:
+def _linear_loop(entry: Entry) -> tuple[LinearModel, PIGains] | None:
     """`linear_loop`; in a copy of this process where the law is a file, which may end it."""
-    if scenario.law_table(name).module is None:
-        return models.linear_loop(scenario, name, gains)
-    loop, *_ = apart(lambda _: models.linear_loop(scenario, name, gains), START_S)
+    if not any(key == "law" for key, _ in entry.own):
+        return models.linear_loop(entry)
+    loop, *_ = apart(lambda _: models.linear_loop(entry), START_S)
     return loop
 
 
-def _flown(
-    flight: partial[Run],
-    scenario: Scenario,
-    table: PlantTable,
-    name: str,
-    progress: Progress | None,
-) -> Run:
+def _flown(entry: Entry, wind_run: Run | None, progress: Progress | None) -> Run:
     """A flight; in a copy of this process where its law or plant is a file, which may end it."""
-    law = scenario.law_table(name)
-    if not (law.module or table.module):
-        return flight(progress=progress)
-    duration = scenario.flight.duration_s
+    if not entry.own:
+        return fly_alone(entry, wind_run=wind_run, progress=progress)
+    duration = entry.scenario.flight.duration_s
     silence = duration + MAX_LAG_S + START_S
+    flight = partial(fly_alone, entry, wind_run=wind_run)
     run, end, part = apart(lambda report: flight(progress=report), silence, progress)
     if run is not None:
         return run
-    who = f"law {law.name}" if law.module else f"plant {table.label}"
-    reason = f"{who} after t = {part * duration:.2f} s: its process {end}."
-    status = "law_failed" if law.module else "plant_failed"
-    return _without_samples(provenance(scenario, table.label, name, None), status, reason)
+    key, name = entry.own[0]
+    reason = f"{key} {name} after t = {part * duration:.2f} s: its process {end}."
+    status = "law_failed" if key == "law" else "plant_failed"
+    return _without_samples(provenance(replace(entry, gains=None)), status, reason)
 
 
 def aircraft_table(scenario: Scenario, plant: str | None = None) -> PlantTable:
@@ -213,23 +201,14 @@ def steered(plant: Plant, scenario: Scenario) -> Plant:
 
 
 def fly_alone(
-    scenario: Scenario,
-    table: PlantTable,
-    gains: PIGains | None,
-    gains_name: str,
-    *,
-    wind_run: Run | None = None,
-    progress: Progress | None = None,
+    entry: Entry, *, wind_run: Run | None = None, progress: Progress | None = None
 ) -> Run:
-    """Fly one gain set of a scenario, None where tuning found none, on one of its plants."""
-    label = table.label
-    scenario = with_own(scenario, flown=(scenario.law_table(gains_name).name, label))
-    table, origin = scenario.plant_table(label), partial(provenance, scenario, label, gains_name)
-    if gains is None:
+    """Fly an entry; without the flight whose wind it replays, in the steady wind."""
+    entry = entry.bound()
+    scenario = entry.scenario
+    if entry.gains is None:
         reason = "tuning found no gains that meet the constraints"
-        return _without_samples(origin(None), "no_gains", reason)
-    # A plant that is no aircraft replays the wind of a flight of the same gains; without one it
-    # flies in the steady wind of the scenario.
+        return _without_samples(provenance(entry), "no_gains", reason)
     if wind_run is None:
         wind = steady_wind(scenario)
     elif len(wind_run.signals):
@@ -237,20 +216,14 @@ def fly_alone(
     else:
         source = wind_run.provenance.plant
         reason = f"the wind is that of {source}, which did not fly: {wind_run.reason}"
-        return _without_samples(origin(gains), wind_run.status, reason)
-    run = fly_once(
-        scenario,
-        plant_of(table, scenario, wind),
-        gains,
-        plant_label=label,
-        gains_name=gains_name,
-        lead=conditions.lead_on(scenario, table),
-        progress=progress,
-    )
+        made_by = replace(provenance(entry), gains=entry.gains)
+        return _without_samples(made_by, wind_run.status, reason)
+    plant = plant_of(entry.plant, scenario, wind)
+    run = fly_once(entry, plant, lead=entry.lead, progress=progress)
     turns = scenario.turn_back
     if run.status == "no_trim" and turns is not None and turns.or_level and turns.sloped_s is None:
-        others = {"wind_run": wind_run, "progress": progress}
-        return fly_alone(from_level(scenario), table, gains, gains_name, **others)
+        level = replace(entry, scenario=from_level(scenario))
+        return fly_alone(level, wind_run=wind_run, progress=progress)
     return run
 
 
@@ -268,38 +241,32 @@ def wind_met(run: Run) -> WindRecord:
 
 
 def fly_once(
-    scenario: Scenario,
+    entry: Entry,
     plant: Plant,
-    gains: PIGains,
     *,
-    plant_label: str,
-    gains_name: str,
-    limits: Limits | None = None,
+    beside: str = "",
     lead: tuple[float, float] | None = None,
     progress: Progress | None = None,
 ) -> Run:
-    """Fly the manoeuvre of a scenario once, on a plant that has not flown before.
+    """Fly an entry once within its limits, on a plant that has not flown before.
 
-    `limits` are by default those of the scenario and of the plant. A run that diverged, left the
+    `beside` is the label of a plant that is not in the scenario. A run that diverged, left the
     envelope, hit the ground or could not start says so in its status and reason; only an aircraft
     that cannot be built raises a PlantError.
     """
     started = time.perf_counter()
-    scenario = with_own(scenario, flown=(scenario.law_table(gains_name).name,))
-    duration = scenario.flight.duration_s
-    if limits is None:
-        limits = conditions.command_limits(scenario).within(plant.limits)
-    law, _ = scenario.law_of(gains_name, gains)
-    # A law that gains do not describe flies by something of its own, and its run has none.
-    made_by = provenance(scenario, plant_label, gains_name, gains if law.by_gains else None)
-    label = f"{plant_label} / {gains_name}"
+    entry = entry.bound("law")
+    scenario, gains = entry.scenario, entry.found_gains
+    made_by = provenance(entry, beside)
+    label, duration = f"{made_by.plant} / {entry.name}", scenario.flight.duration_s
+    limits = entry.limits.within(plant.limits)
     try:
         setup = models.law_setup(scenario, gains, limits, at_once=follows_at_once(plant))
-        controller = law.controller(setup)
+        controller = entry.law.controller(setup)
         signals, stop = simulate(
             plant,
             controller,
-            **manoeuvre(scenario, plant, plant_label),
+            **manoeuvre(entry, plant, made_by.plant),
             lead=lead,
             progress=None if progress is None else (lambda t: progress(label, t / duration)),
         )
@@ -315,12 +282,12 @@ def fly_once(
     return Run(signals=signals, status=status, reason=reason, provenance=made_by, units=units)
 
 
-def manoeuvre(scenario: Scenario, plant: Plant, label: str) -> dict[str, Any]:
+def manoeuvre(entry: Entry, plant: Plant, label: str) -> dict[str, Any]:
     """Reference, start, duration and sensors of a flight of a plant, as `simulate` takes them."""
-    start = conditions.start_condition if WIND[0] in plant.signals else conditions.stated_condition
+    scenario, flies_in_wind = entry.scenario, WIND[0] in plant.signals
     return {
-        "reference": conditions.reference_of(scenario),
-        "condition": start(scenario),
+        "reference": entry.reference,
+        "condition": entry.condition if flies_in_wind else conditions.stated_condition(scenario),
         "duration": scenario.flight.duration_s,
         "sensors": scenario.sensors_on(label),
         # Other plants hold their airspeed whatever the path.
@@ -336,16 +303,15 @@ def _without_samples(made_by: Provenance, status: RunStatus, reason: str) -> Run
     return Run(signals=signals, status=status, reason=reason, provenance=made_by)
 
 
-def provenance(
-    scenario: Scenario, plant_label: str, gains_name: str, gains: PIGains | None
-) -> Provenance:
-    """Origin of a run; its time is yet to come."""
+def provenance(entry: Entry, beside: str = "") -> Provenance:
+    """Origin of a run of an entry, or `beside` its plant on another; its time is yet to come."""
     return Provenance(
-        scenario=scenario.as_dict(),
-        plant=plant_label,
-        gains_name=gains_name,
-        gains=gains,
-        seed=scenario.seed,
+        scenario=entry.scenario.as_dict(),
+        plant=beside or entry.plant.label,
+        gains_name=entry.name,
+        # a law that gains do not describe flies by something of its own, and its run has none
+        gains=entry.gains if entry.law.by_gains else None,
+        seed=entry.scenario.seed,
         versions=library_versions(),
         wall_s=0.0,
     )

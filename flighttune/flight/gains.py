@@ -28,8 +28,7 @@ from flighttune.control.tuning.tune import POINTS, STARTS, diagnosis, tune_probl
 from flighttune.control.tuning.tune import frontier as frontier_table
 from flighttune.control.tuning.tuning_keys import TuningModel
 from flighttune.flight import models
-from flighttune.flight.load import as_scenario, scenario_and_gains
-from flighttune.flight.own import with_own
+from flighttune.flight.load import as_scenario, chosen_entry
 from flighttune.flight.scenario.schema import Scenario
 from flighttune.vehicles.identification.file import files_of
 from flighttune.vehicles.plant_keys import flown_aircraft
@@ -207,17 +206,16 @@ def certify(
         if not isinstance(gains, PIGains) or envelope or lag is not None:
             raise InputError("`gains` must be given for a model, and `envelope` and `lag` not.")
         return certify_model(source, gains, L_d=L_d, rates=exact_rates(source, gains)[0])
-    scenario, name, chosen = scenario_and_gains(source, gains, changes)
-    law = (
-        scenario.law_for(chosen) if isinstance(gains, PIGains) else scenario.law_of(name, chosen)[0]
-    )
+    entry = chosen_entry(source, gains, changes)
+    scenario, law, name, chosen = entry.scenario, entry.law, entry.name, entry.found_gains
+    if isinstance(gains, PIGains):  # numbers do not name their law
+        law = scenario.law_for(gains)
     if not law.by_gains:
         if envelope or lag is not None:
             raise InputError(
                 f"`envelope` and `lag` must be absent for {name}, whose law has no linear model."
             )
-        bound = with_own(scenario, flown=(law.name,))
-        if (linear := models.linear_loop(bound, name, chosen)) is None:
+        if (linear := models.linear_loop(entry.bound("law"))) is None:
             raise InfeasibleError(
                 f"{name}: the law must have `linear()` to be certified, got none."
             )

@@ -11,6 +11,7 @@ from flighttune.base.units import DEG
 from flighttune.control.gains import PIGains
 from flighttune.control.gains_keys import TUNED_FED_BACK
 from flighttune.flight import conditions
+from flighttune.flight.entry import Entry, entry_of
 from flighttune.flight.models import gain_set, tuning_scaling
 from flighttune.flight.scenario.load import (
     existing_file,
@@ -145,22 +146,22 @@ def speed_protected(config: AircraftConfig) -> dict[str, bool]:
     return {"speed_priority": True} if config.engines.count else {}
 
 
-def scenario_and_gains(
+def chosen_entry(
     source: Scenario | str | Path,
     wanted: PIGains | str | None,
     changes: Mapping[str, Any] | None = None,
-) -> tuple[Scenario, str, PIGains]:
-    """A scenario with `changes`, and the name and gains of the `wanted` set, or of the first."""
+) -> Entry:
+    """The `wanted` gains of a scenario with `changes`, or the first, on the first plant."""
     scenario = as_scenario(source, changes)
     place = scenario.title if isinstance(source, Scenario) else str(source)
     if isinstance(wanted, PIGains):
-        return scenario, "gains", wanted
+        return entry_of(scenario, "gains", wanted)
     if wanted not in (None, *scenario.gain_names):
         scenario, wanted = with_gains(scenario, [wanted], place), None
     name = wanted or scenario.gain_names[0]
     if (gains := gain_set(scenario, name)) is None:
         raise InfeasibleError(f"{place}: `{name}` must be feasible: tuning found no such gains.")
-    return scenario, name, gains
+    return entry_of(scenario, name, gains)
 
 
 def check_scenario(scenario: Scenario, source: str) -> None:

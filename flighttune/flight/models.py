@@ -30,6 +30,7 @@ from flighttune.control.tuning.result import TuningResult
 from flighttune.control.tuning.tune import tune_problem
 from flighttune.control.tuning.tuning_keys import SHAPED
 from flighttune.flight.conditions import command_limits, limits_on, reference_of, stated_condition
+from flighttune.flight.entry import Entry
 from flighttune.flight.scenario.schema import Scenario
 from flighttune.vehicles.identification.file import DesignModel, design_model
 from flighttune.vehicles.plants.weather import turbulence_scales
@@ -423,18 +424,16 @@ def sampling(scenario: Scenario, law: Law) -> Sampling:
     return Sampling(model=alone, lags=lags, dt=dt, trapezoidal=law.trapezoidal)
 
 
-def linear_loop(
-    scenario: Scenario, name: str, gains: PIGains
-) -> tuple[LinearModel, PIGains] | None:
+def linear_loop(entry: Entry) -> tuple[LinearModel, PIGains] | None:
     """The linear model that a law acts on, and its gains; None where it has none."""
-    law, _ = scenario.law_of(name, gains)
+    scenario, law, gains = entry.scenario, entry.law, entry.gains
+    if gains is None:
+        return None
     setup = law_setup(scenario, gains, command_limits(scenario))
     return law.loop(linear_model(scenario, law), gains, setup)
 
 
-def loop_measures(
-    scenario: Scenario, name: str, gains: PIGains, wanted: Collection[str]
-) -> dict[str, float]:
+def loop_measures(entry: Entry, wanted: Collection[str]) -> dict[str, float]:
     """`LOOP_METRICS` of the linear loop of a gain set on the model that [tuning] names.
 
     Margins and roll rate, which take longer, are there only if they are `wanted`. The gain, phase
@@ -442,14 +441,13 @@ def loop_measures(
     roll rate is that which lets the identified roll follow the gains at the largest bank
     (design/roll_rate.md). An unstable loop has no margins.
     """
-    if (loop := linear_loop(scenario, name, gains)) is None:
+    if (loop := linear_loop(entry)) is None:
         return {}
     model, gains = loop
     of_loop = indicators(closed_loop(model, gains), errors=len(model.errors))
     measured = {"R_K": of_loop.R_K, "I_K": of_loop.I_K, "E_K": of_loop.E_K}
     if "roll_rate_rad_s" in wanted:
-        law, _ = scenario.law_of(name, gains)
-        measured["roll_rate_rad_s"] = _needed_roll_rate(scenario, law, gains)
+        measured["roll_rate_rad_s"] = _needed_roll_rate(entry.scenario, entry.law, gains)
     if "disk_margin" in wanted and (margins := loop_margins(model, gains)):
         measured["disk_margin"] = margins[-1].disk_margin or 0.0
     single = () if measured.keys() >= set(wanted) else channel_margins(model, gains)

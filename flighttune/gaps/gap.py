@@ -20,11 +20,11 @@ from flighttune.base.files.load import LOG, written
 from flighttune.base.names import CHANNEL_SYMBOLS
 from flighttune.control import inner_loop, linear_model
 from flighttune.control.gains import COMMANDS, WITH_AIRSPEED, PIGains
-from flighttune.control.law import Law
 from flighttune.control.theory.indicators import Indicators, indicators
 from flighttune.flight import fly as flight
 from flighttune.flight import load, models
-from flighttune.flight.conditions import command_limits, lead_on, reference_of, weather_of
+from flighttune.flight.conditions import lead_on, reference_of, weather_of
+from flighttune.flight.entry import Entry, entry_of
 from flighttune.flight.flown import FlownScenario
 from flighttune.flight.loop.run import Claim, Run, with_claims
 from flighttune.flight.metrics import channel_metrics, flight_metrics
@@ -302,14 +302,13 @@ def gap(
         return log_gap(scenario, aircraft, columns, progress)
     if isinstance(scenario, Run) or written(scenario, LOG, columns=columns):
         raise InputError("`aircraft` must be given with a log: what its commands are flown on.")
-    scenario, gains_name, gains = load.scenario_and_gains(scenario, gains, changes)
-    name = name or gains_name
-    table = flight.aircraft_table(scenario, plant)
-    top = flight.fly_alone(scenario, table, gains, name, progress=progress)
+    chosen = load.chosen_entry(scenario, gains, changes)
+    scenario, table = chosen.scenario, flight.aircraft_table(chosen.scenario, plant)
+    entry = entry_of(scenario, name or chosen.name, chosen.gains, table.label)
+    top = flight.fly_alone(entry, progress=progress)
     if len(top.signals) >= LEAST_SAMPLES:
         return explain_flight(scenario, top, lag=lag, progress=progress)
-    law, _ = scenario.law_of(name, gains)
-    return Gap(scenario=scenario, runs=(top,), indicators=_indicators(scenario, law, gains))
+    return Gap(scenario=scenario, runs=(top,), indicators=_indicators(entry))
 
 
 def explain_flight(
@@ -325,9 +324,9 @@ def explain_flight(
         raise InputError(f"`aircraft` must have gains, got none for {aircraft.label}.")
     _check_length(aircraft)
     table = flight.aircraft_table(scenario, made_by.plant)
+    entry = entry_of(scenario, made_by.gains_name, made_by.gains, table.label)
     lag_source, lags = _inner_loop(table, scenario, aircraft, lag)
-    limits = command_limits(scenario).within(flight.plant_of(table, scenario).limits)
-    g = scenario.flight.g_mps2
+    limits, g = entry.limits, scenario.flight.g_mps2
     # In still air JSBSim records a wind of rounding errors; to fly in it takes twice as long.
     wind = None if weather_of(scenario) is None else flight.wind_met(aircraft)
     make = PointMassPlant
@@ -338,18 +337,12 @@ def explain_flight(
         "point_mass": make(wind=wind, g=g),
         "point_mass_lag": make(tuple(lag for lag, _ in lags.values()), wind=wind, g=g),
     }
-    fly = partial(
-        flight.fly_once,
-        scenario,
-        gains=made_by.gains,
-        gains_name=made_by.gains_name,
-        limits=limits,
-        progress=progress,
-    )
     runs = [
-        fly(
+        flight.fly_once(
+            entry,
             plant if wind is None else flight.steered(plant, scenario),
-            plant_label=label,
+            beside=label,
+            progress=progress,
             lead=lead_on(scenario, table if label == "point_mass_lag" else None),
         )
         for label, plant in lower.items()
@@ -360,7 +353,7 @@ def explain_flight(
     cut = [replace(run, signals=run.signals.iloc[: len(shortest.signals)]) for run in runs]
     unplanned = None
     if scenario.rolls_in:
-        unplanned = fly(flight.plant_of(table, scenario), plant_label=made_by.plant)
+        unplanned = flight.fly_once(entry, flight.plant_of(table, scenario), progress=progress)
     measured = mismatch(cut[-1])
     # constant over a sample interval and stored at its start; the last is repeated
     samples = np.vstack([measured.d, measured.d[-1:]])
@@ -368,7 +361,7 @@ def explain_flight(
     return Gap(
         scenario=scenario,
         runs=(*cut[:-1], replace(cut[-1], signals=cut[-1].signals.assign(**columns))),
-        indicators=_indicators(scenario, made_by.law, made_by.gains),
+        indicators=_indicators(entry),
         steps=tuple(Step(*pair, adds) for pair, adds in zip(pairwise(cut), ADDS, strict=True)),
         whole=Step(cut[0], cut[-1], "total"),
         lags=lags,
@@ -386,8 +379,9 @@ def _check_length(run: Run) -> None:
         )
 
 
-def _indicators(scenario: Scenario, law: Law, gains: PIGains) -> Indicators:
-    return indicators(linear_model.closed_loop(models.law_model(scenario, law), gains))
+def _indicators(entry: Entry) -> Indicators:
+    model = models.law_model(entry.scenario, entry.law)
+    return indicators(linear_model.closed_loop(model, entry.found_gains))
 
 
 def _inner_loop(

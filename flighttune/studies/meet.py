@@ -34,6 +34,7 @@ from flighttune.control.law_keys import LawTable
 from flighttune.control.linear_model import closed_loop
 from flighttune.control.theory.indicators import indicators_batch
 from flighttune.flight import load, models
+from flighttune.flight.entry import entry_of
 from flighttune.flight.flown import BoundCheck, bound_checks, bounded_loop, not_followed
 from flighttune.flight.metrics import AIRSPEED, limits_in_words
 from flighttune.flight.requirement_keys import Bound, ExpectTable, in_rad
@@ -241,7 +242,7 @@ class Search:
         for campaign, of_campaign in zip(self.campaigns, rows, strict=True):
             scenario = campaign.nominal
             margins = _default_margins(scenario)
-            loop = bounded_loop([*scenario.expect, *margins], scenario, name, gains)
+            loop = bounded_loop([*scenario.expect, *margins], entry_of(scenario, name, gains))
             where = f"{scenario.title}: " if len(self.campaigns) > 1 else ""
             for row in of_campaign:
                 flown = row.get("status") == "completed"
@@ -291,8 +292,9 @@ class Search:
     def R_K(self, gains: PIGains) -> float:
         """R_K of the loop of the first scenario with these gains, 1/s."""
         if gains not in self._R_K:
-            scenario, (name,) = self.campaigns[0].nominal, self._law.names_of(["0"])
-            self._R_K[gains] = models.loop_measures(scenario, name, gains, ["R_K"]).get("R_K", 0.0)
+            (name,) = self._law.names_of(["0"])
+            entry = entry_of(self.campaigns[0].nominal, name, gains)
+            self._R_K[gains] = models.loop_measures(entry, ["R_K"]).get("R_K", 0.0)
         return self._R_K[gains]
 
     def best(self) -> Trial:
@@ -475,8 +477,11 @@ def meet(
     loaded = load.as_scenario(scenario, changes)
     starts, notes = {}, loaded.gains_notes()
     if start is not None:
-        begun, name, gains = load.scenario_and_gains(loaded, start)
-        starts, notes = {name: gains}, begun.gains_notes(gains=name)
+        begun = load.chosen_entry(loaded, start)
+        starts, notes = (
+            {begun.name: begun.found_gains},
+            begun.scenario.gains_notes(gains=begun.name),
+        )
     dispersed = None if campaign is None else load_campaign(campaign, loaded)
     scenarios = [loaded if dispersed is None else dispersed.nominal, *map(load.as_scenario, also)]
     law_table = scenarios[0].law_tables[0]
@@ -635,7 +640,8 @@ def _requirements(trial: Trial, start: Trial, active: Sequence[int]) -> Iterator
 def _worse(scenario: Scenario, law: Law, trial: Trial, start: Trial) -> Iterator[dict[str, Any]]:
     """Margins and errors at the end that are worse than with the gains of the start."""
     name = law.names_of(["0"])[0]
-    now, before = (models.loop_measures(scenario, name, x.gains, LOOP) for x in (trial, start))
+    flown = (entry_of(scenario, name, x.gains) for x in (trial, start))
+    now, before = (models.loop_measures(entry, LOOP) for entry in flown)
     for measure in LOOP:
         if now.get(measure, 0.0) < (1.0 - NOTED) * before.get(measure, 0.0):
             lower = now.get(measure, math.nan)

@@ -9,7 +9,7 @@ from made_up import scenario_file
 from scipy.signal import dimpulse, dlti
 
 import flighttune as ft
-from flighttune.claims.tubes.problem import tube_problem
+from flighttune.claims.tubes.tube import stated_problem
 from flighttune.studies import worst as worst_module
 
 SMALL = 1e-4
@@ -94,7 +94,7 @@ def test_a_tube_encloses_every_switching_time():
     switched = {"chi_amplitude": -0.01, "chi_switch_s": [1.0], "gamma_amplitude": 0.02}
     scenario = ft.scenario_from(level(disturbance=switched))
 
-    problem = tube_problem(scenario, scenario.gains[0].gains())
+    problem = stated_problem(scenario, scenario.gains[0].gains())
 
     assert (problem.disturbances[1] == [0.01, 0.02]).all()
     assert (problem.disturbances[0] == [-0.01, -0.02]).all()

@@ -115,7 +115,7 @@ DISTURBED_BY = {"disturbance": WAVE, "expect": [SUCCESS]}
 )
 def test_draws_of_everything_at_once_are_flown_as_flights_alone(tables, dispersed, runs):
     plan = plan_of(tables_of(**tables), *dispersed, runs=runs)
-    assert batchable(plan.scenario_of(0), plan.scenario.plant[0], plan.scenario.laws[0])
+    assert batchable(plan.scenario_of(0), plan.entry(plan.groups[0]))
 
     rows = rows_of(plan)
 

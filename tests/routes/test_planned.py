@@ -14,6 +14,7 @@ from scipy.integrate import quad
 import flighttune as ft
 from flighttune.campaigns.flying.rows import batchable
 from flighttune.control.wind import WIND_ESTIMATE_S
+from flighttune.flight.entry import entry_of
 from flighttune.routes.follow import Planner
 from flighttune.routes.segments import Segment
 
@@ -167,10 +168,10 @@ def test_an_aircraft_whose_lag_is_not_known_flies_no_plan(tmp_path):
 
 def test_the_compiled_kernel_leaves_planned_references_to_the_loop():
     scenario = turn_and_climb()
-    law, _ = scenario.law_of("paper", ft.PAPER_GAINS)
+    entry = entry_of(scenario, "paper", ft.PAPER_GAINS)
 
-    assert not batchable(scenario, scenario.plant[0], law)
-    assert batchable(made_up_scenario(), scenario.plant[0], law)
+    assert not batchable(scenario, entry)
+    assert batchable(made_up_scenario(), entry)
 
 
 def test_a_law_of_ones_own_sees_the_reference_ahead():

@@ -21,11 +21,12 @@ from flighttune.campaigns.planning.plan import Group, Plan
 from flighttune.campaigns.planning.schema import MEASURES
 from flighttune.control.gains import PIGains
 from flighttune.control.gains_keys import GainsTable
-from flighttune.control.law import Law, split_name
+from flighttune.control.law import Law
 from flighttune.control.linear_model import loops_of
 from flighttune.control.theory.indicators import indicators_batch
 from flighttune.control.theory.reachable import largest_errors
 from flighttune.flight.conditions import command_limits, reference_of, start_condition
+from flighttune.flight.entry import Entry
 from flighttune.flight.flown import FlownScenario, bounded_loop, missed
 from flighttune.flight.fly import Progress, fly, fly_alone
 from flighttune.flight.loop.batch import SIGNALS, fly_sampled
@@ -38,7 +39,6 @@ from flighttune.flight.records.refly import Difference
 from flighttune.flight.route import planned_route
 from flighttune.flight.scenario.load import scenario_from
 from flighttune.flight.scenario.schema import Scenario
-from flighttune.vehicles.plant_keys import PlantTable
 from flighttune.vehicles.plants.point_mass import rolled_over
 
 # Draws whose kinematic flights are flown together: their signals stay in the processor's cache, and
@@ -69,26 +69,20 @@ class Draw(NamedTuple):
     drawn: Drawn | None
 
 
-def wind_source(scenario: Scenario, group: Group) -> Group | None:
-    """The aircraft's group whose wind a group replays; None for an aircraft, or in still air."""
-    source = scenario.wind_source
-    if source is None or scenario.plant_table(group.plant).aircraft is not None:
-        return None
-    return Group(source.label, group.gains)
+def fly_group(plan: Plan, scenario: Scenario, group: Group) -> Run:
+    """One flight: a group of a plan in a scenario, and that whose wind it replays."""
+    return fly_in_wind(plan.entry(group, scenario))
 
 
-def fly_group(
-    plan: Plan, scenario: Scenario, group: Group, wind_runs: dict[Group, Run] | None = None
-) -> Run:
-    """One flight: a group of a plan in a scenario; `wind_runs` have the wind that others replay."""
+def fly_in_wind(entry: Entry, wind_runs: dict[str, Run] | None = None) -> Run:
+    """One flight; `wind_runs` have, by label, the wind that others replay."""
     wind_runs = {} if wind_runs is None else wind_runs
-    source, wind_run = wind_source(scenario, group), None
+    source, wind_run = entry.wind_from, None
     if source is not None:
-        wind_run = wind_runs.get(source) or fly_group(plan, scenario, source, wind_runs)
-    table, gains = scenario.plant_table(group.plant), plan.gain_sets[group.gains]
-    run = fly_alone(scenario, table, gains, group.gains, wind_run=wind_run)
-    if scenario.windy and source is None:
-        wind_runs[group] = run
+        wind_run = wind_runs.get(source.label) or fly_in_wind(source, wind_runs)
+    run = fly_alone(entry, wind_run=wind_run)
+    if entry.scenario.windy and source is None:
+        wind_runs[entry.label] = run
     return run
 
 
@@ -98,18 +92,13 @@ def scenario_of_run(plan: Plan, run: int, drawn: Mapping[str, Any] | None = None
         raise InputError(f"`run` must be 0 to {plan.runs - 1}, got {run}.")
     group, draw = plan.group_of(run), plan.draw_of(run)
     scenario = plan.dispersed(plan.values_of(draw) if drawn is None else drawn, draw)
-    source = wind_source(scenario, group)
-    flying = [group] if source is None else [source, group]
-    tables = scenario.as_dict()
+    entry = plan.entry(group, scenario)
+    tables, gains, name = scenario.as_dict(), entry.found_gains, entry.listed
     labels = [table.label for table in scenario.plant]
-    tables["plant"] = [tables["plant"][labels.index(table.plant)] for table in flying]
+    flying = (entry.wind_from, entry)
+    tables["plant"] = [tables["plant"][labels.index(x.plant.label)] for x in flying if x]
     if scenario.law is not None:
         tables["law"] = [scenario.law_table(group.gains).model_dump(exclude_none=True)]
-    if (gains := plan.gain_sets[group.gains]) is None:
-        raise InputError(
-            f"`gains` must be there to fly, got none for {group.gains}: its tuning was infeasible."
-        )
-    name = split_name(group.gains)[1]
     tuned_for = {x.name: x.tuned_for for x in scenario.gains if isinstance(x, GainsTable)}
     tables["gains"] = [{"name": name, **gains.as_lists(), "tuned_for": tuned_for.get(name)}]
     tables["title"] = f"{scenario.title}, run {run}"
@@ -184,18 +173,12 @@ def batched_groups(
     with suppress(FlightTuneError):
         scenario = plan.dispersed(draws[0], 0) if draws else scenario
     flown = [] if probes else [x for x in plan.groups if plan.gain_sets[x.gains] is not None]
-    return frozenset(x for x in flown if batchable(scenario, *_flown_by(plan, x)))
+    return frozenset(x for x in flown if batchable(scenario, plan.entry(x)))
 
 
-@lru_cache(maxsize=32)
-def _flown_by(plan: Plan, group: Group) -> tuple[PlantTable, Law]:
-    """Plant and law of a group, looked up once for all draws."""
-    return plan.scenario.plant_table(group.plant), plan.scenario.law_of(group.gains)[0]
-
-
-def batchable(scenario: Scenario, table: PlantTable, law: Law) -> bool:
-    """Whether law, plant, air, disturbance and reference are ones that the kernel flies."""
-    parts = law, table.family, _acting(scenario), scenario.reference or scenario.route
+def batchable(scenario: Scenario, entry: Entry) -> bool:
+    """Whether an entry's law and plant, air, disturbance and reference are for the kernel."""
+    parts = entry.law, entry.plant.family, _acting(scenario), scenario.reference or scenario.route
     return not scenario.windy and all(part is not None and part.batched for part in parts)
 
 
@@ -282,18 +265,15 @@ def fly_together(plan: Plan, draws: Sequence[Draw]) -> list[Row]:
             scenario = plan.dispersed(drawn, plan.draw_of(draw.runs[0]))
             for run in draw.runs:
                 group = plan.group_of(run)
-                if batchable(scenario, *_flown_by(plan, group)):
+                if batchable(scenario, plan.entry(group)):
                     batches.setdefault((group, alike(scenario)), []).append((run, drawn, scenario))
                     alone.remove(run)
         if alone:
             rows += fly_draw(plan, Draw(tuple(alone), drawn), {})
     for (group, _), flights in batches.items():
-        gains = plan.gain_sets[group.gains]
-        assert gains is not None
         scenarios = [scenario for _, _, scenario in flights]
-        began = time.perf_counter()
-        _, law = _flown_by(plan, group)
-        results = list(fly_batch(scenarios, law, gains))
+        began, entry = time.perf_counter(), plan.entry(group)
+        results = list(fly_batch(scenarios, entry.law, entry.found_gains))
         each_s = (time.perf_counter() - began) / len(flights)
         indicators = _indicators(plan, group, scenarios)
         for (run, drawn, scenario), result, both in zip(flights, results, indicators, strict=True):
@@ -317,7 +297,7 @@ def fly_draw(plan: Plan, draw: Draw, probes: Probes) -> Iterator[Row]:
     except FlightTuneError as error:
         yield from (_row(plan, run, drawn, _invalid(error, began)) for run in runs)
         return
-    wind_runs: dict[Group, Run] = {}
+    wind_runs: dict[str, Run] = {}
     for run in runs:
         group = plan.group_of(run)
         outcome = _fly_alone(plan, scenario, group, wind_runs, probes)
@@ -342,11 +322,11 @@ def lost_row(plan: Plan, run: int, drawn: Drawn | None, ending: int | str) -> Ro
 
 def warm_up(plan: Plan) -> None:
     """Load what the flights of a plan need, before the time of its runs is taken."""
-    once = {(group.plant, split_name(group.gains)[0]): group for group in plan.groups}
-    for group in once.values():  # one of each plant and law
-        table, gains = plan.scenario.plant_table(group.plant), plan.gain_sets[group.gains]
+    listed = map(plan.entry, plan.groups)
+    once = {(entry.plant.label, entry.law.name): entry for entry in listed}
+    for entry in once.values():  # one of each plant and law
         with suppress(FlightTuneError):
-            fly_alone(plan.scenario, table, gains, group.gains, progress=_end)
+            fly_alone(entry, progress=_end)
 
 
 def _end(_label: str, _part: float) -> None:
@@ -355,12 +335,12 @@ def _end(_label: str, _part: float) -> None:
 
 
 def _fly_alone(
-    plan: Plan, scenario: Scenario, group: Group, wind_runs: dict[Group, Run], probes: Probes
+    plan: Plan, scenario: Scenario, group: Group, wind_runs: dict[str, Run], probes: Probes
 ) -> Row:
-    """Outcome of one flight; `wind_runs` as for `fly_group`."""
+    """Outcome of one flight; `wind_runs` as for `fly_in_wind`."""
     began = time.perf_counter()
     try:
-        run = fly_group(plan, scenario, group, wind_runs)
+        run = fly_in_wind(plan.entry(group, scenario), wind_runs)
     except FlightTuneError as error:
         return _invalid(error, began)
     measured = measures(run)
@@ -393,8 +373,7 @@ def _outcome(
 @lru_cache(maxsize=32)  # the same for all draws, and slower than a flight of the kernel
 def _of_loop(plan: Plan, group: Group) -> Mapping[str, Mapping[str, float]]:
     """Measures of the undispersed loop of a group, where its requirements bound them."""
-    scenario, name = plan.scenario, group.gains
-    return bounded_loop(scenario.expected(group.plant, name), scenario, name, plan.gain_sets[name])
+    return bounded_loop(plan.scenario.expected(group.plant, group.gains), plan.entry(group))
 
 
 def _unflown(status: str, reason: str) -> Row:
@@ -419,8 +398,7 @@ def _number(value: float | None) -> float | None:
 
 def _indicators(plan: Plan, group: Group, scenarios: Sequence[Scenario]) -> list[Indicators]:
     """R_K, I_K and E_K of a group's linear loop in each scenario; None without gains or a loop."""
-    gains = plan.gain_sets[group.gains]
-    law, _ = plan.scenario.law_of(group.gains, gains)
+    law, gains = plan.entry(group).law, plan.gain_sets[group.gains]
     if gains is None or not law.by_gains:
         return [UNKNOWN] * len(scenarios)
     # what the loop of a draw depends on: often it is not dispersed, and all draws share a loop

@@ -18,6 +18,7 @@ from flighttune.campaigns.planning.draws import cycle, dispersed_places, drawn, 
 from flighttune.campaigns.planning.schema import Campaign, CampaignTable
 from flighttune.control.gains import PIGains
 from flighttune.control.gains_keys import TUNED, TUNED_FOR_AIRCRAFT, default_gains
+from flighttune.flight.entry import Entry, entry_of
 from flighttune.flight.load import check_scenario
 from flighttune.flight.models import gain_sets
 from flighttune.flight.scenario.load import Place, as_recorded, leaves, with_values
@@ -116,7 +117,7 @@ class Plan:
     @property
     def flown(self) -> frozenset[str]:
         """Names of its laws and labels of its plants, without those that no group flies."""
-        laws = {self.scenario.law_table(group.gains).name for group in self.groups}
+        laws = {self.entry(group).law.name for group in self.groups}
         return frozenset(laws | {group.plant for group in self.groups})
 
     @property
@@ -151,6 +152,11 @@ class Plan:
             got = f"{name!r}, which tuning did not find" if name in names else repr(name)
             raise InputError(f"`gains` must be one of {', '.join(names)}, got {got}.")
         return Group(chosen, name)
+
+    def entry(self, group: Group, scenario: Scenario | None = None) -> Entry:
+        """A group in the scenario of a draw, by default in the undispersed one."""
+        entry = _entry(self, group)
+        return entry if scenario is None else entry.within(scenario)
 
     def of_group(self, group: Group) -> "Plan":
         """The same plan restricted to one of its groups."""
@@ -299,6 +305,11 @@ def plan_campaign(campaign: Campaign, *, runs: int | None = None) -> Plan:
         runs = campaign.runs or cycle(campaign) * len(groups)
     hashes = aircraft_hashes(scenario)
     return Plan(campaign=campaign, gain_sets=sets, groups=groups, runs=runs, aircraft=hashes)
+
+
+@lru_cache(maxsize=64)  # asked for by every draw
+def _entry(plan: Plan, group: Group) -> Entry:
+    return entry_of(plan.scenario, group.gains, plan.gain_sets[group.gains], group.plant)
 
 
 def aircraft_hashes(scenario: Scenario) -> dict[str, str]:

@@ -212,10 +212,8 @@ class Findings:
         groups = list(zip(completed["plant"], completed["gains"], strict=True))
         for table in self.plan.scenario.expect:
             rows = completed.loc[[table.meant(*group) for group in groups]]
-            loops = {
-                name: bounded_loop([table], self.plan.scenario, name, self.plan.gain_sets[name])
-                for name in rows["gains"].unique()
-            }
+            flown = {group.gains: self.plan.entry(group) for group in self.plan.groups}
+            loops = {name: bounded_loop([table], flown[name]) for name in rows["gains"].unique()}
             for check in bound_checks([table], {}):
                 measure = f"{check.subject}.{in_rad(check.measure)}"
                 bound = check.bound * (DEG if check.measure.endswith("_deg") else 1.0)

@@ -35,6 +35,7 @@ from flighttune.claims.tubes.sample import start_set
 from flighttune.control.gains import COMMANDS, PIGains
 from flighttune.control.inner_loop import InnerLag
 from flighttune.control.theory.exact import Verification
+from flighttune.flight.entry import Entry
 from flighttune.flight.loop.run import ERRORS, Bounds, Kind, Run, RunClaim, given_way
 from flighttune.flight.scenario.load import scenario_from, scenario_of
 from flighttune.gaps.residual import RESIDUALS
@@ -409,14 +410,12 @@ def _tube_from(claim: Claim, arrays: Arrays, band: Residual | None) -> Tube:
             lags=claim.lags,
             band_sha256=claim.band_sha256,
         )
+    entry = Entry(scenario=scenario, plant=table, law=law, gains=gains, name=f"{law.name}:tube")
     problem = TubeProblem(
-        scenario=scenario,
-        gains=gains,
-        plant=table.label,
+        entry=entry,
         start=claim.start_rad,
         disturbance=claim.disturbance_rad_s,
         band=band,
-        law=law,
         reference=reference,
         stored=stored,
     )

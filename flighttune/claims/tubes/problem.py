@@ -21,7 +21,8 @@ from flighttune.control.gains import PIGains
 from flighttune.control.inner_loop import InnerLag
 from flighttune.control.law import Law, SampledController
 from flighttune.control.limits import Limits
-from flighttune.flight.conditions import lead_on, limits_on, reference_of, start_condition
+from flighttune.flight.conditions import lead_on, reference_of
+from flighttune.flight.entry import Entry
 from flighttune.flight.loop.run import Bounds
 from flighttune.flight.models import law_setup
 from flighttune.flight.scenario.schema import Scenario
@@ -52,13 +53,10 @@ class AircraftBoxes:
 class TubeProblem:
     """All flights of one gain set on one plant of a scenario."""
 
-    scenario: Scenario
-    gains: PIGains
-    plant: str  # label of the plant
+    entry: Entry
     start: float  # rad: course and flight-path angle start within this of the scenario's
     disturbance: float | None  # rad/s: see `tube_problem`
     band: Residual | None  # of the residual signals of an aircraft: source of its boxes
-    law: Law  # law that flies the gains
     # shape (k, 6), rad, rad, rad, 1, rad/s, rad/s: course and flight-path angle to follow, the
     # commands planned for them (zeros where none are), and their rates; see `reference_samples`
     reference: FloatArray
@@ -136,7 +134,7 @@ class TubeProblem:
                 f"`start` must be 0 in wind, got {math.degrees(self.start):g} deg: the path over "
                 "ground begins elsewhere than that through the air."
             )
-        condition, limits = start_condition(self.scenario), self.limits
+        condition, limits = self.entry.condition, self.limits
         ends = [replace(condition, gamma=condition.gamma + x) for x in (-self.start, self.start)]
         n_z = [end.n_z_start for end in (condition, *ends)]
         for i, (name, starts) in enumerate((("phi_deg", [condition.phi]), ("n_z", n_z))):
@@ -148,9 +146,29 @@ class TubeProblem:
                 )
 
     @property
+    def scenario(self) -> Scenario:
+        """The scenario flown."""
+        return self.entry.scenario
+
+    @property
+    def gains(self) -> PIGains:
+        """The gains flown."""
+        return self.entry.found_gains
+
+    @property
+    def law(self) -> Law:
+        """The law that flies the gains."""
+        return self.entry.law
+
+    @property
     def table(self) -> PlantTable:
         """The plant in the scenario."""
-        return self.scenario.plant_table(self.plant)
+        return self.entry.plant
+
+    @property
+    def plant(self) -> str:
+        """Label of the plant."""
+        return self.table.label
 
     @property
     def model(self) -> str:
@@ -240,7 +258,7 @@ class TubeProblem:
     @property
     def limits(self) -> Limits:
         """Limits of the commands: of the scenario and, for an aircraft, of its folder."""
-        return limits_on(self.scenario, [self.table])
+        return self.entry.limits
 
     @property
     def lags(self) -> tuple[InnerLag, ...]:
@@ -255,7 +273,7 @@ class TubeProblem:
     @property
     def path_at_start(self) -> tuple[float, float]:
         """Course and path angle over ground; [flight] has those through the air, rad."""
-        condition, wind = start_condition(self.scenario), self.scenario.wind
+        condition, wind = self.entry.condition, self.scenario.wind
         if wind is None:
             return condition.chi, condition.gamma
         north, east, down = weather.velocity_along(condition.V_a, condition.chi, condition.gamma)
@@ -289,7 +307,7 @@ class TubeProblem:
     def loop(self) -> SampledLoop:
         """The loop that flies, with the numbers of its controller and its plant."""
         flight, controller = self.scenario.flight, self.sampled
-        condition = start_condition(self.scenario)
+        condition = self.entry.condition
         reference = self.reference.copy()
         # A law that inverts follows the rates of the reference, the other the commands planned.
         reference[:, PLANNED if controller.inverts else RATES] = 0.0
@@ -317,26 +335,34 @@ class TubeProblem:
 
 
 def tube_problem(
-    scenario: Scenario,
-    gains: PIGains,
+    entry: Entry,
     *,
-    plant: str | None = None,
     start: float = 0.0,
     disturbance: float | None = None,
     band: Residual | None = None,
-    law: Law | None = None,
 ) -> TubeProblem:
-    """The flights of a scenario on one of its plants, by default an aircraft where there is a band.
+    """The flights of an entry whose plant a tube encloses.
 
     Course and flight-path angle start within `start` (rad) of the scenario's. The disturbance of
     each rate is within `disturbance` (rad/s) of zero, in any shape; by default within the
     amplitudes of the scenario's [disturbance], or zero; of a plant identified from logs within the
     largest residual rate of these. With the `band` of the residual signals of an aircraft its model
-    flies, under every disturbance in its boxes. The `law` is by default the first that takes the
-    gains.
+    flies, under every disturbance in its boxes.
     """
+    if disturbance is None:
+        disturbance = residual_of_logs(entry.plant)
+    return TubeProblem(
+        entry=entry,
+        start=start,
+        disturbance=disturbance,
+        band=band,
+        reference=reference_samples(entry.scenario, entry.plant),
+    )
+
+
+def enclosed_plant(scenario: Scenario, plant: str | None, *, aircraft: bool) -> PlantTable:
+    """The plant of that label, or the first aircraft or other plant that a tube encloses."""
     scenario.check_over_time("a tube")
-    aircraft = band is not None
     kinds = [
         name
         for name, kind in base.PLANT_KINDS.items()
@@ -349,19 +375,7 @@ def tube_problem(
         raise InputError(
             f"`plant` must be of kind {' or '.join(kinds)} for this tube, got {labels}."
         )
-    table = enclosed[0]
-    if disturbance is None:
-        disturbance = residual_of_logs(table)
-    return TubeProblem(
-        scenario=scenario,
-        gains=gains,
-        plant=table.label,
-        start=start,
-        disturbance=disturbance,
-        band=band,
-        law=law or scenario.law_for(gains),
-        reference=reference_samples(scenario, table),
-    )
+    return enclosed[0]
 
 
 def residual_of_logs(table: PlantTable) -> float | None:

@@ -12,12 +12,13 @@ import numpy as np
 from flighttune.base.answering import Answering
 from flighttune.base.arrays import FloatArray
 from flighttune.base.errors import InfeasibleError
+from flighttune.claims.band import Residual
 from flighttune.claims.tubes import exact, interval, proof, sample
 from flighttune.claims.tubes.enclosure import LEFT, Settings, Tube, bounds_of
-from flighttune.claims.tubes.problem import QUANTITIES, TubeProblem, tube_problem
+from flighttune.claims.tubes.problem import QUANTITIES, TubeProblem, enclosed_plant, tube_problem
 from flighttune.claims.tubes.search import Search, coordinates, settled_set
 from flighttune.control.gains import PIGains
-from flighttune.flight import conditions, fly, load
+from flighttune.flight import fly, load
 from flighttune.flight.loop.loop import simulate
 from flighttune.flight.scenario.schema import Scenario
 
@@ -42,20 +43,13 @@ class TriedDisturbances(Answering):
 
 
 def largest_disturbance(
-    scenario: Scenario | str | Path,
-    gains: PIGains | str | None = None,
-    *,
-    plant: str | None = None,
-    start: float = 0.0,
-    changes: Mapping[str, Any] | None = None,
-    progress: Callable[[float], None] | None = None,
+    problem: TubeProblem, progress: Callable[[float], None] | None = None
 ) -> TriedDisturbances:
-    """Look for the largest disturbance, to two digits, for which the set of `tube` is bounded.
+    """Look for the largest disturbance, to two digits, for which the set of a problem is bounded.
 
     The largest bounded one of those tried is known to two digits if one that is larger follows it.
     None is bounded if the first of `DISTURBANCES`, or the scenario's own, is not.
     """
-    problem = stated_problem(scenario, gains, changes, plant=plant, start=start)
     tried: dict[float, Tube] = {}
 
     def lost(size: float) -> bool:
@@ -77,19 +71,30 @@ def enclosed(problem: TubeProblem, progress: Callable[[float], None] | None = No
 
 
 def stated_problem(
-    scenario: Scenario | str | Path,
-    gains: PIGains | str | None,
-    changes: Mapping[str, Any] | None,
+    source: Scenario | str | Path,
+    wanted: PIGains | str | None = None,
+    changes: Mapping[str, Any] | None = None,
+    *,
+    plant: str | None = None,
+    band: Residual | None = None,
     **flights: Any,
 ) -> TubeProblem:
-    """The flights to enclose; `flights` are further arguments of `tube_problem`."""
-    loaded, name, chosen = load.scenario_and_gains(scenario, gains, changes)
-    law = loaded.law_for(chosen) if isinstance(gains, PIGains) else loaded.law_of(name, chosen)[0]
+    """The flights to enclose; `flights` are further arguments of `tube_problem`.
+
+    The plant is by default an aircraft where there is a band, and numbers as gains are flown by the
+    first law that takes them.
+    """
+    entry = load.chosen_entry(source, wanted, changes)
+    scenario, law = entry.scenario, entry.law
+    if isinstance(wanted, PIGains):
+        law = scenario.law_for(wanted)
     if not law.by_gains:
         raise InfeasibleError(
-            f"{loaded.title}: gains {name}: a tube must be of a law that it knows, got {law.name}."
+            f"{scenario.title}: gains {entry.name}: a tube must be of a law that it knows, got "
+            f"{law.name}."
         )
-    return tube_problem(loaded, chosen, law=law, **flights)
+    table = enclosed_plant(scenario, plant, aircraft=band is not None)
+    return tube_problem(replace(entry, law=law, plant=table), band=band, **flights)
 
 
 def tube_of(
@@ -187,17 +192,17 @@ def _attempt(
 
 def flights_inside(enclosure: Tube) -> bool:
     """Whether the scenario's own flight and those from the corners of the starts are inside."""
-    problem = enclosure.problem
-    scenario, condition = problem.scenario, conditions.start_condition(problem.scenario)
+    problem, entry = enclosure.problem, enclosure.problem.entry
+    condition = entry.condition
     # A tube that is not bounded is compared as far as it goes.
     for chi, gamma in sorted({(0.0, 0.0), *product((-problem.start, problem.start), repeat=2)}):
         signals, _ = simulate(
-            fly.plant_of(problem.table, scenario),
+            fly.plant_of(entry.plant, entry.scenario),
             problem.controller(),
-            conditions.reference_of(scenario),
+            entry.reference,
             condition=replace(condition, chi=condition.chi + chi, gamma=condition.gamma + gamma),
-            duration=scenario.flight.duration_s,
-            lead=conditions.lead_on(scenario, problem.table),
+            duration=entry.scenario.flight.duration_s,
+            lead=entry.lead,
         )
         if not enclosure.bounds.contain(signals):
             return False

@@ -21,9 +21,10 @@ from flighttune.control.exact_law import ExactLaw, RateLaw
 from flighttune.control.gains import PIGains
 from flighttune.control.mimo_pi import BEYOND_STOP, MimoPI
 from flighttune.control.wind import LEAST_SPEED, WIND_ESTIMATE_S
-from flighttune.flight.conditions import command_limits, lead_on
-from flighttune.flight.fly import aircraft_table, plant_of
-from flighttune.flight.load import scenario_and_gains
+from flighttune.flight.conditions import lead_on
+from flighttune.flight.entry import Entry
+from flighttune.flight.fly import aircraft_table
+from flighttune.flight.load import chosen_entry
 from flighttune.flight.models import law_setup
 from flighttune.flight.scenario.schema import Scenario
 from flighttune.gaps.watch import FACTOR, LAG_S, SLOW, signals_of
@@ -61,22 +62,17 @@ _HEAD = (
 )
 
 
-def export_c(
-    scenario: Scenario, name: str, gains: PIGains, folder: Path, *, plant: str | None = None
-) -> Path:
-    """Write the outer loop of one gain set as a C file, limited as the aircraft `plant` is."""
-    limits = command_limits(scenario)
-    if plant is not None or scenario.aircraft:
-        limits = limits.within(plant_of(aircraft_table(scenario, plant), scenario).limits)
-    law, _ = scenario.law_of(name, gains)
-    if (controller := law.in_c(law_setup(scenario, gains, limits))) is None:
+def export_c(entry: Entry, folder: Path) -> Path:
+    """Write the outer loop of one gain set as a C file, limited as its plant is."""
+    scenario, law = entry.scenario, entry.law
+    setup = law_setup(scenario, entry.found_gains, entry.limits)
+    if (controller := law.in_c(setup)) is None:
         raise law.refusal("in_c", "exported")
-    lead = lead_on(scenario, aircraft_table(scenario, plant) if scenario.aircraft else None)
     source = c_source(
         controller,
         title=scenario.title,
-        gains=name,
-        lead=lead,
+        gains=entry.name,
+        lead=entry.lead if entry.plant.aircraft else lead_on(scenario, None),
         g=scenario.flight.g_mps2,
         notes=scenario.assumptions,
         speed_priority=scenario.speed_priority,
@@ -156,15 +152,14 @@ def _of_exact_law(law: RateLaw) -> dict[str, Any]:
     return {**numbers, "course_first": int(law.course_first), "feedback": _numbers(law.feedback)}
 
 
-def _not_counted(
-    monitor: Watching, scenario: Scenario, name: str, gains: PIGains, plant: str | None
-) -> str:
+def _not_counted(monitor: Watching, entry: Entry) -> str:
     """First difference of a scenario's flights from those of a monitor; empty if there is none."""
     if not isinstance(monitor, Monitor):
         return ""
-    label = aircraft_table(scenario, plant).label if scenario.aircraft or plant else "no aircraft"
-    otherwise = monitor.flights.flown_otherwise(label, name, gains)
-    return otherwise or monitor.flights.not_counted(scenario, label, name, monitor.unlike)
+    label = entry.plant.label if entry.plant.aircraft else "no aircraft"
+    otherwise = monitor.flights.flown_otherwise(label, entry.name, entry.gains)
+    about = entry.scenario, label, entry.name, monitor.unlike
+    return otherwise or monitor.flights.not_counted(*about)
 
 
 def monitor_source(monitor: Watching, *, title: str, dt: float, no_claim: str = "") -> str:
@@ -306,22 +301,27 @@ def export(
     >>> ft.export("paper", "paper", out="loop", form="c").source.name
     'ft_outer_loop.c'
     """
-    loaded, name, chosen = scenario_and_gains(scenario, gains, changes)
-    notes = loaded.gains_notes(plant, name)
+    entry = chosen_entry(scenario, gains, changes)
+    loaded = entry.scenario
+    notes = loaded.gains_notes(plant, entry.name)
     watching = load_one(claim, "monitor", BAND, MONITOR)
     if watching is not None and not (isinstance(watching, Watching) and form == "c"):
         got = type(watching).__name__
         raise InputError(f"`claim` must be a monitor, for the form c, got a {got} for {form}.")
+    if form == "jsbsim":
+        loaded.check_over_time("an export", airspeed=True)
+    if form == "jsbsim" or plant or loaded.aircraft:
+        entry = replace(entry, plant=aircraft_table(loaded, plant))
     if form == "c":
         monitor = None
         with together(out):
-            source = export_c(loaded, name, chosen, Path(out), plant=plant)
+            source = export_c(entry, Path(out))
             if watching is not None:
-                if why := _not_counted(watching, loaded, name, chosen, plant):
+                if why := _not_counted(watching, entry):
                     notes = (f"no claim about flights of this scenario: {why}.", *notes)
                 dt = 1.0 / loaded.controller.rate_hz
                 text = monitor_source(watching, title=loaded.title, dt=dt, no_claim=why)
                 monitor = write_text(source.with_name(MONITOR_SOURCE), text)
         return ExportedSource(source=source, notes=notes, monitor=monitor)
-    flight = export_jsbsim(loaded, name, chosen, Path(out).absolute(), plant=plant)
+    flight = export_jsbsim(entry, Path(out).absolute())
     return replace(flight, notes=notes)

@@ -31,9 +31,9 @@ from flighttune.base.files.whole import (
 from flighttune.base.units import FT, G_0
 from flighttune.control import mimo_pi, wind
 from flighttune.control.controller import LawSetup
-from flighttune.control.gains import PIGains
 from flighttune.control.law import OuterLoop
 from flighttune.flight import conditions, fly, models
+from flighttune.flight.entry import Entry
 from flighttune.flight.loop.run import Run
 from flighttune.flight.scenario.schema import Scenario
 from flighttune.routes.feasible import FeasibleReference
@@ -99,14 +99,12 @@ class ExportedFlight(Answering):
     notes: tuple[str, ...] = ()
 
 
-def export_jsbsim(
-    scenario: Scenario, name: str, gains: PIGains, folder: Path, *, plant: str | None = None
-) -> ExportedFlight:
+def export_jsbsim(entry: Entry, folder: Path) -> ExportedFlight:
     """Write a flight as files that JSBSim flies by itself, fly them, and compare with `fly`."""
     folder = folder.absolute()
     with scratch_folder() as scratch:
         with apart():
-            flight = _built(scenario, name, gains, Path(scratch), plant=plant)
+            flight = _built(entry, Path(scratch))
         _put(Path(scratch), folder)
     words = (word.replace(scratch, str(folder)) for word in shlex.split(flight.command))
     return replace(flight, folder=folder, command=shlex.join(words))
@@ -140,12 +138,8 @@ def _sha256(file: Path) -> str:
     return hashlib.sha256(file.read_bytes()).hexdigest() if file.is_file() else ""
 
 
-def _built(
-    scenario: Scenario, name: str, gains: PIGains, folder: Path, *, plant: str | None
-) -> ExportedFlight:
-    """An export in a folder of its own."""
-    scenario.check_over_time("an export", airspeed=True)
-    table = fly.aircraft_table(scenario, plant)
+def _check_air(scenario: Scenario) -> None:
+    """Refuse air that moves in other ways than JSBSim's script knows."""
     if weather := conditions.weather_of(scenario):
         moves = {
             "gust": weather.gust,
@@ -158,15 +152,18 @@ def _built(
                 f"`{key}` must be absent from a scenario that is exported: the only moving air in "
                 "JSBSim's script is a steady wind."
             )
-    aircraft_plant = fly.plant_of(table, scenario)
+
+
+def _built(entry: Entry, folder: Path) -> ExportedFlight:
+    """An export in a folder of its own."""
+    scenario, law = entry.scenario, entry.law
+    _check_air(scenario)
+    aircraft_plant = fly.plant_of(entry.plant, scenario)
     assert isinstance(aircraft_plant, JSBSimPlant)
-    law, _ = scenario.law_of(name, gains)
-    setup = models.law_setup(
-        scenario, gains, conditions.command_limits(scenario).within(aircraft_plant.limits)
-    )
+    setup = models.law_setup(scenario, entry.found_gains, entry.limits)
     if (loop := law.outer_loop(setup)) is None:
         raise law.refusal("outer_loop", "exported")
-    aircraft_plant.start(conditions.start_condition(scenario))
+    aircraft_plant.start(entry.condition)
     fdm = aircraft_plant.fdm
     assert fdm is not None
     frames = round(fdm.rate * setup.dt)
@@ -174,8 +171,8 @@ def _built(
     whole = frames * fdm.steps
     still = AT_REST + 4.0 * fdm.engine_settles
     t_0 = math.ceil(still * fdm.rate / whole) * whole / fdm.rate
-    lead = conditions.lead_on(scenario, table)
-    sampled = _sampled(scenario, setup, loop, lead, scenario.sensors_on(table.label))
+    sensors = scenario.sensors_on(entry.plant.label)
+    sampled = _sampled(scenario, setup, loop, entry.lead, sensors)
     values = _values(scenario, setup, loop, fdm)
     if "ft/outer/plan/n_z" in sampled:
         values["ft/outer/planned"] = 1.0
@@ -199,24 +196,13 @@ def _built(
     # The console command takes no step from a script, and writes to its root.
     options = [f"--simulation-rate={fdm.rate!r}", f"--script={SCRIPT}"]
     at_folder = [f"--root={folder}", *options]
-    run = fly.fly_once(
-        scenario, aircraft_plant, gains, plant_label=table.label, gains_name=name, lead=lead
-    )
+    run = fly.fly_once(entry, aircraft_plant, lead=entry.lead)
     largest, differs = _differences(at_folder, folder / CSV, t_0, run)
-    if differs:
-        verdict = f"JSBSim's flight is not that of `flighttune fly`: {differs}."
-    else:
-        verdict = (
-            f"JSBSim flew the folder with the gains {name}: its flight is that of `flighttune fly` "
-            f"to within {max(largest.values()):.1g} (rad{', m/s' * scenario.airspeed}, and 1 for "
-            "the load factor)."
-        )
-    if largest and run.status != "completed":
-        verdict += f" They were compared until `flighttune fly` ended the flight: {run.reason}"
+    verdict = _verdict(entry, run, largest, differs)
     readme = _README.read_text(encoding="utf-8").format(
         title=printable(scenario.title),
         model=folders.name,
-        gains=name,
+        gains=entry.name,
         version=__version__,
         verdict=" ".join([verdict, *scenario.assumptions]),
         command=shlex.join(["jsbsim", "--root=.", *options]),
@@ -236,6 +222,20 @@ def _built(
         verdict=verdict,
         same=not differs,
     )
+
+
+def _verdict(entry: Entry, run: Run, largest: Mapping[str, float], differs: str) -> str:
+    """How JSBSim's flight compares with the run, in words."""
+    verdict = f"JSBSim's flight is not that of `flighttune fly`: {differs}."
+    if not differs:
+        verdict = (
+            f"JSBSim flew the folder with the gains {entry.name}: its flight is that of "
+            f"`flighttune fly` to within {max(largest.values()):.1g} "
+            f"(rad{', m/s' * entry.scenario.airspeed}, and 1 for the load factor)."
+        )
+    if largest and run.status != "completed":
+        verdict += f" They were compared until `flighttune fly` ended the flight: {run.reason}"
+    return verdict
 
 
 def _differences(

@@ -18,8 +18,7 @@ from flighttune.claims import verbs as band_module
 from flighttune.claims.counted_flights import plan_of
 from flighttune.claims.shape import LEAST
 from flighttune.claims.tubes.enclosure import Tube, load_tube
-from flighttune.claims.tubes.problem import tube_problem
-from flighttune.claims.tubes.tube import flights_inside, tube_of
+from flighttune.claims.tubes.tube import flights_inside, stated_problem, tube_of
 from flighttune.gaps.residual import residual_rates
 from tests.campaigns.test_band import ALONE, count
 from tests.claims.tubes.test_proof import arrays_of, claim_of, rewritten
@@ -308,7 +307,7 @@ def conformant(draw):
 
 def check_conformant(case, seed):
     scenario, known = case
-    problem = tube_problem(scenario, ft.PAPER_GAINS, band=known)
+    problem = stated_problem(scenario, ft.PAPER_GAINS, band=known)
     found = tube_of(problem, attempts=FEW_PIECES, for_ever=False)
     rng, model = np.random.default_rng(seed), known.flights.model
     boxes = known.bounds(problem.t)

@@ -8,8 +8,8 @@ import pytest
 from fuzzing import first_or_all
 
 import flighttune as ft
-from flighttune.claims.tubes.problem import QUANTITIES, tube_problem
-from flighttune.claims.tubes.tube import tube_of
+from flighttune.claims.tubes.problem import QUANTITIES
+from flighttune.claims.tubes.tube import stated_problem, tube_of
 from flighttune.flight.loop.disturbance import Sinusoid
 from tests.claims.tubes.test_proof import arrays_of, claim_of, rewritten
 from tests.claims.tubes.test_soundness import disturbed_flight, made_up, tube
@@ -64,7 +64,7 @@ WIDER = 1.25
 
 @pytest.mark.counts
 def test_bounds_for_ever_are_those_of_the_tube_of_a_longer_flight(scenario, found):
-    problem = tube_problem(lasting(scenario, 3.0), ft.PAPER_GAINS, disturbance=D)
+    problem = stated_problem(lasting(scenario, 3.0), ft.PAPER_GAINS, disturbance=D)
     longer = tube_of(problem, for_ever=False)
 
     after = longer.bounds.pairs[longer.bounds.t > scenario.flight.duration_s, :2]

@@ -16,9 +16,9 @@ from scipy.optimize import linprog
 
 import flighttune as ft
 from flighttune.claims.tubes.exact import enclosure_of
-from flighttune.claims.tubes.problem import tube_problem
 from flighttune.claims.tubes.sample import LIFT, SPLITS, start_set
 from flighttune.claims.tubes.search import Search
+from flighttune.claims.tubes.tube import stated_problem
 from tests.claims.tubes.test_soundness import (
     BRAKING_LATE,
     EXACT_PAPER,
@@ -170,8 +170,7 @@ def with_law(plant, *, exact, fed_back=False, **manoeuvre):
 
 def distances_at(case, plan_of, *, count, at, disturbance=0.0, start_deg=0.5, seed=1):
     """Distances at some samples, shape (samples, count), and the plan that was followed."""
-    scenario, gains = case
-    problem = tube_problem(scenario, gains, start=start_deg * DEG, disturbance=disturbance or None)
+    problem = stated_problem(*case, start=start_deg * DEG, disturbance=disturbance or None)
     rng, flown = np.random.default_rng(seed), []
     for i in range(count):  # half of the flights start at the edge of the set of starts
         off = problem.start * rng.uniform(-1.0, 1.0, 2)

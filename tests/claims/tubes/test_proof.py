@@ -15,7 +15,7 @@ from made_up import scenario_file
 
 import flighttune as ft
 from flighttune.base.words import quoted
-from flighttune.claims.tubes.problem import tube_problem
+from flighttune.claims.tubes.tube import stated_problem
 from flighttune.vehicles.identification.file import LogEvidence
 from tests.claims.tubes.test_soundness import made_up, tube
 from tests.commands import flighttune
@@ -368,7 +368,7 @@ def test_the_disturbance_of_a_model_from_logs_is_the_larger_residual_rate(tmp_pa
     plants = [{"kind": "point_mass_lag", "identified": str(tmp_path / "mine.json")}]
     flown = ft.scenario_from(made_up(gamma_deg=0.0).as_dict() | {"plant": plants})
 
-    assert tube_problem(flown, ft.PAPER_GAINS).disturbance == 0.02
+    assert stated_problem(flown, ft.PAPER_GAINS).disturbance == 0.02
 
 
 @pytest.mark.parametrize("n_z", [[0.95, 2.0], [0.0, 0.98]])
@@ -378,6 +378,6 @@ def test_load_factors_at_both_ends_of_the_starts_are_inside_their_range(n_z):
     tables["limits"]["n_z"] = n_z
     flown = ft.scenario_from(tables)
 
-    assert tube_problem(flown, ft.PAPER_GAINS, start=np.deg2rad(0.5)).start > 0.0
+    assert stated_problem(flown, ft.PAPER_GAINS, start=np.deg2rad(0.5)).start > 0.0
     with pytest.raises(ft.InputError, match=r"`n_z` .* must start inside its range"):
-        tube_problem(flown, ft.PAPER_GAINS, start=np.deg2rad(5.0))
+        stated_problem(flown, ft.PAPER_GAINS, start=np.deg2rad(5.0))

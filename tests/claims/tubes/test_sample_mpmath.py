@@ -11,9 +11,9 @@ from mpmath import mp, mpf
 from flighttune.claims.tubes import sample as sample_module
 from flighttune.claims.tubes.exact import enclosure_of
 from flighttune.claims.tubes.forms import Pieces
-from flighttune.claims.tubes.problem import tube_problem
 from flighttune.claims.tubes.sample import CONSTRAINTS, STATES
 from flighttune.claims.tubes.search import Search
+from flighttune.claims.tubes.tube import stated_problem
 from tests.claims.tubes.test_membership import KINEMATIC, POINT, with_law
 
 DIGITS = 30
@@ -124,7 +124,7 @@ def test_a_sample_holds_points_to_thirty_digits(exact, plant, boxes, points):
     scenario, gains = with_law(
         plant, exact=exact, chi_err_deg=0.0, gamma_deg=10.0, gamma_ref_deg=10.0
     )
-    loop = tube_problem(scenario, gains, disturbance=D).loop
+    loop = stated_problem(scenario, gains, disturbance=D).loop
     rng, outside, met = np.random.default_rng(5), [], np.zeros(2, dtype=bool)
     for _ in range(boxes):
         phi, error = rng.uniform(-0.5, 0.5), rng.uniform(-0.03, 0.03, 2)

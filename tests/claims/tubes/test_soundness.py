@@ -12,10 +12,9 @@ from made_up import made_up_scenario
 import flighttune as ft
 from flighttune.claims.tubes.enclosure import Settings
 from flighttune.claims.tubes.exact import enclosure_of
-from flighttune.claims.tubes.problem import tube_problem
 from flighttune.claims.tubes.sample import start_set
 from flighttune.claims.tubes.search import Search
-from flighttune.claims.tubes.tube import tube_of
+from flighttune.claims.tubes.tube import stated_problem, tube_of
 from flighttune.flight.conditions import lead_on, reference_of, start_condition
 from flighttune.flight.loop.loop import simulate
 
@@ -57,7 +56,7 @@ def made_up(
 
 def tube(scenario, gains, *, for_ever=True, **flights):
     """The tube of a scenario's flights, with what follows its end or without, which is faster."""
-    return tube_of(tube_problem(scenario, gains, **flights), for_ever=for_ever)
+    return tube_of(stated_problem(scenario, gains, **flights), for_ever=for_ever)
 
 
 RAMP = {"shape": "ramp", "start_s": 0.2, "duration_s": 1.0, "roll_in_s": 0.3}
@@ -209,7 +208,7 @@ def all_stay(found, disturbance, rng):
 def check(case, seed):
     rng = np.random.default_rng(seed)
     start, disturbance = rng.choice([0.0, 0.2, 2.0]) * DEG, rng.choice([0.0, 0.002, 0.02])
-    problem = tube_problem(*case, start=start, disturbance=disturbance or None)
+    problem = stated_problem(*case, start=start, disturbance=disturbance or None)
     found = tube_of(problem, attempts=FEW_PIECES, for_ever=False)
     assert all_stay(found, disturbance, rng)
 
@@ -222,7 +221,7 @@ def test_no_flight_leaves_the_tube(count):
 def test_the_margin_between_samples_is_at_both_ends_of_an_interval():
     D, h, k = 0.02, 0.02, 5
     level = made_up(chi_err_deg=0.0, gamma_deg=0.0, gamma_ref_deg=0.0)
-    problem = tube_problem(level, ft.PAPER_GAINS, disturbance=D)
+    problem = stated_problem(level, ft.PAPER_GAINS, disturbance=D)
     only_k = (np.arange(len(problem.t)) == k)[:, np.newaxis, np.newaxis]
     loop = replace(problem.loop, boxes=problem.loop.boxes * only_k)
     starts = start_set(loop, 0.0, sides=1, symbols=660)
