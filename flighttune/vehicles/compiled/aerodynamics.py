@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: LGPL-2.1-or-later
 """Aerodynamic forces and moments: FGAerodynamics."""
 
+from collections.abc import Sequence
 from xml.etree.ElementTree import Element
 
 from flighttune.vehicles.compiled.functions import function
@@ -14,6 +15,8 @@ _AXES = {
     for place, name in enumerate(names.split())
 }
 
+_FORCES, _MOMENTS = (0, 1, 2), (3, 4, 5)
+
 # Dynamic pressure above which the lift coefficient is computed, psf.
 _MOVING = 1.0
 
@@ -23,22 +26,31 @@ def aerodynamics(now: Properties, root: Element) -> None:
     aero = root.find("aerodynamics")
     if aero is None:
         raise Unsupported("a model without aerodynamics")
-    if aero.find("aero_ref_pt_shift_x") is not None:
-        raise Unsupported("a shift of the aerodynamic reference point")
     _lengths(now, aero)
-    axes = sorted(aero.findall("axis"), key=lambda axis: _AXES[axis.get("name", "")])
+    shift = aero.find("aero_ref_pt_shift_x/function")
+    # The last of several axes of one name is the one that counts.
+    axes = {_AXES[axis.get("name", "")]: axis for axis in aero.findall("axis")}
     own: list[Number] = [0.0] * 6
     at_cg: list[Number] = [0.0] * 6
-    for axis in axes:
-        if axis.get("frame"):
-            raise Unsupported("an axis with a `frame`")
-        i = _AXES[axis.get("name", "")]
-        for part in axis.findall("function"):
-            sums = at_cg if part.get("apply_at_cg") == "true" else own
-            sums[i] = sums[i] + function(now, part)
-    names = {axis.get("name", "") for axis in axes}
+
+    def add_up(places: Sequence[int]) -> None:
+        for i in (place for place in places if place in axes):
+            for part in axes[i].findall("function"):
+                sums = at_cg if part.get("apply_at_cg") == "true" else own
+                sums[i] = sums[i] + function(now, part)
+
+    names = {axis.get("name", "") for axis in aero.findall("axis")}
+    frames = {axis.get("frame", "").upper() for axis in aero.findall("axis") if axis.get("frame")}
+    if frames - {"BODY"} or len(names & {"LIFT", "DRAG", "AXIAL", "NORMAL", "X", "Y", "Z"}) < 1:
+        raise Unsupported("axes of aerodynamics in a frame of their own")
+    add_up(_FORCES)
     forces = _in_body_axes(now, own[:3], names)
-    moments = add(own[3:], cross(now.reference_point, forces))
+    arm = now.reference_point
+    if shift is not None:
+        by = function(now, shift) * now["metrics/cbarw-ft"]
+        arm = [arm[0] - by, arm[1], arm[2]]
+    add_up(_MOMENTS)
+    moments = add(own[3:], cross(arm, forces))
     if symbolic(*at_cg[:3]):
         forces = add(forces, _in_body_axes(now, at_cg[:3], names))
     now.forces["aero"], now.moments["aero"] = forces, moments
@@ -61,6 +73,12 @@ def _lengths(now: Properties, aero: Element) -> None:
     alpha = now["aero/alpha-rad"]
     now["aero/alpha-wing-rad"] = alpha + now["metrics/iw-rad"]
     now["aero/qbar-area"] = area * qbar
+    stall = aero.find("alphalimits")
+    if stall is not None:
+        unit = 1.0 if stall.get("unit", "RAD") == "RAD" else RADIANS
+        limit = float(stall.findtext("max") or "nan") * unit
+        near = 10 * (alpha / limit - 0.85)
+        now["systems/stall-warn-norm"] = select(alpha > 0.85 * limit, near, 0.0)
     limits = aero.find("hysteresis_limits")
     if limits is not None:
         unit = 1.0 if limits.get("unit", "RAD") == "RAD" else RADIANS

@@ -3,7 +3,8 @@
 
 import math
 import operator
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import reduce
 from typing import Any, TypeAlias
 from xml.etree.ElementTree import Element
@@ -20,13 +21,19 @@ from flighttune.vehicles.compiled.properties import Properties, Unsupported, can
 from flighttune.vehicles.compiled.trace import (
     Number,
     Truth,
+    call,
     constrained,
+    cos,
     different,
     equal,
     fabs,
+    largest,
+    least,
     lookup,
+    negated,
     segment,
     select,
+    sin,
 )
 
 # JSBSim runs its systems in this order, whatever that in the file.
@@ -40,7 +47,12 @@ _ROUNDOFF = 2.0 * 2.220446049250313e-16
 # Most detents that a part passes in one step.
 _PASSED = 3
 
-Component: TypeAlias = Callable[[Properties, Element, float], Number]
+_NO_PARTS = ("documentation", "description")
+
+FILTERS = ("lag_filter", "washout_filter", "lead_lag_filter", "second_order_filter")
+
+# A degree, as the component for angles has it.
+_DEGREE = 0.017453293
 
 
 def name_of(element: Element) -> str:
@@ -50,11 +62,9 @@ def name_of(element: Element) -> str:
 
 
 def outputs_of(element: Element) -> list[str]:
-    """Properties that a component writes."""
-    return [
-        name_of(element),
-        *(canonical(output.text or "") for output in element.findall("output")),
-    ]
+    """Properties that a component writes, its own last."""
+    further = (canonical(output.text or "") for output in element.findall("output"))
+    return [*further, name_of(element)]
 
 
 def inputs_of(element: Element) -> list[str]:
@@ -70,170 +80,264 @@ def systems_of(root: Element) -> list[Element]:
     )
 
 
+def execution_rate(channel: Element) -> int:
+    """Steps from one run of a channel to the next."""
+    return max(1, int(float(channel.get("execrate") or 1)))
+
+
+def channels_of(root: Element) -> list[Element]:
+    """All channels in the order in which they run."""
+    return [channel for system in systems_of(root) for channel in system.findall("channel")]
+
+
 def written_by_channels(root: Element) -> set[str]:
     """Properties that some component writes."""
     components = (part for part in root.iterfind(".//channel/*") if part.get("name"))
     return {name for part in components for name in outputs_of(part)}
 
 
+@dataclass(frozen=True)
+class Part:
+    """A component in its channel, at a step."""
+
+    now: Properties
+    element: Element
+    dt: float  # from one run of its channel to the next, s
+
+    @property
+    def name(self) -> str:
+        """Its property."""
+        return name_of(self.element)
+
+    @property
+    def x(self) -> Number:
+        """Its first input."""
+        return prop(self.now, inputs_of(self.element)[0])
+
+    def has(self, tag: str) -> bool:
+        """Whether it has a part of a name."""
+        return self.element.find(tag) is not None
+
+    def text(self, tag: str) -> str:
+        """Text of a part; empty if there is none."""
+        return (self.element.findtext(tag) or "").strip()
+
+    def number(self, tag: str, default: float = 0.0) -> Number:
+        """The number in a part."""
+        return number(self.now, self.text(tag)) if self.text(tag) else default
+
+    def parameter(self, tag: str, default: Number = 0.0) -> Number:
+        """The number or property in a part."""
+        return value_or_property(self.now, self.text(tag)) if self.has(tag) else default
+
+    def memory(self, kind: str) -> str:
+        """The name of what the component remembers from step to step."""
+        return f"_{kind}:{self.name}"
+
+    def lagged(self, x: Number, lag: Number) -> Number:
+        """A lag of first order, by the trapezoidal rule."""
+        a, b = _lag_coefficients(self.dt, lag)
+        before, last = self.memory("lag-in"), self.memory("lag-out")
+        y = a * (x + self.now[before]) + self.now[last] * b
+        self.now[before], self.now[last] = x, y
+        return y
+
+    def delayed(self, x: Number) -> Number:
+        """A value some runs later."""
+        part = self.element.find("delay")
+        if part is None:
+            return x
+        frames = float(part.text or "0")
+        if part.get("type", "time") != "frames":
+            frames = frames / self.dt
+        # A ring of so many places is read behind the place just written: one run less.
+        names = [self.memory(f"delay{k}") for k in range(1, int(frames))]
+        if not names:
+            return x
+        old = [self.now[name] for name in names]
+        for name, value in zip(names, [x, *old[:-1]], strict=True):
+            self.now[name] = value
+        return old[-1]
+
+    def only_known(self, *known: str) -> None:
+        """Refuse parts that the compiled step does not know."""
+        further = {*known, "input", "output", "clipto", *_NO_PARTS}
+        if unknown := {part.tag for part in self.element} - further:
+            raise Unsupported(f"<{min(unknown)}> in <{self.element.tag}>")
+
+
+def _lag_coefficients(dt: float, lag: Number) -> tuple[Number, Number]:
+    denominator = 2.00 + dt * lag
+    return dt * lag / denominator, (2.00 - dt * lag) / denominator
+
+
+Component: TypeAlias = Callable[[Part], Number]
+
+
 def run_channels(now: Properties, root: Element, dt: float) -> None:
     """Every component of every channel."""
     written = written_by_channels(root)
-    for system in systems_of(root):
-        for channel in system.findall("channel"):
-            if channel.get("execute"):
-                raise Unsupported("a channel with `execute`")
-            for element in channel:
-                _run(now, element, dt, written)
+    for n, channel in enumerate(channels_of(root)):
+        switch, rate = channel.get("execute"), execution_rate(channel)
+        runs: Truth = different(prop(now, switch), 0.0) if switch else True
+        if rate > 1:
+            # It runs in the last of so many steps.
+            count = now[f"_frames{n}"]
+            count = select(count >= rate, 0.0, count) + 1.0
+            now[f"_frames{n}"] = select(runs, count, now[f"_frames{n}"])
+            runs = runs & (count >= rate)
+        before = dict(now.now)
+        for element in channel:
+            _run(Part(now, element, dt * rate), written)
+        if not isinstance(runs, bool):
+            now.keep_unless(runs, before)
 
 
-def _run(now: Properties, element: Element, dt: float, written: set[str]) -> None:
-    if element.tag in ("documentation", "description"):
+def _run(part: Part, written: set[str]) -> None:
+    now, element = part.now, part.element
+    if element.tag in _NO_PARTS:
+        return
+    if element.tag == "distributor":
+        _distribute(part)
         return
     if element.tag not in _COMPONENTS:
         raise Unsupported(f"the component <{element.tag}>")
+    names = outputs_of(element)
     if element.tag == "kinematic" and inputs_of(element)[0].lstrip("-") not in written:
         # Nothing moves its command in flight: it stays where the trim put it.
-        y = now[_first_output(element)]
+        y = now[names[0]]
     else:
-        y = _COMPONENTS[element.tag](now, element, dt)
-    y = _clipped(now, element, y)
-    for name in reversed(outputs_of(element)):
+        y = _COMPONENTS[element.tag](part)
+    y = _clipped(part, y)
+    for name in names:
         now[name] = y
 
 
-def _first_output(element: Element) -> str:
-    return outputs_of(element)[1] if element.find("output") is not None else name_of(element)
-
-
-def _text(element: Element, tag: str) -> str:
-    return (element.findtext(tag) or "").strip()
-
-
-def _parameter(now: Properties, element: Element, tag: str, default: Number = 0.0) -> Number:
-    """The number or property in a part of a component."""
-    part = element.find(tag)
-    return default if part is None else value_or_property(now, part.text or "")
-
-
-def _bounds(now: Properties, element: Element) -> tuple[Number, Number] | None:
-    clip = element.find("clipto")
-    if clip is None:
-        return None
-    if clip.get("type") == "cyclic":
-        raise Unsupported("a cyclic clip")
-    return _parameter(now, clip, "min"), _parameter(now, clip, "max")
-
-
-def _clipped(now: Properties, element: Element, x: Number) -> Number:
-    bounds = _bounds(now, element)
-    if bounds is None:
+def _clipped(part: Part, x: Number) -> Number:
+    clip = part.element.find("clipto")
+    if clip is None or clip.find("min") is None or clip.find("max") is None:
         return x
-    low, high = bounds
-    y = constrained(low, x, high)
-    if element.tag == "actuator":
+    low, high = (value_or_property(part.now, clip.findtext(end) or "") for end in ("min", "max"))
+    if clip.get("type") == "cyclic":
+        y = call("fmod", x - low, high - low) + low
+        return select(y < low, y + (high - low), y)
+    # Bounds in the wrong order are no bounds.
+    y = select(high - low < 0.0, x, constrained(low, x, high))
+    if part.element.tag == "actuator":
         at_stop = ((y >= high) & different(high, 0.0)) | ((y <= low) & different(low, 0.0))
-        now[f"{name_of(element)}/saturated"] = as_number(at_stop)
+        part.now[f"{part.name}/saturated"] = as_number(at_stop)
     return y
 
 
-def _only_known(element: Element, *known: str) -> None:
-    unknown = {part.tag for part in element} - {*known, "input", "output", "clipto"}
-    if unknown := unknown - {"documentation", "description"}:
-        raise Unsupported(f"<{min(unknown)}> in <{element.tag}>")
+def _fcs_function(part: Part) -> Number:
+    (operation,) = part.element.findall("function")
+    y = function(part.now, operation)
+    return y * part.x if inputs_of(part.element) else y
 
 
-def _fcs_function(now: Properties, element: Element, dt: float) -> Number:
-    (part,) = element.findall("function")
-    y = function(now, part)
-    sources = inputs_of(element)
-    return y * prop(now, sources[0]) if sources else y
-
-
-def _summer(now: Properties, element: Element, dt: float) -> Number:
+def _summer(part: Part) -> Number:
     start: Number = 0.0
-    total = reduce(operator.add, (prop(now, name) for name in inputs_of(element)), start)
-    return total + number(now, _text(element, "bias") or "0")
+    inputs = (prop(part.now, name) for name in inputs_of(part.element))
+    return reduce(operator.add, inputs, start) + part.number("bias")
 
 
-def _pure_gain(now: Properties, element: Element, dt: float) -> Number:
-    return _parameter(now, element, "gain", 1.0) * prop(now, inputs_of(element)[0])
+def _pure_gain(part: Part) -> Number:
+    return part.parameter("gain", 1.0) * part.x
 
 
-def _scheduled_gain(now: Properties, element: Element, dt: float) -> Number:
-    (scheduled,) = element.findall("table")
-    gain = _parameter(now, element, "gain", 1.0) * table(now, scheduled)
-    return gain * prop(now, inputs_of(element)[0])
+def _scheduled_gain(part: Part) -> Number:
+    (scheduled,) = part.element.findall("table")
+    return part.parameter("gain", 1.0) * table(part.now, scheduled) * part.x
 
 
-def _aerosurface_scale(now: Properties, element: Element, dt: float) -> Number:
-    x = prop(now, inputs_of(element)[0])
+def _aerosurface_scale(part: Part) -> Number:
+    x = part.x
 
     def limits(tag: str) -> tuple[Number, Number]:
-        part = element.find(tag)
-        if part is None:
+        of = part.element.find(tag)
+        if of is None or of.find("min") is None or of.find("max") is None:
             return -1.0, 1.0
-        return number(now, _text(part, "min") or "-1"), number(now, _text(part, "max") or "1")
+        low, high = (number(part.now, of.findtext(end) or "") for end in ("min", "max"))
+        return low, high
 
     (in_min, in_max), (out_min, out_max) = limits("domain"), limits("range")
-    if _text(element, "zero_centered") not in ("0", "false"):
+    if part.text("zero_centered") not in ("0", "false"):
         above, below = (x / in_max) * out_max, (x / in_min) * out_min
         y = select(equal(x, 0.0), 0.0, select(x > 0.0, above, below))
     else:
         y = out_min + ((x - in_min) / (in_max - in_min)) * (out_max - out_min)
-    return y * _parameter(now, element, "gain", 1.0)
+    return y * part.parameter("gain", 1.0)
 
 
-def _sensor(now: Properties, element: Element, dt: float) -> Number:
-    _only_known(element, "delay")
-    x, name = prop(now, inputs_of(element)[0]), name_of(element)
-    frames = int(float(_text(element, "delay") or "0") / dt)
-    # A ring of so many places is read behind the place just written: it delays by one step less.
-    if frames < 2:
+def _sensor(part: Part) -> Number:
+    part.only_known("lag", "drift_rate", "gain", "bias", "delay", "quantization")
+    now, x = part.now, part.x
+    lag, gain, drift = (part.number(tag) for tag in ("lag", "gain", "drift_rate"))
+    if part.has("lag"):
+        x = part.lagged(x, lag)
+    if part.has("drift_rate"):
+        now[part.memory("drift")] = now[part.memory("drift")] + drift * part.dt
+        x = x + now[part.memory("drift")]
+    if part.has("gain"):
+        x = x * gain
+    x = part.delayed(x + part.number("bias"))
+    quantization = part.element.find("quantization")
+    if quantization is None:
         return x
-    old = [now[f"_delay{k}:{name}"] for k in range(1, frames)]
-    for k, value in enumerate([x, *old[:-1]], 1):
-        now[f"_delay{k}:{name}"] = value
-    return old[-1]
+    low, high, bits = (float(quantization.findtext(tag) or 0) for tag in ("min", "max", "bits"))
+    if not bits:
+        return x
+    grain = (high - low) / 2 ** int(bits)
+    x = select(x < low, low, x)
+    x = select(x > high, high, x)
+    return call("trunc", (x - low) / grain) * grain + low
 
 
-def _deadband(now: Properties, element: Element, dt: float) -> Number:
-    half = 0.5 * _parameter(now, element, "width")
-    x, gain = prop(now, inputs_of(element)[0]), number(now, _text(element, "gain") or "1")
+def _deadband(part: Part) -> Number:
+    half, x, gain = 0.5 * part.parameter("width"), part.x, part.number("gain", 1.0)
     inside = select(x > half, (x - half) * gain, 0.0)
     return select(x < -half, (x + half) * gain, inside)
 
 
-def _actuator(now: Properties, element: Element, dt: float) -> Number:
-    _only_known(element, "lag", "rate_limit", "bias")
-    x, name = prop(now, inputs_of(element)[0]), name_of(element)
-    if element.find("lag") is not None:
-        lag = _parameter(now, element, "lag")
-        denominator = 2.00 + dt * lag
-        a, b = dt * lag / denominator, (2.00 - dt * lag) / denominator
-        y = a * (x + now[f"_lag-in:{name}"]) + now[f"_lag-out:{name}"] * b
-        now[f"_lag-in:{name}"], now[f"_lag-out:{name}"] = x, y
-        x = y
-    if element.find("rate_limit") is not None:
-        x = _rate_limited(now, element, x, dt)
-    return x + number(now, _text(element, "bias") or "0")
+def _actuator(part: Part) -> Number:
+    part.only_known("lag", "rate_limit", "deadband_width", "hysteresis_width", "bias", "delay")
+    x = part.x
+    if part.has("lag"):
+        x = part.lagged(x, part.parameter("lag"))
+    if part.has("rate_limit"):
+        x = _rate_limited(part, x)
+    if part.has("deadband_width"):
+        half = part.number("deadband_width") / 2.0
+        x = select(x < -half, x + half, select(x > half, x - half, 0.0))
+    if part.has("hysteresis_width"):
+        x = _with_hysteresis(part, x)
+    return part.delayed(x + part.number("bias"))
 
 
-def _rate_limited(now: Properties, element: Element, x: Number, dt: float) -> Number:
+def _rate_limited(part: Part, x: Number) -> Number:
     up: Number | None = None
     down: Number | None = None
-    for part in element.findall("rate_limit"):
-        limit, sense = value_or_property(now, part.text or ""), part.get("sense", "")[:4]
-        up = up if sense == "decr" else limit
-        down = down if sense == "incr" else limit
-    name = f"_rate:{name_of(element)}"
-    before = now[name]
+    for limit in part.element.findall("rate_limit"):
+        value, sense = value_or_property(part.now, limit.text or ""), limit.get("sense", "")[:4]
+        up = up if sense == "decr" else value
+        down = down if sense == "incr" else value
+    name, dt = part.memory("rate"), part.dt
+    before = part.now[name]
     delta, y = x - before, x
     if up is not None:
         y = select(delta > dt * up, before + up * dt, y)
     if down is not None:
         y = select(delta < dt * -down, before + -down * dt, y)
-    now[name] = y
+    part.now[name] = y
+    return y
+
+
+def _with_hysteresis(part: Part, x: Number) -> Number:
+    name, half = part.memory("hysteresis"), 0.5 * part.number("hysteresis_width")
+    before = part.now[name]
+    falling = select(x < before, least(before, x + half), x)
+    y = select(x > before, largest(before, x - half), falling)
+    part.now[name] = y
     return y
 
 
@@ -245,49 +349,60 @@ def integrator_kind(element: Element) -> str:
     return part.get("type") or ("ab2" if element.tag == "pid" else "trap")
 
 
-def integrand(kind: str, x: Any, before: Any) -> Any:
-    """What an integrator adds up in a step."""
-    if kind == "ab2":
-        return 1.5 * x - 0.5 * before
-    if kind not in ("", "rect", "trap"):
-        raise Unsupported(f'an integrator of type "{kind}"')
-    return {"": 0.0, "rect": x, "trap": 0.5 * (x + before)}[kind]
+def integrand(kind: str, x: Any, before: Any, earlier: Any = 0.0) -> Any:
+    """What an integrator adds up in a step, from its input now and in the steps before."""
+    if kind == "rect":
+        return x
+    if kind == "trap":
+        return 0.5 * (x + before)
+    if kind == "ab3":
+        return (23.0 * x - 16.0 * before + 5.0 * earlier) / 12.0
+    # Any other name stands for the second rule of Adams and Bashforth.
+    return 1.5 * x - 0.5 * before if kind else 0.0
 
 
-def _pid(now: Properties, element: Element, dt: float) -> Number:
-    if element.find("pvdot") is not None or element.get("type") == "standard":
-        raise Unsupported("a <pid> with `pvdot` or of the standard type")
-    name, kind = name_of(element), integrator_kind(element)
-    x, before = prop(now, inputs_of(element)[0]), now[f"_in:{name}"]
-    delta, total = integrand(kind, x, before), now[f"_sum:{name}"]
-    if trigger := _text(element, "trigger"):
+def _pid(part: Part) -> Number:
+    now, kind = part.now, integrator_kind(part.element)
+    third = kind == "ab3"
+    x, before = part.x, now[part.memory("in")]
+    earlier = now[part.memory("in2")] if third else 0.0
+    slope = prop(now, part.text("pvdot")) if part.has("pvdot") else (x - before) / part.dt
+    delta, total = integrand(kind, x, before, earlier), now[part.memory("sum")]
+    if trigger := part.text("trigger"):
         test = prop(now, trigger)
         delta = select(fabs(test) < ZERO_TRIGGER, delta, 0.0)
         total = select(test < 0.0, 0.0, total)
-    gain = _parameter(now, element, "ki" if element.tag == "pid" else "c1")
-    total = total + gain * dt * delta
-    damped = _parameter(now, element, "kd") * ((x - before) / dt)
-    now[f"_sum:{name}"], now[f"_in:{name}"] = total, x
-    return _parameter(now, element, "kp") * x + total + damped
+        earlier = select(test < 0.0, 0.0, before)
+    else:
+        earlier = before
+    if third:
+        now[part.memory("in2")] = earlier
+    gain = part.parameter("ki" if part.element.tag == "pid" else "c1")
+    total = total + gain * part.dt * delta
+    now[part.memory("sum")], now[part.memory("in")] = total, x
+    k_p, damped = part.parameter("kp"), part.parameter("kd") * slope
+    if part.element.get("type") == "standard":
+        return k_p * (x + total + damped)
+    return k_p * x + total + damped
 
 
-def _kinematic(now: Properties, element: Element, dt: float) -> Number:
+def _kinematic(part: Part) -> Number:
     """A part that goes from detent to detent at the rates between them."""
-    settings = element.findall("traverse/setting")
-    detents = [float(_text(setting, "position")) for setting in settings]
-    times = [float(_text(setting, "time")) for setting in settings]
-    y, x = now[_first_output(element)], prop(now, inputs_of(element)[0])
-    if element.find("noscale") is None:
+    settings = part.element.findall("traverse/setting")
+    detents = [float(setting.findtext("position") or "nan") for setting in settings]
+    times = [float(setting.findtext("time") or "nan") for setting in settings]
+    y, x = part.now[outputs_of(part.element)[0]], part.x
+    if not part.has("noscale"):
         x = x * detents[-1]
     x = constrained(detents[0], x, detents[-1])
-    left: Number = dt
+    left: Number = part.dt
     for _ in range(min(_PASSED, len(detents) - 1)):
         y, left = _moved(detents, times, x, y, left)
     return y
 
 
 def _moved(
-    detents: list[float], times: list[float], x: Number, y: Number, left: Number
+    detents: Sequence[float], times: Sequence[float], x: Number, y: Number, left: Number
 ) -> tuple[Number, Number]:
     """The place after moving between two detents, and the time of the step that is left."""
     a, b = fabs(x), fabs(y)
@@ -297,7 +412,7 @@ def _moved(
     up_to = [detents[0], *(math.nextafter(d, -math.inf) for d in detents[1:-1]), detents[-1]]
     i, j = segment(detents, y), segment(up_to, y)
 
-    def at(values: list[float], by: int) -> Number:
+    def at(values: Sequence[float], by: int) -> Number:
         return select(down, lookup(values, i, by), lookup(values, j, by))
 
     low, high, time = at(detents, 0), at(detents, 1), at(times, 1)
@@ -305,30 +420,46 @@ def _moved(
     goal = constrained(low, x, high)
     needed = fabs((goal - y) / rate)
     short = left < needed
-    part = select(y < x, y + left * rate, y - left * rate)
-    reached = select(time <= 0.0, x, select(short, part, goal))
+    further = select(y < x, y + left * rate, y - left * rate)
+    reached = select(time <= 0.0, x, select(short, further, goal))
     spent = select(time <= 0.0, left, select(short, left, needed))
     return select(moving, reached, y), select(moving, left - spent, left)
 
 
-def _first_order(now: Properties, element: Element, dt: float) -> Number:
-    name, c = name_of(element), [number(now, _text(element, f"c{k}") or "0") for k in range(7)]
-    x, before, y = prop(now, inputs_of(element)[0]), now[f"_in:{name}"], now[f"_out:{name}"]
-    if element.tag == "lag_filter":
-        denominator = 2.00 + dt * c[1]
-        a, b = dt * c[1] / denominator, (2.00 - dt * c[1]) / denominator
-        y = x * a + before * a + y * b
-    elif element.tag == "washout_filter":
+def _filter(part: Part) -> Number:
+    """A filter of first or second order, by the trapezoidal rule."""
+    now, kind, dt = part.now, part.element.tag, part.dt
+    c = [part.parameter(f"c{k}") for k in range(7)]
+    x, x_1, y_1 = part.x, now[part.memory("in")], now[part.memory("out")]
+    if kind == "lag_filter":
+        a, b = _lag_coefficients(dt, c[1])
+        y = (x + x_1) * a + y_1 * b
+    elif kind == "washout_filter":
         denominator = 2.00 + dt * c[1]
         a, b = 2.00 / denominator, (2.00 - dt * c[1]) / denominator
-        y = x * a - before * a + y * b
-    else:
+        y = x * a - x_1 * a + y_1 * b
+    elif kind == "lead_lag_filter":
         denominator = 2.00 * c[3] + dt * c[4]
         a = (2.00 * c[1] + dt * c[2]) / denominator
         b = (dt * c[2] - 2.00 * c[1]) / denominator
-        y = x * a + before * b + y * ((2.00 * c[3] - dt * c[4]) / denominator)
-    now[f"_in:{name}"], now[f"_out:{name}"] = x, y
+        y = x * a + x_1 * b + y_1 * ((2.00 * c[3] - dt * c[4]) / denominator)
+    else:
+        y = _second_order(part, c, (x, x_1, y_1))
+    now[part.memory("in")], now[part.memory("out")] = x, y
     return y
+
+
+def _second_order(part: Part, c: Sequence[Number], values: tuple[Number, ...]) -> Number:
+    now, dt, (x, x_1, y_1) = part.now, part.dt, values
+    x_2, y_2 = now[part.memory("in2")], now[part.memory("out2")]
+    denominator = 4.0 * c[4] + 2.0 * c[5] * dt + c[6] * dt * dt
+    a = (4.0 * c[1] + 2.0 * c[2] * dt + c[3] * dt * dt) / denominator
+    b = (2.0 * c[3] * dt * dt - 8.0 * c[1]) / denominator
+    e = (4.0 * c[1] - 2.0 * c[2] * dt + c[3] * dt * dt) / denominator
+    f = (2.0 * c[6] * dt * dt - 8.0 * c[4]) / denominator
+    g = (4.0 * c[4] - 2.0 * c[5] * dt + c[6] * dt * dt) / denominator
+    now[part.memory("in2")], now[part.memory("out2")] = x_1, y_1
+    return x * a + x_1 * b + x_2 * e - y_1 * f - y_2 * g
 
 
 _COMPARISONS: dict[str, Callable[[Number, Number], Truth]] = {
@@ -347,21 +478,50 @@ def _condition(now: Properties, element: Element) -> Truth:
     for line in (line.strip() for text in texts for line in text.splitlines() if line.strip()):
         a, relation, b = line.split()
         compare = _COMPARISONS[relation.upper()]
-        parts.append(compare(prop(now, a), value_or_property(now, b)))
+        parts.append(compare(value_or_property(now, a), value_or_property(now, b)))
     if element.get("logic", "AND") == "OR":
         return reduce(operator.or_, parts, False)
     return reduce(operator.and_, parts, True)
 
 
-def _switch(now: Properties, element: Element, dt: float) -> Number:
+def _switch(part: Part) -> Number:
     """The value of the first test that holds, or the default."""
-    if element.find("delay") is not None:
-        raise Unsupported("a <switch> with a delay")
-    default = element.find("default")
-    y = 0.0 if default is None else value_or_property(now, default.get("value", ""))
-    for test in reversed(element.findall("test")):
-        y = select(_condition(now, test), value_or_property(now, test.get("value", "")), y)
-    return y
+    default = part.element.find("default")
+    y = 0.0 if default is None else value_or_property(part.now, default.get("value", ""))
+    for test in reversed(part.element.findall("test")):
+        value = value_or_property(part.now, test.get("value", ""))
+        y = select(_condition(part.now, test), value, y)
+    return part.delayed(y)
+
+
+def _angle(part: Part) -> Number:
+    """The angle from one direction to another, in -pi to pi."""
+
+    def direction(tag: str) -> tuple[Number, Number]:
+        of = part.element.find(tag)
+        unit = _DEGREE if of is not None and of.get("unit") == "DEG" else 1.0
+        angle = prop(part.now, part.text(tag)) * unit
+        return cos(angle), sin(angle)
+
+    (x_1, y_1), (x_2, y_2) = direction("source_angle"), direction("target_angle")
+    cosine = least(x_1 * x_2 + y_1 * y_2, 1.0)
+    unit = 180.0 / math.pi if part.element.get("unit") == "DEG" else 1.0
+    size = call("acos", largest(-1.0, cosine)) * unit
+    return select(x_1 * y_2 >= x_2 * y_1, size, -size)
+
+
+def _distribute(part: Part) -> None:
+    """Write properties in the cases that hold: in all of them, or in the first."""
+    now, exclusive = part.now, part.element.get("type") == "exclusive"
+    done: Truth = False
+    for case in part.element.findall("case"):
+        test = case.find("test")
+        holds = True if test is None else _condition(now, test)
+        if exclusive and test is not None:
+            holds, done = holds & negated(done), done | holds
+        for place in case.findall("property"):
+            name, value = place.text or "", value_or_property(now, place.get("value", ""))
+            now[name] = select(holds, value, now[name])
 
 
 _COMPONENTS: dict[str, Component] = {
@@ -373,11 +533,9 @@ _COMPONENTS: dict[str, Component] = {
     "sensor": _sensor,
     "deadband": _deadband,
     "actuator": _actuator,
-    "pid": _pid,
-    "integrator": _pid,
     "kinematic": _kinematic,
-    "lag_filter": _first_order,
-    "washout_filter": _first_order,
-    "lead_lag_filter": _first_order,
     "switch": _switch,
+    "angle": _angle,
+    **dict.fromkeys(("pid", "integrator"), _pid),
+    **dict.fromkeys(FILTERS, _filter),
 }

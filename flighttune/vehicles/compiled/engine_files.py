@@ -11,8 +11,23 @@ from flighttune.vehicles.compiled.properties import Unsupported
 from flighttune.vehicles.compiled.tables import Table1, Table2, numbers, table_1, table_2
 from flighttune.vehicles.compiled.vectors import Matrix
 
-_FEET = {"FT": 1.0, "IN": 1.0 / 12.0, "M": 3.2808399}
-_SLUG_FT2 = {"SLUG*FT2": 1.0, "KG*M2": 0.73756215}
+# Factors of units from the one given to the one that JSBSim computes with.
+_UNITS = {
+    "FT": {"M": 3.2808399, "CM": 0.032808399, "KM": 3280.8399, "IN": 1.0 / 12.0},
+    "IN": {"FT": 12.0, "M": 3.2808399 * 12.0},
+    "FT2": {"M2": 3.2808399 * 3.2808399, "IN2": 1.0 / 144.0},
+    "IN3": {"CC": 1.0 / 16.387064, "FT3": 1728.0, "LTR": 61.0237441},
+    "SLUG*FT2": {"KG*M2": 1.0 / 1.35594},
+    "LBS": {"N": 0.22482, "KG": 1.0 / 0.45359237},
+    "LBS/SEC": {"KG/SEC": 1.0 / 0.45359237},
+    "HP": {"WATTS": 0.001341022},
+    "WATTS": {"HP": 1.0 / 0.001341022},
+    "INHG": {"PSI": 2.03625437, "ATM": 29.9246899, "PA": 1.0 / 3386.0},
+    "PA": {"INHG": 3386.0},
+    "PSI": {"INHG": 1.0 / 2.03625437},
+    "LBS/HP*HR": {"KG/KW*HR": 1.0 / 0.6083},
+    "RPM": {},
+}
 _LEAST_INERTIA, _LEAST_DIAMETER, _LEAST_RATIO = 1e-06, 0.001, 0.001
 
 
@@ -78,6 +93,29 @@ def value_of(element: Element, tag: str, default: float) -> float:
     return float(text) if text else default
 
 
+def factor_of(element: Element, tag: str, unit: str) -> float:
+    """Factor from the unit of a part to the one that JSBSim computes with."""
+    part = element.find(tag)
+    given = "" if part is None else part.get("unit", "")
+    if given in ("", unit):
+        return 1.0
+    if given not in _UNITS[unit]:
+        raise Unsupported(f'<{tag}> in "{given}"')
+    return _UNITS[unit][given]
+
+
+def value_in(element: Element, tag: str, unit: str, default: float) -> float:
+    """The number in a part of an element, in a unit."""
+    return value_of(element, tag, default) * factor_of(element, tag, unit)
+
+
+def table_in(element: Element, name: str) -> Table1 | Table2 | None:
+    """The table of a name in an element."""
+    tables = (part for part in element.findall("table") if part.get("name") == name)
+    found = next(tables, None)
+    return None if found is None else _table(found)
+
+
 def text_of(element: Element, tag: str, default: float) -> str:
     """The text of a number that may differ from flight to flight."""
     text = (element.findtext(tag) or "").strip()
@@ -96,22 +134,18 @@ class PropellerFile:
     sense: float
     p_factor: float
     moment_sign: float
-    # Lowest and highest blade angle (deg) and speed (1/min) of a propeller of constant speed
+    # Lowest and highest blade angle (deg) and speed (1/min); None for fixed blades
     pitch: tuple[float, float, float, float] | None
+    governed: bool  # whether a governor keeps its speed
     tables: dict[str, Table1 | Table2]
 
 
 def propeller_of(engine: EngineFile) -> PropellerFile:
     """The propeller of an engine."""
     part, thruster = engine.pusher, engine.thruster
-    diameter, inertia = part.find("diameter"), part.find("ixx")
-    if diameter is None or inertia is None:
-        raise Unsupported("a propeller without diameter or inertia")
-    feet = _FEET[diameter.get("unit", "FT")] * float(diameter.text or "")
-    slugs = _SLUG_FT2[inertia.get("unit", "SLUG*FT2")] * float(inertia.text or "")
     return PropellerFile(
-        diameter=max(feet, _LEAST_DIAMETER),
-        inertia=max(slugs, _LEAST_INERTIA),
+        diameter=max(value_in(part, "diameter", "FT", 0.0), _LEAST_DIAMETER),
+        inertia=max(value_in(part, "ixx", "SLUG*FT2", 0.0), _LEAST_INERTIA),
         gear_ratio=max(value_of(part, "gearratio", 1.0), _LEAST_RATIO),
         thrust_factor=text_of(part, "ct_factor", 1.0),
         power_factor=value_of(part, "cp_factor", 1.0),
@@ -119,6 +153,7 @@ def propeller_of(engine: EngineFile) -> PropellerFile:
         p_factor=value_of(thruster, "p_factor", 0.0),
         moment_sign=-1.0 if float(part.get("version", "0")) > 1.0 else 1.0,
         pitch=_pitch(part),
+        governed=bool(int(value_of(part, "constspeed", float(part.find("maxrpm") is not None)))),
         tables={table.get("name", ""): _table(table) for table in part.findall("table")},
     )
 
@@ -127,12 +162,7 @@ def _pitch(part: Element) -> tuple[float, float, float, float] | None:
     low, high, least, most = (
         value_of(part, tag, 0.0) for tag in ("minpitch", "maxpitch", "minrpm", "maxrpm")
     )
-    if low == high:
-        return None
-    governed = 1.0 if part.find("maxrpm") is not None else 0.0
-    if not int(value_of(part, "constspeed", governed)):
-        raise Unsupported("a propeller of manual pitch")
-    return low, high, least, most
+    return None if low == high else (low, high, least, most)
 
 
 def _table(element: Element) -> Table1 | Table2:

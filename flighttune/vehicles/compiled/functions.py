@@ -34,6 +34,8 @@ _NO_OPERATIONS = ("description", "documentation")
 # Beginning of a number that differs from flight to flight.
 PLACEHOLDER = "{{"
 
+_INVERSE_LOG2 = 1.0 / math.log10(2.0)
+
 # Size below which a number is false.
 _FALSE = 1e-9
 
@@ -59,7 +61,7 @@ def is_number(text: str) -> bool:
 
 def prop(now: Properties, name: str) -> Number:
     """The property of a name, which may begin with a minus sign."""
-    name = name.strip()
+    name = name.strip().replace("#", now.engine)
     return now[name[1:]] * -1.0 if name.startswith("-") else now[name]
 
 
@@ -85,7 +87,7 @@ def function(now: Properties, element: Element) -> Number:
     x = as_number(_operation(now, only_operation(element)))
     for name in (element.get("name"), element.get("copyto")):
         if name and name.strip():
-            now[name] = x
+            now[name.replace("#", now.engine)] = x
     return x
 
 
@@ -107,11 +109,13 @@ def _parts(element: Element) -> list[Element]:
 
 
 def _operation(now: Properties, element: Element) -> Result:
+    if element.get("apply"):
+        raise Unsupported("a property with `apply`")
     if element.tag not in _OPERATIONS:
         raise Unsupported(f"<{element.tag}> in a function")
     x = _OPERATIONS[element.tag](now, element)
     if name := (element.get("name") or "").strip():
-        now[name] = as_number(x)
+        now[name.replace("#", now.engine)] = as_number(x)
     return x
 
 
@@ -157,12 +161,36 @@ def _fraction(x: Number) -> Number:
     return x - call("trunc", x)
 
 
+def _logarithm(name: str, factor: float = 1.0) -> Operation:
+    return _of_numbers(lambda x: select(x > 0.0, call(name, x) * factor, -math.inf))
+
+
+def _remainder(a: Number, b: Number) -> Number:
+    return select(different(b, 0.0), call("fmod", a, b), math.inf)
+
+
+def _whole_remainder(a: Number, b: Number) -> Number:
+    return call("fmod", call("trunc", a), call("trunc", b))
+
+
 def _smallest(*xs: Number) -> Number:
     return reduce(lambda least, x: select(x < least, x, least), xs)
 
 
 def _largest(*xs: Number) -> Number:
     return reduce(lambda largest, x: select(x > largest, x, largest), xs)
+
+
+def _rounded(x: Number, multiple: Number = 1.0) -> Number:
+    return call("round", x / multiple) * multiple
+
+
+def _chosen(index: Number, *cases: Number) -> Number:
+    """The case of an index, rounded; beyond the last there is none in JSBSim either."""
+    number_of = call("trunc", index + 0.5)
+    return reduce(
+        lambda y, k: select(equal(number_of, float(k)), cases[k], y), range(len(cases)), math.nan
+    )
 
 
 def _choice(now: Properties, element: Element) -> Number:
@@ -255,7 +283,13 @@ _OPERATIONS: dict[str, Operation] = {
     "toradians": _of_numbers(lambda x: x * math.pi / 180.0),
     "todegrees": _of_numbers(lambda x: x * 180.0 / math.pi),
     "sqrt": _of_numbers(_root),
-    "ln": _of_one("log"),
+    "ln": _logarithm("log"),
+    "log10": _logarithm("log10"),
+    "log2": _logarithm("log10", _INVERSE_LOG2),
+    "mod": _of_numbers(_whole_remainder),
+    "fmod": _of_numbers(_remainder),
+    "roundmultiple": _of_numbers(_rounded),
+    "switch": _of_numbers(_chosen),
     "abs": _of_numbers(fabs),
     "sign": _of_numbers(lambda x: select(x < 0.0, -1.0, 1.0)),
     "integer": _of_one("trunc"),
@@ -264,8 +298,8 @@ _OPERATIONS: dict[str, Operation] = {
     "interpolate1d": _interpolated,
     **{
         name: _of_one(name)
-        for name in ("exp", "log10", "sin", "cos", "tan", "asin", "acos", "atan", "floor", "ceil")
+        for name in ("exp", "sin", "cos", "tan", "asin", "acos", "atan", "floor", "ceil")
     },
-    **{name: _of_numbers(lambda a, b, n=name: call(n, a, b)) for name in ("atan2", "fmod")},
+    "atan2": _of_numbers(lambda a, b: call("atan2", a, b)),
     **{name: _of_numbers(relation) for name, relation in _COMPARISONS.items()},
 }

@@ -15,7 +15,7 @@ from flighttune.vehicles.compiled.properties import (
     named,
 )
 from flighttune.vehicles.compiled.tables import Table1
-from flighttune.vehicles.compiled.trace import Number, atan2, fabs, select, sqrt
+from flighttune.vehicles.compiled.trace import Number, atan2, different, fabs, select, sqrt
 from flighttune.vehicles.compiled.vectors import Vector, add, cross, times, transposed
 
 # Speeds below which a propeller stands: revolutions a second, and rad/s
@@ -26,6 +26,9 @@ _SIDE, _P_FACTOR = 0.0001, 0.0001
 
 # Speed from which a governor works, 1/min.
 _GOVERNED = 200.0
+
+# Steps in which a feathered blade comes nearer to its end by a factor of e.
+_FEATHERING = 300
 
 
 class Push(NamedTuple):
@@ -69,14 +72,18 @@ def propeller(now: Properties, engine: EngineFile, power: Number, dt: float) -> 
 def _blade_angle(
     now: Properties, engine: EngineFile, file: PropellerFile, rpm: Number, dt: float
 ) -> Number:
-    """Blade angle (deg) that a governor sets, neither feathered nor reversed; 0 if it is fixed."""
+    """Blade angle (deg), by a governor or set by flight control; 0 if it is fixed."""
     if file.pitch is None:
         return 0.0
     low, high, least, most = file.pitch
-    wanted = least + (most - least) * now[engine.numbered("fcs/advance-pos-norm")]
     angle = now[f"{engine.at}/blade-angle"]
-    angle = select(rpm > _GOVERNED, angle - (wanted - rpm) * dt, angle)
-    angle = select(angle < low, low, select(angle > high, high, angle))
+    if not file.governed:
+        return angle
+    wanted = least + (most - least) * now[engine.numbered("fcs/advance-pos-norm")]
+    turned = select(rpm > _GOVERNED, angle - (wanted - rpm) * dt, angle)
+    turned = select(turned < low, low, select(turned > high, high, turned))
+    feathered = different(now[engine.numbered("fcs/feather-pos-norm")], 0.0)
+    angle = select(feathered, angle + (high - angle) / _FEATHERING, turned)
     now[f"{engine.at}/blade-angle"] = angle
     return angle
 
@@ -137,6 +144,7 @@ def _turned(
     rps = now[f"{engine.at}/propeller-rpm"] / 60.0
     omega = rps * 2.0 * math.pi
     torque = -file.sense * power / select(omega > _STILL, omega, _STILL)
+    now[f"{engine.at}/propeller-torque-ftlb"] = torque
     excess = select(omega > _STILL, left_over / omega, left_over / 1.0)
     new = (rps + ((excess / file.inertia) / (2.0 * math.pi)) * dt) * 60.0
     now[f"{engine.at}/propeller-rpm"] = select(new < 0.0, 0.0, new)

@@ -2,9 +2,9 @@
 """Properties during one step: what is read before it is written is a state or a parameter."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
-from flighttune.vehicles.compiled.trace import Graph, Number, Value, fabs
+from flighttune.vehicles.compiled.trace import Graph, Number, Truth, Value, fabs, select
 from flighttune.vehicles.compiled.vectors import Matrix, Vector
 
 RADIANS, DEGREES = math.pi / 180.0, 180.0 / math.pi
@@ -59,6 +59,7 @@ class Properties:
         self.gravity: Vector = ()
         self.turbulent_rates: Vector = (0.0, 0.0, 0.0)
         self.viscosity: Number = 0.0
+        self.engine = "#"  # number of the engine whose functions are evaluated
         self.cg: Vector = ()
         # From the centre of gravity to the aerodynamic reference point, ft in body axes.
         self.reference_point: Vector = ()
@@ -68,8 +69,9 @@ class Properties:
 
     def __getitem__(self, name: str) -> Number:
         name = canonical(name)
-        if name in self.now:
-            return self.now[name]
+        return self.now[name] if name in self.now else self._input(name)
+
+    def _input(self, name: str) -> Value:
         if name not in self.inputs:
             self.inputs[name] = self.graph.node("input", name)
         return self.inputs[name]
@@ -83,6 +85,13 @@ class Properties:
             self.now[f"{base}-rad"] = radians
             self.now[f"{base}-deg"] = x if unit == "deg" else x * DEGREES
             self.now[f"fcs/mag-{base.removeprefix('fcs/')}-rad"] = fabs(radians)
+
+    def keep_unless(self, condition: Truth, before: Mapping[str, Number]) -> None:
+        """Undo, where a condition does not hold, all that was written since `before`."""
+        for name, new in list(self.now.items()):
+            old = before[name] if name in before else self._input(name)
+            if new is not old:
+                self.now[name] = select(condition, new, old)
 
     def vector(self, names: Sequence[str]) -> Vector:
         """Values of several names."""

@@ -51,25 +51,26 @@ def run(now: Properties, model: Model) -> None:
     now.reference_point = body_arm(now.vector(named("metrics/aero-rp-{}-in")), now.cg)
     air_data(now)
     propulsion(now, model.engines, dt)
+    _show(now, "prop")
     aerodynamics(now, model.root)
-    _total(now)
+    _show(now, "aero")
+    now.forces["total"] = add(now.forces["aero"], now.forces["prop"])
+    now.moments["total"] = add(now.moments["aero"], now.moments["prop"])
+    _show(now, "total")
     accelerate(now, _matrix(now.vector(INERTIA)), _matrix(now.vector(INVERSE_INERTIA)))
 
 
 def _levers(now: Properties, model: Model) -> None:
     """Commands of engines are positions unless a channel writes those."""
     for engine in model.engines:
-        for lever in ("throttle", "mixture", "advance"):
+        for lever in ("throttle", "mixture", "advance", "feather"):
             position = engine.numbered(f"fcs/{lever}-pos-norm")
             now[position] = now[engine.numbered(f"fcs/{lever}-cmd-norm")]
 
 
-def _total(now: Properties) -> None:
-    now.forces["total"] = add(now.forces["aero"], now.forces["prop"])
-    now.moments["total"] = add(now.moments["aero"], now.moments["prop"])
-    for kind in ("aero", "prop", "total"):
-        now.put(named(f"forces/fb{{}}-{kind}-lbs"), now.forces[kind])
-        now.put(named(f"moments/{{}}-{kind}-lbsft", "lmn"), now.moments[kind])
+def _show(now: Properties, kind: str) -> None:
+    now.put(named(f"forces/fb{{}}-{kind}-lbs"), now.forces[kind])
+    now.put(named(f"moments/{{}}-{kind}-lbsft", "lmn"), now.moments[kind])
 
 
 def _matrix(entries: Vector) -> Matrix:

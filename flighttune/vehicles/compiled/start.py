@@ -13,6 +13,7 @@ import numpy as np
 from flighttune.base.arrays import FloatArray
 from flighttune.vehicles.compiled import turbulence
 from flighttune.vehicles.compiled.components import (
+    FILTERS,
     ZERO_TRIGGER,
     inputs_of,
     integrand,
@@ -20,7 +21,9 @@ from flighttune.vehicles.compiled.components import (
     name_of,
     systems_of,
 )
+from flighttune.vehicles.compiled.engine_files import EngineFile, propeller_of, value_of
 from flighttune.vehicles.compiled.functions import is_number
+from flighttune.vehicles.compiled.pistons import supercharger_of
 from flighttune.vehicles.compiled.properties import INERTIAL_RATES, INERTIAL_VELOCITY, named
 from flighttune.vehicles.compiled.rigid_body import (
     ACCELERATION_1,
@@ -155,8 +158,7 @@ class _Start:
         self.hidden |= dict.fromkeys(turbulence.COSINE_GUST, 0.0)
         self.hidden["_lift"] = fdm.reader("forces/fwz-aero-lbs")()
         for engine in model.engines:
-            n = engine.number
-            self.hidden |= {f"_first{n}": 1.0, f"_n2-norm{n}": 0.0, f"_augmented{n}": 0.0}
+            self.hidden |= self._engine(engine)
         for system in systems_of(model.root):
             for element in system.iterfind("channel/*"):
                 self.hidden |= self._component(element)
@@ -168,7 +170,7 @@ class _Start:
             return self._numbers[name.removeprefix("_number:")]
         if name.startswith("_"):
             raise KeyError(name)
-        if name.startswith("/") or not self._fdm.shows(name):
+        if not self._fdm.shows(name):
             return self._declared.get(name, 0.0)
         return self._fdm.reader(name)()
 
@@ -190,11 +192,34 @@ class _Start:
             return self._actuator(element, self._value(sources[0]))
         if kind in ("pid", "integrator"):
             return self._integrator(element, self._value(sources[0]))
-        if kind in ("lag_filter", "washout_filter", "lead_lag_filter"):
-            return {f"_in:{name}": self._value(sources[0]), f"_out:{name}": self[name]}
+        if kind in FILTERS:
+            x, y = self._value(sources[0]), self[name]
+            return {f"_in:{name}": x, f"_in2:{name}": x, f"_out:{name}": y, f"_out2:{name}": y}
         if kind == "sensor":
             return {f"_delay{k}:{name}": self[name] for k in range(1, 8)}
         return {}
+
+    def _engine(self, engine: EngineFile) -> Values:
+        n, at = engine.number, engine.at
+        # A flight control whose engine settles has left the phase of the trim before the start.
+        values = {f"_first{n}": float(not self._fdm.engine_settles), f"_augmented{n}": 0.0}
+        idle = value_of(engine.motor, "idlen2", 60.0)
+        most = value_of(engine.motor, "maxn2", 100.0)
+        settled = self._fdm.engine_settles and engine.kind == "turbine"
+        values[f"_n2-norm{n}"] = (self[f"{at}/n2"] - idle) / (most - idle) if settled else 0.0
+        values |= {f"_limited{n}": 0.0, f"_propellant{n}": 0.0, f"_air-flow{n}": 0.0}
+        values[f"_lever{n}"] = self[engine.numbered("fcs/throttle-pos-norm")]
+        if engine.kind == "piston":
+            values[f"_throttled{n}"] = self[f"{at}/map-pa"] / self._boost(engine)
+        return values
+
+    def _boost(self, engine: EngineFile) -> float:
+        """By how much a supercharger raises the pressure behind the throttle."""
+        if (charger := supercharger_of(engine)) is None:
+            return 1.0
+        rpm = self[f"{engine.at}/propeller-rpm"] * propeller_of(engine).gear_ratio
+        speed = int(self[f"{engine.at}/boost-speed"])
+        return ((charger.multiples[speed] - 1) / charger.speeds[speed]) * rpm + 1
 
     def _actuator(self, element: Element, x: float) -> Values:
         # While JSBSim trims, lag and rate limit pass their input on; a clip shows its bound.
@@ -216,7 +241,7 @@ class _Start:
         near = y - k_p * x
         candidates = (once + once, 0.0, *neighbours(near, 4))
         found = (s for s in candidates if k_p * x + s == y and (k_p == 0.0 or s != near))
-        return {f"_in:{name}": x, f"_sum:{name}": next(found, near)}
+        return {f"_in:{name}": x, f"_in2:{name}": x, f"_sum:{name}": next(found, near)}
 
 
 def _rigid_body(fdm: Fdm) -> Values:

@@ -14,8 +14,9 @@ from typing import Any, TypeAlias
 # Functions of the C library that a step may call, with the number of their arguments, and those for
 # which LLVM has an instruction.
 LIBRARY = {
-    **dict.fromkeys(("sin", "cos", "tan", "asin", "acos", "atan", "exp", "log", "log10"), 1),
-    **dict.fromkeys(("log2", "sinh", "cosh", "tanh"), 1),
+    **dict.fromkeys(
+        ("sin", "cos", "tan", "asin", "acos", "atan", "exp", "log", "log10", "round"), 1
+    ),
     **dict.fromkeys(("atan2", "pow", "fmod"), 2),
 }
 INSTRUCTIONS = ("sqrt", "fabs", "floor", "ceil", "trunc")
@@ -183,10 +184,15 @@ def symbolic(*values: Any) -> bool:
 def call(name: str, *xs: Number) -> Number:
     """A function of `LIBRARY` or `INSTRUCTIONS`."""
     if not symbolic(*xs):
-        result = getattr(math, name)(*xs)
-        return float(result)
+        return _plain(name, *xs)
     graph = graph_of(*xs)
     return graph.node(f"call {name}", *(_place(graph, x) for x in xs))
+
+
+def _plain(name: str, *xs: float) -> float:
+    if name == "round":  # away from zero, as the C library does it
+        return math.copysign(math.floor(abs(xs[0]) + 0.5), xs[0])
+    return float(getattr(math, name)(*xs))
 
 
 def sqrt(x: Number) -> Number:

@@ -341,7 +341,8 @@ class Fdm:
 
     def _existing(self, name: str) -> jsbsim.FGPropertyNode | None:
         # JSBSim aborts the process on a malformed name, and invents a node for an unknown one.
-        exists = _NAME.fullmatch(name) and self._properties.hasNode(name)
+        # Behind a slash are properties that a model declares for another simulator.
+        exists = _NAME.fullmatch(name.removeprefix("/")) and self._properties.hasNode(name)
         return self._properties.get_node(name) if exists else None
 
     def _node(self, name: str) -> jsbsim.FGPropertyNode:
