@@ -18,8 +18,8 @@ def tables_of(plants=(KINEMATIC,), **tables):
         "flight": {"V_a_mps": 25.0, "chi_deg": 20.0, "gamma_deg": 10.0, "duration_s": 3.0},
         "reference": {"chi_deg": 0.0, "gamma_deg": 0.0},
         "limits": {
-            "phi_deg": [-45.0, 45.0], "phi_rate_dps": [-60.0, 60.0],
-            "n_z": [-2.0, 2.0], "n_z_rate_per_s": [-2.0, 2.0],
+            "phi_deg": [-42.0, 47.0], "phi_rate_dps": [-55.0, 65.0],
+            "n_z": [-1.8, 2.1], "n_z_rate_per_s": [-1.9, 2.2],
         },
         "controller": {"feed_forward": True},
         "plant": list(plants),

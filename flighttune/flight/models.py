@@ -188,7 +188,8 @@ def _followed(scenario: Scenario, design: DesignModel, law: Law) -> FloatArray:
     # The same holds for the load factor that the first error of the path angle commands,
     # ``K_P gamma_err``.
     limits, settings = command_limits(scenario), scenario.tuning
-    phi, rates = min(limits.upper[0], -limits.lower[0]), limits.rate_upper
+    phi = min(limits.upper[0], -limits.lower[0])
+    rates = np.minimum(limits.rate_upper, -limits.rate_lower)
     roll_lag, lift_lag = design.whole_lags[:2]
     per_rate = law.command_per_rate(design.V_a, scenario.flight.g_mps2)
     late = np.zeros(2)  # T; 0 without a bound
@@ -319,7 +320,8 @@ def gain_set(scenario: Scenario, name: str, tuning: TuningResult | None = None) 
         if gains in IDENTIFIED:
             settings = {"model": "identified", "lag_s": None, **IDENTIFIED[gains]}
             if gains == TUNED_FED_BACK:
-                rate = limits_on(scenario, scenario.aircraft).rate_upper[1]
+                limits = limits_on(scenario, scenario.aircraft)
+                rate = min(limits.rate_upper[1], -limits.rate_lower[1])
                 settings["sensitivity_max"] = float(np.interp(rate, LIFT_RATES, SENSITIVITIES))
             tuned = scenario.tuning.model_copy(update=settings)
             scenario, tuning = scenario.model_copy(update={"tuning": tuned}), None

@@ -10,7 +10,7 @@ from flighttune.control.inner_loop import inner_loop_scaling, with_inner_loop
 from flighttune.control.tuning import envelope
 from flighttune.control.tuning.envelope import channels, tune_worst_case
 from flighttune.flight.gains import _tuned_for
-from flighttune.flight.models import identified_problems
+from flighttune.flight.models import gain_set, identified_problems
 from tests.control.tuning.conftest import DECOUPLED
 
 SAME = 1e-4
@@ -162,8 +162,10 @@ def test_gains_say_the_airspeeds_that_they_are_tuned_for(name, tuning, everywher
 
 
 @pytest.mark.parametrize("phi_deg", [[-20.0, 45.0], [-45.0, 20.0]])
-def test_the_gain_of_the_course_is_bounded_by_the_smaller_bank(phi_deg):
-    limits = {"phi_deg": phi_deg, "phi_rate_dps": 30.0, "n_z": [0.0, 2.0], "n_z_rate_per_s": 1.0}
+@pytest.mark.parametrize("phi_rate_dps", [30.0, [-90.0, 30.0], [-30.0, 90.0]])
+def test_the_gain_of_the_course_is_bounded_by_the_smaller_bank_and_roll_rate(phi_deg, phi_rate_dps):
+    limits = {"phi_deg": phi_deg, "phi_rate_dps": phi_rate_dps}
+    limits |= {"n_z": [0.0, 2.0], "n_z_rate_per_s": 1.0}
     changes = {"limits": limits, "tuning.model": "identified", "tuning.roll_rate": True}
     scenario = ft.load_scenario("paper_identified", changes=changes)
 
@@ -173,3 +175,16 @@ def test_the_gain_of_the_course_is_bounded_by_the_smaller_bank(phi_deg):
     lag = scenario.identified_model.nearest(25.0, np.radians(15.0)).lags[0]
     late = 0.5 * 20.0 / 30.0 + lag.whole + 0.01
     assert one.K_max[0, 0] == pytest.approx(25.0 / scenario.flight.g_mps2 / late, rel=1e-6)
+
+
+@pytest.mark.slow
+def test_the_slower_rate_of_the_load_factor_decides_the_sensitivity_of_gains_fed_back():
+    def gains(rate):
+        limits = {"phi_deg": [-40.0, 40.0], "phi_rate_dps": 60.0}
+        limits |= {"n_z": [0.0, 2.0], "n_z_rate_per_s": rate}
+        law = [{"name": "exact", "kind": "exact"}]
+        changes = {"limits": limits, "law": law, "gains": ["tuned_fed_back"], "expect": []}
+        scenario = ft.load_scenario("paper_identified", changes=changes)
+        return gain_set(scenario, "tuned_fed_back")
+
+    assert gains([-0.8, 3.0]) == gains([-3.0, 0.8]) == gains(0.8)
