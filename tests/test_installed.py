@@ -27,7 +27,7 @@ END = "end of a command"
 # the paper, which takes as long as they: it is imported, and its files are among those compared.
 IN_ONE_PROCESS = f"""
 import sys
-import flighttune.studies.paper.reproduce
+import flighttune.outputs.paper.reproduce
 from flighttune.cli import main
 for command in {COMMANDS}:
     sys.argv = ["flighttune", *command.split()]

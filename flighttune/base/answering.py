@@ -33,6 +33,7 @@ SPEAKERS = {
     "Meeting": "flighttune.outputs.answers.meeting:answer",
     "PlannedRoute": "flighttune.outputs.answers.route:answer",
     "RateBound": "flighttune.outputs.answers.bound:answer",
+    "Reproduction": "flighttune.outputs.paper.reproduce:answer",
     "Reflown": "flighttune.outputs.answers.refly:answer",
     "Run": "flighttune.outputs.answers.run:facts",
     "TriedDisturbances": "flighttune.outputs.answers.tube:tried",

@@ -1,6 +1,6 @@
-"""Every table and figure of arXiv 2411.13140 again, with a verdict on every claim.
+"""The numbers of arXiv 2411.13140 again, with a verdict on every claim.
 
 The paper is "Robust Convergency Indicator using MIMO-PI Controller in the presence of
-disturbances". ``parameters`` holds the numbers that it prints, ``study`` computes, ``items`` draw,
-``claims`` judge, ``errata`` lists the slips and ``reproduce`` writes all of it into one folder.
+disturbances". ``parameters`` holds the numbers that it prints, ``study`` computes and ``claims``
+judge; `flighttune.outputs.paper` draws.
 """

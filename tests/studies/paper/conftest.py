@@ -2,7 +2,7 @@
 
 import pytest
 
-from flighttune.studies.paper.reproduce import reproduce
+from flighttune.outputs.paper.reproduce import reproduce
 from flighttune.studies.paper.study import Study
 
 

@@ -76,7 +76,7 @@ def test_the_committed_errata_are_those_computed_now(reproduction):
 def test_the_command_prints_the_answer_of_its_verb_with_the_values_of_an_item_and_all_claims(
     study, reproduction, tmp_path, monkeypatch
 ):
-    monkeypatch.setattr("flighttune.studies.paper.reproduce.Study", lambda: study)
+    monkeypatch.setattr("flighttune.outputs.paper.reproduce.Study", lambda: study)
 
     found = answer("reproduce", "table2", "--out", tmp_path)
     value = json.loads(reproduction[0].answer().json())

@@ -11,10 +11,10 @@ from flighttune.base.arrays import FloatArray
 from flighttune.control.gains import PAPER_EPSILON, PIGains
 from flighttune.control.linear_model import closed_loop, closed_loops
 from flighttune.control.theory.indicators import IndicatorArrays, indicators, indicators_batch
+from flighttune.outputs.paper.items import base
 from flighttune.studies.paper import parameters as printed
 from flighttune.studies.paper.duffing import Duffing, DuffingCases
 from flighttune.studies.paper.flight import initial_commands, largest_share
-from flighttune.studies.paper.items import base
 from flighttune.studies.paper.parameters import DURATION, INDICATORS, STAR
 from flighttune.studies.paper.study import Study
 

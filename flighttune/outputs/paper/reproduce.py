@@ -25,11 +25,11 @@ from flighttune.base.files.whole import together, write_text
 from flighttune.base.words import pick
 from flighttune.control.linear_model import closed_loop, disturbance_entry
 from flighttune.control.theory.lyapunov import invariant_ellipsoid, paper_balls
+from flighttune.outputs.paper.items import flights, theory
+from flighttune.outputs.paper.items.base import Item, Made
 from flighttune.studies.paper import parameters as printed
 from flighttune.studies.paper.claims import CLAIMS, VERDICTS, Finding, judge, text_of
 from flighttune.studies.paper.flight import initial_commands, largest_share
-from flighttune.studies.paper.items import flights, theory
-from flighttune.studies.paper.items.base import Item, Made
 from flighttune.studies.paper.study import Study
 
 TITLE = (
@@ -70,26 +70,27 @@ class Reproduction(Answering):
     page: Path
     errata: Path
 
-    def answer(self) -> Answer:
-        """Items with their files, and every claim with its verdict."""
-        keys = "id text where verdict expected computed"
-        findings = [pick(finding, keys) for finding in self.findings]
-        counts = Counter(finding.verdict for finding in self.findings)
-        # The claims of some items alone are few of many: the page lists them.
-        listed = findings if len(self.items) == len(ITEMS) else []
-        return Answer(
-            values={
-                "items": [
-                    {"name": item.name, "files": files, "values": output.values}
-                    for item, output, files in self.items
-                ],
-                "claims": findings,
-                "errata": self.errata,
-            },
-            tables=[Table(columns("id verdict text"), listed, "claims of the paper")],
-            verdict=f"claims: {', '.join(f'{counts[verdict]} {verdict}' for verdict in VERDICTS)}",
-            files={"page": self.page},
-        )
+
+def answer(made: Reproduction) -> Answer:
+    """Items with their files, and every claim with its verdict."""
+    keys = "id text where verdict expected computed"
+    findings = [pick(finding, keys) for finding in made.findings]
+    counts = Counter(finding.verdict for finding in made.findings)
+    # The claims of some items alone are few of many: the page lists them.
+    listed = findings if len(made.items) == len(ITEMS) else []
+    return Answer(
+        values={
+            "items": [
+                {"name": item.name, "files": files, "values": output.values}
+                for item, output, files in made.items
+            ],
+            "claims": findings,
+            "errata": made.errata,
+        },
+        tables=[Table(columns("id verdict text"), listed, "claims of the paper")],
+        verdict=f"claims: {', '.join(f'{counts[verdict]} {verdict}' for verdict in VERDICTS)}",
+        files={"page": made.page},
+    )
 
 
 def _item(name: str, entry: dict[str, Any]) -> Item:
@@ -138,7 +139,7 @@ def reproduce(
         ]
         page = write_page(
             folder / "index.html",
-            page_template("flighttune.studies.paper", "page.html.jinja"),
+            page_template("flighttune.outputs.paper", "page.html.jinja"),
             title=TITLE,
             items=items,
             findings=sorted(findings, key=lambda finding: READ_FIRST.index(finding.verdict)),

@@ -8,10 +8,10 @@ import pandas as pd
 from flighttune.base.answers.chart import DASHED, DOTTED, LONG, Chart, LegendEntry, Sheet
 from flighttune.base.answers.palette import INK, LIMIT, NEUTRAL
 from flighttune.base.arrays import FloatArray
+from flighttune.outputs.paper.items import base
+from flighttune.outputs.paper.items.base import CHI, GAMMA, GREEN, Look, Made, marked_line, sheet
 from flighttune.studies.paper import parameters as printed
 from flighttune.studies.paper.flight import PaperFlight
-from flighttune.studies.paper.items import base
-from flighttune.studies.paper.items.base import CHI, GAMMA, GREEN, Look, Made, marked_line, sheet
 from flighttune.studies.paper.parameters import AFTERWARDS, DURATION, STAR, TABLE_3, printed_limits
 from flighttune.studies.paper.study import Study, rank_correlation
 
