@@ -7,10 +7,16 @@ import pandas as pd
 import pytest
 from commands import answer, flighttune
 from log_files import heavy_cessna, sampled, write_csv
+from scipy.integrate import solve_ivp
+from scipy.signal import lsim, lti
 
 import flighttune as ft
 from flighttune.gaps.of_log import FACTORS
 from flighttune.logs.identify import interval_of
+from flighttune.vehicles.aircraft.aircraft import load_aircraft
+from flighttune.vehicles.identification.file import load_identified
+
+G = 9.80665
 
 MASS, LATE, WIND = 1.2, 0.15, (3.0, 3.0 * math.sqrt(3.0))
 """Of the flight: mass over the model's; s; m/s to the north and to the east."""
@@ -46,6 +52,75 @@ def test_mass_lag_and_wind_of_a_flight_come_back(log):
     assert (law["flown"], aircraft["flown"]) == ("kinematic", "c172p")
     assert explained["phi"] < 0.2 * aircraft["phi"] < aircraft["phi"] < law["phi"]
     assert (log.parent / "gap" / "gap.svg").stat().st_size > 10_000
+
+
+def integrated_flight(folder, *, late=(0.0, 0.0), wind=(0.0, 0.0), V_a=25.0):
+    """Log of the equations of a point mass behind the lags of the Aerosonde, by SciPy.
+
+    The commands reach roll and load factor so much later than the lags have it, s.
+    """
+    lags = load_identified("aerosonde").nearest(V_a, 0.0).lags
+    t = np.arange(0.0, 56.0, 0.02)
+
+    def behind(i, command):
+        lag, w = lags[i], lags[i].natural_frequency
+        poles = [1.0, w] if lag.order == 1 else [1.0, 2.0 * lag.damping * w, w * w]
+        over = np.polymul(poles, [lag.lag, 1.0] if lag.order == 3 else [1.0])
+        seen = np.interp(t - lag.delay - late[i], t, command)
+        return command[0] + lsim(lti([poles[-1]], over), seen - command[0], t)[1]
+
+    def flown(phi, n_z):
+        def rates(now, x):
+            bank, lift = np.interp(now, t, phi), np.interp(now, t, n_z)
+            turn = lift * math.sin(bank) / math.cos(x[1])
+            return G / V_a * turn, G / V_a * (lift * math.cos(bank) - math.cos(x[1]))
+
+        return solve_ivp(rates, (0.0, t[-1]), (0.4, 0.0), t_eval=t, rtol=1e-7, atol=1e-8).y
+
+    roll = 0.45 * np.sin(0.25 * t) + 0.15 * np.sin(1.7 * t + 1.0)
+    pulls = 0.1 * np.sin(0.9 * t) + 0.05 * np.sin(2.9 * t)
+    phi, lift = behind(0, roll), 1.0 / np.cos(roll) + pulls
+    for _ in range(2):  # its path stays level but for the last term
+        rate = behind(1, lift) * np.cos(phi) - 1.0 - pulls
+        lift = lift - np.polynomial.Polynomial.fit(t, rate, 9)(t) / np.cos(phi)
+    commands, n_z = (roll, lift), behind(1, lift)
+    chi, gamma = flown(phi, n_z)
+    north = V_a * np.cos(gamma) * np.cos(chi) + wind[0]
+    east = V_a * np.cos(gamma) * np.sin(chi) + wind[1]
+    climb, V_g = V_a * np.sin(gamma), np.hypot(north, east)
+    signals = {
+        "chi": np.unwrap(np.arctan2(east, north)), "gamma": np.arctan2(climb, V_g), "V_g": V_g,
+        "V_a": np.full_like(t, V_a), "phi": phi, "n_z": n_z, "phi_cmd": commands[0],
+        "n_z_cmd": commands[1], "h": 1000.0 + np.cumsum(climb) * 0.02,
+    }  # fmt: skip
+    file = folder / "flight.csv"
+    pd.DataFrame({"t_s": t, **signals}).to_csv(file, index=False)
+    return file
+
+
+@pytest.mark.slow
+def test_a_flight_of_the_equations_of_the_model_differs_by_wind_and_delays_alone(tmp_path):
+    wind, late = (4.0, -7.0), (0.25, -0.03)
+    model = load_aircraft("aerosonde").folder / "identified.json"
+
+    gap = ft.gap(integrated_flight(tmp_path, late=late, wind=wind), aircraft=str(model))
+
+    found = {name: value for name, (value, _, _) in gap.factors.items()}
+    assert [found[name] for name in ("phi_late", "n_z_late")] == pytest.approx(late, abs=LAG_ERROR)
+    north_east = [found[name] for name in ("wind_north", "wind_east")]
+    assert north_east == pytest.approx(wind, abs=WIND_ERROR)
+    assert all(low < found[name] < high for name, (_, low, high) in gap.factors.items())
+    assert gap.explained > 0.998
+    # The shares of two causes that have little to do with each other add up to the whole.
+    (lag, without_lag), (air, without_air) = gap.causes["lag"], gap.causes["wind"]
+    assert lag + air == pytest.approx(1.0, abs=0.01)
+    assert (without_lag, without_air) == pytest.approx((lag, air), abs=0.01)
+    # What adds up from the start of a stretch has no mean, the others have theirs.
+    law, *_, model, explained = gap.answer().tables[0].records
+    assert explained["phi"] < 0.02 * model["phi"]
+    assert explained["chi"] < 0.02 * model["chi"] < model["chi"] < law["chi"]
+    assert explained["tail"] < 0.01 * model["tail"]
+    assert model["tail"] == pytest.approx(math.hypot(*wind) / 2.0**0.5, rel=0.2)
 
 
 @pytest.mark.counts
