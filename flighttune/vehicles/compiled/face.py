@@ -1,21 +1,28 @@
 # SPDX-License-Identifier: LGPL-2.1-or-later
 """The compiled step of an aircraft, or why there is none: what the rest of the package imports."""
 
+import platform
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache, lru_cache
+from hashlib import sha256
+from importlib.metadata import version
+from pathlib import Path
 
-from flighttune.base.arrays import FloatArray
-from flighttune.base.units import FT
 from flighttune.vehicles.aircraft.aircraft import AircraftConfig
 from flighttune.vehicles.compiled import machine
+from flighttune.vehicles.compiled.aircraft import CompiledStep as CompiledStep
+from flighttune.vehicles.compiled.aircraft import Start as Start
+from flighttune.vehicles.compiled.cache import Kept, kept_or_made
+from flighttune.vehicles.compiled.check import Verdict, check_flight
 from flighttune.vehicles.compiled.model import Source
 from flighttune.vehicles.compiled.properties import Unsupported
-from flighttune.vehicles.compiled.run import Model
-from flighttune.vehicles.compiled.signals import GROUND, HEIGHT_0, shown_signals
-from flighttune.vehicles.compiled.start import start_values
-from flighttune.vehicles.compiled.step import MachineStep, traced
-from flighttune.vehicles.plants.jsbsim.plant import JSBSimPlant
+from flighttune.vehicles.compiled.signals import GUARDED as GUARDED
+from flighttune.vehicles.compiled.signals import shown_signals
+from flighttune.vehicles.compiled.step import traced
 from flighttune.vehicles.plants.weather import TurbulenceModel
+
+# Versions of JSBSim whose step this is.
+KNOWN_VERSIONS = ("1.3.3",)
 
 
 @dataclass(frozen=True)
@@ -25,60 +32,62 @@ class Refusal:
     reason: str
 
 
-@dataclass(frozen=True)
-class Start:
-    """The start of one flight."""
-
-    states: FloatArray
-    parameters: FloatArray
-
-
-class CompiledStep:
-    """The step of an aircraft in machine code, for all flights that differ in numbers alone.
-
-    Attributes
-    ----------
-    names : Names
-        Places of states, parameters, signals and properties in their arrays.
-    machine : MachineStep
-        The machine code.
-    """
-
-    def __init__(self, model: Model, step: MachineStep) -> None:
-        self.model, self.machine, self.names = model, step, step.names
-
-    def start_from(self, plant: JSBSimPlant) -> Start:
-        """The start of a flight whose plant has started; the plant cannot fly any more."""
-        fdm = plant.fdm
-        if fdm is None:
-            raise AssertionError("the plant has started")
-        source = Source(plant.config, fdm.steps)
-        names = (*self.names.states, *self.names.parameters)
-        own = {HEIGHT_0: fdm.reader("position/h-sl-ft")() * FT, GROUND: fdm.ground}
-        known = [name for name in names if name not in own]
-        values = start_values(fdm, self.model, source.numbers, known) | own
-        return Start(*self.machine.arrays(values.__getitem__))
-
-
 def compiled(
     config: AircraftConfig, *, steps: int = 1, turbulence: TurbulenceModel | None = None
 ) -> CompiledStep | Refusal:
     """The compiled step of an aircraft in still air or wind, or in a kind of turbulence.
 
-    `steps`: integration steps in a sample of the inner loop.
+    The first use of an aircraft compiles its step and flies it beside JSBSim; what comes of that
+    is kept. `steps`: integration steps in a sample of the inner loop.
     """
     if why := machine.unknown_platform():
         return Refusal(why)
-    source = Source(config, steps)
-    return _compiled(source, turbulence)
+    if (found := version("jsbsim")) not in KNOWN_VERSIONS:
+        return Refusal(f"JSBSim must be of version {' or '.join(KNOWN_VERSIONS)}, got {found}")
+    return _compiled(Source(config, steps), turbulence)
 
 
 @lru_cache(maxsize=32)
 def _compiled(source: Source, turbulence: TurbulenceModel | None) -> CompiledStep | Refusal:
     try:
-        model = source.model(turbulence)
-        thrust = source.config.engines.thrust or ""
-        names, text = traced(model, lambda now: shown_signals(now, model.engines, thrust))
-        return CompiledStep(model, MachineStep(names, machine.object_code(text)))
+        kept = kept_or_made(_key(source, turbulence), lambda: _made(source, turbulence))
     except Unsupported as what:
         return Refusal(f"the compiled step does not know {what}")
+    verdict = Verdict(**kept.verdict)
+    if verdict.difference:
+        return Refusal(verdict.difference)
+    return CompiledStep(source, turbulence, kept.names, kept.code)
+
+
+def _made(source: Source, turbulence: TurbulenceModel | None) -> Kept:
+    """Trace, compile and check the step of an aircraft."""
+    model, config = source.model(turbulence), source.config
+    thrust = config.engines.thrust or ""
+    names, text = traced(model, lambda now: shown_signals(now, model.engines, thrust))
+    code = machine.object_code(text)
+    verdict = check_flight(CompiledStep(source, turbulence, names, code), config)
+    return Kept(names=names, code=code, verdict=verdict.record())
+
+
+def _key(source: Source, turbulence: TurbulenceModel | None) -> str:
+    """Digest of all that makes a step: the model and its parts, JSBSim, the machine, our code."""
+    digest = sha256()
+
+    def add(*texts: str | bytes) -> None:
+        for text in texts:
+            data = text.encode() if isinstance(text, str) else text
+            digest.update(len(data).to_bytes(8, "little") + data)
+
+    add(source.config.fingerprint, str(source.steps), turbulence or "")
+    for name, content in source.parts():
+        add(name, content)
+    add(version("jsbsim"), version("llvmlite"), platform.platform(), *machine.processor())
+    add(_own_digest())
+    return digest.hexdigest()
+
+
+@cache
+def _own_digest() -> bytes:
+    """Digest of the code of this folder."""
+    files = sorted(Path(__file__).parent.glob("*.py"))
+    return sha256(b"".join(file.read_bytes() for file in files)).digest()

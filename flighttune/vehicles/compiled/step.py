@@ -20,7 +20,7 @@ from flighttune.vehicles.compiled.trace import Graph, Number
 Shown: TypeAlias = Callable[[Properties], Mapping[str, Number]]
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Names:
     """Places in the arrays of a compiled step."""
 

@@ -50,11 +50,11 @@ def differing(aircraft, seconds, turbulence=None):
     start = step.start_from(started(aircraft, turbulence))
     levers = [names.parameters.index(name) for name in (properties.PHI_CMD, properties.N_Z_CMD)]
     shown = np.empty(len(names.signals) + len(names.properties))
-    stream = step.machine.normals(SEED, count) if turbulence else np.empty((count, 0))
+    stream = step.normals(SEED, count)
     actual = np.empty_like(expected)
     for k, row in enumerate(actual):
         start.parameters[levers] = commands(k / fdm.rate)
-        step.machine.fly(start.states, start.parameters, 1, stream[k], shown)
+        step.fly(start.states, start.parameters, 1, stream[k], shown)
         row[:] = shown[len(names.signals) :][places]
     same = (expected == actual).all(axis=0)
     return [names.properties[i] for i, equal in zip(places, same, strict=True) if not equal], len(

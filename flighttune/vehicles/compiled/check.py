@@ -1,0 +1,212 @@
+# SPDX-License-Identifier: LGPL-2.1-or-later
+"""The check flight: JSBSim and the compiled step fly the same, and every property is compared."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from flighttune.base.arrays import FloatArray
+from flighttune.base.errors import FlightTuneError, PlantError
+from flighttune.control.controller import FlightCondition
+from flighttune.vehicles.aircraft.aircraft import AircraftConfig
+from flighttune.vehicles.compiled.aircraft import CompiledStep
+from flighttune.vehicles.compiled.step import place_of
+from flighttune.vehicles.plants.jsbsim import properties
+from flighttune.vehicles.plants.jsbsim.fdm import Fdm
+from flighttune.vehicles.plants.jsbsim.plant import JSBSimPlant
+from flighttune.vehicles.plants.jsbsim.trim import level
+from flighttune.vehicles.plants.weather import Turbulence, Weather, WindProfile
+
+# Length of the flight and the shortest that counts, s; time of a doublet's half, s.
+DURATION, _SHORTEST, _HALF = 20.0, 2.0, 2.0
+
+# Time between two looks at what the step takes for constant, s.
+_LOOK = 0.5
+
+# Shares of the limits on roll and load factor, and of the airspeed, that the doublets take.
+_ROLL, _LOAD, _AIRSPEED = 0.4, 0.4, 0.05
+
+# Air of the flight, m/s.
+_WIND = (2.0, -1.5, 0.2)
+_TURBULENCE = {"severity": 3, "wind_20ft": 4.0}
+_SEED = 11
+
+# Height of an aircraft without a design flight, m.
+_HEIGHT = 1000.0
+
+_COMMANDS = (properties.PHI_CMD, properties.N_Z_CMD, properties.V_A_CMD)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Verdict:
+    """What came of the check flight of an aircraft.
+
+    Attributes
+    ----------
+    steps, compared : int
+        Steps flown and properties compared in each.
+    difference : str
+        What differed first; empty if every property was equal to the bit in every step.
+    """
+
+    steps: int
+    compared: int
+    difference: str = ""
+
+    def record(self) -> dict[str, Any]:
+        """As it is kept."""
+        return asdict(self)
+
+
+def check_flight(step: CompiledStep, config: AircraftConfig) -> Verdict:
+    """Fly both and compare them."""
+    try:
+        first, second = (_started(step, config) for _ in range(2))
+        expected, ends, constants = _flown_by_jsbsim(step, first, config)
+    except FlightTuneError as error:
+        return Verdict(
+            steps=0, compared=0, difference=f"there is no flight to check it in: {error}"
+        )
+    return _compared(step, second, config, expected, ends, constants)
+
+
+def _started(step: CompiledStep, config: AircraftConfig) -> JSBSimPlant:
+    """The aircraft in its design flight, in wind and the turbulence of the step."""
+    V_low, V_high = config.envelope.V_a
+    V_a = config.design.V_a if config.design else 0.5 * (V_low + V_high)
+    h = config.design.h if config.design else _HEIGHT
+    still: FlightCondition = level(config, V_a, h)
+    weather = Weather(
+        wind=WindProfile(((0.0, _WIND),)),
+        turbulence=Turbulence(**_TURBULENCE, model=step.turbulence) if step.turbulence else None,
+    )
+    plant = JSBSimPlant(config, steps=step.steps, weather=weather, seed=_SEED)
+    plant.start(still)
+    return plant
+
+
+def commands_at(t: float, config: AircraftConfig, V_a: float) -> tuple[float, float, float]:
+    """Roll, load factor and airspeed (m/s) at a time: a doublet in each, then in all."""
+
+    def doublet(start: float) -> float:
+        return {0: 1.0, 1: -1.0}.get(math.floor((t - start) / _HALF), 0.0)
+
+    (_, phi_max), (n_z_min, n_z_max) = config.limits.phi, config.limits.n_z
+    together = doublet(16.0)
+    roll, load, speed = (doublet(start) + together for start in (1.0, 6.0, 11.0))
+    reach = min(n_z_max - 1.0, 1.0 - n_z_min)
+    return _ROLL * phi_max * roll, 1.0 + _LOAD * reach * load, V_a * (1.0 + _AIRSPEED * speed)
+
+
+def _shown(step: CompiledStep, plant: JSBSimPlant) -> list[int]:
+    """Places of the properties that JSBSim shows too."""
+    fdm = _fdm(plant)
+    return [i for i, name in enumerate(step.names.properties) if fdm.shows(name)]
+
+
+def _fdm(plant: JSBSimPlant) -> Fdm:
+    """The flight dynamics of a plant that has started."""
+    if plant.fdm is None:
+        raise PlantError("`JSBSimPlant` must be started before it is compared.")
+    return plant.fdm
+
+
+def _flown_by_jsbsim(
+    step: CompiledStep, plant: JSBSimPlant, config: AircraftConfig
+) -> tuple[FloatArray, int, dict[str, float]]:
+    """Rows of the properties after each step; the steps; what JSBSim moved of the parameters."""
+    fdm = _fdm(plant)
+    read = [fdm.reader(step.names.properties[i]) for i in _shown(step, plant)]
+    write_V_a = fdm.writer(properties.V_A_CMD)
+    V_a, rate = fdm.reader(properties.V_A_CMD)(), fdm.rate
+    constant = {
+        name: fdm.reader(name)
+        for name in step.names.parameters
+        if not name.startswith("_") and name not in _COMMANDS and fdm.shows(name)
+    }
+    before = {name: value() for name, value in constant.items()}
+    moved: dict[str, float] = {}
+    rows = np.empty((round(DURATION * rate), len(read)))
+    look = max(1, round(_LOOK * rate))
+    for k, row in enumerate(rows):
+        phi, n_z, speed = commands_at(k / rate, config, V_a)
+        write_V_a(speed)
+        going = plant.advance(phi, n_z, 1.0 / rate) is None
+        row[:] = [value() for value in read]
+        if k % look == 0 or k == len(rows) - 1 or not going:
+            now = {name: value() for name, value in constant.items()}
+            moved |= {
+                name: k / rate for name, x in now.items() if x != before[name] == before[name]
+            }
+        if moved or not going:
+            return rows[: k + 1], k + 1, moved
+    return rows, len(rows), moved
+
+
+def _compared(
+    step: CompiledStep,
+    plant: JSBSimPlant,
+    config: AircraftConfig,
+    expected: FloatArray,
+    steps: int,
+    moved: dict[str, float],
+) -> Verdict:
+    places, fdm = _shown(step, plant), _fdm(plant)
+    if moved:
+        name, t = next(iter(moved.items()))
+        return Verdict(
+            steps=steps,
+            compared=len(places),
+            difference=f"`{name}`, taken for constant, is moved by JSBSim by t = {t:.3f} s",
+        )
+    if steps < _SHORTEST * fdm.rate:
+        reason = f"the check flight left the envelope after {steps} steps"
+        return Verdict(steps=steps, compared=len(places), difference=reason)
+    actual = _flown_compiled(step, plant, config, steps)[:, places]
+    same = (actual == expected) | (np.isnan(actual) & np.isnan(expected))
+    names = [step.names.properties[i] for i in places]
+    return Verdict(
+        steps=steps,
+        compared=len(places),
+        difference="" if same.all() else _difference(names, expected, actual, same),
+    )
+
+
+def _flown_compiled(
+    step: CompiledStep, plant: JSBSimPlant, config: AircraftConfig, steps: int
+) -> FloatArray:
+    """Rows of all properties after each step of the compiled flight."""
+    fdm, names = _fdm(plant), step.names
+    V_a, rate = fdm.reader(properties.V_A_CMD)(), fdm.rate
+    start = step.start_from(plant)
+    shown = np.empty(len(names.signals) + len(names.properties))
+    rows = np.empty((steps, len(names.properties)))
+    stream = step.normals(_SEED, steps)
+    levers = [place_of(names.parameters, name) for name in _COMMANDS]
+    used = [i for i, place in enumerate(levers) if place >= 0]
+    for k, row in enumerate(rows):
+        values = commands_at(k / rate, config, V_a)
+        for i in used:
+            start.parameters[levers[i]] = values[i]
+        step.fly(start.states, start.parameters, 1, stream[k : k + 1], shown)
+        row[:] = shown[len(names.signals) :]
+    return rows
+
+
+def _difference(names: Sequence[str], expected: FloatArray, actual: FloatArray, same: Any) -> str:
+    """The property that differs first, and the largest relative difference of any."""
+    first = int(np.argmin(same.all(axis=1)))
+    j = int(np.argmin(same[first]))
+    with np.errstate(all="ignore"):
+        size = np.abs(expected).max(axis=0, initial=0.0)
+        relative = np.abs(actual - expected).max(axis=0) / np.where(size > 0.0, size, 1.0)
+    worst = int(np.argmax(np.nan_to_num(relative, nan=np.inf)))
+    wanted, got = float(expected[first, j]), float(actual[first, j])
+    return (
+        f"`{names[j]}` differs first, in step {first + 1}: {wanted!r} by JSBSim, {got!r} compiled; "
+        f"most differs `{names[worst]}`, by {relative[worst]:.1e} of its largest value; "
+        f"{int((~same.all(axis=0)).sum())} of {len(names)} properties differ"
+    )

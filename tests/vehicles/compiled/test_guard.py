@@ -1,0 +1,225 @@
+"""The check flight, what is refused by name, and the cache of compiled steps."""
+
+import os
+import re
+import subprocess
+import sys
+from functools import partial
+from pathlib import Path
+
+import pytest
+from airframes import changed_aerosonde
+
+from flighttune.vehicles.aircraft.aircraft import load_aircraft
+from flighttune.vehicles.compiled import cache, components, face, machine, rigid_body, run
+from flighttune.vehicles.compiled.face import CompiledStep, Refusal, compiled
+from flighttune.vehicles.compiled.step import Names
+from flighttune.vehicles.compiled.trace import sqrt
+
+
+def textbook_quaternion(m):
+    """The usual formula, in another order of operations than JSBSim's: off by rounding alone."""
+    first = 0.5 * sqrt(1.0 + m[0][0] + m[1][1] + m[2][2])
+    scale = 0.25 / first
+    return [
+        first,
+        scale * (m[1][2] - m[2][1]),
+        scale * (m[2][0] - m[0][2]),
+        scale * (m[0][1] - m[1][0]),
+    ]
+
+
+def heavier(position, radius, planet, of=run.gravity):
+    return of(position, radius, planet._replace(GM=planet.GM * (1.0 + 1e-15)))
+
+
+def late_actuator(part, of=components._COMPONENTS["actuator"]):
+    return part.delayed(of(part)) * (1.0 + 2.0**-52)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        (rigid_body, "quaternion_of", textbook_quaternion),
+        (run, "gravity", heavier),
+        (components._COMPONENTS, "actuator", late_actuator),
+    ],
+    ids=["quaternion", "gravity", "actuator"],
+)
+def test_a_wrong_operation_is_found_and_jsbsim_flies(wrong, empty_cache, monkeypatch):
+    place, name, operation = wrong
+    setter = monkeypatch.setitem if isinstance(place, dict) else monkeypatch.setattr
+    setter(place, name, operation)
+
+    refusal = compiled(load_aircraft("aerosonde"))
+
+    assert isinstance(refusal, Refusal)
+    assert re.search(r"^`\S+` differs first, in step \d+: \S+ by JSBSim, \S+ comp", refusal.reason)
+
+
+def adding(function):
+    """A change of a main file that adds a function to its drag."""
+
+    def change(text):
+        axis = '<axis name="DRAG">'
+        assert axis in text
+        return text.replace(axis, f'{axis}<function name="aero/more">{function}</function>')
+
+    return change
+
+
+def adding_component(component):
+    def change(text):
+        system = f'<system name="more"><channel name="more">{component}</channel></system>'
+        return text.replace("<aerodynamics>", f"{system}<aerodynamics>")
+
+    return change
+
+
+PLACES = "".join(
+    f"<{end}_{axis}>position/lat-geod-rad</{end}_{axis}>"
+    for end in ("source", "target")
+    for axis in ("latitude", "longitude")
+)
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        (adding("<random/>"), r"does not know <random> in a function"),
+        (
+            adding_component(f'<waypoint_heading name="to">{PLACES}</waypoint_heading>'),
+            r"does not know the component <waypoint_heading>",
+        ),
+        (
+            adding_component(
+                '<sensor name="s"><input>aero/alpha-rad</input>'
+                '<noise variation="ABSOLUTE">0.1</noise></sensor>'
+            ),
+            r"does not know <noise> in <sensor>",
+        ),
+        (
+            adding("<product><property>velocities/machU</property><value>1e-9</value></product>"),
+            r"^`velocities/machU`, taken for constant, is moved by JSBSim",
+        ),
+    ],
+    ids=["operator", "component", "part of a component", "property"],
+)
+def test_what_the_step_does_not_know_is_refused_by_name(tmp_path, change, reason):
+    refusal = compiled(load_aircraft(changed_aerosonde(tmp_path / "aircraft", change)))
+
+    assert isinstance(refusal, Refusal)
+    assert re.search(reason, refusal.reason)
+
+
+def test_on_other_platforms_jsbsim_flies(monkeypatch):
+    monkeypatch.setattr(machine.platform, "machine", lambda: "aarch64")
+
+    assert "got linux aarch64 glibc" in compiled(load_aircraft("aerosonde")).reason
+
+
+def test_other_versions_of_jsbsim_fly_themselves(monkeypatch):
+    monkeypatch.setattr(face, "version", lambda name: "1.3.9")
+
+    assert compiled(load_aircraft("aerosonde")).reason.endswith("version 1.3.3, got 1.3.9")
+
+
+def cut(file):
+    file.write_bytes(file.read_bytes()[:-100])
+
+
+def flipped(file, place=-50):
+    data = bytearray(file.read_bytes())
+    data[place] ^= 1
+    file.write_bytes(data)
+
+
+def of_another_key(file):
+    kept = cache.kept_from(file.read_bytes(), file.stem)
+    file.write_bytes(kept.bytes_for("0" * 64))
+
+
+def open_to_others(file):
+    file.chmod(0o622)
+
+
+def linked(file):
+    real = file.rename(file.with_suffix(".real"))
+    file.symlink_to(real)
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        Path.unlink,
+        cut,
+        flipped,
+        partial(flipped, place=40),
+        of_another_key,
+        open_to_others,
+        linked,
+        lambda file: file.write_bytes(b""),
+    ],
+    ids=["lost", "cut", "code", "names", "another key", "open", "a link", "empty"],
+)
+def test_a_damaged_or_forged_step_is_made_anew(damage, empty_cache):
+    made = []
+
+    def make():
+        made.append(1)
+        return cache.Kept(names=Names(*[("a",)] * 5), code=b"code" * 100, verdict={"steps": 1})
+
+    first = cache.kept_or_made("a" * 64, make)
+    assert cache.kept_or_made("a" * 64, make) == first
+    assert len(made) == 1
+    damage(empty_cache / f"{'a' * 64}.step")
+
+    assert cache.kept_or_made("a" * 64, make) == first
+    assert len(made) == 2
+    assert cache.kept_or_made("a" * 64, make) == first
+    assert len(made) == 2
+
+
+def test_steps_are_the_users_alone_and_read_in_milliseconds(empty_cache):
+    config = load_aircraft("x8")
+    assert isinstance(compiled(config), CompiledStep)
+    (file,) = empty_cache.glob("*.step")
+    assert (empty_cache.stat().st_mode & 0o777, file.stat().st_mode & 0o777) == (0o700, 0o600)
+    face._compiled.cache_clear()
+    written = file.stat().st_mtime_ns
+
+    assert isinstance(compiled(config), CompiledStep)
+    assert file.stat().st_mtime_ns == written
+
+
+def test_a_cache_that_cannot_be_written_does_no_harm(tmp_path, monkeypatch):
+    (tmp_path / "file").touch()
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file"))
+    kept = cache.Kept(names=Names(*[()] * 5), code=b"", verdict={})
+
+    assert cache.kept_or_made("a" * 64, lambda: kept) == kept
+
+
+MAKE = """
+import sys, time
+from flighttune.vehicles.compiled.cache import Kept, kept_or_made
+from flighttune.vehicles.compiled.step import Names
+
+def make():
+    print("made")
+    time.sleep(0.3)
+    return Kept(names=Names(*[()] * 5), code=b"", verdict={})
+
+kept_or_made("b" * 64, make)
+"""
+
+
+def test_a_step_is_made_once_though_many_processes_ask(empty_cache):
+    asking = [
+        subprocess.Popen(
+            [sys.executable, "-c", MAKE], stdout=subprocess.PIPE, text=True, env=os.environ
+        )
+        for _ in range(4)
+    ]
+
+    assert sorted(one.communicate()[0] for one in asking) == ["", "", "", "made\n"]
