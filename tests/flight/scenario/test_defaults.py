@@ -31,9 +31,8 @@ CAMPAIGN = {
 def leaves(annotation):
     """Every class in an annotation."""
     if isinstance(annotation, type) and not getattr(annotation, "__args__", ()):
-        return {annotation}
-    parts = getattr(annotation, "__args__", ())
-    return set().union(*map(leaves, parts)) if parts else set()
+        return [annotation]
+    return [leaf for part in getattr(annotation, "__args__", ()) for leaf in leaves(part)]
 
 
 def defaults(model, place="", found=None):

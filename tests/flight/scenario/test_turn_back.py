@@ -6,8 +6,9 @@ import pytest
 
 import flighttune as ft
 from flighttune.flight.scenario.load import from_level
-from flighttune.flight.scenario.route import TurnBackTable
-from flighttune.flight.scenario.tables import FlightTable, ReferenceTable
+from flighttune.routes.reference_keys import ReferenceTable
+from flighttune.routes.turn_back_keys import TurnBackTable
+from flighttune.vehicles.flight_keys import FlightTable
 
 G = 9.81
 TRAPEZOIDS = 1e-4  # of an integral in steps of 10 m, relative
