@@ -12,6 +12,7 @@ import pytest
 from flown_campaigns import Notes, bits, parts, plan, table_flown
 
 import flighttune as ft
+from flighttune.base.errors import StoppedError
 from flighttune.campaigns import dataset as dataset_module
 from flighttune.campaigns.dataset import Dataset, dataset_hash, locked
 from flighttune.flight.fly import library_versions
@@ -83,6 +84,28 @@ def test_pandas_and_duckdb_read_a_campaign_while_it_runs(tmp_path, monkeypatch):
     assert all(len(set(count)) == 1 for count in counts)
     assert counts == sorted(counts)
     assert counts[0][0] < counts[-1][0]
+
+
+def test_rows_are_written_as_consecutive_runs_whatever_their_order(tmp_path, ours, rows):
+    """And those that came before an error are there after it."""
+    written(tmp_path, ours, rows[5:6])
+    dataset = Dataset(tmp_path, ours, library_versions())
+    order, asked = [7, 0, 2, 1, 4, 8, 10], []
+
+    def fly(_, runs):
+        asked.extend(runs)
+        yield from (rows.slice(run, 1).to_pylist()[0] for run in order)
+        raise StoppedError("enough")
+
+    with pytest.raises(StoppedError):
+        dataset.write_rows(fly, 11)
+
+    spans = [(part.runs.start, part.runs.stop) for part in dataset.parts]
+    assert asked == [0, 1, 2, 3, 4, 6, 7, 8, 9, 10]
+    assert spans == [(0, 3), (4, 5), (5, 6), (7, 9), (10, 11)]
+    assert dataset.missing == [3, 6, 9, 11]
+    kept = [run for run in range(RUNS) if run not in dataset.missing]
+    assert bits(dataset.rows()) == bits(rows.take(kept))
 
 
 @pytest.mark.soak

@@ -140,14 +140,26 @@ def test_settling_within_a_band_and_errors_within_an_envelope_are_columns_of_bot
     assert all(row["chi.late_rad"] is not None for row in rows)
 
 
-@pytest.mark.counts
+BEYOND_1000_RAD = {"phi_deg": [-45.0, 45.0]}, 0.015, 160.0, (6.0, 10.0), 8, {"", "chi"}, FAR_ROUND
+
+
 @pytest.mark.parametrize(
     ("limits", "omega", "duration", "amplitude", "runs", "reasons", "rounding"),
     [
-        ({}, 1.0, 3.0, (0.0, 0.5), 80, {"", "roll"}, ROUNDING),
-        ({"phi_deg": [-45.0, 45.0]}, 0.015, 160.0, (6.0, 10.0), 8, {"", "chi"}, FAR_ROUND),
+        pytest.param({}, 1.0, 3.0, (0.0, 0.5), 10, {"", "roll"}, ROUNDING, id="some beyond 90 deg"),
+        pytest.param(
+            {},
+            1.0,
+            3.0,
+            (0.0, 0.5),
+            80,
+            {"", "roll"},
+            ROUNDING,
+            id="beyond 90 deg of roll",
+            marks=pytest.mark.counts,
+        ),
+        pytest.param(*BEYOND_1000_RAD, id="beyond 1000 rad", marks=pytest.mark.counts),
     ],
-    ids=["beyond 90 deg of roll", "beyond 1000 rad"],
 )
 def test_flights_that_leave_the_law_say_so_as_flights_alone_do(
     limits, omega, duration, amplitude, runs, reasons, rounding

@@ -171,6 +171,12 @@ def test_a_start_without_steady_flight_and_a_flight_into_the_ground_are_rows():
     assert {row["status"] for row in rows} == {"no_trim", "ground_contact", "completed"}
 
 
+@pytest.mark.parametrize("run", [-1, 16])
+def test_a_run_that_is_not_of_the_plan_is_refused(run):
+    with pytest.raises(ft.InputError, match=rf"`run` must be 0 to 15, got {run}\."):
+        scenario_of_run(still_plan(), run)
+
+
 def test_the_row_of_a_crashed_run_is_a_row_of_the_plan():
     plan = still_plan()
 

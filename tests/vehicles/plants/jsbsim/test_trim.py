@@ -73,6 +73,36 @@ def test_a_search_that_does_not_converge_says_what_is_left_over():
     assert drag == pytest.approx((0.043 + 0.0232 * C_L**2) / C_L, abs=0.005)
 
 
+@pytest.mark.parametrize(
+    ("unknown", "end", "forward", "words"),
+    [
+        # angle of attack, aileron, elevator, rudder and throttle, at their lower and upper ends
+        (0, 0.0, 0.0, "negative stall, alpha is at -14.0 deg"),
+        (0, 1.0, 0.0, "it would stall, alpha is at 16.0 deg"),
+        (2, 0.0, 0.0, "the aileron is at its stop"),
+        (2, 1.0, 0.0, "the aileron is at its stop"),
+        (3, 0.0, 0.0, "the elevator is at its stop"),
+        (3, 1.0, 0.0, "the elevator is at its stop"),
+        (4, 0.0, 0.0, "the rudder is at its stop"),
+        (4, 1.0, 0.0, "the rudder is at its stop"),
+        (6, 1.0, -0.1, "full throttle has too little thrust"),
+        (6, 0.0, 0.1, "the aircraft speeds up with the throttle closed"),
+        # which is in nobody's way
+        (6, 1.0, 0.1, "the search did not converge, "),
+        (6, 0.0, -0.1, "the search did not converge, "),
+        (1, 1.0, 0.0, "the search did not converge, "),
+        (5, 0.0, 0.0, "the search did not converge, "),
+    ],
+)
+def test_the_bound_that_a_search_ends_at_is_named(unknown, end, forward, words):
+    problem = _TrimProblem(fdm_of("aerosonde"), ft.loop.FlightCondition(V_a=25.0, h=1000.0))
+    x, residual = 0.5 * (problem.lower + problem.upper), np.zeros(7)
+    x[unknown] = (1.0 - end) * problem.lower[unknown] + end * problem.upper[unknown]
+    residual[0] = forward
+
+    assert problem.obstacle(x, residual).startswith(words)
+
+
 def test_trim_error_names_the_elevator_at_its_stop(changed_aircraft):
     travel = r"(elevator = { travel_deg = \[-25.0), 25.0"
     folder = changed_aircraft("aircraft.toml", travel, r"\1, 1.0")
