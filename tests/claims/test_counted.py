@@ -1,0 +1,122 @@
+"""What counts of all kinds have in common: whose flights they are of, and what they spend."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from dispersed import plan_of
+
+import flighttune as ft
+from flighttune.claims.counted import About
+from flighttune.claims.counting import flights_of
+from tests.made_up import made_up_run, made_up_scenario
+from tests.made_up_band import CONFIDENCE, EPSILON, FLIGHTS, LEARNED, band_flights
+
+GAINS = ft.PAPER_GAINS
+
+
+def scaled(factor):
+    return replace(GAINS, K_I=GAINS.K_I * factor)
+
+
+@pytest.fixture(scope="module")
+def counted():
+    """A band of half-width 1 that five of its flights leave, one of them infinitely."""
+    plan = plan_of(made_up_scenario().as_dict(), runs=LEARNED + FLIGHTS, gains=["paper"])
+    scores = np.concatenate([np.linspace(0.0, 1.0, FLIGHTS - 5), [2.0, 2.0, 3.0, 4.0, np.inf]])
+    flights = flights_of(plan, None, 1, FLIGHTS)
+    windows = len(flights.edges) - 1
+    about = About(
+        signals={"chi_err": "rad"}, coefficients=np.zeros((1, windows, 1)),
+        half=np.ones((windows, 1)), predicted_from=None, plan=plan.as_dict(), learned=LEARNED,
+        epsilon=EPSILON, confidence=CONFIDENCE,
+    )  # fmt: skip
+    away = np.array([-1.0, 1.0]) * scores[:, None, None, None] * np.ones((windows, 1, 1))
+    extremes, wind = away.astype(np.float32), np.zeros((FLIGHTS, 0))
+    return ft.Band(about=about, flights=flights, extremes=extremes, wind=wind)
+
+
+@pytest.mark.parametrize(
+    ("plant", "name", "gains", "says"),
+    [
+        ("kinematic", "paper", GAINS, ""),
+        ("kinematic", "paper:mine", GAINS, ""),
+        ("kinematic", "paper", scaled(1.0 + 5e-7), ""),
+        ("kinematic", "paper", scaled(1.0 - 2e-5), "its gains are not those counted on, paper"),
+        ("kinematic", "paper", None, "its gains are not those counted on, paper"),
+        ("point_mass", "paper", GAINS, "plant is point_mass, counted on kinematic"),
+        ("kinematic", "exact:paper", GAINS, "law is exact, counted on paper"),
+    ],
+)
+def test_a_count_is_of_its_plant_law_and_gains(plant, name, gains, says):
+    assert band_flights(np.array([0.0, 1.0])).flown_otherwise(plant, name, gains) == says
+
+
+def run_of(scenario=None, status="completed", gains=GAINS):
+    tables = (scenario or made_up_scenario()).as_dict()
+    signals = {"chi": [0.0, 0.0], "gamma": [0.0, 0.0]}
+    return made_up_run(signals, [0.0, 0.02], status=status, gains=gains, scenario=tables)
+
+
+@pytest.mark.parametrize(
+    ("run", "says"),
+    [
+        (run_of(), ""),
+        (run_of(status="diverged"), "status is diverged, counted on completed"),
+        (run_of(gains=scaled(1.1)), "its gains are not those counted on, paper"),
+        (run_of(made_up_scenario(flight={"V_a_mps": 26.0})), "flight.V_a_mps is 26, counted on 25"),
+    ],
+)
+def test_a_count_says_nothing_of_other_flights(counted, run, says):
+    assert counted.why_not(run).startswith(says)
+    assert bool(counted.why_not(run)) == bool(says)
+
+
+def test_a_count_that_claims_nothing_says_nothing_of_any_flight(counted):
+    lost = np.full_like(counted.extremes, np.inf)
+
+    assert "nothing is claimed" in replace(counted, extremes=lost).why_not(run_of())
+
+
+def test_each_number_of_flights_at_which_it_is_read_doubles_the_last(counted):
+    assert counted.first == FLIGHTS
+    longer = replace(
+        counted, extremes=np.concatenate([counted.extremes] * 4), wind=np.zeros((4 * FLIGHTS, 0))
+    )
+
+    assert counted.readings == (259,)
+    assert longer.readings == (259, 518, 1036)
+    # after each, a draw is left out
+    draws = longer.draws
+    assert draws[0] == LEARNED
+    assert [draws[i] - draws[i - 1] for i in (258, 259, 260, 518, 777)] == [1, 2, 1, 2, 1]
+
+
+@pytest.mark.parametrize(
+    ("changes", "times", "spent"),
+    [
+        ({}, 1, 1.0 - CONFIDENCE),
+        ({}, 2, 2.0 * (1.0 - CONFIDENCE)),
+        ({"fences": ({}, {})}, 1, 3.0 * (1.0 - CONFIDENCE)),
+        ({"fences": ({}, {})}, 2, 6.0 * (1.0 - CONFIDENCE)),
+        # a count until it is sure claims no bounds, and is read at any number of flights
+        ({"fences": ({}, {}), "until_sure": True}, 2, 2.0 * (1.0 - CONFIDENCE)),
+        ({"planned": (0.05, 0.98)}, 1, (1.0 - CONFIDENCE) + 0.02),
+        ({"planned": (0.05, 0.98), "fences": ({},)}, 2, 4.0 * ((1.0 - CONFIDENCE) + 0.02)),
+    ],
+)
+def test_each_claim_and_reading_spends_its_part(counted, changes, times, spent):
+    count = replace(
+        counted,
+        about=replace(counted.about, **changes),
+        extremes=np.concatenate([counted.extremes] * times),
+        wind=np.zeros((times * FLIGHTS, 0)),
+    )
+    assert count.confidence == pytest.approx(1.0 - spent, abs=1e-12)
+
+
+def test_the_flight_nearest_to_leaving_is_inside_and_counts_are_of_both_sides(counted):
+    """One of 259 has the score 1 of the band; five are outside, one of them infinitely."""
+    assert counted.scale == pytest.approx(1.0, rel=1e-6)
+    assert (counted.outside, counted.not_completed) == (5, 1)
+    assert counted.nearest == LEARNED + FLIGHTS - 6
