@@ -6,10 +6,13 @@ from collections import defaultdict
 from graphlib import CycleError, TopologicalSorter
 from importlib import import_module
 from pathlib import Path
+from typing import get_args
 
 import pytest
 
 from flighttune.base.answering import FIGURES, SPEAKERS, Answering
+from flighttune.claims.verify import AnyClaim
+from flighttune.outputs.pages.claim import CHARTS, PAGES
 
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "flighttune"
@@ -150,6 +153,14 @@ def test_every_result_that_answers_has_its_row_in_the_table_of_functions_that_sp
     for place in (*SPEAKERS.values(), *FIGURES.values()):
         module, _, function = place.partition(":")
         assert module.startswith("flighttune.outputs.")
+        assert callable(getattr(import_module(module), function)), place
+
+
+def test_every_claim_has_its_row_in_the_tables_of_pages():
+    for kind in get_args(AnyClaim):
+        assert {base.__name__ for base in kind.__mro__} & PAGES.keys(), kind
+    for place in (*PAGES.values(), *CHARTS.values()):
+        module, _, function = place.partition(":")
         assert callable(getattr(import_module(module), function)), place
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from flighttune.base.answers.chart import Chart, Sheet
 from flighttune.claims.band import Band
 from flighttune.claims.counting import load_counted
-from flighttune.outputs.pages.claim import band_charts
+from flighttune.outputs.pages.counted import mission_charts
 
 FILE = Path(__file__).parents[1] / "first_mission.svg"
 TITLES = "As drawn: the circle leaves the fence", "With the circle 151 m further west"
@@ -20,7 +20,7 @@ def fenced_map(file: str, title: str) -> Chart:
     """The map of the page of a band, under a title of its own."""
     band = load_counted(file)
     assert isinstance(band, Band)
-    chart = band_charts(band)[0]
+    chart = mission_charts(band)[0]
     chart.title = title
     return chart
 

@@ -181,7 +181,7 @@ def campaign(
         # a campaign that was extended by --runs keeps its length
         plan = plan.with_runs(max(plan.runs, open_dataset(out).plan.runs))
     if dry_run:
-        return forecast(plan, FLOWN_BY.get()["workers"])
+        return forecast(plan, FLOWN_BY.get()["workers"]).answer()
     try:
         done = run_campaign(campaign=plan, out=out, runs=None)
     except (errors.CampaignError, errors.OutputError) as error:

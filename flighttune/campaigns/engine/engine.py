@@ -9,18 +9,15 @@ from typing import Any
 import pandas as pd
 
 from flighttune.base.answering import Answering
-from flighttune.base.answers.answer import Answer, Table
-from flighttune.base.answers.labels import columns
 from flighttune.base.arrays import check_at_least
 from flighttune.base.errors import InputError, RecordingError, StoppedError
 from flighttune.base.files import code
 from flighttune.base.files.load import CAMPAIGN
-from flighttune.base.words import pick
 from flighttune.campaigns.dataset import RUNS, Dataset, locked, open_dataset, parquet_bytes
 from flighttune.campaigns.engine.pool import WorkerPool
 from flighttune.campaigns.engine.progress import CampaignObserver
 from flighttune.campaigns.flying.columns import table_of
-from flighttune.campaigns.planning.plan import Group, Plan, draws_in_words, plan_campaign
+from flighttune.campaigns.planning.plan import Group, Plan, plan_campaign
 from flighttune.campaigns.planning.source import load_campaign
 from flighttune.campaigns.statistics.count import looks
 from flighttune.campaigns.statistics.findings import SUCCESS, Answers, answers
@@ -34,44 +31,19 @@ ENOUGH_S = 0.25
 # Factor by which the number of runs grows from one timing to the next
 MORE = 4
 
-COST_COLUMNS = columns("core_s workers wall_s rows_bytes signals_bytes", of="cost")
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Forecast(Answering):
+    """A plan with what it will cost."""
+
+    plan: Plan
+    cost: Mapping[str, Any]  # as of `_cost`; empty for a plan that runs the code of a user
 
 
-def forecast(plan: Plan, workers: int | None = None) -> Answer:
+def forecast(plan: Plan, workers: int | None = None) -> Forecast:
     """Flights, dispersions, signals kept and the cost of a plan: it flies a few runs."""
     # Whoever asks what a campaign costs shall not run code of somebody else.
-    cost = {} if plan.code else _cost(plan, workers or cores())
-    campaign, keep = plan.campaign, plan.campaign.keep
-    disperse = [table.model_dump(mode="json", exclude_none=True) for table in campaign.disperse]
-    counted = draws_in_words(plan.runs, plan.groups)
-    keys = " ".join(dict.fromkeys(key for table in disperse for key in table))
-    values = {
-        "title": campaign.title,
-        **pick(plan, "runs draws"),
-        **pick(campaign, "design seed time_limit_s"),
-        "disperse": disperse,
-        "keep": keep.model_dump(mode="json"),
-        **cost,
-    }
-    tables = [
-        Table(columns("runs draws design seed time_limit_s"), [values], campaign.title),
-        Table(columns(keys), disperse, "dispersed"),
-    ]
-    if cost:
-        title = f"cost, from {cost['timed_runs']} runs flown now"
-        tables.insert(1, Table(columns("plant gains run_s"), cost["groups"], "groups"))
-        tables.append(Table(COST_COLUMNS, [values], title))
-    unknown = "time and space are not estimated: that runs the code of"
-    kept = f"the first {keep.failures} failures, the worst {keep.worst} by {keep.worst_by}"
-    return Answer(
-        values=values,
-        tables=tables,
-        notes=[
-            f"{'at most ' if campaign.until_sure else ''}{plan.runs} flights = {counted}",
-            f"signals kept: {kept}, a sample of {keep.sample}",
-            *(f"{unknown} {file}" for file in plan.code),
-        ],
-    )
+    return Forecast(plan=plan, cost={} if plan.code else _cost(plan, workers or cores()))
 
 
 def _cost(plan: Plan, workers: int) -> dict[str, Any]:

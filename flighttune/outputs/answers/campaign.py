@@ -1,14 +1,52 @@
-"""What a campaign says that was flown."""
+"""What a campaign says before it is flown, and after."""
 
 from flighttune.base.answers.answer import Answer, Table
 from flighttune.base.answers.labels import columns, endings_table
 from flighttune.base.words import duration, pick, rate
-from flighttune.campaigns.engine.engine import CampaignOutcome
+from flighttune.campaigns.engine.engine import CampaignOutcome, Forecast
 from flighttune.campaigns.planning.plan import draws_in_words
 from flighttune.campaigns.statistics.findings import answer_words
 
+COST_COLUMNS = columns("core_s workers wall_s rows_bytes signals_bytes", of="cost")
 
-def answer(outcome: CampaignOutcome) -> Answer:
+
+def planned(forecast: Forecast) -> Answer:
+    """Flights, dispersions, signals kept and the cost of a plan."""
+    plan, cost = forecast.plan, forecast.cost
+    campaign, keep = plan.campaign, plan.campaign.keep
+    disperse = [table.model_dump(mode="json", exclude_none=True) for table in campaign.disperse]
+    keys = " ".join(dict.fromkeys(key for table in disperse for key in table))
+    values = {
+        "title": campaign.title,
+        **pick(plan, "runs draws"),
+        **pick(campaign, "design seed time_limit_s"),
+        "disperse": disperse,
+        "keep": keep.model_dump(mode="json"),
+        **cost,
+    }
+    tables = [
+        Table(columns("runs draws design seed time_limit_s"), [values], campaign.title),
+        Table(columns(keys), disperse, "dispersed"),
+    ]
+    if cost:
+        title = f"cost, from {cost['timed_runs']} runs flown now"
+        tables.insert(1, Table(columns("plant gains run_s"), cost["groups"], "groups"))
+        tables.append(Table(COST_COLUMNS, [values], title))
+    counted = draws_in_words(plan.runs, plan.groups)
+    unknown = "time and space are not estimated: that runs the code of"
+    kept = f"the first {keep.failures} failures, the worst {keep.worst} by {keep.worst_by}"
+    return Answer(
+        values=values,
+        tables=tables,
+        notes=[
+            f"{'at most ' if campaign.until_sure else ''}{plan.runs} flights = {counted}",
+            f"signals kept: {kept}, a sample of {keep.sample}",
+            *(f"{unknown} {file}" for file in plan.code),
+        ],
+    )
+
+
+def flown(outcome: CampaignOutcome) -> Answer:
     """Flights by their status, and the time they took; status 130 if they were interrupted.
 
     Status 1 if the share asked for is not surely reached by all groups.
@@ -20,10 +58,10 @@ def answer(outcome: CampaignOutcome) -> Answer:
     )
     answered = answer_words(outcome.sure, outcome.until_sure)
     most = f" of at most {outcome.planned}" if outcome.until_sure else ""
-    reached = all(answer == "yes" for answer in outcome.sure.values())
-    said = "planned runs completed failed crashed succeeded statuses flown kept"
+    reached = all(said == "yes" for said in outcome.sure.values())
+    kept = "planned runs completed failed crashed succeeded statuses flown kept"
     return Answer(
-        values=pick(outcome, f"{said} wall_s rate_per_s interrupted{' sure' * bool(outcome.sure)}"),
+        values=pick(outcome, f"{kept} wall_s rate_per_s interrupted{' sure' * bool(outcome.sure)}"),
         tables=[
             Table(columns(" ".join(outcome.by_group[0])), outcome.by_group),
             endings_table(outcome.endings),

@@ -10,7 +10,7 @@ from flighttune.base.files.load import BAND, CLAIMS, DATASET, MONITOR, load_one,
 from flighttune.campaigns.dataset import Dataset
 from flighttune.campaigns.statistics.findings import load_findings
 from flighttune.campaigns.statistics.intervals import CONFIDENCE, Method
-from flighttune.claims.monitor import LogMonitor, Monitor
+from flighttune.claims.monitor import Watching
 from flighttune.claims.verify import within
 from flighttune.flight.flown import FlownScenario
 from flighttune.gaps.compare import Source, load_source
@@ -97,7 +97,7 @@ def report(
     if any(run.provenance.log for run in flown.runs):
         monitors = [load_one(file, "monitor", MONITOR, BAND) for file in claims]
         for file, monitor in zip(claims, monitors, strict=True):
-            if not isinstance(monitor, Monitor | LogMonitor):
+            if not isinstance(monitor, Watching):
                 raise InputError(f"{file}: must be a monitor: a log is of no scenario.")
         return write_log_page(flown, page, monitors)
     if columns:

@@ -1,0 +1,229 @@
+"""The pages of counted claims: charts of bands, the map of a mission and the room to turn back."""
+
+from collections.abc import Iterable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from flighttune.base.answers.answer import Answer
+from flighttune.base.answers.chart import DASHED, DOTTED, HEIGHT, LONG, Chart
+from flighttune.base.answers.palette import HUES, LIMIT, NEUTRAL, PLANTS
+from flighttune.base.arrays import FloatArray
+from flighttune.base.files.table import toml_text
+from flighttune.base.names import shown_unit
+from flighttune.base.words import quoted
+from flighttune.claims.band import KEPT, Band, SignalBounds, TurnBack
+from flighttune.claims.counted import Counted
+from flighttune.claims.shape import predicted
+from flighttune.claims.verify import stale_notes
+from flighttune.outputs.pages.charts import APART, DISTANCE_AXIS, KM, heights, route_map
+from flighttune.outputs.pages.claim import Asked, Parts
+from flighttune.outputs.pages.panels import TEXTS, titles
+from flighttune.routes.fence import read_fence
+from flighttune.routes.maps import NOT_SEEN, ground_at, on_earth, rings_around
+
+# Fewest flights drawn inside the band, if so many are.
+MIN_DRAWN = 100
+
+STRONG, LIGHT = (colour for colour, _ in HUES[0])
+
+# Lines of a map, each with a look of its own, also without colours: the volumes around a route from
+# inside out, and its fences in turn.
+VOLUMES = (HUES[2][0][0], ""), (PLANTS[3][0], DASHED), (HUES[3][0][0], DOTTED)
+FENCES = "", LONG, DASHED, DOTTED
+
+
+def band_charts(band: SignalBounds) -> list[Chart]:
+    """Each signal with the flights that were counted."""
+    return [chart_of(band, i) for i in range(len(band.about.signals))]
+
+
+def mission_charts(
+    band: Band, room: TurnBack | None = None, terrain: str | Path | None = None
+) -> list[Chart]:
+    """Each signal with the flights that were counted; on a route its map and heights first."""
+    if band.flights.over != "along":
+        return band_charts(band)
+    return [_map(band, room), _heights(band, terrain), *band_charts(band)]
+
+
+def chart_of(band: SignalBounds, i: int) -> Chart:
+    """One signal: the band, and flights in it, outside of it and nearest to leaving it."""
+    about = band.about
+    name, si = list(about.signals.items())[i]
+    (title, label), (_, factor) = titles(name, si), shown_unit(si)
+    along, edges = band.flights.over == "along", band.flights.edges
+    edges, axis = (edges / KM, DISTANCE_AXIS) if along else (edges, "t [s]")
+    chart = Chart(title=title, x=axis, y=label, linked=True)
+    flights = band.extremes[..., i, :].astype(float)
+    middle = predicted(band.wind, about.coefficients)[..., i]
+    if about.predicted_from:
+        flights, middle = flights - middle[..., None], np.zeros_like(middle)
+    # both extremes of a window, one after the other
+    flights = factor * flights.reshape(len(flights), -1)
+    x = np.linspace(edges[0], edges[-1], flights.shape[1])
+    low, high = (
+        factor * np.repeat(middle[0] + sign * band.half_widths[:, i], 2) for sign in (-1.0, 1.0)
+    )
+    chart.band(x, low, high, NEUTRAL, name="counted band")
+    for edge in (low, high):
+        chart.line(x, edge, NEUTRAL, dash=DOTTED, width=1.2, hover=False)
+    completed, within = np.isfinite(band.scores), band.scores <= band.scale
+    inside, outside = (np.flatnonzero(completed & side) for side in (within, ~within))
+    chosen = inside[:: max(1, len(inside) // MIN_DRAWN)]
+    for drawn, colour, words, width in (
+        (flights[chosen], LIGHT, f"{len(chosen)} of {len(inside)} inside", 0.5),
+        (flights[outside], LIMIT, f"{len(outside)} outside", 0.9),
+    ):
+        if len(drawn):  # all as one line that is broken between them
+            ys = np.pad(drawn, ((0, 0), (0, 1)), constant_values=np.nan).ravel()
+            xs = np.tile(np.append(x, np.nan), len(drawn))
+            chart.line(xs, ys, colour, name=words, width=width, most=len(xs), hover=False)
+    if band.claims:
+        nearest = flights[band.draws.tolist().index(band.nearest)]
+        chart.line(x, nearest, STRONG, name=f"draw {band.nearest}, nearest to leaving")
+    return chart
+
+
+def _corridor(band: Band, signal: str, s: FloatArray) -> FloatArray | None:
+    """The claim of a band about a signal at distances along the route, if it has one."""
+    about = band.about
+    if signal not in about.signals or not band.claims or about.predicted_from:
+        return None
+    bounds, i = band.bounds(s), list(about.signals).index(signal)
+    return np.stack([bounds.low[:, i], bounds.high[:, i]])
+
+
+def _map(band: Band, room: TurnBack | None) -> Chart:
+    """The route from above with the corridor that the band claims, if it does, and its fences."""
+    path, origin, _ = band.flights.route.where
+    s = path.points(APART)
+    wind = band.flights.distribution.air_words.get("wind", "")
+    chart = route_map(band.flights.central, path, s, _corridor(band, "cross_track", s), wind)
+
+    def rings(lines: Iterable[FloatArray], colour: str, name: str, dash: str, **more: Any) -> None:
+        """Lines of north and east as one that is broken between them."""
+        north, east = np.vstack([part for x in lines for part in (x, [[np.nan, np.nan]])]).T
+        chart.line(east, north, colour, name=name, dash=dash, most=len(north), hover=False, **more)
+
+    fences = band.about.fences
+    for number, tables in enumerate(fences, start=1):
+        fence, name = read_fence(KEPT, origin, tables), f"fence {number}" * (len(fences) > 1)
+        dash = FENCES[(number - 1) % len(FENCES)]
+        rings(np.stack([fence.start, fence.end], axis=1), LIMIT, name or "fence", dash)
+        if (rows := band.inside(tables).nearest) and np.isfinite(rows[0]["margin_m"]):
+            nearest = min(rows, key=lambda row: row["margin_m"])
+            ((at, across, _),) = path.beside(np.array([nearest["along_m"]]))
+            words = f"nearest to it: {nearest['margin_m']:.0f} m"
+            chart.points(across, at, LIMIT, size=5.0, filled=False, name=words)
+    if room is not None and room.claims and band.claims:
+        for (name, volume), look in zip(room.volumes(band).items(), VOLUMES, strict=True):
+            colour, dash = look
+            rings(rings_around(path, volume.width), colour, name, dash, width=1.2)
+    return chart
+
+
+def _heights(band: Band, terrain: str | Path | None) -> Chart:
+    """Height over the start along the route, in the band, with floor and ceiling of its fences."""
+    path, origin, h_0 = band.flights.route.where
+    s = path.points(APART)
+    chart = heights(path, s, _corridor(band, "height_err", s), HEIGHT)
+    chart.line(s / KM, np.interp(s, path.s, path.up), STRONG, name="planned")
+    if terrain is not None:
+        ground = ground_at(terrain, on_earth(path.beside(s), origin)) - h_0
+        chart.line(s / KM, ground, NEUTRAL, name="ground")
+    for tables in band.about.fences:
+        fence = read_fence(KEPT, origin, tables)
+        for height, name, dash in ((fence.high, "ceiling", ""), (fence.low, "floor", DASHED)):
+            if np.isfinite(height):
+                ends = [0.0, path.length / KM]
+                chart.line(ends, [height, height], LIMIT, name=name, dash=dash)
+    return chart
+
+
+def _room(room: TurnBack) -> Chart:
+    """How far from the route and from its height each counted flight came that turned back."""
+    x, y = "largest distance from the route [m]", "largest difference of height [m]"
+    chart = Chart(title="Room to turn back", x=x, y=y)
+    flights, inside = room.extremes[:, 0, :, 1].astype(float), room.scores <= room.scale
+    for some, colour, name in ((inside, LIGHT, "inside"), (~inside, LIMIT, "outside")):
+        there = some & np.isfinite(room.scores)
+        across, up = flights[there].T
+        chart.points(across, up, colour, name=f"{there.sum()} {name}")
+    if room.claims:
+        far, high = room.room.from_route, room.room.height
+        chart.line([0.0, far, far], [high, high, 0.0], NEUTRAL, dash=DOTTED, name="the room")
+    return chart
+
+
+def counted(claim: Counted, asked: Asked) -> Parts:
+    """The page of a count: its flights, their scenario and their campaign."""
+    return _counted(claim, asked, claim.answer(asked.source))
+
+
+def _counted(claim: Counted, asked: Asked, answer: Answer) -> Parts:
+    about, campaign, tables = claim.about, claim.about.plan["campaign"], [*answer.tables]
+    if claim.flights.over == "along":
+        tables += claim.flights.route.answer().tables
+    return Parts(
+        title=f"Count of flights titled {quoted(campaign['title'])}",
+        sentences=[claim.sentence],
+        notes=[note for note in (*stale_notes(claim), *answer.notes) if note != claim.sentence],
+        tables=tables,
+        changed=(asked.said or answer).changed,
+        facts={
+            "flights": f"{len(claim.scores)} counted, {about.learned} learned from",
+            "flights lost": claim.lost,
+            "seed": f"{campaign['seed']}",
+        },
+        texts={
+            "scenario.toml": toml_text(claim.flights.scenario.as_dict()),
+            "campaign.toml": toml_text(campaign),
+        },
+    )
+
+
+def turned_back(claim: TurnBack, asked: Asked) -> Parts:
+    """The page of a count of flights that turned back."""
+    return replace(counted(claim, asked), charts=[_room(claim)])
+
+
+def bounds(claim: SignalBounds, asked: Asked) -> Parts:
+    """The page of bounds on signals, each with a chart."""
+    parts, title = counted(claim, asked), quoted(claim.about.plan["campaign"]["title"])
+    return replace(
+        parts,
+        title=f"Counted band of flights titled {title}",
+        charts=band_charts(claim),
+        notes=[*parts.notes, *how_to_read(claim)],
+    )
+
+
+def how_to_read(claim: SignalBounds) -> list[str]:
+    """How to read the chart of a band."""
+    return [TEXTS["band"], *([TEXTS["predicted"]] if claim.about.predicted_from else [])]
+
+
+def band(claim: Band, asked: Asked) -> Parts:
+    """The page of a band; on a route that of its mission, with the room to turn back."""
+    if claim.flights.over != "along":
+        parts = bounds(claim, asked)
+        return replace(parts, sentences=[claim.sentence, *claim.said_of_fences])
+    answer = claim.answer(asked.source)
+    parts = _counted(claim, asked, answer)
+    notes, tables = [*parts.notes, claim.sentence, *claim.said_of_fences], [*parts.tables]
+    notes += [NOT_SEEN] * (asked.terrain is None)
+    if asked.room is not None:
+        turning = asked.room.answer()
+        notes += [asked.room.sentence, *(note for note in turning.notes if "--run" not in note)]
+        tables.append(turning.tables[0])
+    return replace(
+        parts,
+        title=f"Mission {quoted(claim.about.plan['campaign']['title'])}",
+        sentences=(asked.said or answer).summary,
+        notes=[*notes, *how_to_read(claim)],
+        tables=tables,
+        charts=mission_charts(claim, asked.room, asked.terrain),
+    )
