@@ -1,0 +1,143 @@
+"""The claims of the paper are judged by the numbers that the reproduction prints.
+
+Those that need many flights, or flights of an aircraft, are judged in the reproduction alone.
+"""
+
+import pytest
+
+from flighttune.studies.paper.claims import CLAIMS, judge
+
+pytestmark = pytest.mark.slow
+
+# Relative, of numbers of an optimiser and of integrated flights.
+COMPUTED = 2e-4
+
+# Verdict and computed numbers of each claim, of docs/errata.md and the page of the reproduction.
+VERDICTS = {
+    "exponential-stabilisation": ("reproduced", [0.00713913, 0.332933]),
+    "exceptional-robustness": ("not checkable", []),
+    "optimal-controller": ("not reproduced", [0.894934]),
+    "definitions": ("not checkable", []),
+    "lemma-1": ("partly", [200, 1.0]),
+    "lemma-2": ("reproduced", [0.939135]),
+    "lemma-3": ("reproduced", [0.0359569]),
+    "lemma-4": ("reproduced", [2.50022e-13]),
+    "lemma-5": ("reproduced", [1.0, 1.0]),
+    "lemma-5-rate": ("not reproduced", [0.5]),
+    "theorem-1": ("reproduced", [0.501334]),
+    "theorem-1-sufficient": ("partly", [-0.5, 0.0]),
+    "observer": ("not checkable", []),
+    "theorem-2": ("partly", [0.104007, 0.241124, 1.67382]),
+    "theorem-2-rate": ("not reproduced", [0.534992]),
+    "larger-attractor": ("not reproduced", ["0 of 6"]),
+    "three-factors": ("reproduced", [0.55817]),
+    "eigenvalue-problem": ("reproduced", [5.77961e-11]),
+    "duffing-condition": ("reproduced", [25]),
+    "duffing-bound": ("reproduced", [0.618034, 0.618034, 0.618034]),
+    "duffing-attractor": ("reproduced", [1.72843, 2.5, 4.09282]),
+    "duffing-rate": ("partly", [0.517703, 0.555249]),
+    "duffing-everywhere": ("partly", [1.51027, 1.91713, 2.1609]),
+    "duffing-influence": ("not checkable", []),
+    "jacobians": ("partly", [1.12838e-11, 0.340392]),
+    "star-indicators": ("not reproduced", [0.459931, 4.91615]),
+    "star-feasible": ("not reproduced", [7.1522]),
+    "star-optimal": ("not reproduced", [67.1457, 0.459931]),
+    "eigenvalues": ("reproduced", [-0.32974]),
+    "small-region": ("reproduced", [0.00887596, 0.000117679]),
+    "overshoot-chi": ("reproduced", [0.773804]),
+    "overshoot-gamma": ("reproduced", [0.36097]),
+    "peak-time": ("not reproduced", [5.24]),
+    "peak-time-gamma": ("reproduced", [2.69]),
+    "commands-in-range": ("reproduced", [0.785398, 1.8044]),
+    "commands-in-rate": ("not reproduced", [3.03547, 1.29451]),
+    "table-2": (
+        "reproduced",
+        [
+            0.774202,
+            7.873,
+            0.675393,
+            6.05671,
+            0.591292,
+            5.31202,
+            0.362609,
+            5.20713,
+            0.284966,
+            6.16134,
+            0.219191,
+            8.25889,
+        ],
+    ),
+    "faster-convergence": ("reproduced", [-1.0, -1.0, -1.0, -1.0, -1.0]),
+    "small-R-oscillates": ("reproduced", [5, 0.0262628, 6, 0.11158]),
+    "slower-oscillation": ("partly", ["5 of 6 steps", "6 of 6 steps", "0 of 6 steps"]),
+    "R-more-than-I": ("reproduced", [1.0, 1.0, 0.892857, 1.0]),
+    "lower-ITAE": ("reproduced", ["6 of 6 steps", "6 of 6 steps", "6 of 6 steps", "6 of 6 steps"]),
+    "lower-MS": (
+        "partly",
+        [
+            "4 of 6 steps",
+            "6 of 6 steps",
+            "5 of 6 steps",
+            "5 of 6 steps",
+            "5 of 6 steps",
+            "6 of 6 steps",
+        ],
+    ),
+    "lower-ST": (
+        "partly",
+        [
+            "4 of 6 steps",
+            "6 of 6 steps",
+            "5 of 6 steps",
+            "6 of 6 steps",
+            "5 of 6 steps",
+            "6 of 6 steps",
+        ],
+    ),
+    "mostly-smaller-MO-PT": (
+        "reproduced",
+        ["5 of 6 steps", "6 of 6 steps", "6 of 6 steps", "6 of 6 steps"],
+    ),
+    "minor-means": ("reproduced", [0.00180671, 0.00228886]),
+    "inverse-deviation": ("partly", [0.910487, "6 of 6 steps", 0.968112, "4 of 6 steps"]),
+    "less-energy": ("partly", ["6 of 6 steps", "4 of 6 steps"]),
+    "influence-through-rates": ("not checkable", []),
+    "smaller-overshoot": ("reproduced", ["6 of 6 steps", "6 of 6 steps"]),
+    "larger-afterwards": (
+        "partly",
+        ["6 of 6 steps", "5 of 6 steps", "6 of 6 steps", "6 of 6 steps"],
+    ),
+    "insensitive-ITAE": ("partly", [0.0, 0.0, 0.327973, 0.195186]),
+    "decreasing-ITAE": ("partly", [-0.00379083, -0.0734383, 0.277148, -0.0672628]),
+    "rising-MS": ("partly", ["5 of 6 steps", "5 of 6 steps", "6 of 6 steps", "1 of 6 steps"]),
+    "linear-MS": ("partly", [0.091017, 0.899334, 0.993473, 0.9259, 0.812265, 0.805059]),
+    "rising-ST": ("partly", ["5 of 6 steps", "6 of 6 steps"]),
+    "minimal-ST": ("not reproduced", [0.0102559, 0.0170402]),
+    "insensitive-ST": ("partly", ["2 of 3, largest +247%", "0 of 3, largest +34%"]),
+}
+
+ELSEWHERE = {
+    "converges-with-all-limits",
+    "assesses-performance",
+    "global-stabilisation",
+    "near-origin",
+    "overall-enhancement",
+}
+
+
+@pytest.mark.parametrize("name", VERDICTS)
+def test_a_claim_is_judged_by_what_was_computed(study, name):
+    verdict, computed = VERDICTS[name]
+
+    finding = judge(name, study)
+
+    assert finding.verdict == verdict
+    assert len(finding.checks) == len(computed)
+    for check, expected in zip(finding.checks, computed, strict=True):
+        exact = isinstance(expected, str)
+        near = expected if exact else pytest.approx(expected, rel=COMPUTED, abs=1e-6)
+        assert check.computed == near, check
+
+
+def test_every_claim_is_judged_somewhere():
+    assert {*VERDICTS} | ELSEWHERE == {*CLAIMS}
