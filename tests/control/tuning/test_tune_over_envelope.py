@@ -1,6 +1,7 @@
 """Rates over an envelope: rigorous against corners, K* against tuned gains, and tuned for it."""
 
 import itertools
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -10,12 +11,15 @@ import flighttune as ft
 from flighttune.control.linear_model import Envelope, jacobian_hull
 from flighttune.control.theory.lyapunov import common_Q
 from flighttune.control.tuning.envelope import (
+    ascend,
     envelope_rate,
     largest_factor,
     point,
     rate_curve,
     tune_over_envelope,
 )
+from flighttune.control.tuning.program import stabilising_starts
+from flighttune.control.tuning.tune import smallest_radius
 from tests.control.tuning.conftest import relaxed
 
 pytestmark = pytest.mark.slow
@@ -98,6 +102,37 @@ def test_a_curve_of_rates_starts_at_that_of_the_trim_and_falls(model):
     at_trim = ft.loop.indicators(ft.loop.closed_loop(model, TUNED)).R_K
     assert rates[0] == pytest.approx(at_trim, rel=10.0 * SOLVER)
     assert (np.diff(rates) < 0.0).all()
+
+
+@pytest.mark.parametrize(
+    ("factor", "R_K"), [(math.inf, 0.53976), (7.0, 0.526)], ids=["free", "limited"]
+)
+def test_the_ascent_over_one_condition_ends_at_the_largest_rate(model, printed, factor, R_K):
+    """That which `tune` finds by a smooth program, from the gains of the smallest I_K."""
+    problem = replace(printed, limits=None) if factor == math.inf else relaxed(printed, factor)
+    smallest = smallest_radius(problem, stabilising_starts(problem, 4))
+
+    start = point(problem, [model], smallest.K[problem.free])
+    best = ascend(problem, [model], start)
+
+    assert start.common.R < 0.95 * R_K
+    assert best.common.R == pytest.approx(R_K, rel=1e-3)
+    assert best.trim.I_K == pytest.approx(5.0, rel=1e-3)
+    assert (problem.slack(best.k) >= 0.0).all()
+
+
+def test_gains_that_break_a_constraint_are_no_point_of_the_search(model, printed):
+    free = replace(printed, limits=None)
+    k = ft.PAPER_GAINS.K[free.free]
+
+    assert point(free, [model], k) is not None
+    assert point(replace(free, I_star=4.9), [model], k) is None  # its I_K is 4.916
+    assert point(printed, [model], k) is None  # its first commands need 7 times the limits
+    assert point(replace(free, K_max=np.full((2, 4), 3.0)), [model], k) is None  # K_I is 3.49
+    assert point(free, [model], -k) is None  # unstable
+    # two models without a common Q
+    other = ft.loop.kinematic_model(V_a=25.0, gamma=np.pi / 12, phi=1.5, n_z=0.1, g=G)
+    assert point(free, [model, other], k) is None
 
 
 @pytest.fixture(scope="module")
