@@ -19,7 +19,6 @@ def printed_diagnosis(printed):
     return diagnosis(printed)
 
 
-@pytest.mark.counts
 def test_the_printed_problem_needs_between_5_5_and_6_times_its_limits(printed, printed_diagnosis):
     factor = printed_diagnosis.common_factor
 
@@ -39,13 +38,11 @@ def test_a_start_on_the_other_side_needs_the_same_factor_on_the_opposite_bounds(
     assert mirrored.binding == ("phi_rate_max",)
 
 
-@pytest.mark.soak
 def test_the_extremes_within_the_printed_limits_are_the_known_ones(printed_diagnosis):
     assert printed_diagnosis.smallest_I_K == pytest.approx(67.15, abs=5e-3)
     assert printed_diagnosis.largest_R_K == pytest.approx(0.2649, abs=5e-5)
 
 
-@pytest.mark.soak
 def test_the_roll_rate_limit_is_the_one_worth_relaxing(printed, printed_diagnosis):
     worst = printed_diagnosis.limits[0]
 
