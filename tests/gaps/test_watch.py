@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
+from made_up import made_up_run
 
 import flighttune as ft
 from flighttune.gaps.watch import (
@@ -142,3 +143,99 @@ def test_a_model_of_a_loss_counts_only_what_is_less_than_expected(turning, mean_
     assert both.max() == pytest.approx(0.2, abs=1e-3)
     assert loss == pytest.approx(np.minimum(both, 0.0), abs=1e-12)
     assert loss.min() == pytest.approx(-0.3, abs=1e-3)
+
+
+STILL = {
+    "phi": 0.4, "gamma": 0.1, "theta": 0.25, "n_z": 1.3, "V_a": 22.0, "V_g": 25.0, "V_err": 1.2,
+    "phi_cmd": 0.7, "theta_cmd": 0.15, "f_x": 2.5, "throttle": 0.6, "q": 0.05,
+}  # fmt: skip
+SLOW = 0.5 * (1.0 + math.tanh(1.2 / 1.5))
+
+
+@pytest.mark.parametrize(
+    ("term", "value"),
+    [
+        ("1", 1.0),
+        ("V_a", 22.0),
+        ("cos_phi", math.cos(0.4)),
+        ("sin_phi/V_a", math.sin(0.4) / 22.0),
+        ("to_roll", 0.3),
+        ("to_pitch", -0.1),
+        ("n_z/V_a/V_a", 1.3 / 22.0**2),
+        ("V_g*sin_gamma/V_a", 25.0 * math.sin(0.1) / 22.0),
+        ("slow*sin_gamma", SLOW * math.sin(0.1)),
+        # thrust less drag over weight, without what lift has along the path
+        ("slow*excess", SLOW * (2.5 / 9.80665 - 1.3 * (math.sin(0.25) - math.sin(0.1)))),
+        ("q/V_a", 0.05 / 22.0),
+        ("d(V_a)", 0.0),
+    ],
+)
+def test_a_term_is_the_product_of_its_quantities(term, value):
+    model = SignalModel(name="some", target=term, terms=(term,))
+    ((column, target),) = columns_of(
+        [model], made_up_run({k: [x] * 9 for k, x in STILL.items()}, T[:9])
+    )
+
+    assert column == pytest.approx(np.full(9, value), abs=1e-12)
+    assert target.tolist() == column.tolist()
+
+
+def test_a_rate_of_a_ramp_is_its_slope_behind_the_lag():
+    run = made_up_run({"V_a": 20.0 + 0.8 * T, "V_g": 2.0 + 0.0 * T}, T)
+    model = SignalModel(name="some", target="d(V_a)*V_g", terms=("d(V_a)/V_g",))
+
+    ((over, times),) = columns_of([model], run, from_s=6.0)
+
+    # of a ramp that is sampled the lag is longer by a part of a sample
+    assert over == pytest.approx(np.full(len(T) - round(6.0 * RATE), 0.4), rel=0.05)
+    assert times == pytest.approx(4.0 * over)
+
+
+def test_a_term_of_a_gap_keeps_the_value_before_and_the_first_the_one_after():
+    V_a = np.where((T > 40.0) & (T < 44.0), np.nan, np.where(T < 42.0, 20.0, 30.0))
+    V_a[:5] = np.nan
+    model = SignalModel(name="some", target="V_a", terms=("1",))
+
+    ((_, target),) = columns_of([model], made_up_run({"V_a": V_a}, T))
+
+    assert target[0] == 20.0
+    assert target[T == 43.0] == pytest.approx(20.0)
+    assert target[-1] == pytest.approx(30.0)
+
+
+@pytest.mark.parametrize(
+    ("columns", "from_s", "says"),
+    [
+        ({"V_a": np.zeros(9)}, 0.0, "V_a must be finite"),
+        ({"V_a": np.ones(9)}, 0.32, "must be over 0.32 s long, got 0.3 s"),
+    ],
+)
+def test_what_cannot_be_watched_is_refused(columns, from_s, says):
+    model = SignalModel(name="some", target="1/V_a", terms=("1",))
+    with pytest.raises(ft.InputError, match=says):
+        columns_of([model], made_up_run(columns, T[:9]), from_s)
+
+
+def test_of_models_of_one_name_the_first_with_all_its_signals_counts():
+    first, second = (SignalModel(name="turn", target="r", terms=(x,)) for x in ("V_a", "V_g"))
+    other = SignalModel(name="roll", target="p", terms=("1",))
+    models = [first, other, second]
+
+    for signals, expected in (
+        ("r V_a V_g p", {first, other}), ("r V_g p", {second, other}), ("r p", {other}),
+    ):  # fmt: skip
+        assert {*models_of(set(signals.split()), models)} == expected
+
+
+def test_an_alarm_of_a_later_start_has_the_time_of_the_run():
+    watch = Watch(models=(TURN, ROLL), middle=np.array([0.0, 0.1]), half=np.array([0.2, 0.3]))
+    p = 0.1 + 1.0 * (T >= 50.0)
+    signals = {"r": 0.0 * T, "phi": 0.0 * T, "V_g": 20.0 + 0.0 * T, "p": p}
+    late = replace(watch, from_s=30.0)
+
+    for each in (watch, late):
+        alarm = each.alarm(made_up_run(signals, T))
+        assert alarm.why == "roll"
+        # 0.3 over the middle of a step of 1 behind a lag
+        assert alarm.at_s - 50.0 == pytest.approx(LAG_S * math.log(1.0 / 0.7), abs=1.0 / RATE)
+    assert late.scores(made_up_run(signals, T))[0] == pytest.approx([0.0, 0.0], abs=1e-12)
