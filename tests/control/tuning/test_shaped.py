@@ -1,5 +1,6 @@
 """Gains of the least E_K and of the fastest decay under a bound on the sensitivity."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -8,6 +9,9 @@ from made_up import made_up_scenario
 from scipy.optimize import minimize
 
 import flighttune as ft
+from flighttune.control.tuning.shaped import _Search
+from flighttune.flight.models import identified_problems
+from tests.control.tuning.conftest import DECOUPLED
 
 # relative: the oracle's integral is a sum over 0.01 s, its search a simplex
 SAME, SAME_DECAY = 2e-3, 1e-2
@@ -87,6 +91,28 @@ def test_the_sensitivity_of_each_channel_is_the_largest_allowed_or_less(objectiv
     peaks = [sensitivity(channel(result.problem.model, i), K[i, [i, 2 + i]]) for i in (0, 1)]
     assert max(peaks) <= 1.4 * (1.0 + 1e-5)
     assert max(peaks) >= 1.399 if objective == "E_K" else max(peaks) > 1.2
+
+
+@pytest.mark.parametrize("scales", [(1.0, 0.5), (0.5, 1.0)])
+def test_costs_and_peaks_are_those_of_the_worse_channel(scales):
+    """By the definition of each, channel by channel; either of them is the worse."""
+    tuning = {"model": "identified", "objective": "E_K", "identified": "aerosonde"}
+    (problem,) = identified_problems(made_up_scenario(tuning=tuning))
+    problem = replace(problem, K_fixed=DECOUPLED)
+    K = np.array([[1.8 * scales[0], 1.2 * scales[0]], [2.2 * scales[1], 1.5 * scales[1]]])
+    of_channels = [(channel(problem.model, i), K[i]) for i in (0, 1)]
+
+    search = _Search([problem], K.ravel())
+    unit = search.start(1.0, 0.0)
+
+    errors = [largest_error(*each) for each in of_channels]
+    assert max(errors) > 1.5 * min(errors)
+    assert np.exp(search.costs(unit)) == pytest.approx([max(errors)], rel=SAME)
+    highest = max(sensitivity(*each) for each in of_channels)
+    assert np.exp(search.peaks(unit, search.fine).max()) == pytest.approx(highest, rel=SAME)
+    decays = [abscissa(*each) for each in of_channels]
+    decay = _Search([replace(problem, objective="decay")], K.ravel())
+    assert decay.costs(unit) == pytest.approx([max(decays)], rel=1e-9)
 
 
 @pytest.mark.parametrize("objective", ["E_K", "decay"])
