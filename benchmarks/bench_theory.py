@@ -20,12 +20,12 @@ import numpy as np
 import running
 from scipy.linalg import solve_continuous_lyapunov
 
-from flighttune.base.answers.chart import Chart, Sheet
-from flighttune.base.answers.palette import HUES
 from flighttune.control.gains import PAPER_GAINS
 from flighttune.control.linear_model import closed_loops, kinematic_model
 from flighttune.control.theory.indicators import indicators_batch
 from flighttune.control.theory.reachable import largest_errors
+from flighttune.outputs.drawing.chart import Chart, Sheet
+from flighttune.outputs.drawing.palette import HUES
 
 MILLION = 1000 if running.QUICK else 1_000_000
 STATES = range(2, 4 if running.QUICK else 13)

@@ -15,7 +15,7 @@ MOVED = {
     "FlightEnv": "flighttune.gym",
     "OutputError": "flighttune.base.errors",
     "Provenance": "flighttune.flight.loop.run",
-    "Report": "flighttune.base.answers.frame",
+    "Report": "flighttune.outputs.pages.frame",
     "ShapeError": "flighttune.base.errors",
     "StoppedError": "flighttune.base.errors",
     "TrimError": "flighttune.base.errors",

@@ -9,10 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
-from flighttune.base.answers.chart import Chart, Sheet
-from flighttune.base.answers.palette import HUES, INK
 from flighttune.claims.band import Band
 from flighttune.claims.counting import load_counted
+from flighttune.outputs.drawing.chart import Chart, Sheet
+from flighttune.outputs.drawing.palette import HUES, INK
 
 FILE = Path(__file__).parents[1] / "corridor.svg"
 HEIGHT, KM = 270.0, 1000.0

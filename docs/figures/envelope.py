@@ -5,7 +5,6 @@ from pathlib import Path
 
 import numpy as np
 
-from flighttune.base.answers.chart import Sheet
 from flighttune.base.units import DEG
 from flighttune.control.gains import PAPER_GAINS, PIGains
 from flighttune.control.linear_model import Envelope, kinematic_model
@@ -13,6 +12,7 @@ from flighttune.control.tuning.envelope import rate_curve, tune_over_envelope
 from flighttune.control.tuning.problem import TuningProblem
 from flighttune.control.tuning.tune import tune_by_gradient
 from flighttune.outputs.answers.tuning import rate_chart
+from flighttune.outputs.drawing.chart import Sheet
 
 G = 9.81
 ENVELOPE = Envelope(

@@ -7,9 +7,9 @@ in a wider fence (`flighttune mission mission.plan --fence wider.plan`), then in
 import sys
 from pathlib import Path
 
-from flighttune.base.answers.chart import Chart, Sheet
 from flighttune.claims.band import Band
 from flighttune.claims.counting import load_counted
+from flighttune.outputs.drawing.chart import Chart, Sheet
 from flighttune.outputs.pages.counted import mission_charts
 
 FILE = Path(__file__).parents[1] / "first_mission.svg"

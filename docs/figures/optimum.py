@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 
 import flighttune as ft
-from flighttune.base.answers.chart import Chart, Sheet
-from flighttune.base.answers.palette import HUES, INK
 from flighttune.control.certificates.bound import optimal_channel
+from flighttune.outputs.drawing.chart import Chart, Sheet
+from flighttune.outputs.drawing.palette import HUES, INK
 
 FILE = Path(__file__).parents[1] / "optimum.svg"
 I_STAR = 5.0

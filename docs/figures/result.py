@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 
 import flighttune as ft
-from flighttune.base.answers.chart import DASHED, Chart, Sheet
-from flighttune.base.answers.palette import HUES, INK
 from flighttune.base.units import DEG_PER_RAD
 from flighttune.campaigns.dataset import open_dataset
 from flighttune.campaigns.statistics.intervals import rate_interval
+from flighttune.outputs.drawing.chart import DASHED, Chart, Sheet
+from flighttune.outputs.drawing.palette import HUES, INK
 
 FILE = Path(__file__).parents[1] / "result.svg"
 TURN, CROWD = (Path(__file__).parent / "result" / name for name in ("turn.toml", "crowd.toml"))

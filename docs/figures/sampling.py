@@ -10,8 +10,6 @@ import numpy.typing as npt
 from scipy.linalg import expm
 
 import flighttune as ft
-from flighttune.base.answers.chart import DASHED, Chart, Sheet
-from flighttune.base.answers.palette import HUES, NEUTRAL
 from flighttune.base.arrays import FloatArray, check_positive
 from flighttune.base.errors import InputError, PlantError, ShapeError
 from flighttune.base.units import DEG, G_0
@@ -19,6 +17,8 @@ from flighttune.control.gains import PAPER_GAINS, PIGains
 from flighttune.control.linear_model import LinearModel
 from flighttune.control.mimo_pi import MimoPI
 from flighttune.flight.loop.loop import simulate
+from flighttune.outputs.drawing.chart import DASHED, Chart, Sheet
+from flighttune.outputs.drawing.palette import HUES, NEUTRAL
 from flighttune.routes.segments import Reference
 from flighttune.vehicles.aircraft.aircraft import load_aircraft
 from flighttune.vehicles.identification.file import design_model, load_identified

@@ -34,6 +34,7 @@ SPEAKERS = {
     "Meeting": "flighttune.outputs.answers.meeting:answer",
     "PlannedRoute": "flighttune.outputs.answers.route:answer",
     "RateBound": "flighttune.outputs.answers.bound:answer",
+    "Report": "flighttune.outputs.pages.frame:answer",
     "Reproduction": "flighttune.outputs.paper.reproduce:answer",
     "Reflown": "flighttune.outputs.answers.refly:answer",
     "Run": "flighttune.outputs.answers.run:facts",

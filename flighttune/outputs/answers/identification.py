@@ -7,12 +7,12 @@ import numpy as np
 import numpy.typing as npt
 
 from flighttune.base.answers.answer import Answer, Table
-from flighttune.base.answers.chart import DASHED, Chart, Sheet
 from flighttune.base.answers.labels import columns
-from flighttune.base.answers.palette import HUES, NEUTRAL
 from flighttune.base.arrays import FloatArray
 from flighttune.base.units import DEG
 from flighttune.outputs.answers.tables import lags_table
+from flighttune.outputs.drawing.chart import DASHED, Chart, Sheet
+from flighttune.outputs.drawing.palette import HUES, NEUTRAL
 from flighttune.vehicles.identification import file as model_file
 from flighttune.vehicles.identification.fit import DT, ChannelIdentification, Identification
 from flighttune.vehicles.identification.identify import GOOD_FIT, AircraftIdentification

@@ -5,9 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from flighttune.base.answers.answer import Answer, Column, Table
-from flighttune.base.answers.chart import DASHED, Chart, Sheet
 from flighttune.base.answers.labels import columns as columns_by
-from flighttune.base.answers.palette import HUES, INK, NEUTRAL, PLANTS
 from flighttune.base.arrays import FloatArray
 from flighttune.base.units import DEG, DEG_PER_RAD
 from flighttune.base.words import pick
@@ -21,6 +19,8 @@ from flighttune.gaps.of_log import (
     rms,
     scaled,
 )
+from flighttune.outputs.drawing.chart import DASHED, Chart, Sheet
+from flighttune.outputs.drawing.palette import HUES, INK, NEUTRAL, PLANTS
 
 RUNG_COLUMNS = columns_by("flown chi gamma phi n_z tail nose", of="rungs_of_log")
 CAUSE_COLUMNS = columns_by("cause alone_percent without_percent")

@@ -7,9 +7,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from flighttune.base.answers.answer import Answer, Column, Table
-from flighttune.base.answers.chart import DASHED, Chart
 from flighttune.base.answers.labels import columns
-from flighttune.base.answers.palette import HUES, INK, NEUTRAL, LineStyle
 from flighttune.base.arrays import FloatArray
 from flighttune.base.words import pick
 from flighttune.control.gains import gains_lists, gains_table
@@ -17,6 +15,8 @@ from flighttune.control.linear_model import Envelope
 from flighttune.control.margins import loop_margins
 from flighttune.control.tuning.result import TuningResult
 from flighttune.outputs.answers.tables import margins_table
+from flighttune.outputs.drawing.chart import DASHED, Chart
+from flighttune.outputs.drawing.palette import HUES, INK, NEUTRAL, LineStyle
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -17,7 +17,6 @@ import numpy as np
 
 from flighttune import __version__
 from flighttune.base.answering import Answering
-from flighttune.base.answers.frame import page_template
 from flighttune.base.arrays import FloatArray
 from flighttune.base.errors import InputError, printable
 from flighttune.base.files.whole import (
@@ -36,6 +35,7 @@ from flighttune.flight import conditions, fly, models
 from flighttune.flight.entry import Entry
 from flighttune.flight.loop.run import Run
 from flighttune.flight.scenario.schema import Scenario
+from flighttune.outputs.drawing.templates import page_template
 from flighttune.routes.feasible import FeasibleReference
 from flighttune.routes.follow import (
     APPROACH,

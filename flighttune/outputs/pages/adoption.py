@@ -5,13 +5,13 @@ from importlib.metadata import version
 from pathlib import Path
 
 from flighttune.base.answers.answer import Table, facts_table
-from flighttune.base.answers.frame import Section, write_answer
 from flighttune.base.answers.labels import columns
 from flighttune.outputs.answers.adoption import turn_table
 from flighttune.outputs.answers.design import steps_table
 from flighttune.outputs.answers.identification import held_out
 from flighttune.outputs.answers.run import run_styles
 from flighttune.outputs.answers.tables import lags_table
+from flighttune.outputs.pages.frame import Section, write_answer
 from flighttune.outputs.pages.panels import errors, flown_signals
 from flighttune.studies.adoption.adopt import AIRCRAFT, CALM_DEG, PAGE, TURN, Adoption
 from flighttune.vehicles.identification.identify import GOOD_FIT

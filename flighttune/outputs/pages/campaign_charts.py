@@ -6,9 +6,7 @@ from typing import Any
 import numpy as np
 
 from flighttune.base.answers.answer import Column
-from flighttune.base.answers.chart import DASHED, HEAD_AND_FOOT, HEIGHT, Chart
 from flighttune.base.answers.labels import measure_words, metric_label
-from flighttune.base.answers.palette import LIMIT, LineStyle, line_styles
 from flighttune.base.arrays import FloatArray
 from flighttune.base.names import key_words
 from flighttune.base.words import figures, percent
@@ -16,6 +14,8 @@ from flighttune.campaigns.flying.columns import unit_of_key
 from flighttune.campaigns.planning.plan import Group
 from flighttune.campaigns.statistics.findings import Findings, is_number, strength, values_of
 from flighttune.campaigns.statistics.intervals import Estimate, scores
+from flighttune.outputs.drawing.chart import DASHED, HEAD_AND_FOOT, HEIGHT, Chart
+from flighttune.outputs.drawing.palette import LIMIT, LineStyle, line_styles
 
 # Least height of a row with a name and a share, and how far the share is below it, pixels.
 ROW, BELOW = 30.0, 9.0

@@ -6,8 +6,6 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from flighttune.base.answers.chart import DASHED, DOTTED, Chart, Sheet
-from flighttune.base.answers.palette import HUES, INK, LIMIT, NEUTRAL
 from flighttune.base.arrays import FloatArray
 from flighttune.base.names import CHANNEL_NAMES, CHANNEL_SYMBOLS, SYMBOLS
 from flighttune.base.units import DEG, DEG_PER_RAD
@@ -24,6 +22,8 @@ from flighttune.flight.scenario.schema import Scenario
 from flighttune.gaps.gap import Gap
 from flighttune.outputs.answers.run import run_styles
 from flighttune.outputs.answers.tuning import rate_chart
+from flighttune.outputs.drawing.chart import DASHED, DOTTED, Chart, Sheet
+from flighttune.outputs.drawing.palette import HUES, INK, LIMIT, NEUTRAL
 from flighttune.outputs.pages.panels import SIGNALS, Drawn, draw_bounds, most_points
 from flighttune.outputs.recording.plots import displayed
 from flighttune.routes.follow import RouteReference

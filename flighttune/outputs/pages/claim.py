@@ -8,8 +8,6 @@ from typing import NamedTuple
 
 from flighttune.base.answering import function_for
 from flighttune.base.answers.answer import Answer, Table, facts_table
-from flighttune.base.answers.chart import Chart, Sheet, dashes
-from flighttune.base.answers.frame import Report, Section, write_answer
 from flighttune.base.errors import InputError
 from flighttune.base.files.whole import current
 from flighttune.claims.band import SignalBounds, TurnBack
@@ -21,6 +19,8 @@ from flighttune.control.certificates.certificate import Certificate
 from flighttune.flight.flown import FlownScenario
 from flighttune.flight.loop.run import Run
 from flighttune.outputs.answers.run import run_styles
+from flighttune.outputs.drawing.chart import Chart, Sheet, dashes
+from flighttune.outputs.pages.frame import Report, Section, write_answer
 from flighttune.outputs.pages.panels import errors, flown_signals
 
 # The parts of the page of a claim, and its charts, by class as module:function.

@@ -8,8 +8,6 @@ from typing import Any
 import numpy as np
 
 from flighttune.base.answers.answer import Answer
-from flighttune.base.answers.chart import DASHED, DOTTED, HEIGHT, LONG, Chart
-from flighttune.base.answers.palette import HUES, LIMIT, NEUTRAL, PLANTS
 from flighttune.base.arrays import FloatArray
 from flighttune.base.files.table import toml_text
 from flighttune.base.names import shown_unit
@@ -18,6 +16,8 @@ from flighttune.claims.band import KEPT, Band, SignalBounds, TurnBack
 from flighttune.claims.counted import Counted
 from flighttune.claims.shape import predicted
 from flighttune.claims.verify import stale_notes
+from flighttune.outputs.drawing.chart import DASHED, DOTTED, HEIGHT, LONG, Chart
+from flighttune.outputs.drawing.palette import HUES, LIMIT, NEUTRAL, PLANTS
 from flighttune.outputs.pages.charts import APART, DISTANCE_AXIS, KM, heights, route_map
 from flighttune.outputs.pages.claim import Asked, Parts
 from flighttune.outputs.pages.panels import TEXTS, titles

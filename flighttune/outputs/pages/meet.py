@@ -11,10 +11,7 @@ from typing import Any
 import numpy as np
 
 from flighttune.base.answers.answer import Column, Table
-from flighttune.base.answers.chart import DASHED, Chart
-from flighttune.base.answers.frame import Report, Section, write_answer
 from flighttune.base.answers.labels import in_words, measure_words, metric_label
-from flighttune.base.answers.palette import HUES, INK, LIMIT, NEUTRAL
 from flighttune.base.arrays import FloatArray
 from flighttune.base.errors import InputError
 from flighttune.base.files.table import toml_text
@@ -36,7 +33,10 @@ from flighttune.outputs.answers.meeting import (
     worse_sentence,
 )
 from flighttune.outputs.answers.run import run_styles
+from flighttune.outputs.drawing.chart import DASHED, Chart
+from flighttune.outputs.drawing.palette import HUES, INK, LIMIT, NEUTRAL
 from flighttune.outputs.pages import panels
+from flighttune.outputs.pages.frame import Report, Section, write_answer
 from flighttune.outputs.pages.page import flown_in_words, overview
 from flighttune.outputs.pages.panels import TEXTS, by_plant, provenance_table
 from flighttune.studies.meet import stated

@@ -7,9 +7,6 @@ from pathlib import Path
 import numpy as np
 
 from flighttune.base.answers.answer import Answer, Table, facts_table
-from flighttune.base.answers.chart import Chart
-from flighttune.base.answers.frame import Report, Section, page_template, write_answer, write_page
-from flighttune.base.answers.palette import HUES, LIMIT
 from flighttune.base.arrays import FloatArray
 from flighttune.base.errors import FlightTuneError, RecordingError
 from flighttune.base.files.table import toml_text
@@ -40,7 +37,11 @@ from flighttune.outputs.answers.run import (
     run_styles,
 )
 from flighttune.outputs.answers.tuning import frontier_chart
+from flighttune.outputs.drawing.chart import Chart
+from flighttune.outputs.drawing.palette import HUES, LIMIT
+from flighttune.outputs.drawing.templates import page_template
 from flighttune.outputs.pages import charts, panels
+from flighttune.outputs.pages.frame import Report, Section, write_answer, write_page
 from flighttune.outputs.pages.panels import TEXTS, by_plant, provenance_table
 from flighttune.vehicles.aircraft.aircraft import load_aircraft
 

@@ -9,9 +9,7 @@ import numpy as np
 import pandas as pd
 
 from flighttune.base.answers.answer import Table, facts_table
-from flighttune.base.answers.chart import DASHED, DOTTED, MAX_DRAWN, Chart
 from flighttune.base.answers.labels import columns
-from flighttune.base.answers.palette import LIMIT, NEUTRAL, LineStyle
 from flighttune.base.arrays import FloatArray, true_spans
 from flighttune.base.names import CHANNEL_SYMBOLS, shown_unit
 from flighttune.base.words import MISSING
@@ -23,6 +21,8 @@ from flighttune.flight.loop.run import SIGNAL_UNITS, Run, claims_around
 from flighttune.flight.metrics import CHANNELS, channel_metrics, flight_metrics
 from flighttune.flight.scenario.schema import Scenario
 from flighttune.gaps.compare import largest_distance
+from flighttune.outputs.drawing.chart import DASHED, DOTTED, MAX_DRAWN, Chart
+from flighttune.outputs.drawing.palette import LIMIT, NEUTRAL, LineStyle
 from flighttune.outputs.recording.plots import displayed, limits_of
 from flighttune.routes.follow import ROUTE_SIGNALS
 

@@ -4,7 +4,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from flighttune.base.answers.frame import Report
 from flighttune.base.errors import InputError
 from flighttune.base.files.load import BAND, CLAIMS, DATASET, MONITOR, load_one, written
 from flighttune.campaigns.dataset import Dataset
@@ -16,6 +15,7 @@ from flighttune.flight.flown import FlownScenario
 from flighttune.gaps.compare import Source, load_source
 from flighttune.logs.log import Columns
 from flighttune.outputs.pages import campaign, claim
+from flighttune.outputs.pages.frame import Report
 from flighttune.outputs.pages.page import write_log_page, write_report
 
 

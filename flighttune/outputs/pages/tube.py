@@ -1,11 +1,11 @@
 """The page of a tube."""
 
-from flighttune.base.answers.chart import Chart
-from flighttune.base.answers.palette import HUES, NEUTRAL
 from flighttune.base.files.table import toml_text
 from flighttune.base.units import DEG_PER_RAD
 from flighttune.claims.tubes.enclosure import Tube
 from flighttune.claims.verify import stale_notes
+from flighttune.outputs.drawing.chart import Chart
+from flighttune.outputs.drawing.palette import HUES, NEUTRAL
 from flighttune.outputs.pages.claim import Asked, Parts
 from flighttune.outputs.pages.panels import ERRORS, SIGNALS
 

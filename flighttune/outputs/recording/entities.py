@@ -8,10 +8,10 @@ import numpy as np
 import numpy.typing as npt
 import rerun as rr
 
-from flighttune.base.answers.palette import LineStyle
 from flighttune.base.words import distinct
 from flighttune.flight.loop.run import Run
 from flighttune.outputs.answers.run import run_styles
+from flighttune.outputs.drawing.palette import LineStyle
 
 TIMELINE = "flight_time"  # since the start of the flight
 

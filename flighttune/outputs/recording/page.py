@@ -14,7 +14,6 @@ from rerun.blueprint.components import LinkAxis
 
 from flighttune.base.answers.answer import Column, Table
 from flighttune.base.answers.labels import METRIC_LABELS, columns
-from flighttune.base.answers.palette import hue_tells_gains
 from flighttune.base.files.table import toml_text
 from flighttune.base.names import SYMBOLS
 from flighttune.base.words import pick
@@ -22,6 +21,7 @@ from flighttune.control.theory.indicators import Indicators
 from flighttune.flight.loop.run import Run
 from flighttune.flight.metrics import OFF_ROUTE, metric_tables
 from flighttune.outputs.answers.run import claim_notes, priority_notes, run_styles
+from flighttune.outputs.drawing.palette import hue_tells_gains
 from flighttune.outputs.recording import entities, scene
 from flighttune.outputs.recording.entities import DrawnRun
 from flighttune.outputs.recording.plots import TEXTS, Plot, value_range

@@ -16,8 +16,6 @@ import rerun.blueprint as rrb
 import rerun_bindings
 from rerun.error_utils import catch_and_log_exceptions
 
-from flighttune.base.answers.chart import peaks
-from flighttune.base.answers.palette import LIMIT, NEUTRAL, rgb
 from flighttune.base.errors import RecordingError, need
 from flighttune.base.files.whole import remove_file, together, whole_file
 from flighttune.base.names import shown_unit
@@ -26,6 +24,8 @@ from flighttune.flight.loop.run import Run, claims_around
 from flighttune.flight.records import parquet
 from flighttune.gaps.compare import Comparison, overlaid
 from flighttune.outputs.answers.compare import comparison_table
+from flighttune.outputs.drawing.chart import peaks
+from flighttune.outputs.drawing.palette import LIMIT, NEUTRAL, rgb
 from flighttune.outputs.recording import entities
 from flighttune.outputs.recording.page import blueprint, log_legends, scenario_page
 from flighttune.outputs.recording.plots import Plot, displayed, limits_of, shown_plots, with_derived

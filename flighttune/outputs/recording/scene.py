@@ -12,14 +12,14 @@ import pandas as pd
 import rerun as rr
 from scipy.spatial.transform import Rotation
 
-from flighttune.base.answers.chart import evenly
-from flighttune.base.answers.palette import LIMIT, NEUTRAL, rgb
 from flighttune.base.arrays import FloatArray
 from flighttune.base.errors import FlightTuneError
 from flighttune.flight.conditions import reference_of
 from flighttune.flight.loop.run import Run, claimed_along
 from flighttune.flight.metrics import OFF_ROUTE
 from flighttune.flight.scenario.load import scenario_of
+from flighttune.outputs.drawing.chart import evenly
+from flighttune.outputs.drawing.palette import LIMIT, NEUTRAL, rgb
 from flighttune.outputs.recording import entities
 from flighttune.outputs.recording.entities import MAP, ROUTE, DrawnRun, log_still, on_screen, times
 from flighttune.outputs.recording.plots import positions

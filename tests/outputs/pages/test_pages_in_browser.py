@@ -9,9 +9,10 @@ from log_files import heavy_cessna, sampled, write_csv
 from plans import plan_file, waypoint
 
 from flighttune.base.answers.answer import facts_table
-from flighttune.base.answers.chart import Chart
-from flighttune.base.answers.frame import Section, page_template, write_page
+from flighttune.outputs.drawing.chart import Chart
+from flighttune.outputs.drawing.templates import page_template
 from flighttune.outputs.pages.claim import FENCES, VOLUMES
+from flighttune.outputs.pages.frame import Section, write_page
 
 FEW = "--epsilon 0.5 --confidence 0.9"
 
@@ -144,7 +145,7 @@ def test_a_page_has_no_character_that_steers_a_terminal(tmp_path):
     wicked = "a\x1b[31m\x00title\u202e\x07"
     chart = Chart(title=wicked, x=wicked, y=wicked)
     chart.line([0.0, 1.0], [0.0, 1.0], "#354FD8", name=wicked)
-    template = page_template("flighttune.base.answers", "answer.html.jinja")
+    template = page_template("flighttune.outputs.pages", "answer.html.jinja")
     texts = {"provenance": facts_table("Provenance", {"file": wicked}), "commands": wicked}
     write_page(
         tmp_path / "page.html", template, title=wicked, summary=(wicked,), texts={wicked: wicked},

@@ -9,13 +9,13 @@ from claimed import SENTENCE, claimed
 from made_up import run_file
 
 import flighttune as ft
-from flighttune.base.answers.chart import DASHED
-from flighttune.base.answers.palette import LIMIT
 from flighttune.outputs.answers.run import run_styles
+from flighttune.outputs.drawing.chart import DASHED
+from flighttune.outputs.drawing.palette import LIMIT
 from flighttune.outputs.pages.charts import planned_path, route_charts, route_map
 from flighttune.outputs.pages.panels import errors
-from tests.base.answers.test_chart import SVG, points
-from tests.base.answers.test_chart import drawn as tree_of
+from tests.outputs.drawing.test_chart import SVG, points
+from tests.outputs.drawing.test_chart import drawn as tree_of
 
 LEFT, RIGHT, LENGTH = -1.0, 3.0, 500.0
 STEP_M = 2.0  # distance between points of a path

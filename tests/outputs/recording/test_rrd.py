@@ -10,7 +10,7 @@ import pytest
 from rerun.chunk import RrdReader
 from scipy.spatial.transform import Rotation
 
-from flighttune.base.answers.chart import MOST
+from flighttune.outputs.drawing.chart import MOST
 from flighttune.outputs.recording.entities import TIMELINE, runs_to_draw
 from flighttune.outputs.recording.plots import TABS, with_derived
 from flighttune.outputs.recording.record import write_recording

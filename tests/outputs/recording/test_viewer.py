@@ -5,8 +5,8 @@ import pytest
 from pictures import FLAT, opened_recording, pixels, skip_without_tabs
 
 import flighttune as ft
-from flighttune.base.answers.palette import LIMIT, NEUTRAL, rgb
 from flighttune.outputs.answers.run import run_styles
+from flighttune.outputs.drawing.palette import LIMIT, NEUTRAL, rgb
 from flighttune.outputs.recording.entities import runs_to_draw
 from flighttune.outputs.recording.page import leader
 

@@ -7,8 +7,8 @@ from typing import Any, TypeAlias
 import numpy.typing as npt
 import pandas as pd
 
-from flighttune.base.answers.chart import Chart, LegendEntry, Sheet
-from flighttune.base.answers.palette import HUES, INK
+from flighttune.outputs.drawing.chart import Chart, LegendEntry, Sheet
+from flighttune.outputs.drawing.palette import HUES, INK
 from flighttune.studies.paper import parameters as printed
 from flighttune.studies.paper.study import Study
 

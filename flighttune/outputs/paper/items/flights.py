@@ -5,9 +5,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import pandas as pd
 
-from flighttune.base.answers.chart import DASHED, DOTTED, LONG, Chart, LegendEntry, Sheet
-from flighttune.base.answers.palette import INK, LIMIT, NEUTRAL
 from flighttune.base.arrays import FloatArray
+from flighttune.outputs.drawing.chart import DASHED, DOTTED, LONG, Chart, LegendEntry, Sheet
+from flighttune.outputs.drawing.palette import INK, LIMIT, NEUTRAL
 from flighttune.outputs.paper.items import base
 from flighttune.outputs.paper.items.base import CHI, GAMMA, GREEN, Look, Made, marked_line, sheet
 from flighttune.studies.paper import parameters as printed

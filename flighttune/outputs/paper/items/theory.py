@@ -5,12 +5,12 @@ import math
 import numpy as np
 import pandas as pd
 
-from flighttune.base.answers.chart import DASHED, Chart, Sheet
-from flighttune.base.answers.palette import INK, LIMIT, NEUTRAL
 from flighttune.base.arrays import FloatArray
 from flighttune.control.gains import PAPER_EPSILON, PIGains
 from flighttune.control.linear_model import closed_loop, closed_loops
 from flighttune.control.theory.indicators import IndicatorArrays, indicators, indicators_batch
+from flighttune.outputs.drawing.chart import DASHED, Chart, Sheet
+from flighttune.outputs.drawing.palette import INK, LIMIT, NEUTRAL
 from flighttune.outputs.paper.items import base
 from flighttune.studies.paper import parameters as printed
 from flighttune.studies.paper.duffing import Duffing, DuffingCases

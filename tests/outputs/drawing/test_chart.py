@@ -6,7 +6,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from flighttune.base.answers.chart import Chart, Sheet, ticks
+from flighttune.outputs.drawing.chart import Chart, Sheet, ticks
 
 BLUE, RUST = "#1F78B4", "#B15928"
 TENTH = 0.051

@@ -5,7 +5,7 @@ import itertools
 import numpy as np
 import pytest
 
-from flighttune.base.answers import palette
+from flighttune.outputs.drawing import palette
 
 SMALLEST_DIFFERENCE = 17.0
 """CIE 1976 colour difference; 2.3 is just noticeable."""

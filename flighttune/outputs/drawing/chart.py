@@ -15,10 +15,10 @@ from typing import Any, Literal, NamedTuple, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from flighttune.base.answers.palette import LIMIT, NEUTRAL, LineStyle, css_colour, css_variables
 from flighttune.base.arrays import FloatArray, true_spans
 from flighttune.base.errors import printable
 from flighttune.base.files.whole import write_text
+from flighttune.outputs.drawing.palette import LIMIT, NEUTRAL, LineStyle, css_colour, css_variables
 
 Range: TypeAlias = tuple[float, float]
 Ticks: TypeAlias = Sequence[tuple[float, str]]

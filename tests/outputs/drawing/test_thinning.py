@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from flighttune.base.answers.chart import MAX_DRAWN, thinned
+from flighttune.outputs.drawing.chart import MAX_DRAWN, thinned
 
 
 def test_a_thinned_line_keeps_its_peaks_its_gaps_and_its_ends():

@@ -5,15 +5,15 @@ import hashlib
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from flighttune.base.answering import Answering
 from flighttune.base.answers.answer import Answer, Table
-from flighttune.base.answers.chart import Chart, dashes, key, marked_up, style
 from flighttune.base.errors import printable
 from flighttune.base.files.whole import write_text
+from flighttune.outputs.drawing.chart import Chart, style
+from flighttune.outputs.drawing.templates import page_template
 
 if TYPE_CHECKING:
     from jinja2 import Template
@@ -78,9 +78,10 @@ class Report(Answering):
     tables: tuple[Table, ...]
     shown: Answer = field(default_factory=Answer, repr=False)  # what a terminal shows
 
-    def answer(self) -> Answer:
-        """The answer that the page shows, and its file."""
-        return replace(self.shown, files={"report": self.path})
+
+def answer(report: Report) -> Answer:
+    """The answer that the page shows, and its file."""
+    return replace(report.shown, files={"report": report.path})
 
 
 def write_page(
@@ -133,7 +134,7 @@ def write_answer(
     ordered = [*(x for x in names if x in parts), *(x for x in parts if x not in names)]
     return write_page(
         Path(path),
-        page_template("flighttune.base.answers", "answer.html.jinja"),
+        page_template("flighttune.outputs.pages", "answer.html.jinja"),
         title=title,
         summary=tuple(map(sentence, summary)),
         sections=[replace(parts[key], **names.get(key, {"id": key})) for key in ordered],
@@ -141,24 +142,3 @@ def write_answer(
         texts={name: text for name, text in (texts or {}).items() if text},
         **more,
     )
-
-
-@cache
-def page_template(package: str, name: str) -> "Template":
-    """A template of a package; it may extend ``frame.html.jinja``, the frame of every page."""
-    from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
-    from markupsafe import Markup
-
-    environment = Environment(
-        loader=ChoiceLoader(
-            [PackageLoader(folder, ".") for folder in (package, "flighttune.base.answers")]
-        ),
-        autoescape=True,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        undefined=StrictUndefined,
-    )
-    environment.filters["key"] = lambda style: Markup(key(style.colour, dashes(style), style.width))
-    environment.filters["words"] = lambda text: Markup(marked_up(text, "<sub>{}</sub>"))
-    environment.filters["sign"] = lambda colour, dash: Markup(key(colour, dash))
-    return environment.get_template(name)
