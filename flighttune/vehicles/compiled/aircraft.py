@@ -8,12 +8,12 @@ import numpy as np
 from flighttune.base.arrays import FloatArray
 from flighttune.base.errors import PlantError
 from flighttune.base.units import FT
-from flighttune.vehicles.compiled.model import Source
+from flighttune.vehicles.compiled.model import Air, Source
 from flighttune.vehicles.compiled.signals import GROUND, HEIGHT_0
 from flighttune.vehicles.compiled.start import start_values
 from flighttune.vehicles.compiled.step import MachineStep, Names
+from flighttune.vehicles.compiled.turbulence import gust_numbers
 from flighttune.vehicles.plants.jsbsim.plant import LARGEST_SEED, JSBSimPlant
-from flighttune.vehicles.plants.weather import TurbulenceModel
 
 
 @dataclass(frozen=True)
@@ -29,6 +29,10 @@ class CompiledStep:
 
     Attributes
     ----------
+    air : Air
+        The kind of air that it is for.
+    steps : int
+        Integration steps in a sample of the inner loop.
     names : Names
         Places of states, parameters, stream, signals and properties in their arrays.
     address : int
@@ -37,13 +41,10 @@ class CompiledStep:
         Address of ``normals``; 0 in calm air.
     """
 
-    def __init__(
-        self, source: Source, turbulence: TurbulenceModel | None, names: Names, code: bytes
-    ) -> None:
-        self.turbulence: TurbulenceModel | None = turbulence
-        self.steps = source.steps
+    def __init__(self, source: Source, air: Air, names: Names, code: bytes) -> None:
+        self.air, self.steps = air, source.steps
         self._source = source
-        self._model = source.model(turbulence)
+        self._model = source.model(air)
         self._machine = machine = MachineStep(names, code)
         self.names, self.address = names, machine.address
         self.normals_address, self.fly = machine.normals_address, machine.fly
@@ -54,6 +55,10 @@ class CompiledStep:
         if fdm is None:
             raise PlantError("`JSBSimPlant` must be started before its flight is compiled.")
         own = {HEIGHT_0: fdm.reader("position/h-sl-ft")() * FT, GROUND: fdm.ground}
+        if self.air.gust:
+            if plant.weather is None or plant.weather.gust is None:
+                raise PlantError("`weather` must have a gust for a step that is made for one.")
+            own |= gust_numbers(plant.weather.gust, fdm.rate)
         names = [x for x in (*self.names.states, *self.names.parameters) if x not in own]
         numbers = Source(plant.config, fdm.steps).numbers
         values = start_values(fdm, self._model, numbers, names) | own

@@ -2,11 +2,22 @@
 """The standard atmosphere of 1976, dry, in JSBSim's units and order of operations."""
 
 import math
+from collections.abc import Callable, Sequence
 from itertools import pairwise
 
 from flighttune.vehicles.compiled.properties import Properties
 from flighttune.vehicles.compiled.tables import table_of
-from flighttune.vehicles.compiled.trace import Number, exp, power, select, sqrt
+from flighttune.vehicles.compiled.trace import (
+    Number,
+    call,
+    equal,
+    exp,
+    lookup,
+    power,
+    segment,
+    select,
+    sqrt,
+)
 
 FT_TO_M = 0.3048
 _KG_TO_SLUG = 0.06852168
@@ -30,43 +41,89 @@ _LAYERS = (
     *((154199.4751, 487.17), (167322.8346, 487.17), (232939.6325, 386.37)),
     *((278385.8268, 336.5028), (298556.4304, 336.5028)),
 )
+_HEIGHTS, _TEMPERATURES = zip(*_LAYERS, strict=True)
 _TEMPERATURE = table_of(_LAYERS)
 _LAPSE_RATES = tuple((t_1 - t_0) / (h_1 - h_0) for (h_0, t_0), (h_1, t_1) in pairwise(_LAYERS))
 
+# Exponent of pressure in each layer, 1 where temperature is constant.
+_EXPONENTS = tuple(G_0 / (R_DRY * rate) if rate else 1.0 for rate in _LAPSE_RATES)
 
-def _pressure(base: Number, T: Number, rate: float, dh: Number) -> Number:
+# Pressures (psf) at the borders of the layers, by the pressure at sea level and the bias of
+# temperature of a flight
+PRESSURES = tuple(f"_pressure-{k}" for k in range(len(_LAPSE_RATES)))
+
+
+def _geopotential(h: Number) -> Number:
+    return (h * _EARTH) / (_EARTH + h)
+
+
+def _geometric(h: Number) -> Number:
+    return (h * _EARTH) / (_EARTH - h)
+
+
+# Temperatures at the borders of the layers, as they come out behind two conversions of heights.
+_BORDERS = tuple(float(_TEMPERATURE.at(_geopotential(_geometric(h)))) for h in _HEIGHTS[:-1])
+
+
+def pressures(sea_level: float, bias: float) -> dict[str, float]:
+    """Pressures at the borders of the layers."""
+    found = [sea_level]
+    for (h_0, T), (h_1, _), rate in zip(_LAYERS[:-2], _LAYERS[1:-1], _LAPSE_RATES, strict=False):
+        found.append(_pressure(found[-1], T + bias, rate, h_1 - h_0))
+    return dict(zip(PRESSURES, found, strict=True))
+
+
+def _pressure(base: float, T: float, rate: float, dh: float) -> float:
     """Pressure a height above the border of a layer, from that and the temperature there."""
     if rate:
-        return base * power(T / (T + rate * dh), G_0 / (R_DRY * rate))
-    return base * exp(-G_0 * dh / (R_DRY * T))
+        return base * math.pow(T / (T + rate * dh), G_0 / (R_DRY * rate))
+    return base * math.exp(-G_0 * dh / (R_DRY * T))
+
+
+def _pressure_at(now: Properties, geopotential: Number, bias: Number) -> Number:
+    """The same, in the layer of a height."""
+    layer = segment(_HEIGHTS, geopotential, at_or_below=True)
+    T, rate = lookup(_BORDERS, layer) + bias, lookup(_LAPSE_RATES, layer)
+    dh = geopotential - lookup(_HEIGHTS, layer)
+    base = now[PRESSURES[0]]
+    for height, name in zip(_HEIGHTS[1:-1], PRESSURES[1:], strict=True):
+        base = select(geopotential < height, base, now[name])
+    falling = base * power(T / (T + rate * dh), lookup(_EXPONENTS, layer))
+    return select(equal(rate, 0.0), base * exp(-G_0 * dh / (R_DRY * T)), falling)
 
 
 def atmosphere(now: Properties) -> None:
     """Temperature, pressure, density and what follows from them at the height of the step."""
-    h = now["position/h-sl-ft"]
-    geopotential = (h * _EARTH) / (_EARTH + h)
+    geopotential = _geopotential(now["position/h-sl-ft"])
     bias, p, rho_0 = (now[f"atmosphere/{x}"] for x in ("delta-T", "P-sl-psf", "rho-sl-slugs_ft3"))
     below = _LAYERS[0][1] + geopotential * _LAPSE_RATES[0]
     T = select(geopotential >= 0.0, _TEMPERATURE.at(geopotential), below) + bias
-    base_h, base_T = _LAYERS[0]
-    P = _pressure(p, base_T + bias, _LAPSE_RATES[0], geopotential - base_h)
+    P = _pressure_at(now, geopotential, bias)
     rho = P / (R_DRY * T)
     now["atmosphere/T-R"], now["atmosphere/P-psf"] = T, P
     now["atmosphere/rho-slugs_ft3"] = rho
     now["atmosphere/a-fps"] = sqrt(HEAT_RATIO * R_DRY * T)
     now.viscosity = 2.269690e-08 * power(T, 1.5) / (198.72 + T) / rho
     now["atmosphere/sigma"], now["atmosphere/delta"] = rho / rho_0, P / p
-    _equivalent_heights(now, P, rho)
+    standard = tuple(pressures(SEA_LEVEL_P, 0.0).values())
+    densities = [x / (R_DRY * T) for x, T in zip(standard, _TEMPERATURES, strict=False)]
+    for name, x, of_layers, exponent in (
+        ("density", rho, densities, lambda rate: -1.0 / (1.0 + G_0 / (R_DRY * rate))),
+        ("pressure", P, standard, lambda rate: -R_DRY * rate / G_0),
+    ):
+        now[f"atmosphere/{name}-altitude"] = _height_of(x, of_layers, exponent)
 
 
-def _equivalent_heights(now: Properties, P: Number, rho: Number) -> None:
-    """Heights of the standard atmosphere with this density, and with this pressure."""
-    (base, T), rate = _LAYERS[0], _LAPSE_RATES[0]
-    exponent = -1.0 / (1.0 + G_0 / (R_DRY * rate))
-    by_density = base + (T / rate) * (power(rho / SEA_LEVEL_RHO, exponent) - 1.0)
-    by_pressure = base + (T / rate) * (power(P / SEA_LEVEL_P, -R_DRY * rate / G_0) - 1.0)
-    for name, h in (("density", by_density), ("pressure", by_pressure)):
-        now[f"atmosphere/{name}-altitude"] = (h * _EARTH) / (_EARTH - h)
+def _height_of(x: Number, of_layers: Sequence[float], exponent: Callable[[float], float]) -> Number:
+    """Height of the standard atmosphere with a density or pressure."""
+    # Both fall with height: the layer is found by their negatives.
+    layer = segment((*(-value for value in of_layers), math.inf), -x)
+    base, T = lookup(of_layers, layer), lookup(_TEMPERATURES, layer)
+    rate, h = lookup(_LAPSE_RATES, layer), lookup(_HEIGHTS, layer)
+    exponents = [exponent(rate) if rate else 1.0 for rate in _LAPSE_RATES]
+    falling = h + (T / rate) * (power(x / base, lookup(exponents, layer)) - 1)
+    constant = h + (-R_DRY * T / G_0) * call("log", x / base)
+    return _geometric(select(equal(rate, 0.0), constant, falling))
 
 
 def stagnation_pressure(mach: Number, P: Number) -> Number:

@@ -18,7 +18,7 @@ from flighttune.vehicles.plants.jsbsim import properties
 from flighttune.vehicles.plants.jsbsim.fdm import Fdm
 from flighttune.vehicles.plants.jsbsim.plant import JSBSimPlant
 from flighttune.vehicles.plants.jsbsim.trim import level
-from flighttune.vehicles.plants.weather import Turbulence, Weather, WindProfile
+from flighttune.vehicles.plants.weather import Gust, Turbulence, Weather, WindProfile
 
 # Length of the flight and the shortest that counts, s; time of a doublet's half, s.
 DURATION, _SHORTEST, _HALF = 20.0, 2.0, 2.0
@@ -32,6 +32,7 @@ _ROLL, _LOAD, _AIRSPEED = 0.4, 0.4, 0.05
 # Air of the flight, m/s.
 _WIND = (2.0, -1.5, 0.2)
 _TURBULENCE = {"severity": 3, "wind_20ft": 4.0}
+_GUST = Gust(axis="down", peak=1.5, start=1.5, rise=0.7, hold=0.4)
 _SEED = 11
 
 # Height of an aircraft without a design flight, m.
@@ -74,14 +75,17 @@ def check_flight(step: CompiledStep, config: AircraftConfig) -> Verdict:
 
 
 def _started(step: CompiledStep, config: AircraftConfig) -> JSBSimPlant:
-    """The aircraft in its design flight, in wind and the turbulence of the step."""
+    """The aircraft in its design flight, in wind, and in the turbulence and gust of the step."""
     V_low, V_high = config.envelope.V_a
     V_a = config.design.V_a if config.design else 0.5 * (V_low + V_high)
     h = config.design.h if config.design else _HEIGHT
     still: FlightCondition = level(config, V_a, h)
     weather = Weather(
         wind=WindProfile(((0.0, _WIND),)),
-        turbulence=Turbulence(**_TURBULENCE, model=step.turbulence) if step.turbulence else None,
+        turbulence=Turbulence(**_TURBULENCE, model=model)
+        if (model := step.air.turbulence)
+        else None,
+        gust=_GUST if step.air.gust else None,
     )
     plant = JSBSimPlant(config, steps=step.steps, weather=weather, seed=_SEED)
     plant.start(still)

@@ -90,6 +90,18 @@ def channels_of(root: Element) -> list[Element]:
     return [channel for system in systems_of(root) for channel in system.findall("channel")]
 
 
+def delay_of(element: Element, dt: float) -> int:
+    """Runs by which the output of a component is late; `dt` (s): time from run to run."""
+    part = element.find("delay")
+    if part is None:
+        return 0
+    frames = float(part.text or "0")
+    if part.get("type", "time") != "frames":
+        frames = frames / dt
+    # A ring of so many places is read behind the place just written: one run less.
+    return max(0, int(frames) - 1)
+
+
 def written_by_channels(root: Element) -> set[str]:
     """Properties that some component writes."""
     components = (part for part in root.iterfind(".//channel/*") if part.get("name"))
@@ -144,14 +156,7 @@ class Part:
 
     def delayed(self, x: Number) -> Number:
         """A value some runs later."""
-        part = self.element.find("delay")
-        if part is None:
-            return x
-        frames = float(part.text or "0")
-        if part.get("type", "time") != "frames":
-            frames = frames / self.dt
-        # A ring of so many places is read behind the place just written: one run less.
-        names = [self.memory(f"delay{k}") for k in range(1, int(frames))]
+        names = [self.memory(f"delay{k}") for k in range(1, delay_of(self.element, self.dt) + 1)]
         if not names:
             return x
         old = [self.now[name] for name in names]

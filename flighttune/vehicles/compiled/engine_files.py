@@ -6,9 +6,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from xml.etree.ElementTree import Element
 
-from flighttune.vehicles.compiled.functions import PLACEHOLDER
-from flighttune.vehicles.compiled.properties import Unsupported
+from flighttune.vehicles.compiled.functions import PLACEHOLDER, function, hidden_function
+from flighttune.vehicles.compiled.properties import Properties, Unsupported
 from flighttune.vehicles.compiled.tables import Table1, Table2, numbers, table_1, table_2
+from flighttune.vehicles.compiled.trace import Number
 from flighttune.vehicles.compiled.vectors import Matrix
 
 # Factors of units from the one given to the one that JSBSim computes with.
@@ -170,3 +171,17 @@ def _table(element: Element) -> Table1 | Table2:
     pairs = all(len(row) == 2 for row in numbers(text))
     read: Callable[[str], Table1 | Table2] = table_1 if pairs else table_2
     return read(text)
+
+
+def functions_of(now: Properties, engine: EngineFile, known: tuple[str, ...]) -> dict[str, Number]:
+    """Values of an engine's functions; those that are `known` are shown below the engine."""
+    values = {}
+    for part in engine.motor.findall("function"):
+        if part.get("type") not in (None, "pre"):
+            raise Unsupported(f'a function of type "{part.get("type")}" of an engine')
+        name = (part.get("name") or "").strip()
+        if name in known:
+            values[name] = now[f"{engine.at}/{name}"] = hidden_function(now, part)
+        else:
+            values[name] = function(now, part)
+    return values

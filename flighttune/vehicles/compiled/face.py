@@ -14,7 +14,7 @@ from flighttune.vehicles.compiled.aircraft import CompiledStep as CompiledStep
 from flighttune.vehicles.compiled.aircraft import Start as Start
 from flighttune.vehicles.compiled.cache import Kept, kept_or_made
 from flighttune.vehicles.compiled.check import Verdict, check_flight
-from flighttune.vehicles.compiled.model import Source
+from flighttune.vehicles.compiled.model import Air, Source
 from flighttune.vehicles.compiled.properties import Unsupported
 from flighttune.vehicles.compiled.signals import GUARDED as GUARDED
 from flighttune.vehicles.compiled.signals import shown_signals
@@ -33,9 +33,13 @@ class Refusal:
 
 
 def compiled(
-    config: AircraftConfig, *, steps: int = 1, turbulence: TurbulenceModel | None = None
+    config: AircraftConfig,
+    *,
+    steps: int = 1,
+    turbulence: TurbulenceModel | None = None,
+    gust: bool = False,
 ) -> CompiledStep | Refusal:
-    """The compiled step of an aircraft in still air or wind, or in a kind of turbulence.
+    """The compiled step of an aircraft in still air or wind, with turbulence or a gust in it.
 
     The first use of an aircraft compiles its step and flies it beside JSBSim; what comes of that
     is kept. `steps`: integration steps in a sample of the inner loop.
@@ -44,32 +48,32 @@ def compiled(
         return Refusal(why)
     if (found := version("jsbsim")) not in KNOWN_VERSIONS:
         return Refusal(f"JSBSim must be of version {' or '.join(KNOWN_VERSIONS)}, got {found}")
-    return _compiled(Source(config, steps), turbulence)
+    return _compiled(Source(config, steps), Air(turbulence, gust))
 
 
 @lru_cache(maxsize=32)
-def _compiled(source: Source, turbulence: TurbulenceModel | None) -> CompiledStep | Refusal:
+def _compiled(source: Source, air: Air) -> CompiledStep | Refusal:
     try:
-        kept = kept_or_made(_key(source, turbulence), lambda: _made(source, turbulence))
+        kept = kept_or_made(_key(source, air), lambda: _made(source, air))
     except Unsupported as what:
         return Refusal(f"the compiled step does not know {what}")
     verdict = Verdict(**kept.verdict)
     if verdict.difference:
         return Refusal(verdict.difference)
-    return CompiledStep(source, turbulence, kept.names, kept.code)
+    return CompiledStep(source, air, kept.names, kept.code)
 
 
-def _made(source: Source, turbulence: TurbulenceModel | None) -> Kept:
+def _made(source: Source, air: Air) -> Kept:
     """Trace, compile and check the step of an aircraft."""
-    model, config = source.model(turbulence), source.config
+    model, config = source.model(air), source.config
     thrust = config.engines.thrust or ""
     names, text = traced(model, lambda now: shown_signals(now, model.engines, thrust))
     code = machine.object_code(text)
-    verdict = check_flight(CompiledStep(source, turbulence, names, code), config)
+    verdict = check_flight(CompiledStep(source, air, names, code), config)
     return Kept(names=names, code=code, verdict=verdict.record())
 
 
-def _key(source: Source, turbulence: TurbulenceModel | None) -> str:
+def _key(source: Source, air: Air) -> str:
     """Digest of all that makes a step: the model and its parts, JSBSim, the machine, our code."""
     digest = sha256()
 
@@ -78,7 +82,7 @@ def _key(source: Source, turbulence: TurbulenceModel | None) -> str:
             data = text.encode() if isinstance(text, str) else text
             digest.update(len(data).to_bytes(8, "little") + data)
 
-    add(source.config.fingerprint, str(source.steps), turbulence or "")
+    add(source.config.fingerprint, str(source.steps), air.turbulence or "", str(air.gust))
     for name, content in source.parts():
         add(name, content)
     add(version("jsbsim"), version("llvmlite"), platform.platform(), *machine.processor())

@@ -206,12 +206,12 @@ class _Emitter:
         self.lines.append(f"{name} = add i64 {node.args[0]}, 0")
 
     def _segment(self, node: Value, name: str) -> None:
-        inner, key = node.args
+        inner, key, relation = node.args
         total = "0"
         for breakpoint_ in inner:
             below, one, more = self._new(), self._new(), self._new()
             self.lines += (
-                f"{below} = fcmp olt double {constant(breakpoint_)}, {self.ref(key)}",
+                f"{below} = fcmp {relation} double {constant(breakpoint_)}, {self.ref(key)}",
                 f"{one} = zext i1 {below} to i64",
                 f"{more} = add i64 {total}, {one}",
             )

@@ -4,6 +4,7 @@
 import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import NamedTuple
 from xml.etree.ElementTree import Element, fromstring
 
 from flighttune.vehicles.aircraft.aircraft import AircraftConfig
@@ -20,6 +21,13 @@ from flighttune.vehicles.plants.weather import TurbulenceModel
 _FEET, _CUBIC_FEET = 3.2808399, 35.3146667
 
 _PLACEHOLDER = re.compile(r"\{\{(.+?)\*(.+?)\}\}")
+
+
+class Air(NamedTuple):
+    """What a step is compiled for: a kind of turbulence, and whether there is a gust."""
+
+    turbulence: TurbulenceModel | None = None
+    gust: bool = False
 
 
 class Source:
@@ -58,11 +66,12 @@ class Source:
         parts = [(Path(name).name, text) for name, text in found.items()]
         return [("", self.template.encode()), *sorted(parts)]
 
-    def model(self, turbulence: TurbulenceModel | None) -> Model:
+    def model(self, air: Air) -> Model:
         """The aircraft as one step flies it."""
         root = fromstring(self.template)
         _put_in(root, self.folders.parts, self.folders.file)
-        return Model(root, engines_of(root), _planet(root), self.dt, turbulence or "")
+        engines, planet = engines_of(root), _planet(root)
+        return Model(root, engines, planet, self.dt, air.turbulence or "", air.gust)
 
     @property
     def dt(self) -> float:

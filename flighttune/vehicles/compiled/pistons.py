@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from flighttune.vehicles.compiled.atmosphere import FT_TO_M
 from flighttune.vehicles.compiled.engine_files import (
     EngineFile,
+    functions_of,
     propeller_of,
     table_in,
     value_in,
@@ -52,8 +53,7 @@ class _Air:
 def piston(now: Properties, engine: EngineFile, throttle: Number, dt: float) -> Number:
     """Power, hp; the engine stops and starts by itself."""
     motor, at = engine.motor, engine.at
-    if motor.find("function") is not None:
-        raise Unsupported("functions of a piston engine")
+    functions_of(now, engine, ())
     ambient = now["atmosphere/P-psf"] * _PSF_TO_PA
     total = now["propulsion/pt-lbs_sqft"] * _PSF_TO_PA
     ram = (total - ambient) * now[f"{at}/ram-air-factor"] + ambient
@@ -67,7 +67,7 @@ def piston(now: Properties, engine: EngineFile, throttle: Number, dt: float) -> 
     runs = turns & (now[f"{at}/fuel-flow-rate-pps"] > 0.0)
     throttled = _throttled_pressure(now, engine, throttle, air, dt)
     manifold, loss = _boosted(now, engine, throttle, throttled, air)
-    now[f"{at}/map-pa"] = manifold
+    now[f"{at}/map-pa"], now[f"{at}/map-inhg"] = manifold, manifold / _INHG_TO_PA
     flow = _air_flow(now, engine, manifold, air)
     mixture = now[engine.numbered("fcs/mixture-pos-norm")]
     fuel = (flow * ((1.3 * mixture) * 101325.0 / ambient)) / 14.7

@@ -147,7 +147,8 @@ def _turned(
     now[f"{engine.at}/propeller-torque-ftlb"] = torque
     excess = select(omega > _STILL, left_over / omega, left_over / 1.0)
     new = (rps + ((excess / file.inertia) / (2.0 * math.pi)) * dt) * 60.0
-    now[f"{engine.at}/propeller-rpm"] = select(new < 0.0, 0.0, new)
+    new = select(new < 0.0, 0.0, new)
+    now[f"{engine.at}/propeller-rpm"], now[f"{engine.at}/engine-rpm"] = new, new * file.gear_ratio
     spin = file.inertia * omega * file.sense * file.moment_sign
     turned = cross(now.vector(INERTIAL_RATES), times(engine.orientation, [spin, 0.0, 0.0]))
     return add(turned, times(engine.orientation, [torque, 0.0, 0.0]))

@@ -20,7 +20,7 @@ class Unsupported(Exception):
     """What the compiled step does not know; JSBSim flies."""
 
 
-def named(pattern: str, axes: str = "xyz") -> list[str]:
+def named(pattern: str, axes: Sequence[str] = "xyz") -> list[str]:
     """Names of the components of a vector."""
     return [pattern.format(axis) for axis in axes]
 

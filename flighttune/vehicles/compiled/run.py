@@ -34,6 +34,7 @@ class Model:
     planet: Planet
     dt: float
     turbulence: Literal["", "milspec", "tustin"] = ""
+    gust: bool = False
 
 
 def run(now: Properties, model: Model) -> None:
@@ -44,7 +45,7 @@ def run(now: Properties, model: Model) -> None:
     propagate(now, model.planet)
     now.gravity = gravity(now.vector(POSITION), now["_radius"], model.planet)
     atmosphere(now)
-    total_wind(now, dt, model.turbulence)
+    total_wind(now, dt, model.turbulence, gust=model.gust)
     _levers(now, model)
     run_channels(now, model.root, dt)
     now.cg = now.vector(named("inertia/cg-{}-in"))

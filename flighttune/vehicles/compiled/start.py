@@ -4,7 +4,7 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import accumulate
+from itertools import pairwise
 from typing import TypeAlias
 from xml.etree.ElementTree import Element
 
@@ -12,14 +12,17 @@ import numpy as np
 
 from flighttune.base.arrays import FloatArray
 from flighttune.vehicles.compiled import turbulence
+from flighttune.vehicles.compiled.atmosphere import pressures
 from flighttune.vehicles.compiled.components import (
     FILTERS,
     ZERO_TRIGGER,
+    channels_of,
+    delay_of,
+    execution_rate,
     inputs_of,
     integrand,
     integrator_kind,
     name_of,
-    systems_of,
 )
 from flighttune.vehicles.compiled.engine_files import EngineFile, propeller_of, value_of
 from flighttune.vehicles.compiled.functions import is_number
@@ -46,9 +49,9 @@ from flighttune.vehicles.plants.jsbsim.fdm import Fdm
 
 Values: TypeAlias = dict[str, float]
 
-# Doubles on each side of a guess that are tried, for quaternions and for an acceleration; steps of
-# JSBSim by which they are told apart.
-_NEAR, _TRIED, _STEPS = 4, 64, 12
+# Doubles on each side of a guess that are tried, for quaternions and for an acceleration; samples
+# of the inner loop by which they are told apart.
+_NEAR, _TRIED, _FAR, _FEW, _MANY = 4, 64, 2048, 12, 400
 
 
 def start_values(
@@ -61,86 +64,124 @@ def start_values(
     start = _Start(fdm, model, numbers)
     later = {*QUATERNION, *QUATERNION_RATE, *ACCELERATION_1}
     values = {name: start[name] for name in names if name not in later}
-    integrators, dt = _integrators(fdm, model.root), model.dt
-    read = {
-        name: fdm.reader(name)
-        for part in integrators
-        for name in (part.name, part.source, part.trigger, *part.gains.values())
-        if name
-    }
-    motions, rows = [], []
-    for k in range(_STEPS + 1):
+    integrators, delays, dt = _integrators(fdm, model.root), _delays(model), model.dt
+    read = {name: fdm.reader(name) for part in integrators for name in part.reads(fdm)}
+    read |= {name: fdm.reader(name) for name in delays}
+    motions: list[Motion] = []
+    rows: list[Values] = []
+    samples = _FEW if all(part.fades for part in integrators) else _MANY
+    for k in range(samples * fdm.steps + 1):
         if k:
             fdm.run()
-        motions.append(motion_of(fdm))
+        if k <= _FEW:
+            motions.append(motion_of(fdm))
         rows.append({name: value() for name, value in read.items()})
+    for name, count in delays.items():
+        # The oldest comes out first.
+        values |= {f"_delay{k}:{name}": rows[count - k + 1][name] for k in range(1, count + 1)}
     sums = _sums(fdm, integrators)
-    values |= {
-        f"_sum:{part.name}": part.settled(rows, last, dt)
-        for part, last in zip(integrators, sums, strict=True)
-    }
+    for part, last in zip(integrators, sums, strict=True):
+        values[f"_sum:{part.name}"] = part.settled(rows, last, dt)
     q = quaternion_from(motions, dt)
     values |= dict(zip(QUATERNION, q, strict=True))
     values |= dict(zip(QUATERNION_RATE, quaternion_rate(q, motions[0].rates), strict=True))
     return values | dict(zip(ACCELERATION_1, acceleration_before(motions, dt), strict=True))
 
 
-def _sums(fdm: Fdm, integrators: Sequence["_Integrator"]) -> list[float]:
-    """Sums of integrators: what they show without their gains."""
+def _delays(model: Model) -> dict[str, int]:
+    """Components whose output is late, and by how many runs: no more than JSBSim shows."""
+    found = {}
+    for channel in channels_of(model.root):
+        for element in channel:
+            runs = delay_of(element, model.dt * execution_rate(channel))
+            if 0 < runs < _FEW and execution_rate(channel) == 1:
+                found[name_of(element)] = runs
+    return found
+
+
+def _sums(fdm: Fdm, integrators: Sequence["_Integrator"]) -> list[float | None]:
+    """Sums of integrators: what they show without their gains; None where those are numbers."""
     # Where no time passes, the filters of turbulence divide by zero.
     fdm.writer("atmosphere/turb-type")(0.0)
-    for part in integrators:
-        for name in part.gains.values():
-            fdm.writer(name)(0.0)
+    gains = {text for part in integrators if part.fades for text in part.gains.values()}
+    for name in filter(fdm.has, gains):
+        fdm.writer(name)(0.0)
     fdm.evaluate_again()
-    return [fdm.reader(part.name)() for part in integrators]
+    return [fdm.reader(part.name)() if part.fades else None for part in integrators]
 
 
 @dataclass(frozen=True)
 class _Integrator:
-    """A PID whose sum JSBSim hides; its gains are properties."""
+    """A PID, whose sum JSBSim hides."""
 
     name: str
-    gains: Mapping[str, str]  # property by ``kp``, ``ki`` and ``kd``
+    gains: Mapping[str, str]  # number or property by ``kp``, ``ki`` and ``kd``
+    fades: bool  # whether all gains can be taken away
     source: str
     trigger: str
     kind: str
+    rate: int  # steps from one run to the next
 
-    def settled(self, rows: Sequence[Mapping[str, float]], last: float, dt: float) -> float:
+    def reads(self, fdm: Fdm) -> list[str]:
+        """Properties that it reads and shows."""
+        names = self.name, self.source.lstrip("-"), self.trigger, *self.gains.values()
+        return [name for name in names if name and fdm.shows(name)]
+
+    def _gain(self, tag: str, row: Mapping[str, float]) -> float:
+        text = self.gains.get(tag, "0")
+        return row[text] if text in row else float(text)
+
+    def settled(self, rows: Sequence[Mapping[str, float]], last: float | None, dt: float) -> float:
         """The sum before the steps whose properties are `rows`, at whose end it is `last`."""
-        k_p, k_i = (rows[0][self.gains[tag]] if tag in self.gains else 0.0 for tag in ("kp", "ki"))
-        inputs, shown = ([row[name] for row in rows] for name in (self.source, self.name))
-        held = [bool(self.trigger) and abs(row[self.trigger]) >= ZERO_TRIGGER for row in rows]
-        pairs = zip(held[1:], inputs[:-1], inputs[1:], strict=True)
-        changes = [
-            k_i * dt * (0.0 if stays else integrand(self.kind, x, before))
-            for stays, before, x in pairs
-        ]
-
-        def matches(total: float) -> int:
-            """How many of the numbers that JSBSim shows are those of this sum at the start."""
-            sums = [*accumulate(changes, initial=total)]
-            same = sum(k_p * x + s == y for x, s, y in zip(inputs, sums, shown, strict=True))
-            return same + (sums[-1] == last)
-
+        rows, dt = rows[:: self.rate], dt * self.rate
+        k_p, k_i, k_d = (self._gain(tag, rows[0]) for tag in ("kp", "ki", "kd"))
+        sign = -1.0 if self.source.startswith("-") else 1.0
+        inputs = [sign * row[self.source.lstrip("-")] for row in rows]
+        shown = [row[self.name] for row in rows]
+        changes = [0.0]
+        for row, before, x in zip(rows[1:], inputs[:-1], inputs[1:], strict=True):
+            stays = bool(self.trigger) and abs(row[self.trigger]) >= ZERO_TRIGGER
+            changes.append(k_i * dt * (0.0 if stays else integrand(self.kind, x, before)))
+        slopes = [0.0, *((b - a) / dt for a, b in pairwise(inputs))]
         # It is empty while disengaged, and runs once or twice with the loop engaged.
-        once = k_i * dt * inputs[0]
-        guesses = once, shown[0] - k_p * inputs[0], last - sum(changes)
-        near = [s for guess in guesses for s in neighbours(guess, _TRIED)]
-        return max((once, once + once, 0.0, *near), key=matches)
+        once, near = k_i * dt * inputs[0], shown[0] - k_p * inputs[0]
+        guesses = [once, once + once, 0.0, *neighbours(once, _TRIED)]
+        guesses += [near + k * math.ulp(near) for k in range(-_FAR, _FAR + 1)]
+        if last is not None:
+            guesses += neighbours(last - sum(changes), _TRIED)
+        first = totals = np.array(guesses)
+        # Those remain that give what JSBSim shows, for as long as one does.
+        for x, change, slope, y in zip(inputs, changes, slopes, shown, strict=True):
+            totals = totals + change
+            same = k_p * x + totals + k_d * slope == y
+            if same.any():
+                first, totals = first[same], totals[same]
+        if last is not None and (totals == last).any():
+            first = first[totals == last]
+        return float(first[0])
 
 
 def _integrators(fdm: Fdm, root: Element) -> list[_Integrator]:
     found = []
-    for element in root.iterfind(".//channel/pid"):
+    pids = ((channel, pid) for channel in channels_of(root) for pid in channel.findall("pid"))
+    for channel, element in pids:
         texts = {tag: (element.findtext(tag) or "").strip() for tag in ("kp", "ki", "kd")}
         gains = {tag: text for tag, text in texts.items() if text}
-        if gains and all(map(fdm.has, gains.values())):
-            trigger = (element.findtext("trigger") or "").strip()
-            (source,) = inputs_of(element)
-            found.append(
-                _Integrator(name_of(element), gains, source, trigger, integrator_kind(element))
+        numbers = [float(text) for text in gains.values() if is_number(text)]
+        if not all(is_number(text) or fdm.has(text) for text in gains.values()):
+            continue
+        (source,) = inputs_of(element)
+        found.append(
+            _Integrator(
+                name_of(element),
+                gains,
+                not any(numbers),
+                source,
+                (element.findtext("trigger") or "").strip(),
+                integrator_kind(element),
+                execution_rate(channel),
             )
+        )
     return found
 
 
@@ -151,16 +192,19 @@ class _Start:
         self._fdm, self._model = fdm, model
         self._numbers = numbers
         self._declared = {
-            (part.text or "").strip(): float(part.get("value") or 0.0)
+            (part.text or "").strip(): float(value)
             for part in model.root.iter("property")
+            if is_number(value := part.get("value", "0"))
         }
         self.hidden: Values = _rigid_body(fdm) | _inertia(fdm) | turbulence.AT_REST
-        self.hidden |= dict.fromkeys(turbulence.COSINE_GUST, 0.0)
+        self.hidden |= pressures(self["atmosphere/P-sl-psf"], self["atmosphere/delta-T"])
         self.hidden["_lift"] = fdm.reader("forces/fwz-aero-lbs")()
         for engine in model.engines:
             self.hidden |= self._engine(engine)
-        for system in systems_of(model.root):
-            for element in system.iterfind("channel/*"):
+        for n, channel in enumerate(channels_of(model.root)):
+            # The start falls on the end of a sample.
+            self.hidden[f"_frames{n}"] = float(execution_rate(channel))
+            for element in channel:
                 self.hidden |= self._component(element)
 
     def __getitem__(self, name: str) -> float:

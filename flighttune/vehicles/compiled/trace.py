@@ -285,12 +285,12 @@ def constrained(low: Number, x: Number, high: Number) -> Number:
     return select(x < low, low, select(x > high, high, x))
 
 
-def segment(breakpoints: Sequence[float], key: Number) -> Number:
-    """Number of the inner breakpoints below `key`: the segment that holds it, from 0 on."""
-    inner = tuple(breakpoints[1:-1])
-    if not isinstance(key, Value):
-        return float(sum(x < key for x in inner))
-    return key.graph.node("segment", inner, key.place)
+def segment(breakpoints: Sequence[float], key: Number, *, at_or_below: bool = False) -> Number:
+    """Number of the inner breakpoints below `key`, or not above it: its segment, from 0 on."""
+    inner, relation = tuple(breakpoints[1:-1]), "ole" if at_or_below else "olt"
+    if isinstance(key, Value):
+        return key.graph.node("segment", inner, key.place, relation)
+    return float(sum(x < key or (at_or_below and x == key) for x in inner))
 
 
 def flat_index(row: Number, columns: int, column: Number) -> Number:
@@ -327,7 +327,7 @@ _PLACES: dict[str, Callable[[tuple[Any, ...]], Sequence[int]]] = {
     "const": lambda _: (),
     "input": lambda _: (),
     "integer": lambda _: (),
-    "segment": lambda args: args[1:],
+    "segment": lambda args: args[1:2],
     "gather": lambda args: args[1:2],
     "flat": lambda args: (args[0], args[2]),
 }

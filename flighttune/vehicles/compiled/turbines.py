@@ -1,9 +1,15 @@
 # SPDX-License-Identifier: LGPL-2.1-or-later
 """Jet engines: FGTurbine while it runs, or while it stands still."""
 
-from flighttune.vehicles.compiled.engine_files import EngineFile, factor_of, text_of, value_of
-from flighttune.vehicles.compiled.functions import function, hidden_function, number
-from flighttune.vehicles.compiled.properties import Properties, Unsupported
+from flighttune.vehicles.compiled.engine_files import (
+    EngineFile,
+    factor_of,
+    functions_of,
+    text_of,
+    value_of,
+)
+from flighttune.vehicles.compiled.functions import number
+from flighttune.vehicles.compiled.properties import Properties
 from flighttune.vehicles.compiled.trace import Number, Truth, different, least, select
 
 # Functions that JSBSim knows by these names.
@@ -30,20 +36,6 @@ def seek(value: Number, target: Number, up: Number, down: Number, dt: float) -> 
     lower, higher = value - dt * down, value + dt * up
     rising = select(value < target, select(higher > target, target, higher), value)
     return select(value > target, select(lower < target, target, lower), rising)
-
-
-def functions_of(now: Properties, engine: EngineFile, known: tuple[str, ...]) -> dict[str, Number]:
-    """Values of an engine's functions; those that are `known` are shown below the engine."""
-    values = {}
-    for part in engine.motor.findall("function"):
-        if part.get("type") not in (None, "pre"):
-            raise Unsupported(f'a function of type "{part.get("type")}" of an engine')
-        name = (part.get("name") or "").strip()
-        if name in known:
-            values[name] = now[f"{engine.at}/{name}"] = hidden_function(now, part)
-        else:
-            values[name] = function(now, part)
-    return values
 
 
 def turbine(now: Properties, engine: EngineFile, throttle: Number, dt: float) -> Number:

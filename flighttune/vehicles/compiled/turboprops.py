@@ -3,12 +3,17 @@
 
 import math
 
-from flighttune.vehicles.compiled.engine_files import EngineFile, propeller_of, table_in, value_of
+from flighttune.vehicles.compiled.engine_files import (
+    EngineFile,
+    functions_of,
+    propeller_of,
+    table_in,
+    value_of,
+)
 from flighttune.vehicles.compiled.functions import table
 from flighttune.vehicles.compiled.properties import Properties, Unsupported
 from flighttune.vehicles.compiled.tables import Table2
 from flighttune.vehicles.compiled.trace import Number, fabs, select
-from flighttune.vehicles.compiled.turbines import functions_of
 
 # Ways of the lever when torque is limited, a second.
 _DOWN, _UP = 0.1, 0.05

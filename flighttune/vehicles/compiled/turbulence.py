@@ -1,19 +1,38 @@
 # SPDX-License-Identifier: LGPL-2.1-or-later
-"""The wind of a step, and JSBSim's Dryden turbulence by its two kinds of filters."""
+"""The wind of a step with a gust, and JSBSim's Dryden turbulence by its two kinds of filters."""
 
 import math
 from dataclasses import dataclass
 from typing import Literal
 
+from flighttune.base.units import FT
 from flighttune.vehicles.compiled.properties import VELOCITY, Properties, named
 from flighttune.vehicles.compiled.tables import Table2
-from flighttune.vehicles.compiled.trace import Number, power, select, sqrt, tan
-from flighttune.vehicles.compiled.vectors import ZERO, Vector, add, magnitude, sub, times
+from flighttune.vehicles.compiled.trace import (
+    Number,
+    cos,
+    different,
+    equal,
+    negated,
+    power,
+    select,
+    sqrt,
+    tan,
+)
+from flighttune.vehicles.compiled.vectors import ZERO, Vector, add, inverse, magnitude, sub, times
+from flighttune.vehicles.plants.weather import Gust
 
 WIND = [f"atmosphere/wind-{axis}-fps" for axis in ("north", "east", "down")]
 GUST = [f"atmosphere/gust-{axis}-fps" for axis in ("north", "east", "down")]
 TOTAL_WIND = [f"atmosphere/total-wind-{axis}-fps" for axis in ("north", "east", "down")]
-COSINE_GUST = named("_cosine-gust-{}")
+
+# A 1-cosine gust: steps flown and the step in which it begins, whether it blows and since when (s);
+# its durations (s), size (ft/s) and direction in the body at its start; that to north, east and
+# down, and the gust itself.
+GUST_COUNT, GUST_FIRST, GUST_BLOWS, GUST_TIME = named("_gust-{}", ("count", "first", "on", "t"))
+GUST_RISE, GUST_HOLD, GUST_FALL, GUST_SIZE = named("_gust-{}", ("rise", "hold", "fall", "size"))
+GUST_BODY, GUST_DIRECTION = named("_gust-body-{}"), named("_gust-direction-{}")
+COSINE_GUST = named("_gust-{}")
 
 # The four normal numbers of a step
 NOISE = named("_noise-{}", "uvwp")
@@ -44,18 +63,67 @@ _MEMORY = (
     *("xi-u1", "xi-v1", "xi-v2", "xi-w1", "xi-w2", "xi-p1", "xi-q1", "xi-r1"),
     *("nu-u1", "nu-v1", "nu-v2", "nu-w1", "nu-w2", "nu-p1"),
 )
-# Its filters at rest
-AT_REST = {f"_{name}": 0.0 for name in _MEMORY}
+# Filters and gust at rest
+AT_REST = dict.fromkeys(
+    (
+        *(f"_{name}" for name in _MEMORY),
+        *(GUST_COUNT, GUST_BLOWS, GUST_TIME, *GUST_DIRECTION, *COSINE_GUST),
+    ),
+    0.0,
+)
 
 
-def total_wind(now: Properties, dt: float, model: Literal["", "milspec", "tustin"]) -> None:
+def gust_numbers(gust: Gust, rate: float) -> dict[str, float]:
+    """Numbers of a gust in flights with so many steps a second."""
+    sign = math.copysign(1.0, gust.peak)
+    body = {"ahead": (sign, 0.0, 0.0), "right": (0.0, sign, 0.0), "down": (0.0, 0.0, sign)}
+    numbers = {
+        GUST_FIRST: float(max(1, round(gust.start * rate))),
+        GUST_RISE: gust.rise,
+        GUST_HOLD: gust.hold,
+        GUST_FALL: gust.rise,
+        GUST_SIZE: abs(gust.peak) / FT,
+    }
+    return numbers | dict(zip(GUST_BODY, body[gust.axis], strict=True))
+
+
+def total_wind(
+    now: Properties, dt: float, model: Literal["", "milspec", "tustin"], *, gust: bool
+) -> None:
     """Wind, gusts and turbulence together, north, east and down."""
-    turbulence = _turbulence(now, dt, model) if model else ZERO
-    now.put(TOTAL_WIND, add(_steady(now), turbulence))
+    # The turbulence sees the gust of the step before.
+    turbulence = _turbulence(now, dt, model, gust=gust) if model else ZERO
+    if gust:
+        _cosine_gust(now, dt)
+    now.put(TOTAL_WIND, add(_steady(now, gust=gust), turbulence))
 
 
-def _steady(now: Properties) -> Vector:
-    return add(add(now.vector(WIND), now.vector(GUST)), now.vector(COSINE_GUST))
+def _steady(now: Properties, *, gust: bool) -> Vector:
+    wind = add(now.vector(WIND), now.vector(GUST))
+    return add(wind, now.vector(COSINE_GUST)) if gust else wind
+
+
+def _cosine_gust(now: Properties, dt: float) -> None:
+    count, t = now[GUST_COUNT] + 1.0, now[GUST_TIME]
+    rise, hold, fall = now[GUST_RISE], now[GUST_HOLD], now[GUST_FALL]
+    blows = different(now[GUST_BLOWS], 0.0) | equal(count, now[GUST_FIRST])
+    up = (1.0 - cos(math.pi * t / rise)) / 2.0
+    down = (1 - cos(math.pi * (1 - (t - (rise + hold)) / fall))) / 2.0
+    factor = select(t <= rise + hold + fall, down, 0.0)
+    factor = select(t <= rise, up, select(t <= rise + hold, 1.0, factor))
+    # The direction is fixed to the Earth when the gust begins.
+    old = now.vector(GUST_DIRECTION)
+    begins = equal(magnitude(old), 0.0)
+    turned = times(inverse(now.local_to_body), now.vector(GUST_BODY))
+    direction = [select(begins, a, b) for a, b in zip(turned, old, strict=True)]
+    gust = [factor * x * now[GUST_SIZE] for x in direction]
+    over = t + dt > rise + hold + fall
+    now[GUST_COUNT] = count
+    now[GUST_BLOWS] = select(blows & negated(over), 1.0, 0.0)
+    now[GUST_TIME] = select(blows, select(over, 0.0, t + dt), t)
+    for names, values in ((GUST_DIRECTION, direction), (COSINE_GUST, gust)):
+        for name, value in zip(names, values, strict=True):
+            now[name] = select(blows, select(over, 0.0, value), now[name])
 
 
 @dataclass(frozen=True)
@@ -74,8 +142,8 @@ class _Scales:
     span: Number
 
 
-def _scales(now: Properties) -> _Scales:
-    air = sub(now.vector(VELOCITY), times(now.local_to_body, _steady(now)))
+def _scales(now: Properties, *, gust: bool) -> _Scales:
+    air = sub(now.vector(VELOCITY), times(now.local_to_body, _steady(now, gust=gust)))
     V, h, span = magnitude(air), now["position/h-sl-ft"], now["metrics/bw-ft"]
     w_20 = now[WIND_20FT]
     h = select(h <= 10.0, 10.0, h)
@@ -93,9 +161,9 @@ def _scales(now: Properties) -> _Scales:
     return _Scales(L_u, L_w, sigma_u, sigma_w, sigma_p, L_u / V, L_w / V, L_p / V, V, span)
 
 
-def _turbulence(now: Properties, dt: float, model: str) -> Vector:
+def _turbulence(now: Properties, dt: float, model: str, *, gust: bool) -> Vector:
     """Velocities of the air; its rates of rotation go to `turbulent_rates`."""
-    scales = _scales(now)
+    scales = _scales(now, gust=gust)
     noise = dict(zip("uvwp", now.vector(NOISE), strict=True))
     old = {name: now[f"_{name}"] for name in _MEMORY}
     filters = _tustin if model == "tustin" else _milspec

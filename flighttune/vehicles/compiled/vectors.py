@@ -71,6 +71,18 @@ def transposed(m: Matrix) -> Matrix:
     return [list(column) for column in zip(*m, strict=True)]
 
 
+def inverse(m: Matrix) -> Matrix:
+    """Inverse by Cramer's rule."""
+    (a, b, c), (d, e, f), (g, h, i) = m
+    determinant = a * e * i + b * f * g + c * d * h - c * e * g - b * d * i - f * h * a
+    r = 1.0 / determinant
+    return [
+        [r * (e * i - f * h), r * (c * h - b * i), r * (b * f - c * e)],
+        [r * (f * g - d * i), r * (a * i - c * g), r * (c * d - a * f)],
+        [r * (d * h - e * g), r * (b * g - a * h), r * (a * e - b * d)],
+    ]
+
+
 def normalized(q: Vector) -> Vector:
     """A quaternion of length 1."""
     length = sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])

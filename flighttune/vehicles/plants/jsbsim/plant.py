@@ -153,7 +153,7 @@ class JSBSimPlant:
             self.signals = (*properties.SIGNALS, *N_X_SIGNALS)
         self.limits: Limits = config.limits.limits(airspeed=takes_n_x)
         self._steps, self._rate = steps, config.inner_loop_rate * steps
-        self._seed, self._weather, self._ground = seed, weather, ground
+        self._seed, self.weather, self._ground = seed, weather, ground
         self._chunks: dict[float, tuple[range, ...]] = {}
         self.fdm: Fdm | None = None
         self._observe: Callable[[], tuple[float, ...]] = _not_started
@@ -194,8 +194,8 @@ class JSBSimPlant:
                 f"`{min(missing).removeprefix(properties.GAINS)}`, got none."
             )
         point = trim.trim(fdm, condition)
-        if self._weather is not None:
-            air.carry_along(fdm, self._weather.deterministic(0.0, condition.h))
+        if self.weather is not None:
+            air.carry_along(fdm, self.weather.deterministic(0.0, condition.h))
         # After the wind is set: the signals take their origin and first angles from this instant.
         observe = signals.signal_reader(fdm, condition.chi, point.psi, n_x=self._shows_n_x)
         self._inside, self._diagnosis = signals.guard(fdm)
@@ -205,8 +205,8 @@ class JSBSimPlant:
         self._flown = 0.0
         self._engage(fdm, condition, steady_n_z=observe()[_N_Z])
         # After the inner loop is engaged: turbulence and gusts would disturb its first output.
-        if self._weather is not None:
-            self._run = air.weather_step(fdm, self._weather, self._rate)
+        if self.weather is not None:
+            self._run = air.weather_step(fdm, self.weather, self._rate)
         self._observe = observe
 
     def observe(self) -> tuple[float, ...]:
