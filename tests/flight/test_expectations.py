@@ -7,6 +7,7 @@ import pytest
 from made_up import made_up_run, made_up_scenario
 
 from flighttune.flight.flown import BoundCheck, ClaimCheck, Counts, check_claim
+from flighttune.flight.metrics import measures
 
 T = np.linspace(0.0, 10.0, 101)
 
@@ -219,3 +220,25 @@ def test_a_bound_above_a_measure_of_one_run_is_none_of_another():
 
     assert [check.run for check in claim.lower] == ["b"]
     assert claim.short == "Claim met: 3 of 3 requirements (1 lower bound)"
+
+
+@pytest.mark.parametrize("step_s", [1.0, 8.5])
+@pytest.mark.parametrize("given_deg", [0.0, -6.0])
+def test_the_error_at_the_end_is_that_of_the_last_quarter_or_since_the_last_change(
+    step_s, given_deg
+):
+    """Against the path angle that the law is given, where thrust is short."""
+    begin = max(step_s, 7.5)
+    ref = np.deg2rad(20.0) * (T >= step_s)
+    err = np.deg2rad(np.where(begin <= T, 0.7 - given_deg, 5.0))
+    run = flown()
+    run = dataclasses.replace(run, signals=run.signals.assign(gamma_ref=ref, gamma_err=err))
+    if given_deg:
+        signals = run.signals.assign(gamma_given=ref + np.deg2rad(given_deg))
+        run = dataclasses.replace(run, signals=signals)
+
+    gamma = measures(run)["gamma"]
+
+    # Means of samples and of the time differ by half a sample at each end.
+    assert gamma["end_error"] == pytest.approx(np.deg2rad(0.7), abs=np.deg2rad(0.1))
+    assert gamma["end_allowed"] == pytest.approx(0.2 * np.deg2rad(20.0))
