@@ -230,7 +230,7 @@ def test_the_error_at_the_end_is_that_of_the_last_quarter_or_since_the_last_chan
     """Against the path angle that the law is given, where thrust is short."""
     begin = max(step_s, 7.5)
     ref = np.deg2rad(20.0) * (T >= step_s)
-    err = np.deg2rad(np.where(begin <= T, 0.7 - given_deg, 5.0))
+    err = np.deg2rad(np.where(begin <= T, 0.7 - given_deg, 5.0 * (T > 0.0)))
     run = flown()
     run = dataclasses.replace(run, signals=run.signals.assign(gamma_ref=ref, gamma_err=err))
     if given_deg:
