@@ -1,12 +1,14 @@
 """What is left out of a scenario, a campaign or a call means what it meant in releases before."""
 
 import inspect
+import math
 import re
 
 import pytest
 from pydantic import BaseModel
 
 import flighttune as ft
+from flighttune.vehicles.aircraft.aircraft import AircraftConfig
 
 # Defaults of release 0.4.0 by table, but for keys that are None, empty or False without a value.
 SCENARIO = {
@@ -26,6 +28,23 @@ CAMPAIGN = {
     "disperse": {"acts": "sets", "distribution": "grid"},
     "keep": {"failures": 20, "worst": 5, "worst_by": "chi.ITAE", "sample": 5},
 }
+
+
+AIRCRAFT = {
+    "": {"inner_loop_rate_hz": 200.0},
+    "engines": {
+        "count": 1, "throttle": (0.0, 1.0), "command": "fcs/throttle-cmd-norm", "full": 1.0,
+    },
+}  # fmt: skip
+
+# Numbers of options of verbs that stand for themselves, if they are not zero.
+OPTIONS = {
+    "frontier": {"points": 25}, "identify": {"h": 1000.0}, "load_log": {"end": math.inf},
+    "monitor": {"epsilon": 0.05, "confidence": 0.95, "learn": 100}, "report": {"confidence": 0.95},
+    "residual": {"epsilon": 0.01, "confidence": 0.999, "learn": 500},
+    "show": {"width": 1280, "height": 720}, "trim": {"h": 1000.0},
+    "worst": {"budget": 2000, "seed": 1},
+}  # fmt: skip
 
 
 def leaves(annotation):
@@ -61,6 +80,24 @@ def test_keys_that_are_left_out_of_a_campaign_mean_what_they_meant():
     whole = {"nominal", "central"}  # scenarios in a campaign
     own = {place: keys for place, keys in found.items() if place.split(".")[0] not in whole}
     assert own == CAMPAIGN
+
+
+def test_keys_that_are_left_out_of_an_aircraft_mean_what_they_meant():
+    found = defaults(AircraftConfig)
+    assert {place: found[place] for place in AIRCRAFT} == AIRCRAFT
+    surfaces = {f"surfaces.{name}" for name in ("aileron", "elevator", "rudder")}
+    assert {*found} == {*AIRCRAFT} | surfaces
+
+
+def test_numbers_that_are_left_out_of_a_call_mean_what_they_meant():
+    found = {}
+    for name, verb in ((name, getattr(ft, name)) for name in dir(ft)):
+        if inspect.isfunction(verb):
+            for option, parameter in inspect.signature(verb).parameters.items():
+                number = isinstance(parameter.default, int | float) and parameter.default
+                if number and not isinstance(number, bool):
+                    found.setdefault(name, {})[option] = number
+    assert found == OPTIONS
 
 
 def documented():
