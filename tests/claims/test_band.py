@@ -353,3 +353,24 @@ def test_a_count_is_decided_by_one_flight_more_than_may_be_outside(counted):
         extremes = counted.extremes.copy()
         extremes[:lost] = [-np.inf, np.inf]
         assert replace(counted, extremes=extremes).decided == decided
+
+
+@pytest.mark.parametrize(
+    ("samples", "most", "edges"),
+    [
+        (5, 200, [0, 1, 2, 3, 4]),
+        (11, 3, [0, 3, 7, 10]),
+        (2, 200, [0, 1]),
+        (101, 4, [0, 25, 50, 75, 100]),
+    ],
+)
+def test_windows_share_the_samples_of_a_flight(samples, most, edges):
+    assert window_edges(samples, 100, 2, most=most).tolist() == edges
+
+
+def test_there_are_fewer_windows_for_more_flights_and_signals():
+    """Of numbers of all flights no more than MAX_NUMBERS are kept, two of a window and signal."""
+    flights, signals = 10**6, 3
+    windows = shape_module.MAX_NUMBERS // (2 * flights * signals)
+    assert len(window_edges(10**6, flights, signals, most=10**6)) == windows + 1
+    assert window_edges(50, 10**12, 1).tolist() == [0, 49]

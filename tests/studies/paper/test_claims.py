@@ -3,8 +3,11 @@
 Those that need many flights, or flights of an aircraft, are judged in the reproduction alone.
 """
 
+import math
+
 import pytest
 
+from flighttune.studies.paper import parameters as printed
 from flighttune.studies.paper.claims import CLAIMS, judge
 
 pytestmark = pytest.mark.slow
@@ -141,3 +144,31 @@ def test_a_claim_is_judged_by_what_was_computed(study, name):
 
 def test_every_claim_is_judged_somewhere():
     assert {*VERDICTS} | ELSEWHERE == {*CLAIMS}
+
+
+def test_the_numbers_of_the_paper_are_those_that_it_prints():
+    """Tables 1 to 3 and section 5.2 of arXiv 2411.13140, and what is assumed of figure 3."""
+    limits, turn = printed.printed_limits(), math.pi
+    assert (printed.V_A, printed.G, printed.DURATION) == (25.0, 9.81, 20.0)
+    assert printed.E_0 == pytest.approx([-turn / 3.0, turn / 12.0 - turn / 4.0])
+    assert (printed.PHI_0, printed.N_Z_0) == (turn / 3.0, 1.0)
+    for ends, expected in (
+        ((limits.lower, limits.upper), (turn / 4.0, 2.1)),
+        ((limits.rate_lower, limits.rate_upper), (turn / 6.0, 1.0)),
+    ):
+        assert -ends[0] == pytest.approx(expected)
+        assert ends[1] == pytest.approx(expected)
+    ranges = printed.printed_ranges()
+    assert (ranges.lower == limits.lower).all()
+    assert (ranges.upper == limits.upper).all()
+    assert math.isinf(ranges.rate_upper[0])
+    assert [printed.TABLE_3[f"d{k}"] for k in (1, 2, 3, 4, 9)] == [
+        (0.1, 0.1), (0.1, 0.15), (0.1, 0.2), (0.2, 0.1), (0.3, 0.2)
+    ]  # fmt: skip
+    assert printed.INDICATORS["K*"] == (0.4427, 4.9244)
+    assert printed.TABLE_2["K6"] == (0.2192, 8.258)
+    assert printed.last_digits("K*").tolist() == [1e-4, 1e-4]
+    assert printed.last_digits("K1").tolist() == [1e-4, 1e-3]
+    assert printed.DUFFING_A == {"alpha": 0.5, "beta": 0.25, "delta": 1.5}
+    assert (printed.DUFFING_L_D, printed.DUFFING_X_0) == (2.5, (1.5, 0.0))
+    assert printed.DUFFING_ALPHAS == (0.2, 0.35, 0.5, 0.75, 1.0, 1.5)
