@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import flighttune as ft
+from flighttune.vehicles.identification import fit
 from flighttune.vehicles.identification.fit import fitted_lag, lag_response
 
 DT = 0.02
@@ -59,3 +60,76 @@ def test_a_channel_that_was_not_commanded_shows_no_lag():
 
     assert math.isnan(share)
     assert math.isnan(fitted_lag(T, still, still, lag=lag)[1])
+
+
+ROLL = ft.loop.InnerLag(order=2, natural_frequency=7.0, damping=0.6, delay=0.02)
+LIFT = ft.loop.InnerLag(order=1, natural_frequency=11.0, delay=0.05)
+# Answers of the load factor to roll commands, and of roll to those of the load factor.
+CROSS = 0.1, -0.05
+# Every third multiple of the period for each channel, beside those of the other.
+EACH = np.arange(6, 60, 6), np.arange(9, 63, 6)
+
+
+def spectrum_of(lines, seed):
+    """A periodic signal with these lines, of random phases."""
+    found = np.zeros(fit.SAMPLES // 2 + 1, dtype=complex)
+    found[lines] = np.exp(2j * np.pi * np.random.default_rng(seed).random(len(lines)))
+    return found
+
+
+@pytest.mark.parametrize("also", [0.0, 0.2])
+def test_responses_of_channels_are_their_own_and_what_is_left_of_the_other(also):
+    """Commands are held for a sample, and those of a channel may have lines of the other too."""
+    first, second = (spectrum_of(lines, seed) for seed, lines in enumerate(EACH))
+    second = second + also * first
+    omega = 2.0 * np.pi * np.arange(len(first)) / fit.PERIOD
+    s = 1j * np.maximum(omega, 1e-9)
+    held = (1.0 - np.exp(-s * fit.DT)) / (s * fit.DT)
+    answers = [
+        held * (ROLL.response(omega) * first + CROSS[1] * second),
+        held * (LIFT.response(omega) * second + CROSS[0] * first),
+    ]
+    signals = (
+        np.fft.irfft(np.column_stack(x), fit.SAMPLES, axis=0) for x in ((first, second), answers)
+    )
+
+    roll, lift = fit.frequency_responses(tuple(signals), EACH)
+
+    at_roll, at_lift = omega[EACH[0]], omega[EACH[1]]
+    assert roll.omega == pytest.approx(at_roll)
+    assert roll.own == pytest.approx(ROLL.response(at_roll) + also * CROSS[1], abs=1e-9)
+    assert lift.own == pytest.approx(LIFT.response(at_lift), abs=1e-9)
+    # what a channel answers to lines of its own command is interpolated between its lines
+    assert roll.other[1:] == pytest.approx(np.full(len(at_roll) - 1, CROSS[0]), abs=2e-3)
+    assert lift.other == pytest.approx(np.full(len(at_lift), CROSS[1]), abs=1e-9)
+
+
+def test_one_channel_alone_has_no_other():
+    first = spectrum_of(EACH[0], 0)[:, None]
+    signal = np.fft.irfft(first, fit.SAMPLES, axis=0)
+
+    (only,) = fit.frequency_responses((signal, 0.5 * signal), EACH[:1])
+
+    assert only.other is None
+    assert np.abs(only.own) == pytest.approx(0.5, rel=0.1)
+
+
+def test_orders_of_lags_are_ranked_by_bayes_information_criterion():
+    """Schwarz: N log(rss / N) + k log N, of 2 numbers a line and one parameter more for a delay."""
+    omega = np.geomspace(0.5, 30.0, 25)
+    noise = np.random.default_rng(1).normal(scale=0.01, size=(2, 25))
+    response = fit.FrequencyResponse(
+        omega=omega, own=ROLL.response(omega) + noise[0] + 1j * noise[1], other=None
+    )
+
+    found = fit.candidates(response)
+
+    assert found[0].lag.order == 2
+    assert found[0].lag.natural_frequency == pytest.approx(ROLL.natural_frequency, rel=0.02)
+    assert sorted(lag.lag.order for lag in found) == [1, 2, 3]
+    assert [lag.bic for lag in found] == sorted(lag.bic for lag in found)
+    for lag in found:
+        gap = np.abs(lag.lag.response(omega) - response.own)
+        assert lag.residual == pytest.approx(math.sqrt(np.mean(gap**2)), rel=1e-6)
+        bic = 50.0 * math.log(np.sum(gap**2) / 50.0) + (lag.lag.order + 1) * math.log(50.0)
+        assert lag.bic == pytest.approx(bic, rel=1e-6)
