@@ -1,6 +1,7 @@
 """The report of a campaign as one HTML file that needs nothing else, and its tables."""
 
 from collections import Counter, defaultdict
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -42,38 +43,12 @@ def write_campaign_report(findings: Findings, path: str | Path) -> Report:
     campaign, styles = plan.campaign, charts.styles_of(findings)
     shipped = campaign.scenario.removesuffix(".toml") in scenario_files()
     sha256 = dataset_hash(findings.url) if findings.url else MISSING
-    tables = {
-        "rates": [success_table(findings), reasons_table(findings)],
-        "worst": [worst_table(findings)],
-        "measures": [metrics_table(findings)],
-        "matters": [influence_table(findings, x) for x in (findings.measure, SUCCESS) if x],
-        "paired": paired_tables(findings),
-    }
-    drawn = {
-        "runs": charts.rates(findings),
-        "measures": charts.distributions(findings),
-        "matters": [*charts.split_panels(findings), *charts.scatter_panels(findings)],
-        "convergence": charts.convergence(findings),
-    }
-    about = {
-        "interval": TEXTS["interval"][findings.method],
-        "confidence": 100.0 * findings.confidence,
-        "url": findings.url,
-    }
+    tables = _tables(findings)
     page = write_page(
         Path(path),
         page_template("flighttune.outputs.pages", "campaign.html.jinja"),
         summary=summary(findings),
-        sections=[
-            Section(
-                id=key,
-                title=texts.get("title", ""),
-                note=texts.get("note", "").format(**about),
-                charts=drawn.get(key, ()),
-                tables=tables.get(key, ()),
-            )
-            for key, texts in TEXTS["campaign"].items()
-        ],
+        sections=_sections(findings, tables),
         title=campaign.title,
         claim=campaign.verifies,
         legend=list(styles.items()),
@@ -94,6 +69,42 @@ def write_campaign_report(findings: Findings, path: str | Path) -> Report:
         notes=[*page.summary, *notes(findings)],
     )
     return replace(page, shown=shown)
+
+
+def _tables(findings: Findings) -> dict[str, list[Table]]:
+    """The tables of each section."""
+    return {
+        "rates": [success_table(findings), reasons_table(findings)],
+        "worst": [worst_table(findings)],
+        "measures": [metrics_table(findings)],
+        "matters": [influence_table(findings, x) for x in (findings.measure, SUCCESS) if x],
+        "paired": paired_tables(findings),
+    }
+
+
+def _sections(findings: Findings, tables: Mapping[str, Sequence[Table]]) -> list[Section]:
+    """The sections with their charts and `tables`."""
+    drawn = {
+        "runs": charts.rates(findings),
+        "measures": charts.distributions(findings),
+        "matters": [*charts.split_panels(findings), *charts.scatter_panels(findings)],
+        "convergence": charts.convergence(findings),
+    }
+    about = {
+        "interval": TEXTS["interval"][findings.method],
+        "confidence": 100.0 * findings.confidence,
+        "url": findings.url,
+    }
+    return [
+        Section(
+            id=key,
+            title=texts.get("title", ""),
+            note=texts.get("note", "").format(**about),
+            charts=drawn.get(key, ()),
+            tables=tables.get(key, ()),
+        )
+        for key, texts in TEXTS["campaign"].items()
+    ]
 
 
 def summary(findings: Findings) -> tuple[str, ...]:

@@ -131,6 +131,46 @@ def _of_logs(flights: panels.Drawn, table: Table) -> list[Section]:
 
 def write_report(source: compare.Source, path: Path) -> Report:
     """Write one self-contained page about the runs of a scenario."""
+    runs = _of_one_scenario(source)
+    scenario, origin, styles = scenario_of(runs[0]), runs[0].provenance, run_styles(source.runs)
+    claim, around = check_claim(scenario, source.runs), claimed(source.runs)
+    convergence = panels.convergence_table(source.runs, claim)
+    gaps, without_gap = _gaps(scenario, runs)
+    first = [f"{claim.short}.", f"Converged: {_converged(source, convergence)}."]
+    lacks = [f"{source.lacks}: the rest is about the others."] if source.lacks else []
+    next_step = advice(scenario, source.runs, "SCENARIO")
+    failed = [around.failure] if around.failure else []
+    page = write_page(
+        path,
+        page_template("flighttune.outputs.pages", "page.html.jinja"),
+        about=(flown_in_words(scenario, runs), _gains_in_words(scenario, runs)),
+        summary=tuple(
+            dict.fromkeys([*lacks, *around.summary, *first, *failed, *gains_notes(runs)])
+        ),
+        closest=f"{claim.closest[:1].upper()}{claim.closest[1:]}." if claim.closest else "",
+        missed=(*claim.missed, *claim.held, *([next_step] if next_step else [])),
+        criterion=TEXTS["converges"].format(
+            part=100.0 * panels.CONVERGED_PART, least=panels.CONVERGED_AT_LEAST * DEG_PER_RAD
+        ),
+        sections=_sections(source, [(run, styles[run.label]) for run in runs], convergence, gaps),
+        title=scenario.title,
+        claim=scenario.verifies,
+        legend=[(run.label, styles[run.label]) for run in runs],
+        styles=styles,
+        without_gap=without_gap,
+        missing=source.missing,
+        provenance=provenance_table(source.name, scenario, runs),
+        scenario_text=toml_text(origin.scenario),
+        first_gains=next((run.provenance.gains_name for run in runs if run.provenance.gains), None),
+        version=origin.versions.get("flighttune", ""),
+    )
+    notes = [*first, *gains_notes(runs), *around.notes]
+    shown = _shown(source, page, around, notes)
+    return replace(page, shown=replace(shown, summary=(*lacks, *around.summary)))
+
+
+def _of_one_scenario(source: compare.Source) -> list[Run]:
+    """The runs that flew; a RecordingError if there is none, or they are of several scenarios."""
     runs = [run for run in source.runs if len(run.signals) > 1]
     if not runs:
         raise RecordingError(f"{source.name}: a run must have flown, got none.")
@@ -141,71 +181,46 @@ def write_report(source: compare.Source, path: Path) -> Report:
                 f"{source.name}: the runs must be of one scenario, got another one for "
                 f"{run.label} than for {runs[0].label}; use compare for those."
             )
-    scenario, origin, styles = scenario_of(runs[0]), runs[0].provenance, run_styles(source.runs)
-    flights = [(run, styles[run.label]) for run in runs]
-    claim = check_claim(scenario, source.runs)
-    convergence = panels.convergence_table(source.runs, claim)
-    converged = by_plant(
+    return runs
+
+
+def _converged(source: compare.Source, convergence: Table) -> str:
+    """How many runs converge, by plant."""
+    return by_plant(
         (run.provenance.plant, record["converges"], 1)
         for run, record in zip(source.runs, convergence.records, strict=True)
     )
-    gaps, without_gap = _gaps(scenario, runs)
-    around, first = claimed(source.runs), [f"{claim.short}.", f"Converged: {converged}."]
-    lacks = [f"{source.lacks}: the rest is about the others."] if source.lacks else []
-    next_step = advice(scenario, source.runs, "SCENARIO")
-    failed = [around.failure] if around.failure else []
+
+
+def _sections(
+    source: compare.Source, flights: panels.Drawn, convergence: Table, gaps: Sequence[Gap]
+) -> list[Section]:
+    """The flights with their errors and commands, the gaps and what is certified."""
+    runs = [run for run, _ in flights]
     below = [panels.tracking_table(runs), panels.runs_table(source.runs)]
-    criterion = {
-        "part": 100.0 * panels.CONVERGED_PART,
-        "least": panels.CONVERGED_AT_LEAST * DEG_PER_RAD,
-    }
-    page = write_page(
-        path,
-        page_template("flighttune.outputs.pages", "page.html.jinja"),
-        about=(flown_in_words(scenario, runs), _gains_in_words(scenario, runs)),
-        summary=tuple(
-            dict.fromkeys([*lacks, *around.summary, *first, *failed, *gains_notes(runs)])
-        ),
-        closest=f"{claim.closest[:1].upper()}{claim.closest[1:]}." if claim.closest else "",
-        missed=(*claim.missed, *claim.held, *([next_step] if next_step else [])),
-        criterion=TEXTS["converges"].format(**criterion),
-        sections=[
-            *_of_flights(flights, convergence, below, "Commands after magnitude and rate limits."),
-            *([_gap_section(gaps, runs)] if gaps else []),
-            _certificate_section(scenario, flights),
-        ],
-        title=scenario.title,
-        claim=scenario.verifies,
-        legend=[(run.label, style) for run, style in flights],
-        styles=styles,
-        without_gap=without_gap,
-        missing=source.missing,
-        provenance=provenance_table(source.name, scenario, runs),
-        scenario_text=toml_text(origin.scenario),
-        first_gains=next((run.provenance.gains_name for run in runs if run.provenance.gains), None),
-        version=origin.versions.get("flighttune", ""),
-    )
+    return [
+        *_of_flights(flights, convergence, below, "Commands after magnitude and rate limits."),
+        *([_gap_section(gaps, runs)] if gaps else []),
+        _certificate_section(scenario_of(runs[0]), flights),
+    ]
+
+
+def _shown(source: compare.Source, page: Report, around: Answer, notes: Sequence[str]) -> Answer:
+    """What a terminal shows of a page: `around` is what is claimed of its runs."""
     named = [table for table in page.tables if table.name]
-    shown = Answer(
+    return Answer(
         values={
-            "bytes": path.stat().st_size,
+            "bytes": page.path.stat().st_size,
             "missing": source.missing,
             **pick(page, "summary sections"),
             "tables": {table.name: table.records for table in named},
             **around.values,
         },
         tables=[replace(table, name="") for table in named if table.name in PRINTED],
-        summary=(*lacks, *around.summary),
-        notes=[
-            *first,
-            *gains_notes(runs),
-            *around.notes,
-            *(f"missing: {line}" for line in source.missing),
-        ],
+        notes=[*notes, *(f"missing: {line}" for line in source.missing)],
         failure=source.lacks or around.failure,
         status=2 if source.lacks else around.status,
     )
-    return replace(page, shown=shown)
 
 
 def write_comparison_page(comparison: compare.Comparison, path: str | Path) -> Report:
