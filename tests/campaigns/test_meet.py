@@ -26,6 +26,7 @@ from flighttune.control.margins import loop_margins
 from flighttune.flight.entry import entry_of
 from flighttune.flight.metrics import measures
 from flighttune.flight.models import gain_set, linear_loop, linear_model, loop_measures
+from flighttune.outputs.answers.meeting import sentence
 from flighttune.outputs.pages.meet import write_meet_page
 from flighttune.studies.meet import Search, _count, flights_to_meet
 from flighttune.studies.meeting import Trial
@@ -421,7 +422,7 @@ def test_the_share_of_a_campaign_is_counted_on_draws_that_the_search_has_not_see
     success = meeting.success
     assert meeting.flights <= 1500
     assert success["share"]["n"] == 200
-    assert f"On 200 fresh draws (seed {plan.campaign.seed}) " in meeting.sentence
+    assert f"On 200 fresh draws (seed {plan.campaign.seed}) " in sentence(meeting)
     counted = rows.groupby("gains")["success"].mean()
     assert success["share"]["value"] == counted["tuned"] > counted["paper"]
     assert success["of_start"]["value"] == counted["paper"]
@@ -460,7 +461,7 @@ def test_the_share_of_a_campaign_is_counted_until_it_is_sure(campaign, bound, dr
     assert success["share"] == {"value": float(bound > 1.0), "n": draws}
     answer = ("met", "yes") if bound > 1.0 else ("missed", "no")
     assert (meeting.status, success["sure"]) == answer
-    assert said in meeting.sentence
+    assert said in sentence(meeting)
     assert meeting.answer().values["success"]["by"] == "evidence"
     # each draw is that of the campaign, with a design at random
     file.write_text(f'design = "random"\n{text}', encoding="utf-8")
