@@ -15,8 +15,8 @@ from flighttune.campaigns.planning.source import Flights as Flights
 from flighttune.campaigns.planning.source import flights as flights
 from flighttune.campaigns.planning.source import load_campaign as load_campaign
 from flighttune.claims.band import Band as Band
-from flighttune.claims.band import Residual as Residual
 from flighttune.claims.mission import mission as mission
+from flighttune.claims.residual import Residual as Residual
 from flighttune.claims.tubes.enclosure import Tube as Tube
 from flighttune.claims.verbs import band as band
 from flighttune.claims.verbs import monitor as monitor

@@ -4,9 +4,12 @@ import numpy as np
 from dispersed import plan_of
 
 import flighttune as ft
-from flighttune.claims.counted import About, BandFlights
-from flighttune.claims.counting import flights_of
+from flighttune.claims.about import About
+from flighttune.claims.band import RecordedSignals
+from flighttune.claims.counted import BandFlights
+from flighttune.claims.counted_flights import flights_of
 from flighttune.claims.distribution import Distribution
+from flighttune.claims.residual import ResidualSignals
 from flighttune.gaps.residual import RESIDUALS
 from tests.made_up import made_up_scenario
 
@@ -27,8 +30,8 @@ def band_flights(edges, over="time", title="made up", central=None):
         disperse=[], correlation=[],
     )  # fmt: skip
     return BandFlights(
-        over=over, edges=edges, distribution=distribution, scenario=made_up_scenario(),
-        central=central or made_up_scenario(),
+        measured=RecordedSignals(units={}), over=over, edges=edges, distribution=distribution,
+        scenario=made_up_scenario(), central=central or made_up_scenario(),
         plant="kinematic", gains_name="paper", gains=ft.PAPER_GAINS, aircraft={},
     )  # fmt: skip
 
@@ -40,7 +43,7 @@ def counted_boxes(scenario, half_width=WIDE, roll=ROLL, *disperse):
     """
     halves = [half_width, half_width, roll, ROLL_CHANGE]
     plan = plan_of(scenario.as_dict(), *disperse, runs=LEARNED + FLIGHTS, gains=["paper"])
-    flights = flights_of(plan, "residual", len(RESIDUALS), FLIGHTS)
+    flights = flights_of(plan, ResidualSignals.chosen(plan, None), FLIGHTS)
     half = np.tile(halves, (len(flights.edges) - 1, 1))
     scores = np.concatenate([np.linspace(0.0, 1.0, FLIGHTS - 5), [2.0, 2.0, 3.0, 4.0, np.inf]])
     return boxes_of(plan, flights, np.zeros_like(half), half, scores)

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from flighttune.claims.band import Band
-from flighttune.claims.counting import load_counted
+from flighttune.claims.counted_file import load_counted
 from flighttune.outputs.drawing.chart import Chart, Sheet
 from flighttune.outputs.drawing.palette import HUES, INK
 

@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 from flighttune.claims.band import Band
-from flighttune.claims.counting import load_counted
+from flighttune.claims.counted_file import load_counted
 from flighttune.outputs.drawing.chart import Chart, Sheet
 from flighttune.outputs.pages.counted import mission_charts
 

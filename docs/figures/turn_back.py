@@ -17,9 +17,10 @@ from geographiclib.geodesic import Geodesic
 from shapely import LineString, Polygon
 
 from flighttune.campaigns.flying.rows import fly_group
-from flighttune.claims.band import Band, TurnBack
+from flighttune.claims.band import Band
+from flighttune.claims.counted_file import load_counted
 from flighttune.claims.counted_flights import plan_in
-from flighttune.claims.counting import load_counted
+from flighttune.claims.turn_back import TurnBack
 from flighttune.flight.scenario.load import scenario_of
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"

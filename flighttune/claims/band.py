@@ -1,37 +1,31 @@
-"""Kinds of counts: bands, residual signals, room to turn back, monitors; and their files."""
+"""Counts of recorded signals: bands, and flights inside a fence."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 
 from flighttune.base.answers.answer import Answer, Table
-from flighttune.base.answers.labels import columns, endings_table
+from flighttune.base.answers.labels import columns
 from flighttune.base.arguments import checked_class
 from flighttune.base.arrays import FloatArray
-from flighttune.base.endings import endings as counted_endings
 from flighttune.base.endings import why_ended
-from flighttune.base.errors import InputError, naming, printable
-from flighttune.base.files import array, load
-from flighttune.base.files.table import abridged, json_object, value_of
-from flighttune.base.words import at_most, listed, number, pick
-from flighttune.campaigns.statistics.count import supported_epsilon, sure
-from flighttune.claims import counted
-from flighttune.claims.monitor import Monitor
-from flighttune.claims.shape import MAX_NUMBERS
-from flighttune.flight.loop.run import SIGNAL_UNITS, Bounds, Run, RunClaim
+from flighttune.base.errors import InputError, printable
+from flighttune.base.words import at_most, pick
+from flighttune.campaigns.flying.rows import fly_group
+from flighttune.campaigns.planning.plan import Plan
+from flighttune.claims.counted import Counted, SignalBounds, axis_of, wind_at_start
+from flighttune.claims.measured import Measured
+from flighttune.flight.conditions import reference_of
+from flighttune.flight.loop.run import ERRORS, SIGNAL_UNITS, Run, RunClaim
 from flighttune.flight.metrics import OFF_ROUTE
 from flighttune.flight.scenario.load import scenario_of
-from flighttune.gaps.watch import MODELS
+from flighttune.flight.scenario.schema import Scenario
 from flighttune.routes.fence import DISTANCE_SIGNS, read_fence, room_along
-from flighttune.routes.follow import SAME_PLACE
-from flighttune.routes.maps import Corridor, Volume, Where, areas_of
-from flighttune.routes.turn_back_keys import BACK_S, TurnBackTable
-
-# Rounding of the times of samples, s.
-SAME_TIME = 1e-9
+from flighttune.routes.follow import SAME_PLACE, RouteReference
+from flighttune.routes.maps import Corridor, Where, areas_of
 
 # Stands for the file of a fence that is kept with its band.
 KEPT = Path("fence")
@@ -40,17 +34,6 @@ KEPT = Path("fence")
 OVERLAP_SAMPLES = 2.0
 
 NEAREST_COLUMNS = columns("what margin_m side edge along_m stretch", of="fence")
-
-
-# What is said of a new flight and a fence where it is sure whether flights stay inside.
-SURE = {
-    "yes": "leaves the fence with probability at most",
-    "no": "is not certainly inside the fence with probability above",
-    "": "",
-}
-
-# Part of the time whose largest half-width is printed too: flights have settled by then.
-LAST_QUARTER = 0.75
 
 
 class Fenced(NamedTuple):
@@ -73,71 +56,40 @@ def check_off_route(signals: Iterable[str], over: str = "along") -> None:
         )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class SignalBounds(counted.Counted):
-    """A count whose signals have a width: bounds that a new flight leaves with some probability."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RecordedSignals(Measured):
+    """Signals that runs record."""
 
-    rounding: ClassVar[float] = 0.0  # s or m, of the places of the bounds
+    @classmethod
+    def chosen(cls, plan: Plan, signals: Iterable[str] | None) -> Self:
+        """Those of these names, by default the errors, on a route the distances from it."""
+        central, names = plan.campaign.central, dict.fromkeys(signals or ())
+        if not names:  # all runs have them, so that no flight need say it
+            off = OFF_ROUTE if central.route else ERRORS
+            return cls(units={name: SIGNAL_UNITS[name] for name in off})
+        run = fly_group(plan, central, plan.groups[0])
+        for name in names:
+            if name not in run.signals:
+                if run.reason and not len(run.signals):
+                    why = run.reason.removesuffix(".")
+                    raise InputError(
+                        f"The flight at the median of what is drawn must start: {why}."
+                    )
+                recorded = ", ".join(map(str, run.signals.columns))
+                raise InputError(f"`signal` must be one of {recorded}, got {name!r}.")
+        return cls(units={x: run.units.get(x) or SIGNAL_UNITS.get(x, "") for x in names})
 
-    @property
-    def half_widths(self) -> FloatArray:
-        """Half the width of each window and signal, shape (windows, signals)."""
-        return self.scale * self.about.half
+    def values(self, run: Run, scenario: Scenario) -> FloatArray:
+        """The signals of a run, shape (samples, signals)."""
+        del scenario
+        return run.signals[[*self.units]].to_numpy()
 
-    def bounds(self, t: FloatArray, wind: FloatArray | None = None) -> Bounds:
-        """Bounds at the times `t` (s), or the distances along a route (m), in a `wind`, (2,)."""
-        about = self.about
-        if (about.predicted_from is None) != (wind is None):
-            raise InputError(f"`wind` must be there for a band that is given it only, got {wind}.")
-        window = np.searchsorted(self.flights.edges, np.add(t, self.rounding), side="right") - 1
-        window = np.clip(window, 0, len(about.half) - 1)
-        low, high = self._ends(np.zeros((1, 0)) if wind is None else np.reshape(wind, (1, 2)))
-        return Bounds(np.asarray(t, dtype=float), low[window], high[window], tuple(about.signals))
-
-    def _sizes(self) -> list[dict[str, float]]:
-        edges, rows = self.flights.edges, []
-        late = edges[:-1] >= LAST_QUARTER * edges[-1]
-        for widths in self.half_widths.T:
-            last = widths[late].max(initial=0.0)
-            rows.append({"largest": widths.max(), "last_quarter": last, "end": widths[-1]})
-        if self.about.predicted_from is None:
-            bounds = self.bounds(edges[:-1])
-            for row, low, high in zip(rows, bounds.low.T, bounds.high.T, strict=True):
-                row |= {"low": low.min(), "high": high.max()}
-        return rows
-
-    @property
-    def _notes(self) -> list[str]:
-        note = "The band is around a middle that is predicted from the wind of each flight."
-        return [note] if self.about.predicted_from else []
-
-
-@checked_class
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Residual(SignalBounds):
-    """Bounds on what the identified model of an aircraft misses: what `tube` takes.
-
-    They are of the rates of course and path angle (rad/s), and of roll and its change over a sample
-    (rad), actual minus model.
-
-    Attributes
-    ----------
-    about, flights, extremes, wind, endings, scores, scale : as of a `Band`
-
-    Examples
-    --------
-    >>> few = {"epsilon": 0.3, "confidence": 0.9, "learn": 10, "flights": 7}
-    >>> ft.residual("feasible", start_deg=2.0, **few).outside
-    0
-    """
-
-    of: ClassVar[counted.Of] = "residual"
-    # They last from a sample to the next, and have no window but that of its time.
-    rounding: ClassVar[float] = SAME_TIME
-
-    @property
-    def _leaves(self) -> str:
-        return "leaves the band of its residual signals"
+    def lost(self, run: Run, scenario: Scenario) -> bool:
+        """Whether a flight is behind its start or blown back: its distances are wrong then."""
+        route = reference_of(scenario)
+        if not (isinstance(route, RouteReference) and {*OFF_ROUTE} & {*self.units}):
+            return False
+        return route.displacement(run.signals) > SAME_PLACE
 
 
 @checked_class
@@ -172,6 +124,8 @@ class Band(SignalBounds):
     >>> bounds.names, bounds.low.shape
     (('chi_err', 'gamma_err'), (2, 2))
     """
+
+    measures: ClassVar[type[Measured]] = RecordedSignals
 
     @property
     def _leaves(self) -> str:
@@ -217,28 +171,18 @@ class Band(SignalBounds):
         room = room_along(fence, path, self.flights.edges, widest=widest, overlap=overlap)
         # The limits to the sides are finite: flights that were not completed are outside.
         outside = int(np.sum(~(away <= room.limits).all(axis=(1, 2, 3))))
-        flights, first = len(away), max(self.first, len(away))
-        if flights == about.early and not outside:
-            first = flights
-        # A flight that was not flown counts as one outside.
-        epsilon = supported_epsilon(outside + first - flights, first, about.confidence, about.early)
+        flights, ending = len(away), self.ending
+        supported = ending.supported(outside, flights)
         said = f"{flights - outside} of {flights} fresh flights are certainly inside"
-        claimed, leaves = flights == first, f"{SURE['yes']} {at_most(epsilon)}"
-        not_yet, at_any = f", of {first} planned: more may be outside than a yes allows", ""
-        if about.until_sure:
-            answer = sure(outside, flights, about.epsilon, about.confidence)
-            epsilon = about.epsilon if answer == "yes" else 1.0
-            claimed, leaves = answer != "", f"{SURE[answer]} {number(about.epsilon)}"
-            not_yet, at_any = ": neither yes nor no is sure", " at any number of flights"
+        sure = f"confidence {self.confidence:.10g}{self.shared.words}{ending.words}"
+        claim = f"a new flight {supported.claim}, {sure}: {said}" if supported.claim else ""
         return Fenced(
-            fence.heights,
-            outside,
-            epsilon,
-            epsilon <= about.epsilon,
-            [{"what": what, **room.nearest(reach)} for what, reach in reaches.items()],
-            f"a new flight {leaves}, confidence {self.confidence:.10g}{self.shared}{at_any}: {said}"
-            if claimed
-            else f"{said}{not_yet}",
+            heights=fence.heights,
+            outside=outside,
+            epsilon=supported.epsilon,
+            supported=supported.epsilon <= about.epsilon,
+            nearest=[{"what": what, **room.nearest(reach)} for what, reach in reaches.items()],
+            sentence=claim or f"{said}{supported.lacks}",
         )
 
     @property
@@ -258,12 +202,12 @@ class Band(SignalBounds):
     def on(self, run: Run) -> RunClaim:
         """The bounds of the signals at the samples of a run."""
         about, scenario = self.about, scenario_of(run)
-        wind = np.array(counted.wind_at_start(scenario)) if about.predicted_from else None
+        wind = np.array(wind_at_start(scenario)) if about.predicted_from else None
         return RunClaim(
             kind=self.kind,
             title="counted band",
             sentence=self.sentence,
-            bounds=self.bounds(counted.axis_of(run), wind),
+            bounds=self.bounds(axis_of(run), wind),
             units=about.signals,
             fences=tuple(ring for ring, _ in areas_of(about.fences)),
         )
@@ -274,7 +218,7 @@ class Band(SignalBounds):
         Along a route it has the length and the time too. The claim about its last fence, if any, is
         the verdict then, and a failure if the count does not support it.
         """
-        answer = counted.Counted.answer(self, file)
+        answer = Counted.answer(self, file)
         try:
             return self._along_route(answer) if self.flights.over == "along" else answer
         except InputError as error:
@@ -312,8 +256,11 @@ class Band(SignalBounds):
         """Whether more flights than a claim allows did not complete, or count as if so."""
         return self.not_completed > self.allowed
 
-    def summary(self, room: "TurnBack | None" = None) -> list[str]:
-        """The answer of a mission in four lines: whether, the odds, how wide, and for what."""
+    def summary(self, room: Counted | None = None, room_words: str = "") -> list[str]:
+        """The answer of a mission in four lines: whether, the odds, how wide, and for what.
+
+        The room to turn back, if it was counted, shares the confidence.
+        """
         about, flights, planned = self.about, len(self.scores), self.flights.route
         allowed = self.allowed
         fenced = self.inside(about.fences[-1]) if about.fences else None
@@ -361,221 +308,6 @@ class Band(SignalBounds):
                 f"The corridor is at most {at_most(beside, 3)} m wide to either side of the path, "
             )
             wide += f"and {at_most(above, 3)} m high above and below it."
-        if room is not None:
-            wide += f" {room.summary}"
+        wide += f" {room_words}" if room_words else ""
         flown = self.flights.distribution.sentence(self.flights.flown).partition("; drawn")[0]
         return [answer, odds, wide, f"It holds for {flown}, over {planned.answer().verdict}."]
-
-
-# Signals of flights that turn back, m, each the largest since they detected that they must: the
-# horizontal distance from the route, in any direction, and that of height from where they detected.
-ROOM = {"from_route": "m", "height": "m"}
-
-
-class TurnRoom(NamedTuple):
-    """Room that a flight needs which turns back, m: no width and no height of a volume."""
-
-    from_route: float  # in any horizontal direction
-    height: float  # above and below
-
-    def around(self, geography: Volume, claim: str) -> Volume:
-        """The volume with this room around a flight geography, down to the ground at most."""
-        width, high = geography.width + self.from_route, geography.high + self.height
-        return Volume(width, max(geography.low - self.height, 0.0), high, claim)
-
-
-# How flights ended, in words of a sentence.
-ENDED = {"no_trim": "without a steady flight at their start"}
-
-
-# How flights that turn back begin where their route has slopes.
-BEGUN = "begun in steady flight or, where there is none on a slope, in level flight before it"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class TurnBack(counted.Counted):
-    """A count of how far flights come that turn back at any place of their route."""
-
-    of: ClassVar[counted.Of] = "turn_back"
-    title: ClassVar[tuple[str, str]] = "room to turn back", "room_bounds"
-
-    @property
-    def room(self) -> TurnRoom:
-        """Room that its flights need, rounded up to whole metres."""
-        return TurnRoom(*np.ceil(self._ends(np.zeros((1, 0)))[1][0]).tolist())
-
-    @property
-    def summary(self) -> str:
-        """The room in a line of a mission's answer, or why none is claimed."""
-        if self.claims:
-            begun = f" Its flights are {self.begun}." if self.begun else ""
-            return f"Turning back takes {self.room.from_route:.0f} m beyond it.{begun}"
-        ended = "".join(
-            f", {row['count']} of them {ENDED.get(row['status'], row['status'].replace('_', ' '))}"
-            for row in counted_endings(self.endings)
-        )
-        return (
-            f"No room to turn back is claimed: of {len(self.scores)} flights that turn back "
-            f"{self.lost}{ended}; at most {self.allowed} of {self.first} may."
-        )
-
-    @property
-    def ended(self) -> Table:
-        """How flights that turn back did not complete, beside those of the mission."""
-        title = "flights that turn back and did not complete"
-        return replace(endings_table(self.endings), title=title, name="turn_back_endings")
-
-    @property
-    def table(self) -> TurnBackTable:
-        """How its flights turn back."""
-        assert self.flights.central.turn_back is not None  # of the campaign that counts them
-        return self.flights.central.turn_back
-
-    @property
-    def _leaves(self) -> str:
-        begun = f", {self.begun}," if self.begun else ""
-        return (
-            f"that turns back{begun} goes further than {self.room.from_route:.0f} m beyond the "
-            f"flight geography in any direction, or {self.room.height:.0f} m above or below it,"
-        )
-
-    @property
-    def begun(self) -> str:
-        """How flights begin on slopes, in words; empty without slopes, or of flighttune 0.4.0."""
-        return BEGUN if self.table.or_level else ""
-
-    def volumes(self, corridor: Band) -> dict[str, Volume]:
-        """The volumes around the route that these flights turn back from."""
-        if not (self.claims and isinstance(corridor, Band)):
-            got = f"a {type(corridor).__name__}" if self.claims else "no claim of the room"
-            raise InputError(f"volumes must be of a room and the band of its route, got {got}.")
-        # The flight geography is as wide and high as the corridor, a band along the route, at its
-        # widest. The contingency volume has the room to turn back around it, and the ground risk
-        # buffer once more the height of that over ground.
-        planned = corridor.flights.route
-        path, h_0 = planned.reference.path, planned.where[2]
-        along, north, east, _, _, h, V_a, *_ = self.table.columns
-        route = *path.beside(along).T, np.interp(along, path.s, planned.reference.V)
-        flown, others = (
-            f"{of.plant} / {of.gains_name} along {length:.10g} m"
-            for of, length in ((self.flights, along[-1]), (corridor.flights, path.length))
-        )
-        if flown != others or not np.allclose(route, (north, east, h - h_0, V_a), atol=SAME_PLACE):
-            raise InputError(
-                "both bands must be of one aircraft with the same gains and airspeeds on one "
-                f"route, got {flown} and {others}."
-            )
-        claimed = corridor.corridor(planned.where)
-        beside, above = np.abs([claimed.low, claimed.high]).max(axis=(0, 1)).tolist()
-        heights = path.up[path.s <= path.length] + h_0 - corridor.flights.central.flight.ground_m
-        low, high = max(float(heights.min()) - above, 0.0), float(heights.max()) + above
-        geography = Volume(beside, low, high, claimed.claim)
-        around = self.room.around(geography, printable(self.sentence))
-        width, top = around.width + around.high, around.high
-        return {
-            "flight geography": geography,
-            "contingency volume": around,
-            "ground risk buffer": Volume(width, 0.0, top, "as wide as it is high"),
-        }
-
-    def _sizes(self) -> list[dict[str, float]]:
-        return [{"high": size} for size in self.room]
-
-    @property
-    def _formula(self) -> float:
-        central = self.flights.central
-        return self.table.formula(max(central.airspeeds), central.flight.g_mps2)
-
-    @property
-    def _values(self) -> dict[str, Any]:
-        sizes = {f"{key}_m": size for key, size in self.room._asdict().items() if self.claims}
-        return {"room": {**sizes, "by_formula_m": self._formula}}
-
-    @property
-    def _notes(self) -> list[str]:
-        table = self.table
-        return [
-            f"A turn of {table.turn_deg:g} deg to either side from any place of the route, "
-            f"{table.reaction_s:g} s after detection, {table.bank_deg:g} deg of bank with a wind "
-            f"of {table.wind(self.flights.central.flight.g_mps2):.3g} m/s from behind, until "
-            f"{BACK_S:g} s after it; by formula {self._formula:.0f} m ahead in still air. No "
-            "failure of engine, link or navigation is in it, and it is no risk class."
-        ]
-
-
-ARRAYS = {"band": array.TEXT, "extremes": array.SINGLE, "wind": array.FLOAT, "endings": array.TEXT}
-
-# Kinds of counts.
-KINDS = {kind.of: kind for kind in (Band, Residual, TurnBack, Monitor)}
-
-
-def read_counted(
-    path: str | Path, flights_of: Callable[[counted.About], counted.BandFlights]
-) -> counted.Counted:
-    """Read a count, and compute scores and scale; `flights_of` finds its flights from the plan."""
-    load.sealed_bytes(Path(path), "band file", "count it again with flighttune band")
-    size = 4 * MAX_NUMBERS + 2**24
-    with naming(path):
-        arrays = array.read_arrays(Path(path), "band", ARRAYS, size, size, ("extremes",))
-        about = value_of(json_object(str(arrays.pop("band")), "`band`"), counted.About)
-        endings = _endings_of(str(arrays.pop("endings", "{}")))
-        if about.of == "turn_back" and about.signals != ROOM:
-            raise InputError(
-                f"`signals` must be {listed(list(ROOM))} of flights that turn back, got "
-                f"{listed(list(about.signals))}: flighttune 0.3.0 counted the distance ahead, and "
-                "flights went further to the side; count it with flighttune mission --turn-back."
-            )
-        flights = flights_of(about)
-        _check(about, flights, arrays)
-        n, planned = len(arrays["extremes"]), about.plan["runs"] - about.learned
-        if about.early >= planned:
-            raise InputError(f"`early` must be below the {planned} flights planned.")
-        if n > planned and n not in planned * counted.DOUBLED:
-            raise InputError(
-                "`extremes` must be of as many flights as were planned, or of 2, 4, 8 ... times as "
-                f"many, got {n} for {planned}."
-            )
-        band = KINDS[about.of](about=about, flights=flights, endings=endings, **arrays)
-        if not {x["run"] for x in endings} <= {*band.draws[np.isinf(band.scores)].tolist()}:
-            raise InputError("`endings` must be of draws counted that did not complete.")
-    return band
-
-
-def _endings_of(text: str) -> list[dict[str, Any]]:
-    """How flights ended, by draw."""
-    said, rows = json_object(text, "`endings`"), []
-    for run, sentence in said.items():
-        if not (run.isdecimal() and isinstance(sentence, str)):
-            raise InputError("`endings` must have a sentence for each draw.")
-        status, _, reason = sentence.partition(": ")
-        rows.append({"run": int(run), "status": status, "reason": reason})
-    return rows
-
-
-def _check(about: counted.About, of: counted.BandFlights, arrays: dict[str, Any]) -> None:
-    """Refuse a shape that cannot be one, and arrays of other windows than the plan has."""
-    array.check_shapes("band", arrays, {"extremes": None, "wind": None})
-    models, flights = about.models, len(arrays["extremes"])
-    each = len(of.edges) - 1, len(about.signals)  # windows and signals
-    by_wind = about.predicted_from
-    learned = {"half": about.half, "coefficients": about.coefficients}
-    shapes = {"half": each, "coefficients": (10 if by_wind else 1, *each)}
-    shapes |= {"extremes": (flights, *each, 2), "wind": (flights, 2 if by_wind else 0)}
-    array.check_shapes("band", learned | arrays, shapes)
-    if not (about.half > 0.0).all():
-        raise InputError("`half` must be positive.")
-    for name, unit in about.signals.items():
-        if unit != SIGNAL_UNITS.get(name, unit):
-            raise InputError(
-                f"`signals`: {name} must be in {SIGNAL_UNITS[name]}, got {abridged(unit)}."
-            )
-    watched = [*about.signals] if about.of == "monitor" else []
-    if [x.name for x in models] != watched:
-        raise InputError("`models` must be those of the `signals` of a monitor.")
-    if any(len(x.weights) != len(x.terms) or replace(x, weights=()) not in MODELS for x in models):
-        raise InputError(
-            "`models` must be those that flighttune monitor counts, with a weight for each term."
-        )
-    low, high = np.moveaxis(arrays["extremes"], -1, 0)
-    if not (low <= high).all():  # also catches NaN
-        raise InputError("`extremes` must be lowest and highest values.")

@@ -5,11 +5,10 @@ import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal, Self, TypeAlias
+from typing import Any, ClassVar, Self
 
 import numpy as np
 import numpy.typing as npt
-from pydantic import Field
 
 from flighttune.base.answering import Answering
 from flighttune.base.answers.answer import Answer, Table
@@ -17,75 +16,37 @@ from flighttune.base.answers.labels import columns, endings_table
 from flighttune.base.arrays import FloatArray, check_between
 from flighttune.base.errors import InputError
 from flighttune.base.files.array import write_sealed
-from flighttune.base.files.table import STRICT, tables_of
+from flighttune.base.files.table import tables_of
 from flighttune.base.names import shown_unit
 from flighttune.base.words import listed, number, pick, quoted
-from flighttune.campaigns.statistics.count import allowed_outside, counted_scale, sure
+from flighttune.claims.about import About, Of, Over
 from flighttune.claims.distribution import Distribution
-from flighttune.claims.shape import MIN_LEARNED, Extremes, predicted, scores_of
+from flighttune.claims.ending import Ending, Shared
+from flighttune.claims.measured import Measured
+from flighttune.claims.shape import Extremes, predicted, scores_of
 from flighttune.control.gains import PIGains, gains_table
 from flighttune.control.law import split_name
-from flighttune.flight.loop.run import Kind, Run, along_route
+from flighttune.flight.loop.run import Bounds, Kind, Run, along_route
 from flighttune.flight.route import PlannedRoute, planned_route
 from flighttune.flight.scenario.load import scenario_of
 from flighttune.flight.scenario.schema import Scenario
-from flighttune.gaps.residual import ConformantModel
-from flighttune.gaps.watch import SignalModel
 from flighttune.vehicles.aircraft.aircraft import files_hash
 from flighttune.vehicles.plants.base import plant_label
-
-# Axis of the windows.
-Over: TypeAlias = Literal["time", "along"]
-
-# What is counted: recorded signals, what the model of an aircraft misses, how far flights that turn
-# back come, or what a monitor misses of its signals.
-Of: TypeAlias = Literal["residual", "turn_back", "monitor"] | None
-
-Probability: TypeAlias = Annotated[float, Field(gt=0.0, lt=1.0)]
-
-# Numbers of flights at which a count is read, over the first of them.
-DOUBLED = 2 ** np.arange(31)
 
 # Relative difference of gains below which they are the same: tuning repeats to 1e-9.
 SAME_GAINS = 1e-6
 
+# Part of the time whose largest half-width is printed too: flights have settled by then.
+LAST_QUARTER = 0.75
+
 WIDTH_COLUMNS = columns("signal largest last_quarter end low high unit", of="widths")
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class About:
-    """The shape of a band, the flights that it is about, and its claim."""
-
-    of: Of = None
-    signals: Annotated[dict[str, str], Field(min_length=1)]  # units by name
-    # (1 or 10, windows, signals): the middle of the band, by the terms of the wind
-    coefficients: FloatArray
-    half: FloatArray  # (windows, signals): half-width at scale 1
-    predicted_from: Literal["wind"] | None  # what the middle is predicted from
-    # of the campaign; its runs are the flights learned from, and those to be counted first
-    plan: dict[str, Any]
-    learned: Annotated[
-        int, Field(ge=MIN_LEARNED, le=10**9)
-    ]  # number of draws that the shape was learned from
-    epsilon: float
-    confidence: float  # of each claim at each number of flights
-    fences: tuple[dict[str, Any], ...] = ()  # GeoJSON in which flights were counted
-    # Epsilon and confidence that the count was planned with, where the claim has others
-    planned: tuple[Probability, Probability] | None = None
-    until_sure: bool = False  # it is counted until a fence is answered, and claims no bounds
-    # Flights after which it ends if none is outside, 0 if it does not end before the number planned
-    early: Annotated[int, Field(ge=0, lt=10**9)] = 0
-    models: tuple[SignalModel, ...] = ()  # of a monitor, which the first half of `learned` taught
-
-    __pydantic_config__: ClassVar = STRICT
-    FORMAT: ClassVar[str] = "flighttune band 2"
-    UNITS: ClassVar[Mapping[str, str]] = {"half": "as in signals"}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class BandFlights:
     """The flights of a band and its windows: what follows from its plan, and is not in its file."""
 
+    measured: Measured  # signals that are counted
     over: Over = "time"  # axis of the windows: time, or the distance along a route
     edges: FloatArray  # (windows + 1,), s or m
     distribution: Distribution
@@ -95,7 +56,6 @@ class BandFlights:
     gains_name: str
     gains: PIGains
     aircraft: Mapping[str, str]  # SHA-256 of the files of each, by name or folder
-    model: ConformantModel | None = None  # what residual signals are the residuals of
 
     @property
     def flown(self) -> str:
@@ -177,6 +137,7 @@ class Counted(Answering):
 
     kind: ClassVar[Kind] = "counted"
     of: ClassVar[Of] = None
+    measures: ClassVar[type[Measured]]
     title: ClassVar[tuple[str, str]] = "band", "half_widths"  # of the table of an answer
     unlike: ClassVar[tuple[str, ...]] = ()  # keys that may differ in a flight that it is about
 
@@ -187,12 +148,29 @@ class Counted(Answering):
                 f"`about.of` must be {self.of} of a {type(self).__name__}, got {about.of}."
             )
         scores = scores_of(self.extremes, self.wind, about.coefficients, about.half)
-        scale = np.inf
-        if self._ended(len(scores)) and not about.until_sure:
-            scale, _ = counted_scale(scores, about.epsilon, about.confidence, about.early)
         object.__setattr__(self, "scores", scores)
-        object.__setattr__(self, "scale", scale)
+        object.__setattr__(self, "scale", self.ending.scale(scores))
         check_between(0.0, 1.0, confidence=self.confidence)
+
+    @property
+    def measured(self) -> Measured:
+        """The signals that are counted."""
+        return self.flights.measured
+
+    @property
+    def ending(self) -> Ending:
+        """When the count ends, and what it supports then."""
+        return Ending.of(self.about)
+
+    @property
+    def shared(self) -> Shared:
+        """The claims that share the confidence."""
+        return self.ending.shared(self.about, len(self.extremes))
+
+    @property
+    def confidence(self) -> float:
+        """Confidence of all claims together."""
+        return self.shared.confidence
 
     @property
     def claims(self) -> bool:
@@ -201,30 +179,18 @@ class Counted(Answering):
 
     @property
     def readings(self) -> tuple[int, ...]:
-        """Numbers of flights, fixed beforehand, at which it may be read: each doubles the last."""
-        if self.about.until_sure:  # at any, by a rule for that
-            return ()
-        numbers = self.first * DOUBLED
-        return tuple(numbers[numbers <= len(self.extremes)].tolist())
+        """Numbers of flights, fixed beforehand, at which it may be read."""
+        return self.ending.readings(len(self.extremes))
 
     @property
     def decided(self) -> bool:
         """Whether the answer is certain, maybe before all flights planned are flown."""
-        epsilon, confidence = self.about.epsilon, self.about.confidence
-        if self.about.until_sure:
-            return any(sure(k, len(self.scores), epsilon, confidence) for k in self._not_inside)
-        outside = max(self._not_inside)
-        return outside > self.allowed or (len(self.scores) == self.about.early and not outside)
-
-    def _ended(self, flights: int) -> bool:
-        """Whether so many flights are a number at which the count claims something."""
-        return flights >= self.first or flights == self.about.early > 0
+        return self.ending.decided(self._not_inside, len(self.scores))
 
     @property
     def allowed(self) -> int:
         """Number of flights that may be outside, of those counted or, if more, of those planned."""
-        about, flights = self.about, max(self.first, len(self.extremes))
-        return allowed_outside(flights, about.epsilon, about.confidence, about.early)
+        return self.ending.allowed(len(self.scores))
 
     @property
     def _not_inside(self) -> list[int]:
@@ -233,8 +199,8 @@ class Counted(Answering):
 
     @property
     def first(self) -> int:
-        """Number of flights planned; a count of fewer claims nothing, unless it ends at `early`."""
-        return self.about.plan["runs"] - self.about.learned
+        """Number of flights planned; a count of fewer claims nothing, unless it ends sooner."""
+        return self.ending.flights
 
     @property
     def draws(self) -> npt.NDArray[np.int64]:
@@ -246,7 +212,7 @@ class Counted(Answering):
         i = np.arange(flights)
         # One draw is left out where the number planned is doubled: a count that was continued then
         # has other flights than one planned so long, and cannot pass for it.
-        return self.about.learned + i + np.searchsorted(self.first * DOUBLED, i, side="right")
+        return self.about.learned + i + np.searchsorted(self.ending.numbers, i, side="right")
 
     @property
     def outside(self) -> int:
@@ -263,14 +229,6 @@ class Counted(Answering):
         """How many counted flights have infinite extremes, and why, in words."""
         off = " or flew behind their start or back along the route" * (self.flights.over == "along")
         return f"{self.not_completed} did not complete{off}"
-
-    @property
-    def confidence(self) -> float:
-        """Confidence of all claims together: each spends its part of the error probability."""
-        about = self.about
-        spent = 1.0 - about.confidence + (1.0 - about.planned[1] if about.planned else 0.0)
-        claims = max(1, len(about.fences) + (not about.until_sure))
-        return 1.0 - max(1, len(self.readings)) * claims * spent
 
     def why_not(self, run: Run) -> str:
         """Why the count says nothing of a run; empty if its flights could have been this one."""
@@ -293,21 +251,6 @@ class Counted(Answering):
         return int(self.draws[np.argmax(np.where(self.scores <= self.scale, self.scores, -np.inf))])
 
     @property
-    def shared(self) -> str:
-        """How many claims share the confidence, in words; empty for a single one."""
-        fences, readings = len(self.about.fences), len(self.readings)
-        band = "" if self.about.until_sure else "the band and "
-        claims = [f"{band}its fence" if fences == 1 else f"{band}{fences} fences"]
-        parts = claims * (fences > self.about.until_sure) + [f"{readings} numbers of flights"] * (
-            readings > 1
-        )
-        shared = [f"by {' at '.join(parts)}"] if parts else []
-        if self.about.planned:
-            epsilon, confidence = self.about.planned
-            shared.append(f"with the claim planned, {epsilon:g} at {confidence:.10g}")
-        return f" (shared {' and '.join(shared)})" if shared else ""
-
-    @property
     def _leaves(self) -> str:
         """The event of small probability, in words."""
         raise NotImplementedError
@@ -315,12 +258,12 @@ class Counted(Answering):
     @property
     def sentence(self) -> str:
         """The claim in words."""
-        about, flights = self.about, len(self.scores)
-        if about.until_sure:
+        ending, flights = self.ending, len(self.scores)
+        if not ending.corridor:
             return f"no corridor is claimed: {flights} flights were counted to answer the fence"
-        if not self._ended(flights):
+        if not ending.complete(flights):
             return (
-                f"nothing is claimed: the count ended after {flights} of {self.first} flights, "
+                f"nothing is claimed: the count ended after {flights} of {ending.flights} flights, "
                 f"when the answer was certain: {self.lost}, and at most {self.allowed} may"
             )
         if not self.claims:
@@ -330,7 +273,7 @@ class Counted(Answering):
             )
         return (
             f"a new flight {self._leaves} with probability at most "
-            f"{number(about.epsilon)}, confidence {self.confidence:.10g}{self.shared}: "
+            f"{number(ending.epsilon)}, confidence {self.confidence:.10g}{self.shared.words}: "
             f"{self.outside} of {flights} fresh flights did. All are flights of "
             f"{self.flights.sentence}"
         )
@@ -426,6 +369,45 @@ class Counted(Answering):
             verdict=self.sentence if self.claims else "",
             failure="" if self.claims else self.sentence,
         )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class SignalBounds(Counted):
+    """A count whose signals have a width: bounds that a new flight leaves with some probability."""
+
+    rounding: ClassVar[float] = 0.0  # s or m, of the places of the bounds
+
+    @property
+    def half_widths(self) -> FloatArray:
+        """Half the width of each window and signal, shape (windows, signals)."""
+        return self.scale * self.about.half
+
+    def bounds(self, t: FloatArray, wind: FloatArray | None = None) -> Bounds:
+        """Bounds at the times `t` (s), or the distances along a route (m), in a `wind`, (2,)."""
+        about = self.about
+        if (about.predicted_from is None) != (wind is None):
+            raise InputError(f"`wind` must be there for a band that is given it only, got {wind}.")
+        window = np.searchsorted(self.flights.edges, np.add(t, self.rounding), side="right") - 1
+        window = np.clip(window, 0, len(about.half) - 1)
+        low, high = self._ends(np.zeros((1, 0)) if wind is None else np.reshape(wind, (1, 2)))
+        return Bounds(np.asarray(t, dtype=float), low[window], high[window], tuple(about.signals))
+
+    def _sizes(self) -> list[dict[str, float]]:
+        edges, rows = self.flights.edges, []
+        late = edges[:-1] >= LAST_QUARTER * edges[-1]
+        for widths in self.half_widths.T:
+            last = widths[late].max(initial=0.0)
+            rows.append({"largest": widths.max(), "last_quarter": last, "end": widths[-1]})
+        if self.about.predicted_from is None:
+            bounds = self.bounds(edges[:-1])
+            for row, low, high in zip(rows, bounds.low.T, bounds.high.T, strict=True):
+                row |= {"low": low.min(), "high": high.max()}
+        return rows
+
+    @property
+    def _notes(self) -> list[str]:
+        note = "The band is around a middle that is predicted from the wind of each flight."
+        return [note] if self.about.predicted_from else []
 
 
 def other_files(aircraft: Iterable[str]) -> InputError:

@@ -1,5 +1,6 @@
 """Flights of a campaign that can be counted: independent draws, in one air, turning back."""
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import Any
@@ -15,13 +16,15 @@ from flighttune.campaigns.planning.draws import dispersed_places
 from flighttune.campaigns.planning.plan import Plan, aircraft_hashes, plan_from
 from flighttune.campaigns.planning.schema import Campaign, Choice, Dispersion, Grid, Uniform
 from flighttune.campaigns.planning.source import campaign_on
-from flighttune.claims.counted import About, Counted, other_files
+from flighttune.claims.about import About, Over
+from flighttune.claims.counted import BandFlights, Counted, other_files
 from flighttune.claims.distribution import AIRSPEEDS, STARTS, Distribution, flown_values, spread
+from flighttune.claims.measured import Measured
 from flighttune.flight import conditions, route
 from flighttune.flight.loop.run import Run
 from flighttune.flight.scenario.load import scenario_from, spelled
 from flighttune.flight.scenario.schema import Scenario
-from flighttune.routes.follow import CHANGE_N_X
+from flighttune.routes.follow import CHANGE_N_X, RouteReference
 from flighttune.routes.turn_back_keys import DETECTED_S, TurnBackTable, rate_of
 from flighttune.vehicles.weather_keys import INTENSITIES
 
@@ -139,6 +142,30 @@ def _range(table: Dispersion, own: Any) -> list[Any]:
     if table.acts == "adds":
         return [own + value for value in ends]
     return sorted(own * value for value in ends)
+
+
+def flights_of(plan: Plan, measured: Measured, flights: int) -> BandFlights:
+    """The flights of a plan and the windows of what is measured, for a first count of `flights`."""
+    (group,), central = plan.groups, plan.campaign.central
+    over: Over = "time"
+    length, per_unit = central.flight.duration_s, central.controller.rate_hz
+    followed, gains = conditions.reference_of(central), plan.gain_sets[group.gains]
+    assert gains is not None  # of the group that was chosen
+    if isinstance(followed, RouteReference):
+        over, length, per_unit = "along", math.ceil(followed.path.length), 1.0
+    samples = round(length * per_unit) + 1
+    return BandFlights(
+        measured=measured,
+        over=over,
+        edges=measured.windows(central, samples, flights, per_unit) / per_unit,
+        distribution=distribution_of(plan.campaign, group.plant),
+        scenario=plan.scenario,
+        central=central,
+        plant=group.plant,
+        gains_name=group.gains,
+        gains=gains,
+        aircraft=plan.aircraft,
+    )
 
 
 def plan_of(band: Counted) -> Plan:

@@ -1,12 +1,12 @@
 """Missions: planned, counted inside their fence, and turned back from."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -22,9 +22,10 @@ from flighttune.campaigns.planning.plan import Plan
 from flighttune.campaigns.planning.schema import Campaign
 from flighttune.campaigns.planning.source import Flights
 from flighttune.campaigns.planning.source import flights as flights_of_source
-from flighttune.campaigns.statistics.count import flights_in_two_steps, fresh_flights
 from flighttune.claims import counted_flights, counting
-from flighttune.claims.band import KEPT, Band, TurnBack, check_off_route
+from flighttune.claims.band import KEPT, Band, check_off_route
+from flighttune.claims.ending import AnyTime, Ending, Fixed, TwoSteps, each_of
+from flighttune.claims.turn_back import TurnBack
 from flighttune.flight.route import PlannedRoute, planned_route, route
 from flighttune.flight.scenario.load import scenario_from, with_changes
 from flighttune.flight.scenario.schema import Scenario
@@ -40,6 +41,9 @@ LEARN_TURNS = 60
 # Factors on keys, the airspeed and the wind that turns are planned for, with which flights that
 # ended early are flown again, in this order.
 FACTORS = {"flight.V_a_mps": (0.9, 1.1, 0.8, 1.2), "route.wind_mps": (1.5, 2.0)}
+
+# Epsilon and confidence of a claim.
+Odds: TypeAlias = tuple[float, float]
 
 # Values of a key that are tried for a path inside its fence, and the lowest airspeed, a share.
 TRIED, SLOWEST = 8, 0.4
@@ -100,7 +104,7 @@ class MissionOdds(Answering):
         answer, room = self.band.answer(self.file or "FILE"), self.room
         seen = _over_ground(self.band.flights.route, self.terrain, self.band)
         answer = _beside(answer, seen)
-        whether, odds, *others = self.band.summary(room)
+        whether, odds, *others = self.band.summary(room, room.summary if room else "")
         summary = [whether, f"{odds} {self.way}".rstrip(), *others]
         if seen.faults:
             notes = [*answer.notes, answer.verdict] if answer.verdict else answer.notes
@@ -214,76 +218,211 @@ def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
     """
     by: counting.By = (workers, scheduler, observer)
     of_flights = {"aircraft": aircraft, "like": like, "changes": changes}
-    file, kept, steps = None if out is None else Path(out), counting.kept_band(source), (0, 0)
-    own: Sequence[Path] = ()
-
-    def planned(**more: Any) -> tuple[Plan, Flights]:
-        assert not isinstance(source, Band)
-        changed = {**of_flights, "changes": {**(changes or {}), **more} or None}
-        stated = flights_of_source(source, **changed, terrain=terrain)
-        return counting.drawn(stated, None, None, None, seed), stated
-
-    if kept is None:
-        epsilon = EPSILON if epsilon is None else epsilon
-        confidence = CONFIDENCE if confidence is None else confidence
-        plan, stated = planned()
-        place, own = stated.place, stated.fences
+    counted, written = counting.kept_band(source), None if out is None else Path(out)
+    if counted is None:
+        flown, file = (
+            _NewFlights(
+                source=source,
+                settings={**of_flights, "terrain": terrain},
+                seed=seed,
+                flights=flights,
+                until_sure=until_sure,
+            ),
+            written,
+        )
     else:
         own_count = {"seed": seed is not None, "flights": flights, "until_sure": until_sure}
         _check_absent({**of_flights, **own_count})
-        epsilon = kept.about.epsilon if epsilon is None else epsilon
-        confidence = kept.about.confidence if confidence is None else confidence
-        check_off_route(kept.about.signals, kept.flights.over)
-        plan, place = counted_flights.plan_of(kept), "the band"
-        file = Path(source) if isinstance(source, str | Path) else file
+        check_off_route(counted.about.signals, counted.flights.over)
+        file = Path(source) if isinstance(source, str | Path) else written
+        flown = _CountedFlights(band=counted)
     if turn_back is not None and file is not None:
         _check_beside(file, source, *fences)
     # What cannot be counted, and a path that leaves its fence, is refused before a flight.
-    turning = None if turn_back is None else counted_flights.turning_back(plan, turn_back)
-    areas, fence = _asked_fence(fences, own, alone=until_sure, turns=turning is not None)
-    if kept is None:  # corridor, fence and room share the probability of an error
-        claims = 1 + bool(areas) + (turning is not None) if not until_sure else 1
-        confidence = 1.0 - (1.0 - confidence) / claims
-        steps = (
-            (0, fresh_flights(flights, epsilon, confidence))
-            if until_sure or flights is not None
-            else flights_in_two_steps(epsilon, confidence)
-        )
-        plan = plan.with_runs(LEARN + steps[-1])
-    _check_path(plan, areas, fence, terrain, kept)
-    count = partial(counting.counted_on, place=place, epsilon=epsilon, confidence=confidence, by=by)
-    band = kept or count(
-        Band,
-        plan=plan,
-        flights=steps,
-        learn=LEARN,
-        certain=lambda counted: (counted.with_fence(areas) if areas else counted).decided,
-        until_sure=until_sure,
-    )
+    turning = None if turn_back is None else counted_flights.turning_back(flown.plan, turn_back)
+    areas, fence = _asked_fence(fences, flown.fences, alone=until_sure, turns=turning is not None)
+    claims = 1 if until_sure else 1 + bool(areas) + (turning is not None)
+    claim = flown.claim(epsilon, confidence, claims)
+    flown.check_path(claim, areas, fence, terrain)
+    band = flown.count(claim, areas, by)
     with together():
-        if file is not None and kept is None:
-            _save_counted(band, file)
+        if file is not None:
+            flown.save(band, file)
         if areas:
             band = band.with_fence(areas)
             band.inside(areas, fence)  # refuses it before it is kept
             if file is not None:
                 band.save(file)
-        band = band.claiming(epsilon, confidence)
+        band = band.claiming(*claim)
         if out is not None:
             band.save(out)
-        files = {"band": None if out is None else Path(out)}
-        way = _way_to_complete(band, plan, planned, by) if kept is None else ""
+        way = flown.way_to_complete(band, by)
+        files = {"band": written}
         odds = MissionOdds(band=band, files=files, file=file, terrain=terrain, way=way)
         if turning is None:
             return odds
-        room = count(
+        room = counting.counted_on(
             TurnBack,
-            plan=turning,
-            flights=flights_in_two_steps(epsilon, confidence),
+            turning,
+            TwoSteps.fewest(*claim),
+            place=flown.place,
             learn=LEARN_TURNS,
             certain=lambda turns: turns.decided,
+            by=by,
         )
         return odds.with_room(room)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _NewFlights:
+    """Flights of a mission that are drawn and counted now."""
+
+    source: Any  # what `flights` takes
+    settings: Mapping[str, Any]  # its keywords
+    seed: int | None
+    flights: int | None  # to count
+    until_sure: bool
+
+    @cached_property
+    def stated(self) -> Flights:
+        """The flights that the source states."""
+        return flights_of_source(self.source, **self.settings)
+
+    @cached_property
+    def plan(self) -> Plan:
+        """The plan of independent draws of them."""
+        return counting.drawn(self.stated, None, None, None, self.seed)
+
+    @property
+    def place(self) -> str:
+        """Where they were read from."""
+        return self.stated.place
+
+    @property
+    def fences(self) -> Sequence[Path]:
+        """Files with fences of the mission itself."""
+        return self.stated.fences
+
+    def changed(self, key: str, value: float) -> "_NewFlights":
+        """The flights with another value of a key."""
+        changes = {**(self.settings["changes"] or {}), key: value}
+        return replace(self, settings={**self.settings, "changes": changes})
+
+    def claim(self, epsilon: float | None, confidence: float | None, claims: int) -> Odds:
+        """Epsilon and confidence of each of some claims, which share what is stated of all."""
+        confidence = CONFIDENCE if confidence is None else confidence
+        return EPSILON if epsilon is None else epsilon, each_of(claims, confidence)
+
+    def ending(self, claim: Odds) -> Ending:
+        """When the count ends: where it is sure, after some flights, by default in two steps."""
+        if self.until_sure:
+            return AnyTime.enough(self.flights, *claim)
+        if self.flights is not None:
+            return Fixed.enough(self.flights, *claim)
+        return TwoSteps.fewest(*claim)
+
+    def check_path(
+        self, claim: Odds, areas: dict[str, Any], fence: Path, terrain: str | Path | None
+    ) -> None:
+        """Refuse a path below the ground or outside its fence, and several paths."""
+        planned, ending = planned_route(self.plan.campaign.central), self.ending(claim)
+        if terrain and (low := maps.clearance(terrain, planned.where))["over_ground_m"] < 0.0:
+            raise InfeasibleError(maps.clearance_words("The planned path", low))
+        if areas:
+            place = read_fence(fence, planned.where[1], areas)
+            nearest = place.nearest(planned.reference.path)
+            if nearest["leaves_m"] is not None:
+                raise InfeasibleError(planned_inside(planned, place, nearest))
+            counted_flights.check_one_path(self.plan, range(LEARN + ending.flights))
+
+    def count(self, claim: Odds, areas: dict[str, Any], by: counting.By) -> Band:
+        """Count them, until it is certain whether they stay inside the fence `areas`, if any."""
+        return counting.counted_on(
+            Band,
+            self.plan,
+            self.ending(claim),
+            place=self.place,
+            learn=LEARN,
+            certain=lambda band: (band.with_fence(areas) if areas else band).decided,
+            by=by,
+        )
+
+    def save(self, band: Band, file: Path) -> None:
+        """Save their count; the room and volumes of an earlier one are removed."""
+        room, volumes = beside(file)
+        if file.exists() and room.exists() and kind_of(room) == BAND:
+            remove_file(room)
+            if volumes.exists() and maps.of_volumes(volumes):
+                remove_file(volumes)
+        keep_on_error(file)
+        band.save(file)
+
+    def way_to_complete(self, band: Band, by: counting.By) -> str:
+        """A sentence with the change with which flights that ended early complete, or empty."""
+        lost = sorted(row["run"] for row in band.endings)
+        if not (lost and band.too_many_lost):
+            return ""
+        now = self.plan.scenario.flight.V_a_mps, band.flights.route.wind
+        tried = zip(FACTORS.items(), now, strict=True)
+        with WorkerPool(*by) as pool:
+            for key, x in ((key, x * value) for (key, factors), value in tried for x in factors):
+                value = float(f"{x:.3g}")
+                with suppress(
+                    InfeasibleError, InputError
+                ):  # neither route nor aircraft need have it
+                    other = self.changed(key, value).plan.with_runs(band.about.plan["runs"])
+                    rows = pool.in_order(other, lost)
+                    if all(row["status"] == "completed" for row in rows):
+                        they = "it completes" if len(lost) == 1 else f"these {len(lost)} complete"
+                        return f"With `--set {key}={value:g}` {they}."
+        V_a, wind = (", ".join(f"{x:g}" for x in sorted(of)) for of in FACTORS.values())
+        times = f"{V_a} times the airspeed, or with turns for {wind} times the wind"
+        return f"They do not complete with {times}."
+
+
+@dataclass(frozen=True, kw_only=True)
+class _CountedFlights:
+    """Flights of a mission that were counted before, and are not flown again."""
+
+    band: Band
+
+    place: ClassVar[str] = "the band"
+    fences: ClassVar[Sequence[Path]] = ()
+
+    @cached_property
+    def plan(self) -> Plan:
+        """Their plan."""
+        return counted_flights.plan_of(self.band)
+
+    def claim(self, epsilon: float | None, confidence: float | None, claims: int) -> Odds:
+        """Epsilon and confidence of each claim, by default those of the count."""
+        del claims
+        own = self.band.about
+        epsilon = own.epsilon if epsilon is None else epsilon
+        return epsilon, own.confidence if confidence is None else confidence
+
+    def check_path(
+        self, claim: Odds, areas: dict[str, Any], fence: Path, terrain: str | Path | None
+    ) -> None:
+        """Refuse a fence that the path begins outside, and several paths."""
+        del claim, terrain
+        if areas:
+            planned = planned_route(self.plan.campaign.central)
+            read_fence(fence, planned.where[1], areas).nearest(planned.reference.path)
+            counted_flights.check_one_path(self.plan, self.band.draws.tolist())
+
+    def count(self, claim: Odds, areas: dict[str, Any], by: counting.By) -> Band:
+        """Their count."""
+        del claim, areas, by
+        return self.band
+
+    def save(self, band: Band, file: Path) -> None:
+        """Nothing: the file is there."""
+
+    def way_to_complete(self, band: Band, by: counting.By) -> str:
+        """Empty: none is flown with a change."""
+        del band, by
+        return ""
 
 
 def _check_absent(settings: Mapping[str, Any]) -> None:
@@ -292,46 +431,12 @@ def _check_absent(settings: Mapping[str, Any]) -> None:
         raise InputError(f"`{name}` must be absent for a band, which has its own.")
 
 
-def _save_counted(band: Band, file: Path) -> None:
-    """Save a band that was counted now; the room and volumes of an earlier one are removed."""
-    room, volumes = beside(file)
-    if file.exists() and room.exists() and kind_of(room) == BAND:
-        remove_file(room)
-        if volumes.exists() and maps.of_volumes(volumes):
-            remove_file(volumes)
-    keep_on_error(file)
-    band.save(file)
-
-
 def _check_beside(band: Path, *given: object) -> None:
     """Refuse a file of a band whose volumes would be written over a file that was given."""
     volumes = beside(band)[1]
     for file in (Path(x) for x in given if isinstance(x, str | Path)):
         if volumes.exists() and file.exists() and volumes.samefile(file):
             raise InputError(f"{band}: the volumes beside it must not replace {file}.")
-
-
-def _way_to_complete(
-    band: Band, plan: Plan, planned: Callable[..., tuple[Plan, Flights]], by: counting.By
-) -> str:
-    """A sentence with the change with which flights that ended early complete, or empty."""
-    lost = sorted(row["run"] for row in band.endings)
-    if not (lost and band.too_many_lost):
-        return ""
-    now = plan.scenario.flight.V_a_mps, band.flights.route.wind
-    tried = zip(FACTORS.items(), now, strict=True)
-    with WorkerPool(*by) as pool:
-        for key, x in ((key, x * value) for (key, factors), value in tried for x in factors):
-            value = float(f"{x:.3g}")
-            with suppress(InfeasibleError, InputError):  # neither route nor aircraft need have it
-                other, _ = planned(**{key: value})
-                rows = pool.in_order(other.with_runs(plan.runs), lost)
-                if all(row["status"] == "completed" for row in rows):
-                    they = "it completes" if len(lost) == 1 else f"these {len(lost)} complete"
-                    return f"With `--set {key}={value:g}` {they}."
-    V_a, wind = (", ".join(f"{x:g}" for x in sorted(of)) for of in FACTORS.values())
-    times = f"{V_a} times the airspeed, or with turns for {wind} times the wind"
-    return f"They do not complete with {times}."
 
 
 def _asked_fence(
@@ -344,22 +449,6 @@ def _asked_fence(
         got = "`turn_back`, which needs a corridor" if areas else "no fence"
         raise InputError(f"`until_sure` must be about a fence alone, got {got}.")
     return areas, Path(", ".join(map(str, files)))
-
-
-def _check_path(
-    plan: Plan, areas: dict[str, Any], fence: Path, terrain: str | Path | None, kept: Band | None
-) -> None:
-    """Refuse a path below the ground or outside its fence, and a fence that cannot be counted."""
-    planned, fresh = planned_route(plan.campaign.central), kept is None
-    if fresh and terrain and (low := maps.clearance(terrain, planned.where))["over_ground_m"] < 0.0:
-        raise InfeasibleError(maps.clearance_words("The planned path", low))
-    if not areas:
-        return
-    place = read_fence(fence, planned.where[1], areas)
-    nearest = place.nearest(planned.reference.path)
-    if fresh and nearest["leaves_m"] is not None:
-        raise InfeasibleError(planned_inside(planned, place, nearest))
-    counted_flights.check_one_path(plan, range(plan.runs) if kept is None else kept.draws.tolist())
 
 
 def mission_plan(

@@ -2,27 +2,37 @@
 
 import hashlib
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from itertools import combinations
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
 import numpy as np
+import numpy.typing as npt
 
 from flighttune.base.answering import Answering
 from flighttune.base.answers.answer import Answer, Table
 from flighttune.base.answers.labels import columns
-from flighttune.base.arrays import FloatArray
+from flighttune.base.arrays import FloatArray, Floats
+from flighttune.base.endings import why_ended
 from flighttune.base.errors import InputError, naming
 from flighttune.base.files.array import TEXT, read_arrays, write_sealed
 from flighttune.base.files.load import sealed_bytes
 from flighttune.base.files.table import STRICT, json_object, tables_of, value_of
 from flighttune.base.words import listed, number
+from flighttune.campaigns.engine.pool import WorkerPool
+from flighttune.campaigns.flying.rows import fly_group
+from flighttune.campaigns.planning.plan import Plan
 from flighttune.campaigns.statistics.count import flights_needed
-from flighttune.claims.counted import Counted, Of, flown_by
+from flighttune.claims.about import About, Of
+from flighttune.claims.counted import Counted, flown_by
+from flighttune.claims.measured import Measured
+from flighttune.claims.shape import MIN_LEARNED
 from flighttune.control.theory.exact import Check, Verification
 from flighttune.flight.loop.run import SCORE, SIGNAL_UNITS, Alarm, Bounds, Kind, Run, RunClaim
+from flighttune.flight.scenario.schema import Scenario
 from flighttune.gaps import watch as watching
 from flighttune.logs.checks import refuse_wrong
 
@@ -102,6 +112,98 @@ class Watching(Answering):
         )
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WatchedSignals(Measured):
+    """What signals of a flight are off from what healthy flights make expect of them."""
+
+    expected: tuple[watching.SignalModel, ...]
+
+    # One half teaches the weights, the other the limits.
+    min_learned: ClassVar[int] = 2 * MIN_LEARNED
+
+    @classmethod
+    def chosen(cls, plan: Plan, signals: Iterable[str] | None) -> Self:
+        """Those for which the flight at the median has the signals."""
+        del signals
+        run = fly_group(plan, plan.campaign.central, plan.groups[0])
+        return cls._by(watching.models_of(run.signals))
+
+    @classmethod
+    def of(cls, about: About, scenario: Scenario, plant: str) -> Self:
+        """Those that a file states, if they are some that are counted."""
+        del scenario, plant
+        if [x.name for x in about.models] != [*about.signals]:
+            raise InputError("`models` must be those of the `signals` of a monitor.")
+        for x in about.models:
+            if len(x.weights) != len(x.terms) or replace(x, weights=()) not in watching.MODELS:
+                raise InputError(
+                    "`models` must be those that flighttune monitor counts, with a weight for each "
+                    "term."
+                )
+        return cls(units=about.signals, expected=about.models)
+
+    @classmethod
+    def _by(cls, models: tuple[watching.SignalModel, ...]) -> Self:
+        return cls(units=watching.units_of(models, SIGNAL_UNITS), expected=models)
+
+    @property
+    def models(self) -> tuple[watching.SignalModel, ...]:
+        """What is expected, which the file keeps."""
+        return self.expected
+
+    @property
+    def room(self) -> Floats:
+        """Factors on the limits that are learned."""
+        return np.array([model.room for model in self.expected])
+
+    def values(self, run: Run, scenario: Scenario) -> FloatArray:
+        """The residuals of a run, shape (samples, signals)."""
+        del scenario
+        columns = watching.columns_of(self.expected, run)
+        return watching.residuals(self.expected, columns, watching.dt_of(run))
+
+    def windows(
+        self, central: Scenario, samples: int, flights: int, per_unit: float
+    ) -> npt.NDArray[np.integer]:
+        """One window, the whole flight."""
+        del central, flights, per_unit
+        return np.array([0, samples - 1])
+
+    def teaching(self, learned: int) -> int:
+        """The first half of the flights learned from."""
+        return learned // 2
+
+    def taught(self, pool: WorkerPool, plan: Plan, learned: int) -> Self:
+        """The same with the weights that the first half of the flights learned from teaches."""
+        probes, runs = {"moments": partial(_moments, self.expected)}, range(self.teaching(learned))
+        rows = pool.in_order(plan, runs, doing="learning", probes=probes)
+        sizes = [len(model.terms) + 1 for model in self.expected]
+        cuts = np.cumsum([size * size for size in sizes])[:-1]
+        flights = [np.split(np.array(row["moments"]), cuts) for row in rows if "moments" in row]
+        if not flights:
+            raise InputError(f"`learn` must have flights that are completed{why_ended(rows)}")
+        squares = (
+            [part.reshape(size, size) for part, size in zip(flight, sizes, strict=True)]
+            for flight in flights
+        )
+        return replace(self, expected=watching.taught(self.expected, squares))
+
+    def check(self, pool: WorkerPool, plan: Plan, learned: int) -> None:
+        """Refuse units and weights that are not those of the flights of a plan."""
+        if [*self._by(self.expected).units.items()] != [*self.units.items()]:
+            raise InputError("`signals` must have the units of the flights.")
+        again = self.taught(pool, plan, learned).expected
+        for model, other in zip(self.expected, again, strict=True):
+            if not np.allclose(model.weights, other.weights, rtol=SAME, atol=0.0):
+                raise InputError(f"`weights` of {model.name} must be those that its flights teach.")
+
+
+def _moments(models: Sequence[watching.SignalModel], run: Run, _: Scenario) -> list[float]:
+    return np.concatenate(
+        [x.ravel() for x in watching.moments(watching.columns_of(models, run))]
+    ).tolist()
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Monitor(Counted, Watching):
     """An alarm that healthy flights raise with a stated probability at most: a counted claim.
@@ -124,6 +226,7 @@ class Monitor(Counted, Watching):
     """
 
     of: ClassVar[Of] = "monitor"
+    measures: ClassVar[type[Measured]] = WatchedSignals
     title: ClassVar[tuple[str, str]] = "what is expected, and limits of what is missing", "limits"
     unlike: ClassVar[tuple[str, ...]] = FAULTS
 

@@ -15,9 +15,11 @@ from flighttune.campaigns.planning.plan import Plan
 from flighttune.campaigns.planning.schema import Campaign
 from flighttune.campaigns.planning.source import Flights
 from flighttune.campaigns.planning.source import flights as flights_of_source
-from flighttune.claims.band import Band, Residual
+from flighttune.claims.band import Band
 from flighttune.claims.counting import count_more, counted_on, drawn
+from flighttune.claims.ending import Fixed
 from flighttune.claims.monitor import LogMonitor, Monitor, monitor_of_logs
+from flighttune.claims.residual import Residual
 from flighttune.claims.tubes.enclosure import Tube
 from flighttune.claims.tubes.tube import enclosed, stated_problem
 from flighttune.control.gains import PIGains
@@ -151,13 +153,14 @@ def band(  # noqa: PLR0913 - each is a choice of the user, and has a default
             f"{source}: flights of a mission must be counted with `flighttune mission`, in "
             "Python with `ft.mission`."
         )
+    drawn_plan = drawn(flown, plant, gains, air, seed)
+    epsilon = EPSILON if epsilon is None else epsilon
+    confidence = CONFIDENCE if confidence is None else confidence
     counted = counted_on(
         Band,
-        drawn(flown, plant, gains, air, seed),
+        drawn_plan,
+        Fixed.enough(flights, epsilon, confidence),
         place=flown.place,
-        epsilon=EPSILON if epsilon is None else epsilon,
-        confidence=CONFIDENCE if confidence is None else confidence,
-        flights=flights,
         learn=LEARN if learn is None else learn,
         signals=signals,
         predicted_from=predicted_from,
@@ -221,8 +224,8 @@ def residual(  # noqa: PLR0913 - as `band`
     """
     stated = flights_of_source(source, changes=changes).starting(start_deg)
     plan, by = drawn(stated, plant, gains, air, seed), (workers, scheduler, observer)
-    claim = {"epsilon": epsilon, "confidence": confidence, "flights": flights, "learn": learn}
-    return counted_on(Residual, plan, place=stated.place, by=by, **claim)
+    ending = Fixed.enough(flights, epsilon, confidence)
+    return counted_on(Residual, plan, ending, place=stated.place, learn=learn, by=by)
 
 
 def tube(
@@ -405,8 +408,8 @@ def monitor(  # noqa: PLR0913 - as `band`
     else:
         stated = flights_of_source(source, changes=changes).starting(start_deg)
         plan, by = drawn(stated, plant, gains, air, seed), (workers, scheduler, observer)
-        claim = {"epsilon": epsilon, "confidence": confidence, "flights": flights, "learn": learn}
-        made = counted_on(Monitor, plan, place=stated.place, by=by, **claim)
+        ending = Fixed.enough(flights, epsilon, confidence)
+        made = counted_on(Monitor, plan, ending, place=stated.place, learn=learn, by=by)
     if out is not None:
         made.save(out)
     return made

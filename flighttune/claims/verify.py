@@ -29,9 +29,10 @@ from flighttune.campaigns.dataset import Dataset
 from flighttune.campaigns.engine.pool import WorkerPool
 from flighttune.campaigns.statistics.count import chance_missed, flights_again
 from flighttune.claims import counted_flights, counting
-from flighttune.claims.band import Band, Residual
+from flighttune.claims.band import Band
 from flighttune.claims.counted import Counted
 from flighttune.claims.monitor import LogMonitor
+from flighttune.claims.residual import Residual
 from flighttune.claims.tubes.enclosure import Tube
 from flighttune.claims.tubes.problem import OF_RESIDUALS
 from flighttune.control.certificates.bound import RateBound

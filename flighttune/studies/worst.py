@@ -34,7 +34,8 @@ from flighttune.campaigns.planning.plan import Plan, plan_campaign
 from flighttune.campaigns.planning.schema import MEASURES, Campaign
 from flighttune.campaigns.planning.source import Flights, about, flights
 from flighttune.claims import counted_flights, counting
-from flighttune.claims.counted import About, BandFlights, Counted
+from flighttune.claims.about import About
+from flighttune.claims.counted import Counted
 from flighttune.claims.monitor import LogMonitor
 from flighttune.claims.tubes.enclosure import Tube
 from flighttune.claims.verify import AnyClaim
@@ -292,7 +293,7 @@ def _flights_of(claim: AnyClaim, place: str) -> tuple[Plan, dict[str, Any]]:
     if isinstance(claim, Counted):
         if not claim.claims:
             raise InputError(f"{place}the band must have a claim, got none.")
-        share_of = partial(_share_of, claim.about, claim.flights, claim.scale)
+        share_of = partial(_share_of, counting.kept_of(claim), claim.about, claim.scale)
         return counted_flights.plan_of(claim), {"metric": BAND, "probes": {BAND: share_of}}
     if claim.status != "bounded":
         raise InputError(f"{place}the tube must be bounded, got one that is not: {claim.reason}.")
@@ -559,10 +560,10 @@ def _use_of(tube: Bounds, run: Run, _: Scenario) -> list[float]:
 
 
 def _share_of(
-    about: About, flights: BandFlights, scale: float, run: Run, scenario: Scenario
+    kept: counting.Kept, about: About, scale: float, run: Run, scenario: Scenario
 ) -> list[float]:
     """Share of a band that a flight uses."""
-    return [counting.score(about, flights, run, scenario) / scale]
+    return [counting.score(kept, about, run, scenario) / scale]
 
 
 def value_of(row: Mapping[str, Any], metric: str, scenario: Scenario) -> float:

@@ -12,9 +12,12 @@ from flown_campaigns import Notes, flown_here, write_campaign
 import flighttune as ft
 from flighttune.campaigns.flying.rows import fly_group, rows_flown, scenario_of_run
 from flighttune.claims import counting
-from flighttune.claims.band import TurnBack
+from flighttune.claims.band import RecordedSignals
+from flighttune.claims.counted_flights import flights_of
 from flighttune.claims.counted_flights import plan_of as plan_of_band
-from flighttune.claims.counting import count_more, differing, flights_of, some_draws
+from flighttune.claims.counting import count_more, differing, some_draws
+from flighttune.claims.residual import ResidualSignals
+from flighttune.claims.turn_back import TurnBack
 from flighttune.flight.conditions import reference_of, start_condition
 from flighttune.flight.loop.run import with_claims
 from flighttune.gaps.residual import residuals_of
@@ -273,7 +276,7 @@ def test_a_band_is_not_drawn_around_a_run_of_another_airframe_or_with_sensors():
 @pytest.mark.soak
 def test_residual_signals_of_an_aircraft_are_counted_like_any_other():
     counted = count(small_plan(plants=(KINEMATIC, AEROSONDE)), kind=ft.residual, flights=ALONE)
-    plan, model = plan_of_band(counted), counted.flights.model
+    plan, model = plan_of_band(counted), counted.model
     bounds = counted.bounds(np.arange(25) / 50.0)
 
     for run, score in enumerate(counted.scores, start=counted.about.learned):
@@ -293,7 +296,9 @@ def test_residual_signals_have_shorter_windows_than_recorded_ones():
     tables["flight"]["duration_s"] = 20.0
     plan = plan_of(tables, *START, runs=12)
 
-    recorded, residual = (flights_of(plan, of, 4, 1640) for of in (None, "residual"))
+    residuals = ResidualSignals.chosen(plan, None)
+    four = RecordedSignals(units=residuals.units)
+    recorded, residual = (flights_of(plan, x, 1640) for x in (four, residuals))
 
     assert np.diff(recorded.edges) == pytest.approx(0.1)
     assert np.diff(residual.edges) == pytest.approx(0.04)

@@ -129,8 +129,8 @@ def made_up_flights(monkeypatch, lost_every):
     """The runs that are counted, in place of flights; some of them do not complete."""
     rng, counted = np.random.default_rng(1), []
 
-    def flown(pool, plan, about, flights, runs, doing="counting", *, anywhere=False):
-        away = rng.uniform(0.1, 0.3, (len(runs), len(flights.edges) - 1, 2, 1)).astype(np.float32)
+    def flown(pool, plan, kept, runs, doing="counting"):
+        away = rng.uniform(0.1, 0.3, (len(runs), len(kept.edges) - 1, 2, 1)).astype(np.float32)
         extremes = np.concatenate([-away, away], axis=-1)
         if doing == "counting":
             counted.extend(runs)

@@ -21,11 +21,17 @@ from shapely.geometry import shape
 
 import flighttune as ft
 from flighttune.campaigns.flying.rows import fly_group
-from flighttune.claims.band import ROOM, TurnBack, TurnRoom
-from flighttune.claims.counted import About
-from flighttune.claims.counted_flights import distribution_of, plan_in, room_of, turning_back
-from flighttune.claims.counting import drawn, flights_of
+from flighttune.claims.about import About
+from flighttune.claims.counted_flights import (
+    distribution_of,
+    flights_of,
+    plan_in,
+    room_of,
+    turning_back,
+)
+from flighttune.claims.counting import drawn
 from flighttune.claims.mission import MissionOdds
+from flighttune.claims.turn_back import ROOM, TurnBack, TurnRoom
 from flighttune.flight.scenario.load import scenario_of
 from flighttune.routes.maps import Volume, volumes_geojson
 
@@ -316,7 +322,7 @@ def test_a_climb_and_a_descent_after_detection_both_take_room(turning):
 
 def made_up(kind, plan, signals, away, middle=(0.0, 0.0)):
     """A count of seven flights that come this far to either side of a middle, m."""
-    flights = flights_of(plan, kind.of, len(signals), 7)
+    flights = flights_of(plan, kind.measures.chosen(plan, None), 7)
     half, about_m = (np.tile(x, (len(flights.edges) - 1, 1)) for x in (away, middle))
     about = About(
         of=kind.of, signals=signals, coefficients=about_m[None], half=half, predicted_from=None,

@@ -12,8 +12,8 @@ from flighttune.base.files.array import write_sealed
 from flighttune.base.files.table import tables_of
 from flighttune.campaigns.statistics.count import allowed_outside, flights_needed
 from flighttune.claims import shape as shape_module
-from flighttune.claims.band import read_counted
-from flighttune.claims.counted import About
+from flighttune.claims.about import About
+from flighttune.claims.counted_file import read_counted
 from flighttune.claims.shape import learned_shape, window_edges, window_extremes
 from tests.made_up_band import band_flights
 

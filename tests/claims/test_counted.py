@@ -7,8 +7,9 @@ import pytest
 from dispersed import plan_of
 
 import flighttune as ft
-from flighttune.claims.counted import About
-from flighttune.claims.counting import flights_of
+from flighttune.claims.about import About
+from flighttune.claims.band import RecordedSignals
+from flighttune.claims.counted_flights import flights_of
 from tests.made_up import made_up_run, made_up_scenario
 from tests.made_up_band import CONFIDENCE, EPSILON, FLIGHTS, LEARNED, band_flights
 
@@ -24,7 +25,7 @@ def counted():
     """A band of half-width 1 that five of its flights leave, one of them infinitely."""
     plan = plan_of(made_up_scenario().as_dict(), runs=LEARNED + FLIGHTS, gains=["paper"])
     scores = np.concatenate([np.linspace(0.0, 1.0, FLIGHTS - 5), [2.0, 2.0, 3.0, 4.0, np.inf]])
-    flights = flights_of(plan, None, 1, FLIGHTS)
+    flights = flights_of(plan, RecordedSignals(units={"chi_err": "rad"}), FLIGHTS)
     windows = len(flights.edges) - 1
     about = About(
         signals={"chi_err": "rad"}, coefficients=np.zeros((1, windows, 1)),

@@ -5,8 +5,8 @@ import pytest
 from dispersed import AEROSONDE, WIND, campaign_of, one_of, plan_of, tables_of, uniform
 
 import flighttune as ft
-from flighttune.claims.counted_flights import at_random, distribution_of
-from flighttune.claims.counting import flights_of
+from flighttune.claims.band import RecordedSignals
+from flighttune.claims.counted_flights import at_random, distribution_of, flights_of
 from flighttune.claims.monitor import FAULTS
 
 # 2 m/s^2 from 1 s on, for 1.5 s: from 25 to 28 m/s.
@@ -143,7 +143,8 @@ def test_a_flight_of_others_than_those_counted_is_named_with_both_values(
     disperse, counted, flown, differs
 ):
     tables, own = tables_of((AEROSONDE,), gains=["paper"], **counted), flown.copy()
-    flights = flights_of(plan_of(tables, *disperse, gains=["paper"], design="random"), None, 2, 7)
+    plan = plan_of(tables, *disperse, gains=["paper"], design="random")
+    flights = flights_of(plan, RecordedSignals.chosen(plan, None), 7)
     other = ft.scenario_from(tables_of(own.pop("plants", (AEROSONDE,)), **own))
     name = "exact:paper" if "law" in flown else "paper"
 

@@ -11,7 +11,7 @@ from commands import answer, flighttune
 from scipy.stats import binomtest
 
 import flighttune as ft
-from flighttune.claims.counted import About
+from flighttune.claims.about import About
 from flighttune.claims.counted_flights import check_one_path, plan_of
 from flighttune.routes.fence import SCAN_STEP, fence_tables, read_fence, room_along
 from flighttune.routes.maps import RouteMap, north_east, on_earth

@@ -57,7 +57,7 @@ READERS = {
     CERTIFICATE: "flighttune.control.certificates.certificate:load_certificate",
     BOUND: "flighttune.control.certificates.bound:load_bound",
     TUBE: "flighttune.claims.tubes.enclosure:load_tube",
-    BAND: "flighttune.claims.counting:load_counted",
+    BAND: "flighttune.claims.counted_file:load_counted",
     MONITOR: "flighttune.claims.monitor:load_monitor",
     RECORDING: "flighttune.flight.records.parquet:load_recording",
     DATASET: "flighttune.campaigns.dataset:open_dataset",

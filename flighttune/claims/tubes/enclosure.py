@@ -20,8 +20,8 @@ from flighttune.base.files.whole import whole_file
 from flighttune.base.names import CHANNEL_SYMBOLS
 from flighttune.base.units import DEG, DEG_PER_RAD
 from flighttune.base.words import at_least, at_most, quoted
-from flighttune.claims.band import Residual
 from flighttune.claims.distribution import STARTS, flown_values
+from flighttune.claims.residual import Residual
 from flighttune.claims.tubes.problem import (
     QUANTITIES,
     AircraftBoxes,

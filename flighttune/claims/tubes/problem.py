@@ -11,9 +11,9 @@ import numpy as np
 
 from flighttune.base.arrays import FloatArray, check_positive
 from flighttune.base.errors import InputError
-from flighttune.claims.band import Residual
 from flighttune.claims.counted import SAME_GAINS
 from flighttune.claims.distribution import ROUNDING_DEG, STARTS, flown_values
+from flighttune.claims.residual import Residual
 from flighttune.claims.tubes.dynamics import SampledLag
 from flighttune.claims.tubes.sample import PLANNED, RATES, REFERENCE, SampledLoop
 from flighttune.control.controller import LawSetup, SelfLimiting
@@ -185,9 +185,8 @@ class TubeProblem:
         if not (isinstance(band, Residual) and band.claims):
             got = "no claim" if isinstance(band, Residual) else f"a {type(band).__name__}"
             raise InputError(f"{OF_RESIDUALS}, got {got}.")
-        model = band.flights.model
-        assert model is not None  # of residual signals
-        boxes = AircraftBoxes(bounds=band.bounds(self.t), lags=model.lags, band_sha256=band.sha256)
+        lags, sha256 = band.model.lags, band.sha256
+        boxes = AircraftBoxes(bounds=band.bounds(self.t), lags=lags, band_sha256=sha256)
         self._check_covered(band)
         if stored is not None:
             same = {

@@ -12,7 +12,7 @@ import numpy as np
 from flighttune.base.answering import Answering
 from flighttune.base.arrays import FloatArray
 from flighttune.base.errors import InfeasibleError
-from flighttune.claims.band import Residual
+from flighttune.claims.residual import Residual
 from flighttune.claims.tubes import exact, interval, proof, sample
 from flighttune.claims.tubes.enclosure import LEFT, Settings, Tube, bounds_of
 from flighttune.claims.tubes.problem import QUANTITIES, TubeProblem, enclosed_plant, tube_problem

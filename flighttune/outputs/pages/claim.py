@@ -10,9 +10,10 @@ from flighttune.base.answering import function_for
 from flighttune.base.answers.answer import Answer, Table, facts_table
 from flighttune.base.errors import InputError
 from flighttune.base.files.whole import current
-from flighttune.claims.band import SignalBounds, TurnBack
+from flighttune.claims.counted import SignalBounds
 from flighttune.claims.monitor import LogMonitor
 from flighttune.claims.tubes.enclosure import Tube
+from flighttune.claims.turn_back import TurnBack
 from flighttune.claims.verify import AnyClaim, stale_notes
 from flighttune.control.certificates.bound import RateBound
 from flighttune.control.certificates.certificate import Certificate

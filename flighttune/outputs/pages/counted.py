@@ -12,9 +12,10 @@ from flighttune.base.arrays import FloatArray
 from flighttune.base.files.table import toml_text
 from flighttune.base.names import shown_unit
 from flighttune.base.words import quoted
-from flighttune.claims.band import KEPT, Band, SignalBounds, TurnBack
-from flighttune.claims.counted import Counted
+from flighttune.claims.band import KEPT, Band
+from flighttune.claims.counted import Counted, SignalBounds
 from flighttune.claims.shape import predicted
+from flighttune.claims.turn_back import TurnBack
 from flighttune.claims.verify import stale_notes
 from flighttune.outputs.drawing.chart import DASHED, DOTTED, HEIGHT, LONG, Chart
 from flighttune.outputs.drawing.palette import HUES, LIMIT, NEUTRAL, PLANTS

@@ -299,8 +299,9 @@ def conformant(draw):
     scale = scale * np.sort(ends, axis=0)[:, None]
     rest = np.tile([ROLL, ROLL_CHANGE], (windows, 1))
     low, high = np.hstack([scale.min(axis=0), -rest]), np.hstack([scale.max(axis=0), rest])
-    model = replace(known.flights.model, lags=draw(st.sampled_from(LAGS)))
-    flights, centre = replace(known.flights, model=model), 0.5 * (low + high)
+    model = replace(known.model, lags=draw(st.sampled_from(LAGS)))
+    measured, centre = replace(known.measured, model=model), 0.5 * (low + high)
+    flights = replace(known.flights, measured=measured)
     half = np.maximum(0.5 * (high - low), LEAST)
     return scenario, boxes_of(plan_of(known), flights, centre, half)
 
@@ -309,7 +310,7 @@ def check_conformant(case, seed):
     scenario, known = case
     problem = stated_problem(scenario, ft.PAPER_GAINS, band=known)
     found = tube_of(problem, attempts=FEW_PIECES, for_ever=False)
-    rng, model = np.random.default_rng(seed), known.flights.model
+    rng, model = np.random.default_rng(seed), known.model
     boxes = known.bounds(problem.t)
     low, high = boxes.low[:-1, :2], boxes.high[:-1, :2]
     for _ in range(FLIGHTS):

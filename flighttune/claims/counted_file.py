@@ -1,0 +1,105 @@
+"""Files of counts: read, and held to the plan that they state."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from flighttune.base.errors import InputError, naming
+from flighttune.base.files import array, load
+from flighttune.base.files.table import abridged, json_object, value_of
+from flighttune.claims.about import About
+from flighttune.claims.counted import BandFlights, Counted
+from flighttune.claims.counted_flights import check_one_path, flights_of, plan_in
+from flighttune.claims.ending import Ending
+from flighttune.claims.shape import MAX_NUMBERS
+from flighttune.flight.loop.run import SIGNAL_UNITS
+
+ARRAYS = {"band": array.TEXT, "extremes": array.SINGLE, "wind": array.FLOAT, "endings": array.TEXT}
+
+
+def load_counted(path: str | Path) -> Counted:
+    """Read a count, and compute scores and scale; its windows and flights are those of its plan."""
+    counted = read_counted(path, _flights)
+    about, ending, flights = counted.about, counted.ending, len(counted.scores)
+    if not (ending.corridor or about.fences):
+        raise InputError(f"{path}: `fences` must have the one that was counted until it was sure.")
+    if not (ending.complete(flights) or counted.decided):
+        raise InputError(
+            f"{path}: `plan.runs` must be the flights learned from and counted, "
+            f"{about.learned + flights}, where no answer was certain before, got "
+            f"{about.learned + ending.flights}."
+        )
+    if about.fences:
+        check_one_path(plan_in(about), counted.draws.tolist())
+    return counted
+
+
+def _flights(about: About) -> BandFlights:
+    """The flights of a count, which follow from its plan."""
+    plan = plan_in(about)
+    first = plan.runs - about.learned
+    if not 1 <= first <= MAX_NUMBERS:
+        raise InputError(f"`plan.runs` must be 1 to {MAX_NUMBERS} more than `learned`.")
+    measured = about.kind.measures.of(about, plan.scenario, plan.groups[0].plant)
+    return flights_of(plan, measured, first)
+
+
+def read_counted(path: str | Path, flights_of: Callable[[About], BandFlights]) -> Counted:
+    """Read a count whose flights `flights_of` finds from its plan."""
+    load.sealed_bytes(Path(path), "band file", "count it again with flighttune band")
+    size = 4 * MAX_NUMBERS + 2**24
+    with naming(path):
+        arrays = array.read_arrays(Path(path), "band", ARRAYS, size, size, ("extremes",))
+        about = value_of(json_object(str(arrays.pop("band")), "`band`"), About)
+        endings = _endings_of(str(arrays.pop("endings", "{}")))
+        flights = flights_of(about)
+        _check(about, flights, arrays)
+        ending, n = Ending.of(about), len(arrays["extremes"])
+        if about.early >= ending.flights:
+            raise InputError(f"`early` must be below the {ending.flights} flights planned.")
+        if n > ending.flights and n not in ending.numbers:
+            raise InputError(
+                "`extremes` must be of as many flights as were planned, or of 2, 4, 8 ... times as "
+                f"many, got {n} for {ending.flights}."
+            )
+        counted = about.kind(about=about, flights=flights, endings=endings, **arrays)
+        if not {x["run"] for x in endings} <= {*counted.draws[np.isinf(counted.scores)].tolist()}:
+            raise InputError("`endings` must be of draws counted that did not complete.")
+    return counted
+
+
+def _endings_of(text: str) -> list[dict[str, Any]]:
+    """How flights ended, by draw."""
+    said, rows = json_object(text, "`endings`"), []
+    for run, sentence in said.items():
+        if not (run.isdecimal() and isinstance(sentence, str)):
+            raise InputError("`endings` must have a sentence for each draw.")
+        status, _, reason = sentence.partition(": ")
+        rows.append({"run": int(run), "status": status, "reason": reason})
+    return rows
+
+
+def _check(about: About, of: BandFlights, arrays: dict[str, Any]) -> None:
+    """Refuse a shape that cannot be one, and arrays of other windows than the plan has."""
+    array.check_shapes("band", arrays, {"extremes": None, "wind": None})
+    flights = len(arrays["extremes"])
+    each = len(of.edges) - 1, len(about.signals)  # windows and signals
+    by_wind = about.predicted_from
+    learned = {"half": about.half, "coefficients": about.coefficients}
+    shapes = {"half": each, "coefficients": (10 if by_wind else 1, *each)}
+    shapes |= {"extremes": (flights, *each, 2), "wind": (flights, 2 if by_wind else 0)}
+    array.check_shapes("band", learned | arrays, shapes)
+    if not (about.half > 0.0).all():
+        raise InputError("`half` must be positive.")
+    for name, unit in about.signals.items():
+        if unit != SIGNAL_UNITS.get(name, unit):
+            raise InputError(
+                f"`signals`: {name} must be in {SIGNAL_UNITS[name]}, got {abridged(unit)}."
+            )
+    if of.measured.models != about.models:
+        raise InputError("`models` must be those of the `signals` of a monitor.")
+    low, high = np.moveaxis(arrays["extremes"], -1, 0)
+    if not (low <= high).all():  # also catches NaN
+        raise InputError("`extremes` must be lowest and highest values.")

@@ -1,0 +1,88 @@
+"""What a count keeps of each flight: some signals of it, in windows."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import ClassVar, Self
+
+import numpy as np
+import numpy.typing as npt
+
+from flighttune.base.arrays import FloatArray, Floats
+from flighttune.base.errors import InputError
+from flighttune.campaigns.engine.pool import WorkerPool
+from flighttune.campaigns.planning.plan import Plan
+from flighttune.claims.about import About
+from flighttune.claims.shape import MAX_WINDOWS, MIN_LEARNED, window_edges
+from flighttune.flight.loop.run import Run
+from flighttune.flight.scenario.schema import Scenario
+from flighttune.gaps.watch import SignalModel
+
+# Relative difference of numbers that flights give again: other machines add up in another order.
+SAME = 1e-6
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Measured(ABC):
+    """Signals of a flight that are counted. Each kind of count has a class of its own."""
+
+    units: Mapping[str, str]  # by signal
+
+    min_learned: ClassVar[int] = MIN_LEARNED  # fewest flights that a count learns from
+    max_windows: ClassVar[int] = MAX_WINDOWS
+
+    @classmethod
+    @abstractmethod
+    def chosen(cls, plan: Plan, signals: Iterable[str] | None) -> Self:
+        """Those of a new count of the flights of a plan, in which `signals` are asked for."""
+
+    @classmethod
+    def of(cls, about: About, scenario: Scenario, plant: str) -> Self:
+        """Those that a file states, of the flights of a plant in a scenario."""
+        del scenario, plant
+        return cls(units=about.signals)
+
+    @property
+    def models(self) -> tuple[SignalModel, ...]:
+        """Models that the file keeps, which flights teach."""
+        return ()
+
+    @property
+    def room(self) -> Floats:
+        """Factors on the half-widths that are learned, one for each signal or for all."""
+        return 1.0
+
+    @abstractmethod
+    def values(self, run: Run, scenario: Scenario) -> FloatArray:
+        """The signals of a run of this scenario, shape (samples, signals)."""
+
+    def lost(self, run: Run, scenario: Scenario) -> bool:
+        """Whether its values do not hold for a completed run, which counts as outside then."""
+        del run, scenario
+        return False
+
+    def windows(
+        self, central: Scenario, samples: int, flights: int, per_unit: float
+    ) -> npt.NDArray[np.integer]:
+        """First samples of the windows of a flight, and the last sample of all.
+
+        `per_unit` is the number of samples in a second or a metre.
+        """
+        del central, per_unit
+        return window_edges(samples, flights, len(self.units), most=self.max_windows)
+
+    def teaching(self, learned: int) -> int:
+        """How many of the flights learned from teach models before the others teach the shape."""
+        del learned
+        return 0
+
+    def taught(self, pool: WorkerPool, plan: Plan, learned: int) -> Self:
+        """The same with the models that the first flights of a plan teach."""
+        del pool, plan, learned
+        return self
+
+    def check(self, pool: WorkerPool, plan: Plan, learned: int) -> None:
+        """Refuse units and models that are not those of the flights of a plan."""
+        del pool, learned
+        if [*self.chosen(plan, self.units).units.items()] != [*self.units.items()]:
+            raise InputError("`signals` must have the units of the flights.")

@@ -1,0 +1,215 @@
+"""Counts of flights that turn back: the room that they need beyond their route."""
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar, NamedTuple, Self
+
+import numpy as np
+import numpy.typing as npt
+
+from flighttune.base.answers.answer import Table
+from flighttune.base.answers.labels import endings_table
+from flighttune.base.arrays import FloatArray, Floats
+from flighttune.base.endings import endings
+from flighttune.base.errors import InputError, printable
+from flighttune.base.words import listed
+from flighttune.campaigns.planning.plan import Plan
+from flighttune.claims.about import About, Of
+from flighttune.claims.band import Band
+from flighttune.claims.counted import Counted
+from flighttune.claims.counted_flights import room_of
+from flighttune.claims.measured import Measured
+from flighttune.flight.loop.run import Run
+from flighttune.flight.scenario.load import scenario_of
+from flighttune.flight.scenario.schema import Scenario
+from flighttune.routes.follow import SAME_PLACE
+from flighttune.routes.maps import Volume
+from flighttune.routes.turn_back_keys import BACK_S, TurnBackTable
+
+# Signals of flights that turn back, m, each the largest since they detected that they must: the
+# horizontal distance from the route, in any direction, and that of height from where they detected.
+ROOM = {"from_route": "m", "height": "m"}
+
+# Factors on the half-widths of `ROOM`: some metres of height more cost nothing, and the distance is
+# bounded by nearly its quantile.
+HEIGHT_ROOM = np.array([1.0, 2.0])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RoomSignals(Measured):
+    """How far flights come that turn back, each the largest value since they detected."""
+
+    @classmethod
+    def chosen(cls, plan: Plan, signals: Iterable[str] | None) -> Self:
+        """Both of them."""
+        del plan, signals
+        return cls(units=ROOM)
+
+    @classmethod
+    def of(cls, about: About, scenario: Scenario, plant: str) -> Self:
+        """Those that a file states, of flights that turn back."""
+        del plant
+        if about.signals != ROOM:
+            raise InputError(
+                f"`signals` must be {listed(list(ROOM))} of flights that turn back, got "
+                f"{listed(list(about.signals))}: flighttune 0.3.0 counted the distance ahead, and "
+                "flights went further to the side; count it with flighttune mission --turn-back."
+            )
+        _turns(scenario)
+        return cls(units=about.signals)
+
+    @property
+    def room(self) -> Floats:
+        """Factors on the half-widths that are learned."""
+        return HEIGHT_ROOM
+
+    def values(self, run: Run, scenario: Scenario) -> FloatArray:
+        """The room that a flight has taken so far, shape (samples, 2)."""
+        del scenario  # the flight may have begun in level flight
+        return room_of(run, _turns(scenario_of(run)))
+
+    def windows(
+        self, central: Scenario, samples: int, flights: int, per_unit: float
+    ) -> npt.NDArray[np.integer]:
+        """One window, from the detection on."""
+        del flights
+        return np.array([math.ceil(_turns(central).detected_s * per_unit), samples - 1])
+
+
+def _turns(scenario: Scenario) -> TurnBackTable:
+    """How flights turn back in a scenario; an InputError refuses one in which none does."""
+    if scenario.turn_back is None:
+        raise InputError("`plan` must be of flights that turn back.")
+    return scenario.turn_back
+
+
+class TurnRoom(NamedTuple):
+    """Room that a flight needs which turns back, m: no width and no height of a volume."""
+
+    from_route: float  # in any horizontal direction
+    height: float  # above and below
+
+    def around(self, geography: Volume, claim: str) -> Volume:
+        """The volume with this room around a flight geography, down to the ground at most."""
+        width, high = geography.width + self.from_route, geography.high + self.height
+        return Volume(width, max(geography.low - self.height, 0.0), high, claim)
+
+
+# How flights ended, in words of a sentence.
+ENDED = {"no_trim": "without a steady flight at their start"}
+
+
+# How flights that turn back begin where their route has slopes.
+BEGUN = "begun in steady flight or, where there is none on a slope, in level flight before it"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class TurnBack(Counted):
+    """A count of how far flights come that turn back at any place of their route."""
+
+    of: ClassVar[Of] = "turn_back"
+    measures: ClassVar[type[Measured]] = RoomSignals
+    title: ClassVar[tuple[str, str]] = "room to turn back", "room_bounds"
+
+    @property
+    def room(self) -> TurnRoom:
+        """Room that its flights need, rounded up to whole metres."""
+        return TurnRoom(*np.ceil(self._ends(np.zeros((1, 0)))[1][0]).tolist())
+
+    @property
+    def summary(self) -> str:
+        """The room in a line of a mission's answer, or why none is claimed."""
+        if self.claims:
+            begun = f" Its flights are {self.begun}." if self.begun else ""
+            return f"Turning back takes {self.room.from_route:.0f} m beyond it.{begun}"
+        ended = "".join(
+            f", {row['count']} of them {ENDED.get(row['status'], row['status'].replace('_', ' '))}"
+            for row in endings(self.endings)
+        )
+        return (
+            f"No room to turn back is claimed: of {len(self.scores)} flights that turn back "
+            f"{self.lost}{ended}; at most {self.allowed} of {self.first} may."
+        )
+
+    @property
+    def ended(self) -> Table:
+        """How flights that turn back did not complete, beside those of the mission."""
+        title = "flights that turn back and did not complete"
+        return replace(endings_table(self.endings), title=title, name="turn_back_endings")
+
+    @property
+    def table(self) -> TurnBackTable:
+        """How its flights turn back."""
+        return _turns(self.flights.central)
+
+    @property
+    def _leaves(self) -> str:
+        begun = f", {self.begun}," if self.begun else ""
+        return (
+            f"that turns back{begun} goes further than {self.room.from_route:.0f} m beyond the "
+            f"flight geography in any direction, or {self.room.height:.0f} m above or below it,"
+        )
+
+    @property
+    def begun(self) -> str:
+        """How flights begin on slopes, in words; empty without slopes, or of flighttune 0.4.0."""
+        return BEGUN if self.table.or_level else ""
+
+    def volumes(self, corridor: Band) -> dict[str, Volume]:
+        """The volumes around the route that these flights turn back from."""
+        if not (self.claims and isinstance(corridor, Band)):
+            got = f"a {type(corridor).__name__}" if self.claims else "no claim of the room"
+            raise InputError(f"volumes must be of a room and the band of its route, got {got}.")
+        # The flight geography is as wide and high as the corridor, a band along the route, at its
+        # widest. The contingency volume has the room to turn back around it, and the ground risk
+        # buffer once more the height of that over ground.
+        planned = corridor.flights.route
+        path, h_0 = planned.reference.path, planned.where[2]
+        along, north, east, _, _, h, V_a, *_ = self.table.columns
+        route = *path.beside(along).T, np.interp(along, path.s, planned.reference.V)
+        flown, others = (
+            f"{of.plant} / {of.gains_name} along {length:.10g} m"
+            for of, length in ((self.flights, along[-1]), (corridor.flights, path.length))
+        )
+        if flown != others or not np.allclose(route, (north, east, h - h_0, V_a), atol=SAME_PLACE):
+            raise InputError(
+                "both bands must be of one aircraft with the same gains and airspeeds on one "
+                f"route, got {flown} and {others}."
+            )
+        claimed = corridor.corridor(planned.where)
+        beside, above = np.abs([claimed.low, claimed.high]).max(axis=(0, 1)).tolist()
+        heights = path.up[path.s <= path.length] + h_0 - corridor.flights.central.flight.ground_m
+        low, high = max(float(heights.min()) - above, 0.0), float(heights.max()) + above
+        geography = Volume(beside, low, high, claimed.claim)
+        around = self.room.around(geography, printable(self.sentence))
+        width, top = around.width + around.high, around.high
+        return {
+            "flight geography": geography,
+            "contingency volume": around,
+            "ground risk buffer": Volume(width, 0.0, top, "as wide as it is high"),
+        }
+
+    def _sizes(self) -> list[dict[str, float]]:
+        return [{"high": size} for size in self.room]
+
+    @property
+    def _formula(self) -> float:
+        central = self.flights.central
+        return self.table.formula(max(central.airspeeds), central.flight.g_mps2)
+
+    @property
+    def _values(self) -> dict[str, Any]:
+        sizes = {f"{key}_m": size for key, size in self.room._asdict().items() if self.claims}
+        return {"room": {**sizes, "by_formula_m": self._formula}}
+
+    @property
+    def _notes(self) -> list[str]:
+        table = self.table
+        return [
+            f"A turn of {table.turn_deg:g} deg to either side from any place of the route, "
+            f"{table.reaction_s:g} s after detection, {table.bank_deg:g} deg of bank with a wind "
+            f"of {table.wind(self.flights.central.flight.g_mps2):.3g} m/s from behind, until "
+            f"{BACK_S:g} s after it; by formula {self._formula:.0f} m ahead in still air. No "
+            "failure of engine, link or navigation is in it, and it is no risk class."
+        ]

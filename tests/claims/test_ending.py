@@ -1,0 +1,147 @@
+"""When counts end: what they support then, against binomial sums, and who shares the confidence."""
+
+import itertools
+import re
+
+import numpy as np
+import pytest
+from scipy.stats import binom
+
+import flighttune as ft
+from flighttune.claims.about import About
+from flighttune.claims.ending import AnyTime, Ending, Fixed, TwoSteps, each_of
+
+EPSILON, CONFIDENCE = 0.05, 0.95
+ROUNDING = 1e-9  # relative
+FIXED = Fixed(flights=93, epsilon=EPSILON, confidence=CONFIDENCE)
+TWO = TwoSteps(flights=105, first=66, epsilon=EPSILON, confidence=CONFIDENCE)
+ANY = AnyTime(flights=208, epsilon=EPSILON, confidence=CONFIDENCE)
+ENDINGS = {"fixed": FIXED, "two steps": TWO, "any time": ANY}
+
+
+def about_of(ending, learned=10, **fields):
+    """What a file states of a count with one signal that ends so."""
+    return About(
+        signals={"h": "m"}, coefficients=np.zeros((1, 1, 1)), half=np.ones((1, 1)), learned=learned,
+        predicted_from=None, plan={"runs": learned + ending.flights}, **ending.stated, **fields,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("ending", ENDINGS.values(), ids=ENDINGS)
+def test_an_ending_comes_back_from_what_a_file_states(ending):
+    assert Ending.of(about_of(ending)) == ending
+
+
+@pytest.mark.parametrize(
+    ("ending", "flights", "outside", "chance"),
+    [
+        # of as many as planned, and of twice as many
+        (FIXED, 93, 1, lambda p: binom.cdf(1, 93, p)),
+        (FIXED, 186, 4, lambda p: binom.cdf(4, 186, p)),
+        (TWO, 66, 0, lambda p: binom.pmf(0, 66, p)),
+        (TWO, 105, 1, lambda p: binom.cdf(1, 105, p) + binom.pmf(0, 66, p) * binom.sf(1, 39, p)),
+    ],
+)
+def test_what_is_supported_has_the_chance_of_an_error_that_is_stated(
+    ending, flights, outside, chance
+):
+    supported = ending.supported(outside, flights)
+
+    assert ending.allowed(flights) >= outside
+    assert supported.epsilon <= EPSILON
+    assert chance(supported.epsilon) == pytest.approx(1.0 - CONFIDENCE, rel=1e-6)
+    stated = re.fullmatch("leaves the fence with probability at most (.*)", supported.claim)
+    assert stated is not None
+    assert supported.epsilon <= float(stated[1]) < 1.01 * supported.epsilon
+
+
+@pytest.mark.parametrize(
+    ("ending", "flights", "outside"),
+    [(FIXED, 92, 0), (TWO, 66, 1), (TWO, 65, 0), (TWO, 67, 0), (TWO, 104, 0)],
+)
+def test_flights_that_were_not_flown_count_as_outside(ending, flights, outside):
+    supported = ending.supported(outside, flights)
+
+    assert (supported.claim, supported.lacks[:5]) == ("", ", of ")
+    missing = ending.flights - flights + outside
+    chance = binom.cdf(missing, ending.flights, supported.epsilon)
+    assert chance <= (1.0 - CONFIDENCE) * (1.0 + ROUNDING)
+
+
+@pytest.mark.parametrize(
+    ("ending", "flights", "outside", "decided", "complete"),
+    [
+        (FIXED, 24, 1, False, False),
+        (FIXED, 24, 2, True, False),  # of 93 one may be outside
+        (FIXED, 93, 1, False, True),
+        (TWO, 66, 0, True, True),
+        (TWO, 66, 1, False, True),
+        (TWO, 65, 0, False, False),
+        (TWO, 105, 1, False, True),
+        (TWO, 105, 2, True, True),
+        (ANY, 72, 0, False, False),
+        (ANY, 84, 0, True, False),  # a yes with none outside takes 82
+        (ANY, 12, 12, True, False),
+        (ANY, 208, 9, False, True),
+    ],
+)
+def test_a_count_is_decided_where_the_answer_is_certain(
+    ending, flights, outside, decided, complete
+):
+    assert ending.decided([outside], flights) == decided
+    assert ending.complete(flights) == complete
+
+
+@pytest.mark.parametrize(
+    ("ending", "looks"),
+    [(FIXED, [24, 48]), (TWO, [24, 48, 66, 96]), (ANY, [*range(12, 208, 12)])],
+    ids=ENDINGS,
+)
+def test_an_answer_is_looked_for_at_numbers_that_are_fixed_beforehand(ending, looks):
+    assert ending.looks() == looks
+
+
+def test_a_count_that_may_end_early_is_expected_to():
+    assert [TWO.expected(n) for n in (0, 48, 66, 96)] == [66, 66, 105, 105]
+    assert FIXED.expected(24) == 93
+
+
+FENCES = {0: "", 1: "the band and its fence", 2: "the band and 2 fences"}
+ALONE = {0: "", 1: "", 2: "2 fences"}
+
+
+@pytest.mark.parametrize("ending", ENDINGS.values(), ids=ENDINGS)
+@pytest.mark.parametrize(("fences", "times"), [*itertools.product(FENCES, (1, 2, 4))])
+def test_the_confidence_is_that_of_as_many_claims_as_its_words_name(ending, fences, times):
+    """Bonferroni: errors add up over claims and readings, but not over those valid at any time."""
+    about = about_of(ending, fences=({"fence": 1},) * fences, planned=(0.1, 0.99))
+    shared = ending.shared(about, times * ending.flights)
+
+    claims = fences if ending is ANY else 1 + fences
+    readings = 1 if ending is ANY else {1: 1, 2: 2, 4: 3}[times]
+    words = ALONE[fences] if ending is ANY else FENCES[fences]
+    spent = 0.05 + 0.01
+    assert shared.confidence == pytest.approx(1.0 - max(1, claims) * readings * spent)
+    assert words in shared.words
+    assert ("fence" in shared.words) == bool(words)
+    assert (f"{readings} numbers of flights" in shared.words) == (readings > 1)
+    assert "with the claim planned, 0.1 at 0.99" in shared.words
+
+
+def test_a_single_claim_shares_its_confidence_with_none():
+    shared = FIXED.shared(about_of(FIXED), 93)
+
+    assert (shared.confidence, shared.words) == (pytest.approx(0.95), "")
+
+
+@pytest.mark.parametrize("claims", [1, 2, 3])
+def test_claims_that_share_a_confidence_add_up_to_it(claims):
+    assert 1.0 - claims * (1.0 - each_of(claims, 0.95)) == pytest.approx(0.95)
+
+
+@pytest.mark.parametrize("rule", [Fixed.enough, AnyTime.enough])
+def test_too_few_flights_for_a_claim_are_refused(rule):
+    """0.95^59 is the first power below 0.05."""
+    assert rule(59, EPSILON, CONFIDENCE).flights == 59
+    with pytest.raises(ft.InputError, match="`flights` must be at least 59"):
+        rule(58, EPSILON, CONFIDENCE)

@@ -1,0 +1,101 @@
+"""A kind of count is a class of what is measured, a class of what is claimed, and a row."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+from unittest import mock
+
+import numpy as np
+import pytest
+
+import flighttune as ft
+from flighttune.campaigns.flying.rows import fly_group
+from flighttune.claims import about, counting, verify
+from flighttune.claims.counted import Counted
+from flighttune.claims.counted_flights import plan_of
+from flighttune.claims.ending import Fixed
+from flighttune.claims.measured import Measured
+from tests.campaigns.test_band import ALONE, small_plan
+from tests.claims.test_band import forged
+from tests.flown_campaigns import flown_here
+
+SINGLE = 1e-6  # relative rounding of single precision
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RollSpeeds(Measured):
+    """How fast a flight rolls, to either side."""
+
+    @classmethod
+    def chosen(cls, plan, signals):
+        del plan, signals
+        return cls(units={"roll speed": "rad/s"})
+
+    @property
+    def room(self):
+        return 2.0
+
+    def values(self, run, scenario):
+        del scenario
+        return np.abs(np.gradient(run.signals["phi"].to_numpy(), run.t))[:, None]
+
+    def windows(self, central, samples, flights, per_unit):
+        del central, flights, per_unit
+        return np.array([0, samples - 1])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class RollSpeed(Counted):
+    """A count of how fast flights roll."""
+
+    of: ClassVar = "roll_speed"
+    measures: ClassVar = RollSpeeds
+
+    @property
+    def _leaves(self):
+        return "rolls faster"
+
+    def _sizes(self):
+        return [{"high": self._ends(np.zeros((1, 0)))[1].max()}]
+
+
+@pytest.fixture
+def kinds():
+    """The kinds of counts with one more."""
+    row = {"roll_speed": f"{__name__}:RollSpeed"}
+    with mock.patch.dict(about.KINDS, row):
+        yield
+
+
+def test_a_new_kind_of_count_is_flown_saved_read_and_verified(kinds, tmp_path):
+    ending = Fixed.enough(ALONE, 0.3, 0.9)
+    with flown_here(counting):
+        made = counting.counted_on(
+            RollSpeed, small_plan(), ending, place="t", learn=10, by=(None, None, None)
+        )
+    made.save(tmp_path / "x.npz")
+    counted = ft.load(tmp_path / "x.npz")
+
+    plan = plan_of(counted)
+    draws = counted.draws.tolist()
+    flown = [fly_group(plan, plan.scenario_of(draw), plan.groups[0]) for draw in draws]
+    largest = [np.abs(np.gradient(x.signals["phi"].to_numpy(), x.t)).max() for x in flown]
+    assert isinstance(counted, RollSpeed)
+    assert counted.extremes[:, 0, 0, 1] == pytest.approx(largest, rel=SINGLE)
+    assert "a new flight rolls faster with probability at most 0.3" in counted.sentence
+    (row,) = counted.answer().tables[0].records
+    assert (row["signal"], row["unit"]) == ("roll speed", "deg/s")
+    with flown_here(verify) as pool:
+        assert ft.verify(counted, pool=pool).valid
+        with mock.patch.object(RollSpeeds, "room", 1.0):
+            again = ft.verify(counted, pool=pool)
+    assert (again.valid, again.reason[:6]) == (False, "`half`")
+
+
+def test_a_kind_of_count_that_is_not_known_is_refused_with_those_that_are(tmp_path):
+    with flown_here(counting):
+        counted = ft.band(small_plan(), epsilon=0.3, confidence=0.9, learn=10, flights=ALONE)
+    file = forged(counted, tmp_path / "x.npz", about={"of": "roll_speed"})
+    with pytest.raises(
+        ft.InputError, match=r"x\.npz: `of` must be .*residual, turn_back, monitor.*'roll_speed'"
+    ):
+        ft.load(file)
