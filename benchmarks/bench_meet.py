@@ -17,6 +17,7 @@ from scipy.optimize import minimize
 
 import flighttune as ft
 from flighttune import Scenario, scenario_from
+from flighttune.campaigns.engine.fliers import Fliers
 from flighttune.campaigns.engine.pool import WorkerPool
 from flighttune.control.gains import PIGains
 from flighttune.flight.models import gain_set
@@ -54,7 +55,7 @@ def task(overshoot_deg: float, **more: float) -> Scenario:
 def own(scenario: Scenario, start: PIGains) -> tuple[int, float]:
     """Flights and seconds of the search, with the start of its processes."""
     began, law = time.perf_counter(), scenario.laws[0]
-    with WorkerPool() as pool:
+    with WorkerPool(Fliers()) as pool:
         search = UntilMet([flights_to_meet(scenario, scenario.law_tables[0])], law, pool)
         with suppress(MetError):
             search.search([start], CAPPED)

@@ -6,9 +6,8 @@ import signal
 import subprocess
 import sys
 import time
-from contextlib import contextmanager, nullcontext, suppress
+from contextlib import contextmanager, suppress
 from copy import deepcopy
-from importlib import import_module
 from pathlib import Path
 from unittest import mock
 
@@ -17,7 +16,8 @@ from airframes import changed_aerosonde
 
 import flighttune as ft
 from flighttune.base.files.table import toml_text
-from flighttune.campaigns.engine import pool as pool_module
+from flighttune.campaigns.engine.fliers import Fliers
+from flighttune.campaigns.engine.pool import WorkerPool
 from flighttune.campaigns.flying.rows import fly_runs, rows_flown
 
 SCENARIO = """
@@ -242,21 +242,11 @@ def parts(out):
 
 
 @contextmanager
-def flown_here(module, rows=rows_flown):
+def flown_here(rows=rows_flown):
     """Fly in this process, without workers."""
-    # A module that is first imported meanwhile would keep the replaced class.
-    for name in ("claims.verbs", "claims.verify", "claims.mission", "studies.beside"):
-        import_module(f"flighttune.{name}")
-    for name in ("meet", "refly", "worst"):
-        import_module(f"flighttune.studies.{name}")
 
-    class Pool(pool_module.WorkerPool):
-        def in_order(self, plan, runs, doing, **options):
-            return list(rows(plan, runs, **options))
+    def in_order(_pool, plan, runs, doing, **options):
+        return list(rows(plan, runs, **options))
 
-    pool = nullcontext(Pool())
-    with (
-        mock.patch.object(pool_module, "WorkerPool", return_value=pool),
-        mock.patch.object(module, "WorkerPool", return_value=pool),
-    ):
-        yield Pool()
+    with mock.patch.object(WorkerPool, "in_order", in_order):
+        yield WorkerPool(Fliers())

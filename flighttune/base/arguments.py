@@ -54,6 +54,7 @@ def checked(call: Call) -> Call:
         check(call, args, options)
         return call(*args, **options)
 
+    setattr(wrapped, "__signature__", _annotations(call)[0])  # noqa: B010
     return typing.cast("Call", wrapped)
 
 
@@ -86,8 +87,8 @@ def check(call: Callable[..., Any], args: Sequence[Any], options: Mapping[str, A
     signature, hints = _annotations(call)
     try:
         given = signature.bind(*args, **options).arguments
-    except TypeError:  # another name or number of arguments, which the call says
-        return
+    except TypeError as error:  # another name or number of arguments
+        raise TypeError(f"{call.__qualname__}() {error}") from None
     for name, value in given.items():
         parameter, annotation = signature.parameters[name], hints[name]
         if parameter.kind is parameter.VAR_KEYWORD:
@@ -130,6 +131,8 @@ def _is_name(text: str) -> bool:
 @functools.cache
 def _annotations(call: Callable[..., Any]) -> tuple[inspect.Signature, dict[str, Any]]:
     signature, hints = inspect.signature(call), {}
+    parameters = [y for x in signature.parameters.values() for y in _stated(x)]
+    signature = signature.replace(parameters=parameters)
     for name, parameter in signature.parameters.items():
         stated = types.SimpleNamespace(__annotations__={name: parameter.annotation})
         try:
@@ -139,6 +142,15 @@ def _annotations(call: Callable[..., Any]) -> tuple[inspect.Signature, dict[str,
         if parameter.annotation is parameter.empty:
             hints[name] = Any
     return signature, hints
+
+
+def _stated(parameter: inspect.Parameter) -> list[inspect.Parameter]:
+    """A parameter; in place of keywords that a TypedDict states, each of them."""
+    if typing.get_origin(parameter.annotation) is not typing.Unpack:
+        return [parameter]
+    (table,) = typing.get_args(parameter.annotation)
+    named = functools.partial(inspect.Parameter, kind=inspect.Parameter.KEYWORD_ONLY, default=None)
+    return [named(name, annotation=x) for name, x in typing.get_type_hints(table).items()]
 
 
 def fits(value: Any, annotation: Any) -> bool:

@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Literal, TypeAlias, TypeVar
+from typing import Literal, TypeVar
 
 import numpy as np
 
@@ -12,8 +12,8 @@ from flighttune.base.arrays import FloatArray, check_at_least
 from flighttune.base.endings import why_ended
 from flighttune.base.errors import InputError
 from flighttune.base.files.load import BAND, written
+from flighttune.campaigns.engine.fliers import Fliers
 from flighttune.campaigns.engine.pool import WorkerPool
-from flighttune.campaigns.engine.progress import CampaignObserver
 from flighttune.campaigns.planning.plan import Plan
 from flighttune.campaigns.planning.source import Flights
 from flighttune.claims import counted_flights
@@ -33,9 +33,6 @@ SHOWN = 3
 ROUNDING = 1e-9
 
 C = TypeVar("C", bound=Counted)
-
-# Workers, or the address of a scheduler that has them, and who watches them.
-By: TypeAlias = tuple[int | None, str | None, CampaignObserver | None]
 
 # Extremes of a signal of a flight that is outside of any band.
 LOST = [-np.inf, np.inf]
@@ -105,7 +102,7 @@ def counted_on(
     signals: Iterable[str] | None = None,
     predicted_from: Literal["wind"] | None = None,
     certain: Callable[[C], bool] | None = None,
-    by: By,
+    fliers: Fliers,
 ) -> C:
     """A kind of count of the flights of a plan; it ends sooner where the answer is `certain`."""
     check_at_least(kind.measures.min_learned, learn=learn)
@@ -125,7 +122,7 @@ def counted_on(
         models=measured.models,
         **ending.stated,
     )
-    with WorkerPool(*by) as pool:
+    with WorkerPool(fliers) as pool:
         pool.progress.budget = learn + ending.expected(0)
         measured = measured.taught(pool, plan, learn)
         kept = Kept(measured=measured, edges=flights.edges, windy=predicted_from is not None)

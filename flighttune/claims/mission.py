@@ -6,7 +6,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, ClassVar, NamedTuple, TypeAlias
+from typing import Any, ClassVar, NamedTuple, TypeAlias, Unpack
 
 import numpy as np
 
@@ -16,8 +16,8 @@ from flighttune.base.errors import InfeasibleError, InputError
 from flighttune.base.files import code
 from flighttune.base.files.load import BAND, kind_of
 from flighttune.base.files.whole import keep_on_error, remove_file, together, write_text
+from flighttune.campaigns.engine.fliers import Fliers, FlownBy
 from flighttune.campaigns.engine.pool import WorkerPool
-from flighttune.campaigns.engine.progress import CampaignObserver
 from flighttune.campaigns.planning.plan import Plan
 from flighttune.campaigns.planning.schema import Campaign
 from flighttune.campaigns.planning.source import Flights
@@ -149,9 +149,7 @@ def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
     changes: Mapping[str, Any] | None = None,
     out: str | Path | None = None,
     run_code: bool = False,  # noqa: ARG001 - of the decorator
-    workers: int | None = None,
-    scheduler: str | None = None,
-    observer: CampaignObserver | None = None,
+    **by: Unpack[FlownBy],
 ) -> MissionOdds:
     """Count whether a mission stays inside its fence, and the room that it needs to turn back.
 
@@ -216,7 +214,7 @@ def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
     >>> ft.mission("circuit_in_wind", changes=short, **few).answer().values["flights"]
     7
     """
-    by: counting.By = (workers, scheduler, observer)
+    fliers = Fliers(**by)
     of_flights = {"aircraft": aircraft, "like": like, "changes": changes}
     counted, written = counting.kept_band(source), None if out is None else Path(out)
     if counted is None:
@@ -244,7 +242,7 @@ def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
     claims = 1 if until_sure else 1 + bool(areas) + (turning is not None)
     claim = flown.claim(epsilon, confidence, claims)
     flown.check_path(claim, areas, fence, terrain)
-    band = flown.count(claim, areas, by)
+    band = flown.count(claim, areas, fliers)
     with together():
         if file is not None:
             flown.save(band, file)
@@ -256,7 +254,7 @@ def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
         band = band.claiming(*claim)
         if out is not None:
             band.save(out)
-        way = flown.way_to_complete(band, by)
+        way = flown.way_to_complete(band, fliers)
         files = {"band": written}
         odds = MissionOdds(band=band, files=files, file=file, terrain=terrain, way=way)
         if turning is None:
@@ -268,7 +266,7 @@ def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
             place=flown.place,
             learn=LEARN_TURNS,
             certain=lambda turns: turns.decided,
-            by=by,
+            fliers=fliers,
         )
         return odds.with_room(room)
 
@@ -335,7 +333,7 @@ class _NewFlights:
                 raise InfeasibleError(planned_inside(planned, place, nearest))
             counted_flights.check_one_path(self.plan, range(LEARN + ending.flights))
 
-    def count(self, claim: Odds, areas: dict[str, Any], by: counting.By) -> Band:
+    def count(self, claim: Odds, areas: dict[str, Any], fliers: Fliers) -> Band:
         """Count them, until it is certain whether they stay inside the fence `areas`, if any."""
         return counting.counted_on(
             Band,
@@ -344,7 +342,7 @@ class _NewFlights:
             place=self.place,
             learn=LEARN,
             certain=lambda band: (band.with_fence(areas) if areas else band).decided,
-            by=by,
+            fliers=fliers,
         )
 
     def save(self, band: Band, file: Path) -> None:
@@ -357,14 +355,14 @@ class _NewFlights:
         keep_on_error(file)
         band.save(file)
 
-    def way_to_complete(self, band: Band, by: counting.By) -> str:
+    def way_to_complete(self, band: Band, fliers: Fliers) -> str:
         """A sentence with the change with which flights that ended early complete, or empty."""
         lost = sorted(row["run"] for row in band.endings)
         if not (lost and band.too_many_lost):
             return ""
         now = self.plan.scenario.flight.V_a_mps, band.flights.route.wind
         tried = zip(FACTORS.items(), now, strict=True)
-        with WorkerPool(*by) as pool:
+        with WorkerPool(fliers) as pool:
             for key, x in ((key, x * value) for (key, factors), value in tried for x in factors):
                 value = float(f"{x:.3g}")
                 with suppress(
@@ -411,17 +409,17 @@ class _CountedFlights:
             read_fence(fence, planned.where[1], areas).nearest(planned.reference.path)
             counted_flights.check_one_path(self.plan, self.band.draws.tolist())
 
-    def count(self, claim: Odds, areas: dict[str, Any], by: counting.By) -> Band:
+    def count(self, claim: Odds, areas: dict[str, Any], fliers: Fliers) -> Band:
         """Their count."""
-        del claim, areas, by
+        del claim, areas, fliers
         return self.band
 
     def save(self, band: Band, file: Path) -> None:
         """Nothing: the file is there."""
 
-    def way_to_complete(self, band: Band, by: counting.By) -> str:
+    def way_to_complete(self, band: Band, fliers: Fliers) -> str:
         """Empty: none is flown with a change."""
-        del band, by
+        del band, fliers
         return ""
 
 

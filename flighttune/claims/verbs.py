@@ -2,13 +2,14 @@
 
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, Unpack
 
 from flighttune.base.errors import InputError
 from flighttune.base.files import code
 from flighttune.base.files.load import A_LOG, BAND, LOG, kind_of, load_one, written
 from flighttune.base.files.whole import keep_on_error, together
 from flighttune.base.units import DEG, Degrees, Radians, RadiansPerSecond
+from flighttune.campaigns.engine.fliers import Fliers, FlownBy
 from flighttune.campaigns.engine.pool import WorkerPool
 from flighttune.campaigns.engine.progress import CampaignObserver
 from flighttune.campaigns.planning.plan import Plan
@@ -51,9 +52,7 @@ def band(  # noqa: PLR0913 - each is a choice of the user, and has a default
     changes: Mapping[str, Any] | None = None,
     out: str | Path | None = None,
     run_code: bool = False,  # noqa: ARG001 - of the decorator
-    workers: int | None = None,
-    scheduler: str | None = None,
-    observer: CampaignObserver | None = None,
+    **by: Unpack[FlownBy],
 ) -> Band:
     """Bound signals by counting flights: a new one leaves the band with at most a probability.
 
@@ -125,7 +124,7 @@ def band(  # noqa: PLR0913 - each is a choice of the user, and has a default
     >>> len(band.scores), band.outside
     (7, 0)
     """
-    by = workers, scheduler, observer
+    fliers = Fliers(**by)
     if kept := written(source, BAND):  # of any kind of count
         options = {"signals": signals, "learn": learn, "predicted_from": predicted_from}
         options |= {"gains": gains, "plant": plant, "air": air, "seed": seed is not None}
@@ -137,7 +136,7 @@ def band(  # noqa: PLR0913 - each is a choice of the user, and has a default
         claim = (x if y is None else y for x, y in zip(own, stated, strict=True))
         with together():
             if flights is not None:
-                with WorkerPool(*by) as pool:
+                with WorkerPool(fliers) as pool:
                     kept = count_more(kept, flights, pool)
                 # Whatever else is written: its readings are those of its file.
                 keep_on_error(Path(str(source)))
@@ -164,7 +163,7 @@ def band(  # noqa: PLR0913 - each is a choice of the user, and has a default
         learn=LEARN if learn is None else learn,
         signals=signals,
         predicted_from=predicted_from,
-        by=by,
+        fliers=fliers,
     )
     if out is not None:
         counted.save(out)
@@ -172,7 +171,7 @@ def band(  # noqa: PLR0913 - each is a choice of the user, and has a default
 
 
 @code.flies
-def residual(  # noqa: PLR0913 - as `band`
+def residual(
     source: Flights | Scenario | Campaign | Plan | str | Path,
     *,
     epsilon: float = EPSILON,
@@ -185,9 +184,7 @@ def residual(  # noqa: PLR0913 - as `band`
     seed: int | None = None,
     start_deg: Degrees = 0.0,
     changes: Mapping[str, Any] | None = None,
-    workers: int | None = None,
-    scheduler: str | None = None,
-    observer: CampaignObserver | None = None,
+    **by: Unpack[FlownBy],
 ) -> Residual:
     """Bound what the identified model of an aircraft misses, by counting flights: boxes of a tube.
 
@@ -222,10 +219,10 @@ def residual(  # noqa: PLR0913 - as `band`
     >>> len(ft.residual("feasible", start_deg=2.0, **few).scores)
     7
     """
-    stated = flights_of_source(source, changes=changes).starting(start_deg)
-    plan, by = drawn(stated, plant, gains, air, seed), (workers, scheduler, observer)
+    fliers, stated = Fliers(**by), flights_of_source(source, changes=changes).starting(start_deg)
+    plan = drawn(stated, plant, gains, air, seed)
     ending = Fixed.enough(flights, epsilon, confidence)
-    return counted_on(Residual, plan, ending, place=stated.place, learn=learn, by=by)
+    return counted_on(Residual, plan, ending, place=stated.place, learn=learn, fliers=fliers)
 
 
 def tube(
@@ -322,9 +319,7 @@ def monitor(  # noqa: PLR0913 - as `band`
     columns: Columns = (),
     out: str | Path | None = None,
     run_code: bool = False,  # noqa: ARG001 - of the decorator
-    workers: int | None = None,
-    scheduler: str | None = None,
-    observer: CampaignObserver | None = None,
+    **by: Unpack[FlownBy],
 ) -> Monitor | LogMonitor:
     """Count how often a monitor of flights raises a false alarm, or learn one from logs.
 
@@ -389,6 +384,7 @@ def monitor(  # noqa: PLR0913 - as `band`
     >>> [model.name for model in monitor.watch.models]
     ['airspeed', 'speed change', 'elevator', 'trim', 'climb', 'power', 'roll', 'turn']
     """
+    fliers = Fliers(**by)
     of_file = isinstance(source, str | Path) and kind_of(source) == LOG
     if isinstance(source, Run) or logs or of_file:
         defaults = {"epsilon": MONITOR_EPSILON, "confidence": MONITOR_CONFIDENCE}
@@ -407,9 +403,9 @@ def monitor(  # noqa: PLR0913 - as `band`
         raise InputError("`columns` must be absent without a log.")
     else:
         stated = flights_of_source(source, changes=changes).starting(start_deg)
-        plan, by = drawn(stated, plant, gains, air, seed), (workers, scheduler, observer)
+        plan = drawn(stated, plant, gains, air, seed)
         ending = Fixed.enough(flights, epsilon, confidence)
-        made = counted_on(Monitor, plan, ending, place=stated.place, learn=learn, by=by)
+        made = counted_on(Monitor, plan, ending, place=stated.place, learn=learn, fliers=fliers)
     if out is not None:
         made.save(out)
     return made

@@ -2,10 +2,9 @@
 
 import math
 from collections.abc import Sequence
-from contextlib import nullcontext
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import TypeAlias, TypeVar
+from typing import TypeAlias, TypeVar, Unpack
 
 from flighttune.base.answering import Answering
 from flighttune.base.answers.answer import Answer, Column, Table
@@ -26,6 +25,7 @@ from flighttune.base.files.load import (
 )
 from flighttune.base.words import listed, pick
 from flighttune.campaigns.dataset import Dataset
+from flighttune.campaigns.engine.fliers import Fliers, FlownBy
 from flighttune.campaigns.engine.pool import WorkerPool
 from flighttune.campaigns.statistics.count import chance_missed, flights_again
 from flighttune.claims import counted_flights, counting
@@ -61,11 +61,7 @@ CHECK_COLUMNS = [Column("name", "check"), *columns("margin exact")]
 
 
 def verified_band(
-    band: Counted,
-    *,
-    count: int | None = None,
-    run_code: bool = False,
-    pool: WorkerPool | None = None,
+    band: Counted, *, count: int | None = None, run_code: bool = False, fliers: Fliers
 ) -> Verification:
     """Fly all flights learned from again, and `count` of those counted, chosen at random."""
     counted, about = len(band.scores), band.about
@@ -77,13 +73,13 @@ def verified_band(
             reason = f"not checked: flying its flights again runs {listed(files)}; allow --run-code"
             return Verification(valid=False, reason=reason, checked=False)
         fences = band.said_of_fences if isinstance(band, Band) else ()
-        with nullcontext(pool) if pool else WorkerPool() as workers:
-            if differ := counting.differing(band, draws, workers):
+        with WorkerPool(fliers) as pool:
+            if differ := counting.differing(band, draws, pool):
                 raise InputError(
                     "flights of the band that are flown again must be equal to the bit, draw "
                     f"{differ[0]} is not"
                 )
-            counting.check_shape(band, workers)
+            counting.check_shape(band, pool)
     except InputError as error:
         return Verification(valid=False, reason=str(error))
     flown = (
@@ -213,7 +209,7 @@ def verify(
     columns: Columns = (),
     count: int | None = None,
     run_code: bool = False,
-    pool: WorkerPool | None = None,
+    **by: Unpack[FlownBy],
 ) -> Verified:
     """Check a claim from its numbers alone.
 
@@ -243,8 +239,7 @@ def verify(
     run_code : bool
         Run the Python files that a band, a recording or a campaign names, to fly its flights again.
         Without it they are not flown: such a band is not checked, and not valid.
-    pool : WorkerPool, optional
-        Workers that fly flights of a band again; by default one process per core.
+    workers, scheduler, observer : as for `band`
 
     Returns
     -------
@@ -261,7 +256,7 @@ def verify(
     >>> ft.verify(ft.certify("paper", "paper").certificate).valid
     True
     """
-    value = load_one(claim, CLAIM, *CLAIMS)
+    value, fliers = load_one(claim, CLAIM, *CLAIMS), Fliers(**by)
     source = str(claim) if isinstance(claim, str | Path) else ""
     if boxes is not None:
         if not isinstance(value, Tube):
@@ -272,12 +267,12 @@ def verify(
     if isinstance(value, LogMonitor):
         verification = value.verify([load_one(x, A_LOG, LOG, columns=columns) for x in logs])
     elif isinstance(value, Counted):
-        verification = verified_band(value, count=count, run_code=run_code, pool=pool)
+        verification = verified_band(value, count=count, run_code=run_code, fliers=fliers)
     else:
         verification = value.verify()
         band = value.problem.band if isinstance(value, Tube) else None
         if band is not None and verification.valid:
-            counted = verified_band(band, count=count, run_code=run_code, pool=pool)
+            counted = verified_band(band, count=count, run_code=run_code, fliers=fliers)
             verification = replace(counted, checks=verification.checks)
     return Verified(claim=value, verification=verification, source=source)
 

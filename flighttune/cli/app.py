@@ -18,7 +18,7 @@ from flighttune.cli.aircraft import adopt, design, identify, trim
 from flighttune.cli.explain import band, compare, gap, monitor, tube, worst
 from flighttune.cli.flights import campaign, fly, list_shipped, mission, new, view
 from flighttune.cli.gains import certify, meet, tune, verify
-from flighttune.cli.options import COMMANDS, FLOWN_BY, FORMER, RUN_CODE, command
+from flighttune.cli.options import COMMANDS, FORMER, RUN_CODE, WORKERS, command
 from flighttune.cli.pages import export, report, reproduce
 from flighttune.cli.show import COULD_NOT_RUN, INTERRUPTED, NO, cleaning_up, clear, fail, output
 
@@ -129,7 +129,7 @@ def _options(
 ) -> None:
     """Options of every command."""
     RUN_CODE.set(run_code)
-    FLOWN_BY.set({"workers": workers, "scheduler": scheduler})
+    WORKERS.set({"workers": workers, "scheduler": scheduler})
 
 
 def main() -> None:

@@ -7,8 +7,8 @@ from pathlib import Path
 from flighttune.base.answers.answer import Answer
 from flighttune.base.errors import InputError
 from flighttune.base.files.whole import remove_file, together
-from flighttune.cli.options import FLOWN_BY, Verb, check_ending, this_command
-from flighttune.cli.show import campaign_display, progress_bar
+from flighttune.cli.options import Verb, check_ending, flown_by, this_command
+from flighttune.cli.show import progress_bar
 
 
 def page_note(file: Path) -> str:
@@ -120,8 +120,8 @@ def tube(
     in_file = boxes is not None and kind_of(boxes) == BAND
     counted = load_residual(boxes) if boxes is not None and in_file else None
     if boxes is not None and not in_file:
-        with campaign_display() as observer:
-            counted = residual(boxes, gains=gains, **FLOWN_BY.get(), observer=observer)
+        with flown_by() as by:
+            counted = residual(boxes, gains=gains, **by)
     with progress_bar() as progress:
         follow = None if progress is None else partial(progress, "tube")
         if largest:

@@ -12,7 +12,7 @@ from flighttune.base.answers.labels import columns
 from flighttune.base.files import shipped
 from flighttune.base.files.whole import together
 from flighttune.cli.explain import page_note
-from flighttune.cli.options import FLOWN_BY, Verb, check_ending
+from flighttune.cli.options import WORKERS, Verb, check_ending
 from flighttune.cli.show import fail, on_interrupt, say, show
 
 KEPT = "what has been flown is kept, go on with the same command and --resume"
@@ -181,7 +181,7 @@ def campaign(
         # a campaign that was extended by --runs keeps its length
         plan = plan.with_runs(max(plan.runs, open_dataset(out).plan.runs))
     if dry_run:
-        return forecast(plan, FLOWN_BY.get()["workers"]).answer()
+        return forecast(plan, WORKERS.get().get("workers")).answer()
     try:
         done = run_campaign(campaign=plan, out=out, runs=None)
     except (errors.CampaignError, errors.OutputError) as error:

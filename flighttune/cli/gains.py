@@ -7,8 +7,8 @@ from typing import Any
 from flighttune.base.answers.answer import Answer
 from flighttune.base.errors import InputError
 from flighttune.base.files.whole import keep_on_error, together
-from flighttune.cli.options import FLOWN_BY, RUN_CODE, Verb, check_ending, this_command
-from flighttune.cli.show import campaign_display, progress_bar
+from flighttune.cli.options import RUN_CODE, Verb, check_ending, flown_by, this_command
+from flighttune.cli.show import progress_bar
 
 
 def tune(
@@ -100,7 +100,6 @@ def verify(verify_claim: Verb, claim: Path, count: int | None, run: int | None) 
     Exit status 1 if the claim is not supported, or a bit of a run differs.
     """
     from flighttune.base.files.load import CLAIMS, DATASET, RECORDING, load_one
-    from flighttune.campaigns.engine.pool import WorkerPool
     from flighttune.claims.band import Band
     from flighttune.claims.verify import CHECKED, AnyClaim
     from flighttune.outputs.recording.record import record
@@ -108,16 +107,13 @@ def verify(verify_claim: Verb, claim: Path, count: int | None, run: int | None) 
 
     value = load_one(claim, CHECKED, *CLAIMS, DATASET, RECORDING)
     if run is None and isinstance(value, AnyClaim):
-        by = FLOWN_BY.get()
-        with campaign_display() as observer, WorkerPool(**by, observer=observer) as pool:
-            checked = verify_claim(claim=value, pool=pool)
-        return replace(checked, source=str(claim)).answer()
+        return replace(verify_claim(claim=value), source=str(claim)).answer()
     if verify_claim.keywords.keys() - {"count"}:
         raise InputError(f"{claim}: --count alone must be given where runs fly again.")
     run_code = RUN_CODE.get()
     if isinstance(value, Band):
-        with campaign_display() as observer:
-            again = refly(value, run, count=count, run_code=run_code, observer=observer)
+        with flown_by() as by:
+            again = refly(value, run, count=count, run_code=run_code, **by)
     else:
         with progress_bar() as progress:
             again = refly(value, run, count=count, run_code=run_code, progress=progress)

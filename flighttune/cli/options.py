@@ -9,14 +9,13 @@ import shlex
 import sys
 import tomllib
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
 from functools import cached_property, partial
 from importlib import import_module
 from inspect import Parameter, Signature, signature
 from pathlib import Path
-from types import MappingProxyType
 from typing import Annotated, Any, Literal, TypeAlias, get_args, get_origin
 
 import typer
@@ -25,6 +24,7 @@ from flighttune.base.answers.answer import Answer
 from flighttune.base.errors import InputError
 from flighttune.base.files.shipped import aircraft_names, campaign_files, scenario_files
 from flighttune.base.units import DEG
+from flighttune.campaigns.engine.fliers import FlownBy
 from flighttune.cli.show import campaign_display, emit, progress_bar, working
 from flighttune.cli.verbs import Argument, arguments_of
 
@@ -32,10 +32,8 @@ from flighttune.cli.verbs import Argument, arguments_of
 COMMANDS = tomllib.loads(Path(__file__).with_name("commands.toml").read_text(encoding="utf-8"))
 ALIKE, FORMER = COMMANDS.pop("alike"), COMMANDS.pop("former")
 
-# Workers of a command that flies: `--workers` and `--scheduler`, which all of them have.
-FLOWN_BY: ContextVar[Mapping[str, Any]] = ContextVar(
-    "flown_by", default=MappingProxyType({"workers": None, "scheduler": None})
-)
+# `--workers` and `--scheduler` of a command that flies, which all of them have.
+WORKERS: ContextVar[FlownBy] = ContextVar("workers")
 
 # `--run-code` of a command that flies again what a file of flighttune's has.
 RUN_CODE: ContextVar[bool] = ContextVar("run_code", default=False)
@@ -190,6 +188,13 @@ def _radians(value: Any) -> Any:
     return [x * DEG for x in value] if isinstance(value, list) else value and value * DEG
 
 
+@contextmanager
+def flown_by() -> Iterator[FlownBy]:
+    """Who flies as the command line says, and is shown."""
+    with campaign_display() as observer:
+        yield {**WORKERS.get(), "observer": observer}
+
+
 def check_ending(out: Path | None, *endings: str, option: str = "--out") -> None:
     """Refuse a file that does not end in one of `endings`, before anything is computed."""
     if out is not None and endings and out.suffix.lower() not in endings:
@@ -211,7 +216,7 @@ class Command:
         self.several = next((x.name for x in self.verb.values() if x.several), "")
         # The seed of draws is one of the changes.
         self.seeded = "seed" in self.verb and self.verb["seed"].default is None
-        self.absent = {*SUPPLIED, *FLOWN_BY.get(), "run_code", *texts.get("absent", ())}
+        self.absent = {*SUPPLIED, "run_code", *texts.get("absent", ())}
         self.absent |= {"seed"} if self.seeded else set()
         spelled = ALIKE | {x: y for x, y in texts.items() if isinstance(y, dict)}
         self.known = {x.name: x for x in self._known(spelled)}
@@ -296,9 +301,10 @@ def command(body: Callable[..., Answer | None], texts: Mapping[str, Any]) -> Cal
 def _called(place: str, names: list[str], source: Any, /, *values: Any, **keywords: Any) -> Any:
     """Import a verb and call it, watched and flown as the command line says."""
     module, _, name = place.partition(":")
-    keywords |= {x: value for x, value in FLOWN_BY.get().items() if x in names}
     keywords |= {"run_code": True} if RUN_CODE.get() else {}
     with ExitStack() as stack:
+        if {*names} >= FlownBy.__annotations__.keys():
+            keywords |= stack.enter_context(flown_by())
         for supplied in SUPPLIED.keys() & {*names} - keywords.keys():
             keywords[supplied] = stack.enter_context(SUPPLIED[supplied]())
         verb = getattr(import_module(f"flighttune.{module}"), name)

@@ -14,6 +14,7 @@ from typing import Any, Literal, get_origin
 
 from flighttune import modules_of
 from flighttune.base import units
+from flighttune.campaigns.engine.fliers import FlownBy
 
 # Types by their names in signatures; other values, and functions, have none on a command line.
 KINDS: dict[str, Any] = {x.__name__: x for x in (str, int, float, bool, Path)}
@@ -70,6 +71,8 @@ def _stated(stated: ast.arguments, module: str) -> Iterator[Argument]:
         annotation, default = x.annotation or ast.Constant(""), getattr(default, "value", None)
         kind, unit = _kind(annotation, module), _unit(annotation)
         yield Argument(name=x.arg, kind=kind, unit=unit, default=default)
+    if stated.kwarg and ast.unparse(stated.kwarg.annotation or ast.Pass()) == "Unpack[FlownBy]":
+        yield from (Argument(name=name) for name in FlownBy.__annotations__)
     if stated.vararg:
         yield Argument(name=stated.vararg.arg, kind=list[str], several=True)
 

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, overload
+from typing import Any, Unpack, overload
 
 import numpy as np
 import pandas as pd
@@ -15,8 +15,8 @@ from flighttune.base.errors import InputError
 from flighttune.base.files import code
 from flighttune.base.units import DEG_PER_RAD
 from flighttune.base.words import listed
+from flighttune.campaigns.engine.fliers import Fliers, FlownBy
 from flighttune.campaigns.engine.pool import WorkerPool
-from flighttune.campaigns.engine.progress import CampaignObserver
 from flighttune.campaigns.planning.plan import Plan
 from flighttune.campaigns.planning.schema import Campaign
 from flighttune.campaigns.planning.source import Flights, campaign_on
@@ -172,7 +172,7 @@ def compare(
 
 
 @code.flies
-def compare(  # type: ignore[misc] # noqa: PLR0913 - each is a choice of the user, and has a default
+def compare(  # type: ignore[misc]
     a: Flights | Scenario | Campaign | Plan | Runs | str | Path,
     *others: str | Path | Runs,
     columns: Columns = (),
@@ -184,9 +184,7 @@ def compare(  # type: ignore[misc] # noqa: PLR0913 - each is a choice of the use
     like: str | None = None,
     seed: int | None = None,
     changes: Mapping[str, Any] | None = None,
-    workers: int | None = None,
-    scheduler: str | None = None,
-    observer: CampaignObserver | None = None,
+    **by: Unpack[FlownBy],
 ) -> Comparison | Beside:
     """Hold runs against those of the first source, or gains against the guidance flown now.
 
@@ -242,7 +240,7 @@ def compare(  # type: ignore[misc] # noqa: PLR0913 - each is a choice of the use
     >>> [pair.b.label for pair in comparison.pairs]
     ['kinematic / tuned', 'jsbsim:aerosonde / paper', 'jsbsim:aerosonde / tuned']
     """
-    of_flights = {"aircraft": aircraft, "like": like, "changes": changes}
+    fliers, of_flights = Fliers(**by), {"aircraft": aircraft, "like": like, "changes": changes}
     if autopilot is None:
         options = {"version": version, "log": log, "flights": flights, "seed": seed}
         for name, value in (of_flights | options).items():
@@ -269,7 +267,7 @@ def compare(  # type: ignore[misc] # noqa: PLR0913 - each is a choice of the use
             flights = 1  # all would be the same
     plan = plan.with_runs(flights * len(plan.groups))
     logged, notes = ([], []) if log is None else _logged(log, columns, now, version)
-    with WorkerPool(workers, scheduler, observer) as pool:
+    with WorkerPool(fliers) as pool:
         rows = list(pool.rows(plan, range(plan.runs), probes={"kept": _kept}))
     frame = findings_of(pd.DataFrame(rows), plan).rows
     frame["gains"] = np.where(frame["gains"] == group.gains, YOURS, OURS)

@@ -7,7 +7,7 @@ from contextlib import suppress
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 import numpy.typing as npt
@@ -16,8 +16,8 @@ from flighttune.base.arrays import FloatArray, check_at_least
 from flighttune.base.errors import InputError
 from flighttune.base.files import code
 from flighttune.base.units import DEG
+from flighttune.campaigns.engine.fliers import Fliers, FlownBy
 from flighttune.campaigns.engine.pool import WorkerPool
-from flighttune.campaigns.engine.progress import CampaignObserver
 from flighttune.campaigns.flying.columns import measured_in
 from flighttune.campaigns.flying.rows import Row
 from flighttune.campaigns.planning.draws import SEED, cycle
@@ -403,9 +403,7 @@ def meet(
     success: float | None = None,
     until_sure: bool = False,
     changes: Mapping[str, Any] | None = None,
-    workers: int | None = None,
-    scheduler: str | None = None,
-    observer: CampaignObserver | None = None,
+    **by: Unpack[FlownBy],
 ) -> Meeting:
     """Find gains that meet the ``[[expect]]`` of a scenario, by flying candidates.
 
@@ -471,24 +469,16 @@ def meet(
     >>> meeting.status, meeting.start_met, meeting.gains.K_P.shape
     ('met', True, (2, 2))
     """
+    fliers = Fliers(**by)
     check_at_least(1, budget=budget)
     if campaign is not None and also:
         raise InputError("`also` must be absent with a campaign, which is about one scenario.")
     loaded = load.as_scenario(scenario, changes)
-    starts, notes = {}, loaded.gains_notes()
-    if start is not None:
-        begun = load.chosen_entry(loaded, start)
-        starts, notes = (
-            {begun.name: begun.found_gains},
-            begun.scenario.gains_notes(gains=begun.name),
-        )
+    starts, notes = _stated_start(loaded, start)
     dispersed = None if campaign is None else load_campaign(campaign, loaded)
     scenarios = [loaded if dispersed is None else dispersed.nominal, *map(load.as_scenario, also)]
-    law_table = scenarios[0].law_tables[0]
+    law_table = _law_by_gains(scenarios[0])
     law = law_table.law
-    if not law.by_gains:
-        able = " or ".join(kind for kind, known in law_kinds().items() if known.by_gains)
-        raise InputError(f"`law` must be {able} for its gains to be tuned, got {law.name}.")
     _check_campaign(dispersed, success, metric, until_sure)
     success = SUCCESS if success is None else success
     seen = dispersed and dispersed.model_copy(
@@ -501,7 +491,7 @@ def meet(
     budget = budget or (CAMPAIGN_BUDGET if campaign else BUDGET)
     fresh = 0 if dispersed is None else _fresh_draws(dispersed)
     counting = 2 * fresh * len(_required(scenarios[0]))
-    with WorkerPool(workers, scheduler, observer) as pool:
+    with WorkerPool(fliers) as pool:
         pool.progress.budget = budget
         search = Search(campaigns, law, pool, metric=metric, draws=draws, success=success)
         trials = dict(zip(starts, search.begin([*starts.values()], budget, counting), strict=True))
@@ -551,6 +541,25 @@ def meet(
         notes=notes if dispersed else (*notes, *nearest.held),
         endings=pool.progress.endings,
     )
+
+
+def _stated_start(
+    scenario: Scenario, start: PIGains | str | None
+) -> tuple[dict[str, PIGains], tuple[str, ...]]:
+    """Gains to start from by their name, none if none are stated; notes about the gains."""
+    if start is None:
+        return {}, scenario.gains_notes()
+    begun = load.chosen_entry(scenario, start)
+    return {begun.name: begun.found_gains}, begun.scenario.gains_notes(gains=begun.name)
+
+
+def _law_by_gains(scenario: Scenario) -> LawTable:
+    """The first law of a scenario, which must fly by gains."""
+    table = scenario.law_tables[0]
+    if not table.law.by_gains:
+        able = " or ".join(kind for kind, known in law_kinds().items() if known.by_gains)
+        raise InputError(f"`law` must be {able} for its gains to be tuned, got {table.law.name}.")
+    return table
 
 
 def _check_campaign(

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import Unpack
 
 import numpy as np
 
@@ -9,8 +10,8 @@ from flighttune.base.errors import InputError, RecordingError, ScenarioError, na
 from flighttune.base.files import code
 from flighttune.base.files.load import BAND, DATASET, RECORDING, load_one
 from flighttune.campaigns.dataset import Dataset
+from flighttune.campaigns.engine.fliers import Fliers, FlownBy
 from flighttune.campaigns.engine.pool import WorkerPool
-from flighttune.campaigns.engine.progress import CampaignObserver
 from flighttune.campaigns.flying.rows import fly_again, row_differences
 from flighttune.claims.band import Band
 from flighttune.claims.counted import Counted
@@ -46,7 +47,7 @@ def refly(
     laws: Mapping[str, LawMaker] | None = None,
     plants: Mapping[str, PlantMaker] | None = None,
     progress: Progress | None = None,
-    observer: CampaignObserver | None = None,
+    **by: Unpack[FlownBy],
 ) -> Reflown:
     """Fly recorded runs, rows of a campaign or flights of a band again; compare them to the bit.
 
@@ -69,8 +70,8 @@ def refly(
         As for `fly`, where recorded runs were flown with them.
     progress : callable, optional
         Called with how far each flight is.
-    observer : CampaignObserver, optional
-        Receives the progress of flights of a band; may stop them.
+    workers, scheduler, observer : as for `band`
+        Of flights of a band.
 
     Returns
     -------
@@ -94,6 +95,7 @@ def refly(
     >>> ft.refly("runs/printed").equal
     True
     """
+    fliers = Fliers(**by)
     if count is not None and (run is not None or count < 1):
         got = f"{count} and run {run}" if run is not None else str(count)
         raise InputError(f"`count` must be at least 1, and absent with `run`, got {got}.")
@@ -107,7 +109,7 @@ def refly(
         with naming(name, ScenarioError):
             ask_to_fly(plan.scenario, plan.flown)
         again = (
-            _draws_again(recorded, name, run, count or DRAWN, observer)
+            _draws_again(recorded, name, run, count or DRAWN, fliers)
             if of_count
             else _rows_again(recorded, name, run, count or DRAWN)
         )
@@ -162,7 +164,7 @@ def _rows_again(dataset: Dataset, name: str, run: int | None, count: int) -> Ite
 
 
 def _draws_again(
-    band: Counted, name: str, run: int | None, count: int, observer: CampaignObserver | None
+    band: Counted, name: str, run: int | None, count: int, fliers: Fliers
 ) -> Iterator[CheckedRun]:
     """Flights of a band against the extremes that it keeps of them."""
     plan, completed = plan_of(band), dict(zip(band.draws, np.isfinite(band.scores), strict=True))
@@ -170,7 +172,7 @@ def _draws_again(
         first, last = band.draws[[0, -1]]
         raise InputError(f"{name}: `run` must be {first} to {last}, got {run}.")
     draws = some_draws(band, count) if run is None else [run]
-    with WorkerPool(None, None, observer) as pool:
+    with WorkerPool(fliers) as pool:
         differ = differing(band, draws, pool)
     for draw in draws:
         yield CheckedRun(

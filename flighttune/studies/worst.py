@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from itertools import product
 from pathlib import Path
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 import numpy.typing as npt
@@ -25,8 +25,8 @@ from flighttune.base.files.table import toml_text
 from flighttune.base.files.whole import write_text
 from flighttune.base.names import CHANNEL_SYMBOLS
 from flighttune.base.units import DEG_PER_RAD, Degrees, RadiansPerSecond
+from flighttune.campaigns.engine.fliers import Fliers, FlownBy
 from flighttune.campaigns.engine.pool import WorkerPool
-from flighttune.campaigns.engine.progress import CampaignObserver
 from flighttune.campaigns.flying.columns import measured_in
 from flighttune.campaigns.flying.rows import Drawn, Probes, scenario_of_run
 from flighttune.campaigns.planning.draws import LARGEST_POINT, SEED, SMALLEST_POINT, correlated
@@ -155,7 +155,7 @@ class WorstFlight(Answering):
 
 
 @code.flies
-def worst(  # noqa: PLR0913 - each is a choice of the user, and has a default
+def worst(
     source: Flights | Scenario | Campaign | Plan | Tube | Counted | str | Path,
     *,
     claim: Tube | Path | str | None = None,
@@ -169,9 +169,7 @@ def worst(  # noqa: PLR0913 - each is a choice of the user, and has a default
     seed: int = 1,
     changes: Mapping[str, Any] | None = None,
     run_code: bool = False,  # noqa: ARG001 - of the decorator
-    workers: int | None = None,
-    scheduler: str | None = None,
-    observer: CampaignObserver | None = None,
+    **by: Unpack[FlownBy],
 ) -> WorstFlight:
     """Search dispersions and disturbances for the worst flight.
 
@@ -233,7 +231,7 @@ def worst(  # noqa: PLR0913 - each is a choice of the user, and has a default
     >>> ft.worst("first_campaign", budget=32, metric="chi.ITAE", plant="kinematic").flights
     32
     """
-    tube: Tube | None = load_one(claim, "tube", TUBE_FILE)
+    fliers, tube = Fliers(**by), load_one(claim, "tube", TUBE_FILE)
     stated = written(source, *CLAIMS) or source
     place = f"{source}: " if stated is not source else ""
     if isinstance(stated, AnyClaim):
@@ -263,7 +261,7 @@ def worst(  # noqa: PLR0913 - each is a choice of the user, and has a default
             f"{stated}: `disperse` must name a key to search; for a scenario give --start-deg or "
             "--disturbance."
         )
-    with WorkerPool(workers, scheduler, observer) as pool:
+    with WorkerPool(fliers) as pool:
         searched = StatedSet(plan.of_group(group), pool, completed=completed, **searched_in)
         flight = searched.find_worst(budget=budget, seed=seed)
         flight = replace(flight, endings=pool.progress.endings)

@@ -11,7 +11,6 @@ from flown_campaigns import Notes, flown_here, write_campaign
 
 import flighttune as ft
 from flighttune.campaigns.flying.rows import fly_group, rows_flown, scenario_of_run
-from flighttune.claims import counting
 from flighttune.claims.band import RecordedSignals
 from flighttune.claims.counted_flights import flights_of
 from flighttune.claims.counted_flights import plan_of as plan_of_band
@@ -37,7 +36,7 @@ def small_plan(*disperse, plants=(KINEMATIC,), design="random", **tables):
 
 def count(plan=None, rows=rows_flown, kind=ft.band, **settings):
     """The band, or another kind of count, of a small plan, flown in this process."""
-    with flown_here(counting, rows):
+    with flown_here(rows):
         return kind(plan or small_plan(), **{**FEW, **settings})
 
 
@@ -74,7 +73,7 @@ def test_the_flights_inside_are_those_whose_errors_are(counted):
 
 
 def test_more_flights_are_added_to_the_count(counted):
-    with flown_here(counting) as pool:
+    with flown_here() as pool:
         more = count_more(counted, 2 * WITH_FIVE, pool)
         for other in (WITH_FIVE, 40, 3 * WITH_FIVE):
             with pytest.raises(ft.InputError, match=r"`flights` .*58, 116, 232"):
@@ -94,12 +93,12 @@ def test_a_recount_finds_a_flight_that_differs(counted):
     extremes = counted.extremes.copy()
     extremes[4] = np.nextafter(extremes[4], np.inf)
 
-    with flown_here(counting) as pool:
+    with flown_here() as pool:
         draws = some_draws(counted, WITH_FIVE)
         assert differing(counted, draws, pool) == []
         assert differing(replace(counted, extremes=extremes), draws, pool) == [14]
         with pytest.raises(ft.InputError, match="`count` must be 1 to"):
-            ft.verify(counted, count=WITH_FIVE + 1, pool=pool)
+            ft.verify(counted, count=WITH_FIVE + 1)
 
 
 def test_a_recount_finds_a_flight_that_had_another_wind():
@@ -109,7 +108,7 @@ def test_a_recount_finds_a_flight_that_had_another_wind():
     wind = counted.wind.copy()
     wind[3, 1] += 1e-3
 
-    with flown_here(counting) as pool:
+    with flown_here() as pool:
         for band, found in ((counted, []), (replace(counted, wind=wind), [10 + 3])):
             assert differing(band, band.draws.tolist(), pool) == found
 

@@ -17,7 +17,6 @@ from scipy.stats import hypergeom
 import flighttune as ft
 from flighttune.base.files import code
 from flighttune.base.files.table import tables_of
-from flighttune.claims import counting
 from flighttune.claims.counting import count_more, differing, some_draws
 from flighttune.claims.shape import learned_shape
 from tests.campaigns.test_band import ALONE, WITH_FIVE, count, small_plan
@@ -32,7 +31,7 @@ def counted():
 
 def verified(path, status, *options):
     """What `verify` says where it flies all flights again, in this process."""
-    with flown_here(counting):
+    with flown_here():
         return "".join(flighttune("verify", path, "--count", WITH_FIVE, *options, status=status))
 
 
@@ -72,7 +71,7 @@ def test_a_single_copy_is_flown_again(counted):
     extremes = counted.extremes.copy()
     extremes[20] = extremes[3]
 
-    with flown_here(counting) as pool:
+    with flown_here() as pool:
         band = replace(counted, extremes=extremes)
         assert 10 + 20 in differing(band, some_draws(band, 1), pool)
 
@@ -128,7 +127,7 @@ def test_names_that_a_maker_chose_are_quoted_and_no_part_of_the_claim(counted, t
 
 
 def test_a_continued_count_cannot_pass_for_one_planned_so_long(counted, tmp_path):
-    with flown_here(counting) as pool:
+    with flown_here() as pool:
         more = count_more(counted, 2 * WITH_FIVE, pool)
     about = edited(more, "runs", value=10 + 2 * WITH_FIVE)
     path = forged(more, tmp_path / "x.npz", about=about)
@@ -173,11 +172,11 @@ def test_a_claim_other_than_that_planned_shares_its_confidence_and_its_shape(cou
     other = counted.claiming(0.5, 0.9)
     other.save(tmp_path / "x.npz")
     hidden = forged(other, tmp_path / "y.npz", {"planned": None})
-    with flown_here(counting) as pool:
-        shown, *_ = (ft.verify(path, pool=pool) for path in (tmp_path / "x.npz", hidden))
+    with flown_here():
+        shown, *_ = (ft.verify(path) for path in (tmp_path / "x.npz", hidden))
 
         assert shown.valid
-        assert not ft.verify(hidden, pool=pool).valid
+        assert not ft.verify(hidden).valid
     assert other.confidence == pytest.approx(1.0 - 0.1 - 0.1)
     assert "0.8 (shared with the claim planned, 0.3 at 0.9)" in shown.claim.sentence
     assert other.claiming(0.3, 0.9).confidence == counted.confidence
@@ -236,7 +235,7 @@ def made(kind, folder):
         fence = folder / "fence.geojson"
         ring = [[8.49, 47.39], [8.51, 47.39], [8.51, 47.41], [8.49, 47.41], [8.49, 47.39]]
         fence.write_text(json.dumps({"type": "Polygon", "coordinates": [ring]}))
-        with flown_here(counting):
+        with flown_here():
             return ft.mission(on_a_leg(), fences=[fence], **UNTIL_SURE).band
     return count(flights=ALONE)
 
@@ -265,7 +264,7 @@ def test_no_sentence_uses_a_field_of_a_file_that_is_not_checked(tmp_path, kind):
     tables, said, claims = tables_of(counted.about), [], told(counted)
     first = {tuple(key for key in place if isinstance(key, str)): place
              for place, _ in reversed([*fields(tables)])}  # fmt: skip
-    with flown_here(counting) as pool:
+    with flown_here():
         for place in first.values():
             of_kind = any(place[: len(above)] == above for above in KINDS[kind])
             if not of_kind or place[-1] in TRUE_TOO or place in CHOSEN:
@@ -277,7 +276,7 @@ def test_no_sentence_uses_a_field_of_a_file_that_is_not_checked(tmp_path, kind):
             try:
                 band = ft.load(forged(counted, tmp_path / "x.npz", forgery))
                 lies = told(band) != claims  # all is flown again where it says something else
-                if lies and ft.verify(band, count=len(counted.scores), pool=pool).valid:
+                if lies and ft.verify(band, count=len(counted.scores)).valid:
                     said.append((".".join(map(str, place)), told(band)))
             except ft.InputError:
                 continue
@@ -288,8 +287,8 @@ def test_no_sentence_uses_a_field_of_a_file_that_is_not_checked(tmp_path, kind):
 def test_the_chance_that_verify_misses_a_forgery_is_that_of_doubling_epsilon(counted, tmp_path):
     """Of N flights counted, K = epsilon N are forged, and n are flown again."""
     counted.save(tmp_path / "x.npz")
-    with flown_here(counting) as pool:
-        note = " ".join(ft.verify(tmp_path / "x.npz", count=3, pool=pool).answer().notes)
+    with flown_here():
+        note = " ".join(ft.verify(tmp_path / "x.npz", count=3).answer().notes)
 
     flights, epsilon = len(counted.scores), counted.about.epsilon
     forged_flights = math.ceil(epsilon * flights)

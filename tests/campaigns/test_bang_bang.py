@@ -12,7 +12,6 @@ from scipy.signal import dimpulse, dlti
 
 import flighttune as ft
 from flighttune.claims.tubes.tube import stated_problem
-from flighttune.studies import worst as worst_module
 from flighttune.studies.worst import _other, _slopes
 
 SMALL = 1e-4
@@ -70,7 +69,7 @@ def searched(folder, start_deg):
     """What `worst` says of disturbances, and of starts within `start_deg`."""
     path = folder / "level.toml"
     scenario_file(path, ft.scenario_from(level()))
-    with flown_here(worst_module):
+    with flown_here():
         return answer(
             "worst", path, "--disturbance", SMALL, "--start-deg", start_deg, "--metric",
             "chi.peak_rad", "--budget", BUDGET, "--out", folder / "worst.toml",

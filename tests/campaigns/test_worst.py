@@ -68,7 +68,7 @@ def test_chance_is_that_of_the_worst_flight_so_far_and_others_are_tried():
 @pytest.mark.slow
 def test_the_worst_flight_is_worse_than_random_ones_and_is_flown_again_as_it_was():
     plan = small_plan()
-    with flown_here(worst_module) as pool:
+    with flown_here() as pool:
         searched = StatedSet(plan, pool, metric="chi.peak_rad")
         worst = searched.find_worst(budget=320, seed=1)
 
@@ -101,7 +101,7 @@ def test_flights_that_end_early_are_the_worst_or_left_out(completed, worst):
     def rows(plan, runs, **options):
         return [{"run": run, "status": x, "chi.ITAE": y} for run, (x, y) in enumerate(ends)]
 
-    with flown_here(worst_module, rows) as pool:
+    with flown_here(rows) as pool:
         searched = StatedSet(small_plan(), pool, metric="chi.ITAE", completed=completed)
         values = searched.values(np.zeros((3, 2)), np.arange(3))
 
@@ -126,7 +126,7 @@ def test_nearness_is_that_to_the_widest_place_until_a_flight_leaves_the_narrowes
 
 def test_the_command_writes_a_scenario_that_flies_to_what_it_says(tmp_path):
     drawn = ft.flights(small_plan(expect=[DEMAND]))
-    with flown_here(worst_module), mock.patch.object(worst_module, "flights", return_value=drawn):
+    with flown_here(), mock.patch.object(worst_module, "flights", return_value=drawn):
         said = answer("worst", "campaign", "--budget", 64, "--out", tmp_path / "worst.toml")
 
     assert said["metric"] == "margin"

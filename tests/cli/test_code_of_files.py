@@ -19,7 +19,6 @@ from flighttune.base.files import code
 from flighttune.campaigns.engine import pool
 from flighttune.campaigns.engine.flyer import Flyer, work_of
 from flighttune.campaigns.flying.rows import Draw
-from flighttune.claims import counting
 from flighttune.cli.options import COMMANDS
 
 pytestmark = pytest.mark.usefixtures("own_workers")  # paths are those of the working folder
@@ -228,7 +227,7 @@ def received(tmp_path_factory):
         ft.run_campaign("campaign.toml", "campaign", workers=1)
         ft.tube("scenario.toml", "paper", start=0.01).save("tube.npz")
         ft.certify("scenario.toml", "paper").certificate.save("certificate.json")
-        with flown_here(counting):
+        with flown_here():
             ft.band("scenario.toml", learn=10, **few, **mine).save("band.npz")
             ft.band("scenario_of_route.toml", learn=10, **few, **mine).save("route.npz")
             ft.monitor("with_aircraft.toml", learn=20, **few, **mine).save("monitor.npz")

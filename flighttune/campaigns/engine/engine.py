@@ -4,7 +4,7 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Unpack
 
 import pandas as pd
 
@@ -14,8 +14,8 @@ from flighttune.base.errors import InputError, RecordingError, StoppedError
 from flighttune.base.files import code
 from flighttune.base.files.load import CAMPAIGN
 from flighttune.campaigns.dataset import RUNS, Dataset, locked, open_dataset, parquet_bytes
+from flighttune.campaigns.engine.fliers import Fliers, FlownBy
 from flighttune.campaigns.engine.pool import WorkerPool
-from flighttune.campaigns.engine.progress import CampaignObserver
 from flighttune.campaigns.flying.columns import table_of
 from flighttune.campaigns.planning.plan import Group, Plan, plan_campaign
 from flighttune.campaigns.planning.source import load_campaign
@@ -49,7 +49,7 @@ def forecast(plan: Plan, workers: int | None = None) -> Forecast:
 def _cost(plan: Plan, workers: int) -> dict[str, Any]:
     """Fly a few runs of a plan in one process and estimate what all of them will take."""
     size = min(len(plan.groups), plan.runs)
-    with WorkerPool(1) as pool:
+    with WorkerPool(Fliers(workers=1)) as pool:
         list(pool.rows(plan, range(size)))  # untimed: starts the process
         while True:
             began = time.perf_counter()
@@ -110,10 +110,8 @@ def run_campaign(
     out: str | Path,
     *,
     runs: int | None = None,
-    workers: int | None = None,
-    scheduler: str | None = None,
     resume: bool = False,
-    observer: CampaignObserver | None = None,
+    **by: Unpack[FlownBy],
 ) -> CampaignOutcome:
     """Fly a campaign, or the runs that are missing from it.
 
@@ -154,12 +152,12 @@ def run_campaign(
     >>> ft.run_campaign("first_campaign", "runs/first", runs=4).completed
     4
     """
-    began = time.perf_counter()
+    began, fliers = time.perf_counter(), Fliers(**by)
     plan = campaign if isinstance(campaign, Plan) else plan_campaign(load_campaign(campaign))
     if runs is not None:
         check_at_least(1, runs=runs)
         plan = plan.with_runs(runs)
-    with WorkerPool(workers, scheduler, observer) as pool, locked(Path(out)):
+    with WorkerPool(fliers) as pool, locked(Path(out)):
         dataset = _dataset(out, plan, resume=resume)
         dataset.clean()
         _count(dataset, pool)

@@ -6,9 +6,9 @@ from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from itertools import chain
 from typing import Any
 
-from flighttune.base.arrays import check_at_least
-from flighttune.base.errors import InputError, StoppedError
-from flighttune.campaigns.engine.cluster import ClusterWorkers, campaign_error, check_scheduler
+from flighttune.base.errors import StoppedError
+from flighttune.campaigns.engine.cluster import ClusterWorkers, campaign_error
+from flighttune.campaigns.engine.fliers import Fliers
 from flighttune.campaigns.engine.flyer import OF_THREAD, Answer, Flyer, fly, work_of
 from flighttune.campaigns.engine.progress import CampaignObserver, CampaignProgress
 from flighttune.campaigns.flying import rows as flying
@@ -59,20 +59,10 @@ class WorkerPool:
 
     # Workers are started, or connected to, when there is something to fly, and stop at the end of
     # the ``with`` block.
-    def __init__(
-        self,
-        workers: int | None = None,
-        scheduler: str | None = None,
-        observer: CampaignObserver | None = None,
-    ) -> None:
-        if workers is not None and scheduler is not None:
-            raise InputError("`workers` must not be given with `scheduler`, which has its own.")
-        check_at_least(1, workers=workers)
-        if scheduler:
-            check_scheduler(scheduler)
-        self._count, self._scheduler = workers or cores(), scheduler
+    def __init__(self, fliers: Fliers) -> None:
+        self._count, self._scheduler = fliers.workers or cores(), fliers.scheduler
         self._workers: Threads | ClusterWorkers | None = None
-        self.observer = observer or CampaignObserver()
+        self.observer = fliers.observer or CampaignObserver()
         self.progress = CampaignProgress()
 
     def __enter__(self) -> "WorkerPool":

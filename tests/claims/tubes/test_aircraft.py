@@ -14,7 +14,6 @@ from hypothesis import strategies as st
 from made_up import scenario_file
 
 import flighttune as ft
-from flighttune.claims import verbs as band_module
 from flighttune.claims.counted_flights import plan_of
 from flighttune.claims.shape import LEAST
 from flighttune.claims.tubes.enclosure import Tube, load_tube
@@ -184,10 +183,10 @@ def test_with_its_band_boxes_are_rebuilt_and_flown_again(tmp_path):
     found.save(tmp_path / "tube.npz")
     narrow = replace(boxes, extremes=np.float32(0.01) * boxes.extremes)
 
-    with flown_here(band_module) as pool:
-        verified = ft.verify(tmp_path / "tube.npz", boxes=boxes, pool=pool)
+    with flown_here():
+        verified = ft.verify(tmp_path / "tube.npz", boxes=boxes)
         of_narrow = tube(scenario, ft.PAPER_GAINS, band=narrow, for_ever=False)
-        forged = ft.verify(of_narrow, pool=pool)
+        forged = ft.verify(of_narrow)
 
     assert verified.valid
     assert verified.checks
