@@ -1,6 +1,7 @@
 """The sampled loop against the continuous law, behind sensors, and the shape of what it returns."""
 
 import math
+import os
 import weakref
 
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 
 import flighttune as ft
 from flighttune.control.mimo_pi import INTEGRAL_SIGNALS
+from flighttune.flight.loop.batch import cores
 from flighttune.flight.loop.loop import LOOP_SIGNALS, Flight, simulate
 from flighttune.flight.loop.run import SIGNAL_UNITS
 from flighttune.routes.segments import Segment
@@ -213,3 +215,14 @@ def test_a_schedule_goes_by_the_airspeed_that_was_measured():
     )
 
     assert fast["phi_cmd"] == pytest.approx(true["phi_cmd"] * 30.0 / 25.0, rel=1e-12)
+
+
+@pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="the system has no such call")
+def test_cores_are_those_that_this_process_may_use():
+    allowed = os.sched_getaffinity(0)
+    assert cores() == len(allowed)
+    try:
+        os.sched_setaffinity(0, {min(allowed)})
+        assert cores() == 1
+    finally:
+        os.sched_setaffinity(0, allowed)

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from scipy.signal import cont2discrete, dlsim, tf2ss
 
 import flighttune as ft
 from flighttune.vehicles.identification import fit
@@ -40,6 +41,22 @@ def test_the_lag_that_made_the_data_is_found(lag):
     if lag.order == 2:
         assert found.damping == pytest.approx(lag.damping, rel=RECOVERED)
     assert share == pytest.approx(100.0, abs=1e-6)
+
+
+@pytest.mark.parametrize("order", [1, 2, 3])
+@pytest.mark.parametrize("delay", [0.0, 0.02, 0.033, 0.0056])
+def test_a_lag_answers_held_commands_as_scipy_has_it(order, delay):
+    """Delays are whole steps of 0.2 ms, over which SciPy's answer to held commands is exact."""
+    lag = ft.loop.InnerLag(order=order, natural_frequency=6.0, damping=0.4, lag=0.15, delay=delay)
+    poles = [1.0, 6.0] if order == 1 else [1.0, 2.0 * 0.4 * 6.0, 36.0]
+    over = np.polymul(poles, [0.15, 1.0] if order == 3 else [1.0])
+    commanded, fine, start = commands()[:300], 100, 0.7
+    late = np.repeat(commanded - start, fine)
+    late = np.concatenate([np.zeros(round(delay / DT * fine)), late])[: len(late)]
+    system = cont2discrete(tf2ss([poles[-1]], over), DT / fine, "zoh")
+    expected = start + dlsim(system, late[:, None])[1][::fine, 0]
+
+    assert lag_response(lag, DT, commanded, start) == pytest.approx(expected, abs=1e-9)
 
 
 def test_noise_is_not_told_by_a_lag():
