@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from airframes import fdm_of
 from made_up import shortened
 
 import flighttune as ft
@@ -70,3 +71,13 @@ def test_a_sample_of_the_outer_loop_is_whole_steps():
     assert [steps_for(config, rate) for rate in rates] == [1, 1, 2, 6, 7, 5]
     with pytest.raises(ft.InputError, match=r"`controller\.rate_hz` .*200 Hz.* 7\.3"):
         steps_for(config, 7.3)
+
+
+def test_time_at_rest_does_not_count_and_ends_early_where_it_may():
+    fdm = fdm_of("c172p")
+
+    # A share of 0 never ends the wait, a share of 1 does so with the second sample.
+    assert not fdm.hold(0.1)
+    assert fdm.hold(0.1, still=1.0)
+    assert fdm.reader("simulation/sim-time-sec")() == 0.0
+    assert fdm.reader("simulation/dt")() == pytest.approx(1.0 / fdm.rate)
