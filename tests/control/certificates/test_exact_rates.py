@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import flighttune as ft
-from flighttune.control.certificates.exact_rate import ExactRate, Sampling, exact_rates
-from flighttune.control.inner_loop import MAX_SAMPLED
+from flighttune.control.certificates.exact_rate import ExactRate, Sampling, exact_rates, lag_units
+from flighttune.control.inner_loop import MAX_SAMPLED, with_inner_loop
 from flighttune.vehicles.identification.file import design_model
 
 # Share of the true rate that must be proven.
@@ -138,3 +138,19 @@ def test_a_sampled_loop_has_the_integral_of_its_law(mission):
     checks = [x.checks(model, mission.gains) for x in (sampling, other)]
     assert not sampling.trapezoidal
     assert [[check.exact for check in each] for each in checks] == [[True, True], [True, False]]
+
+
+def test_states_of_lags_count_by_the_rate_that_their_own_channel_causes():
+    """A radian of roll turns level flight by g/V, a unit of load factor too; others are 1."""
+    lags = (
+        ft.loop.InnerLag(order=2, natural_frequency=9.0, damping=0.6),
+        ft.loop.InnerLag(order=1, natural_frequency=14.0),
+    )
+    model = with_inner_loop(ft.loop.kinematic_model(V_a=25.0, gamma=0.0, g=9.81), lags)
+
+    units = lag_units(model)
+
+    behind = [name.startswith(("phi", "n_z")) for name in model.states]
+    assert behind.count(True) == 3
+    expected = np.where([*behind, False, False], 25.0 / 9.81, 1.0)
+    assert units == pytest.approx(expected, rel=1e-12)

@@ -10,6 +10,7 @@ from pathlib import Path
 import jsbsim
 import numpy as np
 import pytest
+from airframes import fdm_of
 from commands import answer, flighttune
 from killed import each_end, files_in
 from places import SHIPPED_AIRCRAFT, SHIPPED_SCENARIOS
@@ -18,12 +19,12 @@ import flighttune as ft
 from flighttune.base.files.shipped import models_of_jsbsim
 from flighttune.flight.conditions import start_condition
 from flighttune.studies.adoption.adopt import aircraft_text, final_tables
-from flighttune.studies.adoption.survey import survey, wide_tables
+from flighttune.studies.adoption.survey import _largest_drag, survey, wide_tables
 from flighttune.vehicles.aircraft.aircraft import aircraft_from
 from flighttune.vehicles.identification.design import Airframe
 from flighttune.vehicles.plants.jsbsim.bench import AirframeState, Bench, check_moves
 from flighttune.vehicles.plants.jsbsim.fdm import Fdm
-from flighttune.vehicles.plants.jsbsim.trim import level
+from flighttune.vehicles.plants.jsbsim.trim import _TrimProblem, level
 
 DEG = math.pi / 180.0
 CENTIDEGREE = 0.01
@@ -992,3 +993,17 @@ def test_the_page_of_the_docs_names_every_model_of_the_wheel():
     assert commands.count("| yes | yes | yes | yes | yes |") == 8  # but for gliders
     known = "737", "A320", "c182", "DHC6", "J3Cub", "T38", "B747", "p51d", "sgs126", "f16"
     assert set(known) <= set(adopted)
+
+
+@pytest.mark.parametrize(("aircraft", "V_a"), [("aerosonde", 25.0), ("c172p", 50.0)])
+def test_the_largest_part_of_the_drag_has_its_share_of_what_acts(aircraft, V_a):
+    """JSBSim's own sum of the drag axis, in lbf."""
+    fdm = fdm_of(aircraft)
+    trimmed = _TrimProblem(fdm, ft.loop.FlightCondition(V_a=V_a, h=1000.0))
+    trimmed.check(trimmed.steady())
+
+    name, share = _largest_drag(fdm)
+
+    total, part = fdm.reader("forces/fwx-aero-lbs")(), fdm.reader(name)()
+    assert share == pytest.approx(part / total, rel=1e-9)
+    assert share > 0.5
