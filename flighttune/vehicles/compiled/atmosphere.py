@@ -121,7 +121,8 @@ def _height_of(x: Number, of_layers: Sequence[float], exponent: Callable[[float]
     base, T = lookup(of_layers, layer), lookup(_TEMPERATURES, layer)
     rate, h = lookup(_LAPSE_RATES, layer), lookup(_HEIGHTS, layer)
     exponents = [exponent(rate) if rate else 1.0 for rate in _LAPSE_RATES]
-    falling = h + (T / rate) * (power(x / base, lookup(exponents, layer)) - 1)
+    divisor = select(equal(rate, 0.0), 1.0, rate)
+    falling = h + (T / divisor) * (power(x / base, lookup(exponents, layer)) - 1)
     constant = h + (-R_DRY * T / G_0) * call("log", x / base)
     return _geometric(select(equal(rate, 0.0), constant, falling))
 

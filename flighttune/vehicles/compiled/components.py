@@ -275,16 +275,12 @@ def _aerosurface_scale(part: Part) -> Number:
 
 
 def _sensor(part: Part) -> Number:
-    part.only_known("lag", "drift_rate", "gain", "bias", "delay", "quantization")
-    now, x = part.now, part.x
-    lag, gain, drift = (part.number(tag) for tag in ("lag", "gain", "drift_rate"))
+    part.only_known("lag", "gain", "bias", "delay", "quantization")
+    x = part.x
     if part.has("lag"):
-        x = part.lagged(x, lag)
-    if part.has("drift_rate"):
-        now[part.memory("drift")] = now[part.memory("drift")] + drift * part.dt
-        x = x + now[part.memory("drift")]
+        x = part.lagged(x, part.number("lag"))
     if part.has("gain"):
-        x = x * gain
+        x = x * part.number("gain")
     x = part.delayed(x + part.number("bias"))
     quantization = part.element.find("quantization")
     if quantization is None:

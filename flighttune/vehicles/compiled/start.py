@@ -49,8 +49,10 @@ from flighttune.vehicles.plants.jsbsim.fdm import Fdm
 
 Values: TypeAlias = dict[str, float]
 
+# Longest delay of a component, in its runs.
 # Doubles on each side of a guess that are tried, for quaternions and for an acceleration; samples
 # of the inner loop by which they are told apart.
+_MOST_DELAYED = 1000
 _NEAR, _TRIED, _FAR, _FEW, _MANY = 4, 64, 2048, 12, 400
 
 
@@ -119,12 +121,13 @@ class _Integrator:
     fades: bool  # whether all gains can be taken away
     source: str
     trigger: str
+    slope: str  # property of the slope of its input; empty if it computes that
     kind: str
     rate: int  # steps from one run to the next
 
     def reads(self, fdm: Fdm) -> list[str]:
         """Properties that it reads and shows."""
-        names = self.name, self.source.lstrip("-"), self.trigger, *self.gains.values()
+        names = self.name, self.source.lstrip("-"), self.trigger, self.slope, *self.gains.values()
         return [name for name in names if name and fdm.shows(name)]
 
     def _gain(self, tag: str, row: Mapping[str, float]) -> float:
@@ -143,6 +146,8 @@ class _Integrator:
             stays = bool(self.trigger) and abs(row[self.trigger]) >= ZERO_TRIGGER
             changes.append(k_i * dt * (0.0 if stays else integrand(self.kind, x, before)))
         slopes = [0.0, *((b - a) / dt for a, b in pairwise(inputs))]
+        if self.slope:
+            slopes = [row[self.slope] for row in rows]
         # It is empty while disengaged, and runs once or twice with the loop engaged.
         once, near = k_i * dt * inputs[0], shown[0] - k_p * inputs[0]
         guesses = [once, once + once, 0.0, *neighbours(once, _TRIED)]
@@ -178,6 +183,7 @@ def _integrators(fdm: Fdm, root: Element) -> list[_Integrator]:
                 not any(numbers),
                 source,
                 (element.findtext("trigger") or "").strip(),
+                (element.findtext("pvdot") or "").strip(),
                 integrator_kind(element),
                 execution_rate(channel),
             )
@@ -230,7 +236,7 @@ class _Start:
     def _component(self, element: Element) -> Values:
         sources, name = inputs_of(element), name_of(element)
         kind = element.tag
-        if not sources or not element.get("name"):
+        if not element.get("name") or not (sources or kind == "switch"):
             return {}
         if kind == "actuator":
             return self._actuator(element, self._value(sources[0]))
@@ -239,8 +245,8 @@ class _Start:
         if kind in FILTERS:
             x, y = self._value(sources[0]), self[name]
             return {f"_in:{name}": x, f"_in2:{name}": x, f"_out:{name}": y, f"_out2:{name}": y}
-        if kind == "sensor":
-            return {f"_delay{k}:{name}": self[name] for k in range(1, 8)}
+        if kind in ("sensor", "switch"):
+            return self._late(element, self._value(sources[0]) if kind == "sensor" else 0.0)
         return {}
 
     def _engine(self, engine: EngineFile) -> Values:
@@ -270,8 +276,17 @@ class _Start:
         name = name_of(element)
         y, clip = self[name], element.find("clipto")
         bounds = [] if clip is None else [self._value(end.text or "") for end in clip]
-        y = x if y in bounds else y
-        return {f"_lag-in:{name}": x, f"_lag-out:{name}": y, f"_rate:{name}": y}
+        y = x if y in bounds or _changes_more(element) else y
+        past = {f"_{kind}:{name}": y for kind in ("lag-out", "rate", "hysteresis")}
+        return self._late(element, x) | past
+
+    def _late(self, element: Element, x: float) -> Values:
+        """A lag and a delay whose input has been `x`."""
+        name = name_of(element)
+        y = self[name]
+        late = {f"_delay{k}:{name}": y for k in range(1, _MOST_DELAYED)}
+        last = x if _changes_more(element) else y
+        return {f"_lag-in:{name}": x, f"_lag-out:{name}": last, **late}
 
     def _integrator(self, element: Element, x: float) -> Values:
         def parameter(tag: str) -> float:
@@ -318,6 +333,12 @@ def _inertia(fdm: Fdm) -> Values:
     J = [[xx, -xy, xz], [-xy, yy, -yz], [xz, -yz, zz]]
     entries = [x for matrix in (J, inverse_inertia(J)) for row in matrix for x in row]
     return dict(zip((*INERTIA, *INVERSE_INERTIA), map(float, entries), strict=True))
+
+
+def _changes_more(element: Element) -> bool:
+    """Whether a component does more to its input than a lag: its output is not that of the lag."""
+    parts = "gain", "bias", "deadband_width", "hysteresis_width", "quantization"
+    return any(element.find(tag) is not None for tag in parts)
 
 
 def neighbours(x: float, count: int) -> list[float]:

@@ -1,0 +1,131 @@
+"""The compiled step of aircraft against JSBSim, property by property and to the bit."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from airframes import fdm_of
+from commands import answer
+from compiled_flights import differing, flown_by_both
+
+from flighttune.base.units import FT
+from flighttune.vehicles.aircraft.aircraft import OffNominal, load_aircraft
+from flighttune.vehicles.compiled.atmosphere import atmosphere, pressures
+from flighttune.vehicles.compiled.face import CompiledStep, compiled
+from flighttune.vehicles.compiled.properties import Properties
+from flighttune.vehicles.compiled.trace import Graph
+from flighttune.vehicles.plants.weather import Gust, Turbulence, Weather, WindProfile
+
+ADOPTED = Path(__file__).parents[2] / "adopted"
+WIND = WindProfile(((0.0, (3.0, -2.0, 0.1)),))
+GUST = Gust(axis="right", peak=3.0, start=0.5, rise=0.6, hold=0.3)
+
+
+@pytest.mark.parametrize("aircraft", ["aerosonde", "x8", "a4", "c172p"])
+def test_every_property_is_that_of_jsbsim(aircraft):
+    flown = flown_by_both(aircraft, 10.0)
+
+    assert len(flown) > 200
+    assert differing(flown) == []
+
+
+@pytest.mark.parametrize("gust", [None, GUST], ids=["", "gust"])
+@pytest.mark.parametrize("model", [None, "tustin", "milspec"])
+def test_so_is_the_air(model, gust):
+    turbulence = model and Turbulence(severity=4, wind_20ft=6.0, model=model)
+    weather = Weather(wind=WIND, turbulence=turbulence, gust=gust)
+    step = compiled(load_aircraft("aerosonde"), turbulence=model, gust=gust is not None)
+
+    flown = flown_by_both("aerosonde", 4.0, step, weather=weather)
+
+    assert differing(flown) == []
+    assert (np.ptp(flown["atmosphere/total-wind-east-fps"][1]) > 0.1) == bool(model or gust)
+
+
+@pytest.mark.parametrize("bias", [0.0, 9.0])
+@pytest.mark.parametrize("h", [-900.0, 300.0, 11100.0, 25e3, 40e3, 48e3, 60e3, 75e3, 89e3])
+def test_every_layer_of_the_atmosphere_is(h, bias):
+    fdm = fdm_of("a4")
+    fdm.writer("atmosphere/delta-T")(bias)
+    fdm.writer("atmosphere/P-sl-psf")(2000.0)
+    fdm.writer("ic/h-sl-ft")(h / FT)
+    fdm.evaluate()
+    given = ("delta-T", "P-sl-psf", "rho-sl-slugs_ft3")
+    names = ("T-R", "P-psf", "rho-slugs_ft3", "a-fps", "sigma", "delta")
+    names += ("pressure-altitude", "density-altitude")
+    now = Properties(Graph())
+    now["position/h-sl-ft"] = fdm.reader("position/h-sl-ft")()
+    for name in given:
+        now[f"atmosphere/{name}"] = fdm.reader(f"atmosphere/{name}")()
+    for name, value in pressures(2000.0, bias).items():
+        now[name] = value
+
+    atmosphere(now)
+
+    for name in names:
+        assert now[f"atmosphere/{name}"] == fdm.reader(f"atmosphere/{name}")(), name
+
+
+def test_slow_computers_ground_and_shifted_air_are():
+    assert differing(flown_by_both("c172p", 2.0, steps=3, ground=430.0)) == []
+
+
+def test_one_step_flies_every_draw_of_an_aircraft():
+    steps = []
+    for factor in (0.9, 1.1):
+        off = OffNominal(
+            mass_factor=factor,
+            cg_aft_m=0.004 * (factor - 1.0),
+            **dict.fromkeys(("ixx_factor", "iyy_factor", "izz_factor"), factor),
+            lift_factor=factor,
+            thrust_factor=factor,
+            actuator_lag_factor=factor,
+            coefficient_factors={"Cm_alpha": factor},
+        )
+        config = load_aircraft("aerosonde").with_off_nominal(off)
+        steps.append(compiled(config))
+
+        assert differing(flown_by_both(config, 2.0, steps[-1])) == []
+
+    assert steps[0] is steps[1]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("aircraft", sorted(ADOPTED.iterdir()), ids=lambda path: path.name)
+def test_adopted_aircraft_are_compiled_or_refused_by_name(aircraft):
+    step = compiled(load_aircraft(aircraft), turbulence="tustin")
+
+    assert isinstance(step, CompiledStep) or aircraft.name in REFUSED
+    if aircraft.name in REFUSED:
+        assert REFUSED[aircraft.name] in step.reason
+
+
+# Aeroplanes of JSBSim's set that are not compiled, with a word of the reason.
+REFUSED = {
+    **dict.fromkeys(("c172x", "c310", "global5000"), "<waypoint_heading>"),
+    "Short_S23": "differs first",
+    "f16": "`fcs/g-load-pid` differs first",
+    "p51d": "`ap/map-error-pid` differs first",
+}
+COMPILED = (
+    *("737", "787-8", "A320", "A4", "B17", "B747", "Boeing314", "C130", "Camel", "Concorde"),
+    *("DHC6", "F4N", "F80C", "J3Cub", "L17", "L410", "MD11", "OV10", "Shuttle", "T37", "T38"),
+    *("X15", "XB-70", "c172p", "c172r", "c182", "dr1", "f104", "f15", "f22", "fokker100"),
+    *("minisgs", "pa28", "pc7", "pogo-jsbsim", "sgs126", "sgs233", "t6texan2", "x24b"),
+)
+
+
+@pytest.mark.soak
+@pytest.mark.slow
+@pytest.mark.parametrize("model", [*COMPILED, *REFUSED])
+def test_the_fleet_of_jsbsim_is_compiled_to_the_bit_or_refused_by_name(tmp_path, model):
+    answer("adopt", model, "--out", tmp_path / model)
+    step = compiled(load_aircraft(tmp_path / model))
+
+    assert isinstance(step, CompiledStep) or REFUSED[model] in step.reason
+    assert (model in REFUSED) != isinstance(step, CompiledStep)
+
+
+def test_most_of_the_fleet_is_compiled():
+    assert len(COMPILED) >= 39
+    assert not set(COMPILED) & REFUSED.keys()
