@@ -1,5 +1,6 @@
 """A scenario to runs: every gain set, by each law on each plant, with metrics."""
 
+import os
 import platform
 import shlex
 import time
@@ -25,6 +26,7 @@ from flighttune.flight import conditions, load, models
 from flighttune.flight.apart import Progress, apart
 from flighttune.flight.entry import Entry, entries
 from flighttune.flight.flown import FlownScenario
+from flighttune.flight.loop.aircraft import JSBSIM, CompiledAircraft
 from flighttune.flight.loop.loop import LOOP_SIGNALS, simulate
 from flighttune.flight.loop.run import SIGNAL_UNITS, Provenance, Run, RunStatus
 from flighttune.flight.own import LawMaker, PlantMaker, with_own
@@ -160,8 +162,13 @@ def aircraft_table(scenario: Scenario, plant: str | None = None) -> PlantTable:
     return aircraft[label]
 
 
-def plant_of(table: PlantTable, scenario: Scenario, wind: WindRecord | None = None) -> Plant:
-    """A fresh plant of a scenario, ready to start; one that is no aircraft flies in `wind`."""
+def plant_of(
+    table: PlantTable, scenario: Scenario, wind: WindRecord | None = None, *, compiled: bool = False
+) -> Plant:
+    """A fresh plant of a scenario, ready to start; one that is no aircraft flies in `wind`.
+
+    `compiled`: an aircraft may be flown by its compiled step.
+    """
     if table.of_the_user:
         return GuardedPlant.made(table.label, table.maker, table.parameters or {})
     if table.aircraft is None:
@@ -191,6 +198,8 @@ def plant_of(table: PlantTable, scenario: Scenario, wind: WindRecord | None = No
         takes_n_x=scenario.airspeed,
         shows_n_x=bool(scenario.controller.speed_priority),
     )
+    if compiled:
+        return steered(CompiledAircraft(aircraft), scenario)
     return steered(aircraft, scenario)
 
 
@@ -218,7 +227,7 @@ def fly_alone(
         reason = f"the wind is that of {source}, which did not fly: {wind_run.reason}"
         made_by = replace(provenance(entry), gains=entry.gains)
         return _without_samples(made_by, wind_run.status, reason)
-    plant = plant_of(entry.plant, scenario, wind)
+    plant = plant_of(entry.plant, scenario, wind, compiled=JSBSIM not in os.environ)
     run = fly_once(entry, plant, lead=entry.lead, progress=progress)
     turns = scenario.turn_back
     if run.status == "no_trim" and turns is not None and turns.or_level and turns.sloped_s is None:

@@ -252,8 +252,8 @@ def test_the_compiled_samples_of_a_route_are_loaded_before_its_runs_are_timed(mo
     pytest.importorskip("numba")
     from flighttune.flight.loop import kernel
 
-    calls, compiled = [], kernel.exact_sample
-    monkeypatch.setattr(kernel, "exact_sample", lambda *x: calls.append(x[0]) or compiled(*x))
+    calls, compiled = [], kernel.law_sample
+    monkeypatch.setattr(kernel, "law_sample", lambda *x: calls.append(x[0]) or compiled(*x))
 
     warm_up(ft.plan_campaign(ft.load_campaign("circuit_in_wind", gains=["paper"])))
 

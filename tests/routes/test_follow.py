@@ -66,8 +66,8 @@ def test_compiled_samples_fly_as_the_plain_loop_does(monkeypatch, name, changes)
     pytest.importorskip("numba")
     from flighttune.flight.loop import kernel
 
-    calls, compiled = [], kernel.exact_sample
-    monkeypatch.setattr(kernel, "exact_sample", lambda *x: calls.append(x[0]) or compiled(*x))
+    calls, compiled = [], kernel.law_sample
+    monkeypatch.setattr(kernel, "law_sample", lambda *x: calls.append(x[0]) or compiled(*x))
     fed_back = {"law": ["exact"], "gains": ["tuned_fed_back"], "expect": []}
     flown = []
     for samples in (0, math.inf):

@@ -50,6 +50,32 @@ class Flights(NamedTuple):
     steps: int  # integration steps in a sample
 
 
+# Numbers of the memory that `law_sample` goes through a flight with.
+MEMORY = 20
+
+
+class SampledLaw(NamedTuple):
+    """A law and its reference, as `law_sample` takes them behind a sample and its load factor."""
+
+    numbers: FloatArray  # of a `RateLaw`, or of a `PILaw`, which are fewer
+    # Places of the course, path angle, airspeed, height and wind that it sees, and the number of
+    # signals; that of the wind is -1 where it sees none
+    places: tuple[int, ...]
+    dt: float  # s: sample time
+    settings: tuple[float, ...]  # those of `guidance`
+    # Numbers of an `AirspeedPriority` and the place of the largest n_x, -1 without one
+    priority: tuple[float, ...]
+    refs: FloatArray  # (samples, 4), or (0, 4) on a route
+    path: FloatArray  # rows of `guidance`, none without a route
+    # (samples, 2), or (0, 2): roll and load factor that a `PILaw` adds; NaN in place of a roll
+    # where the load factor is the vertical lift
+    ahead: FloatArray
+    # (`MEMORY`,): state of the law, the distance along the route (m), the speed over ground (m/s),
+    # the position (m) at the sample before, the estimate of the wind (m/s), and whether the first
+    # sample is over
+    memory: FloatArray
+
+
 class BatchResult(NamedTuple):
     """Results of N flights as arrays."""
 

@@ -23,6 +23,7 @@ from flighttune.control.exact_law import RateLaw
 from flighttune.control.mimo_pi import ChannelLaw, PILaw, PIState
 from flighttune.control.wind import filtered, path_over_ground, speed_in_wind
 from flighttune.flight.loop import measures
+from flighttune.flight.loop.batch import LAW_NUMBERS
 from flighttune.routes import follow, path
 from flighttune.routes.follow import guidance, path_at, speed_over, steepest_sine
 from flighttune.vehicles.plants import point_mass
@@ -46,7 +47,7 @@ except ImportError:
 
 SOURCES = (
     Path(__file__),
-    Path(__file__).with_name("batch.py"),
+    *(Path(__file__).with_name(name) for name in ("batch.py", "compiled.py")),
     *(
         Path(str(module.__file__))
         for module in (exact_law, follow, limits, mimo_pi, path, point_mass, units, measures, wind)
@@ -148,18 +149,13 @@ def error_measures(t, ref, error, effort, limited):
 
 
 @kernel
-def exact_sample(k, n_z, law, places, dt, settings, priority, refs, path, memory, rows):
-    """One sample of a flight under the exact law, into its row, which begins with the signals.
+def law_sample(k, n_z, law, rows):
+    """One sample of a flight under a law of the package, into its row, which has the signals.
 
-    `n_z`: the load factor that the law sees. `law`: numbers of a `RateLaw`. `places`: those of the
-    course, path angle, airspeed, height and wind that it sees, and the number of signals; that of
-    the wind is -1 where it sees none. `dt` (s): sample time. `refs`, shape (samples, 4), or (0, 4)
-    on a route, whose `path` has the rows of `guidance` and `settings` its numbers. `priority`: the
-    numbers of an `AirspeedPriority` and the place of the largest n_x, -1 without one. `memory`,
-    (19,): state of the law, the distance along the route (m), the speed over ground (m/s), the
-    position (m) at the sample before, and the estimate of the wind (m/s). Returns both commands and
-    the distance along the route.
+    `n_z`: the load factor that the law sees. Returns both commands and the distance along the
+    route, m.
     """
+    numbers, places, dt, settings, priority, refs, path, ahead, memory = law
     row, wind, m = rows[k], places[4], places[5]
     chi, gamma, V_a = row[places[0]], row[places[1]], row[places[2]]
     phi, north, east = row[2], row[5], row[6]
@@ -188,11 +184,18 @@ def exact_sample(k, n_z, law, places, dt, settings, priority, refs, path, memory
             ref = ref[0], given, ref[2], 0.0
         row[held] = ref[1]
         held += 1
-    started = memory[:0]  # the exact law has none
     error, u, u_unsat, integral = memory[0:2], memory[2:4], memory[4:6], memory[6:8]
-    state = PIState(error, u, u_unsat, integral, memory[8:10], started, memory[10:12])
-    speed = V_a if wind < 0 else speed_in_wind(chi, gamma, V_a, row[wind : wind + 3])
-    exact_step(_rate_law(law), state, ref, (chi, gamma, phi, n_z), speed)
+    state = PIState(error, u, u_unsat, integral, memory[8:10], memory[19:20], memory[10:12])
+    if len(numbers) < LAW_NUMBERS:
+        more = 0.0, 0.0
+        if len(ahead):
+            more = ahead[k, 0], ahead[k, 1]
+            if math.isnan(more[0]):
+                more = 0.0, more[1] / math.cos(phi)
+        pi_step(_law(numbers), state, (ref[0], ref[1]), (chi, gamma), more, V_a)
+    else:
+        speed = V_a if wind < 0 else speed_in_wind(chi, gamma, V_a, row[wind : wind + 3])
+        exact_step(_rate_law(numbers), state, ref, (chi, gamma, phi, n_z), speed)
     row[m], row[m + 1], row[m + 2], row[m + 3] = ref[0], asked, 0.0, 0.0
     for j in range(2):
         row[m + 4 + j], row[m + 6 + j], row[m + 8 + j] = u[j], u_unsat[j], integral[j]

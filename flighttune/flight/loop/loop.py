@@ -23,7 +23,9 @@ from flighttune.control.controller import (
 )
 from flighttune.control.exact_law import ExactLaw
 from flighttune.control.gains import COMMANDS, ERRORS_WITH_AIRSPEED, WITH_AIRSPEED, PIGains
-from flighttune.flight.loop.batch import numbers_of
+from flighttune.control.mimo_pi import MimoPI
+from flighttune.flight.loop.aircraft import ARRIVED, GOES_ON, CompiledAircraft, compiled_aircraft
+from flighttune.flight.loop.batch import MEMORY, SampledLaw, numbers_of
 from flighttune.routes import follow as following
 from flighttune.routes.feasible import FeasibleReference
 from flighttune.routes.segments import Reference
@@ -159,8 +161,10 @@ class Flight:
         last = round(duration / dt)
         self._t = t = np.arange(last + 1, dtype=np.float64) * dt
         measured_of = _measured(plant.signals, condition.h, sensed=sensors is not None)
+        self._errors = np.empty((0, 3))
         if sensors is not None:
-            plant = SensedPlant(plant, sensors.errors(last + 1, dt))
+            self._errors = sensors.errors(last + 1, dt)
+            plant = SensedPlant(plant, self._errors)
         self._wrapped = getattr(controller, "wrapped", (True,))[0]
         route = reference if isinstance(reference, following.RouteReference) else None
         airspeed = priority = plan = None
@@ -188,67 +192,148 @@ class Flight:
         self._rows = bytearray()
         self._given = plant, controller, condition, reference, lead or NOT_LATE
         self._priority = priority if airspeed is None else None  # of a plant that holds its own
+        self._planned = plan is not None
+        # The laws that compiled code has too; one derived from them may do something else.
+        self._of_matrices: ExactLaw | MimoPI | None = None
+        if isinstance(controller, ExactLaw | MimoPI) and type(controller) in (ExactLaw, MimoPI):
+            self._of_matrices = controller
         self.samples = self._samples(measured_of, plan, priority, airspeed)
 
     def fly_compiled(
         self, progress: Callable[[float], None] | None
     ) -> tuple[pd.DataFrame, Stop | None] | None:
-        """Fly the exact law on an aircraft by compiled code; None where the plain loop must fly."""
+        """Fly a law of the package on an aircraft by compiled code; None where it cannot."""
         # It gives the same bits as the plain loop, which flies until enough samples are flown to
-        # pay for loading Numba, and where Numba is not installed.
-        (plant, controller, condition, reference, lead), t = self._given, self._t
-        shown = plant.signals
-        if type(controller) is not ExactLaw or controller.gains.airspeed or "h" not in shown:
+        # pay for loading compiled code, and where Numba is not installed.
+        (plant, _, condition, _, _), t, controller = self._given, self._t, self._of_matrices
+        if controller is None or "h" not in plant.signals:
             return None
         Flight.flown += len(t)
         if Flight.flown < COMPILED_FROM:
             return None
-        from flighttune.flight.loop.kernel import COMPILED, exact_sample
+        if aircraft := compiled_aircraft(plant):
+            aircraft.compiles = True
+        from flighttune.flight.loop import kernel
 
-        if not COMPILED:
+        if not (kernel.COMPILED and self._law_compiles(controller)):
             return None
         plant.start(condition)
         controller.start(condition)
-        observe, advance, dt = plant.observe, plant.advance, controller.dt
-        followed = _fed_back(controller, plant) or (lambda: signals[_N_Z])
+        rows, n, stop = np.empty((len(t), len(self._columns))), 0, None
+        if aircraft and aircraft.compiled and OVER_GROUND[0] not in plant.signals:
+            n, stop = self._fly_whole(aircraft, rows, progress)
+            if not n:
+                aircraft.compiles = False
+                plant.start(condition)
+        if not n:
+            n, stop = self._fly_steps(rows, progress)
+        return _table(rows[:n], self._columns, t, self._wrapped), stop
+
+    def _law_compiles(self, controller: ExactLaw | MimoPI) -> bool:
+        """Whether compiled code has the law of this flight, to the bit."""
+        reference = self._given[3]
+        if controller.gains.airspeed:
+            return False
+        if isinstance(controller, ExactLaw) or not controller.feed_forward:
+            return True
+        # The cosine of NumPy in its feed-forward is known beforehand only where the path angle is.
+        routed = isinstance(reference, following.RouteReference)
+        return not (routed or self._priority or self._planned)
+
+    def _sampled_law(self) -> tuple[SampledLaw, float]:
+        """The law as compiled code takes it, and the length of the route (m)."""
+        (plant, _, condition, reference, lead), t = self._given, self._t
+        controller = self._of_matrices
+        assert controller is not None  # others have no numbers
+        shown = plant.signals
         angles = MEASURED if MEASURED[0] in shown else ("chi", "gamma", "V_a")
         air = WIND[0] in shown and OVER_GROUND[0] not in shown
         wind = shown.index(WIND[0]) if air else -1
         places = *map(shown.index, (*angles, "h")), wind, len(shown)
-        law, state = np.array(numbers_of(controller.law)), controller.state
+        state = controller.state
+        end, ahead, speed = math.inf, 0.0, 0.0
+        path, refs, further = np.empty((0, 0)), np.empty((0, 4)), np.empty((0, 2))
         if isinstance(reference, following.RouteReference):
-            route, end, ahead = reference, reference.path.length, reference.look_ahead
-            speed, path, refs = reference.start_speed, reference.table, np.empty((0, 4))
+            end, ahead = reference.path.length, reference.look_ahead
+            speed, path = reference.start_speed, reference.table
         else:
-            route, end, ahead, speed, path = None, math.inf, 0.0, 0.0, np.empty((0, 0))
             refs = np.ascontiguousarray(np.transpose(_sampled(reference, t, lead)))
-        settings = condition.h, ahead, *lead
+            if isinstance(controller, MimoPI) and controller.feed_forward:
+                further = _feed_forward(reference, t, refs[:, 1])
         engines = shown.index(N_X_SIGNALS[-1]) if self._priority else -1
-        priority = *(self._priority.numbers if self._priority else (0.0, 0.0, 0.0)), engines
-        width = len(self._columns)
-        rows = np.empty((len(t), width))
-        still = 0.0, speed, 0.0, 0.0, 0.0, 0.0, 0.0
-        memory = np.array([*chain(*state[:5], state.expected), *still])
+        memory = np.zeros(MEMORY)
+        memory[:12] = [*chain(*state[:5], state.expected)]
+        memory[13] = speed
+        return SampledLaw(
+            np.array(numbers_of(controller.law)),
+            places,
+            controller.dt,
+            (condition.h, ahead, *lead),
+            (*(self._priority.numbers if self._priority else (0.0, 0.0, 0.0)), engines),
+            refs,
+            path,
+            further,
+            memory,
+        ), end
+
+    def _fly_steps(
+        self, rows: FloatArray, progress: Callable[[float], None] | None
+    ) -> tuple[int, Stop | None]:
+        """Fly a compiled law on the plant; return the samples and why the flight ended."""
+        from flighttune.flight.loop.kernel import law_sample
+
+        (plant, controller, *_), t = self._given, self._t
+        observe, advance, dt, shown = plant.observe, plant.advance, controller.dt, plant.signals
+        followed = _fed_back(controller, plant) or (lambda: signals[_N_Z])
         pack, bytes_of = struct.Struct(f"{len(shown)}d").pack_into, rows.data.cast("B")
-        stop, k = None, 0
+        width, last, (law, end) = 8 * rows.shape[1], len(t) - 1, self._sampled_law()
         for k, now in enumerate(t.tolist()):
             signals = observe()
-            pack(bytes_of, 8 * width * k, *signals)
-            phi_cmd, n_z_cmd, along = exact_sample(
-                *(k, followed(), law, places, dt, settings, priority, refs, path, memory, rows)
-            )
+            pack(bytes_of, width * k, *signals)
+            phi_cmd, n_z_cmd, along = law_sample(k, followed(), law, rows)
             if progress is not None and k % PROGRESS_EVERY == 0:
                 progress(now)
-            if k == len(t) - 1 or along >= end:
-                if route is not None:
-                    place = len(shown) + len(LOOP_SIGNALS) + len(controller.signals) - 2
-                    gave_way = self._gave_way(rows[: k + 1])
-                    arrived = tuple(rows[k, place : place + 3].tolist())
-                    stop = route.not_arrived(now, arrived, gave_way=gave_way)
-                break
+            if k == last or along >= end:
+                return k + 1, self._not_arrived(rows[: k + 1])
             if (stop := advance(phi_cmd, n_z_cmd, dt)) is not None:
-                break
-        return _table(rows[: k + 1], self._columns, t, self._wrapped), stop
+                return k + 1, stop
+        raise AssertionError("a flight has a last sample")
+
+    def _fly_whole(
+        self, aircraft: CompiledAircraft, rows: FloatArray, progress: Callable[[float], None] | None
+    ) -> tuple[int, Stop | None]:
+        """Fly law and aircraft by compiled code; no samples where JSBSim has to tell the end."""
+        from flighttune.flight.loop.compiled import fly_samples
+
+        plant, controller, *_ = self._given
+        (law, end), (step, motion) = self._sampled_law(), aircraft.sampled(controller.dt)
+        fed_back = _fed_back(controller, plant) is not None
+        rows[0, : len(aircraft.signals)] = aircraft.observe()
+        first, last = 0, len(rows)
+        while True:
+            until = last
+            if progress is not None:
+                progress(float(self._t[first]))
+                until = min(first + PROGRESS_EVERY, last)
+            n, how, steps = fly_samples(
+                *(step, motion, law, fed_back, self._errors), (first, until, end), rows
+            )
+            if how == ARRIVED:
+                return n, self._not_arrived(rows[:n])
+            if how != GOES_ON:
+                stop = aircraft.stop(how, steps)
+                return (n if stop else 0), stop
+            first = until
+
+    def _not_arrived(self, rows: FloatArray) -> Stop | None:
+        """Why a flight of these samples did not fly all of its route; None without one."""
+        plant, controller, _, route, _ = self._given
+        if not isinstance(route, following.RouteReference):
+            return None
+        place = len(plant.signals) + len(LOOP_SIGNALS) + len(controller.signals) - 2
+        along, aside, below = rows[-1, place : place + 3].tolist()
+        now = float(self._t[len(rows) - 1])
+        return route.not_arrived(now, (along, aside, below), gave_way=self._gave_way(rows))
 
     def _gave_way(self, rows: FloatArray) -> bool:
         """Whether the path angle gave way to the airspeed in samples."""
@@ -366,6 +451,17 @@ def _sampled(
     """Course, path angle and their rates at each time."""
     late = () if isinstance(reference, FeasibleReference) else (lead,)
     return [*reference.sampled(t), *reference.rates(t, *late)]
+
+
+def _feed_forward(
+    reference: Reference | FeasibleReference, t: FloatArray, gamma_ref: FloatArray
+) -> FloatArray:
+    """What the paper's law adds at each sample, as `law_sample` takes it."""
+    if isinstance(reference, FeasibleReference):
+        return reference.commands(t)
+    # One number at a time, as `MimoPI` asks: NumPy's cosine of many may differ in the last bit.
+    lift = {gamma: float(np.cos(gamma)) for gamma in set(gamma_ref.tolist())}
+    return np.array([(math.nan, lift[gamma]) for gamma in gamma_ref.tolist()])
 
 
 def _columns(

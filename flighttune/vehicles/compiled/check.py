@@ -87,6 +87,11 @@ def _started(step: CompiledStep, config: AircraftConfig) -> JSBSimPlant:
         else None,
         gust=_GUST if step.air.gust else None,
     )
+    if config.off_nominal is not None and (fault := config.off_nominal.fault) is not None:
+        # A fault that comes in flight is a number that its loop writes: here it does not come.
+        later = fault.model_copy(update={"from_s": 2.0 * DURATION})
+        off_nominal = config.off_nominal.model_copy(update={"fault": later})
+        config = config.with_off_nominal(off_nominal)
     plant = JSBSimPlant(config, steps=step.steps, weather=weather, seed=_SEED)
     plant.start(still)
     return plant

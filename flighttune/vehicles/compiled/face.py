@@ -66,8 +66,7 @@ def _compiled(source: Source, air: Air) -> CompiledStep | Refusal:
 def _made(source: Source, air: Air) -> Kept:
     """Trace, compile and check the step of an aircraft."""
     model, config = source.model(air), source.config
-    thrust = config.engines.thrust or ""
-    names, text = traced(model, lambda now: shown_signals(now, model.engines, thrust))
+    names, text = traced(model, lambda now: shown_signals(now, model.engines, config))
     code = machine.object_code(text)
     verdict = check_flight(CompiledStep(source, air, names, code), config)
     return Kept(names=names, code=code, verdict=verdict.record())

@@ -156,17 +156,17 @@ class WrappedPlant:
     def __init__(self, plant: Plant, further: tuple[str, ...]) -> None:
         self.kind, self.signals, self.limits = plant.kind, plant.signals + further, plant.limits
         # Bound once: it is called at every sample.
-        self._plant, self._observe = plant, plant.observe
+        self.plant, self._observe = plant, plant.observe
         # Only aircraft with an inner loop have it, for laws that feed the load factor back.
         self.n_z_followed = getattr(plant, "n_z_followed", None)
 
     def start(self, condition: FlightCondition) -> None:
         """Put the aircraft into `condition` at t = 0, as the plant does."""
-        self._plant.start(condition)
+        self.plant.start(condition)
 
     def advance(self, phi_cmd: float, n_z_cmd: float, duration: float, *n_x: float) -> Stop | None:
         """Fly `duration` seconds with the command held, as the plant does."""
-        return self._plant.advance(phi_cmd, n_z_cmd, duration, *n_x)
+        return self.plant.advance(phi_cmd, n_z_cmd, duration, *n_x)
 
 
 # Names of course and flight-path angle over ground where `chi` and `gamma` are through the air.

@@ -152,8 +152,8 @@ class JSBSimPlant:
         if self._shows_n_x:
             self.signals = (*properties.SIGNALS, *N_X_SIGNALS)
         self.limits: Limits = config.limits.limits(airspeed=takes_n_x)
-        self._steps, self._rate = steps, config.inner_loop_rate * steps
-        self._seed, self.weather, self._ground = seed, weather, ground
+        self.steps, self.rate = steps, config.inner_loop_rate * steps
+        self.seed, self.weather, self._ground = seed or LARGEST_SEED + 1, weather, ground
         self._chunks: dict[float, tuple[range, ...]] = {}
         self.fdm: Fdm | None = None
         self._observe: Callable[[], tuple[float, ...]] = _not_started
@@ -183,8 +183,8 @@ class JSBSimPlant:
         self._observe = self._write_phi_cmd = _not_started
         settings = inner_loop_settings(self.config)  # refuses gains of another model
         bench.check_moves(self.config)
-        self.fdm = fdm = Fdm(self.config, steps=self._steps, ground=self._ground)
-        fdm.writer("simulation/randomseed")(float(self._seed or LARGEST_SEED + 1))
+        self.fdm = fdm = Fdm(self.config, steps=self.steps, ground=self._ground)
+        fdm.writer("simulation/randomseed")(float(self.seed))
         for name, value in settings.items():
             fdm.writer(name)(value)
         fdm.writer(properties.N_X_SHOWN)(float(self._shows_n_x))
@@ -206,7 +206,7 @@ class JSBSimPlant:
         self._engage(fdm, condition, steady_n_z=observe()[_N_Z])
         # After the inner loop is engaged: turbulence and gusts would disturb its first output.
         if self.weather is not None:
-            self._run = air.weather_step(fdm, self.weather, self._rate)
+            self._run = air.weather_step(fdm, self.weather, self.rate)
         self._observe = observe
 
     def observe(self) -> tuple[float, ...]:
@@ -304,6 +304,15 @@ class JSBSimPlant:
             )
         return self._end(*why)
 
+    def count_steps(self, duration: float) -> int:
+        """Integration steps of a duration (s); an InputError if they are no whole number."""
+        return sum(map(len, self._chunks.get(duration) or self._count_steps(duration)))
+
+    @property
+    def guarded_steps(self) -> int:
+        """Most integration steps between two checks of the state."""
+        return max(1, math.floor(_GUARD_INTERVAL * self.rate))
+
     def _engage(self, fdm: Fdm, condition: FlightCondition, steady_n_z: float) -> None:
         """Engage the inner loop without a bump: its first output comes off the trim."""
         self._write_n_z_cmd = fdm.writer(properties.N_Z_CMD)
@@ -333,13 +342,13 @@ class JSBSimPlant:
 
     def _count_steps(self, duration: float) -> tuple[range, ...]:
         """Return the integration steps of `duration`, in chunks; the guard checks after each."""
-        steps = duration * self._rate
+        steps = duration * self.rate
         if not (0.5 < steps < math.inf and abs(steps - round(steps)) < _STEP_SHARE * steps):
             raise InputError(
-                f"`duration` must be a whole number of steps of {1.0 / self._rate:g} s, "
+                f"`duration` must be a whole number of steps of {1.0 / self.rate:g} s, "
                 f"got {duration:g} s."
             )
-        longest = max(1, math.floor(_GUARD_INTERVAL * self._rate))
+        longest = self.guarded_steps
         whole, remainder = divmod(round(steps), longest)
         chunks = (range(longest),) * whole + (range(remainder),) * (remainder > 0)
         return self._chunks.setdefault(duration, chunks)

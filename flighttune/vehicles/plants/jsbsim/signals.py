@@ -1,10 +1,10 @@
 """What is read of a JSBSim flight: its signals in SI and radians, and whether it may go on."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from math import cos, isfinite, remainder, sin, tau
 
 from flighttune.base.units import DEG, FT, G_0, LBF
-from flighttune.vehicles.aircraft.aircraft import SURFACES
+from flighttune.vehicles.aircraft.aircraft import SURFACES, AircraftConfig
 from flighttune.vehicles.plants.base import StopStatus
 from flighttune.vehicles.plants.jsbsim import properties
 from flighttune.vehicles.plants.jsbsim.fdm import Fdm
@@ -113,20 +113,27 @@ def guard(fdm: Fdm) -> tuple[Callable[[], bool], Callable[[], tuple[StopStatus, 
         parts = (name for kind in ("gear/", "contact/") for name in fdm.names(kind))
         if h <= 0.0 or any(fdm.reader(name)() for name in parts if name.endswith("/WOW")):
             return "ground_contact", f"hit the ground at V_a = {V_a:.1f} m/s."
-        degrees, speed, ratio = (DEG, " deg"), (1.0, " m/s"), (1.0, "")
-        units = {"alpha": degrees, "V_a": speed, "n_z": ratio, "theta": degrees}
-        for name, (unit, symbol) in units.items():
-            low, high = getattr(envelope, name)
-            if not low < state[name] < high:
-                engines = fdm.config.engines
-                at_stop = _throttle_at_stop(throttle(), *engines.throttle) if engines.count else ""
-                return "left_envelope", (
-                    f"{name} must stay inside {low / unit:g} to {high / unit:g}{symbol}, "
-                    f"got {state[name] / unit:.2f}{symbol}{at_stop}."
-                )
-        return None
+        return left_envelope(fdm.config, state, throttle())
 
     return inside, diagnosis
+
+
+def left_envelope(
+    config: AircraftConfig, state: Mapping[str, float], throttle: float
+) -> tuple[StopStatus, str] | None:
+    """Which bound of the envelope a state (alpha, V_a, n_z, theta) is beyond; None if none."""
+    degrees, speed, ratio = (DEG, " deg"), (1.0, " m/s"), (1.0, "")
+    units = {"alpha": degrees, "V_a": speed, "n_z": ratio, "theta": degrees}
+    for name, (unit, symbol) in units.items():
+        low, high = getattr(config.envelope, name)
+        if not low < state[name] < high:
+            engines = config.engines
+            at_stop = _throttle_at_stop(throttle, *engines.throttle) if engines.count else ""
+            return "left_envelope", (
+                f"{name} must stay inside {low / unit:g} to {high / unit:g}{symbol}, "
+                f"got {state[name] / unit:.2f}{symbol}{at_stop}."
+            )
+    return None
 
 
 def _throttle_at_stop(throttle: float, closed: float, full: float) -> str:

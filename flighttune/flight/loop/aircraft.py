@@ -1,0 +1,301 @@
+"""An aircraft of JSBSim flown by its compiled step, or by JSBSim where there is none: same bits."""
+
+import ctypes
+import math
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from flighttune.base.arrays import FloatArray
+from flighttune.base.units import FT, G_0
+from flighttune.control.controller import FlightCondition
+from flighttune.vehicles.plants.base import Stop, WrappedPlant
+from flighttune.vehicles.plants.jsbsim import properties
+from flighttune.vehicles.plants.jsbsim.plant import JSBSimPlant
+from flighttune.vehicles.plants.jsbsim.signals import left_envelope
+from flighttune.vehicles.plants.weather import Weather
+
+if TYPE_CHECKING:
+    from flighttune.vehicles.compiled.face import CompiledStep
+
+_G_0_FPS2 = G_0 / FT
+
+_CHI, _PSI = (properties.SIGNALS.index(name) for name in ("chi", "psi"))
+
+# How the samples asked for ended: all flown, the flight arrived, it left its envelope, or it went
+# where only JSBSim knows the forces, such as near the ground.
+GOES_ON, ARRIVED, OUTSIDE, BEYOND = 0, 1, 2, 3
+
+# Numbers that a step shows between the signals of an aircraft and further ones
+BESIDE = 4
+
+# Type of a compiled step as a function: states, parameters, steps, stream, shown, how much of it.
+STEP = ctypes.CFUNCTYPE(
+    None,
+    *(ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int64),
+    *(ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int64),
+)
+
+# Modulus of JSBSim's random numbers.
+MODULUS = 2147483647
+
+# Variable of the environment that, if it is set, lets JSBSim fly every flight.
+JSBSIM = "FLIGHTTUNE_JSBSIM"
+
+# Heights between which the compiled step knows air and forces: above the ground, m, and up to the
+# tropopause.
+FLOOR, CEILING = 50.0, 10_900.0
+
+WIND_PROPERTIES = tuple(f"atmosphere/gust-{axis}-fps" for axis in ("north", "east", "down"))
+
+# Rows of random numbers that are drawn at once
+DRAWN = 64
+
+
+class Motion(NamedTuple):
+    """An aircraft in flight: arrays that its step reads and writes, and what changes on the way."""
+
+    states: FloatArray
+    parameters: FloatArray
+    # Signals after a step, then airspeed (ft/s), lift (lbf), height (ft) and the load factor that
+    # the inner loop follows
+    shown: FloatArray
+    signals: int  # number of signals
+    further: int  # further ones, which stand behind those four
+    commands: tuple[int, ...]  # places of roll, load factor and n_x among the parameters
+    steps: int  # integration steps in a sample
+    between: int  # most steps between two checks of the envelope
+    # Angle of attack, airspeed (ft/s), lift (lbf), pitch attitude, height (ft) to stay between
+    low: FloatArray
+    high: FloatArray
+    weight: float  # lbf, at the start
+    floor: float  # ft: height below which only JSBSim flies
+    ceiling: float  # ft: and above which
+    # Turbulence: four normal numbers a step, the state of the generator, and the number it has left
+    # over with whether there is one; no columns without turbulence
+    stream: FloatArray
+    random: npt.NDArray[np.int64]
+    left_over: FloatArray
+    # Changes of parameters, or of states, whose places are counted from -1 down: steps flown
+    # before, places, values; how many are made
+    change_at: npt.NDArray[np.int64]
+    change_place: npt.NDArray[np.int64]
+    change_to: FloatArray
+    changed: npt.NDArray[np.int64]
+    # Wind that changes: rows of height (m) and wind (m/s); amplitudes of cosine and sine (m/s) and
+    # their angular frequencies, or nothing; places of the wind among the parameters; wind, its
+    # change in a step (ft/s) and the height before (ft)
+    levels: FloatArray
+    swing: FloatArray
+    wind_places: tuple[int, ...]
+    wind: FloatArray
+    ground: float  # m
+    rate: float  # integration steps a second
+
+
+class CompiledAircraft(WrappedPlant):
+    """A JSBSim plant that its compiled step flies after the start, where there is one.
+
+    `compiles` is whether it shall, before the start. `refused` says why JSBSim flies a flight that
+    was to be compiled.
+    """
+
+    def __init__(self, plant: JSBSimPlant) -> None:
+        super().__init__(plant, ())
+        self.plant, self.refused, self.compiles = plant, "", False
+        self.n_z_followed = self._followed
+        self._motion: Motion | None = None
+        self._given: list[tuple[float, ...]] = []
+        self._clock = 0
+
+    def start(self, condition: FlightCondition) -> None:
+        """Put the aircraft into `condition` at t = 0, as the plant does."""
+        self.start_in_jsbsim(condition)
+        if not self.compiles:
+            return
+        from flighttune.vehicles.compiled import face
+
+        weather = self.plant.weather or Weather()
+        turbulence = weather.turbulence
+        step = face.compiled(
+            self.plant.config,
+            steps=self.plant.steps,
+            turbulence=None if turbulence is None else turbulence.model,
+        )
+        if isinstance(step, face.Refusal):
+            self.refused = step.reason
+            return
+        self._condition, self._clock, self._given = condition, 0, []
+        self._first = list(self._observe())
+        self._step, self._function = step, STEP(step.address)
+        try:
+            self._motion = motion_of(self.plant, step, weather)
+        except NotCompiled as what:
+            self.refused = f"its loop does not know {what}"
+            self.start_in_jsbsim(condition)
+            return
+        self._observe = self._shown
+
+    def start_in_jsbsim(self, condition: FlightCondition) -> None:
+        """Start the plant, and let JSBSim fly it to its end."""
+        self.plant.start(condition)
+        self._motion, self._observe = None, self.plant.observe
+
+    @property
+    def compiled(self) -> bool:
+        """Whether the compiled step flies."""
+        return self._motion is not None
+
+    def sampled(self, dt: float) -> tuple[Any, Motion]:
+        """The compiled step as a function and its flight, for samples of `dt` (s)."""
+        assert self._motion is not None  # it is compiled
+        motion = self._motion._replace(steps=self.plant.count_steps(dt))
+        return self._function, motion
+
+    def observe(self) -> tuple[float, ...]:
+        """Return the values of `signals` now, SI and radians."""
+        return self._observe()
+
+    def advance(self, phi_cmd: float, n_z_cmd: float, duration: float, *n_x: float) -> Stop | None:
+        """Fly `duration` seconds with the command held; return why the flight ended, if it did."""
+        motion = self._motion
+        if motion is None:
+            return self.plant.advance(phi_cmd, n_z_cmd, duration, *n_x)
+        commands = phi_cmd, n_z_cmd, *n_x
+        self._given.append((phi_cmd, n_z_cmd, duration, *n_x))
+        if not (math.isfinite(phi_cmd) and math.isfinite(n_z_cmd)):
+            return self._replay()
+        for place, command in zip(motion.commands, commands, strict=False):
+            motion.parameters[place] = command
+        steps = self.plant.count_steps(duration)
+        from flighttune.flight.loop.compiled import fly_sample
+
+        how, flown = fly_sample(self._function, motion, self._clock, steps)
+        self._clock += flown
+        return None if how == GOES_ON else self.stop(how, self._clock) or self._replay()
+
+    def stop(self, how: int, steps: int) -> Stop | None:
+        """Why a flight ended after so many integration steps; None if JSBSim has to tell."""
+        motion = self._motion
+        if how == BEYOND or motion is None:
+            return None
+        shown, m = motion.shown.tolist(), motion.signals
+        state = {"alpha": shown[8], "V_a": shown[m] * FT, "theta": shown[10]}
+        state["n_z"] = shown[m + 1] / motion.weight
+        if not all(map(math.isfinite, shown)):
+            return None
+        why = left_envelope(self.plant.config, state, shown[properties.SIGNALS.index("throttle")])
+        if why is None:
+            return None
+        t = float(np.cumsum(np.full(steps, 1.0 / self.plant.rate))[-1])
+        return Stop(why[0], f"t = {t:.3f} s: {why[1]}")
+
+    def _followed(self) -> float:
+        """The load factor that the inner loop sees, a step of its computer old."""
+        if (motion := self._motion) is None:
+            return self.plant.n_z_followed()
+        return float(motion.shown[motion.signals + 3])
+
+    def _shown(self) -> tuple[float, ...]:
+        """Signals of the last step; course and heading run on without a jump."""
+        motion = self._motion
+        assert motion is not None  # JSBSim is observed by its own function
+        if self._clock:
+            shown, m = motion.shown.tolist(), motion.signals
+            signals = shown[:m] + shown[m + BESIDE : m + BESIDE + motion.further]
+            for i in (_CHI, _PSI):
+                before = self._first[i]
+                signals[i] = before + math.remainder(signals[i] - before, math.tau)
+            self._first = signals
+        return tuple(self._first)
+
+    def _replay(self) -> Stop | None:
+        """Fly from the start to here in JSBSim, which then goes on."""
+        self.start_in_jsbsim(self._condition)
+        stop = None
+        for phi_cmd, n_z_cmd, duration, *n_x in self._given:
+            self._observe()  # course and heading follow sample by sample
+            stop = self.plant.advance(phi_cmd, n_z_cmd, duration, *n_x)
+        return stop
+
+
+def compiled_aircraft(plant: object) -> CompiledAircraft | None:
+    """The aircraft inside a plant that can be flown by its compiled step."""
+    while isinstance(plant, WrappedPlant) and not isinstance(plant, CompiledAircraft):
+        plant = plant.plant
+    return plant if isinstance(plant, CompiledAircraft) else None
+
+
+class NotCompiled(Exception):
+    """Why JSBSim flies a flight whose step is compiled."""
+
+
+def motion_of(plant: JSBSimPlant, step: "CompiledStep", weather: Weather) -> Motion:
+    """The flight of a plant that was started, as its compiled step takes it."""
+    fdm, config, names = plant.fdm, plant.config, step.names
+    assert fdm is not None  # it was started
+    places = {name: -1 - i for i, name in enumerate(names.states)}
+    places |= {name: i for i, name in enumerate(names.parameters)}
+
+    def place(name: str) -> int:
+        if name not in places:
+            raise NotCompiled(f"the property {name}")
+        return places[name]
+
+    changes = [
+        (math.ceil(at * plant.rate - 1e-6), place(name), value)
+        for at, name, value in plant.changes()
+    ]
+    if plant.steps > 1:
+        raise NotCompiled("several integration steps in a sample of the inner loop")
+    if weather.gust is not None:
+        raise NotCompiled("a gust")
+    changes.sort()
+    at, where, to = zip(*changes, strict=True) if changes else ((), (), ())
+    h_ft, weight = fdm.reader("position/h-sl-ft")(), fdm.reader("inertia/mass-slugs")() * _G_0_FPS2
+    shown = np.zeros(len(names.signals))
+    guarded = len(properties.SIGNALS)
+    shown[guarded + 2], shown[guarded + 3] = h_ft, plant.n_z_followed()
+    e, wind = config.envelope, weather.deterministic(0.0, h_ft * FT + fdm.ground)
+    start = step.start_from(plant)
+    turbulent = weather.turbulence is not None
+    windy = weather.changes
+    levels = np.array([(h, *v) for h, v in weather.wind.levels]) if windy else np.empty((0, 4))
+    swing = np.empty(0)
+    if weather.oscillation is not None:
+        o = weather.oscillation
+        swing = np.array([*o.cosine, *o.sine, o.cosine_omega, o.sine_omega])
+    low, high = (
+        np.array([e.alpha[i], e.V_a[i] / FT, e.n_z[i] * weight, e.theta[i]]) for i in (0, 1)
+    )
+    return Motion(
+        states=start.states,
+        parameters=start.parameters,
+        shown=shown,
+        signals=guarded,
+        further=len(plant.signals) - guarded,
+        commands=tuple(
+            place(name) for name in (properties.PHI_CMD, properties.N_Z_CMD, properties.N_X_CMD)
+        ),
+        steps=0,
+        between=plant.guarded_steps,
+        low=low,
+        high=high,
+        weight=weight,
+        floor=FLOOR / FT,
+        ceiling=(CEILING - fdm.ground) / FT,
+        stream=np.empty((DRAWN if turbulent else 1, 4 if turbulent else 0)),
+        random=np.array([plant.seed % MODULUS or 1]),
+        left_over=np.zeros(2),
+        change_at=np.array(at, dtype=np.int64),
+        change_place=np.array(where, dtype=np.int64),
+        change_to=np.array(to, dtype=float),
+        changed=np.zeros(1, dtype=np.int64),
+        levels=levels,
+        swing=swing,
+        wind_places=tuple(place(name) for name in WIND_PROPERTIES) if windy else (0, 0, 0),
+        wind=np.array([*(x / FT for x in wind), 0.0, 0.0, 0.0, h_ft]),
+        ground=fdm.ground,
+        rate=plant.rate,
+    )

@@ -1,0 +1,214 @@
+"""Compiled: whole flights of an aircraft whose step is compiled, sample by sample.
+
+The loop around the step is that of `Flight` and of the aircraft of JSBSim, to the bit.
+Without Numba it is interpreted.
+"""
+
+import math
+
+from flighttune.base.units import FT
+from flighttune.flight.loop.aircraft import ARRIVED, BESIDE, BEYOND, GOES_ON, MODULUS, OUTSIDE
+from flighttune.flight.loop.kernel import kernel, law_sample, njit
+
+# Integration steps between two instants at which a changing wind is computed.
+REFRESH = 4
+
+# Random numbers of JSBSim on Linux: the multiplier of the generator, its range, and the square of
+# that, rounded.
+MULTIPLIER = 16807
+RANGE, RANGE_SQUARED = 2147483646.0, 4611686009837453316.0
+BELOW_ONE = math.nextafter(1.0, 0.0)
+
+
+@kernel
+def fly_samples(step, motion, law, fed_back, errors, part, rows):
+    """Fly the samples of a part into `rows`, of which the first has its signals.
+
+    `step`: the compiled step as a function. `fed_back`: whether the law sees the load factor that
+    the inner loop follows. `errors`: those of the sensors at each sample, or none. `part`: the
+    first sample, the one after the last, and the length of the route (m). Returns the samples in
+    the rows, how the flight stands, and the integration steps flown.
+    """
+    first, last, end = part
+    shown, m = motion.shown, motion.signals
+    final, sensed = len(rows) - 1, m + motion.further
+    for k in range(first, last):
+        row = rows[k]
+        if len(errors):
+            row[sensed], row[sensed + 1] = row[0] + errors[k, 0], row[1] + errors[k, 1]
+            row[sensed + 2] = row[4] + errors[k, 2]
+        n_z = shown[m + 3] if fed_back else row[3]
+        phi_cmd, n_z_cmd, along = law_sample(k, n_z, law, rows)
+        clock = k * motion.steps
+        if k == final or along >= end:
+            return k + 1, ARRIVED, clock
+        if not (math.isfinite(phi_cmd) and math.isfinite(n_z_cmd)):
+            return k + 1, BEYOND, clock
+        motion.parameters[motion.commands[0]] = phi_cmd
+        motion.parameters[motion.commands[1]] = n_z_cmd
+        how, flown = _fly_steps(step, motion, clock, motion.steps)
+        if how != GOES_ON:
+            return k + 1, how, clock + flown
+        after = rows[k + 1]
+        for j in range(m):
+            after[j] = shown[j]
+        for j in range(motion.further):
+            after[m + j] = shown[m + BESIDE + j]
+        after[0] = row[0] + _remainder(shown[0] - row[0])
+        after[11] = row[11] + _remainder(shown[11] - row[11])
+    return last, GOES_ON, last * motion.steps
+
+
+@kernel
+def fly_sample(step, motion, clock, steps):
+    """Fly some integration steps; how the flight stands, and how many were flown."""
+    return _fly_steps(step, motion, clock, steps)
+
+
+@njit
+def _fly_steps(step, motion, clock, steps):
+    shown, m, flown = motion.shown, motion.signals, 0
+    while flown < steps:
+        n = min(motion.between, steps - flown)
+        _advance(step, motion, clock + flown, n)
+        flown += n
+        if not motion.floor < shown[m + 2] < motion.ceiling:
+            return BEYOND, flown
+        if not _inside(shown, m, motion.low, motion.high):
+            return OUTSIDE, flown
+    return GOES_ON, flown
+
+
+@njit
+def _inside(shown, m, low, high):
+    alpha, theta = shown[8], shown[10]
+    return (
+        low[0] < alpha < high[0]
+        and low[1] < shown[m] < high[1]
+        and low[2] < shown[m + 1] < high[2]
+        and low[3] < theta < high[3]
+        and shown[m + 2] > 0.0
+    )
+
+
+@njit
+def _remainder(x):
+    """``math.remainder(x, tau)``, as CPython has it."""
+    size = abs(x)
+    whole = size % math.tau
+    left = math.tau - whole
+    if whole < left:
+        r = whole
+    elif whole > left:
+        r = -left
+    else:
+        r = whole - 2.0 * (0.5 * (size - whole) % math.tau)
+    return math.copysign(1.0, x) * r
+
+
+@njit
+def _advance(step, motion, clock, n):
+    """Fly n integration steps, the signals shown after the last; `clock`: those flown before."""
+    states, parameters = motion.states.ctypes.data, motion.parameters.ctypes.data
+    stream, shown = motion.stream.ctypes.data, motion.shown.ctypes.data
+    windy = len(motion.levels) > 0
+    done = 0
+    while done < n:
+        now, some = clock + done, n - done
+        _change(motion, now)
+        if motion.changed[0] < len(motion.change_at):
+            some = min(some, motion.change_at[motion.changed[0]] - now)
+        if windy:
+            some = 1
+            _blow(motion, now)
+        if motion.stream.shape[1]:
+            some = min(some, len(motion.stream))
+            _draw(motion, some)
+        done += some
+        show = done == n or (windy and (now + some) % REFRESH == 0)
+        step(states, parameters, some, stream, shown, 1 if show else 0)
+
+
+@njit
+def _change(motion, now):
+    """Make the changes that are due before a step."""
+    i = motion.changed[0]
+    while i < len(motion.change_at) and motion.change_at[i] <= now:
+        place = motion.change_place[i]
+        if place >= 0:
+            motion.parameters[place] = motion.change_to[i]
+        else:
+            motion.states[-1 - place] = motion.change_to[i]
+        i += 1
+    motion.changed[0] = i
+
+
+@njit
+def _blow(motion, now):
+    """Write the wind of the end of the next step, linear between instants where it is exact."""
+    wind = motion.wind
+    if now % REFRESH == 0:
+        h = motion.shown[motion.signals + 2]
+        after = _wind_at(motion, (now + REFRESH) / motion.rate, 2.0 * h - wind[6])
+        for j in range(3):
+            wind[3 + j] = (after[j] - wind[j]) / REFRESH
+        wind[6] = h
+    for j in range(3):
+        wind[j] += wind[3 + j]
+        motion.parameters[motion.wind_places[j]] = wind[j]
+
+
+@njit
+def _wind_at(motion, t, h_ft):
+    """Wind at a time (s) and height (ft), ft/s."""
+    levels, h = motion.levels, h_ft * FT + motion.ground
+    i = 0
+    while i < len(levels) and not h < levels[i, 0]:
+        i += 1
+    if i in (0, len(levels)):
+        row = levels[max(i - 1, 0)]
+        n, e, d = row[1], row[2], row[3]
+    else:
+        low, high = levels[i - 1], levels[i]
+        width, up = high[0] - low[0], h - low[0]
+        n = (high[1] - low[1]) / width * up + low[1]
+        e = (high[2] - low[2]) / width * up + low[2]
+        d = (high[3] - low[3]) / width * up + low[3]
+    swing = motion.swing
+    if len(swing):
+        c, s = math.cos(swing[6] * t), math.sin(swing[7] * t)
+        n += swing[0] * c + swing[3] * s
+        e += swing[1] * c + swing[4] * s
+        d += swing[2] * c + swing[5] * s
+    return n / FT, e / FT, d / FT
+
+
+@njit
+def _draw(motion, steps):
+    """Normal random numbers of some steps, in JSBSim's order."""
+    x, left_over, stream = motion.random[0], motion.left_over, motion.stream
+    for i in range(steps):
+        for j in range(4):
+            if left_over[1]:
+                stream[i, j], left_over[1] = left_over[0], 0.0
+                continue
+            r2 = 0.0
+            a = b = 0.0
+            while r2 > 1.0 or r2 == 0.0:
+                x, a = _uniform(x)
+                x, b = _uniform(x)
+                a, b = 2.0 * a - 1.0, 2.0 * b - 1.0
+                r2 = a * a + b * b
+            size = math.sqrt(-2.0 * math.log(r2) / r2)
+            stream[i, j], left_over[0], left_over[1] = b * size, a * size, 1.0
+    motion.random[0] = x
+
+
+@njit
+def _uniform(x):
+    x = x * MULTIPLIER % MODULUS
+    total = float(x - 1)
+    x = x * MULTIPLIER % MODULUS
+    total += float(x - 1) * RANGE
+    y = total / RANGE_SQUARED
+    return x, BELOW_ONE if y >= 1.0 else y

@@ -1,0 +1,119 @@
+"""Flights by the compiled step of an aircraft: their tables are those of JSBSim, to the bit."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import flighttune as ft
+from flighttune.flight.loop import aircraft, loop
+from flighttune.flight.loop.aircraft import CompiledAircraft
+
+pytest.importorskip("numba")
+
+TURBULENCE = {"turbulence": {"intensity": "moderate"}}
+WIND = {"wind": {"speed_mps": 4.0, "from_deg": 70.0}}
+LEVELS = [(900.0, 3.0, 10.0), (1000.0, 5.0, 40.0), (1100.0, 6.0, 60.0)]
+SHEAR = {
+    "wind": {"level": [dict(zip(("h_m", "speed_mps", "from_deg"), x, strict=True)) for x in LEVELS]}
+}
+OSCILLATION = {
+    "chi_amplitude": 0.03, "chi_omega_rad_s": 0.5,
+    "gamma_amplitude": 0.02, "gamma_omega_rad_s": 0.4, "as_wind": True,
+}  # fmt: skip
+AIRFRAME = {
+    "mass_factor": 1.05, "cg_aft_m": 0.004, "lift_factor": 0.97, "drag_factor": 1.1,
+    "pitch_moment_factor": 1.05, "actuator_lag_factor": 1.2, "thrust_factor": 0.9,
+    "ixx_factor": 1.1, "coefficient_factors": {"Cm_alpha": 1.1},
+}  # fmt: skip
+
+
+def fault(**of):
+    """Keys of an aircraft on which something fails after a second."""
+    return {"plant": {"airframe": {"fault": {"from_s": 1.0, **of}}}}
+
+
+def tables(name="exact_law", *, aircraft="aerosonde", duration_s=4.0, plant=None, **changes):
+    """A shipped scenario on one aircraft, shortened."""
+    made = ft.load_scenario(name).as_dict()
+    made["plant"] = [{"kind": "jsbsim", "aircraft": aircraft, **(plant or {})}]
+    made["expect"] = []
+    made["flight"] |= {"duration_s": duration_s, **changes.pop("flight", {})}
+    made["controller"] |= changes.pop("controller", {})
+    return made | changes
+
+
+def flown(monkeypatch, made):
+    """The runs by the compiled step and by JSBSim, and why any was refused."""
+    started, start = [], CompiledAircraft.start
+
+    def noted(self, condition):
+        start(self, condition)
+        started.append(self)
+
+    monkeypatch.setattr(CompiledAircraft, "start", noted)
+    monkeypatch.setattr(loop, "COMPILED_FROM", 0)
+    compiled = ft.fly(ft.scenario_from(made)).runs
+    monkeypatch.setenv(aircraft.JSBSIM, "1")
+    by_jsbsim = ft.fly(ft.scenario_from(made)).runs
+    return compiled, by_jsbsim, started
+
+
+def assert_same(compiled, by_jsbsim):
+    for first, second in zip(compiled, by_jsbsim, strict=True):
+        assert (first.status, first.reason) == (second.status, second.reason)
+        pd.testing.assert_frame_equal(first.signals, second.signals, check_exact=True)
+
+
+CASES = {
+    "still air": {},
+    "turbulence": TURBULENCE,
+    "first-order turbulence": {"turbulence": {"intensity": "light", "model": "milspec"}},
+    "turbulence in wind": TURBULENCE | WIND,
+    "wind over height": SHEAR,
+    "wind that oscillates": {"disturbance": OSCILLATION},
+    "path through the air": {"disturbance": OSCILLATION | {"path": "air"}},
+    "sensors": {"sensors": {"chi_noise_sd_deg": 0.5, "V_a_noise_sd_mps": 0.3, "chi_bias_deg": 1.0}},
+    "airframe": {"plant": {"airframe": AIRFRAME}},
+    "throttle fails": {"plant": {"throttle_max": 0.2, "throttle_max_from_s": 1.0}},
+    "actuators slow down": fault(actuator_lag_factor=4.0),
+    "rudder stuck": fault(rudder_stuck_deg=2.0),
+    "long samples": {"controller": {"rate_hz": 10.0}},
+    "ground": {"flight": {"ground_m": 400.0}},
+}  # fmt: skip
+
+
+LAWS = {
+    "paper": {"law": ["paper"], "gains": ["paper"]},
+    "exact": {"law": ["exact"], "gains": ["tuned_identified"]},
+    "fed back": {"law": ["exact"], "gains": ["tuned_fed_back"]},
+}
+
+
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("case", CASES)
+def test_a_flight_is_that_of_jsbsim(monkeypatch, case, law):
+    made = tables(**CASES[case], **LAWS[law])
+
+    compiled, by_jsbsim, started = flown(monkeypatch, made)
+
+    assert [plane.refused for plane in started if plane.compiles] == [""] * len(compiled)
+    assert_same(compiled, by_jsbsim)
+    assert all(np.isfinite(run.signals.to_numpy()).all() for run in compiled)
+
+
+def test_a_flight_that_leaves_its_envelope_ends_at_the_same_sample(monkeypatch):
+    severe = {"turbulence": {"intensity": "severe"}, "seed": 3}
+    made = tables(duration_s=100.0, **severe)
+
+    compiled, by_jsbsim, _ = flown(monkeypatch, made)
+
+    assert {run.status for run in by_jsbsim} == {"left_envelope"}
+    assert_same(compiled, by_jsbsim)
+
+
+def test_a_flight_that_comes_near_the_ground_is_that_of_jsbsim(monkeypatch):
+    dive = {"flight": {"h_m": 70.0}, "reference": {"chi_deg": 20.0, "gamma_deg": -30.0}}
+    compiled, by_jsbsim, _ = flown(monkeypatch, tables(duration_s=20.0, **dive))
+
+    assert {run.status for run in by_jsbsim} == {"ground_contact"}
+    assert_same(compiled, by_jsbsim)
