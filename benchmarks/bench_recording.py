@@ -15,8 +15,9 @@ import pandas as pd
 import rerun as rr
 import running
 
+from flighttune.base.signals import SIGNAL_UNITS
 from flighttune.control.gains import PAPER_GAINS
-from flighttune.flight.loop.run import SIGNAL_UNITS, Provenance, Run
+from flighttune.flight.loop.run import Provenance, Run
 from flighttune.flight.records.parquet import load_recording, parquet_bytes
 from flighttune.outputs.recording.entities import TIMELINE
 from flighttune.outputs.recording.record import write_recording

@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 
 import flighttune as ft
-from flighttune.flight.loop.run import SIGNAL_UNITS, Bounds, RunClaim
+from flighttune.base.signals import SIGNAL_UNITS
+from flighttune.flight.loop.run import Bounds, RunClaim
 
 SENTENCE = "of 9 flights 1 lies outside"
 

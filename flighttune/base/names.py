@@ -1,20 +1,14 @@
-"""Symbols, words and units of signals and of the keys of a scenario, as a reader sees them."""
+"""Words and units of the keys of a scenario, as a reader sees them."""
 
 import re
 import tomllib
 from pathlib import Path
 
-from flighttune.base.units import DEG_PER_RAD
+from flighttune.base.signals import SIGNALS
 
 _TABLES = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
-WORDS, UNIT_OF_SUFFIX = _TABLES["words"], _TABLES["unit_of_suffix"]
-
-CHANNEL_SYMBOLS = {"chi": "χ", "gamma": "γ"}
-OTHER_SYMBOLS = {"V": "V", "phi": "φ", "n_z": "n_z", "cross_track": "e_y", "height_err": "e_h"}
-SYMBOLS = CHANNEL_SYMBOLS | OTHER_SYMBOLS
-CHANNEL_NAMES = {"chi": "course", "gamma": "path angle"}
-OTHER_WORDS = {"V": "airspeed", "cross_track": "cross track", "height_err": "height"}
-CHANNEL_WORDS = CHANNEL_NAMES | OTHER_WORDS
+WORDS = {name: signal.word for name, signal in SIGNALS.items() if signal.word} | _TABLES["words"]
+UNIT_OF_SUFFIX = _TABLES["unit_of_suffix"]
 
 
 def key_words(key: str) -> str:
@@ -36,10 +30,3 @@ def key_words(key: str) -> str:
     if words[-1] in ("maximum", "minimum"):
         words.insert(0, words.pop())
     return " ".join(filter(None, words)) + owner
-
-
-def shown_unit(unit: str) -> tuple[str, float]:
-    """Unit that a reader sees for an SI unit, and the factor to it: degrees for radians."""
-    if unit in ("rad", "rad/s"):
-        return unit.replace("rad", "deg"), DEG_PER_RAD
-    return unit, 1.0

@@ -33,3 +33,10 @@ DEG_PER_RAD = 180.0 / math.pi  # one radian, deg: the factor of what is shown in
 def wrap_angle(angle: float) -> float:
     """Return `angle` (rad) moved by whole turns into (-pi, pi]."""
     return math.pi - (math.pi - angle) % math.tau
+
+
+def shown_unit(unit: str) -> tuple[str, float]:
+    """Unit that a reader sees for an SI unit, and the factor to it: degrees for radians."""
+    if unit in ("rad", "rad/s"):
+        return unit.replace("rad", "deg"), DEG_PER_RAD
+    return unit, 1.0

@@ -13,13 +13,14 @@ from flighttune.base.arguments import checked_class
 from flighttune.base.arrays import FloatArray
 from flighttune.base.endings import why_ended
 from flighttune.base.errors import InputError, printable
+from flighttune.base.signals import SIGNAL_UNITS
 from flighttune.base.words import at_most, pick
 from flighttune.campaigns.flying.rows import fly_group
 from flighttune.campaigns.planning.plan import Plan
 from flighttune.claims.counted import Counted, SignalBounds, axis_of, wind_at_start
 from flighttune.claims.measured import Measured
 from flighttune.flight.conditions import reference_of
-from flighttune.flight.loop.run import ERRORS, SIGNAL_UNITS, Run, RunClaim
+from flighttune.flight.loop.run import ERRORS, Run, RunClaim
 from flighttune.flight.metrics import OFF_ROUTE
 from flighttune.flight.scenario.load import scenario_of
 from flighttune.flight.scenario.schema import Scenario

@@ -17,7 +17,7 @@ from flighttune.base.arrays import FloatArray, check_between
 from flighttune.base.errors import InputError
 from flighttune.base.files.array import write_sealed
 from flighttune.base.files.table import tables_of
-from flighttune.base.names import shown_unit
+from flighttune.base.units import shown_unit
 from flighttune.base.words import listed, number, pick, quoted
 from flighttune.claims.about import About, Of, Over
 from flighttune.claims.distribution import Distribution

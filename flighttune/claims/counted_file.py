@@ -9,12 +9,12 @@ import numpy as np
 from flighttune.base.errors import InputError, naming
 from flighttune.base.files import array, load
 from flighttune.base.files.table import abridged, json_object, value_of
+from flighttune.base.signals import SIGNAL_UNITS
 from flighttune.claims.about import About
 from flighttune.claims.counted import BandFlights, Counted
 from flighttune.claims.counted_flights import check_one_path, flights_of, plan_in
 from flighttune.claims.ending import Ending
 from flighttune.claims.shape import MAX_NUMBERS
-from flighttune.flight.loop.run import SIGNAL_UNITS
 
 ARRAYS = {"band": array.TEXT, "extremes": array.SINGLE, "wind": array.FLOAT, "endings": array.TEXT}
 

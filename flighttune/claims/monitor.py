@@ -21,6 +21,7 @@ from flighttune.base.errors import InputError, naming
 from flighttune.base.files.array import TEXT, read_arrays, write_sealed
 from flighttune.base.files.load import sealed_bytes
 from flighttune.base.files.table import STRICT, json_object, tables_of, value_of
+from flighttune.base.signals import SIGNAL_UNITS
 from flighttune.base.words import listed, number
 from flighttune.campaigns.engine.pool import WorkerPool
 from flighttune.campaigns.flying.rows import fly_group
@@ -31,7 +32,7 @@ from flighttune.claims.counted import Counted, flown_by
 from flighttune.claims.measured import Measured
 from flighttune.claims.shape import MIN_LEARNED
 from flighttune.control.theory.exact import Check, Verification
-from flighttune.flight.loop.run import SCORE, SIGNAL_UNITS, Alarm, Bounds, Kind, Run, RunClaim
+from flighttune.flight.loop.run import SCORE, Alarm, Bounds, Kind, Run, RunClaim
 from flighttune.flight.scenario.schema import Scenario
 from flighttune.gaps import watch as watching
 from flighttune.logs.checks import refuse_wrong

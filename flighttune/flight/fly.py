@@ -17,6 +17,7 @@ import pandas as pd
 
 from flighttune.base.errors import InputError, TrimError
 from flighttune.base.files import code
+from flighttune.base.signals import SIGNAL_UNITS
 from flighttune.control.controller import MAX_LAG_S, LawError
 from flighttune.control.gains import PIGains
 from flighttune.control.gains_keys import TUNED
@@ -28,7 +29,7 @@ from flighttune.flight.entry import Entry, entries
 from flighttune.flight.flown import FlownScenario
 from flighttune.flight.loop.aircraft import JSBSIM, CompiledAircraft
 from flighttune.flight.loop.loop import LOOP_SIGNALS, simulate
-from flighttune.flight.loop.run import SIGNAL_UNITS, Provenance, Run, RunStatus
+from flighttune.flight.loop.run import Provenance, Run, RunStatus
 from flighttune.flight.own import LawMaker, PlantMaker, with_own
 from flighttune.flight.scenario.load import as_arguments, from_level
 from flighttune.flight.scenario.schema import Scenario

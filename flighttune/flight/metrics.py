@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 
 from flighttune.base.arrays import FloatArray
-from flighttune.base.units import DEG
+from flighttune.base.signals import CHANNEL_SYMBOLS, COMMAND_OF, SIGNAL_UNITS, SUBJECTS
+from flighttune.base.units import DEG, shown_unit
 from flighttune.control.limits import FREE, MAGNITUDE_LIMITED, RATE_LIMITED
 from flighttune.flight.loop.measures import (
     METRICS,
@@ -29,11 +30,8 @@ if TYPE_CHECKING:
 Measure: TypeAlias = Callable[..., ErrorMeasures]
 Columns: TypeAlias = Mapping[str, FloatArray]  # signals by name
 
-# Controlled quantity and the command that mostly moves it.
-CHANNELS = {"chi": "phi", "gamma": "n_z"}
-
-# The same where the airspeed is a channel.
-COMMAND_OF = {**CHANNELS, "V": "n_x"}
+# Controlled quantity and the command that mostly moves it; `COMMAND_OF` has the airspeed too.
+CHANNELS = {channel: COMMAND_OF[channel] for channel in CHANNEL_SYMBOLS}
 
 # Signals whose largest magnitude is a measure of a flight along a route.
 OFF_ROUTE = ("cross_track", "height_err")
@@ -86,10 +84,8 @@ UNSETTLED = ("settling_band_rad", "late_rad")
 
 # Signal and unit of what an envelope over time can bound, by its subject in ``[[expect]]``.
 ENVELOPES = {
-    "chi": ("chi_err", "deg"),
-    "gamma": ("gamma_err", "deg"),
-    AIRSPEED: ("V_err", "m/s"),
-    **{signal: (signal, "m") for signal in OFF_ROUTE},
+    name: (subject.error, shown_unit(SIGNAL_UNITS[subject.error])[0])
+    for name, subject in SUBJECTS.items()
 }
 
 # Beginning of the name of such a measure: ``error within 90 deg, 6 deg from 4 s``.

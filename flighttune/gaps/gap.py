@@ -17,7 +17,7 @@ from flighttune.base.arguments import checked_class
 from flighttune.base.errors import InputError
 from flighttune.base.files import code
 from flighttune.base.files.load import LOG, written
-from flighttune.base.names import CHANNEL_SYMBOLS
+from flighttune.base.signals import CHANNEL_SYMBOLS
 from flighttune.control import inner_loop, linear_model
 from flighttune.control.gains import COMMANDS, WITH_AIRSPEED, PIGains
 from flighttune.control.theory.indicators import Indicators, indicators

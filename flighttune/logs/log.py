@@ -17,10 +17,11 @@ import pandas as pd
 from flighttune.base.errors import InputError
 from flighttune.base.files.shipped import nearest_name
 from flighttune.base.files.table import shown, toml_tables
+from flighttune.base.signals import SIGNAL_UNITS
 from flighttune.base.units import DEG, FT, G_0, KNOT
 from flighttune.base.words import listed
 from flighttune.flight.fly import library_versions
-from flighttune.flight.loop.run import SIGNAL_UNITS, Provenance, Run
+from flighttune.flight.loop.run import Provenance, Run
 from flighttune.logs.checks import check_flight, checked, degrees_as_radians
 from flighttune.logs.read import Column, read_log
 from flighttune.logs.streams import EVENTS, Phase, in_words, inside, on_one_base, phases

@@ -21,8 +21,8 @@ from flighttune.base.arrays import FloatArray
 from flighttune.base.errors import InputError, RecordingError, need
 from flighttune.base.files.load import kind_of_log
 from flighttune.base.files.whole import allowed
+from flighttune.base.signals import SIGNAL_UNITS
 from flighttune.flight.apart import apart
-from flighttune.flight.loop.run import SIGNAL_UNITS
 
 # Time (s) and value of the samples of one field.
 Stream: TypeAlias = tuple[FloatArray, FloatArray]

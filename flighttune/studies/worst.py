@@ -23,7 +23,7 @@ from flighttune.base.files.load import CLAIMS, load_one, written
 from flighttune.base.files.load import TUBE as TUBE_FILE
 from flighttune.base.files.table import toml_text
 from flighttune.base.files.whole import write_text
-from flighttune.base.names import CHANNEL_SYMBOLS
+from flighttune.base.signals import CHANNEL_SYMBOLS
 from flighttune.base.units import DEG_PER_RAD, Degrees, RadiansPerSecond
 from flighttune.campaigns.engine.fliers import Fliers, FlownBy
 from flighttune.campaigns.engine.pool import WorkerPool

@@ -8,7 +8,8 @@ from typing import Any
 
 from flighttune.base.answers.answer import Column, Table
 from flighttune.base.endings import endings
-from flighttune.base.names import CHANNEL_WORDS, SYMBOLS, UNIT_OF_SUFFIX
+from flighttune.base.names import UNIT_OF_SUFFIX
+from flighttune.base.signals import CHANNEL_WORDS, SYMBOLS
 from flighttune.base.units import DEG_PER_RAD
 from flighttune.base.words import figures, p_value, percent
 

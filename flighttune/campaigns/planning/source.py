@@ -13,7 +13,7 @@ from flighttune.base.errors import InputError, ScenarioError, naming
 from flighttune.base.files.load import DATASET, SHOWN, kind_of
 from flighttune.base.files.shipped import campaign_files, scenario_files
 from flighttune.base.files.table import abridged, shown, toml_tables, validated
-from flighttune.base.names import CHANNEL_SYMBOLS
+from flighttune.base.signals import CHANNEL_SYMBOLS
 from flighttune.campaigns.planning.draws import copula_factor, dispersed_places, with_drawn
 from flighttune.campaigns.planning.plan import Plan, plan_campaign, recorded_plan
 from flighttune.campaigns.planning.schema import (

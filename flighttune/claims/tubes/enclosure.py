@@ -17,7 +17,7 @@ from flighttune.base.errors import InputError, naming
 from flighttune.base.files.array import BOOL, FLOAT, SINGLE, TEXT, Arrays, check_shapes, read_arrays
 from flighttune.base.files.table import STRICT, json_object, tables_of, value_of
 from flighttune.base.files.whole import whole_file
-from flighttune.base.names import CHANNEL_SYMBOLS
+from flighttune.base.signals import CHANNEL_SYMBOLS
 from flighttune.base.units import DEG, DEG_PER_RAD
 from flighttune.base.words import at_least, at_most, quoted
 from flighttune.claims.distribution import STARTS, flown_values

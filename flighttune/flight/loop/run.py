@@ -35,35 +35,6 @@ class SignalTable(pd.DataFrame):
 
 RunStatus: TypeAlias = Literal["completed", "no_gains", "no_trim"] | StopStatus
 
-_SIGNALS_BY_UNIT = {
-    "rad": "chi gamma phi chi_ref gamma_ref chi_err gamma_err phi_cmd phi_unlimited phi_integral "
-    "chi_meas gamma_meas alpha beta theta theta_cmd psi chi_ground gamma_ground aileron elevator "
-    "rudder gamma_given",
-    "1": "n_z n_z_cmd n_z_unlimited n_z_integral phi_limited n_z_limited n_y throttle "
-    "n_x n_x_min n_x_max n_x_cmd n_x_unlimited n_x_limited n_x_integral alarm_score",
-    "m/s": "V_a V_a_meas V_g wind_north wind_east wind_down V_ref V_err",
-    "m": "north east down h along cross_track height_err",
-    "rad/s": "d_chi d_gamma p q r mismatch_chi mismatch_gamma chi_dot_integral gamma_dot_integral",
-    "m/s^2": "f_x f_y",
-    "N": "thrust",
-}
-
-# Unit of every signal a run may hold.
-#
-# ``*_err`` is reference minus actual, the course error wrapped to (-pi, pi]. ``*_cmd`` is the
-# command after all limits, ``*_unlimited`` before them, ``*_integral`` the part of it that comes
-# from the integrator. ``*_limited`` is 0 (free), 1 (held by a magnitude limit) or 2 (held by a
-# rate limit). ``*_meas`` is what the controller saw, in runs with sensors; in others it saw the
-# signal itself. Positions are local NED from the start. Surfaces are positive trailing edge
-# down, the rudder trailing edge left; the aileron is the left one, so that positive rolls right.
-# ``wind_*`` is the velocity of the air: north is air that moves north. Course and path angle are
-# over ground, or through the air in runs that have ``*_ground`` too. On a route ``along`` is the
-# distance along it, ``cross_track`` that to its right, and ``height_err`` its height minus the own.
-# ``f_x`` and ``f_y`` are specific forces along the nose and the right wing, in logs alone.
-# ``alarm_score`` is that of a monitor, the largest so far: above 1 it alarms.
-SIGNAL_UNITS = {name: unit for unit, names in _SIGNALS_BY_UNIT.items() for name in names.split()}
-
-
 ERRORS = ("chi_err", "gamma_err")
 
 # Signal of a run that a monitor watches: its largest score so far, over the limit of an alarm

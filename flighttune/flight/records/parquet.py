@@ -22,9 +22,10 @@ from flighttune.base.arrays import FloatArray
 from flighttune.base.errors import RecordingError
 from flighttune.base.files import parquet
 from flighttune.base.files.load import BLANK, RERUN, file_bytes, seal, sealed_bytes
+from flighttune.base.signals import SIGNAL_UNITS
 from flighttune.base.words import distinct, pick
 from flighttune.control.gains import PIGains
-from flighttune.flight.loop.run import SIGNAL_UNITS, Alarm, Bounds, Provenance, Run, RunClaim
+from flighttune.flight.loop.run import Alarm, Bounds, Provenance, Run, RunClaim
 
 PARQUET, RECORDING = ".parquet", ".rrd"
 PARQUET_FILE, RECORDING_FILE = "Parquet file", "recording (.rrd)"

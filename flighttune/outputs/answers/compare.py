@@ -4,7 +4,7 @@ import pandas as pd
 
 from flighttune.base.answers.answer import Answer, Table
 from flighttune.base.answers.labels import columns
-from flighttune.base.names import shown_unit
+from flighttune.base.units import shown_unit
 from flighttune.base.words import pick
 from flighttune.gaps.compare import Comparison
 

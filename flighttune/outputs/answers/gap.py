@@ -6,7 +6,7 @@ from pathlib import Path
 
 from flighttune.base.answers.answer import Answer, Column, Table
 from flighttune.base.answers.labels import columns
-from flighttune.base.names import CHANNEL_NAMES, CHANNEL_SYMBOLS
+from flighttune.base.signals import CHANNEL_NAMES, CHANNEL_SYMBOLS
 from flighttune.base.units import DEG_PER_RAD
 from flighttune.base.words import pick
 from flighttune.gaps.gap import Gap

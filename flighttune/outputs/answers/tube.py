@@ -4,7 +4,7 @@ from typing import Any
 
 from flighttune.base.answers.answer import Answer, Column, Table
 from flighttune.base.answers.labels import columns, endings_table
-from flighttune.base.names import CHANNEL_SYMBOLS
+from flighttune.base.signals import CHANNEL_SYMBOLS
 from flighttune.base.units import DEG_PER_RAD
 from flighttune.base.words import pick, quoted
 from flighttune.claims.tubes.enclosure import LEFT, Tube

@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flighttune.base.arrays import FloatArray
-from flighttune.base.names import CHANNEL_NAMES, CHANNEL_SYMBOLS, SYMBOLS
+from flighttune.base.signals import CHANNEL_NAMES, CHANNEL_SYMBOLS, SYMBOLS, titles
 from flighttune.base.units import DEG, DEG_PER_RAD
 from flighttune.control.certificates.make import Certification
 from flighttune.control.gains import PIGains
@@ -24,7 +24,7 @@ from flighttune.outputs.answers.run import run_styles
 from flighttune.outputs.answers.tuning import rate_chart
 from flighttune.outputs.drawing.chart import DASHED, DOTTED, Chart, Sheet
 from flighttune.outputs.drawing.palette import HUES, INK, LIMIT, NEUTRAL
-from flighttune.outputs.pages.panels import SIGNALS, Drawn, draw_bounds, most_points
+from flighttune.outputs.pages.panels import Drawn, draw_bounds, most_points
 from flighttune.outputs.recording.plots import displayed
 from flighttune.routes.follow import RouteReference
 from flighttune.routes.path import Path
@@ -63,7 +63,7 @@ def route_charts(flights: Drawn) -> list[Chart]:
     above = route_map(scenario_of(flights[0][0]), path, s, sides)
     height = heights(path, s, ends, ROW_HEIGHT)
     height.line(path.s / KM, path.up, NEUTRAL, name="planned", width=2.2)
-    errors = [along_route(path, *SIGNALS[signal], ROW_HEIGHT) for signal in OFF_ROUTE]
+    errors = [along_route(path, *titles(signal), ROW_HEIGHT) for signal in OFF_ROUTE]
     for chart in errors:
         chart.level(0.0, NEUTRAL, dash="")
     for run, style in flights:
@@ -336,7 +336,7 @@ def bound_chart(gap: Gap, channel: str) -> Chart:
     if gap.scenario.route is not None:  # the error that the channel corrects
         signal, factor = OFF_ROUTE[list(CHANNEL_SYMBOLS).index(channel)], 1.0
         distance = "distance "
-    title, label = SIGNALS[signal]
+    title, label = titles(signal)
     words = f"{distance}{title[0].lower()}{title[1:]}"
     chart = _over_time(gap, f"{words} on the aircraft", label)
     chart.line(run.t, run.signals[signal].to_numpy() * factor, colour, name="error", width=1.8)

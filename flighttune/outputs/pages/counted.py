@@ -10,7 +10,8 @@ import numpy as np
 from flighttune.base.answers.answer import Answer
 from flighttune.base.arrays import FloatArray
 from flighttune.base.files.table import toml_text
-from flighttune.base.names import shown_unit
+from flighttune.base.signals import titles
+from flighttune.base.units import shown_unit
 from flighttune.base.words import quoted
 from flighttune.claims.band import KEPT, Band
 from flighttune.claims.counted import Counted, SignalBounds
@@ -21,7 +22,7 @@ from flighttune.outputs.drawing.chart import DASHED, DOTTED, HEIGHT, LONG, Chart
 from flighttune.outputs.drawing.palette import HUES, LIMIT, NEUTRAL, PLANTS
 from flighttune.outputs.pages.charts import APART, DISTANCE_AXIS, KM, heights, route_map
 from flighttune.outputs.pages.claim import Asked, Parts
-from flighttune.outputs.pages.panels import TEXTS, titles
+from flighttune.outputs.pages.panels import TEXTS
 from flighttune.routes.fence import read_fence
 from flighttune.routes.maps import NOT_SEEN, ground_at, on_earth, rings_around
 

@@ -10,7 +10,7 @@ from flighttune.base.answers.answer import Answer, Table, facts_table
 from flighttune.base.arrays import FloatArray
 from flighttune.base.errors import FlightTuneError, RecordingError
 from flighttune.base.files.table import toml_text
-from flighttune.base.names import CHANNEL_SYMBOLS
+from flighttune.base.signals import CHANNEL_SYMBOLS
 from flighttune.base.units import DEG_PER_RAD
 from flighttune.base.words import pick
 from flighttune.claims.linear_loop import linear_bound

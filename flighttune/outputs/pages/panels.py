@@ -11,13 +11,21 @@ import pandas as pd
 from flighttune.base.answers.answer import Table, facts_table
 from flighttune.base.answers.labels import columns
 from flighttune.base.arrays import FloatArray, true_spans
-from flighttune.base.names import CHANNEL_SYMBOLS, shown_unit
+from flighttune.base.signals import (
+    CHANNEL_SYMBOLS,
+    COMMAND_OF,
+    SIGNAL_UNITS,
+    SIGNALS,
+    SUBJECTS,
+    titles,
+)
+from flighttune.base.units import shown_unit
 from flighttune.base.words import MISSING
 from flighttune.claims.linear_loop import LinearBound
 from flighttune.control.gains import PIGains
 from flighttune.flight.flown import ClaimCheck, envelopes
 from flighttune.flight.gains import certify_scenario
-from flighttune.flight.loop.run import SIGNAL_UNITS, Run, claims_around
+from flighttune.flight.loop.run import Run, claims_around
 from flighttune.flight.metrics import CHANNELS, channel_metrics, flight_metrics
 from flighttune.flight.scenario.schema import Scenario
 from flighttune.gaps.compare import largest_distance
@@ -26,14 +34,12 @@ from flighttune.outputs.drawing.palette import LIMIT, NEUTRAL, LineStyle
 from flighttune.outputs.recording.plots import displayed, limits_of
 from flighttune.routes.follow import ROUTE_SIGNALS
 
-# Words of the pages, and title and label of signals over time.
+# Words of the pages.
 TEXTS = tomllib.loads(Path(__file__).with_name("texts.toml").read_text(encoding="utf-8"))
-SIGNALS: Mapping[str, tuple[str, str]] = TEXTS["signals"]
 
 # Signals with the reference that they follow, errors, and commands.
-REFERENCES = {"chi": "chi_ref", "gamma": "gamma_ref", "V_a": "V_ref"}
-ERRORS = ("chi_err", "gamma_err", "V_err")
-COMMANDS = ("phi", "n_z", "n_x")
+REFERENCES = {name: signal.reference for name, signal in SIGNALS.items() if signal.reference}
+ERRORS = tuple(SUBJECTS[channel].error for channel in COMMAND_OF)
 
 # Height of the bar of one run as a part of the panel.
 LANE = 0.035
@@ -59,11 +65,6 @@ Drawn: TypeAlias = Sequence[tuple[Run, LineStyle]]
 def most_points(runs: int) -> int:
     """Points a line may have, so that the page of many long runs stays small."""
     return MAX_DRAWN * FEW_RUNS // max(FEW_RUNS, runs)
-
-
-def titles(signal: str, si_unit: str) -> tuple[str, str]:
-    """Title and label of a signal over time."""
-    return SIGNALS.get(signal, (signal, f"{signal} [{shown_unit(si_unit)[0]}]"))
 
 
 def panel(
@@ -150,7 +151,7 @@ def errors(flights: Drawn) -> list[Chart]:
 def commands(flights: Drawn) -> list[Chart]:
     """Commands after their limits, the limits, and bars while a command is limited."""
     charts = []
-    for name in COMMANDS:
+    for name in COMMAND_OF.values():
         if not all(f"{name}_cmd" in run.signals for run, _ in flights):
             continue
         chart = panel(flights, f"{name}_cmd", "; limits dashed, bars: limited", limits=name)

@@ -1,13 +1,14 @@
 """The page of a tube."""
 
 from flighttune.base.files.table import toml_text
+from flighttune.base.signals import titles
 from flighttune.base.units import DEG_PER_RAD
 from flighttune.claims.tubes.enclosure import Tube
 from flighttune.claims.verify import stale_notes
 from flighttune.outputs.drawing.chart import Chart
 from flighttune.outputs.drawing.palette import HUES, NEUTRAL
 from flighttune.outputs.pages.claim import Asked, Parts
-from flighttune.outputs.pages.panels import ERRORS, SIGNALS
+from flighttune.outputs.pages.panels import ERRORS
 
 STRONG = HUES[0][0][0]
 
@@ -33,7 +34,7 @@ def tube_charts(tube: Tube) -> list[Chart]:
     """Both errors: the bounds of every flight."""
     charts, t = [], tube.bounds.t
     for signal in (name for name in ERRORS if name in tube.bounds.names):
-        title, label = SIGNALS[signal]
+        title, label = titles(signal)
         chart = Chart(title=title, y=label, x_range=(0.0, float(t[-1])), linked=True)
         chart.level(0.0, NEUTRAL, dash="")
         low, high = DEG_PER_RAD * tube.bounds.of([signal]).pairs[:, 0].T

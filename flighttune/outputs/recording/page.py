@@ -15,7 +15,7 @@ from rerun.blueprint.components import LinkAxis
 from flighttune.base.answers.answer import Column, Table
 from flighttune.base.answers.labels import METRIC_LABELS, columns
 from flighttune.base.files.table import toml_text
-from flighttune.base.names import SYMBOLS
+from flighttune.base.signals import SYMBOLS
 from flighttune.base.words import pick
 from flighttune.control.theory.indicators import Indicators
 from flighttune.flight.loop.run import Run

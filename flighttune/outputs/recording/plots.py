@@ -11,10 +11,11 @@ import numpy as np
 import pandas as pd
 
 from flighttune.base.arrays import FloatArray
-from flighttune.base.names import shown_unit
-from flighttune.flight.loop.run import SIGNAL_UNITS, Run, claims_around
+from flighttune.base.signals import ALL_SIGNALS, SIGNALS
+from flighttune.base.units import shown_unit
+from flighttune.flight.loop.run import Run, claims_around
 from flighttune.gaps.residual import CHANNELS, trim_of
-from flighttune.vehicles.plants import point_mass, sensors
+from flighttune.vehicles.plants import point_mass
 
 if TYPE_CHECKING:
     from flighttune.outputs.recording.entities import DrawnRun
@@ -23,13 +24,6 @@ if TYPE_CHECKING:
 # Components of the mismatch, in the order of the ladder: actual lift, inner loop and rest.
 PARTS = ("lift", "lag", "rest")
 
-# Why aircraft and law differ: the rates that lift, inner loop and the rest add to those of the law
-# under the same commands, and the resulting differences of course, path angle and path.
-UNITS = {
-    **{f"{part}_{channel}": "rad/s" for part in PARTS for channel in CHANNELS},
-    **{f"step_{channel}": "rad" for channel in CHANNELS},
-    "distance": "m",
-}
 FLOWN = ("phi", "n_z", "phi_cmd", "n_z_cmd", "V_a", "gamma")
 
 
@@ -39,12 +33,12 @@ class Plot:
 
     signal: str  # drawn strong, one line for each run; gives the plot its unit and its folder
     title: str
-    thin: str | None = None  # second signal of each run, drawn thin in the same colour
-    common: str | None = None  # signal that is the same for every run, drawn once in grey
-    limit: str | None = None  # key of the scenario's [limits] without unit, drawn as two lines
+    thin: str = ""  # second signal of each run, drawn thin in the same colour
+    common: str = ""  # signal that is the same for every run, drawn once in grey
+    limit: str = ""  # key of the scenario's [limits] without unit, drawn as two lines
     claims: tuple[str, ...] = ()  # titles of the claims that bound it, drawn in the same colour
-    measured: str | None = None  # what sensors gave, drawn faintly behind it in the same colour
-    unit: str | None = None  # of a signal that SIGNAL_UNITS does not have; not converted
+    measured: str = ""  # what sensors gave, drawn faintly behind it in the same colour
+    unit: str | None = None  # of a signal of the user's own law; not converted
 
     @property
     def heading(self) -> str:
@@ -56,10 +50,10 @@ class Plot:
     @property
     def signals(self) -> tuple[str, ...]:
         """The signals of a run on this plot, the strong one first."""
-        return (self.signal,) if self.thin is None else (self.signal, self.thin)
+        return (self.signal, self.thin) if self.thin else (self.signal,)
 
 
-WEATHER = {"wind_north", "wind_east", "wind_down", "d_chi", "d_gamma"}  # left out in calm air
+WEATHER = "wind", "disturbance"  # groups left out in calm air
 CALMEST = 1e-6  # wind (m/s) and disturbance (rad/s) below this are rounding
 
 ROOM = 0.05  # part of the range by which an axis extends beyond it at each end
@@ -67,15 +61,17 @@ LABELS = 28.0  # an axis as high as a tab of a small window has room for so many
 LONGEST = 2.2  # an axis longer than this, over the range drawn, gets no second label
 SMALLEST_SPAN = 1e-6
 
-# Name of the measured value of a signal, in runs with sensors.
-SEEN_AS: dict[str, str] = dict(zip(sensors.SENSED, sensors.MEASURED, strict=True))
-
 # Sentences of a recording, and tabs of plots, in order.
 TEXTS = tomllib.loads(Path(__file__).with_name("texts.toml").read_text(encoding="utf-8"))
 TABS: dict[str, tuple[Plot, ...]] = {
-    tab: tuple(Plot(signal, **plot) for signal, plot in texts["plots"].items())
+    tab: tuple(
+        Plot(name, row.short, row.thin, row.reference, row.limit)
+        for group in texts["groups"]
+        for name, row in ALL_SIGNALS.items()
+        if row.group == group
+    )
     for tab, texts in TEXTS["tabs"].items()
-    if "plots" in texts
+    if "groups" in texts
 }
 
 
@@ -85,9 +81,10 @@ def shown_plots(runs: Sequence[Run]) -> dict[str, tuple[Plot, ...]]:
 
     def shows(plot: Plot) -> bool:
         having = [run.signals[plot.signal] for run in runs if plot.signal in run.signals]
-        if plot.signal in UNITS and not aircraft:
+        row = ALL_SIGNALS.get(plot.signal)
+        if row and row.derived and not aircraft:
             return False
-        if plot.signal not in WEATHER:
+        if not (row and row.group in WEATHER):
             return bool(having)
         return any(bool((np.abs(values.to_numpy()) > CALMEST).any()) for values in having)
 
@@ -107,13 +104,13 @@ def shown_plots(runs: Sequence[Run]) -> dict[str, tuple[Plot, ...]]:
 def _as_flown(plot: Plot, runs: Sequence[Run]) -> Plot:
     """The plot with the measured signal and the claims that a run has."""
     recorded = {name for run in runs for name in run.signals}
-    measured = SEEN_AS.get(plot.signal)
+    measured = SIGNALS[plot.signal].measured if plot.signal in SIGNALS else ""
     claims = {
         f"{claim.title} {'dashed' if claim.kind == 'counted' else 'thin'}": None
         for run in runs
         for claim, _ in claims_around(run.claims, plot.signal)
     }
-    return replace(plot, measured=measured if measured in recorded else None, claims=tuple(claims))
+    return replace(plot, measured=measured if measured in recorded else "", claims=tuple(claims))
 
 
 def displayed(signals: pd.DataFrame, name: str) -> FloatArray:
@@ -122,7 +119,7 @@ def displayed(signals: pd.DataFrame, name: str) -> FloatArray:
     if name in ("chi", "chi_ref"):
         values, there = values.copy(), np.isfinite(values)
         values[there] = np.unwrap(values[there])
-    elif name == SEEN_AS["chi"]:
+    elif name == SIGNALS["chi"].measured:
         centre = signals["chi"].to_numpy(dtype=float)
         values = np.unwrap(centre) + (values - centre)
     return values * shown_unit(unit_of(name))[1]
@@ -130,7 +127,7 @@ def displayed(signals: pd.DataFrame, name: str) -> FloatArray:
 
 def unit_of(name: str) -> str:
     """SI unit of a signal, recorded or derived."""
-    return SIGNAL_UNITS.get(name) or UNITS.get(name, "")
+    return ALL_SIGNALS[name].unit if name in ALL_SIGNALS else ""
 
 
 def value_range(plot: Plot, runs: Sequence[Run], *, share: float) -> tuple[float, float] | None:
@@ -181,7 +178,7 @@ def positions(signals: pd.DataFrame) -> FloatArray:
 
 
 def with_derived(flights: "Sequence[DrawnRun]") -> "list[DrawnRun]":
-    """The runs with the signals of `UNITS` that they have; and height and speed over ground."""
+    """The runs with the derived signals that they have; and height and speed over ground."""
     before: dict[str, list[Run]] = {}
     extended = []
     for drawn_run in flights:

@@ -18,7 +18,7 @@ from rerun.error_utils import catch_and_log_exceptions
 
 from flighttune.base.errors import RecordingError, need
 from flighttune.base.files.whole import remove_file, together, whole_file
-from flighttune.base.names import shown_unit
+from flighttune.base.units import shown_unit
 from flighttune.flight.flown import FlownScenario
 from flighttune.flight.loop.run import Run, claims_around
 from flighttune.flight.records import parquet
@@ -269,7 +269,7 @@ def _log_plot(stream: rr.RecordingStream, plot: Plot, flights: Sequence[entities
             widths=[flight.style.width, *[1.0] * thin],
             names=[run.label, *(f"{run.label}, {name}" for name in names[1:])],
         )
-        if plot.measured and plot.measured in run.signals:
+        if plot.measured in run.signals:
             log_signals(
                 f"{folder}/{entities.MEASURED}/{flight.key}",
                 run,
@@ -292,7 +292,7 @@ def _log_plot(stream: rr.RecordingStream, plot: Plot, flights: Sequence[entities
             )
             entities.log_lines(stream, f"{strong}_claim_{place}", style, t, values)
     longest = max((flight.run for flight in having), key=lambda run: run.duration)
-    if plot.common is not None and plot.common in longest.signals:
+    if plot.common in longest.signals:
         reference = {"colors": [rgb(NEUTRAL)], "widths": [2.0], "names": ["reference"]}
         log_signals(f"{folder}/{entities.REFERENCE}", longest, [plot.common], **reference)
     bounds = limits_of(longest.provenance.scenario, plot.limit) if plot.limit else None

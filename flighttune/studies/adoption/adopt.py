@@ -30,7 +30,7 @@ from flighttune.base.files.whole import (
     together,
     write_text,
 )
-from flighttune.base.names import CHANNEL_SYMBOLS
+from flighttune.base.signals import CHANNEL_SYMBOLS
 from flighttune.base.units import DEG, Metres, MetresPerSecond
 from flighttune.base.words import pick
 from flighttune.control.gains import PAPER_GAINS, PAPER_SPEED

@@ -8,13 +8,14 @@ import numpy as np
 from flighttune.base.arguments import checked_class
 from flighttune.base.arrays import FloatArray, check_not_negative
 from flighttune.base.errors import InputError
+from flighttune.base.signals import SIGNALS
 from flighttune.vehicles.plants.base import COMMON_SIGNALS, Plant, WrappedPlant
 
 # Signals that the controller sees through sensors, in the order of every array of them.
-SENSED = ("chi", "gamma", "V_a")
+SENSED = tuple(name for name, signal in SIGNALS.items() if signal.measured)
 
 # Names of the same signals as the controller saw them.
-MEASURED = tuple(f"{name}_meas" for name in SENSED)
+MEASURED = tuple(SIGNALS[name].measured for name in SENSED)
 
 _CHI, _GAMMA, _V_A = (COMMON_SIGNALS.index(name) for name in SENSED)
 

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 import flighttune as ft
+from flighttune.base.signals import SIGNAL_UNITS
 from flighttune.control.mimo_pi import INTEGRAL_SIGNALS
 from flighttune.flight.loop.batch import cores
 from flighttune.flight.loop.loop import LOOP_SIGNALS, Flight, simulate
-from flighttune.flight.loop.run import SIGNAL_UNITS
 from flighttune.routes.segments import Segment
 from flighttune.studies.paper.flight import fly
 from flighttune.studies.paper.parameters import PRINTED_DISTURBANCE, disturbance

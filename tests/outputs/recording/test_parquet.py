@@ -16,7 +16,7 @@ from made_up import run_file
 import flighttune as ft
 from flighttune.base.files import parquet
 from flighttune.base.files.load import BLANK, seal
-from flighttune.flight.loop.run import SIGNAL_UNITS
+from flighttune.base.signals import SIGNAL_UNITS
 from flighttune.flight.records.parquet import SEAL, parts_of, record_bytes
 
 
