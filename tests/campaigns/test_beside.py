@@ -4,16 +4,18 @@ import math
 import re
 
 import numpy as np
+import pandas as pd
 import pytest
 from commands import flighttune
 from log_files import sampled, write_dataflash
+from made_up import made_up_run
 from scipy.stats import binomtest
 
 import flighttune as ft
 from flighttune.campaigns.flying.rows import scenario_of_run
 from flighttune.claims import counting
 from flighttune.logs.parameters import flown_now
-from flighttune.studies.beside import Beside, _with_guidance, loops
+from flighttune.studies.beside import Beside, _kept, _tracking, _with_guidance, _within, loops
 
 CORNERS = (0.0, 0.0), (500.0, 0.0), (700.0, 300.0)
 SHORT = {"route.waypoint": [{"north_m": n, "east_m": e} for n, e in CORNERS]}
@@ -107,25 +109,71 @@ def test_margins_of_gains_on_a_route_are_those_with_its_look_ahead(file):
     assert np.degrees(roll.phase_margin) == pytest.approx(wanted, abs=0.5)
 
 
-@pytest.mark.soak
-def test_counts_and_bounds_are_those_of_scipy_and_order_statistics(beside):
+@pytest.mark.parametrize("lost", ["yours", "ours"])
+def test_counts_and_bounds_are_those_of_scipy_and_order_statistics(file, lost):
     random, n = np.random.default_rng(7), 93
-    yours, ours = random.normal(5.0, 1.0, n), random.normal(4.5, 1.0, n)
-    rows = beside.rows.loc[np.arange(2 * n) % 2].reset_index(drop=True)
-    rows["draw"] = np.repeat(np.arange(n), 2)
-    rows["flight.cross_track_m"] = np.column_stack([yours, ours]).ravel()
-    rows["status"] = "completed"
-    rows.loc[rows["gains"].eq("yours") & rows["draw"].eq(3), "status"] = "left_envelope"
-    many = Beside(now=beside.now, plan=beside.plan.with_runs(2 * n), rows=rows, tracking=[])
-    cross, *_ = many.accuracy
-    better = int(np.sum(ours < np.where(np.arange(n) == 3, np.inf, yours)))
-    interval = binomtest(better, n).proportion_ci(0.95, method="exact")
-    assert (cross["better"], cross["flights"]) == (better, n)
-    assert (cross["lo"], cross["hi"]) == pytest.approx((interval.low, interval.high), abs=1e-9)
-    # one of 93 may be outside at 5 % and 0.95 (S. S. Wilks): the second largest; lost is infinite
-    assert cross["ours"] == np.sort(ours)[-2]
-    assert cross["yours"] == np.max(np.delete(yours, 3))
-    assert "; lost 1 (left envelope) | 0 of 93." in many.answer().summary[0]
+    stated = ft.flights("circuit_in_wind", changes={**SHORT, "gains": ["paper"]})
+    now = flown_now(file, None)
+    plan = _with_guidance(counting.drawn(stated, None, "paper", None, None), now).with_runs(2 * n)
+    errors = {
+        "flight.cross_track_m": (5.0, 4.5), "flight.height_err_m": (1.0, 2.0),
+        "flight.V_a_dev_mps": (0.3, 0.2), "chi.peak_rad": (0.03, 0.01),
+        "gamma.peak_rad": (0.02, 0.1),
+    }  # fmt: skip
+    rows = pd.DataFrame({"draw": np.repeat(np.arange(n), 2), "gains": ["yours", "ours"] * n})
+    rows["plant"], rows["status"], rows["run"] = "aerosonde", "completed", np.arange(2 * n)
+    rows["success"], rows["reason"] = True, ""
+    for name, means in errors.items():
+        rows[name] = (np.array(means) * random.uniform(0.8, 1.2, (n, 2))).ravel()
+    rows.loc[rows["gains"].eq(lost) & rows["draw"].eq(3), "status"] = "left_envelope"
+
+    many = Beside(now=now, plan=plan, rows=rows, tracking=[])
+
+    ends = rows["status"].eq("left_envelope")
+    for row, (name, factor) in zip(many.accuracy, (
+        ("flight.cross_track_m", 1.0), ("flight.height_err_m", 1.0), ("flight.V_a_dev_mps", 1.0),
+        ("chi.peak_rad", 180.0 / math.pi), ("gamma.peak_rad", 180.0 / math.pi),
+    ), strict=True):  # fmt: skip
+        yours, ours = rows[name].mask(ends, np.inf).to_numpy().reshape(n, 2).T
+        better = int(np.sum(ours < yours))
+        interval = binomtest(better, n).proportion_ci(0.95, method="exact")
+        assert (row["better"], row["flights"]) == (better, n)
+        assert row["share"] == pytest.approx(better / n)
+        assert (row["lo"], row["hi"]) == pytest.approx((interval.low, interval.high), abs=1e-9)
+        # one of 93 may be outside at 5 % and 0.95 (S. S. Wilks): the second largest
+        assert row["ours"] == pytest.approx(np.sort(ours)[-2] * factor)
+        assert row["yours"] == pytest.approx(np.sort(yours)[-2] * factor)
+    counted = "1 (left envelope) | 0" if lost == "yours" else "0 | 1 (left envelope)"
+    assert f"; lost {counted} of 93." in many.answer().summary[0]
+
+
+def test_a_log_lies_between_the_flights_that_were_completed():
+    flights = [[1.0, 2.0, 10.0], [3.0, 1.0, 12.0], [9.0, 9.0, 99.0], [0.0, 0.0, 0.0]]
+    rows = pd.DataFrame(
+        {
+            "gains": ["yours", "yours", "yours", "ours"],
+            "status": ["completed", "completed", "diverged", "completed"],
+            "kept": flights,
+        }
+    )
+
+    cross, roll = _tracking([2.0, math.nan, 12.5], rows)
+
+    assert cross == {"of": "cross track", "log": 2.0, "low": 1.0, "high": 3.0, "unit": "m"}
+    assert (roll["of"], roll["low"], roll["high"]) == ("commanded roll", 10.0, 12.0)
+    said = _within([cross, roll])
+    assert "in cross track" in said
+    assert "outside of" in said
+
+
+def test_a_signal_is_kept_below_what_it_exceeds_in_a_twentieth_of_the_time():
+    t = np.linspace(0.0, 1.0, 101)
+    run = made_up_run({"cross_track": -4.0 * t, "phi_cmd": np.radians(30.0) * t}, t)
+
+    cross, height, roll = _kept(run, None)
+
+    assert (cross, roll) == pytest.approx((0.95 * 4.0, 0.95 * 30.0))
+    assert math.isnan(height)
 
 
 @pytest.mark.soak

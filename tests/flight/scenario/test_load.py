@@ -128,3 +128,16 @@ def test_a_plant_of_any_kind_may_have_a_name(name):
     labels = [f"jsbsim:aerosonde:{name}", f"kinematic:{name}"]
     assert [plant.label for plant in scenario.plant] == labels
     assert ft.scenario_from(scenario.as_dict()) == scenario
+
+
+@pytest.mark.parametrize("start", ["course", "heading"])
+def test_a_flight_starts_as_it_is_stated_in_rad_and_si(start):
+    stated = {
+        "V_a_mps": 23.0, "h_m": 700.0, "chi_deg": -50.0, "gamma_deg": 8.0, "phi_deg": -20.0,
+        "n_z": 1.3, "start": start,
+    }  # fmt: skip
+    condition = start_condition(made_up_scenario(flight=stated))
+
+    assert (condition.V_a, condition.h, condition.n_z) == (23.0, 700.0, 1.3)
+    angles = condition.chi, condition.gamma, condition.phi
+    assert angles == pytest.approx(np.radians([-50.0, 8.0, -20.0]))
