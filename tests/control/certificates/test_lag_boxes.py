@@ -2,6 +2,7 @@
 
 import itertools
 import json
+import math
 from dataclasses import replace
 from fractions import Fraction
 from functools import cache
@@ -13,7 +14,7 @@ from scipy.linalg import expm
 import flighttune as ft
 from flighttune.control.certificates import lag_box
 from flighttune.control.certificates.lag_box import constant_rate, constant_rate_proven, norm_rate
-from flighttune.flight.models import gain_set, identified_models, late_ranges
+from flighttune.flight.models import gain_set, identified_models, lag_problems, late_ranges
 
 # Relative distance between a proven rate and the least over the points of a grid: four digits.
 FOUR_DIGITS = 5e-5
@@ -70,6 +71,47 @@ def test_ranges_of_lags_and_delays_hold_those_of_every_condition_identified():
         delays = [x.delay + 0.01 for x in lags]  # and half a sample at 50 Hz
         for found, each in zip(ranges, (seconds, delays), strict=True):
             assert found[i] == pytest.approx((min(each), max(each)), rel=OF_FILE)
+
+
+@pytest.mark.parametrize(
+    ("lag", "expected"),
+    [
+        ((0.05, 0.25), ([0.05, 0.1, 0.15, 0.2, 0.25],) * 2),
+        ([[0.05, 0.25], [0.1, 0.3]], ([0.05, 0.1, 0.15, 0.2, 0.25], [0.1, 0.15, 0.2, 0.25, 0.3])),
+        ([[0.2], [0.1]], ([0.2] * 5, [0.1] * 5)),
+    ],
+)
+@pytest.mark.parametrize("asked", [{}, {"tuning.objective": "E_K", "tuning.sensitivity_max": 1.3}])
+def test_gains_are_tuned_for_lags_evenly_in_each_range_behind_the_delay(lag, expected, asked):
+    changes = IDENTIFIED | {"gains": ["paper"]} | asked
+    scenario = ft.load_scenario("paper_identified", changes={**changes, "expect": []})
+
+    problems = lag_problems(scenario, scenario.laws[0], lag)
+
+    for i, seconds in enumerate(expected):
+        name, first = ("phi", "n_z")[i], [problem.model for problem in problems]
+        at = first[0].states.index(name)
+        assert [-model.A[at, at] for model in first] == pytest.approx(1.0 / np.array(seconds))
+    whole = 1.0 / (2.0 * math.sin(math.radians(17.5)))
+    most = asked.get("tuning.sensitivity_max", whole)
+    assert [problem.sensitivity_max for problem in problems] == pytest.approx([most] * 5)
+    assert {problem.objective for problem in problems} == {"E_K" if asked else "decay"}
+
+
+@pytest.mark.parametrize(
+    ("lag", "says"),
+    [
+        ((0.0, 0.2), "must be positive, its low end first"),
+        ((0.3, 0.2), "must be positive, its low end first"),
+        ([[0.1, 0.2], [0.3, 0.2]], "must be positive, its low end first"),
+        ([0.1, 0.2, 0.3], "must be one low and high end"),
+        ([[0.1, 0.2]] * 3, "must be one low and high end"),
+    ],
+)
+def test_no_gains_are_tuned_for_a_range_of_lags_that_is_none(lag, says):
+    scenario = ft.load_scenario("paper_identified", changes=IDENTIFIED)
+    with pytest.raises(ft.InputError, match=f"`lag` {says}"):
+        lag_problems(scenario, scenario.laws[0], lag)
 
 
 @pytest.mark.soak
