@@ -9,7 +9,7 @@ from log_files import heavy_cessna
 
 import flighttune as ft
 from flighttune.logs.checks import _rotated, checked
-from flighttune.logs.relations import KIND, Motion, wind_triangle
+from flighttune.logs.relations import KIND, Motion, copied, wind_triangle
 
 FEW = (
     *("p sign", "n_z without gravity", "V_a in kn", "phi and theta", "phi and phi_cmd"),
@@ -155,3 +155,21 @@ def test_any_columns_are_judged_whatever_they_hold():
         values, _, _ = checked(columns, t, {})
 
         assert set(columns) <= set(values)
+
+
+@pytest.mark.parametrize(
+    ("V_a", "V_g", "same"),
+    [
+        (20.0, 20.0, True),
+        (20.0, 21.0, False),
+        (21.0, 20.0, False),
+        (0.5, 0.5, False),  # it stands on the ground all the time
+    ],
+)
+def test_an_airspeed_is_copied_where_it_is_the_ground_speed_in_flight(V_a, V_g, same):
+    t = np.arange(400.0)
+    on_ground = t < 100.0
+    columns = {"phi": 0.0 * t, "chi": 0.0 * t, "V_g": np.where(on_ground, 0.4, V_g)}
+    columns["V_a"] = np.where(on_ground, 0.9, V_a)
+
+    assert copied(Motion(columns, 0.1)) == same
