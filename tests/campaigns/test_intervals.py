@@ -3,11 +3,12 @@
 from functools import partial
 
 import numpy as np
+import pandas as pd
 import pytest
 from scipy import stats
 
 import flighttune as ft
-from flighttune.campaigns.statistics.intervals import quantile_interval, rate_interval
+from flighttune.campaigns.statistics.intervals import paired, quantile_interval, rate_interval
 
 ROUNDING = 1e-9
 """Absolute; both sides compute the same closed form."""
@@ -89,3 +90,40 @@ def test_fewer_effective_values_widen_an_interval_of_a_quantile_outwards(q):
     ]
     assert lo == np.floor(ranks[0].low * n / effective)
     assert hi == np.ceil(ranks[1].high * n / effective)
+
+
+def test_pairs_of_gains_are_compared_as_scipy_does():
+    """Draws that both gains fly, on each plant; of lost flights the error is infinite."""
+    random, n = np.random.default_rng(3), 40
+    errors = {"a": random.normal(1.0, 0.3, n), "b": random.normal(1.1, 0.3, n)}
+    lost = {"a": {2, 5, 9}, "b": {5, 9, 11, 30}}
+    success = {
+        x: np.array([random.random() < p for _ in range(n)]) for x, p in (("a", 0.9), ("b", 0.6))
+    }
+    rows = pd.DataFrame([
+        {"plant": "p", "draw": i, "gains": x, "success": success[x][i], "chi.ITAE": errors[x][i],
+         "status": "left_envelope" if i in lost[x] else "completed"}
+        for i in range(n) for x in "ab" if (i, x) != (20, "b")
+    ])  # fmt: skip
+
+    (pair,) = paired(rows, "chi.ITAE", confidence=0.9)
+
+    for x in "ab":
+        errors[x][[*lost[x]]] = np.inf
+    kept = np.arange(n) != 20
+    a, b, ok_a, ok_b = errors["a"][kept], errors["b"][kept], success["a"][kept], success["b"][kept]
+    wins = int(np.sum(a < b)), int(np.sum(b < a))
+    assert (pair["n"], pair["wins_a"], pair["wins_b"]) == (n - 1, *wins)
+    assert pair["win_rate"] == pytest.approx(wins[0] / sum(wins))
+    interval = stats.binomtest(wins[0], sum(wins)).proportion_ci(0.9, method="wilson")
+    assert (pair["lo"], pair["hi"]) == pytest.approx((interval.low, interval.high), abs=1e-9)
+    apart = np.where(a == b, 0.0, a - np.where(a == b, 0.0, b))
+    assert pair["median"] == pytest.approx(np.sort(apart)[19])
+    assert pair["median_lo"] <= pair["median"] <= pair["median_hi"]
+    only = int(np.sum(ok_a & ~ok_b)), int(np.sum(~ok_a & ok_b))
+    assert (pair["only_a"], pair["only_b"]) == only
+    assert pair["p_success"] == pytest.approx(stats.binomtest(only[0], sum(only)).pvalue, rel=1e-9)
+    # the other way round the signs are others
+    (turned,) = paired(rows.iloc[::-1], "chi.ITAE", confidence=0.9)
+    assert (turned["a"], turned["wins_a"], turned["only_a"]) == ("b", wins[1], only[1])
+    assert turned["p_success"] == pytest.approx(pair["p_success"])

@@ -171,4 +171,5 @@ def test_the_numbers_of_the_paper_are_those_that_it_prints():
     assert printed.last_digits("K1").tolist() == [1e-4, 1e-3]
     assert printed.DUFFING_A == {"alpha": 0.5, "beta": 0.25, "delta": 1.5}
     assert (printed.DUFFING_L_D, printed.DUFFING_X_0) == (2.5, (1.5, 0.0))
+    assert (printed.AFTERWARDS, printed.OPTIMISATION_DT) == (40.0, 0.1)
     assert printed.DUFFING_ALPHAS == (0.2, 0.35, 0.5, 0.75, 1.0, 1.5)
