@@ -1,11 +1,16 @@
-"""Compiled functions on disk are an aid: damaged or unwritable ones cost time and nothing else."""
+"""Compiled functions have the bits of plain ones; damaged ones on disk cost time, nothing else."""
 
+import math
 import resource
 
+import pandas as pd
 import pytest
+from made_up import made_up_scenario
 
 numba = pytest.importorskip("numba")
 
+import flighttune as ft  # noqa: E402
+from flighttune.flight.loop import loop  # noqa: E402
 from flighttune.flight.loop.kernel import kernel  # noqa: E402
 
 pytestmark = pytest.mark.slow
@@ -62,3 +67,39 @@ def test_a_function_that_cannot_be_kept_is_compiled_all_the_same(tmp_path, monke
     assert (hits(function), value) == (0, 42.0)
     assert not [*tmp_path.rglob("*.compiled")]
     assert not [*tmp_path.rglob(".flighttune*")]
+
+
+@pytest.mark.parametrize("gains", [
+    {"name": "own", "K_P": [[1.5, 0.1], [-0.1, 1.3]], "K_I": [[0.8, 0.0], [0.05, 0.7]]},
+    {"name": "own", "K_P": [[0.9, 0.05], [0.02, 0.7]], "K_I": [[0.4, 0.0], [0.0, 0.3]],
+     "law": "exact", "feedback": [0.4, 0.3]},
+])  # fmt: skip
+@pytest.mark.parametrize("anti_windup", ["conditional", "back_calculation"])
+def test_compiled_samples_of_either_law_at_its_limits_are_those_of_the_plain_loop(
+    monkeypatch, gains, anti_windup
+):
+    """Commands that magnitude and rate hold to either side, and what the laws record."""
+    turn = {"chi_deg": [{"shape": "step", "start_s": 1.0, "change_deg": 70.0}, {
+        "shape": "step", "start_s": 4.0, "change_deg": -90.0,
+    }], "gamma_deg": [{"shape": "step", "start_s": 2.0, "change_deg": 12.0}]}  # fmt: skip
+    limits = {"phi_deg": [-25.0, 32.0], "phi_rate_dps": [-60.0, 45.0]}
+    limits |= {"n_z": [0.7, 1.35], "n_z_rate_per_s": [-1.1, 0.8]}
+    scenario = made_up_scenario(
+        flight={"duration_s": 8.0},
+        reference=turn,
+        limits=limits,
+        gains=[gains],
+        expect=[],
+        controller={"anti_windup": anti_windup},
+        plant=[{"kind": "point_mass_lag", "identified": "aerosonde"}],
+        **({"law": [{"name": "exact", "kind": "exact"}]} if "law" in gains else {}),
+    )
+    flown = []
+    for samples in (0, math.inf):
+        monkeypatch.setattr(loop, "COMPILED_FROM", samples)
+        flown += ft.fly(scenario).runs
+    compiled, plain = flown
+
+    held = plain.signals[["phi_limited", "n_z_limited"]].to_numpy()
+    assert {*held[:, 0]} == {*held[:, 1]} == {0.0, 1.0, 2.0}
+    pd.testing.assert_frame_equal(compiled.signals, plain.signals, check_exact=True)
