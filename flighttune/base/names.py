@@ -30,3 +30,9 @@ def key_words(key: str) -> str:
     if words[-1] in ("maximum", "minimum"):
         words.insert(0, words.pop())
     return " ".join(filter(None, words)) + owner
+
+
+def unit_of_key(key: str) -> str:
+    """Unit of a value by the end of its key; empty without one."""
+    last = key.rpartition(".")[2]
+    return next((unit for end, unit in UNIT_OF_SUFFIX.items() if last.endswith(end)), "")

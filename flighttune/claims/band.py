@@ -7,17 +7,13 @@ from typing import Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 
-from flighttune.base.answers.answer import Answer, Table
-from flighttune.base.answers.labels import columns
 from flighttune.base.arguments import checked_class
 from flighttune.base.arrays import FloatArray
-from flighttune.base.endings import why_ended
 from flighttune.base.errors import InputError, printable
 from flighttune.base.signals import SIGNAL_UNITS
-from flighttune.base.words import at_most, pick
 from flighttune.campaigns.flying.rows import fly_group
 from flighttune.campaigns.planning.plan import Plan
-from flighttune.claims.counted import Counted, SignalBounds, axis_of, wind_at_start
+from flighttune.claims.counted import SignalBounds, axis_of, wind_at_start
 from flighttune.claims.measured import Measured
 from flighttune.flight.conditions import reference_of
 from flighttune.flight.loop.run import ERRORS, Run, RunClaim
@@ -33,8 +29,6 @@ KEPT = Path("fence")
 
 # Distance in samples, at the airspeed, by which positions may lie beyond the edges of a window.
 OVERLAP_SAMPLES = 2.0
-
-NEAREST_COLUMNS = columns("what margin_m side edge along_m stretch", of="fence")
 
 
 class Fenced(NamedTuple):
@@ -213,102 +207,7 @@ class Band(SignalBounds):
             fences=tuple(ring for ring, _ in areas_of(about.fences)),
         )
 
-    def answer(self, file: str | Path = "FILE") -> Answer:
-        """The half-widths of the band in a file and its claim; a failure if nothing is claimed.
-
-        Along a route it has the length and the time too. The claim about its last fence, if any, is
-        the verdict then, and a failure if the count does not support it.
-        """
-        answer = Counted.answer(self, file)
-        try:
-            return self._along_route(answer) if self.flights.over == "along" else answer
-        except InputError as error:
-            return replace(answer, verdict="", failure=str(error))
-
-    def _along_route(self, answer: Answer) -> Answer:
-        """The answer with the route, and with the count of flights inside its last fence."""
-        planned, values = self.flights.route, dict(answer.values)
-        values["route"] = {**pick(planned, "conditions time"), "length_m": planned.length}
-        changed = [*self.flights.scenario.notes, *planned.changed]
-        answer = replace(answer, values=values, changed=changed, summary=self.summary())
-        if not self.about.fences:
-            return answer
-        count = self.inside(self.about.fences[-1])
-        values["fence"] = count._asdict()
-        notes = [*answer.notes, answer.verdict or answer.failure]
-        for nearest in count.nearest:
-            if nearest["what"] == "band":
-                within = "inside" if nearest["margin_m"] >= 0.0 else "not inside"
-                notes.append(f"The band itself is {within} the fence.")
-        notes.append(f"The fence has {count.heights}.")
-        if self.not_completed:
-            notes.append(f"Of the flights {self.lost}: they count as outside.")
-        asked = f"{count.sentence}; {self.about.epsilon:g} was asked for"
-        return replace(
-            answer,
-            tables=[*answer.tables, Table(NEAREST_COLUMNS, count.nearest, "fence")],
-            notes=notes,
-            verdict=count.sentence if count.supported else "",
-            failure="" if count.supported else asked,
-        )
-
     @property
     def too_many_lost(self) -> bool:
         """Whether more flights than a claim allows did not complete, or count as if so."""
         return self.not_completed > self.allowed
-
-    def summary(self, room: Counted | None = None, room_words: str = "") -> list[str]:
-        """The answer of a mission in four lines: whether, the odds, how wide, and for what.
-
-        The room to turn back, if it was counted, shares the confidence.
-        """
-        about, flights, planned = self.about, len(self.scores), self.flights.route
-        allowed = self.allowed
-        fenced = self.inside(about.fences[-1]) if about.fences else None
-        confidence = self.confidence - (0.0 if room is None else 1.0 - room.confidence)
-        slower = planned.except_slopes
-        sure = f"at a confidence of {confidence:.6g} for all that is said here"
-        if self.too_many_lost:
-            answer = f"No: of {flights} flights {self.lost}; at most {allowed} of {self.first} may."
-            odds = f"They ended so:{why_ended(self.endings).removesuffix('.')}."
-        elif fenced is None:
-            answer = f"Yes: the mission can be flown{slower}. It has no fence to stay inside."
-            odds = (
-                f"A new flight leaves its corridor with a probability of at most {about.epsilon:g}"
-            )
-            odds += f", {sure}: {self.outside} of {flights} flights did."
-        else:
-            nearest = min(fenced.nearest, key=lambda row: row["margin_m"])
-            margin, at = nearest["margin_m"], "on the {stretch}, {along_m:.0f} m along ({edge}, "
-            at = f"{at}{{side}})".format(**nearest)
-            slower += "," * bool(slower)
-            answer = f"Yes: the mission can be flown{slower} and stays inside its fence."
-            odds = "A new flight leaves the fence with a probability of at most "
-            odds += (
-                f"{at_most(fenced.epsilon)}, {sure}: {fenced.outside} of {flights} flights did. "
-            )
-            odds += f"Nearest to it, {margin:.1f} m, it comes {at}."
-            if not fenced.supported:
-                answer = f"No: {fenced.outside} of {flights} flights are not certainly inside the "
-                answer += f"fence; at most {allowed} of {self.first} may be outside."
-                odds = f"They come furthest out {at}: {max(-margin, 0.0):.1f} m, which is the room "
-                odds += "that the fence lacks there; a lower airspeed or wind may do too."
-                if flights < self.first and fenced.outside <= allowed:
-                    answer = (
-                        f"Not known: {flights} of {self.first} flights were flown; `flighttune "
-                    )
-                    answer += f"band FILE --flights {self.first}` flies the others."
-        if about.until_sure and fenced and not fenced.supported:
-            more = f"`flighttune band FILE --flights {2 * self.first}` may be enough"
-            answer = f"No: {fenced.sentence}." if self.decided else f"Not known: {more}."
-        wide = "No corridor is claimed."
-        if self.claims and not about.predicted_from:
-            claimed = self.corridor()
-            beside, above = np.abs([claimed.low, claimed.high]).max(axis=(0, 1))
-            wide = (
-                f"The corridor is at most {at_most(beside, 3)} m wide to either side of the path, "
-            )
-            wide += f"and {at_most(above, 3)} m high above and below it."
-        wide += f" {room_words}" if room_words else ""
-        flown = self.flights.distribution.sentence(self.flights.flown).partition("; drawn")[0]
-        return [answer, odds, wide, f"It holds for {flown}, over {planned.answer().verdict}."]

@@ -11,20 +11,17 @@ import numpy as np
 import numpy.typing as npt
 
 from flighttune.base.answering import Answering
-from flighttune.base.answers.answer import Answer, Table
-from flighttune.base.answers.labels import columns, endings_table
 from flighttune.base.arrays import FloatArray, check_between
 from flighttune.base.errors import InputError
 from flighttune.base.files.array import write_sealed
 from flighttune.base.files.table import tables_of
-from flighttune.base.units import shown_unit
-from flighttune.base.words import listed, number, pick, quoted
+from flighttune.base.words import listed, number, quoted
 from flighttune.claims.about import About, Of, Over
 from flighttune.claims.distribution import Distribution
 from flighttune.claims.ending import Ending, Shared
 from flighttune.claims.measured import Measured
 from flighttune.claims.shape import Extremes, predicted, scores_of
-from flighttune.control.gains import PIGains, gains_table
+from flighttune.control.gains import PIGains
 from flighttune.control.law import split_name
 from flighttune.flight.loop.run import Bounds, Kind, Run, along_route
 from flighttune.flight.route import PlannedRoute, planned_route
@@ -38,8 +35,6 @@ SAME_GAINS = 1e-6
 
 # Part of the time whose largest half-width is printed too: flights have settled by then.
 LAST_QUARTER = 0.75
-
-WIDTH_COLUMNS = columns("signal largest last_quarter end low high unit", of="widths")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -316,59 +311,19 @@ class Counted(Answering):
             arrays["endings"] = np.array(json.dumps(said))
         write_sealed(path, arrays)
 
-    def _sizes(self) -> list[dict[str, float]]:
+    def sizes(self) -> list[dict[str, float]]:
         """A row of numbers for each signal, by column of `WIDTH_COLUMNS`, in SI."""
         raise NotImplementedError
 
     @property
-    def _notes(self) -> list[str]:
+    def own_notes(self) -> list[str]:
         """Sentences of an answer about what is counted."""
         return []
 
     @property
-    def _values(self) -> dict[str, Any]:
+    def own_values(self) -> dict[str, Any]:
         """Further values of an answer."""
         return {}
-
-    def answer(self, file: str | Path = "FILE") -> Answer:
-        """The flights that were counted, and their claim; a failure if nothing is claimed."""
-        about, rows = self.about, []
-        law = self.flights.scenario.law_table(self.flights.gains_name)
-        signals = about.signals.items() if self.claims else ()
-        for (signal, unit), sizes in zip(signals, self._sizes() if signals else (), strict=True):
-            shown, factor = shown_unit(unit)
-            in_unit = {key: float(size) * factor for key, size in sizes.items()}
-            rows.append({"signal": signal, **in_unit, "unit": shown})
-        notes = [*self.flights.gains_notes, *self._notes]
-        if self.claims:
-            seed = about.plan["campaign"]["seed"]
-            notes.append(
-                f"Of the flights inside, draw {self.nearest} (seed {seed}) is nearest to leaving: "
-                f"flighttune verify {file} --run {self.nearest}"
-            )
-        title, name = self.title
-        return Answer(
-            values={
-                "status": "claimed" if self.claims else "nothing_claimed",
-                **pick(about, "of epsilon predicted_from learned"),
-                **pick(self, "scale readings confidence outside not_completed sentence"),
-                "distribution": self.flights.sentence,
-                "gains": self.flights.gains.as_lists(),
-                "law": law.model_dump(mode="json", exclude_none=True),
-                "flights": len(self.scores),
-                "nearest_draw": self.nearest if self.claims else None,
-                **self._values,
-            },
-            tables=[
-                Table(WIDTH_COLUMNS, rows, title, name=name),
-                self.flights.distribution.table(self.flights.flown),
-                gains_table("gains", self.flights.gains),
-                endings_table(self.endings),
-            ],
-            notes=notes,
-            verdict=self.sentence if self.claims else "",
-            failure="" if self.claims else self.sentence,
-        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -392,7 +347,7 @@ class SignalBounds(Counted):
         low, high = self._ends(np.zeros((1, 0)) if wind is None else np.reshape(wind, (1, 2)))
         return Bounds(np.asarray(t, dtype=float), low[window], high[window], tuple(about.signals))
 
-    def _sizes(self) -> list[dict[str, float]]:
+    def sizes(self) -> list[dict[str, float]]:
         edges, rows = self.flights.edges, []
         late = edges[:-1] >= LAST_QUARTER * edges[-1]
         for widths in self.half_widths.T:
@@ -405,7 +360,7 @@ class SignalBounds(Counted):
         return rows
 
     @property
-    def _notes(self) -> list[str]:
+    def own_notes(self) -> list[str]:
         note = "The band is around a middle that is predicted from the wind of each flight."
         return [note] if self.about.predicted_from else []
 

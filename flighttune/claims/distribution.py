@@ -8,11 +8,9 @@ from typing import Annotated, Any
 
 from pydantic import Field
 
-from flighttune.base.answers.answer import Table
-from flighttune.base.answers.labels import columns
 from flighttune.base.errors import InputError
 from flighttune.base.files.table import abridged
-from flighttune.base.names import key_words
+from flighttune.base.names import key_words, unit_of_key
 from flighttune.base.words import listed
 from flighttune.flight.loop.disturbance_keys import DisturbanceTable
 from flighttune.flight.scenario.schema import Scenario
@@ -109,7 +107,7 @@ class Distribution:
         keys = f"; drawn at random: {listed(drawn)}" if drawn else ""
         return f"{flown} at {self.airspeeds} in {', '.join(air)}{keys}"
 
-    def table(self, flown: str) -> Table:
+    def records(self, flown: str) -> list[dict[str, str]]:
         """Plant, airspeed, start, air, and every key that is drawn with its range and unit."""
         rows = [
             ("flown", flown, ""),
@@ -121,8 +119,7 @@ class Distribution:
         for pair in self.correlation:
             words = f"rank correlation of {listed([_words(key) for key in pair['keys']])}"
             rows.append((words, f"{pair['rank']:g}", ""))
-        records = [dict(zip(DRAWN, row, strict=True)) for row in rows]
-        return Table(columns(" ".join(DRAWN)), records, "flights", name="dispersions")
+        return [dict(zip(DRAWN, row, strict=True)) for row in rows]
 
     @property
     def _drawn(self) -> list[tuple[str, str, str, str]]:
@@ -170,7 +167,7 @@ class Distribution:
         """The range of all these values with their unit; empty if no flight has such a key."""
         values = self._values(start, end)
         values = [GAINS[value] for value in values] if start == SCHEDULE else values
-        return spread(values, columns(PLACE.sub("", end or start))[0].unit) if values else ""
+        return spread(values, unit_of_key(PLACE.sub("", end or start))) if values else ""
 
     def start_range(self, scenario: Scenario, plant: PlantTable) -> float | None:
         """Distance of its starts from a scenario's course and path angle, rad; None without one."""
@@ -311,11 +308,8 @@ def _how(table: Mapping[str, Any]) -> str:
     kind, sd = table.get("distribution", "drawn"), table.get("sd") or table.get("sd_log")
     if sd is not None:
         share = " of its value" if table.get("acts") == "multiplies" else ""
-        unit = (
-            columns(PLACE.sub("", table.get("key", "")))[0].unit
-            if "sd" in table and not share
-            else ""
-        )
+        key = PLACE.sub("", table.get("key", ""))
+        unit = unit_of_key(key) if "sd" in table and not share else ""
         return f"{kind.replace('_', '-')}, sd {sd:g} {unit}".rstrip() + share
     if kind == "uniform":
         return kind

@@ -11,7 +11,6 @@ from typing import Any, ClassVar, NamedTuple, TypeAlias, Unpack
 import numpy as np
 
 from flighttune.base.answering import Answering
-from flighttune.base.answers.answer import Answer
 from flighttune.base.errors import InfeasibleError, InputError
 from flighttune.base.files import code
 from flighttune.base.files.load import BAND, kind_of
@@ -98,33 +97,6 @@ class MissionOdds(Answering):
                 elif volumes.exists() and maps.of_volumes(volumes):
                     remove_file(volumes)
         return replace(self, room=room, files=files)
-
-    def answer(self) -> Answer:
-        """The answer of the band, with the room to turn back beside it; a failure if one fails."""
-        answer, room = self.band.answer(self.file or "FILE"), self.room
-        seen = _over_ground(self.band.flights.route, self.terrain, self.band)
-        answer = _beside(answer, seen)
-        whether, odds, *others = self.band.summary(room, room.summary if room else "")
-        summary = [whether, f"{odds} {self.way}".rstrip(), *others]
-        if seen.faults:
-            notes = [*answer.notes, answer.verdict] if answer.verdict else answer.notes
-            summary = [*seen.faults, *summary[1:]]
-            said = {"verdict": seen.faults[0], "failure": answer.failure or seen.failure}
-            answer = replace(answer, notes=notes, **said)
-        if room is None:
-            return replace(answer, summary=summary, files=self.files)
-        said = room.answer(self.files.get("room") or "FILE")
-        total = self.band.confidence + room.confidence - 1.0
-        return replace(
-            answer,
-            summary=summary,
-            values={**answer.values, "confidence": total, "turn_back": said.values},
-            tables=[*answer.tables, said.tables[0], room.ended],
-            notes=[*answer.notes, *said.notes, said.verdict],
-            failure=answer.failure
-            or (f"room to turn back: {said.failure}" if said.failure else ""),
-            files=self.files,
-        )
 
 
 def beside(band: Path) -> tuple[Path, Path]:
@@ -457,7 +429,7 @@ def mission_plan(
     terrain: str | Path | None = None,
     changes: Mapping[str, Any] | None = None,
     out: Path | None = None,
-) -> Answer:
+) -> "PlannedMission":
     """The route of a mission or scenario before a flight, written to a file if one is stated.
 
     Its path is judged by `fences`, or by the fence of the mission. The route of a band file is
@@ -474,24 +446,20 @@ def mission_plan(
         corridor, shapes = None, []
     files = [*map(Path, fences)] or ([] if shapes else [*own_fence(Path(source))])
     shapes += [tables] if (tables := fence_tables(files, asked=bool(fences))) else []
-    seen = _over_ground(planned, terrain, band)
+    seen = over_ground(planned, terrain, band)
     places = [read_fence(files[0] if files else KEPT, planned.where[1], shape) for shape in shapes]
     nearest = [fence.nearest(planned.reference.path) for fence in places]
     said = [planned_inside(planned, *x) for x in zip(places, nearest, strict=True)]
     notes = [] if out is None else planned.save(out, corridor, shapes)
     outside = [x for x, near in zip(said, nearest, strict=True) if near["leaves_m"] is not None]
-    answer = _beside(planned.answer([*outside, *seen.faults]), seen)
-    inside = [x for x in said if x not in outside]
-    if answer.failure:  # what is well does not come before what is not
-        answer = replace(answer, changed=[*inside, *answer.changed])
-    else:
-        answer = replace(answer, summary=[*inside, *answer.summary])
-    return replace(
-        answer,
-        notes=[*notes, *answer.notes],
-        values={**answer.values, **({"fence": {"nearest": nearest}} if nearest else {})},
-        files={"route": out},
-        failure="the planned path leaves the fence" if outside else seen.failure,
+    return PlannedMission(
+        route=planned,
+        nearest=nearest,
+        outside=outside,
+        inside=[x for x in said if x not in outside],
+        seen=seen,
+        notes=notes,
+        file=out,
     )
 
 
@@ -509,9 +477,20 @@ class OverGround(NamedTuple):
         return "the path or its corridor is below the ground" if self.faults else ""
 
 
-def _over_ground(
-    planned: PlannedRoute, terrain: str | Path | None, band: Band | None
-) -> OverGround:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlannedMission(Answering):
+    """The route of a mission before a flight, beside its fences and the ground."""
+
+    route: PlannedRoute
+    nearest: Sequence[Mapping[str, Any]]  # where the path is nearest to each fence
+    outside: Sequence[str]  # a sentence for each fence that the path leaves
+    inside: Sequence[str]  # and for each that it stays inside
+    seen: OverGround
+    notes: Sequence[str]  # what writing the file cost
+    file: Path | None
+
+
+def over_ground(planned: PlannedRoute, terrain: str | Path | None, band: Band | None) -> OverGround:
     """What a terrain says of a path and its corridor."""
     if terrain is None:
         return OverGround({}, notes=[maps.NOT_SEEN])
@@ -526,16 +505,6 @@ def _over_ground(
         else:
             changed.append(f"{words[0].upper()}{words[1:]}")
     return OverGround({"terrain": seen}, changed, faults)
-
-
-def _beside(answer: Answer, seen: OverGround) -> Answer:
-    """An answer with what the terrain says beside it."""
-    return replace(
-        answer,
-        values={**answer.values, **seen.values},
-        changed=[*seen.changed, *answer.changed],
-        notes=[*answer.notes, *seen.notes],
-    )
 
 
 def planned_inside(planned: PlannedRoute, fence: Fence, nearest: Mapping[str, Any]) -> str:

@@ -13,8 +13,6 @@ import numpy as np
 import numpy.typing as npt
 
 from flighttune.base.answering import Answering
-from flighttune.base.answers.answer import Answer, Table
-from flighttune.base.answers.labels import columns
 from flighttune.base.arrays import FloatArray, Floats
 from flighttune.base.endings import why_ended
 from flighttune.base.errors import InputError, naming
@@ -26,7 +24,6 @@ from flighttune.base.words import listed, number
 from flighttune.campaigns.engine.pool import WorkerPool
 from flighttune.campaigns.flying.rows import fly_group
 from flighttune.campaigns.planning.plan import Plan
-from flighttune.campaigns.statistics.count import flights_needed
 from flighttune.claims.about import About, Of
 from flighttune.claims.counted import Counted, flown_by
 from flighttune.claims.measured import Measured
@@ -60,8 +57,6 @@ NOT_HELD = (
     "not checked: the file, of flighttune 0.4.0, does not hold what its weights, limits and scores "
     "follow from; `--log LOG`, for each of its logs, finds them again"
 )
-
-COLUMNS = columns("name seconds score why", of="healthy_logs")
 
 
 class Watching(Answering):
@@ -261,16 +256,16 @@ class Monitor(Counted, Watching):
     def _leaves(self) -> str:
         return "without a fault raises an alarm"
 
-    def _sizes(self) -> list[dict[str, float]]:
+    def sizes(self) -> list[dict[str, float]]:
         low, high = (ends[0] for ends in self._ends(np.zeros((1, 0))))
         return [{"low": a, "high": b} for a, b in zip(low, high, strict=True)]
 
     @property
-    def _values(self) -> dict[str, Any]:
+    def own_values(self) -> dict[str, Any]:
         return {"models": [asdict(model) for model in self.about.models]}
 
     @property
-    def _notes(self) -> list[str]:
+    def own_notes(self) -> list[str]:
         models = self.about.models
         return [
             f"Expected are {listed([f'{x.name} ({x.target})' for x in models])}, from "
@@ -464,29 +459,6 @@ class LogMonitor(Watching):
     def save(self, path: str | Path) -> None:
         """Write the monitor with its SHA-256 (.npz), whole or not at all."""
         write_sealed(path, {"monitor": np.array(json.dumps(tables_of(self)))})
-
-    def answer(self) -> Answer:
-        """The logs, what is watched and what is not, and the claim."""
-        models = self.logs[0].models
-        seen, possible = {x.name for x in models}, {x.name: x for x in watching.OF_LOGS[::-1]}
-        lacking = [x for name, x in possible.items() if name not in seen]
-        unseen = [f"{x.name} ({listed(sorted(x.signals))})" for x in lacking]
-        notes = [
-            f"Watched are {listed([f'{x.name} ({x.target})' for x in models])}, from "
-            f"{SETTLED_S:g} s of a log on. How often faults are found is not in the claim.",
-            "A claim of 5 % takes 19 logs; at a confidence of 0.95 for these limits it takes "
-            f"{flights_needed(0.05, 0.95)} further logs without an alarm. Parts of one flight are "
-            "not exchangeable with another flight, and longer flights alarm more often.",
-        ]
-        if unseen:
-            notes.insert(1, f"Not watched, as a log lacks the signals: {listed(unseen)}.")
-        rows = [asdict(log) for log in self.logs]
-        return Answer(
-            values={"epsilon": self.epsilon, "sentence": self.sentence, "settled_s": SETTLED_S},
-            tables=[Table(COLUMNS, rows, "what each log scores", name="logs")],
-            notes=notes,
-            verdict=self.sentence,
-        )
 
 
 def load_monitor(path: str | Path) -> LogMonitor:

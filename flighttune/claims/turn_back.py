@@ -2,14 +2,12 @@
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 import numpy.typing as npt
 
-from flighttune.base.answers.answer import Table
-from flighttune.base.answers.labels import endings_table
 from flighttune.base.arrays import FloatArray, Floats
 from flighttune.base.endings import endings
 from flighttune.base.errors import InputError, printable
@@ -133,12 +131,6 @@ class TurnBack(Counted):
         )
 
     @property
-    def ended(self) -> Table:
-        """How flights that turn back did not complete, beside those of the mission."""
-        title = "flights that turn back and did not complete"
-        return replace(endings_table(self.endings), title=title, name="turn_back_endings")
-
-    @property
     def table(self) -> TurnBackTable:
         """How its flights turn back."""
         return _turns(self.flights.central)
@@ -190,7 +182,7 @@ class TurnBack(Counted):
             "ground risk buffer": Volume(width, 0.0, top, "as wide as it is high"),
         }
 
-    def _sizes(self) -> list[dict[str, float]]:
+    def sizes(self) -> list[dict[str, float]]:
         return [{"high": size} for size in self.room]
 
     @property
@@ -199,12 +191,12 @@ class TurnBack(Counted):
         return self.table.formula(max(central.airspeeds), central.flight.g_mps2)
 
     @property
-    def _values(self) -> dict[str, Any]:
+    def own_values(self) -> dict[str, Any]:
         sizes = {f"{key}_m": size for key, size in self.room._asdict().items() if self.claims}
         return {"room": {**sizes, "by_formula_m": self._formula}}
 
     @property
-    def _notes(self) -> list[str]:
+    def own_notes(self) -> list[str]:
         table = self.table
         return [
             f"A turn of {table.turn_deg:g} deg to either side from any place of the route, "

@@ -2,13 +2,11 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypeAlias, TypeVar, Unpack
 
 from flighttune.base.answering import Answering
-from flighttune.base.answers.answer import Answer, Column, Table
-from flighttune.base.answers.labels import columns
 from flighttune.base.arguments import checked_class
 from flighttune.base.errors import InputError, naming
 from flighttune.base.files import code
@@ -23,7 +21,7 @@ from flighttune.base.files.load import (
     kind_of,
     load_one,
 )
-from flighttune.base.words import listed, pick
+from flighttune.base.words import listed
 from flighttune.campaigns.dataset import Dataset
 from flighttune.campaigns.engine.fliers import Fliers, FlownBy
 from flighttune.campaigns.engine.pool import WorkerPool
@@ -56,8 +54,6 @@ CHOSEN = (
     "That its maker chose seed, signals, fences, numbers of flights or the rule that ends them, "
     "epsilon and confidence before a flight was counted is not checked: no file can show it."
 )
-
-CHECK_COLUMNS = [Column("name", "check"), *columns("margin exact")]
 
 
 def verified_band(
@@ -178,26 +174,6 @@ class Verified(Answering):
     def checks(self) -> tuple[Check, ...]:
         """Every inequality or inclusion of a proof, with its margin; none of a band."""
         return self.verification.checks
-
-    def answer(self) -> Answer:
-        """The checks and the claim; a failure if one of them does not hold."""
-        value, valid, kind = self.claim, self.valid, self.claim.kind
-        file = self.source or "FILE"  # in a command of the note of a count
-        claim = value.answer(file) if isinstance(value, Counted) else value.answer()
-        checks = [asdict(check) for check in self.verification.checks]
-        notes = *self.verification.notes, *claim.notes
-        place = f"{self.source}: " if self.source else ""
-        title = f"{place}{'valid: every check holds' if valid else 'not valid'}"
-        # All inclusions of a tube are exact.
-        shown = CHECK_COLUMNS[:2] if isinstance(value, Tube | LogMonitor) else CHECK_COLUMNS
-        lacks = kind if self.verification.checked else "checked"
-        return Answer(
-            values={**pick(self, "valid reason"), "claim": claim.values},
-            tables=[Table(shown, checks, title, name="checks"), *claim.tables],
-            notes=[*stale_notes(value), *(notes if valid else ())],
-            verdict=f"{kind if valid else f'claimed, not {lacks}'}: {self.claim.sentence}",
-            failure="" if valid else f"{place}{self.reason}",
-        )
 
 
 @code.flies_again

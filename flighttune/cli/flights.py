@@ -59,7 +59,7 @@ def mission(
         check_ending(out, ".geojson", ".kml", ".plan")
         for name in [x for x in settings if x not in of_route] + ["page"] * bool(page):
             raise errors.InputError(f"`{name}` must be absent with --plan, which flies nothing.")
-        return mission_plan(source, **settings)
+        return mission_plan(source, **settings).answer()
     check_ending(out, ".npz")
     if kind_of(source) != BAND:
         out = out or Path("runs") / f"{Path(source).stem}-band.npz"
@@ -71,7 +71,7 @@ def mission(
                 write_claim_page(odds.band, str(file), page, odds.room, odds.terrain, answer)
     except errors.InfeasibleError:  # what is planned says why
         of_plan = {key: settings[key] for key in of_route[:3] if key in settings}
-        return mission_plan(source, changes=changes, **of_plan)
+        return mission_plan(source, changes=changes, **of_plan).answer()
     notes = [*answer.notes, *([] if page else [page_note(file)])]
     return replace(answer, notes=notes, files={**answer.files, "page": page})
 

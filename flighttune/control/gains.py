@@ -12,7 +12,6 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import SerializerFunctionWrapHandler, model_serializer
 
-from flighttune.base.answers.answer import Column, Table
 from flighttune.base.arguments import checked_class
 from flighttune.base.arrays import FloatArray, check_positive, read_only_matrix, set_read_only
 from flighttune.base.errors import InputError
@@ -261,20 +260,3 @@ def _acting_on(inputs: tuple[str, str], gains: PIGains, factor: float) -> PIGain
 def gains_lists(gains: PIGains | None) -> dict[str, Any]:
     """``K_P`` and ``K_I`` as nested lists, None where there are no gains."""
     return {"K_P": None, "K_I": None} if gains is None else gains.as_lists()
-
-
-def gains_table(title: str, gains: PIGains | None) -> Table:
-    """Gains as a table, a row a command; no rows where there are no gains."""
-    columns = [Column("command", "command")]
-    for part, of in (("P", "e_"), ("I", "int e_")):
-        errors = enumerate(ERRORS if gains is None else gains.errors)
-        columns += [Column(f"{part}.{i}", f"{of}{name}", digits="z.4f") for i, name in errors]
-    if gains is None:
-        return Table(columns, [], title)
-    rows = zip(gains.labels, gains.K_P.tolist(), gains.K_I.tolist(), strict=True)
-    records = [{"command": name, "P": K_P, "I": K_I} for name, K_P, K_I in rows]
-    if gains.feeds_back:
-        columns.append(Column("feedback", "feedback", digits="z.4f", missing=""))
-        for record, fed in zip(records, gains.feedback, strict=False):
-            record["feedback"] = fed
-    return Table(columns, records, title)

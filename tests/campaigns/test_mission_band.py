@@ -11,6 +11,7 @@ from scipy.stats import binom, binomtest
 
 import flighttune as ft
 from flighttune.claims import counting
+from flighttune.outputs.answers.band import summary
 
 # the fewest flights that can support a claim of the band and its fence: 0.7^9 <= 0.1 / 2
 FEW = ("--epsilon", 0.3, "--confidence", 0.9, "--flights", 9)
@@ -202,7 +203,7 @@ def test_a_fence_that_one_flight_leaves_takes_the_other_flights(tmp_path, monkey
     assert (len(more.scores), fenced.outside, fenced.supported) == (126, 1, True)
     none_first = binom.pmf(0, 78, fenced.epsilon) * binom.sf(1, 48, fenced.epsilon)
     assert none_first + binom.cdf(1, 126, fenced.epsilon) == pytest.approx(0.025, rel=1e-6)
-    assert more.summary()[0].startswith("Yes: ")
+    assert summary(more)[0].startswith("Yes: ")
     assert more.confidence == pytest.approx(0.95)
 
 

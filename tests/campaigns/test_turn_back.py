@@ -33,6 +33,7 @@ from flighttune.claims.counting import drawn
 from flighttune.claims.mission import MissionOdds
 from flighttune.claims.turn_back import ROOM, TurnBack, TurnRoom
 from flighttune.flight.scenario.load import scenario_of
+from flighttune.outputs.answers.band import summary
 from flighttune.routes.maps import Volume, volumes_geojson
 
 BANK, SPEED, G = 30.0, 25.0, 9.81
@@ -348,7 +349,7 @@ def test_volumes_are_over_the_ground_and_their_room_is_in_whole_metres(away, mid
     corridor = made_up(ft.Band, plan, {"cross_track": "m", "height_err": "m"}, away, middle)
     room = made_up(TurnBack, turning_back(plan, BANK), ROOM, [271.2, 3.4])
 
-    assert "at most 5 m wide to either side of the path, and 2 m high" in corridor.summary()[2]
+    assert "at most 5 m wide to either side of the path, and 2 m high" in summary(corridor)[2]
     said = MissionOdds(band=corridor, room=room, files={}).answer()
     assert said.values["confidence"] == pytest.approx(1.0 - 0.1 - 0.1)
     assert "at a confidence of 0.8 for all that is said here" in said.summary[1]

@@ -70,8 +70,8 @@ def test_many_keys_stand_in_the_table_with_their_units_and_the_sentence_counts_t
     campaign = ft.load_campaign("mission_in_wind")
     known = distribution_of(campaign, campaign.nominal.plant[0].label)
 
-    sentence, table = known.sentence("x"), known.table("x")
-    rows = {row["quantity"]: (row["values"], row["drawn"]) for row in table.records}
+    sentence, records = known.sentence("x"), known.records("x")
+    rows = {row["quantity"]: (row["values"], row["drawn"]) for row in records}
 
     assert "wind 0 to 8 m/s from anywhere, light turbulence" in sentence
     assert "mass factor 0.91 to 1.09 (normal, sd 0.03)" in sentence
@@ -80,7 +80,7 @@ def test_many_keys_stand_in_the_table_with_their_units_and_the_sentence_counts_t
     assert rows["wind speed"] == ("0 to 8 m/s", "uniform")
     assert {*campaign.keys} == {*known.dispersed}
     assert rows["gains"] == ("the same at all airspeeds", "fixed")
-    drawn = [row for row in table.records if row["drawn"] != "fixed"]
+    drawn = [row for row in records if row["drawn"] != "fixed"]
     assert len(drawn) == 4 + len(campaign.keys) + len(campaign.correlation)
 
 
@@ -89,7 +89,7 @@ def test_a_key_of_another_plant_is_not_of_this_distribution():
     ends = {"jsbsim:aerosonde": 1.1, "jsbsim:aerosonde:other": 1.3}
     keys = [uniform(f"plant[{name}].airframe.mass_factor", 0.9, ends[name]) for name in ends]
 
-    rows = distribution(*keys, plants=[AEROSONDE, other]).table("x").records
+    rows = distribution(*keys, plants=[AEROSONDE, other]).records("x")
 
     (row,) = [row for row in rows if row["drawn"] != "fixed"][3:]
     assert row == {"quantity": "mass factor", "values": "0.9 to 1.1", "drawn": "uniform"}

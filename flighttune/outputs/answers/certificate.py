@@ -7,7 +7,7 @@ from flighttune.base.answers.answer import Answer, Table
 from flighttune.base.answers.labels import columns
 from flighttune.base.words import pick
 from flighttune.control.certificates.certificate import Certificate
-from flighttune.control.gains import gains_table
+from flighttune.outputs.answers.tables import gains_table
 
 EXACT_COLUMNS = columns("loop decay growth true_rate", of="exact_rates")
 BOX_COLUMNS = columns("error lag delay rate norm_rate growth", of="lag_boxes")

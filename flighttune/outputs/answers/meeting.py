@@ -8,13 +8,13 @@ from flighttune.base.answers.labels import columns, endings_table, in_words, mea
 from flighttune.base.words import interval, listed, percent, pick
 from flighttune.campaigns.statistics.intervals import CONFIDENCE
 from flighttune.claims.counted_flights import distribution_of
-from flighttune.control.gains import gains_lists, gains_table
+from flighttune.control.gains import gains_lists
 from flighttune.control.linear_model import closed_loop
 from flighttune.control.margins import loop_margins
 from flighttune.control.theory.indicators import indicators
 from flighttune.flight.gains import certify_scenario
 from flighttune.flight.models import linear_model
-from flighttune.outputs.answers.tables import margins_table
+from flighttune.outputs.answers.tables import dispersions_table, gains_table, margins_table
 from flighttune.studies.meeting import BY_DEFAULT, Meeting
 
 REQUIREMENT_COLUMNS = columns(
@@ -80,7 +80,7 @@ def drawn(meeting: Meeting) -> list[Table]:
     if meeting.campaign is None:
         return []
     labels = [plant.label for plant in meeting.scenario.plant]
-    return [distribution_of(meeting.campaign, label).table(label) for label in labels]
+    return [dispersions_table(distribution_of(meeting.campaign, label), label) for label in labels]
 
 
 def start_sentence(meeting: Meeting) -> str:

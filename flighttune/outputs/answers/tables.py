@@ -3,10 +3,12 @@
 import math
 from collections.abc import Sequence
 
-from flighttune.base.answers.answer import Table
+from flighttune.base.answers.answer import Column, Table
 from flighttune.base.answers.labels import columns
 from flighttune.base.units import DEG_PER_RAD
 from flighttune.base.words import pick
+from flighttune.claims.distribution import DRAWN, Distribution
+from flighttune.control.gains import ERRORS, PIGains
 from flighttune.control.margins import Margins
 from flighttune.vehicles.identification.file import IdentifiedAircraft
 
@@ -45,3 +47,26 @@ def lags_table(aircraft: IdentifiedAircraft) -> Table:
             records.append({**place, "channel": name, **channel.model_dump(exclude={"simpler"})})
     title = f"{aircraft.aircraft}: identified inner loop"
     return Table(title=title, columns=LAG_COLUMNS, records=records)
+
+
+def dispersions_table(distribution: Distribution, flown: str) -> Table:
+    """Plant, airspeed, start, air, and every key that is drawn with its range and unit."""
+    records = distribution.records(flown)
+    return Table(columns(" ".join(DRAWN)), records, "flights", name="dispersions")
+
+
+def gains_table(title: str, gains: PIGains | None) -> Table:
+    """Gains as a table, a row a command; no rows where there are no gains."""
+    columns = [Column("command", "command")]
+    for part, of in (("P", "e_"), ("I", "int e_")):
+        errors = enumerate(ERRORS if gains is None else gains.errors)
+        columns += [Column(f"{part}.{i}", f"{of}{name}", digits="z.4f") for i, name in errors]
+    if gains is None:
+        return Table(columns, [], title)
+    rows = zip(gains.labels, gains.K_P.tolist(), gains.K_I.tolist(), strict=True)
+    records = [{"command": name, "P": K_P, "I": K_I} for name, K_P, K_I in rows]
+    if gains.feeds_back:
+        columns.append(Column("feedback", "feedback", digits="z.4f", missing=""))
+        for record, fed in zip(records, gains.feedback, strict=False):
+            record["feedback"] = fed
+    return Table(columns, records, title)

@@ -10,7 +10,7 @@ from flighttune.base.words import pick, quoted
 from flighttune.claims.tubes.enclosure import LEFT, Tube
 from flighttune.claims.tubes.problem import QUANTITIES, TubeProblem, residual_of_logs
 from flighttune.claims.tubes.tube import TriedDisturbances
-from flighttune.control.gains import gains_table
+from flighttune.outputs.answers.tables import gains_table
 
 WIDTH_COLUMNS = columns("error max end ever", of="tube")
 FLIGHT_COLUMNS = columns(

@@ -1,0 +1,128 @@
+"""What a band says, and a mission with its corridor."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from flighttune.base.answers.answer import Answer, Table
+from flighttune.base.answers.labels import columns
+from flighttune.base.endings import why_ended
+from flighttune.base.errors import InputError
+from flighttune.base.words import at_most, pick
+from flighttune.claims.band import Band, Fenced
+from flighttune.claims.counted import Counted
+from flighttune.outputs.answers import counted
+
+NEAREST_COLUMNS = columns("what margin_m side edge along_m stretch", of="fence")
+
+
+def answer(band: Band, file: str | Path = "FILE") -> Answer:
+    """The half-widths of the band in a file and its claim; a failure if nothing is claimed.
+
+    Along a route it has the length and the time too. The claim about its last fence, if any, is
+    the verdict then, and a failure if the count does not support it.
+    """
+    answer = counted.answer(band, file)
+    try:
+        return along_route(band, answer) if band.flights.over == "along" else answer
+    except InputError as error:
+        return replace(answer, verdict="", failure=str(error))
+
+
+def along_route(band: Band, answer: Answer) -> Answer:
+    """The answer with the route, and with the count of flights inside its last fence."""
+    planned, values = band.flights.route, dict(answer.values)
+    values["route"] = {**pick(planned, "conditions time"), "length_m": planned.length}
+    changed = [*band.flights.scenario.notes, *planned.changed]
+    answer = replace(answer, values=values, changed=changed, summary=summary(band))
+    if not band.about.fences:
+        return answer
+    count = band.inside(band.about.fences[-1])
+    values["fence"] = count._asdict()
+    notes = [*answer.notes, answer.verdict or answer.failure]
+    for nearest in count.nearest:
+        if nearest["what"] == "band":
+            within = "inside" if nearest["margin_m"] >= 0.0 else "not inside"
+            notes.append(f"The band itself is {within} the fence.")
+    notes.append(f"The fence has {count.heights}.")
+    if band.not_completed:
+        notes.append(f"Of the flights {band.lost}: they count as outside.")
+    asked = f"{count.sentence}; {band.about.epsilon:g} was asked for"
+    return replace(
+        answer,
+        tables=[*answer.tables, Table(NEAREST_COLUMNS, count.nearest, "fence")],
+        notes=notes,
+        verdict=count.sentence if count.supported else "",
+        failure="" if count.supported else asked,
+    )
+
+
+def summary(band: Band, room: Counted | None = None, room_words: str = "") -> list[str]:
+    """The answer of a mission in four lines: whether, the odds, how wide, and for what.
+
+    The room to turn back, if it was counted, shares the confidence.
+    """
+    about, flights, planned = band.about, len(band.scores), band.flights.route
+    fenced = band.inside(about.fences[-1]) if about.fences else None
+    confidence = band.confidence - (0.0 if room is None else 1.0 - room.confidence)
+    sure = f"at a confidence of {confidence:.6g} for all that is said here"
+    if band.too_many_lost:
+        whether = (
+            f"No: of {flights} flights {band.lost}; at most {band.allowed} of {band.first} may."
+        )
+        odds = f"They ended so:{why_ended(band.endings).removesuffix('.')}."
+    elif fenced is None:
+        whether = f"Yes: the mission can be flown{planned.except_slopes}."
+        whether += " It has no fence to stay inside."
+        odds = "A new flight leaves its corridor with a probability of at most "
+        odds += f"{about.epsilon:g}, {sure}: {band.outside} of {flights} flights did."
+    else:
+        whether, odds = in_fence(band, fenced, sure)
+    if about.until_sure and fenced and not fenced.supported:
+        more = f"`flighttune band FILE --flights {2 * band.first}` may be enough"
+        whether = f"No: {fenced.sentence}." if band.decided else f"Not known: {more}."
+    flown = band.flights.distribution.sentence(band.flights.flown).partition("; drawn")[0]
+    wide = f"{width(band)} {room_words}" if room_words else width(band)
+    return [whether, odds, wide, f"It holds for {flown}, over {planned.answer().verdict}."]
+
+
+def in_fence(band: Band, fenced: Fenced, sure: str) -> tuple[str, str]:
+    """Whether the mission stays inside its fence, and with which odds."""
+    flights, slower = len(band.scores), band.flights.route.except_slopes
+    nearest = min(fenced.nearest, key=lambda row: row["margin_m"])
+    margin = nearest["margin_m"]
+    at = "on the {stretch}, {along_m:.0f} m along ({edge}, {side})".format(**nearest)
+    if fenced.supported:
+        slower += "," * bool(slower)
+        return (
+            f"Yes: the mission can be flown{slower} and stays inside its fence.",
+            f"A new flight leaves the fence with a probability of at most "
+            f"{at_most(fenced.epsilon)}, {sure}: {fenced.outside} of {flights} flights did. "
+            f"Nearest to it, {margin:.1f} m, it comes {at}.",
+        )
+    whether = (
+        f"No: {fenced.outside} of {flights} flights are not certainly inside the fence; at most "
+        f"{band.allowed} of {band.first} may be outside."
+    )
+    if flights < band.first and fenced.outside <= band.allowed:
+        whether = (
+            f"Not known: {flights} of {band.first} flights were flown; `flighttune band FILE "
+            f"--flights {band.first}` flies the others."
+        )
+    return whether, (
+        f"They come furthest out {at}: {max(-margin, 0.0):.1f} m, which is the room that the fence "
+        "lacks there; a lower airspeed or wind may do too."
+    )
+
+
+def width(band: Band) -> str:
+    """The width and height of the corridor, if one is claimed."""
+    if not band.claims or band.about.predicted_from:
+        return "No corridor is claimed."
+    claimed = band.corridor()
+    beside, above = np.abs([claimed.low, claimed.high]).max(axis=(0, 1))
+    return (
+        f"The corridor is at most {at_most(beside, 3)} m wide to either side of the path, "
+        f"and {at_most(above, 3)} m high above and below it."
+    )

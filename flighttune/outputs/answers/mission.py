@@ -1,0 +1,62 @@
+"""What a mission says, planned or counted."""
+
+from dataclasses import replace
+
+from flighttune.base.answers.answer import Answer
+from flighttune.claims.mission import MissionOdds, OverGround, PlannedMission, over_ground
+from flighttune.outputs.answers.band import summary
+from flighttune.outputs.answers.turn_back import ended
+
+
+def answer(mission: MissionOdds) -> Answer:
+    """The answer of the band, with the room to turn back beside it; a failure if one fails."""
+    band, room, files = mission.band, mission.room, mission.files
+    seen = over_ground(band.flights.route, mission.terrain, band)
+    answer = beside_terrain(band.answer(mission.file or "FILE"), seen)
+    whether, odds, *others = summary(band, room, room.summary if room else "")
+    lines = [whether, f"{odds} {mission.way}".rstrip(), *others]
+    if seen.faults:
+        notes = [*answer.notes, answer.verdict] if answer.verdict else answer.notes
+        lines = [*seen.faults, *lines[1:]]
+        said = {"verdict": seen.faults[0], "failure": answer.failure or seen.failure}
+        answer = replace(answer, notes=notes, **said)
+    if room is None:
+        return replace(answer, summary=lines, files=files)
+    said = room.answer(files.get("room") or "FILE")
+    total = band.confidence + room.confidence - 1.0
+    return replace(
+        answer,
+        summary=lines,
+        values={**answer.values, "confidence": total, "turn_back": said.values},
+        tables=[*answer.tables, said.tables[0], ended(room)],
+        notes=[*answer.notes, *said.notes, said.verdict],
+        failure=answer.failure or (f"room to turn back: {said.failure}" if said.failure else ""),
+        files=files,
+    )
+
+
+def planned(mission: PlannedMission) -> Answer:
+    """The planned route, with what fences and terrain say of it."""
+    seen, nearest = mission.seen, mission.nearest
+    answer = beside_terrain(mission.route.answer([*mission.outside, *seen.faults]), seen)
+    if answer.failure:  # what is well does not come before what is not
+        answer = replace(answer, changed=[*mission.inside, *answer.changed])
+    else:
+        answer = replace(answer, summary=[*mission.inside, *answer.summary])
+    return replace(
+        answer,
+        notes=[*mission.notes, *answer.notes],
+        values={**answer.values, **({"fence": {"nearest": nearest}} if nearest else {})},
+        files={"route": mission.file},
+        failure="the planned path leaves the fence" if mission.outside else seen.failure,
+    )
+
+
+def beside_terrain(answer: Answer, seen: OverGround) -> Answer:
+    """An answer with what the terrain says beside it."""
+    return replace(
+        answer,
+        values={**answer.values, **seen.values},
+        changed=[*seen.changed, *answer.changed],
+        notes=[*answer.notes, *seen.notes],
+    )

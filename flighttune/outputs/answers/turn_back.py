@@ -1,0 +1,13 @@
+"""What flights that turn back say."""
+
+from dataclasses import replace
+
+from flighttune.base.answers.answer import Table
+from flighttune.base.answers.labels import endings_table
+from flighttune.claims.turn_back import TurnBack
+
+
+def ended(room: TurnBack) -> Table:
+    """How flights that turn back did not complete, beside those of the mission."""
+    title = "flights that turn back and did not complete"
+    return replace(endings_table(room.endings), title=title, name="turn_back_endings")

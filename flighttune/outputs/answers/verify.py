@@ -1,0 +1,34 @@
+"""What the verification of a claim says."""
+
+from dataclasses import asdict
+
+from flighttune.base.answers.answer import Answer, Column, Table
+from flighttune.base.answers.labels import columns
+from flighttune.base.words import pick
+from flighttune.claims.counted import Counted
+from flighttune.claims.monitor import LogMonitor
+from flighttune.claims.tubes.enclosure import Tube
+from flighttune.claims.verify import Verified, stale_notes
+
+CHECK_COLUMNS = [Column("name", "check"), *columns("margin exact")]
+
+
+def answer(verified: Verified) -> Answer:
+    """The checks and the claim; a failure if one of them does not hold."""
+    value, valid, kind = verified.claim, verified.valid, verified.claim.kind
+    file = verified.source or "FILE"  # in a command of the note of a count
+    claim = value.answer(file) if isinstance(value, Counted) else value.answer()
+    checks = [asdict(check) for check in verified.verification.checks]
+    notes = *verified.verification.notes, *claim.notes
+    place = f"{verified.source}: " if verified.source else ""
+    title = f"{place}{'valid: every check holds' if valid else 'not valid'}"
+    # All inclusions of a tube are exact.
+    shown = CHECK_COLUMNS[:2] if isinstance(value, Tube | LogMonitor) else CHECK_COLUMNS
+    lacks = kind if verified.verification.checked else "checked"
+    return Answer(
+        values={**pick(verified, "valid reason"), "claim": claim.values},
+        tables=[Table(shown, checks, title, name="checks"), *claim.tables],
+        notes=[*stale_notes(value), *(notes if valid else ())],
+        verdict=f"{kind if valid else f'claimed, not {lacks}'}: {verified.claim.sentence}",
+        failure="" if valid else f"{place}{verified.reason}",
+    )
