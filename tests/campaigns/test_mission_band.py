@@ -206,6 +206,9 @@ def test_a_fence_that_one_flight_leaves_takes_the_other_flights(tmp_path, monkey
     assert summary(more)[0].startswith("Yes: ")
     assert more.confidence == pytest.approx(0.95)
 
+    twice = ft.band(out, flights=252, workers=1)
+    assert ft.load(out).readings == twice.readings == (126, 252)
+
 
 @pytest.mark.counts
 @pytest.mark.parametrize(
