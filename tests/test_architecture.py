@@ -126,34 +126,44 @@ def test_each_place_that_the_page_names_is_there():
 
 def lines_of_results():
     """Each class of results that no other is made of, with the classes that it is made of."""
-    bases, speaking = {}, set()
+    bases = {}
     for path in MODULES.values():
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             if isinstance(node, ast.ClassDef):
                 bases[node.name] = {ast.unparse(base).split(".")[-1] for base in node.bases}
-                if any(isinstance(x, ast.FunctionDef) and x.name == "answer" for x in node.body):
-                    speaking.add(node.name)
 
     def line(name):
         return {name}.union(*(line(base) for base in bases.get(name, ())))
 
-    last = bases.keys() - set().union(*bases.values())
-    found = {name: line(name) for name in last}
-    return {name: of for name, of in found.items() if "Answering" in of}, speaking - {"Answering"}
+    lines = {name: line(name) for name in bases.keys() - set().union(*bases.values())}
+    return {name: classes for name, classes in lines.items() if "Answering" in classes}
 
 
 def test_every_result_that_answers_has_its_row_in_the_table_of_functions_that_speak():
-    lines, speaking = lines_of_results()
+    lines = lines_of_results()
     assert len(lines) > 20
-    for name, line in lines.items():
-        assert line & (SPEAKERS.keys() | speaking), name
-        assert "Drawn" not in line or line & FIGURES.keys(), name
+    for name, classes in lines.items():
+        assert classes & SPEAKERS.keys(), name
+        assert "Drawn" not in classes or classes & FIGURES.keys(), name
     assert SPEAKERS.keys() <= {"Run"}.union(*lines.values())
     assert FIGURES.keys() <= SPEAKERS.keys()
     for place in (*SPEAKERS.values(), *FIGURES.values()):
         module, _, function = place.partition(":")
         assert module.startswith("flighttune.outputs.")
         assert callable(getattr(import_module(module), function)), place
+
+
+def test_only_outputs_and_commands_speak(imports):
+    """Below them no module makes a table or an answer, and no class says what it is itself."""
+    for module, others in imports.items():
+        room = folder_of(module, 1).removeprefix("flighttune.")
+        if room in ("outputs", "cli"):
+            continue
+        assert not [x for x in others if x.startswith("flighttune.outputs.")], module
+        for node in ast.walk(ast.parse(MODULES[module].read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ClassDef) and node.name != "Answering":
+                methods = {x.name for x in node.body if isinstance(x, ast.FunctionDef)}
+                assert "answer" not in methods, f"{module}: {node.name}"
 
 
 def test_every_claim_has_its_row_in_the_tables_of_pages():

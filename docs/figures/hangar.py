@@ -20,11 +20,11 @@ from tempfile import mkdtemp
 from typing import Any
 
 import flighttune as ft
-from flighttune.base.answers.answer import Column, Table
-from flighttune.base.answers.labels import columns
 from flighttune.base.files.shipped import models_of_jsbsim, scenario_files
 from flighttune.base.files.table import toml_text
 from flighttune.base.units import DEG_PER_RAD, G_PAPER
+from flighttune.outputs.answers.answer import Column, Table
+from flighttune.outputs.answers.labels import columns
 from flighttune.outputs.drawing.chart import DASHED, Chart, Sheet
 from flighttune.outputs.drawing.palette import HUES, INK
 from flighttune.vehicles.aircraft.aircraft import load_aircraft

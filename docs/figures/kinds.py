@@ -14,7 +14,7 @@ from pathlib import Path
 from tempfile import mkdtemp
 from typing import Any
 
-from flighttune.base.answers.answer import Column, Table
+from flighttune.outputs.answers.answer import Column, Table
 
 PAGE = Path(__file__).parents[1] / "hangar.md"
 AIRCRAFT = Path(__file__).parents[2] / "aircraft"

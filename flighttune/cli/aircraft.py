@@ -4,12 +4,12 @@ import os
 from dataclasses import replace
 from pathlib import Path
 
-from flighttune.base.answers.answer import Answer
 from flighttune.base.errors import InputError
 from flighttune.base.files.shipped import is_shipped
 from flighttune.base.files.whole import together
 from flighttune.cli.options import Verb
 from flighttune.cli.show import INTERRUPTED, fail, on_interrupt, quiet, tell
+from flighttune.outputs.answers.answer import Answer
 
 
 def trim(trim_aircraft: Verb, verbose: bool) -> Answer:

@@ -4,11 +4,11 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
-from flighttune.base.answers.answer import Answer
 from flighttune.base.errors import InputError
 from flighttune.base.files.whole import remove_file, together
 from flighttune.cli.options import Verb, check_ending, flown_by, this_command
 from flighttune.cli.show import progress_bar
+from flighttune.outputs.answers.answer import Answer
 
 
 def page_note(file: Path) -> str:

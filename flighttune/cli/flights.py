@@ -7,13 +7,13 @@ from pathlib import Path
 from typing import Any
 
 from flighttune.base import errors
-from flighttune.base.answers.answer import Answer, Table
-from flighttune.base.answers.labels import columns
 from flighttune.base.files import shipped
 from flighttune.base.files.whole import together
 from flighttune.cli.explain import page_note
 from flighttune.cli.options import WORKERS, Verb, check_ending
 from flighttune.cli.show import fail, on_interrupt, say, show
+from flighttune.outputs.answers.answer import Answer, Table
+from flighttune.outputs.answers.labels import columns
 
 KEPT = "what has been flown is kept, go on with the same command and --resume"
 

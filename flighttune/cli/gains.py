@@ -4,11 +4,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from flighttune.base.answers.answer import Answer
 from flighttune.base.errors import InputError
 from flighttune.base.files.whole import keep_on_error, together
 from flighttune.cli.options import RUN_CODE, Verb, check_ending, flown_by, this_command
 from flighttune.cli.show import progress_bar
+from flighttune.outputs.answers.answer import Answer
 
 
 def tune(

@@ -20,13 +20,13 @@ from typing import Annotated, Any, Literal, TypeAlias, get_args, get_origin
 
 import typer
 
-from flighttune.base.answers.answer import Answer
 from flighttune.base.errors import InputError
 from flighttune.base.files.shipped import aircraft_names, campaign_files, scenario_files
 from flighttune.base.units import DEG
 from flighttune.campaigns.engine.fliers import FlownBy
 from flighttune.cli.show import campaign_display, emit, progress_bar, working
 from flighttune.cli.verbs import Argument, arguments_of
+from flighttune.outputs.answers.answer import Answer
 
 # Texts of all commands by their heading in the help, and of options that are alike.
 COMMANDS = tomllib.loads(Path(__file__).with_name("commands.toml").read_text(encoding="utf-8"))

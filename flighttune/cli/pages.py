@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from flighttune.base.answers.answer import Answer
 from flighttune.cli.options import Verb, check_ending
+from flighttune.outputs.answers.answer import Answer
 
 
 def report(write_report: Verb, out: Path | None) -> Answer:

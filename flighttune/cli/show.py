@@ -16,11 +16,11 @@ from shutil import get_terminal_size
 from types import FrameType
 from typing import Any, NoReturn
 
-from flighttune.base.answers.answer import Answer
 from flighttune.base.errors import FORKS, StoppedError, printable
 from flighttune.base.files.code import NOTICE
 from flighttune.base.files.whole import reason_of
 from flighttune.campaigns.engine.progress import CampaignObserver, CampaignProgress
+from flighttune.outputs.answers.answer import Answer
 
 FINE, NO, COULD_NOT_RUN, INTERRUPTED = 0, 1, 2, 130
 

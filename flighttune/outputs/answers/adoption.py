@@ -2,9 +2,9 @@
 
 import math
 
-from flighttune.base.answers.answer import Answer, Table
-from flighttune.base.answers.labels import columns
 from flighttune.base.words import listed, pick
+from flighttune.outputs.answers.answer import Answer, Table
+from flighttune.outputs.answers.labels import columns
 from flighttune.studies.adoption.adopt import TURN, Adoption
 
 

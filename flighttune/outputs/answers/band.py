@@ -5,14 +5,14 @@ from pathlib import Path
 
 import numpy as np
 
-from flighttune.base.answers.answer import Answer, Table
-from flighttune.base.answers.labels import columns
 from flighttune.base.endings import why_ended
 from flighttune.base.errors import InputError
 from flighttune.base.words import at_most, pick
 from flighttune.claims.band import Band, Fenced
 from flighttune.claims.counted import Counted
 from flighttune.outputs.answers import counted
+from flighttune.outputs.answers.answer import Answer, Table
+from flighttune.outputs.answers.labels import columns
 
 NEAREST_COLUMNS = columns("what margin_m side edge along_m stretch", of="fence")
 

@@ -5,12 +5,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any, TypeAlias
 
-from flighttune.base.answers.answer import Answer, Table
-from flighttune.base.answers.labels import columns, endings_table
 from flighttune.base.words import listed, number, percent
 from flighttune.campaigns.statistics.count import flights_needed
 from flighttune.claims.mission import CONFIDENCE, EPSILON
 from flighttune.control.margins import Margins
+from flighttune.outputs.answers.answer import Answer, Table
+from flighttune.outputs.answers.labels import columns, endings_table
 from flighttune.outputs.answers.tables import margins_table
 from flighttune.studies.beside import CUT, OURS, YOURS, Beside, our_rate_gains
 

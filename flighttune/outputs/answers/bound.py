@@ -1,9 +1,9 @@
 """What a bound on R_K says."""
 
-from flighttune.base.answers.answer import Answer, Table
-from flighttune.base.answers.labels import columns as columns_by
 from flighttune.base.words import pick
 from flighttune.control.certificates.bound import RateBound
+from flighttune.outputs.answers.answer import Answer, Table
+from flighttune.outputs.answers.labels import columns as columns_by
 
 BOUND_COLUMNS = columns_by("I_star R_bound", of="bound")
 

@@ -1,11 +1,11 @@
 """What a campaign says before it is flown, and after."""
 
-from flighttune.base.answers.answer import Answer, Table
-from flighttune.base.answers.labels import columns, endings_table
 from flighttune.base.words import duration, pick, rate
 from flighttune.campaigns.engine.engine import CampaignOutcome, Forecast
 from flighttune.campaigns.planning.plan import draws_in_words
 from flighttune.campaigns.statistics.findings import answer_words
+from flighttune.outputs.answers.answer import Answer, Table
+from flighttune.outputs.answers.labels import columns, endings_table
 
 COST_COLUMNS = columns("core_s workers wall_s rows_bytes signals_bytes", of="cost")
 

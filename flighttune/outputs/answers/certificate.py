@@ -3,10 +3,10 @@
 from collections.abc import Mapping
 from typing import Any
 
-from flighttune.base.answers.answer import Answer, Table
-from flighttune.base.answers.labels import columns
 from flighttune.base.words import pick
 from flighttune.control.certificates.certificate import Certificate
+from flighttune.outputs.answers.answer import Answer, Table
+from flighttune.outputs.answers.labels import columns
 from flighttune.outputs.answers.tables import gains_table
 
 EXACT_COLUMNS = columns("loop decay growth true_rate", of="exact_rates")

@@ -2,14 +2,14 @@
 
 from typing import Any
 
-from flighttune.base.answers.answer import Answer, Column, Table
-from flighttune.base.answers.labels import columns
 from flighttune.base.words import pick
 from flighttune.control.certificates.make import Certification
 from flighttune.control.linear_model import closed_loop
 from flighttune.control.margins import loop_margins
 from flighttune.control.theory.indicators import indicators
+from flighttune.outputs.answers.answer import Answer, Column, Table
 from flighttune.outputs.answers.certificate import proof_tables
+from flighttune.outputs.answers.labels import columns
 from flighttune.outputs.answers.tables import margins_table
 
 ANY_ENVELOPE = (

@@ -2,11 +2,11 @@
 
 import pandas as pd
 
-from flighttune.base.answers.answer import Answer, Table
-from flighttune.base.answers.labels import columns
 from flighttune.base.units import shown_unit
 from flighttune.base.words import pick
 from flighttune.gaps.compare import Comparison
+from flighttune.outputs.answers.answer import Answer, Table
+from flighttune.outputs.answers.labels import columns
 
 COMPARED = columns("pair channel metric unit a b diff better", of="compared")
 PAIR_COLUMNS = columns(

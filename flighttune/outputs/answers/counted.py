@@ -3,11 +3,11 @@
 from pathlib import Path
 from typing import Any
 
-from flighttune.base.answers.answer import Answer, Table
-from flighttune.base.answers.labels import columns, endings_table
 from flighttune.base.names import shown_unit
 from flighttune.base.words import pick
 from flighttune.claims.counted import Counted
+from flighttune.outputs.answers.answer import Answer, Table
+from flighttune.outputs.answers.labels import columns, endings_table
 from flighttune.outputs.answers.tables import dispersions_table, gains_table
 
 WIDTH_COLUMNS = columns("signal largest last_quarter end low high unit", of="widths")

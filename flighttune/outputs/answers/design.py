@@ -5,10 +5,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from flighttune.base.answers.answer import Answer, Table
-from flighttune.base.answers.labels import columns
 from flighttune.base.units import DEG
 from flighttune.base.words import pick
+from flighttune.outputs.answers.answer import Answer, Table
+from flighttune.outputs.answers.labels import columns
 from flighttune.outputs.drawing.chart import DASHED, Chart, Sheet
 from flighttune.outputs.drawing.palette import HUES, INK
 from flighttune.vehicles.identification.design import BANK, DesignedAircraft, StepResponse, fly_step

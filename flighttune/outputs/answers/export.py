@@ -1,6 +1,6 @@
 """What an export says."""
 
-from flighttune.base.answers.answer import Answer
+from flighttune.outputs.answers.answer import Answer
 from flighttune.outputs.exports.export import ExportedSource
 from flighttune.outputs.exports.jsbsim_folder import COLUMNS, CSV, README, SCRIPT, ExportedFlight
 

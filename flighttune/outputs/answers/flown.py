@@ -3,13 +3,13 @@
 from collections.abc import Mapping
 from pathlib import Path
 
-from flighttune.base.answers.answer import Answer, Table
-from flighttune.base.answers.labels import columns
 from flighttune.base.words import pick
 from flighttune.flight.conditions import slopes_not_held
 from flighttune.flight.flown import FlownScenario
 from flighttune.flight.scenario.schema import Scenario
 from flighttune.outputs.answers.advice import advice
+from flighttune.outputs.answers.answer import Answer, Table
+from flighttune.outputs.answers.labels import columns
 from flighttune.outputs.answers.run import claimed, priority_notes
 
 # Metrics of the printed table; ``--json`` has them all.

@@ -1,8 +1,8 @@
 """What the frontier of a scenario says."""
 
-from flighttune.base.answers.answer import Answer, Table
-from flighttune.base.answers.labels import columns
 from flighttune.flight.gains import Frontier
+from flighttune.outputs.answers.answer import Answer, Table
+from flighttune.outputs.answers.labels import columns
 from flighttune.outputs.answers.tuning import frontier_chart
 from flighttune.outputs.drawing.chart import Sheet
 from flighttune.outputs.drawing.palette import line_styles

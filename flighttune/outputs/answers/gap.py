@@ -4,12 +4,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from flighttune.base.answers.answer import Answer, Column, Table
-from flighttune.base.answers.labels import columns
 from flighttune.base.signals import CHANNEL_NAMES, CHANNEL_SYMBOLS
 from flighttune.base.units import DEG_PER_RAD
 from flighttune.base.words import pick
 from flighttune.gaps.gap import Gap
+from flighttune.outputs.answers.answer import Answer, Column, Table
+from flighttune.outputs.answers.labels import columns
 from flighttune.outputs.answers.run import claimed
 from flighttune.vehicles.identification.file import lag_table
 

@@ -6,10 +6,10 @@ from typing import TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from flighttune.base.answers.answer import Answer, Table
-from flighttune.base.answers.labels import columns
 from flighttune.base.arrays import FloatArray
 from flighttune.base.units import DEG
+from flighttune.outputs.answers.answer import Answer, Table
+from flighttune.outputs.answers.labels import columns
 from flighttune.outputs.answers.tables import lags_table
 from flighttune.outputs.drawing.chart import DASHED, Chart, Sheet
 from flighttune.outputs.drawing.palette import HUES, NEUTRAL

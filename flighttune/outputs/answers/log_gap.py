@@ -4,8 +4,6 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from flighttune.base.answers.answer import Answer, Column, Table
-from flighttune.base.answers.labels import columns as columns_by
 from flighttune.base.arrays import FloatArray
 from flighttune.base.units import DEG, DEG_PER_RAD
 from flighttune.base.words import pick
@@ -19,6 +17,8 @@ from flighttune.gaps.of_log import (
     rms,
     scaled,
 )
+from flighttune.outputs.answers.answer import Answer, Column, Table
+from flighttune.outputs.answers.labels import columns as columns_by
 from flighttune.outputs.drawing.chart import DASHED, Chart, Sheet
 from flighttune.outputs.drawing.palette import HUES, INK, NEUTRAL, PLANTS
 

@@ -1,9 +1,9 @@
 """What the identification from logs says, and its figure."""
 
-from flighttune.base.answers.answer import Answer, Table
-from flighttune.base.answers.labels import columns as columns_by
 from flighttune.base.words import pick
 from flighttune.logs.identify import NAMES, SHOWN_S, UNITS, LogIdentification
+from flighttune.outputs.answers.answer import Answer, Table
+from flighttune.outputs.answers.labels import columns as columns_by
 from flighttune.outputs.answers.tables import lags_table
 from flighttune.outputs.drawing.chart import DASHED, Chart, Sheet
 from flighttune.outputs.drawing.palette import HUES, NEUTRAL

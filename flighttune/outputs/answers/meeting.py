@@ -3,8 +3,6 @@
 from collections.abc import Mapping
 from typing import Any
 
-from flighttune.base.answers.answer import Answer, Column, Table
-from flighttune.base.answers.labels import columns, endings_table, in_words, measure_words
 from flighttune.base.words import interval, listed, percent, pick
 from flighttune.campaigns.statistics.intervals import CONFIDENCE
 from flighttune.claims.counted_flights import distribution_of
@@ -14,6 +12,8 @@ from flighttune.control.margins import loop_margins
 from flighttune.control.theory.indicators import indicators
 from flighttune.flight.gains import certify_scenario
 from flighttune.flight.models import linear_model
+from flighttune.outputs.answers.answer import Answer, Column, Table
+from flighttune.outputs.answers.labels import columns, endings_table, in_words, measure_words
 from flighttune.outputs.answers.tables import dispersions_table, gains_table, margins_table
 from flighttune.studies.meeting import BY_DEFAULT, Meeting
 

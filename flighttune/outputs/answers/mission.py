@@ -2,8 +2,8 @@
 
 from dataclasses import replace
 
-from flighttune.base.answers.answer import Answer
 from flighttune.claims.mission import MissionOdds, OverGround, PlannedMission, over_ground
+from flighttune.outputs.answers.answer import Answer
 from flighttune.outputs.answers.band import summary
 from flighttune.outputs.answers.turn_back import ended
 

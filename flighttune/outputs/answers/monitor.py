@@ -2,12 +2,12 @@
 
 from dataclasses import asdict
 
-from flighttune.base.answers.answer import Answer, Table
-from flighttune.base.answers.labels import columns
 from flighttune.base.words import listed
 from flighttune.campaigns.statistics.count import flights_needed
 from flighttune.claims.monitor import SETTLED_S, LogMonitor
 from flighttune.gaps import watch as watching
+from flighttune.outputs.answers.answer import Answer, Table
+from flighttune.outputs.answers.labels import columns
 
 COLUMNS = columns("name seconds score why", of="healthy_logs")
 

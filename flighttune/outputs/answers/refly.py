@@ -3,10 +3,10 @@
 from collections.abc import Mapping
 from pathlib import Path
 
-from flighttune.base.answers.answer import Answer, Table
-from flighttune.base.answers.labels import columns
 from flighttune.base.words import pick
 from flighttune.flight.records.refly import Reflown
+from flighttune.outputs.answers.answer import Answer, Table
+from flighttune.outputs.answers.labels import columns
 from flighttune.outputs.answers.run import claimed
 
 COLUMNS = columns("run status result")

@@ -2,9 +2,9 @@
 
 from collections.abc import Sequence
 
-from flighttune.base.answers.answer import Answer, Table
-from flighttune.base.answers.labels import columns
 from flighttune.flight.route import PlannedRoute
+from flighttune.outputs.answers.answer import Answer, Table
+from flighttune.outputs.answers.labels import columns
 
 COLUMNS = columns(
     "kind name start_m length_m course turn radius_m roll roll_downwind gamma time_s", of="route"

@@ -4,10 +4,10 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from flighttune.base.answers.answer import Answer, Table, facts_table
 from flighttune.base.units import DEG
 from flighttune.base.words import matrix, number, pick
 from flighttune.flight.loop.run import COULD_NOT_SAY, SCORE, Run, given_way
+from flighttune.outputs.answers.answer import Answer, Table, facts_table
 from flighttune.outputs.drawing.palette import LineStyle, line_styles
 
 

@@ -3,13 +3,13 @@
 import math
 from collections.abc import Sequence
 
-from flighttune.base.answers.answer import Column, Table
-from flighttune.base.answers.labels import columns
 from flighttune.base.units import DEG_PER_RAD
 from flighttune.base.words import pick
 from flighttune.claims.distribution import DRAWN, Distribution
 from flighttune.control.gains import ERRORS, PIGains
 from flighttune.control.margins import Margins
+from flighttune.outputs.answers.answer import Column, Table
+from flighttune.outputs.answers.labels import columns
 from flighttune.vehicles.identification.file import IdentifiedAircraft
 
 LAG_COLUMNS = columns(

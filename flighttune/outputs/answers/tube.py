@@ -2,14 +2,14 @@
 
 from typing import Any
 
-from flighttune.base.answers.answer import Answer, Column, Table
-from flighttune.base.answers.labels import columns, endings_table
 from flighttune.base.signals import CHANNEL_SYMBOLS
 from flighttune.base.units import DEG_PER_RAD
 from flighttune.base.words import pick, quoted
 from flighttune.claims.tubes.enclosure import LEFT, Tube
 from flighttune.claims.tubes.problem import QUANTITIES, TubeProblem, residual_of_logs
 from flighttune.claims.tubes.tube import TriedDisturbances
+from flighttune.outputs.answers.answer import Answer, Column, Table
+from flighttune.outputs.answers.labels import columns, endings_table
 from flighttune.outputs.answers.tables import gains_table
 
 WIDTH_COLUMNS = columns("error max end ever", of="tube")

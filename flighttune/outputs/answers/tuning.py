@@ -6,14 +6,14 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from flighttune.base.answers.answer import Answer, Column, Table
-from flighttune.base.answers.labels import columns
 from flighttune.base.arrays import FloatArray
 from flighttune.base.words import pick
 from flighttune.control.gains import gains_lists
 from flighttune.control.linear_model import Envelope
 from flighttune.control.margins import loop_margins
 from flighttune.control.tuning.result import TuningResult
+from flighttune.outputs.answers.answer import Answer, Column, Table
+from flighttune.outputs.answers.labels import columns
 from flighttune.outputs.answers.tables import gains_table, margins_table
 from flighttune.outputs.drawing.chart import DASHED, Chart
 from flighttune.outputs.drawing.palette import HUES, INK, NEUTRAL, LineStyle

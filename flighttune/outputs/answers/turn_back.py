@@ -2,9 +2,9 @@
 
 from dataclasses import replace
 
-from flighttune.base.answers.answer import Table
-from flighttune.base.answers.labels import endings_table
 from flighttune.claims.turn_back import TurnBack
+from flighttune.outputs.answers.answer import Table
+from flighttune.outputs.answers.labels import endings_table
 
 
 def ended(room: TurnBack) -> Table:

@@ -2,13 +2,13 @@
 
 from dataclasses import asdict
 
-from flighttune.base.answers.answer import Answer, Column, Table
-from flighttune.base.answers.labels import columns
 from flighttune.base.words import pick
 from flighttune.claims.counted import Counted
 from flighttune.claims.monitor import LogMonitor
 from flighttune.claims.tubes.enclosure import Tube
 from flighttune.claims.verify import Verified, stale_notes
+from flighttune.outputs.answers.answer import Answer, Column, Table
+from flighttune.outputs.answers.labels import columns
 
 CHECK_COLUMNS = [Column("name", "check"), *columns("margin exact")]
 

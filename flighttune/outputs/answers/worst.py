@@ -1,8 +1,8 @@
 """What the worst flight says."""
 
-from flighttune.base.answers.answer import Answer, Table
-from flighttune.base.answers.labels import columns, endings_table
 from flighttune.base.words import pick
+from flighttune.outputs.answers.answer import Answer, Table
+from flighttune.outputs.answers.labels import columns, endings_table
 from flighttune.studies.worst import BAND, TUBE, WorstFlight
 
 WORST_COLUMNS = columns(

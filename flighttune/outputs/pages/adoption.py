@@ -4,11 +4,11 @@ import tomllib
 from importlib.metadata import version
 from pathlib import Path
 
-from flighttune.base.answers.answer import Table, facts_table
-from flighttune.base.answers.labels import columns
 from flighttune.outputs.answers.adoption import turn_table
+from flighttune.outputs.answers.answer import Table, facts_table
 from flighttune.outputs.answers.design import steps_table
 from flighttune.outputs.answers.identification import held_out
+from flighttune.outputs.answers.labels import columns
 from flighttune.outputs.answers.run import run_styles
 from flighttune.outputs.answers.tables import lags_table
 from flighttune.outputs.pages.frame import Section, write_answer

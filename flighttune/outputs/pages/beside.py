@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from flighttune.base.answers.answer import facts_table
 from flighttune.flight.fly import library_versions
+from flighttune.outputs.answers.answer import facts_table
 from flighttune.outputs.pages.frame import Report, Section, write_answer
 from flighttune.studies.beside import Beside
 

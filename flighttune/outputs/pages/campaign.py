@@ -7,14 +7,14 @@ from pathlib import Path
 
 import numpy as np
 
-from flighttune.base.answers.answer import Answer, Column, Table, facts_table
-from flighttune.base.answers.labels import columns, metric_label
 from flighttune.base.files.shipped import scenario_files
 from flighttune.base.files.table import toml_text
 from flighttune.base.names import key_words
 from flighttune.base.words import MISSING, figures, listed, percent
 from flighttune.campaigns.dataset import dataset_hash
 from flighttune.campaigns.statistics.findings import SUCCESS, Findings, answer_words
+from flighttune.outputs.answers.answer import Answer, Column, Table, facts_table
+from flighttune.outputs.answers.labels import columns, metric_label
 from flighttune.outputs.drawing.templates import page_template
 from flighttune.outputs.pages import campaign_charts as charts
 from flighttune.outputs.pages.campaign_charts import bound_words, influential_parameters, parameter

@@ -5,8 +5,6 @@ from typing import Any
 
 import numpy as np
 
-from flighttune.base.answers.answer import Column
-from flighttune.base.answers.labels import measure_words, metric_label
 from flighttune.base.arrays import FloatArray
 from flighttune.base.names import key_words
 from flighttune.base.words import figures, percent
@@ -14,6 +12,8 @@ from flighttune.campaigns.flying.columns import unit_of_key
 from flighttune.campaigns.planning.plan import Group
 from flighttune.campaigns.statistics.findings import Findings, is_number, strength, values_of
 from flighttune.campaigns.statistics.intervals import Estimate, scores
+from flighttune.outputs.answers.answer import Column
+from flighttune.outputs.answers.labels import measure_words, metric_label
 from flighttune.outputs.drawing.chart import DASHED, HEAD_AND_FOOT, HEIGHT, Chart
 from flighttune.outputs.drawing.palette import LIMIT, LineStyle, line_styles
 

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 from flighttune.base.answering import function_for
-from flighttune.base.answers.answer import Answer, Table, facts_table
 from flighttune.base.errors import InputError
 from flighttune.base.files.whole import current
 from flighttune.claims.counted import SignalBounds
@@ -19,6 +18,7 @@ from flighttune.control.certificates.bound import RateBound
 from flighttune.control.certificates.certificate import Certificate
 from flighttune.flight.flown import FlownScenario
 from flighttune.flight.loop.run import Run
+from flighttune.outputs.answers.answer import Answer, Table, facts_table
 from flighttune.outputs.answers.run import run_styles
 from flighttune.outputs.drawing.chart import Chart, Sheet, dashes
 from flighttune.outputs.pages.frame import Report, Section, write_answer

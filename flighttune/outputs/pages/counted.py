@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from flighttune.base.answers.answer import Answer
 from flighttune.base.arrays import FloatArray
 from flighttune.base.files.table import toml_text
 from flighttune.base.signals import titles
@@ -18,6 +17,7 @@ from flighttune.claims.counted import Counted, SignalBounds
 from flighttune.claims.shape import predicted
 from flighttune.claims.turn_back import TurnBack
 from flighttune.claims.verify import stale_notes
+from flighttune.outputs.answers.answer import Answer
 from flighttune.outputs.drawing.chart import DASHED, DOTTED, HEIGHT, LONG, Chart
 from flighttune.outputs.drawing.palette import HUES, LIMIT, NEUTRAL, PLANTS
 from flighttune.outputs.pages.charts import APART, DISTANCE_AXIS, KM, heights, route_map

@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from flighttune.base.answering import Answering
-from flighttune.base.answers.answer import Answer, Table
 from flighttune.base.errors import printable
 from flighttune.base.files.whole import write_text
+from flighttune.outputs.answers.answer import Answer, Table
 from flighttune.outputs.drawing.chart import Chart, style
 from flighttune.outputs.drawing.templates import page_template
 

@@ -10,8 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from flighttune.base.answers.answer import Column, Table
-from flighttune.base.answers.labels import in_words, measure_words, metric_label
 from flighttune.base.arrays import FloatArray
 from flighttune.base.errors import InputError
 from flighttune.base.files.table import toml_text
@@ -25,6 +23,8 @@ from flighttune.flight.fly import fly
 from flighttune.flight.gains import certify_scenario
 from flighttune.flight.models import gain_set
 from flighttune.flight.scenario.schema import Scenario
+from flighttune.outputs.answers.answer import Column, Table
+from flighttune.outputs.answers.labels import in_words, measure_words, metric_label
 from flighttune.outputs.answers.meeting import (
     CERTIFICATE_COLUMNS,
     REQUIREMENT_COLUMNS,

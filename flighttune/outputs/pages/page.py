@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 
-from flighttune.base.answers.answer import Answer, Table, facts_table
 from flighttune.base.arrays import FloatArray
 from flighttune.base.errors import FlightTuneError, RecordingError
 from flighttune.base.files.table import toml_text
@@ -27,6 +26,7 @@ from flighttune.gaps import compare
 from flighttune.gaps.gap import Gap, explain_flight
 from flighttune.gaps.watch import score_so_far
 from flighttune.outputs.answers.advice import advice
+from flighttune.outputs.answers.answer import Answer, Table, facts_table
 from flighttune.outputs.answers.compare import comparison_table, pairs_table
 from flighttune.outputs.answers.gap import causes, step_table
 from flighttune.outputs.answers.run import (

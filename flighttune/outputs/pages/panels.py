@@ -8,8 +8,6 @@ from typing import Any, TypeAlias
 import numpy as np
 import pandas as pd
 
-from flighttune.base.answers.answer import Table, facts_table
-from flighttune.base.answers.labels import columns
 from flighttune.base.arrays import FloatArray, true_spans
 from flighttune.base.signals import (
     CHANNEL_SYMBOLS,
@@ -29,6 +27,8 @@ from flighttune.flight.loop.run import Run, claims_around
 from flighttune.flight.metrics import CHANNELS, channel_metrics, flight_metrics
 from flighttune.flight.scenario.schema import Scenario
 from flighttune.gaps.compare import largest_distance
+from flighttune.outputs.answers.answer import Table, facts_table
+from flighttune.outputs.answers.labels import columns
 from flighttune.outputs.drawing.chart import DASHED, DOTTED, MAX_DRAWN, Chart
 from flighttune.outputs.drawing.palette import LIMIT, NEUTRAL, LineStyle
 from flighttune.outputs.recording.plots import displayed, limits_of

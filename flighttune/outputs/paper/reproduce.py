@@ -16,14 +16,14 @@ from typing import Any
 import numpy as np
 
 from flighttune.base.answering import Answering
-from flighttune.base.answers.answer import Answer, Column, Table
-from flighttune.base.answers.labels import columns
 from flighttune.base.errors import InputError
 from flighttune.base.files import shipped
 from flighttune.base.files.whole import together, write_text
 from flighttune.base.words import pick
 from flighttune.control.linear_model import closed_loop, disturbance_entry
 from flighttune.control.theory.lyapunov import invariant_ellipsoid, paper_balls
+from flighttune.outputs.answers.answer import Answer, Column, Table
+from flighttune.outputs.answers.labels import columns
 from flighttune.outputs.drawing.templates import page_template
 from flighttune.outputs.pages.frame import write_page
 from flighttune.outputs.paper.items import flights, theory

@@ -12,14 +12,14 @@ import rerun as rr
 import rerun.blueprint as rrb
 from rerun.blueprint.components import LinkAxis
 
-from flighttune.base.answers.answer import Column, Table
-from flighttune.base.answers.labels import METRIC_LABELS, columns
 from flighttune.base.files.table import toml_text
 from flighttune.base.signals import SYMBOLS
 from flighttune.base.words import pick
 from flighttune.control.theory.indicators import Indicators
 from flighttune.flight.loop.run import Run
 from flighttune.flight.metrics import OFF_ROUTE, metric_tables
+from flighttune.outputs.answers.answer import Column, Table
+from flighttune.outputs.answers.labels import METRIC_LABELS, columns
 from flighttune.outputs.answers.run import claim_notes, priority_notes, run_styles
 from flighttune.outputs.drawing.palette import hue_tells_gains
 from flighttune.outputs.recording import entities, scene

@@ -8,7 +8,7 @@ from commands import flighttune
 from log_files import heavy_cessna, sampled, write_csv
 from plans import plan_file, waypoint
 
-from flighttune.base.answers.answer import facts_table
+from flighttune.outputs.answers.answer import facts_table
 from flighttune.outputs.drawing.chart import Chart
 from flighttune.outputs.drawing.templates import page_template
 from flighttune.outputs.pages.claim import FENCES, VOLUMES

@@ -7,16 +7,16 @@ from pathlib import Path
 import pytest
 
 import flighttune
-from flighttune.base.answers.labels import (
+from flighttune.base.names import key_words
+from flighttune.base.words import at_least, at_most
+from flighttune.flight.metrics import AIRSPEED_METRICS, FLIGHT_METRICS, LOOP_METRICS, METRICS
+from flighttune.outputs.answers.labels import (
     METRIC_LABELS,
     QUANTITIES,
     TABLES,
     measure_words,
     metric_label,
 )
-from flighttune.base.names import key_words
-from flighttune.base.words import at_least, at_most
-from flighttune.flight.metrics import AIRSPEED_METRICS, FLIGHT_METRICS, LOOP_METRICS, METRICS
 
 
 def test_every_label_of_a_single_table_is_one_of_its_columns():

@@ -6,7 +6,7 @@ import xml.etree.ElementTree as ET
 
 import pytest
 
-from flighttune.base.answers.answer import Answer, Column, Table, facts_table
+from flighttune.outputs.answers.answer import Answer, Column, Table, facts_table
 
 WIDTHS = 120, 80, 48
 NUMBERS = ("ITAE χ", "ITAE γ", "MO χ", "MO γ", "settle χ", "settle γ")

@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from flighttune.base.answers.answer import Answer
+from flighttune.outputs.answers.answer import Answer
 
 
 @pytest.mark.parametrize(

@@ -6,12 +6,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from flighttune.base.answers.answer import Column, Table
 from flighttune.base.endings import endings
 from flighttune.base.names import UNIT_OF_SUFFIX
 from flighttune.base.signals import CHANNEL_WORDS, SYMBOLS
 from flighttune.base.units import DEG_PER_RAD
 from flighttune.base.words import figures, p_value, percent
+from flighttune.outputs.answers.answer import Column, Table
 
 
 def endings_table(rows: Iterable[Mapping[str, Any]]) -> Table:

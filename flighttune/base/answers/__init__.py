@@ -1,1 +1,0 @@
-"""Parts shared by every output: colours, names, numbers, tables and the frame of a page."""
