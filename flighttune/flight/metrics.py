@@ -42,6 +42,23 @@ AIRSPEED = "V"
 # Names of the measures of the airspeed where it is a channel.
 AIRSPEED_METRICS = tuple(name.replace("_rad", "_mps") for name in (*METRICS, "peak_rad", "min_rad"))
 
+
+def _largest(values: FloatArray) -> float:
+    return float(np.max(np.abs(values)))
+
+
+# Measures of a flight by name: the signal of each, and the measure of it.
+FLIGHT_MEASURES: Mapping[str, tuple[str, Callable[[FloatArray], float]]] = {
+    "V_a_dev_mps": ("V_a", lambda V_a: _largest(V_a - V_a[0])),
+    "n_z_min": ("n_z", np.min),
+    "n_z_max": ("n_z", np.max),
+    "alpha_max_rad": ("alpha", _largest),
+    **{f"{signal}_m": (signal, _largest) for signal in OFF_ROUTE},
+}
+
+# Names of `flight_metrics`.
+FLIGHT_METRICS = tuple(FLIGHT_MEASURES)
+
 MEASURED = (
     *("V_ref", "V_err"),
     *(f"{channel}_err" for channel in CHANNELS),
@@ -52,16 +69,7 @@ MEASURED = (
     ),
     *(f"{channel}_ref" for channel in CHANNELS),
     "gamma_given",
-    "V_a",
-    "n_z",
-    "alpha",
-    *OFF_ROUTE,
-)
-
-# Names of `flight_metrics`.
-FLIGHT_METRICS = (
-    *("V_a_dev_mps", "n_z_min", "n_z_max", "alpha_max_rad"),
-    *("cross_track_m", "height_err_m"),
+    *dict.fromkeys(signal for signal, _ in FLIGHT_MEASURES.values()),
 )
 
 # Share of the commanded change within which a flight has followed it to the end, and the error of
@@ -424,14 +432,11 @@ def flight_metrics(run: Run) -> dict[str, float]:
 
 
 def _flight_measures(columns: Columns) -> dict[str, float]:
-    V_a, n_z = columns["V_a"], columns["n_z"]
-    values = {"V_a_dev_mps": float(np.abs(V_a - V_a[0]).max())}
-    values |= {"n_z_min": float(n_z.min()), "n_z_max": float(n_z.max())}
-    for name in ("alpha", *OFF_ROUTE):
-        if name in columns:
-            measure = "alpha_max_rad" if name == "alpha" else f"{name}_m"
-            values[measure] = float(np.max(np.abs(columns[name])))
-    return values
+    return {
+        name: float(measure(columns[signal]))
+        for name, (signal, measure) in FLIGHT_MEASURES.items()
+        if signal in columns
+    }
 
 
 def _channel_measures(

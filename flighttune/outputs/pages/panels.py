@@ -24,7 +24,7 @@ from flighttune.control.gains import PIGains
 from flighttune.flight.flown import ClaimCheck, envelopes
 from flighttune.flight.gains import certify_scenario
 from flighttune.flight.loop.run import Run, claims_around
-from flighttune.flight.metrics import CHANNELS, channel_metrics, flight_metrics
+from flighttune.flight.metrics import CHANNELS, FLIGHT_METRICS, channel_metrics, flight_metrics
 from flighttune.flight.scenario.schema import Scenario
 from flighttune.gaps.compare import largest_distance
 from flighttune.outputs.answers.answer import Table, facts_table
@@ -242,7 +242,7 @@ CONVERGED_AT_LEAST = np.deg2rad(0.5)
 LATE = 0.75
 
 TRACKING = "run channel ITAE_mean MO_rad PT_s rise_s MS_rad ST_rad effort_rms saturation_s"
-FLIGHT = "V_a_dev_mps n_z_min n_z_max alpha_max_rad cross_track_m height_err_m"
+FLIGHT = " ".join(FLIGHT_METRICS)
 
 CONVERGENCE_COLUMNS = columns(
     "run flight requirements chi.ITAE gamma.ITAE chi.settling_s residual.chi allowed.chi "
