@@ -12,12 +12,11 @@ from flighttune.base.errors import InputError, naming
 from flighttune.base.files import code
 from flighttune.base.files.load import (
     A_LOG,
+    AROUND_FLIGHTS,
     BAND,
     CLAIMS,
     LOG,
-    MONITOR,
     READERS,
-    TUBE,
     kind_of,
     load_one,
 )
@@ -48,7 +47,7 @@ CHECKED = (
     "claim (certificate, bound on R_K, tube, band or monitor), recording, or folder of a campaign"
 )
 CLAIM = "claim: the file of a certificate, a bound on R_K, a tube, a band or a monitor"
-AROUND_FLIGHTS = "claim about flights: the file of a tube, a band or a monitor"
+ABOUT_FLIGHTS = "claim about flights: the file of a tube, a band or a monitor"
 
 CHOSEN = (
     "That its maker chose seed, signals, fences, numbers of flights or the rule that ends them, "
@@ -272,5 +271,5 @@ def within(flights: T, files: Sequence[str | Path]) -> T:
     """Flights with the claims in files around them; an InputError names the file."""
     for file in files:
         with naming(file):
-            flights = flights.within(load_one(file, AROUND_FLIGHTS, TUBE, BAND, MONITOR))
+            flights = flights.within(load_one(file, ABOUT_FLIGHTS, *AROUND_FLIGHTS))
     return flights

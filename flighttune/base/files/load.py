@@ -50,8 +50,6 @@ HEAD = 4096
 # Most bytes of a file that is read whole
 MAX_BYTES = 2**30
 
-CLAIMS = (CERTIFICATE, BOUND, TUBE, BAND, MONITOR)
-
 # Reader of each kind of file, as module:function.
 READERS = {
     CERTIFICATE: "flighttune.control.certificates.certificate:load_certificate",
@@ -63,6 +61,11 @@ READERS = {
     DATASET: "flighttune.campaigns.dataset:open_dataset",
     LOG: "flighttune.logs.log:load_part",
 }
+
+CLAIMS = tuple(kind for kind in READERS if kind.startswith("flighttune "))
+
+# Claims that can be drawn around flights.
+AROUND_FLIGHTS = TUBE, BAND, MONITOR
 
 A_LOG = "log of a flight (.ulg, .bin, .tlog or .csv)"
 
