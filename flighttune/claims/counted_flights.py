@@ -211,7 +211,7 @@ def turning_back(plan: Plan, stated: str | float) -> Plan:
         ) from None
     nominal, campaign = plan.scenario, plan.campaign
     planned = route.planned_route(campaign.central)
-    path, g = planned.reference.path, planned.reference.g
+    path, start_mps = planned.reference.path, nominal.flight.V_a_mps
     limits = conditions.limits_on(nominal, nominal.plant)
     phi = float(min(limits.upper[0], -limits.lower[0])) / DEG
     phi_rate = float(min(limits.rate_upper[0], -limits.rate_lower[0])) / DEG
@@ -220,30 +220,17 @@ def turning_back(plan: Plan, stated: str | float) -> Plan:
     for key in plan.keys:
         if key.startswith("route.") or key == "flight.h_m":
             raise InputError(f"`{key}` must be the same in all flights that turn back.")
-    s = path.points(APART)
-    north, east, up = path.beside(s).T
-    V_a = np.interp(s, path.s, planned.reference.V)
-    gamma = np.arctan(np.interp(s, path.s, path.slope))
-    places = {
-        "along_m": s,
-        "north_m": north,
-        "east_m": east,
-        "chi_deg": np.interp(s, path.s, path.course) / DEG,
-        "gamma_deg": gamma / DEG,
-        "h_m": planned.where[2] + up,
-        "V_a_mps": V_a,
-        "rate_dps": np.interp(s, path.s, path.curvature) * V_a / DEG * np.cos(gamma),
-        "back_dps": rate_of(bank_deg * DEG, V_a + planned.wind, g),
-    }
-    start_mps = nominal.flight.V_a_mps
+    places = _places(planned, bank_deg)
+    change_mps = float(np.abs(places["V_a_mps"] - start_mps).max())
     table = {
         "bank_deg": bank_deg,
         "turn_deg": turn_deg,
-        "detected_s": DETECTED_S + float(np.abs(V_a - start_mps).max()) / (CHANGE_N_X * g),
+        "detected_s": DETECTED_S + change_mps / (CHANGE_N_X * planned.reference.g),
         "roll_rate_dps": phi_rate,
         "place": pd.DataFrame(places).to_dict("records"),
     }
-    if np.any(gamma):  # an aircraft may have no steady flight on a slope that it can fly
+    # an aircraft may have no steady flight on a slope that it can fly
+    if np.any(places["gamma_deg"]):
         table["or_level"] = True
     tables = nominal.as_dict() | {"turn_back": table, "expect": []}
     del tables["route"]
@@ -258,6 +245,26 @@ def turning_back(plan: Plan, stated: str | float) -> Plan:
     title = f"{campaign.title}, turning back"
     changed = campaign.model_copy(update={"success": [], "title": title})
     return replace(plan, campaign=_rebuilt(changed, drawn, scenario_from(tables)))
+
+
+def _places(planned: route.PlannedRoute, bank_deg: float) -> dict[str, FloatArray]:
+    """The places of a route at which a flight may turn back, by key of ``[[turn_back.place]]``."""
+    path, g = planned.reference.path, planned.reference.g
+    s = path.points(APART)
+    north, east, up = path.beside(s).T
+    V_a = np.interp(s, path.s, planned.reference.V)
+    gamma = np.arctan(np.interp(s, path.s, path.slope))
+    return {
+        "along_m": s,
+        "north_m": north,
+        "east_m": east,
+        "chi_deg": np.interp(s, path.s, path.course) / DEG,
+        "gamma_deg": gamma / DEG,
+        "h_m": planned.where[2] + up,
+        "V_a_mps": V_a,
+        "rate_dps": np.interp(s, path.s, path.curvature) * V_a / DEG * np.cos(gamma),
+        "back_dps": rate_of(bank_deg * DEG, V_a + planned.wind, g),
+    }
 
 
 def room_of(run: Run, turn_back: TurnBackTable) -> FloatArray:

@@ -30,7 +30,7 @@ from flighttune.control.tuning.tuning_keys import TuningModel
 from flighttune.flight import models
 from flighttune.flight.load import as_scenario, chosen_entry
 from flighttune.flight.scenario.schema import Scenario
-from flighttune.vehicles.identification.file import files_of
+from flighttune.vehicles.identification.file import DesignModel, files_of
 from flighttune.vehicles.plant_keys import flown_aircraft
 
 
@@ -227,6 +227,18 @@ def certify(
     return replace(certify_scenario(scenario, chosen, **options, full=True), name=name)
 
 
+def _everywhere(scenario: Scenario, law: Law) -> tuple[DesignModel, ...]:
+    """The models of every condition identified, which are of one order."""
+    designs = models.identified_models(scenario, law, everywhere=True)
+    orders = sorted({len(design.model.states) for design in designs})
+    if len(orders) > 1:
+        raise InputError(
+            f"`identified` must have lags of one order at every condition for a common Q, got "
+            f"models of {' and '.join(map(str, orders))} states."
+        )
+    return designs
+
+
 def certify_scenario(
     scenario: Scenario,
     gains: PIGains,
@@ -252,13 +264,7 @@ def certify_scenario(
     if varies and lag is not None:
         raise InputError("`lag` must be absent over the ranges of [envelope].")
     over = models.trim_and_envelope(scenario) if varies else None
-    everywhere = models.identified_models(scenario, law, everywhere=True) if identified else ()
-    orders = sorted({len(design.model.states) for design in everywhere})
-    if len(orders) > 1:
-        raise InputError(
-            f"`identified` must have lags of one order at every condition for a common Q, got "
-            f"models of {' and '.join(map(str, orders))} states."
-        )
+    everywhere = _everywhere(scenario, law) if identified else ()
     model, scaling = models.linear_model(scenario, law), models.tuning_scaling(scenario, law)
     g = scenario.flight.g_mps2 if over else None
     proven, unsampled = (), ""

@@ -83,6 +83,28 @@ def new_scenario(
     return file
 
 
+def _fill_from_logs(document: Any, aircraft: str, folder: Path) -> None:
+    """Put the values of a model identified from logs into the template."""
+    identified = load_identified(aircraft)
+    log, condition = identified.log, identified.conditions[0]
+    if log is None:
+        raise InputError(f"{aircraft}: must be identified from logs; others are in their aircraft.")
+    document["flight"].update({"V_a_mps": rounded(condition.V_a, 4), "h_m": condition.h})
+    document["flight"].comment(f"start: as in {log.logs[0]}")
+    document["reference"].update({"chi_deg": TURN, "gamma_deg": CLIMB})
+    ends = {"phi_deg": [*log.phi_deg], "n_z": [*log.n_z]}
+    limits = document["limits"]
+    limits.update(rounded({**ends, **pick(log, "phi_rate_dps n_z_rate_per_s")}, 3))
+    limits.comment("as seen in the logs")
+    document["plant"].pop()
+    document["controller"].pop("speed_priority")
+    plant = tomlkit.table()
+    plant.update({"kind": "point_mass_lag", "identified": os.path.relpath(aircraft, folder)})
+    if identified.assumptions:
+        plant["identified"].comment(" ".join(identified.assumptions))
+    document["plant"].append(plant)
+
+
 def _first(aircraft: str, folder: Path) -> Any:
     """The template with the values of an aircraft; as values, for its texts may hold quotes."""
     document: Any = tomlkit.parse(TEMPLATE)
@@ -90,25 +112,7 @@ def _first(aircraft: str, folder: Path) -> Any:
     climb, change = "climb", CLIMB
     # The plant of a model from logs is a point mass behind its lags.
     if Path(aircraft).suffix.lower() == ".json":
-        identified = load_identified(aircraft)
-        log, condition = identified.log, identified.conditions[0]
-        if log is None:
-            raise InputError(
-                f"{aircraft}: must be identified from logs; others are in their aircraft."
-            )
-        flight.update({"V_a_mps": rounded(condition.V_a, 4), "h_m": condition.h})
-        flight.comment(f"start: as in {log.logs[0]}")
-        document["reference"].update({"chi_deg": TURN, "gamma_deg": CLIMB})
-        ends = {"phi_deg": [*log.phi_deg], "n_z": [*log.n_z]}
-        limits.update(rounded({**ends, **pick(log, "phi_rate_dps n_z_rate_per_s")}, 3))
-        limits.comment("as seen in the logs")
-        plants.pop()
-        document["controller"].pop("speed_priority")
-        plant = tomlkit.table()
-        plant.update({"kind": "point_mass_lag", "identified": os.path.relpath(aircraft, folder)})
-        if identified.assumptions:
-            plant["identified"].comment(" ".join(identified.assumptions))
-        plants.append(plant)
+        _fill_from_logs(document, aircraft, folder)
     else:
         config = load_aircraft(aircraft)
         own, (low, high) = config.limits, config.envelope.V_a

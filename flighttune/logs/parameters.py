@@ -112,14 +112,7 @@ def flown_now(path: str | Path, version: str | None = None) -> Flown:
             f"{period} is not in the file: its default in {table['source']}, {defaults[period]:g} "
             f"s, flies, as those of {len(defaults.keys() - used.keys())} others."
         )
-    rows = [
-        {
-            "name": name,
-            **dict(zip(("value", "from"), used.get(name, (x, missing)), strict=True)),
-            "range": _range_words(unit, low, high),
-        }
-        for name, x, _, unit, low, high in table["parameters"]
-    ]
+    rows = _rows(table, used, missing)
     law = Autopilot(name="yours", parameters={name: x for name, (x, _) in used.items()})
     with naming(path):
         _ = law.roles
@@ -128,6 +121,20 @@ def flown_now(path: str | Path, version: str | None = None) -> Flown:
     rest = len(values.keys() - of_guidance - used.keys())
     name = f"{table['law']} and TECS of {autopilot} {version or f'as in {of_source}'}"
     return Flown(law, name, rows, unused, rest, notes, beyond)
+
+
+def _rows(
+    table: Mapping[str, Any], used: Mapping[str, tuple[float, str]], missing: str
+) -> list[dict[str, Any]]:
+    """Each parameter of the guidance that flies: its value, where that is from, and its range."""
+    return [
+        {
+            "name": name,
+            **dict(zip(("value", "from"), used.get(name, (x, missing)), strict=True)),
+            "range": _range_words(unit, low, high),
+        }
+        for name, x, _, unit, low, high in table["parameters"]
+    ]
 
 
 def _period(path: Path, values: Mapping[str, float], vehicle: str, version: str) -> str:

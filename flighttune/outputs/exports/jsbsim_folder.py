@@ -10,6 +10,7 @@ from collections.abc import Iterable, Mapping, Sequence, Set
 from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
@@ -182,14 +183,9 @@ def _built(entry: Entry, folder: Path) -> ExportedFlight:
     _copy_parts(fdm.config, folder)
     last = max(i for i, element in enumerate(root) if element.tag == "system")
     root.insert(last + 1, Element("system", file=OUTER_LOOP))
-    declared: set[str] = set()
-    for tree, file in (
-        (root, aircraft / f"{folders.name}.xml"),
-        (_outer_loop(loop, frames, scenario), folder / "systems" / f"{OUTER_LOOP}.xml"),
-    ):
-        declared |= _declare(tree, values)
-        ElementTree.indent(tree)
-        write_text(file, template_of(tree))
+    outer = folder / "systems" / f"{OUTER_LOOP}.xml"
+    trees = {aircraft / f"{folders.name}.xml": root, outer: _outer_loop(loop, frames, scenario)}
+    declared = _written(trees, values)
     write_text(aircraft / f"{START}.xml", _start(fdm))
     script = _script(scenario, setup, aircraft_plant, folders.name, t_0, values, declared, sampled)
     write_text(folder / SCRIPT, script)
@@ -199,20 +195,10 @@ def _built(entry: Entry, folder: Path) -> ExportedFlight:
     run = fly.fly_once(entry, aircraft_plant, lead=entry.lead)
     largest, differs = _differences(at_folder, folder / CSV, t_0, run)
     verdict = _verdict(entry, run, largest, differs)
-    readme = _README.read_text(encoding="utf-8").format(
-        title=printable(scenario.title),
-        model=folders.name,
-        gains=entry.name,
-        version=__version__,
-        verdict=" ".join([verdict, *scenario.assumptions]),
-        command=shlex.join(["jsbsim", "--root=.", *options]),
-        jsbsim=version("jsbsim"),
-        csv=CSV,
-        rate=1.0 / setup.dt,
-        start=t_0,
-        duration=scenario.flight.duration_s,
-    )
-    write_text(folder / README, readme)
+    said = " ".join([verdict, *scenario.assumptions])
+    command = shlex.join(["jsbsim", "--root=.", *options])
+    own = {"model": folders.name, "verdict": said, "command": command, "start": t_0}
+    _write_readme(entry, folder / README, own)
     console = shutil.which("jsbsim", path=Path(sys.executable).parent) or "jsbsim"
     return ExportedFlight(
         folder=folder,
@@ -222,6 +208,32 @@ def _built(entry: Entry, folder: Path) -> ExportedFlight:
         verdict=verdict,
         same=not differs,
     )
+
+
+def _written(trees: Mapping[Path, Element], values: Mapping[str, float]) -> set[str]:
+    """Write systems with these values of their properties; the names of those that they declare."""
+    declared: set[str] = set()
+    for file, tree in trees.items():
+        declared |= _declare(tree, values)
+        ElementTree.indent(tree)
+        write_text(file, template_of(tree))
+    return declared
+
+
+def _write_readme(entry: Entry, file: Path, own: Mapping[str, Any]) -> None:
+    """Say what the folder is, how it is flown and how its flight compares."""
+    scenario = entry.scenario
+    text = _README.read_text(encoding="utf-8").format(
+        **own,
+        title=printable(scenario.title),
+        gains=entry.name,
+        version=__version__,
+        jsbsim=version("jsbsim"),
+        csv=CSV,
+        rate=scenario.controller.rate_hz,
+        duration=scenario.flight.duration_s,
+    )
+    write_text(file, text)
 
 
 def _verdict(entry: Entry, run: Run, largest: Mapping[str, float], differs: str) -> str:
