@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Any
 
-from flighttune.base.names import shown_unit
+from flighttune.base.units import shown_unit
 from flighttune.base.words import pick
 from flighttune.claims.counted import Counted
 from flighttune.outputs.answers.answer import Answer, Table
