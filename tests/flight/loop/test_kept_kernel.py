@@ -91,7 +91,7 @@ def test_compiled_samples_of_either_law_at_its_limits_are_those_of_the_plain_loo
         gains=[gains],
         expect=[],
         controller={"anti_windup": anti_windup},
-        plant=[{"kind": "point_mass_lag", "identified": "aerosonde"}],
+        plant=[{"kind": "jsbsim", "aircraft": "aerosonde"}],
         **({"law": [{"name": "exact", "kind": "exact"}]} if "law" in gains else {}),
     )
     flown = []
