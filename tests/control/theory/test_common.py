@@ -28,11 +28,16 @@ def test_the_common_Q_of_one_loop_has_the_rate_of_the_closed_form():
     assert found.R == pytest.approx(ft.loop.indicators(A_K).R_K, rel=SOLVER)
 
 
-def test_the_common_rate_of_decays_is_that_of_the_slowest():
+@pytest.mark.parametrize("faster", [1.0, 20.0, 0.01])
+def test_the_common_rate_of_decays_is_that_of_the_slowest(faster):
     """diag(-k): R = 2 k, with Q = I / (2 k) for the smallest k of any vertex and direction."""
-    found = common_Q([-np.diag([1.0, 5.0]), -np.diag([3.0, 0.4]), -np.diag([2.0, 2.0])])
+    decays = np.array([[1.0, 5.0], [3.0, 0.4], [2.0, 2.0]])
 
-    assert found.R == pytest.approx(2.0 * 0.4, rel=SOLVER)
+    found = common_Q([-faster * np.diag(each) for each in decays])
+
+    assert (found.status, found.reason) == ("optimal", "")
+    assert found.R == pytest.approx(2.0 * 0.4 * faster, rel=SOLVER)
+    assert found.R_bound == pytest.approx(2.0 * 0.4 * faster, rel=1e-3)
 
 
 def test_loops_whose_mean_is_unstable_have_no_common_Q_and_the_bound_says_so():

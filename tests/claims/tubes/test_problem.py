@@ -1,0 +1,56 @@
+"""The loop that a tube encloses has the numbers of the scenario, of either law."""
+
+import math
+
+import numpy as np
+import pytest
+from made_up import made_up_scenario
+
+from flighttune.claims.tubes.tube import stated_problem
+
+FLIGHT = {
+    "V_a_mps": 23.0, "g_mps2": 9.7, "chi_deg": -8.0, "gamma_deg": 3.0, "phi_deg": 6.0, "n_z": 1.1,
+    "duration_s": 2.0,
+}  # fmt: skip
+
+
+def loop_of(law="paper", plant="kinematic", **tables):
+    gains = {"name": "own", "K_P": [[1.5, 0.0], [0.0, 1.2]], "K_I": [[0.5, 0.0], [0.0, 0.4]]}
+    if law == "exact":
+        gains["law"] = "exact"
+    scenario = made_up_scenario(
+        flight=FLIGHT, reference={"chi_deg": 2.0, "gamma_deg": 5.0}, gains=[gains],
+        law=[{"name": law, "kind": law}], plant=[{"kind": plant}],
+        controller={"rate_hz": 40.0, **tables.pop("controller", {})}, **tables,
+    )  # fmt: skip
+    return stated_problem(scenario).loop
+
+
+@pytest.mark.parametrize(
+    ("law", "plant", "exact"),
+    [("paper", "kinematic", False), ("paper", "point_mass", True), ("exact", "point_mass", True)],
+)
+def test_the_loop_of_a_tube_has_the_numbers_of_the_flight(law, plant, exact):
+    loop = loop_of(law, plant)
+
+    assert (loop.dt, loop.V_a, loop.g) == (1.0 / 40.0, 23.0, 9.7)
+    chi, gamma, phi, n_z = loop.start
+    for found, stated in ((chi, -8.0), (gamma, 3.0), (phi, 6.0)):
+        assert np.mean(found) == pytest.approx(math.radians(stated), abs=1e-9)
+    assert n_z == pytest.approx(1.1)
+    assert loop.exact == exact
+    assert loop.lags == ()
+    assert (loop.law.inverts is not None) == (law == "exact")
+    assert not loop.law.feed_forward
+    assert loop.law.conditional
+    assert loop.reference[0, :2] == pytest.approx(np.radians([2.0, 5.0]))
+    assert len(loop.reference) >= 2.0 * 40.0
+
+
+@pytest.mark.parametrize(("ahead", "lift"), [(False, 0.0), (True, math.cos(math.radians(5.0)))])
+def test_a_feed_forward_adds_the_lift_of_the_reference_path(ahead, lift):
+    loop = loop_of(controller={"feed_forward": ahead, "anti_windup": "none"})
+
+    assert loop.law.feed_forward == ahead
+    assert not loop.law.conditional
+    assert loop.reference[:, -1] == pytest.approx(np.full(len(loop.reference), lift))
