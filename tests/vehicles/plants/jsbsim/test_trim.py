@@ -242,3 +242,23 @@ def test_the_thrust_of_a_turboprop_does_not_fall_after_the_start():
     assert run.status == "completed"
     thrust = run.signals["thrust"]
     assert thrust.iloc[-1] == pytest.approx(thrust.iloc[0], rel=STEADY)
+
+
+@pytest.mark.slow
+def test_a_table_of_trims_is_over_the_envelope_and_climbs_of_minus_10_to_45_deg():
+    """Six airspeeds, and of each climbs up to the thrust; the rest have their reason."""
+    low, high = fdm_of("aerosonde").config.envelope.V_a
+
+    records = ft.trim("aerosonde").records
+
+    speeds = [*dict.fromkeys(row["V_a_mps"] for row in records)]
+    assert speeds == pytest.approx(np.linspace(low, high, 6))
+    climbs = [row["gamma_deg"] for row in records if row["V_a_mps"] == speeds[2]]
+    assert climbs == pytest.approx([-10.0, -5.0, 0.0, 5.0, 10.0, 20.0, 45.0])
+    assert len(records) == 6 * 7
+    for row in records:
+        assert (row["trim"] is None) == bool(row["reason"])
+    level = [row["trim"] for row in records if row["gamma_deg"] == 0.0 and row["trim"]]
+    # of steady level flight the nose is the angle of attack, which falls with airspeed
+    assert [x["theta_deg"] for x in level] == pytest.approx([x["alpha_deg"] for x in level])
+    assert [x["alpha_deg"] for x in level] == sorted((x["alpha_deg"] for x in level), reverse=True)
