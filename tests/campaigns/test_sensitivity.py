@@ -142,3 +142,32 @@ def test_holm_corrects_as_in_his_paper():
 def test_an_influence_is_as_strong_as_the_larger_share_that_it_explains(share, rho):
     """A rank correlation explains its square, falling or rising."""
     assert strength({"share": share, "rho": rho}) == 0.25
+
+
+@pytest.mark.parametrize("n", [9, 10])
+@pytest.mark.parametrize("alike", ["measure", "parameter", "neither"])
+def test_few_flights_equal_values_and_parameters_tell_nothing(n, alike):
+    rng = np.random.default_rng(4)
+    x, y = rng.normal(size=(2, n))
+    measure = np.ones(n) if alike == "measure" else y
+    parameters = pd.DataFrame({"a": np.ones(n) if alike == "parameter" else x, "same": 3.0})
+
+    found = influences(parameters, measure)
+
+    assert [row["parameter"] for row in found] == (["a"] if n == 10 and alike == "neither" else [])
+
+
+def test_flights_without_a_value_of_measure_or_parameter_are_left_out():
+    x = np.arange(30.0)
+    measure, other = x**3, np.cos(x)
+    measure[[2, 5]], other[[5, 7, 9]] = np.nan, np.nan
+
+    drawn = pd.DataFrame({"x": x, "other": other})
+
+    found = {row["parameter"]: row for row in influences(drawn, measure)}
+
+    assert {row["n"] for row in found.values()} == {30 - 4}
+    assert found["x"]["rho"] == pytest.approx(1.0)
+    kept = ~(np.isnan(measure) | np.isnan(other))
+    expected = stats.spearmanr(other[kept], measure[kept]).statistic
+    assert found["other"]["rho"] == pytest.approx(expected)

@@ -6,6 +6,7 @@ import os
 import re
 import shutil
 from pathlib import Path
+from xml.etree import ElementTree
 
 import jsbsim
 import numpy as np
@@ -21,6 +22,7 @@ from flighttune.flight.conditions import start_condition
 from flighttune.studies.adoption.adopt import aircraft_text, final_tables
 from flighttune.studies.adoption.survey import _largest_drag, survey, wide_tables
 from flighttune.vehicles.aircraft.aircraft import aircraft_from
+from flighttune.vehicles.aircraft.model_xml import in_inches
 from flighttune.vehicles.identification.design import Airframe
 from flighttune.vehicles.plants.jsbsim.bench import AirframeState, Bench, check_moves
 from flighttune.vehicles.plants.jsbsim.fdm import Fdm
@@ -1007,3 +1009,18 @@ def test_the_largest_part_of_the_drag_has_its_share_of_what_acts(aircraft, V_a):
     total, part = fdm.reader("forces/fwx-aero-lbs")(), fdm.reader(name)()
     assert share == pytest.approx(part / total, rel=1e-9)
     assert share > 0.5
+
+
+@pytest.mark.parametrize(
+    ("diameters", "inches"),
+    [
+        ("<diameter>74</diameter>", True),
+        ("<diameter>6.2</diameter>", False),
+        ('<diameter unit="IN">74</diameter>', False),
+        ("<diameter>6.2</diameter><diameter>74</diameter>", True),
+        ("<diameter>wide</diameter>", False),
+        ("", False),
+    ],
+)
+def test_a_diameter_is_in_inches_if_no_propeller_is_so_wide_in_feet(diameters, inches):
+    assert in_inches(ElementTree.fromstring(f"<propeller>{diameters}</propeller>")) == inches
