@@ -15,7 +15,8 @@ MAX_WINDOWS, MAX_NUMBERS = 200, 2**27
 # Most windows of residual signals, which a tube adds up over time. Where a command moves they pass
 # through zero within some samples, and a longer window has their extremes at all of its times: of
 # the c172p, in 30 s, the boxes of 200 windows add up to 1.5 (course) and 1.8 times (path angle) as
-# much as those of 1000. XX: 500 is where the file of 1640 flights has 26 MB before it is packed.
+# much as those of 1000. Not known: the best number. With 500 the file of 1640 flights has 26 MB
+# before it is packed.
 MAX_RESIDUAL_WINDOWS = 500
 
 # Fewest learned flights that must have been completed.
@@ -128,9 +129,10 @@ def _narrowest(away: FloatArray, epsilon: float) -> tuple[FloatArray, FloatArray
                 logs.append(np.log(half))
             largest = np.sort(np.concatenate(scores).max(axis=1))[-1 - int(epsilon * len(away)) :]
             scale, log = np.mean(np.log(largest)), np.mean(logs, axis=0)
-            # Logarithm of the largest half-width times the geometric mean, each at the scale. XX: a
-            # tube adds half-widths up, but with their arithmetic mean, or that and the largest, the
-            # sums of residual boxes differed by some percent, and not always for the better.
+            # Logarithm of the largest half-width times the geometric mean, each at the scale. Not
+            # known: the best mean. A tube adds half-widths up, but with their arithmetic mean, or
+            # that and the largest, the sums of residual boxes differed by some percent, and not
+            # always for the better.
             width = 2.0 * scale + log.max() + log.mean()
             best = min(best, (width, inside, windows, added, scale))
     _, inside, windows, added, scale = best

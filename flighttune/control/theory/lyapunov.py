@@ -270,8 +270,8 @@ def common_ellipsoid(
     # the slowest decay, a has an optimum inside (0, 1): a small one multiplies the disturbance by
     # 1/a, a large one leaves the loops no decay. For the gains of the paper over its envelope the
     # radius for L_d = 1 is 21.9, 15.1 and 17.2 at the first three shares below, there is none at
-    # 0.5, and the least is 14.72 at 0.196. XX: that the radius has a single valley over a was seen
-    # and not proven; a worse multiplier would only make the claim wider.
+    # 0.5, and the least is 14.72 at 0.196. Not known: whether the radius always has a single valley
+    # over a, as it had where it was computed. A worse multiplier only makes the claim wider.
     for coarse in (0.05, 0.15, 0.3, 0.5):
         radius(coarse)
     if not tried:

@@ -47,8 +47,8 @@ def tune_by_gradient(problem: TuningProblem, *, starts: int = STARTS) -> TuningR
     # `paper` all four end within 1e-4 of R_K 0.53976, and `agreeing` tells the user how many did.
     # Two of them are enough to see whether the bound on I_K leaves any gains at all. If not, the
     # smallest I_K is searched first: it answers "how much would do", and where it is within the
-    # bound it is a feasible start for the others. XX: four starts weigh time (0.4 s on
-    # `paper`) against the chance to miss the best gains, which nothing here bounds.
+    # bound it is a feasible start for the others. Not known: how often four starts, which take
+    # 0.4 s on `paper`, miss the best gains.
     k = stabilising_starts(problem, starts)
     if not len(k):
         return TuningResult(

@@ -568,8 +568,8 @@ def final_tables(
     n_z_min = max(min(lowest, LARGEST_LOWEST), MIN_LOAD_FACTOR)
     # Full aileron rolls at the rate power / damping in the end. Commands use a share of it, and may
     # take (bandwidth + damping) times their rate of the power. The load factor follows the elevator
-    # the wrong way at first: its bandwidth stays below that zero. XX: the factor 0.12 of the rate
-    # of its command has no other reason than that it suits the adopted aircraft.
+    # the wrong way at first: its bandwidth stays below that zero. Not known: a reason for the
+    # factor 0.12 of the rate of its command, other than that it suits the adopted aircraft.
     travel = surveyed.tables["surfaces"]["aileron"]["travel_deg"]
     power = abs(model.of("p_dot", "aileron")) * min(map(abs, travel)) * DEG
     damping = max(-model.of("p_dot", "p"), 0.1)
