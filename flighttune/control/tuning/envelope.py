@@ -258,7 +258,7 @@ def tune_over_envelope(
     # inequality, in gains and Q together it is not. So each step solves the inequality linearised
     # about the gains at hand and is kept only if the true common rate has grown: the result is a
     # local optimum, and a search from other gains may end higher. The gains for the trim alone
-    # are the natural first start; that they are a good one is experience, not a theorem (XX).
+    # are the natural first start. Not known: whether they are a good one beyond the cases tried.
     nominal, firsts = tune_by_gradient(problem), []
     if nominal.status == "optimal" and nominal.gains is not None:
         firsts = [nominal.gains.K[problem.free], *stabilising_starts(problem, starts)]
