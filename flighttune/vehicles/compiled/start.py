@@ -45,6 +45,7 @@ from flighttune.vehicles.compiled.rigid_body import (
 )
 from flighttune.vehicles.compiled.run import Model
 from flighttune.vehicles.compiled.vectors import matrix_of, over
+from flighttune.vehicles.plants.jsbsim import properties
 from flighttune.vehicles.plants.jsbsim.fdm import Fdm
 
 Values: TypeAlias = dict[str, float]
@@ -53,7 +54,10 @@ Values: TypeAlias = dict[str, float]
 # Doubles on each side of a guess that are tried, for quaternions and for an acceleration; samples
 # of the inner loop by which they are told apart.
 _MOST_DELAYED = 1000
-_NEAR, _TRIED, _FAR, _FEW, _MANY = 4, 64, 2048, 12, 400
+_NEAR, _TRIED, _FAR, _FEW, _MANY = 4, 64, 2048, 12, 2000
+
+# Frequency at which roll and load factor are moved meanwhile, rad/s.
+_SWEEP = 5.0
 
 
 def start_values(
@@ -71,8 +75,14 @@ def start_values(
     read |= {name: fdm.reader(name) for name in delays}
     motions: list[Motion] = []
     rows: list[Values] = []
-    samples = _FEW if all(part.fades for part in integrators) else _MANY
-    for k in range(samples * fdm.steps + 1):
+    known = all(part.fades for part in integrators)
+    commands = [fdm.writer(name) for name in (properties.PHI_CMD, properties.N_Z_CMD)]
+    (_, phi), (low, high) = fdm.config.limits.phi, fdm.config.limits.n_z
+    for k in range((_FEW if known else _MANY) * fdm.steps + 1):
+        if not known:  # what is small beside the input shows where that changes its sign
+            swing = 0.4 * math.sin(_SWEEP * k * dt)
+            commands[0](phi * swing)
+            commands[1](1.0 + min(high - 1.0, 1.0 - low) * swing)
         if k:
             fdm.run()
         if k <= _FEW:
@@ -123,6 +133,7 @@ class _Integrator:
     trigger: str
     slope: str  # property of the slope of its input; empty if it computes that
     kind: str
+    standard: bool  # whether the proportional gain multiplies all
     rate: int  # steps from one run to the next
 
     def reads(self, fdm: Fdm) -> list[str]:
@@ -149,21 +160,28 @@ class _Integrator:
         if self.slope:
             slopes = [row[self.slope] for row in rows]
         # It is empty while disengaged, and runs once or twice with the loop engaged.
-        once, near = k_i * dt * inputs[0], shown[0] - k_p * inputs[0]
-        guesses = [once, once + once, 0.0, *neighbours(once, _TRIED)]
+        once = k_i * dt * inputs[0]
+        at = 1 if k_d else 0  # the slope at the start is not known
+        of_input = 1.0 if self.standard else k_p
+        near = shown[at] / (k_p if self.standard else 1.0) - of_input * inputs[at]
+        near -= k_d * slopes[at] + sum(changes[: at + 1])
+        likely = [once, once + once, 0.0]
+        guesses = [*likely, *neighbours(once, _TRIED)]
         guesses += [near + k * math.ulp(near) for k in range(-_FAR, _FAR + 1)]
         if last is not None:
             guesses += neighbours(last - sum(changes), _TRIED)
-        first = totals = np.array(guesses)
+        totals, left = np.array(guesses), np.arange(len(guesses))
         # Those remain that give what JSBSim shows, for as long as one does.
-        for x, change, slope, y in zip(inputs, changes, slopes, shown, strict=True):
+        rows_shown = zip(inputs, changes, slopes, shown, strict=True)
+        for k, (x, change, slope, y) in enumerate(rows_shown):
             totals = totals + change
-            same = k_p * x + totals + k_d * slope == y
-            if same.any():
-                first, totals = first[same], totals[same]
+            output = of_input * x + totals + k_d * slope
+            same = (k_p * output if self.standard else output) == y
+            if same.any() and k >= at:
+                left, totals = left[same], totals[same]
         if last is not None and (totals == last).any():
-            first = first[totals == last]
-        return float(first[0])
+            left = left[totals == last]
+        return guesses[left[0] if left[0] < len(likely) else left[len(left) // 2]]
 
 
 def _integrators(fdm: Fdm, root: Element) -> list[_Integrator]:
@@ -185,6 +203,7 @@ def _integrators(fdm: Fdm, root: Element) -> list[_Integrator]:
                 (element.findtext("trigger") or "").strip(),
                 (element.findtext("pvdot") or "").strip(),
                 integrator_kind(element),
+                element.get("type") == "standard",
                 execution_rate(channel),
             )
         )
