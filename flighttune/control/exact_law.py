@@ -36,6 +36,10 @@ LEAST_LIFT = 1e-9
 BRAKING = 0.5
 
 
+# Numbers of a `RateLaw` in a row; a `PILaw` has fewer.
+LAW_NUMBERS = 26
+
+
 class RateLaw(NamedTuple):
     """Settings that do not change from sample to sample."""
 

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from flighttune.base.arrays import FloatArray
 from flighttune.base.units import G_PAPER
-from flighttune.control.exact_law import ExactLaw, RateLaw
+from flighttune.control.exact_law import LAW_NUMBERS, ExactLaw, RateLaw
 from flighttune.control.mimo_pi import MimoPI, PILaw
 from flighttune.flight.loop.disturbance import Sinusoid
 from flighttune.vehicles.plants import base, point_mass
@@ -22,9 +22,6 @@ SIGNALS = (
     *("phi_cmd", "n_z_cmd", "phi_unlimited", "n_z_unlimited"),
     *("phi_integral", "n_z_integral", "phi_limited", "n_z_limited"),
 )
-
-# Numbers of a `RateLaw`; a `PILaw` has fewer.
-LAW_NUMBERS = 26
 
 # Flights whose errors of sensors are in memory at the same time
 SENSED_AT_ONCE = 256

@@ -19,11 +19,10 @@ from flighttune.base import units
 from flighttune.base.files.whole import apart, whole_file
 from flighttune.base.units import wrap_angle
 from flighttune.control import exact_law, limits, mimo_pi, wind
-from flighttune.control.exact_law import RateLaw
+from flighttune.control.exact_law import LAW_NUMBERS, RateLaw
 from flighttune.control.mimo_pi import ChannelLaw, PILaw, PIState
 from flighttune.control.wind import filtered, path_over_ground, speed_in_wind
 from flighttune.flight.loop import measures
-from flighttune.flight.loop.batch import LAW_NUMBERS
 from flighttune.routes import follow, path
 from flighttune.routes.follow import guidance, path_at, speed_over, steepest_sine
 from flighttune.vehicles.plants import point_mass
