@@ -2,14 +2,13 @@
 
 import ctypes
 import math
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 
-from flighttune.base.arrays import FloatArray
 from flighttune.base.units import FT, G_0
 from flighttune.control.controller import FlightCondition
+from flighttune.flight.loop.batch import BESIDE, BEYOND, GOES_ON, MODULUS, Motion
 from flighttune.vehicles.plants.base import Stop, WrappedPlant
 from flighttune.vehicles.plants.jsbsim import properties
 from flighttune.vehicles.plants.jsbsim.plant import JSBSimPlant
@@ -23,22 +22,12 @@ _G_0_FPS2 = G_0 / FT
 
 _CHI, _PSI = (properties.SIGNALS.index(name) for name in ("chi", "psi"))
 
-# How the samples asked for ended: all flown, the flight arrived, it left its envelope, or it went
-# where only JSBSim knows the forces, such as near the ground.
-GOES_ON, ARRIVED, OUTSIDE, BEYOND = 0, 1, 2, 3
-
-# Numbers that a step shows between the signals of an aircraft and further ones
-BESIDE = 4
-
 # Type of a compiled step as a function: states, parameters, steps, stream, shown, how much of it.
 STEP = ctypes.CFUNCTYPE(
     None,
     *(ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int64),
     *(ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int64),
 )
-
-# Modulus of JSBSim's random numbers.
-MODULUS = 2147483647
 
 # Variable of the environment that, if it is set, lets JSBSim fly every flight.
 JSBSIM = "FLIGHTTUNE_JSBSIM"
@@ -51,47 +40,6 @@ WIND_PROPERTIES = tuple(f"atmosphere/gust-{axis}-fps" for axis in ("north", "eas
 
 # Rows of random numbers that are drawn at once
 DRAWN = 64
-
-
-class Motion(NamedTuple):
-    """An aircraft in flight: arrays that its step reads and writes, and what changes on the way."""
-
-    states: FloatArray
-    parameters: FloatArray
-    # Signals after a step, then airspeed (ft/s), lift (lbf), height (ft) and the load factor that
-    # the inner loop follows
-    shown: FloatArray
-    signals: int  # number of signals
-    further: int  # further ones, which stand behind those four
-    commands: tuple[int, ...]  # places of roll, load factor and n_x among the parameters
-    steps: int  # integration steps in a sample
-    between: int  # most steps between two checks of the envelope
-    # Angle of attack, airspeed (ft/s), lift (lbf), pitch attitude, height (ft) to stay between
-    low: FloatArray
-    high: FloatArray
-    weight: float  # lbf, at the start
-    floor: float  # ft: height below which only JSBSim flies
-    ceiling: float  # ft: and above which
-    # Turbulence: four normal numbers a step, the state of the generator, and the number it has left
-    # over with whether there is one; no columns without turbulence
-    stream: FloatArray
-    random: npt.NDArray[np.int64]
-    left_over: FloatArray
-    # Changes of parameters, or of states, whose places are counted from -1 down: steps flown
-    # before, places, values; how many are made
-    change_at: npt.NDArray[np.int64]
-    change_place: npt.NDArray[np.int64]
-    change_to: FloatArray
-    changed: npt.NDArray[np.int64]
-    # Wind that changes: rows of height (m) and wind (m/s); amplitudes of cosine and sine (m/s) and
-    # their angular frequencies, or nothing; places of the wind among the parameters; wind, its
-    # change in a step (ft/s) and the height before (ft)
-    levels: FloatArray
-    swing: FloatArray
-    wind_places: tuple[int, ...]
-    wind: FloatArray
-    ground: float  # m
-    rate: float  # integration steps a second
 
 
 class CompiledAircraft(WrappedPlant):

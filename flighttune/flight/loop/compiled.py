@@ -7,7 +7,7 @@ Without Numba it is interpreted.
 import math
 
 from flighttune.base.units import FT
-from flighttune.flight.loop.aircraft import ARRIVED, BESIDE, BEYOND, GOES_ON, MODULUS, OUTSIDE
+from flighttune.flight.loop.batch import ARRIVED, BESIDE, BEYOND, GOES_ON, MODULUS, OUTSIDE
 from flighttune.flight.loop.kernel import kernel, law_sample, njit
 
 # Integration steps between two instants at which a changing wind is computed.

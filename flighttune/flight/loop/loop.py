@@ -24,8 +24,8 @@ from flighttune.control.controller import (
 from flighttune.control.exact_law import ExactLaw
 from flighttune.control.gains import COMMANDS, ERRORS_WITH_AIRSPEED, WITH_AIRSPEED, PIGains
 from flighttune.control.mimo_pi import MimoPI
-from flighttune.flight.loop.aircraft import ARRIVED, GOES_ON, CompiledAircraft, compiled_aircraft
-from flighttune.flight.loop.batch import MEMORY, SampledLaw, numbers_of
+from flighttune.flight.loop.aircraft import CompiledAircraft, compiled_aircraft
+from flighttune.flight.loop.batch import ARRIVED, GOES_ON, MEMORY, SampledLaw, numbers_of
 from flighttune.routes import follow as following
 from flighttune.routes.feasible import FeasibleReference
 from flighttune.routes.segments import Reference
