@@ -70,6 +70,7 @@ class CompiledAircraft(WrappedPlant):
             self.plant.config,
             steps=self.plant.steps,
             turbulence=None if turbulence is None else turbulence.model,
+            gust=weather.gust is not None,
         )
         if isinstance(step, face.Refusal):
             self.refused = step.reason
@@ -197,8 +198,6 @@ def motion_of(plant: JSBSimPlant, step: "CompiledStep", weather: Weather) -> Mot
     ]
     if plant.steps > 1:
         raise NotCompiled("several integration steps in a sample of the inner loop")
-    if weather.gust is not None:
-        raise NotCompiled("a gust")
     changes.sort()
     at, where, to = zip(*changes, strict=True) if changes else ((), (), ())
     h_ft, weight = fdm.reader("position/h-sl-ft")(), fdm.reader("inertia/mass-slugs")() * _G_0_FPS2

@@ -20,6 +20,7 @@ OSCILLATION = {
     "chi_amplitude": 0.03, "chi_omega_rad_s": 0.5,
     "gamma_amplitude": 0.02, "gamma_omega_rad_s": 0.4, "as_wind": True,
 }  # fmt: skip
+GUST = {"axis": "right", "peak_mps": 3.0, "start_s": 1.0, "length_m": 20.0}
 AIRFRAME = {
     "mass_factor": 1.05, "cg_aft_m": 0.004, "lift_factor": 0.97, "drag_factor": 1.1,
     "pitch_moment_factor": 1.05, "actuator_lag_factor": 1.2, "thrust_factor": 0.9,
@@ -69,6 +70,8 @@ CASES = {
     "turbulence": TURBULENCE,
     "first-order turbulence": {"turbulence": {"intensity": "light", "model": "milspec"}},
     "turbulence in wind": TURBULENCE | WIND,
+    "gust": {"gust": GUST},
+    "gust in turbulence": {"gust": GUST} | TURBULENCE,
     "wind over height": SHEAR,
     "wind that oscillates": {"disturbance": OSCILLATION},
     "path through the air": {"disturbance": OSCILLATION | {"path": "air"}},
@@ -89,6 +92,7 @@ LAWS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", LAWS)
 @pytest.mark.parametrize("case", CASES)
 def test_a_flight_is_that_of_jsbsim(monkeypatch, case, law):
