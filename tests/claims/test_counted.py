@@ -10,6 +10,8 @@ import flighttune as ft
 from flighttune.claims.about import About
 from flighttune.claims.band import RecordedSignals
 from flighttune.claims.counted_flights import flights_of
+from flighttune.claims.monitor import Monitor, WatchedSignals
+from flighttune.gaps.watch import SignalModel
 from tests.made_up import made_up_run, made_up_scenario
 from tests.made_up_band import CONFIDENCE, EPSILON, FLIGHTS, LEARNED, band_flights
 
@@ -121,3 +123,37 @@ def test_the_flight_nearest_to_leaving_is_inside_and_counts_are_of_both_sides(co
     assert counted.scale == pytest.approx(1.0, rel=1e-6)
     assert (counted.outside, counted.not_completed) == (5, 1)
     assert counted.nearest == LEARNED + FLIGHTS - 6
+
+
+WATCHED = (
+    SignalModel(name="turn", target="r", terms=("sin_phi/V_g",), weights=(9.81,)),
+    SignalModel(name="roll", target="p", terms=("d(phi)",), weights=(1.0,)),
+)
+
+
+def test_a_counted_monitor_watches_by_its_middle_and_its_scaled_limits():
+    """Of 259 flights the largest scores that count as inside are 0.8 of what the shape has."""
+    plan = plan_of(made_up_scenario().as_dict(), runs=LEARNED + FLIGHTS, gains=["paper"])
+    scores = np.concatenate([np.linspace(0.0, 0.8, FLIGHTS - 5), [2.0, 2.0, 3.0, 4.0, np.inf]])
+    units = {"turn": "rad/s", "roll": "rad/s"}
+    middle, half = np.array([0.01, -0.02]), np.array([0.1, 0.4])
+    about = About(
+        of="monitor", signals=units, coefficients=middle[None, None],
+        half=half[None], predicted_from=None, plan=plan.as_dict(), learned=LEARNED,
+        epsilon=EPSILON, confidence=CONFIDENCE, models=WATCHED,
+    )  # fmt: skip
+    away = np.array([-1.0, 1.0]) * scores[:, None, None] * half[:, None] + middle[:, None]
+    monitor = Monitor(
+        about=about,
+        flights=flights_of(plan, WatchedSignals(units=units, expected=WATCHED), FLIGHTS),
+        extremes=away[:, None].astype(np.float32),
+        wind=np.zeros((FLIGHTS, 0)),
+    )
+
+    watch = monitor.watch
+
+    assert monitor.scale == pytest.approx(0.8, rel=1e-5)
+    assert watch.middle == pytest.approx(middle, rel=1e-5)
+    assert watch.half == pytest.approx(0.8 * half, rel=1e-5)
+    assert watch.models == WATCHED
+    assert (monitor.outside, monitor.not_completed) == (5, 1)
