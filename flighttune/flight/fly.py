@@ -15,7 +15,7 @@ from typing import Any
 
 import pandas as pd
 
-from flighttune.base.errors import InputError, TrimError
+from flighttune.base.errors import InputError, PlantError, TrimError
 from flighttune.base.files import code
 from flighttune.base.signals import SIGNAL_UNITS
 from flighttune.control.controller import MAX_LAG_S, LawError
@@ -27,7 +27,7 @@ from flighttune.flight import conditions, load, models
 from flighttune.flight.apart import Progress, apart
 from flighttune.flight.entry import Entry, entries
 from flighttune.flight.flown import FlownScenario
-from flighttune.flight.loop.aircraft import JSBSIM, CompiledAircraft
+from flighttune.flight.loop.aircraft import CompiledAircraft, compiled_aircraft
 from flighttune.flight.loop.loop import LOOP_SIGNALS, simulate
 from flighttune.flight.loop.run import Provenance, Run, RunStatus
 from flighttune.flight.own import LawMaker, PlantMaker, with_own
@@ -228,7 +228,7 @@ def fly_alone(
         reason = f"the wind is that of {source}, which did not fly: {wind_run.reason}"
         made_by = replace(provenance(entry), gains=entry.gains)
         return _without_samples(made_by, wind_run.status, reason)
-    plant = plant_of(entry.plant, scenario, wind, compiled=JSBSIM not in os.environ)
+    plant = plant_of(entry.plant, scenario, wind, compiled=code.JSBSIM not in os.environ)
     run = fly_once(entry, plant, lead=entry.lead, progress=progress)
     turns = scenario.turn_back
     if run.status == "no_trim" and turns is not None and turns.or_level and turns.sloped_s is None:
@@ -289,7 +289,34 @@ def fly_once(
     status, reason = ("completed", "") if stop is None else (stop.status, stop.reason)
     made_by = replace(made_by, wall_s=time.perf_counter() - started)
     units = {name: unit for name, unit in controller.signals.items() if name not in SIGNAL_UNITS}
-    return Run(signals=signals, status=status, reason=reason, provenance=made_by, units=units)
+    aircraft = compiled_aircraft(plant)
+    return Run(
+        signals=signals,
+        status=status,
+        reason=reason,
+        provenance=made_by,
+        units=units,
+        compiled=aircraft is not None and aircraft.compiled,
+    )
+
+
+def check_compiled(entry: Entry, run: Run) -> None:
+    """Fly an entry by JSBSim too; a PlantError says where its compiled run differs."""
+    with code.in_jsbsim():
+        again = fly_alone(entry)
+    first = "the samples"
+    if run.signals.shape == again.signals.shape:
+        same = run.signals.to_numpy() == again.signals.to_numpy()
+        same |= run.signals.isna().to_numpy() & again.signals.isna().to_numpy()
+        wrong = run.signals.columns[~same.all(axis=0)]
+        first = f"`{wrong[0]}`" if len(wrong) else ""
+    if not first and (run.status, run.reason) != (again.status, again.reason):
+        first = "the end"
+    if first:
+        raise PlantError(
+            f"{run.label}: the compiled flight must be that of JSBSim, {first} differs; with "
+            f"{code.JSBSIM}=1 in the environment JSBSim flies."
+        )
 
 
 def manoeuvre(entry: Entry, plant: Plant, label: str) -> dict[str, Any]:

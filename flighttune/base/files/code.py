@@ -20,6 +20,9 @@ from typing import NamedTuple, ParamSpec, TypeVar
 from flighttune.base.errors import ScenarioError
 from flighttune.base.files.whole import allowed
 
+# Variable of the environment that, if it is set, lets JSBSim itself fly every aircraft.
+JSBSIM = "FLIGHTTUNE_JSBSIM"
+
 P = ParamSpec("P")
 T = TypeVar("T")
 
@@ -67,8 +70,29 @@ def flies(verb: Callable[P, T]) -> Callable[P, T]:
 
 
 def flies_again(verb: Callable[P, T]) -> Callable[P, T]:
-    """A verb that flies again what was recorded: it runs code with `run_code` alone."""
-    return _deciding(verb, Runs.NONE)
+    """A verb that flies again what was recorded, in JSBSim: code runs with `run_code` alone."""
+    decided = _deciding(verb, Runs.NONE)
+
+    @wraps(verb)
+    def called(*args: P.args, **kwargs: P.kwargs) -> T:
+        with in_jsbsim():
+            return decided(*args, **kwargs)
+
+    return called
+
+
+@contextmanager
+def in_jsbsim() -> Iterator[None]:
+    """Let JSBSim itself fly every aircraft, here and in processes that are started meanwhile."""
+    before = os.environ.get(JSBSIM)
+    os.environ[JSBSIM] = "1"
+    try:
+        yield
+    finally:
+        if before is None:
+            del os.environ[JSBSIM]
+        else:
+            os.environ[JSBSIM] = before
 
 
 def _deciding(verb: Callable[P, T], runs: Runs) -> Callable[P, T]:

@@ -22,8 +22,8 @@ from flighttune.flight.records.refly import changed_versions
 from flighttune.vehicles.aircraft.aircraft import files_hash
 
 # Longest time to load a plan, s. The first samples of its flights have another limit: that of a
-# flight and START_S for the aircraft, or on a route COMPILE_S: its code may have to be compiled.
-PREPARE_S, START_S, COMPILE_S = 120.0, 10.0, 60.0
+# flight, and COMPILE_S: their code may have to be compiled.
+PREPARE_S, COMPILE_S = 120.0, 120.0
 
 
 def serve(pipe: Connection) -> None:
@@ -68,8 +68,7 @@ def _prepared(work: bytes) -> tuple[Plan, Callable[[Draw], Iterator[Row | bytes]
     for name, was in plan.aircraft.items():
         if files_hash(name) != was:
             raise PlantError(f"the files of aircraft {name} must be those it was planned with")
-    start = START_S if plan.scenario.route is None else COMPILE_S
-    with _time_limit(start + plan.campaign.time_limit_s):
+    with _time_limit(COMPILE_S + plan.campaign.time_limit_s):
         warm_up(plan)
 
     def fly(draw: Draw) -> Iterator[Row | bytes]:

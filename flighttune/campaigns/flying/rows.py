@@ -27,10 +27,11 @@ from flighttune.control.theory.indicators import indicators_batch
 from flighttune.control.theory.reachable import largest_errors
 from flighttune.flight.conditions import command_limits, reference_of, start_condition
 from flighttune.flight.entry import Entry
-from flighttune.flight.flown import FlownScenario, bounded_loop, missed
-from flighttune.flight.fly import Progress, fly, fly_alone
-from flighttune.flight.loop.batch import SIGNALS, fly_sampled
+from flighttune.flight.flown import FlownScenario, Measured, bound_checks, bounded_loop, missed
+from flighttune.flight.fly import Progress, check_compiled, fly, fly_alone
+from flighttune.flight.loop.batch import SIGNALS, cores, fly_sampled
 from flighttune.flight.loop.disturbance import Sinusoid
+from flighttune.flight.loop.loop import COMPILED_FROM, Flight
 from flighttune.flight.loop.run import Run
 from flighttune.flight.metrics import CHANNELS, measures, measures_of, required_names
 from flighttune.flight.models import law_setup, linear_model
@@ -44,6 +45,10 @@ from flighttune.vehicles.plants.point_mass import rolled_over
 # Draws whose kinematic flights are flown together: their signals stay in the processor's cache, and
 # nothing else is done here meanwhile.
 BLOCK = 64
+
+# One in so many compiled flights, and each that is nearer to a bound than this part of it, or
+# beyond, is flown by JSBSim too.
+EVERY, NEAR = 100, 0.1
 
 # `BatchResult.ends` of a flight that ended at 90 deg of roll
 ROLLED = 1
@@ -278,7 +283,7 @@ def fly_together(plan: Plan, draws: Sequence[Draw]) -> list[Row]:
         indicators = _indicators(plan, group, scenarios)
         for (run, drawn, scenario), result, both in zip(flights, results, indicators, strict=True):
             outcome = (
-                _fly_alone(plan, scenario, group, {}, {})
+                _fly_alone(plan, scenario, run, {}, {})
                 if result is None
                 else _outcome(plan, scenario, group, each_s, result)
             )
@@ -300,7 +305,7 @@ def fly_draw(plan: Plan, draw: Draw, probes: Probes) -> Iterator[Row]:
     wind_runs: dict[str, Run] = {}
     for run in runs:
         group = plan.group_of(run)
-        outcome = _fly_alone(plan, scenario, group, wind_runs, probes)
+        outcome = _fly_alone(plan, scenario, run, wind_runs, probes)
         yield _row(plan, run, drawn, outcome, *_indicators(plan, group, [scenario]))
 
 
@@ -322,6 +327,9 @@ def lost_row(plan: Plan, run: int, drawn: Drawn | None, ending: int | str) -> Ro
 
 def warm_up(plan: Plan) -> None:
     """Load what the flights of a plan need, before the time of its runs is taken."""
+    flight, rate = plan.scenario.flight, plan.scenario.controller.rate_hz
+    if plan.runs * flight.duration_s * rate > COMPILED_FROM * cores():
+        Flight.flown = max(Flight.flown, COMPILED_FROM)  # compiled code is not loaded in a run
     listed = map(plan.entry, plan.groups)
     once = {(entry.plant.label, entry.law.name): entry for entry in listed}
     for entry in once.values():  # one of each plant and law
@@ -335,17 +343,20 @@ def _end(_label: str, _part: float) -> None:
 
 
 def _fly_alone(
-    plan: Plan, scenario: Scenario, group: Group, wind_runs: dict[str, Run], probes: Probes
+    plan: Plan, scenario: Scenario, number: int, wind_runs: dict[str, Run], probes: Probes
 ) -> Row:
-    """Outcome of one flight; `wind_runs` as for `fly_in_wind`."""
-    began = time.perf_counter()
+    """Outcome of one flight by its number; `wind_runs` as for `fly_in_wind`."""
+    began, group = time.perf_counter(), plan.group_of(number)
+    entry = plan.entry(group, scenario)
     try:
-        run = fly_in_wind(plan.entry(group, scenario), wind_runs)
+        run = fly_in_wind(entry, wind_runs)
+        measured = measures(run)
+        wall_s = time.perf_counter() - began
+        columns = _outcome(plan, scenario, group, wall_s, (run.status, run.reason, measured))
+        if run.compiled and (number % EVERY == 0 or _decides(entry, columns["success"], measured)):
+            check_compiled(entry, run)
     except FlightTuneError as error:
         return _invalid(error, began)
-    measured = measures(run)
-    wall_s = time.perf_counter() - began
-    columns = _outcome(plan, scenario, group, wall_s, (run.status, run.reason, measured))
     if run.status == "completed":
         columns |= {name: probe(run, scenario) for name, probe in probes.items()}
     elif probes and "along" in run.signals and len(run.signals):  # rows of campaigns stay the same
@@ -353,6 +364,13 @@ def _fly_alone(
         stretch = planned_route(scenario).reference.path.stretch_at(along).words
         columns["reason"] += f" It was on the {stretch}, {along:.0f} m along."
     return columns
+
+
+def _decides(entry: Entry, success: bool, measured: Measured) -> bool:
+    """Whether a flight misses a requirement, or is near its bound."""
+    tables = entry.scenario.expected(entry.plant.label, entry.name)
+    margins = (check.margin for check in bound_checks(tables, measured) if check.subject != "loop")
+    return not (success and all(margin < -NEAR for margin in margins))
 
 
 def _outcome(

@@ -29,9 +29,6 @@ STEP = ctypes.CFUNCTYPE(
     *(ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int64),
 )
 
-# Variable of the environment that, if it is set, lets JSBSim fly every flight.
-JSBSIM = "FLIGHTTUNE_JSBSIM"
-
 # Heights between which the compiled step knows air and forces: above the ground, m, and up to the
 # tropopause.
 FLOOR, CEILING = 50.0, 10_900.0

@@ -310,6 +310,8 @@ class Flight:
         fed_back = _fed_back(controller, plant) is not None
         rows[0, : len(aircraft.signals)] = aircraft.observe()
         first, last = 0, len(rows)
+        if progress is not None:  # which may end the flight: compiled code is loaded before
+            fly_samples(*(step, motion, law, fed_back, self._errors), (0, 0, end), rows)
         while True:
             until = last
             if progress is not None:

@@ -231,6 +231,8 @@ class Run:
         Units of signals that `SIGNAL_UNITS` does not know: those of a user's own law.
     claims : tuple of RunClaim
         Tubes and bands around its signals, which bound flights like it.
+    compiled : bool
+        Whether the steps of JSBSim were flown by compiled code, with the same numbers.
 
     Examples
     --------
@@ -245,6 +247,7 @@ class Run:
     provenance: Provenance = field(repr=False)
     units: Mapping[str, str] = field(default_factory=dict, repr=False)
     claims: tuple[RunClaim, ...] = field(default=(), repr=False)
+    compiled: bool = field(default=False, repr=False)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "signals", SignalTable(self.signals))
