@@ -5,6 +5,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from operator import itemgetter
 from typing import TypeAlias
 from xml.etree.ElementTree import Element
 
@@ -44,16 +45,14 @@ from flighttune.vehicles.compiled.rigid_body import (
     quaternion_rate,
 )
 from flighttune.vehicles.compiled.run import Model
-from flighttune.vehicles.compiled.vectors import matrix_of, over
+from flighttune.vehicles.compiled.vectors import matrix_of, over, quaternion_of
 from flighttune.vehicles.plants.jsbsim import properties
 from flighttune.vehicles.plants.jsbsim.fdm import Fdm
 
 Values: TypeAlias = dict[str, float]
 
-# Longest delay of a component, in its runs.
 # Doubles on each side of a guess that are tried, for quaternions and for an acceleration; samples
 # of the inner loop by which they are told apart.
-_MOST_DELAYED = 1000
 _NEAR, _TRIED, _FAR, _FEW, _MANY = 4, 64, 2048, 12, 2000
 
 # Frequency at which roll and load factor are moved meanwhile, rad/s.
@@ -167,10 +166,11 @@ class _Integrator:
         near -= k_d * slopes[at] + sum(changes[: at + 1])
         likely = [once, once + once, 0.0]
         guesses = [*likely, *neighbours(once, _TRIED)]
-        guesses += [near + k * math.ulp(near) for k in range(-_FAR, _FAR + 1)]
         if last is not None:
             guesses += neighbours(last - sum(changes), _TRIED)
-        totals, left = np.array(guesses), np.arange(len(guesses))
+        further = near + math.ulp(near) * np.arange(-_FAR, _FAR + 1)
+        sums = totals = np.concatenate((guesses, further))
+        left = np.arange(len(sums))
         # Those remain that give what JSBSim shows, for as long as one does.
         rows_shown = zip(inputs, changes, slopes, shown, strict=True)
         for k, (x, change, slope, y) in enumerate(rows_shown):
@@ -181,7 +181,7 @@ class _Integrator:
                 left, totals = left[same], totals[same]
         if last is not None and (totals == last).any():
             left = left[totals == last]
-        return guesses[left[0] if left[0] < len(likely) else left[len(left) // 2]]
+        return float(sums[left[0] if left[0] < len(likely) else left[len(left) // 2]])
 
 
 def _integrators(fdm: Fdm, root: Element) -> list[_Integrator]:
@@ -229,6 +229,7 @@ class _Start:
         for n, channel in enumerate(channels_of(model.root)):
             # The start falls on the end of a sample.
             self.hidden[f"_frames{n}"] = float(execution_rate(channel))
+            self._dt = model.dt * execution_rate(channel)
             for element in channel:
                 self.hidden |= self._component(element)
 
@@ -303,7 +304,8 @@ class _Start:
         """A lag and a delay whose input has been `x`."""
         name = name_of(element)
         y = self[name]
-        late = {f"_delay{k}:{name}": y for k in range(1, _MOST_DELAYED)}
+        runs = delay_of(element, self._dt)
+        late = {f"_delay{k}:{name}": y for k in range(1, runs + 1)}
         last = x if _changes_more(element) else y
         return {f"_lag-in:{name}": x, f"_lag-out:{name}": last, **late}
 
@@ -388,24 +390,32 @@ def motion_of(fdm: Fdm) -> Motion:
 
 def quaternion_from(motions: Sequence[Motion], dt: float) -> list[float]:
     """The quaternion that gives the rotations of JSBSim to the bit, now and in the steps after."""
-    T = motions[0].rotation
-    first = 0.5 * math.sqrt(max(0.0, 1.0 + T[0, 0] + T[1, 1] + T[2, 2]))
-    rest = (T[1, 2] - T[2, 1], T[2, 0] - T[0, 2], T[0, 1] - T[1, 0])
-    guess = [first, *(0.25 / first * float(x) for x in rest)]
+    guess = [float(x) for x in quaternion_of(motions[0].rotation.tolist())]
+    found = [_nearest(guess, _NEAR // 2, motions, dt)]
+    if found[0][1]:  # not exact: it lies further away
+        found.append(_nearest(guess, _NEAR, motions, dt))
+    return min(found, key=itemgetter(1))[0]
+
+
+def _nearest(
+    guess: Sequence[float], count: int, motions: Sequence[Motion], dt: float
+) -> tuple[list[float], int]:
+    """The best quaternion near a guess, and how many entries of its first rotation are wrong."""
     # All combinations of near doubles, a column each; arithmetic of NumPy is that of JSBSim.
-    near = np.meshgrid(*(neighbours(x, _NEAR) for x in guess), indexing="ij")
+    near = np.meshgrid(*(neighbours(x, count) for x in guess), indexing="ij")
     starts = now = np.array([values.ravel() for values in near])
+    first: int | None = None
     for motion in motions:
         wrong = np.zeros(now.shape[1], dtype=int)
         for row, wanted in zip(matrix_of(list(now)), motion.rotation, strict=True):
             for a, b in zip(row, wanted, strict=True):
                 wrong += np.not_equal(a, b)
-        # Where none is exact, as after a start that was not read to the bit, the best remain.
-        best = wrong == wrong.min()
-        starts, now = starts[:, best], now[:, best]
+        fewest = int(wrong.min())
+        first = fewest if first is None else first
+        starts, now = starts[:, wrong == fewest], now[:, wrong == fewest]
         moved = now + dt * np.array(quaternion_rate(list(now), motion.rates))
-        now = np.array(_normalized(moved))
-    return starts[:, 0].tolist()
+        now = _normalized(moved)
+    return starts[:, 0].tolist(), first or 0
 
 
 def _normalized(q: FloatArray) -> FloatArray:

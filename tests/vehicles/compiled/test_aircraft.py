@@ -1,5 +1,6 @@
 """The compiled step of aircraft against JSBSim, property by property and to the bit."""
 
+import math
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ from commands import answer
 from compiled_flights import differing, flown_by_both
 
 from flighttune.base.units import FT
+from flighttune.control.controller import FlightCondition
 from flighttune.vehicles.aircraft.aircraft import OffNominal, load_aircraft
 from flighttune.vehicles.compiled.atmosphere import atmosphere, pressures
 from flighttune.vehicles.compiled.face import CompiledStep, compiled
@@ -64,6 +66,14 @@ def test_every_layer_of_the_atmosphere_is(h, bias):
 
     for name in names:
         assert now[f"atmosphere/{name}"] == fdm.reader(f"atmosphere/{name}")(), name
+
+
+@pytest.mark.parametrize("chi_deg", [90.0, 135.0, 180.0, -90.0])
+def test_flights_in_all_directions_are(chi_deg):
+    chi = math.radians(chi_deg)
+    condition = FlightCondition(V_a=27.0, h=800.0, chi=chi, gamma=0.05, phi=0.3)
+
+    assert differing(flown_by_both("aerosonde", 1.0, condition=condition)) == []
 
 
 def test_slow_computers_ground_and_shifted_air_are():
