@@ -282,7 +282,7 @@ def test_a_height_that_flightgear_shows_is_that_of_the_flight(own, surveyed):
     assert "another simulator" not in " ".join(found.notes)
 
 
-@pytest.mark.soak
+@pytest.mark.slow
 @pytest.mark.parametrize("retractable", [1, 0])
 def test_fixed_gear_is_not_called_out(own, surveyed, retractable):
     drag = '<pure_gain name="a/drag"><input>gear/gear-pos-norm</input><gain>1</gain></pure_gain>'
