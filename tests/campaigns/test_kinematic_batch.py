@@ -140,6 +140,18 @@ def test_settling_within_a_band_and_errors_within_an_envelope_are_columns_of_bot
     assert all(row["chi.late_rad"] is not None for row in rows)
 
 
+def test_draws_of_a_law_with_other_options_fly_by_their_own():
+    limits = {**HIGH, "phi_deg": [-85.0, 85.0], "n_z": [-2.0, 1.5]}
+    turn = {"chi_deg": 120.0, "gamma_deg": 0.0}
+    tables = tables_of(law=[EXACT], gains=["paper"], expect=[], limits=limits, reference=turn)
+    plan = plan_of(tables, uniform("law[0].lift_floor", 0.79, 0.95), runs=4)
+
+    rows = rows_of(plan)
+
+    assert_flown_as_alone(rows, plan)
+    assert len({row["chi.ITAE"] for row in rows}) == plan.runs
+
+
 BEYOND_1000_RAD = {"phi_deg": [-45.0, 45.0]}, 0.015, 160.0, (6.0, 10.0), 8, {"", "chi"}, FAR_ROUND
 
 

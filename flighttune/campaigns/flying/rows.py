@@ -261,7 +261,7 @@ def fly_batch(
 def fly_together(plan: Plan, draws: Sequence[Draw]) -> list[Row]:
     """Rows of kinematic flights, those of each group in one batch."""
     rows: list[Row] = []
-    batches: dict[tuple[Group, Hashable], list[tuple[int, Drawn, Scenario]]] = {}
+    batches: dict[tuple[Group, Law, Hashable], list[tuple[int, Drawn, Scenario]]] = {}
     for draw in draws:
         alone = [*draw.runs]  # what the kernel does not fly, or the scenario refuses
         drawn = draw.drawn
@@ -270,15 +270,18 @@ def fly_together(plan: Plan, draws: Sequence[Draw]) -> list[Row]:
             scenario = plan.dispersed(drawn, plan.draw_of(draw.runs[0]))
             for run in draw.runs:
                 group = plan.group_of(run)
-                if batchable(scenario, plan.entry(group)):
-                    batches.setdefault((group, alike(scenario)), []).append((run, drawn, scenario))
+                own_law = any(key.startswith("law") for key in drawn)
+                entry = plan.entry(group, scenario if own_law else None)
+                if batchable(scenario, entry):
+                    key = group, entry.law, alike(scenario)
+                    batches.setdefault(key, []).append((run, drawn, scenario))
                     alone.remove(run)
         if alone:
             rows += fly_draw(plan, Draw(tuple(alone), drawn), {})
-    for (group, _), flights in batches.items():
+    for (group, law, _), flights in batches.items():
         scenarios = [scenario for _, _, scenario in flights]
-        began, entry = time.perf_counter(), plan.entry(group)
-        results = list(fly_batch(scenarios, entry.law, entry.found_gains))
+        began = time.perf_counter()
+        results = list(fly_batch(scenarios, law, plan.entry(group).found_gains))
         each_s = (time.perf_counter() - began) / len(flights)
         indicators = _indicators(plan, group, scenarios)
         for (run, drawn, scenario), result, both in zip(flights, results, indicators, strict=True):
