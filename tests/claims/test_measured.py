@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 import flighttune as ft
+from flighttune.campaigns.engine.fliers import Fliers
 from flighttune.campaigns.flying.rows import fly_group
-from flighttune.claims import about, counting, verify
+from flighttune.claims import about, counting
 from flighttune.claims.counted import Counted
 from flighttune.claims.counted_flights import plan_of
 from flighttune.claims.ending import Fixed
@@ -54,7 +55,7 @@ class RollSpeed(Counted):
     def _leaves(self):
         return "rolls faster"
 
-    def _sizes(self):
+    def sizes(self):
         return [{"high": self._ends(np.zeros((1, 0)))[1].max()}]
 
 
@@ -68,9 +69,9 @@ def kinds():
 
 def test_a_new_kind_of_count_is_flown_saved_read_and_verified(kinds, tmp_path):
     ending = Fixed.enough(ALONE, 0.3, 0.9)
-    with flown_here(counting):
+    with flown_here():
         made = counting.counted_on(
-            RollSpeed, small_plan(), ending, place="t", learn=10, by=(None, None, None)
+            RollSpeed, small_plan(), ending, place="t", learn=10, fliers=Fliers()
         )
     made.save(tmp_path / "x.npz")
     counted = ft.load(tmp_path / "x.npz")
@@ -84,15 +85,15 @@ def test_a_new_kind_of_count_is_flown_saved_read_and_verified(kinds, tmp_path):
     assert "a new flight rolls faster with probability at most 0.3" in counted.sentence
     (row,) = counted.answer().tables[0].records
     assert (row["signal"], row["unit"]) == ("roll speed", "deg/s")
-    with flown_here(verify) as pool:
-        assert ft.verify(counted, pool=pool).valid
+    with flown_here():
+        assert ft.verify(counted).valid
         with mock.patch.object(RollSpeeds, "room", 1.0):
-            again = ft.verify(counted, pool=pool)
+            again = ft.verify(counted)
     assert (again.valid, again.reason[:6]) == (False, "`half`")
 
 
 def test_a_kind_of_count_that_is_not_known_is_refused_with_those_that_are(tmp_path):
-    with flown_here(counting):
+    with flown_here():
         counted = ft.band(small_plan(), epsilon=0.3, confidence=0.9, learn=10, flights=ALONE)
     file = forged(counted, tmp_path / "x.npz", about={"of": "roll_speed"})
     with pytest.raises(
