@@ -138,13 +138,12 @@ def certify_model(
     if any(other.states != model.states for other in models):
         raise InputError("`conditions` must have models with the states of `model`.")
     refused = partial(Certification, status="refused", model=model, gains=gains)
-    polytope = None
-    if envelope is None or g is None:
+    polytope = None if envelope is None or g is None else jacobian_hull(envelope, g=g)
+    if polytope is None:
         loops = loops_of((model, *models), gains)
         # the same ones once, in their order
         loops = loops[np.sort(np.unique(loops, axis=0, return_index=True)[1])]
     else:
-        polytope = jacobian_hull(envelope, g=g)
         loops = loops_of(polytope.models(), gains)
     vertices = vertex_matrices(model, gains, polytope, models)
     alone = len(loops) == 1
@@ -153,26 +152,16 @@ def certify_model(
     if proven is None:
         why = figures.reason or "no inflation of Q could be proven to satisfy its inequality."
         return refused(reason=why)
-    ellipsoid = radius = None
-    if L_d is not None:
-        if L_d > MAX_L_D:
-            raise InputError(f"`L_d` must be at most {MAX_L_D:g}, got {L_d:g}.")
-        E = disturbance_entry(model)
-        if alone:
-            # Without slack the exact check would refute it by rounding alone.
-            ellipsoid, reason = lyapunov.invariant_ellipsoid(loops[0], E, L_d=L_d, slack=1e-6), ""
-        else:
-            ellipsoid, reason = lyapunov.common_ellipsoid(loops, E, L_d=L_d)
-        if ellipsoid is None:
-            return refused(reason=reason)
-        radius = ellipsoid.radius * exact.FACTORS[0]
+    ellipsoid, reason = (None, "") if L_d is None else _ellipsoid(model, loops, L_d)
+    if reason:
+        return refused(reason=reason)
     solvers = {"solver": "Clarabel", "clarabel": version("clarabel")}
     if alone:
         solvers = {"Lyapunov equation": f"numpy {np.__version__}"}
     certificate = Certificate(
         claim=Claim(
             rate=proven[1],
-            radius=radius,
+            radius=None if ellipsoid is None else ellipsoid.radius * exact.FACTORS[0],
             L_d=L_d,
             envelope=envelope,
             g=g,
@@ -201,3 +190,16 @@ def certify_model(
         certificate=certificate,
         verification=verification,
     )
+
+
+def _ellipsoid(
+    model: LinearModel, loops: FloatArray, L_d: float
+) -> tuple[lyapunov.Ellipsoid | None, str]:
+    """The invariant ellipsoid of one loop, or a common one of several; the reason for none."""
+    if L_d > MAX_L_D:
+        raise InputError(f"`L_d` must be at most {MAX_L_D:g}, got {L_d:g}.")
+    E = disturbance_entry(model)
+    if len(loops) > 1:
+        return lyapunov.common_ellipsoid(loops, E, L_d=L_d)
+    # Without slack the exact check would refute it by rounding alone.
+    return lyapunov.invariant_ellipsoid(loops[0], E, L_d=L_d, slack=1e-6), ""
