@@ -181,6 +181,7 @@ def test_a_count_ends_where_none_is_outside_and_goes_on_where_one_is(
             ft.load(out)
 
 
+@pytest.mark.slow
 def test_a_fence_that_one_flight_leaves_takes_the_other_flights(tmp_path, monkeypatch):
     """Of 78 flights one leaves a fence that is asked later: the other 48 of 126 are flown."""
     made_up_flights(monkeypatch, None)
@@ -265,6 +266,7 @@ def test_the_air_of_a_mission_may_be_that_of_another_campaign(tmp_path):
     assert band.half_widths.max() < 0.5  # m: in calm air the circuit is flown within 0.2 m
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("least", "said"),
     [

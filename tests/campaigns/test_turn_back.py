@@ -90,6 +90,7 @@ def test_the_wind_of_a_turn_follows_from_its_bank_and_rates(turning):
     assert steeper.wind(G) == pytest.approx(3.0**0.5 * fastest - SPEED, abs=0.01)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("side", [-1, 1])
 def test_a_flight_comes_as_far_as_its_course_says(turning, side):
     """From the first leg, to the north: the integral of the speed, for a rate that rises in 1 s."""
@@ -182,6 +183,7 @@ def steep(tmp_path_factory):
     return plan_file(tmp_path_factory.mktemp("steep") / "down.plan", *rows)
 
 
+@pytest.mark.slow
 def test_a_flight_without_steady_flight_comes_to_its_place_as_its_mission_does(steep):
     mission = drawn(ft.flights(steep, aircraft="aerosonde"), None, None, "wind", None)
     plan = turning_back(mission, BANK)

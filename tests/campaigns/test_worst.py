@@ -44,6 +44,7 @@ def test_the_worst_of_a_plane_lies_where_its_normal_meets_the_region(dimension):
     assert first < z @ normal
 
 
+@pytest.mark.slow
 def test_chance_is_that_of_the_worst_flight_so_far_and_others_are_tried():
     seen = []
 
@@ -124,6 +125,7 @@ def test_nearness_is_that_to_the_widest_place_until_a_flight_leaves_the_narrowes
     assert tube(0.02).share(run.signals) == pytest.approx(2.0)
 
 
+@pytest.mark.slow
 def test_the_command_writes_a_scenario_that_flies_to_what_it_says(tmp_path):
     drawn = ft.flights(small_plan(expect=[DEMAND]))
     with flown_here(), mock.patch.object(worst_module, "flights", return_value=drawn):
