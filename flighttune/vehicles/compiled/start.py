@@ -3,32 +3,30 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from itertools import pairwise
-from operator import itemgetter
 from typing import TypeAlias
 from xml.etree.ElementTree import Element
 
-import numpy as np
-
-from flighttune.base.arrays import FloatArray
 from flighttune.vehicles.compiled import turbulence
 from flighttune.vehicles.compiled.atmosphere import pressures
 from flighttune.vehicles.compiled.components import (
     FILTERS,
-    ZERO_TRIGGER,
     channels_of,
     delay_of,
     execution_rate,
     inputs_of,
-    integrand,
-    integrator_kind,
     name_of,
 )
 from flighttune.vehicles.compiled.engine_files import EngineFile, propeller_of, value_of
 from flighttune.vehicles.compiled.functions import is_number
+from flighttune.vehicles.compiled.integrators import Integrator, integrators_of
+from flighttune.vehicles.compiled.motion import (
+    Motion,
+    acceleration_before,
+    motion_of,
+    quaternion_from,
+)
 from flighttune.vehicles.compiled.pistons import supercharger_of
-from flighttune.vehicles.compiled.properties import INERTIAL_RATES, INERTIAL_VELOCITY, named
+from flighttune.vehicles.compiled.properties import named
 from flighttune.vehicles.compiled.rigid_body import (
     ACCELERATION_1,
     ANGULAR_ACCELERATION,
@@ -45,15 +43,14 @@ from flighttune.vehicles.compiled.rigid_body import (
     quaternion_rate,
 )
 from flighttune.vehicles.compiled.run import Model
-from flighttune.vehicles.compiled.vectors import matrix_of, over, quaternion_of
+from flighttune.vehicles.compiled.vectors import over
 from flighttune.vehicles.plants.jsbsim import properties
 from flighttune.vehicles.plants.jsbsim.fdm import Fdm
 
 Values: TypeAlias = dict[str, float]
 
-# Doubles on each side of a guess that are tried, for quaternions and for an acceleration; samples
-# of the inner loop by which they are told apart.
-_NEAR, _TRIED, _FAR, _FEW, _MANY = 4, 64, 2048, 12, 2000
+# Samples of the inner loop that JSBSim flies, and that it flies where gains cannot be taken away.
+_FEW, _MANY = 12, 2000
 
 # Frequency at which roll and load factor are moved meanwhile, rad/s.
 _SWEEP = 5.0
@@ -69,7 +66,7 @@ def start_values(
     start = _Start(fdm, model, numbers)
     later = {*QUATERNION, *QUATERNION_RATE, *ACCELERATION_1}
     values = {name: start[name] for name in names if name not in later}
-    integrators, delays, dt = _integrators(fdm, model.root), _delays(model), model.dt
+    integrators, delays, dt = integrators_of(fdm, model.root), _delays(model), model.dt
     read = {name: fdm.reader(name) for part in integrators for name in part.reads(fdm)}
     read |= {name: fdm.reader(name) for name in delays}
     motions: list[Motion] = []
@@ -110,7 +107,7 @@ def _delays(model: Model) -> dict[str, int]:
     return found
 
 
-def _sums(fdm: Fdm, integrators: Sequence["_Integrator"]) -> list[float | None]:
+def _sums(fdm: Fdm, integrators: Sequence[Integrator]) -> list[float | None]:
     """Sums of integrators: what they show without their gains; None where those are numbers."""
     # Where no time passes, the filters of turbulence divide by zero.
     fdm.writer("atmosphere/turb-type")(0.0)
@@ -119,95 +116,6 @@ def _sums(fdm: Fdm, integrators: Sequence["_Integrator"]) -> list[float | None]:
         fdm.writer(name)(0.0)
     fdm.evaluate_again()
     return [fdm.reader(part.name)() if part.fades else None for part in integrators]
-
-
-@dataclass(frozen=True)
-class _Integrator:
-    """A PID, whose sum JSBSim hides."""
-
-    name: str
-    gains: Mapping[str, str]  # number or property by ``kp``, ``ki`` and ``kd``
-    fades: bool  # whether all gains can be taken away
-    source: str
-    trigger: str
-    slope: str  # property of the slope of its input; empty if it computes that
-    kind: str
-    standard: bool  # whether the proportional gain multiplies all
-    rate: int  # steps from one run to the next
-
-    def reads(self, fdm: Fdm) -> list[str]:
-        """Properties that it reads and shows."""
-        names = self.name, self.source.lstrip("-"), self.trigger, self.slope, *self.gains.values()
-        return [name for name in names if name and fdm.shows(name)]
-
-    def _gain(self, tag: str, row: Mapping[str, float]) -> float:
-        text = self.gains.get(tag, "0")
-        return row[text] if text in row else float(text)
-
-    def settled(self, rows: Sequence[Mapping[str, float]], last: float | None, dt: float) -> float:
-        """The sum before the steps whose properties are `rows`, at whose end it is `last`."""
-        rows, dt = rows[:: self.rate], dt * self.rate
-        k_p, k_i, k_d = (self._gain(tag, rows[0]) for tag in ("kp", "ki", "kd"))
-        sign = -1.0 if self.source.startswith("-") else 1.0
-        inputs = [sign * row[self.source.lstrip("-")] for row in rows]
-        shown = [row[self.name] for row in rows]
-        changes = [0.0]
-        for row, before, x in zip(rows[1:], inputs[:-1], inputs[1:], strict=True):
-            stays = bool(self.trigger) and abs(row[self.trigger]) >= ZERO_TRIGGER
-            changes.append(k_i * dt * (0.0 if stays else integrand(self.kind, x, before)))
-        slopes = [0.0, *((b - a) / dt for a, b in pairwise(inputs))]
-        if self.slope:
-            slopes = [row[self.slope] for row in rows]
-        # It is empty while disengaged, and runs once or twice with the loop engaged.
-        once = k_i * dt * inputs[0]
-        at = 1 if k_d else 0  # the slope at the start is not known
-        of_input = 1.0 if self.standard else k_p
-        near = shown[at] / (k_p if self.standard else 1.0) - of_input * inputs[at]
-        near -= k_d * slopes[at] + sum(changes[: at + 1])
-        likely = [once, once + once, 0.0]
-        guesses = [*likely, *neighbours(once, _TRIED)]
-        if last is not None:
-            guesses += neighbours(last - sum(changes), _TRIED)
-        further = near + math.ulp(near) * np.arange(-_FAR, _FAR + 1)
-        sums = totals = np.concatenate((guesses, further))
-        left = np.arange(len(sums))
-        # Those remain that give what JSBSim shows, for as long as one does.
-        rows_shown = zip(inputs, changes, slopes, shown, strict=True)
-        for k, (x, change, slope, y) in enumerate(rows_shown):
-            totals = totals + change
-            output = of_input * x + totals + k_d * slope
-            same = (k_p * output if self.standard else output) == y
-            if same.any() and k >= at:
-                left, totals = left[same], totals[same]
-        if last is not None and (totals == last).any():
-            left = left[totals == last]
-        return float(sums[left[0] if left[0] < len(likely) else left[len(left) // 2]])
-
-
-def _integrators(fdm: Fdm, root: Element) -> list[_Integrator]:
-    found = []
-    pids = ((channel, pid) for channel in channels_of(root) for pid in channel.findall("pid"))
-    for channel, element in pids:
-        texts = {tag: (element.findtext(tag) or "").strip() for tag in ("kp", "ki", "kd")}
-        gains = {tag: text for tag, text in texts.items() if text}
-        numbers = [float(text) for text in gains.values() if is_number(text)]
-        if not all(is_number(text) or fdm.has(text) for text in gains.values()):
-            continue
-        (source,) = inputs_of(element)
-        found.append(
-            _Integrator(
-                name_of(element),
-                gains,
-                not any(numbers),
-                source,
-                (element.findtext("trigger") or "").strip(),
-                (element.findtext("pvdot") or "").strip(),
-                integrator_kind(element),
-                element.get("type") == "standard",
-                execution_rate(channel),
-            )
-        )
-    return found
 
 
 class _Start:
@@ -261,7 +169,9 @@ class _Start:
         if kind == "actuator":
             return self._actuator(element, self._value(sources[0]))
         if kind in ("pid", "integrator"):
-            return self._integrator(element, self._value(sources[0]))
+            # The sum of an <integrator> is its output; those of others are found later.
+            x, y = self._value(sources[0]), self[name]
+            return {f"_in:{name}": x, f"_in2:{name}": x, f"_sum:{name}": y}
         if kind in FILTERS:
             x, y = self._value(sources[0]), self[name]
             return {f"_in:{name}": x, f"_in2:{name}": x, f"_out:{name}": y, f"_out2:{name}": y}
@@ -309,20 +219,6 @@ class _Start:
         last = x if _changes_more(element) else y
         return {f"_lag-in:{name}": x, f"_lag-out:{name}": last, **late}
 
-    def _integrator(self, element: Element, x: float) -> Values:
-        def parameter(tag: str) -> float:
-            part = element.find(tag)
-            return 0.0 if part is None else self._value(part.text or "")
-
-        name = name_of(element)
-        y, k_p, k_i = self[name], parameter("kp"), parameter("ki") or parameter("c1")
-        # It is emptied while disengaged, then runs twice with the loop engaged.
-        once = k_i * self._model.dt * x
-        near = y - k_p * x
-        candidates = (once + once, 0.0, *neighbours(near, 4))
-        found = (s for s in candidates if k_p * x + s == y and (k_p == 0.0 or s != near))
-        return {f"_in:{name}": x, f"_in2:{name}": x, f"_sum:{name}": next(found, near)}
-
 
 def _rigid_body(fdm: Fdm) -> Values:
     """The derivatives by which JSBSim integrates, but for those of the attitude."""
@@ -360,82 +256,3 @@ def _changes_more(element: Element) -> bool:
     """Whether a component does more to its input than a lag: its output is not that of the lag."""
     parts = "gain", "bias", "deadband_width", "hysteresis_width", "quantization"
     return any(element.find(tag) is not None for tag in parts)
-
-
-def neighbours(x: float, count: int) -> list[float]:
-    """A double and those next to it, the nearest first."""
-    near = [x]
-    up = down = x
-    for _ in range(count):
-        up, down = math.nextafter(up, math.inf), math.nextafter(down, -math.inf)
-        near += [up, down]
-    return near
-
-
-@dataclass(frozen=True)
-class Motion:
-    """What JSBSim shows of the rigid body at an instant."""
-
-    rotation: FloatArray  # shape (3, 3): from the Earth to the body
-    rates: list[float]
-    velocity: list[float]
-    acceleration: list[float]
-
-
-def motion_of(fdm: Fdm) -> Motion:
-    """The motion now."""
-    names = INERTIAL_RATES, INERTIAL_VELOCITY, named("accelerations/{}idot-ft_sec2", "uvw")
-    return Motion(fdm.earth_to_body(), *([fdm.reader(x)() for x in group] for group in names))
-
-
-def quaternion_from(motions: Sequence[Motion], dt: float) -> list[float]:
-    """The quaternion that gives the rotations of JSBSim to the bit, now and in the steps after."""
-    guess = [float(x) for x in quaternion_of(motions[0].rotation.tolist())]
-    found = [_nearest(guess, _NEAR // 2, motions, dt)]
-    if found[0][1]:  # not exact: it lies further away
-        found.append(_nearest(guess, _NEAR, motions, dt))
-    return min(found, key=itemgetter(1))[0]
-
-
-def _nearest(
-    guess: Sequence[float], count: int, motions: Sequence[Motion], dt: float
-) -> tuple[list[float], int]:
-    """The best quaternion near a guess, and how many entries of its first rotation are wrong."""
-    # All combinations of near doubles, a column each; arithmetic of NumPy is that of JSBSim.
-    near = np.meshgrid(*(neighbours(x, count) for x in guess), indexing="ij")
-    starts = now = np.array([values.ravel() for values in near])
-    first: int | None = None
-    for motion in motions:
-        wrong = np.zeros(now.shape[1], dtype=int)
-        for row, wanted in zip(matrix_of(list(now)), motion.rotation, strict=True):
-            for a, b in zip(row, wanted, strict=True):
-                wrong += np.not_equal(a, b)
-        fewest = int(wrong.min())
-        first = fewest if first is None else first
-        starts, now = starts[:, wrong == fewest], now[:, wrong == fewest]
-        moved = now + dt * np.array(quaternion_rate(list(now), motion.rates))
-        now = _normalized(moved)
-    return starts[:, 0].tolist(), first or 0
-
-
-def _normalized(q: FloatArray) -> FloatArray:
-    """Quaternions of length 1, a column each."""
-    length = np.sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
-    keep = np.abs(length - 1.0) < 1e-10
-    return np.where(keep, q, q * (1.0 / length))
-
-
-def acceleration_before(motions: Sequence[Motion], dt: float) -> list[float]:
-    """The acceleration before the start with which JSBSim makes its first step, to the bit."""
-    found = []
-    before, after = motions[0], motions[1]
-    for v_0, a_0, v_1 in zip(before.velocity, before.acceleration, after.velocity, strict=True):
-        wanted = (1.5 * a_0 - (v_1 - v_0) / dt) / 0.5
-        # Any that gives the velocity after the step will do: it is not used again.
-        near = (
-            a_1
-            for a_1 in (a_0, *neighbours(wanted, _TRIED))
-            if v_0 + dt * (1.5 * a_0 - 0.5 * a_1) == v_1
-        )
-        found.append(next(near, a_0))
-    return found

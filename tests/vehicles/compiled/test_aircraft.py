@@ -23,7 +23,10 @@ WIND = WindProfile(((0.0, (3.0, -2.0, 0.1)),))
 GUST = Gust(axis="right", peak=3.0, start=0.5, rise=0.6, hold=0.3)
 
 
-@pytest.mark.parametrize("aircraft", ["aerosonde", "x8", "a4", "c172p"])
+LATER = [pytest.param(name, marks=pytest.mark.slow) for name in ("x8", "a4", "c172p")]
+
+
+@pytest.mark.parametrize("aircraft", ["aerosonde", *LATER])
 def test_every_property_is_that_of_jsbsim(aircraft):
     flown = flown_by_both(aircraft, 10.0)
 
@@ -31,6 +34,7 @@ def test_every_property_is_that_of_jsbsim(aircraft):
     assert differing(flown) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("gust", [None, GUST], ids=["", "gust"])
 @pytest.mark.parametrize("model", [None, "tustin", "milspec"])
 def test_so_is_the_air(model, gust):
@@ -68,6 +72,7 @@ def test_every_layer_of_the_atmosphere_is(h, bias):
         assert now[f"atmosphere/{name}"] == fdm.reader(f"atmosphere/{name}")(), name
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("chi_deg", [90.0, 135.0, 180.0, -90.0])
 def test_flights_in_all_directions_are(chi_deg):
     chi = math.radians(chi_deg)
@@ -76,10 +81,12 @@ def test_flights_in_all_directions_are(chi_deg):
     assert differing(flown_by_both("aerosonde", 1.0, condition=condition)) == []
 
 
+@pytest.mark.slow
 def test_slow_computers_ground_and_shifted_air_are():
     assert differing(flown_by_both("c172p", 2.0, steps=3, ground=430.0)) == []
 
 
+@pytest.mark.slow
 def test_one_step_flies_every_draw_of_an_aircraft():
     steps = []
     for factor in (0.9, 1.1):

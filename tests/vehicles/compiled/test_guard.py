@@ -41,8 +41,8 @@ def late_actuator(part, of=components._COMPONENTS["actuator"]):
     "wrong",
     [
         (rigid_body, "quaternion_of", textbook_quaternion),
-        (run, "gravity", heavier),
-        (components._COMPONENTS, "actuator", late_actuator),
+        pytest.param((run, "gravity", heavier), marks=pytest.mark.slow),
+        pytest.param((components._COMPONENTS, "actuator", late_actuator), marks=pytest.mark.slow),
     ],
     ids=["quaternion", "gravity", "actuator"],
 )
