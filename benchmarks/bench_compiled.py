@@ -1,0 +1,108 @@
+"""What the compiled step of an aircraft saves: a step, whole flights, rows of a campaign.
+
+Each is flown by the compiled step and by JSBSim in one run. It is processor time, best of several,
+so that other work on the machine does not count. A flight of 300 s has all of it: load, trim, fly,
+table.
+
+Run it with ``python benchmarks/bench_compiled.py``; ``--json`` prints one object. Exits with 1
+where a ratio is below its limit in `LEAST_RATIO`.
+"""
+
+import json
+import math
+import os
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import running
+from bench_campaign import AIRCRAFT, AIRFRAME, DEFAULT, START, plan
+from bench_jsbsim import circuit
+
+from flighttune import scenario_from
+from flighttune.base.files.code import JSBSIM
+from flighttune.campaigns.flying import rows
+from flighttune.flight.entry import entry_of
+from flighttune.flight.fly import fly_alone
+from flighttune.flight.loop import loop
+from flighttune.flight.models import gain_set
+from flighttune.vehicles.compiled.face import CompiledStep, compiled
+from flighttune.vehicles.plants.base import FlightCondition
+from flighttune.vehicles.plants.jsbsim.plant import JSBSimPlant
+
+REPEATS, STEPS = (1, 500) if running.QUICK else (7, 4000)
+LEAST_RATIO = {"step": 18.0, "still air": 12.0, "turbulence": 10.0, "row": 5.0}
+
+
+def best(do: Callable[[], object]) -> float:
+    """Least processor time of several, s."""
+    least = math.inf
+    for _ in range(REPEATS):
+        began = time.process_time()
+        do()
+        least = min(least, time.process_time() - began)
+    return least
+
+
+def steps() -> tuple[float, float]:
+    """Processor time of one step of JSBSim and of the compiled one, s."""
+    plant = JSBSimPlant("aerosonde")
+    condition = FlightCondition(V_a=25.0)
+    step = compiled(plant.config)
+    assert isinstance(step, CompiledStep), step
+    plant.start(condition)
+    start = step.start_from(plant)
+    plant.start(condition)
+    assert plant.fdm is not None
+    run = plant.fdm.run
+
+    def by_jsbsim() -> None:
+        for _ in range(STEPS):
+            run()
+
+    shown = np.empty(len(step.names.signals))
+    slow = best(by_jsbsim) / STEPS
+    fast = best(lambda: step.fly(start.states, start.parameters, STEPS, None, shown)) / STEPS
+    return slow, fast
+
+
+def both(do: Callable[[], Any]) -> tuple[float, float]:
+    """Processor time by JSBSim and by the compiled step, s."""
+    os.environ[JSBSIM] = "1"
+    do()
+    slow = best(do)
+    del os.environ[JSBSIM]
+    do()
+    return slow, best(do)
+
+
+def main() -> int:
+    as_json = running.options(__doc__).parse_args().json
+    loop.COMPILED_FROM = 0
+    still = circuit()
+    rough = scenario_from(still.as_dict() | {"turbulence": {"intensity": "moderate"}})
+    campaign = plan(AIRCRAFT, START + AIRFRAME, **DEFAULT)
+    name = still.gain_names[0]
+    gains, label = gain_set(still, name), still.aircraft[0].label
+    flown = {
+        "still air": lambda: fly_alone(entry_of(still, name, gains, label)),
+        "turbulence": lambda: fly_alone(entry_of(rough, name, gains, label)),
+        "row": lambda: rows.fly_runs(campaign, [1]),
+    }
+    times = {"step": steps()} | {name: both(do) for name, do in flown.items()}
+    ratios = {name: slow / fast for name, (slow, fast) in times.items()}
+    if as_json:
+        print(json.dumps({"s": times, "ratios": ratios, "least_ratio": LEAST_RATIO}))
+    else:
+        for name, (slow, fast) in times.items():
+            least = LEAST_RATIO[name]
+            print(
+                f"{name}: JSBSim {slow * 1e3:.4g} ms, compiled {fast * 1e3:.4g} ms, "
+                f"{ratios[name]:.1f} times (at least {least:g})"
+            )
+    return 0 if all(ratios[name] >= least for name, least in LEAST_RATIO.items()) else 1
+
+
+if __name__ == "__main__":
+    running.end(main)
