@@ -31,6 +31,7 @@ import running
 from bench_jsbsim import bare
 
 from flighttune import load_scenario, run_campaign, scenario_from
+from flighttune.base.files.code import JSBSIM
 from flighttune.campaigns.flying import rows
 from flighttune.campaigns.planning.plan import Plan, plan_campaign
 from flighttune.campaigns.planning.schema import Campaign, CampaignTable
@@ -147,6 +148,7 @@ def _processor_s() -> float:
 
 
 def main() -> int:
+    os.environ[JSBSIM] = "1"  # bench_compiled.py has compiled flights
     parser = running.options(__doc__)
     parser.add_argument("--flights", type=int, default=MANY, help="kinematic flights")
     asked = parser.parse_args()

@@ -11,11 +11,13 @@ work on the machine does not count.
 
 import json
 import math
+import os
 import time
 
 import running
 
 from flighttune import load_scenario, scenario_from
+from flighttune.base.files.code import JSBSIM
 from flighttune.base.files.shipped import scenario_files
 from flighttune.control.exact_law import ExactLaw
 from flighttune.control.gains import PIGains
@@ -125,6 +127,7 @@ def along_a_route(scenario: Scenario, gains: PIGains) -> float:
 
 
 def main() -> int:
+    os.environ[JSBSIM] = "1"  # bench_compiled.py has compiled flights
     parser = running.options(__doc__)
     as_json = parser.parse_args().json
 

@@ -58,3 +58,20 @@ def test_a_wrong_number_of_the_compiled_step_ends_the_run(monkeypatch):
 
     assert row["status"] == "invalid"
     assert "must be that of JSBSim" in row["reason"]
+
+
+@pytest.mark.slow
+def test_refly_flies_jsbsim_itself(monkeypatch):
+    monkeypatch.setattr(loop, "COMPILED_FROM", 0)
+    made = ft.load_scenario("exact_law").as_dict()
+    made |= {"plant": [{"kind": "jsbsim", "aircraft": "aerosonde"}], "law": ["exact"]}
+    made["flight"]["duration_s"] = 1.0
+    runs = ft.fly(ft.scenario_from(made)).runs
+
+    def refused(*_):
+        raise AssertionError("a compiled step flies")
+
+    monkeypatch.setattr(aircraft, "motion_of", refused)
+
+    assert all(run.compiled for run in runs)
+    assert ft.refly(runs).equal

@@ -5,7 +5,8 @@ import pandas as pd
 import pytest
 
 import flighttune as ft
-from flighttune.flight.loop import aircraft, loop
+from flighttune.base.files.code import JSBSIM
+from flighttune.flight.loop import loop
 from flighttune.flight.loop.aircraft import CompiledAircraft
 
 pytest.importorskip("numba")
@@ -54,7 +55,7 @@ def flown(monkeypatch, made):
     monkeypatch.setattr(CompiledAircraft, "start", noted)
     monkeypatch.setattr(loop, "COMPILED_FROM", 0)
     compiled = ft.fly(ft.scenario_from(made)).runs
-    monkeypatch.setenv(aircraft.JSBSIM, "1")
+    monkeypatch.setenv(JSBSIM, "1")
     by_jsbsim = ft.fly(ft.scenario_from(made)).runs
     return compiled, by_jsbsim, started
 
