@@ -166,6 +166,41 @@ def test_a_flight_may_turn_all_the_time_or_start_beyond_its_limits(start):
         check_scenario(made_up_scenario(flight={"V_a_mps": 25.0, **start}, limits=limits), "")
 
 
+AUTOPILOT = {"name": "guidance", "kind": "python"}
+TWO_POINTS = {"waypoint": [{"north_m": 0.0, "east_m": 0.0}, {"north_m": 900.0, "east_m": 0.0}]}
+FOLLOWED = {"reference": {"chi_deg": 0.0, "gamma_deg": 0.0, "V_mps": 25.0}}
+AIRSPEED = "where the airspeed is followed"
+RANGES = {"V_a_mps": [20.0, 30.0], "gamma_deg": [-5.0, 5.0], "phi_deg": [-9.0, 9.0]}
+
+# What must hold between tables.
+REFUSED += [
+    ({"gains": ["papr"]}, "`gains` must be one of tuned, paper, .* did you mean paper"),
+    (
+        {"law": [AUTOPILOT], "tuning": {"E_star": 2.0}},
+        r"`E_star` of \[tuning\] must be absent with the law guidance, .* got 2",
+    ),
+    ({"route": TWO_POINTS}, "`reference` or `route` must be given, and not both"),
+    ({"turbulence": {"intensity": "light"}}, "`turbulence` must be absent without a jsbsim"),
+    (
+        {"wind": {"level": [{"h_m": 0.0, "speed_mps": 1.0, "from_deg": 0.0}]}},
+        r"`level` of \[wind\] must be absent without a jsbsim plant",
+    ),
+    (
+        FOLLOWED | {"tuning": {"objective": "cost"}},
+        rf"`objective` of \[tuning\] must not be cost {AIRSPEED}",
+    ),
+    (
+        FOLLOWED | {"tuning": {"lag_rad_s": [4.0, 9.0]}},
+        rf"`lag_rad_s` of \[tuning\] must be absent {AIRSPEED}",
+    ),
+    (
+        FOLLOWED | {"envelope": RANGES | {"n_z": [0.9, 1.2]}},
+        f"`envelope` must be absent {AIRSPEED}",
+    ),
+    (FOLLOWED, rf"`n_x` of \[limits\] must be given {AIRSPEED}, for the plant kinematic"),
+]
+
+
 @pytest.mark.parametrize(("changes", "message"), REFUSED)
 def test_what_cannot_be_is_refused_in_one_line_with_file_and_key(changes, message, tmp_path):
     file = tmp_path / "wrong.toml"
@@ -177,3 +212,13 @@ def test_what_cannot_be_is_refused_in_one_line_with_file_and_key(changes, messag
     said = str(caught.value).removeprefix(f"{file}: ")
     assert len(said) < min(len(str(caught.value)), 400)
     assert "\n" not in said
+
+
+def test_the_longest_time_of_a_route_is_stated():
+    tables = scenario_tables(route=TWO_POINTS)
+    del tables["reference"]
+
+    with pytest.raises(
+        ft.ScenarioError, match=r"`duration_s` of \[flight\] must be given with \[r"
+    ):
+        ft.scenario_from(tables)
