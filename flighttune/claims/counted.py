@@ -273,6 +273,11 @@ class Counted(Answering):
             f"{self.flights.sentence}"
         )
 
+    @property
+    def said_of_fences(self) -> list[str]:
+        """The claim about each fence in which the flights were counted."""
+        return []
+
     def claiming(self, epsilon: float, confidence: float) -> Self:
         """The same count with another claim, which shares the confidence with that planned."""
         planned = self.about.planned or (self.about.epsilon, self.about.confidence)

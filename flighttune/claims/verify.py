@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import singledispatch
 from pathlib import Path
 from typing import TypeAlias, TypeVar, Unpack
 
@@ -26,7 +27,6 @@ from flighttune.campaigns.engine.fliers import Fliers, FlownBy
 from flighttune.campaigns.engine.pool import WorkerPool
 from flighttune.campaigns.statistics.count import chance_missed, flights_again
 from flighttune.claims import counted_flights, counting
-from flighttune.claims.band import Band
 from flighttune.claims.counted import Counted
 from flighttune.claims.monitor import LogMonitor
 from flighttune.claims.residual import Residual
@@ -67,7 +67,6 @@ def verified_band(
         if files and not run_code:
             reason = f"not checked: flying its flights again runs {listed(files)}; allow --run-code"
             return Verification(valid=False, reason=reason, checked=False)
-        fences = band.said_of_fences if isinstance(band, Band) else ()
         with WorkerPool(fliers) as pool:
             if differ := counting.differing(band, draws, pool):
                 raise InputError(
@@ -83,7 +82,7 @@ def verified_band(
         f"forgery of {forged} counted flights, which would double epsilon, would be missed with "
         f"probability {chance_missed(forged, counted, again):.2g}."
     )
-    return Verification(valid=True, reason="", notes=(flown, CHOSEN, *fences))
+    return Verification(valid=True, reason="", notes=(flown, CHOSEN, *band.said_of_fences))
 
 
 AnyClaim: TypeAlias = Certificate | RateBound | Tube | Counted | LogMonitor
@@ -239,17 +238,44 @@ def verify(
         value = replace(value, problem=replace(value.problem, band=load_residual(boxes)))
     if (logs or columns) and not isinstance(value, LogMonitor):
         raise InputError("`logs` and `columns` must be given for a monitor of logs only.")
-    if isinstance(value, LogMonitor):
-        verification = value.verify([load_one(x, A_LOG, LOG, columns=columns) for x in logs])
-    elif isinstance(value, Counted):
-        verification = verified_band(value, count=count, run_code=run_code, fliers=fliers)
-    else:
-        verification = value.verify()
-        band = value.problem.band if isinstance(value, Tube) else None
-        if band is not None and verification.valid:
-            counted = verified_band(band, count=count, run_code=run_code, fliers=fliers)
-            verification = replace(counted, checks=verification.checks)
-    return Verified(claim=value, verification=verification, source=source)
+    runs = tuple(load_one(x, A_LOG, LOG, columns=columns) for x in logs)
+    again = Again(count=count, run_code=run_code, fliers=fliers, logs=runs)
+    return Verified(claim=value, verification=verification_of(value, again), source=source)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Again:
+    """What may be flown or read again to check a claim."""
+
+    count: int | None  # counted flights, chosen at random
+    run_code: bool
+    fliers: Fliers
+    logs: Sequence[Run] = ()
+
+
+@singledispatch
+def verification_of(claim: Certificate | RateBound, again: Again) -> Verification:
+    """The checks of a claim: of one that a file proves, from its numbers alone."""
+    del again
+    return claim.verify()
+
+
+@verification_of.register
+def _of_count(claim: Counted, again: Again) -> Verification:
+    return verified_band(claim, count=again.count, run_code=again.run_code, fliers=again.fliers)
+
+
+@verification_of.register
+def _of_logs(claim: LogMonitor, again: Again) -> Verification:
+    return claim.verify(again.logs)
+
+
+@verification_of.register
+def _of_tube(claim: Tube, again: Again) -> Verification:
+    verification, band = claim.verify(), claim.problem.band
+    if band is None or not verification.valid:
+        return verification
+    return replace(_of_count(band, again), checks=verification.checks)
 
 
 def stale_notes(claim: AnyClaim) -> list[str]:

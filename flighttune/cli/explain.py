@@ -165,8 +165,4 @@ def monitor(count_monitor: Verb, out: Path) -> Answer:
     It learns from healthy flights what to expect of signals that an autopilot has. --set seed=N
     draws others. Exit status 1 if too many flights did not complete for any claim.
     """
-    from flighttune.claims.counted import Counted
-
-    counted = count_monitor()
-    answer = counted.answer(out) if isinstance(counted, Counted) else counted.answer()
-    return replace(answer, files={"monitor": out})
+    return replace(count_monitor().answer(out), files={"monitor": out})

@@ -4,7 +4,7 @@ import math
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import partial, singledispatch
 from itertools import product
 from pathlib import Path
 from typing import Any, Unpack
@@ -282,17 +282,29 @@ def worst(
     )
 
 
-def _flights_of(claim: AnyClaim, place: str) -> tuple[Plan, dict[str, Any]]:
+@singledispatch
+def _flights_of(claim: Certificate | RateBound, place: str) -> tuple[Plan, dict[str, Any]]:
     """The plan of the flights of a claim, and how they are searched."""
-    if isinstance(claim, Certificate | RateBound):
-        raise InputError(f"{place}must be of flights, to be searched, got a claim about gains.")
-    if isinstance(claim, LogMonitor):
-        raise InputError(f"{place}must be of flights, to be searched, got a monitor of logs.")
-    if isinstance(claim, Counted):
-        if not claim.claims:
-            raise InputError(f"{place}the band must have a claim, got none.")
-        share_of = partial(_share_of, counting.kept_of(claim), claim.about, claim.scale)
-        return counted_flights.plan_of(claim), {"metric": BAND, "probes": {BAND: share_of}}
+    del claim
+    raise InputError(f"{place}must be of flights, to be searched, got a claim about gains.")
+
+
+@_flights_of.register
+def _of_logs(claim: LogMonitor, place: str) -> tuple[Plan, dict[str, Any]]:
+    del claim
+    raise InputError(f"{place}must be of flights, to be searched, got a monitor of logs.")
+
+
+@_flights_of.register
+def _of_count(claim: Counted, place: str) -> tuple[Plan, dict[str, Any]]:
+    if not claim.claims:
+        raise InputError(f"{place}the band must have a claim, got none.")
+    share_of = partial(_share_of, counting.kept_of(claim), claim.about, claim.scale)
+    return counted_flights.plan_of(claim), {"metric": BAND, "probes": {BAND: share_of}}
+
+
+@_flights_of.register
+def _of_tube(claim: Tube, place: str) -> tuple[Plan, dict[str, Any]]:
     if claim.status != "bounded":
         raise InputError(f"{place}the tube must be bounded, got one that is not: {claim.reason}.")
     problem, sizes = claim.problem, (0.0, 0.0)

@@ -182,9 +182,10 @@ class TubeProblem:
         band, stored = self.band, self.stored
         if band is None:
             return stored
-        if not (isinstance(band, Residual) and band.claims):
-            got = "no claim" if isinstance(band, Residual) else f"a {type(band).__name__}"
-            raise InputError(f"{OF_RESIDUALS}, got {got}.")
+        if not isinstance(band, Residual):
+            raise InputError(f"{OF_RESIDUALS}, got a {type(band).__name__}.")
+        if not band.claims:
+            raise InputError(f"{OF_RESIDUALS}, got no claim.")
         lags, sha256 = band.model.lags, band.sha256
         boxes = AircraftBoxes(bounds=band.bounds(self.t), lags=lags, band_sha256=sha256)
         self._check_covered(band)

@@ -1,6 +1,7 @@
 """What a monitor of logs says."""
 
 from dataclasses import asdict
+from pathlib import Path
 
 from flighttune.base.words import listed
 from flighttune.campaigns.statistics.count import flights_needed
@@ -12,7 +13,7 @@ from flighttune.outputs.answers.labels import columns
 COLUMNS = columns("name seconds score why", of="healthy_logs")
 
 
-def answer(monitor: LogMonitor) -> Answer:
+def answer(monitor: LogMonitor, _: str | Path = "FILE") -> Answer:
     """The logs, what is watched and what is not, and the claim."""
     models = monitor.logs[0].models
     seen, possible = {x.name for x in models}, {x.name: x for x in watching.OF_LOGS[::-1]}
