@@ -249,12 +249,9 @@ def sampled_loop(
     state, error = np.eye(size), np.zeros((p, size))
     error[:, :k] = plant.C
     old_integral, old_error = state[integral:before], state[before:]
-    if trapezoidal:
-        new_integral = old_integral + gains.K_I @ (error + old_error) * (dt / 2.0)
-        command = gains.K_P @ error + new_integral
-    else:
-        new_integral = old_integral + gains.K_I @ error * dt
-        command = gains.K_P @ error + old_integral
+    summed, share = (error + old_error, dt / 2.0) if trapezoidal else (error, dt)
+    new_integral = old_integral + gains.K_I @ summed * share
+    command = gains.K_P @ error + (new_integral if trapezoidal else old_integral)
 
     # The inner feedback measures a lag's first state; without lags there is nothing to feed back.
     orders = [lag.order for lag in lags] or [0] * m

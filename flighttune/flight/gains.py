@@ -15,6 +15,7 @@ from flighttune.base.files import code
 from flighttune.base.files.whole import together, write_text
 from flighttune.base.units import RadiansPerSecond2
 from flighttune.control.certificates.bound import bound_rate
+from flighttune.control.certificates.certificate import Certificate
 from flighttune.control.certificates.exact_rate import exact_rates
 from flighttune.control.certificates.lag_box import lag_boxes
 from flighttune.control.certificates.make import Certification, certify_model
@@ -291,9 +292,7 @@ def certify_scenario(
     )
     certificate = certification.certificate
     if certificate is not None and settings.model == "identified":
-        files = files_of(scenario.identified_name)
-        assumed = scenario.identified_model.assumptions
-        certificate = replace(certificate, files=files, assumed=assumed)
+        certificate = _of_identified(certificate, scenario)
     largest = None
     if over and full:
         largest = largest_factor(gains, over[1], over[0], g=scenario.flight.g_mps2)
@@ -306,6 +305,12 @@ def certify_scenario(
         largest_factor=largest,
         **whole,
     )
+
+
+def _of_identified(certificate: Certificate, scenario: Scenario) -> Certificate:
+    """A certificate with the files and assumptions of the aircraft that was identified."""
+    files = files_of(scenario.identified_name)
+    return replace(certificate, files=files, assumed=scenario.identified_model.assumptions)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

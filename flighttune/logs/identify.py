@@ -379,17 +379,9 @@ def _channel(runs: Sequence[Run], name: model_file.Channel) -> ChannelOfLogs | s
     if not total > 0.0:
         return f"{NAMES[name]} rests while its commands change"
     low, high = excited.interval(lag)
-    dt, reason = max(section.dt for section in sections), ""
-    at_end = np.isclose(lag.natural_frequency, np.exp([edge[0] for edge in BOUNDS]), rtol=0.01)
-    if at_end.any() or lag.delay > 0.99 * BOUNDS[1][1]:
-        ends = f"{lag.natural_frequency:.3g} rad/s behind {lag.delay:.2g} s"
-        reason = f"the best fit, {ends}, is at an end of its range"
-    elif dt * lag.natural_frequency > COARSE:
-        reason = f"a sample every {dt:.2g} s is too coarse for {lag.natural_frequency:.3g} rad/s"
-    elif not distinct:
-        reason = "first and second order fit alike"
-    elif high[0] - low[0] > math.log(WIDEST):
-        reason = f"its ends would differ by more than a factor of {WIDEST:g}"
+    dt = max(section.dt for section in sections)
+    width = float(high[0] - low[0])
+    reason = _why_no_range(lag, dt, width, distinct=distinct)
     return ChannelOfLogs(
         lag=lag,
         fit_percent=100.0 * (1.0 - sum(missed for missed, _ in shares) / total),
@@ -400,6 +392,23 @@ def _channel(runs: Sequence[Run], name: model_file.Channel) -> ChannelOfLogs | s
         stretches=count,
         sections=tuple(sections),
     )
+
+
+def _why_no_range(lag: InnerLag, dt: float, width: float, *, distinct: bool) -> str:
+    """Why logs of this sample time (s) give no range of a lag; empty if they do.
+
+    `width`: logarithm of the ratio of both ends of the natural frequency.
+    """
+    at_end = np.isclose(lag.natural_frequency, np.exp([edge[0] for edge in BOUNDS]), rtol=0.01)
+    if at_end.any() or lag.delay > 0.99 * BOUNDS[1][1]:
+        ends = f"{lag.natural_frequency:.3g} rad/s behind {lag.delay:.2g} s"
+        return f"the best fit, {ends}, is at an end of its range"
+    if dt * lag.natural_frequency > COARSE:
+        return f"a sample every {dt:.2g} s is too coarse for {lag.natural_frequency:.3g} rad/s"
+    if not distinct:
+        return "first and second order fit alike"
+    wide = f"its ends would differ by more than a factor of {WIDEST:g}"
+    return wide if width > math.log(WIDEST) else ""
 
 
 def _variation(values: FloatArray) -> float:

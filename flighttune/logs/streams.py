@@ -97,12 +97,7 @@ def on_one_base(
     raw = {name: in_order(place, name, stream) for name, stream in raw.items()}
     raw = {name: stream for name, stream in raw.items() if len(stream[0]) > 1}
     with_angles(raw)
-    for name in ("phi", "theta", "n_z"):
-        if f"{name}_err" in raw and name in raw:
-            (t, error), (times, measured) = raw.pop(f"{name}_err"), raw[name]
-            last = np.searchsorted(times, t, side="right") - 1
-            commanded = np.where(last >= 0, error + measured[np.maximum(last, 0)], np.nan)
-            raw[f"{name}_cmd"] = in_order(place, name, (t, commanded))
+    _with_commands(place, raw)
     if "phi" not in raw:
         column = ", in a column `phi_deg` or by --column phi=COLUMN:UNIT" * table
         raise RecordingError(
@@ -143,6 +138,16 @@ def on_one_base(
         column[_far(t, times, GAP * max(periods[name], dt))] = np.nan
         values[name] = np.angle(np.exp(1j * column)) if name in ANGLES else column
     return t - first, values
+
+
+def _with_commands(place: str, raw: dict[str, Stream]) -> None:
+    """Put commands in the place of errors: the last measured value, plus its error."""
+    for name in ("phi", "theta", "n_z"):
+        if f"{name}_err" in raw and name in raw:
+            (t, error), (times, measured) = raw.pop(f"{name}_err"), raw[name]
+            last = np.searchsorted(times, t, side="right") - 1
+            commanded = np.where(last >= 0, error + measured[np.maximum(last, 0)], np.nan)
+            raw[f"{name}_cmd"] = in_order(place, name, (t, commanded))
 
 
 def _check_clock(place: str, t: FloatArray, phi: FloatArray) -> None:

@@ -348,9 +348,7 @@ def read_fence(path: Path, origin: maps.LatLon, tables: Any = None) -> Fence:
             lines = np.concatenate([*map(_lines, drawn)])
             for i, j in np.argwhere(shapely.crosses(lines[:, None], lines))[:1]:
                 raise InputError(f"the edges must not cross, got {edges[i]} and {edges[j]}.")
-            start = shapely.Point(0.0, 0.0)
-            inside = [shapely.Polygon(ring).contains(start) for ring in rings[first:]]
-            if inside[0] == outside or any(inside[1:]):
+            if _starts_wrong(rings[first:], outside=outside):
                 raise InputError(
                     f"the start must be {'out' if outside else 'in'}side{kind or f' of the {area}'}"
                     f", got one at {origin} deg.{ALL_AREAS * (bool(kind) and not outside)}"
@@ -363,6 +361,13 @@ def read_fence(path: Path, origin: maps.LatLon, tables: Any = None) -> Fence:
         low=low,
         high=high,
     )
+
+
+def _starts_wrong(rings: Sequence[FloatArray], *, outside: bool) -> bool:
+    """Whether a flight would start on the wrong side of an area, or in one of its zones."""
+    start = shapely.Point(0.0, 0.0)
+    area, *zones = (bool(shapely.Polygon(ring).contains(start)) for ring in rings)
+    return area == outside or any(zones)
 
 
 def _lines(ring: FloatArray) -> npt.NDArray[Any]:

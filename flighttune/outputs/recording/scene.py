@@ -1,7 +1,7 @@
 """The 3D scene in local NED: paths, shadows, aircraft, velocity and wind; a route and its map."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -19,7 +19,7 @@ from flighttune.flight.loop.run import Run, claimed_along
 from flighttune.flight.metrics import OFF_ROUTE
 from flighttune.flight.scenario.load import scenario_of
 from flighttune.outputs.drawing.chart import evenly
-from flighttune.outputs.drawing.palette import LIMIT, NEUTRAL, rgb
+from flighttune.outputs.drawing.palette import LIMIT, NEUTRAL, LineStyle, rgb
 from flighttune.outputs.recording import entities
 from flighttune.outputs.recording.entities import MAP, ROUTE, DrawnRun, log_still, on_screen, times
 from flighttune.outputs.recording.plots import positions
@@ -81,8 +81,19 @@ def log_route(
         edges = [*corners.transpose(1, 0, 2), *corners[::RIB, [0, 1, 2, 3, 0]]]
         drawn = rr.LineStrips3D(edges, colors=[style.rgb], radii=on_screen(0.5))
         log_still(stream, f"{ROUTE}/corridor/{key}/edges", drawn)
-    if not table.geographic:
-        return
+    if table.geographic:
+        _log_map(stream, flights, table, (line, waypoints), corridors)
+
+
+def _log_map(
+    stream: rr.RecordingStream,
+    flights: Sequence[DrawnRun],
+    table: RouteTable,
+    route: tuple[FloatArray, FloatArray],
+    corridors: Mapping[str, tuple[LineStyle, FloatArray]],
+) -> None:
+    """Log path and waypoints (`route`), corridors, fences and flights on a map."""
+    line, waypoints = route
 
     def on_map(points: FloatArray) -> FloatArray:
         """Latitude and longitude of points, thinned, deg."""
