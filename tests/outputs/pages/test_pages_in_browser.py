@@ -11,7 +11,7 @@ from plans import plan_file, waypoint
 from flighttune.outputs.answers.answer import facts_table
 from flighttune.outputs.drawing.chart import Chart
 from flighttune.outputs.drawing.templates import page_template
-from flighttune.outputs.pages.claim import FENCES, VOLUMES
+from flighttune.outputs.pages.counted import FENCES, VOLUMES
 from flighttune.outputs.pages.frame import Section, write_page
 
 FEW = "--epsilon 0.5 --confidence 0.9"
