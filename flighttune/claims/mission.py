@@ -190,15 +190,13 @@ def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
     of_flights = {"aircraft": aircraft, "like": like, "changes": changes}
     counted, written = counting.kept_band(source), None if out is None else Path(out)
     if counted is None:
-        flown, file = (
-            _NewFlights(
-                source=source,
-                settings={**of_flights, "terrain": terrain},
-                seed=seed,
-                flights=flights,
-                until_sure=until_sure,
-            ),
-            written,
+        file = written
+        flown = _NewFlights(
+            source=source,
+            settings={**of_flights, "terrain": terrain},
+            seed=seed,
+            flights=flights,
+            until_sure=until_sure,
         )
     else:
         own_count = {"seed": seed is not None, "flights": flights, "until_sure": until_sure}
