@@ -211,7 +211,8 @@ def kept_of(band: Counted) -> Kept:
 def check_shape(band: Counted, pool: WorkerPool) -> None:
     """Fly the flights learned from again; an InputError refuses a shape that they do not give."""
     about, plan, kept = band.about, counted_flights.plan_of(band), kept_of(band)
-    kept.measured.check(pool, plan, about.learned)
+    measured = about.kind.measures.of(about, plan.scenario, plan.groups[0].plant)
+    measured.check(pool, plan, about.learned)
     coefficients, half = _learned(pool, plan, about, kept)
     moved = shapes.predicted(band.wind, coefficients - about.coefficients)
     for name, off in (("half", half - about.half), ("coefficients", moved)):

@@ -301,7 +301,8 @@ class _NewFlights:
             nearest = place.nearest(planned.reference.path)
             if nearest["leaves_m"] is not None:
                 raise InfeasibleError(planned_inside(planned, place, nearest))
-            counted_flights.check_one_path(self.plan, range(LEARN + ending.flights))
+            plan = self.plan.with_runs(LEARN + ending.flights)
+            counted_flights.check_one_path(plan, range(plan.runs))
 
     def count(self, claim: Odds, areas: dict[str, Any], fliers: Fliers) -> Band:
         """Count them, until it is certain whether they stay inside the fence `areas`, if any."""

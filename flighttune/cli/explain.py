@@ -127,7 +127,7 @@ def tube(
         if largest:
             settings = dict(enclose.keywords)
             del settings["disturbance"]
-            problem = stated_problem(scenario, settings.pop("gains"), **settings)
+            problem = stated_problem(scenario, settings.pop("gains", None), **settings)
             return largest_disturbance(problem, follow).answer()
         enclosure = enclose(boxes=counted, disturbance=bound, progress=follow)
     files: dict[str, Path | None] = {"proof": None}

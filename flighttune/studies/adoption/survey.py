@@ -356,6 +356,11 @@ def _part(config: AircraftConfig, tag: str) -> Element:
     return read_xml(found_file(name, folders, folders[0]), file) if name else part
 
 
+def _settable(fdm: Fdm, name: str) -> bool:
+    """Whether a setting may name a property: one behind a slash is declared by the model itself."""
+    return not name.startswith("/") and fdm.has(name)
+
+
 def _largest_drag(fdm: Fdm) -> tuple[str, float]:
     """The function of the drag axis with the largest part of it, and its share."""
     aerodynamics = _part(fdm.config, "aerodynamics")
@@ -582,7 +587,7 @@ class _Model:
         tables["settings"] |= {name: value for name, value in levers.items() if fdm.has(name)}
         for name, value in self.values.items():
             kind = "declared" if name in tables["declared"] else "settings"
-            if kind == "settings" and not fdm.has(name):
+            if kind == "settings" and not _settable(fdm, name):
                 other = f"; it reads /{name}, with a slash" if f"/{name}" in read else ""
                 raise InputError(
                     f"--set {name}: the model must have or read it, it does neither{other}."
@@ -656,7 +661,7 @@ class _Model:
         def opening(names: set[str]) -> list[str]:
             """The properties that open the throttle when they are set to 1."""
             shut, opens = position(), []
-            for name in sorted(x for x in names if fdm.has(x)):
+            for name in sorted(x for x in names if _settable(fdm, x)):
                 before, write = fdm.reader(name)(), fdm.writer(name)
                 write(1.0)
                 fdm.evaluate()
