@@ -289,6 +289,7 @@ def test_a_change_is_said_with_which_all_flights_that_ended_early_complete(
         return flown(pool, *args, **options)
 
     def rows(_pool, plan, runs, **_):
+        assert plan.runs > max(runs)
         V = plan.scenario.flight.V_a_mps
         return [
             {"run": run, "status": "completed" if V >= at_least else "stall"}

@@ -69,6 +69,22 @@ def test_flights_that_were_not_flown_count_as_outside(ending, flights, outside):
 
 
 @pytest.mark.parametrize(
+    ("flights", "outside", "epsilon", "says"),
+    [
+        (82, 0, EPSILON, "leaves the fence with probability at most 0.05"),
+        (81, 0, 1.0, ""),
+        # of 12 flights all are outside
+        (12, 12, 1.0, "is not certainly inside the fence with probability above 0.05"),
+    ],
+)
+def test_what_is_sure_at_any_time_is_a_yes_a_no_or_nothing(flights, outside, epsilon, says):
+    supported = ANY.supported(outside, flights)
+
+    assert (supported.epsilon, supported.claim) == (epsilon, says)
+    assert bool(supported.lacks) != bool(says)
+
+
+@pytest.mark.parametrize(
     ("ending", "flights", "outside", "decided", "complete"),
     [
         (FIXED, 24, 1, False, False),

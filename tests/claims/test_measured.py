@@ -1,5 +1,6 @@
 """A kind of count is a class of what is measured, a class of what is claimed, and a row."""
 
+import math
 from dataclasses import dataclass
 from typing import ClassVar
 from unittest import mock
@@ -9,15 +10,18 @@ import pytest
 
 import flighttune as ft
 from flighttune.campaigns.engine.fliers import Fliers
-from flighttune.campaigns.flying.rows import fly_group
+from flighttune.campaigns.flying.rows import fly_group, rows_flown
 from flighttune.claims import about, counting
 from flighttune.claims.counted import Counted
-from flighttune.claims.counted_flights import plan_of
+from flighttune.claims.counted_flights import plan_of, turning_back
 from flighttune.claims.ending import Fixed
 from flighttune.claims.measured import Measured
+from flighttune.claims.turn_back import ROOM, RoomSignals
 from tests.campaigns.test_band import ALONE, small_plan
 from tests.claims.test_band import forged
+from tests.dispersed import AEROSONDE
 from tests.flown_campaigns import flown_here
+from tests.made_up import made_up_run, made_up_scenario
 
 SINGLE = 1e-6  # relative rounding of single precision
 
@@ -90,6 +94,68 @@ def test_a_new_kind_of_count_is_flown_saved_read_and_verified(kinds, tmp_path):
         with mock.patch.object(RollSpeeds, "room", 1.0):
             again = ft.verify(counted)
     assert (again.valid, again.reason[:6]) == (False, "`half`")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Nowhere(RollSpeeds):
+    """Rolls of flights that are all elsewhere."""
+
+    def lost(self, run, scenario):
+        return True
+
+
+def test_a_flight_whose_values_do_not_hold_is_outside_unless_it_only_teaches():
+    run = made_up_run({"phi": [0.0, 0.1, 0.1]}, [0.0, 0.1, 0.2])
+    measured, edges = Nowhere(units={"roll speed": "rad/s"}), np.array([0.0, 0.2])
+
+    counted, learned = (
+        counting.Kept(measured=measured, edges=edges, windy=False, anywhere=anywhere)(
+            run, made_up_scenario()
+        )
+        for anywhere in (False, True)
+    )
+
+    assert counted == [-np.inf, np.inf]
+    assert learned == pytest.approx([0.0, 1.0], abs=1e-6)  # 0.1 rad in 0.1 s
+
+
+def test_half_of_the_flights_that_a_monitor_learns_from_teach_weights_and_half_limits():
+    parts = []
+
+    def rows(plan, runs, probes):
+        parts.append((*probes, list(runs)))
+        return rows_flown(plan, runs, probes=probes)
+
+    plan = small_plan(plants=[AEROSONDE])
+    with flown_here(rows):
+        made = ft.monitor(plan, epsilon=0.3, confidence=0.9, learn=20, flights=ALONE)
+
+    moments, limits, counts = parts
+    assert moments == ("moments", [*range(10)])
+    assert limits == ("extremes", [*range(10, 20)])
+    assert counts == ("extremes", [*range(20, 20 + ALONE)])
+    assert made.measured.models == made.about.models
+    assert all(len(model.weights) == len(model.terms) for model in made.about.models)
+
+
+def test_room_to_turn_back_is_measured_from_the_detection_on():
+    scenario = turning_back(ft.flights("circuit").plan(plant="kinematic", gains="paper"), 30)
+    central = scenario.campaign.central
+
+    windows = RoomSignals(units=ROOM).windows(central, 1001, 7, 50.0)
+
+    assert windows.tolist() == [math.ceil(50.0 * central.turn_back.detected_s), 1000]
+    assert windows[0] > 0
+
+
+def test_models_are_those_of_a_monitor_alone(tmp_path):
+    with flown_here():
+        counted = ft.band(small_plan(), epsilon=0.3, confidence=0.9, learn=10, flights=ALONE)
+    model = {"name": "roll", "target": "p", "terms": ["1"], "weights": [0.0]}
+
+    file = forged(counted, tmp_path / "x.npz", about={"models": [model]})
+    with pytest.raises(ft.InputError, match=r"x\.npz: `models` must be those of the `signals` of"):
+        ft.load(file)
 
 
 def test_a_kind_of_count_that_is_not_known_is_refused_with_those_that_are(tmp_path):
