@@ -227,18 +227,24 @@ def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
         way = flown.way_to_complete(band, fliers)
         files = {"band": written}
         odds = MissionOdds(band=band, files=files, file=file, terrain=terrain, way=way)
-        if turning is None:
-            return odds
-        room = counting.counted_on(
-            TurnBack,
-            turning,
-            TwoSteps.fewest(*claim),
-            place=flown.place,
-            learn=LEARN_TURNS,
-            certain=lambda turns: turns.decided,
-            fliers=fliers,
+        return (
+            odds
+            if turning is None
+            else odds.with_room(_counted_room(turning, flown.place, claim, fliers))
         )
-        return odds.with_room(room)
+
+
+def _counted_room(turning: Plan, place: str, claim: Odds, fliers: Fliers) -> TurnBack:
+    """Count the room that flights need which turn back."""
+    return counting.counted_on(
+        TurnBack,
+        turning,
+        TwoSteps.fewest(*claim),
+        place=place,
+        learn=LEARN_TURNS,
+        certain=lambda turns: turns.decided,
+        fliers=fliers,
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
