@@ -1,6 +1,5 @@
 """A scenario to runs: every gain set, by each law on each plant, with metrics."""
 
-import os
 import platform
 import shlex
 import time
@@ -228,7 +227,7 @@ def fly_alone(
         reason = f"the wind is that of {source}, which did not fly: {wind_run.reason}"
         made_by = replace(provenance(entry), gains=entry.gains)
         return _without_samples(made_by, wind_run.status, reason)
-    plant = plant_of(entry.plant, scenario, wind, compiled=code.JSBSIM not in os.environ)
+    plant = plant_of(entry.plant, scenario, wind, compiled=not code.jsbsim_flies())
     run = fly_once(entry, plant, lead=entry.lead, progress=progress)
     turns = scenario.turn_back
     if run.status == "no_trim" and turns is not None and turns.or_level and turns.sloped_s is None:

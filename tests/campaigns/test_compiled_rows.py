@@ -1,9 +1,11 @@
 """Compiled flights of a campaign: those that decide are flown by JSBSim too, and compared."""
 
 import pytest
+from flown_campaigns import flown_here
 
 import flighttune as ft
 from flighttune.campaigns.flying import rows
+from flighttune.claims import counting
 from flighttune.flight.loop import aircraft, loop
 
 pytest.importorskip("numba")
@@ -58,6 +60,35 @@ def test_a_wrong_number_of_the_compiled_step_ends_the_run(monkeypatch):
 
     assert row["status"] == "invalid"
     assert "must be that of JSBSim" in row["reason"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("right", [True, False])
+def test_flights_that_decide_a_count_are_flown_by_jsbsim_too(monkeypatch, right):
+    monkeypatch.setattr(loop, "COMPILED_FROM", 0)
+    made, few = aircraft.motion_of, {"epsilon": 0.3, "confidence": 0.9, "learn": 10, "flights": 9}
+
+    def off(*given):
+        motion = made(*given)
+        motion.states[:] *= 1.0 if right else 1.0 + 1e-7
+        return motion
+
+    monkeypatch.setattr(aircraft, "motion_of", off)
+    monkeypatch.setattr(counting, "COMPILED_FROM", 0)
+    # only draw 0 is flown again for its number; it is among those learned from
+    monkeypatch.setattr(rows, "check_compiled", lambda *_: None)
+    turn = ft.load_scenario("level_turn", changes={"flight.duration_s": 4.0}).as_dict()
+    turn |= {"plant": [x for x in turn["plant"] if x["kind"] == "jsbsim"], "expect": []}
+
+    def count():
+        with flown_here():
+            return ft.band(ft.scenario_from(turn), start_deg=2.0, **few)
+
+    if right:
+        assert count().claims
+    else:
+        with pytest.raises(ft.loop.PlantError, match="must be that of JSBSim"):
+            count()
 
 
 @pytest.mark.slow

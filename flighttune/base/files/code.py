@@ -36,14 +36,18 @@ class Runs(IntEnum):
 
 
 class Grant(NamedTuple):
-    """What a command may run, for the processes that fly for it."""
+    """What a command may run, and what flies, for the processes that fly for it."""
 
     runs: Runs
     named: frozenset[str]
+    jsbsim: bool  # flies every aircraft itself
 
 
 # What the outermost verb decided. Verbs inside it cannot widen it.
 _RUNS: ContextVar[Runs | None] = ContextVar("runs", default=None)
+
+# Whether JSBSim itself flies every aircraft.
+_JSBSIM: ContextVar[bool] = ContextVar("jsbsim", default=False)
 
 # SHA-256 of the files that scenario and campaign files named. A file of the same content is the
 # same code, wherever it lies and whatever else names it.
@@ -83,16 +87,17 @@ def flies_again(verb: Callable[P, T]) -> Callable[P, T]:
 
 @contextmanager
 def in_jsbsim() -> Iterator[None]:
-    """Let JSBSim itself fly every aircraft, here and in processes that are started meanwhile."""
-    before = os.environ.get(JSBSIM)
-    os.environ[JSBSIM] = "1"
+    """Let JSBSim itself fly every aircraft, here and in the processes that fly for the block."""
+    token = _JSBSIM.set(True)
     try:
         yield
     finally:
-        if before is None:
-            del os.environ[JSBSIM]
-        else:
-            os.environ[JSBSIM] = before
+        _JSBSIM.reset(token)
+
+
+def jsbsim_flies() -> bool:
+    """Whether JSBSim itself flies every aircraft: the environment or the command says so."""
+    return _JSBSIM.get() or JSBSIM in os.environ
 
 
 def _deciding(verb: Callable[P, T], runs: Runs) -> Callable[P, T]:
@@ -106,12 +111,13 @@ def _deciding(verb: Callable[P, T], runs: Runs) -> Callable[P, T]:
 
 def grant() -> Grant:
     """What may run here, for another process."""
-    return Grant(_RUNS.get() or Runs.NONE, frozenset(_NAMED))
+    return Grant(_RUNS.get() or Runs.NONE, frozenset(_NAMED), jsbsim_flies())
 
 
 def take(granted: Grant) -> None:
     """Run what the command may run that this process flies for."""
     _RUNS.set(granted.runs)
+    _JSBSIM.set(granted.jsbsim)
     _NAMED.update(granted.named)
 
 
