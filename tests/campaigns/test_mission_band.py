@@ -10,6 +10,7 @@ from plans import SLOPE, item, plan_file, terrain, waypoint
 from scipy.stats import binom, binomtest
 
 import flighttune as ft
+from flighttune.base.files.code import JSBSIM
 from flighttune.claims import counting
 from flighttune.outputs.answers.band import summary
 
@@ -140,6 +141,7 @@ def made_up_flights(monkeypatch, lost_every):
         return extremes, np.zeros((len(runs), 0))
 
     monkeypatch.setattr("flighttune.claims.counting._flown", flown)
+    monkeypatch.setenv(JSBSIM, "1")  # flown again, they would be others
     return counted
 
 
