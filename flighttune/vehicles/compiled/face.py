@@ -81,7 +81,7 @@ def _key(source: Source, air: Air) -> str:
             data = text.encode() if isinstance(text, str) else text
             digest.update(len(data).to_bytes(8, "little") + data)
 
-    add(source.config.fingerprint, str(source.steps), air.turbulence or "", str(air.gust))
+    add(*source.stated, air.turbulence or "", str(air.gust))
     for name, content in source.parts():
         add(name, content)
     add(version("jsbsim"), version("llvmlite"), platform.platform(), *machine.processor())

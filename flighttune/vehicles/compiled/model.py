@@ -33,7 +33,8 @@ class Air(NamedTuple):
 class Source:
     """Text of an aircraft's main file, with placeholders where flights differ, and its parts.
 
-    `numbers` are those of this flight, by placeholder.
+    `numbers` are those of this flight, by placeholder; `stated` is what the step has of
+    ``aircraft.toml`` beside the model.
     """
 
     def __init__(self, config: AircraftConfig, steps: int) -> None:
@@ -45,7 +46,11 @@ class Source:
             match[0]: values[match[1]] * float(match[2])
             for match in _PLACEHOLDER.finditer(self.template)
         }
-        self._key = files.key, self.template, steps
+        engines = config.engines
+        # The fingerprint is that of the model: rate, lowest throttle and thrust are not in it.
+        stated = config.inner_loop_rate, steps, engines.throttle[0], engines.thrust
+        self.stated = (config.fingerprint, *map(repr, stated))
+        self._key = files.key, self.template, self.stated
 
     def __hash__(self) -> int:
         return hash(self._key)

@@ -10,9 +10,11 @@ from pathlib import Path
 import pytest
 from airframes import changed_aerosonde
 
-from flighttune.vehicles.aircraft.aircraft import load_aircraft
+from flighttune.base.files.table import toml_tables
+from flighttune.vehicles.aircraft.aircraft import aircraft_from, load_aircraft
 from flighttune.vehicles.compiled import cache, components, face, machine, rigid_body, run
 from flighttune.vehicles.compiled.face import CompiledStep, Refusal, compiled
+from flighttune.vehicles.compiled.model import Air, Source
 from flighttune.vehicles.compiled.step import Names
 from flighttune.vehicles.compiled.trace import sqrt
 
@@ -122,6 +124,26 @@ def test_other_versions_of_jsbsim_fly_themselves(monkeypatch):
     monkeypatch.setattr(face, "version", lambda name: "1.3.9")
 
     assert compiled(load_aircraft("aerosonde")).reason.endswith("version 1.3.3, got 1.3.9")
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"inner_loop_rate_hz": 100.0},
+        {"engines": {"throttle": [0.1, 1.0]}},
+        {"engines": {"thrust": "external_reactions/push/magnitude"}},
+    ],
+    ids=["rate", "lowest throttle", "thrust"],
+)
+def test_what_aircraft_toml_changes_of_a_step_is_in_its_key(changes):
+    first = load_aircraft("aerosonde")
+    tables = toml_tables(first.file)
+    engines = tables["engines"] | changes.get("engines", {})
+    second = aircraft_from(tables | changes | {"engines": engines}, first.folder)
+    sources = [Source(config, 1) for config in (first, second)]
+
+    assert sources[0] != sources[1]
+    assert len({face._key(source, Air()) for source in sources}) == 2
 
 
 def cut(file):
