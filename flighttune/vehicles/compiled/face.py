@@ -8,6 +8,8 @@ from hashlib import sha256
 from importlib.metadata import version
 from pathlib import Path
 
+from flighttune import vehicles
+from flighttune.base import units
 from flighttune.vehicles.aircraft.aircraft import AircraftConfig
 from flighttune.vehicles.compiled import machine
 from flighttune.vehicles.compiled.aircraft import CompiledStep as CompiledStep
@@ -91,6 +93,7 @@ def _key(source: Source, air: Air) -> str:
 
 @cache
 def _own_digest() -> bytes:
-    """Digest of the code of this folder."""
-    files = sorted(Path(__file__).parent.glob("*.py"))
+    """Digest of the code that makes a step, its start and the flight that checks it."""
+    files = sorted(Path(vehicles.__file__).parent.rglob("*.py"))
+    files.append(Path(units.__file__))
     return sha256(b"".join(file.read_bytes() for file in files)).digest()
