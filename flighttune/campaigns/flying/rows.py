@@ -1,7 +1,7 @@
 """Fly runs of a plan into rows, one per run: the same bits whoever flies them.
 
-Kinematic flights go through the compiled kernel many
-at a time; all others are flown one by one, a draw at a time.
+Kinematic flights go through the compiled kernel many at a time; all others are flown one by one, a
+draw at a time.
 """
 
 import signal
@@ -47,8 +47,9 @@ from flighttune.vehicles.plants.point_mass import rolled_over
 BLOCK = 64
 
 # One in so many compiled flights, and each that is nearer to a bound than this part of it, or
-# beyond, is flown by JSBSim too.
-EVERY, NEAR = 100, 0.1
+# beyond, is flown by JSBSim too. The number is prime: runs take turns at the groups of a plan, and
+# so do those that are flown again.
+EVERY, NEAR = 101, 0.1
 
 # `BatchResult.ends` of a flight that ended at 90 deg of roll
 ROLLED = 1
