@@ -96,7 +96,7 @@ class Motion(NamedTuple):
     commands: tuple[int, ...]  # places of roll, load factor and n_x among the parameters
     steps: int  # integration steps in a sample
     between: int  # most steps between two checks of the envelope
-    # Angle of attack, airspeed (ft/s), lift (lbf), pitch attitude, height (ft) to stay between
+    # Angle of attack, airspeed (ft/s), lift (lbf) and pitch attitude to stay between
     low: FloatArray
     high: FloatArray
     weight: float  # lbf, at the start

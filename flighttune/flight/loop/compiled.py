@@ -87,7 +87,6 @@ def _inside(shown, m, low, high):
         and low[1] < shown[m] < high[1]
         and low[2] < shown[m + 1] < high[2]
         and low[3] < theta < high[3]
-        and shown[m + 2] > 0.0
     )
 
 
