@@ -42,7 +42,8 @@ def flown_by_both(aircraft, seconds, step=None, condition=None, **settings):
         row[:] = [value() for value in read]
     start = step.start_from(started(aircraft, condition, **settings))
     levers = [names.parameters.index(name) for name in COMMANDS]
-    shown, stream = np.empty(len(names.signals) + len(names.properties)), step.normals(SEED, count)
+    shown = np.empty(len(names.signals) + len(names.properties))
+    stream = step.normals(start.random, count)
     actual = np.empty_like(expected)
     for k, row in enumerate(actual):
         start.parameters[levers] = commands(k / fdm.rate)

@@ -1,6 +1,5 @@
 """An aircraft of JSBSim flown by its compiled step, or by JSBSim where there is none: same bits."""
 
-import ctypes
 import math
 from typing import TYPE_CHECKING, Any
 
@@ -8,7 +7,7 @@ import numpy as np
 
 from flighttune.base.units import FT, G_0
 from flighttune.control.controller import FlightCondition
-from flighttune.flight.loop.batch import BESIDE, BEYOND, GOES_ON, MODULUS, Motion
+from flighttune.flight.loop.batch import BESIDE, BEYOND, GOES_ON, Motion
 from flighttune.vehicles.plants.base import Stop, WrappedPlant
 from flighttune.vehicles.plants.jsbsim import properties
 from flighttune.vehicles.plants.jsbsim.plant import JSBSimPlant
@@ -21,13 +20,6 @@ if TYPE_CHECKING:
 _G_0_FPS2 = G_0 / FT
 
 _CHI, _PSI = (properties.SIGNALS.index(name) for name in ("chi", "psi"))
-
-# Type of a compiled step as a function: states, parameters, steps, stream, shown, how much of it.
-STEP = ctypes.CFUNCTYPE(
-    None,
-    *(ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int64),
-    *(ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int64),
-)
 
 # Heights between which the compiled step knows air and forces: above the ground, m, and up to the
 # tropopause.
@@ -74,7 +66,7 @@ class CompiledAircraft(WrappedPlant):
             return
         self._condition, self._clock, self._given = condition, 0, []
         self._first = list(self._observe())
-        self._step, self._function = step, STEP(step.address)
+        self._step = step
         try:
             self._motion = motion_of(self.plant, step, weather)
         except NotCompiled as what:
@@ -93,11 +85,11 @@ class CompiledAircraft(WrappedPlant):
         """Whether the compiled step flies."""
         return self._motion is not None
 
-    def sampled(self, dt: float) -> tuple[Any, Motion]:
-        """The compiled step as a function and its flight, for samples of `dt` (s)."""
+    def sampled(self, dt: float) -> tuple[tuple[Any, Any], Motion]:
+        """The functions of the compiled step and its flight, for samples of `dt` (s)."""
         assert self._motion is not None  # it is compiled
         motion = self._motion._replace(steps=self.plant.count_steps(dt))
-        return self._function, motion
+        return self._step.functions, motion
 
     def observe(self) -> tuple[float, ...]:
         """Return the values of `signals` now, SI and radians."""
@@ -117,7 +109,7 @@ class CompiledAircraft(WrappedPlant):
         steps = self.plant.count_steps(duration)
         from flighttune.flight.loop.compiled import fly_sample
 
-        how, flown = fly_sample(self._function, motion, self._clock, steps)
+        how, flown = fly_sample(*self._step.functions, motion, self._clock, steps)
         self._clock += flown
         return None if how == GOES_ON else self.stop(how, self._clock) or self._replay()
 
@@ -230,8 +222,7 @@ def motion_of(plant: JSBSimPlant, step: "CompiledStep", weather: Weather) -> Mot
         floor=FLOOR / FT,
         ceiling=(CEILING - fdm.ground) / FT,
         stream=np.empty((DRAWN if turbulent else 1, 4 if turbulent else 0)),
-        random=np.array([plant.seed % MODULUS or 1]),
-        left_over=np.zeros(2),
+        random=start.random,
         change_at=np.array(at, dtype=np.int64),
         change_place=np.array(where, dtype=np.int64),
         change_to=np.array(to, dtype=float),

@@ -30,9 +30,6 @@ GOES_ON, ARRIVED, OUTSIDE, BEYOND = 0, 1, 2, 3
 # Numbers that a step shows between the signals of an aircraft and further ones
 BESIDE = 4
 
-# Modulus of JSBSim's random numbers.
-MODULUS = 2147483647
-
 # Flights whose errors of sensors are in memory at the same time
 SENSED_AT_ONCE = 256
 
@@ -102,11 +99,10 @@ class Motion(NamedTuple):
     weight: float  # lbf, at the start
     floor: float  # ft: height below which only JSBSim flies
     ceiling: float  # ft: and above which
-    # Turbulence: four normal numbers a step, the state of the generator, and the number it has left
-    # over with whether there is one; no columns without turbulence
+    # Turbulence: four normal numbers a step, and the state of the generator; no columns without
+    # turbulence
     stream: FloatArray
     random: npt.NDArray[np.int64]
-    left_over: FloatArray
     # Changes of parameters, or of states, whose places are counted from -1 down: steps flown
     # before, places, values; how many are made
     change_at: npt.NDArray[np.int64]

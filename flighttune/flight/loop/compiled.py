@@ -7,27 +7,21 @@ Without Numba it is interpreted.
 import math
 
 from flighttune.base.units import FT
-from flighttune.flight.loop.batch import ARRIVED, BESIDE, BEYOND, GOES_ON, MODULUS, OUTSIDE
+from flighttune.flight.loop.batch import ARRIVED, BESIDE, BEYOND, GOES_ON, OUTSIDE
 from flighttune.flight.loop.kernel import kernel, law_sample, njit
 
 # Integration steps between two instants at which a changing wind is computed.
 REFRESH = 4
 
-# Random numbers of JSBSim on Linux: the multiplier of the generator, its range, and the square of
-# that, rounded.
-MULTIPLIER = 16807
-RANGE, RANGE_SQUARED = 2147483646.0, 4611686009837453316.0
-BELOW_ONE = math.nextafter(1.0, 0.0)
-
 
 @kernel
-def fly_samples(step, motion, law, fed_back, errors, part, rows):
+def fly_samples(step, normals, motion, law, fed_back, errors, part, rows):
     """Fly the samples of a part into `rows`, of which the first has its signals.
 
-    `step`: the compiled step as a function. `fed_back`: whether the law sees the load factor that
-    the inner loop follows. `errors`: those of the sensors at each sample, or none. `part`: the
-    first sample, the one after the last, and the length of the route (m). Returns the samples in
-    the rows, how the flight stands, and the integration steps flown.
+    `step` and `normals`: functions of the compiled step. `fed_back`: whether the law sees the load
+    factor that the inner loop follows. `errors`: those of the sensors at each sample, or none.
+    `part`: the first sample, the one after the last, and the length of the route (m). Returns the
+    samples in the rows, how the flight stands, and the integration steps flown.
     """
     first, last, end = part
     shown, m = motion.shown, motion.signals
@@ -46,7 +40,7 @@ def fly_samples(step, motion, law, fed_back, errors, part, rows):
             return k + 1, BEYOND, clock
         motion.parameters[motion.commands[0]] = phi_cmd
         motion.parameters[motion.commands[1]] = n_z_cmd
-        how, flown = _fly_steps(step, motion, clock, motion.steps)
+        how, flown = _fly_steps(step, normals, motion, clock, motion.steps)
         if how != GOES_ON:
             return k + 1, how, clock + flown
         after = rows[k + 1]
@@ -60,17 +54,17 @@ def fly_samples(step, motion, law, fed_back, errors, part, rows):
 
 
 @kernel
-def fly_sample(step, motion, clock, steps):
+def fly_sample(step, normals, motion, clock, steps):
     """Fly some integration steps; how the flight stands, and how many were flown."""
-    return _fly_steps(step, motion, clock, steps)
+    return _fly_steps(step, normals, motion, clock, steps)
 
 
 @njit
-def _fly_steps(step, motion, clock, steps):
+def _fly_steps(step, normals, motion, clock, steps):
     shown, m, flown = motion.shown, motion.signals, 0
     while flown < steps:
         n = min(motion.between, steps - flown)
-        _advance(step, motion, clock + flown, n)
+        _advance(step, normals, motion, clock + flown, n)
         flown += n
         if not motion.floor < shown[m + 2] < motion.ceiling:
             return BEYOND, flown
@@ -106,7 +100,7 @@ def _remainder(x):
 
 
 @njit
-def _advance(step, motion, clock, n):
+def _advance(step, normals, motion, clock, n):
     """Fly n integration steps, the signals shown after the last; `clock`: those flown before."""
     states, parameters = motion.states.ctypes.data, motion.parameters.ctypes.data
     stream, shown = motion.stream.ctypes.data, motion.shown.ctypes.data
@@ -122,7 +116,7 @@ def _advance(step, motion, clock, n):
             _blow(motion, now)
         if motion.stream.shape[1]:
             some = min(some, len(motion.stream))
-            _draw(motion, some)
+            normals(motion.random.ctypes.data, motion.stream.shape[1] * some, stream)
         done += some
         show = done == n or (windy and (now + some) % REFRESH == 0)
         step(states, parameters, some, stream, shown, 1 if show else 0)
@@ -180,34 +174,3 @@ def _wind_at(motion, t, h_ft):
         e += swing[1] * c + swing[4] * s
         d += swing[2] * c + swing[5] * s
     return n / FT, e / FT, d / FT
-
-
-@njit
-def _draw(motion, steps):
-    """Normal random numbers of some steps, in JSBSim's order."""
-    x, left_over, stream = motion.random[0], motion.left_over, motion.stream
-    for i in range(steps):
-        for j in range(4):
-            if left_over[1]:
-                stream[i, j], left_over[1] = left_over[0], 0.0
-                continue
-            r2 = 0.0
-            a = b = 0.0
-            while r2 > 1.0 or r2 == 0.0:
-                x, a = _uniform(x)
-                x, b = _uniform(x)
-                a, b = 2.0 * a - 1.0, 2.0 * b - 1.0
-                r2 = a * a + b * b
-            size = math.sqrt(-2.0 * math.log(r2) / r2)
-            stream[i, j], left_over[0], left_over[1] = b * size, a * size, 1.0
-    motion.random[0] = x
-
-
-@njit
-def _uniform(x):
-    x = x * MULTIPLIER % MODULUS
-    total = float(x - 1)
-    x = x * MULTIPLIER % MODULUS
-    total += float(x - 1) * RANGE
-    y = total / RANGE_SQUARED
-    return x, BELOW_ONE if y >= 1.0 else y

@@ -306,19 +306,19 @@ class Flight:
         from flighttune.flight.loop.compiled import fly_samples
 
         plant, controller, *_ = self._given
-        (law, end), (step, motion) = self._sampled_law(), aircraft.sampled(controller.dt)
+        (law, end), (functions, motion) = self._sampled_law(), aircraft.sampled(controller.dt)
         fed_back = _fed_back(controller, plant) is not None
         rows[0, : len(aircraft.signals)] = aircraft.observe()
         first, last = 0, len(rows)
         if progress is not None:  # which may end the flight: compiled code is loaded before
-            fly_samples(*(step, motion, law, fed_back, self._errors), (0, 0, end), rows)
+            fly_samples(*functions, *(motion, law, fed_back, self._errors), (0, 0, end), rows)
         while True:
             until = last
             if progress is not None:
                 progress(float(self._t[first]))
                 until = min(first + PROGRESS_EVERY, last)
             n, how, steps = fly_samples(
-                *(step, motion, law, fed_back, self._errors), (first, until, end), rows
+                *functions, *(motion, law, fed_back, self._errors), (first, until, end), rows
             )
             if how == ARRIVED:
                 return n, self._not_arrived(rows[:n])

@@ -4,24 +4,30 @@
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from flighttune.base.arrays import FloatArray
 from flighttune.base.errors import PlantError
 from flighttune.base.units import FT
 from flighttune.vehicles.compiled.model import Air, Source
+from flighttune.vehicles.compiled.normals import seeded
 from flighttune.vehicles.compiled.signals import GROUND, HEIGHT_0
 from flighttune.vehicles.compiled.start import start_values
 from flighttune.vehicles.compiled.step import MachineStep, Names
 from flighttune.vehicles.compiled.turbulence import gust_numbers
-from flighttune.vehicles.plants.jsbsim.plant import LARGEST_SEED, JSBSimPlant
+from flighttune.vehicles.plants.jsbsim.plant import JSBSimPlant
 
 
 @dataclass(frozen=True)
 class Start:
-    """The start of one flight: its states and parameters, by the places of `Names`."""
+    """The start of one flight: its states and parameters, by the places of `Names`.
+
+    `random` is the state of the generator of the turbulence.
+    """
 
     states: FloatArray
     parameters: FloatArray
+    random: npt.NDArray[np.int64]
 
 
 class CompiledStep:
@@ -35,10 +41,8 @@ class CompiledStep:
         Integration steps in a sample of the inner loop.
     names : Names
         Places of states, parameters, stream, signals and properties in their arrays.
-    address : int
-        Address of ``step``, as `MachineStep` describes it.
-    normals_address : int
-        Address of ``normals``; 0 in calm air.
+    functions : tuple
+        ``step`` and ``normals``, as `MachineStep` describes them.
     """
 
     def __init__(self, source: Source, air: Air, names: Names, code: bytes) -> None:
@@ -46,8 +50,8 @@ class CompiledStep:
         self._source = source
         self._model = source.model(air)
         self._machine = machine = MachineStep(names, code)
-        self.names, self.address = names, machine.address
-        self.normals_address, self.fly = machine.normals_address, machine.fly
+        self.names, self.functions = names, machine.functions
+        self.normals, self.fly = machine.normals, machine.fly
 
     def start_from(self, plant: JSBSimPlant) -> Start:
         """The start of a flight whose plant has started; the plant cannot fly any more."""
@@ -62,10 +66,4 @@ class CompiledStep:
         names = [x for x in (*self.names.states, *self.names.parameters) if x not in own]
         numbers = Source(plant.config, fdm.steps).numbers
         values = start_values(fdm, self._model, numbers, names) | own
-        return Start(*self._machine.arrays(values.__getitem__))
-
-    def normals(self, seed: int, steps: int) -> FloatArray:
-        """The numbers of the stream of a flight in turbulence, a row a step; none in calm air."""
-        if not self.names.stream:
-            return np.empty((steps, 0))
-        return self._machine.normals(seed or LARGEST_SEED + 1, steps)
+        return Start(*self._machine.arrays(values.__getitem__), seeded(plant.seed))

@@ -193,7 +193,7 @@ def _flown_compiled(
     start = step.start_from(plant)
     shown = np.empty(len(names.signals) + len(names.properties))
     rows = np.empty((steps, len(names.properties)))
-    stream = step.normals(_SEED, steps)
+    stream = step.normals(start.random, steps)
     levers = [place_of(names.parameters, name) for name in _COMMANDS]
     used = [i for i, place in enumerate(levers) if place >= 0]
     for k, row in enumerate(rows):

@@ -1,6 +1,9 @@
 # SPDX-License-Identifier: LGPL-2.1-or-later
 """The normal numbers of JSBSim on Linux: minstd_rand0 and the polar method of libstdc++, as IR."""
 
+import numpy as np
+import numpy.typing as npt
+
 from flighttune.vehicles.compiled.ir import PREFIX, constant
 
 _MODULUS, _FACTOR = 2147483647, 16807
@@ -36,13 +39,8 @@ define private double @draw(ptr %state) alwaysinline {{
 NORMALS = (
     _DRAW
     + f"""
-define void @normals(i64 %seed, i64 %n, ptr %out) {{
+define void @normals(ptr %state, i64 %n, ptr %out) {{
 entry:
-  %state = alloca i64
-  %rest = urem i64 %seed, {_MODULUS}
-  %none = icmp eq i64 %rest, 0
-  %first = select i1 %none, i64 1, i64 %rest
-  store i64 %first, ptr %state
   br label %next
 next:
   %i = phi i64 [ 0, %entry ], [ %i2, %second ]
@@ -82,3 +80,8 @@ end:
 }}
 """
 )
+
+
+def seeded(seed: int) -> npt.NDArray[np.int64]:
+    """The state of the generator after a seed."""
+    return np.array([seed % _MODULUS or 1], dtype=np.int64)

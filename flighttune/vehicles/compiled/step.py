@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 import numpy as np
+import numpy.typing as npt
 
 from flighttune.base.arrays import FloatArray
 from flighttune.vehicles.compiled import normals, turbulence
@@ -51,7 +52,7 @@ def traced(model: Model, shown: Shown) -> tuple[Names, str]:
     places = {name: (array, i) for array, of in arrays.items() for i, name in enumerate(of)}
     updates, properties = ([now.now[name] for name in of] for of in (states, names.properties))
     text = step_ir(graph, places, updates, list(signals.values()), properties, len(stream))
-    return names, text + (normals.NORMALS if stream else "")
+    return names, text + normals.NORMALS
 
 
 class MachineStep:
@@ -60,17 +61,19 @@ class MachineStep:
     ``step(states, parameters, n, stream, shown, how_much)`` makes n steps in place; all but n and
     `how_much` are addresses of doubles. If `how_much` is 1 the signals of the last step are
     written to ``shown``, if it is 2 its properties behind them. `stream` has a row of numbers for
-    each step, the normal numbers of turbulence: ``normals(seed, n, out)`` makes them.
+    each step, the normal numbers of turbulence: ``normals(state, n, out)`` makes the next n from
+    the state of the generator, an integer of 64 bits. n is even: the numbers come in pairs.
+
+    `functions` are ``step`` and ``normals``, good as long as this object lives.
     """
 
     def __init__(self, names: Names, code: bytes) -> None:
         self.names, self.code = names, code
-        self._loaded = Loaded(code)  # the addresses are good as long as it lives
-        self.address = self._loaded.address("step")
-        self.normals_address = self._loaded.address("normals") if names.stream else 0
+        self._loaded = Loaded(code)
         void, pointer, count = None, ctypes.c_void_p, ctypes.c_int64
-        kind = ctypes.CFUNCTYPE(void, pointer, pointer, count, pointer, pointer, count)
-        self._step: Any = kind(self.address)
+        of_step = ctypes.CFUNCTYPE(void, pointer, pointer, count, pointer, pointer, count)
+        of_normals, address = ctypes.CFUNCTYPE(void, pointer, count, pointer), self._loaded.address
+        self.functions: tuple[Any, Any] = (of_step(address("step")), of_normals(address("normals")))
 
     def arrays(self, values: Callable[[str], float]) -> tuple[FloatArray, FloatArray]:
         """States and parameters of a flight from their values by name."""
@@ -80,11 +83,10 @@ class MachineStep:
         )
         return states, parameters
 
-    def normals(self, seed: int, steps: int) -> FloatArray:
-        """The normal numbers of a flight in turbulence, a row a step."""
+    def normals(self, state: npt.NDArray[np.int64], steps: int) -> FloatArray:
+        """The next numbers of the stream of a flight, a row a step; none in calm air."""
         out = np.empty((steps, len(self.names.stream)))
-        kind = ctypes.CFUNCTYPE(None, ctypes.c_int64, ctypes.c_int64, ctypes.c_void_p)
-        kind(self.normals_address)(seed, out.size, out.ctypes.data)
+        self.functions[1](state.ctypes.data, out.size, out.ctypes.data)
         return out
 
     def fly(
@@ -99,7 +101,7 @@ class MachineStep:
         how_much = 0
         if shown is not None:
             how_much = 1 if len(shown) == len(self.names.signals) else 2
-        self._step(
+        self.functions[0](
             states.ctypes.data,
             parameters.ctypes.data,
             steps,
