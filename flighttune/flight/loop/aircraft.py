@@ -27,6 +27,9 @@ FLOOR, CEILING = 50.0, 10_900.0
 
 WIND_PROPERTIES = tuple(f"atmosphere/gust-{axis}-fps" for axis in ("north", "east", "down"))
 
+# Beginning of a reason by which JSBSim flies an aircraft whose step may be compiled
+UNKNOWN = "its loop does not know"
+
 # Rows of random numbers that are drawn at once
 DRAWN = 64
 
@@ -51,13 +54,15 @@ class CompiledAircraft(WrappedPlant):
         self.start_in_jsbsim(condition)
         if not self.compiles:
             return
+        if self.plant.steps > 1:
+            self.refused = f"{UNKNOWN} several integration steps in a sample of the inner loop"
+            return
         from flighttune.vehicles.compiled import face
 
         weather = self.plant.weather or Weather()
         turbulence = weather.turbulence
         step = face.compiled(
             self.plant.config,
-            steps=self.plant.steps,
             turbulence=None if turbulence is None else turbulence.model,
             gust=weather.gust is not None,
         )
@@ -70,7 +75,7 @@ class CompiledAircraft(WrappedPlant):
         try:
             self._motion = motion_of(self.plant, step, weather)
         except NotCompiled as what:
-            self.refused = f"its loop does not know {what}"
+            self.refused = f"{UNKNOWN} {what}"
             self.start_in_jsbsim(condition)
             return
         self._observe = self._shown
@@ -185,8 +190,6 @@ def motion_of(plant: JSBSimPlant, step: "CompiledStep", weather: Weather) -> Mot
         (math.ceil(at * plant.rate - 1e-6), place(name), value)
         for at, name, value in plant.changes()
     ]
-    if plant.steps > 1:
-        raise NotCompiled("several integration steps in a sample of the inner loop")
     changes.sort()
     at, where, to = zip(*changes, strict=True) if changes else ((), (), ())
     h_ft, weight = fdm.reader("position/h-sl-ft")(), fdm.reader("inertia/mass-slugs")() * _G_0_FPS2
