@@ -100,7 +100,7 @@ def verify(verify_claim: Verb, claim: Path, count: int | None, run: int | None) 
     Exit status 1 if the claim is not supported, or a bit of a run differs.
     """
     from flighttune.base.files.load import CLAIMS, DATASET, RECORDING, load_one
-    from flighttune.claims.band import Band
+    from flighttune.claims.counted import Counted
     from flighttune.claims.verify import CHECKED, AnyClaim
     from flighttune.outputs.recording.record import record
     from flighttune.studies.refly import refly
@@ -111,7 +111,7 @@ def verify(verify_claim: Verb, claim: Path, count: int | None, run: int | None) 
     if verify_claim.keywords.keys() - {"count"}:
         raise InputError(f"{claim}: --count alone must be given where runs fly again.")
     run_code = RUN_CODE.get()
-    if isinstance(value, Band):
+    if isinstance(value, Counted):
         with flown_by() as by:
             again = refly(value, run, count=count, run_code=run_code, **by)
     else:

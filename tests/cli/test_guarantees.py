@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 from commands import answer, flighttune
+from made_up_band import counted_boxes
 
 import flighttune as ft
 
@@ -32,6 +33,16 @@ def test_verify_takes_the_workers_of_the_command_line(tmp_path):
     both = ("--workers", 1, "--scheduler", "tcp://127.0.0.1:1")
     assert "`workers` must not be given" in flighttune(*both, "verify", file, status=2)[1]
     assert answer("--workers", 1, "verify", file)["valid"]
+
+
+def test_flights_of_any_count_fly_again_on_the_workers_of_the_command_line(tmp_path):
+    file = tmp_path / "residual.npz"
+    tables = ft.load_scenario("feasible").as_dict() | {"expect": []}
+    counted_boxes(ft.scenario_from(tables)).save(file)
+
+    both = ("--workers", 1, "--scheduler", "tcp://127.0.0.1:1")
+    _, told = flighttune(*both, "verify", file, "--run", 20, status=2)
+    assert "`workers` must not be given" in told
 
 
 @pytest.mark.soak
