@@ -1,6 +1,8 @@
 """Fly runs of recordings, campaigns and bands again, and compare them to the bit."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import singledispatch
 from pathlib import Path
 from typing import Unpack
 
@@ -13,6 +15,7 @@ from flighttune.campaigns.dataset import Dataset
 from flighttune.campaigns.engine.fliers import Fliers, FlownBy
 from flighttune.campaigns.engine.pool import WorkerPool
 from flighttune.campaigns.flying.rows import fly_again, row_differences
+from flighttune.campaigns.planning.plan import Plan
 from flighttune.claims.band import Band
 from flighttune.claims.counted import Counted
 from flighttune.claims.counted_flights import plan_of
@@ -99,54 +102,101 @@ def refly(
     if count is not None and (run is not None or count < 1):
         got = f"{count} and run {run}" if run is not None else str(count)
         raise InputError(f"`count` must be at least 1, and absent with `run`, got {got}.")
-    recorded = load_one(source, FLOWN, RECORDING, DATASET, BAND)
-    name = str(source) if isinstance(source, str | Path) else "the band"
-    if isinstance(recorded, Counted | Dataset):
-        of_count = isinstance(recorded, Counted)
-        name = name if of_count else str(recorded.folder)
-        plan = plan_of(recorded) if of_count else recorded.plan
-        versions = {} if of_count else changed_versions(recorded.versions)
-        with naming(name, ScenarioError):
-            ask_to_fly(plan.scenario, plan.flown)
-        again = (
-            _draws_again(recorded, name, run, count or DRAWN, fliers)
-            if of_count
-            else _rows_again(recorded, name, run, count or DRAWN)
-        )
-        drawn = tuple(again)
-        flown = None if run is None else fly_again(plan, run, progress=progress)
-        if flown is not None and run is not None and isinstance(recorded, Band):
-            of_band = not recorded.why_not(flown[plan.group_of(run).label])
-            flown = flown.within(recorded) if of_band else flown
-        return Reflown(source=name, runs=drawn, versions=versions, flown=flown)
-    if isinstance(recorded, Recording):
-        name, runs, missing = str(recorded.path), recorded.runs, recorded.missing
-    else:
-        name, runs, missing = "the runs", recorded, ()
-    for key, value in {"run": run, "count": count}.items():
+    asked = _Asked(
+        file=str(source) if isinstance(source, str | Path) else "",
+        run=run,
+        count=count,
+        laws=laws,
+        plants=plants,
+        progress=progress,
+        fliers=fliers,
+    )
+    return _again(load_one(source, FLOWN, RECORDING, DATASET, BAND), asked)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Asked:
+    """What is asked of `refly`, whatever is flown again."""
+
+    file: str  # empty for a value
+    run: int | None
+    count: int | None
+    laws: Mapping[str, LawMaker] | None
+    plants: Mapping[str, PlantMaker] | None
+    progress: Progress | None
+    fliers: Fliers
+
+
+@singledispatch
+def _again(runs: Sequence[Run], asked: _Asked) -> Reflown:
+    """Fly recorded runs again, or what a campaign or count draws of its flights."""
+    return _all_again(runs, "the runs", asked)
+
+
+@_again.register
+def _of_recording(recording: Recording, asked: _Asked) -> Reflown:
+    name = str(recording.path)
+    try:
+        again = _all_again(recording.runs, name, asked)
+    except (RecordingError, ScenarioError) as error:
+        raise RecordingError(f"{name}: {error}") from error
+    return replace(again, missing=recording.missing)
+
+
+@_again.register
+def _of_campaign(dataset: Dataset, asked: _Asked) -> Reflown:
+    name = str(dataset.folder)
+    again = _drawn_again(dataset.plan, name, _rows_again(dataset, name, asked), asked)
+    return replace(again, versions=changed_versions(dataset.versions))
+
+
+@_again.register
+def _of_count(counted: Counted, asked: _Asked) -> Reflown:
+    name = asked.file or "the band"
+    return _drawn_again(plan_of(counted), name, _draws_again(counted, name, asked), asked)
+
+
+@_again.register
+def _of_band(band: Band, asked: _Asked) -> Reflown:
+    again = _of_count(band, asked)
+    if again.flown is None or asked.run is None:
+        return again
+    flown = again.flown[plan_of(band).group_of(asked.run).label]
+    return again if band.why_not(flown) else replace(again, flown=again.flown.within(band))
+
+
+def _all_again(runs: Sequence[Run], name: str, asked: _Asked) -> Reflown:
+    """Fly all of some runs again."""
+    for key, value in {"run": asked.run, "count": asked.count}.items():
         if value is not None:
             raise InputError(f"{name}: `{key}` must be absent: all runs of a recording fly again.")
-    try:
-        checked = reflights(runs, laws=laws, plants=plants, progress=progress)
-    except (RecordingError, ScenarioError) as error:
-        if not isinstance(recorded, Recording):
-            raise
-        raise RecordingError(f"{name}: {error}") from error
+    checked = reflights(runs, laws=asked.laws, plants=asked.plants, progress=asked.progress)
     changed = [changed_versions(run.provenance.versions) for run in runs]
     versions = {key: pair for run in changed for key, pair in run.items()}
-    return Reflown(source=name, runs=checked, versions=versions, missing=missing)
+    return Reflown(source=name, runs=checked, versions=versions)
 
 
-def _rows_again(dataset: Dataset, name: str, run: int | None, count: int) -> Iterator[CheckedRun]:
+def _drawn_again(plan: Plan, name: str, checked: Iterator[CheckedRun], asked: _Asked) -> Reflown:
+    """Check runs of a plan, and fly the one that is asked for by its number."""
+    with naming(name, ScenarioError):
+        ask_to_fly(plan.scenario, plan.flown)
+    runs = tuple(checked)
+    flown = None if asked.run is None else fly_again(plan, asked.run, progress=asked.progress)
+    return Reflown(source=name, runs=runs, flown=flown)
+
+
+def _rows_again(dataset: Dataset, name: str, asked: _Asked) -> Iterator[CheckedRun]:
     """Rows of a campaign against their runs."""
     plan = dataset.plan
-    if run is not None:
-        runs = [run]
+    if asked.run is not None:
+        runs = [asked.run]
     else:
         rows = dataset.rows(["run", "status"]).to_pylist()
         # others may crash or hang again, in this process
         numbers = [row["run"] for row in rows if row["status"] not in ("crashed", "timed_out")]
-        drawn = np.random.default_rng().choice(numbers, min(count, len(numbers)), replace=False)
+        drawn = np.random.default_rng().choice(
+            numbers, min(asked.count or DRAWN, len(numbers)), replace=False
+        )
         runs = sorted(drawn.tolist())
     for number in runs:
         if (part := next((part for part in dataset.parts if number in part.runs), None)) is None:
@@ -163,16 +213,15 @@ def _rows_again(dataset: Dataset, name: str, run: int | None, count: int) -> Ite
         )
 
 
-def _draws_again(
-    band: Counted, name: str, run: int | None, count: int, fliers: Fliers
-) -> Iterator[CheckedRun]:
+def _draws_again(band: Counted, name: str, asked: _Asked) -> Iterator[CheckedRun]:
     """Flights of a band against the extremes that it keeps of them."""
-    plan, completed = plan_of(band), dict(zip(band.draws, np.isfinite(band.scores), strict=True))
+    plan, run = plan_of(band), asked.run
+    completed = dict(zip(band.draws, np.isfinite(band.scores), strict=True))
     if run is not None and run not in completed:
         first, last = band.draws[[0, -1]]
         raise InputError(f"{name}: `run` must be {first} to {last}, got {run}.")
-    draws = some_draws(band, count) if run is None else [run]
-    with WorkerPool(fliers) as pool:
+    draws = some_draws(band, asked.count or DRAWN) if run is None else [run]
+    with WorkerPool(asked.fliers) as pool:
         differ = differing(band, draws, pool)
     for draw in draws:
         yield CheckedRun(
