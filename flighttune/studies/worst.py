@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from functools import partial, singledispatch
 from itertools import product
 from pathlib import Path
-from typing import Any, Unpack
+from typing import Any, TypeAlias, Unpack
 
 import numpy as np
 import numpy.typing as npt
@@ -84,6 +84,9 @@ Indices = npt.NDArray[np.intp]
 # Intervals of a flight in each of which the sensitivity to a bang-bang disturbance is measured, and
 # times at which the disturbances of a round push an error.
 INTERVALS, TARGETS = 45, 25
+
+# Plan of the flights of a claim, settings of a `StatedSet` for them, and the claim if it is a tube.
+Searched: TypeAlias = tuple[Plan, dict[str, Any], Tube | None]
 
 # Values of the metric for n draws, larger is worse. The arguments are normal scores before
 # correlation, shape (n, d), and seeds, shape (n,).
@@ -240,8 +243,7 @@ def worst(
                 f"{place}metric, gains, starts, disturbance, changes and claim must be absent for "
                 "a tube or band file, which has its own."
             )
-        plan, searched_in = _flights_of(stated, place)
-        tube = stated if isinstance(stated, Tube) else None
+        plan, searched_in, tube = _flights_of(stated, place)
     else:
         if tube is not None and metric is not None:
             raise InputError("`metric` must not be given with a tube, whose share is the metric.")
@@ -283,28 +285,28 @@ def worst(
 
 
 @singledispatch
-def _flights_of(claim: Certificate | RateBound, place: str) -> tuple[Plan, dict[str, Any]]:
-    """The plan of the flights of a claim, and how they are searched."""
+def _flights_of(claim: Certificate | RateBound, place: str) -> Searched:
+    """The flights of a claim, and how they are searched."""
     del claim
     raise InputError(f"{place}must be of flights, to be searched, got a claim about gains.")
 
 
 @_flights_of.register
-def _of_logs(claim: LogMonitor, place: str) -> tuple[Plan, dict[str, Any]]:
+def _of_logs(claim: LogMonitor, place: str) -> Searched:
     del claim
     raise InputError(f"{place}must be of flights, to be searched, got a monitor of logs.")
 
 
 @_flights_of.register
-def _of_count(claim: Counted, place: str) -> tuple[Plan, dict[str, Any]]:
+def _of_count(claim: Counted, place: str) -> Searched:
     if not claim.claims:
         raise InputError(f"{place}the band must have a claim, got none.")
     share_of = partial(_share_of, counting.kept_of(claim), claim.about, claim.scale)
-    return counted_flights.plan_of(claim), {"metric": BAND, "probes": {BAND: share_of}}
+    return counted_flights.plan_of(claim), {"metric": BAND, "probes": {BAND: share_of}}, None
 
 
 @_flights_of.register
-def _of_tube(claim: Tube, place: str) -> tuple[Plan, dict[str, Any]]:
+def _of_tube(claim: Tube, place: str) -> Searched:
     if claim.status != "bounded":
         raise InputError(f"{place}the tube must be bounded, got one that is not: {claim.reason}.")
     problem, sizes = claim.problem, (0.0, 0.0)
@@ -321,7 +323,7 @@ def _of_tube(claim: Tube, place: str) -> tuple[Plan, dict[str, Any]]:
     scenario = with_gains(problem.scenario, [f"{problem.law.name}:tube"], title, [table])
     start_deg = problem.start * DEG_PER_RAD
     plan = plan_campaign(about(scenario, "tube", problem.plant, start_deg, sizes))
-    return plan, {"sizes": sizes, "start_deg": start_deg}
+    return plan, {"sizes": sizes, "start_deg": start_deg}, claim
 
 
 class StatedSet:
