@@ -18,7 +18,7 @@ from flighttune.flight.loop.run import Run
 from flighttune.flight.scenario.schema import Scenario
 from flighttune.gaps.watch import SignalModel
 
-# Relative difference of numbers that flights give again: other machines add up in another order.
+# Relative difference of numbers that are found again: other machines add up in another order.
 SAME = 1e-6
 
 
@@ -27,6 +27,7 @@ class Measured(ABC):
     """Signals of a flight that are counted. Each kind of count has a class of its own."""
 
     units: Mapping[str, str]  # by signal
+    models: tuple[SignalModel, ...] = ()  # which flights teach, and the file keeps
 
     min_learned: ClassVar[int] = MIN_LEARNED  # fewest flights that a count learns from
     max_windows: ClassVar[int] = MAX_WINDOWS
@@ -41,11 +42,6 @@ class Measured(ABC):
         """Those that a file states, of the flights of a plant in a scenario."""
         del scenario, plant
         return cls(units=about.signals)
-
-    @property
-    def models(self) -> tuple[SignalModel, ...]:
-        """Models that the file keeps, which flights teach."""
-        return ()
 
     @property
     def room(self) -> Floats:

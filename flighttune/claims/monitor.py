@@ -26,7 +26,7 @@ from flighttune.campaigns.flying.rows import fly_group
 from flighttune.campaigns.planning.plan import Plan
 from flighttune.claims.about import About, Of
 from flighttune.claims.counted import Counted, flown_by
-from flighttune.claims.measured import Measured
+from flighttune.claims.measured import SAME, Measured
 from flighttune.claims.shape import MIN_LEARNED
 from flighttune.control.theory.exact import Check, Verification
 from flighttune.flight.loop.run import SCORE, Alarm, Bounds, Kind, Run, RunClaim
@@ -38,8 +38,6 @@ MIN_LOGS = 3
 # Beginning of a log that is not judged, s: an autopilot that takes over has a transient.
 SETTLED_S = 8.0
 MAX_BYTES = 2**25
-# Relative difference of numbers that were found again: other machines add up in another order.
-SAME = 1e-6
 # Part of the samples of a log that another may have too: with more, one is a part of the other.
 SHARED = 0.9
 DIGITS = 12  # of these samples: one that is read between two others is rounded
@@ -112,8 +110,6 @@ class Watching(Answering):
 class WatchedSignals(Measured):
     """What signals of a flight are off from what healthy flights make expect of them."""
 
-    expected: tuple[watching.SignalModel, ...]
-
     # One half teaches the weights, the other the limits.
     min_learned: ClassVar[int] = 2 * MIN_LEARNED
 
@@ -136,27 +132,22 @@ class WatchedSignals(Measured):
                     "`models` must be those that flighttune monitor counts, with a weight for each "
                     "term."
                 )
-        return cls(units=about.signals, expected=about.models)
+        return cls(units=about.signals, models=about.models)
 
     @classmethod
     def _by(cls, models: tuple[watching.SignalModel, ...]) -> Self:
-        return cls(units=watching.units_of(models, SIGNAL_UNITS), expected=models)
-
-    @property
-    def models(self) -> tuple[watching.SignalModel, ...]:
-        """What is expected, which the file keeps."""
-        return self.expected
+        return cls(units=watching.units_of(models, SIGNAL_UNITS), models=models)
 
     @property
     def room(self) -> Floats:
         """Factors on the limits that are learned."""
-        return np.array([model.room for model in self.expected])
+        return np.array([model.room for model in self.models])
 
     def values(self, run: Run, scenario: Scenario) -> FloatArray:
         """The residuals of a run, shape (samples, signals)."""
         del scenario
-        columns = watching.columns_of(self.expected, run)
-        return watching.residuals(self.expected, columns, watching.dt_of(run))
+        columns = watching.columns_of(self.models, run)
+        return watching.residuals(self.models, columns, watching.dt_of(run))
 
     def windows(
         self, central: Scenario, samples: int, flights: int, per_unit: float
@@ -171,27 +162,28 @@ class WatchedSignals(Measured):
 
     def taught(self, pool: WorkerPool, plan: Plan, learned: int) -> Self:
         """The same with the weights that the first half of the flights learned from teaches."""
-        probes, runs = {"moments": partial(_moments, self.expected)}, range(self.teaching(learned))
+        probes, runs = {"moments": partial(_moments, self.models)}, range(self.teaching(learned))
         rows = pool.in_order(plan, runs, doing="learning", probes=probes)
-        sizes = [len(model.terms) + 1 for model in self.expected]
-        cuts = np.cumsum([size * size for size in sizes])[:-1]
-        flights = [np.split(np.array(row["moments"]), cuts) for row in rows if "moments" in row]
+        flights = [_products(self.models, row["moments"]) for row in rows if "moments" in row]
         if not flights:
             raise InputError(f"`learn` must have flights that are completed{why_ended(rows)}")
-        squares = (
-            [part.reshape(size, size) for part, size in zip(flight, sizes, strict=True)]
-            for flight in flights
-        )
-        return replace(self, expected=watching.taught(self.expected, squares))
+        return replace(self, models=watching.taught(self.models, flights))
 
     def check(self, pool: WorkerPool, plan: Plan, learned: int) -> None:
         """Refuse units and weights that are not those of the flights of a plan."""
-        if [*self._by(self.expected).units.items()] != [*self.units.items()]:
+        if [*self._by(self.models).units.items()] != [*self.units.items()]:
             raise InputError("`signals` must have the units of the flights.")
-        again = self.taught(pool, plan, learned).expected
-        for model, other in zip(self.expected, again, strict=True):
+        again = self.taught(pool, plan, learned).models
+        for model, other in zip(self.models, again, strict=True):
             if not np.allclose(model.weights, other.weights, rtol=SAME, atol=0.0):
                 raise InputError(f"`weights` of {model.name} must be those that its flights teach.")
+
+
+def _products(models: Sequence[watching.SignalModel], moments: npt.ArrayLike) -> list[FloatArray]:
+    """Products of the terms and target of each model, whose numbers stand in one row."""
+    sizes = [len(model.terms) + 1 for model in models]
+    parts = np.split(np.asarray(moments), np.cumsum(np.square(sizes))[:-1])
+    return [part.reshape(size, size) for part, size in zip(parts, sizes, strict=True)]
 
 
 def _moments(models: Sequence[watching.SignalModel], run: Run, _: Scenario) -> list[float]:
@@ -377,15 +369,10 @@ class LogMonitor(Watching):
         except ValueError:  # logs with different numbers of moments
             moments = peaks = np.zeros(0)
         models = self.logs[0].models
-        sizes = [len(model.terms) + 1 for model in models]
-        n, wanted = len(self.logs), sum(size * size for size in sizes)
+        n, wanted = len(self.logs), sum((len(model.terms) + 1) ** 2 for model in models)
         if moments.shape != (n, wanted) or peaks.shape != (n, n, len(models)):
             return [Check(name="numbers of logs and models", margin=-1.0, exact=False)]
-        cuts = np.cumsum([size * size for size in sizes])[:-1]
-        products = [
-            [x.reshape(size, size) for x, size in zip(np.split(log, cuts), sizes, strict=True)]
-            for log in moments
-        ]
+        products = [_products(models, log) for log in moments]
         checks = _agree(self.logs, _learned(models, products, peaks))
         # No residual is below its root mean square where that is known.
         plain = [i for i, x in enumerate(models) if x.terms[0] == "1" and not x.filtered]

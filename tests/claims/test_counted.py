@@ -145,7 +145,7 @@ def test_a_counted_monitor_watches_by_its_middle_and_its_scaled_limits():
     away = np.array([-1.0, 1.0]) * scores[:, None, None] * half[:, None] + middle[:, None]
     monitor = Monitor(
         about=about,
-        flights=flights_of(plan, WatchedSignals(units=units, expected=WATCHED), FLIGHTS),
+        flights=flights_of(plan, WatchedSignals(units=units, models=WATCHED), FLIGHTS),
         extremes=away[:, None].astype(np.float32),
         wind=np.zeros((FLIGHTS, 0)),
     )
