@@ -1,6 +1,7 @@
 """When a count ends, and what a number of flights outside supports then."""
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple, Self
@@ -85,7 +86,7 @@ class Supported(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Ending:
+class Ending(ABC):
     """A rule, fixed before a flight is counted, by which a count ends."""
 
     flights: int  # planned
@@ -102,9 +103,7 @@ class Ending:
         rule: dict[str, Any] = {"epsilon": about.epsilon, "confidence": about.confidence}
         if about.until_sure:
             return AnyTime(flights=flights, **rule)
-        if about.early:
-            return TwoSteps(flights=flights, first=about.early, **rule)
-        return Fixed(flights=flights, **rule)
+        return Fixed(flights=flights, early=about.early, **rule)
 
     @classmethod
     def enough(cls, flights: int | None, epsilon: float, confidence: float) -> Self:
@@ -113,9 +112,9 @@ class Ending:
         return cls(flights=flights, epsilon=epsilon, confidence=confidence)
 
     @property
+    @abstractmethod
     def stated(self) -> dict[str, Any]:
         """The ending as fields of `About`, of which `of` makes it again."""
-        return {"epsilon": self.epsilon, "confidence": self.confidence}
 
     @property
     def numbers(self) -> npt.NDArray[np.int64]:
@@ -135,25 +134,25 @@ class Ending:
         del flights
         return self.flights
 
+    @abstractmethod
     def looks(self) -> list[int]:
         """Numbers of flights, fewer than planned, after which the answer may be certain."""
-        raise NotImplementedError
 
     def allowed(self, flights: int) -> int:
         """How many may be outside, of `flights` or, if more, of those planned."""
         return allowed_outside(max(self.flights, flights), self.epsilon, self.confidence)
 
+    @abstractmethod
     def decided(self, outside: Sequence[int], flights: int) -> bool:
         """Whether the answer is certain, with so many outside for each claim."""
-        raise NotImplementedError
 
+    @abstractmethod
     def supported(self, outside: int, flights: int) -> Supported:
         """What is supported about a fence."""
-        raise NotImplementedError
 
+    @abstractmethod
     def scale(self, scores: FloatArray) -> float:
         """Scale of the bounds; infinite if the count claims none."""
-        raise NotImplementedError
 
     def shared(self, about: About, flights: int) -> Shared:
         """The claims of a count of `flights` that share its confidence."""
@@ -164,12 +163,23 @@ class Ending:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Fixed(Ending):
-    """It ends after the flights planned, or sooner where more are outside than may be."""
+    """It ends after the flights planned, or sooner where more are outside than may be.
+
+    In two steps it ends after the first `early` flights too, if none of them is outside.
+    """
+
+    early: int = 0  # 0 if it does not end so
+
+    @classmethod
+    def in_two_steps(cls, epsilon: float, confidence: float) -> Self:
+        """The fewest flights of which none may be outside first, and then one."""
+        early, flights = flights_in_two_steps(epsilon, confidence)
+        return cls(flights=flights, epsilon=epsilon, confidence=confidence, early=early)
 
     @property
-    def early(self) -> int:
-        """Flights after which it ends if none is outside; 0 if it never does."""
-        return 0
+    def stated(self) -> dict[str, Any]:
+        """The ending as fields of `About`, of which `of` makes it again."""
+        return {"epsilon": self.epsilon, "confidence": self.confidence, "early": self.early}
 
     def complete(self, flights: int) -> bool:
         """Whether a count of `flights` claims what it can."""
@@ -211,29 +221,6 @@ class Fixed(Ending):
             return math.inf
         scale, _ = counted_scale(scores, self.epsilon, self.confidence, self.early)
         return scale
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TwoSteps(Fixed):
-    """It ends after the first flights if none of them is outside, else after those planned."""
-
-    first: int
-
-    @classmethod
-    def fewest(cls, epsilon: float, confidence: float) -> Self:
-        """The fewest flights of which none may be outside first, and then one."""
-        first, flights = flights_in_two_steps(epsilon, confidence)
-        return cls(flights=flights, epsilon=epsilon, confidence=confidence, first=first)
-
-    @property
-    def early(self) -> int:
-        """Flights after which it ends if none is outside."""
-        return self.first
-
-    @property
-    def stated(self) -> dict[str, Any]:
-        """The ending as fields of `About`, of which `of` makes it again."""
-        return {"epsilon": self.epsilon, "confidence": self.confidence, "early": self.first}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -23,7 +23,7 @@ from flighttune.campaigns.planning.source import Flights
 from flighttune.campaigns.planning.source import flights as flights_of_source
 from flighttune.claims import counted_flights, counting
 from flighttune.claims.band import KEPT, Band, check_off_route
-from flighttune.claims.ending import AnyTime, Ending, Fixed, TwoSteps, each_of
+from flighttune.claims.ending import AnyTime, Ending, Fixed, each_of
 from flighttune.claims.turn_back import TurnBack
 from flighttune.flight.route import PlannedRoute, planned_route, route
 from flighttune.flight.scenario.load import scenario_from, with_changes
@@ -239,7 +239,7 @@ def _counted_room(turning: Plan, place: str, claim: Odds, fliers: Fliers) -> Tur
     return counting.counted_on(
         TurnBack,
         turning,
-        TwoSteps.fewest(*claim),
+        Fixed.in_two_steps(*claim),
         place=place,
         learn=LEARN_TURNS,
         certain=lambda turns: turns.decided,
@@ -293,7 +293,7 @@ class _NewFlights:
             return AnyTime.enough(self.flights, *claim)
         if self.flights is not None:
             return Fixed.enough(self.flights, *claim)
-        return TwoSteps.fewest(*claim)
+        return Fixed.in_two_steps(*claim)
 
     def check_path(
         self, claim: Odds, areas: dict[str, Any], fence: Path, terrain: str | Path | None
@@ -342,9 +342,8 @@ class _NewFlights:
         with WorkerPool(fliers) as pool:
             for key, x in ((key, x * value) for (key, factors), value in tried for x in factors):
                 value = float(f"{x:.3g}")
-                with suppress(
-                    InfeasibleError, InputError
-                ):  # neither route nor aircraft need have it
+                # Neither route nor aircraft need have it.
+                with suppress(InfeasibleError, InputError):
                     other = self.changed(key, value).plan.with_runs(band.about.plan["runs"])
                     rows = pool.in_order(other, lost)
                     if all(row["status"] == "completed" for row in rows):

@@ -9,12 +9,12 @@ from scipy.stats import binom
 
 import flighttune as ft
 from flighttune.claims.about import About
-from flighttune.claims.ending import AnyTime, Ending, Fixed, TwoSteps, each_of
+from flighttune.claims.ending import AnyTime, Ending, Fixed, each_of
 
 EPSILON, CONFIDENCE = 0.05, 0.95
 ROUNDING = 1e-9  # relative
 FIXED = Fixed(flights=93, epsilon=EPSILON, confidence=CONFIDENCE)
-TWO = TwoSteps(flights=105, first=66, epsilon=EPSILON, confidence=CONFIDENCE)
+TWO = Fixed(flights=105, early=66, epsilon=EPSILON, confidence=CONFIDENCE)
 ANY = AnyTime(flights=208, epsilon=EPSILON, confidence=CONFIDENCE)
 ENDINGS = {"fixed": FIXED, "two steps": TWO, "any time": ANY}
 
