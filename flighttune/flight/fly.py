@@ -210,9 +210,16 @@ def steered(plant: Plant, scenario: Scenario) -> Plant:
 
 
 def fly_alone(
-    entry: Entry, *, wind_run: Run | None = None, progress: Progress | None = None
+    entry: Entry,
+    *,
+    wind_run: Run | None = None,
+    progress: Progress | None = None,
+    compiled: bool = True,
 ) -> Run:
-    """Fly an entry; without the flight whose wind it replays, in the steady wind."""
+    """Fly an entry; without the flight whose wind it replays, in the steady wind.
+
+    `compiled`: an aircraft may be flown by its compiled step.
+    """
     entry = entry.bound()
     scenario = entry.scenario
     if entry.gains is None:
@@ -227,12 +234,13 @@ def fly_alone(
         reason = f"the wind is that of {source}, which did not fly: {wind_run.reason}"
         made_by = replace(provenance(entry), gains=entry.gains)
         return _without_samples(made_by, wind_run.status, reason)
-    plant = plant_of(entry.plant, scenario, wind, compiled=not code.jsbsim_flies())
+    compiled = compiled and not code.jsbsim_flies()
+    plant = plant_of(entry.plant, scenario, wind, compiled=compiled)
     run = fly_once(entry, plant, lead=entry.lead, progress=progress)
     turns = scenario.turn_back
     if run.status == "no_trim" and turns is not None and turns.or_level and turns.sloped_s is None:
         level = replace(entry, scenario=from_level(scenario))
-        return fly_alone(level, wind_run=wind_run, progress=progress)
+        return fly_alone(level, wind_run=wind_run, progress=progress, compiled=compiled)
     return run
 
 
@@ -301,8 +309,7 @@ def fly_once(
 
 def check_compiled(entry: Entry, run: Run) -> None:
     """Fly an entry by JSBSim too; a PlantError says where its compiled run differs."""
-    with code.in_jsbsim():
-        again = fly_alone(entry)
+    again = fly_alone(entry, compiled=False)
     first = "the samples"
     if run.signals.shape == again.signals.shape:
         same = run.signals.to_numpy() == again.signals.to_numpy()

@@ -147,9 +147,7 @@ def _flown_by_jsbsim(
         row[:] = [value() for value in read]
         if k % look == 0 or k == len(rows) - 1 or not going:
             now = {name: value() for name, value in constant.items()}
-            moved |= {
-                name: k / rate for name, x in now.items() if x != before[name] == before[name]
-            }
+            moved |= {name: k / rate for name, x in now.items() if not _same(x, before[name])}
         if moved or not going:
             return rows[: k + 1], k + 1, moved
     return rows, len(rows), moved
@@ -175,7 +173,7 @@ def _compared(
         reason = f"the check flight left the envelope after {steps} steps"
         return Verdict(steps=steps, compared=len(places), difference=reason)
     actual = _flown_compiled(step, plant, config, steps)[:, places]
-    same = (actual == expected) | (np.isnan(actual) & np.isnan(expected))
+    same = _same(actual, expected)
     names = [step.names.properties[i] for i in places]
     return Verdict(
         steps=steps,
@@ -203,6 +201,11 @@ def _flown_compiled(
         step.fly(start.states, start.parameters, 1, stream[k : k + 1], shown)
         row[:] = shown[len(names.signals) :]
     return rows
+
+
+def _same(a: Any, b: Any) -> Any:
+    """Whether numbers are equal, or both NaN."""
+    return (a == b) | (np.isnan(a) & np.isnan(b))
 
 
 def _difference(names: Sequence[str], expected: FloatArray, actual: FloatArray, same: Any) -> str:
