@@ -47,7 +47,6 @@ class CompiledStep:
 
     def __init__(self, source: Source, air: Air, names: Names, code: bytes) -> None:
         self.air, self.steps = air, source.steps
-        self._source = source
         self._model = source.model(air)
         self._machine = machine = MachineStep(names, code)
         self.names, self.functions = names, machine.functions

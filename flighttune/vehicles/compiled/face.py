@@ -13,12 +13,10 @@ from flighttune.base import units
 from flighttune.vehicles.aircraft.aircraft import AircraftConfig
 from flighttune.vehicles.compiled import machine
 from flighttune.vehicles.compiled.aircraft import CompiledStep as CompiledStep
-from flighttune.vehicles.compiled.aircraft import Start as Start
 from flighttune.vehicles.compiled.cache import Kept, kept_or_made
 from flighttune.vehicles.compiled.check import Verdict, check_flight
 from flighttune.vehicles.compiled.model import Air, Source
 from flighttune.vehicles.compiled.properties import Unsupported
-from flighttune.vehicles.compiled.signals import GUARDED as GUARDED
 from flighttune.vehicles.compiled.signals import shown_signals
 from flighttune.vehicles.compiled.step import traced
 from flighttune.vehicles.plants.weather import TurbulenceModel

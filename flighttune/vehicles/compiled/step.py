@@ -68,7 +68,7 @@ class MachineStep:
     """
 
     def __init__(self, names: Names, code: bytes) -> None:
-        self.names, self.code = names, code
+        self.names = names
         self._loaded = Loaded(code)
         void, pointer, count = None, ctypes.c_void_p, ctypes.c_int64
         of_step = ctypes.CFUNCTYPE(void, pointer, pointer, count, pointer, pointer, count)
