@@ -364,7 +364,7 @@ def screenshot(
     with whole_file(Path(path)) as part, Image.open(io.BytesIO(picture)) as image:
         width, height = image.size
         below = image.convert("RGB").crop((0, TITLE_BAR, width, height))
-        below.quantize(COLOURS, dither=Image.Dither.NONE).save(part, optimize=True)
+        below.quantize(COLOURS, dither=Image.Dither.NONE).save(part, format="PNG", optimize=True)
 
 
 def main() -> None:

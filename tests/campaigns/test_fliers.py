@@ -18,6 +18,8 @@ VERBS = "band", "compare", "meet", "mission", "monitor", "refly", "run_campaign"
             {"workers": 2, "scheduler": "tcp://127.0.0.1:1"},
             "`workers` must not be given with `scheduler`",
         ),
+        ({"workers": 100_000}, r"`workers` must be at most \d+, 16 for each core, got 100000"),
+        ({"scheduler": ""}, "`scheduler` must be tcp://HOST:PORT, got ''"),
         ({"scheduler": "127.0.0.1"}, "`scheduler` must be tcp://HOST:PORT, got '127.0.0.1'"),
     ],
 )

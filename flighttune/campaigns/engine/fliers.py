@@ -6,6 +6,9 @@ from typing import TypedDict
 from flighttune.base.errors import InputError
 from flighttune.campaigns.engine.progress import CampaignObserver
 
+# Most processes for each core of this machine.
+MOST_PER_CORE = 16
+
 
 class FlownBy(TypedDict, total=False):
     """Keywords of each verb that flies many runs."""
@@ -27,9 +30,16 @@ class Fliers:
         # imported here: the help of a command knows the keywords, and must not wait for NumPy
         from flighttune.base.arrays import check_at_least
         from flighttune.campaigns.engine.cluster import check_scheduler
+        from flighttune.flight.loop.batch import cores
 
         if self.workers is not None and self.scheduler is not None:
             raise InputError("`workers` must not be given with `scheduler`, which has its own.")
         check_at_least(1, workers=self.workers)
-        if self.scheduler:
+        # Each is a process of some 200 MB, which all start at once.
+        if (self.workers or 1) > (most := MOST_PER_CORE * cores()):
+            raise InputError(
+                f"`workers` must be at most {most}, {MOST_PER_CORE} for each core, got "
+                f"{self.workers}."
+            )
+        if self.scheduler is not None:
             check_scheduler(self.scheduler)
