@@ -7,7 +7,10 @@ import pytest
 import flighttune as ft
 from flighttune.campaigns.engine.fliers import Fliers, FlownBy
 
-VERBS = "band", "compare", "meet", "mission", "monitor", "refly", "run_campaign", "verify", "worst"
+VERBS = (
+    *("band", "compare", "meet", "mission", "monitor", "refly", "residual"),
+    *("run_campaign", "verify", "worst"),
+)
 
 
 @pytest.mark.parametrize(
@@ -30,12 +33,21 @@ def test_who_cannot_fly_is_refused_before_anything_is_planned(by, words):
         ft.worst("no_such_campaign", **by)
 
 
+def test_the_verbs_that_fly_many_runs_are_those_with_the_keywords_of_all():
+    signatures = {
+        x: inspect.signature(getattr(ft, x)) for x in dir(ft) if inspect.isfunction(getattr(ft, x))
+    }
+    keywords = {"workers", "scheduler", "observer"}
+
+    assert {*FlownBy.__annotations__} == keywords
+    assert {x for x, of in signatures.items() if keywords <= {*of.parameters}} == {*VERBS}
+
+
 @pytest.mark.parametrize("name", VERBS)
 def test_a_verb_has_the_keywords_of_all_and_refuses_others_by_its_name(name):
     verb = getattr(ft, name)
     parameters = inspect.signature(verb).parameters
 
-    assert {*FlownBy.__annotations__} == {"workers", "scheduler", "observer"}
     for key, kind in FlownBy.__annotations__.items():
         assert parameters[key].kind is inspect.Parameter.KEYWORD_ONLY
         assert (parameters[key].default, parameters[key].annotation) == (None, kind)

@@ -48,7 +48,7 @@ def test_a_name_says_its_law_and_gains(laws, name, law, listed):
     assert (entry.law.name, entry.listed, entry.name) == (law, listed, name)
 
 
-def test_numbers_that_a_law_does_not_take_are_flown_by_their_own():
+def test_gains_that_a_law_does_not_take_are_flown_by_the_law_they_are_of():
     rates = ft.loop.rate_gains(ft.PAPER_GAINS, V_a=25.0, g=9.81)
 
     assert entry_of(scenario(), "mine", rates).law.name == "exact"
