@@ -57,7 +57,7 @@ class RecordedSignals(Measured):
 
     @classmethod
     def chosen(cls, plan: Plan, signals: Iterable[str] | None) -> Self:
-        """Those of these names, by default the errors, on a route the distances from it."""
+        """Signals by name; by default the errors, or on a route the distances from it."""
         central, names = plan.campaign.central, dict.fromkeys(signals or ())
         if not names:  # all runs have them, so that no flight need say it
             off = OFF_ROUTE if central.route else ERRORS

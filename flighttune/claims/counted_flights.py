@@ -33,7 +33,6 @@ CALM, STEADY_WIND = "calm", "wind"
 # Tables of a scenario that calm air and steady wind do not have.
 DROPPED = {CALM: ("disturbance", "gust", "turbulence", "wind"), STEADY_WIND: ("gust", "turbulence")}
 
-
 # Distance between the places of a route that are known to its flights, m.
 APART = 10.0
 

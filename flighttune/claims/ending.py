@@ -239,7 +239,7 @@ class AnyTime(Ending):
         return {"epsilon": self.epsilon, "confidence": self.confidence, "until_sure": True}
 
     def readings(self, flights: int) -> tuple[int, ...]:
-        """None that is fixed beforehand."""
+        """No number is fixed beforehand."""
         del flights
         return ()
 

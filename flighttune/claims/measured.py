@@ -35,11 +35,11 @@ class Measured(ABC):
     @classmethod
     @abstractmethod
     def chosen(cls, plan: Plan, signals: Iterable[str] | None) -> Self:
-        """Those of a new count of the flights of a plan, in which `signals` are asked for."""
+        """Signals for a new count of the flights of a plan; `signals` are those asked for."""
 
     @classmethod
     def of(cls, about: About, scenario: Scenario, plant: str) -> Self:
-        """Those that a file states, of the flights of a plant in a scenario."""
+        """Signals that a file states, of the flights of a plant in a scenario."""
         del scenario, plant
         return cls(units=about.signals)
 
@@ -73,7 +73,7 @@ class Measured(ABC):
         return 0
 
     def taught(self, pool: WorkerPool, plan: Plan, learned: int) -> Self:
-        """The same with the models that the first flights of a plan teach."""
+        """The same signals with the models that the first flights of a plan teach."""
         del pool, plan, learned
         return self
 

@@ -264,7 +264,7 @@ class _NewFlights:
 
     @cached_property
     def plan(self) -> Plan:
-        """The plan of independent draws of them."""
+        """The plan of their independent draws."""
         return counting.drawn(self.stated, None, None, None, self.seed)
 
     @property
@@ -391,10 +391,10 @@ class _CountedFlights:
         return self.band
 
     def save(self, band: Band, file: Path) -> None:
-        """Nothing: the file is there."""
+        """Do nothing: the file is there."""
 
     def way_to_complete(self, band: Band, fliers: Fliers) -> str:
-        """Empty: none is flown with a change."""
+        """An empty sentence: no flight is flown with a change."""
         del band, fliers
         return ""
 

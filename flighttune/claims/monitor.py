@@ -108,21 +108,21 @@ class Watching(Answering):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WatchedSignals(Measured):
-    """What signals of a flight are off from what healthy flights make expect of them."""
+    """Residuals of the signals of a flight from what healthy flights predict."""
 
     # One half teaches the weights, the other the limits.
     min_learned: ClassVar[int] = 2 * MIN_LEARNED
 
     @classmethod
     def chosen(cls, plan: Plan, signals: Iterable[str] | None) -> Self:
-        """Those for which the flight at the median has the signals."""
+        """Residuals of the models whose signals the flight at the median has."""
         del signals
         run = fly_group(plan, plan.campaign.central, plan.groups[0])
         return cls._by(watching.models_of(run.signals))
 
     @classmethod
     def of(cls, about: About, scenario: Scenario, plant: str) -> Self:
-        """Those that a file states, if they are some that are counted."""
+        """Residuals that a file states, if their models are some that are counted."""
         del scenario, plant
         if [x.name for x in about.models] != [*about.signals]:
             raise InputError("`models` must be those of the `signals` of a monitor.")
@@ -161,7 +161,7 @@ class WatchedSignals(Measured):
         return learned // 2
 
     def taught(self, pool: WorkerPool, plan: Plan, learned: int) -> Self:
-        """The same with the weights that the first half of the flights learned from teaches."""
+        """The same residuals with weights that the first half of the flights teaches."""
         probes, runs = {"moments": partial(_moments, self.models)}, range(self.teaching(learned))
         rows = pool.in_order(plan, runs, doing="learning", probes=probes)
         flights = [_products(self.models, row["moments"]) for row in rows if "moments" in row]

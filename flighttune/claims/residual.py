@@ -30,13 +30,13 @@ class ResidualSignals(Measured):
 
     @classmethod
     def chosen(cls, plan: Plan, signals: Iterable[str] | None) -> Self:
-        """All of them, of the plant of a plan."""
+        """All residual signals, of the plant of a plan."""
         del signals
         return cls._of_plant(RESIDUALS, plan.scenario, plan.groups[0].plant)
 
     @classmethod
     def of(cls, about: About, scenario: Scenario, plant: str) -> Self:
-        """Those that a file states, of the model that was identified of a plant."""
+        """Signals that a file states, of the model identified of a plant."""
         return cls._of_plant(about.signals, scenario, plant)
 
     @classmethod

@@ -40,13 +40,13 @@ class RoomSignals(Measured):
 
     @classmethod
     def chosen(cls, plan: Plan, signals: Iterable[str] | None) -> Self:
-        """Both of them."""
+        """Both signals of `ROOM`."""
         del plan, signals
         return cls(units=ROOM)
 
     @classmethod
     def of(cls, about: About, scenario: Scenario, plant: str) -> Self:
-        """Those that a file states, of flights that turn back."""
+        """Signals that a file states, which must be those of flights that turn back."""
         del plant
         if about.signals != ROOM:
             raise InputError(
@@ -96,7 +96,6 @@ class TurnRoom(NamedTuple):
 
 # How flights ended, in words of a sentence.
 ENDED = {"no_trim": "without a steady flight at their start"}
-
 
 # How flights that turn back begin where their route has slopes.
 BEGUN = "begun in steady flight or, where there is none on a slope, in level flight before it"

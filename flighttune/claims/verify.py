@@ -255,7 +255,7 @@ class Again:
 
 @singledispatch
 def verification_of(claim: Certificate | RateBound, again: Again) -> Verification:
-    """The checks of a claim: of one that a file proves, from its numbers alone."""
+    """The checks of a claim; those of a certificate or bound need its numbers alone."""
     del again
     return claim.verify()
 

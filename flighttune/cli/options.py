@@ -190,7 +190,7 @@ def _radians(value: Any) -> Any:
 
 @contextmanager
 def flown_by() -> Iterator[FlownBy]:
-    """Who flies as the command line says, and is shown."""
+    """Workers of the command line, and an observer that shows the progress."""
     with campaign_display() as observer:
         yield {**WORKERS.get(), "observer": observer}
 

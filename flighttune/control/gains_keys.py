@@ -14,17 +14,14 @@ from flighttune.control.law import DEFAULT
 # Gains tuned on the model that ``[tuning]`` names.
 TUNED = "tuned"
 
-
 # Gains tuned on the identified model, whichever ``[tuning]`` names.
 TUNED_IDENTIFIED = "tuned_identified"
-
 
 # Gains of the exact law on the identified model: roll and load factor fed back, least errors in
 # turbulence.
 TUNED_FED_BACK = "tuned_fed_back"
 
-
-# Those above, the best first.
+# Gains tuned for an aircraft, the best first.
 TUNED_FOR_AIRCRAFT = TUNED_FED_BACK, TUNED_IDENTIFIED
 
 
@@ -45,7 +42,6 @@ def _square(rows: list[list[float]]) -> list[list[float]]:
 Feedback: TypeAlias = Annotated[
     list[Annotated[float, Field(ge=0.0, lt=1.0)]], Field(min_length=2, max_length=2)
 ]
-
 
 GainMatrix: TypeAlias = Annotated[list[list[q.Gain]], AfterValidator(_square)]
 

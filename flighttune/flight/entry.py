@@ -1,4 +1,4 @@
-"""Who flies: one gain set by one law on one plant of a scenario, found once by their names."""
+"""What flies: one gain set by one law on one plant of a scenario, found once by their names."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -84,7 +84,7 @@ class Entry:
         return entry_of(scenario, self.name, self.gains, self.plant.label)
 
     def bound(self, *parts: str) -> "Entry":
-        """The entry whose ``law``, ``plant``, by default both, have their class of the user."""
+        """The entry with the user's class of its ``law`` or ``plant``, by default of both."""
         names = {"law": self.law.name, "plant": self.plant.label}
         scenario = with_own(self.scenario, flown=[names[part] for part in parts or names])
         if scenario is self.scenario:

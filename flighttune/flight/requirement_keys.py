@@ -12,25 +12,19 @@ from flighttune.vehicles.plants.base import goes_by
 
 Subject: TypeAlias = Literal["chi", "gamma", "V", "flight", "loop", "cross_track", "height_err"]
 
-
 # Rows of time (s) and bound, of ``within``.
 Row: TypeAlias = Annotated[list[q.NotNegative], Field(min_length=2, max_length=2)]
 
-
 Within: TypeAlias = Annotated[list[Row], Field(min_length=1, max_length=20)]
-
 
 Bound: TypeAlias = Annotated[
     Annotated[q.Finite, Tag("number")] | Annotated[Within, Tag("rows")],
     Discriminator(lambda value: "rows" if isinstance(value, list) else "number"),
 ]
 
-
 Bounds: TypeAlias = dict[Subject, dict[str, Bound]]
 
-
 CHANNEL_MEASURES = (*metrics.METRICS, "peak_rad")
-
 
 MEASURES_OF = {
     "flight": (*metrics.FLIGHT_METRICS,),

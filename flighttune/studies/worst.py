@@ -77,7 +77,6 @@ ROUNDING = 1e-9
 # Value of a flight that was not flown to its end, beyond all others.
 FAILED = 1e3
 
-
 Seeds = npt.NDArray[np.int64]
 Indices = npt.NDArray[np.intp]
 

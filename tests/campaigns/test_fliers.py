@@ -1,4 +1,4 @@
-"""Who flies: one value below the verbs, whose keywords are the same in each of them."""
+"""Workers and observer: one value below the verbs, whose keywords are the same in each of them."""
 
 import inspect
 

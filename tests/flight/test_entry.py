@@ -1,4 +1,4 @@
-"""Who flies: the cells of plants, laws and gains, by the names that runs have."""
+"""What flies: the cells of plants, laws and gains, by the names that runs have."""
 
 import numpy as np
 import pytest

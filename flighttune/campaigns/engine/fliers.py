@@ -1,4 +1,4 @@
-"""Who flies the runs of a plan, and who watches: one value, made where a verb begins."""
+"""Workers that fly the runs of a plan, and their observer: one value, made where a verb begins."""
 
 from dataclasses import dataclass
 from typing import TypedDict

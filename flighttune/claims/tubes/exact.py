@@ -54,7 +54,6 @@ STEEPEST_ROLL = 14.0
 # Whether no flight of a piece is beyond a limit, all are, or it is not known
 FREE, LIMITED, OPEN = -1, 1, 0
 
-
 # The channels of a pass, the commands of roll and load factor, and both expected ones with feedback
 Commands: TypeAlias = tuple[list[sample.Channel], Form, Form, tuple[Form, ...]]
 

@@ -11,13 +11,10 @@ from flighttune.base.arrays import FloatArray
 
 TuningModel: TypeAlias = Literal["kinematic", "identified"]
 
-
 Weights: TypeAlias = Annotated[list[q.PositiveGain], Field(min_length=2, max_length=2)]
-
 
 # Keys of the kinematic model.
 KINEMATIC_ALONE = "I_star", "lag_rad_s", "sample_delay", "state_scaling", "structure"
-
 
 # Aims of gains behind the identified inner loop, under a bound on the sensitivity
 SHAPED = "decay", "E_K", "rms"

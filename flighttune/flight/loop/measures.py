@@ -24,7 +24,6 @@ AT_REST = 1e-9
 # Part of the time from which on a response is taken as steady.
 STEADY_FROM = 0.75
 
-
 # Measures of one channel.
 METRICS = (
     *("ITAE", "ITAE_mean", "PT_s", "MO_rad", "MS_rad", "ST_rad", "rise_s", "settling_s"),

@@ -81,7 +81,6 @@ LATER = ("envelope", "limits", "design")  # tables that follow from a trimmed fl
 
 LAW, TUNED, PAPER = "exact", "tuned_fed_back", "paper_scaled"  # law and gain sets of the turn
 
-
 Status: TypeAlias = Literal["adopted", "flies", "refused"]
 Say: TypeAlias = Callable[[str], object]  # called with the name of each stage
 
