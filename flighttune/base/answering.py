@@ -1,7 +1,7 @@
-"""Results that answer: what each says stands in the rooms above, and is found by a table.
+"""Results that answer: the functions that make their answers are found in a table.
 
-The functions that speak are imported on first use: this module knows every result, and nothing of
-what it says.
+They lie in the rooms above and are imported on first use: this module knows the names of all
+results, and no text of an answer.
 """
 
 from collections.abc import Mapping
@@ -12,7 +12,7 @@ from typing import Any
 # Characters of a line that is printed from Python.
 WIDTH = 100
 
-# The function that says what a result of each class is, and the one that draws its figure, as
+# The function that makes the answer of a result, and the one that draws its figure, by its class as
 # module:function.
 SPEAKERS = {
     "Adoption": "flighttune.outputs.answers.adoption:answer",
@@ -72,7 +72,7 @@ class Answering:
         """Write the JSON object of the answer; gains in it are read by `load_gains`."""
         self.answer().save(path)
 
-    # A dataclass makes a representation of all its arrays, unless its class has one already.
+    # Without one of its own a dataclass would be represented by all its arrays.
     def __init_subclass__(cls) -> None:
         cls.__repr__ = Answering.__str__
 
@@ -84,7 +84,7 @@ class Answering:
 
 
 class Drawn(Answering):
-    """A result that answers, and has a figure."""
+    """An answering result with a figure."""
 
     __slots__ = ()
 
@@ -94,7 +94,7 @@ class Drawn(Answering):
 
 
 def function_for(result: object, table: Mapping[str, str]) -> Any:
-    """The function in a table for the class of a result, or for the nearest one above it."""
+    """The function in a table for the class of a result, or for the nearest of its base classes."""
     line = [kind.__name__ for kind in type(result).__mro__]
     if (place := next((table[name] for name in line if name in table), None)) is None:
         raise NotImplementedError(f"`{line[0]}` must have a row in the tables of {__name__}.")

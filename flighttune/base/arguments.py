@@ -145,7 +145,7 @@ def _annotations(call: Callable[..., Any]) -> tuple[inspect.Signature, dict[str,
 
 
 def _stated(parameter: inspect.Parameter) -> list[inspect.Parameter]:
-    """A parameter; in place of keywords that a TypedDict states, each of them."""
+    """The parameter itself, or each keyword of the TypedDict that it unpacks."""
     if typing.get_origin(parameter.annotation) is not typing.Unpack:
         return [parameter]
     (table,) = typing.get_args(parameter.annotation)

@@ -20,7 +20,7 @@ def endings(rows: Iterable[Mapping[str, Any]]) -> list[dict[str, Any]]:
 
 
 def why_ended(rows: Iterable[Mapping[str, Any]]) -> str:
-    """The same in a line."""
+    """The reasons of flights in one line, each with its number of flights and status."""
     return "".join(f" {x['count']} {x['status']}: {x['reason']}" for x in endings(rows))
 
 

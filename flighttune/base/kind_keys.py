@@ -10,7 +10,7 @@ from flighttune.base import quantities as q
 
 
 class Kind(Protocol):
-    """What the keys of a table need to know of its kind."""
+    """A kind of law or plant, as the table that names it sees it."""
 
     @property
     def keys(self) -> frozenset[str]:
@@ -19,12 +19,12 @@ class Kind(Protocol):
 
     @property
     def required(self) -> tuple[str, ...]:
-        """Keys that it cannot do without."""
+        """Keys that must be given with it."""
         ...
 
 
 class OwnTable(q.Table):
-    """A law or plant, which may be a class of the user's: the class itself is in no file."""
+    """A law or plant, which may be a class of the user's; the class itself is in no file."""
 
     model_config = ConfigDict(serialize_by_alias=True)
 
@@ -58,7 +58,7 @@ class OwnTable(q.Table):
 
 
 def check_keys(table: q.Table, kind: str, kinds: Mapping[str, Kind]) -> None:
-    """Refuse keys of other kinds, and that a key is missing that a kind cannot do without."""
+    """Refuse keys of other kinds, and a table that lacks a key which its kind requires."""
     for key in sorted(table.model_fields_set - kinds[kind].keys):
         if others := " or ".join(name for name, other in kinds.items() if key in other.keys):
             raise ValueError(f"`{key.removesuffix('_')}` must be given with kind {others} only")

@@ -11,7 +11,7 @@ _TABLES = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Signal:
-    """A row of the table, whose head says what its keys mean; empty where it has none."""
+    """A row of `signals.toml`, whose head says what the keys mean; a key left out is empty."""
 
     unit: str
     symbol: str = ""
@@ -28,10 +28,10 @@ class Signal:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Subject:
-    """What requirements bound of a flight."""
+    """A quantity of a flight that requirements bound."""
 
-    error: str  # signal
-    command: str = ""  # that mostly moves it, if one does
+    error: str  # its signal
+    command: str = ""  # the one that mostly moves it, if there is one
     symbol: str
     word: str
 
@@ -56,13 +56,13 @@ SYMBOLS = {name: subject.symbol for name, subject in SUBJECTS.items()}
 SYMBOLS |= {x: SIGNALS[x].symbol for x in COMMAND_OF.values() if SIGNALS[x].symbol}
 CHANNEL_WORDS = {name: subject.word for name, subject in SUBJECTS.items()}
 
-# The same of the channels of the path, which every flight has.
+# Symbols and words of the channels of the path, which every flight has.
 CHANNEL_SYMBOLS = {name: SYMBOLS[name] for name in ("chi", "gamma")}
 CHANNEL_NAMES = {name: CHANNEL_WORDS[name] for name in CHANNEL_SYMBOLS}
 
 
 def titles(name: str, unit: str = "") -> tuple[str, str]:
-    """Title of a signal over time, and its label; `unit` (SI) is that of one without a title."""
+    """Title and label of a signal over time; `unit` (SI) is used where the table has no title."""
     signal = SIGNALS.get(name)
     if signal is None or not signal.title:
         return name, f"{name} [{shown_unit(unit)[0]}]"

@@ -3,7 +3,7 @@
 import math
 from typing import Annotated, TypeAlias
 
-# Floats by their unit, for signatures: a command line shows it, and has degrees for radians.
+# Floats with their unit, for signatures: a command line shows it, and takes degrees for radians.
 Degrees: TypeAlias = Annotated[float, "deg"]
 Metres: TypeAlias = Annotated[float, "m"]
 MetresPerSecond: TypeAlias = Annotated[float, "m/s"]

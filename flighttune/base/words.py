@@ -99,12 +99,12 @@ def distinct(names: Iterable[str]) -> list[str]:
 
 
 def rate(per_s: float) -> str:
-    """A number a second, to three figures or whole."""
+    """A rate per second with three figures; whole from 100 on."""
     return f"{per_s:.0f}" if per_s >= 100.0 else f"{per_s:.3g}"
 
 
 def duration(seconds: float) -> str:
-    """A time as one would say it: ``48 s``, ``12 min``, ``3.4 h``."""
+    """A time in its usual unit: ``48 s``, ``12 min``, ``3.4 h``."""
     if seconds < 120.0:
         return f"{seconds:.0f} s" if seconds >= 10.0 else f"{seconds:.2g} s"
     return f"{seconds / 60.0:.0f} min" if seconds < 7200.0 else f"{seconds / 3600.0:.1f} h"

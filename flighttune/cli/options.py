@@ -1,7 +1,7 @@
 """Commands made of the verbs of the package.
 
-``cli/verbs.py`` reads the parameters of a verb and their sentences; ``commands.toml`` has what no
-signature can say.
+``cli/verbs.py`` reads the parameters of a verb and their sentences; ``commands.toml`` has what a
+signature cannot state.
 """
 
 import re
@@ -32,10 +32,10 @@ from flighttune.outputs.answers.answer import Answer
 COMMANDS = tomllib.loads(Path(__file__).with_name("commands.toml").read_text(encoding="utf-8"))
 ALIKE, FORMER = COMMANDS.pop("alike"), COMMANDS.pop("former")
 
-# `--workers` and `--scheduler` of a command that flies, which all of them have.
+# `--workers` and `--scheduler`, which every command takes.
 WORKERS: ContextVar[FlownBy] = ContextVar("workers")
 
-# `--run-code` of a command that flies again what a file of flighttune's has.
+# `--run-code` of a command that flies what a file written by flighttune holds.
 RUN_CODE: ContextVar[bool] = ContextVar("run_code", default=False)
 
 # The command's verb, bound to the options that the user gave.
@@ -60,7 +60,7 @@ def changes(settings: list[str]) -> dict[str, Any]:
     return values
 
 
-# What makes a value of the words of an option, and what a shell completes.
+# Functions that read the words of an option, and those that list what a shell completes.
 READ: dict[str, Callable[[list[str]], Any]] = {
     "changes": changes,
     "numbers": lambda words: {name: float(x) for name, _, x in (w.partition("=") for w in words)},
@@ -89,7 +89,7 @@ class Option:
 
     name: str
     argument: Argument  # of the verb; an empty one of an option that only the command has
-    own: Any = None  # type of an option that only the command has
+    own: Any = None  # its type, if only the command has it
     help: str = ""
     sentence: str = ""
     metavar: str | None = None
@@ -111,7 +111,7 @@ class Option:
 
     @cached_property
     def kind(self) -> Any:
-        """Type of what the command line has; None if it cannot have it."""
+        """Type of its value on the command line; None if it has no form there."""
         if self.read:
             return list[str]
         if self.choices:
@@ -146,7 +146,7 @@ class Option:
         return Parameter(self.name, Parameter.KEYWORD_ONLY, default=value, annotation=annotation)
 
     def _help(self, flags: Mapping[str, str], *, repeatable: bool) -> str:
-        """The sentences of the option, with its unit, ending and default."""
+        """The help text of the option, with its unit, endings and default."""
         if self.help:
             default = f" [default: {self.default}]" if self.default else ""
             return _in_first_sentence(self.help.format(*self.ending), default)
@@ -157,7 +157,7 @@ class Option:
         return _in_first_sentence(text, unit + "; repeatable" * repeatable, self.sentence)
 
     def words(self, words: list[str]) -> Any:
-        """The value of an option that has words of a form."""
+        """The value that the words of an option state."""
         try:
             return READ[self.read](words)
         except InputError:
@@ -178,7 +178,7 @@ class Option:
 
 
 def _in_first_sentence(text: str, more: str, sentence: str = "") -> str:
-    """A text with `more` in its first sentence, before a default in brackets; or another first."""
+    """The text with `more` at the end of its first sentence, or of `sentence` in its place."""
     first, bracket, others = re.split(r"( \[default: |\.(?= |$))", text, maxsplit=1)
     return f"{sentence or first}{more}{bracket}{others}"
 
@@ -190,7 +190,7 @@ def _radians(value: Any) -> Any:
 
 @contextmanager
 def flown_by() -> Iterator[FlownBy]:
-    """Workers of the command line, and an observer that shows the progress."""
+    """The keywords of a verb that flies many runs, with the display of its progress."""
     with campaign_display() as observer:
         yield {**WORKERS.get(), "observer": observer}
 
@@ -227,7 +227,7 @@ class Command:
         }
 
     def _known(self, spelled: Mapping[str, Any]) -> Iterator[Option]:
-        """Parameters of verb and body, also those that are no options but that helps may name."""
+        """Parameters of verb and body; a help may name those that are no options too."""
         own = self.own | OF_ALL
         names = dict.fromkeys([*self.verb, *own])
         for name in sorted(names, key=lambda x: (x in OF_ALL, x == "changes")):
@@ -266,7 +266,7 @@ class Command:
                 emit(answer, source)
 
     def _read(self, given: Mapping[str, Any], source: Any) -> dict[str, Any]:
-        """Values of the options, from words where they have a form; the files to write."""
+        """Values of the options: words are read, and files to write are checked and named."""
         values = dict(given)
         for name, option in self.options.items():
             if option.read:
@@ -281,7 +281,7 @@ class Command:
         return values
 
     def _called(self, values: Mapping[str, Any], source: Any) -> Verb:
-        """The verb, bound to what was given."""
+        """The verb, bound to the options that differ from their defaults."""
         defaults = {x: option.value for x, option in self.options.items()}
         others = self.source, self.several
         given = {
@@ -299,7 +299,7 @@ def command(body: Callable[..., Answer | None], texts: Mapping[str, Any]) -> Cal
 
 
 def _called(place: str, names: list[str], source: Any, /, *values: Any, **keywords: Any) -> Any:
-    """Import a verb and call it, watched and flown as the command line says."""
+    """Import a verb and call it with the workers of the command line, its progress shown."""
     module, _, name = place.partition(":")
     keywords |= {"run_code": True} if RUN_CODE.get() else {}
     with ExitStack() as stack:

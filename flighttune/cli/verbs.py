@@ -1,6 +1,6 @@
-"""Verbs as the text of their modules tells them: a help starts without importing NumPy.
+"""Signatures and docstrings of verbs, read from source: a help starts without importing NumPy.
 
-Types, units and defaults are those of the signature; of the docstring only sentences are shown.
+The signature gives types, units and defaults, the docstring only the sentences of the help.
 """
 
 import ast
@@ -25,12 +25,12 @@ SEQUENCES = "Iterable", "Sequence"
 
 @dataclass(frozen=True, kw_only=True)
 class Argument:
-    """A parameter of a verb, as an option may have it."""
+    """A parameter of a verb, of which an option may be made."""
 
     name: str
     kind: Any = None  # type on a command line; None if it has none there
     unit: str = ""
-    default: Any = None  # None also of one that is not a literal
+    default: Any = None  # None too if it is not a literal
     several: bool = False  # takes any number of values
     text: str = ""  # its sentences in the docstring
 
@@ -63,7 +63,7 @@ def _source(module: str) -> str:
 
 
 def _stated(stated: ast.arguments, module: str) -> Iterator[Argument]:
-    """Parameters of a signature: the one of any number of values last."""
+    """Parameters of a signature; the one that takes any number of values is last."""
     parameters = [*stated.args, *stated.kwonlyargs]
     defaults = [*stated.defaults, *stated.kw_defaults]
     required: list[ast.expr | None] = [None] * (len(parameters) - len(defaults))
@@ -78,7 +78,7 @@ def _stated(stated: ast.arguments, module: str) -> Iterator[Argument]:
 
 
 def _kind(annotation: ast.expr | None, module: str) -> Any:
-    """Type that a value has on a command line, if it has one: for several of them a list."""
+    """Type of a value on a command line, a list for a sequence; None if it has no form there."""
     match annotation:
         case ast.BinOp(left=left, right=right):
             kinds = [x for x in (_kind(left, module), _kind(right, module)) if x]
@@ -99,7 +99,7 @@ def _unit(annotation: ast.expr) -> str:
 
 
 def _choices(name: str, module: str) -> ast.expr | None:
-    """The `Literal` that a module, or the one it imports from, calls by a name."""
+    """The `Literal` of that name in a module, or in the one that it imports the name from."""
     text = _source(module)
     if alias := re.search(rf"^{name}(?:: TypeAlias)? = (Literal\[[^\]]*\])", text, re.MULTILINE):
         return ast.parse(alias[1], mode="eval").body

@@ -20,7 +20,7 @@ from typing import NamedTuple, ParamSpec, TypeVar
 from flighttune.base.errors import ScenarioError
 from flighttune.base.files.whole import allowed
 
-# Variable of the environment that, if it is set, lets JSBSim itself fly every aircraft.
+# Environment variable; while it is set, JSBSim itself flies every aircraft.
 JSBSIM = "FLIGHTTUNE_JSBSIM"
 
 P = ParamSpec("P")
