@@ -7,12 +7,9 @@ from flighttune.outputs.exports.jsbsim_folder import COLUMNS, CSV, README, SCRIP
 
 def source(exported: ExportedSource) -> Answer:
     """The files and their folder."""
-    files = {
-        "folder": exported.source.parent,
-        "source": exported.source,
-        "monitor": exported.monitor,
-    }
-    return Answer(notes=exported.notes, files={k: file for k, file in files.items() if file})
+    monitor = {"monitor": exported.monitor} if exported.monitor else {}
+    files = {"folder": exported.source.parent, "source": exported.source, **monitor}
+    return Answer(notes=exported.notes, files=files)
 
 
 def flight(exported: ExportedFlight) -> Answer:

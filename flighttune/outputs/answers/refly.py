@@ -21,10 +21,8 @@ def answer(reflown: Reflown, signals: Mapping[str, Path] | None = None) -> Answe
     drawn = [
         {"parameter": key, "value": str(value)} for key, value in reflown.runs[0].drawn.items()
     ]
-    around, versions = (
-        claimed(reflown.flown.runs if reflown.flown else ()),
-        reflown.versions.items(),
-    )
+    around = claimed(reflown.flown.runs if reflown.flown else ())
+    versions = reflown.versions.items()
     changed = [f"{name}: {then} then, {now} now" for name, (then, now) in versions]
     different = [f"{r['run']}: {r['result']}" for r in records if not r["equal"]]
     return Answer(

@@ -17,13 +17,11 @@ def answer(route: PlannedRoute, faults: Sequence[str] = ()) -> Answer:
     With `faults` of the path, a sentence each, the answer is no: they are its first lines.
     """
     path, slowest, time = route.reference.path, float(route.reference.V.min()), route.time
-    stretches, in_wind = route.stretches, f"a wind of {route.wind:.3g} m/s"
-    if not route.wind:
-        in_wind = ""
-    elif route.wind < slowest:
-        in_wind = f", at most {path.length / (slowest - route.wind):.0f} s in {in_wind}"
-    else:
-        in_wind = f", without an end against {in_wind}, which is faster than the aircraft"
+    stretches, in_wind, wind = route.stretches, "", f"a wind of {route.wind:.3g} m/s"
+    if 0.0 < route.wind < slowest:
+        in_wind = f", at most {path.length / (slowest - route.wind):.0f} s in {wind}"
+    elif route.wind:
+        in_wind = f", without an end against {wind}, which is faster than the aircraft"
     length = f"{path.length:.0f} m, {time:.0f} s in still air{in_wind}"
     flown = f"The path can be flown{route.except_slopes}: {length}."
     plants = ", ".join(table.label for table in route.scenario.plant)
