@@ -1,1 +1,1 @@
-"""What each result says: tables, sentences and advice, one file a subject."""
+"""The answers of all results: tables, sentences and advice, one file for each subject."""

@@ -1,4 +1,4 @@
-"""What an adoption says."""
+"""The answer of an adoption."""
 
 import math
 

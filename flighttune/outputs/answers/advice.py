@@ -69,7 +69,7 @@ def mistake(run: Run) -> str:
 def ways_of(
     scenario: Scenario, run: Run, runs: Sequence[Run], source: str, slopes: Sequence[str]
 ) -> Iterator[str]:
-    """What may help a run that misses an upper bound, a phrase each."""
+    """Phrases that name what may help a run that misses an upper bound."""
     made_by, reference, V_a = run.provenance, scenario.reference, scenario.flight.V_a_mps
     tables = scenario.expected(made_by.plant, made_by.gains_name)
     ends = [table.status for table in tables if table.status] or ["completed"]

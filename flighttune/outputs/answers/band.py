@@ -1,4 +1,4 @@
-"""What a band says, and a mission with its corridor."""
+"""The answer of a band, and of a mission with its corridor."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -88,7 +88,7 @@ def summary(band: Band, room: Counted | None = None, room_words: str = "") -> li
 
 
 def in_fence(band: Band, fenced: Fenced, sure: str) -> tuple[str, str]:
-    """Whether the mission stays inside its fence, and with which odds."""
+    """Sentences that say whether the mission stays inside its fence, and with which odds."""
     flights, slower = len(band.scores), band.flights.route.except_slopes
     nearest = min(fenced.nearest, key=lambda row: row["margin_m"])
     margin = nearest["margin_m"]

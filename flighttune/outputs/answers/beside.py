@@ -1,4 +1,4 @@
-"""What the guidance of a user says beside our gains."""
+"""The answer of the guidance of a user beside our gains."""
 
 import math
 from collections.abc import Mapping, Sequence

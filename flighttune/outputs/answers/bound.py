@@ -1,4 +1,4 @@
-"""What a bound on R_K says."""
+"""The answer of a bound on R_K."""
 
 from flighttune.base.words import pick
 from flighttune.control.certificates.bound import RateBound

@@ -1,4 +1,4 @@
-"""What a campaign says before it is flown, and after."""
+"""The answers of a campaign: before it is flown, and after."""
 
 from flighttune.base.words import duration, pick, rate
 from flighttune.campaigns.engine.engine import CampaignOutcome, Forecast

@@ -1,4 +1,4 @@
-"""What a certificate says."""
+"""The answer of a certificate."""
 
 from collections.abc import Mapping
 from typing import Any

@@ -1,4 +1,4 @@
-"""What certifying gains says."""
+"""The answer of certifying gains."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""What a comparison says."""
+"""The answer of a comparison."""
 
 import pandas as pd
 

@@ -1,4 +1,4 @@
-"""What a count says."""
+"""The answer of a count."""
 
 from pathlib import Path
 from typing import Any

@@ -1,4 +1,4 @@
-"""What a designed aircraft says, and its figure."""
+"""The answer of a designed aircraft, and its figure."""
 
 import math
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""What an export says."""
+"""The answers of exports."""
 
 from flighttune.outputs.answers.answer import Answer
 from flighttune.outputs.exports.export import ExportedSource

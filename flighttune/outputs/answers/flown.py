@@ -1,4 +1,4 @@
-"""What a flown scenario says."""
+"""The answer of a flown scenario."""
 
 from collections.abc import Mapping
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""What the frontier of a scenario says."""
+"""The answer of the frontier of a scenario."""
 
 from flighttune.flight.gains import Frontier
 from flighttune.outputs.answers.answer import Answer, Table

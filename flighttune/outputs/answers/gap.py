@@ -1,4 +1,4 @@
-"""What the gap between law and aircraft says."""
+"""The answer of the gap between law and aircraft."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace

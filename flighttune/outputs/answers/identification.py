@@ -1,4 +1,4 @@
-"""What the identification of an aircraft says, and its figure."""
+"""The answer of the identification of an aircraft, and its figure."""
 
 from itertools import chain
 from typing import TypeAlias

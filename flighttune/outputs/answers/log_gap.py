@@ -1,4 +1,4 @@
-"""What the gap between a log and a model says."""
+"""The answer and the figure of the gap between a log and a model."""
 
 from collections.abc import Mapping
 
@@ -29,7 +29,7 @@ PART_COLUMNS = [Column("from_s", "from", "s", ".1f"), *RUNG_COLUMNS[1:]]
 
 
 def answer(gap: LogGap) -> Answer:
-    """Differences by what flew the commands, causes, factors, and where they part."""
+    """Differences of each model that flew the commands, their causes, factors and places."""
     apart = {name: difference(gap.t, gap.logged, flown) for name, flown in gap.flights.items()}
     chi, t = np.abs(np.nan_to_num(apart[gap.aircraft]["chi"])), compared(gap.t, gap.t)
     worst = np.unravel_index(np.argmax(chi), chi.shape)

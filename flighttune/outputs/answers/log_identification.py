@@ -1,4 +1,4 @@
-"""What the identification from logs says, and its figure."""
+"""The answer of the identification from logs, and its figure."""
 
 from flighttune.base.words import pick
 from flighttune.logs.identify import NAMES, SHOWN_S, UNITS, LogIdentification

@@ -1,4 +1,4 @@
-"""What gains say that were searched for."""
+"""The answer of a search for gains that meet requirements."""
 
 from collections.abc import Mapping
 from typing import Any

@@ -1,4 +1,4 @@
-"""What a mission says, planned or counted."""
+"""The answers of a mission, planned or counted."""
 
 from dataclasses import replace
 

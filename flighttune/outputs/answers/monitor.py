@@ -1,4 +1,4 @@
-"""What a monitor of logs says."""
+"""The answer of a monitor of logs."""
 
 from dataclasses import asdict
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""What runs say that were flown again."""
+"""The answer of runs that were flown again."""
 
 from collections.abc import Mapping
 from pathlib import Path

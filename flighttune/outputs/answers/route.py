@@ -1,4 +1,4 @@
-"""What a planned route says."""
+"""The answer of a planned route."""
 
 from collections.abc import Sequence
 

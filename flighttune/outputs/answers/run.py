@@ -1,4 +1,4 @@
-"""What runs say: the claims about them, who had priority, and their styles."""
+"""The parts of answers about runs: their claims, speed priority and styles."""
 
 from collections.abc import Iterable, Sequence
 

@@ -23,7 +23,7 @@ MARGIN_COLUMNS = columns(
 
 
 def margins_table(margins: Sequence[Margins]) -> Table:
-    """Stability margins: a row a channel, and one for all channels at once."""
+    """Stability margins: a row for each channel, and one for all channels at once."""
     records = [
         {
             **pick(row, "loop gain_decrease gain_increase"),
@@ -39,7 +39,7 @@ def margins_table(margins: Sequence[Margins]) -> Table:
 
 
 def lags_table(aircraft: IdentifiedAircraft) -> Table:
-    """Every lag with its fit, a row each channel of a condition."""
+    """Every lag with its fit, a row for each channel of a condition."""
     records = []
     for point in aircraft.conditions:
         place = {"V_a_mps": point.V_a, "gamma_deg": point.gamma * DEG_PER_RAD}
@@ -56,7 +56,7 @@ def dispersions_table(distribution: Distribution, flown: str) -> Table:
 
 
 def gains_table(title: str, gains: PIGains | None) -> Table:
-    """Gains as a table, a row a command; no rows where there are no gains."""
+    """Gains as a table with a row for each command; no rows where there are no gains."""
     columns = [Column("command", "command")]
     for part, of in (("P", "e_"), ("I", "int e_")):
         errors = enumerate(ERRORS if gains is None else gains.errors)

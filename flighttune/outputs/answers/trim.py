@@ -1,4 +1,4 @@
-"""What steady flights of an aircraft say."""
+"""The answer of the steady flights of an aircraft."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import groupby

@@ -1,4 +1,4 @@
-"""What a tube says, and the disturbances that were tried for one."""
+"""The answers of a tube, and of the disturbances that were tried for one."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""What tuning says."""
+"""The answer and the charts of tuning."""
 
 import itertools
 from collections.abc import Mapping

@@ -1,4 +1,4 @@
-"""What flights that turn back say."""
+"""The table of flights that turn back and do not complete."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""What the verification of a claim says."""
+"""The answer of the verification of a claim."""
 
 from dataclasses import asdict
 

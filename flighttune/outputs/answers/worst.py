@@ -1,4 +1,4 @@
-"""What the worst flight says."""
+"""The answer of a search for the worst flight."""
 
 from flighttune.base.words import pick
 from flighttune.outputs.answers.answer import Answer, Table

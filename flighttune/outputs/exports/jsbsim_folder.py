@@ -211,7 +211,7 @@ def _built(entry: Entry, folder: Path) -> ExportedFlight:
 
 
 def _written(trees: Mapping[Path, Element], values: Mapping[str, float]) -> set[str]:
-    """Write systems with these values of their properties; the names of those that they declare."""
+    """Write systems with these values; return the names of the properties that they declare."""
     declared: set[str] = set()
     for file, tree in trees.items():
         declared |= _declare(tree, values)
@@ -221,7 +221,7 @@ def _written(trees: Mapping[Path, Element], values: Mapping[str, float]) -> set[
 
 
 def _write_readme(entry: Entry, file: Path, own: Mapping[str, Any]) -> None:
-    """Say what the folder is, how it is flown and how its flight compares."""
+    """Write what the folder is, how it is flown and how its flight compares."""
     scenario = entry.scenario
     text = _README.read_text(encoding="utf-8").format(
         **own,

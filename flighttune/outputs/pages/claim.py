@@ -44,7 +44,7 @@ CHARTS = {
 
 
 class Asked(NamedTuple):
-    """What a page of a claim is to show besides."""
+    """What the page of a claim shows beside the claim."""
 
     source: str  # file of the claim
     room: TurnBack | None = None  # in which flights turn back, whose volumes the map has
@@ -54,7 +54,7 @@ class Asked(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Parts:
-    """The page of a claim: what it says, and what it was made of."""
+    """The parts of the page of a claim, and the files that it was made of."""
 
     title: str
     sentences: Sequence[str]  # at the top
