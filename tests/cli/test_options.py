@@ -17,7 +17,7 @@ from flighttune.cli.options import ALIKE, COMMANDS, Command
 
 TEXTS = {name: texts for panel in COMMANDS.values() for name, texts in panel.items()}
 
-# Words that say a folder, an ending, a default, choices and a unit, all of them others.
+# Words of a help that name another folder, ending, default, unit and other choices.
 OTHER = 'Folder (.csv), a number, {"a", "b"}, in rad; by default 7 [default: runs/other/NAME.csv].'
 
 
