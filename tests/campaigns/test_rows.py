@@ -253,7 +253,7 @@ def test_the_compiled_samples_of_a_route_are_loaded_before_its_runs_are_timed(mo
     from flighttune.flight.loop import compiled
 
     parts, fly = [], compiled.fly_samples
-    monkeypatch.setattr(compiled, "fly_samples", lambda *x: parts.append(x[5][:2]) or fly(*x))
+    monkeypatch.setattr(compiled, "fly_samples", lambda *x: parts.append(x[6][:2]) or fly(*x))
 
     warm_up(ft.plan_campaign(ft.load_campaign("circuit_in_wind", gains=["paper"])))
 

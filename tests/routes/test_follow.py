@@ -67,7 +67,7 @@ def test_compiled_samples_fly_as_the_plain_loop_does(monkeypatch, name, changes)
     from flighttune.flight.loop import compiled
 
     calls, fly = [], compiled.fly_samples
-    monkeypatch.setattr(compiled, "fly_samples", lambda *x: calls.append(x[5][:2]) or fly(*x))
+    monkeypatch.setattr(compiled, "fly_samples", lambda *x: calls.append(x[6][:2]) or fly(*x))
     fed_back = {"law": ["exact"], "gains": ["tuned_fed_back"], "expect": []}
     flown = []
     for samples in (0, math.inf):
