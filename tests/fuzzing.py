@@ -16,6 +16,7 @@ from xml.etree import ElementTree
 
 import pytest
 from annotated_types import Ge, Gt, Le, Lt
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import BaseModel
 
@@ -352,3 +353,14 @@ def damaged(data, draw):
             swapped = bytearray(data)
             swapped[at], swapped[other] = data[other], data[at]
             return kind, bytes(swapped)
+
+
+def few_or_many(few, many):
+    """A test with the number of its cases: a few with the others, and many in counts."""
+    counts = pytest.param(few, marks=pytest.mark.slow), pytest.param(many, marks=pytest.mark.counts)
+    return pytest.mark.parametrize("count", counts)
+
+
+def check_cases(check, cases, count):
+    """Check so many cases, with flights from a seed each, as hypothesis finds them."""
+    settings(max_examples=count)(given(case=cases, seed=st.integers(0, 2**32 - 1))(check))()

@@ -2,6 +2,7 @@
 
 import numpy as np
 from dispersed import plan_of
+from made_up import made_up_scenario
 
 import flighttune as ft
 from flighttune.claims.about import About
@@ -11,7 +12,6 @@ from flighttune.claims.counted_flights import flights_of
 from flighttune.claims.distribution import Distribution
 from flighttune.claims.residual import ResidualSignals
 from flighttune.gaps.residual import RESIDUALS
-from tests.made_up import made_up_scenario
 
 # Half width of the boxes, rad/s: the Aerosonde leaves over a tenth of it in gentle flight.
 WIDE = float(np.float32(0.05))

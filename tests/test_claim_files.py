@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from made_up_tubes import claim_of, rewritten
 
 import flighttune as ft
 from flighttune.control.certificates.exact_rate import exact_rates
-from tests.claims.tubes.test_proof import claim_of, rewritten
 
 FILES = Path(__file__).parent / "files_of_0_3_0"
 

@@ -13,15 +13,13 @@ import numpy as np
 import pyarrow as pa
 import pytest
 from fuzzing import EDGES, TEXTS, damaged, digit_changed, holder_of, places_in
+from made_up import shortened
+from made_up_band import counted_boxes
+from made_up_tubes import aircraft_scenario, all_stay, arrays_of, tube, tube_scenario
 
 import flighttune as ft
 from flighttune.base.files.table import tables_of
 from flighttune.claims.tubes.enclosure import load_tube
-from tests.claims.tubes.test_aircraft import flight
-from tests.claims.tubes.test_proof import arrays_of
-from tests.claims.tubes.test_soundness import all_stay, made_up, tube
-from tests.made_up import shortened
-from tests.made_up_band import counted_boxes
 
 SEED = 26
 FEW, MANY = 10, 1000
@@ -32,7 +30,7 @@ WRONG = (ValueError, TypeError, LookupError, AttributeError, OverflowError, pa.A
 """What making a file out of a forgery raises where there can be none."""
 
 COUNTS = [pytest.param(FEW, marks=pytest.mark.slow), pytest.param(MANY, marks=pytest.mark.counts)]
-PROVEN = made_up(chi_err_deg=15.0, gamma_deg=15.0, duration_s=0.4)
+PROVEN = tube_scenario(chi_err_deg=15.0, gamma_deg=15.0, duration_s=0.4)
 
 
 class Kind(NamedTuple):
@@ -94,7 +92,7 @@ def proven(folder):
 
 
 def proven_of_aircraft(folder):
-    scenario = flight(duration_s=0.2)
+    scenario = aircraft_scenario(duration_s=0.2)
     boxes = counted_boxes(scenario)
     boxes.save(folder / "boxes.npz")
     tube(scenario, ft.PAPER_GAINS, for_ever=False, band=boxes).save(folder / "tube.npz")
@@ -162,7 +160,7 @@ def run_in(path):
 
 
 def counted(folder):
-    counted_boxes(flight(duration_s=0.2)).save(folder / "band.npz")
+    counted_boxes(aircraft_scenario(duration_s=0.2)).save(folder / "band.npz")
     return folder / "band.npz"
 
 

@@ -11,11 +11,11 @@ import nbformat
 import numpy as np
 import pytest
 from jupyter_client.manager import start_new_kernel
+from made_up_band import WIDE, counted_boxes
+from made_up_tubes import aircraft_scenario
 from pictures import FLAT, opened_recording, pixels
 
 import flighttune as ft
-from tests.claims.tubes.test_aircraft import flight
-from tests.made_up_band import WIDE, counted_boxes
 
 LEAST_RECORDING = 100_000
 """Bytes; what comes first is shorter."""
@@ -56,7 +56,7 @@ def test_a_flight_is_drawn_with_a_line_a_run(flown):
 
 
 def test_a_claim_is_drawn_and_a_console_shows_its_sentence():
-    band = counted_boxes(flight(duration_s=0.2))
+    band = counted_boxes(aircraft_scenario(duration_s=0.2))
     charts = ft.plot(band).charts
 
     assert len(charts) == len(band.about.signals)

@@ -9,14 +9,14 @@ import pytest
 from commands import answer, flighttune
 from dispersed import KINEMATIC, SOFT, plan_of, tables_of, uniform
 from flown_campaigns import flown_here, table_flown
+from made_up_tubes import tube as tube_of
+from made_up_tubes import tube_scenario
 from scipy.stats import chi2
 
 import flighttune as ft
 from flighttune.flight.loop.run import ERRORS, Bounds
 from flighttune.studies import worst as worst_module
 from flighttune.studies.worst import SEEDS_EVERY, StatedSet, search_worst, value_of
-from tests.claims.tubes.test_soundness import made_up
-from tests.claims.tubes.test_soundness import tube as tube_of
 
 SAME = 1e-9
 """A flight of a batch and the same one alone differ by 1e-12."""
@@ -141,7 +141,7 @@ def test_the_command_writes_a_scenario_that_flies_to_what_it_says(tmp_path):
 @pytest.fixture(scope="module")
 def proven(tmp_path_factory):
     """A tube of 0.3 s of the law from a box of starts, disturbed, and its file."""
-    scenario = made_up(chi_err_deg=15.0, gamma_deg=5.0, duration_s=0.3)
+    scenario = tube_scenario(chi_err_deg=15.0, gamma_deg=5.0, duration_s=0.3)
     proven = tube_of(scenario, ft.PAPER_GAINS, for_ever=False, start=0.01, disturbance=0.02)
     file = tmp_path_factory.mktemp("tube") / "proof"  # no ending: it is known by its content
     proven.save(file)
@@ -179,7 +179,7 @@ def test_a_flight_outside_of_a_tube_contradicts_its_proof(proven):
     assert worst.answer().status == 1
     assert "contradicts its proof" in worst.answer().failure
 
-    other = made_up(chi_err_deg=15.0, gamma_deg=5.0, duration_s=0.3)
+    other = tube_scenario(chi_err_deg=15.0, gamma_deg=5.0, duration_s=0.3)
     away = ft.worst(other, claim=tube, start_deg=5.0, gains="paper", budget=32, workers=1)
     assert away.value > 1.0  # from a start that the tube says nothing of
     assert tube.why_not(ft.fly(away.scenario).runs[0])
@@ -188,7 +188,7 @@ def test_a_flight_outside_of_a_tube_contradicts_its_proof(proven):
 
 @pytest.mark.slow
 def test_a_tube_has_flights_and_metric_of_its_own(proven):
-    tube, of_one = proven[0], tube_of(made_up(duration_s=0.1), ft.PAPER_GAINS, for_ever=False)
+    tube, of_one = proven[0], tube_of(tube_scenario(duration_s=0.1), ft.PAPER_GAINS, for_ever=False)
     for source, options, reason in (
         (tube, {"metric": "margin"}, "must be absent for a tube"),
         (tube, {"budget": 1}, "`budget` must be"),

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from made_up_band import band_flights
 from scipy.stats import binom
 
 import flighttune as ft
@@ -15,7 +16,6 @@ from flighttune.claims import shape as shape_module
 from flighttune.claims.about import About
 from flighttune.claims.counted_file import read_counted
 from flighttune.claims.shape import learned_shape, window_edges, window_extremes
-from tests.made_up_band import band_flights
 
 # s and samples of the made-up flights, and their signals
 DT, SAMPLES, SIGNALS = 0.1, 41, {"chi_err": "rad", "h": "m"}

@@ -10,16 +10,16 @@ import numpy as np
 import pytest
 from commands import answer, flighttune
 from made_up import run_file, scenario_file
+from made_up_tubes import tube, tube_scenario
 
 import flighttune as ft
-from tests.claims.tubes.test_soundness import made_up, tube
 
 START_DEG, DISTURBANCE = 1.0, 0.004
 CLAIMS = Path(__file__).parents[1] / "files_of_0_3_0"
 
 
 def turn(**changes):
-    scenario = made_up(chi_err_deg=20.0, gamma_deg=0.0, duration_s=0.5)
+    scenario = tube_scenario(chi_err_deg=20.0, gamma_deg=0.0, duration_s=0.5)
     return ft.scenario_from(scenario.as_dict() | {"gains": ["paper"], "expect": []} | changes)
 
 

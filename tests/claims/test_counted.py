@@ -5,6 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from dispersed import plan_of
+from made_up import made_up_run, made_up_scenario
+from made_up_band import CONFIDENCE, EPSILON, FLIGHTS, LEARNED, band_flights
 
 import flighttune as ft
 from flighttune.claims.about import About
@@ -12,8 +14,6 @@ from flighttune.claims.band import RecordedSignals
 from flighttune.claims.counted_flights import flights_of
 from flighttune.claims.monitor import Monitor, WatchedSignals
 from flighttune.gaps.watch import SignalModel
-from tests.made_up import made_up_run, made_up_scenario
-from tests.made_up_band import CONFIDENCE, EPSILON, FLIGHTS, LEARNED, band_flights
 
 GAINS = ft.PAPER_GAINS
 

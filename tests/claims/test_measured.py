@@ -6,6 +6,9 @@ from unittest import mock
 
 import numpy as np
 import pytest
+from dispersed import AEROSONDE
+from flown_campaigns import flown_here
+from made_up import made_up_run, made_up_scenario
 
 import flighttune as ft
 from flighttune.campaigns.engine.fliers import Fliers
@@ -18,9 +21,6 @@ from flighttune.claims.measured import Measured
 from flighttune.claims.turn_back import ROOM, RoomSignals
 from tests.campaigns.test_band import ALONE, small_plan
 from tests.claims.test_band import forged
-from tests.dispersed import AEROSONDE
-from tests.flown_campaigns import flown_here
-from tests.made_up import made_up_run, made_up_scenario
 
 SINGLE = 1e-6  # relative rounding of single precision
 

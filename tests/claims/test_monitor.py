@@ -6,9 +6,9 @@ from pathlib import Path
 import pytest
 from commands import answer, flighttune
 from made_up import scenario_file
+from watched import flown, stuck, turn
 
 import flighttune as ft
-from tests.watched import flown, stuck, turn
 
 pytestmark = pytest.mark.slow
 

@@ -7,9 +7,9 @@ import numpy as np
 import pandas as pd
 import pytest
 from commands import answer, flighttune
+from watched import flown, stuck, turn
 
 import flighttune as ft
-from tests.watched import flown, stuck, turn
 
 RATE, SECONDS, FAULT_S = 25.0, 24.0, 15.0
 T = np.arange(round(RATE * SECONDS)) / RATE

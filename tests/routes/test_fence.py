@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import shapely
 from commands import answer, flighttune
+from made_up_band import band_flights
 from scipy.stats import binomtest
 
 import flighttune as ft
@@ -16,7 +17,6 @@ from flighttune.claims.counted_flights import check_one_path, plan_of
 from flighttune.routes.fence import SCAN_STEP, fence_tables, read_fence, room_along
 from flighttune.routes.maps import RouteMap, north_east, on_earth
 from flighttune.routes.path import Ability, Waypoint, plan
-from tests.made_up_band import band_flights
 
 ORIGIN = (47.0, 8.0)
 ABILITY = Ability(V_a=25.0, wind=8.0, phi=0.6, phi_rate=0.4, gamma=(-0.2, 0.2), g=9.81)

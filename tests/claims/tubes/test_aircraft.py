@@ -7,11 +7,23 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from commands import flighttune
 from dispersed import uniform
 from flown_campaigns import flown_here
-from fuzzing import first_or_all
+from fuzzing import check_cases, few_or_many, first_or_all
 from hypothesis import strategies as st
 from made_up import scenario_file
+from made_up_band import ROLL, ROLL_CHANGE, WIDE, boxes_of, counted_boxes
+from made_up_tubes import (
+    FEW_PIECES,
+    aircraft_scenario,
+    arrays_of,
+    claim_of,
+    disturbed_flight,
+    rewritten,
+    tube,
+    tube_scenario,
+)
 
 import flighttune as ft
 from flighttune.claims.counted_flights import plan_of
@@ -20,30 +32,12 @@ from flighttune.claims.tubes.enclosure import Tube, load_tube
 from flighttune.claims.tubes.tube import flights_inside, stated_problem, tube_of
 from flighttune.gaps.residual import residual_rates
 from tests.campaigns.test_band import ALONE, count
-from tests.claims.tubes.test_proof import arrays_of, claim_of, rewritten
-from tests.claims.tubes.test_soundness import (
-    FEW_PIECES,
-    check_cases,
-    disturbed_flight,
-    few_or_many,
-    made_up,
-    tube,
-)
-from tests.commands import flighttune
-from tests.made_up_band import ROLL, ROLL_CHANGE, WIDE, boxes_of, counted_boxes
-
-
-def flight(**changes):
-    values = {"feed_forward": False, "chi_err_deg": 4.0, "gamma_deg": 0.0, "gamma_ref_deg": 0.0}
-    scenario = made_up(**{**values, **changes}).as_dict()
-    scenario["plant"] = [{"kind": "jsbsim", "aircraft": "aerosonde"}]
-    return ft.scenario_from(scenario)
 
 
 @pytest.mark.soak
 @pytest.mark.parametrize("feed_forward", first_or_all([True, False]))
 def test_the_aircraft_flies_inside_its_tube_which_is_proven_again(tmp_path, feed_forward):
-    scenario = flight(feed_forward=feed_forward, duration_s=0.4)
+    scenario = aircraft_scenario(feed_forward=feed_forward, duration_s=0.4)
 
     found = tube(scenario, ft.PAPER_GAINS, band=counted_boxes(scenario), for_ever=False)
 
@@ -57,7 +51,7 @@ def test_the_aircraft_flies_inside_its_tube_which_is_proven_again(tmp_path, feed
 @pytest.mark.soak
 def test_a_set_that_is_lost_bounds_no_flight(tmp_path):
     """At the ends of its boxes the rates are those of a tight turn."""
-    scenario = flight(duration_s=1.5)
+    scenario = aircraft_scenario(duration_s=1.5)
 
     lost = tube(scenario, ft.PAPER_GAINS, band=counted_boxes(scenario, half_width=1.0))
 
@@ -73,7 +67,7 @@ def test_a_set_that_is_lost_bounds_no_flight(tmp_path):
 
 @pytest.mark.slow
 def test_in_wind_the_start_must_be_stated():
-    calm = flight(duration_s=0.1)
+    calm = aircraft_scenario(duration_s=0.1)
     windy = ft.scenario_from(calm.as_dict() | {"wind": {"speed_mps": 3.0, "from_deg": 90.0}})
     boxes = counted_boxes(windy, half_width=10.0 * WIDE)
 
@@ -86,7 +80,7 @@ def test_in_wind_the_start_must_be_stated():
 @pytest.mark.parametrize("chi_deg", [(2.0, 7.0), (1.0, 6.0)])
 def test_starts_are_those_of_the_boxes(chi_deg):
     """The course starts at 4 deg, 2 deg from the nearer end."""
-    scenario = flight(duration_s=0.1)
+    scenario = aircraft_scenario(duration_s=0.1)
     known = counted_boxes(scenario)
     starts = uniform("flight.chi_deg", *chi_deg), uniform("flight.gamma_deg", -3.0, 3.0)
     wider = counted_boxes(scenario, WIDE, ROLL, *starts)
@@ -104,7 +98,7 @@ def test_starts_are_those_of_the_boxes(chi_deg):
 )
 def test_only_a_tube_from_all_starts_counted_bounds_flights(start_deg, of):
     """The course starts 2 deg to either side, and so does the path angle."""
-    scenario = flight(duration_s=0.1)
+    scenario = aircraft_scenario(duration_s=0.1)
     starts = uniform("flight.chi_deg", 2.0, 6.0), uniform("flight.gamma_deg", -2.0, 2.0)
     known = counted_boxes(scenario, WIDE, ROLL, *starts)
     problem = SimpleNamespace(
@@ -117,14 +111,14 @@ def test_only_a_tube_from_all_starts_counted_bounds_flights(start_deg, of):
 
 
 def test_what_the_boxes_say_nothing_about_is_refused():
-    scenario = flight()
+    scenario = aircraft_scenario()
     known = counted_boxes(scenario)
     other = ft.PIGains(K_P=2.0 * ft.PAPER_GAINS.K_P, K_I=ft.PAPER_GAINS.K_I)
 
     with pytest.raises(ft.InputError, match=r"`K_P`.*paper"):
         tube(scenario, other, band=known)
     with pytest.raises(ft.InputError, match=r"`flight.chi_deg`.*4.0.*5.0"):
-        tube(flight(chi_err_deg=5.0), ft.PAPER_GAINS, band=known)
+        tube(aircraft_scenario(chi_err_deg=5.0), ft.PAPER_GAINS, band=known)
     with pytest.raises(ft.InputError, match="`disturbance` must not be given"):
         tube(scenario, ft.PAPER_GAINS, band=known, disturbance=0.1)
     with pytest.raises(ft.InputError, match="`boxes` must be given"):
@@ -134,13 +128,13 @@ def test_what_the_boxes_say_nothing_about_is_refused():
     with pytest.raises(ft.InputError, match=r"schedule` must be False, got True"):
         tube(ft.scenario_from(scheduled), ft.PAPER_GAINS, band=known)
     with pytest.raises(ft.InputError, match="of kind jsbsim"):
-        tube(made_up(), ft.PAPER_GAINS, band=known)
+        tube(tube_scenario(), ft.PAPER_GAINS, band=known)
 
 
 @pytest.fixture(scope="module")
 def proof(tmp_path_factory):
     """The file of a tube, and that of the band its boxes come from."""
-    scenario = flight(duration_s=0.1, feed_forward=True)
+    scenario = aircraft_scenario(duration_s=0.1, feed_forward=True)
     folder = tmp_path_factory.mktemp("proof")
     boxes = counted_boxes(scenario)
     boxes.save(folder / "boxes.npz")
@@ -176,7 +170,7 @@ def test_boxes_whose_flights_are_made_up_are_refused_with_the_tube(proof):
 
 @pytest.mark.soak
 def test_with_its_band_boxes_are_rebuilt_and_flown_again(tmp_path):
-    scenario = flight(duration_s=0.3, feed_forward=True)
+    scenario = aircraft_scenario(duration_s=0.3, feed_forward=True)
     path = scenario_file(tmp_path / "flight.toml", scenario)
     boxes = count(path, kind=ft.residual, flights=ALONE, start_deg=1.0, gains="paper")
     found = tube(scenario, ft.PAPER_GAINS, band=boxes, for_ever=False)
@@ -223,7 +217,7 @@ def test_boxes_and_an_aircraft_go_together(proof, tmp_path):
 
 @pytest.mark.slow
 def test_of_a_tube_that_a_flight_leaves_no_file_is_written(tmp_path):
-    scenario = flight(duration_s=0.3, ramp_dps=1.0)
+    scenario = aircraft_scenario(duration_s=0.3, ramp_dps=1.0)
     path = scenario_file(tmp_path / "flight.toml", scenario)
     # The aircraft leaves boxes that are this narrow, and so does its flight their tube.
     counted_boxes(scenario, half_width=1e-7).save(tmp_path / "boxes.npz")
@@ -280,7 +274,7 @@ def roll_beyond(samples, rng):
 @st.composite
 def conformant(draw):
     """A scenario of an aircraft, and its model with lags as identified and boxes made up."""
-    scenario = flight(
+    scenario = aircraft_scenario(
         chi_err_deg=draw(st.floats(-40.0, 40.0)),
         gamma_deg=draw(st.floats(-20.0, 30.0)),
         gamma_ref_deg=draw(st.floats(-20.0, 30.0)),
@@ -335,7 +329,7 @@ def test_no_flight_in_the_boxes_leaves_the_tube(count):
 
 
 def test_a_box_begins_at_its_sample_whatever_the_rounding_of_its_time():
-    band = counted_boxes(flight(duration_s=0.4))
+    band = counted_boxes(aircraft_scenario(duration_s=0.4))
     edges, wider = band.flights.edges, 1.0 + np.arange(len(band.about.half))
     grown = replace(band, about=replace(band.about, half=band.about.half * wider[:, None]))
 

@@ -6,13 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from fuzzing import first_or_all
+from made_up_tubes import arrays_of, claim_of, disturbed_flight, rewritten, tube, tube_scenario
 
 import flighttune as ft
 from flighttune.claims.tubes.problem import QUANTITIES
 from flighttune.claims.tubes.tube import stated_problem, tube_of
 from flighttune.flight.loop.disturbance import Sinusoid
-from tests.claims.tubes.test_proof import arrays_of, claim_of, rewritten
-from tests.claims.tubes.test_soundness import disturbed_flight, made_up, tube
 
 pytestmark = pytest.mark.slow
 
@@ -23,7 +22,7 @@ LONGER = 10
 
 @pytest.fixture(scope="module")
 def scenario():
-    return made_up(chi_err_deg=0.3, gamma_deg=15.2, duration_s=4.0, rate_hz=12.5)
+    return tube_scenario(chi_err_deg=0.3, gamma_deg=15.2, duration_s=4.0, rate_hz=12.5)
 
 
 def lasting(scenario, times):

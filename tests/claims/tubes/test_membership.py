@@ -11,6 +11,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from made_up_tubes import BRAKING_LATE, EXACT_PAPER, bang_bang, disturbed_flight, tube_scenario
 from scipy.linalg import expm
 from scipy.optimize import linprog
 
@@ -19,13 +20,6 @@ from flighttune.claims.tubes.exact import enclosure_of
 from flighttune.claims.tubes.sample import LIFT, SPLITS, start_set
 from flighttune.claims.tubes.search import Search
 from flighttune.claims.tubes.tube import stated_problem
-from tests.claims.tubes.test_soundness import (
-    BRAKING_LATE,
-    EXACT_PAPER,
-    bang_bang,
-    disturbed_flight,
-    made_up,
-)
 
 DEG = math.pi / 180.0
 
@@ -161,7 +155,7 @@ def linear_program(G, off, slack, constraints):
 
 def with_law(plant, *, exact, fed_back=False, **manoeuvre):
     """A manoeuvre of the paper's law or of the exact law, of some samples, on a plant."""
-    tables = made_up(**manoeuvre).as_dict() | {"plant": [plant]}
+    tables = tube_scenario(**manoeuvre).as_dict() | {"plant": [plant]}
     if not exact:
         return ft.scenario_from(tables), ft.PAPER_GAINS
     gains = FED_BACK if fed_back else EXACT_PAPER

@@ -11,42 +11,24 @@ import zipfile
 
 import numpy as np
 import pytest
+from commands import flighttune
 from made_up import scenario_file
+from made_up_tubes import arrays_of, claim_of, rewritten, tube, tube_scenario
 
 import flighttune as ft
 from flighttune.base.words import quoted
 from flighttune.claims.tubes.tube import stated_problem
 from flighttune.vehicles.identification.file import LogEvidence
-from tests.claims.tubes.test_soundness import made_up, tube
-from tests.commands import flighttune
 
 
 @pytest.fixture(scope="module")
 def proven(tmp_path_factory):
     path = tmp_path_factory.mktemp("tube") / "tube.npz"
     # Roll leaves its rate limit within the time: there is something to choose.
-    scenario = made_up(chi_err_deg=15.0, gamma_deg=15.0, duration_s=1.0)
+    scenario = tube_scenario(chi_err_deg=15.0, gamma_deg=15.0, duration_s=1.0)
     found = tube(scenario, ft.PAPER_GAINS, for_ever=False, disturbance=0.02)
     found.save(path)
     return found, path
-
-
-def arrays_of(path):
-    with np.load(path) as arrays:
-        return {name: arrays[name] for name in arrays.files}
-
-
-def claim_of(path):
-    return json.loads(str(arrays_of(path)["claim"]))
-
-
-def rewritten(path, arrays, to=None, **claim):
-    """The file with other arrays (None for no array) and other entries of the claim."""
-    content = arrays_of(path)
-    content["claim"] = np.array(json.dumps({**claim_of(path), **claim}))
-    content = {name: array for name, array in (content | arrays).items() if array is not None}
-    np.savez_compressed(to or path, **content)
-    return to or path
 
 
 @pytest.fixture
@@ -148,7 +130,7 @@ def test_a_disturbance_that_is_left_out_is_that_of_the_scenario(proven, tmp_path
 
 @pytest.mark.slow
 def test_a_feasible_reference_in_the_file_must_be_that_of_the_scenario(tmp_path):
-    tables = made_up(chi_err_deg=4.0, gamma_deg=0.0, gamma_ref_deg=0.0).as_dict()
+    tables = tube_scenario(chi_err_deg=4.0, gamma_deg=0.0, gamma_ref_deg=0.0).as_dict()
     tables["reference"]["shape"] = "feasible"
     tables["flight"]["duration_s"] = 1.0
     path = tmp_path / "tube.npz"
@@ -272,7 +254,7 @@ def test_the_check_does_not_import_the_search():
 def scenario(tmp_path):
     def write(duration=0.6, ramp_dps=None, **more):
         level = {"gamma_deg": 0.0, "gamma_ref_deg": 0.0, "ramp_dps": ramp_dps}
-        turn = made_up(chi_err_deg=20.0, duration_s=duration, **level)
+        turn = tube_scenario(chi_err_deg=20.0, duration_s=duration, **level)
         return scenario_file(tmp_path / "short.toml", turn, **more)
 
     return write
@@ -366,7 +348,7 @@ def test_the_disturbance_of_a_model_from_logs_is_the_larger_residual_rate(tmp_pa
     model = ft.loop.load_identified("aerosonde").model_copy(update={"log": evidence})
     model.save(tmp_path / "mine.json")
     plants = [{"kind": "point_mass_lag", "identified": str(tmp_path / "mine.json")}]
-    flown = ft.scenario_from(made_up(gamma_deg=0.0).as_dict() | {"plant": plants})
+    flown = ft.scenario_from(tube_scenario(gamma_deg=0.0).as_dict() | {"plant": plants})
 
     assert stated_problem(flown, ft.PAPER_GAINS).disturbance == 0.02
 
@@ -374,7 +356,7 @@ def test_the_disturbance_of_a_model_from_logs_is_the_larger_residual_rate(tmp_pa
 @pytest.mark.parametrize("n_z", [[0.95, 2.0], [0.0, 0.98]])
 def test_load_factors_at_both_ends_of_the_starts_are_inside_their_range(n_z):
     """Path angles of 10 to 20 deg are steady with 0.985 to 0.940."""
-    tables = made_up(gamma_deg=15.0).as_dict()
+    tables = tube_scenario(gamma_deg=15.0).as_dict()
     tables["limits"]["n_z"] = n_z
     flown = ft.scenario_from(tables)
 

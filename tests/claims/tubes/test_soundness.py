@@ -1,70 +1,21 @@
 """No flight leaves a tube: laws, plants, gains, limits and references as hypothesis finds them."""
 
-import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from fuzzing import check_cases, few_or_many
 from hypothesis import strategies as st
-from made_up import made_up_scenario
+from made_up_tubes import BRAKING_LATE, DEG, EXACT_PAPER, FEW_PIECES, all_stay, tube, tube_scenario
 
 import flighttune as ft
-from flighttune.claims.tubes.enclosure import Settings
 from flighttune.claims.tubes.exact import enclosure_of
 from flighttune.claims.tubes.sample import start_set
 from flighttune.claims.tubes.search import Search
 from flighttune.claims.tubes.tube import stated_problem, tube_of
-from flighttune.flight.conditions import lead_on, reference_of, start_condition
-from flighttune.flight.loop.loop import simulate
-
-DEG = math.pi / 180.0
-
-FLIGHTS = 8
-FEW_PIECES = [Settings(sides=2, symbols=120, tolerance=0.5, most=6)]
-
-
-def made_up(
-    chi_err_deg=60.0,
-    gamma_deg=45.0,
-    gamma_ref_deg=15.0,
-    roll_deg=45.0,
-    roll_dps=30.0,
-    n_z_max=2.1,
-    n_z_per_s=1.0,
-    rate_hz=50.0,
-    duration_s=0.8,
-    anti_windup="conditional",
-    feed_forward=True,
-    ramp_dps=None,
-):
-    gamma_ref = gamma_ref_deg
-    if ramp_dps is not None:
-        gamma_ref = [{"shape": "ramp", "start_s": 0.2, "rate_dps": ramp_dps, "duration_s": 1.0}]
-    return made_up_scenario(
-        flight={"chi_deg": chi_err_deg, "gamma_deg": gamma_deg, "duration_s": duration_s},
-        reference={"gamma_deg": gamma_ref},
-        limits={
-            "phi_deg": [-roll_deg, roll_deg],
-            "phi_rate_dps": roll_dps,
-            "n_z": [-n_z_max, n_z_max],
-            "n_z_rate_per_s": n_z_per_s,
-        },
-        controller={"rate_hz": rate_hz, "anti_windup": anti_windup, "feed_forward": feed_forward},
-    )
-
-
-def tube(scenario, gains, *, for_ever=True, **flights):
-    """The tube of a scenario's flights, with what follows its end or without, which is faster."""
-    return tube_of(stated_problem(scenario, gains, **flights), for_ever=for_ever)
-
 
 RAMP = {"shape": "ramp", "start_s": 0.2, "duration_s": 1.0, "roll_in_s": 0.3}
 PLANNED = {"chi_deg": [RAMP | {"rate_dps": 12.0}], "gamma_deg": [RAMP | {"rate_dps": -4.0}]}
-
-EXACT_PAPER = ft.loop.rate_gains(ft.PAPER_GAINS, V_a=25.0)
-# Brakes for larger errors only.
-BRAKING_LATE = {"name": "exact", "kind": "exact", "braking": 100.0}
 
 
 def with_exact(scenario, plant, law="exact"):
@@ -86,7 +37,7 @@ def manoeuvre(draw, reach_deg, path_deg=(-20.0, 30.0), **fixed):
         "feed_forward": st.booleans(),
         "ramp_dps": st.one_of(st.none(), st.floats(-8.0, 8.0)),
     }
-    return made_up(**{name: draw(values) for name, values in drawn.items()} | fixed)
+    return tube_scenario(**{name: draw(values) for name, values in drawn.items()} | fixed)
 
 
 def coupled(draw, own, cross, **more):
@@ -137,74 +88,6 @@ def exact_problems(draw):
     return scenario, gains
 
 
-def bang_bang(disturbance, held_s, rng):
-    signs = rng.choice([-1.0, 1.0], (1000, 2))
-
-    def at(t):
-        chi, gamma = disturbance * signs[int(t / held_s + 1e-6)]
-        return float(chi), float(gamma)
-
-    return at
-
-
-def disturbed_flight(problem, off=(0.0, 0.0), disturbance=None, plant=None):
-    """Signals of a flight that starts so far off, and its start.
-
-    It is on a plant of its own, or on the point mass with a disturbance over time.
-    """
-    scenario, condition = problem.scenario, start_condition(problem.scenario)
-    start = replace(condition, chi=condition.chi + off[0], gamma=condition.gamma + off[1])
-    controller, expected = problem.controller(), []
-    step = controller.step
-
-    def noted(*sample):
-        command = step(*sample)
-        expected.append(list(controller.state.expected))
-        return command
-
-    controller.step = noted
-    signals, _ = simulate(
-        plant
-        or ft.loop.PointMassPlant(
-            problem.lags or None,
-            disturbance=disturbance,
-            turn="exact" if problem.loop.exact else "paper",
-            g=scenario.flight.g_mps2,
-        ),
-        controller,
-        reference_of(scenario),
-        condition=start,
-        duration=scenario.flight.duration_s,
-        lead=lead_on(scenario, scenario.plant[0]),
-    )
-    signals.attrs["expected"] = expected
-    return signals, start
-
-
-def few_or_many(few, many):
-    """A test with the number of its cases: a few with the others, and many in counts."""
-    counts = pytest.param(few, marks=pytest.mark.slow), pytest.param(many, marks=pytest.mark.counts)
-    return pytest.mark.parametrize("count", counts)
-
-
-def check_cases(check, cases, count):
-    """Check so many cases, with flights from a seed each, as hypothesis finds them."""
-    settings(max_examples=count)(given(case=cases, seed=st.integers(0, 2**32 - 1))(check))()
-
-
-def all_stay(found, disturbance, rng):
-    """Whether flights from inside or the edge of the starts stay in the tube, disturbed or not."""
-    offs = rng.choice([-1.0, 1.0], (FLIGHTS, 2)) * rng.choice([1.0, rng.random()], (FLIGHTS, 2))
-    dt = found.problem.controller().dt
-    flights = [
-        disturbed_flight(
-            found.problem, off, bang_bang(disturbance, rng.choice([1, 5, 25]) * dt, rng)
-        )
-        for off in found.problem.start * offs
-    ]
-    return all(found.bounds.contain(signals) for signals, _ in flights)
-
-
 def check(case, seed):
     rng = np.random.default_rng(seed)
     start, disturbance = rng.choice([0.0, 0.2, 2.0]) * DEG, rng.choice([0.0, 0.002, 0.02])
@@ -220,7 +103,7 @@ def test_no_flight_leaves_the_tube(count):
 
 def test_the_margin_between_samples_is_at_both_ends_of_an_interval():
     D, h, k = 0.02, 0.02, 5
-    level = made_up(chi_err_deg=0.0, gamma_deg=0.0, gamma_ref_deg=0.0)
+    level = tube_scenario(chi_err_deg=0.0, gamma_deg=0.0, gamma_ref_deg=0.0)
     problem = stated_problem(level, ft.PAPER_GAINS, disturbance=D)
     only_k = (np.arange(len(problem.t)) == k)[:, np.newaxis, np.newaxis]
     loop = replace(problem.loop, boxes=problem.loop.boxes * only_k)
@@ -240,7 +123,7 @@ def test_the_margin_between_samples_is_at_both_ends_of_an_interval():
 
 @pytest.mark.soak
 def test_where_the_exact_law_does_not_invert_the_reason_says_why():
-    scenario = with_exact(made_up(gamma_deg=45.0), {"kind": "point_mass"})
+    scenario = with_exact(tube_scenario(gamma_deg=45.0), {"kind": "point_mass"})
 
     found = tube(scenario, EXACT_PAPER)
 
@@ -249,7 +132,7 @@ def test_where_the_exact_law_does_not_invert_the_reason_says_why():
 
 
 def test_the_exact_law_on_an_aircraft_is_refused_by_name():
-    scenario = with_exact(made_up(), {"kind": "jsbsim", "aircraft": "aerosonde"})
+    scenario = with_exact(tube_scenario(), {"kind": "jsbsim", "aircraft": "aerosonde"})
 
     with pytest.raises(ft.InputError, match=r"exact law.*airspeed"):
         tube(scenario, EXACT_PAPER, plant="jsbsim:aerosonde")

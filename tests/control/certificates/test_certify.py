@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from made_up_tubes import tube
 from places import SHIPPED_AIRCRAFT
 from printed import L_D, MODEL
 from scipy.integrate import solve_ivp
@@ -18,7 +19,6 @@ from flighttune.base.files.table import tables_of, value_of
 from flighttune.control.certificates.make import certify_model
 from flighttune.control.linear_model import Envelope
 from flighttune.control.tuning.envelope import largest_factor
-from tests.claims.tubes.test_soundness import tube
 
 G = 9.81
 TUNED = ft.PIGains(K_P=np.diag([2.2209, 2.4797]), K_I=3.8753 * np.eye(2))

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from commands import answer
 from made_up import made_up_run
+from watched import flown, turn
 
 import flighttune as ft
 from flighttune.claims.monitor import Watching
 from flighttune.gaps.watch import MODELS, OF_LOGS, Watch, score_so_far, signals_of
 from flighttune.outputs.exports.export import monitor_source
 from tests.outputs.exports.test_c_source import library, needs_compiler
-from tests.watched import flown, turn
 
 pytestmark = needs_compiler
 
