@@ -84,3 +84,11 @@ def own_workers(monkeypatch):
         KeptFlyer().end_process()
     monkeypatch.setattr(pool, "Flyer", Flyer)
     monkeypatch.setattr(pool, "cores", cores)
+
+
+@pytest.fixture(scope="session")
+def counted():
+    """A band of half a second of a turn, which 5 of its 29 flights leave; no test changes it."""
+    from counted_turns import count
+
+    return count()

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from commands import answer, flighttune
+from counted_turns import ALONE, START, WITH_FIVE, count, small_plan
 from dispersed import AEROSONDE, KINEMATIC, SOFT, WIND, one_of, plan_of, tables_of, uniform
 from flown_campaigns import Notes, flown_here, write_campaign
 
@@ -20,29 +21,6 @@ from flighttune.claims.turn_back import TurnBack
 from flighttune.flight.conditions import reference_of, start_condition
 from flighttune.flight.loop.run import with_claims
 from flighttune.gaps.residual import residuals_of
-
-START = uniform("flight.chi_deg", -5.0, 5.0), uniform("flight.gamma_deg", 3.0, 7.0)
-FEW = {"epsilon": 0.3, "confidence": 0.9, "learn": 10}
-# the least N with 0.7^N <= 0.1, and with at most five outside
-ALONE, WITH_FIVE = 7, 29
-
-
-def small_plan(*disperse, plants=(KINEMATIC,), design="random", **tables):
-    """Half a second from random starts."""
-    scenario = tables_of(plants, **{"gains": [SOFT], **tables})
-    scenario["flight"]["duration_s"] = 0.5
-    return plan_of(scenario, *(disperse or START), runs=12, design=design)
-
-
-def count(plan=None, rows=rows_flown, kind=ft.band, **settings):
-    """The band, or another kind of count, of a small plan, flown in this process."""
-    with flown_here(rows):
-        return kind(plan or small_plan(), **{**FEW, **settings})
-
-
-@pytest.fixture(scope="module")
-def counted():
-    return count()
 
 
 def test_fresh_flights_are_counted_and_none_is_flown_twice():

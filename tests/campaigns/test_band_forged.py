@@ -9,6 +9,7 @@ from textwrap import dedent
 import numpy as np
 import pytest
 from commands import flighttune
+from counted_turns import ALONE, WITH_FIVE, count, forged, small_plan
 from dispersed import AEROSONDE, KINEMATIC, SOFT, plan_of, uniform
 from dispersed import tables_of as tables_of_plan
 from flown_campaigns import flown_here
@@ -19,14 +20,7 @@ from flighttune.base.files import code
 from flighttune.base.files.table import tables_of
 from flighttune.claims.counting import count_more, differing, some_draws
 from flighttune.claims.shape import learned_shape
-from tests.campaigns.test_band import ALONE, WITH_FIVE, count, small_plan
-from tests.claims.test_band import forged
 from tests.cli.test_code_of_files import LAW
-
-
-@pytest.fixture(scope="module")
-def counted():
-    return count()
 
 
 def verified(path, status, *options):

@@ -1,12 +1,11 @@
 """Flights that can be counted: of one air, drawn at random, and which scenario is one of them."""
 
 import pytest
-from dispersed import AEROSONDE, SOFT, TURBULENCE, WIND, plan_of, tables_of, uniform
+from counted_turns import START
+from dispersed import AEROSONDE, SOFT, TURBULENCE, WIND, plan_of, tables_of
 
 import flighttune as ft
 from flighttune.claims.counted_flights import air_of, distribution_of, in_air
-
-START = uniform("flight.chi_deg", -5.0, 5.0), uniform("flight.gamma_deg", 3.0, 7.0)
 
 
 def small_campaign(**tables):

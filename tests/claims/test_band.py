@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from counted_turns import forged
 from made_up_band import band_flights
 from scipy.stats import binom
 
@@ -303,16 +304,6 @@ def test_a_file_comes_back_as_it_was_written(counted, tmp_path):
     counted.save(tmp_path / "x.npz")
 
     assert values_of(load_walks(tmp_path / "x.npz")) == values_of(counted)
-
-
-def forged(band, path, about=None, **arrays):
-    """The file of a band with other values, and the SHA-256 of what it says then."""
-    band.save(path)
-    with np.load(path) as file:
-        members = {**file, **arrays}
-    tables = {**json.loads(str(members["band"])), **(about or {})}
-    write_sealed(path, {**members, "band": np.array(json.dumps(tables))})
-    return path
 
 
 @pytest.mark.parametrize(

@@ -6,6 +6,7 @@ from unittest import mock
 
 import numpy as np
 import pytest
+from counted_turns import ALONE, forged, small_plan
 from dispersed import AEROSONDE
 from flown_campaigns import flown_here
 from made_up import made_up_run, made_up_scenario
@@ -19,8 +20,6 @@ from flighttune.claims.counted_flights import plan_of, turning_back
 from flighttune.claims.ending import Fixed
 from flighttune.claims.measured import Measured
 from flighttune.claims.turn_back import ROOM, RoomSignals
-from tests.campaigns.test_band import ALONE, small_plan
-from tests.claims.test_band import forged
 
 SINGLE = 1e-6  # relative rounding of single precision
 
@@ -146,9 +145,7 @@ def test_room_to_turn_back_is_measured_from_the_detection_on():
     assert windows.tolist() == [500, 1000]  # detected after 10 s
 
 
-def test_models_are_those_of_a_monitor_alone(tmp_path):
-    with flown_here():
-        counted = ft.band(small_plan(), epsilon=0.3, confidence=0.9, learn=10, flights=ALONE)
+def test_models_are_those_of_a_monitor_alone(counted, tmp_path):
     model = {"name": "roll", "target": "p", "terms": ["1"], "weights": [0.0]}
 
     file = forged(counted, tmp_path / "x.npz", about={"models": [model]})
@@ -156,9 +153,7 @@ def test_models_are_those_of_a_monitor_alone(tmp_path):
         ft.load(file)
 
 
-def test_a_kind_of_count_that_is_not_known_is_refused_with_those_that_are(tmp_path):
-    with flown_here():
-        counted = ft.band(small_plan(), epsilon=0.3, confidence=0.9, learn=10, flights=ALONE)
+def test_a_kind_of_count_that_is_not_known_is_refused_with_those_that_are(counted, tmp_path):
     file = forged(counted, tmp_path / "x.npz", about={"of": "roll_speed"})
     with pytest.raises(
         ft.InputError, match=r"x\.npz: `of` must be .*residual, turn_back, monitor.*'roll_speed'"

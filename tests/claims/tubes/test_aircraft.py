@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from commands import flighttune
+from counted_turns import ALONE, count
 from dispersed import uniform
 from flown_campaigns import flown_here
 from fuzzing import check_cases, few_or_many, first_or_all
@@ -31,7 +32,6 @@ from flighttune.claims.shape import LEAST
 from flighttune.claims.tubes.enclosure import Tube, load_tube
 from flighttune.claims.tubes.tube import flights_inside, stated_problem, tube_of
 from flighttune.gaps.residual import residual_rates
-from tests.campaigns.test_band import ALONE, count
 
 
 @pytest.mark.soak
