@@ -1,4 +1,4 @@
-"""Tune a fixed-wing outer loop with a certificate, and see what the full aircraft makes of it.
+"""Tune a fixed-wing outer loop with a certificate, and fly it on the full aircraft.
 
 The public names stand in ``__init__.pyi``. Each is imported on first use: ``import flighttune``
 itself costs nothing.
@@ -10,7 +10,7 @@ from typing import Any
 
 __version__ = "0.4.0"
 
-# Names that went into a module without being in its stub.
+# Names that moved into a module without being in its stub.
 MOVED = {
     "FlightEnv": "flighttune.gym",
     "OutputError": "flighttune.base.errors",
@@ -21,7 +21,7 @@ MOVED = {
     "TrimError": "flighttune.base.errors",
 }
 
-# What took the place of names that went.
+# Replacements of names that were removed.
 REPLACED = {
     "load_claim": "flighttune.load",
     "load_recording": "flighttune.load",

@@ -36,7 +36,7 @@ else:  # its name stays public without the extra, and `need` says what is missin
 
 __all__ = ["FlightEnv"]
 
-# Errors that cost half of the reward of a step: of position, of the angles, of the airspeed.
+# Errors of position, angles and airspeed that each cost half of the reward of a step.
 HALF_M, HALF_RAD, HALF_MPS = 5.0, 5.0 * DEG, 5.0
 
 # Draws of a campaign that may fail to start before an episode gives up.
@@ -53,14 +53,14 @@ class FlightEnv(Env):
     Parameters
     ----------
     world : Scenario, Campaign, str or Path
-        What is flown: a scenario or campaign, its file or name, or the file of a route. Each
-        episode of a campaign is one of its draws; each one of a scenario has another seed for
-        turbulence and sensors.
+        The scenario or campaign to fly, its file or name, or the file of a route. Each episode of a
+        campaign flies one of its draws; each episode of a scenario has another seed for turbulence
+        and sensors.
     plant : str, optional
         Label of the plant; by default the first aircraft, else the first plant. A plant without
         weather meets the wind of the start.
     gains : str, optional
-        Gain set of `baseline`; by default the one tuned for the aircraft, else the first.
+        Gain set of `baseline`; by default the gains tuned for the aircraft, else the first set.
     rate_hz : float, 1/s
         Actions per second. It replaces the rate of the scenario, and gains are tuned for it.
 
@@ -88,9 +88,9 @@ class FlightEnv(Env):
     Notes
     -----
     The reward of a step of length dt is ``-dt e / (1 + e)``. On a route e is the distance from it
-    over 5 m, else the error of course and path angle over 5 deg; an airspeed adds its error over
-    5 m/s, as root of the sum of squares. A failed flight loses all of the time that was left, so
-    that failing early never pays.
+    over 5 m, else the error of course and path angle over 5 deg; a commanded airspeed adds its
+    error over 5 m/s, as root of the sum of squares. A failed flight loses all of the time that was
+    left, so that failing early never pays.
 
     ``reset(seed=...)`` gives the same bits anywhere, also beside other environments of the process.
     ``reset(options={"draw": 3})`` flies a draw of a campaign by its number. A draw that cannot
@@ -208,7 +208,7 @@ class FlightEnv(Env):
     def baseline(self, obs: FloatArray) -> FloatArray:
         """Action of the scenario's law at the latest observation, shape (m,).
 
-        The law is given the measurements and the reference behind `obs`; its integrals begin with
+        The law gets the measurements and the reference behind `obs`; its integrals begin with
         the first call of a flight.
         """
         if self._episode.over or not np.array_equal(obs, self._episode.observation()):
@@ -221,7 +221,7 @@ class FlightEnv(Env):
 
     @property
     def flown(self) -> FlownScenario:
-        """The flight that has ended, as `fly` returns one: to be recorded, plotted, measured."""
+        """The flight that has ended, as `fly` returns it, to be recorded, plotted or measured."""
         episode = self._episode
         signals = episode.flight.signals() if episode.over else ()
         if not len(signals):
@@ -249,7 +249,7 @@ class _Agent:
 
 
 class _Episode:
-    """One flight: under way after `start`, until it is `over`."""
+    """One flight, from `start` until it is `over`."""
 
     @code.flies
     def __init__(self, entry: Entry) -> None:

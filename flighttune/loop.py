@@ -1,4 +1,4 @@
-"""Parts of the loop that is flown, for laws, plants and studies of your own.
+"""Parts of the flown loop, for laws, plants and studies of your own.
 
 Laws and their limits, plants and sensors, linear models and their indicators, and measures of a
 flight. The names stand in ``loop.pyi``; each is imported on first use.

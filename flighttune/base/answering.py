@@ -1,7 +1,7 @@
 """Results that answer: the functions that make their answers are found in a table.
 
-They lie in the rooms above and are imported on first use: this module knows the names of all
-results, and no text of an answer.
+The functions lie in the rooms above and are imported on first use. This module knows the names of
+all results and no text of an answer.
 """
 
 from collections.abc import Mapping
@@ -12,8 +12,7 @@ from typing import Any
 # Characters of a line that is printed from Python.
 WIDTH = 100
 
-# The function that makes the answer of a result, and the one that draws its figure, by its class as
-# module:function.
+# By class of a result, as module:function: what makes its answer, and what draws its figure.
 SPEAKERS = {
     "Adoption": "flighttune.outputs.answers.adoption:answer",
     "AircraftIdentification": "flighttune.outputs.answers.identification:answer",
@@ -72,7 +71,7 @@ class Answering:
         """Write the JSON object of the answer; gains in it are read by `load_gains`."""
         self.answer().save(path)
 
-    # Without one of its own a dataclass would be represented by all its arrays.
+    # A dataclass without a `__repr__` of its own would print all its arrays.
     def __init_subclass__(cls) -> None:
         cls.__repr__ = Answering.__str__
 

@@ -1,6 +1,6 @@
-"""Arguments of public calls, held to the annotations of their names: one line says what is wrong.
+"""Arguments of public calls, checked against their annotations: one line says what is wrong.
 
-It is the door by which a user's values come in. Calls inside the package do not pass it.
+Only calls by a user are checked. Calls inside the package are not.
 """
 
 import collections.abc
@@ -22,13 +22,13 @@ from flighttune.base.errors import InputError
 Call = TypeVar("Call", bound=Callable[..., Any])
 Kind = TypeVar("Kind")
 
-# Largest whole number of a call: more runs, flights or points than can be flown; seeds are below.
+# Largest whole number of a call: nobody can fly so many runs or points, and seeds are smaller.
 LARGEST = 2**31
 
 # Most characters of the line that refuses a call.
 MAX_LINE = 1000
 
-# Longest path and longest part of one, bytes.
+# Longest path, and longest part of a path, bytes.
 MAX_PATH, MAX_PART = 4096, 255
 
 # Built-in types. An object of another class may be an iterable that can be read only once.
@@ -47,7 +47,7 @@ ARRAY = {*typing.get_args(npt.ArrayLike)}
 
 
 def checked(call: Call) -> Call:
-    """A function, or the `__init__` of a class, whose arguments are held to their annotations."""
+    """The function, or the `__init__` of a class, with its arguments checked by annotation."""
 
     @functools.wraps(call)
     def wrapped(*args: Any, **options: Any) -> Any:
@@ -59,9 +59,9 @@ def checked(call: Call) -> Call:
 
 
 def checked_class(kind: type[Kind]) -> type[Kind]:
-    """A class whose arguments are held to their annotations where it cannot be made of them.
+    """The class, with its arguments checked if an instance cannot be built from them.
 
-    Where it can, nothing is looked at: some are made for every flight.
+    Instances that can be built cost no check, because some are made for every flight.
     """
     made: Callable[..., None] = kind.__init__
 
@@ -83,7 +83,7 @@ def checked_class(kind: type[Kind]) -> type[Kind]:
 
 
 def check(call: Callable[..., Any], args: Sequence[Any], options: Mapping[str, Any]) -> None:
-    """Refuse the first argument that is not of the kind of its annotation."""
+    """Refuse the first argument that does not fit its annotation."""
     signature, hints = _annotations(call)
     try:
         given = signature.bind(*args, **options).arguments
@@ -106,7 +106,7 @@ def check(call: Callable[..., Any], args: Sequence[Any], options: Mapping[str, A
 
 
 def _misfit(name: str, value: Any, annotation: Any) -> str:
-    """What is wrong with a value; of a dictionary, with its first wrong entry."""
+    """What is wrong with a value, or with the first wrong entry of a dictionary."""
     kinds = typing.get_args(annotation) if _is_union(annotation) else (annotation,)
     for kind in kinds if isinstance(value, Mapping) else ():
         origin, inside = typing.get_origin(kind), typing.get_args(kind)
@@ -137,7 +137,7 @@ def _annotations(call: Callable[..., Any]) -> tuple[inspect.Signature, dict[str,
         stated = types.SimpleNamespace(__annotations__={name: parameter.annotation})
         try:
             hints[name] = typing.get_type_hints(stated, call.__globals__, include_extras=True)[name]
-        except (NameError, AttributeError):  # of a library that is imported on first use
+        except (NameError, AttributeError):  # a type of a library that is imported on first use
             hints[name] = Any
         if parameter.annotation is parameter.empty:
             hints[name] = Any
@@ -154,7 +154,7 @@ def _stated(parameter: inspect.Parameter) -> list[inspect.Parameter]:
 
 
 def fits(value: Any, annotation: Any) -> bool:
-    """Whether a value is of the kind of an annotation; of a kind that cannot be asked, it is."""
+    """Whether a value fits an annotation; it does if the annotation cannot be checked."""
     origin, inside = typing.get_origin(annotation), typing.get_args(annotation)
     if annotation is Any or annotation is object or isinstance(annotation, TypeVar):
         return True
@@ -177,7 +177,7 @@ def fits(value: Any, annotation: Any) -> bool:
         return callable(value)
     if isinstance(origin, type) and issubclass(origin, Iterable):
         if origin is collections.abc.Iterable and not isinstance(value, PLAIN):
-            return isinstance(value, Iterable)  # it may be gone after one look
+            return isinstance(value, Iterable)  # an iterator can be read only once
         entries: Any = value if _is_list(value) else None
         return entries is not None and all(fits(each, inside[0]) for each in entries)
     if hasattr(annotation, "__metadata__"):
@@ -186,7 +186,7 @@ def fits(value: Any, annotation: Any) -> bool:
 
 
 def _is_a(value: Any, kind: Any) -> bool:
-    """Whether a value is of a class; numbers are those of NumPy too."""
+    """Whether a value is an instance of a class; numbers of NumPy count as numbers."""
     if kind is None:
         return value is None
     if kind is bool:
@@ -211,10 +211,10 @@ def _is_list(value: Any) -> bool:
 
 
 def _is_array(value: Any) -> bool:
-    """Whether NumPy makes numbers of a value."""
+    """Whether NumPy can convert a value to numbers."""
     try:
         return np.asarray(value).dtype.kind in "biufc"
-    except (ValueError, TypeError, OverflowError):  # of rows of several lengths
+    except (ValueError, TypeError, OverflowError):  # the rows have different lengths
         return False
 
 

@@ -1,4 +1,4 @@
-"""Numbers and float arrays: the aliases, and the checks applied where they come in."""
+"""Numbers and float arrays: their type aliases, and the checks of values from outside."""
 
 import math
 import numbers
@@ -72,7 +72,7 @@ def check_between(low: float, high: float, **values: float) -> None:
 
 def check_upright(**angles: float) -> None:
     """Refuse the first of `angles` (rad) that is not inside +-pi/2."""
-    # Commands and files have degrees; the number is the one that stands there.
+    # Commands and files state degrees, so the message repeats the number in degrees.
     degrees = {
         name: round(math.degrees(angle), 9) if is_number(angle) else angle
         for name, angle in angles.items()
@@ -83,7 +83,7 @@ def check_upright(**angles: float) -> None:
 def check_finite(**values: npt.ArrayLike | None) -> None:
     """Refuse the first of `values`, numbers or tuples, that is not finite; None is skipped."""
     for name, value in values.items():
-        # of one number NumPy takes ten times as long
+        # NumPy takes ten times as long for a single number
         if value is None or (isinstance(value, float) and math.isfinite(value)):
             continue
         if not np.isfinite(numbers_of(name, value)).all():
@@ -91,7 +91,7 @@ def check_finite(**values: npt.ArrayLike | None) -> None:
 
 
 def check_numbers(**values: Any) -> None:
-    """Refuse the first of `values` that is no finite number: None, and arrays, are none."""
+    """Refuse the first of `values` that is not a finite number, such as None or an array."""
     for name, value in values.items():
         if not is_number(value):
             raise InputError(f"`{name}` must be a finite number, got {got(value)}.")
@@ -99,7 +99,7 @@ def check_numbers(**values: Any) -> None:
 
 
 def is_number(value: Any) -> bool:
-    """Whether a value is a real number that a float holds, infinite and NaN ones too."""
+    """Whether a value is a real number that a float can represent, infinity and NaN included."""
     if isinstance(value, float):
         return True
     if isinstance(value, bool) or not isinstance(value, numbers.Real):
@@ -112,18 +112,18 @@ def is_number(value: Any) -> bool:
 
 
 def numbers_of(name: str, value: Any) -> FloatArray:
-    """`value` as an array of floats; InputError if its entries are no real numbers."""
+    """`value` as an array of floats; InputError if an entry is not a real number."""
     try:
         array = np.asarray(value)
         if array.dtype.kind in "iuf" or not array.size:
             return array.astype(float, copy=False)
-    except (ValueError, TypeError, OverflowError):  # rows of several lengths, or no numbers
+    except (ValueError, TypeError, OverflowError):  # ragged rows, or not numbers
         pass
     raise InputError(f"`{name}` must be real numbers in rows of one length, got {got(value)}.")
 
 
 def got(value: Any) -> str:
-    """A value for a message, or its kind where it is too long for a line."""
+    """A value as a message repeats it, or its kind if it is too long for a line."""
     if isinstance(value, numbers.Integral) and not isinstance(value, bool):
         whole = int(value)
         if abs(whole) >= 10**20:
@@ -134,7 +134,7 @@ def got(value: Any) -> str:
     if isinstance(value, str | bytes):
         text = repr(value)
         return text if len(text) <= MAX_SHOWN else f"{text[: MAX_SHOWN // 2]} ..."
-    name = type(value).__name__.removeprefix("nd")  # of arrays
+    name = type(value).__name__.removeprefix("nd")  # an array spans several lines
     return f"{'an' if name[0].lower() in 'aeiou' else 'a'} {name}"
 
 
@@ -163,7 +163,7 @@ def read_only_vector(
 def set_read_only(value: object, **shapes: tuple[int, ...]) -> None:
     """Replace arrays of a frozen `value` by finite, read-only copies of `shapes`.
 
-    None is kept where it is the default.
+    A value of None stays where None is the default.
     """
     stated: Any = getattr(value, "__dataclass_fields__", {})
     for name, shape in shapes.items():
@@ -175,7 +175,7 @@ def set_read_only(value: object, **shapes: tuple[int, ...]) -> None:
 
 
 def true_spans(flag: npt.NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """First index, and that after the last, of every span in which `flag` is true."""
+    """First index and one past the last index of every span in which `flag` is true."""
     edges = np.flatnonzero(np.diff(flag.astype(int), prepend=0, append=0)).tolist()
     return list(zip(edges[::2], edges[1::2], strict=True))
 

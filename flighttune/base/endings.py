@@ -1,4 +1,4 @@
-"""Why flights did not complete: reasons that differ only in their numbers, counted."""
+"""Why flights did not complete: counts of reasons, which may differ in their numbers."""
 
 import re
 from collections import Counter
@@ -25,7 +25,7 @@ def why_ended(rows: Iterable[Mapping[str, Any]]) -> str:
 
 
 def reasons(texts: Sequence[str], runs: Sequence[int]) -> list[dict[str, Any]]:
-    """Sentences that differ only in their numbers, counted; the most frequent first."""
+    """Counts of sentences, grouped if they differ only in numbers; the most frequent first."""
     places_of: dict[str, list[int]] = {}
     for place, text in enumerate(texts):
         if text:
@@ -42,7 +42,7 @@ def reasons(texts: Sequence[str], runs: Sequence[int]) -> list[dict[str, Any]]:
 
 
 def _shared(texts: Sequence[str]) -> str:
-    """The common text of sentences that differ only in numbers, with the ranges of these."""
+    """The common text of sentences that differ only in numbers, with the range of each number."""
     places = zip(*(_NUMBER.findall(text) for text in texts), strict=True)
     ends = ((min(shown, key=float), max(shown, key=float)) for shown in places)
     ranges = (" to ".join(dict.fromkeys(numbers)) for numbers in ends)

@@ -1,4 +1,4 @@
-"""The errors that flighttune raises, ends of processes in words, and extras that are missing.
+"""The errors that flighttune raises, exit codes of processes in words, and missing extras.
 
 FlightTuneError
 ├── InputError (ValueError)      a value the caller gave cannot be used
@@ -20,7 +20,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib.util import find_spec
 
-# Whether the system copies a process, which a crash then ends alone: Windows does not.
+# Whether the system can fork a process, so that a crash ends only the copy. Windows cannot.
 FORKS = hasattr(os, "fork")
 
 
@@ -42,7 +42,7 @@ class FlightTuneError(Exception):
     """
 
     def __str__(self) -> str:
-        """The message; it may repeat a stranger's text, which must not steer a terminal."""
+        """The message without the control characters that a foreign file may contain."""
         return printable(super().__str__())
 
 
@@ -84,11 +84,11 @@ class RecordingError(InputError):
 
 
 class OutputError(InputError):
-    """A file cannot be written; what stood there before still does."""
+    """A file cannot be written; an earlier file in its place is unchanged."""
 
 
 class InfeasibleError(FlightTuneError):
-    """Something asked for does not exist: gains of a tuning problem, a flight inside a fence."""
+    """No solution exists: no gains of a tuning problem, or no flight inside a fence."""
 
 
 class PlantError(FlightTuneError, RuntimeError):
@@ -111,16 +111,16 @@ class CampaignError(FlightTuneError, RuntimeError):
 
 
 class StoppedError(FlightTuneError):
-    """The observer of a count or search stopped its flights, of which none is kept."""
+    """The observer of a count or search stopped it; none of its flights is saved."""
 
 
 @contextmanager
 def naming(place: object, kind: type[InputError] = InputError) -> Iterator[None]:
-    """Put a place, such as a file, before the message of an InputError of the block."""
+    """Put a place, such as a file, before the message of an InputError that the block raises."""
     try:
         yield
     except InputError as error:
-        message = str(error).removeprefix(f"{place}: ")  # which may have it already
+        message = str(error).removeprefix(f"{place}: ")  # it may be there already
         raise kind(f"{place}: {message}") from error
 
 
@@ -157,7 +157,7 @@ EXTRAS = {
 
 
 def need(what: str, *modules: str) -> None:
-    """Refuse a feature whose modules, any of `EXTRAS`, are not all installed; name the extra."""
+    """Refuse a feature if one of its modules is not installed, and name the extra of `EXTRAS`."""
     if absent := [module for module in modules if find_spec(module) is None]:
         raise InputError(_message(what, absent))
 

@@ -1,4 +1,4 @@
-"""Tables whose keys depend on their kind, which may be a class of the user's."""
+"""Tables whose keys depend on their kind, which may be a user's class."""
 
 from abc import abstractmethod
 from collections.abc import Callable, Mapping
@@ -24,20 +24,20 @@ class Kind(Protocol):
 
 
 class OwnTable(q.Table):
-    """A law or plant, which may be a class of the user's; the class itself is in no file."""
+    """A law or plant, which may be a user's class; the class itself is never written to a file."""
 
     model_config = ConfigDict(serialize_by_alias=True)
 
-    module: Annotated[str, Field(min_length=1)] | None = None  # file with the class, of kind python
+    module: Annotated[str, Field(min_length=1)] | None = None  # file of the class, for kind python
     # Name of the class in that file
     class_: Annotated[str, Field(min_length=1)] | None = Field(default=None, alias="class")
-    parameters: dict[str, Any] | None = None  # what the class is made with
-    sha256: str | None = None  # of the file when the scenario was read; filled in
+    parameters: dict[str, Any] | None = None  # keyword arguments of the class
+    sha256: str | None = None  # hash of the file when the scenario was read; filled in
     _maker: Callable[..., Any] | None = PrivateAttr(None)
 
     @property
     def maker(self) -> Callable[..., Any] | None:
-        """The class of the user's, once it is loaded or given from Python."""
+        """The user's class, once it is loaded or given from Python."""
         return self._maker
 
     @property
@@ -47,11 +47,11 @@ class OwnTable(q.Table):
 
     @property
     def of_the_user(self) -> bool:
-        """Whether a class of the user's flies."""
+        """Whether a user's class flies."""
         return "module" in self.family.keys
 
     def made_by(self, maker: Callable[..., Any]) -> Self:
-        """The table with the class of the user's."""
+        """The table with the user's class."""
         table = self.model_copy()
         table._maker = maker
         return table

@@ -15,7 +15,7 @@ def key_words(key: str) -> str:
     """A dispersed quantity in words, by its key: ``flight.chi_deg`` is the initial course."""
     words: list[str] = []
     owner = ""
-    for part in re.split(r"\.(?![^\[]*\])", key):  # no dot of a label
+    for part in re.split(r"\.(?![^\[]*\])", key):  # a dot in a label does not count
         name, _, place = part.rstrip("]").partition("[")
         end = next((end for end in UNIT_OF_SUFFIX if name.endswith(end)), "")
         name = name.removesuffix(end).replace("V_a", "V-a").replace("n_z", "n-z")

@@ -1,7 +1,7 @@
 """The tables of files, and the ranges of their numbers by quantity.
 
-The ranges are wide: a number outside is a slip of the unit or of the keyboard, would overflow, or
-would take hours to fly.
+The ranges are wide: a number outside is a typing error, has the wrong unit, would overflow or would
+take hours to fly.
 """
 
 from pathlib import Path
@@ -22,7 +22,7 @@ class Table(BaseModel):
         return {**state, "__dict__": keys}
 
     def __copy__(self) -> Self:
-        """A copy without the values found from the keys of this table: it may get others."""
+        """A copy without the cached values of this table, since its keys may change."""
         copied = super().__copy__()
         for name in vars(copied).keys() - type(self).model_fields.keys():
             del vars(copied)[name]
@@ -45,7 +45,7 @@ FASTEST_WIND = 200.0
 # m/s, or a deviation of airspeed; the fastest wind measured was 113 m/s.
 Wind: TypeAlias = Annotated[Finite, Field(ge=-FASTEST_WIND, le=FASTEST_WIND)]
 
-# m/s, where the sign is that of another key.
+# m/s, where another key has the sign.
 WindSpeed: TypeAlias = Annotated[Finite, Field(ge=0.0, le=FASTEST_WIND)]
 
 Height: TypeAlias = Annotated[Finite, Field(ge=-500.0, le=30_000.0)]  # m above sea level
@@ -74,7 +74,7 @@ LoadFactor: TypeAlias = Annotated[Finite, Field(ge=-50.0, le=50.0)]
 
 Gravity: TypeAlias = Annotated[Finite, Field(ge=0.1, le=100.0)]  # m/s^2
 
-# rad/s of a lag; a faster one is none, and takes hundreds of steps a sample.
+# rad/s: bandwidth of a lag. A faster lag has no effect and would take hundreds of steps a sample.
 Bandwidth: TypeAlias = Annotated[Finite, Field(ge=0.05, le=200.0)]
 
 Damping: TypeAlias = Annotated[Finite, Field(ge=0.05, le=5.0)]
@@ -87,9 +87,9 @@ Oscillation: TypeAlias = Annotated[NotNegative, Field(le=1000.0)]  # rad/s
 # rad/s: amplitude of a disturbance of course or path-angle rate.
 OscillationRate: TypeAlias = Annotated[Finite, Field(ge=-1e4, le=1e4)]
 
-Factor: TypeAlias = Annotated[Finite, Field(ge=0.01, le=100.0)]  # on a property of an aircraft
+Factor: TypeAlias = Annotated[Finite, Field(ge=0.01, le=100.0)]  # on an aircraft's property
 
-Shift: TypeAlias = Annotated[Finite, Field(ge=-10.0, le=10.0)]  # m of a centre of gravity
+Shift: TypeAlias = Annotated[Finite, Field(ge=-10.0, le=10.0)]  # m: shift of a centre of gravity
 
 Length: TypeAlias = Annotated[Finite, Field(ge=0.1, le=1e5)]  # m
 
@@ -126,14 +126,14 @@ MAX_BYTES_OF_PART = 255
 
 
 def short(value: str) -> str:
-    """The value, a name or path, if file systems can have it; a ValueError if not."""
+    """The value, a name or path, if file systems allow it; else a ValueError."""
     *above, name = (len(part.encode()) for part in ("", *Path(value).parts))
     if name > MAX_BYTES or max(above, default=0) > MAX_BYTES_OF_PART or "\0" in value:
         raise ValueError(f"must be a name of at most {MAX_BYTES} bytes, it has {name}")
     return value
 
 
-# Longest name of something that ships, or longest path.
+# Longest name of something that ships with flighttune, or longest path.
 PathName: TypeAlias = Annotated[str, Field(min_length=1, max_length=4096), AfterValidator(short)]
 
 # Name of a gain set, a law or a plant.

@@ -30,8 +30,8 @@ class Signal:
 class Subject:
     """A quantity of a flight that requirements bound."""
 
-    error: str  # its signal
-    command: str = ""  # the one that mostly moves it, if there is one
+    error: str  # the signal that is bounded
+    command: str = ""  # the command that mostly moves it, if any
     symbol: str
     word: str
 

@@ -27,7 +27,7 @@ SLUG = 14.593902937206  # one slug, kg
 
 DEG = math.pi / 180.0  # one degree, rad
 
-DEG_PER_RAD = 180.0 / math.pi  # one radian, deg: the factor of what is shown in degrees
+DEG_PER_RAD = 180.0 / math.pi  # one radian, deg
 
 
 def wrap_angle(angle: float) -> float:

@@ -12,12 +12,12 @@ MISSING = "–"
 
 
 def quoted(text: str) -> str:
-    """A name or title that somebody chose, in quotation marks that it cannot close."""
+    """A user's name or title in quotation marks, which the text itself cannot close."""
     return '"{}"'.format(" ".join(printable(text).split()).replace('"', "'"))
 
 
 def number(value: float, form: str = ".4g") -> str:
-    """A number in a format of its own; infinity as a sign, `MISSING` for NaN."""
+    """A number in the given format; infinity as its sign, `MISSING` for NaN."""
     if math.isnan(value):
         return MISSING
     if math.isinf(value):
@@ -26,12 +26,12 @@ def number(value: float, form: str = ".4g") -> str:
 
 
 def at_most(bound: float, digits: int = 4) -> str:
-    """An upper bound in so many significant digits, which is not below it."""
+    """An upper bound rounded upwards to this number of significant digits."""
     return _rounded(bound, digits, ROUND_CEILING)
 
 
 def at_least(bound: float, digits: int = 4) -> str:
-    """A lower bound in so many significant digits, which is not above it."""
+    """A lower bound rounded downwards to this number of significant digits."""
     return _rounded(bound, digits, ROUND_FLOOR)
 
 
@@ -44,7 +44,7 @@ def _rounded(bound: float, digits: int, rounding: str) -> str:
 
 
 def figures(value: float) -> str:
-    """A number with three significant figures, and none after the point from 1000 on."""
+    """A number with three significant figures, and without decimals from 1000 on."""
     return number(value, ".0f" if abs(value) >= 1000.0 else ".3g")
 
 
@@ -81,14 +81,14 @@ def matrix(values: Iterable[Iterable[float]]) -> str:
 
 
 def listed(words: Sequence[str], joint: str = "and", most: int | None = None) -> str:
-    """Words as they are read: ``a``, ``a and b``, ``a, b and c``; the first `most` of many."""
+    """Words as read aloud: ``a``, ``a and b``, ``a, b and c``; at most the first `most`."""
     if most is not None and len(words) > most:
         words = [*words[:most], f"{len(words) - most} more"]
     return f" {joint} ".join(filter(None, [", ".join(words[:-1]), *words[-1:]]))
 
 
 def distinct(names: Iterable[str]) -> list[str]:
-    """Names in order; one that repeats an earlier one ends in ``_2``, ``_3`` and so on."""
+    """Names in order; a name that repeats an earlier name ends in ``_2``, ``_3`` and so on."""
     used: dict[str, None] = {}
     for stem in names:
         name, again = stem, 2

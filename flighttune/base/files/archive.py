@@ -1,4 +1,4 @@
-"""Zip archives of strangers: names and sizes are checked before anything is unpacked."""
+"""Foreign zip archives: names and sizes are checked before anything is unpacked."""
 
 import zipfile
 from collections.abc import Callable, Iterator
@@ -8,7 +8,7 @@ from pathlib import Path
 from flighttune.base.errors import InputError
 from flighttune.base.files import table, whole
 
-# Packings that unpack no more than the stated size: bzip2 and LZMA unpack a block whole first.
+# Compressions that never unpack more than the stated size; bzip2 and LZMA unpack a whole block.
 PACKED = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
 
 
@@ -16,9 +16,9 @@ PACKED = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
 def opened(
     path: Path, kind: str, held: str, wanted: Callable[[str], bool], max_bytes: int, max_packed: int
 ) -> Iterator[tuple[zipfile.ZipFile, list[str]]]:
-    """An archive, and its members that are `wanted`, at most `max_bytes` together.
+    """An archive, and its `wanted` members, which have at most `max_bytes` together.
 
-    `kind` and `held` are what it and they must be.
+    `kind` and `held` name in messages what the archive and its members must be.
     """
     try:
         if path.stat().st_size > max_packed:

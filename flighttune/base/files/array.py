@@ -22,7 +22,7 @@ def write_sealed(path: str | Path, arrays: Mapping[str, Any]) -> None:
         with part.open("wb") as opened:
             np.savez_compressed(opened, **arrays)
         with zipfile.ZipFile(part, "a") as file:
-            file.comment = load.BLANK.encode()  # at its end, and of no checksum of it
+            file.comment = load.BLANK.encode()  # at the end, outside every checksum
         part.write_bytes(load.seal(part.read_bytes()))
 
 
@@ -34,7 +34,7 @@ def read_arrays(
     max_compressed: int,
     unbounded: Collection[str] = (),
 ) -> Arrays:
-    """Arrays of a file by their types, finite unless `unbounded`; the first must be there."""
+    """Arrays of a file, of these types and finite unless `unbounded`; the first is required."""
 
     def known(name: str) -> bool:
         if name.removesuffix(".npy") not in kinds or not name.endswith(".npy"):
@@ -57,7 +57,7 @@ def read_arrays(
 def _checked(
     name: str, array: npt.NDArray[Any], kind: "np.dtype[Any]", finite: bool
 ) -> npt.NDArray[Any]:
-    """The array, if it is of the type that its name asks for, with finite numbers where asked."""
+    """The array, if it has the type of its name and, unless `unbounded`, finite numbers."""
     if array.dtype != kind and not (kind == TEXT and array.dtype.kind == "U" and array.ndim == 0):
         raise InputError(f"`{name}` must be of type {kind.name}, got {array.dtype}.")
     if finite and kind.kind == "f" and not np.isfinite(array).all():
@@ -66,7 +66,7 @@ def _checked(
 
 
 def check_shapes(kind: str, arrays: Arrays, shapes: Mapping[str, tuple[int, ...] | None]) -> None:
-    """Refuse arrays that are missing or of another shape; of any shape where it is None."""
+    """Refuse arrays that are missing or have the wrong shape; None allows any shape."""
     for name, shape in shapes.items():
         if name not in arrays:
             raise InputError(f"`{name}.npy` must be in the file of this {kind}.")

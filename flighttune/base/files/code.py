@@ -1,8 +1,8 @@
-"""Python files of users: the one place that runs them, after it has asked who named them.
+"""Python files of users: the only place that runs them, after it has checked who named them.
 
-A scenario or campaign file names its code, and verbs that fly it run it. What flighttune wrote
-(recordings, folders of campaigns, claims) names no code, whoever sent it: its own runs only where
-`run_code` says so. Where no verb has asked for flights, nothing runs.
+A scenario or campaign file may name code, and the verbs that fly the file run it. A recording,
+campaign folder or claim may come from anybody, so its code runs only with `run_code`. Outside a
+verb that flies, no code runs.
 """
 
 import os
@@ -28,19 +28,19 @@ T = TypeVar("T")
 
 
 class Runs(IntEnum):
-    """Files that may run."""
+    """Which files may run."""
 
     NONE = 0
-    NAMED = 1  # by a scenario or campaign file that was read in this process
-    ANY = 2  # also by what flighttune wrote, which must have the hash of the file
+    NAMED = 1  # files named by a scenario or campaign file that this process has read
+    ANY = 2  # also files named, with their hash, by something that flighttune wrote
 
 
 class Grant(NamedTuple):
-    """What a command may run, and what flies, for the processes that fly for it."""
+    """Permission of a command to run code and its choice of simulator, for its worker processes."""
 
     runs: Runs
     named: frozenset[str]
-    jsbsim: bool  # flies every aircraft itself
+    jsbsim: bool  # JSBSim itself flies every aircraft
 
 
 # What the outermost verb decided. Verbs inside it cannot widen it.
@@ -50,11 +50,11 @@ _RUNS: ContextVar[Runs | None] = ContextVar("runs", default=None)
 _JSBSIM: ContextVar[bool] = ContextVar("jsbsim", default=False)
 
 # SHA-256 of the files that scenario and campaign files named. A file of the same content is the
-# same code, wherever it lies and whatever else names it.
+# same code in any place and under any name.
 _NAMED: set[str] = set()
 
-# Called with the name of a Python file. It does nothing for callers from Python, who chose the
-# code: it is set in a command, and not in the processes that it starts.
+# Called with the name of a Python file that is about to run. Only commands set it: callers from
+# Python chose the code themselves, and worker processes do not repeat the notice.
 NOTICE: ContextVar[Callable[[str], object] | None] = ContextVar("notice", default=None)
 
 
@@ -69,12 +69,12 @@ def running(runs: Runs) -> Iterator[None]:
 
 
 def flies(verb: Callable[P, T]) -> Callable[P, T]:
-    """A verb that flies what is stated: it runs the code of its files, with `run_code` any."""
+    """Decorate a verb that flies scenarios: it runs code that they name, or with `run_code` any."""
     return _deciding(verb, Runs.NAMED)
 
 
 def flies_again(verb: Callable[P, T]) -> Callable[P, T]:
-    """A verb that flies again what was recorded, in JSBSim: code runs with `run_code` alone."""
+    """Decorate a verb that flies a recording again, in JSBSim: code runs only with `run_code`."""
     decided = _deciding(verb, Runs.NONE)
 
     @wraps(verb)
@@ -110,19 +110,19 @@ def _deciding(verb: Callable[P, T], runs: Runs) -> Callable[P, T]:
 
 
 def grant() -> Grant:
-    """What may run here, for another process."""
+    """The permission of this process, for another process."""
     return Grant(_RUNS.get() or Runs.NONE, frozenset(_NAMED), jsbsim_flies())
 
 
 def take(granted: Grant) -> None:
-    """Run what the command may run that this process flies for."""
+    """Take over the permission of the command for which this process flies."""
     _RUNS.set(granted.runs)
     _JSBSIM.set(granted.jsbsim)
     _NAMED.update(granted.named)
 
 
 def named_sha256(file: Path, where: str) -> str:
-    """Hash of a file that a scenario or campaign file names: it may run where that is flown."""
+    """Hash of a file that a scenario or campaign file names, which allows it to run in a flight."""
     digest = sha256(_content(file, where)).hexdigest()
     _NAMED.add(digest)
     return digest
@@ -152,14 +152,14 @@ def ask(file: str, stated: str | None, where: str) -> bytes:
 
 
 def run(file: str, content: bytes) -> ModuleType:
-    """The module of a file that `ask` gave the content of: no other code of a file is ever run."""
+    """The module made from content that `ask` returned: no other code of a file is ever run."""
     return _run(os.path.realpath(file), content)
 
 
 @lru_cache(maxsize=32)
 def _run(path: str, content: bytes) -> ModuleType:
-    # The bytes that were asked about: an import would read the file again, or what Python compiled
-    # of another one of its name.
+    # The checked bytes run. An import would read the file again, or a cached compilation of another
+    # file with its name.
     module = ModuleType(Path(path).stem)
     module.__file__ = path
     with redirect_stdout(sys.stderr):  # stdout is for the answer of a command
@@ -170,7 +170,7 @@ def _run(path: str, content: bytes) -> ModuleType:
 def _content(file: Path, where: str) -> bytes:
     from flighttune.base.files.table import abridged  # here: --help must be quick
 
-    if not os.path.isfile(file):  # False for what can be no name of a file
+    if not os.path.isfile(file):  # False if it cannot be the name of a file
         raise ScenarioError(f"{where} `module` must be a file, got {abridged(str(file))}.")
     with allowed(f"{where} `module` {file}", "readable", ScenarioError):
         return file.read_bytes()

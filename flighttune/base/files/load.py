@@ -1,9 +1,9 @@
-"""Files that were written: one place asks what each is, by its content, and reads it.
+"""Files that flighttune reads: this module recognises the kind of each by content and reads it.
 
-The readers stand in a table and are imported on first use: this module knows every kind of file,
-and nothing of what they hold. Most files carry the SHA-256 of all their other bytes, and a changed
-one is refused before any library decodes it. In a Parquet file the digits stand in the metadata of
-the schema, which is never compressed, in an archive in its comment.
+The readers stand in a table and are imported on first use, so this module knows the kinds of files
+but not their contents. Most files carry the SHA-256 of all their other bytes, and a changed file is
+refused before any library decodes it. A Parquet file has the hash in the metadata of its schema,
+which is never compressed; an archive has it in its comment.
 """
 
 import hashlib
@@ -23,15 +23,16 @@ from flighttune.base.files import table, whole
 MARK = b"SHA-256="
 DIGITS = 64
 
-# Write this as the value of the last key in the metadata: whatever looks like it stands before it.
+# Placeholder of the hash. It must be the last value in the metadata, so that the last match in the
+# file is the placeholder.
 BLANK = MARK.decode() + "0" * DIGITS
 
-# Kinds of files; those of claims are what their `format` begins with.
+# Kinds of files. The kind of a claim is the beginning of its `format`.
 CERTIFICATE, BOUND = "flighttune certificate", "flighttune rate bound"
 TUBE, BAND, MONITOR = "flighttune tube", "flighttune band", "flighttune monitor"
 RECORDING, DATASET, LOG = "recording", "campaign", "log"
 
-# What a file is, and what takes it.
+# Each kind of file in words, with the commands that take it.
 SHOWN = {
     CERTIFICATE: "a certificate, which `flighttune verify` takes",
     BOUND: "a bound on R_K, which `flighttune verify` takes",
@@ -47,7 +48,7 @@ SHOWN = {
 # Bytes at the beginning of a file, or of its first array, that hold its `format`
 HEAD = 4096
 
-# Most bytes of a file that is read whole
+# Maximum size of a file that is read whole, bytes
 MAX_BYTES = 2**30
 
 # Reader of each kind of file, as module:function.
@@ -69,17 +70,17 @@ AROUND_FLIGHTS = TUBE, BAND, MONITOR
 
 A_LOG = "log of a flight (.ulg, .bin, .tlog or .csv)"
 
-CAMPAIGN = "campaign.json"  # the file that makes a folder that of a campaign
+CAMPAIGN = "campaign.json"  # a folder with this file is the folder of a campaign
 
-# What files begin with; a telemetry log has the time of its first message before it.
+# First bytes of files; in a telemetry log they follow the time of the first message.
 RERUN, PARQUET, ARCHIVE = b"RRF", b"PAR1", b"PK"
 
-# What the record at the end of a zip archive begins with, and its most bytes.
+# First bytes and maximum size of the record at the end of a zip archive.
 ARCHIVE_END, LONGEST_END = b"PK\x05\x06", 2**16 + 22
 
 LOG_STARTS = {"ULog": b"ULog\x01\x12\x35", "DataFlash": (b"\xa3\x95", b"FMT,"), "csv": b"<LABELS>"}
 
-# Kind of a file whose content does not tell it: a table has no mark.
+# Kind of a file whose content does not show it: a table has no signature.
 ENDINGS: dict[str, str] = dict.fromkeys((".rrd", ".parquet"), RECORDING)
 ENDINGS |= dict.fromkeys((".ulg", ".bin", ".tlog", ".csv"), LOG)
 
@@ -87,7 +88,7 @@ ENDINGS |= dict.fromkeys((".ulg", ".bin", ".tlog", ".csv"), LOG)
 def load_one(path: object, what: str, *kinds: str, columns: Any = ()) -> Any:
     """Read a file of one of some kinds; a RecordingError says that it must be `what`.
 
-    A value that was read before, and is no path, is returned as it is.
+    A value that is not a path has been read before and is returned as it is.
     """
     if not isinstance(path, str | Path):
         return path
@@ -101,7 +102,7 @@ def load_one(path: object, what: str, *kinds: str, columns: Any = ()) -> Any:
 
 
 def written(source: object, *kinds: str, columns: Any = ()) -> Any:
-    """The value in a file of one of some kinds; None for all else, which may be flown."""
+    """The value in a file of one of some kinds; None for anything else, such as a scenario."""
     kind = kind_of(source) if isinstance(source, str | Path) else ""
     if kind not in kinds:
         return None
@@ -111,7 +112,7 @@ def written(source: object, *kinds: str, columns: Any = ()) -> Any:
 
 
 def kind_of(source: str | Path) -> str:
-    """Kind of a file by its content, or else by its ending; empty for what nobody wrote."""
+    """Kind of a file by its content, else by its ending; empty for an unknown kind."""
     whole.settle(Path(source).parent)
     path, head, stated = _place(source), b"", ""
     if path.is_dir():
@@ -133,7 +134,7 @@ def kind_of(source: str | Path) -> str:
 
 
 def kind_of_log(head: bytes) -> str:
-    """Kind of a log by its first bytes; empty for another file and most tables."""
+    """Kind of a log by its first bytes; empty for other files and for most tables."""
     for kind, start in LOG_STARTS.items():
         if head.startswith(start):
             return kind
@@ -141,7 +142,7 @@ def kind_of_log(head: bytes) -> str:
 
 
 def _place(source: str | Path) -> Path:
-    """The file of a source, without the part that is chosen of it behind an ``@``."""
+    """The file of a source, without the selection after an ``@``."""
     path = Path(source)
     return path if path.exists() else Path(str(source).partition("@")[0])
 
@@ -153,7 +154,7 @@ def seal(data: bytes) -> bytes:
 
 
 def sealed_bytes(path: Path, kind: str, remedy: str = "fly it again") -> bytes:
-    """Bytes of a file, if they are those that `seal` returned; `kind` is what it must be."""
+    """Bytes of a file whose hash, set by `seal`, is right; messages call the file a `kind`."""
     data = file_bytes(path, kind)
     if kind not in (actual := SHOWN.get(stated_format(BytesIO(data)) or kind, kind)):
         raise RecordingError(f"{path}: must be a {kind}, got {actual}.")
@@ -172,7 +173,7 @@ def sealed_bytes(path: Path, kind: str, remedy: str = "fly it again") -> bytes:
 
 
 def file_bytes(path: Path, kind: str, first: int | None = None) -> bytes:
-    """Bytes of a file that is not empty, or the `first` ones; else a RecordingError."""
+    """All bytes, or the `first` bytes, of a file that is not empty; else a RecordingError."""
     if not path.is_file():
         got = "a folder" if path.is_dir() else "no such file"
         raise RecordingError(f"{path}: must be a {kind}, got {got}.")
@@ -199,7 +200,7 @@ def stated_format(file: BinaryIO) -> str:
 
 
 def _first_member(data: bytes) -> bytes:
-    """The beginning of the first member of a zip archive, stored or deflated; empty for another."""
+    """First bytes of the first member of a zip archive; empty unless it is stored or deflated."""
     with suppress(struct.error, zlib.error):
         packing, *lengths = struct.unpack_from("<8xH16xHH", data)
         body = data[30 + sum(lengths) :]

@@ -1,16 +1,16 @@
-"""Parquet files of strangers: their size is looked at in the metadata before they are unpacked."""
+"""Foreign Parquet files: their size is read from the metadata before they are unpacked."""
 
 import pyarrow as pa
 import pyarrow.parquet as pq
 
 from flighttune.base.errors import RecordingError
 
-# Most numbers of a file, which are two hours of 40 signals at 100 Hz, and most bytes of them.
+# Maximum count of numbers in a file, two hours of 40 signals at 100 Hz, and of their bytes.
 MAX_NUMBERS, MAX_BYTES = 30_000_000, 2**28
 
 
 def opened(data: bytes) -> pq.ParquetFile:
-    """A Parquet file; RecordingError if it holds more than fits into memory."""
+    """A Parquet file; RecordingError if its content does not fit into memory."""
     file = pq.ParquetFile(pa.BufferReader(data))
     stated = file.metadata
     check_size(stated.num_rows, stated.num_columns)
@@ -21,7 +21,7 @@ def opened(data: bytes) -> pq.ParquetFile:
 
 
 def check_size(rows: int, columns: int) -> None:
-    """Refuse more numbers than are read."""
+    """Refuse a file with more numbers than the maximum."""
     if rows * columns > MAX_NUMBERS:
         raise RecordingError(
             f"it must have at most {MAX_NUMBERS} numbers, got {rows} rows of {columns}."

@@ -14,7 +14,7 @@ _PACKAGE = Path(__file__).resolve().parents[2]
 # Environment variable with the folder of the user's aircraft.
 OWN_AIRCRAFT = "FLIGHTTUNE_AIRCRAFT"
 
-# Set in the environment of a process that may be ended by an aircraft's files.
+# Set in the environment of a process that may crash on the files of an aircraft.
 TRUST_AIRCRAFT = "FLIGHTTUNE_TRUST_AIRCRAFT"
 
 
@@ -33,7 +33,7 @@ def aircraft_places() -> tuple[Path, ...]:
 
 
 def aircraft_folders() -> dict[str, Path]:
-    """Return the folders of the aircraft found by name, sorted; the first of a name counts."""
+    """Return the folders of the aircraft by name, sorted; of two with one name the first counts."""
     folders = {}
     for place in aircraft_places():
         for file in place.glob("*/aircraft.toml"):
@@ -47,7 +47,7 @@ def listed_files() -> dict[str, Path]:
 
 
 def scenario_files() -> dict[str, Path]:
-    """Return the files of all shipped scenarios by name: those that are listed, then studies."""
+    """Return the files of all shipped scenarios by name: listed scenarios first, then studies."""
     return listed_files() | _files_of("studies")
 
 
@@ -67,7 +67,7 @@ def is_trusted(folder: Path) -> bool:
 
 
 def is_shipped(folder: Path) -> bool:
-    """Whether a folder is that of an aircraft that comes with flighttune."""
+    """Whether a folder belongs to an aircraft that comes with flighttune."""
     return folder.resolve().parent == _shipped_folder("aircraft").resolve()
 
 
@@ -90,7 +90,7 @@ def aircraft_folder(name: str) -> Path:
 
 def models_of_jsbsim() -> list[str]:
     """Names of the models in JSBSim's own set."""
-    place = find_spec("jsbsim")  # to import it takes long
+    place = find_spec("jsbsim")  # its import is slow
     assert place is not None  # it is always installed
     files = Path(place.origin or "").parent.glob("aircraft/*/*.xml")
     return sorted((file.stem for file in files if file.stem == file.parent.name), key=str.lower)

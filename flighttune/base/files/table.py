@@ -3,7 +3,7 @@
 The class of a value, a frozen dataclass, is the format of its file too. The keys are the names of
 the fields, and the first one names the format with its version. An unknown, missing or repeated
 key, a value of another type and another version are refused in one line that names file and key.
-Files are held to the checks that the class itself makes.
+The checks of the class itself apply to files too.
 """
 
 import difflib
@@ -24,13 +24,13 @@ from pydantic_core import ErrorDetails
 from flighttune.base.errors import InputError, ScenarioError, naming
 from flighttune.base.files.whole import allowed, settle, write_text
 
-# Mistakes listed in one line; the rest is counted, and beyond the larger number none is looked at.
+# Maximum number of mistakes that one line lists, and maximum number that are counted.
 MAX_LISTED, MAX_MISTAKES = 5, 10_000
 
-# Characters of a key or a value that a message repeats.
+# Maximum length of a key or value in a message, characters.
 MAX_CHARACTERS = 80
 
-# Characters of a word that a message repeats whole: as many as the name of a file can have.
+# Maximum length of a word in a message, characters: the longest name of a file.
 MAX_WORD = 255
 
 Model = TypeVar("Model", bound=BaseModel)
@@ -52,7 +52,7 @@ def abridged(value: object) -> str:
 def joined(faults: Iterable[str], count: int = 0) -> str:
     """Faults as one line that ends in a full stop, or in the last one's question mark.
 
-    They are the first of `count`, if that is given.
+    `count` is the number of all faults if `joined` gets only the first of them.
     """
     sentences = [fault.removesuffix(".") for fault in faults]
     more = max(count, len(sentences)) - MAX_LISTED
@@ -62,9 +62,9 @@ def joined(faults: Iterable[str], count: int = 0) -> str:
 
 
 def mistakes(error: ValidationError, tables: object, model: type[BaseModel] | None = None) -> str:
-    """All mistakes in `tables` as one line, the deepest first; a `model` is that of a TOML file."""
-    # An unknown key comes before the key that is missing in its place, and the fault of a range
-    # before the remark that a range is no number.
+    """All mistakes in `tables` in one line, the deepest first; `model` is set for a TOML file."""
+    # An unknown key comes before the missing key, which it may misspell. The fault of a range comes
+    # before the remark that a range is not a number.
     problems = sorted(
         error.errors(include_url=False),
         key=lambda problem: (len(problem["loc"]), problem["type"] not in ("missing", "float_type")),
@@ -89,7 +89,7 @@ def validated(model: type[Model], tables: Any, source: object) -> Model:
     try:
         return model.model_validate(tables)
     except ValidationError as error:
-        if error.error_count() > MAX_MISTAKES:  # to list them would take gigabytes
+        if error.error_count() > MAX_MISTAKES:  # listing them all would take gigabytes
             raise ScenarioError(
                 f"{source}: it must be a {model.__name__}, got {error.error_count()} wrong values."
             ) from None
@@ -98,7 +98,7 @@ def validated(model: type[Model], tables: Any, source: object) -> Model:
 
 
 def refused_in_a_line(model: type[Model]) -> type[Model]:
-    """The class of a table, whose mistakes in a call from Python are a line too."""
+    """The class of a table, with mistakes of a call from Python told in one line too."""
     made = model.__init__
 
     @wraps(made)
@@ -133,10 +133,10 @@ def _sentence(
     problem: ErrorDetails, place: tuple[int | str, ...], model: type[BaseModel] | None
 ) -> str:
     kind, message = problem["type"], problem["msg"].removeprefix("Value error, ")
-    if message.startswith("["):  # a validator named table and key
+    if message.startswith("["):  # a validator has named table and key
         return message
     keys = [str(part) for part in place if model is None or isinstance(part, str)]
-    if message.startswith("`"):  # a table that checks itself named the key in it
+    if message.startswith("`"):  # a table that checks itself has named its key
         inside, fault = message[1:].split("`", 1)
         return f"{_named([*keys, inside], model)}{fault}"
     key, subject = keys[-1] if keys else "", _named(keys, model)
@@ -165,12 +165,12 @@ def _named(keys: list[str], model: type[BaseModel] | None) -> str:
 
 
 def _known_keys(model: type[BaseModel], place: Sequence[str]) -> list[str]:
-    """Keys of the table at `place` in a model; of all tables that can be there."""
+    """Keys of the table at `place` in a model, or of all tables that may stand there."""
     tables = [_fields(model)]
     for key in place:
         kinds = [table[key].annotation for table in tables if key in table]
         inside = []
-        for kind in kinds:  # which grows by the members of lists and unions
+        for kind in kinds:  # the list grows by the members of lists and unions
             if isinstance(kind, type) and issubclass(kind, BaseModel):
                 inside.append(_fields(kind))
             kinds += getattr(kind, "__args__", ())
@@ -182,11 +182,11 @@ def _fields(model: type[BaseModel]) -> dict[str, FieldInfo]:
     return {field.alias or name: field for name, field in model.model_fields.items()}
 
 
-# Largest file that is read: a certificate at a thousand conditions has a tenth of it.
+# Maximum size of a file, bytes: a certificate at a thousand conditions has a tenth of it.
 MAX_BYTES = 16_000_000
 
-# Most characters and values of a TOML file, each of which may be a mistake of its own: a route of a
-# thousand waypoints has a tenth of them.
+# Maximum characters and values of a TOML file: a route of a thousand waypoints has a tenth of them.
+# Each value may be a mistake of its own.
 MAX_TOML, MAX_VALUES = 2**20, 2**16
 
 STRICT = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
@@ -198,7 +198,7 @@ DEEP_KEY = re.compile(rf"(?m)(?:^|[\[{{,])[ \t]*+(?:{PART}[ \t]*+\.[ \t]*+){{32}
 
 
 def stamp(file: Path) -> tuple[int, ...]:
-    """Time of the last write to a file, its number and its size; empty without a file."""
+    """Modification time, inode number and size of a file; empty without a file."""
     try:
         status = file.stat()
     except OSError:
@@ -222,7 +222,7 @@ def json_object(text: str, place: str) -> dict[str, Any]:
 
 
 def toml_value(text: str, place: str) -> Any:
-    """A value written as TOML; a text that is no TOML is itself the value."""
+    """A value written as TOML; a text that is not valid TOML is itself the value."""
 
     def parse(line: str) -> Any:
         try:
@@ -245,7 +245,7 @@ def _toml(text: str) -> Any:
 
 
 def _large_integer(tables: dict[str, Any]) -> list[str]:
-    """Keys down to an integer that TOML does not have, which Python may refuse to print."""
+    """Keys down to an integer too large for TOML, which Python may refuse to print."""
     above: list[tuple[str, Iterator[tuple[Any, Any]]]] = [("", iter(tables.items()))]
     count = 0
     while above:
@@ -269,7 +269,7 @@ def _json(text: str) -> Any:
 
 
 def file_text(path: Path) -> str:
-    """The text of a file; ScenarioError if it is too large or no UTF-8."""
+    """The text of a file; ScenarioError if it is too large or not UTF-8."""
     settle(path.parent)
     with allowed(path, "readable", ScenarioError), path.open("rb") as file:
         data = file.read(MAX_BYTES + 1)
@@ -331,7 +331,7 @@ class ValueOfFile(Protocol):
 
     __pydantic_config__: ClassVar[ConfigDict]
     FORMAT: ClassVar[str]  # name and version: readers refuse any other
-    UNITS: ClassVar[Mapping[str, str]]  # in the file for its readers: nothing is converted
+    UNITS: ClassVar[Mapping[str, str]]  # a note for people who read the file: nothing is converted
 
 
 V = TypeVar("V", bound=ValueOfFile)
@@ -349,7 +349,7 @@ def read(path: str | Path, kind: type[V]) -> V:
 
 
 def tables_of(value: ValueOfFile) -> dict[str, Any]:
-    """The JSON object of a value; floats in it read back to the same bits."""
+    """The JSON object of a value, whose floats are read back to the same bits."""
     fields = _adapter(type(value)).dump_python(value, mode="json")
     return {"format": value.FORMAT, "units": dict(value.UNITS), **fields}
 
@@ -364,7 +364,7 @@ def value_of(tables: Mapping[str, Any], kind: type[V]) -> V:
     if fields.pop("units", None) != kind.UNITS:
         raise InputError("`units` must be those of this format: nothing is converted.")
     try:
-        # From text: in pydantic's strict mode only there is an array a tuple.
+        # From text, because pydantic's strict mode accepts an array as a tuple only there.
         return _adapter(kind).validate_json(json.dumps(fields))
     except ValidationError as error:
         raise InputError(mistakes(error, fields)) from error

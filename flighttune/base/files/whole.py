@@ -1,4 +1,4 @@
-"""Files written whole or not at all, one alone or those of an answer together; scratch folders."""
+"""Files written whole or not at all, alone or together as an answer, and scratch folders."""
 
 import os
 import shutil
@@ -15,15 +15,14 @@ from flighttune.base.errors import FORKS, OutputError, RecordingError, StoppedEr
 
 MEMORY = Path("/dev/shm")  # a folder in memory, ten times as fast as a disk
 
-# Beginning of the names of unfinished files and folders, and the age from which one may be
-# abandoned, s.
+# Prefix of unfinished files and folders, and the age (s) from which they may be abandoned.
 UNFINISHED, ABANDONED_S = ".flighttune-", 60.0
 
-# Folder of an answer that is whole and whose files are being put in place: the files to move, marks
-# of files to remove, and the staging folders of the same answer elsewhere.
+# Folder of a whole answer whose files are being put in place. It has the files to move, marks of
+# files to remove, and the paths of the answer's other staging folders.
 WHOLE, NEW, OLD, OTHERS = ".flighttune.whole", "new", "old", "others"
 
-# Longest wait for another process that puts files in place, and how often it is looked at, s.
+# Maximum wait for another process that puts files in place, and interval between checks, s.
 WAIT_S, LOOK_S = 10.0, 0.01
 
 
@@ -35,7 +34,7 @@ def whole_file(path: Path, unfinished: Path | None = None) -> Iterator[Path]:
     try:
         place = path if answer is None else answer.staged(path)
         folder = unfinished or place.parent
-        # The name of the file is no part of it: the system may not allow a longer one.
+        # It does not contain the name of the file, since the system may not allow a longer name.
         part = folder / f"{UNFINISHED}{uuid.uuid4().hex}"
         for needed in (place.parent, folder):
             needed.mkdir(parents=True, exist_ok=True)
@@ -46,7 +45,7 @@ def whole_file(path: Path, unfinished: Path | None = None) -> Iterator[Path]:
             with suppress(OSError):  # not every file system has locks
                 lock(file)
             yield part
-            part.replace(place)  # under its lock: nobody takes it for abandoned
+            part.replace(place)  # while it is locked, no process takes it for abandoned
     except OSError as error:
         raise OutputError(f"{path}: must be writable, got {reason_of(error)}.") from error
     finally:
@@ -56,7 +55,7 @@ def whole_file(path: Path, unfinished: Path | None = None) -> Iterator[Path]:
 
 
 def _remove_abandoned(folder: Path) -> None:
-    """Remove what killed commands left unfinished in a folder."""
+    """Remove unfinished files that killed commands left in a folder."""
     for old in folder.glob(f"{UNFINISHED}*"):
         with suppress(OSError):  # locked, or just finished
             descriptor = os.open(old, os.O_RDONLY)
@@ -69,16 +68,16 @@ def _remove_abandoned(folder: Path) -> None:
 
 
 class _Answer:
-    """The files of an answer, staged in a folder beside the places that they get together."""
+    """The files of an answer, staged in a folder until all are put in their places together."""
 
     def __init__(self) -> None:
-        self.folders: list[Path] = []  # whose files at any depth are staged in one folder
+        self.folders: list[Path] = []  # all files below it are staged in one folder
         self.kept: list[Path] = []  # files that are written even if the block ends in an error
         self._stages: dict[Path, Path] = {}
         self._locks = ExitStack()
 
     def staged(self, path: Path, kind: str = NEW) -> Path:
-        """Where a file, or the mark that it is to be removed, is until the answer is whole."""
+        """Path of a file, or of the mark that removes it, until the answer is whole."""
         folder, place = self._place(path)
         if folder not in self._stages:
             settle(folder)
@@ -91,13 +90,13 @@ class _Answer:
         return self._stages[folder] / kind / place
 
     def current(self, path: Path) -> Path:
-        """Where a file is now: staged if it was written for the answer."""
+        """Present path of a file, which is staged if it was written for the answer."""
         folder, place = self._place(path)
         staged = self._stages.get(folder, folder) / NEW / place
         return staged if staged.exists() else path
 
     def _place(self, path: Path) -> tuple[Path, Path]:
-        """The folder beside whose files a file is staged, and its path from there."""
+        """The folder beside which a file is staged, and the file's path from that folder."""
         path = Path(os.path.abspath(path))
         below = Path(os.path.realpath(path.parent))  # links may lead to another file system
         holding = (x for x in self.folders if below.is_relative_to(os.path.realpath(x)))
@@ -105,14 +104,14 @@ class _Answer:
         return folder, path.relative_to(folder)
 
     def put_in_place(self) -> None:
-        """Give all files their places; a process that is killed meanwhile leaves that to others."""
+        """Put all files in place; if this process is killed meanwhile, the next one continues."""
         for folder, stage in self._stages.items():
             for place in _places(stage, NEW):
                 with allowed(folder / place, "writable", OutputError):
                     (folder / place).parent.mkdir(parents=True, exist_ok=True)
                     if (folder / place).is_dir():
                         raise IsADirectoryError(0, "Is a directory")
-                (stage / OLD / place).unlink(missing_ok=True)  # removed, and then written anew
+                (stage / OLD / place).unlink(missing_ok=True)  # removed, then written anew
         if not self._stages:
             return
         stage, *others = self._stages.values()
@@ -126,12 +125,12 @@ class _Answer:
             raise
 
     def put_kept_in_place(self) -> None:
-        """Give the files that are kept their places without the others."""
+        """Put in place only the files that an error must not lose."""
         for folder, stage in self._stages.items():
             for place in _places(stage, NEW):
                 if folder / place not in self.kept:
                     (stage / NEW / place).unlink()
-        # What could not be written itself must not remove the files of an earlier answer.
+        # A file that could not be written must not remove the file of an earlier answer.
         if any(self.current(path) != path for path in self.kept):
             self.put_in_place()
 
@@ -148,11 +147,12 @@ _ANSWER: ContextVar[_Answer | None] = ContextVar("answer", default=None)
 
 @contextmanager
 def together(folder: str | Path | None = None) -> Iterator[None]:
-    """Put the files that the block writes in place after the last one is whole, or none of them.
+    """Put the files of the block in place once all are whole, else none of them.
 
-    All below `folder` become one. A block inside another one is a part of it. A command that is
-    killed before the answer is whole leaves the files of before, and one killed later the new ones:
-    whoever reads or writes beside them puts them in place first (`settle`).
+    All files below `folder` share one staging folder. A block inside another is part of the outer
+    block. If a command is killed before the answer is whole, the earlier files stay. If it is
+    killed later, the next process that reads or writes there first puts the new files in place
+    (`settle`).
     """
     answer, outer = _Answer(), _ANSWER.get()
     if folder is not None:
@@ -178,7 +178,7 @@ def together(folder: str | Path | None = None) -> Iterator[None]:
 
 @contextmanager
 def apart() -> Iterator[None]:
-    """Write the files of the block, which are read back in it, at once and not with an answer."""
+    """Write the files of the block at once, not with an answer: the block reads them back."""
     token = _ANSWER.set(None)
     try:
         yield
@@ -187,13 +187,13 @@ def apart() -> Iterator[None]:
 
 
 def keep_on_error(path: Path) -> None:
-    """Write a file, which took long to compute, even if the block of `together` has an error."""
+    """Write a file that took long to compute even if the block of `together` raises an error."""
     if (answer := _ANSWER.get()) is not None:
         answer.kept.append(Path(os.path.abspath(path)))
 
 
 def current(path: Path) -> Path:
-    """Where a file is that a block of `together` may have written."""
+    """Present path of a file that a block of `together` may have written."""
     answer = _ANSWER.get()
     return path if answer is None else answer.current(path)
 
@@ -209,29 +209,29 @@ def remove_file(path: Path) -> None:
 
 
 def settle(folder: Path) -> None:
-    """Put the files of an answer in place that was whole when its command was killed."""
+    """Put the files of an answer in place whose command was killed when the answer was whole."""
     whole = folder / WHOLE
-    if os.path.isdir(whole):  # in nearly every call it is not
+    if os.path.isdir(whole):  # in nearly every call there is no such folder
         with allowed(whole, "readable", OutputError), suppress(FileNotFoundError), _locked(whole):
             _move(folder)  # unless another process was faster
 
 
 def _commit(stage: Path) -> None:
-    """Give a staging folder the name of one that is whole."""
+    """Rename a staging folder to the name of a whole answer."""
     whole = stage.with_name(WHOLE)
     while True:
         settle(stage.parent)
         try:
             stage.rename(whole)
         except OSError:
-            if not whole.exists():  # that of another process
+            if not whole.exists():  # it belongs to another process
                 raise
         else:
             return
 
 
 def _move(folder: Path) -> None:
-    """Move what is whole in a folder to its places."""
+    """Move the files of a whole answer to their places."""
     whole, place = folder / WHOLE, folder
     try:
         for other in _others(whole):
@@ -272,7 +272,7 @@ def _places(stage: Path, kind: str) -> list[Path]:
 
 @contextmanager
 def _locked(folder: Path) -> Iterator[None]:
-    """Hold the lock of a folder, where it has one, after the process that holds it now."""
+    """Lock a folder, if it has a lock, after the process that holds the lock now."""
     if not FORKS:
         yield
         return
@@ -303,7 +303,7 @@ def lock(file: "IO[bytes] | int") -> None:
 
 
 def write_text(path: Path, text: str) -> Path:
-    """Write a file whole, in UTF-8 with the line ends of `text`; OutputError if it cannot be."""
+    """Write a file whole, in UTF-8 with the line ends of `text`; OutputError on failure."""
     with whole_file(path) as part:
         part.write_bytes(text.encode())
     return path
@@ -317,7 +317,7 @@ def reason_of(error: OSError) -> str:
 
 @contextmanager
 def allowed(path: object, what: str, kind: type[Exception] = RecordingError) -> Iterator[None]:
-    """Raise `kind` where the system refuses the block: `path` must be `what`, such as readable."""
+    """Turn an OSError of the block into `kind`: `path` must be `what`, such as readable."""
     try:
         yield
     except OSError as error:
