@@ -272,12 +272,12 @@ def pi_step(
     u_ff: Sequence[float],
     V_a: float,
     e_V: float = 0.0,
-) -> Vector:
-    """One sample of the controller: the command of `MimoPI`, written so that Numba compiles it too.
+) -> None:
+    """One sample of the controller `MimoPI`, written so that Numba compiles it too.
 
     `ref` and `y` begin with course and flight-path angle; `u_ff` (length m, input unit) is the
     feed-forward, and `V_a` (m/s) is used where the gains are scheduled. `e_V` (1) is the third
-    error, if there is one. Writes to `state` and returns the command after all limits, ``state.u``.
+    error, if there is one. Writes to `state`, whose `u` is the command after all limits.
     """
     channels, wrapped, conditional, tracking_gain, per_speed = law
     # All of it by name at once: inlined by Numba, writes through attributes would be lost.
@@ -328,4 +328,3 @@ def pi_step(
             increment -= tracking_gain * excess
         integral[i] += increment
         u[i], unsaturated[i], limited[i] = u_sat, u_unsat, kind
-    return u

@@ -22,7 +22,8 @@ def limits(magnitude=(math.inf, math.inf), rate=(math.inf, math.inf)):
 
 
 def command(controller, ref, y=HERE, u_ff=(0.0, 0.0), V_a=0.0):
-    return pi_step(controller.law, controller.state, ref, y, u_ff, V_a)
+    pi_step(controller.law, controller.state, ref, y, u_ff, V_a)
+    return controller.state.u
 
 
 def flown(controller, error, samples):

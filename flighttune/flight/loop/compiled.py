@@ -8,13 +8,15 @@ import math
 
 from flighttune.base.units import FT
 from flighttune.flight.loop.batch import ARRIVED, BESIDE, BEYOND, GOES_ON, OUTSIDE
-from flighttune.flight.loop.kernel import kernel, law_sample, njit
+from flighttune.flight.loop.kernel import law_sample, register_jitable, sample_kernel
 
 # Integration steps between two instants at which a changing wind is computed.
 REFRESH = 4
 
+inlined = register_jitable(inline="always")  # a call hands on some hundred numbers of a flight
 
-@kernel
+
+@sample_kernel
 def fly_samples(step, normals, motion, law, fed_back, errors, part, rows):
     """Fly the samples of a part into `rows`, of which the first has its signals.
 
@@ -53,13 +55,13 @@ def fly_samples(step, normals, motion, law, fed_back, errors, part, rows):
     return last, GOES_ON, last * motion.steps
 
 
-@kernel
+@sample_kernel
 def fly_sample(step, normals, motion, clock, steps):
     """Fly some integration steps; how the flight stands, and how many were flown."""
     return _fly_steps(step, normals, motion, clock, steps)
 
 
-@njit
+@inlined
 def _fly_steps(step, normals, motion, clock, steps):
     shown, m, flown = motion.shown, motion.signals, 0
     while flown < steps:
@@ -73,7 +75,7 @@ def _fly_steps(step, normals, motion, clock, steps):
     return GOES_ON, flown
 
 
-@njit
+@inlined
 def _inside(shown, m, low, high):
     alpha, theta = shown[8], shown[10]
     return (
@@ -84,7 +86,7 @@ def _inside(shown, m, low, high):
     )
 
 
-@njit
+@register_jitable
 def _remainder(x):
     """``math.remainder(x, tau)``, as CPython has it."""
     size = abs(x)
@@ -99,7 +101,7 @@ def _remainder(x):
     return math.copysign(1.0, x) * r
 
 
-@njit
+@inlined
 def _advance(step, normals, motion, clock, n):
     """Fly n integration steps, the signals shown after the last; `clock`: those flown before."""
     states, parameters = motion.states.ctypes.data, motion.parameters.ctypes.data
@@ -122,7 +124,7 @@ def _advance(step, normals, motion, clock, n):
         step(states, parameters, some, stream, shown, 1 if show else 0)
 
 
-@njit
+@inlined
 def _change(motion, now):
     """Make the changes that are due before a step."""
     i = motion.changed[0]
@@ -136,7 +138,7 @@ def _change(motion, now):
     motion.changed[0] = i
 
 
-@njit
+@inlined
 def _blow(motion, now):
     """Write the wind of the end of the next step, linear between instants where it is exact."""
     wind = motion.wind
@@ -151,7 +153,7 @@ def _blow(motion, now):
         motion.parameters[motion.wind_places[j]] = wind[j]
 
 
-@njit
+@inlined
 def _wind_at(motion, t, h_ft):
     """Wind at a time (s) and height (ft), ft/s."""
     levels, h = motion.levels, h_ft * FT + motion.ground
