@@ -6,6 +6,7 @@ from flighttune.base.errors import FlightTuneError as FlightTuneError
 from flighttune.base.errors import InputError as InputError
 from flighttune.base.errors import RecordingError as RecordingError
 from flighttune.base.errors import ScenarioError as ScenarioError
+from flighttune.base.files.code import in_jsbsim as in_jsbsim
 from flighttune.campaigns.engine.engine import run_campaign as run_campaign
 from flighttune.campaigns.engine.progress import CampaignObserver as CampaignObserver
 from flighttune.campaigns.planning.plan import Plan as Plan

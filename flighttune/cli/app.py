@@ -13,6 +13,7 @@ from typer.core import TyperGroup
 
 from flighttune import __version__
 from flighttune.base.errors import FlightTuneError, InfeasibleError, InputError, missing_extra
+from flighttune.base.files.code import BY_JSBSIM
 from flighttune.base.files.whole import reason_of
 from flighttune.cli.aircraft import adopt, design, identify, trim
 from flighttune.cli.explain import band, compare, gap, monitor, tube, worst
@@ -22,8 +23,8 @@ from flighttune.cli.options import COMMANDS, FORMER, RUN_CODE, WORKERS, command
 from flighttune.cli.pages import export, report, reproduce
 from flighttune.cli.show import COULD_NOT_RUN, INTERRUPTED, NO, cleaning_up, clear, fail, output
 
-# Options of the group that may also stand behind a command; the last has no value.
-ANYWHERE = ("--workers", "--scheduler", "--run-code")
+# Options of the group that may also stand behind a command, with a value and without one.
+WITH_VALUE, FLAGS = ("--workers", "--scheduler"), ("--run-code", "--jsbsim")
 
 # Characters of the first sentence of a command's help.
 LONGEST_SENTENCE = 200
@@ -36,8 +37,8 @@ class Grouped(TyperGroup):
         """Parse the options of the group, wherever those that may stand anywhere do."""
         first, others, words = [], [], iter(args)
         for word in words:
-            if word.partition("=")[0] in ANYWHERE:
-                alone = "=" in word or word == ANYWHERE[-1]
+            if word.partition("=")[0] in WITH_VALUE + FLAGS:
+                alone = "=" in word or word in FLAGS
                 first += [word] if alone else [word, *islice(words, 1)]
             else:
                 others.append(word)
@@ -126,9 +127,18 @@ def _options(
             "worst.",
         ),
     ] = False,
+    jsbsim: Annotated[
+        bool,
+        typer.Option(
+            "--jsbsim",
+            help="Let JSBSim itself fly what would be flown compiled, to the same numbers, with "
+            "any command.",
+        ),
+    ] = False,
 ) -> None:
     """Options of every command."""
     RUN_CODE.set(run_code)
+    BY_JSBSIM.set(jsbsim)
     WORKERS.set({"workers": workers, "scheduler": scheduler})
 
 

@@ -46,8 +46,8 @@ class Grant(NamedTuple):
 # What the outermost verb decided. Verbs inside it cannot widen it.
 _RUNS: ContextVar[Runs | None] = ContextVar("runs", default=None)
 
-# Whether JSBSim itself flies every aircraft.
-_JSBSIM: ContextVar[bool] = ContextVar("jsbsim", default=False)
+# `--jsbsim`, or a block of `in_jsbsim`: JSBSim itself flies every aircraft.
+BY_JSBSIM: ContextVar[bool] = ContextVar("jsbsim", default=False)
 
 # SHA-256 of the files that scenario and campaign files named. A file of the same content is the
 # same code in any place and under any name.
@@ -87,17 +87,27 @@ def flies_again(verb: Callable[P, T]) -> Callable[P, T]:
 
 @contextmanager
 def in_jsbsim() -> Iterator[None]:
-    """Let JSBSim itself fly every aircraft, here and in the processes that fly for the block."""
-    token = _JSBSIM.set(True)
+    """Let JSBSim fly every step of the flights of a ``with`` block, on all their workers.
+
+    Compiled flights have the same numbers; ``--jsbsim`` is this for a command.
+
+    Examples
+    --------
+    >>> with ft.in_jsbsim():
+    ...     flown = ft.fly("level_turn", "paper")
+    >>> [run.compiled for run in flown.runs]
+    [False, False]
+    """
+    token = BY_JSBSIM.set(True)
     try:
         yield
     finally:
-        _JSBSIM.reset(token)
+        BY_JSBSIM.reset(token)
 
 
 def jsbsim_flies() -> bool:
     """Whether JSBSim itself flies every aircraft: the environment or the command says so."""
-    return _JSBSIM.get() or JSBSIM in os.environ
+    return BY_JSBSIM.get() or JSBSIM in os.environ
 
 
 def _deciding(verb: Callable[P, T], runs: Runs) -> Callable[P, T]:
@@ -117,7 +127,7 @@ def grant() -> Grant:
 def take(granted: Grant) -> None:
     """Take over the permission of the command for which this process flies."""
     _RUNS.set(granted.runs)
-    _JSBSIM.set(granted.jsbsim)
+    BY_JSBSIM.set(granted.jsbsim)
     _NAMED.update(granted.named)
 
 
