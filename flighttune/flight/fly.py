@@ -297,13 +297,15 @@ def fly_once(
     made_by = replace(made_by, wall_s=time.perf_counter() - started)
     units = {name: unit for name, unit in controller.signals.items() if name not in SIGNAL_UNITS}
     aircraft = compiled_aircraft(plant)
+    compiled = aircraft is not None and aircraft.compiled
     return Run(
         signals=signals,
         status=status,
         reason=reason,
         provenance=made_by,
         units=units,
-        compiled=aircraft is not None and aircraft.compiled,
+        compiled=compiled,
+        why_jsbsim="" if aircraft is None or compiled else aircraft.refused,
     )
 
 
@@ -321,7 +323,7 @@ def check_compiled(entry: Entry, run: Run) -> None:
     if first:
         raise PlantError(
             f"{run.label}: the compiled flight must be that of JSBSim, {first} differs; with "
-            f"{code.JSBSIM}=1 in the environment JSBSim flies."
+            "--jsbsim JSBSim flies."
         )
 
 

@@ -30,6 +30,12 @@ WIND_PROPERTIES = tuple(f"atmosphere/gust-{axis}-fps" for axis in ("north", "eas
 # Beginning of a reason by which JSBSim flies an aircraft whose step may be compiled
 UNKNOWN = "its loop does not know"
 
+# Other reasons, of a flight alone
+OTHER_LAW = "laws other than the paper's and the exact one are not compiled"
+LOW = f"flights below {FLOOR:.0f} m above the ground are not compiled"
+HIGH = f"flights above {CEILING / 1000.0:g} km are not compiled"
+NOT_FINITE = "its commands or signals are not finite"
+
 # Rows of random numbers that are drawn at once
 DRAWN = 64
 
@@ -108,6 +114,7 @@ class CompiledAircraft(WrappedPlant):
         commands = phi_cmd, n_z_cmd, *n_x
         self._given.append((phi_cmd, n_z_cmd, duration, *n_x))
         if not (math.isfinite(phi_cmd) and math.isfinite(n_z_cmd)):
+            self.refused = NOT_FINITE
             return self._replay()
         for place, command in zip(motion.commands, commands, strict=False):
             motion.parameters[place] = command
@@ -121,12 +128,17 @@ class CompiledAircraft(WrappedPlant):
     def stop(self, how: int, steps: int) -> Stop | None:
         """Why a flight ended after so many integration steps; None if JSBSim has to tell."""
         motion = self._motion
-        if how == BEYOND or motion is None:
+        if motion is None:
             return None
         shown, m = motion.shown.tolist(), motion.signals
+        if how == BEYOND:
+            low, high = shown[m + 2] <= motion.floor, shown[m + 2] >= motion.ceiling
+            self.refused = LOW if low else HIGH if high else NOT_FINITE
+            return None
         state = {"alpha": shown[8], "V_a": shown[m] * FT, "theta": shown[10]}
         state["n_z"] = shown[m + 1] / motion.weight
         if not all(map(math.isfinite, shown)):
+            self.refused = NOT_FINITE
             return None
         why = left_envelope(self.plant.config, state, shown[properties.SIGNALS.index("throttle")])
         if why is None:

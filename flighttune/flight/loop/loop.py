@@ -24,7 +24,7 @@ from flighttune.control.controller import (
 from flighttune.control.exact_law import ExactLaw
 from flighttune.control.gains import COMMANDS, ERRORS_WITH_AIRSPEED, WITH_AIRSPEED, PIGains
 from flighttune.control.mimo_pi import MimoPI
-from flighttune.flight.loop.aircraft import CompiledAircraft, compiled_aircraft
+from flighttune.flight.loop.aircraft import OTHER_LAW, CompiledAircraft, compiled_aircraft
 from flighttune.flight.loop.batch import ARRIVED, GOES_ON, MEMORY, SampledLaw, numbers_of
 from flighttune.routes import follow as following
 from flighttune.routes.feasible import FeasibleReference
@@ -206,12 +206,17 @@ class Flight:
         # It gives the same bits as the plain loop, which flies until enough samples are flown to
         # pay for loading compiled code, and where Numba is not installed.
         (plant, _, condition, _, _), t, controller = self._given, self._t, self._of_matrices
-        if controller is None or "h" not in plant.signals:
+        if "h" not in plant.signals:
             return None
-        Flight.flown += len(t)
-        if Flight.flown < COMPILED_FROM:
+        aircraft, flown = compiled_aircraft(plant), Flight.flown + len(t)
+        if controller is None:
+            if aircraft and flown >= COMPILED_FROM:
+                aircraft.refused = OTHER_LAW
             return None
-        if aircraft := compiled_aircraft(plant):
+        Flight.flown = flown
+        if flown < COMPILED_FROM:
+            return None
+        if aircraft:
             aircraft.compiles = True
         from flighttune.flight.loop import kernel
 

@@ -233,6 +233,8 @@ class Run:
         Tubes and bands around its signals, which bound flights like it.
     compiled : bool
         Whether the steps of JSBSim were flown by compiled code, with the same numbers.
+    why_jsbsim : str
+        Why JSBSim flew a flight that was to be compiled; empty for others.
 
     Examples
     --------
@@ -248,6 +250,7 @@ class Run:
     units: Mapping[str, str] = field(default_factory=dict, repr=False)
     claims: tuple[RunClaim, ...] = field(default=(), repr=False)
     compiled: bool = field(default=False, repr=False)
+    why_jsbsim: str = field(default="", repr=False)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "signals", SignalTable(self.signals))

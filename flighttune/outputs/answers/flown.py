@@ -90,6 +90,11 @@ def notes(flown: FlownScenario) -> list[str]:
         if name not in flown.indicators and not flown.scenario.law_of(name)[0].by_gains
     ]
     told += priority_notes(flown.runs)
+    told += [
+        f"{run.label}: flown by JSBSim itself: {run.why_jsbsim}."
+        for run in flown.runs
+        if run.why_jsbsim
+    ]
     if not failed(flown) and any(run.provenance.aircraft for run in flown.runs):
         command = f"flighttune gap {flown.source} {flown.chosen}".rstrip()
         told.append(f"Why aircraft and law differ: {command}")

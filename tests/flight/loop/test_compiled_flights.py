@@ -121,4 +121,25 @@ def test_a_flight_that_comes_near_the_ground_is_that_of_jsbsim(monkeypatch):
     compiled, by_jsbsim, _ = flown(monkeypatch, tables(duration_s=20.0, **dive))
 
     assert {run.status for run in by_jsbsim} == {"ground_contact"}
+    assert {run.why_jsbsim for run in compiled} == {
+        "flights below 50 m above the ground are not compiled"
+    }
+    assert {run.why_jsbsim for run in by_jsbsim} == {""}
     assert_same(compiled, by_jsbsim)
+
+
+def test_other_laws_are_flown_by_jsbsim_which_says_so(monkeypatch):
+    monkeypatch.setattr(loop, "COMPILED_FROM", 0)
+    made = ft.scenario_from(tables(duration_s=1.0) | {"law": ["paper"], "gains": ["paper"]})
+
+    class Own(ft.loop.MimoPI):
+        """A law that may do something else."""
+
+    def law(setup):
+        return Own(setup.gains, setup.limits, dt=setup.dt)
+
+    flown = ft.fly(made, laws={"mine": law})
+
+    reason = "laws other than the paper's and the exact one are not compiled"
+    assert [run.why_jsbsim for run in flown.runs] == ["", reason]
+    assert f"{flown.runs[1].label}: flown by JSBSim itself: {reason}." in flown.answer().notes
