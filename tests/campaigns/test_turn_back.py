@@ -12,6 +12,7 @@ import pytest
 from commands import answer, flighttune
 from geographiclib.geodesic import Geodesic
 from made_up import scenario_file, shortened
+from made_up_band import count_of
 from plans import item, plan_file, waypoint
 from scipy.integrate import cumulative_trapezoid
 from scipy.stats import binom
@@ -21,17 +22,10 @@ from shapely.geometry import shape
 
 import flighttune as ft
 from flighttune.campaigns.flying.rows import fly_group
-from flighttune.claims.about import About
-from flighttune.claims.counted_flights import (
-    distribution_of,
-    flights_of,
-    plan_in,
-    room_of,
-    turning_back,
-)
+from flighttune.claims.counted_flights import distribution_of, plan_in, room_of, turning_back
 from flighttune.claims.counting import drawn
 from flighttune.claims.mission import MissionOdds
-from flighttune.claims.turn_back import ROOM, TurnBack, TurnRoom
+from flighttune.claims.turn_back import TurnBack, TurnRoom
 from flighttune.flight.scenario.load import scenario_of
 from flighttune.outputs.answers.band import summary
 from flighttune.routes.maps import Volume, volumes_geojson
@@ -323,17 +317,11 @@ def test_a_climb_and_a_descent_after_detection_both_take_room(turning):
         assert room[:, 1].tolist() == [0.0, 0.0, 7.0, 7.0]
 
 
-def made_up(kind, plan, signals, away, middle=(0.0, 0.0)):
+def count_on(kind, plan, away, middle=0.0):
     """A count of seven flights that come this far to either side of a middle, m."""
-    flights = flights_of(plan, kind.measures.chosen(plan, None), 7)
-    half, about_m = (np.tile(x, (len(flights.edges) - 1, 1)) for x in (away, middle))
-    about = About(
-        of=kind.of, signals=signals, coefficients=about_m[None], half=half, predicted_from=None,
-        plan=plan.with_runs(17).as_dict(), learned=10, epsilon=0.3, confidence=0.9,
-    )  # fmt: skip
-    ends = about_m[..., None] + half[..., None] * [-1.0, 1.0]
-    extremes = np.tile(ends, (7, 1, 1, 1)).astype(np.float32)
-    return kind(about=about, flights=flights, extremes=extremes, wind=np.zeros((7, 0)))
+    measured, plan = kind.measures.chosen(plan, None), plan.with_runs(17)
+    few = {"epsilon": 0.3, "confidence": 0.9}
+    return count_of(kind, plan, measured, away, np.ones(7), middle, **few)
 
 
 @pytest.mark.parametrize(
@@ -348,8 +336,8 @@ def test_volumes_are_over_the_ground_and_their_room_is_in_whole_metres(away, mid
     waypoints = [{"north_m": n, "east_m": 0.0, "up_m": n / 40.0} for n in (0.0, 800.0)]
     changes = {"route.waypoint": waypoints, "flight.ground_m": 900.0}
     plan = ft.flights("circuit", changes=changes).plan(plant="kinematic", gains="paper")
-    corridor = made_up(ft.Band, plan, {"cross_track": "m", "height_err": "m"}, away, middle)
-    room = made_up(TurnBack, turning_back(plan, BANK), ROOM, [271.2, 3.4])
+    corridor = count_on(ft.Band, plan, away, middle)
+    room = count_on(TurnBack, turning_back(plan, BANK), [271.2, 3.4])
 
     assert "at most 5 m wide to either side of the path, and 2 m high" in summary(corridor)[2]
     said = MissionOdds(band=corridor, room=room, files={}).answer()
@@ -437,13 +425,13 @@ def test_the_room_of_another_route_or_of_a_distance_ahead_is_refused(tmp_path):
         changes = {"route.waypoint": legs, "flight.duration_s": 20.0}
         return ft.flights("circuit", changes=changes).plan(plant="kinematic", gains="paper")
 
-    own, away = plan((0.0, 0.0), (300.0, 0.0)), {"cross_track": "m", "height_err": "m"}
-    room = made_up(TurnBack, turning_back(own, BANK), ROOM, [271.2, 3.4])
+    own = plan((0.0, 0.0), (300.0, 0.0))
+    room = count_on(TurnBack, turning_back(own, BANK), [271.2, 3.4])
     turned = plan((0.0, 0.0), (0.0, 300.0))  # as long, to the east
     longer = plan((0.0, 0.0), (300.0, 0.0), (400.0, 0.0))
     for other, says in ((longer, r"along 300 m .*along 400 m"), (turned, "on one route")):
         with pytest.raises(ft.InputError, match=says):
-            room.volumes(made_up(ft.Band, other, away, [5.0, 2.0]))
+            room.volumes(count_on(ft.Band, other, [5.0, 2.0]))
     with pytest.raises(ft.InputError, match="got a TurnBack"):
         room.volumes(room)
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from counted_turns import forged
-from made_up_band import band_flights
+from made_up_band import about_of, band_flights
 from scipy.stats import binom
 
 import flighttune as ft
@@ -14,7 +14,6 @@ from flighttune.base.files.array import write_sealed
 from flighttune.base.files.table import tables_of
 from flighttune.campaigns.statistics.count import allowed_outside, flights_needed
 from flighttune.claims import shape as shape_module
-from flighttune.claims.about import About
 from flighttune.claims.counted_file import read_counted
 from flighttune.claims.shape import learned_shape, window_edges, window_extremes
 
@@ -42,16 +41,11 @@ def band_of(learned, counted, epsilon=0.05, confidence=0.95, winds=None):
     kept = winds or (np.zeros((len(learned), 0)), np.zeros((len(counted), 0)))
     coefficients, half = learned_shape(extremes_of(learned), kept[0], epsilon)
     extremes = extremes_of(counted)
-    about = About(
-        signals=SIGNALS,
-        coefficients=coefficients,
-        half=half,
-        predicted_from="wind" if winds else None,
-        plan={"runs": len(learned) + len(counted)},
-        learned=len(learned),
-        epsilon=epsilon,
-        confidence=confidence,
-    )
+    about = about_of(
+        signals=SIGNALS, coefficients=coefficients, half=half,
+        predicted_from="wind" if winds else None, plan={"runs": len(learned) + len(counted)},
+        learned=len(learned), epsilon=epsilon, confidence=confidence,
+    )  # fmt: skip
     return ft.Band(about=about, flights=walks_flights(about), extremes=extremes, wind=kept[1])
 
 
@@ -268,11 +262,7 @@ def test_a_number_of_flights_chosen_after_looking_makes_the_confidence_false():
 def test_no_choice_of_when_to_stop_makes_a_continued_count_false_more_often_than_stated(
     epsilon, confidence, first
 ):
-    plan = {"runs": 10 + first}
-    about = About(
-        signals={"h": "m"}, coefficients=np.zeros((1, 1, 1)), half=np.ones((1, 1)), plan=plan,
-        predicted_from=None, learned=10, epsilon=epsilon, confidence=confidence,
-    )  # fmt: skip
+    about = about_of(plan={"runs": 10 + first}, epsilon=epsilon, confidence=confidence)
     over = band_flights(np.array([0.0, 1.0]))
     numbers = [lambda _: [first], *3 * [lambda n: [2 * n]]]
     for k in range(1, 5):

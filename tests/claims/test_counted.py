@@ -4,14 +4,19 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from dispersed import plan_of
 from made_up import made_up_run, made_up_scenario
-from made_up_band import CONFIDENCE, EPSILON, FLIGHTS, LEARNED, band_flights
+from made_up_band import (
+    CONFIDENCE,
+    FLIGHTS,
+    LEARNED,
+    band_flights,
+    count_of,
+    plan_of_paper,
+    scores_of,
+)
 
 import flighttune as ft
-from flighttune.claims.about import About
 from flighttune.claims.band import RecordedSignals
-from flighttune.claims.counted_flights import flights_of
 from flighttune.claims.monitor import Monitor, WatchedSignals
 from flighttune.gaps.watch import SignalModel
 
@@ -25,18 +30,8 @@ def scaled(factor):
 @pytest.fixture(scope="module")
 def counted():
     """A band of half-width 1 that five of its flights leave, one of them infinitely."""
-    plan = plan_of(made_up_scenario().as_dict(), runs=LEARNED + FLIGHTS, gains=["paper"])
-    scores = np.concatenate([np.linspace(0.0, 1.0, FLIGHTS - 5), [2.0, 2.0, 3.0, 4.0, np.inf]])
-    flights = flights_of(plan, RecordedSignals(units={"chi_err": "rad"}), FLIGHTS)
-    windows = len(flights.edges) - 1
-    about = About(
-        signals={"chi_err": "rad"}, coefficients=np.zeros((1, windows, 1)),
-        half=np.ones((windows, 1)), predicted_from=None, plan=plan.as_dict(), learned=LEARNED,
-        epsilon=EPSILON, confidence=CONFIDENCE,
-    )  # fmt: skip
-    away = np.array([-1.0, 1.0]) * scores[:, None, None, None] * np.ones((windows, 1, 1))
-    extremes, wind = away.astype(np.float32), np.zeros((FLIGHTS, 0))
-    return ft.Band(about=about, flights=flights, extremes=extremes, wind=wind)
+    measured = RecordedSignals(units={"chi_err": "rad"})
+    return count_of(ft.Band, plan_of_paper(made_up_scenario()), measured, 1.0, scores_of(1.0))
 
 
 @pytest.mark.parametrize(
@@ -133,22 +128,10 @@ WATCHED = (
 
 def test_a_counted_monitor_watches_by_its_middle_and_its_scaled_limits():
     """Of 259 flights the largest scores that count as inside are 0.8 of what the shape has."""
-    plan = plan_of(made_up_scenario().as_dict(), runs=LEARNED + FLIGHTS, gains=["paper"])
-    scores = np.concatenate([np.linspace(0.0, 0.8, FLIGHTS - 5), [2.0, 2.0, 3.0, 4.0, np.inf]])
-    units = {"turn": "rad/s", "roll": "rad/s"}
+    units, plan = {"turn": "rad/s", "roll": "rad/s"}, plan_of_paper(made_up_scenario())
     middle, half = np.array([0.01, -0.02]), np.array([0.1, 0.4])
-    about = About(
-        of="monitor", signals=units, coefficients=middle[None, None],
-        half=half[None], predicted_from=None, plan=plan.as_dict(), learned=LEARNED,
-        epsilon=EPSILON, confidence=CONFIDENCE, models=WATCHED,
-    )  # fmt: skip
-    away = np.array([-1.0, 1.0]) * scores[:, None, None] * half[:, None] + middle[:, None]
-    monitor = Monitor(
-        about=about,
-        flights=flights_of(plan, WatchedSignals(units=units, models=WATCHED), FLIGHTS),
-        extremes=away[:, None].astype(np.float32),
-        wind=np.zeros((FLIGHTS, 0)),
-    )
+    measured = WatchedSignals(units=units, models=WATCHED)
+    monitor = count_of(Monitor, plan, measured, half, scores_of(0.8), middle, models=WATCHED)
 
     watch = monitor.watch
 

@@ -3,12 +3,11 @@
 import itertools
 import re
 
-import numpy as np
 import pytest
+from made_up_band import about_of
 from scipy.stats import binom
 
 import flighttune as ft
-from flighttune.claims.about import About
 from flighttune.claims.ending import AnyTime, Ending, Fixed, each_of
 
 EPSILON, CONFIDENCE = 0.05, 0.95
@@ -19,17 +18,15 @@ ANY = AnyTime(flights=208, epsilon=EPSILON, confidence=CONFIDENCE)
 ENDINGS = {"fixed": FIXED, "two steps": TWO, "any time": ANY}
 
 
-def about_of(ending, learned=10, **fields):
+def about_ending(ending, learned=10, **fields):
     """What a file states of a count with one signal that ends so."""
-    return About(
-        signals={"h": "m"}, coefficients=np.zeros((1, 1, 1)), half=np.ones((1, 1)), learned=learned,
-        predicted_from=None, plan={"runs": learned + ending.flights}, **ending.stated, **fields,
-    )  # fmt: skip
+    plan = {"runs": learned + ending.flights}
+    return about_of(plan=plan, learned=learned, **ending.stated, **fields)
 
 
 @pytest.mark.parametrize("ending", ENDINGS.values(), ids=ENDINGS)
 def test_an_ending_comes_back_from_what_a_file_states(ending):
-    assert Ending.of(about_of(ending)) == ending
+    assert Ending.of(about_ending(ending)) == ending
 
 
 @pytest.mark.parametrize(
@@ -130,7 +127,7 @@ ALONE = {0: "", 1: "", 2: "2 fences"}
 @pytest.mark.parametrize(("fences", "times"), [*itertools.product(FENCES, (1, 2, 4))])
 def test_the_confidence_is_that_of_as_many_claims_as_its_words_name(ending, fences, times):
     """Bonferroni: errors add up over claims and readings, but not over those valid at any time."""
-    about = about_of(ending, fences=({"fence": 1},) * fences, planned=(0.1, 0.99))
+    about = about_ending(ending, fences=({"fence": 1},) * fences, planned=(0.1, 0.99))
     shared = ending.shared(about, times * ending.flights)
 
     claims = fences if ending is ANY else 1 + fences
@@ -145,7 +142,7 @@ def test_the_confidence_is_that_of_as_many_claims_as_its_words_name(ending, fenc
 
 
 def test_a_single_claim_shares_its_confidence_with_none():
-    shared = FIXED.shared(about_of(FIXED), 93)
+    shared = FIXED.shared(about_ending(FIXED), 93)
 
     assert (shared.confidence, shared.words) == (pytest.approx(0.95), "")
 

@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 import shapely
 from commands import answer, flighttune
-from made_up_band import band_flights
+from made_up_band import about_of, band_flights
 from scipy.stats import binomtest
 
 import flighttune as ft
-from flighttune.claims.about import About
 from flighttune.claims.counted_flights import check_one_path, plan_of
 from flighttune.routes.fence import SCAN_STEP, fence_tables, read_fence, room_along
 from flighttune.routes.maps import RouteMap, north_east, on_earth
@@ -59,16 +58,10 @@ def made_up_counted(**changes):
     extremes = np.tile(np.array([-2.0, 2.0], dtype=np.float32), (40, 200, 2, 1))
     extremes[5:8, 100, 0, 1] = 45.0
     extremes[20] = [-np.inf, np.inf]
-    about = About(
-        signals={"cross_track": "m", "height_err": "m"},
-        coefficients=np.zeros((1, 200, 2)),
-        half=np.ones((200, 2)),
-        predicted_from=None,
-        plan=drawn.with_runs(50).as_dict(),
-        learned=10,
-        epsilon=0.25,
-        confidence=0.9,
-    )
+    about = about_of(
+        signals={"cross_track": "m", "height_err": "m"}, half=np.ones((200, 2)),
+        plan=drawn.with_runs(50).as_dict(), epsilon=0.25, confidence=0.9,
+    )  # fmt: skip
     along = band_flights(np.linspace(0.0, 800.0, 201), over="along", central=drawn.campaign.central)
     return ft.Band(about=about, flights=along, extremes=extremes, wind=np.zeros((40, 0)))
 
