@@ -261,22 +261,42 @@ def test_a_command_without_limits_is_refused():
         ft.gym.FlightEnv(ft.scenario_from(tables))
 
 
-def test_what_cannot_be_flown_is_refused():
+def begun(*actions):
+    """A mission that was reset, and flown by some actions."""
     env = ft.gym.FlightEnv("mission")
-    with pytest.raises(ft.InputError, match="`reset` must be called before"):
-        env.step([0.0, 1.0])
-    with pytest.raises(ft.InputError, match="`obs` must be the latest"):
-        env.baseline(np.zeros(10))
-    with pytest.raises(ft.InputError, match="after the end"):
-        _ = env.flown
-    with pytest.raises(ft.InputError, match="`draw` must be absent"):
-        env.reset(options={"draw": 1})
     obs, _ = env.reset(seed=1)
-    for action, said in (([math.nan, 1.0], "`phi_cmd` must be finite"), ([0.0], "got 1")):
-        with pytest.raises(ft.InputError, match=said):
-            env.step(action)
-    env.step([0.5, 1.0])
-    with pytest.raises(ft.InputError, match="`obs` must be the latest"):
-        env.baseline(obs)
-    with pytest.raises(ft.InputError, match="after the end"):
-        _ = env.flown
+    for action in actions:
+        env.step(action)
+    return env, obs
+
+
+@pytest.mark.parametrize(
+    ("asked", "words"),
+    [
+        (lambda env: env.step([0.0, 1.0]), "`reset` must be called before"),
+        (lambda env: env.baseline(np.zeros(10)), "`obs` must be the latest"),
+        (lambda env: env.flown, "after the end"),
+        (lambda env: env.reset(options={"draw": 1}), "`draw` must be absent"),
+    ],
+    ids=["step", "baseline", "flown", "draw"],
+)
+def test_what_cannot_be_asked_before_a_flight_is_refused(asked, words):
+    with pytest.raises(ft.InputError, match=words):
+        asked(ft.gym.FlightEnv("mission"))
+
+
+@pytest.mark.parametrize(
+    ("asked", "words"),
+    [
+        (lambda env, _: env.step([math.nan, 1.0]), "`phi_cmd` must be finite"),
+        (lambda env, _: env.step([0.0]), "got 1"),
+        (lambda env, before: env.baseline(before), "`obs` must be the latest"),
+        (lambda env, _: env.flown, "after the end"),
+    ],
+    ids=["not finite", "one command", "baseline", "flown"],
+)
+def test_what_cannot_be_asked_in_flight_is_refused(asked, words):
+    env, before = begun([0.5, 1.0])
+
+    with pytest.raises(ft.InputError, match=words):
+        asked(env, before)

@@ -124,19 +124,42 @@ def test_a_finished_campaign_needs_nobody(tmp_path, ours, rows):
     assert {(progress.done, progress.runs) for progress in notes.seen} == {(RUNS, RUNS)}
 
 
-def test_what_cannot_go_on_is_refused_with_what_is_different(tmp_path, out, ours, rows):
-    other = plan(tmp_path / "other", runs=RUNS, seed=4, duration=2.0)
-    libraries = {**library_versions(), "numpy": "1.0"}
-    # its draws depend on their number
-    hypercube = plan(tmp_path / "cube", runs=RUNS, top='design = "latin_hypercube"')
-    for there, asked, says in (
-        (out, other, r"seed: .*3.* 4; scenario\.flight\.duration_s: .*1\.0.*2\.0"),
-        (written(tmp_path / "a", ours, rows, versions=libraries), ours, r"numpy: was 1\.0, is "),
-        (written(tmp_path / "b", hypercube), hypercube.with_runs(RUNS + 1), r"`runs` .*12.* 13"),
-        (written(tmp_path / "c", ours, rows[:4], rows[2:6]), ours, r"got run 2 in \S*part-0"),
-    ):
-        with pytest.raises(ft.InputError, match=says):
-            ft.run_campaign(asked, there, resume=True)
+def other_campaign(folder, ours, rows):
+    written(folder / "out", ours, rows[:4], rows[8:])
+    return plan(folder / "other", runs=RUNS, seed=4, duration=2.0)
+
+
+def other_library(folder, ours, rows):
+    written(folder / "out", ours, rows, versions={**library_versions(), "numpy": "1.0"})
+    return ours
+
+
+def more_of_a_hypercube(folder, *_):
+    """Its draws depend on their number."""
+    hypercube = plan(folder / "cube", runs=RUNS, top='design = "latin_hypercube"')
+    written(folder / "out", hypercube)
+    return hypercube.with_runs(RUNS + 1)
+
+
+def runs_that_are_there_twice(folder, ours, rows):
+    written(folder / "out", ours, rows[:4], rows[2:6])
+    return ours
+
+
+@pytest.mark.parametrize(
+    ("asked", "words"),
+    [
+        (other_campaign, r"seed: .*3.* 4; scenario\.flight\.duration_s: .*1\.0.*2\.0"),
+        (other_library, r"numpy: was 1\.0, is "),
+        (more_of_a_hypercube, r"`runs` .*12.* 13"),
+        (runs_that_are_there_twice, r"got run 2 in \S*part-0"),
+    ],
+)
+def test_what_cannot_go_on_is_refused_with_what_is_different(tmp_path, ours, rows, asked, words):
+    plan_asked = asked(tmp_path, ours, rows)
+
+    with pytest.raises(ft.InputError, match=words):
+        ft.run_campaign(plan_asked, tmp_path / "out", resume=True)
 
 
 def test_a_campaign_can_grow_and_not_shrink(out, ours):

@@ -85,13 +85,18 @@ def test_a_lag_counts_by_the_turn_it_causes():
     assert scaling == pytest.approx([1.0, 1.0, *[25.0 / 9.81] * 6, 1.0, 1.0])
 
 
-def test_impossible_lags_are_refused():
-    with pytest.raises(ft.InputError, match="`order` must be 1, 2"):
-        ft.loop.InnerLag(order=4, natural_frequency=1.0)
-    with pytest.raises(ft.InputError, match="`lags` must be 2"):
-        with_inner_loop(MODEL, (SLOW,))
-    with pytest.raises(ft.InputError, match="`bandwidths` must be positive"):
-        with_input_lag(MODEL, [4.0, 0.0])
+@pytest.mark.parametrize(
+    ("made", "words"),
+    [
+        (lambda: ft.loop.InnerLag(order=4, natural_frequency=1.0), "`order` must be 1, 2"),
+        (lambda: with_inner_loop(MODEL, (SLOW,)), "`lags` must be 2"),
+        (lambda: with_input_lag(MODEL, [4.0, 0.0]), "`bandwidths` must be positive"),
+    ],
+    ids=["order", "one lag", "bandwidth"],
+)
+def test_impossible_lags_are_refused(made, words):
+    with pytest.raises(ft.InputError, match=words):
+        made()
 
 
 V_a, DT = 25.0, 0.02

@@ -97,9 +97,12 @@ def test_limits_are_those_seen(model):
 
 
 @pytest.mark.soak
-def test_a_value_that_a_source_does_not_take_is_refused(log):
+def test_a_log_takes_no_airspeeds(log):
     with pytest.raises(ft.InputError, match=r"`V_a` and `gamma` must"):
         ft.identify(log, V_a=[25.0])
+
+
+def test_of_an_aircraft_nothing_is_assumed():
     with pytest.raises(ft.InputError, match=r"`assume` must be absent"):
         ft.identify("aerosonde", assume={"n_z": 5.0})
 

@@ -686,13 +686,17 @@ def test_an_item_that_lacks_a_key_is_refused_by_its_number(read, key):
         read(PATROL[0], less, *PATROL[2:])
 
 
-def test_rally_points_alone_are_no_route(read):
-    points = {"points": [[47.4, 8.5, 60]] * 2}
-
-    with pytest.raises(ft.InputError, match="got 0 and 2 rally points"):
-        read(rallyPoints=points)
-    with pytest.raises(ft.InputError, match=r"point 1 .* got None"):
-        read(*PATROL, rallyPoints={"points": [[47.4, 8.5]]})
+@pytest.mark.parametrize(
+    ("items", "points", "words"),
+    [
+        ((), [[47.4, 8.5, 60]] * 2, "got 0 and 2 rally points"),
+        (PATROL, [[47.4, 8.5]], r"point 1 .* got None"),
+    ],
+    ids=["alone", "no height"],
+)
+def test_rally_points_are_beside_a_route_and_whole(read, items, points, words):
+    with pytest.raises(ft.InputError, match=words):
+        read(*items, rallyPoints={"points": points})
 
 
 def test_what_holds_for_several_items_is_said_once(read):

@@ -87,13 +87,14 @@ def test_a_raster_that_does_not_say_enough_is_refused(tmp_path, made, reason):
         )
 
 
-def test_a_tile_of_another_name_or_size_is_refused_with_what_it_must_be(tmp_path):
+@pytest.mark.parametrize(("name", "size"), [("n.hgt", 2 * 1201**2), ("N47E008.hgt", 1000)])
+def test_a_tile_of_another_name_or_size_is_refused_with_what_it_must_be(tmp_path, name, size):
     pytest.importorskip("rasterio")
-    for name, size in (("n.hgt", 2 * 1201**2), ("N47E008.hgt", 1000)):
-        file = tmp_path / name
-        file.write_bytes(bytes(size))
-        with pytest.raises(ft.InputError, match=rf"{name}: .* N47E008\.hgt, .* 1201 or"):
-            ground_at(file, np.array([[47.5, 8.5]]))
+    file = tmp_path / name
+    file.write_bytes(bytes(size))
+
+    with pytest.raises(ft.InputError, match=rf"{name}: .* N47E008\.hgt, .* 1201 or"):
+        ground_at(file, np.array([[47.5, 8.5]]))
 
 
 def test_a_place_that_the_projection_of_the_raster_lacks_is_refused(tmp_path):

@@ -83,11 +83,16 @@ def test_a_word_of_any_length_is_abridged_where_a_table_checks_itself(tmp_path):
     assert len(refusal(ft.load_scenario, written(tmp_path / "long.toml", text))) < 1000
 
 
-def test_a_file_without_an_end_is_not_read_to_its_end():
-    with pytest.raises(ft.InputError, match="at most 16000000 bytes"):
-        ft.load_gains("/dev/zero")
-    with pytest.raises(ft.RecordingError, match="got no such file"):
-        ft.load("/dev/zero")
+@pytest.mark.parametrize(
+    ("read", "error", "words"),
+    [
+        (ft.load_gains, ft.InputError, "at most 16000000 bytes"),
+        (ft.load, ft.RecordingError, "got no such file"),
+    ],
+)
+def test_a_file_without_an_end_is_not_read_to_its_end(read, error, words):
+    with pytest.raises(error, match=words):
+        read("/dev/zero")
 
 
 @pytest.mark.parametrize("name", ["paper", "c172_cruise_turn"])

@@ -209,8 +209,9 @@ def test_a_scenario_beside_the_campaign_is_found(load, tmp_path):
     assert load(HEAD.replace("level_turn", "mine.toml")).nominal.flight.V_a_mps == 26.0
 
 
-def test_no_such_campaign_is_answered_with_those_there_are(tmp_path):
-    with pytest.raises(ft.ScenarioError, match=r"nowhere: .*list`"):
-        ft.load_campaign("nowhere")
-    with pytest.raises(ft.ScenarioError, match="must be a file or"):
-        ft.load_campaign(tmp_path)
+@pytest.mark.parametrize(
+    ("place", "words"), [("nowhere", r"nowhere: .*list`"), (Path(), "must be a file or")]
+)
+def test_no_such_campaign_is_answered_with_those_there_are(place, words):
+    with pytest.raises(ft.ScenarioError, match=words):
+        ft.load_campaign(place)

@@ -110,25 +110,32 @@ def test_only_a_tube_from_all_starts_counted_bounds_flights(start_deg, of):
     assert (counted.of, counted.at_most) == (of, 0.05)
 
 
-def test_what_the_boxes_say_nothing_about_is_refused():
-    scenario = aircraft_scenario()
-    known = counted_boxes(scenario)
-    other = ft.PIGains(K_P=2.0 * ft.PAPER_GAINS.K_P, K_I=ft.PAPER_GAINS.K_I)
+@pytest.fixture(scope="module")
+def known():
+    """Boxes of the flights of the aircraft's scenario."""
+    return counted_boxes(aircraft_scenario())
 
-    with pytest.raises(ft.InputError, match=r"`K_P`.*paper"):
-        tube(scenario, other, band=known)
-    with pytest.raises(ft.InputError, match=r"`flight.chi_deg`.*4.0.*5.0"):
-        tube(aircraft_scenario(chi_err_deg=5.0), ft.PAPER_GAINS, band=known)
-    with pytest.raises(ft.InputError, match="`disturbance` must not be given"):
-        tube(scenario, ft.PAPER_GAINS, band=known, disturbance=0.1)
-    with pytest.raises(ft.InputError, match="`boxes` must be given"):
-        tube(scenario, ft.PAPER_GAINS, plant="jsbsim:aerosonde")
-    scheduled = scenario.as_dict()
-    scheduled["controller"]["schedule"] = True
-    with pytest.raises(ft.InputError, match=r"schedule` must be False, got True"):
-        tube(ft.scenario_from(scheduled), ft.PAPER_GAINS, band=known)
-    with pytest.raises(ft.InputError, match="of kind jsbsim"):
-        tube(tube_scenario(), ft.PAPER_GAINS, band=known)
+
+PLANT = "jsbsim:aerosonde"
+TWICE = ft.PIGains(K_P=2.0 * ft.PAPER_GAINS.K_P, K_I=ft.PAPER_GAINS.K_I)
+SCHEDULED = aircraft_scenario().as_dict()
+SCHEDULED["controller"]["schedule"] = True
+
+
+@pytest.mark.parametrize(
+    ("scenario", "options", "words"),
+    [
+        (aircraft_scenario(), {"gains": TWICE}, r"`K_P`.*paper"),
+        (aircraft_scenario(chi_err_deg=5.0), {}, r"`flight.chi_deg`.*4.0.*5.0"),
+        (aircraft_scenario(), {"disturbance": 0.1}, "`disturbance` must not be given"),
+        (aircraft_scenario(), {"band": None, "plant": PLANT}, "`boxes` must be given"),
+        (ft.scenario_from(SCHEDULED), {}, r"schedule` must be False, got True"),
+        (tube_scenario(), {}, "of kind jsbsim"),
+    ],
+)
+def test_what_the_boxes_say_nothing_about_is_refused(known, scenario, options, words):
+    with pytest.raises(ft.InputError, match=words):
+        tube(scenario, **{"gains": ft.PAPER_GAINS, "band": known, **options})
 
 
 @pytest.fixture(scope="module")
@@ -204,14 +211,20 @@ def test_boxes_other_than_those_counted_are_refused(proof, tmp_path, factor, cla
 
 
 @pytest.mark.slow
-def test_boxes_and_an_aircraft_go_together(proof, tmp_path):
-    path = rewritten(proof[0], {"boxes": None}, tmp_path / "forged.npz", band_sha256=None)
-    with pytest.raises(ft.InputError, match="`boxes` must be given"):
-        load_tube(path)
+@pytest.mark.parametrize(
+    ("arrays", "claim", "words"),
+    [
+        ({"boxes": None}, {"band_sha256": None}, "`boxes` must be given"),
+        ({}, {"plant": "kinematic"}, r"`boxes`.*kinematic"),
+    ],
+)
+def test_boxes_and_an_aircraft_go_together(proof, tmp_path, arrays, claim, words):
+    if "plant" in claim:
+        scenario = claim_of(proof[0])["scenario"] | {"plant": [{"kind": claim["plant"]}]}
+        claim = {**claim, "scenario": scenario}
+    path = rewritten(proof[0], arrays, tmp_path / "forged.npz", **claim)
 
-    scenario = {**claim_of(proof[0])["scenario"], "plant": [{"kind": "kinematic"}]}
-    rewritten(proof[0], {}, path, scenario=scenario, plant="kinematic")
-    with pytest.raises(ft.InputError, match=r"`boxes`.*kinematic"):
+    with pytest.raises(ft.InputError, match=words):
         load_tube(path)
 
 

@@ -206,11 +206,12 @@ def test_envelope_and_gravity_go_together():
         certify_model(MODEL, TUNED, envelope=ENVELOPE)
 
 
-def test_a_claim_must_be_positive(at_trim):
-    with pytest.raises(ft.InputError, match=r"`rate`.*-1\.0"):
-        replace(at_trim.claim, rate=-1.0)
-    with pytest.raises(ft.InputError, match="`radius` and `L_d`"):
-        replace(at_trim.claim, L_d=None)
+@pytest.mark.parametrize(
+    ("change", "words"), [({"rate": -1.0}, r"`rate`.*-1\.0"), ({"L_d": None}, "`radius` and `L_d`")]
+)
+def test_a_claim_must_be_positive(at_trim, change, words):
+    with pytest.raises(ft.InputError, match=words):
+        replace(at_trim.claim, **change)
 
 
 GAMMA = np.pi / 12

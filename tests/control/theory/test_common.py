@@ -121,10 +121,15 @@ def test_a_solver_that_lies_is_not_believed(monkeypatch):
     assert common_ellipsoid(A_K[None], E, L_d=1.0)[0] is None
 
 
-def test_vertices_must_be_a_stack_of_matrices():
-    with pytest.raises(ft.InputError, match="`vertices` must have 3 axes"):
-        common_Q(A_K)
-    with pytest.raises(ft.InputError, match="`E` must have 4 rows"):
-        common_ellipsoid(A_K[None], np.eye(2), L_d=1.0)
-    with pytest.raises(ft.InputError, match=r"`L_d`.*0"):
-        common_ellipsoid(A_K[None], E, L_d=0.0)
+@pytest.mark.parametrize(
+    ("made", "words"),
+    [
+        (lambda: common_Q(A_K), "`vertices` must have 3 axes"),
+        (lambda: common_ellipsoid(A_K[None], np.eye(2), L_d=1.0), "`E` must have 4 rows"),
+        (lambda: common_ellipsoid(A_K[None], E, L_d=0.0), r"`L_d`.*0"),
+    ],
+    ids=["one matrix", "rows", "disturbance"],
+)
+def test_vertices_must_be_a_stack_of_matrices(made, words):
+    with pytest.raises(ft.InputError, match=words):
+        made()

@@ -124,16 +124,24 @@ def test_the_ellipsoid_of_a_single_decay_is_the_exact_interval():
     assert ellipsoid.multiplier == pytest.approx(k, rel=1e-3)
 
 
-def test_what_has_no_bound_is_refused_by_name():
-    for L_d in (0.0, np.nan):
-        with pytest.raises(ft.InputError, match="`L_d` must be positive"):
-            invariant_ellipsoid(A_K, E, L_d=L_d)
-        with pytest.raises(ft.InputError, match="`L_d` must be positive"):
-            paper_balls(A_K, MODEL.A, I_K=1.0, L_d=L_d)
-    with pytest.raises(ft.InputError, match=r"`A`.*0\.5"):
-        invariant_ellipsoid([[0.5]], [[1.0]], L_d=1.0)
-    with pytest.raises(ft.InputError, match=r"`E`.*2"):
-        invariant_ellipsoid(-np.eye(2), [[0.0], [0.0]], L_d=1.0)
+@pytest.mark.parametrize(
+    ("A", "E", "L_d", "words"),
+    [
+        (A_K, E, 0.0, "`L_d` must be positive"),
+        (A_K, E, np.nan, "`L_d` must be positive"),
+        ([[0.5]], [[1.0]], 1.0, r"`A`.*0\.5"),
+        (-np.eye(2), [[0.0], [0.0]], 1.0, r"`E`.*2"),
+    ],
+)
+def test_what_has_no_bound_is_refused_by_name(A, E, L_d, words):
+    with pytest.raises(ft.InputError, match=words):
+        invariant_ellipsoid(A, E, L_d=L_d)
+
+
+@pytest.mark.parametrize("L_d", [0.0, np.nan])
+def test_the_balls_of_the_paper_have_a_disturbance(L_d):
+    with pytest.raises(ft.InputError, match="`L_d` must be positive"):
+        paper_balls(A_K, MODEL.A, I_K=1.0, L_d=L_d)
 
 
 @pytest.mark.slow

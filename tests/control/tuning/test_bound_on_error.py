@@ -59,10 +59,13 @@ def test_the_error_is_bounded_on_the_identified_aircraft_too():
     assert (missed.status, missed.active) == ("infeasible", ("E_K",))
 
 
-def test_a_bound_on_the_error_that_cannot_be_is_refused(model):
-    for E_star in (0.0, -1.0, math.nan):
-        with pytest.raises(ft.InputError, match="`E_star` must be positive"):
-            ft.loop.TuningProblem(model=model, E_star=E_star)
+@pytest.mark.parametrize("E_star", [0.0, -1.0, math.nan])
+def test_a_bound_on_the_error_that_cannot_be_is_refused(model, E_star):
+    with pytest.raises(ft.InputError, match="`E_star` must be positive"):
+        ft.loop.TuningProblem(model=model, E_star=E_star)
+
+
+def test_over_an_envelope_there_is_no_bound_on_the_error(model):
     with pytest.raises(ft.InputError, match="`E_star`"):
         tune_over_envelope(ft.loop.TuningProblem(model=model, E_star=1.0), LEVEL, LEVEL, g=9.81)
 

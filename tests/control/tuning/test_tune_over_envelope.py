@@ -208,13 +208,29 @@ def test_a_problem_without_feasible_gains_is_infeasible_here_too(model):
     assert found.gains is None
 
 
-def test_an_envelope_without_the_trim_and_a_state_scaling_are_refused(model):
-    outside = Envelope.at(V_a=40.0, gamma=0.0)
-    scaled = ft.loop.TuningProblem(model=model, scaling=np.array([1.0, 1.0, 2.0, 2.0]))
+OUTSIDE = Envelope.at(V_a=40.0, gamma=0.0)
 
-    with pytest.raises(ft.InputError, match="`envelope` must contain"):
-        largest_factor(TUNED, GENTLE, outside, g=G)
-    with pytest.raises(ft.InputError, match="`envelope` must contain"):
-        tune_over_envelope(ft.loop.TuningProblem(model=model), GENTLE, outside, g=G)
-    with pytest.raises(ft.InputError, match="`scaling`"):
-        tune_over_envelope(scaled, GENTLE, TRIM, g=G)
+
+@pytest.mark.parametrize(
+    ("asked", "words"),
+    [
+        (lambda _: largest_factor(TUNED, GENTLE, OUTSIDE, g=G), "`envelope` must contain"),
+        (
+            lambda model: tune_over_envelope(
+                ft.loop.TuningProblem(model=model), GENTLE, OUTSIDE, g=G
+            ),
+            "`envelope` must contain",
+        ),
+        (
+            lambda model: tune_over_envelope(
+                ft.loop.TuningProblem(model=model, scaling=np.array([1.0, 1.0, 2.0, 2.0])),
+                GENTLE, TRIM, g=G,
+            ),
+            "`scaling`",
+        ),
+    ],
+    ids=["factor", "tuning", "scaling"],
+)  # fmt: skip
+def test_an_envelope_without_the_trim_and_a_state_scaling_are_refused(model, asked, words):
+    with pytest.raises(ft.InputError, match=words):
+        asked(model)

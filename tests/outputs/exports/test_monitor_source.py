@@ -115,7 +115,7 @@ def test_the_file_beside_the_loop_alarms_as_the_recorded_flight_does(tmp_path):
             assert why == ""
 
 
-def test_a_claim_that_is_no_monitor_or_for_jsbsim_is_refused(tmp_path):
-    for claim in (MadeUp(MODELS, 1, 0.0), 1.0):
-        with pytest.raises(ft.InputError, match="`claim` must be a Monitor or a LogMonitor or"):
-            ft.export("level_turn", "paper", out=tmp_path, form="c", claim=claim)
+@pytest.mark.parametrize("claim", [MadeUp(MODELS, 1, 0.0), 1.0], ids=["made up", "a number"])
+def test_a_claim_that_is_no_monitor_is_refused(tmp_path, claim):
+    with pytest.raises(ft.InputError, match="`claim` must be a Monitor or a LogMonitor or"):
+        ft.export("level_turn", "paper", out=tmp_path, form="c", claim=claim)

@@ -123,17 +123,28 @@ def test_a_damaged_recording_is_one_line_and_does_no_harm_to_its_folder(folder, 
         ft.load(recording)
 
 
-def test_what_is_not_there_or_not_ours_gives_one_line(tmp_path):
-    with pytest.raises(ft.RecordingError, match="got no such file"):
-        ft.load(tmp_path / "none.rrd")
-    with pytest.raises(ft.RecordingError, match="must hold Parquet files"):
-        ft.load(tmp_path)
+def of_another_program(path):
     stream = rr.RecordingStream("other")
-    stream.save(tmp_path / "other.rrd")
+    stream.save(path)
     stream.log("page", rr.TextDocument("hello"), static=True)
     stream.disconnect()
-    with pytest.raises(ft.RecordingError, match=r"other\.rrd: .*Parquet files"):
-        ft.load(tmp_path / "other.rrd")
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("none.rrd", "got no such file"),
+        (".", "must hold Parquet files"),
+        ("other.rrd", r"other\.rrd: .*Parquet files"),
+    ],
+)
+def test_what_is_not_there_or_not_ours_gives_one_line(tmp_path, name, words):
+    if name == "other.rrd":
+        of_another_program(tmp_path / name)
+
+    with pytest.raises(ft.RecordingError, match=words) as refusal:
+        ft.load(tmp_path / name)
+    assert "\n" not in str(refusal.value)
 
 
 def test_a_scenario_that_json_cannot_hold_is_refused(flown, tmp_path):

@@ -90,28 +90,52 @@ def test_a_text_that_looks_like_the_sha_256_does_no_harm(four_runs, tmp_path):
     assert read(run_file(tmp_path / "flight.parquet", run)).provenance.scenario["title"] == title
 
 
-def test_what_is_no_whole_file_of_ours_is_refused(four_runs, tmp_path, monkeypatch):
-    """Of an older version, which is sealed too, of another program, in another unit, or cut off."""
+def of_another_program():
+    written = pa.BufferOutputStream()
+    pq.write_table(pa.table({"t": [0.0, 1.0]}), written)
+    return written.getvalue().to_pybytes()
+
+
+def of_an_older_version():
+    """It is sealed too."""
+    written = pa.BufferOutputStream()
+    stated = {b"flighttune.run": '{"format": 99}', SEAL: BLANK}
+    pq.write_table(pa.table({"t": [0.0, 1.0]}).replace_schema_metadata(stated), written)
+    return seal(written.getvalue().to_pybytes())
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (of_another_program(), "of another program"),
+        (of_an_older_version(), "layout must be 3, got"),
+        (b"", "an empty file"),
+    ],
+    ids=["another program", "older version", "empty"],
+)
+def test_what_is_no_file_of_ours_is_refused(tmp_path, content, words):
     path = tmp_path / "run.parquet"
-    data = run_file(path, four_runs[0]).read_bytes()
+    path.write_bytes(content)
+
+    with pytest.raises(ft.RecordingError, match=words):
+        ft.load(path)
+
+
+def test_a_file_that_is_cut_off_is_refused(four_runs, tmp_path):
+    path = run_file(tmp_path / "run.parquet", four_runs[0])
+    path.write_bytes(path.read_bytes()[:-1])
+
+    with pytest.raises(ft.RecordingError, match="cut off"):
+        ft.load(path)
+
+
+def test_a_file_in_another_unit_is_refused(four_runs, tmp_path, monkeypatch):
     with monkeypatch.context() as patched:
         patched.setitem(SIGNAL_UNITS, "chi", "deg")
-        in_degrees = run_file(path, four_runs[0]).read_bytes()
-    foreign, table = pa.BufferOutputStream(), pa.table({"t": [0.0, 1.0]})
-    pq.write_table(table, foreign)
-    old = pa.BufferOutputStream()
-    stated = {b"flighttune.run": '{"format": 99}', SEAL: BLANK}
-    pq.write_table(table.replace_schema_metadata(stated), old)
-    for content, says in (
-        (foreign.getvalue().to_pybytes(), "of another program"),
-        (seal(old.getvalue().to_pybytes()), "layout must be 3, got"),
-        (in_degrees, "`chi` must be in rad"),
-        (b"", "an empty file"),
-        (data[:-1], "cut off"),
-    ):
-        path.write_bytes(content)
-        with pytest.raises(ft.RecordingError, match=says):
-            ft.load(path)
+        path = run_file(tmp_path / "run.parquet", four_runs[0])
+
+    with pytest.raises(ft.RecordingError, match="`chi` must be in rad"):
+        ft.load(path)
 
 
 def large(columns, rows, **changed):

@@ -246,13 +246,21 @@ def test_straight_up_and_a_roll_without_tangent_end_a_flight(turn, gamma, comman
     assert reason in stop.reason
 
 
-def test_impossible_values_are_refused():
-    with pytest.raises(ft.InputError, match="`g` must be positive"):
-        ft.loop.PointMassPlant(g=0.0)
-    with pytest.raises(ft.InputError, match="`t` of a wind"):
-        WindRecord(t=[0.0, 0.0], wind=np.zeros((2, 3)))
-    with pytest.raises(ft.InputError, match="`V_a` must be positive"):
-        turn_rates([25.0, math.nan], gamma=0.0, phi=0.0, n_z=1.0, turn="exact")
+@pytest.mark.parametrize(
+    ("made", "words"),
+    [
+        (lambda: ft.loop.PointMassPlant(g=0.0), "`g` must be positive"),
+        (lambda: WindRecord(t=[0.0, 0.0], wind=np.zeros((2, 3))), "`t` of a wind"),
+        (
+            lambda: turn_rates([25.0, math.nan], gamma=0.0, phi=0.0, n_z=1.0, turn="exact"),
+            "`V_a` must be positive",
+        ),
+    ],
+    ids=["gravity", "wind", "airspeed"],
+)
+def test_impossible_values_are_refused(made, words):
+    with pytest.raises(ft.InputError, match=words):
+        made()
 
 
 def test_held_commands_and_disturbance_agree_with_high_accuracy_integration():

@@ -226,9 +226,12 @@ def test_air_over_high_ground_is_that_of_the_standard_atmosphere(ground, above):
     assert density == pytest.approx(standard_density(ground + above), rel=1e-4)
 
 
-def test_ground_must_be_where_ground_is_and_a_start_above_it():
-    for ground in (math.nan, 9000.0, -2000.0):
-        with pytest.raises(ft.InputError, match=r"`ground` .*-500 to 6000 m"):
-            ft.loop.JSBSimPlant(ground=ground)
+@pytest.mark.parametrize("ground", [math.nan, 9000.0, -2000.0])
+def test_ground_must_be_where_ground_is(ground):
+    with pytest.raises(ft.InputError, match=r"`ground` .*-500 to 6000 m"):
+        ft.loop.JSBSimPlant(ground=ground)
+
+
+def test_a_flight_starts_above_the_ground():
     with pytest.raises(ft.InputError, match=r"`h` .*1200 m, .*1000 m"):
         ft.loop.JSBSimPlant(ground=1200.0).start(ft.loop.FlightCondition(V_a=25.0, h=1000.0))
