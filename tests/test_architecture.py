@@ -10,7 +10,7 @@ from typing import get_args
 
 import pytest
 
-from flighttune.base.answering import FIGURES, SPEAKERS, Answering
+from flighttune.base import answering
 from flighttune.claims.verify import AnyClaim
 from flighttune.outputs.pages.claim import CHARTS, PAGES
 
@@ -143,11 +143,11 @@ def test_every_result_that_answers_has_its_row_in_the_table_of_functions_that_sp
     lines = lines_of_results()
     assert len(lines) > 20
     for name, classes in lines.items():
-        assert classes & SPEAKERS.keys(), name
-        assert "Drawn" not in classes or classes & FIGURES.keys(), name
-    assert SPEAKERS.keys() <= {"Run"}.union(*lines.values())
-    assert FIGURES.keys() <= SPEAKERS.keys()
-    for place in (*SPEAKERS.values(), *FIGURES.values()):
+        assert classes & answering.SPEAKERS.keys(), name
+        assert "Drawn" not in classes or classes & answering.FIGURES.keys(), name
+    assert answering.SPEAKERS.keys() <= {"Run"}.union(*lines.values())
+    assert answering.FIGURES.keys() <= answering.SPEAKERS.keys()
+    for place in (*answering.SPEAKERS.values(), *answering.FIGURES.values()):
         module, _, function = place.partition(":")
         assert module.startswith("flighttune.outputs.")
         assert callable(getattr(import_module(module), function)), place
@@ -175,7 +175,7 @@ def test_every_claim_has_its_row_in_the_tables_of_pages():
 
 
 def test_a_result_without_a_row_says_where_it_must_have_one():
-    class Mute(Answering):
+    class Mute(answering.Answering):
         pass
 
     with pytest.raises(NotImplementedError, match=r"`Mute` must have a row in the tables of"):

@@ -9,7 +9,7 @@ import pytest
 from commands import flighttune
 
 import flighttune as ft
-from flighttune.base.errors import EXTRAS, missing_extra, need
+from flighttune.base import errors
 
 OPTIONAL = tomllib.loads((Path(__file__).parents[1] / "pyproject.toml").read_text())["project"][
     "optional-dependencies"
@@ -18,7 +18,7 @@ OUT_OF_NAMESAKE = {"rerun_notebook": "rerun-sdk[notebook]"}
 
 
 @pytest.mark.soak
-@pytest.mark.parametrize(("module", "extra"), EXTRAS.items())
+@pytest.mark.parametrize(("module", "extra"), errors.EXTRAS.items())
 def test_each_module_comes_with_the_extra_of_its_message(module, extra):
     distribution = OUT_OF_NAMESAKE.get(module) or packages_distributions()[module][0]
 
@@ -26,11 +26,11 @@ def test_each_module_comes_with_the_extra_of_its_message(module, extra):
 
 
 def test_only_what_is_missing_is_named(monkeypatch):
-    need("this", "numba", "dask")
+    errors.need("this", "numba", "dask")
     monkeypatch.setitem(sys.modules, "dask", None)
 
     with pytest.raises(ft.InputError, match=r"^this needs dask; .*'flighttune\[cluster\]'$"):
-        need("this", "numba", "dask")
+        errors.need("this", "numba", "dask")
 
 
 @pytest.mark.slow
@@ -48,4 +48,4 @@ def test_an_import_that_fails_inside_a_command_names_the_extra_too(monkeypatch, 
 
 @pytest.mark.parametrize("module", ["made_up", "numpy", "dask.made_up"])
 def test_an_import_that_no_extra_cures_stays_a_fault(module):
-    assert missing_extra(ModuleNotFoundError(name=module), "this") is None
+    assert errors.missing_extra(ModuleNotFoundError(name=module), "this") is None

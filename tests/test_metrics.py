@@ -8,9 +8,9 @@ import pytest
 from made_up import made_up_run
 
 import flighttune as ft
+from flighttune.flight import metrics
 from flighttune.flight.loop import kernel
 from flighttune.flight.loop.measures import error_measures
-from flighttune.flight.metrics import MEASURED, measures, measures_of, required_names, signal_arrays
 
 SAMPLING = 2e-4
 T = np.linspace(0.0, 20.0, 200_001)
@@ -64,7 +64,9 @@ def test_settling_within_a_band_of_its_own_is_the_last_time_an_error_leaves_it()
 
     settles, swings = np.exp(-rate * T), np.deg2rad(6.0) * np.cos(math.tau * T)
     found, wavy = (
-        measures_of(T, signal_arrays(run_of(error), MEASURED), {"chi": [name]})["chi"]
+        metrics.measures_of(
+            T, metrics.signal_arrays(run_of(error), metrics.MEASURED), {"chi": [name]}
+        )["chi"]
         for error in (settles, swings)
     )
 
@@ -102,12 +104,12 @@ STEP = (T >= CHANGED_S).astype(float)
 def test_the_largest_ratio_of_an_error_to_its_envelope_is_that_of_the_formula(
     subject, within, error, more, ratio
 ):
-    (names,) = required_names([{"at_most": {subject: {"within": within}}}]).values()
+    (names,) = metrics.required_names([{"at_most": {subject: {"within": within}}}]).values()
     signal = subject if subject == "cross_track" else f"{subject}_err"
     signals = run_of(**{"chi_err": 0.0, **more, signal: error}).signals
     columns = {name: signals[name].to_numpy() for name in signals}
 
-    found = measures_of(T, columns, {subject: names})
+    found = metrics.measures_of(T, columns, {subject: names})
 
     assert found[subject][names[0]] == pytest.approx(ratio, rel=2.0 * SAMPLING)
 
@@ -182,10 +184,12 @@ def test_a_path_angle_that_gives_way_is_held_against_the_one_that_is_given(side)
     angles = {"gamma_ref": 0.1 * side, "gamma_given": 0.05 * side}
     error = np.full_like(T, (0.1 - 0.04) * side)
 
-    given = measures(run_of(0.0 * T, error, **angles))["gamma"]
+    given = metrics.measures(run_of(0.0 * T, error, **angles))["gamma"]
     assert given["end_error"] == pytest.approx(0.05 - 0.04)
     del angles["gamma_given"]
-    assert measures(run_of(0.0 * T, error, **angles))["gamma"]["end_error"] == pytest.approx(0.06)
+    assert metrics.measures(run_of(0.0 * T, error, **angles))["gamma"][
+        "end_error"
+    ] == pytest.approx(0.06)
 
 
 def test_effort_and_time_at_limits_are_those_of_the_command():
@@ -217,4 +221,4 @@ def test_flight_metrics_are_the_extremes():
 def test_a_run_of_one_sample_has_no_measures():
     run = run_of(np.cos(T))
 
-    assert measures(dataclasses.replace(run, signals=run.signals.iloc[:1])) == {}
+    assert metrics.measures(dataclasses.replace(run, signals=run.signals.iloc[:1])) == {}

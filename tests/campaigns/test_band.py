@@ -12,10 +12,10 @@ from flown_campaigns import Notes, flown_here, write_campaign
 
 import flighttune as ft
 from flighttune.campaigns.flying.rows import fly_group, rows_flown, scenario_of_run
+from flighttune.claims import counting
 from flighttune.claims.band import RecordedSignals
 from flighttune.claims.counted_flights import flights_of
 from flighttune.claims.counted_flights import plan_of as plan_of_band
-from flighttune.claims.counting import count_more, differing, some_draws
 from flighttune.claims.residual import ResidualSignals
 from flighttune.claims.turn_back import TurnBack
 from flighttune.flight.conditions import reference_of, start_condition
@@ -52,12 +52,12 @@ def test_the_flights_inside_are_those_whose_errors_are(counted):
 
 def test_more_flights_are_added_to_the_count(counted):
     with flown_here() as pool:
-        more = count_more(counted, 2 * WITH_FIVE, pool)
+        more = counting.count_more(counted, 2 * WITH_FIVE, pool)
         for other in (WITH_FIVE, 40, 3 * WITH_FIVE):
             with pytest.raises(ft.InputError, match=r"`flights` .*58, 116, 232"):
-                count_more(counted, other, pool)
+                counting.count_more(counted, other, pool)
         pool.observer = Notes()
-        assert count_more(more, 2 * WITH_FIVE, pool) is more
+        assert counting.count_more(more, 2 * WITH_FIVE, pool) is more
         assert pool.observer.heard == ["its 58 flights are counted already: none is flown"]
     # the draws of this one begin with the second half of that: a draw between them is left out
     after = count(flights=WITH_FIVE, learn=10 + WITH_FIVE + 1)
@@ -72,9 +72,9 @@ def test_a_recount_finds_a_flight_that_differs(counted):
     extremes[4] = np.nextafter(extremes[4], np.inf)
 
     with flown_here() as pool:
-        draws = some_draws(counted, WITH_FIVE)
-        assert differing(counted, draws, pool) == []
-        assert differing(replace(counted, extremes=extremes), draws, pool) == [14]
+        draws = counting.some_draws(counted, WITH_FIVE)
+        assert counting.differing(counted, draws, pool) == []
+        assert counting.differing(replace(counted, extremes=extremes), draws, pool) == [14]
         with pytest.raises(ft.InputError, match="`count` must be 1 to"):
             ft.verify(counted, count=WITH_FIVE + 1)
 
@@ -88,7 +88,7 @@ def test_a_recount_finds_a_flight_that_had_another_wind():
 
     with flown_here() as pool:
         for band, found in ((counted, []), (replace(counted, wind=wind), [10 + 3])):
-            assert differing(band, band.draws.tolist(), pool) == found
+            assert counting.differing(band, band.draws.tolist(), pool) == found
 
 
 def test_the_page_of_a_band_says_why_flights_did_not_complete(counted, tmp_path):

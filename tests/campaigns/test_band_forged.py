@@ -18,7 +18,7 @@ from scipy.stats import hypergeom
 import flighttune as ft
 from flighttune.base.files import code
 from flighttune.base.files.table import tables_of
-from flighttune.claims.counting import count_more, differing, some_draws
+from flighttune.claims import counting
 from flighttune.claims.shape import learned_shape
 from tests.cli.test_code_of_files import LAW
 
@@ -67,7 +67,7 @@ def test_a_single_copy_is_flown_again(counted):
 
     with flown_here() as pool:
         band = replace(counted, extremes=extremes)
-        assert 10 + 20 in differing(band, some_draws(band, 1), pool)
+        assert 10 + 20 in counting.differing(band, counting.some_draws(band, 1), pool)
 
 
 @pytest.mark.parametrize(
@@ -122,7 +122,7 @@ def test_names_that_a_maker_chose_are_quoted_and_no_part_of_the_claim(counted, t
 
 def test_a_continued_count_cannot_pass_for_one_planned_so_long(counted, tmp_path):
     with flown_here() as pool:
-        more = count_more(counted, 2 * WITH_FIVE, pool)
+        more = counting.count_more(counted, 2 * WITH_FIVE, pool)
     about = edited(more, "runs", value=10 + 2 * WITH_FIVE)
     path = forged(more, tmp_path / "x.npz", about=about)
 

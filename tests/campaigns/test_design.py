@@ -10,7 +10,7 @@ from scipy import stats
 from scipy.stats import qmc
 
 import flighttune as ft
-from flighttune.campaigns.planning.draws import copula_factor, correlated, run_seeds, unit_points
+from flighttune.campaigns.planning import draws
 from flighttune.campaigns.planning.schema import CorrelationTable
 
 KEYS = ["flight.V_a_mps", "flight.chi_deg", "wind.speed_mps"]
@@ -20,7 +20,7 @@ CHANCE = 1e-3
 
 
 def points(design, first=0, end=64, keys=KEYS, seed=4, of=64):
-    return unit_points(design, keys, seed=seed, first=first, end=end, points=of)
+    return draws.unit_points(design, keys, seed=seed, first=first, end=end, points=of)
 
 
 @pytest.mark.slow
@@ -65,20 +65,20 @@ def test_sobol_points_are_those_of_scipy():
 
 
 def test_seeds_depend_on_the_draw_alone_and_fit_a_scenario():
-    seeds = run_seeds(7, 0, 1000)
+    seeds = draws.run_seeds(7, 0, 1000)
 
-    assert np.array_equal(run_seeds(7, 300, 400), seeds[300:400])
+    assert np.array_equal(draws.run_seeds(7, 300, 400), seeds[300:400])
     assert seeds.min() >= 0
     assert seeds.max() <= 2**31 - 3
     assert len(set(seeds.tolist())) == 1000
-    assert not np.any(run_seeds(8, 0, 1000) == seeds)
+    assert not np.any(draws.run_seeds(8, 0, 1000) == seeds)
 
 
 @pytest.mark.parametrize("rank", [-0.9, -0.3, 0.5, 0.95])
 def test_correlated_keys_have_the_rank_correlation_asked_for(rank):
     u = points("sobol", end=4096)
     table = CorrelationTable(keys=[KEYS[2], KEYS[0]], rank=rank)
-    mixed = correlated(u, KEYS, [table])
+    mixed = draws.correlated(u, KEYS, [table])
 
     assert stats.spearmanr(mixed[:, 0], mixed[:, 2]).statistic == pytest.approx(rank, abs=0.01)
     assert np.array_equal(mixed[:, 1], u[:, 1])
@@ -91,4 +91,4 @@ def test_correlations_that_contradict_each_other_are_refused():
     tables = [CorrelationTable(keys=[a, b], rank=rank) for a, b, rank in pairs]
 
     with pytest.raises(ft.InputError, match=r"`rank` .* eigenvalue -"):
-        copula_factor(tables)
+        draws.copula_factor(tables)

@@ -8,13 +8,16 @@ import pytest
 from scipy import stats
 
 import flighttune as ft
-from flighttune.campaigns.statistics.intervals import paired, quantile_interval, rate_interval
+from flighttune.campaigns.statistics import intervals
 
 ROUNDING = 1e-9
 """Absolute; both sides compute the same closed form."""
 
 COUNTS = [(0, 1), (1, 1), (0, 20), (1, 20), (10, 20), (20, 20), (81, 263), (999, 1000)]
-METHODS = {"wilson": rate_interval, "exact": partial(rate_interval, method="clopper-pearson")}
+METHODS = {
+    "wilson": intervals.rate_interval,
+    "exact": partial(intervals.rate_interval, method="clopper-pearson"),
+}
 """By the name that scipy gives each."""
 
 
@@ -41,24 +44,24 @@ def test_an_interval_at_any_time_holds_however_often_a_campaign_is_looked_at():
     wrong = {
         method: int(((lo > p) | (hi < p)).any(axis=1).sum())
         for method in ("wilson", "any-time")
-        for lo, hi in [rate_interval(k, n, method=method)]
+        for lo, hi in [intervals.rate_interval(k, n, method=method)]
     }
     # more than this have a probability of 0.1 % at 5 %, which an interval of one look exceeds
     most = stats.binom.ppf(0.999, campaigns, 0.05)
     assert 0 < wrong["any-time"] <= most < wrong["wilson"]
     # 0.95^-n / 2 and a share of it exceed 2 / 0.05 from 82 on: a lower end of 0.95
     assert (
-        rate_interval(82, 82, method="any-time")[0]
+        intervals.rate_interval(82, 82, method="any-time")[0]
         > 0.95
-        > rate_interval(81, 81, method="any-time")[0]
+        > intervals.rate_interval(81, 81, method="any-time")[0]
     )
-    assert rate_interval(0, 0, method="any-time") == (0.0, 1.0)
+    assert intervals.rate_interval(0, 0, method="any-time") == (0.0, 1.0)
 
 
 @pytest.mark.parametrize("confidence", [0.0, 1.0, 95.0, float("nan")])
 def test_a_confidence_is_a_probability(confidence):
     with pytest.raises(ft.InputError, match=r"`confidence` .*0 and 1"):
-        rate_interval(1, 2, confidence)
+        intervals.rate_interval(1, 2, confidence)
 
 
 @pytest.mark.parametrize("q", [0.05, 0.5, 0.95])
@@ -66,7 +69,7 @@ def test_a_confidence_is_a_probability(confidence):
 def test_intervals_of_a_quantile_are_those_of_scipy(n, q):
     values = np.random.default_rng(n).lognormal(size=n)
 
-    found = quantile_interval(values, q)
+    found = intervals.quantile_interval(values, q)
 
     tails = [
         stats.quantile_test(values, p=q, alternative=side).confidence_interval(0.975)
@@ -82,7 +85,7 @@ def test_fewer_effective_values_widen_an_interval_of_a_quantile_outwards(q):
     n, effective = 300, 220
     of_effective = np.arange(1.0, effective + 1.0)
 
-    lo, hi = quantile_interval(np.arange(1.0, n + 1.0), q, effective=effective)
+    lo, hi = intervals.quantile_interval(np.arange(1.0, n + 1.0), q, effective=effective)
 
     ranks = [
         stats.quantile_test(of_effective, p=q, alternative=side).confidence_interval(0.975)
@@ -106,7 +109,7 @@ def test_pairs_of_gains_are_compared_as_scipy_does():
         for i in range(n) for x in "ab" if (i, x) != (20, "b")
     ])  # fmt: skip
 
-    (pair,) = paired(rows, "chi.ITAE", confidence=0.9)
+    (pair,) = intervals.paired(rows, "chi.ITAE", confidence=0.9)
 
     for x in "ab":
         errors[x][[*lost[x]]] = np.inf
@@ -124,6 +127,6 @@ def test_pairs_of_gains_are_compared_as_scipy_does():
     assert (pair["only_a"], pair["only_b"]) == only
     assert pair["p_success"] == pytest.approx(stats.binomtest(only[0], sum(only)).pvalue, rel=1e-9)
     # the other way round the signs are others
-    (turned,) = paired(rows.iloc[::-1], "chi.ITAE", confidence=0.9)
+    (turned,) = intervals.paired(rows.iloc[::-1], "chi.ITAE", confidence=0.9)
     assert (turned["a"], turned["wins_a"], turned["only_a"]) == ("b", wins[1], only[1])
     assert turned["p_success"] == pytest.approx(pair["p_success"])

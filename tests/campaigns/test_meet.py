@@ -24,9 +24,9 @@ from flighttune.campaigns.engine.pool import WorkerPool
 from flighttune.campaigns.statistics.intervals import share as interval_of
 from flighttune.control.linear_model import closed_loop
 from flighttune.control.margins import loop_margins
+from flighttune.flight import models
 from flighttune.flight.entry import entry_of
 from flighttune.flight.metrics import measures
-from flighttune.flight.models import gain_set, linear_loop, linear_model, loop_measures
 from flighttune.outputs.answers.meeting import sentence
 from flighttune.outputs.pages.meet import write_meet_page
 from flighttune.studies.meet import Search, _count, flights_to_meet
@@ -114,7 +114,7 @@ def test_gains_that_meet_all_are_not_replaced_by_some_that_meet_it_by_less(overs
 
     values, gains, _ = searched(loose, start="tuned_identified", budget=61)
 
-    both = gain_set(loose, "tuned_identified"), gains
+    both = models.gain_set(loose, "tuned_identified"), gains
     before, after = (flown(loose, x).metrics["MO_rad"].max() for x in both)
     assert values["start_met"] is True
     assert after <= before
@@ -139,7 +139,7 @@ def test_margins_of_the_loop_are_required_unless_others_are_stated(overshoot, me
     by_default = {x["measure"]: x["bound"] for x in rows if x["run"] == "by default"}
     assert by_default == {"loop.gain_margin_dB": 6.0, "loop.phase_margin_deg": 35.0}
     assert [x["measure"] for x in few if x["run"] == "by default"] == ["loop.gain_margin_dB"]
-    least = loop_measures(entry_of(overshoot, "tuned", met[1]), ["phase_margin_rad"])
+    least = models.loop_measures(entry_of(overshoot, "tuned", met[1]), ["phase_margin_rad"])
     assert rows[-1]["value"] == pytest.approx(least["phase_margin_rad"] / DEG)
 
 
@@ -334,24 +334,26 @@ def test_the_gain_margin_is_that_to_the_nearer_of_more_and_less_gain(course, bra
         errors=("chi", "gamma"),
         feedback=feedback,
     )
-    model, _ = linear_loop(entry_of(of, "exact:mine", gains))
+    model, _ = models.linear_loop(entry_of(of, "exact:mine", gains))
 
     def growth(factor):
         loop = closed_loop(replace(model, B=model.B * (factor, 1.0)), gains)
         return np.linalg.eigvals(loop).real.max()
 
     margin = abs(20.0 * math.log10(brentq(growth, *bracket)))
-    measured = loop_measures(entry_of(of, "exact:mine", gains), ["gain_margin_dB"])
+    measured = models.loop_measures(entry_of(of, "exact:mine", gains), ["gain_margin_dB"])
     assert measured["gain_margin_dB"] == pytest.approx(margin, rel=1e-6)
 
 
 def test_measures_of_the_loop_are_the_least_of_its_channels():
     identified = scenario(tuning={"model": "identified", "identified": "aerosonde"})
-    gains = gain_set(identified, "tuned_identified")
+    gains = models.gain_set(identified, "tuned_identified")
 
-    measured = loop_measures(entry_of(identified, "tuned_identified", gains), ["phase_margin_rad"])
+    measured = models.loop_measures(
+        entry_of(identified, "tuned_identified", gains), ["phase_margin_rad"]
+    )
 
-    *channels, _ = loop_margins(linear_model(identified), gains)
+    *channels, _ = loop_margins(models.linear_model(identified), gains)
     assert measured["phase_margin_rad"] == pytest.approx(min(x.phase_margin for x in channels))
 
 
@@ -362,10 +364,10 @@ def test_the_roll_rate_that_gains_need_is_that_for_which_they_are_the_largest():
 
     for K_P, K_I in ((largest[0], 0.01), (0.1, largest[1])):
         gains = ft.PIGains.from_lists([[K_P, 0.0], [0.0, 1.0]], [[K_I, 0.0], [0.0, 1.0]])
-        measured = loop_measures(entry_of(limited, "own", gains), ["roll_rate_rad_s"])
+        measured = models.loop_measures(entry_of(limited, "own", gains), ["roll_rate_rad_s"])
         assert measured["roll_rate_rad_s"] / DEG == pytest.approx(30.0, rel=1e-12)
     without = ft.PIGains.from_lists([[0.1, 0.0], [0.0, 1.0]], [[-0.1, 0.0], [0.0, 0.0]])
-    measured = loop_measures(entry_of(limited, "own", without), ["roll_rate_rad_s"])
+    measured = models.loop_measures(entry_of(limited, "own", without), ["roll_rate_rad_s"])
     assert measured["roll_rate_rad_s"] < 1.0
 
 
@@ -573,7 +575,7 @@ def test_a_start_that_meets_all_keeps_half_its_R_K_unless_a_bound_says_how_much(
     meeting = ft.meet(of, start="tuned_identified", budget=60, workers=1)
 
     now, before = (
-        loop_measures(entry_of(of, "tuned_identified", gains), ["R_K"])["R_K"]
+        models.loop_measures(entry_of(of, "tuned_identified", gains), ["R_K"])["R_K"]
         for gains in (meeting.gains, meeting.start_gains)
     )
     worse = {row["measure"]: row["value"] for row in meeting.worse}

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 from scipy import stats
 
-from flighttune.campaigns.statistics.findings import holm, influences, strength
+from flighttune.campaigns.statistics import findings
 
 pytestmark = pytest.mark.slow
 
@@ -38,7 +38,7 @@ def of(found, name):
 def test_rank_correlations_are_those_of_scipy(flown):
     table, measure = flown
 
-    found = influences(table, measure)
+    found = findings.influences(table, measure)
 
     tests = 2 * 4 - 1
     for name in ("speed", "nothing"):
@@ -52,7 +52,7 @@ def test_rank_correlations_are_those_of_scipy(flown):
 def test_the_share_is_epsilon_squared_of_kruskal_and_wallis(flown):
     table, measure = flown
 
-    share = of(influences(table, measure), "kind")["share"]
+    share = of(findings.influences(table, measure), "kind")["share"]
 
     samples = [measure[table["kind"] == kind] for kind in ("calm", "gusty", "rough")]
     H = stats.kruskal(*samples).statistic
@@ -63,7 +63,7 @@ def test_partial_correlations_are_those_of_the_residuals(flown):
     table, measure = flown
     numbers = table[["speed", "bias", "nothing"]]
 
-    found = influences(numbers, measure)
+    found = findings.influences(numbers, measure)
 
     ranks = numbers.rank()
     for name in numbers:
@@ -85,7 +85,7 @@ def test_parameters_drawn_together_stay_in_their_order():
         table = pd.DataFrame({"chi": chi[starts], "phi": phi[starts]})
         bent = (rng.permutation(6) % 3)[starts] + rng.normal(0.0, 0.5, len(starts))
 
-        found = influences(table, bent)
+        found = findings.influences(table, bent)
 
         if all(one["share"] > one["rho"] ** 2 for one in found):
             tied += 1
@@ -94,7 +94,7 @@ def test_parameters_drawn_together_stay_in_their_order():
 
 
 def test_what_bends_is_found_by_its_share_and_not_by_its_correlation(flown):
-    found = influences(*flown)
+    found = findings.influences(*flown)
 
     assert found[0]["parameter"] == "bias"
     assert abs(found[0]["rho"]) < 0.1 < 0.5 < found[0]["share"]
@@ -113,7 +113,7 @@ def test_the_interval_of_a_rank_correlation_covers():
     for _ in range(300):
         x, noise = rng.normal(size=(2, 150))
         y = pearson * x + math.sqrt(1.0 - pearson**2) * noise
-        (one,) = influences(pd.DataFrame({"x": x}), y)
+        (one,) = findings.influences(pd.DataFrame({"x": x}), y)
         hits += one["lo"] <= truth <= one["hi"]
 
     assert hits / 300 == pytest.approx(0.95, abs=0.03)
@@ -122,18 +122,18 @@ def test_the_interval_of_a_rank_correlation_covers():
 def test_nothing_is_said_of_what_does_not_vary(flown):
     table, measure = flown
 
-    found = influences(table.assign(speed=25.0), measure)
+    found = findings.influences(table.assign(speed=25.0), measure)
 
     assert "speed" not in [one["parameter"] for one in found]
-    assert influences(table, np.ones(800)) == []
-    assert influences(table[:5], measure[:5]) == []
-    assert influences(table[[]], measure) == []
+    assert findings.influences(table, np.ones(800)) == []
+    assert findings.influences(table[:5], measure[:5]) == []
+    assert findings.influences(table[[]], measure) == []
 
 
 def test_holm_corrects_as_in_his_paper():
     """Worked by hand: the smallest times 4, then 3, 2, 1, never falling."""
-    assert holm([0.01, 0.04, 0.03, 0.005]) == pytest.approx([0.03, 0.06, 0.06, 0.02])
-    assert holm([math.nan, 0.3]) == pytest.approx([1.0, 0.3])
+    assert findings.holm([0.01, 0.04, 0.03, 0.005]) == pytest.approx([0.03, 0.06, 0.06, 0.02])
+    assert findings.holm([math.nan, 0.3]) == pytest.approx([1.0, 0.3])
 
 
 @pytest.mark.parametrize(
@@ -141,7 +141,7 @@ def test_holm_corrects_as_in_his_paper():
 )
 def test_an_influence_is_as_strong_as_the_larger_share_that_it_explains(share, rho):
     """A rank correlation explains its square, falling or rising."""
-    assert strength({"share": share, "rho": rho}) == 0.25
+    assert findings.strength({"share": share, "rho": rho}) == 0.25
 
 
 @pytest.mark.parametrize("n", [9, 10])
@@ -152,7 +152,7 @@ def test_few_flights_equal_values_and_parameters_tell_nothing(n, alike):
     measure = np.ones(n) if alike == "measure" else y
     parameters = pd.DataFrame({"a": np.ones(n) if alike == "parameter" else x, "same": 3.0})
 
-    found = influences(parameters, measure)
+    found = findings.influences(parameters, measure)
 
     assert [row["parameter"] for row in found] == (["a"] if n == 10 and alike == "neither" else [])
 
@@ -164,7 +164,7 @@ def test_flights_without_a_value_of_measure_or_parameter_are_left_out():
 
     drawn = pd.DataFrame({"x": x, "other": other})
 
-    found = {row["parameter"]: row for row in influences(drawn, measure)}
+    found = {row["parameter"]: row for row in findings.influences(drawn, measure)}
 
     assert {row["n"] for row in found.values()} == {30 - 4}
     assert found["x"]["rho"] == pytest.approx(1.0)

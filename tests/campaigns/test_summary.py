@@ -8,14 +8,8 @@ from made_up_campaign import made_up_plan, made_up_rows
 from scipy import stats
 
 import flighttune as ft
+from flighttune.campaigns.statistics import intervals
 from flighttune.campaigns.statistics.findings import findings_of
-from flighttune.campaigns.statistics.intervals import (
-    effective_size,
-    paired,
-    percentile,
-    rate_interval,
-    share,
-)
 from flighttune.outputs.pages.campaign_charts import rates
 
 CRAFT = "jsbsim:aerosonde"
@@ -95,7 +89,7 @@ def test_a_bound_on_the_loop_counts_flights_of_gains_that_miss_it(plan):
 
 def test_gain_sets_are_compared_on_the_same_draws(flown):
     """With `paper` every ITAE is twice that with K3, and flights that diverged are lost."""
-    on_law, on_craft = paired(flown.rows, "chi.ITAE")
+    on_law, on_craft = intervals.paired(flown.rows, "chi.ITAE")
 
     law = flown.rows.set_index(["plant", "draw", "gains"])["chi.ITAE"].unstack().loc["kinematic"]
     assert (on_law["a"], on_law["b"], on_law["n"]) == ("paper", "K3", 200)
@@ -117,17 +111,17 @@ def test_values_in_clusters_count_for_less():
     common = np.repeat(rng.normal(size=2000), m)
     values = np.sqrt(r) * common + np.sqrt(1.0 - r) * rng.normal(size=20_000)
 
-    assert effective_size(values, clusters) == pytest.approx(20_000 / 5.5, rel=0.08)
-    assert effective_size(values, np.arange(20_000)) == 20_000
-    assert effective_size(np.ones(20_000), clusters) == 2000
-    assert effective_size(values, np.zeros(20_000)) == 20_000
+    assert intervals.effective_size(values, clusters) == pytest.approx(20_000 / 5.5, rel=0.08)
+    assert intervals.effective_size(values, np.arange(20_000)) == 20_000
+    assert intervals.effective_size(np.ones(20_000), clusters) == 2000
+    assert intervals.effective_size(values, np.zeros(20_000)) == 20_000
 
 
 @pytest.mark.parametrize(("count", "members"), [(2, 5), (3, 2), (40, 3)])
 def test_clusters_of_one_value_each_count_as_one_less(count, members):
     clusters = np.repeat(np.arange(count), members)
 
-    assert effective_size(clusters**2, clusters) == pytest.approx(count - 1)
+    assert intervals.effective_size(clusters**2, clusters) == pytest.approx(count - 1)
 
 
 def test_shares_and_percentiles_of_clusters_cover():
@@ -135,8 +129,8 @@ def test_shares_and_percentiles_of_clusters_cover():
     clusters = np.repeat(np.arange(60), 5)
     for _ in range(400):
         x = np.repeat(rng.normal(size=60), 5) + 0.3 * rng.normal(size=300)
-        found, middle = share(x > 0.0, clusters), percentile(x, 0.5, clusters)
-        lo, hi = rate_interval(np.sum(x > 0.0), 300)
+        found, middle = intervals.share(x > 0.0, clusters), intervals.percentile(x, 0.5, clusters)
+        lo, hi = intervals.rate_interval(np.sum(x > 0.0), 300)
         hits += found.lo <= 0.5 <= found.hi
         plain += lo <= 0.5 <= hi
         of_median += middle.lo <= 0.0 <= middle.hi

@@ -13,13 +13,12 @@ import flighttune as ft
 from flighttune.base.files.array import write_sealed
 from flighttune.base.files.table import tables_of
 from flighttune.campaigns.statistics.count import allowed_outside, flights_needed
-from flighttune.claims import shape as shape_module
+from flighttune.claims import shape
 from flighttune.claims.counted_file import read_counted
-from flighttune.claims.shape import learned_shape, window_edges, window_extremes
 
 # s and samples of the made-up flights, and their signals
 DT, SAMPLES, SIGNALS = 0.1, 41, {"chi_err": "rad", "h": "m"}
-EDGES = window_edges(SAMPLES, 1, 2)
+EDGES = shape.window_edges(SAMPLES, 1, 2)
 MOST_ABOVE = 250  # more of the flights of `worst_chance` are too wide with no probability
 SINGLE = 1e-6  # relative rounding of single precision, both ways
 
@@ -33,13 +32,13 @@ def random_flights(count, rng, wind=None):
 
 
 def extremes_of(flights):
-    return np.stack([window_extremes(flight, EDGES) for flight in flights])
+    return np.stack([shape.window_extremes(flight, EDGES) for flight in flights])
 
 
 def band_of(learned, counted, epsilon=0.05, confidence=0.95, winds=None):
     """A band learned from some flights and counted on others, which are values over time."""
     kept = winds or (np.zeros((len(learned), 0)), np.zeros((len(counted), 0)))
-    coefficients, half = learned_shape(extremes_of(learned), kept[0], epsilon)
+    coefficients, half = shape.learned_shape(extremes_of(learned), kept[0], epsilon)
     extremes = extremes_of(counted)
     about = about_of(
         signals=SIGNALS, coefficients=coefficients, half=half,
@@ -72,7 +71,7 @@ def test_windows_include_both_of_their_edges_and_are_rounded_outwards():
     values = np.array([0.0, 1.0, 2.0, 5.0, 4.0, 3.0, -7.0])[:, None] + 0.1
     edges = np.array([0, 3, 6])
 
-    low, high = np.moveaxis(window_extremes(values, edges)[:, 0].astype(float), -1, 0)
+    low, high = np.moveaxis(shape.window_extremes(values, edges)[:, 0].astype(float), -1, 0)
 
     assert low == pytest.approx([0.1, -6.9], rel=SINGLE)
     assert high == pytest.approx([5.1, 5.1], rel=SINGLE)
@@ -83,7 +82,7 @@ def test_windows_include_both_of_their_edges_and_are_rounded_outwards():
 def test_windows_of_values_that_last_to_the_next_sample_share_no_edge():
     values = np.array([0.0, 1.0, 2.0, 5.0, 4.0, 3.0])[:, None]
 
-    low, high = np.moveaxis(window_extremes(values, np.array([0, 3, 6]))[:, 0], -1, 0)
+    low, high = np.moveaxis(shape.window_extremes(values, np.array([0, 3, 6]))[:, 0], -1, 0)
 
     assert low == pytest.approx([0.0, 3.0], rel=SINGLE)
     assert high == pytest.approx([2.0, 5.0], rel=SINGLE)
@@ -92,16 +91,16 @@ def test_windows_of_values_that_last_to_the_next_sample_share_no_edge():
 def test_a_signal_without_a_value_in_a_whole_window_may_have_had_any():
     values = np.array([0.0, 1.0, np.nan, np.nan, np.nan, 3.0])[:, None]
 
-    low, high = np.moveaxis(window_extremes(values, np.array([0, 2, 4, 5]))[:, 0], -1, 0)
+    low, high = np.moveaxis(shape.window_extremes(values, np.array([0, 2, 4, 5]))[:, 0], -1, 0)
 
     assert low == pytest.approx([0.0, -np.inf, 3.0], rel=SINGLE)
     assert high == pytest.approx([1.0, np.inf, 3.0], rel=SINGLE)
 
 
 def test_windows_are_few_enough_for_memory():
-    assert len(window_edges(1001, 1640, 2)) == shape_module.MAX_WINDOWS + 1
-    assert 2 * 2 * 1_000_000 * (len(window_edges(1001, 1_000_000, 2)) - 1) <= 2**27
-    assert window_edges(3, 10, 1).tolist() == [0, 1, 2]
+    assert len(shape.window_edges(1001, 1640, 2)) == shape.MAX_WINDOWS + 1
+    assert 2 * 2 * 1_000_000 * (len(shape.window_edges(1001, 1_000_000, 2)) - 1) <= 2**27
+    assert shape.window_edges(3, 10, 1).tolist() == [0, 1, 2]
 
 
 def test_the_flights_outside_are_those_that_leave_the_bounds(walks, counted):
@@ -125,7 +124,7 @@ def test_a_peak_that_all_flights_share_is_not_spread_over_its_neighbours():
     flights[:, 20] *= 1e3
     extremes = np.repeat(flights.astype(np.float32)[:, :, None, None], 2, axis=-1)
 
-    _, half = learned_shape(extremes, np.zeros((60, 0)), 0.05)
+    _, half = shape.learned_shape(extremes, np.zeros((60, 0)), 0.05)
 
     assert half[[19, 21], 0].max() < 0.01 * half[20, 0]
 
@@ -200,9 +199,9 @@ def test_flights_that_did_not_complete_count(walks, counted):
     assert not none.claims
     assert "fresh flights 2 did not complete, and at most 1 may." in none.sentence
     learned = extremes_of(walks[0])
-    learned[shape_module.MIN_LEARNED - 1 :] = lost[0]
+    learned[shape.MIN_LEARNED - 1 :] = lost[0]
     with pytest.raises(ft.InputError, match=r"`learn` .*10.* 9"):
-        learned_shape(learned, np.zeros((60, 0)), 0.05)
+        shape.learned_shape(learned, np.zeros((60, 0)), 0.05)
 
 
 def test_each_reading_of_a_growing_count_spends_its_part_of_the_confidence(walks, counted):
@@ -346,12 +345,12 @@ def test_a_count_is_decided_by_one_flight_more_than_may_be_outside(counted):
     ],
 )
 def test_windows_share_the_samples_of_a_flight(samples, most, edges):
-    assert window_edges(samples, 100, 2, most=most).tolist() == edges
+    assert shape.window_edges(samples, 100, 2, most=most).tolist() == edges
 
 
 def test_there_are_fewer_windows_for_more_flights_and_signals():
     """Of numbers of all flights no more than MAX_NUMBERS are kept, two of a window and signal."""
     flights, signals = 10**6, 3
-    windows = shape_module.MAX_NUMBERS // (2 * flights * signals)
-    assert len(window_edges(10**6, flights, signals, most=10**6)) == windows + 1
-    assert window_edges(50, 10**12, 1).tolist() == [0, 49]
+    windows = shape.MAX_NUMBERS // (2 * flights * signals)
+    assert len(shape.window_edges(10**6, flights, signals, most=10**6)) == windows + 1
+    assert shape.window_edges(50, 10**12, 1).tolist() == [0, 49]

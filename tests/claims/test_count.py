@@ -8,32 +8,24 @@ from scipy.integrate import quad
 from scipy.stats import binom, binomtest, hypergeom
 
 import flighttune as ft
-from flighttune.campaigns.statistics.count import (
-    allowed_outside,
-    chance_missed,
-    counted_scale,
-    flights_again,
-    flights_in_two_steps,
-    flights_needed,
-    log_evidence,
-    supported_epsilon,
-    sure,
-)
+from flighttune.campaigns.statistics import count
 
 
 def test_sample_sizes_are_the_published_ones():
     """Wilks' one-sided 95 % / 95 %, orders 1 to 5: table of A. Guba, M. Makai and L. Pal (2003)."""
     published = [59, 93, 124, 153, 181]
 
-    assert [flights_needed(0.05, 0.95, outside) for outside in range(5)] == published
-    assert [allowed_outside(flights, 0.05, 0.95) for flights in published] == list(range(5))
-    assert [allowed_outside(flights - 1, 0.05, 0.95) for flights in published] == list(range(-1, 4))
+    assert [count.flights_needed(0.05, 0.95, outside) for outside in range(5)] == published
+    assert [count.allowed_outside(flights, 0.05, 0.95) for flights in published] == list(range(5))
+    assert [count.allowed_outside(flights - 1, 0.05, 0.95) for flights in published] == list(
+        range(-1, 4)
+    )
 
 
 def test_a_claim_is_false_no_more_often_than_its_confidence_says():
     """Scores are uniform, so that a scale s is exceeded with probability 1 - s."""
     scores = np.random.default_rng(0).random((20_000, 93))
-    scales = np.array([counted_scale(own, 0.05, 0.95)[0] for own in scores])
+    scales = np.array([count.counted_scale(own, 0.05, 0.95)[0] for own in scores])
 
     # 20,000 counts resolve the share to 0.0015, at one standard deviation
     assert np.mean(1.0 - scales > 0.05) == pytest.approx(0.05, abs=0.006)
@@ -46,50 +38,50 @@ def test_a_count_in_two_steps_is_false_no_more_often_than_its_confidence_says():
     false = at[(k == 0) | (k + later <= 1)].sum()
 
     assert false <= 0.025 < false + at[1, 0]
-    assert flights_in_two_steps(0.05, 0.975) == (78, 126)
-    assert allowed_outside(126, 0.05, 0.975, early=78) == 1
-    assert allowed_outside(125, 0.05, 0.975, early=78) == 0
-    assert allowed_outside(78, 0.05, 0.975, early=78) == 0
-    assert allowed_outside(71, 0.05, 0.975, early=71) == -1  # 0.95^71 exceeds 0.025
+    assert count.flights_in_two_steps(0.05, 0.975) == (78, 126)
+    assert count.allowed_outside(126, 0.05, 0.975, early=78) == 1
+    assert count.allowed_outside(125, 0.05, 0.975, early=78) == 0
+    assert count.allowed_outside(78, 0.05, 0.975, early=78) == 0
+    assert count.allowed_outside(71, 0.05, 0.975, early=71) == -1  # 0.95^71 exceeds 0.025
     with pytest.raises(ft.InputError, match="`early` must be enough"):
-        counted_scale(np.arange(126.0), 0.05, 0.975, early=71)
-    epsilon = supported_epsilon(1, 126, 0.975, early=78)
-    assert allowed_outside(126, epsilon * 1.0001, 0.975, early=78) == 1
-    assert allowed_outside(126, epsilon * 0.9999, 0.975, early=78) == 0
-    assert supported_epsilon(0, 78, 0.975, early=78) == pytest.approx(1.0 - 0.025 ** (1 / 78))
+        count.counted_scale(np.arange(126.0), 0.05, 0.975, early=71)
+    epsilon = count.supported_epsilon(1, 126, 0.975, early=78)
+    assert count.allowed_outside(126, epsilon * 1.0001, 0.975, early=78) == 1
+    assert count.allowed_outside(126, epsilon * 0.9999, 0.975, early=78) == 0
+    assert count.supported_epsilon(0, 78, 0.975, early=78) == pytest.approx(1.0 - 0.025 ** (1 / 78))
 
 
 def test_flights_that_were_not_completed_count():
     scores = np.linspace(0.0, 1.0, 93)
 
     scores[-1] = np.inf
-    assert counted_scale(scores, 0.05, 0.95) == (scores[-2], 1)
+    assert count.counted_scale(scores, 0.05, 0.95) == (scores[-2], 1)
     scores[-2] = np.inf
-    assert counted_scale(scores, 0.05, 0.95) == (np.inf, 0)
+    assert count.counted_scale(scores, 0.05, 0.95) == (np.inf, 0)
     with pytest.raises(ft.InputError, match=r"at least 59 .*`epsilon`"):
-        counted_scale(scores[:58], 0.05, 0.95)
+        count.counted_scale(scores[:58], 0.05, 0.95)
 
 
 @pytest.mark.parametrize(("outside", "flights"), [(0, 40), (3, 40), (5, 1640), (40, 40)])
 def test_the_epsilon_that_a_count_supports_is_the_bound_of_clopper_and_pearson(outside, flights):
     exact = binomtest(outside, flights, alternative="less").proportion_ci(0.999, method="exact")
 
-    epsilon = supported_epsilon(outside, flights, 0.999)
+    epsilon = count.supported_epsilon(outside, flights, 0.999)
     assert epsilon == pytest.approx(exact.high, rel=1e-9)
     if epsilon < 1.0:  # as `allowed_outside` counts
-        assert allowed_outside(flights, epsilon * 1.0001, 0.999) == outside
-        assert allowed_outside(flights, epsilon * 0.9999, 0.999) == outside - 1
+        assert count.allowed_outside(flights, epsilon * 1.0001, 0.999) == outside
+        assert count.allowed_outside(flights, epsilon * 0.9999, 0.999) == outside - 1
 
 
 @pytest.mark.parametrize(("epsilon", "again"), [(0.05, 59), (0.01, 299), (0.3, 9)])
 def test_a_forgery_that_doubles_epsilon_is_found_with_95_percent(epsilon, again):
     flights, forged = 1000, round(1000 * epsilon)
 
-    assert flights_again(epsilon) == again
-    missed = chance_missed(forged, flights, again)
+    assert count.flights_again(epsilon) == again
+    missed = count.chance_missed(forged, flights, again)
     assert missed == pytest.approx(hypergeom.pmf(0, flights, forged, again))
     assert missed <= 0.05
-    assert chance_missed(5, 10, 6) == 0.0
+    assert count.chance_missed(5, 10, 6) == 0.0
 
 
 @pytest.mark.parametrize(("epsilon", "confidence"), [(0.05, 0.95), (0.3, 0.9)])
@@ -104,10 +96,12 @@ def test_evidence_is_the_integral_of_likelihood_ratios(epsilon, confidence):
         below = never + 0.5 * quad(ratio, 0.0, epsilon)[0] / epsilon
         above = quad(ratio, epsilon, top)[0] / (top - epsilon)
 
-        assert np.exp(log_evidence(outside, flights, epsilon)) == pytest.approx([below, above])
+        assert np.exp(count.log_evidence(outside, flights, epsilon)) == pytest.approx(
+            [below, above]
+        )
         needed = 2.0 / (1.0 - confidence)
         answer = "yes" if below >= needed else "no" if above >= needed else ""
-        assert sure(outside, flights, epsilon, confidence) == answer
+        assert count.sure(outside, flights, epsilon, confidence) == answer
 
 
 # Times at which campaigns end that are looked at after each flight, as shares of the number
@@ -116,13 +110,13 @@ MEANS = {0.0: 0.39, 0.005: 0.62, 0.0125: 0.98, 0.1: 1.34, 0.25: 0.12}
 
 
 def test_an_answer_is_false_no_more_often_than_stated_however_often_it_is_looked_at():
-    epsilon, confidence, planned = 0.05, 0.95, flights_needed(0.05, 0.95, 5)
+    epsilon, confidence, planned = 0.05, 0.95, count.flights_needed(0.05, 0.95, 5)
     rng, n, campaigns = np.random.default_rng(6), np.arange(1, 4 * planned + 1), 2000
 
     def ends(p, campaigns):
         """When each answer is sure first, and which; after all flights where it never is."""
         k = np.cumsum(rng.random((campaigns, len(n))) < p, axis=1)
-        surely = np.stack(log_evidence(k, n, epsilon)) > np.log(2.0 / (1.0 - confidence))
+        surely = np.stack(count.log_evidence(k, n, epsilon)) > np.log(2.0 / (1.0 - confidence))
         return np.where(
             surely.any(axis=0).any(axis=1), surely.any(axis=0).argmax(axis=1) + 1, n[-1]
         ), surely.any(axis=2)
@@ -140,11 +134,11 @@ def test_an_answer_is_false_no_more_often_than_stated_however_often_it_is_looked
 
 
 def test_a_yes_with_none_outside_takes_82_flights():
-    assert next(n for n in range(1, 100) if sure(0, n, 0.05, 0.95)) == 82
-    assert not sure(0, 82, 0.05, 0.99)
-    assert next(n for n in range(1, 100) if sure(n, n, 0.05, 0.95)) <= 3
+    assert next(n for n in range(1, 100) if count.sure(0, n, 0.05, 0.95)) == 82
+    assert not count.sure(0, 82, 0.05, 0.99)
+    assert next(n for n in range(1, 100) if count.sure(n, n, 0.05, 0.95)) <= 3
     with pytest.raises(ft.InputError, match="`confidence`"):
-        sure(0, 10, 0.05, 1.0)
+        count.sure(0, 10, 0.05, 1.0)
 
 
 @pytest.mark.parametrize(("share", "answer"), [(0, "yes"), (1, "no")])

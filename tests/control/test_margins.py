@@ -9,8 +9,8 @@ import pytest
 from printed import MARKED, MODEL, lagged
 
 import flighttune as ft
+from flighttune.control import margins
 from flighttune.control.inner_loop import with_input_delay
-from flighttune.control.margins import delay_margin, lag_margin, loop_margins
 
 LAGGED, K6 = lagged(), MARKED["K6"]
 BELOW, ABOVE = 0.99, 1.01
@@ -34,7 +34,7 @@ def with_input_gains(model, factors):
 
 @pytest.mark.parametrize("gains", [ft.PAPER_GAINS, K6])
 def test_a_lag_at_the_margin_puts_a_pair_on_the_imaginary_axis(gains):
-    edge = 1.0 / lag_margin(MODEL, gains)
+    edge = 1.0 / margins.lag_margin(MODEL, gains)
 
     assert abscissa(lagged(edge, edge), gains) == pytest.approx(0.0, abs=ROUNDING)
 
@@ -50,7 +50,7 @@ def delayed_by(delay, model):
     ("model", "gains"), [(MODEL, ft.PAPER_GAINS), (MODEL, K6), (LAGGED, ft.PAPER_GAINS)]
 )
 def test_a_delay_in_all_inputs_destabilises_at_the_margin(model, gains):
-    delay = delay_margin(model, gains)
+    delay = margins.delay_margin(model, gains)
 
     assert abscissa(delayed_by(BELOW * delay, model), gains) < 0.0
     assert abscissa(delayed_by(ABOVE * delay, model), gains) > 0.0
@@ -69,7 +69,7 @@ def test_margins_are_those_of_python_control_with_slicot(name):
     expected = REFERENCE[name]
 
     model, gains = stored_loop(expected)
-    *channels, together = loop_margins(model, gains)
+    *channels, together = margins.loop_margins(model, gains)
 
     assert tuple(channel.loop for channel in channels) == model.inputs
     for channel, numbers in zip(channels, expected["channels"], strict=True):
@@ -108,7 +108,7 @@ def test_margins_are_those_of_the_worst_of_several_crossings(seed):
     lags = (np.pi + np.angle(L[on_circle])) % (2.0 * np.pi)
     factors = 1.0 / np.abs(L[np.flatnonzero(np.diff(L.imag > 0.0) & (L.real[:-1] < 0.0))])
 
-    alone, together = loop_margins(model, gains)
+    alone, together = margins.loop_margins(model, gains)
 
     assert max(len(on_circle), len(factors)) > 1
     assert alone.phase_margin == pytest.approx(lags.min(), rel=OF_GRID)
@@ -123,7 +123,7 @@ def test_margins_are_those_of_the_worst_of_several_crossings(seed):
 
 
 def test_every_change_inside_the_disk_margin_is_survived():
-    *channels, together = loop_margins(LAGGED, ft.PAPER_GAINS)
+    *channels, together = margins.loop_margins(LAGGED, ft.PAPER_GAINS)
     rng = np.random.default_rng(0)
 
     for exponents in rng.uniform(-1.0, 1.0, (200, 2)):
@@ -136,6 +136,6 @@ def test_every_change_inside_the_disk_margin_is_survived():
 def test_an_unstable_loop_has_no_margins():
     nothing = ft.PIGains(K_P=np.zeros((2, 2)), K_I=np.zeros((2, 2)))
 
-    assert loop_margins(MODEL, nothing) == ()
-    assert lag_margin(MODEL, nothing) == 0.0
-    assert delay_margin(MODEL, nothing) == 0.0
+    assert margins.loop_margins(MODEL, nothing) == ()
+    assert margins.lag_margin(MODEL, nothing) == 0.0
+    assert margins.delay_margin(MODEL, nothing) == 0.0

@@ -9,7 +9,7 @@ from made_up import made_up_scenario
 import flighttune as ft
 from flighttune.claims.linear_loop import linear_bound
 from flighttune.control.law import Law, law_kinds
-from flighttune.flight.models import gain_set, linear_model, tune_scenario
+from flighttune.flight import models
 
 ENVELOPE = {
     "V_a_mps": [20.0, 30.0],
@@ -40,25 +40,25 @@ def test_a_scenario_of_the_papers_law_alone_has_the_same_hash_as_ever():
 
 @pytest.mark.soak
 def test_gains_of_the_papers_law_are_mapped_and_tuned_ones_are_those_of_the_law():
-    mapped = gain_set(scenario(), "exact:paper")
+    mapped = models.gain_set(scenario(), "exact:paper")
     own = scenario(law="exact", gains=["tuned"])
     tuned = ft.tune(own)
 
     assert mapped == ft.loop.rate_gains(ft.PAPER_GAINS, V_a=25.0)
-    assert gain_set(own, "exact:tuned") == tuned.gains
+    assert models.gain_set(own, "exact:tuned") == tuned.gains
     assert tuned.gains.law == "exact"
     assert tuned.I_K <= 5.0 + 1e-6
 
 
 def test_numbers_are_in_the_units_of_the_law_that_flies_or_that_the_table_names():
-    alone = gain_set(scenario(law="exact", gains=[TRIAL]), "exact:trial")
-    beside = gain_set(scenario(gains=[TRIAL]), "exact:trial")
+    alone = models.gain_set(scenario(law="exact", gains=[TRIAL]), "exact:trial")
+    beside = models.gain_set(scenario(gains=[TRIAL]), "exact:trial")
     named = scenario(gains=[{**TRIAL, "law": "exact"}])
 
     assert alone.K_P[0, 0] == 1.41
     assert beside.K_P[0, 0] == pytest.approx(1.41 * 9.81 / 25.0)
-    assert gain_set(named, "exact:trial").K_P[0, 0] == 1.41
-    assert gain_set(named, "trial").K_P[0, 0] == pytest.approx(1.41 * 25.0 / 9.81)
+    assert models.gain_set(named, "exact:trial").K_P[0, 0] == 1.41
+    assert models.gain_set(named, "trial").K_P[0, 0] == pytest.approx(1.41 * 25.0 / 9.81)
 
 
 def test_a_run_of_the_exact_law_is_read_and_flown_again_to_the_bit(tmp_path):
@@ -84,7 +84,7 @@ def test_the_exact_law_on_the_point_mass_is_its_linear_loop():
 @pytest.mark.soak
 def test_its_rate_is_the_same_over_any_envelope_and_kstar_has_none_there():
     both = scenario(envelope=ENVELOPE)
-    exact, paper = (gain_set(both, name) for name in ("exact:paper", "paper"))
+    exact, paper = (models.gain_set(both, name) for name in ("exact:paper", "paper"))
 
     everywhere = ft.certify(both, exact, envelope=True)
     at_trim = ft.certify(both, exact)
@@ -111,9 +111,9 @@ def test_a_law_whose_class_says_nothing_has_no_guarantee_and_says_why():
     law = Proportional(name="proportional")
     assert not law.by_gains
     made = scenario(law=["paper"], plant=[{"kind": "kinematic"}])
-    loop = law.loop(linear_model(made), ft.PAPER_GAINS, None)
+    loop = law.loop(models.linear_model(made), ft.PAPER_GAINS, None)
     assert loop is None
     with pytest.raises(ft.InputError, match="must state the linear model"):
-        tune_scenario(made, law)
+        models.tune_scenario(made, law)
     stating = {kind for kind, made_law in law_kinds().items() if made_law.by_gains}
     assert stating == {"paper", "exact"}

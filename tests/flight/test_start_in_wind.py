@@ -8,7 +8,7 @@ import pytest
 from made_up import made_up_scenario
 
 import flighttune as ft
-from flighttune.flight.conditions import slopes, slopes_not_held, start_condition, stated_condition
+from flighttune.flight import conditions
 from flighttune.flight.fly import plant_of
 
 SPEED = 8.0
@@ -65,7 +65,7 @@ def test_an_aircraft_starts_on_its_course_over_ground_and_in_trim(aircraft, from
     scenario = windy(from_deg, [table], V_a_mps=V_a, gamma_deg=gamma_deg, down=-0.5)
     plant = plant_of(scenario.plant[0], scenario)
 
-    plant.start(start_condition(scenario))
+    plant.start(conditions.start_condition(scenario))
     start = seen(plant)
     stop = plant.advance(0.0, start["n_z"], 1.0)
     later = seen(plant)
@@ -119,7 +119,7 @@ def test_turbulence_and_an_oscillating_wind_do_not_turn_the_start():
         plant=aircraft, disturbance=swing, turbulence={"intensity": "light"}
     )
 
-    assert start_condition(scenario) == stated_condition(scenario)
+    assert conditions.start_condition(scenario) == conditions.stated_condition(scenario)
 
 
 class Still(ft.loop.PointMassPlant):
@@ -156,16 +156,18 @@ def test_a_slope_is_that_through_the_air_which_thrust_bears(from_deg, down):
     """Expected: the trim in the moving air, whose path is that of its start."""
     scenario = windy(from_deg, [LAW], down=down, gamma_deg=4.0)
 
-    (slope,) = slopes(scenario)
+    (slope,) = conditions.slopes(scenario)
 
-    assert slope.air == pytest.approx(start_condition(scenario).gamma, abs=JSBSIM_DIGITS)
+    assert slope.air == pytest.approx(conditions.start_condition(scenario).gamma, abs=JSBSIM_DIGITS)
     assert slope.gamma == pytest.approx(math.radians(4.0), abs=JSBSIM_DIGITS)
 
 
 def test_a_climb_that_sinking_air_puts_out_of_reach_says_both_path_angles():
     aircraft = {"kind": "jsbsim", "aircraft": "c172p"}
     still, sinking = (
-        slopes_not_held(windy(0.0, [aircraft], speed=0.0, down=down, gamma_deg=4.0, V_a_mps=55.0))
+        conditions.slopes_not_held(
+            windy(0.0, [aircraft], speed=0.0, down=down, gamma_deg=4.0, V_a_mps=55.0)
+        )
         for down in (0.0, 6.0)
     )
 
@@ -184,7 +186,7 @@ def test_a_turn_of_a_route_climbs_steepest_where_it_flies_downwind():
     limits = LIMITS | {"phi_rate_dps": 60.0}
     tables |= {"flight": start, "limits": limits, "route": {"waypoint": points}}
 
-    found = slopes(ft.scenario_from(tables))
+    found = conditions.slopes(ft.scenario_from(tables))
 
     turn = [slope for slope in found if slope.words.startswith("turn")]
     steepest = max(turn[-9:])

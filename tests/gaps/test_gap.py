@@ -12,7 +12,7 @@ from claimed import claimed
 import flighttune as ft
 from flighttune.gaps.gap import Step
 from flighttune.outputs.answers.gap import causes
-from flighttune.outputs.pages.charts import bound_chart, gap_charts, itae_chart
+from flighttune.outputs.pages import charts
 
 ROUNDING = 1e-12
 LIMITS_IN_RADIANS = 1e-9
@@ -144,7 +144,7 @@ def test_a_flight_that_ends_early_is_explained_as_far_as_it_went():
     assert len({len(run.signals) for run in gap.runs}) == 1
     assert gap.residual < ROUNDING
     assert gap.indicators.status == "unstable"
-    assert len(gap_charts(gap)) == 10
+    assert len(charts.gap_charts(gap)) == 10
     # A rung that failed has no metrics, and gives none to its steps.
     assert gap.failed["point_mass"] == "ended early (left envelope)"
     assert "kinematic" not in gap.failed  # in still air the paper's law has no pole
@@ -183,7 +183,7 @@ def test_a_scenario_without_aircraft_has_no_gap():
 def test_the_bars_of_itae_add_up_to_the_aircrafts(paper_gap):
     metrics = paper_gap.flown().metrics["ITAE"]
     for channel in ("chi", "gamma"):
-        shown = re.findall(r">([+−]?[\d.]+)</text>", itae_chart(paper_gap, channel).svg())
+        shown = re.findall(r">([+−]?[\d.]+)</text>", charts.itae_chart(paper_gap, channel).svg())
         first, *steps, last = (float(text.replace("−", "-")) for text in shown[-5:])
         assert first + sum(steps) == pytest.approx(last, abs=0.02)
         assert last == pytest.approx(metrics[paper_gap.aircraft.label, channel], abs=0.005)
@@ -194,11 +194,11 @@ def test_the_error_on_the_aircraft_is_drawn_in_its_band(paper_gap):
     error = run.signals["chi_err"]
     banded = claimed(run, chi_err=(error - 0.1, error - 0.05))
 
-    chart = bound_chart(replace(paper_gap, runs=(*paper_gap.runs[:-1], banded)), "chi")
+    chart = charts.bound_chart(replace(paper_gap, runs=(*paper_gap.runs[:-1], banded)), "chi")
 
     assert "counted band, left" in [name for name, *_ in chart.legend]
     assert "nothing is claimed" not in chart.title
-    assert "nothing is claimed" in bound_chart(paper_gap, "chi").title
+    assert "nothing is claimed" in charts.bound_chart(paper_gap, "chi").title
 
 
 def test_the_airspeed_has_a_table_where_it_is_a_channel():

@@ -8,7 +8,7 @@ import pytest
 from made_up import made_up_scenario
 
 import flighttune as ft
-from flighttune.gaps.residual import ConformantModel, mismatch, residual_rates, residuals_of
+from flighttune.gaps import residual
 
 MICRO = 1e-6
 """Rates agree to this, rad/s: both sides integrate by the classical Runge-Kutta rule."""
@@ -38,8 +38,8 @@ def flown(scenario, plant):
 def residuals(lags, disturbance):
     plant = ft.loop.PointMassPlant(lags, disturbance=disturbance, g=SCENARIO.flight.g_mps2)
     run = flown(SCENARIO, plant)
-    model = ConformantModel(V_a=25.0, g=SCENARIO.flight.g_mps2, lags=lags)
-    return residuals_of(model, run, START)
+    model = residual.ConformantModel(V_a=25.0, g=SCENARIO.flight.g_mps2, lags=lags)
+    return residual.residuals_of(model, run, START)
 
 
 @pytest.mark.parametrize(("roll", "load"), [*zip(LAGS, [*LAGS][::-1], strict=True)])
@@ -64,9 +64,9 @@ def test_the_roll_of_another_lag_is_off_by_how_the_two_differ():
     load = LAGS["first order, no delay"]
     plant = ft.loop.PointMassPlant((slow, load), g=SCENARIO.flight.g_mps2)
     run = flown(SCENARIO, plant)
-    model = ConformantModel(V_a=25.0, g=SCENARIO.flight.g_mps2, lags=(fast, load))
+    model = residual.ConformantModel(V_a=25.0, g=SCENARIO.flight.g_mps2, lags=(fast, load))
 
-    found = residuals_of(model, run, START)
+    found = residual.residuals_of(model, run, START)
 
     # Both first-order lags, step by step.
     commands = run.signals["phi_cmd"].to_numpy()
@@ -82,11 +82,11 @@ def test_the_roll_of_another_lag_is_off_by_how_the_two_differ():
 
 def test_the_course_may_pass_north():
     lags = (ft.loop.InnerLag(order=1, natural_frequency=6.0),) * 2
-    model = ConformantModel(V_a=25.0, g=9.81, lags=lags)
+    model = residual.ConformantModel(V_a=25.0, g=9.81, lags=lags)
     chi = np.deg2rad([359.0, 359.5, 0.0, 0.5])
     level = np.column_stack([chi, np.zeros(4)]), np.column_stack([np.zeros(4), np.ones(4)])
 
-    found = residual_rates(model, 0.02, *level, (0.0, 1.0))
+    found = residual.residual_rates(model, 0.02, *level, (0.0, 1.0))
 
     assert found[:, 0] == pytest.approx(np.deg2rad(0.5) / 0.02, abs=MICRO)
 
@@ -106,7 +106,7 @@ def undisturbed():
 def test_the_kinematic_law_has_no_mismatch_with_itself(undisturbed, turned):
     signals = undisturbed.signals.assign(chi=undisturbed.signals["chi"] + turned)
 
-    found = mismatch(replace(undisturbed, signals=signals))
+    found = residual.mismatch(replace(undisturbed, signals=signals))
 
     assert found.bound < NOTHING
     assert np.abs(found.d[:, 0]).max() < EXACT
@@ -117,7 +117,7 @@ def test_the_mismatch_of_a_disturbed_law_is_the_mean_of_its_disturbance():
         return 0.03 * math.sin(0.8 * t), 0.02 * math.cos(0.8 * t)
 
     plant = ft.loop.PointMassPlant(turn="paper", disturbance=disturbance)
-    found = mismatch(flown(PAPER, plant))
+    found = residual.mismatch(flown(PAPER, plant))
 
     ends = np.append(found.t, 20.0)
     chi = -0.03 / 0.8 * np.diff(np.cos(0.8 * ends)) / 0.02
@@ -130,7 +130,7 @@ def test_the_mismatch_of_a_disturbed_law_is_the_mean_of_its_disturbance():
 
 def test_the_mismatch_of_the_point_mass_is_lift_that_the_law_does_not_know():
     run = flown(PAPER, ft.loop.PointMassPlant())
-    found = mismatch(run)
+    found = residual.mismatch(run)
 
     phi, n_z = (run.signals[name].to_numpy()[:-1] for name in ("phi_cmd", "n_z_cmd"))
     gamma = run.signals["gamma"].to_numpy()

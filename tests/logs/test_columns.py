@@ -8,8 +8,8 @@ from log_columns import ERRORS, RIGHT, sampled
 from log_files import heavy_cessna
 
 import flighttune as ft
+from flighttune.logs import relations
 from flighttune.logs.checks import _rotated, checked
-from flighttune.logs.relations import KIND, Motion, copied, wind_triangle
 
 FEW = (
     *("p sign", "n_z without gravity", "V_a in kn", "phi and theta", "phi and phi_cmd"),
@@ -114,7 +114,7 @@ def test_a_circle_shows_wind_and_unit_of_the_airspeed_with_and_without_a_nose(no
     given = {"phi": 0.2 + 0.0 * psi, "V_a": V_a + 0.0 * psi, "v_north": north, "v_east": east}
     given |= {"psi": np.angle(np.exp(1j * psi))} if nose else {}
 
-    found = wind_triangle(Motion(given, dt))
+    found = relations.wind_triangle(relations.Motion(given, dt))
 
     assert not isinstance(found, str)
     # A mean over 1.1 s shortens an arc of 0.1 rad/s by 0.05 %.
@@ -146,7 +146,7 @@ def test_any_columns_are_judged_whatever_they_hold():
     for _ in range(40):
         t = random.choice([0.02, 0.1, 0.2]) * np.arange(random.integers(200, 800))
         columns = {"phi": random.standard_normal(len(t))}
-        for name in (name for name in KIND if name != "phi" and random.random() < 0.5):
+        for name in (name for name in relations.KIND if name != "phi" and random.random() < 0.5):
             column = 10.0 ** random.integers(-3, 8) * random.standard_normal(len(t))
             gaps = np.where(random.random(len(t)) < 0.3, np.nan, column)
             kinds = [column, gaps, 0.0 * column, np.nan * column, np.cumsum(column)]
@@ -172,4 +172,4 @@ def test_an_airspeed_is_copied_where_it_is_the_ground_speed_in_flight(V_a, V_g, 
     columns = {"phi": 0.0 * t, "chi": 0.0 * t, "V_g": np.where(on_ground, 0.4, V_g)}
     columns["V_a"] = np.where(on_ground, 0.9, V_a)
 
-    assert copied(Motion(columns, 0.1)) == same
+    assert relations.copied(relations.Motion(columns, 0.1)) == same

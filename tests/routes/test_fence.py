@@ -13,8 +13,8 @@ from scipy.stats import binomtest
 
 import flighttune as ft
 from flighttune.claims.counted_flights import check_one_path, plan_of
+from flighttune.routes import maps
 from flighttune.routes.fence import SCAN_STEP, fence_tables, read_fence, room_along
-from flighttune.routes.maps import RouteMap, north_east, on_earth
 from flighttune.routes.path import Ability, Waypoint, plan
 
 ORIGIN = (47.0, 8.0)
@@ -34,7 +34,7 @@ SETTINGS = [word for key in KEYS for word in ("--set", key)]
 def fence_file(path, *rings, origin=ORIGIN, **properties):
     """A polygon from north and east of the start, m."""
     degrees = [
-        on_earth(np.array([*ring, ring[0]], dtype=float), origin)[:, ::-1].tolist()
+        maps.on_earth(np.array([*ring, ring[0]], dtype=float), origin)[:, ::-1].tolist()
         for ring in rings
     ]
     geometry = {"type": "Polygon", "coordinates": degrees}
@@ -144,7 +144,7 @@ def test_windows_of_a_fence_overlap_by_two_samples_at_the_largest_airspeed(tmp_p
 
 def degrees(*places):
     """Latitude and longitude of places north and east of the start, m, as plans have them."""
-    return on_earth(np.array(places, dtype=float), ORIGIN).tolist()
+    return maps.on_earth(np.array(places, dtype=float), ORIGIN).tolist()
 
 
 def plan_with(path, polygons=(), circles=()):
@@ -266,7 +266,7 @@ def test_px4_stays_inside_at_least_one_area_and_ardupilot_inside_all(tmp_path, o
     ahead, apart = ([(n + far, e) for n, e in BOX] for far in (500.0, 3000.0))
 
     def fence(firmware, *rings):
-        areas = [{"polygon": on_earth(np.array(ring), origin).tolist()} for ring in rings]
+        areas = [{"polygon": maps.on_earth(np.array(ring), origin).tolist()} for ring in rings]
         tables = {"mission": {"firmwareType": firmware}, "geoFence": {"polygons": areas}}
         file = tmp_path / "m.plan"
         file.write_text(json.dumps(tables))
@@ -317,7 +317,7 @@ def test_a_long_edge_follows_its_parallel(tmp_path):
     start, end = fence.start[edge], fence.end[edge]
     along = (end - start) / np.linalg.norm(end - start, axis=1)[:, None]
     for lon in np.linspace(7.8, 8.2, 101):
-        place = np.array(north_east((60.1, lon), (60.0, 8.0)))
+        place = np.array(maps.north_east((60.1, lon), (60.0, 8.0)))
         to = place - start
         off = along[:, 0] * to[:, 1] - along[:, 1] * to[:, 0]
         ahead = (to * along).sum(axis=1)
@@ -614,16 +614,16 @@ def test_a_fence_is_for_polygons_and_for_bands_on_a_route(band, box, tmp_path):
 def test_maps_show_the_corridor_as_wide_and_high_as_the_band(band, tmp_path):
     where = band.flights.route.where
     corridor = band.corridor(where)._replace(high=np.tile([7.0, 3.0], (200, 1)))
-    drawn = RouteMap(where, "a leg", corridor=corridor)
+    drawn = maps.RouteMap(where, "a leg", corridor=corridor)
     line, *pieces = json.loads(drawn.geojson())["features"]
 
-    alone = json.loads(RouteMap(where, "a leg").geojson())["features"][0]
+    alone = json.loads(maps.RouteMap(where, "a leg").geojson())["features"][0]
     assert line["geometry"] == alone["geometry"]
     assert line["properties"]["corridor"] == band.sentence
     assert len(pieces) == 200
     for window, piece in enumerate(pieces):
         corners = piece["geometry"]["coordinates"][0]
-        north, east = np.array([north_east((lat, lon), ORIGIN) for lon, lat in corners]).T
+        north, east = np.array([maps.north_east((lat, lon), ORIGIN) for lon, lat in corners]).T
         assert np.ptp(east) == pytest.approx(7.0 + band.scale, abs=0.01)
         assert east.max() == pytest.approx(7.0, abs=0.01)
         assert north.min() == pytest.approx(4.0 * window, abs=0.01)

@@ -8,9 +8,9 @@ import pytest
 from scipy.special import fresnel
 
 import flighttune as ft
+from flighttune.routes import turns
 from flighttune.routes.follow import airspeeds_along
 from flighttune.routes.path import Ability, Waypoint, plan
-from flighttune.routes.turns import Piece, Pose, curved, turned, ways
 
 DEG = math.pi / 180.0
 ABILITY = Ability(
@@ -156,11 +156,14 @@ def test_a_wide_turn_around_is_a_half_circle_with_a_straight():
 def test_two_turns_with_a_straight_between_are_among_the_ways_however_short_it_is(sides, straight):
     curvature, rolling, angles = 0.01, 20.0, (1.2, 0.9)
     first, last = (
-        turned(side * curvature, angle, rolling) for side, angle in zip(sides, angles, strict=True)
+        turns.turned(side * curvature, angle, rolling)
+        for side, angle in zip(sides, angles, strict=True)
     )
-    north, east, course = curved([*first, Piece(straight, 0.0, 0.0), *last])
+    north, east, course = turns.curved([*first, turns.Piece(straight, 0.0, 0.0), *last])
 
-    found = ways(Pose(0.0, 0.0, 0.0), Pose(north, east, course), curvature, rolling)
+    found = turns.ways(
+        turns.Pose(0.0, 0.0, 0.0), turns.Pose(north, east, course), curvature, rolling
+    )
 
     # Each turn is its angle over its curvature and one roll-in longer.
     expected = sum(angles) / curvature + 2.0 * rolling + straight

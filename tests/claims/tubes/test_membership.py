@@ -16,8 +16,8 @@ from scipy.linalg import expm
 from scipy.optimize import linprog
 
 import flighttune as ft
+from flighttune.claims.tubes import sample
 from flighttune.claims.tubes.exact import enclosure_of
-from flighttune.claims.tubes.sample import LIFT, SPLITS, start_set
 from flighttune.claims.tubes.search import Search
 from flighttune.claims.tubes.tube import stated_problem
 
@@ -62,7 +62,7 @@ class Contrary(Search):
         self._splits -= 1
         i, side, which = met[self._rng.integers(len(met))]
         self.limits.add(("phi", "n_z")[i // self._commands])
-        rows = self._rng.integers(0, SPLITS, len(pieces))
+        rows = self._rng.integers(0, sample.SPLITS, len(pieces))
         return i, side, which, np.zeros(len(pieces)), rows
 
 
@@ -87,7 +87,7 @@ def whole_state(problem, signals, start, k):
     commands = [(start.phi, phi), (start.n_z_start, n_z)]
     in_force = [one[k - 1] if k else first for first, one in commands]
     if loop.law.inverts is None:
-        extra = in_force[1] - loop.reference[max(k - 1, 0), LIFT] / math.cos(row["phi"])
+        extra = in_force[1] - loop.reference[max(k - 1, 0), sample.LIFT] / math.cos(row["phi"])
         names = "phi_integral", "n_z_integral"
     else:
         extra = in_force[1] * (1.0 if loop.law.feeds_back else math.cos(in_force[0]))
@@ -174,7 +174,7 @@ def distances_at(case, plan_of, *, count, at, disturbance=0.0, start_deg=0.5, se
             disturbed_flight(problem, off, bang_bang(disturbance, 5 * problem.loop.dt, rng))
         )
     plan = plan_of(problem.loop, rng)
-    one_piece = start_set(problem.loop, problem.start, sides=1, symbols=120)
+    one_piece = sample.start_set(problem.loop, problem.start, sides=1, symbols=120)
     enclosure = enclosure_of(problem.loop, one_piece, plan)
     found = []
     for k in range(max(at) + 1):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import flighttune as ft
-from flighttune.control.certificates.exact_rate import ExactRate, Sampling, exact_rates, lag_units
+from flighttune.control.certificates import exact_rate
 from flighttune.control.inner_loop import MAX_SAMPLED, with_inner_loop
 from flighttune.vehicles.identification.file import design_model
 
@@ -37,7 +37,7 @@ def test_a_norm_may_grow_by_the_ratio_of_its_longest_to_its_shortest_axis():
     units, Q = np.array([1.0, 3.0, 1.0, 0.5]), np.diag([1.0, 4.0, 1.0, 16.0])
     axes = units / np.sqrt(np.diag(Q))
 
-    growth = ExactRate(rate=1.0, Q=Q, units=units).growth(law)
+    growth = exact_rate.ExactRate(rate=1.0, Q=Q, units=units).growth(law)
     assert growth == pytest.approx(axes.max() / axes.min())
 
 
@@ -110,9 +110,9 @@ def test_a_loop_with_too_many_samples_of_delay_has_the_continuous_rate_alone():
     model = ft.loop.kinematic_model(V_a=25.0, gamma=0.0, g=9.81)
     late = ft.loop.InnerLag(order=1, natural_frequency=5.0, delay=0.02 * MAX_SAMPLED / 2)
     gains = ft.PIGains(K_P=0.1 * np.eye(2), K_I=0.01 * np.eye(2))
-    sampling = Sampling(model=model, lags=(late, late), dt=0.02, trapezoidal=True)
+    sampling = exact_rate.Sampling(model=model, lags=(late, late), dt=0.02, trapezoidal=True)
 
-    rates, why = exact_rates(model, gains, sampling=sampling)
+    rates, why = exact_rate.exact_rates(model, gains, sampling=sampling)
 
     assert [rate.sampling for rate in rates] == [None]
     assert "sampled at 50 Hz" in why
@@ -148,7 +148,7 @@ def test_states_of_lags_count_by_the_rate_that_their_own_channel_causes():
     )
     model = with_inner_loop(ft.loop.kinematic_model(V_a=25.0, gamma=0.0, g=9.81), lags)
 
-    units = lag_units(model)
+    units = exact_rate.lag_units(model)
 
     behind = [name.startswith(("phi", "n_z")) for name in model.states]
     assert behind.count(True) == 3

@@ -10,7 +10,7 @@ import pytest
 from made_up import run_file
 
 import flighttune as ft
-from flighttune.gaps.compare import Source, better, largest_distance, overlaid
+from flighttune.gaps import compare
 
 TRAPEZOID = 1e-3
 """Relative error of the trapezoidal rule and of linear interpolation at 50 Hz."""
@@ -60,12 +60,14 @@ def test_a_log_without_places_is_at_no_distance(fly_line):
     run = fly_line()
     log = dataclasses.replace(run, signals=run.signals.drop(columns=["north", "east", "down"]))
 
-    assert all(map(math.isnan, largest_distance(run, log)))
+    assert all(map(math.isnan, compare.largest_distance(run, log)))
 
 
 def test_what_two_logs_lack_is_said_once_with_their_names(fly_line):
     lacking = {"a": ("no gamma", "no h"), "b": ("no gamma", "no h"), "c": ("no h",)}
-    logs = [Source(name=x, runs=(fly_line(),), missing=lines) for x, lines in lacking.items()]
+    logs = [
+        compare.Source(name=x, runs=(fly_line(),), missing=lines) for x, lines in lacking.items()
+    ]
 
     assert ft.compare(*logs).missing == ("a and b: no gamma", "a, b and c: no h")
 
@@ -83,7 +85,7 @@ def test_what_two_logs_lack_is_said_once_with_their_names(fly_line):
     ],
 )
 def test_less_is_better_except_where_nothing_is_and_never_is_worst(name, a, b, expected):
-    assert better(name, a, b) == expected
+    assert compare.better(name, a, b) == expected
 
 
 def test_runs_pair_by_label_then_by_plant_then_by_gains(fly_line):
@@ -91,7 +93,7 @@ def test_runs_pair_by_label_then_by_plant_then_by_gains(fly_line):
     tuned = fly_line(gains="tuned"), fly_line(plant="jsbsim:aerosonde", gains="tuned")
 
     def paired(*sides):
-        sources = (Source(name="", runs=side) for side in sides)
+        sources = (compare.Source(name="", runs=side) for side in sides)
         return [(pair.a, pair.b) for pair in ft.compare(*sources).pairs]
 
     assert paired((law, craft), (craft, law)) == [(law, law), (craft, craft)]
@@ -153,7 +155,7 @@ def test_a_run_cut_short_is_compared_over_the_time_both_flew(fly_line):
 def test_the_runs_of_one_source_are_compared_with_its_first(fly_line):
     runs = [fly_line(gains=gains) for gains in ("paper", "K1", "K2")]
 
-    found = ft.compare(Source(name="runs/mine", runs=(*runs, never_flown(runs[2]))))
+    found = ft.compare(compare.Source(name="runs/mine", runs=(*runs, never_flown(runs[2]))))
 
     assert [(pair.a, pair.b) for pair in found.pairs] == [(runs[0], run) for run in runs[1:]]
     assert found.missing == ("runs/mine: kinematic / K2: no gains: infeasible",)
@@ -190,6 +192,6 @@ def test_a_recording_is_the_same_as_the_files_of_its_runs(tmp_path):
 def test_an_overlay_holds_every_run_once_under_names_of_its_own(fly_line):
     found = ft.compare(fly_line(), fly_line(rate=2.0), fly_line(gains="K1"))
 
-    labels = [run.label for run in overlaid(found)]
+    labels = [run.label for run in compare.overlaid(found)]
 
     assert labels == ["kinematic / paper (A)", "kinematic / paper (B)", "kinematic / K1"]

@@ -9,7 +9,7 @@ import pytest
 import flighttune
 from flighttune.base.names import key_words
 from flighttune.base.words import at_least, at_most
-from flighttune.flight.metrics import AIRSPEED_METRICS, FLIGHT_METRICS, LOOP_METRICS, METRICS
+from flighttune.flight import metrics
 from flighttune.outputs.answers.labels import (
     METRIC_LABELS,
     QUANTITIES,
@@ -30,15 +30,15 @@ def test_every_label_of_a_single_table_is_one_of_its_columns():
 
 def test_every_metric_has_a_label_and_angles_are_in_degrees():
     named = {
-        *METRICS,
-        *FLIGHT_METRICS,
-        *AIRSPEED_METRICS,
+        *metrics.METRICS,
+        *metrics.FLIGHT_METRICS,
+        *metrics.AIRSPEED_METRICS,
         "peak_rad",
         "end_error_rad",
         "end_error_mps",
         "error",
     }
-    named |= {*LOOP_METRICS} - QUANTITIES.keys()
+    named |= {*metrics.LOOP_METRICS} - QUANTITIES.keys()
     assert named == METRIC_LABELS.keys()
     assert metric_label("V.MO_mps").heading == "overshoot of V [m/s]"
     assert metric_label("chi.MO_rad").heading == "overshoot of χ [deg]"

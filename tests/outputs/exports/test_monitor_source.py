@@ -13,7 +13,7 @@ from watched import flown, turn
 
 import flighttune as ft
 from flighttune.claims.monitor import Watching
-from flighttune.gaps.watch import MODELS, OF_LOGS, Watch, score_so_far, signals_of
+from flighttune.gaps import watch
 from flighttune.outputs.exports.export import monitor_source
 from tests.outputs.exports.test_c_source import library, needs_compiler
 
@@ -53,7 +53,7 @@ class MadeUp(Watching):
     def __init__(self, models, count, from_s):
         rng = np.random.default_rng(8)
         self._watches = tuple(
-            Watch(
+            watch.Watch(
                 models=tuple(
                     replace(model, weights=tuple(rng.normal(size=len(model.terms))))
                     for model in models
@@ -70,18 +70,18 @@ class MadeUp(Watching):
         return self._watches
 
 
-@pytest.mark.parametrize("models", [MODELS, OF_LOGS[:6]], ids=["of flights", "of logs"])
+@pytest.mark.parametrize("models", [watch.MODELS, watch.OF_LOGS[:6]], ids=["of flights", "of logs"])
 @pytest.mark.parametrize(("count", "from_s"), [(1, 0.0), (3, 1.0)])
 def test_any_model_scores_as_in_the_program(models, count, from_s, tmp_path):
     monitor = MadeUp(models, count, from_s)
-    names = signals_of(models)
+    names = watch.signals_of(models)
     walks = np.cumsum(0.05 * np.random.default_rng(9).normal(size=(len(names), 400)), axis=1)
     level = [[20.0 * (name in ("V_a", "V_g"))] for name in names]
     run = made_up_run(dict(zip(names, walks + level, strict=True)), DT * np.arange(400))
 
     scores, alarm = in_c(monitor_source(monitor, title="t", dt=DT), run, tmp_path)
 
-    expected = score_so_far(monitor.watches, run)
+    expected = watch.score_so_far(monitor.watches, run)
     assert scores[-len(expected) :] == pytest.approx(expected, abs=SAME, rel=SAME)
     assert not scores[: -len(expected)].any()
     at_s, why = monitor.alarm(run) or (-1.0, "")
@@ -115,7 +115,7 @@ def test_the_file_beside_the_loop_alarms_as_the_recorded_flight_does(tmp_path):
             assert why == ""
 
 
-@pytest.mark.parametrize("claim", [MadeUp(MODELS, 1, 0.0), 1.0], ids=["made up", "a number"])
+@pytest.mark.parametrize("claim", [MadeUp(watch.MODELS, 1, 0.0), 1.0], ids=["made up", "a number"])
 def test_a_claim_that_is_no_monitor_is_refused(tmp_path, claim):
     with pytest.raises(ft.InputError, match="`claim` must be a Monitor or a LogMonitor or"):
         ft.export("level_turn", "paper", out=tmp_path, form="c", claim=claim)

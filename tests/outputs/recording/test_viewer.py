@@ -6,7 +6,7 @@ from pictures import FLAT, opened_recording, pixels, skip_without_tabs
 
 import flighttune as ft
 from flighttune.outputs.answers.run import run_styles
-from flighttune.outputs.drawing.palette import LIMIT, NEUTRAL, rgb
+from flighttune.outputs.drawing import palette
 from flighttune.outputs.recording.entities import runs_to_draw
 from flighttune.outputs.recording.page import leader
 
@@ -21,10 +21,10 @@ FEWEST_PIXELS = 25
 ERRORS = ("chi error [deg]", "gamma error [deg]")
 NEVER_HIDDEN = {"Course chi [deg]", *ERRORS}
 HAS_COLOUR = {
-    "Course chi [deg]": NEUTRAL,
-    "Path angle [deg]": NEUTRAL,
-    "Roll phi [deg]": LIMIT,
-    "n_z [1]": LIMIT,
+    "Course chi [deg]": palette.NEUTRAL,
+    "Path angle [deg]": palette.NEUTRAL,
+    "Roll phi [deg]": palette.LIMIT,
+    "n_z [1]": palette.LIMIT,
 }
 SCENE = "Paths and aircraft"
 
@@ -56,7 +56,7 @@ def viewer(first_shown):
 
 def count(picture, colour):
     """Pixels in a colour."""
-    return int((np.abs(picture - np.array(rgb(colour))).max(axis=2) <= SAME_COLOUR).sum())
+    return int((np.abs(picture - np.array(palette.rgb(colour))).max(axis=2) <= SAME_COLOUR).sum())
 
 
 def assert_all_drawn(runs, picture, where):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from flighttune.studies.paper.duffing import Duffing, DuffingCase, paths
+from flighttune.studies.paper import duffing
 
 ROUNDING = 1e-12
 DIFFERENCE = 1e-6
@@ -14,7 +14,7 @@ DERIVATIVE = 1e-8
 SAME_PATH = 1e-6
 GOLDEN = (1.0 + math.sqrt(5.0)) / 2.0
 
-PRINTED = Duffing(alpha=0.5, beta=0.25, delta=1.5)
+PRINTED = duffing.Duffing(alpha=0.5, beta=0.25, delta=1.5)
 X_0, L_D = (1.5, 0.0), 2.5
 
 
@@ -37,7 +37,7 @@ def test_P_is_the_closed_form_of_a_second_order_system(alpha):
     p_22 = (1.0 + 2.0 * p_12) / (2.0 * delta)
     P = [[alpha * p_22 + delta * p_12, p_12], [p_12, p_22]]
 
-    found = Duffing(alpha=alpha, beta=0.1, delta=delta).P
+    found = duffing.Duffing(alpha=alpha, beta=0.1, delta=delta).P
 
     assert found == pytest.approx(np.array(P), rel=ROUNDING)
 
@@ -62,13 +62,13 @@ def test_the_condition_of_the_theorem_ends_where_the_quadratic_says():
     assert PRINTED.margin(0.0) == pytest.approx(1.0, abs=ROUNDING)
     assert PRINTED.margin(0.999 * edge) > 0.0 > PRINTED.margin(1.001 * edge)
     assert PRINTED.bound(1.0, half_width=1.001 * edge) == (0.0, math.inf)
-    assert Duffing(alpha=1.0, beta=0.0, delta=1.0).region == math.inf
+    assert duffing.Duffing(alpha=1.0, beta=0.0, delta=1.0).region == math.inf
 
 
 def test_paths_are_those_of_an_independent_integrator():
     hold, d = 0.1, np.array([[2.5], [-1.0], [0.3], [0.0], [-2.5]])
 
-    x = paths(PRINTED, X_0, d, hold=hold)[:, 0]
+    x = duffing.paths(PRINTED, X_0, d, hold=hold)[:, 0]
 
     seen, steps = np.array(X_0), len(x) // len(d)
     for k, push in enumerate(d[:, 0]):
@@ -83,7 +83,7 @@ def test_paths_are_those_of_an_independent_integrator():
 
 
 def test_inside_a_strip_V_decays_at_the_rate_of_the_theorem_for_that_strip():
-    case = DuffingCase(PRINTED, np.zeros((200, 1)))
+    case = duffing.DuffingCase(PRINTED, np.zeros((200, 1)))
     f = PRINTED.rates(case.x[:, 0])
     V = np.einsum("ki,ij,kj->k", f, PRINTED.P, f)
     rate, _ = PRINTED.bound(0.0, half_width=case.farthest)

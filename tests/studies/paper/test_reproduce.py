@@ -14,7 +14,7 @@ import pytest
 from commands import answer, flighttune
 
 import flighttune as ft
-from flighttune.studies.paper.claims import CLAIMS, VERDICTS, judge
+from flighttune.studies.paper import claims
 from flighttune.studies.paper.study import Study
 
 NINE_DIGITS = 1e-8
@@ -113,7 +113,7 @@ def test_the_page_needs_nothing_but_itself_and_has_claims_first_and_every_figure
     assert not re.search(r"@import|url\(", html)
     places = [html.index(f'id="{name}"') for name in ("claims", *ORDER)]
     assert places == sorted(places)
-    assert all(f'id="claim-{name}"' in html for name in CLAIMS)
+    assert all(f'id="claim-{name}"' in html for name in claims.CLAIMS)
     assert html.count('<svg class="chart"') == len(charts_of(reproduction))
 
 
@@ -125,7 +125,7 @@ def found(reproduction):
 
 @pytest.mark.soak
 def test_every_verdict_is_one_of_four_and_each_kind_occurs(found):
-    assert {finding.verdict for finding in found.values()} == set(VERDICTS)
+    assert {finding.verdict for finding in found.values()} == set(claims.VERDICTS)
     for name in ("overshoot-chi", "overshoot-gamma", "table-2", "eigenvalues"):
         assert found[name].verdict == "reproduced"
     for name in ("converges-with-all-limits", "commands-in-rate", "star-feasible"):
@@ -163,9 +163,9 @@ def test_the_true_optimum_in_the_place_of_the_printed_gains_changes_verdicts(stu
     better = Study(star=study.optimum.gains)
 
     assert found["optimal-controller"].verdict == "not reproduced"
-    assert judge("optimal-controller", better).verdict == "reproduced"
+    assert claims.judge("optimal-controller", better).verdict == "reproduced"
     for name in ("table-2", "three-factors"):
-        assert judge(name, better).verdict == "not reproduced"
+        assert claims.judge(name, better).verdict == "not reproduced"
 
 
 @pytest.mark.soak
@@ -175,4 +175,4 @@ def test_a_gain_of_the_wrong_sign_changes_verdicts(study, found):
 
     for name in ("eigenvalues", "small-region", "table-2", "three-factors"):
         assert found[name].verdict == "reproduced"
-        assert judge(name, wrong).verdict == "not reproduced"
+        assert claims.judge(name, wrong).verdict == "not reproduced"

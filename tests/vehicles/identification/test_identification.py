@@ -12,15 +12,7 @@ from places import SHIPPED_AIRCRAFT
 from scipy import signal
 
 import flighttune as ft
-from flighttune.vehicles.identification.fit import (
-    DT,
-    check_manoeuvre,
-    fit_percent,
-    identify_plant,
-    lag_response,
-    multisines,
-    respond,
-)
+from flighttune.vehicles.identification import fit
 
 LIMITS = ft.loop.Limits(
     lower=np.array([-0.8, -2.0]),
@@ -100,7 +92,7 @@ THIRD = ft.loop.InnerLag(order=3, natural_frequency=9.0, damping=0.5, lag=0.3, d
 def test_lags_of_every_order_are_recovered(lags):
     plant = partial(SyntheticPlant, *map(transfer, lags))
 
-    condition = identify_plant(plant, LEVEL, LIMITS).condition
+    condition = fit.identify_plant(plant, LEVEL, LIMITS).condition
 
     for found, true in zip(condition.lags, lags, strict=True):
         assert found.order == true.order
@@ -112,16 +104,16 @@ def test_lags_of_every_order_are_recovered(lags):
 
 
 def test_the_same_seed_gives_the_same_excitation_and_another_one_another():
-    one, same, other = (multisines(LIMITS, seed=seed)[0] for seed in (1, 1, 2))
+    one, same, other = (fit.multisines(LIMITS, seed=seed)[0] for seed in (1, 1, 2))
 
     assert np.array_equal(one, same)
     assert not np.allclose(one, other)
 
 
-@pytest.mark.parametrize("changes", [multisines(LIMITS)[0], check_manoeuvre(LIMITS)])
+@pytest.mark.parametrize("changes", [fit.multisines(LIMITS)[0], fit.check_manoeuvre(LIMITS)])
 def test_excitations_stay_inside_the_limits(changes):
     commands = changes + np.array([0.0, 1.0])
-    rates = np.diff(commands, axis=0) / DT
+    rates = np.diff(commands, axis=0) / fit.DT
 
     assert (commands > LIMITS.lower).all()
     assert (commands < LIMITS.upper).all()
@@ -133,21 +125,23 @@ def test_an_aircraft_that_takes_no_excitation_says_why():
     plant = partial(SyntheticPlant, transfer(FIRST), transfer(SECOND), largest=1e-6)
 
     with pytest.raises(ft.loop.PlantError, match=r"0\.125 .*rolled to"):
-        respond(plant, LEVEL, check_manoeuvre(LIMITS))
+        fit.respond(plant, LEVEL, fit.check_manoeuvre(LIMITS))
 
 
 @pytest.mark.parametrize("lag", [FIRST, THIRD], ids=["first order", "third order"])
 def test_prediction_in_time_is_what_scipy_simulates(lag):
-    t = np.arange(0.0, 8.0, DT)
+    t = np.arange(0.0, 8.0, fit.DT)
     command = np.sin(0.7 * t) + (t > 2.0)
     num, den, delay = transfer(lag)
     fine = np.arange(0.0, 8.0, FINE)
-    held = command[np.clip(np.floor((fine - delay) / DT + 1e-6).astype(int), 0, None)]
+    held = command[np.clip(np.floor((fine - delay) / fit.DT + 1e-6).astype(int), 0, None)]
     A, B, C, D, _ = signal.cont2discrete(signal.tf2ss(num, den), FINE)
     _, flown, _ = signal.dlsim((A, B, C, D, FINE), held)
 
-    every = round(DT / FINE)
-    assert lag_response(lag, DT, command, 0.0) == pytest.approx(flown[::every, 0], abs=EXACT)
+    every = round(fit.DT / FINE)
+    assert fit.lag_response(lag, fit.DT, command, 0.0) == pytest.approx(
+        flown[::every, 0], abs=EXACT
+    )
 
 
 @pytest.mark.soak
@@ -161,8 +155,8 @@ def test_aerosonde_is_explained_on_a_whole_scenario(name):
     lags = ft.loop.load_identified("aerosonde").conditions[0].lags
     for channel, lag in zip(("phi", "n_z"), lags, strict=True):
         command, flown = signals[f"{channel}_cmd"].to_numpy(), signals[channel].to_numpy()
-        model = flown[0] + lag_response(lag, dt, command - command[0], 0.0)
-        assert fit_percent(flown, model) > GOOD_FIT
+        model = flown[0] + fit.lag_response(lag, dt, command - command[0], 0.0)
+        assert fit.fit_percent(flown, model) > GOOD_FIT
 
 
 @pytest.mark.counts
