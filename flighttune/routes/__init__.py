@@ -1,1 +1,1 @@
-"""References of the outer loop: changes over time, feasible ones, routes; plans, maps, fences."""
+"""References of the outer loop: changes over time, feasible changes, routes, maps and fences."""

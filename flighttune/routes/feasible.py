@@ -25,27 +25,27 @@ DIFFERENCE = 1e-6
 # Seconds that a radian of missed course or path angle costs: far more than flying it takes.
 PENALTY = 50.0
 
-# Linear programs of the first plan, and of each that follows a correction.
+# Linear programs for the first plan, and for the plan after each correction.
 MAX_STEPS, MORE_STEPS = 60, 25
 
 # Improvement (s) below which no further linear program is solved.
 MIN_IMPROVEMENT = 1e-4
 
-# Trust region as a share of each range, from a first guess and near a plan; below the last a
-# plan is not improved any more.
+# Trust region as a share of each range: from a first guess, near a plan, and the share below which
+# the search ends.
 FIRST_RADIUS, NEXT_RADIUS, SMALLEST_RADIUS = 0.25, 0.02, 1e-4
 
-# Corrections of the end, at this sample time (s) at least until the flight arrives.
+# Corrections of the end. Until the flight arrives, their sample time (s) is at least this.
 MAX_CORRECTIONS, COARSE = 9, 0.01
 
-# Error of the end behind the lag, rad, below which a plan is kept. A plan itself may miss its end,
-# or exceed a rate, by up to the second number: the corrections that follow remove such an error.
+# Error at the end of the lagged flight, rad, below which a plan is accepted. The second number is
+# the error of end or rate that an uncorrected plan may have; the corrections remove it.
 TOLERANCE, MAX_PLAN_ERROR = 1e-4, 0.01
 
-# Longest change, in seconds and in samples or integration steps, which take up to 0.05 ms each.
+# Longest change, in seconds and in samples or integration steps of up to 0.05 ms computing time.
 MAX_DURATION, MAX_FLOWN = 200.0, 40_000
 
-# Time constants of the inner loop after which it is at rest.
+# The inner loop is at rest after this number of time constants.
 TAIL = 12.0
 
 
@@ -89,9 +89,9 @@ class Manoeuvre:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FeasibleReference:
-    """A flight of the exact point mass behind the inner loop, as the reference of a real one."""
+    """A flight of the exact point mass behind the inner loop, as the reference of a real flight."""
 
-    # s: Until the commands are those of steady flight; the inner loop is at rest a little later
+    # s: Until the commands are steady; the inner loop is at rest a little later
     duration: float
     dt: float  # s: Sample time
     # (n,), rad: Course and flight-path angle at the samples, constant after the last one
@@ -123,7 +123,7 @@ class FeasibleReference:
         return self.planned[self._sample(t, len(self.planned) - 1)]
 
     def _sample(self, t: FloatArray, last: int) -> npt.NDArray[np.intp]:
-        """Numbers of the samples in which times lie, from 0 to the last."""
+        """Index of the sample that contains each time, from 0 to the last sample."""
         return np.clip(np.floor(np.asarray(t) / self.dt + 1e-6).astype(np.intp), 0, last)
 
 
@@ -134,8 +134,8 @@ def feasible_reference(manoeuvre: Manoeuvre) -> FeasibleReference:
     # The commands are piecewise linear between `KNOTS` intervals of equal length. Their values and
     # the duration minimise the duration under the exact point mass: a sequence of linear programs
     # in a trust region with an exact penalty (R. Fletcher, *Practical Methods of Optimization*, 2nd
-    # ed., section 14.4). Behind the lag of the inner loop the same commands end a little elsewhere;
-    # the end aimed at is corrected by that until the flight ends where it should.
+    # ed., section 14.4). Behind the lag of the inner loop the same commands miss the end a little;
+    # the target is corrected by this error until the flight ends where it should.
     aimed, plan, radius = manoeuvre, _first_plan(manoeuvre), FIRST_RADIUS
     steps, flown = MAX_STEPS, 0
     sampled = replace(manoeuvre, dt=max(manoeuvre.dt, COARSE))
@@ -194,7 +194,7 @@ def _check(manoeuvre: Manoeuvre) -> None:
 
 
 def _first_plan(manoeuvre: Manoeuvre) -> FloatArray:
-    """A roll to one side and back, the load factor of the start led to that of the end."""
+    """A roll to one side and back, with the load factor interpolated from start to end."""
     share = np.arange(1, KNOTS) / KNOTS
     turn, climb = manoeuvre.change
     largest = 0.5 * (manoeuvre.upper[0] if turn > 0.0 else -manoeuvre.lower[0])
@@ -205,11 +205,11 @@ def _first_plan(manoeuvre: Manoeuvre) -> FloatArray:
     return np.concatenate([phi, n_z, [min(duration, manoeuvre.longest)]])
 
 
-@np.errstate(over="ignore", invalid="ignore", divide="ignore")  # beside the vertical
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")  # away from the vertical
 def _fastest(
     manoeuvre: Manoeuvre, x: FloatArray, radius: float, steps: int
 ) -> tuple[FloatArray, float]:
-    """The plan of the shortest duration near `x`, and by how much it misses its end and rates."""
+    """The plan of the shortest duration near `x`, and its error of end and rates."""
     from scipy.optimize import linprog
 
     # At most `steps` linear programs move the trust region, which begins with `radius`.
@@ -218,7 +218,7 @@ def _fastest(
     low = np.append(np.repeat(manoeuvre.lower, KNOTS - 1), 0.2)
     high = np.append(np.repeat(manoeuvre.upper, KNOTS - 1), manoeuvre.longest)
     scale = np.concatenate([high[:-1] - low[:-1], x[-1:]])
-    # Slack of the two ends, both ways, and one of all rates: each at the price of the penalty.
+    # The penalty weighs the slack of both angles at the end, in both directions, and of all rates.
     cost = np.concatenate([np.zeros(size - 1), [1.0], np.full(5, PENALTY)])
     slack = np.array([[1.0, 0.0, -1.0, 0.0, 0.0], [0.0, 1.0, 0.0, -1.0, 0.0]])
     broken = np.hstack([np.zeros((len(rows), 4)), -np.ones((len(rows), 1))])
@@ -259,7 +259,7 @@ def _fastest(
 
 
 def _rate_rows(manoeuvre: Manoeuvre) -> tuple[FloatArray, FloatArray]:
-    """Rows and bounds of ``rows @ x <= bounds``: no command moves faster than its rate."""
+    """Rows and bounds of ``rows @ x <= bounds``: no command exceeds its rate limit."""
     difference, inner = np.diff(np.eye(KNOTS + 1), axis=0), KNOTS - 1
     rows, bounds = [], []
     for i in range(2):
@@ -284,20 +284,20 @@ def _at_knots(manoeuvre: Manoeuvre, x: FloatArray) -> FloatArray:
 
 
 def _missed(manoeuvre: Manoeuvre, x: FloatArray) -> FloatArray:
-    """Course and path angle at the end of plans `x` (N, size) less those wanted, (N, 2) rad."""
+    """Error of course and path angle at the end of plans `x` (N, size), (N, 2) rad."""
     commands = _at_knots(manoeuvre, x)
     step = np.maximum(x[:, -1], DIFFERENCE) / (KNOTS * SUBSTEPS)
     knot = np.arange(2 * KNOTS * SUBSTEPS + 1) / (2 * SUBSTEPS)
     before = np.minimum(knot.astype(np.intp), KNOTS - 1)
     share = knot - before
     fine = (1.0 - share) * commands[..., before] + share * commands[..., before + 1]
-    # At ends and middles of the steps: both middle stages of Runge and Kutta read one column.
+    # At ends and middles of the steps: both middle stages of Runge-Kutta read the same column.
     phi, n_z = fine.transpose(1, 2, 0)
     turning, lifting, g_over_v = n_z * np.sin(phi), n_z * np.cos(phi), manoeuvre.g / manoeuvre.V_a
     turned, gamma = np.zeros(len(x)), np.full(len(x), manoeuvre.start[1])
 
     def rates(i: int, gamma: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Exact rates of `turn_rates`, which would take most of the time of a plan."""
+        """Rates equal to `turn_rates`, whose checks would take most of the time of a plan."""
         level = np.cos(gamma)
         return g_over_v * (turning[i] / level), g_over_v * (lifting[i] - level)
 
@@ -315,7 +315,7 @@ def _missed(manoeuvre: Manoeuvre, x: FloatArray) -> FloatArray:
 
 
 def _reference_of(manoeuvre: Manoeuvre, x: FloatArray) -> FeasibleReference:
-    """The flight of the exact point mass, behind the lag, under a plan that is held by samples."""
+    """The flight of the exact point mass, behind the lag, under the sampled commands of a plan."""
     dt, duration = manoeuvre.dt, float(x[-1])
     knots = np.linspace(0.0, duration, KNOTS + 1)
     rest = max(map(_settling, manoeuvre.lags or ()), default=0.0)

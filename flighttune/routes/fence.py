@@ -1,4 +1,4 @@
-"""Fences: areas over ground to stay in or out of, and the room they leave along a path."""
+"""Fences: areas over ground to stay inside or outside, and the room they leave along a path."""
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -19,26 +19,26 @@ from flighttune.routes import maps
 from flighttune.routes.items import HEADER, planner_items, stated_lines
 from flighttune.routes.path import Path as Route
 
-# Distance between the points of a path across which the fence is looked for, m.
+# Distance between the points of a path at which the distance to the fence is measured, m.
 SCAN_STEP = 0.1
 
-# Most edges of a fence: each takes about 20 ms on a route of 16 km.
+# Maximum number of edges: each takes about 20 ms on a route of 16 km.
 MAX_EDGES = 1000
 TOO_MANY_EDGES = (
     f"a fence must have at most {MAX_EDGES} edges, "
     "with those of circles and the parts of long ones."
 )
 
-# Largest distance, m, of an edge, straight in latitude and longitude, from those that replace it.
+# Largest distance, m, between an edge straight in latitude and longitude and its straight parts.
 MAX_SAG = 0.05
 
 # Properties of a fence.
 HEIGHTS = ("min_up_m", "max_up_m")
 KNOWN = (*HEIGHTS, "name", "exclusion")
 
-# Further ones, in small letters, that other programs write and that say nothing about a fence:
-# those of simplestyle (https://github.com/mapbox/simplestyle-spec), numbers of rows in databases,
-# and fields of KML as GDAL has them.
+# Properties, in small letters, that other programs write and that do not concern the fence:
+# simplestyle (https://github.com/mapbox/simplestyle-spec), row numbers of databases, and fields of
+# KML as GDAL writes them.
 OF_OTHERS = {
     *("title", "description", "marker-size", "marker-symbol", "marker-color"),
     *("stroke", "stroke-opacity", "stroke-width", "fill", "fill-opacity"),
@@ -47,13 +47,14 @@ OF_OTHERS = {
     *("draworder", "icon", "styleurl", "stylehash"),
 }
 
-# Corners of the polygon that stands for a circle: inside of one to stay in, around one to stay out.
+# Corners of the polygon that replaces a circle. It lies inside a circle to stay in, and around a
+# circle to stay out of.
 CIRCLE_CORNERS = 64
 
-# Difference of latitude or longitude of corners that are the same, deg: 1 cm.
+# Corners that differ by less in latitude and longitude, deg, count as equal: 1 cm.
 SAME_CORNER_DEG = 1e-7
 
-# Signs that turn lowest and highest values into distances to the left and right, up and down.
+# Signs that turn minima and maxima into distances to the left and right, up and down.
 DISTANCE_SIGNS = np.array([-1.0, 1.0], dtype=np.float32)
 
 # Smallest cosine to divide by: an edge may be parallel to the path or across it.
@@ -72,10 +73,10 @@ class Fence:
     """Where flights may be, in m from the start."""
 
     rings: tuple[FloatArray, ...]  # (edges, 2) each: north and east of where the edges begin
-    outside: tuple[bool, ...]  # whether each ring is to stay out of
+    outside: tuple[bool, ...]  # whether flights must stay outside each ring
     # (edges,): distance of each from the line that is straight in latitude and longitude
     sag: FloatArray
-    names: tuple[str, ...]  # of the edges, then of ceiling and floor
+    names: tuple[str, ...]  # labels of the edges, then of ceiling and floor
     low: float
     high: float
 
@@ -91,14 +92,14 @@ class Fence:
 
     @property
     def heights(self) -> str:
-        """Its floor and ceiling in words."""
+        """Floor and ceiling in words."""
         return " and ".join(
             f"no {name}" if np.isinf(height) else f"a {name} at {height:g} m above the start"
             for name, height in {"floor": self.low, "ceiling": self.high}.items()
         )
 
     def nearest(self, path: Route) -> dict[str, Any]:
-        """Where a path has its smallest margin (m, negative outside), and where it leaves first."""
+        """Place of the smallest margin of a path (m, negative outside), and its first exit."""
         inside = path.s <= path.length
         places = np.column_stack([path.north, path.east])[inside]
         points, heights = np.asarray(shapely.points(places)), path.up[inside]
@@ -135,18 +136,18 @@ class Room(NamedTuple):
     Arrays have the shape (windows, 2, 2): to the left and right, up and down.
     """
 
-    limits: FloatArray  # m; -inf where the path is outside
+    limits: FloatArray  # m; -inf if the path is outside
     along: FloatArray  # where they are, m
-    edges: npt.NDArray[np.str_]  # names of those of the fence
+    edges: npt.NDArray[np.str_]  # names of the fence's edges
     path: Route
     fence: Fence
 
     def nearest(self, away: FloatArray) -> dict[str, Any]:
-        """Where flights with the distances `away` have the smallest margin, m, across the path."""
+        """Place of the smallest margin across the path, m, of flights at the distances `away`."""
         margins = self.limits - away
         i = int(np.argmin(margins))
         if math.isinf(margins.flat[i]):
-            # The path itself is outside there: its margin counts from the nearest edge.
+            # Here the path itself is outside, so its margin counts from the nearest edge.
             path = self.fence.nearest(self.path)
             return {**path, "margin_m": path["margin_m"] - float(away.flat[i])}
         along = float(self.along.flat[i])
@@ -159,30 +160,30 @@ class Room(NamedTuple):
         }
 
 
-# Files that may have a fence, and those in which it is that of the mission itself.
+# Kinds of files that may have a fence, and kinds in which a mission file has its own fence.
 KINDS = "a plan, waypoints or a fence of Mission Planner, KML or GeoJSON with a Polygon"
 FENCE_FILES, OWN = (
     (".plan", ".json", ".geojson", ".kml", ".kmz", *maps.PLANNER),
     (".plan", *maps.PLANNER),
 )
 
-# Number of PX4 among the firmwares of MAVLink.
+# PX4's number in MAVLink's list of firmwares.
 PX4 = 12
 
-# Commands of a fence of MAVLink: polygons to stay in and out of, corner by corner, and circles.
+# MAVLink's fence commands: polygons to stay in and out of, corner by corner, and circles.
 CORNERS, CIRCLES = {5001: True, 5002: False}, {5003: True, 5004: False}
 
 
 def own_fence(mission: Path) -> tuple[Path, ...]:
-    """The file of a mission, if its kind has the fence beside the route."""
+    """The mission file, if its kind has a fence beside the route."""
     return (mission,) if mission.suffix.lower() in OWN else ()
 
 
 def fence_tables(files: Sequence[Path], *, asked: bool = False) -> dict[str, Any]:
-    """The fences of files of plans, KML and GeoJSON as one, in GeoJSON; {} if they have none.
+    """The fences of plans, KML and GeoJSON files as one GeoJSON; {} without a fence.
 
     Flights must stay inside all areas, and outside all with the property ``exclusion``. A file that
-    is `asked` for its fence must have one.
+    is `asked` for its fence must have a fence.
     """
     shapes: list[Mapping[str, Any]] = []
     single: list[dict[str, Any]] = []
@@ -210,10 +211,10 @@ def fence_tables(files: Sequence[Path], *, asked: bool = False) -> dict[str, Any
 
 
 def _planner_fence(text: str) -> dict[str, list[dict[str, Any]]]:
-    """Polygons and circles, as in a plan, of a file of Mission Planner with items or corners."""
+    """Polygons and circles, as in a plan, of a Mission Planner file with items or corners."""
     lines = stated_lines(text)
     if not lines or not lines[0].startswith(HEADER.split()[0]):
-        # The first line is where a vehicle returns to.
+        # The first line is the point to which a vehicle returns.
         corners = [[float(value) for value in line.split()] for line in lines[1:]]
         return {"polygons": [{"polygon": corners}], "circles": []}
     _, items = planner_items(text)
@@ -257,15 +258,15 @@ def _of_plan(stated: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
 
 
 def _one_area(shapes: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Shapes with one area to stay in for all of them: PX4 stays inside at least one."""
+    """Shapes with the areas to stay in joined into one: PX4 stays inside at least one area."""
     stay = [x for x in shapes if not x["properties"]["exclusion"]]
-    # Longitudes count from that of the first corner, as a route may cross the date line.
+    # Longitudes count from the first corner, since a route may cross the date line.
     first = stay[0]["geometry"]["coordinates"][0][0][0] if stay else 0.0
     areas = [
         shapely.Polygon([((lon - first + 180.0) % 360.0, lat) for lon, lat in ring])
         for ring in (x["geometry"]["coordinates"][0] for x in stay)
     ]
-    if len(areas) < 2 or not all(area.is_valid for area in areas):  # the reader says which is not
+    if len(areas) < 2 or not all(area.is_valid for area in areas):  # the reader names the fault
         return shapes
     whole: Any = shapely.union_all(areas)
     if whole.geom_type != "Polygon":
@@ -282,7 +283,7 @@ def _one_area(shapes: list[dict[str, Any]]) -> list[dict[str, Any]]:
 
 
 def _circle(centre: maps.LatLon, radius: float, *, outside: bool) -> list[list[float]]:
-    """Longitudes and latitudes of the corners that stand for a circle, deg, from the north on."""
+    """Longitudes and latitudes of the corners that replace a circle, deg, clockwise from north."""
     radius /= math.cos(math.pi / CIRCLE_CORNERS) if outside else 1.0
     angles = np.arange(CIRCLE_CORNERS) * (math.tau / CIRCLE_CORNERS)
     places = radius * np.column_stack([np.cos(angles), np.sin(angles)])
@@ -290,7 +291,7 @@ def _circle(centre: maps.LatLon, radius: float, *, outside: bool) -> list[list[f
 
 
 def circle_of(ring: list[list[float]], *, outside: bool) -> tuple[maps.LatLon, float] | None:
-    """Centre (deg) and radius (m) of the circle that a closed ring stands for; None if for none."""
+    """Centre (deg) and radius (m) of the circle that a closed ring replaces, if any."""
     if len(ring) != CIRCLE_CORNERS + 1:
         return None
     north, south = ring[0][1::-1], ring[CIRCLE_CORNERS // 2][1::-1]
@@ -307,7 +308,7 @@ def circle_of(ring: list[list[float]], *, outside: bool) -> tuple[maps.LatLon, f
 def read_fence(path: Path, origin: maps.LatLon, tables: Any = None) -> Fence:
     """The fence of a file, about the start of a flight at `origin`.
 
-    The file has Polygons in longitude and latitude, of which inner rings, and all with the property
+    The file has Polygons in longitude and latitude. Inner rings, and Polygons with the property
     ``exclusion``, are zones not to enter. The properties ``min_up_m`` and ``max_up_m`` of a feature
     are heights above the start. `tables`: the content in GeoJSON, if it has been read.
     """
@@ -335,7 +336,7 @@ def read_fence(path: Path, origin: maps.LatLon, tables: Any = None) -> Fence:
             kind = f" of {area} {numbers[outside]}" * (len(shapes) > 1)
             first = len(rings)
             drawn: list[FloatArray] = []
-            edges: list[str] = []  # of the corners alone, which cross elsewhere than parts of them
+            edges: list[str] = []  # edges between corners: the message names these
             for zone, points in enumerate(shape["geometry"]["coordinates"]):
                 drawn.append(_ring(points, origin))
                 ring, sag, corners = _edges(drawn[-1], origin, MAX_EDGES - len(names))
@@ -364,7 +365,7 @@ def read_fence(path: Path, origin: maps.LatLon, tables: Any = None) -> Fence:
 
 
 def _starts_wrong(rings: Sequence[FloatArray], *, outside: bool) -> bool:
-    """Whether a flight would start on the wrong side of an area, or in one of its zones."""
+    """Whether a flight would start outside an area to stay in, or in one of its zones."""
     start = shapely.Point(0.0, 0.0)
     area, *zones = (bool(shapely.Polygon(ring).contains(start)) for ring in rings)
     return area == outside or any(zones)
@@ -376,7 +377,7 @@ def _lines(ring: FloatArray) -> npt.NDArray[Any]:
 
 
 def _heights(stated: Mapping[str, Any], low: float, high: float) -> tuple[float, float]:
-    """Floor and ceiling with those of the properties of a feature."""
+    """Floor and ceiling, narrowed by the properties of a feature."""
     if unknown := [key for key in stated if key not in KNOWN and key.lower() not in OF_OTHERS]:
         raise InputError(f"`properties` may be {', '.join(KNOWN)}, got {abridged(unknown[0])}.")
     floor, ceiling = (
@@ -396,10 +397,10 @@ def _heights(stated: Mapping[str, Any], low: float, high: float) -> tuple[float,
 def _edges(
     ring: FloatArray, origin: maps.LatLon, most: int
 ) -> tuple[FloatArray, FloatArray, npt.NDArray[np.intp]]:
-    """Edges of a ring that are straight in m, at most `most`.
+    """Edges of a ring, straight in m; at most `most`.
 
-    Returns where they begin, north and east (n, 2), m, the sag of each, m, and the number of the
-    corner that it belongs to. `ring`: latitudes and longitudes of the corners, deg.
+    Returns the beginning of each edge, north and east (n, 2), m, its sag, m, and the number of its
+    corner. `ring`: latitudes and longitudes of the corners, deg.
     """
     if len(ring) > most:
         raise InputError(TOO_MANY_EDGES)
@@ -421,7 +422,7 @@ def _north_east(places: FloatArray, origin: maps.LatLon) -> FloatArray:
 
 
 def _ring(points: Iterable[Any], origin: maps.LatLon) -> FloatArray:
-    """Latitude and longitude of the corners of a ring, deg, each once, about a place."""
+    """Latitude and longitude of the corners of a ring, deg, each once, near a place."""
     corners = [[maps.json_number(point[i], "every coordinate") for i in (1, 0)] for point in points]
     ring = np.array(corners).reshape(-1, 2)
     wrong = ~(np.abs(ring) <= (85.0, 180.0)).all(axis=1)  # also catches NaN
@@ -440,19 +441,19 @@ def _ring(points: Iterable[Any], origin: maps.LatLon) -> FloatArray:
 def room_along(
     fence: Fence, path: Route, windows: FloatArray, *, widest: float, overlap: float
 ) -> Room:
-    """How far from a path flights are certainly inside a fence.
+    """Distance from a path up to which flights are certainly inside a fence.
 
-    `windows` (shape (windows + 1,), m) are edges of windows of distance along the path, `widest`
-    the largest distance to the side of the flights that are judged, and `overlap` (m) how far the
-    path of a window is looked at beyond both its edges.
+    `windows` (shape (windows + 1,), m) are edges of windows of distance along the path. `widest` is
+    the largest distance to the side of the judged flights. `overlap` (m) extends the path of a
+    window beyond both edges.
     """
     s = SCAN_STEP * np.arange(int((path.length + overlap) / SCAN_STEP) + 2, dtype=np.float64)
     north, east, up, course = path.at(s)
-    # A place at the distance e to the right of the path is at most ``SCAN_STEP / 2 (1 + k e)`` from
-    # the place with the same e at the nearest point of the table, with the largest curvature k.
-    # Edges are therefore widened by this at ``e = widest``. If the line across the path at each
-    # point is clear of all widened edges as far as the flights come, the surface that these lines
-    # sweep is clear of the edges, and inside like the start.
+    # Let e be a distance to the right of the path and k its largest curvature. Then a place is at
+    # most ``SCAN_STEP / 2 (1 + k e)`` from the place with the same e at the nearest point of the
+    # table. Edges are therefore widened by this at ``e = widest``. If the line across the path at
+    # each point meets no widened edge up to the distance of the flights, then the surface that
+    # these lines sweep meets no edge, and it lies inside like the start.
     wide = 0.5 * SCAN_STEP * (1.0 + np.abs(path.curvature).max() * widest)
     steep = 0.5 * SCAN_STEP * np.abs(path.slope).max()
     free = np.full((len(s), 2, 2), np.inf)

@@ -21,26 +21,26 @@ ROUTE_SIGNALS = {"along": "m", "cross_track": "m", "height_err": "m"}
 # Distances along the route, to the right of it, and below it, m.
 Place = tuple[float, float, float]
 
-# Distance between a position and the one that its place gives, up to which they are the same, m.
+# A position counts as equal to the position computed from its place up to this distance, m.
 SAME_PLACE = 0.01
 
 COLUMNS = ("north", "east", "course", "curvature", "up", "slope")
 CURVATURE, SLOPE = map(COLUMNS.index, ("curvature", "slope"))
-DIFFERENCES = len(COLUMNS)  # in the rows of a path, from a column to its difference to the next
+DIFFERENCES = len(COLUMNS)  # offset from a column to its difference to the next point
 
 # Lower bound of 1 - curvature e_y, which is zero at the centre of a turn.
 MIN_SPREAD = 0.2
 
-# Newton's steps to the nearest point of the path, from that of the sample before.
+# Newton steps to the nearest point of the path, from the nearest point of the sample before.
 SEARCHES = 2
 
-# Longitudinal load factor with which the airspeed of a route changes: 5 m/s in 10 s.
+# Longitudinal load factor of airspeed changes along a route: 5 m/s in 10 s.
 CHANGE_N_X = 0.05
 
-# Half the time between two points of a slope at one time, s.
+# Half step of the difference quotient of a slope, s.
 SLOPE_S = 1e-3
 
-# Speed over ground below which the look-ahead shrinks no more, m/s.
+# Ground speed below which the look-ahead distance no longer shrinks, m/s.
 MIN_SPEED = 1.0
 
 
@@ -51,12 +51,12 @@ class RouteReference:
     path: Path
     # Largest airspeed of the flight, m/s.
     V_a: float
-    # Time (s) in which an error of position would be flown off at the speed of the flight.
+    # Look-ahead time, s: an error of position decays with this time constant.
     look_ahead: float
     g: float
     # Whether the law holds `V_a`, by n_x.
     holds_airspeed: bool = False
-    # Airspeed at each point of the path, shape (n,), m/s; None where it is `V_a` everywhere.
+    # Airspeed at each point of the path, shape (n,), m/s; None if it is `V_a` everywhere.
     airspeeds: FloatArray | None = None
 
     @property
@@ -65,7 +65,7 @@ class RouteReference:
         return np.full_like(self.path.s, self.V_a) if self.airspeeds is None else self.airspeeds
 
     def airspeed(self, t: FloatArray) -> tuple[FloatArray, FloatArray] | None:
-        """Return the airspeed (m/s) and its rate at times `t`; None where the plant holds it."""
+        """Return airspeed (m/s) and its rate at times `t`; None if the plant holds the airspeed."""
         return (np.full_like(t, self.V_a), np.zeros_like(t)) if self.holds_airspeed else None
 
     @property
@@ -79,7 +79,7 @@ class RouteReference:
         return float(self.V[0]) * math.cos(self.initial[1])
 
     def sampled(self, t: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Course and path angle at times `t` (s) of a flight in still air, each of its shape."""
+        """Course and path angle at times `t` (s) of a flight in still air, of the shape of `t`."""
         speed = self.V * np.cos(np.arctan(self.path.slope))
         times = np.concatenate([[0.0], np.cumsum(STEP / speed[:-1])])
         s = np.interp(t, times, self.path.s)
@@ -87,7 +87,7 @@ class RouteReference:
         return course, np.arctan(np.interp(s, self.path.s, self.path.slope))
 
     def rates(self, t: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Their rates from times `t` (s) on, rad/s."""
+        """Rates of course and path angle from times `t` (s) on, rad/s."""
         if np.size(t) < 2:  # a slope needs two times
             low, high = (np.array(self.sampled(np.add(t, side))) for side in (-SLOPE_S, SLOPE_S))
             chi, gamma = (high - low) / (2.0 * SLOPE_S)
@@ -96,9 +96,9 @@ class RouteReference:
         return chi, gamma
 
     def not_arrived(self, t: float, place: Place, *, gave_way: bool = False) -> Stop | None:
-        """Why a flight that lasted `t` (s) and came to `place` did not fly all of it; or None.
+        """Why a flight of `t` (s) that ended at `place` did not complete the route; None if it did.
 
-        `gave_way`: height was given up for the airspeed.
+        `gave_way`: whether the flight gave up height for airspeed.
         """
         along, *off = place
         left, most = self.path.length - along, self.look_ahead * self.V_a
@@ -111,12 +111,12 @@ class RouteReference:
         return None
 
     def displacement(self, signals: pd.DataFrame) -> float:
-        """Largest distance, m, of the positions of a flight from those that its places give."""
+        """Largest distance, m, between the positions of a flight and their places on the route."""
         along, *off = signals[[*ROUTE_SIGNALS]].to_numpy().T
         positions = signals[["north", "east", "down"]].to_numpy() * (1.0, 1.0, -1.0)
-        # The distance along the route counts as never decreasing, as in the windows of a band: it
-        # is that of the start behind it, and the largest so far of a flight carried back by the
-        # wind.
+        # The distance along the route never decreases, as in the windows of a band: behind the
+        # start it is zero, and a flight that the wind carries back keeps its largest distance so
+        # far.
         places = self.path.beside(np.maximum.accumulate(along), *off)
         return float(np.linalg.norm(positions - places, axis=1).max())
 
@@ -139,10 +139,11 @@ class RouteReference:
 def airspeeds_along(
     path: Path, V_a: float, changes: Mapping[int, float], g: float
 ) -> FloatArray | None:
-    """Airspeed at each point of a path, m/s, from `V_a` at its start; None where it is constant.
+    """Airspeed at each point of a path, m/s, from `V_a` at its start; None if it is constant.
 
-    `changes`: airspeeds by the number of the waypoint from the end of whose turn or circles on they
-    hold. Each is approached with `CHANGE_N_X` in still air, ``(V^2)' = 2 g n_x`` along the path.
+    `changes`: airspeeds by number of waypoint. Each holds from the end of the waypoint's turn or
+    circles on, and is approached with `CHANGE_N_X` in still air: ``(V^2)' = 2 g n_x`` along the
+    path.
     """
     if {*changes.values()} <= {V_a}:
         return None
@@ -172,12 +173,12 @@ class Follower:
     .. math:: \chi_{ref} = \chi_p - \arctan\frac{e_y}{L},\quad
               \gamma_{ref} = \gamma_p + \arctan\frac{e_h}{L},\quad L = V_g T
 
-    with the distance e_y to the right of the path and the height e_h that is missing. Where course
-    and path angle are as asked, ``e_y' = -V_g sin(arctan(e_y / L))``: the distance shrinks like
-    ``exp(-t / T)`` once it is small against L (T. Fossen, *Handbook of Marine Craft Hydrodynamics
-    and Motion Control*, look-ahead-based steering). The rates of the reference are those of this
-    motion, with the curvature and the bend of the climb `lead` ahead. `Planner` plans roll and lift
-    for those of the path itself.
+    with the distance e_y to the right of the path and the height deficit e_h. If the aircraft
+    tracks both angles, ``e_y' = -V_g sin(arctan(e_y / L))``: the distance shrinks like ``exp(-t /
+    T)`` once it is small against L (T. Fossen, *Handbook of Marine Craft Hydrodynamics and Motion
+    Control*, look-ahead-based steering). The rates of the reference follow from this motion, with
+    the curvature and the bend of the climb `lead` ahead. `Planner` plans roll and lift for the
+    rates of the path itself.
     """
 
     def __init__(
@@ -192,7 +193,7 @@ class Follower:
         self._V = None if reference.airspeeds is None else reference.airspeeds.tolist()
 
     def __call__(self, m: Measured) -> tuple[ReferenceSample, Place]:
-        """Return the reference at a sample, and where the aircraft is on the route."""
+        """Return the reference at a sample, and the place of the aircraft on the route."""
         chi, gamma, _, _, _, h, (north, east, _), *_ = m
         if self._before is not None:
             self._V_g = speed_over(north - self._before[0], east - self._before[1], self._dt)
@@ -216,27 +217,26 @@ class Follower:
 # which it may approach that share, 1/s: docs/airspeed.md has its flights.
 LEAST_SHARE, APPROACH = 0.95, 0.35
 
-# The same beside two channels: in gusts a healthy aircraft with a slow engine falls through 0.95,
-# and its path would pay for that. The rate is in g/V: a faster one makes a jet swing, and a
-# slower one loses a slow aircraft in gusts.
+# Share and rate for the priority of two channels. In gusts a healthy aircraft with a slow engine
+# falls below 0.95, and its path would suffer. The rate is in g/V: a faster rate makes a jet
+# oscillate, and a slower rate loses a slow aircraft in gusts.
 LEAST_SHARE_BESIDE, APPROACH_BESIDE = 0.875, 1.5
 
-# Sine of the steepest descent that is asked for in exchange for airspeed.
+# Sine of the steepest descent that may be commanded to regain airspeed.
 STEEPEST_DIVE = -0.5
 
 
 class AirspeedPriority:
     """Keeps the path angle of a reference flyable by the engines, sample by sample.
 
-    With n_x at most what the engines give, ``V' = g (n_x - sin(gamma))`` stays above
-    ``-kappa (V - V_low)`` as long as ``sin(gamma) <= n_x + kappa (V - V_low) / g``, gamma through
-    the air: V then never falls through V_low, a share of its reference. The path angle over ground
-    that is asked for is cut to that, in the wind that an aircraft knows. At the other stop nothing
-    is cut: a descent that is too steep costs some airspeed above the reference, and keeping it
-    would cost the path.
+    With the largest n_x of the engines, ``V' = g (n_x - sin(gamma))`` stays above ``-kappa (V -
+    V_low)`` as long as ``sin(gamma) <= n_x + kappa (V - V_low) / g``, gamma through the air. V then
+    never falls below V_low, a share of its reference. The commanded path angle over ground is
+    limited to this, in the wind that an aircraft measures. At idle there is no limit: in a descent
+    that is too steep the airspeed rises above the reference, and holding it would cost the path.
     """
 
-    # `V` (m/s): the airspeed that a plant holds by itself, None where the reference has one.
+    # `V` (m/s): airspeed that the plant holds by itself; None if the reference has an airspeed.
     def __init__(self, V: float | None, g: float, dt: float) -> None:
         self._wind = WindEstimate(dt)
         numbers = (
@@ -245,8 +245,8 @@ class AirspeedPriority:
         self.numbers = *numbers, self._wind.share
 
     def __call__(self, m: Measured, ref: ReferenceSample) -> ReferenceSample:
-        """Return the reference of a sample; its path angle may be less than what was asked."""
-        assert m.n_x is not None  # of a plant that shows n_x
+        """Return the reference of a sample; its path angle may be less than commanded."""
+        assert m.n_x is not None  # the plant measures n_x
         V_low, per_g, _ = self.numbers
         if ref.V is not None:
             V_low = LEAST_SHARE * ref.V
@@ -263,8 +263,7 @@ class Planner:
 
     Turning the velocity over ground at the rate chi' takes the roll ``atan(chi' V_t / g)``, and
     bending it at gamma' the vertical lift ``cos(gamma) + gamma' V_t / g`` in weights, with V_t the
-    `turning_speed`. The wind in V_t is not the one measured: that would show the law what no
-    aircraft knows.
+    `turning_speed`. V_t does not use the true wind, which no aircraft knows.
     """
 
     def __init__(self, dt: float, g: float) -> None:
@@ -279,16 +278,16 @@ class Planner:
         return math.atan(chi_dot * per_g), lift / math.cos(m.phi)
 
 
-# What follows is written so that Numba compiles it too.
+# Numba compiles the functions below too.
 
 
 def steepest_sine(n_x_max: float, V_a: float, V_low: float, per_g: float) -> float:
-    """Sine of the steepest path through the air that the engines bear, see `AirspeedPriority`."""
+    """Sine of the steepest air path that the engines sustain, see `AirspeedPriority`."""
     return min(max(n_x_max + per_g * (V_a - V_low), STEEPEST_DIVE), 1.0)
 
 
 def speed_over(north: float, east: float, dt: float) -> float:
-    """Speed, m/s, of a move north and east (m) in `dt` (s)."""
+    """Speed, m/s, of a displacement north and east (m) in `dt` (s)."""
     return math.sqrt(north * north + east * east) / dt
 
 
@@ -296,7 +295,7 @@ def path_at(rows: Sequence[Sequence[float]], s: float) -> tuple[float, ...]:
     """The path at s (m): s, north, east, course, its cosine and sine, curvature, height, slope."""
     part = s / STEP
     i = int(part)
-    if i > len(rows) - 1:  # half the time of `min`
+    if i > len(rows) - 1:  # takes half the time of `min`
         i = len(rows) - 1
     part -= i
     row = rows[i]
@@ -324,16 +323,17 @@ def guidance(
 ) -> tuple[tuple[float, ...], Place, tuple[float, ...], tuple[float, ...], tuple[float, ...]]:
     """Look-ahead guidance of a sample, see `Follower`.
 
-    `nearest`: the point of the sample before, by `path_at`. `now`: course and path angle (rad),
-    north, east and height (m). `settings`: height of the start (m), look-ahead, lead of roll and of
-    lift (s). Returns course, path angle and their rates to follow; the place; the path there, as in
-    a sample; rates of turn and climb to be planned, and speed along the path; the nearest point.
+    `nearest`: the nearest point of the sample before, by `path_at`. `now`: course and path angle
+    (rad), north, east and height (m). `settings`: height of the start (m), look-ahead, lead of roll
+    and of lift (s). Returns the reference course, path angle and their rates; the place; the path
+    there, as in a sample; the rates of turn and climb to plan, and the speed along the path; the
+    nearest point.
     """
     chi, gamma, north, east, h = now
     h_0, T, roll_lead, lift_lead = settings
     s, n, e, course, c_n, c_e, curvature, up, slope = nearest
     ahead = e_y = spread = 0.0
-    # The point found last serves the next sample too: one reading of the path for each search.
+    # The last nearest point starts the next search, so that each search reads the path once.
     for search in range(SEARCHES + 1):
         ahead, e_y = (north - n) * c_n + (east - e) * c_e, (east - e) * c_n - (north - n) * c_e
         spread = 1.0 - curvature * e_y
@@ -360,7 +360,7 @@ def guidance(
         turn_rate - aside / (L * (1.0 + side * side)),
         climb_rate + sinking / (L * (1.0 + below * below)),
     )
-    # Behind the start the distance from the route is that from the start.
+    # Behind the start the distance from the route counts from the start.
     off = e_y
     if abs(ahead) >= SAME_PLACE:
         off = math.copysign(math.sqrt(e_y * e_y + ahead * ahead), e_y)

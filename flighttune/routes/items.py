@@ -1,4 +1,4 @@
-"""Items of a mission by the numbers of MAVLink, and the path that each of them asks for."""
+"""Items of a mission by their MAVLink numbers, and the path of each item."""
 
 import math
 import tomllib
@@ -15,14 +15,14 @@ from flighttune.base.errors import InputError
 from flighttune.base.files.table import abridged
 from flighttune.routes.maps import ground_at, json_bool, json_number, json_part
 
-# Values of a row of the table `waypoint` of [route], and keys of its place.
+# A row of `waypoint` of [route], and the keys of its place.
 Row: TypeAlias = dict[str, Any]
 PLACE = ("lat_deg", "lon_deg", "up_m")
 
-# What becomes of an item.
+# How an item is treated.
 Fate: TypeAlias = Literal["flown", "harmless", "no place", "refused", "not flown"]
 
-# Commands of MAVLink that have a part of their own here.
+# MAVLink commands that this module names.
 WAYPOINT, UNLIMITED, TURNS, TIMED, RETURN, LAND, TAKEOFF = 16, 17, 18, 19, 20, 21, 22
 TO_HEIGHT, VTOL_TAKEOFF, VTOL_LAND, JUMP, SPEED, SET_HOME = 31, 84, 85, 177, 178, 179
 CIRCLES, TAKEOFFS = (UNLIMITED, TURNS, TIMED, TO_HEIGHT), (TAKEOFF, VTOL_TAKEOFF)
@@ -35,7 +35,7 @@ PLACED = (WAYPOINT, *CIRCLES, LAND, VTOL_LAND)
 RADIUS = {UNLIMITED: 2, TURNS: 2, TIMED: 2, TO_HEIGHT: 1}
 
 
-# Commands of MAVLink by number, and those that leave the path as it is.
+# MAVLink commands by number, and the commands that do not change the path.
 _TABLES = tomllib.loads(Path(__file__).with_name("commands.toml").read_text(encoding="utf-8"))
 COMMANDS = {int(n): f"{name} {n}" for table in _TABLES.values() for n, name in table.items()}
 HARMLESS = {*map(int, _TABLES["harmless"])}
@@ -43,17 +43,17 @@ HARMLESS = {*map(int, _TABLES["harmless"])}
 # Frames whose heights are above sea level, above the home position, and above terrain.
 ABOVE_SEA, ABOVE_HOME, ABOVE_TERRAIN = (0, 5), (3, 6), (10, 11)
 
-# Most repeats of a jump, turns flown for a circle without an end, and turns of one by time or
-# height at least.
+# Maximum repeats of a jump, turns of a circle without an end, and minimum turns of a circle that
+# ends by time or height.
 MAX_REPEATS, UNLIMITED_TURNS, LEAST_TURNS = 10, 2.0, 1.0
 
-# Most items of a mission with its repeats.
+# Maximum number of items, repeats included.
 MAX_ITEMS = 5000
 
-# Height above its place at which a landing ends, m: below it an aircraft flares.
+# Height above ground at which a landing ends, m: below it an aircraft flares.
 LANDING_UP_M = 10.0
 
-# What a flight does in place of some commands.
+# How some commands are flown instead.
 FLOWN_AS = {
     UNLIMITED: f"without an end is flown as {UNLIMITED_TURNS:g} turns",
     RETURN: "ends above home, at the height of the item before",
@@ -61,24 +61,24 @@ FLOWN_AS = {
     VTOL_LAND: "ends above its place: the descent in hover is not flown",
 }
 
-# Difference in latitude and longitude up to which places are the same: 1 m.
+# Places that differ by less in latitude and longitude count as equal: 1 m.
 SAME_PLACE_DEG = 1e-5
 
 # Beginning of the sentence about changes of the airspeed.
 SETS_AIRSPEED = "The plan sets an airspeed"
 
-# What a change of speed sets, by its first parameter, and the speed that stands for the default.
+# Kinds of speed by the first parameter of a change of speed, and the value for the default speed.
 SPEEDS = "an airspeed", "a ground speed", "a climb speed", "a descent speed"
 DEFAULT_SPEED = -2
 
 
-# Airspeeds of a route that no aircraft bounds, m/s.
+# Range of airspeeds of a route without an aircraft, m/s.
 ANY_AIRSPEED = (0.0, math.inf)
 
-# Place and height of a home that is not stated.
+# Place and height of an unknown home.
 NO_HOME = (0.0, 0.0, 0.0)
 
-# Largest latitude of a waypoint, deg: nearer to a pole a course turns within a flight.
+# Largest latitude of a waypoint, deg: near a pole a straight flight changes its course.
 MAX_LAT_DEG = 85.0
 
 # Largest latitude and longitude of a route whose home position may have zeros, deg.
@@ -86,7 +86,7 @@ NEAR_DEG = 5.0
 
 
 class RouteFile(NamedTuple):
-    """A route as a file states it."""
+    """A route as its file states it."""
 
     # Keys of [route]: ``waypoint`` with heights above the first, ``widen``, ``rally``, ``notes``
     route: dict[str, Any]
@@ -104,20 +104,20 @@ def read_items(
     *,
     first: int = 1,
 ) -> RouteFile:
-    """The route that items make, of which the first has the number `first`.
+    """The route of some items, numbered from `first`.
 
-    `home`: latitude and longitude, deg, height above sea level, m; None where the file has none.
+    `home`: latitude and longitude, deg, height above sea level, m; None without a home in the file.
     """
-    # With `skip`, commands that change the flight but have no place are left out.
+    # With `skip`, commands that change the flight but have no place are omitted.
     whole = [_whole(i, x) for i, x in enumerate(_flat(items), start=first)]
     flat = dict(enumerate(_above_sea(whole, terrain), start=first))
     lost, stated, home = not _knows_home(flat, home), home, home or NO_HOME
     rows: list[Row] = []
     rally: list[Row] = []
     numbers: dict[Fate, dict[str, set[int]]] = defaultdict(lambda: defaultdict(set))
-    notes: dict[str, dict[str, set[int]]] = {}  # sentences, and the items that {} stands for
-    # changes of speed: index of the row from which on it is flown, airspeed if any, number, name
-    # and fate of its item
+    notes: dict[str, dict[str, set[int]]] = {}  # sentences, and the items that replace {}
+    # changes of speed: first row at this speed, airspeed if any, and number, name and fate of the
+    # item
     changes: list[tuple[int, float | None, int, str, Fate]] = []
     end, passed = max(flat, default=0), set[int]()
     for number, item in _in_order(flat, skip):
@@ -169,7 +169,7 @@ def read_items(
 def _without_home(
     flat: Mapping[int, Mapping[str, Any]], home: tuple[float, ...] | None, start: str
 ) -> str:
-    """What holds where home has no place, or the file has none."""
+    """Note on a home without a place, or on a file without a home."""
     if home is not None:
         return (
             f"Home has no place in the file: the route begins at {start}, and heights "
@@ -185,7 +185,7 @@ def _without_home(
 
 
 def _whole(number: int, item: Mapping[str, Any]) -> Mapping[str, Any]:
-    """The item, which is refused without a key that its type needs, or as one of too many."""
+    """The item; InputError without a key that its type needs, or if there are too many."""
     if number > MAX_ITEMS:
         raise InputError(f"`items` must be at most {MAX_ITEMS}, got more.")
     for key in ("command", "frame", "params") if item.get("type") == "SimpleItem" else ("type",):
@@ -198,7 +198,7 @@ def _whole(number: int, item: Mapping[str, Any]) -> Mapping[str, Any]:
 def _above_sea(
     flat: list[Mapping[str, Any]], terrain: str | Path | None
 ) -> list[Mapping[str, Any]]:
-    """Items with heights above sea level, where they are above a terrain that is known."""
+    """Items with heights above a known terrain converted to heights above sea level."""
     over = [
         i
         for i, item in enumerate(flat)
@@ -212,7 +212,7 @@ def _above_sea(
         [json_number(x, "a place above terrain") for x in flat[i]["params"][4:7]] for i in over
     ]
     places = np.array(stated)
-    heights = places[:, 2] + ground_at(terrain, places[:, :2])  # at once: it opens the file
+    heights = places[:, 2] + ground_at(terrain, places[:, :2])  # at once, as it opens the file
     above = dict(zip(over, heights.tolist(), strict=True))
     return [
         {**item, "AMSLAltAboveTerrain": above[i]} if i in above else item
@@ -221,7 +221,7 @@ def _above_sea(
 
 
 def _fates(numbers: Mapping[Fate, dict[str, set[int]]], skip: bool) -> list[str]:
-    """Sentences on what is flown of items and what is not; InputError refuses some."""
+    """Sentences on items that are flown differently or not at all; InputError refuses some."""
     no_place = numbers["no place"]
     if wrong := listed_items(numbers["refused"] | ({} if skip else no_place)):
         left = "it" if wrong == listed_items(no_place) else listed_items(no_place)
@@ -239,7 +239,7 @@ def _fates(numbers: Mapping[Fate, dict[str, set[int]]], skip: bool) -> list[str]
 
 
 def _knows_home(flat: Mapping[int, Mapping[str, Any]], home: tuple[float, ...] | None) -> bool:
-    """Whether the place of home is stated: programs that do not know it write zeros."""
+    """Whether the place of home is known: programs without a home write zeros."""
     placed = [(i, x) for i, x in flat.items() if x.get("command") in PLACED and _placed(x)]
     mixed = len({_counts_from_sea(item) for _, item in placed}) > 1
     if home is None:
@@ -266,21 +266,21 @@ def _knows_home(flat: Mapping[int, Mapping[str, Any]], home: tuple[float, ...] |
 
 
 def _counts_from_sea(item: Mapping[str, Any]) -> bool:
-    """Whether the height of an item is known above sea level without that of home."""
+    """Whether the height of an item above sea level is known without the height of home."""
     known = item["frame"] in ABOVE_TERRAIN and item.get("AMSLAltAboveTerrain") is not None
     return known or item["frame"] in ABOVE_SEA
 
 
 def _placed(item: Mapping[str, Any]) -> bool:
-    """Whether an item has a place: latitude and longitude of 0, null or NaN are none."""
+    """Whether an item has a place: latitude and longitude of 0, null or NaN do not count."""
     return any(x is not None and x == x and x != 0 for x in item["params"][4:6])
 
 
 def add_row(rows: list[Row], row: Row, name: str) -> list[str]:
-    """Add a row called `name`, unless it is the one before; a note if the heights differ."""
+    """Add a row called `name`, unless it repeats the last row; a note if the heights differ."""
     row = row | {"name": name}
     before = rows[-1] if rows else row
-    # A take-off is often the row before once more. No aeroplane flies two heights at one place.
+    # A take-off often repeats the last row. No aeroplane flies two heights at one place.
     apart = max(abs(row[key] - before[key]) for key in PLACE[:2])
     if not rows or "turns" in row or "turns" in before or apart >= SAME_PLACE_DEG:
         rows.append(row)
@@ -292,7 +292,7 @@ def add_row(rows: list[Row], row: Row, name: str) -> list[str]:
 
 
 def _flat(items: Sequence[Mapping[str, Any]]) -> Iterator[Mapping[str, Any]]:
-    """The items in order; surveys, corridor scans and landings as those that they consist of."""
+    """The items in order, with surveys, corridor scans and landings replaced by their parts."""
     for item in items:
         if parts := item.get("TransectStyleComplexItem", {}).get("Items"):
             yield from _flat(parts)
@@ -316,12 +316,12 @@ def _landing(item: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
     stops += [2501] * _flag(item, "stopVideoPhotos", False)  # QGroundControl's name for videos
     stops += [SPEED] * _flag(item, "useDoChangeSpeed", False)
     for command in (189, *stops):
-        # A change of speed alone reads its parameters; frame 2 is that of items without a place.
+        # Only a change of speed reads its parameters; frame 2 means an item without a place.
         params = [0, item.get("finalApproachSpeed"), -1, *[0] * 4]
         yield {"type": "SimpleItem", "frame": 2, "command": command, "params": params}
     ends = {"loiter": (circle, before, approach), "land": (down, [0] * 4, item["landCoordinate"])}
     for part, (command, values, coordinate) in ends.items():
-        # In version 1 circle and landing have a key each.
+        # In version 1 circle and landing have their own keys.
         relative = _flag(item, "altitudesAreRelative") and _flag(item, f"{part}AltitudeRelative")
         frame = ABOVE_HOME[0] if relative else ABOVE_SEA[0]
         params = [*values, *coordinate]
@@ -329,16 +329,16 @@ def _landing(item: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
 
 
 def _flag(item: Mapping[str, Any], key: str, absent: bool = True) -> bool:
-    """A value of an item that is true or false, or what holds if it is absent."""
+    """A boolean of an item, or the default if it is absent."""
     return json_bool(item.get(key, absent), f"`{key}`")
 
 
 def _in_order(
     items: Mapping[int, Mapping[str, Any]], skip: bool
 ) -> Iterator[tuple[int, Mapping[str, Any]]]:
-    """Items in the order in which they are flown, with the repeats of jumps, and their numbers.
+    """Items in flown order, with the repeats of jumps, and their numbers.
 
-    With `skip`, jumps with too many repeats are left out: they have the key ``endless``.
+    With `skip`, jumps with too many repeats are omitted: they have the key ``endless``.
     """
     numbers = {item.get("doJumpId"): number for number, item in items.items()}
     repeats: dict[int, int] = defaultdict(int)
@@ -379,13 +379,13 @@ def _name(item: Mapping[str, Any]) -> str:
 def _fate(
     item: Mapping[str, Any], rows: Sequence[Row], lost: bool, home: tuple[float, ...]
 ) -> tuple[str, Fate]:
-    """Name of an item, with the reason of a refusal, and what becomes of it after some rows."""
+    """Name of an item, with the reason of a refusal, and its fate after the rows before it."""
     name = _name(item)
     if item["type"] != "SimpleItem":
         lacking = ", whose items are not in the file" * ("TransectStyleComplexItem" in item)
         return f"{name}{lacking}", "refused"
     command, frame = item["command"], item["frame"]
-    json_number(frame, "`frame`")  # false would be 0, a height above sea level
+    json_number(frame, "`frame`")  # without this check false would be 0, a height above sea level
     if command in HARMLESS:
         return name, "harmless"
     placed = _placed(item)
@@ -411,7 +411,7 @@ def _fate(
 
 
 def _again(item: Mapping[str, Any], rows: Sequence[Row], home: tuple[float, ...]) -> bool:
-    """Whether a take-off is that at the beginning of the route once more."""
+    """Whether a take-off repeats the take-off at the beginning of the route."""
     place = item["params"][4:6] if _placed(item) else home[:2]
     apart = (
         abs(json_number(x, "a take-off") - rows[0][key])
@@ -429,7 +429,7 @@ def listed_items(numbers: Mapping[str, Collection[int]]) -> str:
 
 
 def _runs(numbers: Collection[int]) -> Iterator[str]:
-    """Numbers in words, three or more in a row as a range."""
+    """Numbers as text, three or more consecutive numbers as a range."""
     for _, pairs in groupby(enumerate(sorted(numbers)), lambda pair: pair[1] - pair[0]):
         run = [number for _, number in pairs]
         if len(run) > 2:
@@ -467,12 +467,12 @@ def _row(label: str, item: Mapping[str, Any], home: tuple[float, ...], before: l
 
 
 def _height_before(item: Mapping[str, Any]) -> bool:
-    """Whether the height of circles is that of the item before: 0 is, in ArduPilot."""
+    """Whether circles keep the height of the item before: in ArduPilot a height of 0 means this."""
     return item["params"][6:] == [0] and item["frame"] in (*ABOVE_HOME, *ABOVE_TERRAIN)
 
 
 def _circles(label: str, command: int, values: Sequence[Any]) -> Row:
-    """Turns, radius and what else is stated of circles."""
+    """Turns, radius and other keys of circles."""
     radius = json_number(values[RADIUS[command]], f"`radius_m` of {label}", 0.0)
     turns = UNLIMITED_TURNS if command == UNLIMITED else LEAST_TURNS
     if command == TURNS and (turns := json_number(values[0], f"`turns` of {label}")) <= 0.0:
@@ -485,7 +485,7 @@ def _circles(label: str, command: int, values: Sequence[Any]) -> Row:
 
 
 def _notes(label: str, item: Mapping[str, Any]) -> Iterator[str]:
-    """A sentence where an item is flown in another way than it says, {} for all it is said of."""
+    """A sentence for an item that is flown differently, with {} for all such items."""
     command, values, subject = item["command"], item["params"], f"I{label[1:]}"
     if command in TAKEOFFS:
         yield f"The route begins where the take-off of {label} ends."
@@ -508,7 +508,7 @@ def _notes(label: str, item: Mapping[str, Any]) -> Iterator[str]:
 
 
 def _speed(label: str, item: Mapping[str, Any]) -> tuple[float | None, list[str]]:
-    """The airspeed that a change of speed sets, m/s, and a sentence for all else that it sets."""
+    """The airspeed that a change of speed sets, m/s, and a sentence for its other settings."""
     values = [json_number(x, f"{label} (speed)", 0.0) for x in json_part(item, "params", list)[:4]]
     kind, value, throttle, relative = [*values, *[0.0] * 4][:4]
     speed = SPEEDS[int(kind)] if kind in range(len(SPEEDS)) else f"a speed of type {kind:g}"
@@ -525,7 +525,7 @@ def _speed(label: str, item: Mapping[str, Any]) -> tuple[float | None, list[str]
 
 
 def _change(airspeed: float | None, able: tuple[float, float] | None) -> tuple[str, Fate]:
-    """Name of a change of speed, with the reason if it is not flown, and what becomes of it."""
+    """Name of a change of speed, with the reason if it is not flown, and its fate."""
     name = COMMANDS[SPEED]
     if airspeed is None:
         return name, "not flown"
@@ -538,7 +538,7 @@ def _change(airspeed: float | None, able: tuple[float, float] | None) -> tuple[s
 
 
 def _airspeeds(rows: Sequence[Row], speeds: Mapping[int, tuple[float, int]]) -> list[str]:
-    """Give rows the airspeeds from them on, but that of all; a sentence with all."""
+    """Set the airspeed from each row on, except for the first; a sentence that lists all."""
     later = [i for i in speeds if i]
     for i in speeds if later else ():
         rows[i]["V_mps"] = speeds[i][0]
@@ -563,12 +563,12 @@ def place(name: str, values: Sequence[Any]) -> Row:
     return row
 
 
-# First words of the files of Mission Planner, and the values of an item in a line of them.
+# First words of Mission Planner's files, and number of values of an item in a line.
 HEADER, COLUMNS = "QGC WPL 110", 12
 
 
 def planner_items(text: str) -> tuple[list[float] | None, list[dict[str, Any]]]:
-    """Home (latitude, longitude, height), if the file has one, and items of Mission Planner."""
+    """Home (latitude, longitude, height; or None) and items of a Mission Planner file."""
     first, *lines = [line.split() for line in stated_lines(text)] or [[]]
     if " ".join(first) != HEADER or not lines:
         got = abridged(" ".join(first)) if lines else "none"
@@ -579,11 +579,11 @@ def planner_items(text: str) -> tuple[list[float] | None, list[dict[str, Any]]]:
         for number, _, frame, command, *values, _ in map(_numbers, lines)
     ]
     home, *others = items
-    # A file of a fence or of rally points alone has no home, as MAVProxy writes it.
+    # MAVProxy writes a file of only a fence or rally points without a home.
     if home["command"] in AREAS:
         return [*NO_HOME], items
     number, height = home["doJumpId"], home["params"][6]
-    # Some planners write no home, and begin with item 0 or 1. A height of 0 above home is home's.
+    # Some planners write no home and begin with item 0 or 1. A height of 0 above home means home.
     if home["command"] == WAYPOINT and number == 0 and (home["frame"] in ABOVE_SEA or not height):
         return home["params"][4:], others
     if number not in (0, 1):
@@ -604,8 +604,8 @@ def _numbers(words: Sequence[str]) -> list[float]:
 
 
 def stated_lines(text: str) -> list[str]:
-    """Lines without comments and blank ones."""
+    """Lines that are neither comments nor blank."""
     lines = [line for line in text.splitlines() if line.strip() and line.lstrip()[0] != "#"]
-    if len(lines) > MAX_ITEMS + 2:  # the first ones name the format and home
+    if len(lines) > MAX_ITEMS + 2:  # the first lines name the format and home
         raise InputError(f"must have at most {MAX_ITEMS} items, got {len(lines)} lines.")
     return lines

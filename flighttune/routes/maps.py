@@ -49,16 +49,16 @@ APART = 10.0
 # Corners in a quarter of the round end of an area.
 CORNERS = 16
 
-# Key of what a written file says about the route that its path was planned from.
+# Key of a written file for the route from which its path was planned.
 ROUTE_KEY = "flighttune"
 
-# Ends of the names of the coordinate system of GeoJSON.
+# Endings of names of GeoJSON's coordinate system.
 WGS_84 = "CRS84", "EPSG::4326", "EPSG:4326", "EPSG::4979"
 
-# Numbers of a file are smaller in size.
+# Maximum absolute value of a number in a file.
 TOO_LARGE = 1e9
 
-# Largest change of course between two points of a corridor, rad.
+# Maximum change of course between two points of a corridor, rad.
 CHORD = 1.0 * DEG
 
 P = TypeVar("P", list[Any], dict[str, Any])
@@ -70,14 +70,14 @@ Where: TypeAlias = tuple[Route, LatLon, float]
 class Corridor(NamedTuple):
     """Bounds in windows of distance along a path, all in m."""
 
-    windows: FloatArray  # (windows, 2): from where to where
+    windows: FloatArray  # (windows, 2): begin and end
     low: FloatArray  # (windows, 2): distances to the right of the path and below it
     high: FloatArray
-    claim: str  # what it is of, in words
+    claim: str  # its meaning in words
 
 
 class Volume(NamedTuple):
-    """All places beside a path up to a width, between two heights over ground, in m."""
+    """All places within a width of a path, between two heights over ground, in m."""
 
     width: float  # to each side, and around both ends
     low: float
@@ -94,20 +94,20 @@ class Mark(NamedTuple):
     height: float  # m above sea level
 
 
-# A closed ring of longitudes and latitudes, deg, and whether it is to stay out of.
+# A closed ring of longitudes and latitudes, deg, and whether flights must stay outside.
 Area: TypeAlias = tuple[list[list[float]], bool]
 
 # Elements of an area in KML, from its shape to its ring.
 RING = ("Polygon", "outerBoundaryIs", "LinearRing")
 
-# Elements of KML that are shapes, and whose text is read.
+# KML elements that are shapes, and elements whose text is read.
 SHAPES = ("LineString", "Polygon", "Point", "Track")
 READ = ("coordinates", "coord", "altitudeMode", "value")
 
-# Most places of the shapes of a KML: routes and fences have at most thousands.
+# Maximum number of places in a KML file: routes and fences have at most thousands.
 MAX_PLACES = 200_000
 
-# Most elements of KML inside each other.
+# Maximum nesting of KML elements.
 MAX_DEPTH = 200
 
 # Colours of lines and areas in KML, as opacity, blue, green, red.
@@ -119,7 +119,7 @@ STYLES = {
 
 
 def areas_of(tables: Iterable[Mapping[str, Any]]) -> tuple[Area, ...]:
-    """Rings of fences in GeoJSON, and whether they are to stay out of; inner rings are."""
+    """Rings of fences in GeoJSON; True: flights must stay outside, as for every inner ring."""
     return tuple(
         (ring, zone > 0 or json_part(feature, "properties", dict).get("exclusion") is True)
         for fence in tables
@@ -130,7 +130,7 @@ def areas_of(tables: Iterable[Mapping[str, Any]]) -> tuple[Area, ...]:
 
 
 def json_number(value: object, name: str, null: float | None = None) -> float:
-    """A number of a file, `null` for null; InputError if it is text, a boolean, or too large."""
+    """A number of a file, or `null` for null; InputError for text, a boolean or a huge number."""
     if value is None and null is not None:
         return null
     if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < TOO_LARGE:
@@ -139,14 +139,14 @@ def json_number(value: object, name: str, null: float | None = None) -> float:
 
 
 def json_bool(value: object, name: str) -> bool:
-    """A value of a file that is true or false; InputError if it is another."""
+    """A boolean of a file; InputError for another value."""
     if not isinstance(value, bool):
         raise InputError(f"{name} must be true or false, got {table.abridged(value)}.")
     return value
 
 
 def json_part(tables: Mapping[str, Any], key: str, kind: type[P]) -> P:
-    """The list or object of a key, empty if absent or null; InputError if it is another value."""
+    """The list or object of a key, empty if absent or null; InputError for another value."""
     value = tables.get(key)
     if not isinstance(value, kind | None):
         what = "a list" if kind is list else "an object"
@@ -186,7 +186,7 @@ def _kmz_text(path: Path) -> str:
 
 @contextmanager
 def reading(path: Path, kind: str) -> Iterator[None]:
-    """Refuse a file in which something is missing or of another type, in one line with its name."""
+    """Refuse a file with a missing key or a wrong type, in one line with the name of the file."""
     try:
         yield
     except InputError as error:
@@ -205,8 +205,8 @@ def feature(kind: str, coordinates: Any, properties: Mapping[str, Any]) -> dict[
 
 
 def features(tables: Mapping[str, Any]) -> Sequence[Mapping[str, Any]]:
-    """The features of a GeoJSON object; a shape alone is one without properties."""
-    # GeoJSON older than RFC 7946 may state another coordinate system, some 100 m beside WGS 84.
+    """The features of a GeoJSON object; a bare shape counts as a feature without properties."""
+    # GeoJSON before RFC 7946 may use another coordinate system, some 100 m away from WGS 84.
     system = json_part(json_part(tables, "crs", dict), "properties", dict).get("name", WGS_84[0])
     if not str(system).endswith(WGS_84):
         raise InputError(
@@ -218,7 +218,7 @@ def features(tables: Mapping[str, Any]) -> Sequence[Mapping[str, Any]]:
 
 
 def _parts(shape: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
-    """The features of one line, polygon or point each that a feature consists of."""
+    """The single lines, polygons and points of a feature, as one feature each."""
     pending = [shape["geometry"]]
     stated: Any = shape.get("properties")
     while pending:
@@ -236,7 +236,7 @@ def _parts(shape: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
 
 def kml_features(text: str) -> list[dict[str, Any]]:
     """Lines, tracks, polygons and points of KML as features of GeoJSON, with ``altitudeMode``."""
-    if "<!DOCTYPE" in text:  # entities could make a small file a large one
+    if "<!DOCTYPE" in text:  # entities could expand a small file to a huge text
         raise InputError("must be KML without a document type.")
     shapes = _Shapes()
     parser = ElementTree.XMLParser(target=shapes)
@@ -254,7 +254,7 @@ def kml_features(text: str) -> list[dict[str, Any]]:
 
 
 class _Shapes:
-    """What a parser of KML is told, element by element: no tree of them is kept."""
+    """Handler of a KML parser, element by element, without a tree in memory."""
 
     def __init__(self) -> None:
         self.found: list[dict[str, Any]] = []
@@ -305,7 +305,7 @@ class _Shapes:
             self.stated = self.stated or text
         elif kind == "altitudeMode" and self._shape:
             self._mode = self._mode or text
-        elif kind == "coord" and self._shape == "Track":  # its points have blanks for commas
+        elif kind == "coord" and self._shape == "Track":  # blanks separate its numbers
             self._add(",".join(text.split()))
         elif kind == "coordinates" and self._shape in ("LineString", "Polygon"):
             self._add(text)
@@ -331,7 +331,7 @@ def _points(text: str) -> list[list[float]]:
 
 
 def with_hash(route: Mapping[str, Any], path: object) -> dict[str, Any]:
-    """A route to write beside the path that was planned from it; another path has another hash."""
+    """A route to write beside its planned path, with the hash of the path."""
     return {**route, "path_sha256": table.hash_of(path)}
 
 
@@ -344,10 +344,10 @@ class RouteMap(NamedTuple):
     rally: Sequence[Mark] = ()
     areas: Sequence[Area] = ()
     corridor: Corridor | None = None
-    stated: Mapping[str, Any] | None = None  # the route that its file is read back as
+    stated: Mapping[str, Any] | None = None  # the route that a reader of the file gets
 
     def geojson(self) -> str:
-        """The map as GeoJSON, with heights above sea level, and the corridor window by window."""
+        """The map as GeoJSON, with heights above sea level; each window is a feature."""
         line = self._line()
         claim = {"corridor": self.corridor.claim} if self.corridor else {}
         own = {ROUTE_KEY: with_hash(self.stated, line.tolist())} if self.stated else {}
@@ -404,8 +404,8 @@ class RouteMap(NamedTuple):
             window = slice(int(begin / STEP), int(end / STEP) + 2)
             turn, up = np.abs(path.curvature[window]).max() * (end - begin), path.up[window]
             s = np.linspace(begin, end, 2 + int(max((end - begin) / APART, turn / CHORD)))
-            # The rings are closed and counterclockwise, as GeoJSON asks for. Loiters overlap
-            # themselves, windows do not.
+            # The rings are closed and counterclockwise, as GeoJSON requires. A loiter overlaps
+            # itself; a window does not.
             right = np.repeat([high[0], low[0], high[0]], [len(s), len(s), 1])
             s = np.concatenate([s, s[::-1], s[:1]])
             floor, ceiling = _coordinates(self.where, s, right, high[1], low[1])
@@ -426,7 +426,7 @@ def _placemark(
 def _shape(
     points: FloatArray, kind: str, *nested: str, mode: str = "absolute"
 ) -> ElementTree.Element:
-    """A shape, whose coordinates are in the last of the `nested` elements."""
+    """A shape with its coordinates in the last of the `nested` elements."""
     inner = node("coordinates", " ".join(",".join(map(str, point)) for point in points.tolist()))
     for tag in reversed(nested):
         inner = node(tag, inner)
@@ -436,7 +436,7 @@ def _shape(
 def _coordinates(
     where: Where, s: FloatArray, right: Floats, *distances_below: float
 ) -> list[FloatArray]:
-    """Longitude, latitude (deg) and height (m), (n, 3), beside a path and below it by distances."""
+    """Longitude, latitude (deg) and height (m), (n, 3), at distances beside and below a path."""
     path, origin, h_0 = where
     places = path.beside(s, right)
     lat, lon = on_earth(places, origin).T.round(8)
@@ -444,9 +444,9 @@ def _coordinates(
 
 
 def rings_around(path: Route, width: float) -> list[FloatArray]:
-    """Rings of the area within `width` (m) of a path, the outer one first: north, east, (n, 2)."""
-    off_path = np.abs(path.curvature).max() * APART**2 / 8.0  # of a chord between two points
-    # No place within the width is outside of it: its corners are beyond.
+    """Rings of the area within `width` (m) of a path, outer ring first: north, east, (n, 2)."""
+    off_path = np.abs(path.curvature).max() * APART**2 / 8.0  # distance of a chord, m
+    # The corners lie outside the circle, so that the ring contains all places within the width.
     beyond = (width + off_path) / math.cos(math.pi / (4 * CORNERS))
     area = LineString(path.beside(path.points(APART))[:, :2]).buffer(beyond, quad_segs=CORNERS)
     return [np.array(ring.coords) for ring in (area.exterior, *area.interiors)]
@@ -472,7 +472,7 @@ def of_volumes(file: Path) -> bool:
     return '"max_over_ground_m"' in file.read_text(encoding="utf-8", errors="replace")
 
 
-# Distance between the places at which the ground is looked at, m.
+# Distance between the places at which the height of the ground is read, m.
 LOOKED_AT = 5.0
 
 
@@ -490,7 +490,7 @@ def _none_at(file: str | Path, lat: float, lon: float) -> InputError:
 
 
 def clearance(file: str | Path, where: Where, corridor: Corridor | None = None) -> dict[str, Any]:
-    """The lowest place over the ground of a path, or of its corridor, looked at every 5 m."""
+    """The place where a path or its corridor is lowest over the ground, sampled every 5 m."""
     path, origin, h_0 = where
     s, right, below = path.points(LOOKED_AT), np.zeros(()), np.zeros(())
     if corridor is not None:
@@ -515,7 +515,7 @@ def clearance(file: str | Path, where: Where, corridor: Corridor | None = None) 
 
 
 def clearance_words(subject: str, lowest: dict[str, Any]) -> str:
-    """How low something comes over the ground, in a sentence."""
+    """The smallest height over ground, in a sentence."""
     place = "on the {stretch}, {along_m:.0f} m along, at {lat_deg:.5f}, {lon_deg:.5f}"
     ground = "the ground is {ground_m:.0f} m above sea level there ({file})"
     over = lowest["over_ground_m"]

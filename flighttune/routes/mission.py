@@ -18,7 +18,7 @@ from flighttune.routes import maps
 from flighttune.routes.fence import circle_of
 from flighttune.routes.path import Stretch
 
-# Endings of files that are read.
+# Endings of files that can be read.
 ROUTE_FILES = (".plan", ".json", ".geojson", ".waypoints", ".txt", ".kml", ".kmz")
 
 KINDS = (
@@ -35,9 +35,9 @@ def read_route(
 ) -> mavlink.RouteFile:
     """Read a route: a .plan of QGroundControl, .waypoints of Mission Planner, KML or GeoJSON.
 
-    `skip`: leave out commands that change the flight but have no place. Commands that leave the
-    path as it is are always left out. `terrain`: a file that heights above terrain are flown by.
-    `airspeeds`: the range of the aircraft, m/s; None if all is flown at one that the user states.
+    `skip`: omit commands that change the flight but have no place. Commands that do not change the
+    path are always omitted. `terrain`: a file for heights above terrain. `airspeeds`: the range of
+    the aircraft, m/s; None if the user states one airspeed for the whole route.
     """
     kind, content = maps.map_file(path, ROUTE_FILES, KINDS)
     with maps.reading(path, KINDS):
@@ -61,7 +61,7 @@ def read_route(
 
 
 def _written(stated: object, path: object) -> mavlink.RouteFile | None:
-    """The route that flighttune wrote beside a path, if that is still the path of the file."""
+    """The route that flighttune wrote beside a path, if the path of the file is unchanged."""
     if not isinstance(stated, Mapping) or stated.get("path_sha256") != hash_of(path):
         return None
     flight = {key: maps.json_number(value, f"`{key}`") for key, value in stated["flight"].items()}
@@ -97,7 +97,7 @@ def _plan(tables: Mapping[str, Any], *options: Any) -> mavlink.RouteFile:
     home = (*(maps.json_number(x, "`plannedHomePosition`", 0.0) for x in stated[:2]), height)
     read = mavlink.read_items(mission["items"], home, *options)
     points = maps.json_part(maps.json_part(tables, "rallyPoints", dict), "points", list)
-    # Numbers that a point lacks are refused as None.
+    # A missing number becomes None, which is refused.
     rally = [
         mavlink.place(f"rally point {i}", [*point, None, None, None][:3])
         for i, point in enumerate(points, 1)
@@ -105,7 +105,7 @@ def _plan(tables: Mapping[str, Any], *options: Any) -> mavlink.RouteFile:
     return read._replace(route=read.route | {"rally": rally})
 
 
-# Modes of a line of KML that has heights; in others they are to be ignored.
+# Altitude modes of KML in which heights count; in other modes KML ignores them.
 STATED_HEIGHTS = "absolute", "relativeToGround"
 
 
@@ -131,7 +131,7 @@ def _line(shapes: Sequence[Mapping[str, Any]]) -> mavlink.RouteFile:
         same += mavlink.add_row(rows, row, name)
     notes = ["Of the shapes in the file the line alone is read."] * (len(shapes) > 1)
     flight = {"h_m": rows[0]["up_m"]} if rows else {}
-    # Programs that know no heights write zeros.
+    # Programs without heights write zeros.
     if not any(row["up_m"] for row in rows):
         clamped = "" if mode in STATED_HEIGHTS else f" that count, as its line is {mode}"
         flight = {}
@@ -150,11 +150,11 @@ ABOVE_HOME, NO_FRAME = 3, 2
 
 def route_plan(route: maps.RouteMap, V_a: float, ground: float) -> tuple[str, str]:
     """A plan of a path at `V_a` (m/s) from a home at `ground` (m), and a note on its fence."""
-    # Circles have the radius and the turns that are planned, and turn-arounds are waypoints along
-    # their path. A corridor takes the place of the areas to stay in. The note says what becomes of
-    # a fence with more vertices than vehicles take.
+    # Circles have the planned radius and turns. Turn-arounds become waypoints along their path. A
+    # corridor replaces the areas to stay in. The note describes the changes of a fence with more
+    # vertices than vehicles accept.
     path, origin, h_0 = route.where
-    no_options = 0, 0, 0, None  # of a waypoint: no hold, radius, side or yaw
+    no_options = 0, 0, 0, None  # parameters of a waypoint: no hold, radius, side or yaw
 
     def at(s: float) -> tuple[float, ...]:
         point = path.beside(np.array([s]))
@@ -215,7 +215,7 @@ def route_plan(route: maps.RouteMap, V_a: float, ground: float) -> tuple[str, st
 
 
 def _area(ring: list[list[float]], exclusion: bool) -> dict[str, Any]:
-    """An area of a fence: a circle where the ring is one that stands for it."""
+    """An area of a fence; a circle if the ring replaces a circle."""
     area = {"version": 1, "inclusion": not exclusion}
     if circle := circle_of(ring, outside=exclusion):
         (lat, lon), radius = circle
@@ -224,31 +224,31 @@ def _area(ring: list[list[float]], exclusion: bool) -> dict[str, Any]:
 
 
 def _passed(stretch: Stretch) -> Iterator[float]:
-    """Distances along the route of the waypoints of a stretch that is no loiter, m."""
+    """Distances along the route of the waypoints of a stretch other than a loiter, m."""
     if stretch.kind == "turn":
         yield stretch.start + 0.5 * stretch.length
     elif stretch.kind == "turn-around":
-        # The bends of a bulb: its courses change by up to three times the circumference of one.
+        # A turn-around changes its course by up to three full circles.
         count = max(2, math.ceil(stretch.length / (stretch.radius * APART)))
         yield from (stretch.start + i * stretch.length / count for i in range(count + 1))
 
 
-# Vertices of a fence that every vehicle takes, each circle as one.
+# Number of vertices that every vehicle accepts; a circle counts as one vertex.
 MOST, VEHICLES = 64, "PX4 takes at most 64 and ArduPilot 70"
 
-# Sizes of the details that are left out, m; the first is the rounding of places in a file.
+# Sizes of details to simplify away, m; the first is the rounding of places in a file.
 SIZES = (0.01, *np.geomspace(0.1, 2000.0, 40).tolist())
 
-# Steps in which the distance between two areas is found.
+# Steps of the search for the distance between two areas.
 HALVINGS = 14
 
 
 def _fewer_vertices(route: maps.RouteMap) -> tuple[list[maps.Area], str]:
-    """Areas, of at most `MOST` vertices, that hold a path or windows of its corridor; a note."""
+    """Areas of at most `MOST` vertices that contain a path or its corridor windows; a note."""
     (path, origin, _), windows = route.where, route.corridor_rings()
-    # The corridor takes the place of the areas to stay in, and is cut off at those that hold it.
-    # Circles stay circles. Areas to stay in become smaller, those to stay out of larger. The note
-    # has the distance that this costs; it is empty where nothing changes.
+    # The corridor, clipped to the areas to stay in, replaces them. Circles stay circles. Areas to
+    # stay in become smaller, and areas to stay out of become larger. The note has the lost
+    # distance; it is empty if nothing changes.
     circles = [
         (x, out) for x, out in route.areas if circle_of(x, outside=out) and (out or not windows)
     ]
@@ -312,12 +312,12 @@ def _rings(shape: Any, outside: bool, origin: maps.LatLon) -> list[maps.Area]:
 
 
 def _changed(area: Any, outside: bool, size: float) -> Any:
-    """An area without its details of a size: larger if it is to stay out of, else smaller."""
+    """An area without details of a size: grown if flights must stay outside, else shrunk."""
     return area.buffer(size if outside else -size, join_style="mitre").simplify(size)
 
 
 def _beyond(inner: Any, outer: Any) -> float:
-    """How far the places of an area are from another one, at most, m."""
+    """Largest distance of the places of an area from another area, m."""
     low, high = 0.0, math.dist(*np.reshape(outer.bounds, (2, 2)))
     for _ in range(HALVINGS):
         middle = 0.5 * (low + high)

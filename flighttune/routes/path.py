@@ -1,7 +1,6 @@
 """A path over ground from waypoints: straight legs, and turns that a limited roll rate can follow.
 
-Curvature is that of the path seen from above, positive where the path turns right, and distances
-are those seen from above.
+Curvature and distances are seen from above; curvature is positive where the path turns right.
 """
 
 import math
@@ -23,28 +22,28 @@ Kind: TypeAlias = Literal["leg", "turn", "loiter", "turn-around"]
 # Distances along a route and heights there, m.
 Profile: TypeAlias = list[tuple[float, float]]
 
-# Distance between the points of a path's table, m: a chord of it is 3 mm off an arc of 50 m.
+# Distance between the points of a path's table, m: a chord is 3 mm off an arc of 50 m radius.
 STEP = 1.0
 
-# Points of the integration in a step.
+# Integration points per step.
 SUBSTEPS = 8
 
-# Time for which a path goes on straight beyond its end, s.
+# Straight flight beyond the end of a path, s.
 BEYOND_S = 10.0
 
-# Shortest time over which a change of the climb is spread, s, and the load factor that it may add.
+# A change of the climb is spread over at least this time, s, and adds at most this load factor.
 PULL_UP_S, PULL_UP_N_Z = 2.0, 0.2
 
 # Largest change of course at a corner, rad: its turn begins some six radii before the waypoint.
 SHARPEST = 160.0 * DEG
 
-# Course change (rad) below which there is none.
+# A smaller change of course, rad, counts as zero.
 NO_TURN = 1e-6
 
-# Path angle of circles that take a change of height, rad.
+# Path angle of circles that change height, rad.
 SPIRAL = 5.0 * DEG
 
-# Steps in which the speed and the wind of a way out are looked for, and the lowest speed, a share.
+# Steps of the search for a feasible speed or wind, and the lowest speed as a share.
 HALVINGS, SLOWEST = 10, 0.4
 
 
@@ -56,24 +55,24 @@ class Waypoint:
     north: float
     east: float
     up: float = 0.0
-    # Circles to fly around the point at least, clockwise positive; the last goes on until the
-    # course is that of the next leg. With 0 the point is passed.
+    # Minimum number of circles around the point, clockwise positive; the last circle goes on to the
+    # course of the next leg. With 0 the point is passed.
     turns: float = 0.0
-    # Radius of the circles, m; None for the smallest that can be flown.
+    # Radius of the circles, m; None for the smallest radius that can be flown.
     radius: float | None = None
-    # Size of the path angle (rad) at which the leg to the point changes its height, from its
-    # beginning on; None for a steady change along the whole leg.
+    # Absolute path angle (rad) at which the leg to the point changes its height, from its beginning
+    # on; None for a steady change along the whole leg.
     climb: float | None = None
-    # Time (s) that the circles take at least, at the airspeed.
+    # Minimum time of the circles, s, at the airspeed.
     hold: float = 0.0
-    # Whether the circles take the change of height, in place of the leg to the point.
+    # Whether the circles change the height, instead of the leg to the point.
     spiral: bool = False
     # Its name in messages; by default ``waypoint`` with its number.
     name: str = ""
 
     @property
     def number(self) -> str:
-        """Its number in the file that it was read from, which maps show."""
+        """Number of the waypoint in its file, which maps show."""
         return self.name.split()[-1]
 
 
@@ -82,19 +81,19 @@ class Ability:
     """Speed and limits for which a route is planned."""
 
     V_a: float  # m/s
-    wind: float  # m/s: the largest for which turns are planned
-    phi: float  # rad: roll that turns may use
-    phi_rate: float  # rad/s: rate at which it changes
+    wind: float  # m/s: largest wind for which turns are planned
+    phi: float  # rad: maximum roll in turns
+    phi_rate: float  # rad/s: roll rate
     gamma: tuple[float, float]  # rad: lowest and highest path angle
     g: float  # m/s^2
-    widen: bool = False  # whether circles that are too small are flown at the smallest radius
-    # m: how far a turn-around may go from the leg that it replaces; 0 for none
+    widen: bool = False  # whether circles that are too small are widened to the smallest radius
+    # m: maximum distance of a turn-around from its leg; 0: no turn-around
     turnaround: float = 0.0
-    duration: float = math.inf  # s: longest time of a flight
+    duration: float = math.inf  # s: maximum time of a flight
 
     @property
     def speed(self) -> float:
-        """Largest speed over ground, with the wind from behind, m/s."""
+        """Largest speed over ground, in a tail wind, m/s."""
         return self.V_a + self.wind
 
     @property
@@ -103,7 +102,7 @@ class Ability:
         return self.g * math.tan(self.phi) / self.speed**2
 
     def rolling(self, curvature: float) -> float:
-        """Distance flown while roll changes from none to that of a curvature, m."""
+        """Distance flown while roll changes from zero to the roll of a curvature, m."""
         return self.speed * math.atan(curvature * self.speed**2 / self.g) / self.phi_rate
 
 
@@ -111,15 +110,15 @@ class Stretch(NamedTuple):
     """A leg, a turn, a turn-around in place of a leg, or the circles around a waypoint."""
 
     kind: Kind
-    waypoint: int  # number of the one where it ends or around which it turns, from 1
-    start: float  # m: distance along the route at which it begins
+    waypoint: int  # number of the waypoint at its end or centre, from 1
+    start: float  # m: its beginning along the route
     length: float  # m
     course: float  # rad: at its beginning
     turn: float  # rad: change of course, right positive
-    radius: float  # m: the smallest; infinite on a leg
+    radius: float  # m: smallest radius; infinite on a leg
     gamma: float  # rad: mean path angle
-    aside: float  # m: how far a turn-around goes from its leg
-    name: str  # of the waypoint
+    aside: float  # m: distance of a turn-around from its leg
+    name: str  # name of the waypoint
 
     @property
     def words(self) -> str:
@@ -129,7 +128,7 @@ class Stretch(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Path:
-    """A planned path: a table of n points, `STEP` apart, and the stretches it consists of."""
+    """A planned path: a table of n points, `STEP` apart, and its stretches."""
 
     length: float  # m, from start to end; the table goes on straight for `BEYOND_S`
     # `north`, `east` and `up`: (n,), m, from the start of the flight
@@ -166,7 +165,7 @@ class Path:
 
 
 class _Laid(NamedTuple):
-    """A stretch before the table of its path."""
+    """A stretch before the table of the path is made."""
 
     kind: Kind
     waypoint: int
@@ -185,17 +184,17 @@ class _Laid(NamedTuple):
 
 
 class _NoRoomError(InputError):
-    """A leg is too short, or a corner too sharp, for the turns that are allowed."""
+    """A leg is too short, or a corner too sharp, for the allowed turns."""
 
 
 def plan(waypoints: Sequence[Waypoint], ability: Ability) -> Path:
     """Plan the path of a route, from its first waypoint, which has no circles, through the others.
 
-    Corners have the smallest radius that the ability allows, and every turn takes its roll in and
-    out at the largest rate. A leg is the line that touches what is flown at both ends: it goes
-    through a point that is passed, and beside circles by their radius and what the roll-in adds.
-    The climb changes in the middle of a corner, or before circles, which are level; the change is
-    rounded, so that the path passes the waypoint a little above or below its height.
+    Corners have the smallest radius that the ability allows, and every turn rolls in and out at the
+    largest rate. A leg is the common tangent of the turns at both ends. It goes through a point
+    that is passed, and beside circles by their radius and the offset of the roll-in. The climb
+    changes in the middle of a corner, or before circles, which are level. The change is rounded, so
+    that the path passes the waypoint a little above or below its height.
     """
     if len(waypoints) < 2:
         raise InputError(f"`waypoints` must be at least 2, got {len(waypoints)}.")
@@ -236,9 +235,9 @@ class _Layout:
         self, waypoints: Sequence[Waypoint], ability: Ability, around: Iterable[int] = ()
     ) -> None:
         self.waypoints, self.ability, self.around = waypoints, ability, {*around}
-        # Courses (rad) are those of the legs, and lengths (m) what the turns at their ends leave of
-        # them, negative where they have no room. Corners are the waypoints whose turn the legs
-        # before and after them share.
+        # Courses (rad) belong to the legs. Lengths (m) are the legs without the turns at their
+        # ends, negative if the turns have no room. Corners are waypoints with one turn between the
+        # legs before and after.
         self.courses = self._courses()
         bends, reaches = zip(*self._turns(), strict=True)
         self.corners = {i for i, x in enumerate(bends) if x and not waypoints[i].turns}
@@ -278,7 +277,7 @@ class _Layout:
         return flown + circles * math.tau / self.ability.curvature
 
     def _courses(self) -> list[float]:
-        """Course of the leg after each waypoint but the last; of a turn-around at its ends."""
+        """Course of the leg after each waypoint but the last, or of a turn-around at its ends."""
         courses: list[float] = []
         asides = [_beside(x, self.ability)[1] if x.turns else 0.0 for x in self.waypoints]
         for i, (start, end) in enumerate(pairwise(self.waypoints)):
@@ -299,7 +298,7 @@ class _Layout:
         return courses
 
     def _turns(self) -> Iterator[tuple[turns.Pieces, float]]:
-        """Circles, a corner or, beside a turn-around, nothing at each waypoint; the reach."""
+        """The turn at each waypoint (none beside a turn-around) and its reach."""
         yield (), 0.0
         # The reach is the distance from its beginning to the foot of the waypoint on the leg, m.
         for i, (into, out) in enumerate(pairwise([*self.courses, self.courses[-1]]), start=1):
@@ -319,13 +318,13 @@ class _Layout:
                 )
 
     def _is_over(self, i: int) -> bool:
-        """Whether the corner at a waypoint between two legs is too sharp to pass inside of it."""
+        """Whether a corner between two legs is too sharp for a turn inside the waypoint."""
         if self.waypoints[i].turns or {i - 1, i} & self.around or not 0 < i < len(self.courses):
             return False
         return abs(math.remainder(self.courses[i] - self.courses[i - 1], math.tau)) > SHARPEST
 
     def _pose(self, i: int, *, out: bool) -> turns.Pose:
-        """Where a turn-around begins or ends at a waypoint: on the course of a leg beside it."""
+        """Pose of a turn-around at a waypoint: on the course of the leg beside it."""
         point, last = self.waypoints[i], len(self.courses) - 1
         before, after = self.courses[max(i - 1, 0)], self.courses[min(i, last)]
         if point.turns:
@@ -338,7 +337,7 @@ class _Layout:
             course = before
         elif i <= last and i not in self.around:
             course = after
-        else:  # between two turn-arounds half way from one leg's course to the other's
+        else:  # between two turn-arounds: the mean of the two courses
             course = before + 0.5 * math.remainder(after - before, math.tau)
         return turns.Pose(point.north, point.east, course)
 
@@ -355,7 +354,7 @@ def _laid_out(waypoints: Sequence[Waypoint], ability: Ability) -> _Layout:
                 f"{ability.speed:g} m/s and {ability.phi / DEG:.0f} deg of roll"
             )
         i = min(short, key=layout.lengths.__getitem__)
-        # A turn-around in place of a leg beyond a corner gives room too, and is often shorter.
+        # A turn-around in place of the leg beyond a corner also makes room, and is often shorter.
         legs = [i, *[i - 1] * (i in layout.corners), *[i + 1] * (i + 1 in layout.corners)]
         others = (_Layout(waypoints, ability, {*layout.around, leg}) for leg in legs)
         layout = min(others, key=lambda other: other.cost)
@@ -370,9 +369,9 @@ def _laid_out(waypoints: Sequence[Waypoint], ability: Ability) -> _Layout:
     return layout
 
 
-@lru_cache(maxsize=4096)  # each is tried beside others
+@lru_cache(maxsize=4096)  # each is tried together with other turn-arounds
 def _around(number: int, start: turns.Pose, end: turns.Pose, ability: Ability) -> _Laid:
-    """The shortest turn-around within its room, or else the one that takes the least room."""
+    """The shortest turn-around within its room, else the turn-around that needs the least room."""
     curvatures = [share * ability.curvature for share in turns.SHARES]
     tried = [x for k in curvatures for x in turns.ways(start, end, k, ability.rolling(k))]
     tried.sort(key=lambda pieces: sum(piece.length for piece in pieces))
@@ -383,7 +382,7 @@ def _around(number: int, start: turns.Pose, end: turns.Pose, ability: Ability) -
 
 
 def _ways_out(waypoints: Sequence[Waypoint], ability: Ability) -> str:
-    """Speed, room or wind with which a route would have room for its turns, in words."""
+    """Speed, room or wind at which the turns of a route would fit, in words."""
 
     def fits(**changed: float) -> bool:
         try:
@@ -425,7 +424,7 @@ def _curvature(point: Waypoint, ability: Ability) -> float:
 
 
 def _beside(point: Waypoint, ability: Ability) -> tuple[float, float]:
-    """Where the centre of circles lies from the beginning of the roll-in, m: ahead and right."""
+    """Centre of circles relative to the beginning of the roll-in, m: ahead and right."""
     curvature = _curvature(point, ability)
     return turns.centre(curvature, ability.rolling(abs(curvature)))
 
@@ -433,7 +432,7 @@ def _beside(point: Waypoint, ability: Ability) -> tuple[float, float]:
 def _circles(
     point: Waypoint, turn: float, before: Waypoint, ability: Ability
 ) -> tuple[turns.Pieces, float]:
-    """The circles around a waypoint where the course changes by `turn`, rad, and their reach."""
+    """The circles around a waypoint with a course change of `turn`, rad, and their reach."""
     curvature = _curvature(point, ability)
     size, change = abs(curvature), (point.up - before.up) * point.spiral
     steepest = min(SPIRAL, abs(ability.gamma[change > 0.0]))
@@ -451,13 +450,13 @@ def _circles(
 
 @lru_cache(maxsize=4096)
 def _corner(turn: float, ability: Ability) -> tuple[turns.Pieces, float]:
-    """The turn at a waypoint that is passed where the course changes by `turn`, and its reach."""
+    """The turn at a waypoint that is passed, with a course change of `turn`, and its reach."""
     turn = math.remainder(turn, math.tau)
     if abs(turn) < NO_TURN:
         return (), 0.0
     curvature = ability.curvature
     rolling = ability.rolling(curvature)
-    # A small turn ends before roll is at its limit.
+    # A small turn ends before roll reaches its limit.
     share = min(1.0, math.sqrt(abs(turn) / (curvature * rolling)))
     pieces = turns.turned(math.copysign(share * curvature, turn), abs(turn), share * rolling)
     x, y, _ = turns.curved(pieces)
@@ -514,7 +513,7 @@ def _path(layout: _Layout) -> Path:
 
 
 def _profile(layout: _Layout, ends: list[float]) -> tuple[FloatArray, FloatArray]:
-    """Distances, m, and heights, m, between which the height changes at a steady rate."""
+    """Distances, m, and heights, m, of the corners of a piecewise linear height profile."""
     waypoints, laid = layout.waypoints, layout.laid
     profile: Profile = [(0.0, waypoints[0].up)]
     for i, stretch in enumerate(laid):
@@ -535,7 +534,7 @@ def _profile(layout: _Layout, ends: list[float]) -> tuple[FloatArray, FloatArray
 def _climb(
     profile: Profile, before: str, point: Waypoint, reached: float, ability: Ability
 ) -> None:
-    """Add the change of height of the leg to a waypoint, which is `reached` there."""
+    """Add the change of height of the leg to a waypoint, which ends at the distance `reached`."""
     along, up = profile[-1]
     change, distance = point.up - up, reached - along
     gamma = math.atan2(change, distance)
@@ -559,9 +558,9 @@ def _climb(
 def _heights(
     s: FloatArray, at: FloatArray, up: FloatArray, ability: Ability, place: Callable[[float], str]
 ) -> tuple[FloatArray, FloatArray]:
-    """Heights of a profile in which each change of the climb is spread, and their slopes.
+    """Smoothed heights of a profile, and their slopes.
 
-    `place`: the name of the waypoint at a distance, or of the next after it.
+    `place`: the name of the waypoint at or after a distance.
     """
     climbs = np.diff(up) / np.diff(at)
     bends = np.abs(np.diff(np.arctan(climbs)))
@@ -578,7 +577,7 @@ def _heights(
         )
     # Heights are means over the distance of a pull-up.
     half = 0.5 * pull_up * ability.V_a
-    # The climbs at the ends go on for as far as the means reach.
+    # The climbs at both ends are extended by the length of the mean.
     far = BEYOND_S * ability.speed + 2.0 * half
     at = np.concatenate([[-far], at, [at[-1] + far]])
     up = np.concatenate([[up[0] - far * climbs[0]], up, [up[-1] + far * climbs[-1]]])

@@ -1,7 +1,8 @@
-"""Heights between the posts of a raster of a stranger: the only place that knows rasterio.
+"""Heights between the posts of a foreign raster: the only module that imports rasterio.
 
-GDAL chooses a format by content, and some formats name files and addresses that they open. A file
-is opened by one driver, without the files beside it, and read in parts beside the places asked for.
+GDAL chooses a format by content, and some formats open other files and addresses. Here a file is
+opened by one driver, without the files beside it, and only blocks near the requested places are
+read.
 """
 
 import warnings
@@ -19,7 +20,7 @@ from flighttune.base.errors import InputError, need
 # Driver by the ending of a file; all others are GeoTIFF.
 TILE, DRIVERS = ".hgt", {".hgt": "SRTMHGT"}
 
-# Options of GDAL: nothing but the file is opened, and 64 MB of its blocks are kept.
+# GDAL options: only the file itself is opened, and 64 MB of its blocks are cached.
 ALONE = {
     "GDAL_DISABLE_READDIR_ON_OPEN": "EMPTY_DIR",
     "GDAL_PAM_ENABLED": "NO",
@@ -28,40 +29,40 @@ ALONE = {
     "GDAL_CACHEMAX": 64,
 }
 
-# Most bytes of a block, which GDAL unpacks whole, of the blocks of a raster that are read together,
-# and of all that are.
+# Maximum bytes of one block, which GDAL unpacks whole, of the blocks that are read together, and of
+# all blocks that are read.
 MAX_BLOCK, TOGETHER, MAX_READ = 64_000_000, 32_000_000, 4_000_000_000
 
-# Most rows and columns of the posts that are read at once.
+# Maximum rows and columns of posts in one read.
 SIDE = 512
 
-# Most directories of a TIFF that are looked at: one has the mask of the posts.
+# Maximum number of TIFF directories that are checked: one of them masks the posts.
 MAX_DIRECTORIES = 32
 
 METRES = "", "m", "metre", "meter", "metres", "meters"
 
-# Lowest and highest land there is, roughly, m: a post beyond has no height, in a file that does not
-# say which value stands for none.
+# Lowest and highest land on Earth, roughly, m. A post beyond has no height, since some files do not
+# state their value for a missing height.
 LOWEST, HIGHEST = -500.0, 9000.0
 
 
 @contextmanager
 def _opened(file: Path) -> Iterator[Any]:
-    """A raster, opened alone; all that rasterio raises in the block becomes an InputError."""
+    """A raster, opened alone; every error of rasterio in the block becomes an InputError."""
     import rasterio
 
     try:
         with (
-            warnings.catch_warnings(action="ignore"),  # a refusal says it
+            warnings.catch_warnings(action="ignore"),  # a refusal tells the cause
             np.errstate(all="ignore"),
             rasterio.Env(**ALONE),
-            # A `Path` is no address; another file than the one that was seen could be.
+            # A `Path` cannot be an address, and it names exactly the file that was checked.
             rasterio.open(file.resolve(), driver=DRIVERS.get(file.suffix.lower(), "GTiff")) as data,
         ):
             yield data
     except InputError:
         raise
-    except Exception as error:  # rasterio, affine and PROJ raise a dozen kinds on a damaged file
+    except Exception as error:  # a damaged file raises a dozen kinds of errors
         reason = next(iter(str(error).splitlines()), type(error).__name__).rstrip(".")
         if file.suffix.lower() == TILE:
             reason += "; .hgt files are named by a corner, as N47E008.hgt, and have 1201 or 3601 "
@@ -72,7 +73,7 @@ def _opened(file: Path) -> Iterator[Any]:
 
 
 def ground_heights(file: Path, places: FloatArray) -> FloatArray:
-    """Height, m, linear between posts, at places (n, 2) in deg; NaN where the file has none."""
+    """Height, m, linear between posts, at places (n, 2) in deg; NaN if the file lacks it."""
     need("`--terrain`", "rasterio")
     from rasterio.warp import transform
 
@@ -83,7 +84,7 @@ def ground_heights(file: Path, places: FloatArray) -> FloatArray:
         x, y = transform("EPSG:4326", data.crs, places[:, 1], places[:, 0])
         cell = np.reshape(~data.transform, (3, 3))[1::-1] @ [x, y, np.ones(len(places))]
         at, last = cell - 0.5, np.array([data.height, data.width]) - 1.0  # row and column
-        inside = ((at >= 0.0) & (at <= last[:, None])).all(axis=0)  # false for NaN
+        inside = ((at >= 0.0) & (at <= last[:, None])).all(axis=0)  # NaN fails this
         heights = np.full(len(places), np.nan)
         if inside.any():
             heights[inside] = _between_posts(data, at[:, inside])
@@ -91,7 +92,7 @@ def ground_heights(file: Path, places: FloatArray) -> FloatArray:
 
 
 def _check(file: Path, data: Any) -> None:
-    """Refuse a raster that does not say enough, refers to other files or takes much memory."""
+    """Refuse a raster that lacks information, refers to other files or needs much memory."""
     unit = (data.units[0] or "") if data.count == 1 else f"{data.count} bands"
     numbers = data.count > 1 or np.dtype(data.dtypes[0]).kind in "iuf"
     if data.crs is None or unit.lower() not in METRES or not numbers:
@@ -128,7 +129,7 @@ def _check_block(data: Any) -> None:
 
 
 def _between_posts(data: Any, at: FloatArray) -> FloatArray:
-    """Heights at rows and columns (2, n), of which only the posts around are read."""
+    """Heights at rows and columns (2, n), from the surrounding posts only."""
     from rasterio.windows import Window
     from scipy.ndimage import map_coordinates
 
@@ -151,7 +152,7 @@ def _between_posts(data: Any, at: FloatArray) -> FloatArray:
 def _parts(
     data: Any, low: npt.NDArray[np.int_], size: npt.NDArray[np.int_]
 ) -> tuple[npt.NDArray[np.int_], npt.NDArray[np.int_]]:
-    """Places in an order in which each block is unpacked once, and where a part of them begins."""
+    """Order of places in which each block is unpacked once, and where each part begins."""
     block = np.array(data.block_shapes[0])
     each = int(block.prod()) * np.dtype(data.dtypes[0]).itemsize
     (top, left), (below, right) = low // block[:, None], (low + 1) // block[:, None]
@@ -162,7 +163,7 @@ def _parts(
             f"must have at most {MAX_READ} bytes in the blocks below the path, got {read}: "
             "`gdal_translate -co TILED=YES` makes smaller ones."
         )
-    # Small blocks are read together, as far as they are kept.
+    # Small blocks are read together, up to the size of the cache.
     wide = max(1, SIDE // int(block[1]))
     high = max(1, min(SIDE // int(block[0]), TOGETHER // (each * wide)))
     group = low // (block * [high, wide])[:, None]

@@ -113,15 +113,15 @@ AirspeedSegment: TypeAlias = Annotated[
 
 
 class ReferenceTable(q.Table):
-    """``[reference]``: a constant a channel, or segments that add to the value of ``[flight]``."""
+    """``[reference]``: a constant per channel, or segments added to the value of ``[flight]``."""
 
     chi_deg: q.Course | list[SegmentTable]
     gamma_deg: q.Inclination | list[SegmentTable]
-    # Airspeed that the law holds by n_x; every plant holds that of [flight] if left out
+    # Airspeed that the law holds by n_x; if left out, every plant holds the airspeed of [flight]
     V_mps: q.Airspeed | list[AirspeedSegment] | None = None
     # feasible: the fastest change to the constants that the aircraft can fly
     shape: Literal["feasible"] | None = None
-    # Share of limits and rates that is left to the feedback; 0.2 if left out
+    # Share of limits and rates reserved for the feedback; 0.2 if left out
     margin: Annotated[float, Field(ge=0.0, le=0.9)] | None = None
     # Start of the feasible change; that of the flight if left out
     chi_from_deg: q.Course | None = None
@@ -157,7 +157,7 @@ class ReferenceTable(q.Table):
         return self.shape is None and self.V_mps is None and not self.ramps_in
 
     def steepest(self, flight: FlightTable) -> tuple[float, float]:
-        """Time (s) and value (deg) of the steepest path angle asked for, up or down."""
+        """Time (s) and value (deg) of the steepest commanded path angle, up or down."""
         if not isinstance(self.gamma_deg, list):
             return 0.0, self.gamma_deg
         duration = flight.duration_s
@@ -171,11 +171,11 @@ class ReferenceTable(q.Table):
         return float(t[most]), float(gamma[most]) / DEG
 
     def airspeeds(self, flight: FlightTable) -> tuple[float, float]:
-        """Lowest and highest airspeed asked for in a flight, m/s."""
+        """Lowest and highest commanded airspeed of a flight, m/s."""
         reference, duration = self.reference(flight), flight.duration_s
         ends = [t for s in reference.V_segments for t in s.times if t < duration]
         values = reference.airspeed(np.array([0.0, duration, *ends]))
-        assert values is not None  # it has an airspeed
+        assert values is not None  # this reference has an airspeed
         return float(values[0].min()), float(values[0].max())
 
     def reference(self, flight: FlightTable) -> Reference:

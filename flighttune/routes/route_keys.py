@@ -18,10 +18,10 @@ Distance: TypeAlias = Annotated[q.Finite, Field(ge=-1e6, le=1e6)]  # m from the 
 Latitude: TypeAlias = Annotated[q.Finite, Field(ge=-85.0, le=85.0)]  # deg
 Longitude: TypeAlias = Annotated[q.Finite, Field(ge=-180.0, le=180.0)]  # deg
 
-# Share of the airspeed that turns allow for as wind by default.
+# Default wind in turns, as a share of the airspeed.
 WIND_SHARE = 1.0 / 3.0
 
-# Most waypoints of a route.
+# Maximum number of waypoints.
 MAX_WAYPOINTS = 1000
 
 
@@ -32,17 +32,17 @@ class WaypointTable(q.Table):
     east_m: Distance | None = None
     lat_deg: Latitude | None = None
     lon_deg: Longitude | None = None
-    up_m: Distance = 0.0  # above the first one
+    up_m: Distance = 0.0  # above the first waypoint
     # Circles around it, clockwise positive
     turns: Annotated[q.Finite, Field(ge=-100.0, le=100.0)] = 0.0
-    radius_m: q.Length | None = None  # the smallest possible if left out
-    # Path angle at the beginning of the leg; steady along it if left out
+    radius_m: q.Length | None = None  # if left out, the smallest possible
+    # Path angle at the beginning of the leg; steady along the leg if left out
     climb_deg: Annotated[q.Finite, Field(gt=0.0, le=60.0)] | None = None
-    hold_s: q.Instant = 0.0  # least time of its circles
-    spiral: bool = False  # true: the circles take the change of height
+    hold_s: q.Instant = 0.0  # minimum time of its circles
+    spiral: bool = False  # true: the circles change the height
     # Airspeed from the end of its turn on, with holds_airspeed; unchanged if left out
     V_mps: q.Airspeed | None = None
-    name: Annotated[str, Field(max_length=40)] = ""  # its number if left out
+    name: Annotated[str, Field(max_length=40)] = ""  # if left out, its number
 
     @model_validator(mode="after")
     def _somewhere(self) -> Self:
@@ -57,7 +57,7 @@ class WaypointTable(q.Table):
 
 
 class RallyTable(q.Table):
-    """``[[route.rally]]``: a point to fly to if the mission is broken off; it is drawn on maps."""
+    """``[[route.rally]]``: a point for a flight that aborts the mission; it is drawn on maps."""
 
     lat_deg: Latitude
     lon_deg: Longitude
@@ -65,29 +65,29 @@ class RallyTable(q.Table):
 
 
 class RouteTable(q.Table):
-    """``[route]``: what is flown in place of a reference over time, from its first waypoint on."""
+    """``[route]``: a path to fly, from its first waypoint on, instead of a reference over time."""
 
     waypoint: Annotated[list[WaypointTable], Field(min_length=2, max_length=MAX_WAYPOINTS)]
-    # Largest wind that turns allow for; a third of the airspeed if left out
+    # Largest wind for which turns are planned; a third of the airspeed if left out
     wind_mps: q.WindSpeed | None = None
-    # Share of roll and its rate that is left to the feedback
+    # Share of roll and roll rate reserved for the feedback
     margin: Annotated[float, Field(ge=0.0, le=0.9)] = 0.2
     gamma_deg: q.Inclinations = (-10.0, 10.0)  # steepest path angles
     look_ahead_s: q.TimeConstant = 3.0
-    # true: the law holds the airspeed by n_x; the aircraft does if left out
+    # true: the law holds the airspeed by n_x; if left out, the aircraft holds it
     holds_airspeed: bool | None = None
     # true: the file of the mission states no airspeed at its start
     airspeed_assumed: bool | None = None
-    lat_deg: Latitude = 0.0  # of the start, for maps, if the waypoints have none
+    lat_deg: Latitude = 0.0  # place of the start, for maps, if the waypoints have no place
     lon_deg: Longitude = 0.0
     widen: bool = False  # true: circles that are too small get the smallest radius
-    # How far a turn-around may go from its leg; 0: none; no bound if left out
+    # Maximum distance of a turn-around from its leg; 0: no turn-around; no bound if left out
     turnaround_m: Annotated[q.Finite, Field(ge=0.0, le=1e5)] | None = None
-    # Points to fly to if the mission is broken off, for maps
+    # Points for flights that abort the mission, for maps
     rally: Annotated[list[RallyTable], Field(default_factory=list, max_length=MAX_WAYPOINTS)]
-    # What of the file that the waypoints were read from is not flown
+    # Parts of the waypoints' file that are not flown
     notes: Annotated[list[str], Field(default_factory=list)]
-    batched: ClassVar[bool] = False  # by the compiled kernel: it depends on the position
+    batched: ClassVar[bool] = False  # since the reference depends on the position
 
     @model_validator(mode="after")
     def _of_one_kind(self) -> Self:
@@ -105,7 +105,7 @@ class RouteTable(q.Table):
 
     @property
     def geographic(self) -> bool:
-        """Whether it is known where on earth it is."""
+        """Whether its place on Earth is known."""
         return self.origin != (0.0, 0.0)
 
     def waypoints(self) -> tuple[Waypoint, ...]:
@@ -141,12 +141,12 @@ class RouteTable(q.Table):
 
     @property
     def airspeeds(self) -> dict[int, float]:
-        """Airspeeds from waypoints on, m/s, by their numbers, where the law holds the airspeed."""
+        """Airspeeds, m/s, by the waypoint from which each holds, if the law holds the airspeed."""
         speeds = {i: point.V_mps for i, point in enumerate(self.waypoint, start=1) if point.V_mps}
         return speeds if self.holds_airspeed else {}
 
     def reference(self, flight: FlightTable, *, phi: float, phi_rate: float) -> RouteReference:
-        """The reference along the path, with the margin left of the limits of roll (rad, rad/s)."""
+        """The reference along the path, for limits of roll (rad, rad/s) less the margin."""
         share, (low, high) = 1.0 - self.margin, self.gamma_deg
         largest = max(flight.V_a_mps, *self.airspeeds.values(), 0.0)
         if share * phi >= 0.5 * math.pi:

@@ -9,7 +9,7 @@ from flighttune.base.arguments import checked_class
 from flighttune.base.arrays import FloatArray, read_only_vector
 from flighttune.base.units import G_PAPER
 
-# Times that differ by less are one, s.
+# Times that differ by less count as equal, s.
 SAME_INSTANT = 1e-9
 
 
@@ -19,10 +19,10 @@ class Segment:
 
     start: float  # s
     breaks: tuple[float, ...]  # s after the start, rising
-    jumps: tuple[float, ...] = ()  # at each break, in the unit of the channel
-    rates: tuple[float, ...] = ()  # from each break to the next, in that unit per second
-    # The rate is the mean over this time: each change of the rate takes so long, half of it before
-    # the break. The change is the same in all, and so is the time of its middle.
+    jumps: tuple[float, ...] = ()  # value at each break, in the unit of the channel
+    rates: tuple[float, ...] = ()  # slope after each break, in that unit per second
+    # The rate is averaged over this time, so that each change of the rate takes this time, half of
+    # it before the break. The total change and the time of its middle stay the same.
     roll_in: float = 0.0  # s, at most the time between two breaks; without jumps
 
     @property
@@ -33,7 +33,7 @@ class Segment:
 
     @property
     def _parts(self) -> Iterator[tuple[float, float, float]]:
-        """From when to when each rate lasts, s after the start, and the rate."""
+        """Begin and end of each rate, s after the start, and the rate."""
         return zip(self.breaks, self.breaks[1:], self.rates, strict=False)
 
     def __call__(self, t: FloatArray) -> FloatArray:
@@ -52,14 +52,14 @@ class Segment:
         return change
 
     def slope(self, t: FloatArray) -> FloatArray:
-        """Return the slope from times `t` on, in that unit per second; a jump has none."""
+        """Return the slope from times `t` on, in unit per second; a jump adds no slope."""
         since, slope, width = t - self.start, np.zeros_like(t), self.roll_in
         for low, high, rate in self._parts:
             if width:
                 begun, length = since - low + 0.5 * width, high - low
                 risen, fallen = (np.clip(x, 0.0, length) for x in (begun, begun - width))
                 slope += rate / width * (risen - fallen)
-            else:  # the rounding of a sample time shall not decide
+            else:  # the result must not depend on the rounding of a sample time
                 late = since + SAME_INSTANT
                 slope += np.where((late >= low) & (late < high), rate, 0.0)
         return slope
@@ -77,9 +77,9 @@ class Reference:
     chi_segments, gamma_segments : tuple of Segment
         Changes in rad.
     g : float, m/s^2
-        Acceleration of gravity, for commands planned.
+        Acceleration of gravity, for planned commands.
     V : float or None, m/s
-        Airspeed before any segment; None where the plant holds its own.
+        Airspeed before any segment; None if the plant holds its own airspeed.
     V_segments : tuple of Segment
         Changes in m/s.
 
@@ -106,13 +106,13 @@ class Reference:
 
     @property
     def planned(self) -> bool:
-        """Whether it rolls in, so that roll and lift can be planned for its rates."""
+        """Whether the reference rolls in, so that roll and lift can be planned for its rates."""
         return any(s.roll_in for s in (*self.chi_segments, *self.gamma_segments))
 
     @property
     def initial(self) -> tuple[float, float]:
         """Chi and gamma (rad) at t = 0, segments that start there included."""
-        if not (self.chi_segments or self.gamma_segments):  # the rows of campaigns ask often
+        if not (self.chi_segments or self.gamma_segments):  # campaign rows read this often
             return self.chi, self.gamma
         chi, gamma = self.sampled(np.zeros(1))
         return float(chi[0]), float(gamma[0])
@@ -129,7 +129,7 @@ class Reference:
     ) -> tuple[FloatArray, FloatArray]:
         """Return the rates of chi and gamma (rad/s) from times `t` (s) on, of the shape of `t`.
 
-        Where the reference is planned they are those `lead` (s) later.
+        A planned reference returns the rates `lead` (s) later.
         """
         t = read_only_vector("t", np.ravel(t)).reshape(np.shape(t))
         ahead = lead if self.planned else (0.0, 0.0)

@@ -13,8 +13,8 @@ from flighttune.base.units import DEG
 from flighttune.routes.follow import CHANGE_N_X
 from flighttune.vehicles.flight_keys import FlightTable
 
-# When a flight finds that it must turn back, s, where the route has one airspeed: until then it
-# flies as the route does there, in which it settles.
+# Time at which a flight detects that it must turn back, s, on a route with one airspeed. Until then
+# it follows the route, so that it settles.
 DETECTED_S = 10.0
 
 # Time of the flight after the turn, with its roll-in and roll-out, s.
@@ -29,19 +29,19 @@ LEVEL_S, LEVEL_ROLL_IN_S = 2.0, 1.0
 # Start of the turn that the route makes at the place, s.
 TURNED_FROM_S = 2.0
 
-# Longest time on a slope that a flight from level flight flies before the place, s: several times
-# that in which its airspeed settles at a closed or full throttle.
+# Longest time on a slope before the place for a flight that begins level, s: several settling times
+# of the airspeed at closed or full throttle.
 SETTLED_S = 60.0
 
-# Least speed over ground on a slope, a share of the airspeed.
+# Minimum ground speed on a slope, as a share of the airspeed.
 SLOWEST = 0.2
 
-# Difference of airspeeds that is none, m/s.
+# Airspeeds that differ by less count as equal, m/s.
 SAME_AIRSPEED = 1e-6
 
 
 class PlaceTable(q.Table):
-    """One place of the route: where it is, how the route is flown there, and how to turn back."""
+    """One place of the route: its position, the flight of the route there, and the turn back."""
 
     along_m: Annotated[q.Finite, Field(ge=0.0)]
     north_m: q.Finite  # from the start of the route
@@ -50,25 +50,25 @@ class PlaceTable(q.Table):
     gamma_deg: q.Inclination
     h_m: q.Height
     V_a_mps: q.Airspeed
-    rate_dps: q.AngularRate  # of course, in still air
-    back_dps: q.PositiveRate  # of course, while a flight turns back
+    rate_dps: q.AngularRate  # rate of course, in still air
+    back_dps: q.PositiveRate  # rate of course while a flight turns back
 
 
 class TurnBackTable(q.Table):
     """``[turn_back]``: a flight that turns back at one place of a route."""
 
-    # Where on the route it is when it detects that it must turn
+    # Place on the route where the flight detects that it must turn
     at_m: Annotated[q.Finite, Field(ge=0.0)] = 0.0
     side: Literal[-1, 1] = 1  # right positive
     bank_deg: Annotated[q.Finite, Field(ge=1.0, le=80.0)]
     turn_deg: Annotated[q.Finite, Field(ge=90.0, le=720.0)] = 180.0
     detected_s: q.Instant = DETECTED_S
-    reaction_s: Annotated[q.Instant, Field(le=60.0)] = 1.0  # from there to the turn
-    roll_rate_dps: q.PositiveRate  # of the aircraft: it gives the time of a roll-in
-    # true: it begins level where it has no steady flight on the slope of the place
+    reaction_s: Annotated[q.Instant, Field(le=60.0)] = 1.0  # from detection to the turn
+    roll_rate_dps: q.PositiveRate  # roll rate of the aircraft, which sets the time of a roll-in
+    # true: the flight begins level if the slope of the place allows no steady flight
     or_level: bool | None = None
-    sloped_s: q.Instant | None = None  # on the slope, of a flight that begins level
-    place: Annotated[list[PlaceTable], Field(min_length=2)]  # the route, from place to place
+    sloped_s: q.Instant | None = None  # time on the slope of a flight that begins level
+    place: Annotated[list[PlaceTable], Field(min_length=2)]  # the places of the route
 
     @property
     def columns(self) -> FloatArray:
@@ -83,7 +83,7 @@ class TurnBackTable(q.Table):
 
     @property
     def slope_m(self) -> float:
-        """Distance from where the slope of the place begins, m, or in which an airspeed settles."""
+        """Distance from the beginning of the place's slope, m, or to settle its airspeed."""
         at_m, *_, gamma, _, V_a, _, _ = self.here
         along, *_, gammas, _, _, _, _ = self.columns
         begun = along[(along < at_m) & (gammas * gamma <= 0.0)].max(initial=0.0).item()
@@ -99,29 +99,29 @@ class TurnBackTable(q.Table):
 
     @property
     def found_s(self) -> float:
-        """When this flight detects that it must turn, s."""
+        """Time at which this flight detects that it must turn, s."""
         return self.detected_s + (self.sloped_s or 0.0)
 
     @property
     def duration_s(self) -> float:
-        """Time of the flight: the climb has ended too, and the aircraft is on its way back."""
+        """Duration of the flight: the climb has ended and the aircraft flies back."""
         slowest = min(place.back_dps for place in self.place)
         return self.found_s + self.reaction_s + self.turn_deg / slowest + BACK_S
 
     def formula(self, V_a: float, g: float) -> float:
-        """Distance ahead in still air, m: that of the reaction, and the radius of the turn."""
+        """Distance ahead in still air, m: the reaction distance plus the radius of the turn."""
         return V_a * self.reaction_s + V_a**2 / (g * math.tan(self.bank_deg * DEG))
 
     def wind(self, g: float) -> float:
-        """Least wind from behind, m/s, in which turns at the bank have the rates of the places."""
+        """Smallest tail wind, m/s, in which turns at the bank have the rates of the places."""
         *_, V_a, _, back = self.columns
         return float(np.min(g * math.tan(self.bank_deg * DEG) / (back * DEG) - V_a))
 
     def followed(self, tables: Mapping[str, Any]) -> dict[str, Any]:
-        """The tables of a scenario with the start and the reference of this flight."""
+        """The tables of a scenario, with the start and reference of this flight."""
         *_, chi, _, h, V_a, rate, back = self.here
         turned_s = self.found_s + self.reaction_s - TURNED_FROM_S
-        # As a level turn: the tangent of the roll for the change from one rate to the other.
+        # As in a level turn: the tangent of the roll for the change of rate.
         flight = FlightTable.model_validate(tables["flight"])
         load = (abs(rate) + back) * DEG * V_a / flight.g_mps2
         roll_in_s = max(ROLL_IN_S, ROLL_IN_SHARE * load / (self.roll_rate_dps * DEG))
@@ -129,7 +129,7 @@ class TurnBackTable(q.Table):
         ramps = (TURNED_FROM_S, turned_s, rate), (back_s, self.turn_deg / back, self.side * back)
         first, rise, slopes = self._slopes(back_s)
         chi -= rate * (self.found_s - TURNED_FROM_S)
-        # At the height of the place when it detects, but for a place just above the ground.
+        # The flight detects at the height of the place, unless the place is just above ground.
         h = max(h - rise, min(place.h_m for place in self.place))
         start = {"chi_deg": chi % 360.0, "gamma_deg": first, "h_m": h}
         reference: dict[str, Any] = {
@@ -145,7 +145,7 @@ class TurnBackTable(q.Table):
         return {**tables, "flight": start, "reference": reference}
 
     def _slopes(self, back_s: float) -> tuple[float, float, list[dict[str, Any]]]:
-        """Path angle of the start, deg, the rise until it detects, m, and the changes of slope."""
+        """Path angle of the start, deg, the climb until detection, m, and the changes of slope."""
         *_, gamma, _, V_a, _, _ = self.here
         level_s, far = max(1.0, abs(gamma) / 5.0) * LEVEL_S, self.found_s * V_a
         levelled = _ramp(back_s, level_s, -gamma / level_s, LEVEL_ROLL_IN_S)
@@ -163,5 +163,5 @@ def _ramp(start_s: float, duration_s: float, rate_dps: float, roll_in_s: float) 
 
 
 def rate_of(bank: float, speed: FloatArray, g: float) -> FloatArray:
-    """Rates of course, deg/s, of level turns at a bank (rad) and some speeds (m/s)."""
+    """Rates of course, deg/s, of level turns at a bank (rad) and speeds (m/s)."""
     return g * math.tan(bank) / speed / DEG

@@ -1,4 +1,4 @@
-"""Turns that a limited roll rate can follow, and the shortest way from one course to another.
+"""Turns that a limited roll rate can follow, and the shortest way from one pose to another.
 
 A turn is a circular arc between two clothoids, on which curvature grows in proportion to the
 distance flown: roll that changes at a steady rate.
@@ -13,17 +13,17 @@ import numpy as np
 
 from flighttune.base.arrays import FloatArray
 
-# Shares of the largest curvature with which a turn-around is tried: a small change of course needs
-# a gentle turn, because roll takes its time.
+# Curvatures of a turn-around, as shares of the largest: a small change of course needs a gentle
+# turn, because rolling takes time.
 SHARES = (1.0, 0.7, 0.5, 0.35, 0.25, 0.1)
 
-# Points at which the distance of a turn-around from its leg is looked at.
+# Number of points at which the distance of a turn-around from its leg is measured.
 POINTS = 400
 
-# Gauss's rule with 32 points: exact to rounding for a clothoid up to a half turn.
+# Gauss quadrature with 32 points: exact to rounding for a clothoid up to a half turn.
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(32)
 
-# Distance (m) below which there is none.
+# Distances below this, m, count as zero.
 NO_LENGTH = 1e-6
 
 
@@ -52,7 +52,7 @@ class Pose(NamedTuple):
 
 
 def turned(curvature: float, angle: float, rolling: float) -> Pieces:
-    """An arc between roll-in and roll-out, each of which turns half as much as an arc would."""
+    """An arc between roll-in and roll-out; each of these turns half as much as an arc would."""
     return (
         Piece(rolling, 0.0, curvature),
         Piece(angle / abs(curvature) - rolling, curvature, curvature),
@@ -61,7 +61,7 @@ def turned(curvature: float, angle: float, rolling: float) -> Pieces:
 
 
 def curved(pieces: Sequence[Piece]) -> tuple[float, float, float]:
-    """Distance ahead and to the right, m, and change of course, rad, after some pieces."""
+    """Distance ahead and to the right, m, and change of course, rad, after the pieces."""
     x = y = course = 0.0
     for length, k, k_end in pieces:
         s = 0.5 * (NODES + 1.0)
@@ -84,26 +84,26 @@ def bent(pieces: Sequence[Piece], s: FloatArray) -> tuple[FloatArray, FloatArray
 
 
 def centre(curvature: float, rolling: float) -> tuple[float, float]:
-    """Where the centre of an arc lies from the beginning of its roll-in, m: ahead and right."""
+    """Centre of an arc relative to the beginning of its roll-in, m: ahead and right."""
     x, y, course = curved([Piece(rolling, 0.0, curvature)])
     return x - math.sin(course) / curvature, y + math.cos(course) / curvature
 
 
 def ways(start: Pose, end: Pose, curvature: float, rolling: float) -> Iterator[Pieces]:
-    """Ways from one pose to another by turns of one curvature: two with a straight, or three."""
+    """Ways between two poses by turns of one curvature: two and a straight, or three."""
     x, y = centre(curvature, rolling)
     least = curvature * rolling
 
     def turn(side: int, begin: float, finish: float) -> Pieces:
-        # Rolling in and out turns by `least` at least: a smaller change takes a circle more.
+        # Rolling in and out turns by at least `least`: a smaller change takes another full circle.
         angle = (side * (finish - begin)) % math.tau
         angle += math.tau * (angle < least)
         return turned(side * curvature, angle, rolling)
 
-    # These are the words of Dubins (1957) with clothoids. A full turn keeps its centre, which lies
-    # x ahead of the beginning of its roll-in and y beside it, and the mirror image at its end:
-    # straight lines begin x beyond the foot of the centre at the distance y, and two opposite turns
-    # meet half way between centres that are ``2 hypot(x, y)`` apart.
+    # These are the words of Dubins (1957) with clothoids. The centre of a turn lies x ahead of its
+    # roll-in and y beside it, and likewise at its end. Straight lines therefore begin x beyond the
+    # foot of the centre, at the distance y. Two opposite turns meet half way between centres that
+    # are ``2 hypot(x, y)`` apart.
     for first, last in product((1, -1), repeat=2):
         a, b = start.beside(x, first * y), end.beside(-x, last * y)
         apart, bearing = _vector(a, b)
