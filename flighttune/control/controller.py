@@ -1,4 +1,4 @@
-"""Interface of a control law; the guard around one of the user: limits, and an end if it fails."""
+"""Interface of a control law, and the guard of a user's law: limits, and an end if it fails."""
 
 import math
 import textwrap
@@ -24,7 +24,7 @@ from flighttune.control.linear_model import LinearModel
 @checked_class
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FlightCondition:
-    """Where a flight starts.
+    """Condition at the start of a flight.
 
     Attributes
     ----------
@@ -58,7 +58,7 @@ class FlightCondition:
 
     @property
     def n_z_start(self) -> float:
-        """Load factor in force at the start: `n_z`, or the steady value where it is None."""
+        """Load factor in force at the start: `n_z`, or the steady value if it is None."""
         return math.cos(self.gamma) / math.cos(self.phi) if self.n_z is None else self.n_z
 
     def commands(self, m: int) -> tuple[float, ...]:
@@ -67,7 +67,7 @@ class FlightCondition:
 
 
 class Measured(NamedTuple):
-    """Measurements of a law at a sample; course, path angle and airspeed through sensors, if any.
+    """Measurements for a law at a sample; sensors, if any, measure course, path angle and airspeed.
 
     Attributes
     ----------
@@ -84,11 +84,11 @@ class Measured(NamedTuple):
     position : tuple of three floats, m
         North, east and down from the start.
     wind : tuple of three floats or None, m/s
-        Velocity of the air, north, east and down; None if the plant does not show it, or `chi` and
-        `gamma` are those of the path through the air.
+        Velocity of the air, north, east and down; None if the plant does not measure it, or if
+        `chi` and `gamma` belong to the path through the air.
     n_x : tuple of three floats or None, 1
-        Longitudinal load factor, thrust minus drag over weight, and the least and the largest one
-        that the engines give now; None from a plant that holds its airspeed by itself.
+        Longitudinal load factor, thrust minus drag over weight, with its present minimum and
+        maximum by the engines; None from a plant that holds its airspeed by itself.
     theta, elevator : float or None, rad
         Pitch, nose up positive, and the position of the elevator, trailing edge down positive; None
         from a plant without them, such as a point mass.
@@ -114,7 +114,7 @@ class Measured(NamedTuple):
 
 
 class Followed(Protocol):
-    """A reference over the time of a flight, which a law may look at ahead."""
+    """A reference over the time of a flight; a law may read it ahead of time."""
 
     @property
     def initial(self) -> tuple[float, float]:
@@ -122,7 +122,7 @@ class Followed(Protocol):
         ...
 
     def sampled(self, t: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Course and path angle (rad) at times `t` (s); those of still air along a route."""
+        """Course and path angle (rad) at times `t` (s); along a route, of a flight in still air."""
         ...
 
     def rates(self, t: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -138,13 +138,13 @@ class ReferenceSample(NamedTuple):
     chi, gamma : float, rad
         Course, not wrapped, and flight-path angle.
     chi_dot, gamma_dot : float, rad/s
-        Their rates from this sample on; a step has none. Where roll and lift are planned for the
-        rates, they are taken ahead by the lags of the aircraft.
+        Their rates from this sample on; a step has no rate. If roll and lift are planned for the
+        rates, the rates lead by the lags of the aircraft.
     planned : tuple of two floats or None, rad and 1
-        Roll and load-factor command under which the reference is flown where nothing disturbs; None
-        where it is neither made of commands nor planned.
+        Roll and load-factor command that fly the reference without disturbances; None if the
+        reference is neither made of commands nor planned.
     V : float or None, m/s
-        Airspeed to fly; None where the plant holds its own.
+        Airspeed to fly; None if the plant holds its own airspeed.
     V_dot : float, m/s^2
         Its rate from this sample on.
     path : tuple of five floats or None
@@ -172,9 +172,9 @@ class Controller(Protocol):
     """A law that turns course and path angle into commands; a plain class satisfies it.
 
     A member is used for one flight: ``start``, then ``step`` at every sample. The loop applies the
-    limits of the flight to what ``step`` returns. A law that needs to know what they did (for
-    anti-windup) applies them itself by a `CommandLimiter` that it keeps as ``limiter``. A law may
-    further have ``linear()``, which returns its `LinearModel` and `PIGains` for indicators and
+    limits of the flight to the commands from ``step``. A law that needs the limited commands (for
+    anti-windup) applies the limits itself by a `CommandLimiter` that it keeps as ``limiter``. A law
+    may further have ``linear()``, which returns its `LinearModel` and `PIGains` for indicators and
     certificates.
 
     Attributes
@@ -210,7 +210,7 @@ class Controller(Protocol):
         ...
 
     def start(self, condition: FlightCondition, /) -> None:
-        """Forget everything and begin at `condition`: its roll and load factor are in force."""
+        """Reset the law and begin at `condition`: its roll and load factor are in force."""
         ...
 
     def step(self, measured: Measured, reference: ReferenceSample, t: float, /) -> Sequence[float]:
@@ -238,8 +238,8 @@ class SelfLimiting(ABC):
     def limiter(self) -> Any:
         """Record of the limits, the same lists at every sample.
 
-        ``u_unsat`` has the commands before the limits; ``limited`` is 0 for a command that is free,
-        1 for one at a magnitude limit, 2 at a rate limit.
+        ``u_unsat`` has the commands before the limits; ``limited`` is 0 for a free command, 1 at a
+        magnitude limit and 2 at a rate limit.
         """
 
     @abstractmethod
@@ -261,7 +261,7 @@ class LawSetup:
     dt : float, s
         Sample time of the flight.
     limits : Limits
-        Limits of the commands (phi, n_z): those of the scenario and of the plant.
+        Limits of the commands (phi, n_z) by the scenario and the plant.
     gains : PIGains or None
         The gain set of the run.
     g : float, m/s^2
@@ -269,11 +269,11 @@ class LawSetup:
     scenario : mapping
         The scenario as it would be written in TOML.
     anti_windup : "conditional", "back_calculation" or "none"
-        As of `MimoPI`, from the table ``[controller]``.
+        As in `MimoPI`, from the table ``[controller]``.
     tracking_time : float or None, s
         Time constant of back-calculation.
     schedule_speed : float or None, m/s
-        Airspeed for which gains were made that follow the airspeed; None without a schedule.
+        Design airspeed of scheduled gains; None without a schedule.
     feed_forward : bool
         True if the load factor of steady flight on the reference is added.
     reference : Followed or None
@@ -298,14 +298,14 @@ class LawSetup:
     reference: Followed | None = field(default=None, repr=False)
 
 
-# Exceptions that end a flight only: a user's code must not end the program.
+# Exceptions that end only the flight: a user's code must not end the program.
 FAILURES = (Exception, SystemExit)
 
 
 # Wall time by which a law may fall behind real time, s.
 MAX_LAG_S = 5.0
 
-# Characters of a returned value that a message repeats.
+# Maximum length of a returned value in a message, characters.
 MAX_SHOWN = 40
 
 
@@ -316,22 +316,22 @@ def failure(name: str, error: BaseException, t: float | None) -> str:
 
 
 def _shown(value: object, text: Callable[[object], str] = repr, most: int = MAX_SHOWN) -> str:
-    """A stranger's object as a message repeats it in one line; its type, if its text raises."""
+    """A user's object as one line for a message; its type, if its `repr` raises."""
     try:
         return textwrap.shorten(text(value), most)
-    except FAILURES:  # also of a whole number with thousands of digits
+    except FAILURES:  # also for a whole number with thousands of digits
         return f"a value of type {type(value).__name__}"
 
 
 def _place(error: BaseException) -> str:
-    """Line, file and function of the user's in which an exception arose; empty if in none."""
+    """Line, file and function of the user's code that raised an exception; empty if none did."""
     places = [
         (frame.f_code, line)
         for frame, line in traceback.walk_tb(error.__traceback__)
         if not frame.f_globals.get("__name__", "").startswith("flighttune.")
         and not frame.f_code.co_filename.startswith("<frozen")
     ]
-    for code, line in reversed(places):  # what the user's code called is a library's
+    for code, line in reversed(places):  # the user's code called a library
         if code.co_filename == places[0][0].co_filename:
             function = code.co_qualname.rpartition("<locals>.")[2]
             of = "" if function == "<module>" else f" of {function}"
@@ -340,33 +340,32 @@ def _place(error: BaseException) -> str:
 
 
 def _number(value: Any) -> float:
-    """A number as a law returns it; TypeError for what `float` would take besides numbers."""
+    """A number that a law returns; TypeError for other values that `float` would accept."""
     if isinstance(value, str | bytes | bytearray | bool | np.bool_ | np.complexfloating):
         raise TypeError
     return float(value)
 
 
 class LawError(Exception):
-    """A law raised, or what it commands cannot be flown; the message names law and time."""
+    """A law raised, or its commands cannot be flown; the message names law and time."""
 
 
 class GuardedLaw(SelfLimiting):
-    """A law in limits that ends the flight, in one line, where it fails."""
+    """A law with limits; if it fails, the flight ends with one line of reason."""
 
     def __init__(self, law: Controller, limits: Limits, name: str = "law") -> None:
         self._law, self._name = law, name
         self.dt: float = law.dt
         self.signals = {str(name): str(unit) for name, unit in law.signals.items()}
-        # The limits of (phi, n_z), or (phi, n_z, n_x), hold for whatever the law commands, also
-        # where it has a limiter of its own, whose commands before the limits are then the ones
-        # recorded.
+        # The limits of (phi, n_z), or (phi, n_z, n_x), hold for every command of the law, even if
+        # it has its own limiter. The commands before that limiter are then recorded.
         self._m, self._limits = len(limits.lower), CommandLimiter(limits, self.dt)
         self._recorded: Any = self._limits
         self._spent = 0.0
 
     @property
     def limiter(self) -> Any:
-        """Commands before the limits, and which limit holds: as the law itself says, if it does."""
+        """Commands before the limits, and which limit holds; from the law if it has a limiter."""
         return self._recorded
 
     def start(self, condition: FlightCondition) -> None:
@@ -393,9 +392,9 @@ class GuardedLaw(SelfLimiting):
         when, m = f"{self._name} at t = {t:.2f} s", self._m
         names = *("phi_cmd", "n_z_cmd", "n_x_cmd")[:m], *self.signals
         try:
-            if isinstance(returned, bytes | bytearray):  # which would give whole numbers
+            if isinstance(returned, bytes | bytearray):  # an integer array would truncate
                 raise TypeError
-            # One more than wanted tells that there are too many: an iterator may have no end.
+            # One value more than needed shows that there are too many: an iterator may have no end.
             first = islice(returned, len(names) + 1)  # type: ignore[call-overload]
             values = [_number(value) for value in first]
         except (TypeError, ValueError, OverflowError):
@@ -416,7 +415,7 @@ class GuardedLaw(SelfLimiting):
         return (*self._limits.limit(*values[:m]), *values[m:])
 
     def linear(self) -> tuple[LinearModel, PIGains] | None:
-        """Model and gains of the law's ``linear``, None without one; LawError if it fails."""
+        """Model and gains of the law's ``linear``, None without it; LawError if it fails."""
         linear = getattr(self._law, "linear", None)
         try:
             returned = None if linear is None else linear()

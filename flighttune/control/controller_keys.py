@@ -19,12 +19,12 @@ class ControllerTable(q.Table):
 
     rate_hz: Annotated[float, Field(ge=1.0, le=1000.0)] = 50.0
     anti_windup: AntiWindup = "conditional"
-    # Of back_calculation; found from the gains if left out
+    # Time constant of back_calculation; computed from the gains if left out
     tracking_time_s: q.TimeConstant | None = None
-    feed_forward: bool = False  # of the load factor of the reference
+    feed_forward: bool = False  # adds the load factor of the reference
     schedule: bool = False  # true: gains proportional to the airspeed
-    # true: the path angle of an aircraft gives way where its airspeed falls towards 0.875 of that
-    # of [flight]; where the law follows the airspeed it gives way anyway
+    # true: the path angle gives way if the airspeed of an aircraft falls towards 0.875 of its value
+    # in [flight]; it always does if the law follows the airspeed
     speed_priority: bool | None = None
 
 
@@ -38,14 +38,14 @@ Rates: TypeAlias = q.PositiveRate | Annotated[q.AngularRates, AfterValidator(_wi
 
 
 class LimitsTable(q.Table):
-    """``[limits]`` of the commands; without any, all plants have those of the first aircraft."""
+    """``[limits]`` of the commands; without it, the limits of the first aircraft hold for all."""
 
-    # No limit but the aircraft's own if left out, as for every limit
+    # If left out, as for every limit, only the aircraft's own limit holds
     phi_deg: q.Angles | None = None
     phi_rate_dps: Rates | None = None  # a number (both ways) or a range
     n_z: q.LoadFactors | None = None
     n_z_rate_per_s: Rates | None = None  # a number (both ways) or a range
-    # Where the airspeed is followed; a plant that is no aircraft has it at any airspeed
+    # If the law follows the airspeed; for a plant without engines it holds at any airspeed
     n_x: q.LoadFactors | None = None
     n_x_rate_per_s: Rates | None = None  # a number (both ways) or a range
 
@@ -68,7 +68,7 @@ def _ends(*limits: float | tuple[float, float] | None) -> list[FloatArray]:
 
 
 class EnvelopeTable(q.Table):
-    """``[envelope]``: ranges of flight over which ``certify --envelope`` looks for one proof."""
+    """``[envelope]``: ranges of flight over which ``certify --envelope`` seeks one proof."""
 
     V_a_mps: q.Airspeeds
     gamma_deg: q.Inclinations

@@ -1,4 +1,4 @@
-"""The exact law: rates wanted by PI and the reference, commands by inversion of the point mass."""
+"""The exact law: rates by PI and reference, commands by inversion of the point mass."""
 
 import math
 from collections.abc import Sequence
@@ -23,83 +23,83 @@ Priority: TypeAlias = Literal["gamma", "chi"]
 RATE_SIGNALS = MappingProxyType({"chi_dot_integral": "rad/s", "gamma_dot_integral": "rad/s"})
 WITH_AIRSPEED_SIGNALS = MappingProxyType({**RATE_SIGNALS, "V_dot_integral": "1/s"})
 
-# Least vertical lift for which the roll command is computed, in weights.
+# Minimum vertical lift for which the roll command is computed, in weights.
 LIFT_FLOOR = 0.1
 
-# Share of the largest gain below which a gain is rounding.
+# A gain below this share of the largest gain counts as rounding.
 ROUNDING = 1e-9
 
-# Weights: the least largest load factor by which the roll angle is found.
+# Smallest maximum of the load factor for which roll is computed, in weights.
 LEAST_LIFT = 1e-9
 
-# Part of the load factor's rate limit with which the path angle is caught.
+# Share of the load factor's rate limit with which the path angle brakes.
 BRAKING = 0.5
 
 
-# Numbers of a `RateLaw` in a row; a `PILaw` has fewer.
+# Numbers of a `RateLaw` in compiled order; a `PILaw` has fewer.
 LAW_NUMBERS = 26
 
 
 class RateLaw(NamedTuple):
     """Settings that do not change from sample to sample."""
 
-    # Gains of the course rate with the limits of roll; those of the path-angle rate with the limits
-    # of the load factor
+    # Gains of the course rate with the limits of roll, and gains of the path-angle rate with the
+    # limits of the load factor
     channels: tuple[ChannelLaw, ...]
     wrapped: bool  # whether the course error is taken the short way round
     conditional: bool  # anti-windup
     tracking_gain: float  # sample time over tracking time; 0 without back-calculation
     per_g: float  # s^2/m: one over the acceleration of gravity
     lift_floor: float  # weights
-    brake: float  # 1/s: twice the part of the load factor's rate limit that catches the path angle
+    brake: float  # 1/s: twice the share of the load factor's rate limit that brakes the path angle
     course_first: bool  # whether the course has priority
-    feedback: tuple[float, float]  # gains on roll and load factor against those expected
-    turn_brake: float  # 1/s: as `brake`, of roll and course; inf where roll is not fed back
+    feedback: tuple[float, float]  # feedback gains on the errors of roll and load factor
+    turn_brake: float  # 1/s: as `brake`, for roll and course; inf without feedback of roll
 
 
 @checked_class
 class ExactLaw(StatefulPI):
     r"""Course and path angle by exact inversion of the point mass.
 
-    The rates wanted are those of the reference and a PI of the errors,
+    The desired rates are the rates of the reference plus a PI of the errors,
     ``nu = ref' + K_P e + K_I integral of e``. With the horizontal and vertical lift that they need,
     in weights, ``a = V_a cos(gamma) nu_chi / g`` and ``b = V_a nu_gamma / g + cos(gamma)``, the
     commands are ``phi = atan2(a, max(b, lift_floor))`` and, from the roll command after its limits
     in the same sample, ``n_z = b / cos(phi)``. Valid for cos(gamma) > 0. With the `feedback` k of
-    the gains, what the aircraft lacks of these two after their limits is added,
-    ``u + k (u - measured)``, and limited again.
+    the gains, the tracking error of both commands after their limits is added, ``u + k (u -
+    measured)``, and limited again.
 
     Parameters
     ----------
     gains : PIGains
         From the errors (chi, gamma) to the rates `RATES`: K_P in 1/s, K_I in 1/s^2. With the
-        airspeed as third channel nu_V is its rate over its reference, and the law commands
+        airspeed as third channel, nu_V is its rate divided by its reference, and the law commands
         ``n_x = sin(gamma) + V_ref nu_V / g`` with gamma through the air.
     limits : Limits, optional
-        Of (phi, n_z) or (phi, n_z, n_x); none by default. Applied as `CommandLimiter` does.
+        Limits of (phi, n_z) or (phi, n_z, n_x), applied as by `CommandLimiter`; none by default.
     dt : float, s
         Sample time.
     anti_windup : {"conditional", "back_calculation", "none"}
-        Action of an integrator while a limit holds the command of its channel (roll of the course,
-        load factor of the path angle), and that of the course while b is below the floor: stand,
-        be led back towards the rate that the commands give with the tracking time, or go on.
+        Action of an integrator while a limit holds the command of its channel (roll for the course,
+        load factor for the path angle), and of the course integrator while b is below the floor:
+        hold, return towards the achieved rate with the tracking time, or continue.
     tracking_time : float, s, optional
         Time constant of back-calculation; by default ``norm(K_P) / norm(K_I)``, never below `dt`.
     priority : {"gamma", "chi"}
-        Part of the lift that is kept where the largest load factor is too small for both channels:
-        the vertical lift (the roll command is reduced to ``acos(b / n_z_max)``), or the horizontal
-        one (it is raised to ``asin(a / n_z_max)``).
+        Part of the lift that is kept if the largest load factor is too small for both channels: the
+        vertical lift (the roll command is reduced to ``acos(b / n_z_max)``), or the horizontal lift
+        (roll is raised to ``asin(a / n_z_max)``).
     lift_floor : float
-        In weights. Where less vertical lift is wanted, in a push-over, the roll command is that of
-        the floor: it stays on the side of the turn and does not jump where b passes zero. The load
-        factor stays ``b / cos(phi)``, negative where b is, as far as its limits go; without lift
-        there is no turn, and the course waits.
+        In weights. If less vertical lift is needed, in a push-over, the roll command is computed
+        with the floor. It then stays on the side of the turn and does not jump when b passes zero.
+        The load factor stays ``b / cos(phi)``, negative for negative b, within its limits; without
+        lift there is no turn, and the course waits.
     braking : float or None
         The proportional part of the path-angle rate is at most
-        ``sqrt(2 braking (g / V_a) r |e|)``, r the rate limit of the load factor and e the error
-        that this part is proportional to: more could not be taken back before the error is gone.
-        None for no such bound. Where it holds the load factor counts as rate-limited. Where roll is
-        fed back, the same holds of the course and the rate limit of roll.
+        ``sqrt(2 braking (g / V_a) r |e|)``, with r the rate limit of the load factor and e the
+        error of the proportional part: a larger rate could not be reduced before the error is zero.
+        None: no bound. While the bound acts, the load factor counts as rate-limited. With feedback
+        of roll the same bound acts on the course, with the rate limit of roll.
     wrapped : bool
         Take the course error the short way round.
     g : float, m/s^2
@@ -112,7 +112,7 @@ class ExactLaw(StatefulPI):
     state : PIState
         Errors, commands after and before the limits, and integrals in rad/s.
     signals : mapping of str to str
-        Recorded: ``chi_dot_integral`` and ``gamma_dot_integral``, the parts of the rates wanted
+        Recorded: ``chi_dot_integral`` and ``gamma_dot_integral``, the parts of the desired rates
         that come from the integrators at the next sample.
 
     Raises
@@ -124,8 +124,8 @@ class ExactLaw(StatefulPI):
 
     Notes
     -----
-    Derived in docs/exact_law.md. Integrals take each error after the command of its sample, so
-    that whether a limit holds does not depend on the increment it stops: no lock, see
+    Derived in docs/exact_law.md. Integrals add each error after the command of its sample, so that
+    a limit does not depend on the increment that it stops. This avoids a lock, see
     design/anti_windup.md.
 
     Examples
@@ -201,10 +201,10 @@ class ExactLaw(StatefulPI):
         return (*state.u, *state.integral)
 
     def _hold_airspeed(self, channel: ChannelLaw, climb: float, reference: ReferenceSample) -> None:
-        """Command n_x for a `climb`; its integral stands where a limit holds it, as the others."""
+        """Command n_x for a `climb`; its integral is held at a limit, like the others."""
         state, law, (K_P, K_I, *limits) = self.state, self.law, channel
         V_ref = reference.V
-        assert V_ref is not None  # `airspeed_channel` has refused a reference without one
+        assert V_ref is not None  # `airspeed_channel` has refused a reference without an airspeed
         rate = reference.V_dot / V_ref + state.integral[2]
         rate += sum(gain * error for gain, error in zip(K_P, state.error, strict=True))
         wanted = climb + V_ref * law.per_g * rate
@@ -218,33 +218,33 @@ class ExactLaw(StatefulPI):
 
 
 def turning_speed(measured: Measured, estimate: tuple[float, ...] | None = None) -> float:
-    """Speed that turns lift into rates, m/s, in the wind measured, or its `estimate` (NED, m/s)."""
+    """Speed that converts lift to rates, m/s, in the measured wind or its `estimate` (NED, m/s)."""
     chi, gamma, V_a, *_ = measured
     wind = measured.wind if estimate is None else estimate
     return V_a if wind is None else speed_in_wind(chi, gamma, V_a, wind)
 
 
 def rate_model(*, airspeed: bool = False) -> LinearModel:
-    """Error dynamics of the exact law while no limit holds: ``e' = -nu`` in every flight."""
+    """Error dynamics of the exact law while no limit acts: ``e' = -nu`` in every flight."""
     n = 3 if airspeed else 2
     return law_model(np.zeros((n, n)), -np.eye(n), RATES)
 
 
 def roll_of_lift(a: float, b: float, floor: float, n_z_high: float, course_first: bool) -> float:
-    """Roll for a horizontal lift a and a vertical lift b, as far as there is so much."""
+    """Roll for a horizontal lift a and a vertical lift b, as far as the lift suffices."""
     if b < floor:
         return math.atan2(a, floor)
-    most = max(n_z_high, LEAST_LIFT)  # a limit may leave none
+    most = max(n_z_high, LEAST_LIFT)  # a limit may leave no lift
     if not a * a + b * b > most * most:
         return math.atan2(a, b)
-    # The largest load factor does not give both.
+    # The largest load factor is too small for both.
     if course_first:
         return math.copysign(math.asin(min(1.0, abs(a) / most)), a)
     return math.copysign(math.acos(min(1.0, b / most)), a)
 
 
 def braked_rate(rate: float, speed: float, K_P: float, brake: float) -> float:
-    """A rate wanted of course or path angle, cut to what its command can take back in time."""
+    """A desired rate of course or path angle, bounded so that its command can reduce it in time."""
     return math.copysign(math.sqrt(brake * abs(rate) / (speed * K_P)), rate)
 
 
@@ -259,12 +259,12 @@ def with_feedback(
     step_down: float,
     step_up: float,
 ) -> tuple[float, float, int]:
-    """Command with what is lacking of the one expected, after its limits, and which limit holds."""
-    # `limited` says which limit holds the command expected. The arguments from `before` on are
-    # those of `limit_command`. Numba compiles this function too.
+    """The expected command plus feedback of its error, after limits, and which limit holds."""
+    # `limited` says which limit acts on the expected command. The arguments from `before` on belong
+    # to `limit_command`. Numba compiles this function too.
     wanted = expected + k * (expected - measured)
     u, kind = limit_command(wanted, before, lower, upper, step_down, step_up)
-    # The second value is the expected command that would have led to the one after the limits.
+    # The second value is the expected command that leads to the limited command.
     return u, (u + k * measured) / (1.0 + k), limited or kind
 
 
@@ -273,8 +273,8 @@ def exact_step(
 ) -> None:
     """One sample of `ExactLaw`, which writes to `state`, written so that Numba compiles it too.
 
-    `ref`: course, flight-path angle (rad) and their rates; `y`: both angles, roll and load factor
-    measured; `V_a` (m/s).
+    `ref`: course, flight-path angle (rad) and their rates; `y`: measured angles, roll and load
+    factor; `V_a` (m/s).
     """
     channels, wrapped, conditional, tracking_gain, per_g, lift_floor = law[:6]
     brake, course_first, (k_phi, k_n_z), turn_brake = law[6:]
@@ -282,18 +282,18 @@ def exact_step(
         (K_chi, I_chi, phi_low, phi_high, phi_down, phi_up),
         (K_gamma, I_gamma, n_z_low, n_z_high, n_z_down, n_z_up),
     ) = channels
-    # All of it by name at once: inlined by Numba, writes through attributes would be lost.
+    # All names are bound first: when Numba inlines this, it would lose writes through attributes.
     error, u, u_unsat, integral, limited, _, expected = state
     e_chi, e_gamma = ref[0] - y[0], ref[1] - y[1]
     if wrapped:
         e_chi = wrap_angle(e_chi)
     error[0], error[1] = e_chi, e_gamma
     level, speed = math.cos(y[1]), V_a * per_g
-    # Not by `turn`, whose sum is rounded otherwise: flights keep the bits of earlier versions.
+    # Not by `turn`, which rounds the sum differently: flights keep the bits of earlier versions.
     nu_chi = ref[2] + K_chi[0] * e_chi + K_chi[1] * e_gamma + integral[0]
     turn = K_chi[0] * e_chi + K_chi[1] * e_gamma
     climb = K_gamma[0] * e_chi + K_gamma[1] * e_gamma
-    # Roll and load factor can take back a turn and a climb only at their own rate limits.
+    # Roll and load factor can end a turn and a climb only at their own rate limits.
     turn_braked = abs(turn) * speed * level * K_chi[0] > turn_brake
     if turn_braked:
         nu_chi = ref[2] + integral[0] + braked_rate(turn, speed * level, K_chi[0], turn_brake)
@@ -302,7 +302,7 @@ def exact_step(
         climb = braked_rate(climb, speed, K_gamma[1], brake)
     nu_gamma = ref[3] + climb + integral[1]
 
-    # Horizontal and vertical lift that these rates need, in weights.
+    # Horizontal and vertical lift for these rates, in weights.
     a, b = speed * level * nu_chi, speed * nu_gamma + level
     floored = b < lift_floor
     roll = roll_of_lift(a, b, lift_floor, n_z_high, course_first)
@@ -311,7 +311,7 @@ def exact_step(
     n_z, n_z_limited = limit_command(load, expected[1], n_z_low, n_z_high, n_z_down, n_z_up)
     expected[0], expected[1] = phi, n_z
     before, u[0], u[1] = (u[0], u[1]), phi, n_z
-    # From here on, for anti-windup, phi and n_z are what would have led to the commands that fly.
+    # From here on, for anti-windup, phi and n_z are the inputs that lead to the limited commands.
     if k_phi:
         roll += k_phi * (phi - y[2])
         u[0], phi, phi_limited = with_feedback(
@@ -326,7 +326,8 @@ def exact_step(
     n_z_limited = n_z_limited or (RATE_LIMITED if braked else FREE)
     u_unsat[0], u_unsat[1], limited[0], limited[1] = roll, load, phi_limited, n_z_limited
 
-    # Whether the commands give the rates wanted; where no limit holds they do but for rounding.
+    # Whether the commands achieve the desired rates; without an active limit they do, but for
+    # rounding.
     held_chi, held_gamma = phi_limited != FREE or floored, n_z_limited != FREE
     more_chi = I_chi[0] * e_chi + I_chi[1] * e_gamma
     more_gamma = I_gamma[0] * e_chi + I_gamma[1] * e_gamma

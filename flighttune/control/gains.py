@@ -18,21 +18,21 @@ from flighttune.base.errors import InputError
 from flighttune.base.files.whole import write_text
 from flighttune.base.units import G_PAPER
 
-# Commands that gains of the paper's law act on.
+# Inputs of the paper's law's gains.
 COMMANDS = ("phi", "n_z")
 
 # Inputs of the exact law's gains: desired rates, in place of roll and load factor.
 RATES = ("chi_dot", "gamma_dot")
 
-# Both laws' inputs where the airspeed is a channel too: longitudinal load factor, relative rate.
+# Third inputs of both laws if the airspeed is a channel: longitudinal load factor, relative rate.
 WITH_AIRSPEED = {COMMANDS: (*COMMANDS, "n_x"), RATES: (*RATES, "V_dot")}
 
 ERRORS = ("chi", "gamma")
 
-# Of roll and load factor: nothing measured acts on their commands.
+# No feedback: measured roll and load factor do not act on their commands.
 NO_FEEDBACK = (0.0, 0.0)
 
-# The third error is that of the airspeed over its reference.
+# The third error is the error of the airspeed divided by its reference.
 ERRORS_WITH_AIRSPEED = (*ERRORS, "V")
 
 LABELS = {
@@ -50,7 +50,7 @@ LABELS = {
 class PIGains:
     """Gains of ``u = K_P e + K_I xi`` with ``d(xi)/dt = e``, m inputs and p errors.
 
-    Two of them are equal if all numbers and channel names are.
+    Two gain sets are equal if all numbers and channel names are equal.
 
     Attributes
     ----------
@@ -61,8 +61,8 @@ class PIGains:
     inputs, errors : tuple of str, lengths m and p
         Channel names, in row and column order.
     feedback : tuple of two float, 1
-        Of the exact law alone: gains k on measured roll and load factor against the u above, from 0
-        to below 1. The commands are ``u + k (u - measured)``.
+        For the exact law alone: gains k on the difference between u and measured roll and load
+        factor, from 0 to below 1. The commands are ``u + k (u - measured)``.
 
     Examples
     --------
@@ -89,7 +89,7 @@ class PIGains:
 
     @model_serializer(mode="wrap")
     def _without_defaults(self, serialize: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """Gains without feedback are written as they were before there was any."""
+        """Gains without feedback are written as before the key existed."""
         fields = dict(serialize(self))
         if not self.feeds_back:
             del fields["feedback"]
@@ -112,7 +112,7 @@ class PIGains:
 
     @property
     def numbers(self) -> FloatArray:
-        """Every gain: those of `K` row by row, then `feedback`."""
+        """All gains: `K` row by row, then `feedback`."""
         return np.append(self.K, self.feedback)
 
     @property
@@ -127,7 +127,7 @@ class PIGains:
 
     @property
     def airspeed(self) -> bool:
-        """Whether the airspeed is their third channel."""
+        """Whether the airspeed is the third channel."""
         return self.errors == ERRORS_WITH_AIRSPEED
 
     @property
@@ -138,7 +138,7 @@ class PIGains:
     def as_lists(self) -> dict[str, Any]:
         """``K_P`` and ``K_I`` as nested lists, as files and ``--json`` have them.
 
-        With ``law`` where they are those of the exact law.
+        Gains of the exact law also have ``law``.
         """
         law = {"law": self.law} if self.law == "exact" else {}
         fed = {"feedback": list(self.feedback)} if self.feeds_back else {}
@@ -161,7 +161,7 @@ class PIGains:
         inputs, errors = RATES if law == "exact" else COMMANDS, ERRORS
         if len(K_P) > len(errors):
             inputs, errors = WITH_AIRSPEED[inputs], ERRORS_WITH_AIRSPEED
-        # The class refuses other than two numbers.
+        # The class refuses anything but two numbers.
         fed = cast("tuple[float, float]", feedback or NO_FEEDBACK)
         return cls(K_P=K_P, K_I=K_I, inputs=inputs, errors=errors, feedback=fed)
 
@@ -172,7 +172,7 @@ PAPER_GAINS = PIGains(
     K_I=np.array([[3.4869, 0.1784], [-0.1784, 3.4869]]),
 )
 
-# Airspeed of the paper's gains, m/s: gains of the same loop grow with airspeed.
+# Design airspeed of the paper's gains, m/s: gains for the same loop grow with airspeed.
 PAPER_SPEED = 25.0
 
 # Table 2 of arXiv 2411.13140: K = K* - epsilon (I, I).
@@ -187,25 +187,25 @@ def paper_family() -> Mapping[str, PIGains]:
 
 
 def shifted(gains: PIGains, epsilon: float) -> PIGains:
-    """``K - epsilon (I, I)``: how the paper makes K1 to K6 of K*."""
+    """``K - epsilon (I, I)``, as the paper derives K1 to K6 from K*."""
     shift = epsilon * np.eye(2)
     return PIGains(K_P=gains.K_P - shift, K_I=gains.K_I - shift)
 
 
 def rate_gains(gains: PIGains, *, V_a: float, g: float = G_PAPER) -> PIGains:
-    """Gains of the paper's law as gains of the exact law, or as they are if they already are.
+    """Gains of the paper's law as gains of the exact law; gains of the exact law unchanged.
 
     Parameters
     ----------
     gains : PIGains
     V_a : float, m/s
-        Airspeed for which they were made.
+        Design airspeed of the gains.
     g : float, m/s^2
 
     Returns
     -------
     PIGains
-        Times ``g / V_a``: the same loop about wings-level flight at gamma = 0.
+        The gains times ``g / V_a``: the same loop about wings-level flight at gamma = 0.
 
     Examples
     --------
@@ -217,19 +217,19 @@ def rate_gains(gains: PIGains, *, V_a: float, g: float = G_PAPER) -> PIGains:
 
 
 def command_gains(gains: PIGains, *, V_a: float, g: float = G_PAPER) -> PIGains:
-    """Gains of the exact law as gains of the paper's law, or as they are if they already are.
+    """Gains of the exact law as gains of the paper's law; gains of the paper's law unchanged.
 
     Parameters
     ----------
     gains : PIGains
     V_a : float, m/s
-        Airspeed for which they shall be.
+        Airspeed of the result.
     g : float, m/s^2
 
     Returns
     -------
     PIGains
-        Times ``V_a / g``: `rate_gains` the other way.
+        The gains times ``V_a / g``: the inverse of `rate_gains`.
 
     Examples
     --------
@@ -258,5 +258,5 @@ def _acting_on(inputs: tuple[str, str], gains: PIGains, factor: float) -> PIGain
 
 
 def gains_lists(gains: PIGains | None) -> dict[str, Any]:
-    """``K_P`` and ``K_I`` as nested lists, None where there are no gains."""
+    """``K_P`` and ``K_I`` as nested lists, None without gains."""
     return {"K_P": None, "K_I": None} if gains is None else gains.as_lists()

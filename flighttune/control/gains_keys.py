@@ -14,11 +14,11 @@ from flighttune.control.law import DEFAULT
 # Gains tuned on the model that ``[tuning]`` names.
 TUNED = "tuned"
 
-# Gains tuned on the identified model, whichever ``[tuning]`` names.
+# Gains tuned on the identified model, even if ``[tuning]`` names another model.
 TUNED_IDENTIFIED = "tuned_identified"
 
-# Gains of the exact law on the identified model: roll and load factor fed back, least errors in
-# turbulence.
+# Gains of the exact law on the identified model, with feedback of roll and load factor and the
+# smallest errors in turbulence.
 TUNED_FED_BACK = "tuned_fed_back"
 
 # Gains tuned for an aircraft, the best first.
@@ -26,7 +26,7 @@ TUNED_FOR_AIRCRAFT = TUNED_FED_BACK, TUNED_IDENTIFIED
 
 
 def default_gains(names: Sequence[str]) -> str:
-    """The gain set flown where none is asked for: one tuned for the aircraft, or the first."""
+    """The default gain set: gains tuned for the aircraft, else the first set."""
     sets = {name.rpartition(":")[2]: name for name in reversed(names)}
     return next((sets[name] for name in TUNED_FOR_AIRCRAFT if name in sets), names[0])
 
@@ -52,11 +52,11 @@ def on_aircraft(names: Iterable[str]) -> str:
 
 
 class TunedFor(q.Table):
-    """``[gains.tuned_for]``: what gains were tuned for."""
+    """``[gains.tuned_for]``: aircraft and airspeeds for which gains were tuned."""
 
-    aircraft: list[q.PathName]  # none: the law alone
-    V_a_mps: list[q.Airspeed]  # none: any airspeed
-    # Sentences on what their model assumes; none if left out
+    aircraft: list[q.PathName]  # if left out: the law alone
+    V_a_mps: list[q.Airspeed]  # if left out: any airspeed
+    # Assumptions of their model, as sentences; none if left out
     assumed: list[str] | None = None
 
     @property
@@ -66,7 +66,7 @@ class TunedFor(q.Table):
         return on_aircraft(self.aircraft) + f" at {' to '.join(ends)} m/s" * bool(ends)
 
     def unlike(self, aircraft: Iterable[str], airspeeds: Sequence[float]) -> bool:
-        """Whether a flight has another of the aircraft, or an airspeed beyond these."""
+        """Whether a flight uses another aircraft, or an airspeed outside the range."""
         low, high = min(self.V_a_mps, default=0.0), max(self.V_a_mps, default=math.inf)
         other = self.aircraft and {*aircraft} - {*self.aircraft}
         return bool(other) or min(airspeeds) < low or max(airspeeds) > high
@@ -78,12 +78,12 @@ class GainsTable(q.Table):
     name: q.Name
     K_P: GainMatrix
     K_I: GainMatrix
-    # paper, or exact, whose rows are rates in 1/s and 1/s^2; exact if left out where no other
-    # flies. Other laws get them mapped
+    # paper, or exact, whose rows are rates in 1/s and 1/s^2; exact if left out and no other law
+    # flies. Other laws get mapped gains
     law: Literal["paper", "exact"] | None = None
-    feedback: Feedback | None = None  # gains of the exact law on measured roll and load factor
-    tuned_for: TunedFor | None = None  # as `tune` and `meet` write it
+    feedback: Feedback | None = None  # of the exact law, on measured roll and load factor
+    tuned_for: TunedFor | None = None  # written by `tune` and `meet`
 
     def gains(self, law: str = DEFAULT) -> PIGains:
-        """The gains as a value; `law` is whose they are where the table does not say."""
+        """The gains as a value; `law` is their law if the table does not name it."""
         return PIGains.from_lists(self.K_P, self.K_I, self.law or law, self.feedback)

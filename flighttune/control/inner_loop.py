@@ -1,8 +1,8 @@
 """Lags and delays between command and response: appended to a model, or sampled exactly.
 
-A continuous model takes a delay, and the half sample that a held command is late, as a Pade
-section. In the map of a sampled loop both are exact: over one sample the plant is linear with
-commands that change at most once, so that its state at the next sample is a matrix exponential.
+A continuous model has a Pade section for a delay and for the half sample of a held command. In the
+map of a sampled loop both are exact. Over one sample the plant is linear and each command changes
+at most once, so that the next state is a matrix exponential.
 """
 
 import math
@@ -22,7 +22,7 @@ from flighttune.control.linear_model import LinearModel
 
 
 def with_input_lag(model: LinearModel, bandwidths: npt.ArrayLike) -> LinearModel:
-    """The model behind a first-order lag of each input, `bandwidths` (rad/s) one or m numbers."""
+    """The model behind a first-order lag of each input; `bandwidths` (rad/s): one number or m."""
     each = _one_per_input("bandwidths", bandwidths, len(model.inputs)).tolist()
     return with_inner_loop(model, [InnerLag(order=1, natural_frequency=w) for w in each])
 
@@ -31,23 +31,22 @@ def with_input_delay(model: LinearModel, delay: npt.ArrayLike) -> LinearModel:
     """The model behind a Pade section ``(1 - s h/2) / (1 + s h/2)`` of each input, `delay` h in s.
 
     A sampled controller with zero-order hold delays its command by half its sample time on average;
-    add the time it computes. The delay stands after the command: apply this to a model that has its
-    lag already. A section's own state is its command behind a lag of h/2, so that it has the unit
-    of the input.
+    add its computing time. The delay follows the command: apply this to a model that already has
+    its lag. The state of a section is its command behind a lag of h/2, in the unit of the input.
     """
     each = _one_per_input("delay", delay, len(model.inputs))
     late = [(np.array([[-2.0 / h]]), np.array([2.0 / h]), [2.0], -1.0) for h in each]
     return _behind(model, late, [[f"{name}_delay_1"] for name in model.inputs])
 
 
-# State space A (k, k), B (k,), C (k,), D of what stands between a command and an input.
+# State space A (k, k), B (k,), C (k,), D of the filter between a command and an input.
 Filter: TypeAlias = tuple[FloatArray, FloatArray, Sequence[float], float]
 
 
 def _behind(
     model: LinearModel, filters: Sequence[Filter], names: Sequence[Sequence[str]]
 ) -> LinearModel:
-    """The model with a filter before each input; `names` are those of the filters' states."""
+    """The model with a filter before each input; `names`: names of the filters' states."""
     from scipy.linalg import block_diag
 
     A, B, C, D = zip(*filters, strict=True)
@@ -73,7 +72,7 @@ def _one_per_input(name: str, value: npt.ArrayLike, m: int) -> FloatArray:
     return values
 
 
-# Delay (s) below which it is neglected: a section of 2/delay would only spoil the arithmetic.
+# A smaller delay, s, is neglected: a section of 2/delay would only harm the arithmetic.
 NO_DELAY = 1e-5
 
 Order: TypeAlias = Literal[1, 2, 3]
@@ -128,14 +127,14 @@ class InnerLag:
 
     @property
     def whole(self) -> float:
-        """Final lag of the response to a ramp, s: the sum of all lags and the delay."""
+        """Final time lag of the response to a ramp, s: the sum of all lags and the delay."""
         lag = 1.0 / self.natural_frequency
         if self.order > 1:
             lag *= 2.0 * self.damping
         return self.delay + lag + (self.lag if self.order == 3 else 0.0)
 
     def delayed(self, seconds: float) -> "InnerLag":
-        """The same lag with `seconds` more of delay."""
+        """The same lag with its delay increased by `seconds`."""
         return replace(self, delay=self.delay + seconds)
 
     @property
@@ -178,7 +177,7 @@ class InnerLag:
 
 
 def with_inner_loop(model: LinearModel, lags: Sequence[InnerLag]) -> LinearModel:
-    """The model behind the inner loop of each input: its states, then those of each lag in turn."""
+    """The model behind the inner loop of each input: its states, then the states of each lag."""
     if len(lags) != len(model.inputs):
         raise ShapeError(f"`lags` must be {len(model.inputs)}, one an input, got {len(lags)}.")
     filters, names = [], []
@@ -193,9 +192,8 @@ def with_inner_loop(model: LinearModel, lags: Sequence[InnerLag]) -> LinearModel
 def inner_loop_scaling(model: LinearModel, lags: Sequence[InnerLag]) -> FloatArray:
     """Units of s = (x', e) of `with_inner_loop` in which a lag counts by its effect on x'."""
     n, _, p = model.shape
-    # A state of the lag of input i is measured in units of ``1 / norm(B[:, i])``, B without the
-    # inner loop: the roll rate of the chi/gamma law then enters as the angular acceleration it
-    # causes.
+    # The unit of a lag's state of input i is ``1 / norm(B[:, i])``, with B without the inner loop.
+    # The roll rate of the chi/gamma law then counts by the angular acceleration that it causes.
     effect = np.linalg.norm(model.B, axis=0)
     if not (effect > 0.0).all():
         raise InputError(f"`model` must have inputs that act on it, got B = {model.B.tolist()}.")
@@ -203,7 +201,7 @@ def inner_loop_scaling(model: LinearModel, lags: Sequence[InnerLag]) -> FloatArr
     return np.concatenate([np.ones(n), np.repeat(1.0 / effect, sizes), np.ones(p)])
 
 
-# States of a sampled loop: the exact check of its rate takes 3 s at as many.
+# Maximum states of a sampled loop: the exact check of its rate then takes 3 s.
 MAX_SAMPLED = 40
 
 
@@ -215,15 +213,15 @@ def sampled_loop(
     dt: float,
     trapezoidal: bool = True,
 ) -> tuple[FloatArray, FloatArray]:
-    """The map of the loop over one sample, while no limit holds, and units of its state.
+    """The map of the loop over one sample, while no limit acts, and units of its state.
 
-    `model` is that of the law alone (n states, m inputs, p errors), `lags` the inner loop of each
-    input without the delay of the hold, which is exact here; none where the inputs are the
-    commands. `trapezoidal`: the integral takes the mean of two errors, as `MimoPI` does; else each
-    error after the command of its sample, as `ExactLaw` does.
+    `model` is the model of the law alone (n states, m inputs, p errors). `lags` are the inner loops
+    of the inputs without the delay of the hold, which is exact here; no lags if the inputs are the
+    commands. `trapezoidal`: the integral adds the mean of two errors, as in `MimoPI`; else each
+    error after the command of its sample, as in `ExactLaw`.
 
-    The map, shape (N, N), acts on the state at a sample before its command: states of the model, of
-    the lags in turn, commands of each input from the last one back, integrals in the unit of the
+    The map, shape (N, N), acts on the state at a sample before its command: states of the model and
+    of the lags, past commands of each input from the latest back, integrals in the unit of the
     inputs, and the errors of the sample before. In the units, shape (N,), a command and a lag's
     state count by the rate that they cause, as in `inner_loop_scaling`.
     """
@@ -245,7 +243,7 @@ def sampled_loop(
     integral, before = int(first_kept[-1]), int(first_kept[-1]) + m
     size = before + p
 
-    # Rows that give the errors, the new integrals and the commands from the state.
+    # Rows that map the state to the errors, the new integrals and the commands.
     state, error = np.eye(size), np.zeros((p, size))
     error[:, :k] = plant.C
     old_integral, old_error = state[integral:before], state[before:]
@@ -262,7 +260,7 @@ def sampled_loop(
     M = np.zeros((size, size))
     M[:k, :k] = _held(plant.A, np.zeros((k, 0)), dt)[0]
     for i in range(m):
-        # The command of `whole` samples ago takes over after the rest of the delay.
+        # The command from `whole` samples ago acts after the rest of the delay.
         late = delays[i] - whole[i] * dt
         fresh_A, fresh = _held(plant.A, plant.B[:, [i]], dt - late)
         _, stale = _held(plant.A, plant.B[:, [i]], late)

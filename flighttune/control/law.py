@@ -1,8 +1,8 @@
 """Interface between a law and the rest of the program, and the list of laws.
 
-Nothing above this package asks which law it has. A law is one class in one file of
-`flighttune.control.laws`; what its class does not say is missing, and refused by name: a law that
-does not state `by_gains` has no linear loop, no R_K and no certificate.
+No code above this package depends on the kind of law. A law is one class in one file of
+`flighttune.control.laws`. An ability that its class lacks is refused by name: a law that does not
+state `by_gains` has no linear loop, no R_K and no certificate.
 """
 
 from abc import ABC, abstractmethod
@@ -29,19 +29,19 @@ class Trim(NamedTuple):
     V_a: float  # m/s
     gamma: float  # rad
     g: float  # m/s^2
-    # m/s: airspeed for which gains were made that the controller scales by airspeed
+    # m/s: design airspeed of gains that the controller scales by airspeed
     schedule_speed: float | None = None
     airspeed: bool = False  # whether the airspeed is a channel
 
 
 class SampledController(NamedTuple):
-    """A law as a tube follows it from sample to sample."""
+    """A law as a tube computes it from sample to sample."""
 
     channels: tuple[mimo_pi.ChannelLaw, ...]
-    conditional: bool  # anti-windup; there is none otherwise
+    conditional: bool  # whether there is anti-windup
     # Whether ``cos(gamma_ref)/cos(phi)`` is added to the load-factor command
     feed_forward: bool = False
-    # Of a law whose channels command rates, which it inverts for roll and load factor
+    # Options of a law whose channels command rates, which it inverts for roll and load factor
     inverts: exact_law.RateLaw | None = None
 
     @property
@@ -53,12 +53,11 @@ class SampledController(NamedTuple):
 class OuterLoop(NamedTuple):
     """A law as JSBSim flies it by itself."""
 
-    # Template of `flighttune.outputs.exports` with components in place of those of the paper's
-    # law
+    # Template of `flighttune.outputs.exports` whose components replace the paper's law
     components: str | None
-    rows: tuple[str, str, str]  # names of the properties that its gains act on
+    rows: tuple[str, str, str]  # names of the properties on which its gains act
     values: Mapping[str, float]  # settings by property, besides gains and limits
-    # Whether it follows the rates of the reference, or the commands planned for it
+    # Whether it follows the rates of the reference, or its planned commands
     takes_rates: bool = False
     takes_plan: bool = False
 
@@ -67,25 +66,24 @@ class OuterLoop(NamedTuple):
 class Law(ABC):
     """A law of a scenario: its name there, and its options as fields."""
 
-    name: str  # in the scenario: ``NAME:GAINS`` is a gain set flown by it
-    takes_gains: bool = True  # else it is flown once per plant, whatever gains there are
+    name: str  # in the scenario: ``NAME:GAINS`` is a gain set flown by this law
+    takes_gains: bool = True  # else it is flown once per plant, for all gain sets
 
     kind: ClassVar[str]  # value of the key ``kind`` of ``[[law]]`` for the class
-    # Further keys of ``[[law]]``, and those that it cannot do without; fields of the class are
-    # options
+    # Further keys of ``[[law]]``, and required keys; fields of the class are options
     keys: ClassVar[frozenset[str]] = frozenset()
     required: ClassVar[tuple[str, ...]] = ()
     named_alone: ClassVar[bool] = True  # whether a scenario can name the kind without a table
-    inputs: ClassVar[tuple[str, str]] = COMMANDS  # channels that its gains act on, or `RATES`
-    # Whether gains and `linear_model` say how it flies. Where a class does not state so it has no
-    # claim and no R_K, and the runs have no gains.
+    inputs: ClassVar[tuple[str, str]] = COMMANDS  # channels on which its gains act, or `RATES`
+    # Whether gains and `linear_model` describe its flight. Otherwise the law has no claim and no
+    # R_K, and its runs have no gains.
     by_gains: ClassVar[bool] = False
-    # Whether its integrals take the mean of two errors; else each error after the command of its
+    # Whether its integrals add the mean of two errors; else each error after the command of its
     # sample
     trapezoidal: ClassVar[bool] = True
-    same_everywhere: ClassVar[bool] = False  # its linear model, at every condition of an envelope
+    same_everywhere: ClassVar[bool] = False  # is its linear model the same over an envelope
     batched: ClassVar[bool] = False  # whether the compiled kernel flies its controllers
-    # Kind of plant that its linear model is made for, on which it has no mismatch
+    # Kind of plant for which its linear model is exact
     plant: ClassVar[str] = "kinematic"
 
     @abstractmethod
@@ -100,7 +98,7 @@ class Law(ABC):
         return GuardedLaw(flown_law, setup.limits, f"law {self.name}")
 
     def linear_model(self, trim: Trim, /) -> LinearModel:
-        """Error dynamics that its gains act on: from `inputs` to the errors of course and path."""
+        """Error dynamics on which its gains act, from `inputs` to the errors of course and path."""
         if self.inputs == RATES:  # the same at every condition
             return exact_law.rate_model(airspeed=trim.airspeed)
         return kinematic_model(V_a=trim.V_a, gamma=trim.gamma, g=trim.g, airspeed=trim.airspeed)
@@ -117,28 +115,28 @@ class Law(ABC):
 
     @property
     def tuned_as(self) -> str:
-        """Kind of the law for which its gains are tuned."""
+        """Kind of law for which its gains are tuned."""
         return self.kind
 
     def gains_from(self, gains: PIGains, *, V_a: float, g: float) -> PIGains:
-        """Gains of any law as gains of this one: the same loop about level flight."""
+        """Gains of any law as gains of this law: the same loop about level flight."""
         mapped = rate_gains if self.inputs == RATES else command_gains
         return mapped(gains, V_a=V_a, g=g)
 
     def command_per_rate(self, V_a: float, g: float) -> float:
-        """Size of its first input that turns level flight by one rad/s."""
+        """Size of its first input for a turn of one rad/s from level flight."""
         return 1.0 if self.inputs == RATES else V_a / g
 
     def sampled(self, _setup: LawSetup, /) -> SampledController | None:
-        """The controller as a tube encloses it; None where no tube knows the law."""
+        """The controller as a tube encloses it; None if tubes do not know the law."""
         return None
 
     def outer_loop(self, _setup: LawSetup, /) -> OuterLoop | None:
-        """The controller for JSBSim alone; None where the law cannot be exported."""
+        """The controller for JSBSim alone; None if the law cannot be exported."""
         return None
 
     def in_c(self, _setup: LawSetup, /) -> mimo_pi.MimoPI | exact_law.ExactLaw | None:
-        """The controller that is written in C; None where the law has no such form."""
+        """The controller for the export in C; None if the law has no such form."""
         return None
 
     def refusal(self, ability: str, purpose: str) -> InputError:
@@ -152,31 +150,31 @@ class Law(ABC):
         )
 
     def names_of(self, gains: Sequence[str]) -> tuple[str, ...]:
-        """Names of gain sets flown with it: as they are with the paper's, else ``LAW:GAINS``."""
+        """Names of gain sets flown with it: unchanged for the paper's law, else ``LAW:GAINS``."""
         return tuple(gains) if self.name == DEFAULT else tuple(f"{self.name}:{n}" for n in gains)
 
 
 def pi_settings(setup: LawSetup, law: str) -> dict[str, Any]:
-    """Settings of a setup that both built-in laws take; InputError if it has no gains."""
+    """Settings of a setup for both built-in laws; InputError without gains."""
     if setup.gains is None:
         raise InputError(f"`gains` must be given to fly {law}.")
     return pick(setup, "gains limits dt anti_windup tracking_time g")
 
 
-# Law of a scenario that names none, and of gain sets without a law before the colon.
+# Law of a scenario without ``[[law]]``, and of gain sets without a law before the colon.
 DEFAULT = "paper"
 
 
 def split_name(name: str, laws: Collection[str] = ()) -> tuple[str, str]:
     """Law and gain set of a name such as ``exact:tuned``, among the laws of a scenario."""
     law, _, gains = name.rpartition(":")
-    # without a law before the colon it is the only one, or the paper's
+    # without a law before the colon: the only law, or the paper's
     return law or (DEFAULT if DEFAULT in laws or len(laws) != 1 else next(iter(laws))), gains
 
 
 @cache
 def law_kinds() -> Mapping[str, type[Law]]:
-    """Every class of law by its kind: the paper's, then the others in order of their kinds."""
+    """Every class of law by its kind: the paper's law, then the others in order of kind."""
     folder = import_module("flighttune.control.laws")
     classes = [
         value
@@ -194,7 +192,7 @@ def plain_laws() -> tuple[str, ...]:
 
 
 def made_law(kind: str, name: str | None = None, **options: Any) -> Law:
-    """A law of some kind; options that it does not have, or that are None, are left out."""
+    """A law of some kind; options that are None or unknown to it are left out."""
     if (law := law_kinds().get(kind)) is None:
         raise InputError(f"`law` must be of kind {', '.join(law_kinds())}, got {kind!r}.")
     fields = law.__dataclass_fields__

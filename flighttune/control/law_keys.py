@@ -1,4 +1,4 @@
-"""``[[law]]`` of a scenario: what turns errors into commands."""
+"""``[[law]]`` of a scenario: the law that turns errors into commands."""
 
 from functools import cache, cached_property
 from typing import TYPE_CHECKING, Annotated, Literal, Self, TypeAlias
@@ -21,18 +21,18 @@ else:
 
 
 class LawTable(OwnTable):
-    """``[[law]]``: what turns errors into commands, with the keys of its kind."""
+    """``[[law]]``: the law that turns errors into commands, with the keys of its kind."""
 
     name: q.Name
-    # paper; exact: the inversion of the point mass; autopilot: the guidance of PX4 or ArduPilot,
-    # with parameters of their names; python: a class of your own
+    # paper; exact: the inversion of the point mass; autopilot: the guidance of PX4 or ArduPilot
+    # with its parameters; python: a class of your own
     kind: LawKind
-    priority: Priority | None = None  # which channel gives way at the limits, of the exact law
-    # Least share of lift that is kept, of the exact law
+    priority: Priority | None = None  # exact law: which channel gives way at the limits
+    # Exact law: minimum share of lift that is kept
     lift_floor: Annotated[float, Field(gt=0.0, le=1.0)] | None = None
-    # Rate at which errors are brought back without overshoot, of the exact law
+    # Exact law: rate at which errors are reduced without overshoot
     braking: Annotated[float, Field(gt=0.0, le=100.0)] | None = None
-    # Whether a law of your own flies every gain set; once, with the first, if left out
+    # Whether a law of your own flies every gain set; if left out, once with the first set
     takes_gains: bool | None = None
 
     @model_validator(mode="after")
@@ -49,19 +49,19 @@ class LawTable(OwnTable):
 
     @cached_property
     def law(self) -> Law:
-        """The law, with defaults where the table does not say."""
+        """The law, with defaults for keys that are left out."""
         options = {key: getattr(self, key) for key in self.family.keys}
         return made_law(self.kind, self.name, **options, maker=self.maker)
 
 
 @cache
 def law_named(name: str) -> LawTable:
-    """One of `LAWS` as it is by default."""
+    """One of `LAWS` with its defaults."""
     return LawTable.model_validate({"name": name, "kind": name})
 
 
 def _law_tables(value: object) -> object:
-    """Names of laws among tables, or one name alone, as tables."""
+    """Tables of laws from names and tables, or from one name."""
     if isinstance(value, str):
         value = [value]
     if not isinstance(value, list):

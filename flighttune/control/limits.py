@@ -14,21 +14,21 @@ from flighttune.base.errors import InputError, ShapeError
 
 FREE, MAGNITUDE_LIMITED, RATE_LIMITED = 0, 1, 2
 
-# What an integrator does while a limit holds the command of its channel.
+# Actions of an integrator while a limit holds the command of its channel.
 AntiWindup: TypeAlias = Literal["none", "conditional", "back_calculation"]
 
 
 @checked_class
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Limits:
-    """Ranges of m commands and of their rates; infinite where there is no limit.
+    """Ranges of m commands and of their rates; infinite without a limit.
 
     Attributes
     ----------
     lower, upper : ndarray, shape (m,), input unit
         Range of each command.
     rate_lower, rate_upper : ndarray, shape (m,), input unit per second
-        Range of each command's rate; holds zero.
+        Range of each command's rate; contains zero.
 
     Examples
     --------
@@ -70,7 +70,7 @@ class Limits:
         return cls(lower=-unbounded, upper=unbounded, rate_lower=-unbounded, rate_upper=unbounded)
 
     def within(self, other: "Limits") -> "Limits":
-        """The limits that hold where both these and `other` do; an InputError if none can."""
+        """The limits that satisfy both these and `other`; InputError if there are none."""
         return Limits(
             lower=np.maximum(self.lower, other.lower),
             upper=np.minimum(self.upper, other.upper),
@@ -82,11 +82,11 @@ class Limits:
 def limit_command(
     command: float, before: float, lower: float, upper: float, step_down: float, step_up: float
 ) -> tuple[float, int]:
-    """One command after its limits, and which holds it; written so that Numba compiles it too."""
+    """One command after its limits, and which limit holds it; Numba compiles this too."""
     # `step_down` and `step_up` are the rate limits times the sample time, from the command
     # `before`.
-    # The reach of one sample, cut to the range. Where they do not meet (a start outside the
-    # range) the rate limit rules: the command comes back at it instead of jumping.
+    # The reach of one sample, clipped to the range. If they do not meet (a start outside the
+    # range), the rate limit has priority: the command returns at its rate instead of jumping.
     low, high = before + step_down, before + step_up
     low_by_rate, high_by_rate = low > lower, high < upper
     if not low_by_rate:
@@ -103,10 +103,10 @@ def limit_command(
 
 @checked_class
 class CommandLimiter:
-    """Limits applied to commands sample by sample, with what anti-windup needs to know.
+    """Limits applied to commands sample by sample, with the record that anti-windup needs.
 
-    Where a range and a rate limit disagree (a start outside the range) the rate limit rules until
-    the command is inside.
+    If a range and a rate limit disagree (a start outside the range), the rate limit has priority
+    until the command is inside.
 
     Parameters
     ----------
@@ -118,9 +118,9 @@ class CommandLimiter:
     Attributes
     ----------
     u, u_unsat : list of float, length m
-        Commands after all limits and before them; the same lists at every sample.
+        Commands after and before all limits; the same lists at every sample.
     limited : list of int, length m
-        0 free, 1 held by a magnitude limit, 2 held by a rate limit.
+        0 free, 1 at a magnitude limit, 2 at a rate limit.
 
     Examples
     --------
@@ -153,5 +153,5 @@ class CommandLimiter:
 
     @property
     def excess(self) -> tuple[float, ...]:
-        """Command before the limits minus command after them: which way the limits hold."""
+        """Command before minus command after the limits; its sign is the direction of the limit."""
         return tuple(a - b for a, b in zip(self.u_unsat, self.u, strict=True))

@@ -1,11 +1,12 @@
-"""Linear models of what the outer loop acts on, at one condition or over ranges of flight.
+"""Linear models for the outer loop, at one condition or over ranges of flight.
 
 The law's Jacobians depend on the flight condition through four numbers only (arXiv 2411.13140,
 below Eq. (40)): ``a = (g/V) sin(gamma)``, ``b1 = (g/V) / cos(phi)^2``, ``b2 = (g n_z/V) sin(phi)``
 and ``b3 = (g/V) cos(phi)``. A_K is affine in them, so that the box of their ranges, 16 vertices,
 contains every Jacobian of the envelope. The corners of (V, gamma, phi, n_z) alone do not: the
-extremes of a product or of a cosine need not lie there. The four share the factor g/V; keeping it
-apart, 32 vertices, contains them all as well and is never larger, and so it is done here.
+extremes of a product or of a cosine need not lie there. The four numbers share the factor g/V. Kept
+as a separate range (32 vertices), the polytope still contains every Jacobian and is never larger;
+this module does so.
 """
 
 import math
@@ -34,7 +35,7 @@ class LinearModel:
     Attributes
     ----------
     A, B, C : ndarray, shapes (n, n), (n, m), (p, n)
-        Units follow from those of the states, inputs and errors (SI, rad) and seconds.
+        Units follow from the states, inputs and errors (SI, rad) and seconds.
     states, inputs, errors : tuple of str, lengths n, m, p
         Names in order; an error is reference minus actual.
 
@@ -64,7 +65,7 @@ class LinearModel:
         return self.states, self.inputs, self.errors
 
     def check_channels(self, gains: PIGains) -> None:
-        """Refuse gains that do not act from the errors of this model on its inputs."""
+        """Refuse gains whose channels are not the errors and inputs of this model."""
         if (gains.inputs, gains.errors) != (self.inputs, self.errors):
             raise InputError(
                 f"`gains` must act from {self.errors} on {self.inputs}, "
@@ -78,14 +79,14 @@ class LinearModel:
 
 
 def law_model(A: FloatArray, B: FloatArray, inputs: tuple[str, str] = COMMANDS) -> LinearModel:
-    """A model of the errors of course and path angle, and of the airspeed if there are three."""
+    """A model of the errors of course and path angle, and of airspeed if there are three."""
     n = len(A)
     names, inputs_of_n = ERRORS_WITH_AIRSPEED[:n], WITH_AIRSPEED[inputs][:n]
     return LinearModel(A=A, B=B, C=np.eye(n), states=names, inputs=inputs_of_n, errors=names)
 
 
 def entry_model(entries: FloatArray) -> LinearModel:
-    """The chi/gamma law's linear model of given entries (a, b1, b2, b3), 1/s."""
+    """The chi/gamma law's linear model with given entries (a, b1, b2, b3), 1/s."""
     a, b1, b2, b3 = entries
     return law_model(np.array([[0.0, 0.0], [0.0, a]]), np.array([[-b1, 0.0], [b2, -b3]]))
 
@@ -112,7 +113,7 @@ def kinematic_model(
     g : float, m/s^2
         Acceleration of gravity, positive.
     airspeed : bool
-        Make the airspeed a third channel: its error is relative to `V_a`, its input n_x.
+        Make the airspeed a third channel; its error is relative to `V_a`, and its input is n_x.
 
     Returns
     -------
@@ -131,8 +132,8 @@ def kinematic_model(
     the equilibrium; its own model gives cos(gamma_c)/cos(phi). With phi = 0 the value drops out.
 
     The paper holds the airspeed. With the longitudinal load factor n_x, thrust minus drag over
-    weight, it obeys ``V' = g (n_x - sin(gamma))``: over its trim value it has the factor g/V of the
-    other two channels. The path angle acts on it by the weight, -g/V cos(gamma).
+    weight, it obeys ``V' = g (n_x - sin(gamma))``. Divided by its trim value it has the factor g/V
+    of the other two channels. The path angle acts on it by the weight, -g/V cos(gamma).
 
     Examples
     --------
@@ -148,7 +149,7 @@ def kinematic_model(
         return model
     A, B = np.zeros((3, 3)), np.zeros((3, 3))
     A[:2, :2], B[:2, :2], B[2, 2] = model.A, model.B, -g / V_a
-    # Turning and lifting fall with airspeed where they are not zero; the weight pulls back.
+    # Rates of turn and climb, if not zero, fall with airspeed; the weight decelerates a climb.
     A[:, 2] = -g / V_a * np.array([math.tan(phi), n_z * math.cos(phi) - math.cos(gamma), 0.0])
     A[2, 1] = -g / V_a * math.cos(gamma)
     return law_model(A, B)
@@ -162,18 +163,18 @@ def closed_loop(model: LinearModel, gains: PIGains) -> FloatArray:
     model : LinearModel
         n states, m inputs, p errors.
     gains : PIGains
-        Gains whose channels are those of `model`.
+        Gains with the channels of `model`.
 
     Returns
     -------
     ndarray, shape (n + p, n + p)
-        ``[[A + B K_P C, B K_I], [C, 0]]``; the paper's A_K(0) where C = I. The inner feedback of
-        the gains, if any, is in A and B (`fed_by`).
+        ``[[A + B K_P C, B K_I], [C, 0]]``; the paper's A_K(0) if C = I. A and B contain the inner
+        feedback of the gains, if any (`fed_by`).
 
     Raises
     ------
     InputError
-        If the channels of `gains` are not those of `model`.
+        If `gains` and `model` have different channels.
 
     Notes
     -----
@@ -200,16 +201,16 @@ def fed_by(model: LinearModel, feedback: Sequence[float] | FloatArray) -> Linear
 def inner_feedback(
     model: LinearModel, feedback: Sequence[float] | FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Inner feedback k of each input, shape (m,), from that of the first ones, and k M, (m, n)."""
+    """Inner feedback k of each input, shape (m,), from k of the first inputs, and k M, (m, n)."""
     M, k = measured_rows(model), np.zeros(len(model.inputs))
     k[: len(feedback)] = feedback[: len(k)]
-    # A model without the state that is measured answers at once: there is nothing to feed back.
+    # A model without the measured state responds at once, so there is nothing to feed back.
     k *= M.any(axis=1)
     return k, k[:, None] * M
 
 
 def measured_rows(model: LinearModel) -> FloatArray:
-    """M of what follows each input, shape (m, n): the first state of its name, or none."""
+    """Measurement matrix M, shape (m, n): the first state with the name of each input, or zeros."""
     rows = [
         [float(name in model.states and i == model.states.index(name)) for i in range(len(model.A))]
         for name in model.inputs
@@ -236,7 +237,7 @@ def loops_of(models: Sequence[LinearModel], gains: PIGains) -> FloatArray:
 
 
 def _loops(A: FloatArray, B: FloatArray, C: FloatArray, K: FloatArray) -> FloatArray:
-    """A_K of stacked models and gains; either may be one alone."""
+    """A_K of stacked models and gains; either may be a single one."""
     n, p = A.shape[-1], C.shape[-2]
     upper_left = A + B @ K[..., :p] @ C
     A_K = np.zeros((*upper_left.shape[:-2], n + p, n + p))
@@ -262,7 +263,7 @@ def disturbance_entry(model: LinearModel) -> FloatArray:
 RANGES = ("V_a", "gamma", "phi", "n_z")
 ENTRIES = ("a", "b1", "b2", "b3")
 
-# Relative widening of each range: some 50 times the rounding of the formulas.
+# Relative widening of each range: about 50 times the rounding of the formulas.
 OUTWARD = 1e-14
 
 Range = tuple[float, float]

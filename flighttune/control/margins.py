@@ -1,4 +1,4 @@
-"""Stability margins of a loop: gain, phase, delay and lag, for one channel and for all at once."""
+"""Stability margins of a loop: gain, phase, delay and lag, for one channel or all together."""
 
 import math
 from collections.abc import Sequence
@@ -15,34 +15,34 @@ from flighttune.control.inner_loop import with_input_lag
 from flighttune.control.linear_model import LinearModel, closed_loop, inner_feedback, velocity_form
 
 GRID_PER_DECADE = 60
-RTOL = 1e-15  # of a root between two points of the grid
+RTOL = 1e-15  # tolerance of a root between two points of the grid
 LONGEST_LAG = 1e3
 SHORTEST_LAG = 1e-4
 
-# A destabilising factor this small is the rounding of none at all.
+# A smaller destabilising factor is rounding: there is none.
 NO_GAIN = 1e-9
 
-# Distance from a pole, over the largest entry of A, at which a response is taken there.
+# Offset from a pole, relative to the largest entry of A, for the response at the pole.
 BESIDE = 1e-12
 
-# Relative distance from the imaginary axis within which a zero is taken to lie on it. Rounding
-# moves a double zero by 1e-8; a zero let in by mistake is sorted out by the frequency response.
+# A zero within this relative distance counts as on the imaginary axis. Rounding moves a double zero
+# by 1e-8; the frequency response later rejects a zero that was admitted by mistake.
 ON_AXIS = 1e-5
 
-# Crossings are looked for within this factor of the closed loop's slowest and fastest
-# eigenvalues: a zero at infinity comes out of a pencil as a very large one.
+# Crossings are sought within this factor of the closed loop's slowest and fastest eigenvalues,
+# because a pencil returns a zero at infinity as a very large zero.
 BAND = 1e6
 
-# Relative: no frequency has a disk margin smaller than the result by more.
+# Relative accuracy: at no frequency is the disk margin smaller than the result by more.
 DISK_ACCURACY = 1e-10
 
-# Iterations that balance three or more inputs; the first one balances two.
+# Iterations that balance three or more inputs; the first iteration balances two.
 SWEEPS = 10
 
 
-TOGETHER = "all at once"  # name of the margins of all inputs
+TOGETHER = "all at once"  # name of the margins of all inputs together
 
-# A, B, C of a strictly proper loop L(s), from inputs to minus what the controller sends them.
+# A, B, C of a strictly proper loop L(s), from inputs to minus the controller's commands.
 Loop: TypeAlias = tuple[FloatArray, FloatArray, FloatArray]
 
 Interval: TypeAlias = tuple[float, float]
@@ -52,8 +52,8 @@ Interval: TypeAlias = tuple[float, float]
 class Margins:
     """Margins of one input with the other loops closed, or of all inputs at once.
 
-    For all at once (`TOGETHER`) every input changes by its own amount, up to these margins; delay
-    and lag are common to all.
+    For all inputs together (`TOGETHER`) each input changes by its own amount, up to these margins;
+    delay and lag are common to all.
     """
 
     loop: str  # the input at which the loop is cut, or `TOGETHER`
@@ -61,15 +61,15 @@ class Margins:
     gain_decrease: float
     gain_increase: float
     phase_margin: float  # rad: smallest additional lag that destabilises; inf if no gain is 1
-    delay_margin: float  # s: smallest additional delay that destabilises; inf if none does
-    # For all inputs only: smallest time constant (s) of a lag that destabilises, and the size of
-    # the largest disk of gain and phase changes that the loop survives, 2 at best, 0 at the verge
+    delay_margin: float  # s: smallest additional delay that destabilises; inf if no delay does
+    # For all inputs only: smallest time constant (s) of a destabilising lag, and the disk margin: 2
+    # at best, 0 at the stability limit
     lag_margin: float | None = None
     disk_margin: float | None = None
 
 
 def loop_margins(model: LinearModel, gains: PIGains) -> tuple[Margins, ...]:
-    """Margins of the loop of `gains` on `model`, each input's and all at once; none if unstable."""
+    """Margins of `gains` on `model`, for each input and for all together; none if unstable."""
     if not _is_stable(closed_loop(model, gains)):
         return ()
     # The disk margin is balanced: the structured singular value of ``(S - T)/2``. P. Seiler, A.
@@ -89,14 +89,14 @@ def loop_margins(model: LinearModel, gains: PIGains) -> tuple[Margins, ...]:
 
 
 def channel_margins(model: LinearModel, gains: PIGains) -> tuple[Margins, ...]:
-    """The first margins of `loop_margins`, of one input at a time, in a quarter of its time."""
+    """The single-input margins of `loop_margins`, in a quarter of its time."""
     if not _is_stable(closed_loop(model, gains)):
         return ()
     return cut_margins(_opened(model, gains), model.inputs)
 
 
 def cut_margins(loop: Loop, inputs: Sequence[str]) -> tuple[Margins, ...]:
-    """The first margins of `loop_margins` of any loop, cut at one of its `inputs` at a time."""
+    """The single-input margins of any loop, cut at each of its `inputs` in turn."""
     A, B, C = loop
     if not _is_stable(A - B @ C):
         return ()
@@ -106,9 +106,9 @@ def cut_margins(loop: Loop, inputs: Sequence[str]) -> tuple[Margins, ...]:
 def channel_responses(
     model: LinearModel, gains: PIGains, omega: FloatArray
 ) -> npt.NDArray[np.complex128]:
-    """Responses, (k, m), of the loop cut at one input, the others closed, at `omega`, rad/s."""
+    """Responses, (k, m), at `omega`, rad/s, cut at each input with the others closed."""
     A, B, C = _opened(model, gains)
-    # A loop is on the verge of instability where its response is -1.
+    # A loop is at its stability limit if its response is -1.
     cut = (_cut_at(i, A, B, C) for i in range(B.shape[1]))
     return np.stack([_response(loop, omega)[:, 0, 0] for loop in cut], axis=1)
 
@@ -155,8 +155,8 @@ def delay_margin(model: LinearModel, gains: PIGains) -> float:
     decades = np.log10(np.abs(np.linalg.eigvals(A_K)))
     low, high = decades.min() - 2.0, decades.max() + 2.0
     omega = np.logspace(low, high, int((high - low) * GRID_PER_DECADE))
-    # ``L(jw) exp(-jwh)`` has the eigenvalue -1 where an eigenvalue of L(jw) has the modulus 1; its
-    # phase says at which delay h.
+    # ``L(jw) exp(-jwh)`` has the eigenvalue -1 if an eigenvalue of L(jw) has the modulus 1; its
+    # phase gives the delay h.
     excess = np.abs(eigenvalues(omega)) - 1.0
     delays = [math.inf]
     for step, k in np.argwhere(excess[:-1] * excess[1:] <= 0.0):
@@ -171,7 +171,7 @@ def _is_stable(A_K: FloatArray) -> bool:
 
 
 def _opened(model: LinearModel, gains: PIGains) -> Loop:
-    # The loop is cut behind the inner feedback, at the commands that fly.
+    # The loop is cut behind the inner feedback, at the final commands.
     k, k_M = inner_feedback(model, gains.feedback)
     rows = np.hstack([gains.K_P @ model.C, gains.K_I]) * (1.0 + k)[:, None]
     rows[:, : len(model.states)] -= k_M
@@ -184,7 +184,7 @@ def _response(loop: Loop, omega: float | FloatArray) -> npt.NDArray[np.complex12
     s = 1j * np.asarray(omega)[..., None, None]
     try:
         return C @ np.linalg.solve(s * np.eye(len(A)) - A, B)
-    except np.linalg.LinAlgError:  # a pole on the axis: beside it the response is as good as there
+    except np.linalg.LinAlgError:  # a pole on the axis: the response next to it serves as well
         s = s + BESIDE * np.abs(A).max()
         return C @ np.linalg.solve(s * np.eye(len(A)) - A, B)
 
@@ -195,7 +195,7 @@ def _phase_lag(value: Any) -> Any:
 
 
 def _cut_at(i: int, A: FloatArray, B: FloatArray, C: FloatArray) -> Loop:
-    """The loop at one input, the others closed."""
+    """The loop at one input, with the others closed."""
     kept_inputs = [j for j in range(B.shape[1]) if j != i]
     return A - B[:, kept_inputs] @ C[kept_inputs], B[:, [i]], C[[i]]
 
@@ -205,7 +205,7 @@ def _channel_margins(loop: Loop, i: int, name: str) -> Margins:
 
     A, B, C = _cut_at(i, *loop)
 
-    # phase crossovers are among the zeros of L(s) - L(-s), where L is real
+    # phase crossovers, where L is real, are among the zeros of L(s) - L(-s)
     doubled = block_diag(A, -A), np.vstack([B, B]), np.hstack([C, C])
     values = _response((A, B, C), _zeros_on_axis(*doubled, np.zeros((1, 1))))[:, 0, 0]
     real = np.abs(values.imag) < ON_AXIS * np.abs(values)
@@ -231,12 +231,12 @@ def _disk_margin(loop: Loop) -> float:
     speeds = np.abs(np.linalg.eigvals(closed[0]))
     peak = 0.5  # M at infinity
     candidates = [(float(speeds.min()) / BAND, float(speeds.max()) * BAND)]
-    # At one frequency mu is the smallest norm of ``D M D^-1`` over diagonal D, exactly for one and
-    # two inputs; for more the margin is a lower bound. With that D kept for all frequencies, the
-    # zeros of a pencil say where the norm exceeds a level (N. A. Bruinsma and M. Steinbuch, Systems
-    # & Control Letters 14, 1990); everywhere else mu is below the level as well. Frequencies are
-    # excluded in this way until none is left (C. Lawrence, A. Tits and P. Van Dooren, Automatica
-    # 36, 2000), so that no peak hides between the points of a grid.
+    # At one frequency mu is the smallest norm of ``D M D^-1`` over diagonal D. This is exact for
+    # one and two inputs; for more the margin is a lower bound. With this D at all frequencies, the
+    # zeros of a pencil show where the norm exceeds a level (N. A. Bruinsma and M. Steinbuch,
+    # Systems & Control Letters 14, 1990); elsewhere mu is below the level too. Frequencies are
+    # excluded in this way until none remain (C. Lawrence, A. Tits and P. Van Dooren, Automatica 36,
+    # 2000), so that no peak is missed between the points of a grid.
     while candidates:
         low, high = max(candidates, key=lambda ends: ends[1] / ends[0])
         M = 0.5 * np.eye(B.shape[1]) + _response(closed, math.sqrt(low * high))
@@ -249,8 +249,8 @@ def _disk_margin(loop: Loop) -> float:
 
 def _balancing(M: npt.NDArray[np.complex128]) -> FloatArray:
     """Diagonal of the D with the smallest Frobenius norm of ``D M D^-1``."""
-    size = np.abs(M) + 1e-15 * np.linalg.norm(M)  # finite where inputs are decoupled
-    # With two inputs this D has the smallest 2-norm too: the determinant does not depend on D, so
+    size = np.abs(M) + 1e-15 * np.linalg.norm(M)  # stays finite for decoupled inputs
+    # With two inputs this D also has the smallest 2-norm: the determinant does not depend on D, so
     # that the larger singular value falls with the sum of the squares.
     d = np.ones(len(M))
     for _ in range(SWEEPS):
@@ -279,9 +279,8 @@ def _level_crossings(level: float, loop: Loop, direct: float) -> FloatArray:
 
     A, B, C = loop
     zero = np.zeros_like(B)
-    # There ``[[level I, G(s)], [G(-s)', level I]]`` is singular. Unlike the Hamiltonian matrix its
-    # pencil needs no inverse of ``level^2 - direct^2``, which vanishes where the peak is at
-    # infinity.
+    # There ``[[level I, G(s)], [G(-s)', level I]]`` is singular. Unlike the Hamiltonian matrix, its
+    # pencil needs no inverse of ``level^2 - direct^2``, which vanishes if the peak is at infinity.
     return _zeros_on_axis(
         block_diag(A, -A.T),
         np.block([[zero, B], [C.T, zero]]),
@@ -294,10 +293,10 @@ def _zeros_on_axis(A: Any, B: FloatArray, C: Any, D: FloatArray) -> FloatArray:
     """Positive frequencies of the zeros of ``D + C (s - A)^-1 B`` on the imaginary axis, rising."""
     from scipy.linalg import eigvals
 
-    unit = float(np.linalg.norm(A, 2))  # of time: the pencil is then of order one
+    unit = float(np.linalg.norm(A, 2))  # unit of time, which makes the pencil of order one
     pencil = np.block([[A / unit, B], [C / unit, D]])
     zeros = eigvals(pencil, np.diag(np.repeat([1.0, 0.0], [len(A), len(D)])))
-    zeros = zeros[np.isfinite(zeros)]  # a pencil that is singular everywhere has NaN: no crossing
+    zeros = zeros[np.isfinite(zeros)]  # a pencil that is singular everywhere gives NaN: no crossing
     real, imag, size = np.real(zeros), np.imag(zeros), np.abs(zeros)
     on_axis = (size < BAND) & (imag > 0.0) & (np.abs(real) <= ON_AXIS * size)
     return np.sort(unit * imag[on_axis])

@@ -1,4 +1,4 @@
-"""The discrete multivariable PI controller: one for every plant."""
+"""The discrete multivariable PI controller, the same for every plant."""
 
 import math
 from collections.abc import Mapping, MutableSequence, Sequence
@@ -25,8 +25,8 @@ LEVEL = (0.0, 0.0, 0.0)
 INTEGRAL_SIGNALS: Mapping[str, str] = MappingProxyType({"phi_integral": "rad", "n_z_integral": "1"})
 WITH_AIRSPEED_INTEGRAL = MappingProxyType({**INTEGRAL_SIGNALS, "n_x_integral": "1"})
 
-# Load factor by which n_x may be commanded beyond what the engines give: less would take them off
-# their stop, and more would wind up.
+# The command of n_x may exceed the range of the engines by this load factor: with less the engines
+# would leave their stop, and with more the integral would wind up.
 BEYOND_STOP = 0.05
 
 
@@ -34,8 +34,8 @@ class ChannelLaw(NamedTuple):
     """Settings of the law for one command, with p errors."""
 
     K_P: Sequence[float]  # its row of K_P, length p
-    # Its row of ``K_I dt/2``: the trapezoidal rule on the sum of two errors. The exact law, which
-    # takes each error alone, has ``K_I dt`` here.
+    # Its row of ``K_I dt/2``: the trapezoidal rule adds two errors. The exact law adds single
+    # errors and has ``K_I dt`` here.
     K_I_half: Sequence[float]
     lower: float
     upper: float
@@ -48,7 +48,7 @@ class PILaw(NamedTuple):
     """Settings that do not change from sample to sample."""
 
     channels: tuple[ChannelLaw, ...]  # length m
-    wrapped: tuple[bool, ...]  # length 2: whether an error is an angle of a full turn
+    wrapped: tuple[bool, ...]  # length 2: whether an error is an angle that wraps
     conditional: bool  # anti-windup
     tracking_gain: float  # sample time over tracking time; 0 without back-calculation
     per_speed: float  # s/m: one over the speed of the schedule; 0 without a schedule
@@ -57,22 +57,22 @@ class PILaw(NamedTuple):
 class PIState(NamedTuple):
     """State of the controller between samples: lists, or arrays in compiled code."""
 
-    # Length p: reference minus actual, wrapped where the channel is an angle of a full turn; of the
-    # airspeed, if it is a channel, over its reference
+    # Length p: reference minus actual, wrapped for angles of a full turn; the error of the airspeed
+    # is divided by its reference
     error: Vector
-    # Length m: commands after all limits, and before them
+    # Length m: commands after and before all limits
     u: Vector
     u_unsat: Vector
     integral: Vector  # length m, input unit: part of the command that comes from the integrator
-    limited: Vector  # length m: 0 free, 1 held by a magnitude limit, 2 held by a rate limit
+    limited: Vector  # length m: 0 free, 1 at a magnitude limit, 2 at a rate limit
     started: Vector  # length 1: whether the first sample is over
-    # Length m: commands after their limits before the inner feedback of the exact law; others leave
+    # Length m: limited commands before the inner feedback of the exact law; other laws do not use
     # it
     expected: Vector
 
 
 def empty_state(u: Sequence[float]) -> PIState:
-    """A state with nothing integrated, the commands `u` in force before t = 0."""
+    """A state with empty integrators and the commands `u` in force before t = 0."""
     before, m = [float(value) for value in u], len(u)
     return PIState(
         error=[0.0] * m,
@@ -88,7 +88,7 @@ def empty_state(u: Sequence[float]) -> PIState:
 def channel_laws(
     gains: PIGains, K_I_step: FloatArray, limits: Limits | None, dt: float
 ) -> tuple[ChannelLaw, ...]:
-    """The settings of each command; `K_I_step` is K_I times the part of a sample it acts over."""
+    """The settings of each command; `K_I_step` is K_I times the integration time per error."""
     m = len(gains.inputs)
     limits = Limits.none(m) if limits is None else limits
     if limits.lower.shape != (m,):
@@ -112,7 +112,7 @@ class StatefulPI(SelfLimiting):
         return self.state
 
     def start(self, condition: FlightCondition) -> None:
-        """Empty the integrators; the commands of steady flight at `condition` are in force."""
+        """Clear the integrators; the commands of steady flight at `condition` are in force."""
         self.state = empty_state(condition.commands(len(self.gains.inputs)))
         self._wind = WindEstimate(self.dt)
 
@@ -132,7 +132,7 @@ class StatefulPI(SelfLimiting):
     def airspeed_channel(
         self, channel: ChannelLaw, measured: Measured, reference: ReferenceSample
     ) -> tuple[float, ChannelLaw]:
-        """Relative error of the airspeed, and its channel within what the engines give."""
+        """Relative error of the airspeed, and its channel with the limits of the engines."""
         # The loop refuses such a flight before it starts.
         if measured.n_x is None or reference.V is None:
             raise InputError(
@@ -147,7 +147,7 @@ class StatefulPI(SelfLimiting):
         return (V_ref - measured.V_a) / V_ref, within
 
     def climb(self, measured: Measured, gamma: float) -> float:
-        """Sine of the path angle through the air, which thrust bears, at one over ground (rad)."""
+        """Sine of the path angle through the air for `gamma` over ground (rad)."""
         if (wind := self._wind(measured.wind)) is None:
             return math.sin(gamma)
         return climb_through_air(measured.chi, gamma, measured.V_a, wind)
@@ -157,37 +157,36 @@ class StatefulPI(SelfLimiting):
 class MimoPI(StatefulPI):
     """``u = limit(u_ff + K_P e + K_I integral of e)``, sampled every `dt` seconds.
 
-    The integrator is kept per command, in the unit of the command, so that anti-windup acts on the
-    channel whose limit is met and a change of gain causes no jump. It is summed by the trapezoidal
-    rule, starts at zero, and takes nothing from before the first sample.
+    Each command has an integrator in its own unit, so that anti-windup acts on the limited channel
+    and a change of gain causes no jump. The trapezoidal sum starts at zero with the first sample.
 
     Parameters
     ----------
     gains : PIGains
         From (chi, gamma) to (phi, n_z), or from (chi, gamma, V) to (phi, n_z, n_x).
     limits : Limits, optional
-        Of m commands; none by default. Applied as `CommandLimiter` does.
+        Limits of m commands, applied as by `CommandLimiter`; none by default.
     dt : float, s
         Sample time.
     anti_windup : {"conditional", "back_calculation", "none"}
-        Action of the integrator while the command after all limits differs from the one before:
-        take only as much as the limits let through, be led back with the tracking time, or go on.
+        Action of the integrator while limits change the command: add only as much as the limits let
+        through, return with the tracking time, or continue.
     tracking_time : float, s, optional
-        Of back-calculation; by default the integral time ``norm(K_P) / norm(K_I)``, never below
+        Time constant of back-calculation; by default ``norm(K_P) / norm(K_I)``, never below
         `dt`.
     wrapped : sequence of str, optional
-        Errors that are angles of a full turn; by default ``("chi",)`` where there is one.
+        Errors that are angles of a full turn; by default ``("chi",)`` if there is one.
     schedule_speed : float, m/s, optional
-        Airspeed for which the gains were made; gains are then scaled by ``V_a / schedule_speed``,
+        Design airspeed of the gains, which are then scaled by ``V_a / schedule_speed``,
         which keeps ``B K`` of the chi/gamma law constant over airspeed.
     feed_forward : bool
-        Add ``cos(gamma_ref)/cos(phi)`` to the load-factor command: what steady flight on the
-        reference needs at the bank flown. It depends on the reference and not on the error, so the
-        linear loop about wings-level flight is the same with it and without. Where the reference
-        was made of commands these are added instead. To n_x it adds the sine of the path angle of
-        the reference through the air, and the rate of the airspeed's reference over g.
+        Add ``cos(gamma_ref)/cos(phi)`` to the load-factor command: the load factor of steady flight
+        on the reference at the actual bank. It does not depend on the error, so the linear loop
+        about wings-level flight does not change. If the reference was made of commands, these are
+        added instead. To n_x it adds the sine of the reference's path angle through the air, and
+        the rate of the airspeed's reference divided by g.
     g : float, m/s^2
-        Acceleration of gravity, of the feed-forward of n_x alone.
+        Acceleration of gravity, used only by the feed-forward of n_x.
 
     Attributes
     ----------
@@ -250,7 +249,8 @@ class MimoPI(StatefulPI):
         u_ff = reference[4] if self.feed_forward else LEVEL
         if u_ff is None:
             if reference[1] != self._gamma_ref:
-                # NumPy's cosine, as ever: that of math may differ in the last bit.
+                # NumPy's cosine, as in earlier versions: the cosine of `math` may differ in the
+                # last bit.
                 self._gamma_ref, self._lift = reference[1], float(np.cos(reference[1]))
             u_ff = 0.0, self._lift / math.cos(measured[3])
         state, law, e_V = self.state, self.law, 0.0
@@ -259,7 +259,7 @@ class MimoPI(StatefulPI):
             along = self.climb(measured, reference.gamma) + reference.V_dot / self._g
             u_ff = *u_ff[:2], along if self.feed_forward else 0.0
             law = law._replace(channels=(*law.channels[:2], channel))
-        # Both begin with course and path angle: a slice of each would cost as much as an error.
+        # Both begin with course and path angle; slices of them would cost as much as an error.
         pi_step(law, state, reference, measured, u_ff, measured[2], e_V)
         return (*state.u, *state.integral)
 
@@ -276,11 +276,11 @@ def pi_step(
     """One sample of the controller `MimoPI`, written so that Numba compiles it too.
 
     `ref` and `y` begin with course and flight-path angle; `u_ff` (length m, input unit) is the
-    feed-forward, and `V_a` (m/s) is used where the gains are scheduled. `e_V` (1) is the third
-    error, if there is one. Writes to `state`, whose `u` is the command after all limits.
+    feed-forward, and scheduled gains use `V_a` (m/s). `e_V` (1) is the third error, if any. Writes
+    to `state`, whose `u` is the command after all limits.
     """
     channels, wrapped, conditional, tracking_gain, per_speed = law
-    # All of it by name at once: inlined by Numba, writes through attributes would be lost.
+    # All names are bound first: when Numba inlines this, it would lose writes through attributes.
     error, u, unsaturated, integral, limited, started, _ = state
     # Written out for two errors: in CPython a loop over them costs a sixth of the whole step.
     e_0, e_1 = ref[0] - y[0], ref[1] - y[1]
@@ -290,14 +290,15 @@ def pi_step(
         e_1 = wrap_angle(e_1)
     both_0, both_1, both_V = error[0] + e_0, error[1] + e_1, error[-1] + e_V
     if not started[0]:
-        # The first sample adds nothing: there is no time before it to integrate over.
+        # The first sample adds nothing, since no time has passed.
         started[0] = True
         both_0 = both_1 = both_V = 0.0
     error[0], error[1] = e_0, e_1
     third = len(error) > 2
     if third:
         error[-1] = e_V
-    # The input matrix of the chi/gamma law goes with 1/V_a: gains that go with V_a keep B K.
+    # The input matrix of the chi/gamma law is proportional to 1/V_a, so gains proportional to V_a
+    # keep B K.
     gain = V_a * per_speed if per_speed else 1.0
     for i, (K_P, K_I_half, lower, upper, step_down, step_up) in enumerate(channels):
         proportional = K_P[0] * e_0 + K_P[1] * e_1
@@ -305,26 +306,26 @@ def pi_step(
         if third:
             proportional += K_P[-1] * e_V
             increment += K_I_half[-1] * both_V
-        # The gain of the schedule is inside the integral, so that its change moves no command.
+        # The integral contains the scheduled gain, so that a change of gain moves no command.
         increment *= gain
         u_before = u_ff[i] + gain * proportional + integral[i]  # without this increment
         u_unsat = u_before + increment
 
         u_sat, kind = u_unsat, FREE
-        # Asked here first: a call costs as much as all the rest of a channel.
+        # Tested before the call, which costs as much as the rest of a channel.
         if not (u[i] + step_down <= u_unsat <= u[i] + step_up and lower <= u_unsat <= upper):
             u_sat, kind = limit_command(u_unsat, u[i], lower, upper, step_down, step_up)
         excess = u_unsat - u_sat
         if excess != 0.0:
             if conditional and increment * excess > 0.0:
-                # The increment drives the command further beyond the limit. Only the part of it
-                # that reaches the limit is taken: none where the command is at or beyond the limit
-                # without it. To freeze the integrator instead locks the loop where an increment is
-                # larger than what the rate limit lets through in a sample: design/anti_windup.md.
+                # The increment drives the command further beyond the limit. Only the part that
+                # reaches the limit is added: nothing if the command is at or beyond the limit
+                # without it. Freezing the integrator instead would lock the loop if an increment is
+                # larger than the rate limit allows in a sample: design/anti_windup.md.
                 spare = u_sat - u_before
                 increment = spare if increment * spare > 0.0 else 0.0
                 u_unsat = u_before + increment
-            # Minus: an excess above the limit leads the integral down, towards the command.
+            # Minus, because an excess above the limit moves the integral down, towards the command.
             increment -= tracking_gain * excess
         integral[i] += increment
         u[i], unsaturated[i], limited[i] = u_sat, u_unsat, kind

@@ -1,8 +1,8 @@
 """An upper bound on R_K over all gains, proven once and checked without a solver.
 
-For C = I and plain units the optimum has equal channels, each of two numbers: closed but for one
-root, which docs/optimal.md derives. The proof is for all gains, coupled or not: a solver proposes
-it, `RateBound.verify` decides.
+For C = I and plain units the channels of the optimum are equal. Each has two numbers in closed form
+but for one root, which docs/optimal.md derives. The proof covers all gains, coupled or not: a
+solver proposes it, and `RateBound.verify` decides.
 """
 
 import itertools
@@ -36,12 +36,12 @@ NUMBERS = sum(len(rows) for rows, _ in TRIANGLES)
 # Added to the diagonals of the solver's multipliers, which are singular: the check is strict.
 LIFT = 1e-9
 
-# Digits of the multipliers in a file; those after them move no margin.
+# Digits of the multipliers in a file; further digits do not change a margin.
 DIGITS = 10
 
 MAX_BOXES = 5000
 
-# A box is halved along R_K where that side is longer than this share of the other one.
+# A box is halved along R_K if that side is longer than this share of the other side.
 WIDE = 0.7
 
 
@@ -56,14 +56,14 @@ class RateBound(Answering):
     R_bound : float, 1/s
         At most ``1 / I_star``: no gains meet `I_star` at all.
     boxes, multipliers : ndarray, shapes (N, 4) and (N, 19)
-        Of each box the smallest and largest R_K, then those of sigma_min(A_K); the lower triangles
-        of three matrices of order 2 and one of order 4, which refute the box.
+        Smallest and largest R_K and sigma_min(A_K) of each box; lower triangles of three matrices
+        of order 2 and one of order 4, which refute the box.
 
     Notes
     -----
     With the smallest feasible Q, ``W = Q^-1`` and ``T = A_K^-1 W``, the Lyapunov equation says that
-    ``T + I`` is orthogonal, so that ``T' T = -(T + T')``; the upper blocks of T are the lower ones
-    of W. Let R <= R_K, sigma <= sigma_min(A_K) and w >= I_star R_K^2 sigma_min(A_K). Then
+    ``T + I`` is orthogonal, so that ``T' T = -(T + T')``; the upper blocks of T are the lower
+    blocks of W. Let R <= R_K, sigma <= sigma_min(A_K) and w >= I_star R_K^2 sigma_min(A_K). Then
     I_K <= I_star implies
 
     .. math::
@@ -74,10 +74,10 @@ class RateBound(Answering):
 
     The third holds because ``(W - R I)(w I - W) >= 0`` makes its left side at least
     ``W^2 - sigma^2 T' T = T' (A_K' A_K - sigma^2 I) T``. The mean of the diagonal of each n x n
-    block turns all four into the same inequalities for a W and a T of order 2: five numbers are
-    left whatever n is. R_K and sigma_min(A_K) are between 0 and 1. Their square above R_bound is
-    divided into boxes, in each of which the inequalities at its corners contradict each other:
-    the multipliers are positive, and their sum is negative for all five numbers.
+    block turns all four into the same inequalities for a W and a T of order 2: five numbers remain
+    for every n. R_K and sigma_min(A_K) are between 0 and 1. Their square above R_bound is divided
+    into boxes. In each box the inequalities at its corners contradict each other: the multipliers
+    are positive, and the weighted sum is negative for all five numbers.
 
     Examples
     --------
@@ -122,7 +122,8 @@ class RateBound(Answering):
 
     def verify(self) -> Verification:
         """Check the bound exactly, from its numbers alone."""
-        # Between two edges the same boxes are over every sigma: one look at R_K does for all.
+        # Between two edges every sigma meets the same boxes, so one check along R_K covers them
+        # all.
         edges = np.unique(self.boxes[:, 2:])
         gap = float(max(edges[0], 1.0 - edges[-1]))
         for low, high in itertools.pairwise(edges):
@@ -152,7 +153,7 @@ def load_bound(path: str | Path) -> RateBound:
 def bound_rate(
     model: LinearModel, I_star: float, scaling: FloatArray | None = None
 ) -> RateBound | None:
-    """A verified bound on R_K for gains on `model`; None where the proof takes too many boxes."""
+    """A verified bound on R_K for gains on `model`; None if the proof takes too many boxes."""
     n, _, p = model.shape
     units = np.ones(n + p) if scaling is None else np.asarray(scaling)
     if n != p or not np.array_equal(model.C * (units[:n] / units[n:, None]), np.eye(n)):
@@ -178,7 +179,7 @@ def no_faster_gains(I_star: float, R_bound: float) -> tuple[FloatArray, FloatArr
     boxes: list[Sequence[float]] = []
     multipliers: list[FloatArray] = []
     pending = [(R_bound, 1.0, 0.0, 1.0)]
-    # A proof of N boxes tries N - 1 more, which it halves.
+    # A proof with N boxes also tries N - 1 boxes that it halves.
     for _ in range(2 * MAX_BOXES):
         if not pending:
             return np.array(boxes), np.array(multipliers)
@@ -199,7 +200,7 @@ def no_faster_gains(I_star: float, R_bound: float) -> tuple[FloatArray, FloatArr
 
 
 def _box_margin(box: Sequence[float], multipliers: npt.ArrayLike, I_star: float) -> Fraction:
-    """Distance of the sum of a box below zero for all W and T; -1 where it proves nothing."""
+    """Distance of the sum of a box below zero for all W and T; -1 without a proof."""
     # The linear terms cancel up to rounding, and ``|W_ij| <= w``, ``|T_ij| <= 2`` bounds the rest.
     low, R_high, sigma_low, sigma_high = map(Fraction, box)
     w, s = Fraction(I_star) * R_high**2 * sigma_high, max(sigma_low, Fraction(0)) ** 2
@@ -214,7 +215,7 @@ def _box_margin(box: Sequence[float], multipliers: npt.ArrayLike, I_star: float)
     P, M, N = contraction[:2, :2], contraction[2:, :2], contraction[2:, 2:]
     in_W = above - below / w + (1 + low / w) * square
     in_T = 2 * (s / w * square - P + M)
-    # The upper row of T is the lower one of W.
+    # The upper row of T is the lower row of W.
     slopes = abs(in_W[0, 0]), abs(2 * in_W[0, 1] + in_T[0, 0]), abs(in_W[1, 1] + in_T[0, 1])
     spread = w * sum(slopes) + 2 * (abs(in_T[1, 0]) + abs(in_T[1, 1]))
     constant = below.trace() - low * (above + square).trace() + N.trace()
@@ -237,7 +238,7 @@ def _box_program() -> tuple[Any, ...]:
 
 
 def _refutation(box: Sequence[float], I_star: float) -> FloatArray | None:
-    """`NUMBERS` numbers that may refute a box; None where the solver has no answer."""
+    """`NUMBERS` numbers that may refute a box; None if the solver has no answer."""
     R_low, R_high, sigma_low, sigma_high = box
     problem, inequalities, parameters = _box_program()
     w = I_star * R_high**2 * sigma_high
@@ -264,7 +265,7 @@ class Channel(NamedTuple):
 
 
 def least_radius(R_K: float) -> Channel:
-    """The channel with the smallest I_K of all with this R_K, which is between 0 and 1."""
+    """The channel with this R_K, between 0 and 1, that has the smallest I_K."""
 
     def parts(theta: float) -> tuple[float, float]:
         h = 2.0 * math.sin(theta / 2.0)
@@ -294,7 +295,7 @@ def _least(function: Callable[[float], float], ends: tuple[float, float], within
 
 
 def optimal_channel(I_star: float) -> Channel | None:
-    """The channel with the largest R_K under ``I_K <= I_star``; None if no gains meet that."""
+    """The channel with the largest R_K under ``I_K <= I_star``; None if no gains meet it."""
     from scipy.optimize import brentq
 
     check_positive(I_star=I_star)

@@ -1,4 +1,4 @@
-"""A claim about gains, and its check from its numbers alone: no solver, no trust in its maker."""
+"""A claim about gains, checked from its numbers alone: no solver, and no trust in its maker."""
 
 import itertools
 import math
@@ -36,7 +36,7 @@ from flighttune.control.theory.decay import true_rate
 
 KINDS = "states", "inputs", "errors"
 
-# Longest time for a proven rate to halve errors, s: no leg or turn is flown for longer.
+# Longest useful time for a proven rate to halve errors, s: no leg or turn lasts longer.
 MAX_HALVING_S = 60.0
 
 # Largest growth of an error before it decays: 3 deg then become 90 deg, and no linear model holds.
@@ -56,18 +56,19 @@ class Claim:
     Attributes
     ----------
     rate : float, 1/s
-        With v = 0, some quadratic form of s decays at this rate or faster; the norm at half of it.
+        With v = 0 some quadratic form of s decays at this rate or faster, and the norm at half of
+        it.
     radius : float, unit of s, or None
         With ``||v|| <= L_d`` the norm of s is ultimately at most this.
     L_d : float, unit of x' per second, or None
         Goes with `radius`.
     envelope : Envelope or None
-        Where the Jacobian of the chi/gamma law may be, at every instant; None: the model alone.
+        Ranges of the Jacobian of the chi/gamma law at every instant; None: the model alone.
     g : float, m/s^2, or None
         Acceleration of gravity; goes with `envelope`.
     conditions : tuple of (V_a, gamma), m/s and rad
-        Where it holds besides the model: with the model stated for each, and every mixture of
-        their loops. Empty: the model alone, or the envelope.
+        Further conditions of the claim, each with its own model; every mixture of their loops is
+        included. Empty: the model alone, or the envelope.
     """
 
     rate: float
@@ -89,7 +90,7 @@ class Claim:
 
     @property
     def place(self) -> str:
-        """Where the claim holds, in words."""
+        """The validity of the claim, in words."""
         if self.envelope is not None:
             return f"over the envelope {self.envelope}"
         if not self.conditions:
@@ -127,16 +128,16 @@ class Certificate(Answering):
     scenario_sha256 : str or None
         Hash of the scenario file the gains belong to, a note likewise.
     files : mapping of str to str
-        SHA-256 of the identified model that `model` was taken from, by its name; empty for others
-        and in files of version 0.3.0.
+        SHA-256, by name, of the identified model from which `model` was taken; empty for other
+        models and in files of version 0.3.0.
     exact_rates : tuple of ExactRate
-        The largest rates that a norm proves of the loop at the trim: of the continuous one, then of
-        the sampled one. Empty over an envelope and at other conditions.
+        The largest rates that a norm proves for the loop at the trim, first continuous, then
+        sampled. Empty over an envelope and at other conditions.
     boxes : tuple of LagBox
-        Rates of each channel where its lag and delay are in ranges; empty where none were asked
-        for, and in files of version 0.3.0.
+        Rates of each channel for ranges of its lag and delay; empty if not requested, and in files
+        of version 0.3.0.
     assumed : tuple of str
-        What the identified model assumes, a sentence each: a note of its maker.
+        Assumptions of the identified model, one sentence each: a note of its maker.
 
     Examples
     --------
@@ -210,12 +211,13 @@ class Certificate(Answering):
             )
         if any(other.names != model.names for other in self.models):
             raise InputError("`models` must have the states, inputs and errors of `model`.")
-        # A plain dict: a read-only view cannot be pickled, and certificates come back from a copy.
+        # A plain dict, because a read-only view cannot be pickled and worker processes return
+        # certificates.
         object.__setattr__(self, "made_with", dict(self.made_with))
 
     @property
     def _at_trim(self) -> bool:
-        """Whether it is about the loop of `model` alone."""
+        """Whether the claim is about the loop of `model` alone."""
         return self.claim.envelope is None and not self.claim.conditions
 
     @property
@@ -253,7 +255,7 @@ class Certificate(Answering):
 
     @property
     def in_words(self) -> str:
-        """``certified``, and what that is worth where it is little."""
+        """``certified``, with a warning if the certificate is too weak to be useful."""
         # The norm decays at half the rate of its square, or at the exact rate of the loop.
         norm_rate, growth = self.claim.rate / 2.0, self.growth
         if self.exact_rates:
@@ -275,7 +277,7 @@ class Certificate(Answering):
 
     @property
     def sentence(self) -> str:
-        """The claim in words: where it holds, the rate, and the radius under a disturbance."""
+        """The claim in words: its validity, the rate, and the radius under a disturbance."""
         claim = self.claim
         states = f"whose states its maker names {quoted(', '.join(self.model.states))}"
         if claim.envelope is not None:
@@ -317,8 +319,8 @@ class Certificate(Answering):
     def verify(self) -> rational.Verification:
         """Check every inequality, in floating point and exactly, from these numbers alone.
 
-        The loops are assembled from the stated models, gains and polytope, so that there is no
-        other matrix to believe in.
+        The loops are assembled from the stated models, gains and polytope, so that no other matrix
+        needs to be trusted.
         """
         claim, model, hull = self.claim, self.model, self.hull
         checks: list[rational.Check] = []
@@ -345,7 +347,7 @@ def load_certificate(path: str | Path) -> Certificate:
 def law_gravity(
     conditions: Sequence[tuple[float, float]], models: Sequence[LinearModel]
 ) -> float | None:
-    """The g with which models, behind any lags, are the chi/gamma law at (V_a, gamma); or None."""
+    """The g for which models, behind any lags, are the chi/gamma law at (V_a, gamma); or None."""
     g = 0.0
     for (V_a, gamma), model in zip(conditions, models, strict=True):
         p = len(model.errors)
@@ -355,7 +357,7 @@ def law_gravity(
         )
         B = np.array([lagged.get(name, direct[name]) for name in direct]).T[:p]
         g = g or -V_a * float(B[0, 0])
-        # There is no such g for another law, or for gains that grow with airspeed.
+        # Another law, or gains that grow with airspeed, have no such g.
         if g <= 0.0 or abs(gamma) >= math.pi / 2.0:
             return None
         law = kinematic_model(V_a=V_a, gamma=gamma, g=g, airspeed=p == len(ERRORS_WITH_AIRSPEED))
@@ -376,7 +378,7 @@ def vertex_matrices(
     models: Sequence[LinearModel] = (),
 ) -> tuple[rational.Rationals, ...]:
     """A_K at every vertex of the polytope, or of the model and `models`, without rounding."""
-    # The inner feedback of gains is in A and B. Loops that are the same are one vertex.
+    # A and B contain the inner feedback of the gains. Equal loops are one vertex.
     K_P, K_I = rational.exact(gains.K_P), rational.exact(gains.K_I)
     nothing = rational.exact(np.zeros((len(model.errors),) * 2))
 
@@ -386,7 +388,7 @@ def vertex_matrices(
         return np.block([[A + B @ K_P @ C, B @ K_I], [C, nothing]])
 
     if hull is not None:
-        # A_K is affine in the entries and in the factor: what holds at the vertices holds inside.
+        # A_K is affine in the entries and in the factor, so a proof at the vertices holds inside.
         box = [sorted({Fraction(low), Fraction(high)}) for low, high in _ends(hull)]
         C = rational.exact(model.C)
         return tuple(
@@ -394,7 +396,7 @@ def vertex_matrices(
             for factor in sorted({Fraction(end) for end in hull.factor})
             for corner in itertools.product(*box)
         )
-    # A loop that is there twice would be checked twice.
+    # Without this an equal loop would be checked twice.
     distinct: list[rational.Rationals] = []
     for linear in (model, *models):
         k, k_M = map(rational.exact, inner_feedback(linear, gains.feedback))
@@ -408,7 +410,7 @@ def vertex_matrices(
 def coverage_checks(
     model: LinearModel, envelope: Envelope, hull: JacobianHull, *, g: float
 ) -> list[rational.Check]:
-    """Check that the polytope contains the Jacobian at every condition, and that of the model."""
+    """Check that the polytope contains the Jacobians at every condition and of the model."""
     slowest, fastest = (Fraction(V) for V in envelope.V_a)
     rates = Fraction(g) / fastest, Fraction(g) / slowest
     sine_gamma, sine_phi = (
@@ -416,7 +418,7 @@ def coverage_checks(
         for low, high in (envelope.gamma, envelope.phi)
     )
     n_z = Fraction(envelope.n_z[0]), Fraction(envelope.n_z[1])
-    # The cosine is smallest at an end of the range; it is 1 where the range holds level flight.
+    # The cosine is smallest at an end of the range; it is 1 if the range contains level flight.
     lowest, highest = zip(*map(rational.cosine, envelope.phi), strict=True)
     level = envelope.phi[0] <= 0.0 <= envelope.phi[1]
     low, high = min(lowest), Fraction(1) if level else max(highest)
@@ -453,8 +455,8 @@ def _model_check(model: LinearModel, hull: JacobianHull) -> rational.Check:
     low, high = (Fraction(end) for end in hull.factor)
     margin = high - low
     for entry, (lower, upper) in zip(entries, _ends(hull), strict=True):
-        # Each of entry <= factor upper and entry >= factor lower bounds the factor from one side;
-        # the sign of the limit says from which.
+        # Each inequality, entry <= factor upper and entry >= factor lower, bounds the factor from
+        # one side; the sign of the limit says from which side.
         for side, bound in ((1, Fraction(upper)), (-1, -Fraction(lower))):
             limit = side * entry
             if bound > 0:

@@ -15,22 +15,22 @@ from flighttune.control.linear_model import LinearModel, closed_loop
 from flighttune.control.theory.decay import decay, decay_checks, true_rate
 from flighttune.control.theory.exact import Check, exact
 
-# Relative difference of entries of a model that is computed again, on any machine.
+# Relative tolerance for entries of a model that another machine computes again.
 SAME_MODEL = 1e-12
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Sampling:
-    """How a loop is sampled: what `flighttune.control.inner_loop.sampled_loop` takes."""
+    """How a loop is sampled: arguments of `flighttune.control.inner_loop.sampled_loop`."""
 
-    model: LinearModel  # of the law alone
-    lags: tuple[InnerLag, ...]  # one an input, or none for a model without an inner loop
+    model: LinearModel  # model of the law alone
+    lags: tuple[InnerLag, ...]  # one for each input, or none for a model without an inner loop
     dt: float  # s
     trapezoidal: bool
 
     def loop(self, gains: PIGains) -> FloatArray:
-        """The map over a sample, in units in which commands count by the rate they cause."""
-        with np.errstate(all="ignore"):  # numbers of a damaged file are refused as not finite
+        """The map over a sample, in units in which commands count by the rate that they cause."""
+        with np.errstate(all="ignore"):  # a later check refuses numbers that are not finite
             loop, units = sampled_loop(
                 self.model, self.lags, gains, dt=self.dt, trapezoidal=self.trapezoidal
             )
@@ -40,8 +40,8 @@ class Sampling:
         """Check that the loop of `model` behind its lags is sampled by the rule of its law."""
         alone = with_inner_loop(self.model, self.lags) if self.lags else self.model
         hold = 0.5 * self.dt  # a held command is late by this
-        # Models without the hold, or with one of its own, are those of lags that have no delay:
-        # else a delay of the lags could stand in the place of the hold.
+        # Lags of a model without the hold, or with a hold of its own, must have no delay: else a
+        # delay of the lags could take the place of the hold.
         prompt = not any(lag.delay for lag in self.lags)
         behind = [alone, with_input_delay(alone, hold)] if prompt else []
         if self.lags:
@@ -148,9 +148,9 @@ def exact_rates(
     scaling: FloatArray | None = None,
     sampling: Sampling | None = None,
 ) -> tuple[tuple[ExactRate, ...], str]:
-    """The exact rates of the continuous and of the sampled loop; why the sampled one has none."""
+    """The exact rates of the continuous and the sampled loop; why the sampled loop has none."""
     loop = closed_loop(model, gains)
-    # The norm is looked for in these units of s = (x', e).
+    # The norm is sought in these units of s = (x', e).
     units = np.ones(len(loop)) if scaling is None else np.asarray(scaling, dtype=float)
     rates = []
     if (proven := decay(loop * units / units[:, None])) is not None:

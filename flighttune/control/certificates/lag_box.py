@@ -8,12 +8,13 @@ feedback k, a first-order lag and the Pade section of a delay is
 
 or ``lag y' = u - y`` without a delay. Two rates are proven over a box of (lag, delay, a, b):
 
-- of the loop for every constant point of the box. Its characteristic polynomial, with s - rate for
-  s, has its roots in the left half-plane by the criterion of Lienard and Chipart: four polynomials
-  in the numbers of the box, of degree three in each at most, are positive. They are where all their
-  Bernstein coefficients are; a box on which these do not decide is halved.
-- of a norm, for every change inside the box in time. The loop is affine in (1/lag, 1/delay, a, b)
-  and so lies in the hull of the corners, at which one Q satisfies ``A' Q + Q A + 2 rate Q < 0``.
+- the rate of the loop for every constant point of the box. Its characteristic polynomial, with s -
+rate for s, has its roots in the left half-plane by the criterion of Lienard and Chipart if four
+polynomials are positive. They have at most degree three in each number of the box. They are
+positive if all their Bernstein coefficients are; a box is halved if the coefficients do not decide.
+- the rate of a norm, for every change inside the box in time. The loop is affine in (1/lag,
+1/delay, a, b) and so lies in the hull of the corners, at which one Q satisfies ``A' Q + Q A + 2
+rate Q < 0``.
 
 J. Garloff, *Application of Bernstein expansion to the solution of control problems*, Reliable
 Computing 6 (2000); S. Boyd et al., *Linear Matrix Inequalities in System and Control Theory*,
@@ -37,7 +38,7 @@ from flighttune.control.linear_model import LinearModel, Range
 from flighttune.control.theory.decay import decay_checks, roundest_norm, true_rate
 from flighttune.control.theory.exact import Check, Rationals, exact
 
-# Smallest and largest of (lag in s, delay in s, a in 1/s, b in the unit of e' over that of y)
+# Ranges of (lag in s, delay in s, a in 1/s, b in the unit of e' over the unit of y)
 Box: TypeAlias = Sequence[tuple[float, float]]
 
 # K_P, K_I and k of a channel
@@ -46,23 +47,23 @@ ChannelGains: TypeAlias = tuple[float, float, float]
 # The entries a and b of every channel
 Entries: TypeAlias = tuple[FloatArray, FloatArray]
 
-# Bernstein coefficients of a cubic on [0, 1] from its values at these.
+# Points from whose values the Bernstein coefficients of a cubic on [0, 1] follow.
 NODES: Rationals = np.array([Fraction(i, 3) for i in range(4)])
 TO_BERNSTEIN: Rationals = exact([[6, 0, 0, 0], [-5, 18, -9, 2], [2, -9, 18, -5], [0, 0, 0, 6]]) / 6
 
-# Parts of a box that are looked at before a proof is given up.
+# Maximum number of parts of a box before a proof is given up.
 MAX_PARTS = 200
 
-# Relative accuracy of the rate for constant numbers, and of that for any change.
+# Relative accuracy of the rate for constant numbers, and of the rate for any change.
 ACCURACY, NORM_ACCURACY = 1e-6, 1e-3
 
-# A norm is searched at a rate that is faster by this part of it: room for the solver's error.
+# A norm is sought at a rate that is faster by this share: room for the solver's error.
 AHEAD = 2e-4
 
-# Relative difference between the entries of a model and those of a box that contains them.
+# Relative tolerance for entries of a model inside a box.
 SAME_ENTRIES = 1e-12
 
-# Least and most of the numbers of a box; one beyond is a slip of the unit.
+# Minimum and maximum of the numbers of a box; a number beyond has the wrong unit.
 BOUNDS = {"lag": (1e-4, 60.0), "delay": (0.0, 60.0), "a": (-60.0, 60.0), "b": (1e-6, 1e6)}
 
 
@@ -80,13 +81,13 @@ class LagBox:
     Attributes
     ----------
     lag, delay : (float, float), s
-        Ranges; a delay is nowhere 0 or everywhere.
-    a, b : (float, float), 1/s and unit of the error over that of the input and second
+        Ranges; a range of delays is above 0, or 0 alone.
+    a, b : (float, float), 1/s and unit of the error per unit of the input and second
         Ranges of the entries of the law, ``e' = a e - b y``.
     rate : float, 1/s
         The error decays faster than this for every point of the box that stays constant.
     norm_rate : float, 1/s, or None
-        A norm of the channel decays at this rate while the point moves inside the box as it likes.
+        A norm of the channel decays at this rate while the point moves in any way inside the box.
     Q : ndarray, shape (3, 3) or (4, 4), or None
         The norm is ``sqrt(x' Q x)``, with x as in `corner_loops`.
     """
@@ -153,7 +154,7 @@ class LagBox:
 
     @property
     def place(self) -> str:
-        """Where its rates hold, in words."""
+        """The ranges for which the rates hold, in words."""
         delay = f" and a delay of {span(self.delay)} s" if self.delay[1] else ""
         fixed = self.a[0] == self.a[1] and self.b[0] == self.b[1]
         law = "" if fixed else f", in e' = a e - b y with a {span(self.a)} and b {span(self.b)}"
@@ -176,7 +177,7 @@ def span(ends: Range) -> str:
 
 
 def _uncoupled(models: Sequence[LinearModel], gains: PIGains) -> list[Entries] | None:
-    """The entries a and b of each model; None where its law or the gains couple the channels."""
+    """The entries a and b of each model; None if its law or the gains couple the channels."""
     if not all(np.array_equal(K, np.diag(np.diag(K))) for K in (gains.K_P, gains.K_I)):
         return None
     entries = []
@@ -189,7 +190,7 @@ def _uncoupled(models: Sequence[LinearModel], gains: PIGains) -> list[Entries] |
             inside = model.A[p:, p:]
             if not np.linalg.eigvals(inside).real.max() < 0.0:
                 return None
-            # Lags and delays between law and command, whose static gain is one, are taken out.
+            # Lags and delays between law and command are removed; their static gain is one.
             B = B - model.A[:p, p:] @ np.linalg.solve(inside, model.B[p:])
         if any(np.abs(x - np.diag(np.diag(x))).max() > SAME_ENTRIES for x in (A, B)):
             return None
@@ -206,10 +207,10 @@ def channel_gains(gains: PIGains, i: int) -> ChannelGains:
 def lag_boxes(
     models: Sequence[LinearModel], gains: PIGains, lag: npt.ArrayLike, delay: npt.ArrayLike
 ) -> tuple[tuple[LagBox, ...], str]:
-    """The proven boxes of every channel; none, and the reason, where they cannot be proven.
+    """The proven boxes of every channel; if they cannot be proven, none and the reason.
 
     `models` have the entries of the law that the boxes contain; `lag` and `delay` (s) are the
-    ranges, shape (2,) or one a channel, (p, 2).
+    ranges, shape (2,), or one for each channel, (p, 2).
     """
     entries, p = _uncoupled(models, gains), len(gains.errors)
     if entries is None:
@@ -233,7 +234,7 @@ def lag_boxes(
 def boxes_checks(
     boxes: Sequence[LagBox], models: Sequence[LinearModel], gains: PIGains
 ) -> list[Check]:
-    """Check the boxes of every channel, and that they hold the law of the models."""
+    """Check the boxes of every channel, and that they contain the law of the models."""
     each = _uncoupled(models, gains)
     holds = len(boxes) == len(gains.errors) and each is not None
     for entries in each or ():
@@ -249,7 +250,7 @@ def boxes_checks(
 
 
 def _conditions(gains: ChannelGains, rate: Fraction, point: Sequence[Any]) -> Rationals:
-    """What must be positive at points (lag, delay, a, b), broadcast: shape (4, ...)."""
+    """The polynomials that must be positive, at points (lag, delay, a, b): shape (4, ...)."""
     K_P, K_I, k = map(Fraction, gains)
     lag, delay, a, b = point
     h, g = delay / 2, b * (1 + k)
@@ -285,7 +286,7 @@ def constant_rate_proven(gains: ChannelGains, box: Box, rate: float) -> bool:
                 values = np.moveaxis(np.tensordot(TO_BERNSTEIN, values, (1, axis)), 0, axis)
         if (values > 0).all():
             continue
-        # across the side that is longest beside that of the whole box
+        # across the longest side, relative to the whole box
         sides = [
             float(high - low) / (end - start) if start < end else 0.0
             for (low, high), (start, end) in zip(part, box, strict=True)
@@ -300,12 +301,12 @@ def constant_rate_proven(gains: ChannelGains, box: Box, rate: float) -> bool:
 
 
 def constant_rate(gains: ChannelGains, box: Box) -> float:
-    """The largest rate, 1/s, proven for every constant point of a box; 0 if there is none."""
+    """The largest rate, 1/s, proven for every constant point of a box; 0 without a proof."""
     axes = [np.linspace(*ends, 7) if ends[0] < ends[1] else ends[:1] for ends in box]
     slowest = min(true_rate_at(gains, point) for point in itertools.product(*axes))
     if not slowest > 0.0:
         return 0.0
-    # A grid nearly has the slowest loop: the true rate is sought from there downwards.
+    # A grid nearly contains the slowest loop, so the search for the true rate goes down from there.
     unproven, lack = slowest, ACCURACY
     while not constant_rate_proven(gains, box, rate := slowest * (1.0 - lack)):
         unproven, lack = rate, 8.0 * lack
@@ -329,7 +330,7 @@ def corner_loops(gains: ChannelGains, box: Box) -> list[Rationals]:
     """Loops at the corners of (1/lag, 1/delay, a, b), of states (e, xi, y, z) without rounding."""
     corners = itertools.product(*(dict.fromkeys(map(Fraction, ends)) for ends in box))
     exact_gains = [Fraction(gain) for gain in gains]
-    # The states y and z are in units in which the largest b is one; without a delay there is no z.
+    # The units of y and z make the largest b one; without a delay there is no z.
     return [_loop(exact_gains, corner, Fraction(box[3][1])) for corner in corners]
 
 
@@ -351,7 +352,7 @@ def _loop(gains: Sequence[Any], point: Sequence[Any], unit: Any) -> Rationals:
 
 def norm_checks(gains: ChannelGains, box: Box, Q: FloatArray, rate: float) -> list[Check]:
     """The inequalities by which the norm of Q decays at `rate` for every change inside a box."""
-    # The checks before the last are of Q alone, the same at every corner.
+    # All checks but the last concern Q alone and are equal at every corner.
     first, *others = (decay_checks(loop, Q, rate=rate) for loop in corner_loops(gains, box))
     return [*first, *(checks[-1] for checks in others)]
 

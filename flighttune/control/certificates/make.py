@@ -44,7 +44,7 @@ class Certification(Answering):
     ----------
     status : "certified" or "refused"
     reason : str
-        Why it was refused; empty otherwise.
+        Reason of a refusal; empty otherwise.
     model : LinearModel
     gains : PIGains
     certificate : Certificate or None
@@ -55,17 +55,17 @@ class Certification(Answering):
     over_envelope : bool
         Whether a certificate over an envelope, or at every identified condition, was asked for.
     ranges : tuple of Envelope, or None
-        The trim and the ranges of flight of the scenario, where its law differs over them.
+        The trim and the ranges of flight of the scenario, if its law differs over them.
     g : float or None, m/s^2
         Acceleration of gravity; goes with `ranges`.
     largest_factor : float or None
-        Largest factor on the envelope, scaled about the trim, that is certified; None where the
-        certificate is of the model alone or holds everywhere.
+        Largest certified factor on the envelope, scaled about the trim; None if the certificate
+        covers the model alone or holds everywhere.
     scaling : ndarray, shape (n + p,), or None
-        Units of state in which the gains were tuned; None where they are plain.
+        Units of state in which the gains were tuned; None for plain units.
     absent : str
         Why the sampled loop has no exact rate, or the identified conditions no box of lags; empty
-        where they have, or none was asked for.
+        if they have, or if none was requested.
 
     Examples
     --------
@@ -90,7 +90,7 @@ class Certification(Answering):
 
     @property
     def in_words(self) -> str:
-        """The status, and what a certificate is worth where it is little."""
+        """The status, with a warning if the certificate is too weak to be useful."""
         return self.status if self.certificate is None else self.certificate.in_words
 
     @property
@@ -100,9 +100,9 @@ class Certification(Answering):
 
     @property
     def values(self) -> dict[str, Any]:
-        """The claim and its checks, for a command and a page; null where nothing is proven.
+        """The claim and its checks, for a command and a page; null without a proof.
 
-        The norm decays at half the rate, from at most ``growth`` times its start.
+        The norm decays at half the rate, from at most ``growth`` times its initial value.
         """
         values = dict.fromkeys(("rate", "radius", "L_d", "holds", "growth"))
         values |= {"status": self.status, "reason": self.reason}
@@ -128,11 +128,11 @@ def certify_model(
 ) -> Certification:
     """Certify the rate of gains, and the ultimate radius for a disturbance bound.
 
-    Every inequality of a certificate has been proven; the claims are less than what was computed by
-    about 1e-8 of themselves to leave room for that. `model` is that at the trim; an `envelope` of
+    Every inequality of a certificate has been proven; the claims are about 1e-8 weaker than the
+    computed values to leave room for the proof. `model` is the model at the trim; an `envelope` of
     the chi/gamma law contains it, and needs `g`. `L_d` (unit of x' per second) bounds the norm of
-    the disturbance's derivative. The same is claimed at `conditions`, (V_a, gamma) and a model
-    each, and for every mixture of their loops. `rates` and `boxes` go into the certificate.
+    the disturbance's derivative. The claim also holds at `conditions`, each (V_a, gamma) with a
+    model, and for every mixture of their loops. `rates` and `boxes` go into the certificate.
     """
     models = tuple(model for _, model in conditions)
     if any(other.states != model.states for other in models):
@@ -141,7 +141,7 @@ def certify_model(
     polytope = None if envelope is None or g is None else jacobian_hull(envelope, g=g)
     if polytope is None:
         loops = loops_of((model, *models), gains)
-        # the same ones once, in their order
+        # equal loops once, in their order
         loops = loops[np.sort(np.unique(loops, axis=0, return_index=True)[1])]
     else:
         loops = loops_of(polytope.models(), gains)
@@ -195,11 +195,11 @@ def certify_model(
 def _ellipsoid(
     model: LinearModel, loops: FloatArray, L_d: float
 ) -> tuple[lyapunov.Ellipsoid | None, str]:
-    """The invariant ellipsoid of one loop, or a common one of several; the reason for none."""
+    """The invariant ellipsoid of one loop or of several; why there is none."""
     if L_d > MAX_L_D:
         raise InputError(f"`L_d` must be at most {MAX_L_D:g}, got {L_d:g}.")
     E = disturbance_entry(model)
     if len(loops) > 1:
         return lyapunov.common_ellipsoid(loops, E, L_d=L_d)
-    # Without slack the exact check would refute it by rounding alone.
+    # Without slack, rounding alone would make the exact check fail.
     return lyapunov.invariant_ellipsoid(loops[0], E, L_d=L_d, slack=1e-6), ""

@@ -1,1 +1,1 @@
-"""Laws, a file each: a module of this folder with a `Law` in it is found by its being here."""
+"""Laws, one file each: every module of this folder that has a `Law` is found."""

@@ -1,6 +1,6 @@
 """The guidance of PX4 and of ArduPilot: NPFG or L1 for the course, TECS's balance for the height.
 
-The equations are those of published sources, named where they stand: [N] is
+The equations come from published sources, cited at each equation: [N] is
 ``src/lib/npfg/DirectionalGuidance.cpp`` of PX4 1.17 (up to 1.16 ``npfg.cpp``), [E]
 ``src/lib/l1/ECL_L1_Pos_Controller.cpp`` of PX4 1.13, [T] ``src/lib/tecs/TECS.cpp`` of PX4 1.14,
 [L] and [A] ``AP_L1_Control.cpp`` and ``AP_TECS.cpp`` of ArduPilot 4.5.
@@ -24,23 +24,22 @@ from flighttune.control.law import Law
 
 RIGHT_ANGLE = 0.5 * math.pi
 
-# Roll beyond which the lift is not divided by its cosine, and pitch beyond which L1's roll is not
-# ([L] nav_roll_cd), rad.
+# Largest roll and, for L1, largest pitch whose cosine divides the lift ([L] nav_roll_cd), rad.
 STEEPEST, STEEPEST_PITCH = 1.2, 60.0 * DEG
 
-# [N]: airspeed over the crosswind within which a bearing becomes feasible (m/s), least radius (m),
-# and what counts as zero.
+# [N]: excess of airspeed over crosswind at which a bearing becomes feasible (m/s), smallest radius
+# (m), and smallest number other than zero.
 AIRSPEED_BUFFER, MIN_RADIUS, TINY = 1.5, 0.5, 1e-6
 
-# [L] update_waypoint: largest angle up to which the integral goes on, and largest integral, rad.
+# [L] update_waypoint: largest angle for integration, and largest integral, rad.
 SMALL_ANGLE, LARGEST_INTEGRAL = 5.0 * DEG, 0.1
 
-# Ends of the roles of parameters that must be positive, as they divide.
+# Endings of the roles of parameters that must be positive, because they divide.
 POSITIVE = ("period", "damping", "tc", "std", "acceleration")
 
 
 class Motion(NamedTuple):
-    """Motion of an aircraft as the estimator of an autopilot has it."""
+    """Motion of an aircraft as an autopilot estimates it."""
 
     chi: float  # rad: course
     V_g: float  # m/s: level speed over ground
@@ -54,17 +53,17 @@ class Motion(NamedTuple):
 
 
 class Track(NamedTuple):
-    """The track to fly at its point nearest to the aircraft."""
+    """The desired track at its point nearest to the aircraft."""
 
     course: float  # rad
     right: float  # m: distance of the aircraft to its right
-    h: float | None  # m: height above sea level; None where only a rate of climb is asked for
+    h: float | None  # m: height above sea level; None if only a rate of climb is commanded
     curvature: float  # 1/m: right positive
     slope: float  # height per distance
 
 
 def limited(value: float, low: float, high: float) -> float:
-    """The value, as far as the limits go."""
+    """The value within the limits."""
     return min(max(value, low), high)
 
 
@@ -84,7 +83,7 @@ class Npfg:
         bearing = track.course - math.copysign(RIGHT_ANGLE - look_ahead, track.right)
         feasible = on_track * _feasibility(*_parts(m.wind, bearing), V, m.wind)
         error = wrap_angle(_heading(bearing, m.wind, V_sp) - math.atan2(m.air[1], m.air[0]))
-        # AirspeedDirectionController::controlHeading holds it beyond a right angle.
+        # AirspeedDirectionController::controlHeading saturates it beyond a right angle.
         part = math.sin(error) if abs(error) < RIGHT_ANGLE else math.copysign(1.0, error)
         # lateralAccelFF
         spread = 1.0 - track.curvature * track.right
@@ -129,7 +128,7 @@ def _parts(wind: tuple[float, float], bearing: float) -> tuple[float, float]:
 
 
 def _feasibility(along: float, across: float, V: float, wind: tuple[float, float]) -> float:
-    """How far a bearing can be flown, 0 to 1: [N] bearingFeasibility."""
+    """Feasibility of a bearing, 0 to 1: [N] bearingFeasibility."""
     crosswind = math.hypot(*wind) if along < 0.0 else abs(across)
     return math.sin(RIGHT_ANGLE * limited((V - crosswind) / AIRSPEED_BUFFER, 0.0, 1.0)) ** 2
 
@@ -153,11 +152,11 @@ def _heading(bearing: float, wind: tuple[float, float], V: float) -> float:
 
 
 class L1:
-    """L1 along a leg, and about a circle where the track is curved, as [L] update_path has it."""
+    """L1 along a leg, and about a circle on a curved track, as in [L] update_path."""
 
     def __init__(self, x: Any, dt: float) -> None:
         self.x, self.dt, self.integral = x, dt, 0.0
-        self.per_distance = getattr(x, "distance_integral", 0.0)  # [E] has no such integral
+        self.per_distance = getattr(x, "distance_integral", 0.0)  # [E] has no integral
 
     def acceleration(self, m: Motion, track: Track, _V_sp: float) -> float:
         """Lateral acceleration, m/s^2."""
@@ -275,7 +274,7 @@ class TecsOfArduPilot(Tecs):
         V = self.V = max(self.V + rate * dt, 3.0)
         part = dt / (dt + late)
         self.V_dot += part * (m.V_dot - self.V_dot)
-        # _update_height_demand; a rate of climb that is asked for moves the height
+        # _update_height_demand; a commanded rate of climb moves the height
         self.h = self.h + track.slope * m.V_g * dt if track.h is None else track.h
         self.h_asked += limited(self.h - self.h_asked, -x.sink * dt, x.climb * dt)
         rate = (self.h_asked - self.h_slow) / x.demand_tc
@@ -305,17 +304,16 @@ class Guidance:
     """Course and height by the guidance of an autopilot, above the inner loop of the aircraft."""
 
     # On a route the guidance follows the path itself: its nearest point, tangent and curvature. A
-    # reference over time is a track through the aircraft with the course and turn that are asked
-    # for. The pitch that TECS wants becomes a load factor by the rate
-    # ``(wanted - pitch) / time constant``, and the pitch at the start counts as trimmed. The
-    # throttle is that of the plant.
+    # reference over time becomes a track through the aircraft with the commanded course and turn.
+    # The pitch command of TECS becomes a load factor by the rate ``(wanted - pitch) / time
+    # constant``, and the pitch at the start counts as trimmed. The plant controls the throttle.
     def __init__(self, setup: LawSetup, of: "Autopilot") -> None:
         x = SimpleNamespace(**of.roles)
         self.dt, self.g, self.signals = setup.dt, setup.g, {"climb_angle": "rad"}
         self.roll_limit, self.roll_rate = x.roll_limit * DEG, getattr(x, "roll_rate", 0.0) * DEG
         self.pitch_tc, self.lower, self.upper = x.pitch_tc, x.pitch_min * DEG, x.pitch_max * DEG
         self.ardupilot = of.period == "NAVL1_PERIOD"
-        if self.ardupilot:  # [A] update_pitch_throttle: limits of TECS where they are set
+        if self.ardupilot:  # [A] update_pitch_throttle: limits of TECS if they are set
             low, high = x.tecs_pitch_min * DEG, x.tecs_pitch_max * DEG
             self.lower = max(low, self.lower) if low < 0.0 else self.lower
             self.upper = min(high, self.upper) if high else self.upper
@@ -331,7 +329,7 @@ class Guidance:
         self.trim: float | None = None
 
     def step(self, m: Measured, r: ReferenceSample, _t: float, /) -> tuple[float, float, float]:
-        """Roll and load factor, and the angle of climb that TECS wants (rad)."""
+        """Roll and load factor, and TECS's command of the climb angle (rad)."""
         motion = self._motion(m)
         if r.path is None:
             track = Track(r.chi, 0.0, None, r.chi_dot / max(motion.V_g, 1.0), math.tan(r.gamma))
@@ -355,7 +353,7 @@ class Guidance:
         return phi, lift / math.cos(limited(m.phi, -STEEPEST, STEEPEST)), angle
 
     def _motion(self, m: Measured) -> Motion:
-        """The motion that an estimator would know; velocity and acceleration from positions."""
+        """The estimated motion, with velocity and acceleration from positions."""
         wind = (0.0, 0.0, 0.0) if m.wind is None else m.wind
         if self.before is None:
             along, across = _parts((wind[0], wind[1]), m.chi)
@@ -378,8 +376,8 @@ class Guidance:
         """Gains of the linear loops about a straight level leg in still air, course and path angle.
 
         With e the error of a channel and ``y' = e``, the distance off the path over the airspeed
-        `V_a` (m/s), its rate is ``a e + b y + integral of (c e + d y)``. Returned are a (1/s), b
-        and c (1/s^2) and d (1/s^3). The integral of L1, which is slower, is left out.
+        `V_a` (m/s), the commanded rate is ``a e + b y + integral of (c e + d y)``. Returns a (1/s),
+        b and c (1/s^2) and d (1/s^3). The slower integral of L1 is neglected.
         """
         x, (course, distance) = self.height.x, self.course.linear(V_a)
         share = self.height.shares[0] / self.pitch_tc
@@ -390,14 +388,14 @@ class Guidance:
 
 @cache
 def guidance() -> Mapping[str, Mapping[str, Any]]:
-    """The guidance of autopilots by the parameter of its period, as ``autopilot.toml`` has it."""
+    """The guidance of autopilots by the parameter of its period, from ``autopilot.toml``."""
     return tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
 
 
 def period_among(parameters: Mapping[str, Any]) -> str:
-    """The period that says which guidance flies; empty if there is none."""
+    """The period parameter, which selects the guidance; empty if there is none."""
     names = [name for name in guidance() if name in parameters]
-    # PX4 1.13 has two, and flies L1 unless FW_USE_NPFG is set.
+    # PX4 1.13 has both guidances and flies L1 unless FW_USE_NPFG is set.
     if "FW_L1_PERIOD" in names and not parameters.get("FW_USE_NPFG"):
         return "FW_L1_PERIOD"
     return names[0] if names else ""
@@ -405,10 +403,10 @@ def period_among(parameters: Mapping[str, Any]) -> str:
 
 @dataclass(frozen=True, kw_only=True)
 class Autopilot(Law):
-    """See `Guidance`; which one flies follows from the names of the parameters."""
+    """See `Guidance`; the names of the parameters select the autopilot."""
 
-    # By the names of the autopilot, NPFG_PERIOD, FW_L1_PERIOD or NAVL1_PERIOD among them. Others
-    # have the defaults of ``autopilot.toml``.
+    # By the autopilot's names, including NPFG_PERIOD, FW_L1_PERIOD or NAVL1_PERIOD. Missing
+    # parameters have the defaults of ``autopilot.toml``.
     parameters: Mapping[str, Any] = field(default_factory=dict)
 
     kind: ClassVar[str] = "autopilot"
@@ -419,7 +417,7 @@ class Autopilot(Law):
 
     @property
     def period(self) -> str:
-        """The parameter of its period; InputError if there is none."""
+        """Name of the period parameter; InputError without it."""
         if not (period := period_among(self.parameters)):
             raise InputError(
                 f"`parameters` must have one of {', '.join(guidance())}, got "
@@ -429,7 +427,7 @@ class Autopilot(Law):
 
     @property
     def roles(self) -> dict[str, float]:
-        """Every parameter by its role; InputError if one is not of the guidance, or impossible."""
+        """Every parameter by its role; InputError for an unknown or impossible parameter."""
         table = guidance()[self.period]
         roles = {name: role for name, _, role, *_ in table["parameters"]}
         for name, value in self.parameters.items():
@@ -448,7 +446,7 @@ class Autopilot(Law):
         return Guidance(setup, self)
 
     def names_of(self, gains: Sequence[str]) -> tuple[str, ...]:
-        """Names of its flights: one, with the first gain set."""
+        """Name of its only flight, with the first gain set."""
         return super().names_of(gains[:1])
 
     @property

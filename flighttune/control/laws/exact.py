@@ -14,10 +14,10 @@ from flighttune.control.inner_loop import InnerLag
 from flighttune.control.law import Law, OuterLoop, SampledController, pi_settings
 from flighttune.control.linear_model import LinearModel
 
-# Lags of its channel over which an error counts as much as its rate, 1/s: design/exact_gains.md.
+# An error counts as much as its rate over this number of channel lags: design/exact_gains.md.
 LAGS_PER_ERROR = 3.0
 
-# Stands for infinity in a property of JSBSim.
+# Replaces infinity in a property of JSBSim.
 NO_BRAKE = 1e300
 
 
@@ -44,9 +44,9 @@ class Exact(Law):
         return ExactLaw(**pi_settings(setup, "the exact law"), **options)
 
     def state_scaling(self, model: LinearModel, lags: Sequence[InnerLag]) -> FloatArray:
-        """Units of the states; each error in units of `LAGS_PER_ERROR` lags of its channel."""
+        """Units of the states; the unit of an error is `LAGS_PER_ERROR` lags of its channel."""
         scaling = super().state_scaling(model, lags)
-        # Gains then go with one over that lag on any aircraft.
+        # Gains are then proportional to one over the lag on any aircraft.
         scaling[-len(lags) :] = [LAGS_PER_ERROR * lag.whole for lag in lags]
         return scaling
 

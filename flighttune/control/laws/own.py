@@ -1,4 +1,4 @@
-"""A law of the user's: a class from Python, or from a file that a scenario names."""
+"""A user's law: a class from Python, or from a file that a scenario names."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -13,9 +13,9 @@ from flighttune.control.linear_model import LinearModel
 
 @dataclass(frozen=True, kw_only=True)
 class Own(Law):
-    """A law that says itself how it flies; only it knows what it makes of gains."""
+    """A law with its own behaviour, which alone decides how to use gains."""
 
-    parameters: Mapping[str, Any] = field(default_factory=dict)  # of `maker`, after the `LawSetup`
+    parameters: Mapping[str, Any] = field(default_factory=dict)  # for `maker`, after the `LawSetup`
     # Whether it flies by the gains of its setup: it is then flown with every gain set
     takes_gains: bool = False
     # Called for every flight; None before the class is loaded
@@ -28,7 +28,7 @@ class Own(Law):
     named_alone: ClassVar[bool] = False
 
     def names_of(self, gains: Sequence[str]) -> tuple[str, ...]:
-        """Names of its flights: one, with the first gain set, unless it flies by the gains."""
+        """Names of its flights: with every gain set if it flies by the gains, else the first."""
         return super().names_of(gains if self.takes_gains else gains[:1])
 
     def make(self, setup: controllers.LawSetup, /) -> controllers.Controller:
@@ -38,7 +38,7 @@ class Own(Law):
         return self.maker(setup, **self.parameters)
 
     def controller(self, setup: controllers.LawSetup, /) -> controllers.GuardedLaw:
-        """Make a controller that ends its flight, in one line, where it fails."""
+        """Make a controller that ends its flight, with one line of reason, if it fails."""
         name = f"law {self.name}"
         try:
             user_law = self.make(setup)
@@ -58,11 +58,11 @@ class Own(Law):
     def loop(
         self, _model: LinearModel, _gains: PIGains, setup: controllers.LawSetup, /
     ) -> tuple[LinearModel, PIGains] | None:
-        """Result of its ``linear()``, None without it or its law; InputError if it fails."""
+        """Result of its ``linear()``, None without the method or law; InputError on failure."""
         try:
             controller = self.controller(setup)
         except controllers.LawError:
-            return None  # its flights say so
+            return None  # its flights report the failure
         try:
             return controller.linear()
         except controllers.LawError as error:
@@ -70,5 +70,5 @@ class Own(Law):
 
     @property
     def tuned_as(self) -> str:
-        """The paper's law: gains act on roll and load factor, and nothing else is known."""
+        """The paper's law: gains act on roll and load factor, and no more is known."""
         return "paper"

@@ -24,7 +24,7 @@ class Paper(Law):
         return MimoPI(**pi_settings(setup, "the paper's law"), **options)
 
     def linear_model(self, trim: Trim, /) -> LinearModel:
-        """Error dynamics; a schedule is the same loop with an input matrix that it scales."""
+        """Error dynamics; a schedule gives the same loop with a scaled input matrix."""
         model = super().linear_model(trim)
         if trim.schedule_speed is None:
             return model
@@ -43,7 +43,7 @@ class Paper(Law):
             "ft/outer/tracking-gain": controller.law.tracking_gain,
             "ft/outer/per-speed-s_m": controller.law.per_speed,
             "ft/outer/feed-forward": float(controller.feed_forward),
-            "ft/outer/planned": 0.0,  # 1 where the reference comes with a plan
+            "ft/outer/planned": 0.0,  # 1 if the reference has planned commands
         }
         return OuterLoop(None, ("phi", "n_z", "n_x"), values, takes_plan=controller.feed_forward)
 

@@ -1,11 +1,12 @@
 """The exact decay of a linear loop: the largest rate that a quadratic norm proves, and its price.
 
-R_K of the paper is the rate of one quadratic form, that of ``A' Q + Q A + I = 0``, and behind a lag
-it is a fraction of the truth. For every rate a below the true one some norm ``sqrt(s' Q s)`` decays
-at a: ``A' Q + Q A + 2 a Q < 0`` has positive solutions (Lyapunov's theorem for A + a I). Among
-these the one of the smallest condition is taken, because ``growth``, the factor by which an error
-may grow before it decays, is the square root of it. The solution of the Lyapunov equation is no
-substitute: at 0.999 of the true rate of `tuned_identified` its growth is 3694, the program's 9.
+R_K of the paper is the rate of one quadratic form, the solution of ``A' Q + Q A + I = 0``, and
+behind a lag it is a fraction of the true rate. For every rate a below the true rate some norm
+``sqrt(s' Q s)`` decays at a: ``A' Q + Q A + 2 a Q < 0`` has positive solutions (Lyapunov's theorem
+for A + a I). The program takes the solution with the smallest condition number, because ``growth``,
+the factor by which an error may grow before it decays, is its square root. The solution of the
+Lyapunov equation is no substitute: at 0.999 of the true rate of `tuned_identified` its growth is
+3694, against 9 by the program.
 """
 
 import itertools
@@ -36,10 +37,10 @@ SHARES = (0.999, 0.998, 0.995, 0.99, 0.98, 0.95, 0.9, 0.7, 0.5)
 # Factors on the inequality in turn, until the solver has an answer.
 STRETCHES = (1.0, 0.1, 10.0)
 
-# Down to this share only programs are tried before Lyapunov equations.
+# Down to this share, programs are tried before any Lyapunov equation.
 ROUND_ENOUGH = 0.99
 
-# Q is searched at a rate that is faster by this part of what is left to the true one: the
+# Q is sought at a rate that is faster by this share of the distance to the true rate. The
 # inequality then holds strictly, with room for the solver's error and for rounding.
 AHEAD = 0.5
 
@@ -48,8 +49,8 @@ def decay(loop: npt.ArrayLike, *, dt: float | None = None) -> tuple[float, Float
     """The largest proven rate of ``s' = A s``, or with `dt` (s) of ``s[k+1] = M s[k]``, and its Q.
 
     ``sqrt(s' Q s)`` falls at least as fast as ``exp(-rate t)``, rate in 1/s, at the samples of a
-    sampled loop; the largest eigenvalue of Q is one. The condition of Q depends on the units of s,
-    the rate does not. None for a loop that is not proven to be stable.
+    sampled loop; the largest eigenvalue of Q is one. The condition number of Q depends on the units
+    of s; the rate does not. None for a loop that is not proven to be stable.
     """
     loop = square_matrices("loop", loop, 2)
     check_positive(dt=dt)
@@ -57,9 +58,9 @@ def decay(loop: npt.ArrayLike, *, dt: float | None = None) -> tuple[float, Float
     if not limit > 0.0:
         return None
     matrix = exact(loop)
-    # A rounder norm of 0.99 of the rate is worth more than one of 0.999 that grows 2000-fold.
-    # Where the semidefinite program fails, the Lyapunov equation of the loop made faster by the
-    # rate gives Q. The search takes 0.1 to 0.6 s for 12 to 20 states.
+    # A rounder norm at 0.99 of the rate is more useful than a norm at 0.999 that grows 2000-fold.
+    # If the semidefinite program fails, the Lyapunov equation of the loop, shifted by the rate,
+    # gives Q. The search takes 0.1 to 0.6 s for 12 to 20 states.
     tries = sorted(
         itertools.product((roundest_norm, _lyapunov), SHARES),
         key=lambda attempt: (attempt[1] < ROUND_ENOUGH, attempt[0] is _lyapunov),
@@ -74,11 +75,11 @@ def decay(loop: npt.ArrayLike, *, dt: float | None = None) -> tuple[float, Float
 
 
 def true_rate(loop: FloatArray, dt: float | None = None) -> float:
-    """Slowest rate among the eigenvalues of a loop, 1/s, as `decay` takes it."""
+    """Slowest rate among the eigenvalues of a loop, 1/s, with the arguments of `decay`."""
     values = np.linalg.eigvals(loop)
     if dt is None:
         return -float(values.real.max())
-    # A loop that is over after n samples has no slowest rate: this one is above any of use.
+    # A deadbeat loop has no slowest rate: this rate is above any useful rate.
     return -math.log(max(float(np.abs(values).max()), math.exp(-1.0))) / dt
 
 
@@ -93,7 +94,7 @@ def _lyapunov(loop: FloatArray, rate: float, dt: float | None) -> FloatArray | N
 
     faster = _faster(loop, rate, dt)
     try:
-        # The caller proves what comes out in rationals, or drops it.
+        # The caller proves the result in rationals, or drops it.
         with warnings.catch_warnings(action="ignore", category=LinAlgWarning):
             if dt is None:
                 Q = lyapunov_solution(faster)
@@ -105,13 +106,13 @@ def _lyapunov(loop: FloatArray, rate: float, dt: float | None) -> FloatArray | N
 
 
 def roundest_norm(loop: FloatArray, rate: float, dt: float | None = None) -> FloatArray | None:
-    """Q of the smallest condition that proves `rate` for one loop or several; None without one."""
+    """Q of the smallest condition number that proves `rate` for one or several loops, if any."""
     loops = loop.reshape(-1, *loop.shape[-2:])
     faster, identity = _faster(loops, rate, dt), np.eye(loops.shape[-1])
     Q, k = unknown(*identity.shape, symmetric=True), unknown()
     fastest = float(np.linalg.norm(faster, 2, axis=(-2, -1)).max())
     unit = 1.0 if dt is not None else math.sqrt(rate * fastest)
-    # Solved in one of these it often fails in another, by the rounding of its linear algebra.
+    # A problem that the solver solves in one scaling often fails in another, by rounding.
     for stretch in STRETCHES:
         if dt is None:
             falling = [A.T @ Q + Q @ A << 0 for A in faster / (unit * stretch)]
@@ -135,7 +136,8 @@ def decay_checks(
     matrix, matrix_unit = integers(loop)
     checks = [margin_check("rate > 0", Fraction(rate)), matrix_check("Q > 0", form, form_unit)]
     if dt is None:
-        # Both sides times the denominators of A and of the rate, so that all of it is integers.
+        # Both sides are multiplied by the denominators of A and of the rate, so that all numbers
+        # are integers.
         whole = Fraction(rate)
         flow = (matrix.T @ form + form @ matrix) * whole.denominator
         flow += form * (2 * whole.numerator * matrix_unit)

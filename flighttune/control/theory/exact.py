@@ -1,19 +1,19 @@
-"""Exact arithmetic, and the inequalities that a certificate rests on, proven by it.
+"""Exact arithmetic, and exact proofs of the inequalities of a certificate.
 
-Floats are rationals, and what holds between rationals can be proven. Matrices are arrays of
-`fractions.Fraction`; sums and products of them are exact. The sine and the cosine come as
-intervals with rational ends.
+Floats are rationals, and relations between rationals can be proven. Matrices are arrays of
+`fractions.Fraction`, whose sums and products are exact. Sine and cosine are intervals with rational
+ends.
 
 A certificate makes two claims about a family of loops ``s' = A s + E v``, A anywhere in the convex
 hull of vertices:
 
 - rate: without a disturbance ``s' Q s`` decays at `rate` or faster, because at every vertex
-  ``A' Q + Q A + I <= 0``, and ``rate Q <= I``. The norm of s decays at half of that.
+  ``A' Q + Q A + I <= 0``, and ``rate Q <= I``. The norm of s decays at half of this rate.
 - radius: with ``||v|| <= L_d`` the loop ends up, and stays, in ``s' W^-1 s <= 1``, because at every
   vertex ``A W + W A' + a W + (L_d^2 / a) E E' <= 0``, and ``W <= radius^2 I``.
 
-Each inequality is checked strictly, twice: the exact check is a proof about the stated numbers,
-read as the binary floats they are; the margin is the smallest eigenvalue in floating point.
+Each inequality is checked strictly, twice. The exact check is a proof about the stated numbers as
+binary floats. The margin is the smallest eigenvalue in floating point.
 """
 
 import math
@@ -36,11 +36,11 @@ Interval: TypeAlias = tuple[Fraction, Fraction]
 # Less than pi/2, by 2e-17.
 HALF_PI_BELOW = Fraction(15707963267948966, 10**16)
 
-# Terms of a Taylor series inside +-pi/2: the next one is below 1e-23.
+# Terms of a Taylor series inside +-pi/2: the next term is below 1e-23.
 TERMS = 14
 
-# Inflations tried, smallest first, to make a Q strictly feasible: the first one is above the
-# rounding of the solution (1e-16 times its condition), the last gives up 0.1 % of the rate.
+# Inflations tried, smallest first, to make a Q strictly feasible. The first is above the rounding
+# of the solution (1e-16 times its condition number), and the last costs 0.1 % of the rate.
 FACTORS = tuple(1.0 + 10.0**-digits for digits in (9, 8, 7, 6, 5, 4, 3))
 
 
@@ -60,8 +60,7 @@ def identity(n: int) -> Rationals:
 
 def integers(matrix: Rationals) -> tuple[Rationals, int]:
     """`matrix` times a common denominator, as integers, and that denominator."""
-    # Integers are multiplied and added in a fifth of the time of `Fraction`, which reduces each
-    # result.
+    # Integer arithmetic takes a fifth of the time of `Fraction`, which reduces each result.
     denominator = math.lcm(*(entry.denominator for entry in matrix.flat))
     return np.vectorize(int, otypes=[object])(matrix * denominator), denominator
 
@@ -114,8 +113,8 @@ class Check:
     """One inequality of a certificate."""
 
     name: str
-    # By how much it holds: the smallest eigenvalue of what must be positive, or the smallest
-    # distance of what must lie inside
+    # Margin: the smallest eigenvalue of a matrix that must be positive, or the smallest distance
+    # inside a range
     margin: float
     exact: bool  # whether it is proven in rational arithmetic
 
@@ -125,7 +124,7 @@ class Verification:
     """The outcome of checking a claim."""
 
     valid: bool  # every check is proven
-    reason: str  # the first inequality that fails and by how much; empty for a valid claim
+    reason: str  # the first inequality that fails, with its margin; empty for a valid claim
     checks: tuple[Check, ...] = ()
     notes: tuple[str, ...] = ()  # sentences on further checks
     checked: bool = True  # false if a check was left out, for the reason
@@ -157,7 +156,7 @@ def margin_check(name: str, margin: Fraction) -> Check:
 
 
 def as_float(value: Fraction) -> float:
-    """The nearest float; infinity where there is none that large."""
+    """The nearest float; infinity beyond the range of floats."""
     try:
         return float(value)
     except OverflowError:

@@ -2,10 +2,10 @@
 
 The paper (arXiv 2411.13140, section 4.3) asks a semidefinite program for R_K: the smallest
 lambda_max(Q) with ``A_K' Q + Q A_K + I <= 0``. No solver is needed. Every feasible Q is bounded
-below, in the order of symmetric matrices, by the solution Q0 of the equation, so that
-``R_K = 1 / lambda_max(Q0)``. The minimiser need not be unique (it is for K*, and wherever the top
-eigenvector of Q0 excites every mode; it is not for decoupled loops), and I_K depends on which one
-is taken; the numbers of the paper's Table 2 come from Q0, the smallest, and so do those given here.
+below, in the order of symmetric matrices, by the solution Q0 of the equation, so that ``R_K = 1 /
+lambda_max(Q0)``. The minimiser need not be unique: it is for K*, and whenever the top eigenvector
+of Q0 excites every mode, but not for decoupled loops. I_K depends on the choice of minimiser; the
+paper's Table 2 and this module use Q0, the smallest.
 """
 
 import math
@@ -33,12 +33,12 @@ class Indicators:
     reason : str
         Why there is no guarantee, naming the offending eigenvalue; empty for a stable loop.
     R_K : float, 1/s
-        Guaranteed rate of decay of ``z' Q z`` (the norm decays at half of it); 0 if unstable.
+        Guaranteed rate of decay of ``z' Q z``; the norm decays at half of it. 0 if unstable.
     I_K : float, s^2
         Radius of the paper's ultimate ball per ``2 L_d L_f``; inf if unstable.
     E_K : float, s^2
         Largest ``|e_i|`` that a disturbance with ``||d'|| <= L_d`` can cause, per L_d, exactly; inf
-        if unstable, nan where the number of errors is not known.
+        if unstable, nan if the number of errors is not known.
     spectral_abscissa : float, 1/s
         Largest real part of an eigenvalue.
     eigenvalues : ndarray of complex, shape (n,), 1/s
@@ -69,7 +69,7 @@ class Indicators:
 class IndicatorArrays(NamedTuple):
     """Indicators of many loops, as in `Indicators`: every array has the shape (...) of the stack.
 
-    R_K is 0 and I_K infinite where a loop is not stable.
+    R_K is 0 and I_K infinite for a loop that is not stable.
     """
 
     stable: npt.NDArray[np.bool_]
@@ -90,13 +90,13 @@ def indicators(
     scaling : array_like, shape (n,), optional
         Units of the states, positive: ``z = s / scaling``. By default all ones, as in the paper.
     errors : int, optional
-        Number of errors, the last states of `A_K`. By default half of the states where the lower
-        right quarter of `A_K` is zero, as in the paper; elsewhere there is no E_K without it.
+        Number of errors, the last states of `A_K`. By default half of the states if the lower right
+        quarter of `A_K` is zero, as in the paper; otherwise E_K needs this number.
 
     Returns
     -------
     Indicators
-        With status "unstable" where there is no guarantee; that is a result, not an error.
+        With status "unstable" without a guarantee, which is a result and not an error.
 
     Raises
     ------
@@ -110,8 +110,8 @@ def indicators(
     Eqs. (R_K) and (I_K) of arXiv 2411.13140, section 4.3: ``R_K = 1 / lambda_max(Q)`` and
     ``I_K = cond(Q) / (R_K sigma_min(A_z))`` with ``A_z = diag(1 / scaling) A_K diag(scaling)``.
     Both depend on the unit of time and on `scaling`. Without scaling R_K stays below 1 for any
-    gains where C = I, because the lower block of A_K is then the identity. E_K is an integral of
-    the impulse response, exact to 1e-9, and does not depend on `scaling`: S. Boyd and C. Barratt,
+    gains if C = I, because the lower block of A_K is then the identity. E_K is an integral of the
+    impulse response, exact to 1e-9, and does not depend on `scaling`: S. Boyd and C. Barratt,
     *Linear Controller Design*, section 5.2.4.
 
     Examples
@@ -167,7 +167,7 @@ def indicators_batch(
     Returns
     -------
     IndicatorArrays
-        R_K 0 and I_K inf where a loop is not stable.
+        R_K 0 and I_K inf for a loop that is not stable.
 
     Raises
     ------
@@ -188,7 +188,7 @@ def indicators_batch(
     for start in range(0, len(flat), CHUNK_LOOPS):
         part = slice(start, start + CHUNK_LOOPS)
         abscissa[part] = np.real(np.linalg.eigvals(flat[part])).max(axis=-1)
-        # The Lyapunov equation of an unstable loop has a solution too, which is no norm.
+        # The Lyapunov equation of an unstable loop also has a solution, but it is not a norm.
         left_half = start + np.flatnonzero(abscissa[part] < 0.0)
         R_K[left_half], I_K[left_half] = _rate_and_radius(scaled(flat[left_half], scale))
     shape = A_K.shape[:-2]
@@ -214,7 +214,7 @@ def scaled(A: FloatArray, scaling: FloatArray) -> FloatArray:
 
 
 def _rate_and_radius(A: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """R_K and I_K of loops whose eigenvalues are on the left, shape (N, n, n)."""
+    """R_K and I_K of loops with eigenvalues in the left half plane, shape (N, n, n)."""
     if not len(A):
         return np.empty(0), np.empty(0)
     spectrum = np.linalg.eigvalsh(lyapunov.lyapunov_solution(A))

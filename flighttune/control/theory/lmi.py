@@ -1,9 +1,9 @@
-"""Linear matrix inequalities, written as they are printed: the one door to cvxpy and to Clarabel.
+"""Linear matrix inequalities, written as in print: the only module that uses cvxpy and Clarabel.
 
 A module poses its problem with `unknown`, `parameter` and the operators of cvxpy, such as
-``A.T @ Q + Q @ A << 0``, and has it solved here. A problem with parameters is compiled once and
-solved for many values. Nothing here says that an answer is right: the modules that pose the
-problems check every answer by eigenvalues before they use it.
+``A.T @ Q + Q @ A << 0``, and this module solves it. A problem with parameters is compiled once and
+solved for many values. No answer is trusted: the modules that pose the problems check every answer
+by eigenvalues before they use it.
 """
 
 import math
@@ -11,14 +11,14 @@ import warnings
 from collections.abc import Sequence
 from typing import Any
 
-TOLERANCE = 1e-9  # gap and feasibility asked of the solver, for problems scaled to order one
+TOLERANCE = 1e-9  # gap and feasibility tolerance of the solver, for problems scaled to order one
 
 SOLVER_OPTIONS = {"tol_gap_abs": TOLERANCE, "tol_gap_rel": TOLERANCE, "tol_feas": TOLERANCE}
 
-# Statuses of cvxpy with which the unknowns have values.
+# Statuses of cvxpy for which the unknowns have values.
 SOLVED = "optimal", "optimal_inaccurate"
 
-# The objects of cvxpy are `Any` here: its operators give types that no checker follows.
+# cvxpy's objects are `Any` here, because no type checker follows its operators.
 
 
 def unknown(*shape: int, symmetric: bool = False) -> Any:
@@ -46,13 +46,13 @@ def combination(weights: Any, matrices: Any) -> Any:
     """``sum_i weights[i] matrices[i]``: unknown weights, and matrices of shape (d, n * n)."""
     import cvxpy
 
-    # A parameter has at most two axes: the matrices come flattened.
+    # A parameter has at most two axes, so the matrices are flattened.
     n = math.isqrt(matrices.shape[1])
     return cvxpy.reshape(matrices.T @ weights, (n, n), order="C")
 
 
 def largest(objective: Any, constraints: Sequence[Any]) -> Any:
-    """The problem of the largest objective under constraints."""
+    """The problem of maximising an objective under constraints."""
     import cvxpy
 
     return cvxpy.Problem(cvxpy.Maximize(objective), list(constraints))
@@ -65,7 +65,7 @@ def solve(problem: Any, *, equilibrate: bool = False) -> str:
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message="Solution may be inaccurate")
         try:
-            # Problems that come scaled lose some digits where the solver scales them again.
+            # The problems are scaled already; a second scaling by the solver would lose digits.
             problem.solve(solver="CLARABEL", equilibrate_enable=equilibrate, **SOLVER_OPTIONS)
             status = problem.status
         except cvxpy.SolverError:

@@ -1,14 +1,14 @@
-"""The Lyapunov equation of closed loops, and where it says that a disturbed loop ends up.
+"""The Lyapunov equation of closed loops, and its bounds on a disturbed loop.
 
 Four bounds on the ultimate size of the loop, loosest first: the loop is ``s' = A s + E v`` with
 ``||v|| <= L_d``. In velocity form s = (x', e) and v is the derivative of the disturbance, which
-enters through ``E = [I; 0]`` alone. The paper's ball knows neither E nor the direction in which the
-loop is weak; the invariant ellipsoid and the peak gain do, and `reachable` has the exact figure of
-each row.
+enters through ``E = [I; 0]`` alone. The paper's ball uses neither E nor the weak direction of the
+loop; the invariant ellipsoid and the peak gain do, and `reachable` has the exact value for each
+row.
 
-One Q, and one ellipsoid, for every loop of a polytope are a linear matrix inequality a vertex. A
-loop that wanders anywhere inside the convex hull of the vertices, as fast as it likes, inherits
-what the common matrix guarantees. Answers are checked by eigenvalues before they leave.
+A common Q, or a common ellipsoid, for every loop of a polytope takes one linear matrix inequality
+per vertex. A loop that varies inside the convex hull of the vertices, at any speed, has the
+guarantee of the common matrix. Answers are checked by eigenvalues before they are returned.
 """
 
 import math
@@ -25,7 +25,7 @@ from flighttune.control.theory.lmi import largest, parameter, solve, unknown
 
 Indices: TypeAlias = npt.NDArray[np.intp]
 
-# Up to here one linear system in the n (n + 1)/2 entries beats a Schur form per matrix.
+# Up to this n one linear system in the n (n + 1)/2 entries is faster than a Schur form per matrix.
 KRONECKER_STATES = 10
 
 # Memory for the linear systems solved at once: about what a core's cache holds.
@@ -36,7 +36,7 @@ def lyapunov_solution(A: npt.ArrayLike, S: npt.ArrayLike | None = None) -> Float
     """Q of ``A' Q + Q A + S = 0``, for one stable matrix or a stack of them, symmetric to the bit.
 
     `A` has shape (..., n, n), 1/s; `S`, symmetric and by default the identity, broadcasts against
-    it. The dual equation ``A X + X A' + S = 0`` is that of the transposed matrices. The relative
+    it. The transposed matrices solve the dual equation ``A X + X A' + S = 0``. The relative
     error is about 1e-16 times the ratio of the fastest rate to the distance from instability.
     """
     A = square_matrices("A", A)
@@ -81,7 +81,7 @@ def _kronecker(A: FloatArray, S: FloatArray) -> FloatArray:
 
 @cache
 def _upper_triangle(n: int) -> tuple[Indices, Indices, Indices]:
-    """Rows and columns of the entries of Q solved for, and where the system's entries come from."""
+    """Rows and columns of the unknown entries of Q, and the sources of the system's entries."""
     rows, columns = np.triu_indices(n)
     size, zero = len(rows), n * n
     position = np.empty((n, n), dtype=int)
@@ -104,7 +104,7 @@ def _bartels_stewart(A: FloatArray, S: FloatArray) -> FloatArray:
     return (Q + Q.mT) / 2.0
 
 
-NARROW = 1e-6  # width, in its logit, of the interval in which the search for a multiplier ends
+NARROW = 1e-6  # final width of the search for a multiplier, in its logit
 
 
 class Ellipsoid(NamedTuple):
@@ -126,10 +126,10 @@ def paper_balls(A_K: npt.ArrayLike, A: npt.ArrayLike, *, I_K: float, L_d: float)
 
     `A_K` (shape (n + p, n + p), 1/s) is the closed loop in velocity form, `A` (shape (n, n)) the
     open-loop Jacobian df/dx, `I_K` in s^2 and `L_d` the bound on the norm of the disturbance's
-    derivative. The readings of Theorem 2 of arXiv 2411.13140 are the norms of A_K (its proof
+    derivative. The readings of Theorem 2 of arXiv 2411.13140 are three norms: of A_K (its proof
     applies Theorem 1 to ``s' = A_K s + d_s``), of the upper left block ``df/dx + df/du K_P`` (f(x,
     u(x)) as the loop under K_P), and of ``df/dx`` (the letter of its formula). The proof covers
-    only the first: the loop can leave the ball of either of the others.
+    only the first reading: the loop can leave the balls of the other two.
     """
     A_K, A = square_matrices("A_K", A_K, 2), square_matrices("A", A, 2)
     n = len(A)
@@ -143,7 +143,7 @@ def invariant_ellipsoid(
 ) -> Ellipsoid:
     """The invariant ellipsoid of ``s' = A s + E v``, ``|v| <= L_d``, with the smallest radius.
 
-    `slack` is the part of the disturbance's term left in the inequality, so that it holds strictly.
+    `slack` is the share of the disturbance's term that makes the inequality strict.
     For each a in (0, -2 abscissa) a Lyapunov equation gives W: S. Boyd et al., *Linear Matrix
     Inequalities in System and Control Theory*, section 6.1.2.
     """
@@ -165,8 +165,8 @@ def invariant_ellipsoid(
         load = entry * (L_d**2 / a)
         return lyapunov_solution((A + a / 2.0 * np.eye(len(A))).T, (load + load.T) / 2.0)
 
-    # W grows without bound at both ends of the range of a: the logit has them at infinity, and the
-    # logarithm keeps what the search compares within a few tens.
+    # W grows without bound at both ends of the range of a. The logit moves the ends to infinity,
+    # and the logarithm keeps the compared values within a few tens.
     def size(logit: float) -> float:
         return 0.5 * math.log(np.linalg.eigvalsh(W_of(widest / (1.0 + math.exp(-logit))))[-1])
 
@@ -178,7 +178,7 @@ def invariant_ellipsoid(
 # Largest relative distance between a checked rate and its checked bound to be called optimal.
 GAP = 1e-4
 
-# A common rate below this fraction of the fastest vertex's counts as none.
+# A common rate below this fraction of the fastest vertex's rate counts as zero.
 NO_RATE = 1e-6
 
 # Slack left in the ellipsoid's inequality, as a fraction of the disturbance's term.
@@ -188,8 +188,8 @@ SLACK = 1e-6
 class CommonQ(NamedTuple):
     """A Q for all vertices, checked by eigenvalues.
 
-    Inaccurate: Q holds what it says, but a better one may exist. None: no common Q was found, and
-    `R_bound` says how small the rate of any must be.
+    Inaccurate: Q is valid, but a better Q may exist. None: no common Q was found, and `R_bound`
+    bounds the rate of any common Q.
     """
 
     status: Literal["optimal", "inaccurate", "none", "failed"]
@@ -210,8 +210,8 @@ def common_Q(vertices: npt.ArrayLike) -> CommonQ:
     program = _rate_program(*A.shape[:2])
     if unsolved := program.unsolved(A, L, speed):
         return CommonQ(status="failed", reason=unsolved)
-    # A multiplier goes back to the coordinates of A by the same congruence as its inequality. Made
-    # positive, with traces that add up to one, multipliers give the bound.
+    # The congruence of an inequality also maps its multiplier back to the coordinates of A.
+    # Multipliers that are positive, with traces that add up to one, give the bound.
     to_A = np.linalg.inv(L)
     duals = np.array([decay.dual_value for decay in program.decays])
     values, vectors = np.linalg.eigh(to_A.T @ duals @ to_A)
@@ -242,10 +242,10 @@ def common_Q(vertices: npt.ArrayLike) -> CommonQ:
 def common_ellipsoid(
     vertices: npt.ArrayLike, E: npt.ArrayLike, *, L_d: float
 ) -> tuple[Ellipsoid | None, str]:
-    """The ellipsoid with the smallest radius that no vertex leaves, for disturbances of norm L_d.
+    """The smallest common invariant ellipsoid of all vertices, for disturbances of norm L_d.
 
     `vertices` (shape (k, n, n), 1/s) are the loops of ``s' = A s + E v``. Returns None and a reason
-    where none was found. The multiplier is the a of ``A W + W A' + a W + (L_d^2 / a) E E' <= 0``:
+    if none was found. The multiplier is the a of ``A W + W A' + a W + (L_d^2 / a) E E' <= 0``:
     S. Boyd et al., *Linear Matrix Inequalities in System and Control Theory*, section 6.1.2.
     """
     A = square_matrices("vertices", vertices, 3)
@@ -266,12 +266,12 @@ def common_ellipsoid(
 
     from scipy.optimize import minimize_scalar
 
-    # The inequality is convex in W for a fixed multiplier a, and not in both. As a share of twice
-    # the slowest decay, a has an optimum inside (0, 1): a small one multiplies the disturbance by
-    # 1/a, a large one leaves the loops no decay. For the gains of the paper over its envelope the
-    # radius for L_d = 1 is 21.9, 15.1 and 17.2 at the first three shares below, there is none at
-    # 0.5, and the least is 14.72 at 0.196. Not known: whether the radius always has a single valley
-    # over a, as it had where it was computed. A worse multiplier only makes the claim wider.
+    # The inequality is convex in W for a fixed multiplier a, but not in both. As a share of twice
+    # the slowest decay, a has an optimum inside (0, 1): a small a multiplies the disturbance by
+    # 1/a, and a large a leaves the loops no decay. For the gains of the paper over its envelope the
+    # radius for L_d = 1 is 21.9, 15.1 and 17.2 at the first three shares below. There is none at
+    # 0.5, and the smallest is 14.72 at 0.196. Not known: whether the radius always has a single
+    # minimum over a, as in all computed cases. A worse multiplier only makes the claim wider.
     for coarse in (0.05, 0.15, 0.3, 0.5):
         radius(coarse)
     if not tried:
@@ -289,7 +289,7 @@ def _ellipsoid(A: FloatArray, E: FloatArray, a: float) -> FloatArray | None:
     """W of the smallest radius at one multiplier for L_d = 1; None unless it is invariant."""
     n = A.shape[-1]
     shifted = A + a / 2.0 * np.eye(n)
-    # W is to the transposed loops what Q is to the loops.
+    # W plays the role of Q for the transposed loops.
     L, speed = _coordinates(shifted.mT)
     load = E @ E.T / a
     to_s = np.linalg.inv(L)
@@ -308,8 +308,8 @@ class _Program(NamedTuple):
     """A problem that is compiled once for k vertices and n states, with its parameters.
 
     With ``Q = L S L'`` and ``B = L' A L'^-1`` the inequality ``A' Q + Q A + R I <= 0`` is
-    ``B' S + S B + R G <= 0``, with ``G = (L L')^-1`` for the identity: a congruence. L makes S of
-    order one, which the solver's accuracy needs.
+    ``B' S + S B + R G <= 0``, with ``G = (L L')^-1`` in place of the identity: a congruence. L
+    makes S of order one, which the accuracy of the solver requires.
     """
 
     problem: Any
@@ -320,7 +320,7 @@ class _Program(NamedTuple):
     decays: tuple[Any, ...]  # the inequality of each vertex
 
     def unsolved(self, A: FloatArray, L: FloatArray, speed: float) -> str:
-        """Solve it for the vertices A over `speed`; why it has no solution, or an empty text."""
+        """Solve it for the vertices A / `speed`; why it has no solution, or an empty text."""
         for loop, value in zip(self.loops, L.T @ A @ np.linalg.inv(L.T) / speed, strict=True):
             loop.value = value
         self.unit.value = _from_coordinates(
@@ -344,7 +344,7 @@ def _ellipsoid_program(k: int, n: int) -> _Program:
     loops, I = tuple(parameter(n, n) for _ in range(k)), parameter(n, n, symmetric=True)  # noqa: E741
     load = parameter(n, n, symmetric=True)
     W, r = unknown(n, n, symmetric=True), unknown()
-    decays = tuple(A.T @ W + W @ A + load << 0 for A in loops)  # the loops come transposed
+    decays = tuple(A.T @ W + W @ A + load << 0 for A in loops)  # the loops are transposed
     return _Program(largest(-r, [*decays, W << r * I]), W, loops, I, load, decays)
 
 

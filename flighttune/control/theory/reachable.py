@@ -1,10 +1,10 @@
-"""How far the disturbed loop ``s' = A s + E v``, ``||v|| <= 1``, can go: exactly, for many at once.
+"""Exact peak errors of disturbed loops ``s' = A s + E v``, ``||v|| <= 1``, for many loops.
 
 The largest value of ``c s`` that any such v can cause is the integral over all time of the norm of
-the impulse response ``c exp(At) E``: the best that v can do at every instant is to point along it.
-The response is tabulated at nodes of panels that are as wide as the modes still alive allow.
-Its norm has a kink where it vanishes, as every response of a decoupled loop does again and again:
-panels are halved until their highest Legendre coefficients have vanished.
+the impulse response ``c exp(At) E``: the worst v points along it at every instant. The response is
+tabulated at nodes of panels that are as wide as the remaining modes allow. Its norm has a kink at
+each zero, and the response of a decoupled loop has zeros again and again. Panels are therefore
+halved until their highest Legendre coefficients vanish.
 """
 
 import math
@@ -20,40 +20,40 @@ from flighttune.control.theory.lyapunov import solution_of_checked
 # Real, or with an imaginary part that is small beyond rounding
 Numbers: TypeAlias = Any
 
-# Nodes of a panel, and its width times the fastest eigenvalue still alive: a polynomial through
-# that many nodes then follows the response to about 1e-12.
+# Nodes of a panel, and its width times the fastest remaining eigenvalue: the polynomial through the
+# nodes then follows the response to about 1e-12.
 NODES, PHASE = 16, 4.0
 
-# Below this phase a panel is made twice as wide: half of PHASE, and no less by rounding.
+# Below this phase the width of a panel doubles: half of PHASE, with room for rounding.
 WIDER = 0.501 * PHASE
 
-# A panel is halved while one of its two highest Legendre coefficients is above this part of the
-# largest panel's integral: that of a smooth panel is exact to more than twice their degree.
+# A panel is halved while one of its two highest Legendre coefficients is above this share of the
+# largest panel's integral. The integral of a smooth panel is exact to more than twice their degree.
 DOUBT = 5e-11
 
 # The same for slopes, which jump at a kink.
 SLOPE_DOUBT = 1e-7
 
-# The table ends where less than this part is left.
+# The table ends when the remaining share is smaller.
 TAIL = 1e-10
 
-# A mode this much smaller than the slowest, as a logarithm, no longer counts for the panels' width.
+# A mode smaller than the slowest mode by this logarithm no longer limits the width of panels.
 DEAD = math.log(1e-18)
 
 # Terms of the exponential series of a matrix of norm one
 TERMS = 20
 
-# Panels of a loop: one that needs more, of a damping ratio below 3e-4, has no figure.
+# Maximum number of panels: a loop that needs more, with a damping ratio below 3e-4, has no result.
 MAX_PANELS = 1 << 15
 
-# Loops worked on at once, and panels of each: first ones, twice as many each time, and the most.
-# More would not fit a processor's cache. Panels are the same in any stack, and so are the bits.
+# Loops computed together, and panels of each: initial number, which doubles each time, and maximum.
+# More would not fit a processor's cache. Panels, and so the bits, do not depend on the stack.
 CHUNK_LOOPS, FIRST_PANELS, LAST_PANELS = 64, 16, 256
 
 # Rows of a block that BLAS multiplies at once
 ROWS = 64
 
-# Part of the first state below which an output that nothing reaches is not waited for
+# Share of the first state below which the table stops waiting for an output that stays zero
 VANISHED = 1e-30
 
 # Imaginary step of the gains, whose square vanishes beside any number of the loop
@@ -64,15 +64,15 @@ def largest_errors(A_K: npt.ArrayLike, *, errors: int) -> FloatArray:
     """Largest ``|e_i|`` that a disturbance with ``||d'|| <= 1`` can cause, s^2, shape (..., p).
 
     `A_K` (shape (..., n + p, n + p), 1/s) are closed loops in velocity form, ``s = (x', e)``, with
-    p `errors`. It is infinite where a loop is not stable, or so lightly damped that it has no
-    figure. E_K is the largest of them.
+    p `errors`. The result is infinite for a loop that is not stable, or too lightly damped to
+    compute. E_K is its maximum.
 
     Notes
     -----
     The integral of ``||row i of exp(A_K t) E||_2`` from 0 to infinity, to 1e-9 of the largest;
     S. Boyd and C. Barratt, *Linear Controller Design*, section 5.2.4. The disturbance enters the
-    rates of the states that C measures, ``E = [I; 0]`` where ``C = I``: lags and delays behind a
-    model have none of their own.
+    rates of the states that C measures, ``E = [I; 0]`` if ``C = I``: lags and delays behind a model
+    have no disturbance of their own.
     """
     A_K = square_matrices("A_K", A_K)
     N = A_K.shape[-1]
@@ -91,14 +91,14 @@ def error_slopes(
     `in_k` (shape (f, n + p, n + p)): slopes of `A_K` in f parameters.
     """
     E, C = _entry_and_errors(A_K[None], errors)
-    # The integral is analytic in the parameters but where the response vanishes: its value at a
-    # step along the imaginary axis has the slope as its imaginary part, without a difference.
+    # The integral is analytic in the parameters except at zeros of the response. A complex step
+    # gives the slope as the imaginary part, without a difference.
     reached = largest_outputs(A_K + 1j * STEP * in_k, E, C)
     return reached[0].real, reached.imag.T / STEP
 
 
 def largest_outputs(A: Numbers, E: FloatArray, C: FloatArray) -> Numbers:
-    """Integral of the norm of each row of ``C exp(At) E``, shape (N, p); inf where not stable."""
+    """Integral of the norm of each row of ``C exp(At) E``, shape (N, p); inf if not stable."""
     reached = np.full((len(A), len(C)), np.inf, dtype=A.dtype)
     for start in range(0, len(A), CHUNK_LOOPS):
         part = A[start : start + CHUNK_LOOPS]
@@ -114,7 +114,7 @@ def largest_outputs(A: Numbers, E: FloatArray, C: FloatArray) -> Numbers:
 
 
 def _lyapunov_spectra(A: FloatArray) -> FloatArray:
-    """Spectra of the Lyapunov solutions, shape (N, n); NaN where there is none by rounding."""
+    """Spectra of the Lyapunov solutions, shape (N, n); NaN if rounding leaves no solution."""
     try:
         Q = solution_of_checked(A, np.broadcast_to(np.eye(A.shape[-1]), A.shape))
         return np.asarray(np.linalg.eigvalsh(Q), dtype=float)
@@ -175,7 +175,7 @@ def _propagators(A: Numbers, fastest: FloatArray) -> tuple[FloatArray, Numbers, 
     fourth = np.linalg.matrix_power(A, 4)
     sizes = [np.linalg.norm(fourth, 1, axis=(1, 2)) ** (1 / 4)]
     sizes.append(np.linalg.norm(fourth @ A, 1, axis=(1, 2)) ** (1 / 5))
-    # close to the fastest eigenvalue, where the norm of A may be far above
+    # close to the fastest eigenvalue, while the norm of A may be far above
     size = np.maximum(np.max(sizes, axis=0), 1e-3 * np.linalg.norm(A, 1, axis=(1, 2)))
     # `fastest`, shape (N,), has the sizes of the largest eigenvalues. Doubling a width squares the
     # exponentials.
@@ -199,7 +199,7 @@ def _norm_integrals(
     """Integrals of the norm of responses over panels, shape (N, p), and the largest of a panel.
 
     `values` (shape (m, N, p, panels, NODES)) are responses at the nodes, `width` (shape (N,), s)
-    that of a panel, `largest` (shape (N,)) the largest integral of an earlier one.
+    the width of a panel, `largest` (shape (N,)) the largest integral of an earlier panel.
     """
     m, N, p, panels, _ = values.shape
     values, width = values.reshape(m, -1, NODES), np.repeat(width, p * panels)
@@ -223,7 +223,7 @@ def _norm_integrals(
 
 def _norm_sums(width: FloatArray, values: Numbers) -> tuple[Numbers, Numbers]:
     """Integrals of the norm of `values` (m, K, NODES) over panels, and its highest coefficients."""
-    squares = values[0] * values[0]  # no conjugate: the square root is of an analytic function
+    squares = values[0] * values[0]  # no conjugate, since the square root must stay analytic
     for part in values[1:]:
         squares += part * part
     integral, *coefficients = _products(np.sqrt(squares, out=squares), _RULES).T
@@ -231,11 +231,11 @@ def _norm_sums(width: FloatArray, values: Numbers) -> tuple[Numbers, Numbers]:
 
 
 def _products(values: Numbers, matrix: FloatArray) -> Numbers:
-    """Values at nodes, shape (..., NODES), times a matrix: each row has its bits in any stack."""
+    """Values at nodes, shape (..., NODES), times a matrix, with the same bits in any stack."""
     if np.iscomplexobj(values):
         return _products(values.real, matrix) + 1j * _products(values.imag, matrix)
-    # The rounding of BLAS depends on the number of rows, and a large product starts threads, which
-    # wait for each other longer than they work: it gets blocks of one size.
+    # BLAS gets blocks of one size, because its rounding depends on the number of rows. A large
+    # product would also start threads that wait for each other longer than they work.
     rows = values.reshape(-1, NODES)
     blocks = np.zeros((-(-len(rows) // ROWS), ROWS, NODES))
     blocks.reshape(-1, NODES)[: len(rows)] = rows
@@ -253,13 +253,12 @@ def _entry_and_errors(A_K: FloatArray, errors: int) -> tuple[FloatArray, FloatAr
 def _lobatto() -> tuple[FloatArray, FloatArray, FloatArray]:
     """Nodes on (0, 1); matrices from values at them to sums (NODES, 3) and halves (NODES, 32)."""
     last = np.polynomial.Legendre.basis(NODES - 1)
-    # The ends of a panel are nodes: a kink between an end and the node next to it would change
-    # nothing without them.
+    # The ends of a panel are nodes, so that a kink between an end and the next node is seen.
     nodes = np.concatenate([[-1.0], last.deriv().roots(), [1.0]])
     weights = 2.0 / (NODES * (NODES - 1) * last(nodes) ** 2)
     basis = np.polynomial.legendre.legvander
     to_coefficients = np.linalg.inv(basis(nodes, NODES - 1))
-    # These matrices lead to the values at the nodes of either half.
+    # These matrices give the values at the nodes of either half.
     halves = [basis((nodes + end) / 2.0, NODES - 1) @ to_coefficients for end in (-1.0, 1.0)]
     rules = np.transpose([weights / 2.0, *to_coefficients[-2:]])
     return (nodes + 1.0) / 2.0, rules, np.concatenate(halves).T

@@ -1,14 +1,14 @@
 """Gains for an envelope, and for several models: the worst rate is maximised.
 
-The rate over an envelope is that of the common Q at the vertices of `jacobian_hull`. It is convex
-to find for given gains. Over the gains ``A_v' Q + Q A_v + R I <= 0`` is bilinear. Linearised in a
-step of gains and Q it is a linear matrix inequality, solved inside a trust region; the true rate at
-the new gains, by `common_Q`, decides whether the step is taken. Kinks of the rate are no obstacle:
-every program sees all vertices and all eigenvalues at once.
+The rate over an envelope is the rate of the common Q at the vertices of `jacobian_hull`. For given
+gains this is a convex problem. In gains and Q together ``A_v' Q + Q A_v + R I <= 0`` is bilinear.
+Linearised in a step of gains and Q it is a linear matrix inequality, solved inside a trust region.
+The step is accepted by the true rate at the new gains, from `common_Q`. Kinks of the rate are no
+obstacle, since every program has all vertices and all eigenvalues.
 
 For several models the worst R_K is maximised channel by channel. With one model this is the plain
-problem, solved so that no channel is left undetermined. Where the sensitivity of the loop is
-bounded, another search goes on from there.
+problem, solved so that no channel is left undetermined. If the sensitivity of the loop is bounded,
+another search continues from there.
 """
 
 import math
@@ -45,24 +45,24 @@ from flighttune.control.tuning.tune import AGREEMENT, STARTS, tune_by_gradient
 # Relative accuracy of the largest factor
 FACTOR_TOLERANCE = 1e-3
 
-# An envelope is not grown beyond this
+# Maximum factor on an envelope
 LARGEST_FACTOR = 64.0
 
 # Points of a curve of rates
 SAMPLES = 41
 
-# Accuracy of the largest factor: any closer, the rate is lost in that of the solver
+# Accuracy of the largest factor: at a smaller one the solver's error exceeds the rate
 END_SHOWN = 0.995
 
-# Steps in which an envelope is grown towards the required one before giving up
+# Maximum number of steps that enlarge an envelope towards the required envelope
 GROWTHS = 12
 
-# Trust region on each gain, relative to it (to one for small ones)
+# Trust region on each gain, relative to the gain (to one for small gains)
 FIRST_STEP, SMALLEST_STEP = 0.3, 1e-4
 
 ITERATIONS = 60
 
-# Two steps in a row with a smaller relative gain of rate end the ascent
+# Two consecutive steps with a smaller relative improvement of the rate end the ascent
 MIN_GAIN = 1e-5
 
 
@@ -70,12 +70,12 @@ class Point(NamedTuple):
     """Free gains that meet every constraint, with their rates."""
 
     k: FloatArray  # shape (f,)
-    common: CommonQ  # of the vertices; it has a Q
+    common: CommonQ  # common Q of the vertices, always with a Q
     trim: Indicators
 
 
 def point(problem: TuningProblem, models: Sequence[LinearModel], k: FloatArray) -> Point | None:
-    """The point of free gains k, or None where a constraint is broken or there is no common Q."""
+    """The point of free gains k; None if a constraint is broken or there is no common Q."""
     low, high = problem.k_bounds
     if not ((problem.slack(k) >= 0.0).all() and (low <= k).all() and (k <= high).all()):
         return None
@@ -87,7 +87,7 @@ def point(problem: TuningProblem, models: Sequence[LinearModel], k: FloatArray) 
 
 
 def ascend(problem: TuningProblem, models: Sequence[LinearModel], start: Point) -> Point:
-    """A local optimum of the common rate, never worse than a point that meets the constraints."""
+    """A local optimum of the common rate, never worse than the given feasible point."""
     step, excess, idle = FIRST_STEP, 0.0, 0
     best = start
     program = _Linearised(problem, models)
@@ -98,7 +98,7 @@ def ascend(problem: TuningProblem, models: Sequence[LinearModel], start: Point) 
             idle = idle + 1 if better.common.R < (1.0 + MIN_GAIN) * best.common.R else 0
             best, step, excess = better, min(2.0 * step, 1.0), excess / 2.0
         else:
-            # Linearised, the bound on I_K may be missed: it is tightened by the excess seen.
+            # The linearised bound on I_K may be missed, so it is tightened by the excess.
             broken = 0.0 if k is None or better is not None else program.excess(k)
             step, excess = step / 2.0, max(excess, broken) if broken > 0.0 else excess / 2.0
         if idle == 2 or step < SMALLEST_STEP:
@@ -109,7 +109,7 @@ def ascend(problem: TuningProblem, models: Sequence[LinearModel], start: Point) 
 class _Linearised:
     """The program of one step: unknowns dk, Q, R and the relative changes of I_K's factors."""
 
-    # It is compiled once; what changes from step to step are its parameters.
+    # It is compiled once; only its parameters change from step to step.
     def __init__(self, problem: TuningProblem, models: Sequence[LinearModel]) -> None:
         self._problem, self._models = problem, models
         self._limited = math.isfinite(problem.I_star)
@@ -141,9 +141,9 @@ class _Linearised:
             matrix + combination(self._dk, slopes) for matrix, slopes in self._trim
         )
         # ``I_K = lambda_max(Q0)^2 / (lambda_min(Q0) sigma_min(A))``. The matrices are linearised,
-        # not their eigenvalues, so that kinks stay kinks.
+        # not their eigenvalues, which preserves kinks.
         rise, eye = unknown(3), np.eye(n)  # relative changes of the three eigenvalues
-        # I_K has sigma_min(A), the root of the smallest eigenvalue of A'A: hence one half.
+        # I_K contains sigma_min(A), the root of the smallest eigenvalue of A'A: hence one half.
         return [
             highest << (1.0 + rise[0]) * eye,
             lowest >> (1.0 + rise[1]) * eye,
@@ -167,7 +167,7 @@ class _Linearised:
         return None if solve(self._program) else np.clip(point.k + self._dk.value, low, high)
 
     def excess(self, k: FloatArray) -> float:
-        """Excess of log I_K over its limit at free gains k; 0 without any."""
+        """Excess of log I_K over its limit at free gains k; 0 without a limit."""
         if not self._limited:
             return 0.0
         I_K = indicators(closed_loops(self._problem.model, self._problem.K(k))).I_K
@@ -200,12 +200,12 @@ def largest_factor(gains: PIGains, envelope: Envelope, trim: Envelope, *, g: flo
     def certified(factor: float) -> bool:
         try:
             scaled = envelope.scaled(trim, factor)
-        except InputError:  # beyond +-pi/2 or standstill: not an envelope any more
+        except InputError:  # beyond +-pi/2 or standstill it is no longer an envelope
             return False
         return envelope_rate(gains, scaled, g=g).R > 0.0
 
-    # Scaled envelopes are nested, so that bisection finds the factor, to `FACTOR_TOLERANCE`: 0 if
-    # not even the trim is certified, and at most `LARGEST_FACTOR`.
+    # Scaled envelopes are nested, so that bisection finds the factor, to `FACTOR_TOLERANCE`. It is
+    # 0 if not even the trim is certified, and at most `LARGEST_FACTOR`.
     inside, outside = 0.0, 1.0
     while certified(outside):
         inside, outside = outside, 2.0 * outside
@@ -227,11 +227,11 @@ def _check_contains(envelope: Envelope, trim: Envelope) -> None:
 def rate_curve(
     gains: PIGains, envelope: Envelope, trim: Envelope, *, g: float, up_to: float = 2.0
 ) -> tuple[FloatArray, FloatArray]:
-    """Factors on an envelope about the trim, at most `up_to`, and the rates certified, 1/s."""
+    """Factors on an envelope about the trim, at most `up_to`, and the certified rates, 1/s."""
     end = largest_factor(gains, envelope, trim, g=g)
     factors = np.linspace(0.0, END_SHOWN * end if end < up_to else up_to, SAMPLES)
     rates = [envelope_rate(gains, envelope.scaled(trim, factor), g=g).R for factor in factors]
-    # The last rate is 0 where no common Q is found any more.
+    # The last rate is 0 if no common Q was found there.
     if end < up_to:
         factors, rates = np.append(factors, end), [*rates, 0.0]
     return factors, np.array(rates)
@@ -242,10 +242,10 @@ def tune_over_envelope(
 ) -> TuningResult:
     """Gains with the largest rate over an envelope, under the constraints of a tuning problem.
 
-    The model of the problem is the law's at the trim, where its I_K and input limits hold; `g` is
-    in m/s^2. Where the first gains have no common Q over the whole envelope, they are tuned for the
-    part of it (scaled about the trim) that they do reach. `starts`: searches from drawn gains,
-    besides the one from the best gains for the trim.
+    The model of the problem is the law's model at the trim, where I_K and input limits apply; `g`
+    is in m/s^2. If the first gains have no common Q over the whole envelope, they are tuned for the
+    largest part of it, scaled about the trim, that has a common Q. `starts`: searches from random
+    gains, besides the search from the best gains for the trim.
     """
     began = time.perf_counter()
     _check_contains(envelope, trim)
@@ -254,11 +254,11 @@ def tune_over_envelope(
     if math.isfinite(problem.E_star):
         value = f"{problem.E_star:g}"
         raise InputError(f"`E_star` must be inf for a rate over an envelope, got {value}.")
-    # A common Q of all vertices bounds the rate from below; for fixed gains it is a linear matrix
-    # inequality, in gains and Q together it is not. So each step solves the inequality linearised
-    # about the gains at hand and is kept only if the true common rate has grown: the result is a
-    # local optimum, and a search from other gains may end higher. The gains for the trim alone
-    # are the natural first start. Not known: whether they are a good one beyond the cases tried.
+    # A common Q of all vertices bounds the rate from below. For fixed gains it is a linear matrix
+    # inequality; in gains and Q together it is not. So each step solves the inequality linearised
+    # about the present gains and is accepted only if the true common rate grows. The result is a
+    # local optimum, and a search from other gains may end higher. The gains for the trim alone are
+    # the natural first start. Not known: whether they are a good start beyond the tried cases.
     nominal, firsts = tune_by_gradient(problem), []
     if nominal.status == "optimal" and nominal.gains is not None:
         firsts = [nominal.gains.K[problem.free], *stabilising_starts(problem, starts)]
@@ -288,7 +288,7 @@ def tune_over_envelope(
 def _grow(
     problem: TuningProblem, k: FloatArray, envelope: Envelope, trim: Envelope, *, g: float
 ) -> tuple[float, Point] | None:
-    """Ascend on ever larger parts of the envelope; the factor reached and the point there."""
+    """Ascend on ever larger parts of the envelope; the reached factor and its point."""
     reached: tuple[float, Point] | None = None
     for _ in range(GROWTHS):
         part = largest_factor(problem.gains(problem.K(k)), envelope, trim, g=g)
@@ -305,30 +305,28 @@ def _grow(
     return reached
 
 
-# Relative distance within which the bound on the sensitivity holds the gains
+# Relative distance within which the bound on the sensitivity counts as active
 HELD = 5e-3
 
 Indices: TypeAlias = npt.NDArray[np.intp]
 
-# Inputs and errors, as their places in the whole model, that act on each other and on nothing else,
-# and the problem of these alone.
+# An uncoupled channel: indices of its inputs and errors in the whole model, and its own problem.
 Channel: TypeAlias = tuple[Indices, Indices, TuningProblem]
 
 
 def tune_worst_case(problems: Sequence[TuningProblem], *, starts: int = STARTS) -> TuningResult:
     """Gains whose smallest R_K over several models is largest, channel by channel.
 
-    `problems`: one a model, with the same inputs, errors, bounds, limits and structure, and no
-    bound on I_K; orders of the models and scalings may differ. R_K of the result is the smallest
+    `problems`: one for each model, with the same inputs, errors, bounds, limits and structure, and
+    no bound on I_K; orders of the models and scalings may differ. R_K of the result is the smallest
     over the models; I_K, E_K and the spectral abscissa are the largest.
     """
     began, whole = time.perf_counter(), problems[0]
     if not all(np.array_equal(case.gain_bounds, whole.gain_bounds) for case in problems):
         raise InputError("`problems` must share their bounds on gains.")
-    # R_K of a loop is that of its slowest channel. Tuned as a whole, the faster channels would be
-    # left anywhere above it; so each channel is tuned over all models by itself, and the gains are
-    # put together again. What couples the channels, limits and E_K of the whole loop, is checked
-    # at the end.
+    # The slowest channel sets R_K of a loop. Tuned as a whole, faster channels would be
+    # undetermined. So each channel is tuned over all models by itself, and the gains are combined.
+    # Limits and E_K of the whole loop, which couple the channels, are checked at the end.
     split = [channels(problem) for problem in problems]
     results = [_tuned([part for _, _, part in same], starts) for same in zip(*split, strict=True)]
     solved = [result for result in results if result is not None]
@@ -382,7 +380,7 @@ def tune_worst_case(problems: Sequence[TuningProblem], *, starts: int = STARTS) 
 
 
 def _tuned(problems: list[TuningProblem], starts: int) -> tuple[FloatArray, int, int, float] | None:
-    """Best gains of one channel over its models, searches made, those that agree, and feedback."""
+    """Best gains of one channel over its models, number of (agreeing) searches, and feedback."""
     first = problems[0]
     candidates = np.vstack([stabilising_starts(problem, starts) for problem in problems])
     worst = np.array([_worst_rate(problems, k) for k in candidates])
@@ -404,7 +402,7 @@ def _tuned(problems: list[TuningProblem], starts: int) -> tuple[FloatArray, int,
 
 
 def _worst_rate(problems: list[TuningProblem], k: FloatArray) -> float:
-    """Smallest R_K over the models; 0 where one is unstable or an input limit is broken."""
+    """Smallest R_K over the models; 0 if a loop is unstable or an input limit is broken."""
     first = problems[0]
     if (first.slack(k) < -ROUNDING * np.abs(first.limit_rows.bound)).any():
         return 0.0
@@ -415,7 +413,7 @@ def _worst_rate(problems: list[TuningProblem], k: FloatArray) -> float:
 
 
 def channels(problem: TuningProblem) -> tuple[Channel, ...]:
-    """The channels of a decoupled problem, in the order of their first input; else the whole."""
+    """The channels of a decoupled problem, in order of first input; else the whole problem."""
     from scipy.sparse.csgraph import connected_components
 
     model = problem.model

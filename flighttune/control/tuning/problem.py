@@ -16,7 +16,7 @@ from flighttune.control.limits import Limits
 from flighttune.control.linear_model import LinearModel, closed_loops
 from flighttune.control.theory import indicators, lyapunov, reachable
 
-# Default bound on the size of every gain: the problem has no optimum among unbounded ones
+# Default bound on the size of every gain: the problem has no optimum among unbounded gains
 LARGEST_GAIN = 1e3
 
 
@@ -25,7 +25,7 @@ class LimitRows(NamedTuple):
 
     names: tuple[str, ...]  # length r: ``<input>_max``, ``_min``, ``_rate_max``, ``_rate_min``
     G: FloatArray  # shape (r, f)
-    offset: FloatArray  # shape (r,): what the fixed gains add
+    offset: FloatArray  # shape (r,): contribution of the fixed gains
     bound: FloatArray  # shape (r,)
 
 
@@ -37,40 +37,40 @@ class TuningProblem:
     Attributes
     ----------
     model : LinearModel
-        n states, m inputs, p errors; any model, with output feedback and lag states too.
+        n states, m inputs, p errors; any model, also with output feedback and lag states.
     I_star : float, s^2
-        Largest I_K allowed; inf for none.
+        Largest allowed I_K; inf for no bound.
     E_star : float, s^2
-        Largest E_K allowed, of the model in plain units; inf for none.
+        Largest allowed E_K, of the model in plain units; inf for no bound.
     limits : Limits, optional
         Ranges of the m commands and rates at the first instant, from the error `x_0`.
     x_0 : ndarray, shape (p,), optional
         Error at the first instant; needed with `limits` or `weights`.
     dt : float, s
-        Over which the integral of the first error is taken.
+        Sample time over which the first error is integrated.
     scaling : ndarray, shape (n + p,), optional
         Units of the state s = (x', e) in which R_K and I_K are measured; ones by default.
     K_min, K_max : ndarray, shape (m, 2 p), optional
         Bounds on the stacked gains (K_P, K_I); +-`LARGEST_GAIN` by default.
     K_fixed : ndarray, shape (m, 2 p), optional
-        Gains that must have a value; NaN where a gain is free. All free by default.
+        Values of fixed gains; NaN for a free gain. All free by default.
     seed : int
-        Seed of everything random in an optimiser.
+        Seed of the random numbers of an optimiser.
     objective : "R_K", "decay", "E_K" or "rms"
-        Goal without `weights`; the last three on identified loops alone. "rms": of the errors in
-        gusts of the corner frequencies `gusts`, over that of the gusts' angle, of gains whose loop
-        decays at half the rate of those of the largest R_K or faster.
+        Goal without `weights`; the last three only for identified loops. "rms": rms errors in gusts
+        of the corner frequencies `gusts`, relative to the gusts' angle, among gains that decay at
+        least half as fast as the gains of the largest R_K.
     sensitivity_max : float
-        With the last three: largest sensitivity, above 1, of each channel of commands that acts on
-        no other.
+        With the last three: largest sensitivity, above 1, of each uncoupled channel of commands.
     feedback : bool
         With "decay" and "rms": seek the gains' inner feedback too.
     gusts : ndarray, shape (p,), optional, rad/s
-        Airspeed over the scale of the Dryden gusts that move each error; needed with "rms".
+        Airspeed divided by the scale of the Dryden gusts for each error; needed with "rms".
     weights : tuple of ndarray, shapes (p,) and (m,), optional
-        Of errors and commands: minimise the quadratic cost from `x_0` instead of maximising R_K.
+        Weights of errors and commands: minimise the quadratic cost from `x_0` instead of maximising
+        R_K.
     R_min : float, 1/s
-        Smallest R_K allowed with `weights`.
+        Smallest allowed R_K with `weights`.
 
     Notes
     -----
@@ -147,13 +147,13 @@ class TuningProblem:
 
     @cached_property
     def gain_bounds(self) -> FloatArray:
-        """Smallest and largest stacked gains allowed, shape (2, m, 2 p); equal where fixed."""
+        """Bounds of the stacked gains, shape (2, m, 2 p); equal for a fixed gain."""
         K_min, K_max, K_fixed = map(np.asarray, (self.K_min, self.K_max, self.K_fixed))
         return np.where(np.isnan(K_fixed), [K_min, K_max], K_fixed)
 
     @cached_property
     def free(self) -> npt.NDArray[np.bool_]:
-        """Where a stacked gain is free, shape (m, 2 p); free gains k hold these row by row."""
+        """Whether each stacked gain is free, shape (m, 2 p); k lists the free gains row by row."""
         lower, upper = self.gain_bounds
         return lower < upper
 
@@ -197,7 +197,7 @@ class TuningProblem:
         )
 
     def slack(self, k: FloatArray) -> FloatArray:
-        """Slack of the input limits, shape (..., r); negative where a limit is exceeded."""
+        """Slack of the input limits, shape (..., r); negative if a limit is exceeded."""
         _, G, offset, bound = self.limit_rows
         return bound - offset - k @ G.T
 
@@ -228,7 +228,7 @@ class TuningProblem:
 
 
 def decoupled(model: LinearModel) -> FloatArray:
-    """`K_fixed` that leaves input i to error i only, shape (m, 2 p): NaN there, 0 elsewhere."""
+    """`K_fixed` in which only error i acts on input i, shape (m, 2 p): NaN there, else 0."""
     _, m, p = model.shape
     diagonal = np.eye(m, p, dtype=bool)
     return np.where(np.hstack([diagonal, diagonal]), math.nan, 0.0)
@@ -259,7 +259,7 @@ def quadratic_cost(problem: TuningProblem, K: FloatArray) -> tuple[float, FloatA
     try:
         P = lyapunov.solution_of_checked(A, (load + load.T) / 2.0)
         X = lyapunov.solution_of_checked(A.T, np.outer(z_0, z_0))
-    except np.linalg.LinAlgError:  # so near to instability that rounding decides
+    except np.linalg.LinAlgError:  # so close to instability that rounding decides
         return math.inf, np.zeros(K.shape)
     B = np.vstack([model.B, np.zeros((p, m))])
     return float(z_0 @ P @ z_0), 2.0 * (B.T @ P + weights[1][:, None] * commands) @ X @ H.T

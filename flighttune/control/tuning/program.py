@@ -16,45 +16,44 @@ from flighttune.control.tuning.problem import TuningProblem, quadratic_cost
 
 Objective = Literal["R_K", "I_K", "factor", "trace", "cost"]
 
-# Cost of (top, bottom, sigma_floor, factor) for each objective that is linear in them
+# Cost coefficients of (top, bottom, sigma_floor, factor) for each linear objective
 COSTS = {"R_K": (1.0, 0.0, 0.0, 0.0), "I_K": (2.0, -1.0, -1.0, 0.0), "factor": (0.0, 0.0, 0.0, 1.0)}
 NO_COST = np.zeros(4)
 
 SMALLEST_FACTOR = 1e-6
 
-# SLSQP is started again where its iterations ended: a fresh estimate of the curvature often gets
-# further.
+# SLSQP is restarted from its last point: a new estimate of the curvature often gets further.
 ACCURACY, MAX_ITERATIONS, MAX_RUNS = 1e-10, 100, 3
 
 # Status of SLSQP
 OUT_OF_ITERATIONS = 9
 
-# Relative distance from every limit. SLSQP meets a constraint to about 1e-10, and gains must not
-# break a limit by that.
+# Relative distance from every limit: SLSQP meets a constraint only to about 1e-10, but gains must
+# not exceed a limit.
 MARGIN = 1e-9
 
-# Stands for the logarithms of an unstable loop's spectra: worse than those of any stable loop, so
-# that the line search turns back.
+# Replaces the logarithms of an unstable loop's spectra: worse than for any stable loop, so that the
+# line search turns back.
 UNSTABLE_LOG = 30.0
 
-# `top` is above its spectrum, `bottom` and `sigma_floor` are below theirs
+# `top` is above its spectrum; `bottom` and `sigma_floor` are below theirs
 SIGNS = np.array([[1.0], [-1.0], [-1.0]])
 
 
 class Program:
     """One objective over the gains of a problem, or of several models at once.
 
-    R_K and I_K have kinks where eigenvalues of Q or singular values of A_K meet, and optima like to
+    R_K and I_K have kinks where eigenvalues of Q or singular values of A_K meet, and optima often
     lie there. So the variables are z = (k, top, bottom, sigma_floor, factor): free gains and bounds
-    on the spectra, ``log(lambda_i) <= top``, ``log(lambda_i) >= bottom`` and
-    ``log(sigma_i) >= sigma_floor`` for every i. Then ``log R_K = -top`` and
-    ``log I_K = 2 top - bottom - sigma_floor`` are linear, and only the bounds are curved. The
-    factor multiplies the limit rows that are `relaxable`, shape (r,), by default none.
+    on the spectra, ``log(lambda_i) <= top``, ``log(lambda_i) >= bottom`` and ``log(sigma_i) >=
+    sigma_floor`` for every i. Then ``log R_K = -top`` and ``log I_K = 2 top - bottom -
+    sigma_floor`` are linear, and only the bounds are curved. The factor multiplies the limit rows
+    that are `relaxable`, shape (r,), by default none.
 
-    Of the `problems`, one for each model with the same free gains, the first has the constraints;
-    the spectra of all are bounded by the same numbers. The `objective` R_K is maximised; I_K, the
-    factor, the trace of Q or the first problem's quadratic cost is minimised. ``I_K <= I_star`` is
-    a constraint unless I_K is minimised.
+    The `problems`, one for each model, have the same free gains. The first has the constraints; the
+    same numbers bound the spectra of all. The `objective` R_K is maximised; I_K, the factor, the
+    trace of Q or the first problem's quadratic cost is minimised. ``I_K <= I_star`` is a constraint
+    unless I_K is minimised.
     """
 
     def __init__(
@@ -77,8 +76,8 @@ class Program:
             ]
             for case in problems
         ]
-        # Limits read ``G k + offset <= bound``; a row that the factor relaxes has its bound times
-        # the factor, which is linear in z as well.
+        # Limits are ``G k + offset <= bound``. In a relaxed row the factor multiplies the bound,
+        # which is linear in z as well.
         _, G, offset, bound = problem.limit_rows
         bound = bound - MARGIN * np.abs(bound)
         relaxed = np.zeros(len(bound), dtype=bool) if relaxable is None else relaxable
@@ -88,12 +87,12 @@ class Program:
         radius = [*np.zeros(f), -2.0, 1.0, 1.0, 0.0]
         self._rows = np.vstack([rows, radius]) if math.isfinite(self._I_star) else rows
         varies = objective == "factor"
-        # R_K = exp(-top): a least rate is an upper bound on top.
+        # R_K = exp(-top): a minimum rate is an upper bound on top.
         slowest = -math.log(min_R_K) - MARGIN if min_R_K else math.inf
         lower = [*k_min, *[-math.inf] * 3, SMALLEST_FACTOR if varies else 1.0]
         upper = [*k_max, slowest, math.inf, math.inf, math.inf if varies else 1.0]
         self._bounds = np.column_stack([lower, upper])
-        # SLSQP asks for values and slopes in turn: the spectra of the last k serve both.
+        # SLSQP alternates between values and slopes: the spectra of the last k serve both.
         self._last: tuple[bytes, FloatArray, FloatArray] = (b"", np.empty(0), np.empty(0))
 
     def descend(
@@ -102,18 +101,18 @@ class Program:
         """Free gains, (N, f), and factors, (N,), where SLSQP stops from `k`."""
         if not k.size:  # no start, or every gain is fixed
             return k, np.ones(len(k))
-        # `I_star`, shape (N,), s^2, bounds I_K of each start in place of the problem's.
+        # `I_star`, shape (N,), s^2, bounds I_K of each start instead of the problem's `I_star`.
         limits = np.full(len(k), self._I_star) if I_star is None else I_star
         z = np.array([self._minimum(*start) for start in zip(k, limits, strict=True)])
-        # SLSQP stops at local optima, or where it makes no more progress; constraints may be broken
-        # there. It may leave the bounds by rounding; gains must not.
+        # SLSQP stops at local optima or when progress ends, possibly with broken constraints. It
+        # may leave the bounds by rounding; gains must not.
         return np.clip(z[:, :-4], *self._problem.k_bounds), z[:, -1]
 
     def _minimum(self, k: FloatArray, I_star: float) -> FloatArray:
         constant = self._fixed_slack
         if math.isfinite(I_star):
             constant = np.append(constant, math.log(I_star) - MARGIN)
-        # The bounds begin at the spectra themselves, so that the start is feasible but for limits.
+        # The bounds begin at the spectra, so that the start is feasible except for limits.
         top, bottom, sigma = self._spectra(k)[0]
         z = np.array([*k, top.max(), bottom.min(), sigma.min(), 1.0])
         objective = {
@@ -124,7 +123,7 @@ class Program:
         end = self._descended(z, [objective])
         if math.isinf(self._problem.E_star) or self._error_room(end).min() >= 0.0:
             return end
-        # E_K costs far more than all else, so it is a constraint only where it has to be.
+        # E_K costs far more than all other constraints, so it is added only if needed.
         error = {"type": "ineq", "fun": self._error_room, "jac": self._error_slopes}
         return self._descended(z, [objective, error])
 
@@ -151,10 +150,10 @@ class Program:
         if self._objective != "trace":
             slope = np.array([*np.zeros(len(k)), *COSTS[self._objective]])
             return float(slope @ z), slope
-        # Its logarithm, which has the same minimum and a scale that SLSQP can work with.
+        # Its logarithm has the same minimum and a scale that suits SLSQP.
         logs, slopes = self._spectra(k)
         eigenvalues = np.exp(logs[0])
-        # slopes are those of log(lambda_i): d(sum lambda) = sum lambda_i d(log lambda_i).
+        # The slopes belong to log(lambda_i): d(sum lambda) = sum lambda_i d(log lambda_i).
         in_k = eigenvalues @ slopes[0] / eigenvalues.sum()
         return math.log(eigenvalues.sum()), np.append(in_k, NO_COST)
 
@@ -166,7 +165,7 @@ class Program:
         """Jacobian of `room`, shape (3 n, f + 4)."""
         slopes = -SIGNS[:, :, None] * self._spectra(z[:-4])[1]
         n = slopes.shape[1]
-        # In (top, bottom, sigma_floor) each block of n rows has its own sign and nothing else.
+        # For (top, bottom, sigma_floor) each block of n rows has only its own sign.
         commands = np.repeat(np.diag(SIGNS[:, 0]), n, axis=0)
         return np.hstack([slopes.reshape(3 * n, -1), commands, np.zeros((3 * n, 1))])
 
@@ -202,19 +201,19 @@ class Program:
 
 
 def _log_spectra(A: FloatArray, in_k: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Logarithms of the spectra of a scaled loop A, and their slopes in gains from those of A."""
+    """Logarithms of the spectra of a scaled loop A, and their slopes in gains from A's slopes."""
     unstable = SIGNS * UNSTABLE_LOG * np.ones(len(A)), np.zeros((3, len(A), len(in_k)))
     if not np.isfinite(A).all() or np.linalg.eigvals(A).real.max() >= 0.0:
         return unstable
     try:
         Q = solution_of_checked(A, np.eye(len(A)))
         values, vectors = np.linalg.eigh(Q)
-        # With ``A X_i + X_i A' + v_i v_i' = 0`` the slope of the eigenvalue of Q with eigenvector
-        # v_i is ``2 Q X_i`` in A; that of a singular value is ``u_i v_i'``.
-        # One Lyapunov equation of the transposed loop for each eigenvector.
+        # With ``A X_i + X_i A' + v_i v_i' = 0`` the slope in A of the eigenvalue of Q with
+        # eigenvector v_i is ``2 Q X_i``; the slope of a singular value is ``u_i v_i'``. One
+        # Lyapunov equation of the transposed loop for each eigenvector.
         loads = vectors.T[:, :, None] * vectors.T[:, None, :]
         X = solution_of_checked(np.broadcast_to(A.T, loads.shape), loads)
-    except np.linalg.LinAlgError:  # so near to instability that rounding decides
+    except np.linalg.LinAlgError:  # so close to instability that rounding decides
         return unstable
     if not values[0] > 0.0:
         return unstable
@@ -237,7 +236,7 @@ def loop_slopes(model: LinearModel, problem: TuningProblem) -> FloatArray:
 
 REGULATORS = 16
 
-# Candidates: this many regulators with random weights, each changed at random this often
+# Number of regulators with random weights, and random variations of each
 VARIANTS = 16
 
 
@@ -246,20 +245,20 @@ def stabilising_starts(problem: TuningProblem, starts: int) -> FloatArray:
     if not starts:
         return np.empty((0, problem.k_bounds.shape[1]))
     # Candidates are linear-quadratic regulators of the velocity form with random weights, projected
-    # on what the loop may feed back, scaled and disturbed at random, moved inside the bounds, and
-    # half of them shrunk into the input limits. The result is spread over the better half of the
-    # stable ones; it may be empty.
+    # on the allowed feedback, scaled and disturbed at random, and moved inside the bounds. Half of
+    # them are shrunk into the input limits. The result is spread over the better half of the stable
+    # candidates; it may be empty.
     rng = np.random.default_rng(np.random.SeedSequence(problem.seed))
     regulators = _regulators(problem.model, rng)[:, None, :, :]
     shape = (len(regulators), VARIANTS, *problem.free.shape)
     size = 10.0 ** rng.uniform(-1.0, 0.3, (*shape[:2], 1, 1))
     disturbed = regulators * size * (1.0 + 0.3 * rng.standard_normal(shape))
-    # Relative changes alone would leave gains of zero at zero.
+    # Relative changes alone would keep zero gains at zero.
     coupling = 0.2 * np.abs(regulators).max(axis=(-2, -1), keepdims=True) * size
     disturbed += coupling * rng.standard_normal(shape)
     k = np.clip(disturbed.reshape(-1, *shape[2:])[:, problem.free], *problem.k_bounds)
-    # The largest factor up to 1 that keeps gains inside the limits. Half of them only: tight limits
-    # may leave a shrunk loop without stability.
+    # The largest factor up to 1 that keeps gains inside the limits. Only half are shrunk, because
+    # tight limits may destabilise a shrunk loop.
     _, G, offset, bound = problem.limit_rows
     use, room = k[::2] @ G.T, np.maximum(bound - offset, 0.0)
     with np.errstate(divide="ignore", invalid="ignore"):

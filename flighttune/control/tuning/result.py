@@ -1,4 +1,4 @@
-"""Results of an optimiser, checked against the problem without trusting the optimiser."""
+"""Results of an optimiser, checked against the problem without trust in the optimiser."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 Status = Literal["optimal", "found", "infeasible", "failed"]
 
-# Relative amount by which rounding may exceed a limit
+# Relative excess over a limit that counts as rounding
 ROUNDING = 1e-9
 
 # Relative distance within which a limit counts as binding
@@ -37,7 +37,7 @@ class Assessment(NamedTuple):
     I_K: float
     E_K: float
     spectral_abscissa: float
-    within_limits: bool  # whether input limits and gain bounds hold, whatever I_K and E_K
+    within_limits: bool  # whether input limits and gain bounds hold, regardless of I_K and E_K
     # Constraints that bind, and limits that are exceeded: ``I_K``, ``E_K``, ``<input>_max``,
     # ``<input>_rate_min``, ``K_P[<input>,<error>]_max`` and the like.
     active: tuple[str, ...]
@@ -50,7 +50,7 @@ class Assessment(NamedTuple):
         return self.within_limits and fast and small
 
     def why_not(self, problem: TuningProblem) -> str:
-        """A sentence on these gains of the smallest I_K, and on the limits that bind there."""
+        """A sentence on the gains of the smallest I_K, and on the limits that bind there."""
         if self.I_K <= problem.I_star:
             return (
                 f"No gains were found with an E_K of at most `E_star` {problem.E_star:g}; those of "
@@ -66,28 +66,28 @@ class Assessment(NamedTuple):
 class Diagnosis(NamedTuple):
     """Distance of a problem from feasibility, or the room to tighten its limits."""
 
-    # s^2: smallest I_K found within the input limits; inf if no stable gains were
+    # s^2: smallest I_K found within the input limits; inf without stable gains
     smallest_I_K: float
-    # 1/s: largest R_K found within the input limits, whatever I_K; 0 if no stable gains were
+    # 1/s: largest R_K found within the input limits, for any I_K; 0 without stable gains
     largest_R_K: float
-    # Smallest factor on all input limits at once that leaves the problem feasible: above 1 it is
-    # infeasible, below 1 the limits could be that much tighter. inf if no factor helps; 0 where
-    # there are no input limits and the problem is feasible.
+    # Smallest common factor on all input limits with which the problem is feasible. Above 1 the
+    # problem is infeasible; below 1 the limits could be tighter by the factor. inf if no factor
+    # helps; 0 if the problem is feasible and has no input limits.
     common_factor: float
     gains: PIGains | None  # gains that are feasible at the common factor
-    binding: tuple[str, ...]  # limits that bind there
-    # A record for each finite limit, the most worth relaxing first: ``name`` (``<input>`` or
-    # ``<input>_rate``, both its sides); ``factor_alone``, the smallest factor on this limit alone
-    # that makes the problem feasible, inf if none does; ``smallest_I_K_without`` (s^2), the
+    binding: tuple[str, ...]  # limits that bind at these gains
+    # A record for each finite limit, starting with the limit whose relaxation helps most: ``name``
+    # (``<input>`` or ``<input>_rate``, both its sides); ``factor_alone``, the smallest factor on
+    # this limit alone that makes the problem feasible, or inf; ``smallest_I_K_without`` (s^2), the
     # smallest I_K found without it; ``use``, the share of it that the gains at the common factor
-    # use, above 1 where they break it.
+    # use, above 1 if they exceed it.
     limits: tuple[Mapping[str, Any], ...]
 
 
 @checked_class
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class TuningResult(Answering):
-    """Gains that an optimiser found for a problem, or why it found none.
+    """Gains that an optimiser found for a problem, or the reason for none.
 
     Attributes
     ----------
@@ -100,37 +100,37 @@ class TuningResult(Answering):
     method : str
         The optimiser.
     problem : TuningProblem
-        The problem that was stated; that at the first reference if there are several models.
+        The stated problem, with the first model if there are several.
     gains : PIGains or None
-        The best ones; if infeasible those of the smallest I_K; None if failed.
+        The best gains; if infeasible, the gains of the smallest I_K; None if failed.
     R_K, I_K, E_K, spectral_abscissa : float
-        Indicators of `gains`, computed anew from them; 0, inf, inf and nan without gains.
+        Indicators of `gains`, computed again; 0, inf, inf and nan without gains.
     active : tuple of str
         Names of the constraints that bind at `gains`.
     cost : float
         Quadratic cost of `gains` from the problem's `x_0`; nan without `weights`.
     smallest_I_K : float or None
-        If infeasible and the method looks for it: the smallest I_K within the input limits.
+        If infeasible and the method computes it: the smallest I_K within the input limits.
     starts, agreeing : int
-        Searches made, and those that ended within 1e-4 of the best value, relative.
+        Number of searches, and number that ended within a relative 1e-4 of the best value.
     wall_s : float
-        Time it took, s.
+        Elapsed time, s.
     R_envelope, R_envelope_bound : float or None, 1/s
-        Over an envelope: the rate there, 0 if infeasible, and the highest that any common Q of
-        these gains has.
+        Over an envelope: the rate there, 0 if infeasible, and an upper bound for any common Q of
+        these gains.
     factor : float or None
-        Part of the envelope, scaled about the trim, that was reached; 1 if found.
+        Reached share of the envelope, scaled about the trim; 1 if found.
     diagnosis : Diagnosis or None
-        For an infeasible problem, what would have to give.
+        For an infeasible problem, the limits that would have to change.
     tuned_for : mapping or None
-        Names of ``aircraft`` and the ends of the airspeeds, ``V_a_mps``, that it was tuned for, and
-        what their model assumes, ``assumed``, if anything.
+        Names of ``aircraft`` and range of airspeeds, ``V_a_mps``, for which it was tuned, and the
+        assumptions of the model, ``assumed``, if any.
     bound : RateBound or None
-        If a proof was asked for: the bound on R_K that no gains exceed.
+        If a proof was requested: the bound on R_K that no gains exceed.
     sensitivity : float or None
-        Where the problem bounds it: the largest one of the loop at its commands.
+        If the problem bounds it: the largest sensitivity of the loop at its commands.
     errors_in_gusts : sequence of float or None, length p
-        With the objective "rms": of each error, over that of the gusts' angle.
+        With the objective "rms": rms of each error, relative to the rms of the gusts' angle.
 
     Examples
     --------
@@ -198,7 +198,7 @@ def assessment(problem: TuningProblem, K: FloatArray) -> Assessment:
 
 
 def result(problem: TuningProblem, best: Assessment | None, **outcome: Any) -> TuningResult:
-    """A `TuningResult` of an outcome (its other attributes) with the figures of its best gains."""
+    """A `TuningResult` of an outcome (other attributes) with the indicators of its best gains."""
     if best is None:
         return TuningResult(problem=problem, **outcome)
     figures = pick(best, "R_K I_K E_K spectral_abscissa active cost")

@@ -1,7 +1,7 @@
-"""Gains under a bound on the sensitivity: fastest decay, least errors in turbulence, least E_K.
+"""Gains under a bound on sensitivity: fastest decay, or smallest errors in turbulence or E_K.
 
-Inner feedback is sought with them. The fastest decay lies where poles meet, at which there are no
-slopes: a simplex finds it. The other two are smooth, and SLSQP meets every bound at once.
+The search includes inner feedback. The fastest decay lies where poles meet and slopes do not exist,
+so a simplex method finds it. The other two goals are smooth, and SLSQP handles all bounds.
 """
 
 import math
@@ -15,47 +15,49 @@ from flighttune.control.theory.lyapunov import solution_of_checked
 from flighttune.control.tuning.problem import TuningProblem
 from flighttune.control.tuning.program import UNSTABLE_LOG
 
-# Starts: the gains of the largest R_K times these, with these of the inner feedback
+# Starts: factors on the gains of the largest R_K, and values of the inner feedback
 STARTS = (1.6, 0.2), (2.0, 0.4)
 
-# Part of the rate of the largest R_K at which gains of the least errors in turbulence must decay.
-# Without a bound their integrals would be given up; the whole rate costs 3 to 4 % of ITAE in wind.
+# Gains of the smallest errors in turbulence must decay at this share of the rate of the largest
+# R_K. Without this bound the search would drop the integrals; the whole rate costs 3 to 4 % of ITAE
+# in wind.
 LEAST_DECAY = 0.5
 
-# Price of a logarithm of sensitivity beyond the bound, where a simplex searches; it is begun anew
-# where it stopped.
+# Penalty of a simplex search on the logarithm of sensitivity beyond the bound; the search is
+# restarted from its last point.
 PENALTY = 100.0
 SIMPLEX = {"xatol": 1e-3, "fatol": 1e-5, "maxfev": 200}
 RESTARTS = 3
 
 SMOOTH = {"maxiter": 100, "ftol": 1e-7}
 
-# Numbers of frequencies during a search and at its end, and the lowest and highest one relative to
-# the slowest and the fastest pole. Between two of them a peak is higher by less than 1e-3, which
-# the last step of a search takes off.
+# Numbers of frequencies during a search and at its end, and the lowest and highest frequency
+# relative to the slowest and the fastest pole. Between two frequencies a peak is higher by less
+# than 1e-3, which the last step of a search removes.
 GRID, FINE, SLOWER, FASTER = 160, 4000, 0.02, 20.0
 
-# Times at which a response is integrated, denser at first, over so many slowest time constants
+# Number of integration points of a response, denser at first, and its length in slowest time
+# constants
 NODES, SPAN = 600, 14.0
 
-# What a simplex with feedback takes off the logarithm of the largest sensitivity at first, and then
-# any search of what its frequencies miss; how often it does.
+# Reduction of the logarithm of the largest sensitivity, first for a simplex with feedback, then for
+# peaks between the frequencies; number of such repeats.
 ROOM, MORE_THAN_MISSED, MAX_TIGHTENINGS = 2e-3, 1.1, 5
 
 # `feedback` must be below 1.
 MOST_FEEDBACK = 0.95
 
-# Difference of ends that agree
+# Ends of searches that differ by less agree
 SAME_END = 1e-2
 
 
 def searched(
     problems: Sequence[TuningProblem], k: FloatArray
 ) -> tuple[FloatArray, float, int] | None:
-    """Free gains and inner feedback of one command, and how many searches agree; None without any.
+    """Free gains and inner feedback of one command, and number of agreeing searches; or None.
 
-    `problems` have the same free gains; the first says what is sought and the largest sensitivity.
-    `k` (shape (f,)) are the gains of the largest R_K, which stabilise all of them.
+    `problems` have the same free gains; the first states the objective and the largest sensitivity.
+    `k` (shape (f,)) are the gains of the largest R_K, which stabilise all problems.
     """
     search = _Search(problems, k)
     answers: list[tuple[float, FloatArray]] = []
@@ -76,7 +78,7 @@ def searched(
 
 
 class _Search:
-    """The search for z: factors on the gains `k`, then the inner feedback where it is sought."""
+    """The search for z: factors on the gains `k`, then the inner feedback if it is free."""
 
     def __init__(self, problems: Sequence[TuningProblem], k: FloatArray) -> None:
         self._first, self._k, first = problems[0], k, problems[0]
@@ -105,7 +107,7 @@ class _Search:
         return np.concatenate([each.logs(*self.parts(z)) for each in frequencies])
 
     def costs(self, z: FloatArray) -> FloatArray:
-        """Costs to be made small: minus the decay, or the logarithm of the errors of each model."""
+        """Costs to minimise: minus the decay, or the logarithm of the errors of each model."""
         free, fed = self.parts(z)
         poles = self._rates(z)
         if self._aim == "decay":
@@ -140,7 +142,7 @@ class _Search:
             return z
 
         def slack(y: FloatArray) -> FloatArray:
-            z, bound = y[:-1], y[-1]  # of the costs, which have a kink where two are equal
+            z, bound = y[:-1], y[-1]  # bound on the costs, which have a kink where two are equal
             left = bound - self.costs(z), self._slowest - self._rates(z)
             return np.concatenate([*left, most - self.peaks(z, self._coarse)])
 
@@ -178,7 +180,7 @@ class Peaks:
         self._GI = np.concatenate([G, G / (1j * omega)], axis=1)
 
     def logs(self, k: FloatArray, feedback: FloatArray) -> FloatArray:
-        """Their logarithms, with the inner feedback (shape (m,)) of each command."""
+        """Logarithms of the peaks, with the inner feedback (shape (m,)) of each command."""
         L = (1.0 + feedback)[:, None] * (self._problem.K(k) @ self._GI)
         L = np.eye(L.shape[-1]) + L + feedback[:, None] * self._followed
         if L.shape[-1] == 1:
@@ -188,7 +190,7 @@ class Peaks:
 
 
 class GustLoop:
-    """The loop of a problem by stacked gains and inner feedback, and its errors in gusts."""
+    """The loop of a problem for stacked gains and inner feedback, and its errors in gusts."""
 
     def __init__(self, problem: TuningProblem) -> None:
         from scipy.linalg import block_diag
@@ -198,7 +200,7 @@ class GustLoop:
         if problem.gusts is not None:
             a = np.asarray(problem.gusts)
             self._air = block_diag(*([[0.0, 1.0], [-w * w, -2.0 * w]] for w in a))
-            # d, of variance one, and its rate, of the states of the air
+            # rows that give d, of variance one, and its rate from the states of the gusts
             self._gust = block_diag(*([[w**1.5, math.sqrt(3.0 * w)]] for w in a))
             self._white = np.kron(np.eye(p), [[0.0], [1.0]])
             self._rows = np.hstack([self.model.C, np.zeros((p, p)), -self._gust])
@@ -208,7 +210,7 @@ class GustLoop:
         return closed_loops(fed_by(self.model, feedback), K)
 
     def largest_error(self, K: FloatArray, feedback: FloatArray) -> float:
-        """E_K of a stable loop to some 1e-4: the integral of its response to a step of d'."""
+        """E_K of a stable loop to about 1e-4: the integral of its response to a step of d'."""
         n, _, p = self.model.shape
         rates, modes = np.linalg.eig(self.matrix(K, feedback))
         t = SPAN / -float(np.max(np.real(rates))) * np.linspace(0.0, 1.0, NODES) ** 2
@@ -218,17 +220,17 @@ class GustLoop:
         return float(np.trapezoid(sizes, t).max())
 
     def errors(self, K: FloatArray, feedback: FloatArray) -> FloatArray:
-        """Rms of each error in its gusts over that of their angle, shape (p,), of a stable loop.
+        """Rms of each error in its gusts divided by the rms of their angle, shape (p,), if stable.
 
-        Gusts across the flight turn the path by their speed over the airspeed, at once:
-        ``e = C x - d`` with the Dryden spectrum of MIL-F-8785C,
-        ``(1 + 3 (w/a)^2) / (1 + (w/a)^2)^2``, a the airspeed over its scale; white noise makes d by
-        ``(sqrt(3) s/a + 1) / (s/a + 1)^2``. The path turns with a force that is measured, so that
-        the inner feedback sees d': the errors are those of the sensitivity at the commands.
+        Gusts across the flight turn the path at once, by their speed over the airspeed: ``e = C x -
+        d`` with the Dryden spectrum of MIL-F-8785C, ``(1 + 3 (w/a)^2) / (1 + (w/a)^2)^2``, and a
+        the airspeed over its scale. The filter ``(sqrt(3) s/a + 1) / (s/a + 1)^2`` makes d from
+        white noise. The force that turns the path is measured, so that the inner feedback sees d':
+        the sensitivity at the commands sets the errors.
         """
         (n, _, p), model = self.model.shape, self.model
         N, k = n + p, inner_feedback(model, feedback)[0]
-        fed = model.B * k  # what d' adds to x'
+        fed = model.B * k  # contribution of d' to x'
         whole = np.zeros((N + 2 * p, N + 2 * p))
         whole[:N, :N], whole[N:, N:] = self.matrix(K, feedback), self._air
         whole[:n, N:] = (

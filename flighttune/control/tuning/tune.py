@@ -18,17 +18,17 @@ from flighttune.control.tuning.result import Assessment, Diagnosis, TuningResult
 
 STARTS = 4
 
-# Starts that must all miss feasibility before the smallest I_K is looked for
+# Number of infeasible starts before the smallest I_K is sought
 PROBES = 2
 
 AGREEMENT = 1e-4
 
-# Share of R_K given up for a smaller trace of Q where I_K does not bind
+# Share of R_K traded for a smaller trace of Q if I_K does not bind
 RATE_GIVEN_UP = 1e-4
 
 
 def tune_problem(problem: TuningProblem, *, starts: int = STARTS) -> TuningResult:
-    """Gains of the largest R_K, or the least cost, that meet the constraints of a problem."""
+    """Gains of the largest R_K, or the smallest cost, under the constraints of a problem."""
     check_at_least(1, starts=starts)
     began = time.perf_counter()
     search = tune_by_gradient if problem.weights is None else tune_by_cost
@@ -38,17 +38,16 @@ def tune_problem(problem: TuningProblem, *, starts: int = STARTS) -> TuningResul
 def tune_by_gradient(problem: TuningProblem, *, starts: int = STARTS) -> TuningResult:
     """Gains of the largest R_K, by SLSQP on exact gradients from several starts.
 
-    The optimisation model of arXiv 2411.13140, section 4.4. The problem is not convex: that no
-    feasible gains were found is no proof that none exist. Where I_K does not bind, R_K is that of
-    the slowest channel and leaves the others open: the gains are those of (nearly) that rate with
-    the smallest trace of Q, the mean-square transient.
+    The optimisation model of arXiv 2411.13140, section 4.4. The problem is not convex, so a failed
+    search does not prove infeasibility. If I_K does not bind, the slowest channel alone sets R_K.
+    The gains then have nearly this rate and the smallest trace of Q, the mean-square transient.
     """
-    # SLSQP finds a local optimum of a problem that is not convex, so several starts must do: on
-    # `paper` all four end within 1e-4 of R_K 0.53976, and `agreeing` tells the user how many did.
-    # Two of them are enough to see whether the bound on I_K leaves any gains at all. If not, the
-    # smallest I_K is searched first: it answers "how much would do", and where it is within the
-    # bound it is a feasible start for the others. Not known: how often four starts, which take
-    # 0.4 s on `paper`, miss the best gains.
+    # SLSQP finds a local optimum of a problem that is not convex, hence several starts. On `paper`
+    # all four end within 1e-4 of R_K 0.53976, and `agreeing` tells the user how many did. Two
+    # starts show whether the bound on I_K leaves any gains. If not, the smallest I_K is sought
+    # first: it tells which bound would do, and if it is within the bound it is a feasible start for
+    # the others. Not known: how often four starts, which take 0.4 s on `paper`, miss the best
+    # gains.
     k = stabilising_starts(problem, starts)
     if not len(k):
         return TuningResult(
@@ -88,7 +87,7 @@ def tune_by_gradient(problem: TuningProblem, *, starts: int = STARTS) -> TuningR
 
 
 def tune_by_cost(problem: TuningProblem, *, starts: int = STARTS) -> TuningResult:
-    """Gains of the least quadratic cost with an R_K of at least `R_min`, by the gradient method."""
+    """Gains of the smallest quadratic cost with an R_K of at least `R_min`, by gradients."""
     fastest = tune_by_gradient(replace(problem, weights=None, R_min=0.0), starts=starts)
     if fastest.status != "optimal" or fastest.gains is None:
         return fastest
@@ -116,7 +115,7 @@ def tune_by_cost(problem: TuningProblem, *, starts: int = STARTS) -> TuningResul
 
 
 def smallest_radius(problem: TuningProblem, k: FloatArray) -> Assessment | None:
-    """The smallest I_K within limits and bounds from free gains k, (starts, f), whatever E_K."""
+    """The smallest I_K within limits and bounds, for any E_K, from free gains k, (starts, f)."""
     best, problem = None, replace(problem, E_star=math.inf)
     for start in k:
         (end,) = searches(problem, start[None], "I_K")
@@ -132,7 +131,8 @@ def smallest_radius(problem: TuningProblem, k: FloatArray) -> Assessment | None:
 
 def _calmest_at_rate(problem: TuningProblem, best: Assessment) -> Assessment:
     """Gains with nearly the best rate and the smallest trace of Q."""
-    # The optimum of R_K leaves faster channels open; a little less rate makes them definite.
+    # The optimum of R_K leaves faster channels undetermined; a slightly smaller rate determines
+    # them.
     rate, k = (1.0 - RATE_GIVEN_UP) * best.R_K, best.K[problem.free][None]
     (calmest,) = searches(problem, k, "trace", min_R_K=rate)
     as_fast = calmest.R_K >= (1.0 - 2.0 * RATE_GIVEN_UP) * best.R_K
@@ -148,7 +148,7 @@ def searches(
 
 
 def diagnosis(problem: TuningProblem) -> Diagnosis:
-    """Distance of a problem from feasibility, and the input limit that is in the way."""
+    """Distance of a problem from feasibility, and the input limit that prevents it."""
     k = stabilising_starts(problem, STARTS)
     smallest = smallest_radius(problem, k)
     unlimited = replace(problem, I_star=math.inf)
@@ -156,10 +156,10 @@ def diagnosis(problem: TuningProblem) -> Diagnosis:
     names, *_, bound = problem.limit_rows
     limit_of_row = [_limit(row) for row in names]
     groups = tuple(dict.fromkeys(limit_of_row))
-    # The problem is not convex: the diagnosis describes the best gains found and proves nothing.
-    # The common factor is a variable of the smooth program, not found by trial.
+    # The problem is not convex: the diagnosis describes the best gains found and is no proof.
+    # The common factor is a variable of the smooth program.
     factor, at_factor = _smallest_factor(problem, groups, k)
-    share = np.full(len(names), math.nan)  # of each limit, that the gains at the factor use
+    share = np.full(len(names), math.nan)  # used share of each limit by the gains at the factor
     if at_factor is not None:
         used = bound - problem.slack(at_factor.K[problem.free])
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -189,7 +189,7 @@ def diagnosis(problem: TuningProblem) -> Diagnosis:
 def _smallest_factor(
     problem: TuningProblem, groups: Sequence[str], k: FloatArray
 ) -> tuple[float, Assessment | None]:
-    """Smallest factor on some limits that is feasible, with its gains; inf if none is."""
+    """Smallest feasible factor on some limits, with its gains; inf if no factor is feasible."""
     if not groups:
         ends = [end for end in searches(problem, k, "R_K") if end.meets(problem)]
         return (0.0, ends[0]) if ends else (math.inf, None)
@@ -238,15 +238,15 @@ def frontier(
 ) -> "pd.DataFrame":
     """The largest R_K for every I_K, and where given gains lie.
 
-    The `I_star` of the problem plays no part. `points`: at least 2, from the smallest I_K on,
-    closest there, to `WIDEST` times that or the largest of the gains `marked`. `starts`: searches
-    at each point from drawn gains, besides the one from the gains of the smallest I_K.
+    The `I_star` of the problem is not used. `points`: at least 2, from the smallest I_K, where they
+    are closest, to `WIDEST` times it or to the largest I_K of the gains `marked`. `starts`:
+    searches at each point from random gains, besides the search from the gains of the smallest I_K.
 
     Returns a row for each point and marked set: ``name`` (``frontier`` or the mark), ``I_star``
     (nan for marks), ``I_K``, ``R_K``, ``spectral_abscissa``, ``E_K``, ``within_limits``, ``active``
     (names, separated by spaces) and each gain, ``K_P[phi,chi]`` and so on. R_K never falls along
-    the frontier. The rows are those of the marks alone if no stable gains were found within the
-    limits. Raises InputError if `points` is less than 2.
+    the frontier. Without stable gains within the limits, only the marks have rows. Raises
+    InputError if `points` is less than 2.
     """
     import pandas as pd
 
@@ -260,7 +260,7 @@ def frontier(
     I_max = max([WIDEST * smallest.I_K, *finite])
     growth = np.linspace(0.0, 1.0, points) ** 2 * math.log(I_max / smallest.I_K)
     I_star = smallest.I_K * np.exp(growth)
-    # At the smallest I_K there is nothing left to search.
+    # At the smallest I_K no search is needed.
     best, along = smallest, [_row(problem, "frontier", smallest.I_K, smallest)]
     first = np.vstack([smallest.K[problem.free], k[:starts]])
     task = Program([replace(problem, I_star=I_star[-1])], "R_K")

@@ -13,54 +13,54 @@ TuningModel: TypeAlias = Literal["kinematic", "identified"]
 
 Weights: TypeAlias = Annotated[list[q.PositiveGain], Field(min_length=2, max_length=2)]
 
-# Keys of the kinematic model.
+# Keys for the kinematic model.
 KINEMATIC_ALONE = "I_star", "lag_rad_s", "sample_delay", "state_scaling", "structure"
 
-# Aims of gains behind the identified inner loop, under a bound on the sensitivity
+# Objectives behind the identified inner loop, under a bound on the sensitivity
 SHAPED = "decay", "E_K", "rms"
 
 
 class TuningTable(q.Table):
-    """``[tuning]``: what the gains named ``tuned`` are best at, within which bounds."""
+    """``[tuning]``: objective and bounds of the gains named ``tuned``."""
 
     # Bound of I_K, s^2, on the kinematic model; may be infinite: no bound
     I_star: Annotated[float, Field(gt=0.0)] = 5.0
-    # Bound of E_K, s^2, the largest error of a disturbance; none if left out
+    # Bound of E_K, s^2, the largest error under a disturbance; none if left out
     E_star: Annotated[float, Field(gt=0.0)] | None = None
-    # With identified behind the inner loop; tuned_identified is always tuned on that
+    # identified: behind the inner loop; tuned_identified always uses it
     model: TuningModel = "kinematic"
     # An aircraft, or a file of `identify`; the aircraft of the first jsbsim plant if left out
     identified: q.PathName | None = None
-    # true: the worst case over all conditions of that file, in place of the nearest
+    # true: the worst case over all conditions of the file, instead of the nearest condition
     robust: bool = False
-    # Of phi and n_z, first order, before the kinematic law; none if left out
+    # First-order bandwidths of phi and n_z before the kinematic law; none if left out
     lag_rad_s: Annotated[list[q.Bandwidth], Field(min_length=2, max_length=2)] | None = None
     sample_delay: bool = False  # true: half a sample of delay on the kinematic model
-    # Smallest and largest lag of the inner loop, s: the slowest decay behind lags between them is
-    # made fastest in place of R_K, as by `tune --lag`; not for tuned_identified. None if left out
+    # Range of lags of the inner loop, s: maximise the slowest decay behind them instead of R_K, as
+    # `tune --lag` does; not for tuned_identified. None if left out
     lag_s: Annotated[list[q.TimeConstant], Field(min_length=2, max_length=2)] | None = None
     input_limits: bool = False  # true: the first command stays inside the limits
     structure: Literal["full", "decoupled"] = "full"
     gain_max: q.PositiveGain | None = None  # largest entry; 1000 if left out
-    roll_rate: bool = False  # true: what the rate limit of roll can follow, on the identified model
-    # true: what the rate limit of the load factor can follow, on the identified model
+    roll_rate: bool = False  # true: the rate limit of roll can follow, on the identified model
+    # true: gains that the rate limit of the load factor can follow, on the identified model
     lift_rate: bool = False
-    # One number a state (x', e), by which R_K and I_K divide it; ones if left out
+    # One divisor for each state (x', e) in R_K and I_K; ones if left out
     state_scaling: list[q.Scale] | None = None
-    # Largest R_K, least quadratic cost of the first error, fastest decay, least E_K, or least rms
-    # of the errors in the turbulence; the last three on the identified model
+    # Largest R_K, smallest quadratic cost of the first error, fastest decay, smallest E_K, or
+    # smallest rms error in the turbulence; the last three on the identified model
     objective: Literal["R_K", "cost", "decay", "E_K", "rms"] = "R_K"
     feedback: bool = False  # true: gains on measured roll and load factor too, with decay and rms
-    # Of each channel, with decay, E_K and rms; 1.4 if left out, at most 1.66
+    # Bound for each channel, with decay, E_K and rms; 1.4 if left out, at most 1.66
     sensitivity_max: Annotated[float, Field(gt=1.0)] | None = None
-    error_weights: Weights | None = None  # of chi and gamma, with cost; ones if left out
-    command_weights: Weights | None = None  # of phi and n_z, with cost; 0.1 each if left out
-    R_min: Annotated[float, Field(ge=0.0, allow_inf_nan=False)] = 0.0  # least R_K, 1/s, with cost
+    error_weights: Weights | None = None  # weights of chi and gamma, with cost; ones if left out
+    command_weights: Weights | None = None  # of phi and n_z, with cost; 0.1 if left out
+    R_min: Annotated[float, Field(ge=0.0, allow_inf_nan=False)] = 0.0  # minimum R_K, 1/s, with cost
     starts: Annotated[int, Field(ge=1, le=1000)] = 12
 
     @property
     def weights(self) -> tuple[FloatArray, FloatArray] | None:
-        """Weights of errors and commands; None where R_K is maximised."""
+        """Weights of errors and commands; None if R_K is maximised."""
         if self.objective != "cost":
             return None
         errors, commands = self.error_weights or [1.0, 1.0], self.command_weights or [0.1, 0.1]
