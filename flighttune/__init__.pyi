@@ -64,7 +64,7 @@ from flighttune.studies.refly import refly as refly
 from flighttune.studies.worst import WorstFlight as WorstFlight
 from flighttune.studies.worst import worst as worst
 from flighttune.vehicles.identification.design import design as design
-from flighttune.vehicles.plants.jsbsim.trims import trim as trim
+from flighttune.vehicles.trims import trim as trim
 
 __version__: str
 

@@ -5,6 +5,7 @@ import math
 from flighttune.base.words import listed, pick
 from flighttune.outputs.answers.answer import Answer, Table
 from flighttune.outputs.answers.labels import columns
+from flighttune.outputs.answers.trim import who_flies
 from flighttune.studies.adoption.adopt import TURN, Adoption
 
 
@@ -22,9 +23,9 @@ def answer(adoption: Adoption) -> Answer:
     lacking = listed([part.words for part in adoption.switched_off])
     lacking = f", without {lacking}" if lacking else ""
     return Answer(
-        values=values | pick(adoption, "fit_percent flown"),
+        values=values | pick(adoption, "fit_percent flown not_compiled"),
         tables=[turn_table(adoption)],
-        notes=adoption.notes,
+        notes=[*adoption.notes, *[who_flies(adoption.not_compiled)] * bool(folder)],
         verdict=f"{adoption.status} in {adoption.seconds:.0f} s{glide}{lacking}",
         files={
             "folder": folder,

@@ -4,10 +4,10 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import groupby
 from typing import Any
 
-from flighttune.base.words import figures
+from flighttune.base.words import figures, pick
 from flighttune.outputs.answers.answer import Answer, Table
 from flighttune.outputs.answers.labels import columns
-from flighttune.vehicles.plants.jsbsim.trims import Trims
+from flighttune.vehicles.trims import Trims
 
 COLUMNS = columns(
     "V_a_mps gamma_deg trim.alpha_deg trim.beta_deg trim.elevator_deg trim.rudder_deg "
@@ -25,10 +25,18 @@ def answer(trims: Trims, *, every_condition: bool = False) -> Answer:
     reason = trims.records[0]["reason"]
     failure = f"{trims.aircraft}: no steady flight among {len(trims.records)}: {reason}"
     return Answer(
-        values={"aircraft": trims.aircraft, "trims": trims.records},
+        values={**pick(trims, "aircraft not_compiled"), "trims": trims.records},
         tables=[Table(columns, records, f"{trims.title}: steady flight")],
+        notes=[who_flies(trims.not_compiled)],
         failure="" if any(row["trim"] for row in trims.records) else failure,
     )
+
+
+def who_flies(not_compiled: str) -> str:
+    """Whether the flights of an aircraft are compiled, or why not, in a sentence."""
+    if not_compiled:
+        return f"JSBSim flies all flights itself: {not_compiled}."
+    return "Long flights are compiled."
 
 
 def speeds(records: Sequence[Mapping[str, Any]]) -> Iterator[dict[str, Any]]:

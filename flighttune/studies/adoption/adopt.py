@@ -172,6 +172,7 @@ class Adoption(Answering):
     # functions of the aerodynamics that are 0 as properties of another simulator are
     switched_off: tuple[SwitchedOff, ...] = ()
     notes: tuple[str, ...] = ()  # what was done to the model, a sentence each
+    not_compiled: str = ""  # why JSBSim flies all its flights; empty if long ones are compiled
     seconds: float = 0.0  # wall time of the adoption
     # Results of the stages, for the page; None where a stage was not reached
     steps: Sequence[StepResponse] = ()
@@ -266,6 +267,10 @@ def adopt(
         begun = deepcopy(tables)
         _set_controls(tables, throttle, commands or {}, rudder)
         adoption = _adopted(tables, begun, built, h, choices)
+        if adoption.identified is not None:
+            from flighttune.vehicles.compiled import face
+
+            adoption = replace(adoption, not_compiled=face.not_compiled(load_aircraft(built)))
     texts = dict(adoption.texts)
     if AIRCRAFT in texts:
         texts[AIRCRAFT] = _with_model(texts[AIRCRAFT], model)

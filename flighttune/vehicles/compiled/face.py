@@ -51,6 +51,12 @@ def compiled(
     return _compiled(Source(config, steps), Air(turbulence, gust))
 
 
+def not_compiled(config: AircraftConfig) -> str:
+    """Why JSBSim flies all flights of an aircraft itself; empty if long ones are compiled."""
+    step = compiled(config)
+    return step.reason if isinstance(step, Refusal) else ""
+
+
 @lru_cache(maxsize=32)
 def _compiled(source: Source, air: Air) -> CompiledStep | Refusal:
     try:

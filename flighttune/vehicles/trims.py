@@ -25,6 +25,8 @@ class Trims(Answering):
         A record a condition: ``V_a_mps``, ``gamma_deg``, ``phi_deg``, ``h_m``, ``trim`` (angles of
         attack, sideslip, pitch and of the surfaces in deg, throttle 0 to 1; None if there is no
         steady flight) and ``reason``, what stands against it.
+    not_compiled : str
+        Why JSBSim flies all its flights itself; empty if long ones are compiled.
 
     Examples
     --------
@@ -36,6 +38,7 @@ class Trims(Answering):
     aircraft: str
     title: str
     records: Sequence[Mapping[str, Any]]
+    not_compiled: str = ""
 
 
 def trim(
@@ -78,6 +81,13 @@ def trim(
     >>> ft.trim("a4", V_a=[50.0], gamma=[0.0]).records[0]["trim"] is None
     True
     """
+    from flighttune.vehicles.compiled import face  # here: the help of a command must be quick
+
     config = load_aircraft(aircraft)
     records = trim_table(config, V_a=V_a, gamma=gamma, phi=phi, h=h)
-    return Trims(aircraft=str(aircraft), title=config.title, records=records)
+    return Trims(
+        aircraft=str(aircraft),
+        title=config.title,
+        records=records,
+        not_compiled=face.not_compiled(config),
+    )
