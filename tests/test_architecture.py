@@ -12,7 +12,7 @@ import pytest
 
 from flighttune.base import answering
 from flighttune.claims.verify import AnyClaim
-from flighttune.outputs.pages.claim import CHARTS, PAGES
+from flighttune.outputs.pages import claim
 
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "flighttune"
@@ -168,8 +168,8 @@ def test_only_outputs_and_commands_speak(imports):
 
 def test_every_claim_has_its_row_in_the_tables_of_pages():
     for kind in get_args(AnyClaim):
-        assert {base.__name__ for base in kind.__mro__} & PAGES.keys(), kind
-    for place in (*PAGES.values(), *CHARTS.values()):
+        assert {base.__name__ for base in kind.__mro__} & claim.PAGES.keys(), kind
+    for place in (*claim.PAGES.values(), *claim.CHARTS.values()):
         module, _, function = place.partition(":")
         assert callable(getattr(import_module(module), function)), place
 

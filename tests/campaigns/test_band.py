@@ -18,7 +18,7 @@ from flighttune.claims.counted_flights import flights_of
 from flighttune.claims.counted_flights import plan_of as plan_of_band
 from flighttune.claims.residual import ResidualSignals
 from flighttune.claims.turn_back import TurnBack
-from flighttune.flight.conditions import reference_of, start_condition
+from flighttune.flight import conditions
 from flighttune.flight.loop.run import with_claims
 from flighttune.gaps.residual import residuals_of
 
@@ -207,7 +207,7 @@ def test_a_band_on_a_route_follows_the_distance_along_it():
     changes = {"route.waypoint": corner, "flight.duration_s": 60.0}
     plan = ft.flights("circuit", changes=changes).starting(3.0).plan(plant="kinematic")
     band = count(plan)
-    path = reference_of(plan.scenario).path
+    path = conditions.reference_of(plan.scenario).path
 
     assert band.about.signals == {"cross_track": "m", "height_err": "m"}
     assert (band.flights.over, band.flights.edges[-1]) == ("along", math.ceil(path.length))
@@ -258,7 +258,7 @@ def test_residual_signals_of_an_aircraft_are_counted_like_any_other():
 
     for run, score in enumerate(counted.scores, start=counted.about.learned):
         flown = fly_group(plan, plan.scenario_of(run), plan.groups[0])
-        signals = residuals_of(model, flown, start_condition(plan.scenario_of(run)))
+        signals = residuals_of(model, flown, conditions.start_condition(plan.scenario_of(run)))
         residuals = dict(zip(counted.about.signals, signals.T, strict=True))
         assert bounds.contain(residuals) == (score <= counted.scale)
     units = [row["unit"] for row in counted.answer().tables[0].records]

@@ -14,7 +14,6 @@ from flown_campaigns import Notes, bits, parts, plan, table_flown
 import flighttune as ft
 from flighttune.base.errors import StoppedError
 from flighttune.campaigns import dataset as dataset_module
-from flighttune.campaigns.dataset import Dataset, dataset_hash, locked
 from flighttune.flight.fly import library_versions
 
 pytestmark = pytest.mark.slow
@@ -50,7 +49,7 @@ def with_gains(plan, name, factor):
 
 
 def written(url, ours, *tables, versions=None):
-    dataset = Dataset(url, ours, versions or library_versions())
+    dataset = dataset_module.Dataset(url, ours, versions or library_versions())
     dataset.write_plan()
     for table in tables:
         dataset.write_part(table)
@@ -89,7 +88,7 @@ def test_pandas_and_duckdb_read_a_campaign_while_it_runs(tmp_path, monkeypatch):
 def test_rows_are_written_as_consecutive_runs_whatever_their_order(tmp_path, ours, rows):
     """And those that came before an error are there after it."""
     written(tmp_path, ours, rows[5:6])
-    dataset = Dataset(tmp_path, ours, library_versions())
+    dataset = dataset_module.Dataset(tmp_path, ours, library_versions())
     order, asked = [7, 0, 2, 1, 4, 8, 10], []
 
     def fly(_, runs):
@@ -225,7 +224,7 @@ def test_a_damaged_file_is_told_of_and_its_runs_are_flown_again(out, ours, rows)
 
 def test_a_file_of_more_rows_than_its_name_says_is_refused_unread(tmp_path, ours, rows):
     out = tmp_path / "out"
-    dataset = Dataset(out, ours, library_versions())
+    dataset = dataset_module.Dataset(out, ours, library_versions())
     dataset.write_plan()
     data = dataset_module.parquet_bytes(rows)
     part = dataset_module.Part.holding(range(4), data)
@@ -237,7 +236,10 @@ def test_a_file_of_more_rows_than_its_name_says_is_refused_unread(tmp_path, ours
 
 
 def test_a_folder_of_another_or_that_cannot_be_written_is_one_line(tmp_path, ours):
-    with locked(tmp_path), pytest.raises(ft.InputError, match=f"process {os.getpid()} on "):
+    with (
+        dataset_module.locked(tmp_path),
+        pytest.raises(ft.InputError, match=f"process {os.getpid()} on "),
+    ):
         ft.run_campaign(ours, tmp_path)
     (tmp_path / "runs").mkdir()
     (tmp_path / "runs" / "mine.parquet").write_bytes(b"")
@@ -268,11 +270,11 @@ def test_signals_are_kept_of_failures_the_worst_and_a_sample(tmp_path):
 
 def test_the_hash_sees_every_bit_but_the_time_flights_took(tmp_path, ours, rows):
     ITAE, success = (rows.column(name)[3].as_py() for name in ("chi.ITAE", "success"))
-    plain = dataset_hash(written(tmp_path / "plain", ours, rows))
+    plain = dataset_module.dataset_hash(written(tmp_path / "plain", ours, rows))
 
     for place, (name, value) in enumerate((
         ("wall_s", 99.0), ("chi.ITAE", np.nextafter(ITAE, 9.0)), ("chi.ITAE", None),
         ("reason", "another"), ("success", not success),
     )):  # fmt: skip
         out = written(tmp_path / str(place), ours, changed(rows, 3, name, value))
-        assert (dataset_hash(out) == plain) == (name == "wall_s"), name
+        assert (dataset_module.dataset_hash(out) == plain) == (name == "wall_s"), name

@@ -6,7 +6,7 @@ import pytest
 from dispersed import WIND, one_of, plan_of, tables_of, uniform
 
 import flighttune as ft
-from flighttune.campaigns.flying.columns import OUTCOME, table_of
+from flighttune.campaigns.flying import columns
 from flighttune.campaigns.flying.rows import batchable, rows_flown
 from flighttune.campaigns.planning.schema import MEASURES
 
@@ -30,12 +30,12 @@ FAR_ROUND = 1e-10
 def rows_of(plan, **probes):
     """The rows of a plan without the time flights took; with a probe all are flown alone."""
     rows = rows_flown(plan, range(plan.runs), probes=probes)
-    return table_of(plan, rows).drop_columns(["wall_s"]).to_pylist()
+    return columns.table_of(plan, rows).drop_columns(["wall_s"]).to_pylist()
 
 
 def outcome(row):
     """Everything that the flight of a row decides."""
-    return tuple(row[name] for name in (*OUTCOME, *MEASURES))
+    return tuple(row[name] for name in (*columns.OUTCOME, *MEASURES))
 
 
 def assert_flown_as_alone(rows, plan, rounding=ROUNDING):

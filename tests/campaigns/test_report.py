@@ -14,7 +14,7 @@ from scipy import stats
 
 import flighttune as ft
 from flighttune.campaigns.dataset import dataset_hash
-from flighttune.campaigns.statistics.findings import findings_of, load_findings
+from flighttune.campaigns.statistics import findings
 from flighttune.outputs.pages.campaign import notes, write_campaign_report
 
 pytestmark = pytest.mark.slow
@@ -42,7 +42,7 @@ def told(flown_folder):
 def made_up():
     """Findings of rows that were made up, with everything in them that a report can show."""
     made = made_up_plan(runs=4 * 200)
-    return findings_of(made_up_rows(made), made)
+    return findings.findings_of(made_up_rows(made), made)
 
 
 @pytest.fixture(scope="module")
@@ -111,7 +111,7 @@ def test_a_campaign_that_is_not_over_says_how_much_is_there(tmp_path, flown_fold
     for path in first[len(first) // 2 :]:
         path.unlink()
 
-    found = load_findings(out)
+    found = findings.load_findings(out)
 
     assert 0 < len(found.rows) < RUNS
     said = notes(found)[0]
@@ -119,7 +119,7 @@ def test_a_campaign_that_is_not_over_says_how_much_is_there(tmp_path, flown_fold
     for path in first[: len(first) // 2]:
         path.unlink()
     with pytest.raises(ft.RecordingError, match=r"no run .*flown"):
-        load_findings(out)
+        findings.load_findings(out)
 
 
 def test_the_first_screen_says_what_success_is_and_draws_the_measure_that_decides(page):
@@ -154,6 +154,6 @@ def test_a_bound_of_zero_is_drawn_and_says_whose_it_is(completed, tmp_path):
     if not completed:
         rows["status"] = "diverged"
 
-    made_page = write_campaign_report(findings_of(rows, made), tmp_path / "page.html")
+    made_page = write_campaign_report(findings.findings_of(rows, made), tmp_path / "page.html")
 
     assert "at most 0 rad\u00a0s² (K3)</span>" in made_page.path.read_text(encoding="utf-8")

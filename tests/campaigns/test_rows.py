@@ -25,7 +25,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import flighttune as ft
-from flighttune.campaigns.flying.columns import row_schema, table_of
+from flighttune.campaigns.flying import columns
 from flighttune.campaigns.flying.rows import lost_row, scenario_of_run, warm_up
 from flighttune.control.margins import channel_margins
 from flighttune.flight import models
@@ -100,8 +100,8 @@ def test_a_row_is_what_fly_says_of_the_scenario_of_its_draw(whole):
 def test_the_schema_is_that_of_the_plan_with_units(whole):
     plan, rows = whole
 
-    assert rows.schema.equals(row_schema(plan), check_metadata=True)
-    assert table_flown(plan, []).schema.equals(row_schema(plan), check_metadata=True)
+    assert rows.schema.equals(columns.row_schema(plan), check_metadata=True)
+    assert table_flown(plan, []).schema.equals(columns.row_schema(plan), check_metadata=True)
     units = {f.name: f.metadata[b"unit"].decode() for f in rows.schema if f.metadata}
     assert units["flight.V_a_mps"] == "m/s"
     assert units["chi.ITAE"] == "rad s^2"
@@ -183,7 +183,7 @@ def test_the_row_of_a_crashed_run_is_a_row_of_the_plan():
     row = lost_row(plan, 7, plan.values_of(plan.draw_of(7)), -signal.SIGSEGV)
 
     assert lost_row(plan, 7, None, -signal.SIGSEGV) == row  # as of a batch of many draws
-    (found,) = table_of(plan, [row]).to_pylist()
+    (found,) = columns.table_of(plan, [row]).to_pylist()
     whole = table_flown(plan, [7]).to_pylist()[0]
     assert found["status"] == "crashed"
     assert found["missed"] == "crashed: the flight ended the process that flew it: SIGSEGV"
@@ -225,7 +225,7 @@ def test_the_columns_in_the_documentation_are_those_of_the_schema():
         ending = ENDINGS.get(name.rpartition("_")[2])
         return ending or (behind[1] if behind and len(behind[1].split()) < 3 else "1")
 
-    for field in row_schema(plan_of(tables_of())):
+    for field in columns.row_schema(plan_of(tables_of())):
         channel, _, short = field.name.rpartition(".")
         name = field.name if field.name in names else short
         assert name in names

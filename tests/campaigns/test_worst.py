@@ -16,7 +16,6 @@ from scipy.stats import chi2
 import flighttune as ft
 from flighttune.flight.loop.run import ERRORS, Bounds
 from flighttune.studies import worst as worst_module
-from flighttune.studies.worst import SEEDS_EVERY, StatedSet, search_worst, value_of
 
 SAME = 1e-9
 """A flight of a batch and the same one alone differ by 1e-12."""
@@ -36,7 +35,9 @@ def test_the_worst_of_a_plane_lies_where_its_normal_meets_the_region(dimension):
     normal = np.arange(1.0, dimension + 1.0)
     normal /= np.linalg.norm(normal)
 
-    z, _, first = search_worst(lambda z, seeds: z @ normal, dimension, budget=2000, seed=3)
+    z, _, first = worst_module.search_worst(
+        lambda z, seeds: z @ normal, dimension, budget=2000, seed=3
+    )
 
     radius = math.sqrt(chi2.ppf(0.999, dimension))
     assert np.linalg.norm(z) <= radius * (1.0 + SAME)
@@ -52,12 +53,12 @@ def test_chance_is_that_of_the_worst_flight_so_far_and_others_are_tried():
         seen.append((z, seeds))
         return (seeds % 1000).astype(float)
 
-    _, seed, first = search_worst(values, 3, budget=640, seed=5)
+    _, seed, first = worst_module.search_worst(values, 3, budget=640, seed=5)
 
     best = first
     assert first == max(seen[0][1] % 1000)
     for generation, (z, seeds) in enumerate(seen[1:], 1):
-        if generation % SEEDS_EVERY == 0:
+        if generation % worst_module.SEEDS_EVERY == 0:
             assert len(set(seeds)) == len(seeds)
             assert (z == z[0]).all()
             best = max(best, *(seeds % 1000))
@@ -70,7 +71,7 @@ def test_chance_is_that_of_the_worst_flight_so_far_and_others_are_tried():
 def test_the_worst_flight_is_worse_than_random_ones_and_is_flown_again_as_it_was():
     plan = small_plan()
     with flown_here() as pool:
-        searched = StatedSet(plan, pool, metric="chi.peak_rad")
+        searched = worst_module.StatedSet(plan, pool, metric="chi.peak_rad")
         worst = searched.find_worst(budget=320, seed=1)
 
     rows = table_flown(plan.with_runs(300)).to_pandas()
@@ -89,10 +90,12 @@ def test_the_margin_is_that_of_the_nearest_demand():
         "chi.peak_rad": np.radians(70.0), "flight.n_z_min": 1.0, "chi.ITAE": 0.3,
     }  # fmt: skip
 
-    assert value_of(row, "margin", plan.scenario) == pytest.approx(1.0)  # 70 of 35 deg
-    assert value_of({**row, "chi.ITAE": 1.5}, "margin", plan.scenario) == pytest.approx(1.5)
-    assert value_of({**row, "status": "diverged"}, "chi.ITAE", plan.scenario) > 100.0
-    assert value_of(row, "chi.ITAE", plan.scenario) == 0.3
+    assert worst_module.value_of(row, "margin", plan.scenario) == pytest.approx(1.0)  # 70 of 35 deg
+    assert worst_module.value_of(
+        {**row, "chi.ITAE": 1.5}, "margin", plan.scenario
+    ) == pytest.approx(1.5)
+    assert worst_module.value_of({**row, "status": "diverged"}, "chi.ITAE", plan.scenario) > 100.0
+    assert worst_module.value_of(row, "chi.ITAE", plan.scenario) == 0.3
 
 
 @pytest.mark.parametrize(("completed", "worst"), [(False, 1), (True, 2)])
@@ -103,7 +106,9 @@ def test_flights_that_end_early_are_the_worst_or_left_out(completed, worst):
         return [{"run": run, "status": x, "chi.ITAE": y} for run, (x, y) in enumerate(ends)]
 
     with flown_here(rows) as pool:
-        searched = StatedSet(small_plan(), pool, metric="chi.ITAE", completed=completed)
+        searched = worst_module.StatedSet(
+            small_plan(), pool, metric="chi.ITAE", completed=completed
+        )
         values = searched.values(np.zeros((3, 2)), np.arange(3))
 
     assert np.argmax(values) == searched.worst["run"] == worst

@@ -8,13 +8,13 @@ from made_up_band import about_of
 from scipy.stats import binom
 
 import flighttune as ft
-from flighttune.claims.ending import AnyTime, Ending, Fixed, each_of
+from flighttune.claims import ending as endings
 
 EPSILON, CONFIDENCE = 0.05, 0.95
 ROUNDING = 1e-9  # relative
-FIXED = Fixed(flights=93, epsilon=EPSILON, confidence=CONFIDENCE)
-TWO = Fixed(flights=105, early=66, epsilon=EPSILON, confidence=CONFIDENCE)
-ANY = AnyTime(flights=208, epsilon=EPSILON, confidence=CONFIDENCE)
+FIXED = endings.Fixed(flights=93, epsilon=EPSILON, confidence=CONFIDENCE)
+TWO = endings.Fixed(flights=105, early=66, epsilon=EPSILON, confidence=CONFIDENCE)
+ANY = endings.AnyTime(flights=208, epsilon=EPSILON, confidence=CONFIDENCE)
 ENDINGS = {"fixed": FIXED, "two steps": TWO, "any time": ANY}
 
 
@@ -26,7 +26,7 @@ def about_ending(ending, learned=10, **fields):
 
 @pytest.mark.parametrize("ending", ENDINGS.values(), ids=ENDINGS)
 def test_an_ending_comes_back_from_what_a_file_states(ending):
-    assert Ending.of(about_ending(ending)) == ending
+    assert endings.Ending.of(about_ending(ending)) == ending
 
 
 @pytest.mark.parametrize(
@@ -149,10 +149,10 @@ def test_a_single_claim_shares_its_confidence_with_none():
 
 @pytest.mark.parametrize("claims", [1, 2, 3])
 def test_claims_that_share_a_confidence_add_up_to_it(claims):
-    assert 1.0 - claims * (1.0 - each_of(claims, 0.95)) == pytest.approx(0.95)
+    assert 1.0 - claims * (1.0 - endings.each_of(claims, 0.95)) == pytest.approx(0.95)
 
 
-@pytest.mark.parametrize("rule", [Fixed.enough, AnyTime.enough])
+@pytest.mark.parametrize("rule", [endings.Fixed.enough, endings.AnyTime.enough])
 def test_too_few_flights_for_a_claim_are_refused(rule):
     """0.95^59 is the first power below 0.05."""
     assert rule(59, EPSILON, CONFIDENCE).flights == 59

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import flighttune as ft
-from flighttune.control.mimo_pi import empty_state, pi_step
+from flighttune.control import mimo_pi
 
 ROUNDING = 1e-12
 HERE = (0.0, 0.0)
@@ -22,7 +22,7 @@ def limits(magnitude=(math.inf, math.inf), rate=(math.inf, math.inf)):
 
 
 def command(controller, ref, y=HERE, u_ff=(0.0, 0.0), V_a=0.0):
-    pi_step(controller.law, controller.state, ref, y, u_ff, V_a)
+    mimo_pi.pi_step(controller.law, controller.state, ref, y, u_ff, V_a)
     return controller.state.u
 
 
@@ -83,7 +83,7 @@ def test_a_start_outside_the_range_comes_back_as_fast_as_the_rate_limit_lets_it(
     """The command wanted, 0.7, is outside of the range of 0.5 too."""
     held = limits((0.5, 9.0), (1.0, 9.0))
     controller = ft.loop.MimoPI(diagonal([1.0, 0.0], [0.0, 0.0]), held, dt=0.1)
-    controller.state = empty_state((side, 0.0))
+    controller.state = mimo_pi.empty_state((side, 0.0))
 
     commands = side * flown(controller, (0.7 * side, 0.0), 12)[:, 0]
 

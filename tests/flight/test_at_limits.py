@@ -6,7 +6,7 @@ import pytest
 from made_up import made_up_scenario
 
 import flighttune as ft
-from flighttune.flight.metrics import at_limits, swings
+from flighttune.flight import metrics
 
 WANTED = [{"at_most": {"chi": {"peak_deg": 90.0}, "gamma": {"peak_deg": 90.0}}}]
 LIMITS = {"phi_deg": [-40.0, 40.0], "phi_rate_dps": 40.0, "n_z": [0.5, 2.0], "n_z_rate_per_s": 1.0}
@@ -75,8 +75,8 @@ def test_a_command_that_swings_between_its_limits_meets_nothing(case):
 def test_in_moving_air_only_a_command_that_turns_back_in_most_samples_is_judged(
     turned_back, each, calm, judged
 ):
-    assert swings({"swings": turned_back, "swings_each": each}, calm=calm) is judged
-    assert not swings({}, calm=calm)
+    assert metrics.swings({"swings": turned_back, "swings_each": each}, calm=calm) is judged
+    assert not metrics.swings({}, calm=calm)
 
 
 def test_a_turn_at_the_limit_of_roll_to_its_end_is_met_and_said():
@@ -101,7 +101,7 @@ def test_the_shares_at_limits_are_counted_of_flight_and_last_quarter():
     found = flown(1, 1, 5.0)
     run = found.runs[0]
 
-    shares = at_limits(run)["n_z"]
+    shares = metrics.at_limits(run)["n_z"]
 
     held = run.signals["n_z_limited"].to_numpy() == 2
     late = run.t >= 0.75 * run.t[-1]

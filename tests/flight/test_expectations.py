@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from made_up import made_up_run, made_up_scenario
 
+from flighttune.flight import metrics
 from flighttune.flight.flown import BoundCheck, ClaimCheck, Counts, check_claim
-from flighttune.flight.metrics import measures, metric_tables
 
 T = np.linspace(0.0, 10.0, 101)
 
@@ -237,7 +237,7 @@ def test_the_error_at_the_end_is_that_of_the_last_quarter_or_since_the_last_chan
         signals = run.signals.assign(gamma_given=ref + np.deg2rad(given_deg))
         run = dataclasses.replace(run, signals=signals)
 
-    gamma = measures(run)["gamma"]
+    gamma = metrics.measures(run)["gamma"]
 
     # Means of samples and of the time differ by half a sample at each end.
     assert gamma["end_error"] == pytest.approx(np.deg2rad(0.7), abs=np.deg2rad(0.1))
@@ -250,7 +250,7 @@ def test_measures_are_of_the_flights_that_were_flown_and_not_of_logs():
     of_a_log = dataclasses.replace(real.provenance, scenario={"log": {"file": "flight.ulg"}})
     real = dataclasses.replace(real, provenance=of_a_log)
 
-    channels, flights = metric_tables([one, short, real])
+    channels, flights = metrics.metric_tables([one, short, real])
 
     assert {*channels.index.get_level_values("run")} == {*flights.index} == {"kinematic / paper"}
-    assert all(len(table) == 0 for table in metric_tables([short, real]))
+    assert all(len(table) == 0 for table in metrics.metric_tables([short, real]))

@@ -9,18 +9,7 @@ import pytest
 from made_up import made_up_run
 
 import flighttune as ft
-from flighttune.gaps.watch import (
-    LAG_S,
-    SignalModel,
-    Watch,
-    columns_of,
-    lagged,
-    models_of,
-    moments,
-    residuals,
-    score_so_far,
-    taught,
-)
+from flighttune.gaps import watch as watching
 
 RATE, SECONDS = 25.0, 80.0
 T = np.arange(round(RATE * SECONDS)) / RATE
@@ -43,16 +32,16 @@ def turning(tmp_path):
 
 
 def test_a_lag_answers_a_step_as_its_exponential():
-    found = lagged(np.ones(100), 0.02, 0.5, 0.0)
+    found = watching.lagged(np.ones(100), 0.02, 0.5, 0.0)
 
     assert found == pytest.approx(1.0 - np.exp(-0.02 * np.arange(1, 101) / 0.5), abs=1e-12)
 
 
 def test_flights_teach_the_law_that_they_obey(turning):
-    models = models_of(turning().signals)
+    models = watching.models_of(turning().signals)
     assert [model.name for model in models] == ["turn"]
 
-    (learned,) = taught(models, [moments(columns_of(models, turning()))])
+    (learned,) = watching.taught(models, [watching.moments(watching.columns_of(models, turning()))])
 
     assert learned.weights == pytest.approx((0.0, 9.81, 0.0), abs=1e-6)
 
@@ -61,34 +50,34 @@ def test_of_a_sensor_that_errs_what_it_measures_is_watched(turning):
     run = turning()
     run = replace(run, signals=run.signals.assign(V_a=25.0, V_a_meas=22.0))
 
-    ((*_, airspeed),) = columns_of(models_of({"V_a"}), run)
+    ((*_, airspeed),) = watching.columns_of(watching.models_of({"V_a"}), run)
 
     assert airspeed == pytest.approx(22.0, rel=ROUNDING)
 
 
 def test_a_step_that_is_not_expected_alarms_when_its_lag_reaches_the_limit(turning):
-    models = models_of(turning().signals)
-    models = taught(models, [moments(columns_of(models, turning()))])
+    models = watching.models_of(turning().signals)
+    models = watching.taught(models, [watching.moments(watching.columns_of(models, turning()))])
     run = turning(np.where(T >= 40.0, 0.2, 0.0))
-    watch = Watch(models=models, middle=np.zeros(1), half=np.array([0.15]))
+    watch = watching.Watch(models=models, middle=np.zeros(1), half=np.array([0.15]))
 
-    missing = residuals(models, columns_of(models, run), 1.0 / RATE)[:, 0]
+    missing = watching.residuals(models, watching.columns_of(models, run), 1.0 / RATE)[:, 0]
     alarm = watch.alarm(run)
 
     since = np.maximum(T[: len(missing)] - 40.0 + 1.0 / RATE, 0.0)
-    assert missing == pytest.approx(0.2 * (1.0 - np.exp(-since / LAG_S)), abs=1e-6)
+    assert missing == pytest.approx(0.2 * (1.0 - np.exp(-since / watching.LAG_S)), abs=1e-6)
     assert alarm is not None
     assert alarm.why == "turn"
-    assert alarm.at_s - 40.0 == pytest.approx(LAG_S * math.log(4.0), abs=1.0 / RATE)
+    assert alarm.at_s - 40.0 == pytest.approx(watching.LAG_S * math.log(4.0), abs=1.0 / RATE)
     assert watch.alarm(turning()) is None
 
 
-TURN = SignalModel(name="turn", target="r", terms=("sin_phi/V_g",), weights=(9.81,))
-ROLL = SignalModel(name="roll", target="p", terms=("d(phi)",), weights=(1.0,))
+TURN = watching.SignalModel(name="turn", target="r", terms=("sin_phi/V_g",), weights=(9.81,))
+ROLL = watching.SignalModel(name="roll", target="p", terms=("d(phi)",), weights=(1.0,))
 
 
 def watch_of(*halves):
-    return Watch(
+    return watching.Watch(
         models=tuple(x for x, _ in halves),
         middle=np.zeros(2),
         half=np.array([half for _, half in halves]),
@@ -109,7 +98,9 @@ def test_an_alarm_names_the_signal_that_is_not_as_expected_wherever_it_stands(tu
 def test_a_score_is_the_largest_so_far_by_the_watch_for_which_it_is_least(turning, order):
     watches = [watch_of((TURN, half), (ROLL, 1.0)) for half in (0.1, 0.4)]
 
-    score = score_so_far(watches[::order], turning(np.where((T >= 40.0) & (T < 60.0), 0.2, 0.0)))
+    score = watching.score_so_far(
+        watches[::order], turning(np.where((T >= 40.0) & (T < 60.0), 0.2, 0.0))
+    )
 
     assert score[-1] == pytest.approx(0.2 / 0.4, abs=1e-3)
 
@@ -117,26 +108,30 @@ def test_a_score_is_the_largest_so_far_by_the_watch_for_which_it_is_least(turnin
 def test_a_residual_less_its_past_forgets_an_offset_and_then_a_step(turning):
     """A step behind the lag, less itself behind the lag of the past, in continuous time."""
     past_s, step, offset, began = 5.0, 0.2, 0.3, 40.0
-    models = models_of(turning().signals)
-    (model,) = taught(models, [moments(columns_of(models, turning()))])
+    models = watching.models_of(turning().signals)
+    (model,) = watching.taught(models, [watching.moments(watching.columns_of(models, turning()))])
     run = turning(offset + np.where(T >= began, step, 0.0))
 
-    (missing,) = residuals([replace(model, past_s=past_s)], columns_of(models, run), 1.0 / RATE).T
+    (missing,) = watching.residuals(
+        [replace(model, past_s=past_s)], watching.columns_of(models, run), 1.0 / RATE
+    ).T
 
     since = np.maximum(T[: len(missing)] - began + 1.0 / RATE, 0.0)
-    lags = np.exp(-since / past_s) - np.exp(-since / LAG_S)
-    assert missing == pytest.approx(step * past_s / (past_s - LAG_S) * lags, abs=step / RATE)
+    lags = np.exp(-since / past_s) - np.exp(-since / watching.LAG_S)
+    assert missing == pytest.approx(
+        step * past_s / (past_s - watching.LAG_S) * lags, abs=step / RATE
+    )
     assert missing[T[: len(missing)] < began] == pytest.approx(0.0, abs=1e-6)
 
 
 @pytest.mark.parametrize("mean_s", [0.0, 2.0])
 def test_a_model_of_a_loss_counts_only_what_is_less_than_expected(turning, mean_s):
-    models = models_of(turning().signals)
-    (model,) = taught(models, [moments(columns_of(models, turning()))])
-    columns = columns_of(models, turning(np.where(T < 40.0, 0.2, -0.3)))
+    models = watching.models_of(turning().signals)
+    (model,) = watching.taught(models, [watching.moments(watching.columns_of(models, turning()))])
+    columns = watching.columns_of(models, turning(np.where(T < 40.0, 0.2, -0.3)))
 
     both, loss = (
-        residuals([replace(model, mean_s=mean_s, loss=loss)], columns, 1.0 / RATE)[:, 0]
+        watching.residuals([replace(model, mean_s=mean_s, loss=loss)], columns, 1.0 / RATE)[:, 0]
         for loss in (False, True)
     )
 
@@ -171,8 +166,8 @@ SLOW = 0.5 * (1.0 + math.tanh(1.2 / 1.5))
     ],
 )
 def test_a_term_is_the_product_of_its_quantities(term, value):
-    model = SignalModel(name="some", target=term, terms=(term,))
-    ((column, target),) = columns_of(
+    model = watching.SignalModel(name="some", target=term, terms=(term,))
+    ((column, target),) = watching.columns_of(
         [model], made_up_run({k: [x] * 9 for k, x in STILL.items()}, T[:9])
     )
 
@@ -182,9 +177,9 @@ def test_a_term_is_the_product_of_its_quantities(term, value):
 
 def test_a_rate_of_a_ramp_is_its_slope_behind_the_lag():
     run = made_up_run({"V_a": 20.0 + 0.8 * T, "V_g": 2.0 + 0.0 * T}, T)
-    model = SignalModel(name="some", target="d(V_a)*V_g", terms=("d(V_a)/V_g",))
+    model = watching.SignalModel(name="some", target="d(V_a)*V_g", terms=("d(V_a)/V_g",))
 
-    ((over, times),) = columns_of([model], run, from_s=6.0)
+    ((over, times),) = watching.columns_of([model], run, from_s=6.0)
 
     # of a ramp that is sampled the lag is longer by a part of a sample
     assert over == pytest.approx(np.full(len(T) - round(6.0 * RATE), 0.4), rel=0.05)
@@ -194,9 +189,9 @@ def test_a_rate_of_a_ramp_is_its_slope_behind_the_lag():
 def test_a_term_of_a_gap_keeps_the_value_before_and_the_first_the_one_after():
     V_a = np.where((T > 40.0) & (T < 44.0), np.nan, np.where(T < 42.0, 20.0, 30.0))
     V_a[:5] = np.nan
-    model = SignalModel(name="some", target="V_a", terms=("1",))
+    model = watching.SignalModel(name="some", target="V_a", terms=("1",))
 
-    ((_, target),) = columns_of([model], made_up_run({"V_a": V_a}, T))
+    ((_, target),) = watching.columns_of([model], made_up_run({"V_a": V_a}, T))
 
     assert target[0] == 20.0
     assert target[T == 43.0] == pytest.approx(20.0)
@@ -211,24 +206,28 @@ def test_a_term_of_a_gap_keeps_the_value_before_and_the_first_the_one_after():
     ],
 )
 def test_what_cannot_be_watched_is_refused(columns, from_s, says):
-    model = SignalModel(name="some", target="1/V_a", terms=("1",))
+    model = watching.SignalModel(name="some", target="1/V_a", terms=("1",))
     with pytest.raises(ft.InputError, match=says):
-        columns_of([model], made_up_run(columns, T[:9]), from_s)
+        watching.columns_of([model], made_up_run(columns, T[:9]), from_s)
 
 
 def test_of_models_of_one_name_the_first_with_all_its_signals_counts():
-    first, second = (SignalModel(name="turn", target="r", terms=(x,)) for x in ("V_a", "V_g"))
-    other = SignalModel(name="roll", target="p", terms=("1",))
+    first, second = (
+        watching.SignalModel(name="turn", target="r", terms=(x,)) for x in ("V_a", "V_g")
+    )
+    other = watching.SignalModel(name="roll", target="p", terms=("1",))
     models = [first, other, second]
 
     for signals, expected in (
         ("r V_a V_g p", {first, other}), ("r V_g p", {second, other}), ("r p", {other}),
     ):  # fmt: skip
-        assert {*models_of(set(signals.split()), models)} == expected
+        assert {*watching.models_of(set(signals.split()), models)} == expected
 
 
 def test_an_alarm_of_a_later_start_has_the_time_of_the_run():
-    watch = Watch(models=(TURN, ROLL), middle=np.array([0.0, 0.1]), half=np.array([0.2, 0.3]))
+    watch = watching.Watch(
+        models=(TURN, ROLL), middle=np.array([0.0, 0.1]), half=np.array([0.2, 0.3])
+    )
     p = 0.1 + 1.0 * (T >= 50.0)
     signals = {"r": 0.0 * T, "phi": 0.0 * T, "V_g": 20.0 + 0.0 * T, "p": p}
     late = replace(watch, from_s=30.0)
@@ -237,5 +236,7 @@ def test_an_alarm_of_a_later_start_has_the_time_of_the_run():
         alarm = each.alarm(made_up_run(signals, T))
         assert alarm.why == "roll"
         # 0.3 over the middle of a step of 1 behind a lag
-        assert alarm.at_s - 50.0 == pytest.approx(LAG_S * math.log(1.0 / 0.7), abs=1.0 / RATE)
+        assert alarm.at_s - 50.0 == pytest.approx(
+            watching.LAG_S * math.log(1.0 / 0.7), abs=1.0 / RATE
+        )
     assert late.scores(made_up_run(signals, T))[0] == pytest.approx([0.0, 0.0], abs=1e-12)

@@ -9,7 +9,7 @@ from commands import answer, flighttune
 from log_files import LOAD, ROLL, sampled, write_csv, write_tlog, write_ulog
 
 import flighttune as ft
-from flighttune.logs.identify import interval_of, response
+from flighttune.logs import identify
 
 SAMPLE = 0.04
 """s: of the logs."""
@@ -68,7 +68,7 @@ def test_a_step_between_two_samples_is_where_a_loop_of_50_Hz_would_give_it(dt, s
     lag, t = ft.loop.InnerLag(order=1, natural_frequency=5.0), dt * np.arange(20)
     commanded = np.where(t < 4.5 * dt, 0.0, 1.0)
 
-    answered = response(lag, dt, commanded, 0.0)
+    answered = identify.response(lag, dt, commanded, 0.0)
 
     since = [np.maximum(0.0, t - 4.0 * dt - step) for step in steps]
     assert answered == pytest.approx(
@@ -80,7 +80,7 @@ def test_the_interval_of_a_mean_is_students():
     """Five stretches of means 1 to 5: 3 within 2.776445 (t of 4, 97.5 %) times sqrt(2.5 / 5)."""
     means, late = np.arange(1.0, 6.0), np.zeros(1)
 
-    ends = interval_of(np.array([3.0]), np.ones((5, 1, 1)), (3.0 - means)[:, None], late)
+    ends = identify.interval_of(np.array([3.0]), np.ones((5, 1, 1)), (3.0 - means)[:, None], late)
 
     half = 2.776445 * np.sqrt(2.5 / 5.0)
     assert ends[:, 0] == pytest.approx([3.0 - half, 3.0 + half], rel=1e-6)

@@ -8,10 +8,10 @@ import pytest
 from scipy.signal import periodogram
 
 import flighttune as ft
+from flighttune.vehicles.plants import weather
 from flighttune.vehicles.plants.jsbsim.air import weather_step
 from flighttune.vehicles.plants.jsbsim.fdm import Fdm
 from flighttune.vehicles.plants.jsbsim.trim import trim
-from flighttune.vehicles.plants.weather import Turbulence, Weather
 
 FPS = 0.3048
 V_A = 200.0
@@ -65,8 +65,8 @@ def gusts(h):
     trim(fdm, ft.loop.FlightCondition(V_a=V_A, h=h * FPS))
     for write, _ in fdm.integrators.values():
         write(0.0)
-    turbulence = Turbulence(severity=3, wind_20ft=WIND_20FT * FPS)
-    step = weather_step(fdm, Weather(turbulence=turbulence), RATE)
+    turbulence = weather.Turbulence(severity=3, wind_20ft=WIND_20FT * FPS)
+    step = weather_step(fdm, weather.Weather(turbulence=turbulence), RATE)
     seed = fdm.writer("simulation/randomseed")
     axes = [fdm.reader(f"atmosphere/total-wind-{axis}-fps") for axis in ("north", "east", "down")]
     found = np.empty((SEEDS, SAMPLES, 3))

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from flighttune.routes.maps import north_east, on_earth
+from flighttune.routes import maps
 
 DEG = math.pi / 180.0
 WGS_84 = 6_378_137.0, 1.0 / 298.257223563  # NIMA TR8350.2: semi-major axis, m, and flattening
@@ -19,7 +19,7 @@ def test_a_published_baseline_has_its_length_and_azimuth():
     """Flinders Peak to Buninyong, GDA Technical Manual: 54 972.271 m at 306 deg 52' 05.37"."""
     flinders = -degrees(37, 57, 3.72030), degrees(144, 25, 29.52440)
     buninyong = -degrees(37, 39, 10.15610), degrees(143, 55, 35.38390)
-    north, east = north_east(buninyong, flinders)
+    north, east = maps.north_east(buninyong, flinders)
 
     assert math.hypot(north, east) == pytest.approx(54_972.271, abs=2e-3)
     azimuth = math.atan2(east, north) / DEG % 360.0
@@ -41,7 +41,7 @@ def fixed_to_earth(lat, lon):
 def test_places_within_20_km_are_right_to_10_cm(lat_0, lon_0, azimuth):
     """A chord projected onto the horizon of the start, as long as an arc of the same chord."""
     points = 20_000.0 * np.array([[math.cos(azimuth * DEG), math.sin(azimuth * DEG)]])
-    ((lat, lon),) = on_earth(points, (lat_0, lon_0))
+    ((lat, lon),) = maps.on_earth(points, (lat_0, lon_0))
     chord = fixed_to_earth(lat, lon) - fixed_to_earth(lat_0, lon_0)
     c, s, c_lon, s_lon = (f(x * DEG) for x in (lat_0, lon_0) for f in (math.cos, math.sin))
     to_north = chord @ (-s * c_lon, -s * s_lon, c)
@@ -53,5 +53,5 @@ def test_places_within_20_km_are_right_to_10_cm(lat_0, lon_0, azimuth):
     assert -180.0 <= lon <= 180.0
     assert points[0] == pytest.approx(expected, abs=0.1)
     for turns in (-360.0, 0.0, 360.0):
-        there = north_east((lat, lon + turns), (lat_0, lon_0))
+        there = maps.north_east((lat, lon + turns), (lat_0, lon_0))
         assert there == pytest.approx(tuple(expected), abs=0.1)

@@ -14,7 +14,7 @@ from places import SHIPPED_SCENARIOS
 from plans import PATROL, item, plan_file, waypoint
 
 import flighttune as ft
-from flighttune.routes.maps import Corridor, north_east
+from flighttune.routes import maps
 
 SEEN = "{http://www.opengis.net/kml/2.2}"
 
@@ -78,7 +78,7 @@ def corridor(route):
     edges = np.append(np.arange(0.0, route.length, 100.0), route.length)
     windows = np.column_stack([edges[:-1], edges[1:]])
     wide = np.tile([3.0, 2.0], (len(windows), 1))
-    return Corridor(windows, -wide, wide, "a claim")
+    return maps.Corridor(windows, -wide, wide, "a claim")
 
 
 def assert_plan(tables):
@@ -123,7 +123,7 @@ def area_of(fence, origin):
     """What a fence has inside, m, and its number of vertices."""
     parts = {True: [], False: []}
     for one in fence["polygons"]:
-        corners = [north_east((lat, lon), origin) for lat, lon in one["polygon"]]
+        corners = [maps.north_east((lat, lon), origin) for lat, lon in one["polygon"]]
         parts[one["inclusion"]].append(shapely.Polygon(corners))
     inside = shapely.union_all(parts[True]).difference(shapely.union_all(parts[False]))
     return inside, sum(len(one["polygon"]) for one in fence["polygons"])
@@ -210,8 +210,8 @@ def test_shapely_reads_geojson_whose_shapes_are_valid(mission, route, corridor, 
     assert len(windows) == len(corridor.windows)
     assert all(shape.is_valid for shape in shapes)
     assert shapely.union_all(windows).buffer(1e-7).covers(shapely.force_2d(line))
-    north, east = north_east(line.coords[-1][1::-1], (47.4, 8.5))
-    assert (north, east) == pytest.approx(north_east((47.41, 8.53), (47.4, 8.5)), abs=0.1)
+    north, east = maps.north_east(line.coords[-1][1::-1], (47.4, 8.5))
+    assert (north, east) == pytest.approx(maps.north_east((47.41, 8.53), (47.4, 8.5)), abs=0.1)
 
 
 @pytest.mark.parametrize("ending", ["plan", "kml", "geojson"])
@@ -288,7 +288,7 @@ def test_a_map_has_the_path_at_the_heights_of_the_plan_above_sea_level(tmp_path)
     assert points[0][:2] == (8.5, 47.4)
     assert points[-1][:2] == pytest.approx((8.52, 47.4), abs=1e-5)
     assert (points[0][2], points[-1][2]) == pytest.approx((540.0, 570.0), abs=CENTIMETRE)
-    beside = [math.hypot(*north_east((lat, lon), (47.41, 8.52))) for lon, lat, _ in points]
+    beside = [math.hypot(*maps.north_east((lat, lon), (47.41, 8.52))) for lon, lat, _ in points]
     assert min(beside) == pytest.approx(180.0, abs=0.1)
 
 

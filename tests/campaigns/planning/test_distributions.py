@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from flighttune.campaigns.planning.draws import LARGEST_POINT, SMALLEST_POINT
+from flighttune.campaigns.planning import draws
 from flighttune.campaigns.planning.schema import DISTRIBUTIONS
 
 POINTS = 4000
@@ -37,7 +37,7 @@ NAMES = [str(distribution) for distribution, _ in CONTINUOUS]
 @pytest.mark.parametrize(("distribution", "known"), CONTINUOUS, ids=NAMES)
 def test_values_are_those_of_scipy_and_a_campaign_is_checked_at_the_median(distribution, known):
     u = np.linspace(0.001, 0.999, 501)
-    outermost = distribution.at(np.array([SMALLEST_POINT, LARGEST_POINT]))
+    outermost = distribution.at(np.array([draws.SMALLEST_POINT, draws.LARGEST_POINT]))
     low, high = known.support()
 
     assert known.cdf(distribution.at(u)) == pytest.approx(u, abs=1e-9)
@@ -77,5 +77,5 @@ def test_the_cells_of_a_grid_share_the_unit_interval():
     grid = drawn("grid", values=[18.0, 22.0, 30.0])
 
     assert grid.at((np.arange(3) + 0.5) / 3).tolist() == grid.values
-    assert grid.at(np.array([SMALLEST_POINT, LARGEST_POINT])).tolist() == [18.0, 30.0]
+    assert grid.at(np.array([draws.SMALLEST_POINT, draws.LARGEST_POINT])).tolist() == [18.0, 30.0]
     assert grid.central == 22.0

@@ -15,7 +15,6 @@ from scipy.linalg import expm
 import flighttune as ft
 from flighttune.claims.tubes import forms, proof
 from flighttune.claims.tubes.dynamics import SampledLag
-from flighttune.claims.tubes.forms import Pieces, Quantity, combined
 from flighttune.claims.tubes.interval import LARGEST_ANGLE, Interval, cosine, sine_and_cosine
 from flighttune.control.theory import exact
 from flighttune.vehicles.plants.lagged import LaggedChannel
@@ -29,7 +28,7 @@ PIECES, ROWS, SYMBOLS, MEMBERS = 3, 3, 12, 200
 @pytest.fixture
 def pieces():
     rng = np.random.default_rng(7)
-    made = Pieces(rng.uniform(-0.4, 0.4, (PIECES, ROWS)), constraints=1, capacity=SYMBOLS + 8)
+    made = forms.Pieces(rng.uniform(-0.4, 0.4, (PIECES, ROWS)), constraints=1, capacity=SYMBOLS + 8)
     made.make_room(SYMBOLS + 8)
     made.values[:, :ROWS, 1 : 1 + SYMBOLS] = rng.uniform(-0.03, 0.03, (PIECES, ROWS, SYMBOLS))
     made.used = SYMBOLS
@@ -53,7 +52,7 @@ def symbols(pieces):
 
 
 def ranged(pieces, form):
-    return Quantity(form, pieces.plain_range(form))
+    return forms.Quantity(form, pieces.plain_range(form))
 
 
 @pytest.mark.parametrize(
@@ -95,7 +94,7 @@ def test_the_values_of_a_function_are_enclosed(pieces, symbols, enclosure, funct
 @pytest.mark.parametrize("scale", [0.1, 1.0, 3.0])
 def test_arctangent_of_a_quotient_is_enclosed(pieces, symbols, scale):
     a, c, _ = pieces.forms()
-    a, b = combined((scale, a)), combined((1.0, c), shift=1.0)
+    a, b = forms.combined((scale, a)), forms.combined((1.0, c), shift=1.0)
 
     found = forms.arctangent(ranged(pieces, a), ranged(pieces, b))
 

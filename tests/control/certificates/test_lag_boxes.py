@@ -13,7 +13,6 @@ from scipy.linalg import expm
 
 import flighttune as ft
 from flighttune.control.certificates import lag_box
-from flighttune.control.certificates.lag_box import constant_rate, constant_rate_proven, norm_rate
 from flighttune.flight.models import gain_set, identified_models, lag_problems, late_ranges
 
 # Relative distance between a proven rate and the least over the points of a grid: four digits.
@@ -311,11 +310,11 @@ def least_on_a_grid(gains, box):
 def test_the_rate_for_constant_lags_is_the_least_of_a_dense_grid(gains, box):
     least = least_on_a_grid(gains, LAGS[box])
 
-    rate = constant_rate(gains, LAGS[box])
+    rate = lag_box.constant_rate(gains, LAGS[box])
 
     assert (1.0 - FOUR_DIGITS) * least < rate < (1.0 + BETWEEN_POINTS) * least
-    assert constant_rate_proven(gains, LAGS[box], rate)
-    assert not constant_rate_proven(gains, LAGS[box], (1.0 + FOUR_DIGITS) * least)
+    assert lag_box.constant_rate_proven(gains, LAGS[box], rate)
+    assert not lag_box.constant_rate_proven(gains, LAGS[box], (1.0 + FOUR_DIGITS) * least)
 
 
 @pytest.mark.parametrize("gains", [LARGEST_R_K, FED_BACK])
@@ -324,8 +323,8 @@ def test_the_rate_at_a_point_is_that_of_its_slowest_root(gains, delay):
     point = 0.15, delay, 0.1, 0.9
     slowest, box = slowest_root(gains, *point), [(x, x) for x in point]
 
-    assert constant_rate_proven(gains, box, (1.0 - BETWEEN_POINTS) * slowest)
-    assert not constant_rate_proven(gains, box, (1.0 + BETWEEN_POINTS) * slowest)
+    assert lag_box.constant_rate_proven(gains, box, (1.0 - BETWEEN_POINTS) * slowest)
+    assert not lag_box.constant_rate_proven(gains, box, (1.0 + BETWEEN_POINTS) * slowest)
 
 
 def test_bernstein_coefficients_are_those_of_powers_and_decide_between_the_nodes(monkeypatch):
@@ -337,7 +336,7 @@ def test_bernstein_coefficients_are_those_of_powers_and_decide_between_the_nodes
         return np.array([(point[0] - Fraction(1, 2)) ** 2 - Fraction(1, 1000)])
 
     monkeypatch.setattr(lag_box, "_conditions", conditions)
-    assert not constant_rate_proven(LARGEST_R_K, ((0.0, 1.0), (0.0, 0.0), *LAW), 1.0)
+    assert not lag_box.constant_rate_proven(LARGEST_R_K, ((0.0, 1.0), (0.0, 0.0), *LAW), 1.0)
 
 
 def loop(gains, lag, delay, a, b):
@@ -352,9 +351,9 @@ def loop(gains, lag, delay, a, b):
 @pytest.mark.parametrize("gains", [LARGEST_R_K, FASTEST, FED_BACK])
 def test_the_norm_falls_at_its_rate_however_lag_and_delay_switch(gains):
     box = LAGS["lag and delay"]
-    constant = constant_rate(gains, box)
+    constant = lag_box.constant_rate(gains, box)
 
-    rate, Q = norm_rate(gains, box, constant)
+    rate, Q = lag_box.norm_rate(gains, box, constant)
 
     rng = np.random.default_rng(1)
     x = np.eye(4)

@@ -8,7 +8,6 @@ from printed import A_K, L_D, E
 
 import flighttune as ft
 from flighttune.control.theory import lyapunov
-from flighttune.control.theory.lyapunov import common_ellipsoid, common_Q, invariant_ellipsoid
 
 SOLVER = 1e-6
 EIGENVALUE_ROUNDING = 1e-9
@@ -22,7 +21,7 @@ def largest_violation(loops, Q):
 
 
 def test_the_common_Q_of_one_loop_has_the_rate_of_the_closed_form():
-    found = common_Q(A_K[None])
+    found = lyapunov.common_Q(A_K[None])
 
     assert found.status == "optimal"
     assert found.R == pytest.approx(ft.loop.indicators(A_K).R_K, rel=SOLVER)
@@ -33,7 +32,7 @@ def test_the_common_rate_of_decays_is_that_of_the_slowest(faster):
     """diag(-k): R = 2 k, with Q = I / (2 k) for the smallest k of any vertex and direction."""
     decays = np.array([[1.0, 5.0], [3.0, 0.4], [2.0, 2.0]])
 
-    found = common_Q([-faster * np.diag(each) for each in decays])
+    found = lyapunov.common_Q([-faster * np.diag(each) for each in decays])
 
     assert (found.status, found.reason) == ("optimal", "")
     assert found.R == pytest.approx(2.0 * 0.4 * faster, rel=SOLVER)
@@ -41,7 +40,7 @@ def test_the_common_rate_of_decays_is_that_of_the_slowest(faster):
 
 
 def test_loops_whose_mean_is_unstable_have_no_common_Q_and_the_bound_says_so():
-    found = common_Q(STABLE_APART)
+    found = lyapunov.common_Q(STABLE_APART)
 
     assert found.status == "none"
     assert found.Q is None
@@ -53,7 +52,7 @@ def test_loops_whose_mean_is_unstable_have_no_common_Q_and_the_bound_says_so():
 def test_the_rate_is_lowered_by_every_vertex_and_held_by_every_matrix_between():
     spread = np.array([[0.0, 1.0, 0.0, 0.0], *np.zeros((3, 4))])
     loops = np.array([A_K, A_K + 0.2 * spread, A_K - 0.2 * spread.T])
-    found = common_Q(loops)
+    found = lyapunov.common_Q(loops)
     rng = np.random.default_rng(0)
     weights = rng.dirichlet(np.ones(3), size=200)
 
@@ -70,39 +69,44 @@ def test_rate_and_bound_enclose_each_other_on_random_polytopes(seed):
     rng = np.random.default_rng(seed)
     centre = rng.normal(size=(3, 3))
     centre -= (np.linalg.eigvals(centre).real.max() + 0.5) * np.eye(3)
-    found = common_Q(centre + 0.15 * rng.normal(size=(4, 3, 3)))
+    found = lyapunov.common_Q(centre + 0.15 * rng.normal(size=(4, 3, 3)))
 
     assert found.R <= found.R_bound
     assert found.status in ("optimal", "none")
 
 
 def test_the_common_ellipsoid_of_one_loop_is_the_closed_form():
-    single, _ = common_ellipsoid(A_K[None], E, L_d=L_D)
+    single, _ = lyapunov.common_ellipsoid(A_K[None], E, L_d=L_D)
 
-    assert single.radius == pytest.approx(invariant_ellipsoid(A_K, E, L_d=L_D).radius, rel=1e-4)
+    assert single.radius == pytest.approx(
+        lyapunov.invariant_ellipsoid(A_K, E, L_d=L_D).radius, rel=1e-4
+    )
 
 
 def test_the_common_ellipsoid_is_invariant_at_every_vertex():
     loops = np.array([A_K, 1.1 * A_K, A_K - 0.1 * np.eye(4)])
-    found, _ = common_ellipsoid(loops, E, L_d=L_D)
+    found, _ = lyapunov.common_ellipsoid(loops, E, L_d=L_D)
     W, a = found.W, found.multiplier
 
     flow = loops @ W + W @ loops.mT + a * W + L_D**2 / a * E @ E.T
 
     assert np.linalg.eigvalsh(flow)[:, -1].max() < 0.0
     assert found.radius == pytest.approx(np.sqrt(np.linalg.eigvalsh(W)[-1]))
-    assert found.radius > invariant_ellipsoid(A_K, E, L_d=L_D).radius
+    assert found.radius > lyapunov.invariant_ellipsoid(A_K, E, L_d=L_D).radius
 
 
 def test_loops_without_a_common_ellipsoid_are_a_result_with_a_reason():
     unstable = [-np.eye(2), np.eye(2)]
 
-    none, reason = common_ellipsoid(STABLE_APART, np.eye(2), L_d=1.0)
+    none, reason = lyapunov.common_ellipsoid(STABLE_APART, np.eye(2), L_d=1.0)
 
     assert none is None
     assert reason
-    assert common_ellipsoid(unstable, np.eye(2), L_d=1.0) == (None, "a vertex is not stable")
-    assert common_Q(unstable).status == "none"
+    assert lyapunov.common_ellipsoid(unstable, np.eye(2), L_d=1.0) == (
+        None,
+        "a vertex is not stable",
+    )
+    assert lyapunov.common_Q(unstable).status == "none"
 
 
 def test_a_solver_that_lies_is_not_believed(monkeypatch):
@@ -114,19 +118,19 @@ def test_a_solver_that_lies_is_not_believed(monkeypatch):
         return ""
 
     monkeypatch.setattr(lyapunov, "solve", liar)
-    found = common_Q(np.array([A_K, A_K]))
+    found = lyapunov.common_Q(np.array([A_K, A_K]))
 
     assert found.status != "optimal"
     assert found.R <= ft.loop.indicators(A_K).R_K
-    assert common_ellipsoid(A_K[None], E, L_d=1.0)[0] is None
+    assert lyapunov.common_ellipsoid(A_K[None], E, L_d=1.0)[0] is None
 
 
 @pytest.mark.parametrize(
     ("made", "words"),
     [
-        (lambda: common_Q(A_K), "`vertices` must have 3 axes"),
-        (lambda: common_ellipsoid(A_K[None], np.eye(2), L_d=1.0), "`E` must have 4 rows"),
-        (lambda: common_ellipsoid(A_K[None], E, L_d=0.0), r"`L_d`.*0"),
+        (lambda: lyapunov.common_Q(A_K), "`vertices` must have 3 axes"),
+        (lambda: lyapunov.common_ellipsoid(A_K[None], np.eye(2), L_d=1.0), "`E` must have 4 rows"),
+        (lambda: lyapunov.common_ellipsoid(A_K[None], E, L_d=0.0), r"`L_d`.*0"),
     ],
     ids=["one matrix", "rows", "disturbance"],
 )

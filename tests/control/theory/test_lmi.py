@@ -9,7 +9,6 @@ from semidefinite import largest_rate, rate
 
 import flighttune as ft
 from flighttune.control.theory import lmi
-from flighttune.control.theory.lmi import largest, solve, unknown
 
 OFF_DIAGONAL = np.array([[0.0, 1.0], [1.0, 0.0]])
 
@@ -23,17 +22,17 @@ def above_off_diagonal(t):
     ("sign", "most", "reason"), [(-1.0, 0.0, "infeasible"), (1.0, np.inf, "unbounded")]
 )
 def test_a_problem_without_a_solution_is_a_reason_and_not_an_error(sign, most, reason):
-    t = unknown()
+    t = lmi.unknown()
     more = [t <= most] if np.isfinite(most) else []
 
-    assert reason in solve(largest(sign * t, [above_off_diagonal(t), *more]))
+    assert reason in lmi.solve(lmi.largest(sign * t, [above_off_diagonal(t), *more]))
 
 
 def test_a_solver_stopped_early_has_no_answer(monkeypatch):
     monkeypatch.setitem(lmi.SOLVER_OPTIONS, "max_iter", 2)
-    t = unknown()
+    t = lmi.unknown()
 
-    assert solve(largest(-t, [above_off_diagonal(t)]))
+    assert lmi.solve(lmi.largest(-t, [above_off_diagonal(t)]))
 
 
 AGREEMENT = 1e-6

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.linalg import solve_continuous_lyapunov
 
 import flighttune as ft
-from flighttune.control.theory.lyapunov import KRONECKER_STATES, lyapunov_solution
+from flighttune.control.theory import lyapunov
 
 ROUNDING = 1e-12
 STIFF = 1e-6
@@ -50,7 +50,7 @@ def rational_solution(A):
 def test_stiff_loops_agree_with_exact_rational_arithmetic(seed, normal):
     A = stable_loop(seed, n=3, decades=7.0, normal=normal)
 
-    extremes = np.linalg.eigvalsh(lyapunov_solution(A))[[0, -1]]
+    extremes = np.linalg.eigvalsh(lyapunov.lyapunov_solution(A))[[0, -1]]
 
     assert extremes == pytest.approx(np.linalg.eigvalsh(rational_solution(A))[[0, -1]], rel=STIFF)
 
@@ -59,7 +59,7 @@ def test_stiff_loops_agree_with_exact_rational_arithmetic(seed, normal):
 def test_a_barely_damped_oscillator_has_the_solution_known_on_paper(distance):
     A = np.array([[-distance, 1.0], [-1.0, -distance]])
 
-    assert lyapunov_solution(A) == pytest.approx(np.eye(2) / (2.0 * distance), rel=STIFF)
+    assert lyapunov.lyapunov_solution(A) == pytest.approx(np.eye(2) / (2.0 * distance), rel=STIFF)
 
 
 @settings(max_examples=60)
@@ -67,7 +67,7 @@ def test_a_barely_damped_oscillator_has_the_solution_known_on_paper(distance):
 def test_any_number_of_states_agrees_with_bartels_and_stewart(seed, n, decades):
     A = stable_loop(seed, n, decades, normal=True)
 
-    Q = lyapunov_solution(A)
+    Q = lyapunov.lyapunov_solution(A)
 
     assert np.array_equal(Q, Q.T)
     assert Q == pytest.approx(
@@ -75,17 +75,17 @@ def test_any_number_of_states_agrees_with_bartels_and_stewart(seed, n, decades):
     )
 
 
-@pytest.mark.parametrize("n", [2, KRONECKER_STATES, KRONECKER_STATES + 1])
+@pytest.mark.parametrize("n", [2, lyapunov.KRONECKER_STATES, lyapunov.KRONECKER_STATES + 1])
 def test_a_stack_equals_its_members_and_broadcasts_the_right_hand_side(n):
     rng = np.random.default_rng(n)
     A = rng.standard_normal((3, 1, n, n)) - 3.0 * n * np.eye(n)
     half = rng.standard_normal((2, n, n))
     S = half @ half.mT
 
-    Q = lyapunov_solution(A, S)
+    Q = lyapunov.lyapunov_solution(A, S)
 
     assert Q.shape == (3, 2, n, n)
-    one = lyapunov_solution(A[2, 0], S[1])
+    one = lyapunov.lyapunov_solution(A[2, 0], S[1])
     assert Q[2, 1] == pytest.approx(one, rel=ROUNDING, abs=ROUNDING)
     residual = A.mT @ Q + Q @ A + S
     assert np.abs(residual).max() < ROUNDING * n * np.abs(S).max()
@@ -93,7 +93,7 @@ def test_a_stack_equals_its_members_and_broadcasts_the_right_hand_side(n):
 
 def test_a_pair_of_opposite_eigenvalues_is_refused():
     with pytest.raises(ft.InputError, match="`A`"):
-        lyapunov_solution(np.diag([1.0, -1.0]))
+        lyapunov.lyapunov_solution(np.diag([1.0, -1.0]))
 
 
 @pytest.mark.parametrize(
@@ -105,4 +105,4 @@ def test_a_pair_of_opposite_eigenvalues_is_refused():
 )
 def test_a_right_hand_side_that_does_not_fit_is_named(S, message):
     with pytest.raises(ft.InputError, match=message):
-        lyapunov_solution(-np.stack([np.eye(2)] * 3), S)
+        lyapunov.lyapunov_solution(-np.stack([np.eye(2)] * 3), S)

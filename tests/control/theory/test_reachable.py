@@ -14,8 +14,8 @@ from worst_reach import ReachableSet, largest_reach, worst_disturbance
 
 import flighttune as ft
 from flighttune.control.linear_model import closed_loops
+from flighttune.control.theory import lyapunov
 from flighttune.control.theory import reachable as tabulated
-from flighttune.control.theory.lyapunov import invariant_ellipsoid, paper_balls
 from flighttune.control.theory.reachable import error_slopes, largest_errors, largest_outputs
 
 REACHED = 0.01
@@ -41,9 +41,9 @@ def bounds(name):
     A = FLIGHTS[name]
     return (
         largest_reach(ReachableSet.of(A, E, L_d=L_D)),
-        invariant_ellipsoid(A, E, L_d=L_D),
+        lyapunov.invariant_ellipsoid(A, E, L_d=L_D),
         L_D * largest_outputs(A[None], E, np.eye(4))[0],
-        paper_balls(A, MODEL.A, I_K=ft.loop.indicators(A).I_K, L_d=L_D)[0],
+        lyapunov.paper_balls(A, MODEL.A, I_K=ft.loop.indicators(A).I_K, L_d=L_D)[0],
     )
 
 
@@ -96,7 +96,7 @@ def test_the_worst_disturbance_of_a_channel_reaches_its_largest_value(reachable,
 
 
 def test_the_papers_ball_has_three_readings():
-    balls = paper_balls(A_K, MODEL.A, I_K=ft.loop.indicators(A_K).I_K, L_d=L_D)
+    balls = lyapunov.paper_balls(A_K, MODEL.A, I_K=ft.loop.indicators(A_K).I_K, L_d=L_D)
 
     assert balls == pytest.approx([0.241, 0.104, 0.015], abs=5e-4)
 
@@ -104,7 +104,7 @@ def test_the_papers_ball_has_three_readings():
 def test_a_lightly_damped_loop_leaves_the_ball_of_the_proportional_reading():
     damping = 0.1
     oscillator = np.array([[-damping, -1.0], [1.0, 0.0]])
-    safe, proportional, _ = paper_balls(
+    safe, proportional, _ = lyapunov.paper_balls(
         oscillator, [[0.0]], I_K=ft.loop.indicators(oscillator).I_K, L_d=1.0
     )
 
@@ -118,7 +118,7 @@ def test_the_ellipsoid_of_a_single_decay_is_the_exact_interval():
     """s' = -k s + v reaches L_d / k; the best multiplier is a = k."""
     k, L_d = 3.0, 0.6
 
-    ellipsoid = invariant_ellipsoid([[-k]], [[1.0]], L_d=L_d)
+    ellipsoid = lyapunov.invariant_ellipsoid([[-k]], [[1.0]], L_d=L_d)
 
     assert ellipsoid.radius == pytest.approx(L_d / k, rel=QUADRATURE)
     assert ellipsoid.multiplier == pytest.approx(k, rel=1e-3)
@@ -135,13 +135,13 @@ def test_the_ellipsoid_of_a_single_decay_is_the_exact_interval():
 )
 def test_what_has_no_bound_is_refused_by_name(A, E, L_d, words):
     with pytest.raises(ft.InputError, match=words):
-        invariant_ellipsoid(A, E, L_d=L_d)
+        lyapunov.invariant_ellipsoid(A, E, L_d=L_d)
 
 
 @pytest.mark.parametrize("L_d", [0.0, np.nan])
 def test_the_balls_of_the_paper_have_a_disturbance(L_d):
     with pytest.raises(ft.InputError, match="`L_d` must be positive"):
-        paper_balls(A_K, MODEL.A, I_K=1.0, L_d=L_d)
+        lyapunov.paper_balls(A_K, MODEL.A, I_K=1.0, L_d=L_d)
 
 
 @pytest.mark.slow

@@ -7,7 +7,7 @@ import pytest
 from printed import lagged
 
 import flighttune as ft
-from flighttune.control.tuning.program import Program, stabilising_starts
+from flighttune.control.tuning import program
 from flighttune.control.tuning.result import assessment
 from flighttune.control.tuning.tune import searches
 from tests.control.tuning.conftest import DECOUPLED, relaxed
@@ -74,13 +74,13 @@ def test_starts_are_stable_inside_the_bounds_and_the_same_for_one_seed(seed):
         model=lagged(), K_fixed=DECOUPLED, K_max=np.full((2, 4), 3.0), seed=seed
     )
 
-    k = stabilising_starts(problem, 6)
+    k = program.stabilising_starts(problem, 6)
 
     assert k.shape == (6, 4)
     loops = [ft.loop.closed_loop(problem.model, problem.gains(K)) for K in problem.K(k)]
     assert np.linalg.eigvals(loops).real.max() < 0.0
     assert k.max() <= 3.0
-    assert np.array_equal(k, stabilising_starts(problem, 6))
+    assert np.array_equal(k, program.stabilising_starts(problem, 6))
 
 
 @pytest.mark.parametrize(
@@ -103,7 +103,7 @@ def test_slopes_of_several_models_are_those_of_central_differences(printed, mode
     K_fixed[0, 1] = 0.1
     whole = {"I_star": 9.0, "K_fixed": K_fixed, "scaling": None}
     several = [replace(printed, model=plant, **whole) for plant in (model, lagged())]
-    task = Program(several, "R_K")
+    task = program.Program(several, "R_K")
     z = np.array([2.5, 0.8, 0.3, -0.2, 2.7, 0.1, 0.9, 4.0, -3.0, -2.0, 1.0])
 
     slopes = task.room_slopes(z)
@@ -117,7 +117,7 @@ def test_slopes_of_several_models_are_those_of_central_differences(printed, mode
 
 def test_starts_outside_the_limits_end_inside_where_there_is_room(printed):
     problem = relaxed(printed, 7.0)
-    k = stabilising_starts(problem, 12)
+    k = program.stabilising_starts(problem, 12)
     outside = k[problem.slack(k).min(axis=1) < 0.0]
 
     ends = searches(problem, outside, "R_K")

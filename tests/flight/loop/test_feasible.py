@@ -9,7 +9,7 @@ import pytest
 from made_up import scenario_tables
 
 import flighttune as ft
-from flighttune.flight.conditions import manoeuvre_of, reference_of
+from flighttune.flight import conditions
 from flighttune.flight.load import check_scenario
 from flighttune.flight.loop.loop import simulate
 from flighttune.routes.feasible import Manoeuvre, feasible_reference
@@ -133,7 +133,9 @@ def changed(**tables):
 
 
 def test_the_margin_is_taken_off_every_limit_about_level_flight():
-    commands = reference_of(ft.scenario_from(TABLES)).commands(np.arange(0.0, 10.0, 0.02))
+    commands = conditions.reference_of(ft.scenario_from(TABLES)).commands(
+        np.arange(0.0, 10.0, 0.02)
+    )
 
     assert commands[:, 0].min() == pytest.approx(-27.0 * DEG, abs=1e-6)
     assert commands[:, 1].max() <= 1.0 + 0.9 * 0.8 + 1e-6
@@ -144,18 +146,18 @@ def test_below_the_design_speed_there_is_less_lift():
     slow["plant"] = [{"kind": "jsbsim", "aircraft": "aerosonde"}]
     most = 1.0 + 0.9 * (2.1 * (20.0 / 25.0) ** 2 - 1.0)  # the Aerosonde has 2.1 at 25 m/s
 
-    commands = reference_of(ft.scenario_from(slow)).commands(np.arange(0.0, 10.0, 0.02))
+    commands = conditions.reference_of(ft.scenario_from(slow)).commands(np.arange(0.0, 10.0, 0.02))
 
     assert commands[:, 1].max() <= most + 1e-6
     least = 1.0 - 0.9 * (2.1 * (20.0 / 25.0) ** 2 + 1.0)  # and -2.1
-    limits = manoeuvre_of(ft.scenario_from(slow))
+    limits = conditions.manoeuvre_of(ft.scenario_from(slow))
     assert (limits.lower[1], limits.upper[1]) == pytest.approx((least, most))
 
 
 def test_the_reference_may_begin_elsewhere_than_the_flight():
     scenario = ft.scenario_from(changed(reference={"chi_from_deg": 25.0, "gamma_from_deg": 1.0}))
 
-    assert np.array(reference_of(scenario).initial) / DEG == pytest.approx([25.0, 1.0])
+    assert np.array(conditions.reference_of(scenario).initial) / DEG == pytest.approx([25.0, 1.0])
 
 
 @pytest.mark.parametrize(

@@ -13,8 +13,8 @@ from flighttune.control.mimo_pi import INTEGRAL_SIGNALS
 from flighttune.flight.loop.batch import cores
 from flighttune.flight.loop.loop import LOOP_SIGNALS, Flight, simulate
 from flighttune.routes.segments import Segment
+from flighttune.studies.paper import parameters as printed
 from flighttune.studies.paper.flight import fly
-from flighttune.studies.paper.parameters import PRINTED_DISTURBANCE, disturbance
 
 PEAK_TOLERANCE = 0.002
 PAPER_LIMITS = ft.loop.Limits(
@@ -30,7 +30,9 @@ PAPER_REFERENCE = ft.loop.Reference(chi=0.0, gamma=math.pi / 12)
 def test_the_papers_mode_peaks_where_the_continuous_law_does():
     (run,) = ft.fly("paper_as_printed", "paper").runs
 
-    continuous = fly(ft.PAPER_GAINS, disturbance(PRINTED_DISTURBANCE)).error.max(axis=0)
+    continuous = fly(ft.PAPER_GAINS, printed.disturbance(printed.PRINTED_DISTURBANCE)).error.max(
+        axis=0
+    )
     peaks = run.signals[["chi_err", "gamma_err"]].max().to_numpy()
     assert peaks == pytest.approx(continuous, abs=PEAK_TOLERANCE)
 

@@ -10,22 +10,16 @@ import flighttune
 from flighttune.base.names import key_words
 from flighttune.base.words import at_least, at_most
 from flighttune.flight import metrics
-from flighttune.outputs.answers.labels import (
-    METRIC_LABELS,
-    QUANTITIES,
-    TABLES,
-    measure_words,
-    metric_label,
-)
+from flighttune.outputs.answers import labels
 
 
 def test_every_label_of_a_single_table_is_one_of_its_columns():
     code = "".join(path.read_text() for path in Path(flighttune.__file__).parent.rglob("*.py"))
-    used = {name: set() for name in TABLES["tables"]}
+    used = {name: set() for name in labels.TABLES["tables"]}
     for keys, name in re.findall(r'columns\w*\(\s*((?:"[^"]*"\s*)+),\s*of="(\w+)"', code):
         used[name] |= set(keys.replace('"', " ").split())
-    for name, labels in TABLES["tables"].items():
-        assert labels.keys() <= used[name]
+    for name, headings in labels.TABLES["tables"].items():
+        assert headings.keys() <= used[name]
 
 
 def test_every_metric_has_a_label_and_angles_are_in_degrees():
@@ -38,23 +32,23 @@ def test_every_metric_has_a_label_and_angles_are_in_degrees():
         "end_error_mps",
         "error",
     }
-    named |= {*metrics.LOOP_METRICS} - QUANTITIES.keys()
-    assert named == METRIC_LABELS.keys()
-    assert metric_label("V.MO_mps").heading == "overshoot of V [m/s]"
-    assert metric_label("chi.MO_rad").heading == "overshoot of χ [deg]"
-    assert metric_label("chi.MO_rad").written(math.pi / 18.0) == "10.00"
-    assert metric_label("gamma.effort_rms").heading == "effort rms of γ [1]"
-    assert metric_label("flight.n_z_max").heading == "maximum n_z [1]"
-    assert metric_label("chi.MO_deg").written(10.0) == "10.00"
-    assert measure_words("chi.MO_deg") == "overshoot of course"
-    assert measure_words("gamma.settling_s") == "settling time of path angle (5\u00a0%)"
-    assert measure_words("V.settling_s within 0.5 deg") == (
+    named |= {*metrics.LOOP_METRICS} - labels.QUANTITIES.keys()
+    assert named == labels.METRIC_LABELS.keys()
+    assert labels.metric_label("V.MO_mps").heading == "overshoot of V [m/s]"
+    assert labels.metric_label("chi.MO_rad").heading == "overshoot of χ [deg]"
+    assert labels.metric_label("chi.MO_rad").written(math.pi / 18.0) == "10.00"
+    assert labels.metric_label("gamma.effort_rms").heading == "effort rms of γ [1]"
+    assert labels.metric_label("flight.n_z_max").heading == "maximum n_z [1]"
+    assert labels.metric_label("chi.MO_deg").written(10.0) == "10.00"
+    assert labels.measure_words("chi.MO_deg") == "overshoot of course"
+    assert labels.measure_words("gamma.settling_s") == "settling time of path angle (5\u00a0%)"
+    assert labels.measure_words("V.settling_s within 0.5 deg") == (
         "settling time of airspeed (within 0.5 deg)"
     )
-    assert measure_words("height_err.error within 9 m, 2 m from 4 s") == (
+    assert labels.measure_words("height_err.error within 9 m, 2 m from 4 s") == (
         "largest error over envelope of height (within 9 m, 2 m from 4 s)"
     )
-    assert metric_label("loop.phase_margin_deg").heading == "phase margin [deg]"
+    assert labels.metric_label("loop.phase_margin_deg").heading == "phase margin [deg]"
 
 
 @pytest.mark.parametrize(

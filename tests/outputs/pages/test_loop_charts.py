@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import flighttune as ft
-from flighttune.control.margins import channel_responses, loop_margins
+from flighttune.control import margins
 from flighttune.outputs.pages.charts import loop_charts
 
 G, V = 9.81, 25.0
@@ -23,7 +23,7 @@ def level():
 def test_a_decoupled_loop_has_the_response_of_two_integrators_and_a_zero(level):
     gains = ft.PIGains(K_P=np.diag([1.7, 2.1]), K_I=np.diag([0.6, 0.9]))
 
-    found = channel_responses(level, gains, OMEGA)
+    found = margins.channel_responses(level, gains, OMEGA)
 
     s = 1j * OMEGA
     for i, (proportional, integral) in enumerate(((1.7, 0.6), (2.1, 0.9))):
@@ -33,7 +33,7 @@ def test_a_decoupled_loop_has_the_response_of_two_integrators_and_a_zero(level):
 
 def test_the_phase_margin_drawn_is_that_of_the_closed_form(level):
     gains = ft.PIGains(K_P=np.diag([1.7, 2.1]), K_I=np.diag([0.6, 0.9]))
-    charts = loop_charts(level, gains, loop_margins(level, gains))
+    charts = loop_charts(level, gains, margins.loop_margins(level, gains))
 
     drawn = [name for name, _, _ in charts[1].legend if name.startswith("phase margin")]
 

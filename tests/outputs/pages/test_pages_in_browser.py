@@ -11,8 +11,7 @@ from plans import plan_file, waypoint
 from flighttune.outputs.answers.answer import facts_table
 from flighttune.outputs.drawing.chart import Chart
 from flighttune.outputs.drawing.templates import page_template
-from flighttune.outputs.pages.counted import FENCES, VOLUMES
-from flighttune.outputs.pages.frame import Section, write_page
+from flighttune.outputs.pages import counted, frame
 
 FEW = "--epsilon 0.5 --confidence 0.9"
 
@@ -116,7 +115,7 @@ def test_notes_become_sentences():
         "fly one again: flighttune verify m.npz --run 21",
     ]
 
-    assert Section(note=notes).notes == (
+    assert frame.Section(note=notes).notes == (
         "A new flight leaves it: 0 of 6 did.",
         "All are flights of a glider.",
         "kinematic / paper: two of four.",
@@ -127,10 +126,10 @@ def test_notes_become_sentences():
 
 def test_lines_of_a_map_differ_by_their_dashes_and_colours():
     """Those of volumes by both, so that one who sees no colours tells them apart too."""
-    colours, dashes = zip(*VOLUMES, strict=True)
+    colours, dashes = zip(*counted.VOLUMES, strict=True)
 
-    assert len({*colours}) == len({*dashes}) == len(VOLUMES)
-    assert len({*FENCES}) == len(FENCES)
+    assert len({*colours}) == len({*dashes}) == len(counted.VOLUMES)
+    assert len({*counted.FENCES}) == len(counted.FENCES)
 
 
 @pytest.mark.soak
@@ -147,9 +146,9 @@ def test_a_page_has_no_character_that_steers_a_terminal(tmp_path):
     chart.line([0.0, 1.0], [0.0, 1.0], "#354FD8", name=wicked)
     template = page_template("flighttune.outputs.pages", "answer.html.jinja")
     texts = {"provenance": facts_table("Provenance", {"file": wicked}), "commands": wicked}
-    write_page(
+    frame.write_page(
         tmp_path / "page.html", template, title=wicked, summary=(wicked,), texts={wicked: wicked},
-        sections=[Section(note=[wicked, wicked], charts=[chart])], **texts,
+        sections=[frame.Section(note=[wicked, wicked], charts=[chart])], **texts,
     )  # fmt: skip
 
     text = (tmp_path / "page.html").read_text(encoding="utf-8")

@@ -4,18 +4,18 @@ import numpy as np
 import pytest
 
 from flighttune.gaps.residual import mismatch
+from flighttune.outputs.recording import plots
 from flighttune.outputs.recording.entities import runs_to_draw
-from flighttune.outputs.recording.plots import PARTS, with_derived
 
 HALF_A_SAMPLE = 0.006
 """Part of a mean over an interval from the value at its end, rad/s."""
 
 
 def test_the_parts_of_the_gap_add_up_to_what_the_law_leaves_out(four_runs):
-    kinematic, aircraft = with_derived(runs_to_draw(four_runs[:2]))
+    kinematic, aircraft = plots.with_derived(runs_to_draw(four_runs[:2]))
     d = mismatch(aircraft.run).d
     for i, channel in enumerate(("chi", "gamma")):
-        parts = sum(aircraft.run.signals[f"{part}_{channel}"] for part in PARTS).to_numpy()
+        parts = sum(aircraft.run.signals[f"{part}_{channel}"] for part in plots.PARTS).to_numpy()
         assert parts[:-1] == pytest.approx(d[:, i], abs=HALF_A_SAMPLE)
         assert np.abs(d[:, i]).max() > 10.0 * HALF_A_SAMPLE
     assert "distance" not in kinematic.run.signals

@@ -11,8 +11,7 @@ from rerun.chunk import RrdReader
 from scipy.spatial.transform import Rotation
 
 from flighttune.outputs.drawing.chart import MOST
-from flighttune.outputs.recording.entities import TIMELINE, runs_to_draw
-from flighttune.outputs.recording.plots import TABS, with_derived
+from flighttune.outputs.recording import entities, plots
 from flighttune.outputs.recording.record import write_recording
 
 FLOAT32_POSITION = 1e-4
@@ -45,7 +44,7 @@ class Contents:
         ]
 
     def nanoseconds(self, entity):
-        return self.timed[entity][TIMELINE].to_numpy(zero_copy_only=False).astype(np.int64)
+        return self.timed[entity][entities.TIMELINE].to_numpy(zero_copy_only=False).astype(np.int64)
 
     def values(self, entity, component="Scalars:scalars"):
         return np.array(self.timed[entity][component].to_pylist())
@@ -67,10 +66,12 @@ def test_times_are_exact_to_the_nanosecond(contents, four_runs):
         assert contents.nanoseconds(f"/world/aircraft/{key}/body").tolist() == wanted
 
 
-@pytest.mark.parametrize("plot", [p for tab in TABS.values() for p in tab], ids=lambda p: p.signal)
+@pytest.mark.parametrize(
+    "plot", [p for tab in plots.TABS.values() for p in tab], ids=lambda p: p.signal
+)
 def test_every_plot_holds_the_signals_of_every_run_that_has_them(contents, four_runs, plot):
-    drawn = runs_to_draw(four_runs)
-    for key, one in zip(KEYS, with_derived(drawn), strict=True):
+    drawn = entities.runs_to_draw(four_runs)
+    for key, one in zip(KEYS, plots.with_derived(drawn), strict=True):
         run = one.run
         entity = f"/plots/{plot.signal}/{key}"
         if plot.signal not in run.signals or plot.signal.startswith("wind") or "d_" in plot.signal:
@@ -146,7 +147,7 @@ def blueprint_values(contents, component):
 
 def test_it_opens_paused_with_linked_time_axes_and_nothing_added_by_the_viewer(contents):
     assert blueprint_values(contents, "TimePanelBlueprint:play_state") == [[1]]
-    assert blueprint_values(contents, "TimePanelBlueprint:timeline") == [[TIMELINE]]
+    assert blueprint_values(contents, "TimePanelBlueprint:timeline") == [[entities.TIMELINE]]
     assert blueprint_values(contents, "ViewportBlueprint:auto_views") == [[False]]
     assert set(map(tuple, blueprint_values(contents, "TimeAxis:link"))) == {(2,)}
 

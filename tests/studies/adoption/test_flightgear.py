@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import flighttune as ft
+from flighttune.studies.adoption import flightgear
 from flighttune.studies.adoption.adopt import aircraft_text
-from flighttune.studies.adoption.flightgear import of_flightgear, stated_beside
 from flighttune.studies.adoption.survey import survey, wide_tables
 from flighttune.vehicles.aircraft.aircraft import aircraft_from
 
@@ -35,7 +35,7 @@ def stated(tmp_path):
             (folder / f"{name}.xml").write_text(f"<PropertyList>{content}</PropertyList>")
         included = f' include="{include}"' if include else ""
         (folder / "tuned-set.xml").write_text(SET.format(included, text))
-        return of_flightgear(folder / "tuned-set.xml")[1]
+        return flightgear.of_flightgear(folder / "tuned-set.xml")[1]
 
     return stated
 
@@ -166,7 +166,11 @@ def aircraft(tmp_path):
 def surveyed(tmp_path):
     def surveyed(file, **asked):
         return survey(
-            wide_tables(str(file)), tmp_path, h=1000.0, stated=stated_beside(file), **asked
+            wide_tables(str(file)),
+            tmp_path,
+            h=1000.0,
+            stated=flightgear.stated_beside(file),
+            **asked,
         )
 
     return surveyed

@@ -7,8 +7,8 @@ import math
 
 import pytest
 
+from flighttune.studies.paper import claims
 from flighttune.studies.paper import parameters as printed
-from flighttune.studies.paper.claims import CLAIMS, judge
 
 pytestmark = pytest.mark.slow
 
@@ -132,7 +132,7 @@ ELSEWHERE = {
 def test_a_claim_is_judged_by_what_was_computed(study, name):
     verdict, computed = VERDICTS[name]
 
-    finding = judge(name, study)
+    finding = claims.judge(name, study)
 
     assert finding.verdict == verdict
     assert len(finding.checks) == len(computed)
@@ -143,7 +143,7 @@ def test_a_claim_is_judged_by_what_was_computed(study, name):
 
 
 def test_every_claim_is_judged_somewhere():
-    assert {*VERDICTS} | ELSEWHERE == {*CLAIMS}
+    assert {*VERDICTS} | ELSEWHERE == {*claims.CLAIMS}
 
 
 def test_the_numbers_of_the_paper_are_those_that_it_prints():

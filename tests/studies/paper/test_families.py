@@ -8,14 +8,8 @@ from made_up import made_up_run
 from scipy.integrate import solve_ivp
 
 import flighttune as ft
+from flighttune.studies.paper import flight as paper
 from flighttune.studies.paper import parameters as printed
-from flighttune.studies.paper.flight import (
-    decay_rate,
-    fly,
-    initial_commands,
-    largest_share,
-    oscillations,
-)
 
 SAME_PATH = 1e-6
 SAME_MEASURE = 1e-9
@@ -66,7 +60,7 @@ WAVE = printed.disturbance(printed.PRINTED_DISTURBANCE)
 def test_the_families_fly_as_an_independent_integrator_does(
     study, name, epsilon, disturbance, amplitude, omega
 ):
-    flight = fly(study.gains[name], printed.disturbance(disturbance))
+    flight = paper.fly(study.gains[name], printed.disturbance(disturbance))
     shift = -epsilon * np.eye(2)
 
     e_chi, e_gamma = independent(K_P + shift, K_I + shift, amplitude, omega, flight.t)
@@ -79,7 +73,7 @@ def test_the_families_fly_as_an_independent_integrator_does(
 
 
 def test_the_rates_of_error_are_the_derivatives_of_the_errors(study):
-    flight = fly(study.star, None)
+    flight = paper.fly(study.star, None)
     smooth = np.flatnonzero(flight.t > 12.0)[1:-1]
 
     for channel in ("chi", "gamma"):
@@ -90,7 +84,7 @@ def test_the_rates_of_error_are_the_derivatives_of_the_errors(study):
 
 @pytest.mark.slow
 def test_measures_of_the_errors_are_those_of_every_other_run(study):
-    flight = fly(study.gains["K2"], WAVE)
+    flight = paper.fly(study.gains["K2"], WAVE)
     columns = {f"{c}_err": flight.channels[c] for c in ("chi", "gamma")}
     columns |= {"chi_ref": 0.0, "gamma_ref": np.pi / 12.0}
     for i, name in enumerate(("phi", "n_z")):
@@ -104,7 +98,7 @@ def test_measures_of_the_errors_are_those_of_every_other_run(study):
 
 
 def test_the_first_commands_of_the_printed_gains_are_those_worked_out_by_hand(study):
-    use = initial_commands(study.star)
+    use = paper.initial_commands(study.star)
 
     chi, gamma = -math.pi / 3, -math.pi / 6
     phi = (1.6968 + 0.34869) * chi + (0.5906 + 0.01784) * gamma
@@ -112,7 +106,7 @@ def test_the_first_commands_of_the_printed_gains_are_those_worked_out_by_hand(st
     assert [*ends] == pytest.approx([phi, -math.pi / 4, math.pi / 4], abs=1e-12)
     for name, value in (("phi", -2.461), ("n_z", -0.569), ("phi rate", -3.745)):
         assert use["value"][name] == pytest.approx(value, abs=PRINTED_DIGITS)
-    assert largest_share(study.star) == pytest.approx(
+    assert paper.largest_share(study.star) == pytest.approx(
         use["value"]["phi rate"] / (-math.pi / 6), rel=1e-12
     )
 
@@ -120,5 +114,5 @@ def test_the_first_commands_of_the_printed_gains_are_those_worked_out_by_hand(st
 def test_decay_and_oscillations_of_a_known_signal():
     t = np.linspace(0.0, 10.0, 1001)
 
-    assert decay_rate(t, 3.0 * np.exp(-0.7 * t)) == pytest.approx(0.7, rel=1e-9)
-    assert oscillations(np.cos(t)) == 3
+    assert paper.decay_rate(t, 3.0 * np.exp(-0.7 * t)) == pytest.approx(0.7, rel=1e-9)
+    assert paper.oscillations(np.cos(t)) == 3

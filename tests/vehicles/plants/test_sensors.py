@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import flighttune as ft
+from flighttune.vehicles.plants import weather
 from flighttune.vehicles.plants.base import AirPathPlant
-from flighttune.vehicles.plants.weather import Weather, WindProfile
 
 DT = 0.02
 LONG = 200_000
@@ -79,8 +79,8 @@ SAME = 1e-6
 
 def in_a_wind_from(degrees, speed, **condition):
     towards = (-speed * math.cos(degrees * DEG), -speed * math.sin(degrees * DEG), 0.0)
-    wind = WindProfile(levels=((0.0, towards),))
-    plant = AirPathPlant(ft.loop.JSBSimPlant(weather=Weather(wind=wind)))
+    wind = weather.WindProfile(levels=((0.0, towards),))
+    plant = AirPathPlant(ft.loop.JSBSimPlant(weather=weather.Weather(wind=wind)))
     plant.start(ft.loop.FlightCondition(**{"V_a": 25.0} | condition))
     return plant
 
@@ -122,7 +122,7 @@ def test_the_course_through_the_air_is_continuous_beyond_half_a_turn():
 def test_wind_is_linear_between_levels_and_constant_beyond():
     heights, low, high = (0.0, 100.0, 150.0, 300.0, 900.0), (0.0, 2.0, 0.0), (10.0, -2.0, 1.0)
 
-    winds = [WindProfile(((100.0, low), (300.0, high))).at(h) for h in heights]
+    winds = [weather.WindProfile(((100.0, low), (300.0, high))).at(h) for h in heights]
 
     assert winds[2] == pytest.approx((2.5, 1.0, 0.25))
     assert [winds[i] for i in (0, 1, 3, 4)] == [low, low, high, high]

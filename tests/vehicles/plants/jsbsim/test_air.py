@@ -8,13 +8,7 @@ from airframes import fdm_of
 
 import flighttune as ft
 from flighttune.flight.loop.disturbance import Sinusoid
-from flighttune.vehicles.plants.weather import (
-    Gust,
-    OscillatingWind,
-    Turbulence,
-    Weather,
-    WindProfile,
-)
+from flighttune.vehicles.plants import weather as air
 
 DEG = math.pi / 180.0
 KNOT = 0.514444
@@ -38,7 +32,7 @@ CLIMB_OF_A_STEP = 1e-4
 """Relative: turbulence is weaker by that where 0.1 m are climbed."""
 
 
-BUMPY = Weather(turbulence=Turbulence(severity=4, wind_20ft=15.0))
+BUMPY = air.Weather(turbulence=air.Turbulence(severity=4, wind_20ft=15.0))
 
 
 def wind_of(flight):
@@ -62,7 +56,7 @@ def holding_height(h):
 def test_a_start_in_wind_is_the_trim_carried_along(fly, wind, phi):
     calm, flight = (
         fly((phi, 1.0 / math.cos(phi)), phi=phi, chi=0.5, duration=5.0, weather=weather)
-        for weather in (None, Weather(wind=WindProfile(((0.0, wind),))))
+        for weather in (None, air.Weather(wind=air.WindProfile(((0.0, wind),))))
     )
 
     for name, tolerance in CLEAN.items():
@@ -71,11 +65,11 @@ def test_a_start_in_wind_is_the_trim_carried_along(fly, wind, phi):
 
 
 def test_wind_over_height_is_that_of_the_level_flown_through(fly):
-    shear = WindProfile(((950.0, (0.0, 0.0, 0.0)), (1050.0, (10.0, -5.0, 0.0))))
+    shear = air.WindProfile(((950.0, (0.0, 0.0, 0.0)), (1050.0, (10.0, -5.0, 0.0))))
 
     climb = fly(
         (0.0, math.cos(15.0 * DEG)), gamma=15.0 * DEG, duration=6.0, dt=STEP,
-        weather=Weather(wind=shear),
+        weather=air.Weather(wind=shear),
     )  # fmt: skip
 
     share = np.clip((climb["h"] - 950.0) / 100.0, 0.0, 1.0)
@@ -91,9 +85,9 @@ def test_wind_over_height_is_that_of_the_level_flown_through(fly):
 )
 def test_gust_has_the_shape_of_the_standard(fly, axis, peak, direction):
     start, rise, hold = 1.0, 2.0, 0.5
-    gust = Gust(axis=axis, peak=peak, start=start, rise=rise, hold=hold)
+    gust = air.Gust(axis=axis, peak=peak, start=start, rise=rise, hold=hold)
 
-    flight = fly((0.0, 1.0), chi=30.0 * DEG, duration=7.0, dt=STEP, weather=Weather(gust=gust))
+    flight = fly((0.0, 1.0), chi=30.0 * DEG, duration=7.0, dt=STEP, weather=air.Weather(gust=gust))
 
     into = np.clip(flight.t - start, 0.0, rise)
     out = np.clip(flight.t - start - rise - hold, 0.0, rise)
@@ -105,7 +99,7 @@ def test_gust_has_the_shape_of_the_standard(fly, axis, peak, direction):
 
 def test_a_gust_in_a_bank_blows_along_the_wing(fly):
     phi = 30.0 * DEG
-    gust = Weather(gust=Gust(axis="right", peak=4.0, start=0.5, rise=1.0))
+    gust = air.Weather(gust=air.Gust(axis="right", peak=4.0, start=0.5, rise=1.0))
 
     turn = fly((phi, 1.0 / math.cos(phi)), phi=phi, duration=1.5, weather=gust)
 
@@ -113,11 +107,11 @@ def test_a_gust_in_a_bank_blows_along_the_wing(fly):
 
 
 def test_oscillating_wind_is_its_formula(fly):
-    swing = OscillatingWind(
+    swing = air.OscillatingWind(
         cosine=(2.0, 0.0, 1.0), cosine_omega=0.7, sine=(0.0, 3.0, 0.0), sine_omega=1.1
     )
 
-    flight = fly((0.0, 1.0), duration=3.0, dt=STEP, weather=Weather(oscillation=swing))
+    flight = fly((0.0, 1.0), duration=3.0, dt=STEP, weather=air.Weather(oscillation=swing))
 
     c, s = np.cos(0.7 * flight.t), np.sin(1.1 * flight.t)
     expected = np.stack([2.0 * c, 3.0 * s, c], axis=1)
@@ -129,7 +123,7 @@ def test_the_wind_of_a_sinusoid_turns_the_path_through_the_air_at_its_rates(fly)
 
     flight = fly(
         (0.0, 1.0), duration=10.0, dt=STEP,
-        weather=Weather(oscillation=sinusoid.as_wind(25.0, 0.0, 0.0)),
+        weather=air.Weather(oscillation=sinusoid.as_wind(25.0, 0.0, 0.0)),
     )  # fmt: skip
 
     position = np.stack([flight["north"], flight["east"], flight["down"]], axis=1)
@@ -150,7 +144,7 @@ def test_in_a_climb_it_turns_the_path_over_ground_as_the_tilt_of_the_force_does(
 
     flight = fly(
         (0.0, math.cos(gamma)), gamma=gamma, duration=10.0,
-        weather=Weather(oscillation=sinusoid.as_wind(25.0, 0.0, gamma)),
+        weather=air.Weather(oscillation=sinusoid.as_wind(25.0, 0.0, gamma)),
     )  # fmt: skip
 
     k, t = 9.80665 * math.sin(gamma) / 25.0, flight.t
@@ -164,11 +158,11 @@ def test_in_a_climb_it_turns_the_path_over_ground_as_the_tilt_of_the_force_does(
 def test_turbulence_near_the_ground_takes_the_height_above_it(fly):
     # Section 3.7.3.2 of MIL-F-8785C: sigma_w is a tenth of the wind at 20 ft, L_w the height.
     ground, wind_20ft, h, seconds = 1500.0, 15.0 * KNOT, 80.0, 300.0
-    turbulence = Turbulence(severity=3, wind_20ft=wind_20ft)
+    turbulence = air.Turbulence(severity=3, wind_20ft=wind_20ft)
 
     flight = fly(
         holding_height(ground + h), h=ground + h, ground=ground, duration=seconds, dt=0.1, seed=2,
-        weather=Weather(turbulence=turbulence),
+        weather=air.Weather(turbulence=turbulence),
     )  # fmt: skip
 
     assert flight.stop is None
