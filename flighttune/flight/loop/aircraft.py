@@ -71,6 +71,7 @@ class CompiledAircraft(WrappedPlant):
             self.plant.config,
             turbulence=None if turbulence is None else turbulence.model,
             gust=weather.gust is not None,
+            files=self.plant.fdm and self.plant.fdm.files,
         )
         if isinstance(step, face.Refusal):
             self.refused = step.reason

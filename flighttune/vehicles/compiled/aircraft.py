@@ -63,6 +63,6 @@ class CompiledStep:
                 raise PlantError("`weather` must have a gust for a step that is made for one.")
             own |= gust_numbers(plant.weather.gust, fdm.rate)
         names = [x for x in (*self.names.states, *self.names.parameters) if x not in own]
-        numbers = Source(plant.config, fdm.steps).numbers
+        numbers = Source(plant.config, fdm.steps, fdm.files).numbers
         values = start_values(fdm, self._model, numbers, names) | own
         return Start(*self._machine.arrays(values.__getitem__), seeded(plant.seed))

@@ -19,6 +19,7 @@ from flighttune.vehicles.compiled.model import Air, Source
 from flighttune.vehicles.compiled.properties import Unsupported
 from flighttune.vehicles.compiled.signals import shown_signals
 from flighttune.vehicles.compiled.step import traced
+from flighttune.vehicles.plants.jsbsim.model_files import Unchanged
 from flighttune.vehicles.plants.weather import TurbulenceModel
 
 # Versions of JSBSim whose step this is.
@@ -38,17 +39,24 @@ def compiled(
     steps: int = 1,
     turbulence: TurbulenceModel | None = None,
     gust: bool = False,
+    files: Unchanged | None = None,
 ) -> CompiledStep | Refusal:
     """The compiled step of an aircraft in still air or wind, with turbulence or a gust in it.
 
     The first use of an aircraft compiles its step and flies it beside JSBSim; what comes of that
-    is kept. `steps`: integration steps in a sample of the inner loop.
+    is kept. `steps`: integration steps in a sample of the inner loop. `files`: as for `Source`.
     """
     if why := machine.unknown_platform():
         return Refusal(why)
-    if (found := version("jsbsim")) not in KNOWN_VERSIONS:
+    if (found := jsbsim_version()) not in KNOWN_VERSIONS:
         return Refusal(f"JSBSim must be of version {' or '.join(KNOWN_VERSIONS)}, got {found}")
-    return _compiled(Source(config, steps), Air(turbulence, gust))
+    return _compiled(Source(config, steps, files), Air(turbulence, gust))
+
+
+@cache
+def jsbsim_version() -> str:
+    """The version that is installed."""
+    return version("jsbsim")
 
 
 def not_compiled(config: AircraftConfig) -> str:
@@ -90,7 +98,7 @@ def _key(source: Source, air: Air) -> str:
     add(*source.stated, air.turbulence or "", str(air.gust))
     for name, content in source.parts():
         add(name, content)
-    add(version("jsbsim"), version("llvmlite"), platform.platform(), *machine.processor())
+    add(jsbsim_version(), version("llvmlite"), platform.platform(), *machine.processor())
     add(_own_digest())
     return digest.hexdigest()
 

@@ -5,7 +5,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 from xml.etree.ElementTree import Element
 
 import numpy as np
@@ -69,12 +69,24 @@ class Integrator:
         past = self._past(rows, dt)
         k_p, k_i, k_d = (self._gain(tag, rows[0]) for tag in ("kp", "ki", "kd"))
         of_input, of_all = (1.0, k_p or 1.0) if self.standard else (k_p, 1.0)
+
+        def shown(x: float, total: Any, slope: float) -> Any:
+            output = of_input * x + total + k_d * slope
+            return of_all * output if self.standard else output
+
         at = 1 if k_d else 0  # the slope at the start is not known
-        near = past.shown[at] / of_all - of_input * past.inputs[at]
-        near -= k_d * past.slopes[at] + sum(past.changes[: at + 1])
         # It is empty while disengaged, and runs once or twice with the loop engaged.
         once = k_i * dt * past.inputs[0]
         likely = [once, once + once, 0.0]
+        for guess in likely:
+            total, exact = guess, True
+            for k, (x, change, slope, y) in enumerate(zip(*past, strict=True)):
+                total += change
+                exact = exact and (k < at or shown(x, total, slope) == y)
+            if exact and last in (None, total):
+                return guess
+        near = past.shown[at] / of_all - of_input * past.inputs[at]
+        near -= k_d * past.slopes[at] + sum(past.changes[: at + 1])
         guesses = [*likely, *neighbours(once, _TRIED)]
         if last is not None:
             guesses += neighbours(last - sum(past.changes), _TRIED)
@@ -84,8 +96,7 @@ class Integrator:
         # Those remain that give what JSBSim shows, for as long as one does.
         for k, (x, change, slope, y) in enumerate(zip(*past, strict=True)):
             totals = totals + change
-            output = of_input * x + totals + k_d * slope
-            same = (of_all * output if self.standard else output) == y
+            same = shown(x, totals, slope) == y
             if same.any() and k >= at:
                 left, totals = left[same], totals[same]
         if last is not None and (totals == last).any():

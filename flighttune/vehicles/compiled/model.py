@@ -33,15 +33,18 @@ class Air(NamedTuple):
 class Source:
     """Text of an aircraft's main file, with placeholders where flights differ, and its parts.
 
+    `files` are those of an aircraft that JSBSim has loaded just now, by default looked at again.
     `numbers` are those of this flight, by placeholder; `stated` is what the step has of
     ``aircraft.toml`` beside the model.
     """
 
-    def __init__(self, config: AircraftConfig, steps: int) -> None:
-        files = model_files.unchanged(config)
+    def __init__(
+        self, config: AircraftConfig, steps: int, files: model_files.Unchanged | None = None
+    ) -> None:
+        files = files or model_files.unchanged(config)
         self.config, self.steps = config, steps
         self.template, values = model_files.template_and_values(files, weigh, steps)
-        self.folders = model_files.source_folders(config)
+        self.folders = model_files.folders_of(files)
         self.numbers = {
             match[0]: values[match[1]] * float(match[2])
             for match in _PLACEHOLDER.finditer(self.template)

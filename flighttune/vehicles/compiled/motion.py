@@ -2,7 +2,7 @@
 """Attitude and acceleration at the start of a flight, to the bit, from JSBSim's first steps."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from operator import itemgetter
 
@@ -38,10 +38,16 @@ class Motion:
     acceleration: list[float]
 
 
-def motion_of(fdm: Fdm) -> Motion:
-    """The motion now."""
+def motion_reader(fdm: Fdm) -> Callable[[], Motion]:
+    """A function that reads the motion now."""
     names = INERTIAL_RATES, INERTIAL_VELOCITY, named("accelerations/{}idot-ft_sec2", "uvw")
-    return Motion(fdm.earth_to_body(), *([fdm.reader(x)() for x in group] for group in names))
+    rates, velocity, acceleration = ([fdm.reader(name) for name in group] for group in names)
+
+    def motion() -> Motion:
+        groups = ([read() for read in group] for group in (rates, velocity, acceleration))
+        return Motion(fdm.earth_to_body(), *groups)
+
+    return motion
 
 
 def quaternion_from(motions: Sequence[Motion], dt: float) -> list[float]:
@@ -69,6 +75,8 @@ def _nearest(
         fewest = int(wrong.min())
         first = fewest if first is None else first
         starts, now = starts[:, wrong == fewest], now[:, wrong == fewest]
+        if starts.shape[1] == 1:  # further steps cannot choose any more
+            break
         moved = now + dt * np.array(quaternion_rate(list(now), motion.rates))
         now = _normalized(moved)
     return starts[:, 0].tolist(), first or 0

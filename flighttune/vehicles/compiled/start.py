@@ -22,7 +22,7 @@ from flighttune.vehicles.compiled.integrators import Integrator, integrators_of
 from flighttune.vehicles.compiled.motion import (
     Motion,
     acceleration_before,
-    motion_of,
+    motion_reader,
     quaternion_from,
 )
 from flighttune.vehicles.compiled.pistons import supercharger_of
@@ -71,7 +71,7 @@ def start_values(
     read |= {name: fdm.reader(name) for name in delays}
     motions: list[Motion] = []
     rows: list[Values] = []
-    known = all(part.fades for part in integrators)
+    known, motion = all(part.fades for part in integrators), motion_reader(fdm)
     commands = [fdm.writer(name) for name in (properties.PHI_CMD, properties.N_Z_CMD)]
     (_, phi), (low, high) = fdm.config.limits.phi, fdm.config.limits.n_z
     for k in range((_FEW if known else _MANY) * fdm.steps + 1):
@@ -82,7 +82,7 @@ def start_values(
         if k:
             fdm.run()
         if k <= _FEW:
-            motions.append(motion_of(fdm))
+            motions.append(motion())
         rows.append({name: value() for name, value in read.items()})
     for name, count in delays.items():
         # The oldest comes out first.
@@ -148,9 +148,7 @@ class _Start:
             return self._numbers[name.removeprefix("_number:")]
         if name.startswith("_"):
             raise KeyError(name)
-        if not self._fdm.shows(name):
-            return self._declared.get(name, 0.0)
-        return self._fdm.reader(name)()
+        return self._fdm.value(name, self._declared.get(name, 0.0))
 
     def _value(self, text: str) -> float:
         """The number or property in a text."""
@@ -226,7 +224,7 @@ def _rigid_body(fdm: Fdm) -> Values:
     def read(names: Sequence[str]) -> list[float]:
         return [fdm.reader(name)() for name in names]
 
-    motion = motion_of(fdm)
+    motion = motion_reader(fdm)()
     force, (mass,) = read(named("forces/fb{}-total-lbs")), read(["inertia/mass-slugs"])
     groups = {
         tuple(VELOCITY_1): motion.velocity,

@@ -121,7 +121,7 @@ def test_on_other_platforms_jsbsim_flies(monkeypatch):
 
 
 def test_other_versions_of_jsbsim_fly_themselves(monkeypatch):
-    monkeypatch.setattr(face, "version", lambda name: "1.3.9")
+    monkeypatch.setattr(face, "jsbsim_version", lambda: "1.3.9")
 
     assert compiled(load_aircraft("aerosonde")).reason.endswith("version 1.3.3, got 1.3.9")
 

@@ -6,6 +6,7 @@ import re
 import threading
 import warnings
 from collections.abc import Callable
+from functools import lru_cache
 from typing import Any
 
 import jsbsim
@@ -20,6 +21,11 @@ from flighttune.vehicles.plants.jsbsim import model_files
 _ANSI_COLOUR = re.compile(r"\x1b\[[0-9;]*m")
 _KEPT_RECORDS = 200
 _NAME = re.compile(PROPERTY_NAME)
+
+
+@lru_cache(maxsize=4096)
+def _is_name(name: str) -> bool:
+    return bool(_NAME.fullmatch(name.removeprefix("/")))
 
 
 class QuietLogger(jsbsim.FGLogger):
@@ -140,7 +146,7 @@ class Fdm:
     def __init__(self, config: AircraftConfig, *, steps: int = 1, ground: float = 0.0) -> None:
         self.files = files = model_files.unchanged(config)
         model_files.check_loads(files)
-        self.config, self._model = config, model_files.source_folders(config).file
+        self.config, self._model = config, model_files.folders_of(files).file
         # Time the engine takes to a steady state, s; 0 where JSBSim knows it at once.
         self.engine_settles = config.engines.settle
         engines = range(config.engines.count)
@@ -207,6 +213,11 @@ class Fdm:
     def shows(self, name: str) -> bool:
         """Whether there is a property of that name."""
         return self._existing(name) is not None
+
+    def value(self, name: str, default: float) -> float:
+        """The value of a property; a default where there is none of that name."""
+        node = self._existing(name)
+        return default if node is None else node.get_double_value()
 
     def start_engines(self) -> None:
         """Start those that do not run, at the airspeed and throttle there are."""
@@ -342,7 +353,7 @@ class Fdm:
     def _existing(self, name: str) -> jsbsim.FGPropertyNode | None:
         # JSBSim aborts the process on a malformed name, and invents a node for an unknown one.
         # Behind a slash are properties that a model declares for another simulator.
-        exists = _NAME.fullmatch(name.removeprefix("/")) and self._properties.hasNode(name)
+        exists = _is_name(name) and self._properties.hasNode(name)
         return self._properties.get_node(name) if exists else None
 
     def _node(self, name: str) -> jsbsim.FGPropertyNode:

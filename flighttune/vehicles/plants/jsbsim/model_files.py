@@ -9,7 +9,7 @@ import hashlib
 import os
 import subprocess
 import sys
-from collections.abc import Callable, Hashable, Iterator
+from collections.abc import Callable, Hashable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
 from functools import cache, lru_cache
@@ -189,6 +189,12 @@ def unchanged(config: AircraftConfig, *further: Hashable) -> Unchanged:
 
 
 @lru_cache(maxsize=256)
+def folders_of(unchanged: Unchanged) -> ModelFolders:
+    """`source_folders` looked up once: a flight asks several times."""
+    return source_folders(unchanged.config)
+
+
+@lru_cache(maxsize=256)
 def has_flight_control(unchanged: Unchanged) -> bool:
     """Whether an aircraft's model has systems of its own, which may have a memory."""
     root = main_root(unchanged.config)
@@ -247,7 +253,7 @@ def model_folders(files: Unchanged, weigh: Weigh, steps: int = 1) -> Iterator[Mo
     for several integration `steps` in a sample of the inner loop. The rest of the model's folder is
     linked beside it.
     """
-    folders = source_folders(files.config)
+    folders = folders_of(files)
     text = main_file_text(files, weigh, steps)
     with ExitStack() as stack:
         try:
@@ -283,8 +289,16 @@ def main_file_text(files: Unchanged, weigh: Weigh, steps: int = 1) -> str:
 
 def template_and_values(
     files: Unchanged, weigh: Weigh, steps: int = 1
-) -> tuple[str, dict[str, float]]:
+) -> tuple[str, Mapping[str, float]]:
     """Main file with placeholders where something is off the nominal, and the values for them."""
+    off = files.config.off_nominal or _NOMINAL
+    return _template_and_values(files, (files.config.model, off.model_dump_json()), weigh, steps)
+
+
+@lru_cache(maxsize=8)  # a flight asks several times
+def _template_and_values(
+    files: Unchanged, _key: tuple[str, str], weigh: Weigh, steps: int
+) -> tuple[str, Mapping[str, float]]:
     config = files.config
     off = config.off_nominal or _NOMINAL
     # Values are filled in behind the cache: dispersed flights share one template.
