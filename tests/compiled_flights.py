@@ -4,9 +4,9 @@ import math
 
 import numpy as np
 
+import flighttune as ft
 from flighttune.vehicles.compiled.face import CompiledStep, compiled
 from flighttune.vehicles.plants.jsbsim import properties
-from flighttune.vehicles.plants.jsbsim.plant import JSBSimPlant
 from flighttune.vehicles.plants.jsbsim.trim import level
 
 SEED = 7
@@ -21,7 +21,7 @@ def commands(t):
 
 def started(aircraft, condition=None, **settings):
     """An aircraft in a flight, by default that of its design."""
-    plant = JSBSimPlant(aircraft, seed=SEED, **settings)
+    plant = ft.loop.JSBSimPlant(aircraft, seed=SEED, **settings)
     design = plant.config.design
     plant.start(condition or level(plant.config, design.V_a, design.h))
     return plant

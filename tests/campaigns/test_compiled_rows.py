@@ -1,6 +1,7 @@
 """Compiled flights of a campaign: those that decide are flown by JSBSim too, and compared."""
 
 import pytest
+from dispersed import plan_of, uniform
 from flown_campaigns import flown_here
 
 import flighttune as ft
@@ -11,23 +12,13 @@ from flighttune.flight.loop import aircraft, loop
 pytest.importorskip("numba")
 
 
-def plan_of(settling_s):
+def bounded(settling_s):
     """Two flights whose settling time is bounded."""
     nominal = ft.load_scenario("exact_law").as_dict()
     nominal |= {"plant": [{"kind": "jsbsim", "aircraft": "aerosonde"}], "law": ["exact"]}
     nominal["flight"]["duration_s"] = 10.0
     nominal["expect"] = [{"at_most": {"chi": {"settling_s": settling_s}}}]
-    table = {
-        "title": "compiled", "scenario": "exact_law", "seed": 1, "runs": 2,
-        "disperse": [{"key": "flight.V_a_mps", "distribution": "uniform",
-                      "lower": 24.0, "upper": 26.0}],
-    }  # fmt: skip
-    from flighttune.campaigns.planning.plan import plan_campaign
-    from flighttune.campaigns.planning.schema import Campaign, CampaignTable
-
-    scenario = ft.scenario_from(nominal)
-    checked = CampaignTable.model_validate(table)
-    return plan_campaign(Campaign.of(checked, nominal=scenario, central=scenario))
+    return plan_of(nominal, uniform("flight.V_a_mps", 24.0, 26.0), runs=2)
 
 
 @pytest.mark.slow
@@ -40,7 +31,7 @@ def test_flights_that_decide_and_one_in_a_hundred_are_flown_again(monkeypatch, s
     monkeypatch.setattr(rows, "check_compiled", lambda *x: checked.append(x) or check(*x))
 
     for run in range(2):
-        rows.fly_runs(plan_of(settling_s), [run])
+        rows.fly_runs(bounded(settling_s), [run])
 
     assert len(checked) == len(again)
 
@@ -56,7 +47,7 @@ def test_a_wrong_number_of_the_compiled_step_ends_the_run(monkeypatch):
         return motion
 
     monkeypatch.setattr(aircraft, "motion_of", wrong)
-    (row,) = rows.fly_runs(plan_of(9.9), [0]).to_pylist()
+    (row,) = rows.fly_runs(bounded(9.9), [0]).to_pylist()
 
     assert row["status"] == "invalid"
     assert "must be that of JSBSim" in row["reason"]

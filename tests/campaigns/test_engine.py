@@ -7,11 +7,19 @@ import time
 import psutil
 import pytest
 from dispersed import uniform
-from flown_campaigns import SPEED, Notes, bits, children, plan, table_flown, write_campaign
+from flown_campaigns import (
+    SPEED,
+    Notes,
+    bits,
+    children,
+    one_worker,
+    plan,
+    table_flown,
+    write_campaign,
+)
 
 import flighttune as ft
 from flighttune.campaigns.engine import pool
-from flighttune.campaigns.engine.fliers import Fliers
 
 pytestmark = pytest.mark.slow
 own_processes = pytest.mark.usefixtures("own_workers")
@@ -59,7 +67,7 @@ def test_every_run_is_there_once_with_the_bits_of_one_process(tmp_path, monkeypa
 def test_each_phase_counts_its_own_runs_from_its_first_flight_on(tmp_path):
     ours, notes = plan(tmp_path, runs=4, wind="", aircraft=()), Notes()
 
-    with pool.WorkerPool(Fliers(workers=1, observer=notes)) as workers:
+    with one_worker(observer=notes) as workers:
         assert workers.progress.rate_per_s == 0.0
         time.sleep(0.1)
         ready = time.perf_counter()

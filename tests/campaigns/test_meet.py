@@ -11,7 +11,7 @@ from unittest import mock
 import numpy as np
 import pytest
 from commands import answer, flighttune
-from flown_campaigns import table_flown
+from flown_campaigns import one_worker, table_flown
 from fuzzing import first_or_all
 from made_up import scenario_file
 from scipy.optimize import brentq
@@ -19,10 +19,7 @@ from scipy.stats import binom
 
 import flighttune as ft
 from flighttune import load_gains, load_scenario, scenario_from
-from flighttune.campaigns.engine.fliers import Fliers
-from flighttune.campaigns.engine.pool import WorkerPool
 from flighttune.campaigns.statistics.intervals import share as interval_of
-from flighttune.control.linear_model import closed_loop
 from flighttune.control.margins import loop_margins
 from flighttune.flight import models
 from flighttune.flight.entry import entry_of
@@ -276,7 +273,7 @@ def test_an_envelope_is_met_as_fly_and_a_formula_of_its_runs_have_it():
 def test_gains_that_never_settle_rank_behind_those_that_settle_late():
     late = scenario(at_most(settling_s=2.0))  # 6.1 s with K*
     weak = ft.PIGains(K_P=0.3 * ft.PAPER_GAINS.K_P, K_I=0.003 * ft.PAPER_GAINS.K_I)
-    with WorkerPool(Fliers(workers=1)) as pool:
+    with one_worker() as pool:
         search = Search([flights_to_meet(late, late.law_tables[0])], late.laws[0], pool)
         never, paper = search.fly([weak, ft.PAPER_GAINS])
 
@@ -292,7 +289,7 @@ def test_the_largest_error_at_the_end_of_several_flights_counts(overshoot):
     ]
     assert ends[1] > 2.0 * ends[0]
     for both in ((overshoot, short), (short, overshoot)):
-        with WorkerPool(Fliers(workers=1)) as pool:
+        with one_worker() as pool:
             search = Search([flights_to_meet(x, x.law_tables[0]) for x in both], law, pool)
             (trial,) = search.fly([ft.PAPER_GAINS])
         assert trial.ends["chi"] == pytest.approx(max(ends), abs=1e-9)
@@ -300,7 +297,7 @@ def test_the_largest_error_at_the_end_of_several_flights_counts(overshoot):
 
 def test_unstable_and_known_candidates_are_not_flown(overshoot):
     law = overshoot.laws[0]
-    with WorkerPool(Fliers(workers=1)) as pool:
+    with one_worker() as pool:
         search = Search([flights_to_meet(overshoot, overshoot.law_tables[0])], law, pool)
         unstable, same = search.fly([UNSTABLE, ft.PAPER_GAINS])
         once = search.flights
@@ -337,7 +334,7 @@ def test_the_gain_margin_is_that_to_the_nearer_of_more_and_less_gain(course, bra
     model, _ = models.linear_loop(entry_of(of, "exact:mine", gains))
 
     def growth(factor):
-        loop = closed_loop(replace(model, B=model.B * (factor, 1.0)), gains)
+        loop = ft.loop.closed_loop(replace(model, B=model.B * (factor, 1.0)), gains)
         return np.linalg.eigvals(loop).real.max()
 
     margin = abs(20.0 * math.log10(brentq(growth, *bracket)))
@@ -503,7 +500,7 @@ def test_a_campaign_that_disperses_nothing_has_the_draws_of_its_turbulence(tmp_p
     level = {"flight.duration_s": 1.0, "reference.chi_deg": 0.0, "reference.gamma_deg": 0.0}
     table = ft.load_campaign(file, changes=level)
     flights = flights_to_meet(table.nominal, table.nominal.law_tables[0], table)
-    with WorkerPool(Fliers(workers=1)) as pool:
+    with one_worker() as pool:
         (trial,) = Search([flights], table.nominal.laws[0], pool, draws=3).fly([ft.PAPER_GAINS])
 
     assert len({checks[0].value for checks in trial.checks}) == len(trial.excess) == 3

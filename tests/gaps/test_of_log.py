@@ -14,7 +14,6 @@ import flighttune as ft
 from flighttune.gaps.of_log import FACTORS
 from flighttune.logs.identify import interval_of
 from flighttune.vehicles.aircraft.aircraft import load_aircraft
-from flighttune.vehicles.identification.file import load_identified
 
 G = 9.80665
 
@@ -59,7 +58,7 @@ def integrated_flight(folder, *, late=(0.0, 0.0), wind=(0.0, 0.0), V_a=25.0):
 
     The commands reach roll and load factor so much later than the lags have it, s.
     """
-    lags = load_identified("aerosonde").nearest(V_a, 0.0).lags
+    lags = ft.loop.load_identified("aerosonde").nearest(V_a, 0.0).lags
     t = np.arange(0.0, 56.0, 0.02)
 
     def behind(i, command):

@@ -12,7 +12,6 @@ from places import SHIPPED_SCENARIOS
 from scipy.spatial import cKDTree
 
 import flighttune as ft
-from flighttune.flight.conditions import reference_of
 from flighttune.flight.loop import loop
 from flighttune.routes.follow import SAME_PLACE
 
@@ -40,7 +39,7 @@ def scenario(plants, **tables):
 @pytest.mark.parametrize("phi_deg", [(-20.0, 40.0), (-40.0, 20.0)])
 def test_a_route_is_banked_by_no_more_than_the_smaller_side_of_the_limits_allows(phi_deg):
     limits = {"phi_deg": phi_deg, "phi_rate_dps": 40.0}
-    path = reference_of(scenario([{"kind": "point_mass"}], limits=limits)).path
+    path = ft.route(scenario([{"kind": "point_mass"}], limits=limits)).reference.path
 
     # The tightest turn takes four fifths of the bank at 25 m/s with 8 m/s of wind from behind.
     tightest = 9.81 * math.tan(math.radians(0.8 * 20.0)) / 33.0**2
@@ -107,7 +106,7 @@ def test_an_error_of_position_is_flown_off_in_the_look_ahead():
         "look_ahead_s": 4.0,
         "waypoint": [{"north_m": 0.0, "east_m": 0.0}, {"north_m": 2000.0, "east_m": 0.0}],
     }
-    reference = reference_of(scenario(LAW, route=straight))
+    reference = ft.route(scenario(LAW, route=straight)).reference
     dt, V = 0.01, 25.0
     follow, north, east, chi = reference.follower(dt, 1000.0), 0.0, 5.0, 0.0
     aside = []
@@ -143,7 +142,7 @@ def test_places_on_a_route_are_whole_positions(course, wind, wind_from, circles)
         wind={"speed_mps": wind, "from_deg": wind_from},
         route={"waypoint": points, "wind_mps": 12.0},
     )
-    (run,), reference = ft.fly(made).runs, reference_of(made)
+    (run,), reference = ft.fly(made).runs, ft.route(made).reference
     signals, path = run.signals, reference.path
     positions = signals[["north", "east", "down"]].to_numpy() * (1, 1, -1)
     places = path.beside(*signals[["along", "cross_track", "height_err"]].to_numpy().T)
@@ -171,7 +170,7 @@ def test_a_flight_behind_its_start_is_as_far_from_its_route_as_from_the_start():
 
 
 def test_a_flight_that_is_carried_back_has_no_places_there():
-    reference = reference_of(scenario(LAW))
+    reference = ft.route(scenario(LAW)).reference
     along = np.array([0.0, 50.0, 100.0, 90.0, 95.0, 120.0])
     signals = pd.DataFrame(
         {"north": along, "east": 2.0, "down": 3.0, "along": along, "cross_track": 2.0}
@@ -185,7 +184,7 @@ def test_a_flight_that_is_carried_back_has_no_places_there():
 
 def test_a_route_has_its_rates_at_one_time_and_at_a_list_of_one():
     """In the middle of a turn the course changes by the airspeed over the radius."""
-    reference = reference_of(scenario(LAW))
+    reference = ft.route(scenario(LAW)).reference
     turn = next(stretch for stretch in reference.path.stretches if stretch.kind == "turn")
     t = (turn.start + 0.5 * turn.length) / 25.0
 
@@ -212,7 +211,7 @@ def test_a_flight_that_does_not_arrive_says_what_is_left(left):
 
 def test_a_flight_arrives_at_the_end_of_its_route_and_within_the_look_ahead_of_it():
     arrived = straight(60.0)
-    reference = reference_of(scenario(LAW, flight={}))
+    reference = ft.route(scenario(LAW, flight={})).reference
     length, most = reference.path.length, reference.look_ahead * reference.V_a
 
     assert arrived.status == "completed"

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import flighttune as ft
-from flighttune.flight.conditions import reference_of
 
 DEG = math.pi / 180.0
 DT, V_A, T = 0.01, 25.0, 3.0
@@ -72,7 +71,9 @@ IN_HEIGHT = [((0.0, eps), 60.0, 0.0) for eps in (-2.0 * DEG, 2.0 * DEG)]
 @pytest.mark.parametrize(("bias", "seconds", "wind"), SIDEWAYS + IN_HEIGHT)
 def test_an_angle_that_is_always_wrong_leads_to_the_edge_of_the_corridor(bias, seconds, wind):
     """In turns and a climb too; half of the corridor would not do."""
-    flown, between_samples = biased_point(reference_of(circuit()), bias, wind=wind, seconds=seconds)
+    flown, between_samples = biased_point(
+        ft.route(circuit()).reference, bias, wind=wind, seconds=seconds
+    )
     channel, L = int(np.argmax(np.abs(bias))), (V_A + wind) * T
     off, eps = np.abs(flown[:, 1 + channel]), abs(bias[channel])
 
@@ -83,7 +84,7 @@ def test_an_angle_that_is_always_wrong_leads_to_the_edge_of_the_corridor(bias, s
 @pytest.mark.parametrize("eps", [-5.0 * DEG, 5.0 * DEG])
 def test_from_beside_the_path_a_flight_comes_back_into_the_corridor(eps):
     flown, between_samples = biased_point(
-        reference_of(circuit()), (eps, 0.0), aside=50.0, seconds=35
+        ft.route(circuit()).reference, (eps, 0.0), aside=50.0, seconds=35
     )
     beside = flown[:, 1]
     edge = half_width(V_A * T, abs(eps) + between_samples[0]) + SAG_M
