@@ -429,24 +429,23 @@ def mission_plan(
     source: str | Path,
     *,
     fences: Sequence[str | Path] = (),
-    aircraft: str | None = None,
     terrain: str | Path | None = None,
-    changes: Mapping[str, Any] | None = None,
     out: Path | None = None,
+    **of_route: Any,
 ) -> "PlannedMission":
     """The route of a mission or scenario before a flight, written to a file if one is stated.
 
     Its path is judged by `fences`, or by the fence of the mission. The route of a band file is
-    written with its corridor.
+    written with its corridor; `of_route` are further arguments of `route`.
     """
     if out is not None and out.exists() and Path(source).exists() and out.samefile(source):
         raise InputError(f"{out}: `--out` must be another file than the one that is read.")
     if band := counting.kept_band(source):
-        if aircraft or changes:
+        if any(of_route.values()):
             raise InputError("`aircraft` and `changes` must be absent for a band file.")
         planned, corridor, shapes = band.flights.route, band.corridor(), [*band.about.fences]
     else:
-        planned = route(source, aircraft=aircraft, terrain=terrain, changes=changes)
+        planned = route(source, terrain=terrain, **of_route)
         corridor, shapes = None, []
     files = [*map(Path, fences)] or ([] if shapes else [*own_fence(Path(source))])
     shapes += [tables] if (tables := fence_tables(files, asked=bool(fences))) else []

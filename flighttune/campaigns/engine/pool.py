@@ -88,7 +88,7 @@ class WorkerPool:
         draws: Sequence[flying.Drawn] | None = None,
     ) -> Iterator[flying.Row]:
         """Fly runs of a plan, in rising order; their rows, and StoppedError if stopped."""
-        runs, probes, progress = list(runs), probes or {}, self.progress
+        runs, work, progress = list(runs), flying.Work(plan, probes or {}, draws), self.progress
         if not runs:
             return
         if doing:
@@ -101,9 +101,9 @@ class WorkerPool:
         def alone_draws() -> Iterator[flying.Draw]:
             """Work for the workers; a draw without runs after a batch that this process flew."""
             many = draws is None and len(runs) > FEW
-            if many or len(flying.batched_groups(plan, probes, draws)) < len(plan.groups):
+            if many or len(work.batched) < len(plan.groups):
                 self._started()  # the processes get ready while the first batch is flown
-            for together, alone in flying.blocks(plan, runs, probes, draws):
+            for together, alone in work.blocks(runs):
                 if many and together:
                     yield flying.Draw(tuple(run for draw in together for run in draw.runs), None)
                 else:
@@ -111,7 +111,8 @@ class WorkerPool:
                     yield flying.Draw((), {})
                 yield from alone
 
-        for draw, answers in self._answers(doing or "flying", work_of(plan, probes), alone_draws()):
+        content = work_of(plan, work.probes)
+        for draw, answers in self._answers(doing or "flying", content, alone_draws()):
             rows = [
                 x if isinstance(x, dict) else flying.lost_row(plan, run, draw.drawn, x)
                 for run, x in zip(draw.runs, answers, strict=True)

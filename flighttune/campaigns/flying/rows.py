@@ -6,7 +6,7 @@ draw at a time.
 
 import signal
 import time
-from collections.abc import Callable, Collection, Hashable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from functools import lru_cache
 from itertools import groupby
@@ -134,10 +134,11 @@ def rows_flown(
     # All columns but ``wall_s`` depend only on the plan and the run, to the bit. Draws that replace
     # those of the design may set keys that the campaign does not disperse.
     ask_to_fly(plan.scenario, plan.flown)
-    for together, alone in blocks(plan, runs, probes or {}, draws):
+    work = Work(plan, probes or {}, draws)
+    for together, alone in work.blocks(runs):
         yield from fly_together(plan, together)
         for draw in alone:
-            yield from fly_draw(plan, draw, probes or {})
+            yield from fly_draw(plan, draw, work.probes)
 
 
 def row_differences(plan: Plan, run: int, row: Mapping[str, Any]) -> tuple[Difference, ...]:
@@ -151,35 +152,39 @@ def row_differences(plan: Plan, run: int, row: Mapping[str, Any]) -> tuple[Diffe
     )
 
 
-def blocks(
-    plan: Plan, runs: Iterable[int], probes: Probes, draws: Sequence[Drawn] | None = None
-) -> Iterator[tuple[list[Draw], list[Draw]]]:
-    """The draws for `fly_together` and those left to `fly_draw`, block by block."""
-    in_batch = batched_groups(plan, probes, draws)
-    for _, block in groupby(runs, key=lambda run: plan.draw_of(run) // BLOCK):
-        together: list[Draw] = []
-        alone: list[Draw] = []
-        for number, of_draw in groupby(block, key=plan.draw_of):
-            drawn = plan.values_of(number) if draws is None else draws[number]
-            # Workers share the gain sets of a draw, too: a search flies many of them in one draw.
-            by_gains: dict[str | None, list[int]] = {}
-            for run in of_draw:
-                group = plan.group_of(run)
-                by_gains.setdefault(None if group in in_batch else group.gains, []).append(run)
-            for gains, some in by_gains.items():
-                (together if gains is None else alone).append(Draw(tuple(some), drawn))
-        yield together, alone
+class Work(NamedTuple):
+    """What is flown of a plan: its flights, numbers kept of each, and draws in place of its own."""
 
+    plan: Plan
+    probes: Probes
+    draws: Sequence[Drawn] | None = None  # in place of those of the design
 
-def batched_groups(
-    plan: Plan, probes: Collection[str] = (), draws: Sequence[Drawn] | None = None
-) -> frozenset[Group]:
-    """The groups whose flights the compiled kernel flies, judged by the first of `draws`."""
-    scenario = plan.scenario
-    with suppress(FlightTuneError):
-        scenario = plan.dispersed(draws[0], 0) if draws else scenario
-    flown = [] if probes else [x for x in plan.groups if plan.gain_sets[x.gains] is not None]
-    return frozenset(x for x in flown if batchable(scenario, plan.entry(x)))
+    def blocks(self, runs: Iterable[int]) -> Iterator[tuple[list[Draw], list[Draw]]]:
+        """The draws for `fly_together` and those left to `fly_draw`, block by block."""
+        plan, in_batch = self.plan, self.batched
+        for _, block in groupby(runs, key=lambda run: plan.draw_of(run) // BLOCK):
+            together: list[Draw] = []
+            alone: list[Draw] = []
+            for number, of_draw in groupby(block, key=plan.draw_of):
+                drawn = plan.values_of(number) if self.draws is None else self.draws[number]
+                # Workers share the gain sets of a draw, too: a search flies many in one draw.
+                by_gains: dict[str | None, list[int]] = {}
+                for run in of_draw:
+                    group = plan.group_of(run)
+                    by_gains.setdefault(None if group in in_batch else group.gains, []).append(run)
+                for gains, some in by_gains.items():
+                    (together if gains is None else alone).append(Draw(tuple(some), drawn))
+            yield together, alone
+
+    @property
+    def batched(self) -> frozenset[Group]:
+        """The groups whose flights the compiled kernel flies, judged by the first draw."""
+        plan, scenario = self.plan, self.plan.scenario
+        with suppress(FlightTuneError):
+            scenario = plan.dispersed(self.draws[0], 0) if self.draws else scenario
+        flown = plan.groups if not self.probes else ()
+        tuned = [x for x in flown if plan.gain_sets[x.gains] is not None]
+        return frozenset(x for x in tuned if batchable(scenario, plan.entry(x)))
 
 
 def batchable(scenario: Scenario, entry: Entry) -> bool:
