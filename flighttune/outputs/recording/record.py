@@ -3,7 +3,6 @@
 import os
 import socket
 import subprocess
-import sys
 import uuid
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -18,6 +17,7 @@ from rerun.error_utils import catch_and_log_exceptions
 
 from flighttune.base.errors import RecordingError, need
 from flighttune.base.files.whole import remove_file, together, whole_file
+from flighttune.base.screen import LOCAL, has_screen
 from flighttune.base.units import shown_unit
 from flighttune.flight.flown import FlownScenario
 from flighttune.flight.loop.run import Run, claims_around
@@ -30,9 +30,6 @@ from flighttune.outputs.recording import entities
 from flighttune.outputs.recording.page import blueprint, log_legends, scenario_page
 from flighttune.outputs.recording.plots import Plot, displayed, limits_of, shown_plots, with_derived
 from flighttune.outputs.recording.scene import log_route, log_scene, route_of, somewhere
-
-DISPLAYS = ("DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET")
-LOCAL = "127.0.0.1"
 
 # Port of the page where a browser is served and no other port was asked for; Rerun's own default
 PORT = 9090
@@ -84,13 +81,6 @@ def run_viewer(path: str | Path, command: list[str]) -> None:
         raise RecordingError(
             f"{path}: the Rerun viewer must open it, got exit status {status}; its reason is above."
         )
-
-
-def has_screen() -> bool:
-    """Whether a window can be opened: always on macOS and Windows, else as X11 and Wayland say."""
-    if sys.platform in ("darwin", "win32"):
-        return True
-    return any(os.environ.get(name) for name in DISPLAYS)
 
 
 FAINT = 150  # opacity of thin lines, of 255
