@@ -31,7 +31,7 @@ from flighttune.flight.flown import FlownScenario, Measured, bound_checks, bound
 from flighttune.flight.fly import Progress, check_compiled, fly, fly_alone
 from flighttune.flight.loop.batch import SIGNALS, cores, fly_sampled
 from flighttune.flight.loop.disturbance import Sinusoid
-from flighttune.flight.loop.loop import COMPILED_FROM, Flight
+from flighttune.flight.loop.loop import COMPILED_FROM, compile_at_once
 from flighttune.flight.loop.run import Run
 from flighttune.flight.metrics import CHANNELS, measures, measures_of, required_names
 from flighttune.flight.models import law_setup, linear_model
@@ -338,7 +338,7 @@ def warm_up(plan: Plan) -> None:
     """Load what the flights of a plan need, before the time of its runs is taken."""
     flight, rate = plan.scenario.flight, plan.scenario.controller.rate_hz
     if plan.runs * flight.duration_s * rate > COMPILED_FROM * cores():
-        Flight.flown = max(Flight.flown, COMPILED_FROM)  # compiled code is not loaded in a run
+        compile_at_once()  # not in a run
     listed = map(plan.entry, plan.groups)
     once = {(entry.plant.label, entry.law.name): entry for entry in listed}
     for entry in once.values():  # one of each plant and law

@@ -58,6 +58,12 @@ COMPILED_FROM = 15_000
 
 NOT_LATE = (0.0, 0.0)
 
+
+def compile_at_once() -> None:
+    """Let compiled code fly from the next flight on: this process will fly many."""
+    Flight.flown = max(Flight.flown, COMPILED_FROM)
+
+
 # What a law is given at a sample, with its time; the place on a route, if there is one; whether
 # the flight ends with this sample.
 Sample: TypeAlias = tuple[Measured, ReferenceSample, float, following.Place | tuple[()], bool]
