@@ -107,14 +107,39 @@ def chromium_program() -> str:
     return program
 
 
+class Tab:
+    """A tab of a chromium that keeps running: called, it takes a picture (PNG).
+
+    A picture is empty while the page is busy; TimeoutError if there is no answer at all.
+    """
+
+    def __init__(self, asked: Callable[..., dict]) -> None:
+        self.asked = asked  # calls a method of the browser's protocol in this tab
+
+    def __call__(self) -> bytes:
+        return base64.b64decode(self.asked("Page.captureScreenshot", format="png").get("data", ""))
+
+    def run(self, script: str) -> object:
+        """Value of an expression of JavaScript in the page, once its promise is kept."""
+        told = self.asked(
+            "Runtime.evaluate", expression=script, awaitPromise=True, returnByValue=True
+        )
+        assert "exceptionDetails" not in told, told["exceptionDetails"]
+        return told["result"].get("value")
+
+    def until(self, script: str, seconds: float = SECONDS) -> None:
+        """Wait until an expression holds in the page; an AssertionError if it does not."""
+        end = time.monotonic() + seconds
+        while not self.run(script):
+            assert time.monotonic() < end, f"not within {seconds} s: {script}"
+            time.sleep(0.02)
+
+
 @contextmanager
 def chromium_at_real_speed(
     size: tuple[int, int],
-) -> Iterator[Callable[[str], AbstractContextManager[Callable[[], bytes]]]]:
-    """A chromium that keeps running: opens an address in a new tab, of which it takes pictures.
-
-    A picture (PNG) is empty while the page is busy; TimeoutError if there is no answer at all.
-    """
+) -> Iterator[Callable[[str], AbstractContextManager[Tab]]]:
+    """A chromium that keeps running: opens an address in a new tab."""
     ours_in, theirs_out = os.pipe()
     theirs_in, ours_out = os.pipe()
     pipes = f'exec "$@" 3<&{theirs_in} 4>&{theirs_out}'  # it reads from 3 and writes to 4
@@ -160,12 +185,11 @@ def chromium_at_real_speed(
             session = call("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
             call("Page.navigate", session, url=url)
 
-            def picture():
-                png = call("Page.captureScreenshot", session, format="png").get("data", "")
-                return base64.b64decode(png)
+            def asked(method, **params):
+                return call(method, session, **params)
 
             try:
-                yield picture
+                yield Tab(asked)
             finally:
                 call("Target.closeTarget", targetId=target)
 

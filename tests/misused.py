@@ -76,6 +76,7 @@ def usual(tmp_path):
         "meet": {"scenario": "level_turn", "budget": 10, "metric": "ITAE"},
         "mission": {"source": "nowhere.plan", "epsilon": 0.05, "fences": []},
         "monitor": {"source": "level_turn", "epsilon": 0.05, "learn": 20},
+        "open": {"source": "nowhere", "gains": None, "port": None, "budget": 10},
         "plan_campaign": {"campaign": ft.load_campaign("first_campaign"), "runs": 8},
         "plot": {"value": "nowhere"},
         "record": {"flown": None, "folder": tmp_path, "name": "x"},

@@ -29,6 +29,8 @@ ONLY_IN = {
     "rasterio": "routes/raster.py",
     # A recording names the runs it was drawn from.
     "rerun": ("outputs/recording", "flight/records/parquet.py"),
+    "starlette": "outputs/live/server.py",
+    "uvicorn": "outputs/live/server.py",
 }  # a file, or the folder it may be used in
 
 

@@ -17,7 +17,7 @@ from flighttune.base.files.code import BY_JSBSIM
 from flighttune.base.files.whole import reason_of
 from flighttune.cli.aircraft import adopt, design, identify, trim
 from flighttune.cli.explain import band, compare, gap, monitor, tube, worst
-from flighttune.cli.flights import campaign, fly, list_shipped, mission, new, view
+from flighttune.cli.flights import campaign, fly, list_shipped, mission, new, open_page, view
 from flighttune.cli.gains import certify, meet, tune, verify
 from flighttune.cli.options import COMMANDS, FORMER, RUN_CODE, WORKERS, command
 from flighttune.cli.pages import export, report, reproduce
@@ -79,7 +79,11 @@ NAMED_AS_FUNCTION = (
     *(adopt, band, campaign, certify, compare, design, export, fly, gap, identify, meet),
     *(mission, monitor, new, report, reproduce, trim, tube, tune, verify, view, worst),
 )
-BODIES = {"list": list_shipped, **{body.__name__: body for body in NAMED_AS_FUNCTION}}
+BODIES = {
+    "list": list_shipped,
+    "open": open_page,
+    **{body.__name__: body for body in NAMED_AS_FUNCTION},
+}
 
 for panel, commands in COMMANDS.items():
     for name, texts in commands.items():

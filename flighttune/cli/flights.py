@@ -9,6 +9,7 @@ from typing import Any
 from flighttune.base import errors
 from flighttune.base.files import shipped
 from flighttune.base.files.whole import together
+from flighttune.base.screen import LOCAL
 from flighttune.cli.explain import page_note
 from flighttune.cli.options import WORKERS, Verb, check_ending
 from flighttune.cli.show import fail, on_interrupt, say, show
@@ -150,6 +151,15 @@ def _open(path: Path, *, port: int | None = None) -> None:
         say(f"no screen here; open {url} in a browser on this machine, Ctrl-C ends it")
     with on_interrupt(), suppress(KeyboardInterrupt):
         run_viewer(recording, command)
+
+
+def open_page(opened: Verb, until_closed: bool) -> None:
+    """Open a page in the browser on which gains are moved and the flights follow."""
+    with opened() as page:
+        tunnel = f"ssh -L {page.port}:{LOCAL}:{page.port} HOST"
+        say(f"open {page.url} in a browser, from elsewhere after: {tunnel}; Ctrl-C ends it")
+        with on_interrupt(), suppress(KeyboardInterrupt):
+            page.wait(until_closed=until_closed)
 
 
 def campaign(

@@ -138,7 +138,9 @@ class Option:
             more["callback"] = _radians
         if positional:
             made = partial(typer.Argument)
-            value = None if kind == list[str] or type(None) in get_args(kind) else Parameter.empty
+            optional = kind == list[str] or type(None) in get_args(kind)
+            value = value or (None if optional else Parameter.empty)
+            more["show_default"] = False  # its help says so
         else:
             made = partial(typer.Option, *(self.flags or [self.flag]))
         text = self._help(flags, repeatable=get_origin(kind) is list and not positional)

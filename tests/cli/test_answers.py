@@ -26,7 +26,7 @@ FEW = {"start_deg": 2.0, "plant": "kinematic", "epsilon": 0.5, "confidence": 0.9
 MONITORED = FEW | {"learn": 20, "plant": "jsbsim:aerosonde"}
 TURN = {"flight.duration_s": 4.0}
 LONG = "tune --prove", "tune --envelope"
-OTHERS = "adopt", "list", "new", "reproduce", "view"
+OTHERS = "adopt", "list", "new", "open", "reproduce", "view"
 
 # Which files were written, and what the clock or the folder decides.
 OF_THE_COMMAND = {

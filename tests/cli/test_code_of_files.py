@@ -126,6 +126,7 @@ READS = {
         "0 mission scenario_of_route.toml --plan",
     ],
     "view": [],  # it is a program that is handed the name of the file
+    "open": ["2 open band.npz", "2 open tube.npz"],  # others: outputs/live/test_server.py
     "list": ["0 list"],
     "campaign": ["0 campaign campaign.toml --dry-run", "2 campaign run", "2 campaign band.npz"],
     "gap": ["0 gap with_aircraft.toml --gains paper --out gap", "2 gap run", "2 gap band.npz"],

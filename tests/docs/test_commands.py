@@ -29,7 +29,7 @@ COMMAND = re.compile(r"(pip|make|dask|python) |flighttune (list$|(campaign )?[a-
 NAME = re.compile(r"flighttune campaign \w+$")
 
 NOT_RUN = {
-    "changes the environment, or does not end": "pip |make |dask |flighttune view ",
+    "changes the environment, or does not end": "pip |make |dask |flighttune (view|open) ",
     "minutes, as make bench is, or figures that are tested one by one": "python (benchmarks|docs)/",
     "docs/test_first_mission_page.py": "python mission.py|flighttune verify runs/mission-band",
     "a cluster: campaign/test_faults.py": "flighttune campaign campaign.toml --scheduler",

@@ -379,20 +379,46 @@ def _is_scenario(source: str | Path) -> bool:
 
 def _about_mission(scenario: Scenario, aircraft: str, like: str | None) -> Campaign:
     """Flights of a mission that are drawn as those of the campaign `like`."""
+    table, file, words = _dispersed(aircraft, like)
+    title = f"{scenario.title}, flown as {file.stem}{words}"
+    return campaign_about(table, file, scenario).model_copy(update={"title": title})
+
+
+def _dispersed(aircraft: str, like: str | None = None) -> tuple[CampaignTable, Path, str]:
+    """The campaign `like` with the dispersions that an aircraft can have, its file and a note."""
     own = LIKE if aircraft == AIRCRAFT else f"{LIKE}_{aircraft}"
     shipped = own in campaign_files()
-    name = like or (own if shipped else LIKE)
-    table, file = campaign_table(name, {"plant.aircraft": aircraft})
-    title = f"{scenario.title}, flown as {name}"
-    if like is None and not shipped:
-        left_out = SHIFTS
-        if not _possible_inertias(aircraft, table.disperse):
-            left_out += INERTIAS
-            title += " with the aircraft's own inertias"
-        drawn = [x for x in table.disperse if not x.key.endswith(left_out)]
-        related = [x for x in table.correlation if not x.keys[0].endswith(left_out)]
-        table = table.model_copy(update={"disperse": drawn, "correlation": related})
-    return campaign_about(table, file, scenario).model_copy(update={"title": title})
+    table, file = campaign_table(like or (own if shipped else LIKE), {"plant.aircraft": aircraft})
+    if like is not None or shipped:
+        return table, file, ""
+    left_out, words = SHIFTS, ""
+    if not _possible_inertias(aircraft, table.disperse):
+        left_out += INERTIAS
+        words = " with the aircraft's own inertias"
+    drawn = [x for x in table.disperse if not x.key.endswith(left_out)]
+    related = [x for x in table.correlation if not x.keys[0].endswith(left_out)]
+    return table.model_copy(update={"disperse": drawn, "correlation": related}), file, words
+
+
+def airframes(scenario: Scenario) -> Campaign:
+    """Flights of the first aircraft of a scenario on airframes that differ, in its own air.
+
+    They differ from that of the scenario as those of a mission by default do.
+    """
+    plant = scenario.aircraft[0]
+    assert plant.aircraft is not None  # of a plant that is one
+    table, file, _ = _dispersed(plant.aircraft)
+    airframe = "plant.airframe."
+    drawn = [
+        x.model_copy(update={"acts": "multiplies" if x.key.endswith("_factor") else "adds"})
+        for x in table.disperse
+        if x.key.startswith(airframe)
+    ]
+    related = [x for x in table.correlation if x.keys[0].startswith(airframe)]
+    flown = plant.model_copy(update={"airframe": plant.airframe or OffNominal()})
+    kept = {"plant": [flown], "gains": None, "overrides": {}, "success": []}
+    table = table.model_copy(update={"disperse": drawn, "correlation": related, **kept})
+    return campaign_about(table, file, scenario)
 
 
 def _possible_inertias(aircraft: str, drawn: Sequence[Dispersion]) -> bool:

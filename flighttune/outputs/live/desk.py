@@ -1,0 +1,217 @@
+"""What the page works with: flights of what the sliders stand for, searches, and files to save."""
+
+import json
+import shlex
+import threading
+from collections import OrderedDict
+from collections.abc import Mapping
+from contextvars import copy_context
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, TypeAlias
+
+from flighttune.base.errors import FlightTuneError, InputError, StoppedError
+from flighttune.base.files.table import toml_text
+from flighttune.base.files.whole import together, write_text
+from flighttune.campaigns.engine.progress import CampaignObserver, CampaignProgress
+from flighttune.campaigns.planning.plan import plan_campaign
+from flighttune.campaigns.planning.source import airframes
+from flighttune.flight.flown import FlownScenario
+from flighttune.flight.fly import fly
+from flighttune.flight.gains import tune
+from flighttune.flight.loop.loop import compile_at_once
+from flighttune.flight.loop.run import Claim
+from flighttune.flight.scenario.schema import Scenario
+from flighttune.outputs.live.picture import Flown, pieces
+from flighttune.outputs.live.sliders import (
+    Slider,
+    checked,
+    gain_values,
+    moved,
+    sliders_of,
+    with_one_gain_set,
+)
+from flighttune.studies.meet import meet
+
+# Flights kept in memory, ghosts of a page, windows told apart, and aircraft that differ.
+MAX_FLOWN, MAX_GHOSTS, MAX_WINDOWS, AIRCRAFT = 12, 5, 50, 20
+
+# Flights of a search by default.
+BUDGET = 400
+
+# Gains that a search found, by the keys of their sliders.
+Found: TypeAlias = Mapping[str, float]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class State:
+    """A search, as every window sees it."""
+
+    doing: str = ""
+    window: str = ""  # that began it
+    said: str = ""
+    part: float = 0.0
+    done: bool = False
+    failed: bool = False
+    values: Found = field(default_factory=dict)  # for the sliders of that window
+
+
+class Search(CampaignObserver):
+    """A search that a page began and may stop; its state is replaced, never changed."""
+
+    def __init__(self, doing: str, window: str) -> None:
+        self.doing, self.window, self.stopped = doing, window, False
+        self.show("starting", 0.0)
+
+    def show(self, said: str, part: float, **more: Any) -> None:
+        """Say how far it is, or how it ended."""
+        self.state = State(doing=self.doing, window=self.window, said=said, part=part, **more)
+
+    def see(self, progress: CampaignProgress) -> None:
+        """Show the progress of flights."""
+        done, runs = progress.part
+        self.show(progress.sentence, min(done / max(runs, 1), 1.0))
+
+    def go_on(self) -> None:
+        """Raise a StoppedError where the page stopped it."""
+        if self.stopped:
+            raise StoppedError("the page stopped it.")
+
+
+class Desk:
+    """A scenario with one gain set, its sliders, and what the buttons of the page do."""
+
+    def __init__(
+        self, scenario: Scenario, gains: str | None, folder: Path, claims: tuple[Claim, ...] = (),
+        budget: int = BUDGET,
+    ) -> None:  # fmt: skip
+        self.scenario, self.gains = with_one_gain_set(scenario, gains)
+        self.sliders: list[Slider] = sliders_of(self.scenario, self.gains)
+        self.search = Search("", "")
+        self._folder, self._claims, self._budget = folder, claims, budget
+        self._flown: OrderedDict[str, Flown] = OrderedDict()
+        self._cloud: tuple[str, list[FlownScenario]] = ("", [])
+        self._newest: OrderedDict[str, int] = OrderedDict()
+        self._flying, self._searching = threading.Lock(), threading.Lock()
+        self._context = copy_context()  # of the verb: what it may run, and who flies
+        compile_at_once()
+
+    def picture(self, asked: Mapping[str, Any]) -> dict[str, str] | None:
+        """Pieces of the page for a move in a window; None if a later move came meanwhile."""
+        window, number = str(asked["window"]), int(asked["number"])
+        newest = self._newest.pop(window, 0)
+        self._newest[window] = max(number, newest)
+        if len(self._newest) > MAX_WINDOWS:
+            self._newest.popitem(last=False)
+        with self._flying:
+            if number < self._newest.get(window, 0):
+                return None
+            return self._context.copy().run(self._pieces, asked)
+
+    def _pieces(self, asked: Mapping[str, Any]) -> dict[str, str]:
+        ghosts = [(str(x["name"]), x["values"]) for x in asked["ghosts"][:MAX_GHOSTS]]
+        key, cloud = self._cloud
+        return pieces(
+            self._flights(asked["values"]),
+            {name: self._flights(values) for name, values in ghosts},
+            cloud if key == self._key(asked["values"]) else [],
+        )
+
+    def _key(self, values: Mapping[str, Any]) -> str:
+        return json.dumps(checked(self.sliders, values))
+
+    def _flights(self, values: Mapping[str, Any]) -> Flown:
+        """The flights of values of the sliders, flown once as long as they are kept."""
+        key = self._key(values)
+        flown = self._flown.pop(key, None)
+        if flown is None:
+            flights = fly(moved(self.scenario, self.sliders, values))
+            flown = Flown.of(flights.within(*self._claims))
+        self._flown[key] = flown
+        if len(self._flown) > MAX_FLOWN:
+            self._flown.popitem(last=False)
+        return flown
+
+    def begin(self, asked: Mapping[str, Any]) -> None:
+        """Begin a search for a window; an InputError says that one is under way."""
+        doing, values = str(asked["doing"]), dict(asked["values"])
+        work = {"tune": self._tune, "meet": self._meet, "aircraft": self._differ}[doing]
+        scenario = moved(self.scenario, self.sliders, values)
+        if not self._searching.acquire(blocking=False):
+            raise InputError("another search is under way: stop it first.")
+        self.search = search = Search(doing, str(asked["window"]))
+
+        def run() -> None:
+            try:
+                said, found = work(scenario, values, search)
+                search.show(said, 1.0, done=True, values=found)
+            except StoppedError:
+                search.show("stopped, nothing is changed.", 1.0, done=True)
+            except FlightTuneError as error:
+                search.show(str(error), 1.0, done=True, failed=True)
+            finally:
+                self._searching.release()
+
+        threading.Thread(target=self._context.copy().run, args=(run,), daemon=True).start()
+
+    def stop(self, _asked: Mapping[str, Any] | None = None) -> None:
+        """Stop the search that is under way."""
+        self.search.stopped = True
+
+    def _tune(self, scenario: Scenario, _: Any, search: Search) -> tuple[str, Found]:
+        result = tune(scenario)
+        search.go_on()  # tuning has no end of its own: what it finds after a stop is left
+        if result.gains is None:
+            raise InputError(result.reason or "no gains meet the constraints.")
+        return f"R_K is {result.R_K:.4g} 1/s.", gain_values(result.gains)
+
+    def _meet(self, scenario: Scenario, _: Any, search: Search) -> tuple[str, Found]:
+        (entry,), law = scenario.gains, scenario.laws[0]
+        gains = None if isinstance(entry, str) else entry.gains(law.kind)
+        meeting = meet(scenario, start=gains, budget=self._budget, observer=search)
+        answer = meeting.answer()
+        return f"{answer.verdict or answer.failure}", gain_values(meeting.gains)
+
+    def _differ(
+        self, scenario: Scenario, values: Any, search: Search
+    ) -> tuple[str, dict[str, Any]]:
+        """Fly aircraft that differ one after the other; moves of sliders go between them."""
+        plan, flown = plan_campaign(airframes(scenario), runs=AIRCRAFT), list[FlownScenario]()
+        for number in range(AIRCRAFT):
+            search.go_on()
+            with self._flying:
+                flown.append(fly(plan.scenario_of(number)))
+            search.show(f"{number + 1} of {AIRCRAFT} have flown", (number + 1) / AIRCRAFT)
+        self._cloud = self._key(values), flown
+        return f"{AIRCRAFT} that differ are drawn.", {}
+
+    def save(self, asked: Mapping[str, Any]) -> dict[str, str]:
+        """Write scenario and gains, or a recording, into a new folder inside the page's own."""
+        values = asked["values"]
+        scenario = moved(self.scenario, self.sliders, values)
+        self._folder.mkdir(parents=True, exist_ok=True)
+        numbers = [int(x.name) for x in self._folder.iterdir() if x.name.isdecimal()]
+        folder = self._folder / str(1 + max(numbers, default=0))
+        folder.mkdir()
+        if asked.get("recorded"):
+            from flighttune.outputs.recording.record import record  # loads Rerun
+
+            with self._flying:
+                record(self._context.copy().run(self._flights, values).flights, folder)
+            return {"said": "recorded", "command": f"flighttune view {shlex.quote(str(folder))}"}
+        file = folder / "scenario.toml"
+        with together():
+            write_text(file, toml_text(_from_anywhere(scenario.as_dict())))
+            (entry,) = scenario.gains
+            if not isinstance(entry, str):
+                entry.gains(scenario.laws[0].kind).save(folder / "gains.json")
+        return {"said": "saved", "command": f"flighttune fly {shlex.quote(str(file))}"}
+
+
+def _from_anywhere(tables: dict[str, Any]) -> dict[str, Any]:
+    """Tables of a scenario with the whole paths of its files."""
+    for table in (*tables.get("law", ()), *tables["plant"], tables["tuning"]):
+        for key in ("module", "aircraft", "identified"):
+            if key in table and Path(table[key]).name != table[key]:
+                table[key] = str(Path(table[key]).absolute())
+    return tables

@@ -1,0 +1,135 @@
+"""`flighttune.open`: a page on which gains are moved, opened for what a file or name states."""
+
+import time
+import webbrowser
+from collections.abc import Mapping, Sequence
+from html import escape
+from pathlib import Path
+from typing import Any
+
+from flighttune.base.arrays import check_at_least
+from flighttune.base.files import code
+from flighttune.base.screen import has_screen
+from flighttune.campaigns.planning.source import flights
+from flighttune.flight.loop.run import Claim
+from flighttune.flight.scenario.schema import Scenario
+from flighttune.outputs.live.desk import BUDGET, Desk
+
+# How often a command looks whether the last window was closed, s.
+LOOK_S = 0.2
+
+
+class Opened:
+    """A page that is served until it is closed.
+
+    Attributes
+    ----------
+    url : str
+        Its address on this machine, with the token that lets a browser in.
+
+    Examples
+    --------
+    >>> with ft.open("level_turn", browser=False) as page:
+    ...     page.url.startswith("http://127.0.0.1:")
+    True
+    """
+
+    def __init__(self, desk: Desk, port: int) -> None:
+        from flighttune.outputs.live.server import Server
+
+        self._server = Server(desk, port)
+
+    @property
+    def url(self) -> str:
+        return self._server.url
+
+    @property
+    def port(self) -> int:
+        """Port at which it is served, for a tunnel."""
+        return self._server.port
+
+    def wait(self, *, until_closed: bool = False) -> None:
+        """Wait for ever, or until the last window of the page was closed."""
+        while not (until_closed and self._server.left):
+            time.sleep(LOOK_S)
+
+    def close(self) -> None:
+        """End the server, and what it has under way."""
+        self._server.close()
+
+    def __enter__(self) -> "Opened":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def __repr__(self) -> str:
+        return f"a page at {self.url}; .close() ends it"
+
+    def _repr_html_(self) -> str:
+        return f'<a href="{escape(self.url)}" target="_blank">{escape(self.url)}</a>'
+
+
+@code.flies
+def open(
+    source: Scenario | str | Path = "level_turn",
+    *,
+    gains: str | None = None,
+    aircraft: str | None = None,
+    out: str | Path | None = None,
+    port: int | None = None,
+    budget: int = BUDGET,
+    browser: bool = True,
+    claims: Sequence[Claim] = (),
+    changes: Mapping[str, Any] | None = None,
+) -> Opened:
+    """Open a page in the browser on which gains are moved and the flights follow.
+
+    It is served to this machine alone, under an address that has a secret word.
+
+    Parameters
+    ----------
+    source : Scenario, str or Path
+        A scenario or campaign, its file or name; or a mission: ``.plan`` of QGroundControl,
+        ``.waypoints`` of Mission Planner, KML or GeoJSON; by default ``level_turn``.
+    gains : str, optional
+        Gain set to begin with, by name or file, by default the first of the scenario.
+    aircraft : str, optional
+        Aircraft that flies a mission, by default ``aerosonde``.
+    out : str or Path, optional
+        Folder into which the page saves, by default ``runs/open``. Each time it makes a new folder
+        in it, and it writes nowhere else.
+    port : int, optional
+        Port of the page, by default any that is free.
+    budget : int
+        Flights of the page's search for gains that meet the requirements, by default 400.
+    browser : bool
+        Open a browser, by default where there is a screen.
+    claims : sequence of Claim, optional
+        Tubes and bands, drawn around the flights that they cover.
+    changes : mapping of str to value, optional
+        Values to set in a scenario that is read from a file, by dotted key.
+
+    Returns
+    -------
+    Opened
+        The page, which is served until it is closed or Python ends.
+
+    Raises
+    ------
+    InputError, ScenarioError
+        If the source or gain set cannot be read, or the port is taken.
+
+    Examples
+    --------
+    >>> page = ft.open("level_turn", browser=False)
+    >>> page.close()
+    """
+    check_at_least(1, budget=budget)
+    flown = flights(source, aircraft=aircraft, changes=changes)
+    folder = Path("runs/open" if out is None else out)
+    desk = Desk(flown.scenario, gains, folder, tuple(claims), budget)
+    page = Opened(desk, port or 0)
+    if browser and has_screen():
+        webbrowser.open(page.url)
+    return page

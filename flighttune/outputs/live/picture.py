@@ -1,0 +1,120 @@
+"""What the page shows of flights: charts, numbers and requirements, as pieces of HTML."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from flighttune.base.errors import printable
+from flighttune.base.words import pick
+from flighttune.flight.entry import entry_of
+from flighttune.flight.flown import BoundCheck, FlownScenario
+from flighttune.flight.models import loop_measures
+from flighttune.outputs.answers.answer import Table
+from flighttune.outputs.answers.flown import ROUTE_COLUMNS, RUN_COLUMNS
+from flighttune.outputs.answers.labels import columns, in_words
+from flighttune.outputs.answers.run import run_styles
+from flighttune.outputs.drawing.chart import Chart
+from flighttune.outputs.drawing.palette import HUES, PLANTS, LineStyle
+from flighttune.outputs.drawing.templates import page_template
+from flighttune.outputs.pages import panels
+from flighttune.outputs.pages.charts import route_charts
+from flighttune.outputs.pages.page import flown_in_words
+from flighttune.outputs.pages.panels import Drawn
+
+LOOP = "R_K I_K E_K gain_margin_dB phase_margin_rad delay_margin_s"
+
+# Styles of ghosts in turn, the start first, and of aircraft that differ.
+GHOSTS = tuple(LineStyle(*shade, 1.5, True) for shade in (PLANTS[0], *(hue[1] for hue in HUES[2:])))
+CLOUD = LineStyle(*HUES[0][1], 0.5, False)
+
+# What is shown, by the id of its place on the page.
+PIECES = "about", "verdict", "legend", "charts", "requirements", "numbers"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Flown:
+    """Flights with what is shown of them as numbers."""
+
+    flights: FlownScenario
+    loop: Mapping[str, float] = field(default_factory=dict)  # indicators and margins
+
+    @classmethod
+    def of(cls, flights: FlownScenario) -> "Flown":
+        """Flights with the numbers of their linear loop."""
+        run = flights.runs[0].provenance
+        if run.gains is None:
+            return cls(flights=flights)
+        entry = entry_of(flights.scenario, run.gains_name, run.gains)
+        return cls(flights=flights, loop=loop_measures(entry, LOOP.split()))
+
+    def drawn(self, name: str, style: LineStyle) -> Drawn:
+        """The aircraft's flight, or that of the last plant, under a name of its own."""
+        run = self.flights.runs[-1]
+        named = replace(run, provenance=replace(run.provenance, gains_name=name))
+        return [(named, style)] if len(run.signals) > 1 else []
+
+
+def pieces(
+    now: Flown, ghosts: Mapping[str, Flown], cloud: Sequence[FlownScenario]
+) -> dict[str, str]:
+    """HTML of each piece of the page: flights of now, ghosts by name, and aircraft that differ."""
+    flown, styles = now.flights, run_styles(now.flights.runs)
+    flights = [(run, styles[run.label]) for run in flown.runs if len(run.signals) > 1]
+    beside = [
+        x
+        for (name, ghost), style in zip(ghosts.items(), GHOSTS, strict=False)
+        for x in ghost.drawn(name, style)
+    ]
+    crowd = [x for i, one in enumerate(cloud) for x in Flown(flights=one).drawn(f"{i}", CLOUD)]
+    early = [f"{x.label}: {x.outcome}." for x in flown.runs if x.status != "completed"]
+    whole = {
+        "about": flown_in_words(flown.scenario, flown.runs),
+        "claim": flown.claim,
+        "sentences": [*early, *_differing(cloud)],
+        "legend": [*((run.label, style) for run, style in (*flights, *beside)),
+                   *([(f"{len(cloud)} aircraft that differ", CLOUD)] if cloud else [])],
+        "charts": _charts([*crowd, *beside], flights) if flights else [],
+        "requirements": [_requirement(x) for x in flown.claim.bounds],
+        "numbers": _tables({"now": now, **ghosts}),
+    }  # fmt: skip
+    template = page_template("flighttune.outputs.live", "pieces.html.jinja").module
+    return {name: printable(getattr(template, name)(whole)) for name in PIECES}
+
+
+def _requirement(check: BoundCheck) -> dict[str, Any]:
+    measure = {"measure": f"{check.subject}.{check.measure}"}
+    words = in_words({**measure, **pick(check, "bound value met run")})
+    return {**words, "sense": check.sense.replace("_", " ")}
+
+
+def _differing(cloud: Sequence[FlownScenario]) -> list[str]:
+    """How many of the aircraft that differ do what is required, or else fly to the end."""
+    if not cloud:
+        return []
+    tested = cloud[0].claim.verdict != "not tested"
+    ends = [x.claim.verdict == "met" if tested else x.runs[0].status == "completed" for x in cloud]
+    what = "meet every requirement" if tested else "fly to the end"
+    return [f"{sum(ends)} of {len(ends)} aircraft that differ {what}."]
+
+
+def _tables(named: Mapping[str, Flown]) -> list[Table]:
+    """The linear loop and the flights, now and at each ghost."""
+    loops = [{"which": name, **x.loop} for name, x in named.items() if x.loop]
+    records = [
+        {**record, "gains": name}
+        for name, x in named.items()
+        for record in x.flights.records({})[0 if name == "now" else -1 :]
+    ]
+    route = any("along" in run.signals for x in named.values() for run in x.flights.runs)
+    shown = [replace(x, name="at") if x.key == "gains" else x for x in RUN_COLUMNS]
+    tables = [Table(ROUTE_COLUMNS if route else shown, records, "Flights")]
+    return [Table(columns(f"which {LOOP}"), loops, "Linear loop"), *tables] if loops else tables
+
+
+def _charts(beside: Drawn, flights: Drawn) -> list[Chart]:
+    """Responses, commands and paths of flights, with others beside them."""
+    every = [*beside, *flights]
+    if along := route_charts(every):
+        return [*along, *panels.commands(flights)]
+    bounds = panels.errors(every) if any(run.claims for run, _ in flights) else []
+    return [*panels.tracking(every), *bounds, *panels.commands(flights), *panels.paths(every)]

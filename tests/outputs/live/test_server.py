@@ -1,0 +1,176 @@
+"""The server of the page lets in its own page alone, and writes into the folder that was named."""
+
+import http.client
+import json
+import socket
+import threading
+import time
+from pathlib import Path
+
+import psutil
+import pytest
+
+import flighttune as ft
+
+# A number that no float holds, beside what a page sends.
+HUGE = b'{"window": "w", "number": 1, "ghosts": [], "values": {"flight.V_a_mps": 1%s}}' % (
+    b"0" * 400
+)
+
+MOVE = {"window": "w", "number": 1, "values": {}, "ghosts": []}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("page")
+
+
+@pytest.fixture(scope="module")
+def page(folder):
+    with ft.open("paper_as_printed", out=folder / "saved", browser=False) as opened:
+        yield opened
+
+
+def token_of(page):
+    return page.url.split("/")[3]
+
+
+def ask(page, path="", body=None, *, token=None, **headers):
+    """Status, headers and body of an answer; headers are those of our page unless stated."""
+    connection = http.client.HTTPConnection("127.0.0.1", page.port, timeout=60)
+    told = {"Host": f"127.0.0.1:{page.port}"}
+    if body is not None:
+        told |= {"Origin": f"http://127.0.0.1:{page.port}", "Content-Type": "application/json"}
+        body = body if isinstance(body, bytes) else json.dumps(body).encode()
+    told |= {name.replace("_", "-"): value for name, value in headers.items()}
+    given = {name: value for name, value in told.items() if value is not None}
+    place = f"/{token_of(page) if token is None else token}/{path}"
+    connection.request("GET" if body is None else "POST", place, body, given)
+    answer = connection.getresponse()
+    status, text = answer.status, b"" if path == "events" else answer.read()
+    connection.close()
+    return status, dict(answer.getheaders()), text
+
+
+def test_the_page_and_a_picture_are_there_for_those_who_have_the_address(page):
+    assert ask(page)[0] == 200
+    status, _, text = ask(page, "picture", MOVE)
+    assert status == 200
+    assert "<svg" in json.loads(text)["charts"]
+
+
+@pytest.mark.parametrize("path", ["", "events", "picture", "begin", "stop", "save"])
+@pytest.mark.parametrize("token", ["x", "", "a" * 32, "%C3%A9", ".."])
+def test_nothing_is_told_without_the_token(page, path, token):
+    body = None if path in ("", "events") else MOVE
+    status, _, text = ask(page, path, body, token=token)
+    assert status in (404, 405)
+    assert token_of(page).encode() not in text
+
+
+@pytest.mark.parametrize("path", ["", "picture", "save"])
+@pytest.mark.parametrize("host", ["evil.example", "evil.example:80", "127.0.0.1.evil.example", ""])
+def test_another_name_of_this_machine_is_refused(page, path, host):
+    status, _, _ = ask(page, path, MOVE if path else None, Host=host)
+    assert status in (400, 404)
+
+
+@pytest.mark.parametrize("path", ["picture", "begin", "stop", "save"])
+@pytest.mark.parametrize("origin", ["http://evil.example", "null", "https://127.0.0.1", None])
+def test_a_page_of_another_origin_moves_nothing(page, path, origin):
+    assert ask(page, path, MOVE, Origin=origin)[0] == 404
+
+
+def test_a_page_of_another_origin_reads_nothing(page):
+    assert ask(page, "", Origin="http://evil.example")[0] == 404
+    assert ask(page, "", Sec_Fetch_Site="cross-site")[0] == 404
+    assert "Access-Control-Allow-Origin" not in ask(page)[1]
+
+
+def test_the_address_is_kept_from_others_and_the_page_out_of_frames(page):
+    headers = {name.lower(): value for name, value in ask(page)[1].items()}
+    assert headers["referrer-policy"] == "no-referrer"
+    assert headers["cache-control"] == "no-store"
+    assert "frame-ancestors 'none'" in headers["content-security-policy"]
+
+
+def test_it_listens_on_this_machine_alone(page):
+    listening = [x.laddr for x in psutil.Process().net_connections("tcp") if x.status == "LISTEN"]
+    assert [x.ip for x in listening if x.port == page.port] == ["127.0.0.1"]
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        b"",
+        b"{",
+        b"[]",
+        b"null",
+        b"{}",
+        b'{"window": 1, "number": "x"}',
+        b"[" * 2000,
+        b"x" * 70_000,
+        HUGE,
+    ],
+)
+def test_what_the_page_does_not_send_is_refused(page, body):
+    status, _, text = ask(page, "picture", body)
+    assert status in (400, 413)
+    assert b"Traceback" not in text
+
+
+@pytest.mark.parametrize(
+    "values", [{"flight.V_a_mps": -1.0}, {"law[0].module": "x.py"}, {"gains[0].K_P[0][0]": 1e300}]
+)
+def test_a_value_that_cannot_be_flown_is_told_in_a_line(page, values):
+    status, _, text = ask(page, "picture", {**MOVE, "number": 2, "values": values})
+    assert status == 200
+    assert "must" in json.loads(text)["failed"]
+
+
+def test_a_move_that_a_later_one_has_overtaken_is_dropped(page):
+    assert json.loads(ask(page, "picture", {**MOVE, "window": "v", "number": 9})[2]) is not None
+    assert json.loads(ask(page, "picture", {**MOVE, "window": "v", "number": 8})[2]) is None
+
+
+def test_what_is_saved_flies_as_the_page_and_lies_in_the_named_folder(page, folder):
+    values = {"gains[0].K_P[0][0]": 1.2, "flight.V_a_mps": 26.0}
+    before = {*folder.rglob("*")}
+    told = json.loads(ask(page, "save", {"values": values})[2])
+    new = {path for path in folder.rglob("*") if path.is_file()} - before
+    assert {path.name for path in new} == {"scenario.toml", "gains.json"}
+    assert all(path.parent.parent == folder / "saved" for path in new)
+    (file,) = (path for path in new if path.suffix == ".toml")
+    assert told["command"] == f"flighttune fly {file}"
+    assert ft.load_scenario(file).flight.V_a_mps == 26.0
+    assert ft.load_gains(file.with_name("gains.json")).K_P[0, 0] == 1.2
+
+
+@pytest.mark.parametrize("name", ["../../evil", "/tmp/flighttune_evil", "x"])
+def test_a_page_names_no_file_to_save(page, folder, name):
+    def elsewhere():
+        saved = folder / "saved"
+        return {x for x in folder.parent.rglob("*") if saved not in (x, *x.parents)}
+
+    before = elsewhere()
+    names = dict.fromkeys(("folder", "out", "name", "path", "file"), name)
+    assert "failed" not in json.loads(ask(page, "save", {"values": {}, **names})[2])
+    assert elsewhere() == before
+    assert not Path("/tmp/flighttune_evil").exists()
+
+
+def test_a_port_that_is_taken_is_told_in_a_line(page):
+    with pytest.raises(ft.InputError, match=rf"`port` must be free.*{page.port}"):
+        ft.open("paper_as_printed", port=page.port, browser=False)
+
+
+def test_a_page_that_is_closed_leaves_no_thread_and_no_port():
+    threads = {*threading.enumerate()}
+    page = ft.open("paper_as_printed", browser=False)
+    page.close()
+    end = time.monotonic() + 10.0
+    while {x for x in threading.enumerate() if not x.name.startswith("AnyIO")} - threads:
+        assert time.monotonic() < end
+        time.sleep(0.05)
+    with socket.socket() as probe:
+        assert probe.connect_ex(("127.0.0.1", page.port)) != 0

@@ -1,0 +1,78 @@
+"""What sliders stand for: the scenario with the same values set by its keys."""
+
+import pytest
+
+import flighttune as ft
+from flighttune.outputs.live.sliders import checked, moved, sliders_of, with_one_gain_set
+
+SCENARIOS = "level_turn", "paper", "exact_law", "circuit", "turbulent_climb", "paper_as_printed"
+
+
+def page_of(name):
+    scenario, gains = with_one_gain_set(ft.load_scenario(name), None)
+    return scenario, sliders_of(scenario, gains)
+
+
+@pytest.mark.parametrize("name", SCENARIOS)
+def test_a_page_begins_with_the_flights_of_its_scenario(name):
+    scenario, sliders = page_of(name)
+    flown = ft.load_scenario(name, gains=[scenario.gain_names[0]])
+    assert moved(scenario, sliders, {x.key: x.value for x in sliders}) is scenario
+    assert len({x.key for x in sliders}) == len(sliders)
+    kept = scenario.model_dump(exclude={"gains"})
+    assert kept == flown.model_dump(exclude={"gains"})
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "changes"),
+    [
+        ("flight.V_a_mps", 27.0, {"flight.V_a_mps": 27.0}),
+        ("limits.phi_deg", 30.0, {"limits.phi_deg": [-30.0, 30.0]}),
+        ("limits.n_z", 1.5, {"limits.n_z": [-2.1, 1.5]}),
+        ("limits.phi_rate_dps", 20.0, {"limits.phi_rate_dps": 20.0}),
+        ("wind.speed_mps", 4.0, {"wind.speed_mps": 4.0, "wind.from_deg": 270.0}),
+        ("turbulence.intensity", "light", {"turbulence.intensity": "light"}),
+        ("seed", 7, {"seed": 7}),
+        ("plant.airframe.mass_factor", 1.1, {"plant.airframe.mass_factor": 1.1}),
+        ("reference.gamma_deg", 3.0, {"reference.gamma_deg": 3.0}),
+    ],
+)
+def test_a_slider_sets_the_key_of_the_scenario(key, value, changes):
+    scenario, sliders = page_of("level_turn")
+    wanted = ft.load_scenario("level_turn", changes=changes)
+    same = {"exclude": {"gains", "title"}}
+    assert moved(scenario, sliders, {key: value}).model_dump(**same) == wanted.model_dump(**same)
+
+
+def test_a_gain_that_is_moved_flies_as_the_same_gain_of_a_file(tmp_path):
+    scenario, sliders = page_of("level_turn")
+    K_P = ft.PAPER_GAINS.K_P.copy()
+    K_P[0, 0] = 1.1
+    ft.PIGains(K_P=K_P, K_I=ft.PAPER_GAINS.K_I).save(tmp_path / "mine.json")
+    by_file = ft.fly("level_turn", str(tmp_path / "mine.json"))
+    by_page = ft.fly(moved(scenario, sliders, {"gains[0].K_P[0][0]": 1.1}))
+    for one, other in zip(by_page.runs, by_file.runs, strict=True):
+        assert one.signals.equals(other.signals)
+
+
+def test_a_choice_that_is_none_takes_the_table_away():
+    scenario, sliders = page_of("turbulent_climb")
+    assert scenario.turbulence is not None
+    assert moved(scenario, sliders, {"turbulence.intensity": "none"}).turbulence is None
+
+
+@pytest.mark.parametrize(
+    ("values", "what"),
+    [
+        ({"flight.V_a_mps": "25"}, "must be a number, got 25"),
+        ({"flight.V_a_mps": float("nan")}, "must be a number, got nan"),
+        ({"flight.V_a_mps": True}, "must be a number, got True"),
+        ({"flight.V_a_mps": 1e9}, "must be a number, got 1000000000.0"),
+        ({"turbulence.intensity": "mighty"}, "must be one of none, light, moderate, severe"),
+        ({"plant[0].module": "law.py"}, "must be a slider of the page"),
+    ],
+)
+def test_a_value_that_no_slider_has_is_refused(values, what):
+    _, sliders = page_of("level_turn")
+    with pytest.raises(ft.InputError, match=what):
+        checked(sliders, values)
