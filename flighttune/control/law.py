@@ -106,7 +106,7 @@ class Law(ABC):
     def loop(
         self, model: LinearModel, gains: PIGains, _setup: LawSetup, /
     ) -> tuple[LinearModel, PIGains] | None:
-        """The linear loop that flies: `model` closed by `gains` that say so; else None."""
+        """The linear loop of a flight: `model` closed by `gains`, or None without a linear law."""
         return (model, gains) if self.by_gains else None
 
     def state_scaling(self, model: LinearModel, lags: Sequence[inner_loop.InnerLag]) -> FloatArray:

@@ -26,7 +26,7 @@ from flighttune.logs.log import Columns
 
 RUNS = "recording, its folder, the Parquet file of a run, or the log of a flight"
 
-# Better direction of each metric. A time that is never reached is worse than any other.
+# Better direction of each metric. A time that is never reached is worst.
 BETTER_IF = {
     **dict.fromkeys((*METRICS, *FLIGHT_METRICS), "low"),
     **dict.fromkeys(("PT_s", "n_z_min", "n_z_max"), "neither"),
@@ -36,13 +36,13 @@ BETTER_IF = {
 # Metrics whose missing value means that it was never reached.
 NEVER = ("rise_s", "settling_s")
 
-# Relative difference up to which neither is better.
+# Metrics within this relative difference count as equal.
 EQUAL = 1e-12
 
 # Keys of ``[flight]`` that belong to the manoeuvre, as does all of ``[reference]``.
 MANOEUVRE = ("V_a_mps", "h_m", "chi_deg", "gamma_deg", "phi_deg", "n_z", "duration_s")
 
-# Keys that are text, or are compared elsewhere.
+# Keys with text, or compared elsewhere.
 DESCRIPTION = ("title", "verifies", "source", "gains", "plant", "reference", "route")
 
 COLUMNS = ("pair", "run_a", "run_b", "channel", "name", "unit", "a", "b", "diff", "better")
@@ -50,22 +50,22 @@ COLUMNS = ("pair", "run_a", "run_b", "channel", "name", "unit", "a", "b", "diff"
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Source:
-    """Runs that belong together, under the name the user gave."""
+    """Runs of one source, with the name that the user gave."""
 
     name: str  # the name that the user gave: a path, or ``scenario@gains``
-    runs: tuple[Run, ...]  # in the order of the scenario if it is known
-    missing: tuple[str, ...] = ()  # runs that were recorded and cannot be read
-    lacks: str = ""  # as of a `Recording`
-    # Whether the gains were chosen; False for a scenario flown without an ``@``
+    runs: tuple[Run, ...]  # in the order of the scenario, if known
+    missing: tuple[str, ...] = ()  # recorded runs that cannot be read
+    lacks: str = ""  # as in a `Recording`
+    # Whether the user chose the gains; False for a scenario flown without an ``@``
     chosen: bool = True
 
     @property
     def gain_sets(self) -> tuple[str, ...]:
-        """Names of the gains flown, each once."""
+        """Names of the flown gains, each once."""
         return tuple(dict.fromkeys(run.provenance.gains_name for run in self.runs))
 
     def within(self, *claims: Claim) -> "Source":
-        """The runs with what is claimed of them; an InputError says why a claim covers none."""
+        """The runs with a claim about them; InputError if the claim covers none of them."""
         return replace(self, runs=with_claims(self.runs, claims))
 
 
@@ -75,15 +75,15 @@ Runs: TypeAlias = Run | flown.FlownScenario | Source
 class Pair(NamedTuple):
     """Two runs of one manoeuvre, compared."""
 
-    # `a` and `b`: cut to the time both flew
+    # `a` and `b`: cut to the time that both flew
     a: Run
     b: Run
     # Names of the sources of `a` and `b`
     source_a: str
     source_b: str
     max_distance: float  # m: largest distance of the two at the same time after the start
-    t_max_distance: float  # s: when that was
-    # Settings of the two scenarios that are not the same, by dotted key
+    t_max_distance: float  # s: time of the largest distance
+    # Different settings of the two scenarios, by dotted key
     differs: dict[str, tuple[Any, Any]]
 
 
@@ -97,15 +97,15 @@ class Comparison(Answering):
     reason : str
         Why the sources cannot be compared: another manoeuvre, another aircraft; empty otherwise.
     pairs : tuple of Pair
-        Every run of the first source with its partner in each of the others.
+        Every run of the first source with its partner in each other source.
     metrics : DataFrame
-        A row each pair, channel and metric; columns ``pair`` (its place in `pairs`), ``run_a``,
+        A row for each pair, channel and metric; columns ``pair`` (its index in `pairs`), ``run_a``,
         ``run_b``, ``channel``, ``name``, ``unit``, ``a``, ``b``, ``diff`` (b minus a), ``better``
         (a, b, same, or empty).
     unpaired : tuple of str
         Runs without a partner, as ``source: label``.
     missing : tuple of str
-        Runs that the sources recorded and cannot give.
+        Recorded runs that cannot be read.
 
     Examples
     --------
@@ -132,18 +132,17 @@ class Comparison(Answering):
 
     @property
     def gains_notes(self) -> list[str]:
-        """A sentence for gains that were tuned for others than a run flew them on."""
+        """A sentence for gains that were tuned for other aircraft than a run flew."""
         return gains_notes(run for pair in self.pairs for run in (pair.a, pair.b))
 
 
 def load_source(
     name: str | Path, *, changes: Mapping[str, Any] | None = None, columns: Columns = ()
 ) -> Source:
-    """Find the runs of a name: a folder, Parquet file, recording or log, or a scenario to fly."""
+    """Find the runs of a source: a folder, Parquet file, recording or log, or a scenario to fly."""
     name = str(name)
-    # Behind an ``@`` a gain set, a plant or the label of a run chooses among its runs; of a
-    # scenario also a file of gains, or a set it does not list; of a log ``START:END``, a part of it
-    # in s.
+    # After an ``@`` a gain set, a plant or a label selects runs. A scenario also takes a file of
+    # gains or a gain set that it does not list. A log takes ``START:END``, a part of it in s.
     place, _, choice = name.partition("@") if not Path(name).exists() else (name, "", "")
     if (recording := written(name, *READERS, columns=columns)) is None:
         scenario = load.load_scenario(place, changes=changes, gains=[choice] if choice else ())
@@ -156,7 +155,7 @@ def load_source(
         missing = *lacking["missing"], *(f"in gaps, {gap}" for gap in lacking["gaps"])
         return Source(name=name, runs=(recording,), missing=missing)
     if not isinstance(recording, Recording):
-        load_one(name, RUNS)  # refuses it
+        load_one(name, RUNS)  # this refuses it
     runs = tuple(
         run
         for run in recording.runs
@@ -171,7 +170,7 @@ def load_source(
 
 
 def compare_runs(sources: Iterable[str | Path | Runs], columns: Columns) -> Comparison:
-    """Hold runs against those of the first source, as `ft.compare` does."""
+    """Compare runs with the runs of the first source, as `ft.compare` does."""
     stated = [_source(runs_of, place, columns) for place, runs_of in enumerate(sources)]
     compared = stated if len(stated) > 1 else _each_run(*stated)
     first, *rest = compared
@@ -203,7 +202,7 @@ def compare_runs(sources: Iterable[str | Path | Runs], columns: Columns) -> Comp
 
 
 def better(name: str, a: float, b: float) -> str:
-    """Better of two values of a metric: ``a``, ``b``, ``same``, or empty if there is none."""
+    """Better of two values of a metric: ``a``, ``b``, ``same``, or empty without a direction."""
     if name in NEVER:
         a, b = (math.inf if math.isnan(value) else value for value in (a, b))
     if BETTER_IF[name] == "neither" or math.isnan(a) or math.isnan(b):
@@ -216,18 +215,18 @@ def better(name: str, a: float, b: float) -> str:
 
 
 def largest_distance(a: Run, b: Run) -> tuple[float, float]:
-    """Largest distance of two runs at the same time after the start, m, and that time, s."""
+    """Largest distance of two runs at equal time after the start, m, and this time, s."""
     t = np.union1d(a.t, b.t)
     t = t[t <= min(a.duration, b.duration)]
 
     def path(run: Run) -> list[Any]:
-        places = run.signals.reindex(columns=["north", "east", "down"])  # a log may have none
+        places = run.signals.reindex(columns=["north", "east", "down"])  # a log may lack positions
         places = places.interpolate("index", limit_direction="both")
         return [np.interp(t, places.index, places[axis]) for axis in places]
 
     distance = np.linalg.norm(np.subtract(path(b), path(a)), axis=0)
     farthest = int(np.argmax(distance))
-    at = t[farthest] if distance[farthest] >= 0.0 else math.nan  # NaN without places
+    at = t[farthest] if distance[farthest] >= 0.0 else math.nan  # NaN without positions
     return float(distance[farthest]), float(at)
 
 
@@ -243,7 +242,7 @@ def _source(runs_of: str | Path | Runs, place: int, columns: Columns) -> Source:
 
 
 def _each_run(source: Source) -> list[Source]:
-    """Each run of a source as a source; the first has what is missing, and what has not flown."""
+    """Each run of a source as a source; the first also has the missing runs and runs not flown."""
     runs = [run for run in source.runs if len(run.signals) > 1]
     if len(runs) < 2:
         labels = ", ".join(run.label for run in runs) or "none"
@@ -275,7 +274,7 @@ def _paired(a: Sequence[Run], b: Sequence[Run]) -> list[tuple[Run, Run]]:
 
 
 def _why_not(a: Source, b: Source, pairs: Sequence[tuple[Run, Run]]) -> str:
-    """Why two sources cannot be compared, in one sentence; empty where they can."""
+    """Why two sources cannot be compared, in one sentence; empty if they can."""
     between = f"{a.name} and {b.name}"
     for source, other in ((a, b), (b, a)):
         several = not source.chosen and len(source.gain_sets) > 1
@@ -293,7 +292,7 @@ def _why_not(a: Source, b: Source, pairs: Sequence[tuple[Run, Run]]) -> str:
             if len(run.signals) < 2:
                 return f"{source.name}: {run.label} must have flown, got {run.status}: {run.reason}"
         if any(map(_is_log, pair)):
-            continue  # a log does not say what its flight was meant to be
+            continue  # a log does not tell the intended manoeuvre
         aircraft = [run.provenance.aircraft for run in pair]
         if all(aircraft) and aircraft[0] != aircraft[1]:
             return f"{between}: the aircraft must be the same, got {aircraft[0]} and {aircraft[1]}."
@@ -303,7 +302,7 @@ def _why_not(a: Source, b: Source, pairs: Sequence[tuple[Run, Run]]) -> str:
 
 
 def _manoeuvre(run: Run) -> dict[str, Any]:
-    """Start, length and reference of a run: what must agree for a comparison."""
+    """Start, duration and reference of a run, which must agree for a comparison."""
     scenario = run.provenance.scenario
     flight = {key: value for key, value in scenario["flight"].items() if key in MANOEUVRE}
     followed = {key: scenario[key] for key in ("reference", "route") if key in scenario}
@@ -315,7 +314,7 @@ def _settings(run: Run) -> dict[str, Any]:
 
 
 def _changes(a: Mapping[str, Any], b: Mapping[str, Any]) -> dict[str, tuple[Any, Any]]:
-    """Keys of two tables whose values are not the same, with both values."""
+    """Keys of two tables with different values, and both values."""
     a, b = dict(leaves(a)), dict(leaves(b))
     return {key: (a.get(key), b.get(key)) for key in sorted({*a, *b}) if a.get(key) != b.get(key)}
 
@@ -353,7 +352,7 @@ def _metric_rows(pair: Pair) -> Iterator[dict[str, Any]]:
 
 
 def sources_of(comparison: Comparison) -> list[str]:
-    """Names of the sources, the first one before all others."""
+    """Names of the sources, starting with the first source."""
     firsts = [pair.source_a for pair in comparison.pairs]
     return list(dict.fromkeys([*firsts, *(pair.source_b for pair in comparison.pairs)]))
 

@@ -37,24 +37,24 @@ from flighttune.vehicles.identification.fit import fitted_lag
 from flighttune.vehicles.plant_keys import PlantTable
 from flighttune.vehicles.plants.point_mass import PointMassPlant, PoweredPointMass
 
-# A shorter flight cannot be compared, and no lag can be fitted to it.
+# A shorter flight is too short for a comparison and for the fit of a lag.
 LEAST_SAMPLES = 12
 
-# Effects that each rung models and the one below it does not.
+# Effects that each rung models and the rung below it does not.
 ADDS = ("turning with actual lift", "lag of the inner loop", "six degrees of freedom")
 
-# If the course reference moves by more between two samples, it may itself wrap the error.
+# A larger step of the course reference between two samples may itself wrap the error.
 REFERENCE_STEP = math.radians(5.0)
 
 LagSource = Literal["identified", "fitted"]
 
 
 class Step:
-    """One step of the ladder: from a plant to the next one up, with the effect that it adds.
+    """One step of the ladder, from a plant to the next, with the effect that it adds.
 
     Differences are upper minus lower: `chi` and `gamma` (rad) at every sample, `metrics` as
-    `channel_metrics`, `flight` those of `flight_metrics` that both have. Measures are NaN if one
-    of the two failed; see `Gap.failed`.
+    `channel_metrics`, and `flight` as `flight_metrics` of both. Measures are NaN if one of the two
+    failed; see `Gap.failed`.
     """
 
     def __init__(self, lower: Run, upper: Run, adds: str) -> None:
@@ -66,7 +66,7 @@ class Step:
         valid = math.nan if failure_of(lower) or failure_of(upper) else 1.0
         self.metrics = valid * (channel_metrics(upper) - channel_metrics(lower))
         below, above = (pd.Series(flight_metrics(run)) for run in (lower, upper))
-        # Only these are measured on every rung: a point mass has no angle of attack.
+        # Measures that exist on every rung: a point mass has no angle of attack.
         self.flight = valid * (above - below).loc[["V_a_dev_mps", "n_z_min", "n_z_max"]]
 
     @property
@@ -87,23 +87,22 @@ class Gap(Answering):
     runs : tuple of Run
         The rungs with the same controller and limits: paper's law, exact point mass, point mass
         behind the inner loop, and the aircraft with its mismatch as signals. They are cut to the
-        time that all of them flew, each with the status it ended with. The aircraft alone where it
-        did not fly.
+        time that all flew, and each keeps its status. Only the aircraft if it did not fly.
     indicators : Indicators
         Indicators of the kinematic law's loop about wings-level flight on the first reference.
     steps : tuple of Step
-        Three steps, from each rung to the next; none where the aircraft did not fly.
+        Three steps, from each rung to the next; none if the aircraft did not fly.
     whole : Step or None
         From the first rung to the last.
     lags : mapping of str to (InnerLag, float)
-        Lags of roll (``phi``) and load factor (``n_z``) of the third rung, with the share of the
-        flight's variance that each explains.
+        Lags of roll (``phi``) and load factor (``n_z``) of the third rung, with the explained share
+        of the flight's variance.
     lag_source : "identified", "fitted" or None
         Source of the lags: the aircraft's model file, or this flight.
     mismatch : Mismatch or None
         Mismatch of the aircraft against the paper's law.
     unplanned : Run or None
-        The aircraft once more without roll and lift planned, where the reference rolls in.
+        A second flight of the aircraft without planned roll and lift, if the reference rolls in.
 
     Examples
     --------
@@ -124,7 +123,7 @@ class Gap(Answering):
 
     @property
     def status(self) -> Literal["explained", "cut_short", "not_flown"]:
-        """Whether all rungs flew to the end; otherwise results are about the time they all flew."""
+        """Whether all rungs flew to the end; otherwise results cover the time that all flew."""
         if not self.steps:
             return "not_flown"
         return "cut_short" if self.reason else "explained"
@@ -144,7 +143,7 @@ class Gap(Answering):
 
     @property
     def name(self) -> str:
-        """Name of the gains, with that of the plant in brackets if the scenario names it."""
+        """Name of the gains, with the plant's name in brackets if the scenario names it."""
         made_by = self.aircraft.provenance
         plant = self.scenario.plant_table(made_by.plant).name
         return f"{made_by.gains_name} ({plant})" if plant else made_by.gains_name
@@ -156,7 +155,7 @@ class Gap(Answering):
 
     @property
     def residual(self) -> float:
-        """Largest difference between the sum of the steps and the whole; should be rounding."""
+        """Largest difference between the sum of the steps and the whole: rounding errors only."""
         parts = []
         for name in ("chi", "gamma", "metrics", "flight"):
             steps = [np.asarray(getattr(step, name), dtype=float) for step in self.steps]
@@ -164,25 +163,25 @@ class Gap(Answering):
         return float(np.nanmax(np.abs(np.concatenate(parts))))
 
     def cause(self, channel: str) -> tuple[str, float] | None:
-        """The step that changes the ITAE of a channel most, and by how much; None without ITAE."""
+        """The step that changes the ITAE of a channel most, with the change; None without ITAE."""
         changes = [(step.adds, float(step.metrics.loc[channel, "ITAE"])) for step in self.steps]
         valid = all(math.isfinite(change) for _, change in changes) and changes
         return max(changes, key=lambda change: abs(change[1])) if valid else None
 
     def flown(self) -> FlownScenario:
-        """The rungs as a flown scenario, to be recorded like any other."""
+        """The rungs as a flown scenario, which can be recorded."""
         names = {run.provenance.gains_name for run in self.runs}
         return FlownScenario(
             self.scenario, self.runs, MappingProxyType(dict.fromkeys(names, self.indicators))
         )
 
     def within(self, *claims: Claim) -> "Gap":
-        """The gap with what is claimed of the aircraft's flight; an InputError says why not."""
+        """The gap with a claim about the aircraft's flight; InputError if it is not covered."""
         return replace(self, runs=(*self.runs[:-1], *with_claims(self.runs[-1:], claims)))
 
     @property
     def largest_errors(self) -> dict[str, dict[str, float]] | None:
-        """Largest errors (rad) with roll and lift planned and without, by channel."""
+        """Largest errors (rad) with and without planned roll and lift, by channel."""
         if self.unplanned is None:
             return None
         return {
@@ -201,7 +200,7 @@ def failure_of(run: Run) -> str:
     jumps, moved = (
         np.abs(np.diff(run.signals[f"chi_{part}"].to_numpy())) for part in ("err", "ref")
     )
-    # The flight went around: its overshoot is an artefact of the wrapping.
+    # The course went past a half turn: its overshoot is an artefact of wrapping.
     wrapped = (jumps > math.pi) & (moved < REFERENCE_STEP)
     return "diverged (course error past 180 deg)" if wrapped.any() else ""
 
@@ -245,29 +244,29 @@ def gap(
     """Fly the same gains up the ladder, or the commands of a log, and measure each effect.
 
     A log with an `aircraft` takes half a minute: its commands are flown in up to eight stretches
-    on the law, the point mass and the aircraft, and lag, mass, damping and wind are fitted to what
-    is left.
+    on the law, the point mass and the aircraft, and lag, mass, damping and wind are fitted to the
+    remaining difference.
 
     Parameters
     ----------
     scenario : Scenario, Run, str or Path
-        A scenario file, or the name of a shipped one; or the log of a real flight, with `aircraft`,
-        ``@START:END`` for a part of it in s. A jsbsim plant of the scenario is the top of the
-        ladder; limits of scenario and aircraft hold on every rung.
+        A scenario file, or the name of a shipped scenario; or, with `aircraft`, the log of a real
+        flight, ``@START:END`` for a part of it in s. A jsbsim plant of the scenario is the top of
+        the ladder; limits of scenario and aircraft hold on every rung.
     gains : PIGains or str, optional
-        The gains flown, or a gain set by name or file; by default the first of the scenario.
+        Gains, or a gain set by name or file; by default the first of the scenario.
     name : str
-        Name in labels of gains that are given as numbers.
+        Name of gains that are given as numbers, for labels.
     plant : str, optional
         Label of the jsbsim plant, by default the first aircraft.
     lag : {"identified", "fitted"}, optional
-        Inner-loop lag of the third plant: from the aircraft's model file, or fitted to this flight,
-        by default the model file, if there is one.
+        Inner-loop lag of the third plant: from the aircraft's model file, or fitted to this flight;
+        by default from the model file, if there is one.
     aircraft : str or Path, optional
-        Aircraft on which the commands of a log are flown: a shipped one, a folder, or the file of
-        an identified model, which has no airframe.
+        Aircraft on which the commands of a log are flown: a shipped aircraft, a folder, or the file
+        of an identified model, which has no airframe.
     columns : mapping or sequence
-        Where a log has its signals, as for `load_log`.
+        Columns of the signals in a log, as for `load_log`.
     changes : mapping of str to value, optional
         Values to set in a scenario that is read from a file, by dotted key.
     progress : callable, optional
@@ -276,15 +275,14 @@ def gap(
     Returns
     -------
     Gap or LogGap
-        Also where the aircraft does not trim or a rung ends early: its status says so. Of a log
-        the differences by what flew its commands, the factors that explain most with intervals at
-        95 %, and the share that each cause explains.
+        Its status tells whether the aircraft did not trim or a rung ended early. For a log: the
+        differences from each model that flew its commands, the factors that explain most, with
+        intervals at 95 %, and the share that each cause explains.
 
     Raises
     ------
     InputError
-        If the scenario has no such jsbsim plant, or a log no commands that can be flown on the
-        aircraft.
+        If the scenario has no such jsbsim plant, or the aircraft cannot fly the commands of a log.
     InfeasibleError
         If tuning finds no such gains.
     PlantError
@@ -318,7 +316,7 @@ def explain_flight(
     lag: LagSource | None = None,
     progress: flight.Progress | None = None,
 ) -> Gap:
-    """Explain the gap of an aircraft that has flown: fly the rungs below it in the wind it met."""
+    """Explain the gap of an aircraft that has flown by flying the lower rungs in its wind."""
     made_by = aircraft.provenance
     if made_by.gains is None:
         raise InputError(f"`aircraft` must have gains, got none for {aircraft.label}.")
@@ -327,7 +325,7 @@ def explain_flight(
     entry = entry_of(scenario, made_by.gains_name, made_by.gains, table.label)
     lag_source, lags = _inner_loop(table, scenario, aircraft, lag)
     limits, g = entry.limits, scenario.flight.g_mps2
-    # In still air JSBSim records a wind of rounding errors; to fly in it takes twice as long.
+    # In still air JSBSim records a wind of rounding errors, in which a flight takes twice as long.
     wind = None if weather_of(scenario) is None else flight.wind_met(aircraft)
     make = PointMassPlant
     if scenario.airspeed:
@@ -355,7 +353,7 @@ def explain_flight(
     if scenario.rolls_in:
         unplanned = flight.fly_once(entry, flight.plant_of(table, scenario), progress=progress)
     measured = mismatch(cut[-1])
-    # constant over a sample interval and stored at its start; the last is repeated
+    # constant over a sample interval and stored at its start; the last value is repeated
     samples = np.vstack([measured.d, measured.d[-1:]])
     columns = {f"mismatch_{name}": samples[:, i] for i, name in enumerate(CHANNELS)}
     return Gap(
@@ -387,7 +385,7 @@ def _indicators(entry: Entry) -> Indicators:
 def _inner_loop(
     table: PlantTable, scenario: Scenario, run: Run, source: LagSource | None
 ) -> tuple[LagSource, dict[str, tuple[inner_loop.InnerLag, float]]]:
-    """Source and lags of an aircraft that has flown: those of the nearest condition, or fitted."""
+    """Source and lags of an aircraft that has flown: from the nearest condition, or fitted."""
     commanded_and_flown = {
         name: (run.signals[f"{name}_cmd"].to_numpy(), run.signals[name].to_numpy())
         for name in (WITH_AIRSPEED[COMMANDS] if scenario.airspeed else COMMANDS)

@@ -1,7 +1,7 @@
-"""A real flight against a model: the commands of its log flown again, and causes of the rest.
+"""A real flight against a model that flies its commands, and causes of the difference.
 
-The commands are flown open loop, so that errors of a model add up: each stretch starts from the
-log anew, and course and path angle are compared without their mean difference in it.
+The commands are flown open loop, so that errors of a model add up. Each stretch therefore starts
+from the log again, and course and path angle are compared without their mean difference.
 """
 
 import math
@@ -30,49 +30,50 @@ from flighttune.vehicles.plants.base import FlightCondition, Plant
 from flighttune.vehicles.plants.jsbsim.plant import DEEPEST_GROUND, JSBSimPlant
 from flighttune.vehicles.plants.point_mass import PointMassPlant
 
-# Time after the start of a stretch in which the steady start is forgotten, and that compared, s.
+# Time after the start of a stretch in which the start decays, and compared time, s.
 WAIT_S, STRETCH_S = 5.0, 12.0
 MIN_STRETCHES, MAX_STRETCHES = 3, 8
 
-# Difference of each signal that counts as 1; ``nose`` is pitch minus path angle, ``tail`` ground
-# speed minus airspeed: how the autopilot of the log holds its airspeed is no part of the model.
+# Scale of each signal's difference; ``nose`` is pitch minus path angle, ``tail`` ground speed minus
+# airspeed. The model does not include the log's control of airspeed.
 SCALES = {"chi": DEG, "gamma": DEG, "phi": DEG, "n_z": 0.05, "tail": 0.5, "nose": DEG}
-# Without their mean in a stretch: what adds up from its start, or has an offset of the sensor.
+# Signals compared without their mean in a stretch: they drift from its start, or have a sensor
+# offset.
 DRIFTING = ("chi", "gamma", "nose")
 
-# A start or flight that a model cannot do counts as this much in every signal and sample.
+# Scaled difference of a start or flight that a model cannot do, in every signal and sample.
 LOST = 30.0
 
-TURNED = 60.0 * DEG  # a wind shows in courses that differ by more
+TURNED = 60.0 * DEG  # minimum range of the course that shows a wind
 
-# Steps of the fit, changes of factors over their sizes in a step and in the last, and the share of
-# the sum of squares that a last step wins.
+# Maximum steps of the fit, scaled change of factors in a step and in the last step, and improvement
+# of the sum of squares below which the fit ends.
 MAX_STEPS, REACH, DONE, GAIN = 12, 3.0, 0.02, 1e-2
-STEP = 0.2  # share of its size by which a factor is changed for a slope
-NEAR = 1.0  # change of factors, over their sizes, up to which slopes are taken as the same
-AT_END = 0.02  # share of a factor's range from an end within which a fit is at that end
+STEP = 0.2  # scaled change of a factor for a slope
+NEAR = 1.0  # slopes are reused up to this scaled change of factors
+AT_END = 0.02  # a fit within this share of a factor's range from an end is at this end
 
-# Names that models give to the damping of roll and of pitch.
+# Names of the damping of roll and of pitch in models.
 DAMPING = (("Clp", "Cl_p"), ("Cmq", "Cm_q"))
 
 
 class Factor(NamedTuple):
-    """One thing in which flight and model may differ."""
+    """A parameter in which flight and model may differ."""
 
     cause: str
     title: str
     unit: str
     nominal: float
-    size: float  # a change that matters
-    low: float  # ends of the range in which the fit looks
+    size: float  # scale of a significant change
+    low: float  # ends of the fitted range
     high: float
 
     def at_end(self, value: float) -> bool:
         """Whether a value lies at an end of the range."""
         return min(value - self.low, self.high - value) < AT_END * (self.high - self.low)
 
-    def untold(self, value: float, low: float, high: float) -> str:
-        """Why a log cannot tell the factor, from the best value and its interval; or nothing."""
+    def unidentifiable(self, value: float, low: float, high: float) -> str:
+        """Why a log cannot identify the factor, from its best value and interval; else empty."""
         if not math.isfinite(high - low):
             return "changes of it change nothing that the others do not"
         unit = "" if self.unit == "1" else f" {self.unit}"
@@ -93,16 +94,16 @@ FACTORS = {
     "wind_east": Factor("wind", "air moving east", "m/s", 0.0, 5.0, -50.0, 50.0),
 }
 
-# Factors that need flights of their own; a wind carries those flights along.
+# Factors that need flights of their own; a wind only shifts these flights.
 IN_AIR = ("phi_late", "n_z_late", "mass", "damping")
 
 LOGGED = ("chi", "gamma", "V_g", "phi", "n_z", "phi_cmd", "n_z_cmd")
-NO_HEIGHT = 1000.0  # m: of a log without height
+NO_HEIGHT = 1000.0  # m: assumed for a log without height
 
-# Signals of all stretches, in a log or of a model, shape (stretches, samples).
+# Signals of all stretches, from a log or a model, shape (stretches, samples).
 Signals: TypeAlias = Mapping[str, FloatArray]
 
-# A fresh plant from the factors.
+# Makes a plant from the factors.
 PlantMaker: TypeAlias = Callable[[Mapping[str, float]], Plant]
 
 
@@ -113,24 +114,23 @@ class LogGap(Drawn):
     # Names of log and model
     log: str
     aircraft: str
-    # (stretches, samples), s: times of the stretches whose commands were flown, from the start of
-    # the log
+    # (stretches, samples), s: times of the flown stretches, from the start of the log
     t: FloatArray
-    # Signals of the log in SI, (stretches, samples) each, the commands too; ``nose`` is pitch minus
-    # path angle, ``tail`` ground speed minus airspeed
+    # Signals of the log in SI, each (stretches, samples), with the commands; ``nose`` is pitch
+    # minus path angle, ``tail`` ground speed minus airspeed
     logged: Signals
-    # Signals of the same shape by what flew the commands: the paper's law, the exact point mass,
-    # that behind the identified lag, the aircraft, and the aircraft as it explains most; NaN where
-    # a flight ended
+    # Signals of the same shape by model: the paper's law, the exact point mass, the point mass
+    # behind the identified lag, the aircraft, and the aircraft with the fitted factors; NaN after
+    # the end of a flight
     flights: Mapping[str, Signals]
-    # Value of each factor that explains most, and the ends of its interval at 95 %; without those
-    # that the log cannot tell
+    # Fitted value of each factor, and the ends of its interval at 95 %; without factors that the
+    # log cannot identify
     factors: Mapping[str, tuple[float, float, float]]
-    # Share of the aircraft's difference that each cause explains alone, and that is left without
-    # it; squares are summed over all signals, each over its size in `SCALES`
+    # Share of the aircraft's difference that each cause explains alone, and share that remains
+    # without it; squares are summed over all signals, scaled by `SCALES`
     causes: Mapping[str, tuple[float, float]]
-    explained: float  # share that all factors explain
-    notes: tuple[str, ...]  # sentences on what the log cannot tell, and why
+    explained: float  # share that all factors explain together
+    notes: tuple[str, ...]  # sentences on factors that the log cannot identify, and why
 
 
 def log_gap(
@@ -167,7 +167,7 @@ def log_gap(
 
 
 class _Flights:
-    """The stretches of a log, the plants that fly its commands, and what the log can tell."""
+    """The stretches of a log, the plants that fly its commands, and the identifiable factors."""
 
     def __init__(self, run: Run, aircraft: str | Path, progress: Progress | None) -> None:
         self.notes: list[str] = []
@@ -214,8 +214,8 @@ class _Flights:
             self._leave("wind_north", "wind_east", why=why)
         self._keep_flyable()
 
-    def leave_untold(self, name: str, why: str) -> None:
-        """Hold a factor that the log cannot tell at its nominal value."""
+    def drop_unidentifiable(self, name: str, why: str) -> None:
+        """Drop a factor from the fit, which the log cannot identify: it keeps its nominal value."""
         factor = FACTORS[name]
         self.notes.append(
             f"The log cannot tell {factor.title}: {why}; it is taken as {self.nominal.pop(name):g}."
@@ -248,7 +248,7 @@ class _Flights:
         self.logged = {name: values[kept] for name, values in self.logged.items()}
 
     def _start(self, k: int) -> FlightCondition:
-        """Where a flight of stretch `k` starts: its course is turned when the wind is known."""
+        """Start of a flight of stretch `k`; its course is corrected once the wind is known."""
         chi, gamma, V_g, phi = (float(self.logged[x][k, 0]) for x in ("chi", "gamma", "V_g", "phi"))
         V_a, h = (float(np.median(self.logged[name][k])) for name in ("V_a", "h"))
         climb = math.asin(min(1.0, max(-1.0, V_g * math.tan(gamma) / V_a)))
@@ -263,7 +263,7 @@ class _Flights:
         return scaled(self.t, self.logged, flown)
 
     def slopes(self, factors: Mapping[str, float]) -> FloatArray:
-        """Change of the difference with each factor over its size, shape (samples, factors)."""
+        """Slopes of the difference in each scaled factor, shape (samples, factors)."""
         air = {name: factors.get(name, FACTORS[name].nominal) for name in IN_AIR}
 
         def near(place: Mapping[str, float]) -> bool:
@@ -282,8 +282,8 @@ class _Flights:
 
     def fly(self, factors: Mapping[str, float], maker: PlantMaker | None = None) -> Signals:
         """Signals of the aircraft, or of another plant, under the commands of every stretch."""
-        # Flights are in still air, over an Earth that is flat and at rest: a steady wind only turns
-        # their start and carries them along.
+        # Flights are in still air, over a flat Earth at rest: a steady wind only turns their start
+        # and shifts them.
         air = {name: factors.get(name, FACTORS[name].nominal) for name in IN_AIR}
         key = maker, *air.values()
         if key not in self._in_air:
@@ -296,7 +296,7 @@ class _Flights:
         return self._over_ground(self._in_air[key], factors)
 
     def _over_ground(self, air: Signals, factors: Mapping[str, float]) -> Signals:
-        """Signals of flights in air that moves with the wind of some factors."""
+        """Signals over ground of flights in air that moves with the wind of the factors."""
         north, east = (factors.get(f"wind_{axis}", 0.0) for axis in ("north", "east"))
         chi, V_g = self.logged["chi"][:, :1], self.logged["V_g"][:, :1]
         start = np.arctan2(V_g * np.sin(chi) - east, V_g * np.cos(chi) - north)
@@ -312,7 +312,7 @@ class _Flights:
         """Signals under the commands of one stretch; NaN after an early end."""
         t, rows = self.t[k], np.full((self.t.shape[1], len(plant.signals)), np.nan)
         step = float(t[1] - t[0])
-        # A command that is held over a sample stands for that at its middle.
+        # A command that is held over a sample represents the command at its middle.
         commands = [
             np.interp(t + 0.5 * step - factors[f"{x}_late"], t, self.logged[f"{x}_cmd"][k])
             for x in ("phi", "n_z")
@@ -327,7 +327,7 @@ class _Flights:
 
 
 def _named(config: AircraftConfig, names: Sequence[str]) -> str:
-    """The first of these aerodynamic functions that a model has; empty if it has none."""
+    """The first of these aerodynamic functions in a model; empty if there is none."""
     for name in names:
         with suppress(InputError):
             JSBSimPlant(config, off_nominal=OffNominal(coefficient_factors={name: 1.0}))
@@ -338,7 +338,7 @@ def _named(config: AircraftConfig, names: Sequence[str]) -> str:
 def _airframe(
     config: AircraftConfig, damping: Sequence[str], factors: Mapping[str, float]
 ) -> Plant:
-    """The aircraft with its mass and damping changed."""
+    """The aircraft with changed mass and damping."""
     off = OffNominal(
         mass_factor=factors["mass"], coefficient_factors=dict.fromkeys(damping, factors["damping"])
     )
@@ -368,7 +368,7 @@ def _stretches(run: Run, step: float) -> tuple[FloatArray, Signals]:
         "chi": np.unwrap(np.nan_to_num(logged["chi"])),
     }
     size, low, pieces = math.ceil((WAIT_S + STRETCH_S) / (t[1] - t[0])) + 1, 0, []
-    # Behind a gap the next stretch begins anew: no stretch has one, and none overlap.
+    # After a gap a new stretch begins, so that no stretch has a gap and none overlap.
     while low + size < len(t):
         piece = slice(low, low + size + 1)
         bad = np.flatnonzero(~good[piece])
@@ -380,7 +380,7 @@ def _stretches(run: Run, step: float) -> tuple[FloatArray, Signals]:
             f"{place}: must have {MIN_STRETCHES} stretches of {WAIT_S + STRETCH_S:g} s without a "
             f"gap in which roll commands change by {EXCITED['phi'] / DEG:g} deg, got {len(pieces)}."
         )
-    # Every step of the fit flies all stretches: of many, some from the whole length of the log.
+    # Every step of the fit flies all stretches, so only some, spread over the log, are kept.
     chosen = np.linspace(0, len(pieces) - 1, min(MAX_STRETCHES, len(pieces))).round().astype(int)
     count = math.floor((WAIT_S + STRETCH_S) / step)
     times = np.array([t[pieces[i].start] + step * np.arange(count) for i in chosen])
@@ -388,12 +388,12 @@ def _stretches(run: Run, step: float) -> tuple[FloatArray, Signals]:
 
 
 def compared(t: FloatArray, values: FloatArray) -> FloatArray:
-    """Samples of stretches after the time that a start takes to be forgotten."""
+    """Samples of stretches after the time in which the start decays."""
     return values[:, round(WAIT_S / float(t[0, 1] - t[0, 0])) :]
 
 
 def difference(t: FloatArray, logged: Signals, flown: Signals) -> dict[str, FloatArray]:
-    """Log minus model in SI by signal that both have, shape (stretches, samples)."""
+    """Log minus model in SI, by common signal, shape (stretches, samples)."""
     apart = {}
     for name in SCALES:
         if name in logged and name in flown:
@@ -406,7 +406,7 @@ def difference(t: FloatArray, logged: Signals, flown: Signals) -> dict[str, Floa
 
 
 def scaled(t: FloatArray, logged: Signals, flown: Signals) -> FloatArray:
-    """Differences over their sizes, shape (stretches, signals times samples)."""
+    """Differences divided by their scales, shape (stretches, signals times samples)."""
     scaled = np.hstack([x / SCALES[name] for name, x in difference(t, logged, flown).items()])
     return np.clip(np.nan_to_num(scaled, nan=LOST), -LOST, LOST)
 
@@ -418,46 +418,46 @@ def rms(values: FloatArray) -> float:
 
 
 def _fitted(flights: _Flights) -> dict[str, tuple[float, float, float]]:
-    """Factors of the least difference that the log can tell, and intervals, by Gauss and Newton."""
+    """Identifiable factors of the least squared difference, with intervals, by Gauss-Newton."""
     x, reach, least, kept = dict(flights.nominal), REACH, math.inf, set[str]()
-    fitted, untold = dict[str, tuple[float, float, float]](), dict[str, str]()
+    fitted, unidentifiable = dict[str, tuple[float, float, float]](), dict[str, str]()
     for _ in range(MAX_STEPS):
         if not x:
             return {}
         size = flights.size(flights.fly(x))
         reach = REACH if size <= least else 0.5 * reach
-        fitted, untold = _step(flights, x, reach)
+        fitted, unidentifiable = _step(flights, x, reach)
         ahead = {name: fitted.get(name, (nominal,))[0] for name, nominal in flights.nominal.items()}
         moved = max((abs(ahead[n] - x[n]) / FACTORS[n].size for n in ahead), default=0.0)
         done = moved < DONE or (abs(least - size) < GAIN * size and kept == {*fitted})
         ended = [name for name in fitted if done and FACTORS[name].at_end(ahead[name])]
-        untold |= {name: FACTORS[name].untold(*fitted[name]) for name in ended[:1]}
-        # One that was told by the step before, and no longer is, would come and go: it stays out.
-        for name in kept & untold.keys():
-            flights.leave_untold(name, untold.pop(name))
+        unidentifiable |= {name: FACTORS[name].unidentifiable(*fitted[name]) for name in ended[:1]}
+        # A factor that was identifiable in the last step but no longer is would oscillate: drop it.
+        for name in kept & unidentifiable.keys():
+            flights.drop_unidentifiable(name, unidentifiable.pop(name))
             del ahead[name]
         x, least, kept = ahead, size, {*fitted}
         if done and not ended:
             break
     else:
         flights.notes.append(f"The fit still moved after {MAX_STEPS} steps: its factors are rough.")
-    for name, why in untold.items():
-        flights.leave_untold(name, why)
+    for name, why in unidentifiable.items():
+        flights.drop_unidentifiable(name, why)
     return {name: fitted[name] for name in fitted if name in flights.nominal}
 
 
 def _step(
     flights: _Flights, x: Mapping[str, float], reach: float
 ) -> tuple[dict[str, tuple[float, float, float]], dict[str, str]]:
-    """Factors of least difference by slopes at `x`, with ends of intervals; why others are out."""
+    """Factors of least difference by slopes at `x`, with intervals; why others are dropped."""
     from scipy.optimize import lsq_linear
 
-    names, untold = [*x], dict[str, str]()
+    names, unidentifiable = [*x], dict[str, str]()
     slopes, here = flights.slopes(x), flights.difference(flights.fly(x)).ravel()
     nominal, sizes, low, high = np.array([FACTORS[name][3:] for name in names]).T
     at = (np.array([*x.values()]) - nominal) / sizes
-    # Each factor changes by at most `reach` times its size of change. The one that the log tells
-    # least is left out, until it tells the others.
+    # Each factor changes by at most `reach` times its scale. The least identifiable factor is
+    # dropped until the log identifies the rest.
     nearest = np.maximum((low - nominal) / sizes, at - reach)
     furthest = np.minimum((high - nominal) / sizes, at + reach)
     late = np.array([name.endswith("_late") for name in names]) / sizes
@@ -475,11 +475,11 @@ def _step(
         vague = {
             name: (high - low) / FACTORS[name].size
             for name, (value, low, high) in fitted.items()
-            if FACTORS[name].untold(value, low, high) and not FACTORS[name].at_end(value)
+            if FACTORS[name].unidentifiable(value, low, high) and not FACTORS[name].at_end(value)
         }
         if not vague:
-            return fitted, untold
+            return fitted, unidentifiable
         name = max(vague, key=lambda name: vague[name])
-        untold[name] = FACTORS[name].untold(*fitted[name])
+        unidentifiable[name] = FACTORS[name].unidentifiable(*fitted[name])
         kept.remove(names.index(name))
-    return {}, untold
+    return {}, unidentifiable

@@ -1,4 +1,4 @@
-"""Residuals: what a model misses of the rates and the roll of a flight; the mismatch of the law."""
+"""Residuals of a model in rates and roll of a flight, and the mismatch of the law."""
 
 import math
 from dataclasses import dataclass
@@ -20,7 +20,7 @@ CHANNELS = ("chi", "gamma")
 
 
 def trim_of(run: Run) -> law.Trim | None:
-    """The flight about which the law of a run is linearised; None if nothing says which."""
+    """The trim about which the law of a run is linearised; None if it is unknown."""
     flight = run.provenance.scenario.get("flight") or {}
     if not run.provenance.law.by_gains:
         return None
@@ -32,12 +32,12 @@ def trim_of(run: Run) -> law.Trim | None:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Mismatch:
-    """The disturbance under which the kinematic law flies just as the aircraft did."""
+    """The disturbance under which the kinematic law flies exactly like the aircraft."""
 
     t: FloatArray  # (n,), s: Start of each sample interval
     # (n, 2), rad/s: Mean rates of course and flight-path angle in the interval, minus the law's
     d: FloatArray
-    # (n - 1, 2), rad/s^2: Change of d from each interval to the next, over the sample time
+    # (n - 1, 2), rad/s^2: Change of d from each interval to the next, per sample time
     d_dot: FloatArray
 
     @property
@@ -54,11 +54,11 @@ class Mismatch:
 def mismatch(run: Run) -> Mismatch:
     """The mismatch d(t) of a run, evenly sampled, from the kinematic law of its scenario.
 
-    Nothing is smoothed and no derivative of a sampled signal is taken: commands are held over a
-    sample interval, so that the law's mean rates over it are those of the held commands, and the
-    mean rates flown are the exact increments ``(x[k + 1] - x[k]) / dt``. The one term of the law
-    that moves inside an interval, ``cos(gamma)``, is averaged over its two ends, which errs by
-    ``dt^2 / 12 g / V_a |d^2 cos(gamma) / dt^2|``: less than 1e-5 rad/s at 50 Hz and 0.5 rad/s.
+    Nothing is smoothed and no sampled signal is differentiated. Commands are held over a sample
+    interval, so that they determine the law's mean rates; the flown mean rates are the exact
+    increments ``(x[k + 1] - x[k]) / dt``. Only ``cos(gamma)`` changes inside an interval. It is
+    averaged over its two ends, with an error of ``dt^2 / 12 g / V_a |d^2 cos(gamma) / dt^2|``: less
+    than 1e-5 rad/s at 50 Hz and 0.5 rad/s.
     """
     signals, trim = run.signals, trim_of(run)
     if trim is None:
@@ -71,7 +71,7 @@ def mismatch(run: Run) -> Mismatch:
     # The point mass flies at the airspeed that its law measured.
     V_a = samples["V_a"].to_numpy() if turn == "exact" else trim.V_a
     phi, n_z = (samples[name].to_numpy() for name in ("phi_cmd", "n_z_cmd"))
-    # asked at gamma = 0, whose cosine is replaced by the mean over the interval
+    # at gamma = 0, because the mean cosine over the interval replaces the cosine
     chi_dot, gamma_dot = point_mass.turn_rates(V_a, 0.0, phi, n_z, turn=turn, g=trim.g)
     chi_dot = chi_dot / level if turn == "exact" else chi_dot
     gamma_dot = gamma_dot + trim.g / V_a * (1.0 - level)
@@ -79,8 +79,8 @@ def mismatch(run: Run) -> Mismatch:
     return Mismatch(t=t[:-1], d=d, d_dot=np.diff(d, axis=0) / dt[:-1])
 
 
-# Parts of a flight that the model misses, and their units; a feed-forward of the roll flown sees
-# the last two.
+# Residual signals of the model, and their units; a feed-forward of the actual roll sees the last
+# two.
 RESIDUALS = {
     "residual_chi_dot": "rad/s",
     "residual_gamma_dot": "rad/s",
@@ -88,8 +88,8 @@ RESIDUALS = {
     "residual_phi_change": "rad",
 }
 
-# Corrections of a residual. Each shrinks its error by about ``g sin(gamma) dt / V``, below 0.01 at
-# 50 Hz: five leave rounding.
+# Corrections of a residual. Each multiplies its error by about ``g sin(gamma) dt / V``, below 0.01
+# at 50 Hz: after five only rounding is left.
 ITERATIONS = 5
 
 
@@ -99,7 +99,7 @@ class ConformantModel:
 
     V_a: float  # m/s: airspeed, positive and constant
     g: float  # m/s^2: acceleration of gravity
-    lags: tuple[inner_loop.InnerLag, inner_loop.InnerLag]  # lags of roll and of load factor
+    lags: tuple[inner_loop.InnerLag, inner_loop.InnerLag]  # lags of roll and load factor
 
     def __post_init__(self) -> None:
         check_positive(V_a=self.V_a, g=self.g)
@@ -114,21 +114,22 @@ def residual_rates(
 ) -> FloatArray:
     """Disturbances (rad/s), shape (n - 1, 2), under which the model reproduces a flight.
 
-    They are for each sample the constant ``(d_chi, d_gamma)`` with which
+    They are, for each sample, the constants ``(d_chi, d_gamma)`` with which
     ``chi' = g n_z sin(phi) / (V cos(gamma)) + d_chi`` and
     ``gamma' = g / V (n_z cos(phi) - cos(gamma)) + d_gamma`` lead from the flown course and path
-    angle to those one sample later. At the samples the flight therefore *is* one of the model under
-    these disturbances. Roll and load factor behind the lags are exact at any instant, delays
-    included; in between the classical Runge-Kutta rule errs by less than 1e-8 rad/s at 50 Hz.
+    angle to the angles one sample later. At the samples the flight therefore *is* a flight of the
+    model under these disturbances. Roll and load factor behind the lags, with delays, are exact at
+    any instant; between samples the classical Runge-Kutta method has errors below 1e-8 rad/s at 50
+    Hz.
 
     `angles` (shape (n, 2), rad): course, which may jump by whole turns, and flight-path angle at
     the samples. `commands` (shape (n, 2), rad and 1): roll and load factor commanded at each
-    sample, held until the next one. `start`: those in force before the first sample, where the lags
-    are at rest.
+    sample, held until the next. `start`: commands in force before the first sample, with the lags
+    at rest.
     """
     edges = sorted({0.0, *(lag.delay % dt for lag in model.lags), dt})
     offsets = sorted({t for a, b in pairwise(edges) for t in (a, 0.5 * (a + b), b)})
-    # The response `ahead` seconds into a sample is that at the next sample of a lag that is
+    # The response `ahead` seconds into a sample equals the response, at the next sample, of a lag
     # delayed by the rest of the sample.
     phi, n_z = (
         {ahead: lag_response(lag.delayed(dt - ahead), dt, column, before)[1:] for ahead in offsets}
@@ -170,7 +171,7 @@ def residuals_of(model: ConformantModel, run: Run, start: base.FlightCondition) 
 
 
 def conformant_model(scenario: Scenario, plant: str) -> ConformantModel:
-    """The point mass behind the lag identified nearest to the start of a scenario."""
+    """The point mass behind the lag that was identified nearest to the start of a scenario."""
     flight, table = scenario.flight, scenario.plant_table(plant)
     if table.aircraft is None:
         raise InputError(f"`plant` must be an aircraft to have residual signals, got {plant}.")

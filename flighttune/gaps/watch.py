@@ -1,8 +1,8 @@
-"""Signals that a healthy flight makes expect, and how far another flight is from them.
+"""Models of a healthy flight's signals, and the residuals of another flight.
 
-Every signal that is expected is a sum of terms, each a product of other signals, with weights that
-flights teach. Its residual is the signal minus this sum, both behind a lag; a residual beyond its
-limit is an alarm.
+The expected value of a signal is a weighted sum of terms, each a product of other signals; flights
+teach the weights. The residual is the signal minus this sum, both behind a lag. A residual beyond
+its limit is an alarm.
 """
 
 import re
@@ -18,15 +18,15 @@ from flighttune.base.files.table import STRICT
 from flighttune.base.units import G_0
 from flighttune.flight.loop.run import Alarm, Run
 
-# Lag through which all terms go, s: a rate is what a signal has ahead of its own lag, over it.
+# Filter time constant of all terms, s; a rate is (signal - filtered signal) / time constant.
 LAG_S = 0.5
 
-# Airspeed that is missing or in excess for which a throttle is nearly full or idle, m/s.
+# Error of airspeed at which a throttle is nearly full or idle, m/s.
 SLOW = 1.5
 
 
 def _slow(V_err: FloatArray) -> FloatArray:
-    """How far a throttle that holds airspeed is open: 0 far above the airspeed wanted, 1 below."""
+    """Opening of a throttle that holds airspeed: 0 far above the commanded airspeed, 1 below."""
     return 0.5 * (1.0 + np.tanh(V_err / SLOW))
 
 
@@ -35,7 +35,7 @@ def _excess(f_x: FloatArray, n_z: FloatArray, theta: FloatArray, gamma: FloatArr
     return f_x / G_0 - n_z * (np.sin(theta) - np.sin(gamma))
 
 
-# Quantities of terms besides the signals themselves, and the signals that they take.
+# Quantities of terms besides the signals themselves, and the signals that they need.
 QUANTITIES: Mapping[str, tuple[Callable[..., FloatArray], str]] = {
     "cos_phi": (np.cos, "phi"),
     "sin_phi": (np.sin, "phi"),
@@ -46,7 +46,7 @@ QUANTITIES: Mapping[str, tuple[Callable[..., FloatArray], str]] = {
     "excess": (_excess, "f_x n_z theta gamma"),
 }
 
-# Operation and factor of a term: a quantity, or the rate of a signal.
+# Operation and factors of a term: a quantity, or the rate of a signal.
 FACTOR = re.compile(r"([*/]?)(d\()?(\w+)\)?")
 
 
@@ -58,16 +58,16 @@ class SignalModel:
     target: str
     terms: tuple[str, ...]
     mean_s: float = 0.0  # lag of the residual itself, s
-    past_s: float = 0.0  # lag of its own past that is subtracted from it, s; 0 subtracts none
-    room: float = 1.0  # factor on its limit: more where healthy flights differ most
-    loss: bool = False  # whether it counts only what is less than expected
+    past_s: float = 0.0  # lag of its own past that is subtracted, s; 0: none
+    room: float = 1.0  # factor on its limit, larger if healthy flights differ much
+    loss: bool = False  # whether only values below the expected value count
     weights: tuple[float, ...] = ()
 
     __pydantic_config__: ClassVar = STRICT
 
     @property
     def filtered(self) -> bool:
-        """Whether its residual is more than target minus terms."""
+        """Whether its residual has a filter of its own."""
         return bool(self.mean_s or self.past_s or self.loss)
 
     @property
@@ -81,11 +81,11 @@ def _model(name: str, target: str, terms: str, **options: Any) -> SignalModel:
     return SignalModel(name=name, target=target, terms=tuple(terms.split()), **options)
 
 
-# Of models of one name the first counts whose signals there are. In words: the airspeed is that
-# commanded; airspeed and ground speed change together; the elevator carries lift at this dynamic
-# pressure; throttle, less drag and less what accelerates, climbs; roll follows its command behind
-# two lags; the nose turns with the roll. Mass, lift and trim differ from flight to flight, which
-# hides a change in a flight: elevator and power are compared with their own past.
+# Of models with the same name, the first whose signals exist counts. In words: the airspeed equals
+# its command; airspeed and ground speed change together; the elevator balances lift at the dynamic
+# pressure; throttle less drag and acceleration gives climb; roll follows its command behind two
+# lags; the nose turns with the roll. Mass, lift and trim differ from flight to flight, which would
+# hide a change within a flight, so elevator and power are compared with their own past.
 _ELEVATOR = "1 n_z/V_a/V_a q/V_a"
 _CLIMB, _POWER = "V_g*sin_gamma/V_a", "1 throttle n_z*n_z/V_a/V_a V_a*V_a"
 MODELS = (
@@ -100,10 +100,10 @@ MODELS = (
     _model("turn", "r", "1 sin_phi/V_a p"),
     _model("turn", "r", "1 sin_phi/V_g p"),
 )
-# Those that come first for logs, whose sensors are coarser and whose commands jump: thrust exceeds
-# drag where the flight is too slow, more so in a climb; no force acts sideways; the roll rate
-# follows the roll error behind a lag, and the pitch rate the pitch error. Only a loss of thrust
-# counts: it often exceeds what is expected, as the throttle opens for height too.
+# Models that come first for logs, whose sensors are coarser and whose commands jump: thrust exceeds
+# drag if the flight is too slow, more so in a climb; there is no side force; the roll rate follows
+# the roll error behind a lag, and the pitch rate the pitch error. Only a loss of thrust counts:
+# thrust often exceeds its expected value, because the throttle opens for height too.
 OF_LOGS = (
     _model("airspeed", "V_err", "1", room=1.5),
     _model("thrust", "slow*excess", "slow slow*sin_gamma", loss=True),
@@ -123,13 +123,13 @@ def signals_of(models: Iterable[SignalModel]) -> list[str]:
 def models_of(
     signals: Collection[str], models: Sequence[SignalModel] = MODELS
 ) -> tuple[SignalModel, ...]:
-    """The models whose signals there are, one of each name."""
+    """The models whose signals exist, one of each name."""
     there = [model for model in models if model.signals <= {*signals}]
     return tuple({model.name: model for model in reversed(there)}.values())[::-1]
 
 
 def lagged(values: FloatArray, dt: float, lag: float, start: float | None = None) -> FloatArray:
-    """Values behind a first-order lag (s), sampled every `dt` (s), from `start` or the first."""
+    """Values behind a first-order lag (s), sampled every `dt` (s), with an initial value."""
     from scipy.signal import lfilter
 
     if not lag:
@@ -147,11 +147,11 @@ def dt_of(run: Run) -> float:
 
 @np.errstate(divide="ignore", invalid="ignore")
 def columns_of(models: Sequence[SignalModel], run: Run, from_s: float = 0.0) -> list[FloatArray]:
-    """The terms of each model and last its target, from a time on, shape (terms + 1, n) each."""
+    """The terms of each model, followed by its target, from a time on, each (terms + 1, n)."""
     if not run.duration > from_s:
         raise InputError(f"{run.label}: must be over {from_s:g} s long, got {run.duration:.1f} s.")
     dt, columns = dt_of(run), []
-    # Where a sensor errs, terms are of what it measures. Gaps of a log keep the value before them.
+    # Terms use the measured values of sensors. Gaps of a log keep the value before them.
     quantities = {"1": np.ones(len(run.signals))}
 
     def quantity(name: str) -> FloatArray:
@@ -190,7 +190,7 @@ def moments(columns: Sequence[FloatArray]) -> list[FloatArray]:
 def taught(
     models: Sequence[SignalModel], flights: Iterable[Sequence[FloatArray]]
 ) -> tuple[SignalModel, ...]:
-    """The models with the weights of least squares over flights, from their `moments`."""
+    """The models with least-squares weights over flights, from their `moments`."""
     learned = []
     for model, *products in zip(models, *flights, strict=True):
         total = np.sum(products, axis=0)
@@ -204,7 +204,7 @@ def taught(
 def residuals(
     models: Sequence[SignalModel], columns: Sequence[FloatArray], dt: float
 ) -> FloatArray:
-    """The part of its target that each model misses, shape (n, models)."""
+    """The residual of each model, shape (n, models)."""
     residual = []
     for model, each in zip(models, columns, strict=True):
         missing = each[-1] - np.array(model.weights) @ each[:-1]
@@ -221,10 +221,10 @@ class Watch:
     models: tuple[SignalModel, ...]
     middle: FloatArray  # (models,)
     half: FloatArray  # (models,)
-    from_s: float = 0.0  # what is before is not judged
+    from_s: float = 0.0  # time before which nothing is judged
 
     def scores(self, run: Run) -> FloatArray:
-        """Distance of each residual from its middle over its limit, shape (n, models)."""
+        """Distance of each residual from its middle divided by its limit, shape (n, models)."""
         if lacking := [name for name in signals_of(self.models) if name not in run.signals]:
             raise InputError(f"{run.label}: must have {', '.join(lacking)} to be watched.")
         missing = residuals(self.models, columns_of(self.models, run, self.from_s), dt_of(run))
@@ -242,12 +242,12 @@ class Watch:
 
 
 def score_so_far(watches: Sequence[Watch], run: Run) -> FloatArray:
-    """The largest score so far by the watch for which it is least, at each sample judged."""
+    """Running maximum of the score at each judged sample, the smallest of all watches."""
     return np.min([np.maximum.accumulate(x.scores(run).max(axis=1)) for x in watches], axis=0)
 
 
 def units_of(models: Sequence[SignalModel], units: Mapping[str, str]) -> dict[str, str]:
-    """Unit of the residual of each model; those of rates are theirs over a second."""
+    """Unit of the residual of each model: the unit of its target, if it has no own."""
     return {x.name: RESIDUAL_UNITS.get(x.name) or units.get(x.target, "") for x in models}
 
 

@@ -1,1 +1,1 @@
-"""Logs of real flights as runs, and what is identified from them."""
+"""Logs of real flights as runs, and models identified from them."""

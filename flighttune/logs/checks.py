@@ -1,4 +1,4 @@
-"""Columns of a log held against the laws of motion, with corrections for those that are wrong."""
+"""Columns of a log checked against the laws of motion, with corrections for wrong columns."""
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -28,7 +28,7 @@ from flighttune.logs.relations import (
 # Vehicles without wings: PX4's type of vehicle, ArduPilot's name, types of MAVLink.
 ROTARY = ("type 1 of PX4", "ArduCopter", *(f"type {kind}" for kind in (2, 3, 4, 13, 14, 15)))
 
-# Units taken for each other by the kind of a column, and the factor that mends it.
+# Units that are mistaken for each other, by kind of column, and the factor that corrects them.
 _SPEEDS = {"kn read as m/s": KNOT, "km/h read as m/s": 1.0 / 3.6, "ft/s read as m/s": FT}
 _SPEEDS |= {"cm/s read as m/s": 0.01, "mph read as m/s": 0.44704}
 _LENGTHS = {"ft read as m": FT, "cm read as m": 0.01, "mm read as m": 0.001, "km read as m": 1000.0}
@@ -41,28 +41,28 @@ MISTAKEN = {
     "load": {"m/s2 read as g": 1.0 / G_0, "ft/s2 read as g": FT / G_0},
     "force": {"g read as m/s2": G_0, "ft/s2 read as m/s2": FT},
 }
-NEAR = 0.15  # logarithm of a factor over that of a known mistake
+NEAR = 0.15  # tolerance on the logarithm of the factor of a known mistake
 ALIKE = 0.7  # correlation from which on two columns show the same motion
-SURE = 0.85  # from which on another unit or time is the reason why they differ: it keeps likeness
-UNLIKE = {"motion": 0.8, "flight": 0.4, "loop": 0.4}  # below which they do not, by `rests_on`
-FARTHEST_S = 5.0  # by which a column is looked for earlier and later
-# Ratio of what is left unexplained from which on another time is the right one, by `rests_on`: a
-# response that precedes its command is told by little.
+SURE = 0.85  # correlation from which a difference means a wrong unit or time
+UNLIKE = {"motion": 0.8, "flight": 0.4, "loop": 0.4}  # below this they differ, by `rests_on`
+FARTHEST_S = 5.0  # largest time shift of a column that is tried
+# Ratio of unexplained variances from which another time shift is right, by `rests_on`. Small for a
+# loop, whose response never precedes its command.
 LATER = {"motion": 2.0, "flight": 2.0, "loop": 1.25}
 COARSE_S = 0.1  # sample time at which columns are compared
 MAX_SAMPLES = 20_000
 ENOUGH_S = 10.0
 MAX_CURES = 6
-OTHERS = 0.3  # cost of a change of columns other than the one that is judged
-ONE_CLOCK = 0.03  # part by which ratios of one clock differ
+OTHERS = 0.3  # cost of a change of columns other than the judged column
+ONE_CLOCK = 0.03  # share by which ratios of one clock may differ
 
-# Columns that have one unit, or one axis, together.
+# Columns that share a unit or an axis.
 TOGETHER = (
     *(("v_north", "v_east"), ("v_north", "v_east", "v_down"), ("v_north", "v_east", "V_a")),
     *(("v_north", "v_east", "v_down", "V_a"), ("V_g", "V_a"), ("V_g", "V_a", "v_down")),
     *(("north", "east"), ("wind_north", "wind_east"), ("p", "q", "r")),
 )
-# Columns of one instrument, which come late together.
+# Columns of one instrument, which share their delay.
 AT_ONE_TIME = (
     ("v_north", "v_east", "v_down", "north", "east", "h"),
     *(("v_north", "v_east", "v_down"), ("V_g", "chi", "v_down"), ("p", "q", "r")),
@@ -73,7 +73,7 @@ Given: TypeAlias = Mapping[str, FloatArray]
 
 
 def refuse_wrong(*runs: Run) -> None:
-    """Refuse logs whose columns contradict each other, before anything is fitted to them."""
+    """Refuse logs whose columns contradict each other, before a model is fitted to them."""
     for run in runs:
         for sentence in (run.provenance.log or {}).get("wrong", ()):
             raise InputError(
@@ -83,7 +83,7 @@ def refuse_wrong(*runs: Run) -> None:
 
 
 def degrees_as_radians(raw: Mapping[str, Stream]) -> dict[str, str]:
-    """Sentences on angles that lie where those in degrees do, by column."""
+    """Sentences, by column, on angles whose values look like degrees."""
     limits = dict.fromkeys(("phi", "phi_cmd"), math.pi)
     limits |= dict.fromkeys(("theta", "gamma", "lat"), 0.5 * math.pi)
     limits |= dict.fromkeys(("lon", "chi", "psi", "chi_ref"), math.tau)
@@ -92,7 +92,7 @@ def degrees_as_radians(raw: Mapping[str, Stream]) -> dict[str, str]:
         values = raw[name][1] if name in raw else np.zeros(0)
         values = values[np.isfinite(values)]
         most = float(np.percentile(np.abs(values), 99.0)) if len(values) > 1 else 0.0
-        # A course may run on over many turns; in degrees it also jumps, or rests far from zero.
+        # A course may count many turns; in degrees it also jumps, or rests far from zero.
         running = np.abs(np.diff(values)).max(initial=0.0) < 30.0 * math.tau and most < 60.0
         if most > 1.01 * limit and not (limit == math.tau and running):
             factor = f"a factor of {DEG:.4g} would do (deg read as rad)"
@@ -104,13 +104,13 @@ class Match(NamedTuple):
     """How a column compares with its value from others."""
 
     status: Status
-    used: frozenset[str] = frozenset()  # given columns that it rests on
-    ratio: float = math.nan  # of the column over its value from others, with the sign
-    lag: float = math.nan  # by which the column comes late, s
-    alike: float = math.nan  # correlation at that time
-    at_once: float = 0.0  # the same at the same time
+    used: frozenset[str] = frozenset()  # given columns that were used
+    ratio: float = math.nan  # column divided by its value from others, with the sign
+    lag: float = math.nan  # delay of the column, s
+    alike: float = math.nan  # correlation at this delay
+    at_once: float = 0.0  # correlation without a delay
     turned: float = 0.0  # angle by which a vector is turned clockwise, rad
-    why: str = ""  # it cannot be told
+    why: str = ""  # why it cannot be judged
 
 
 def _match(relation: Relation, motion: Motion) -> Match:
@@ -123,7 +123,7 @@ def _match(relation: Relation, motion: Motion) -> Match:
     if lacks:
         return Match("cannot tell", why=f"the log has no {listed(lacks)}")
     if own & {source for need in relation.needs for source in motion.sources(need)}:
-        return Match("cannot tell")  # they are made of each other
+        return Match("cannot tell")  # both derive from the same column
     motion.used = set()
     sides = relation.sides(motion)
     used = frozenset(motion.used)
@@ -150,7 +150,7 @@ def _judged(relation: Relation, column: FloatArray, other: FloatArray, dt: float
     first, last = relation.lag
     inside = (lags >= first) & (lags <= last)
     score = np.nan_to_num(np.abs(alike))
-    # Of a motion that repeats itself the time nearest to none is taken.
+    # For a periodic motion the smallest delay is taken.
     best = int(np.argmax(score - 0.01 * np.abs(lags)))
     near = int(np.argmax(np.where(inside, score - 0.01 * np.abs(lags), -1.0)))
     at_once = float(score[np.argmin(np.abs(lags))])
@@ -165,7 +165,7 @@ def _judged(relation: Relation, column: FloatArray, other: FloatArray, dt: float
         product = np.mean((x @ [1, 1j]) * (y @ [1, -1j]))
         found = found._replace(turned=float(np.angle(product)))
         whole = abs(product) / max(size * base, 1e-30)
-    level = relation.about == "values"  # what has a level is like it, or of another unit
+    level = relation.about == "values"  # a signal with a level agrees or has another unit
     if level and abs(found.turned) > relation.turned and whole > SURE:
         return found._replace(status="contradicts")
     if score[k] < (ALIKE if level else UNLIKE[relation.rests_on]) and base >= 2.0 * relation.still:
@@ -185,7 +185,7 @@ def _judged(relation: Relation, column: FloatArray, other: FloatArray, dt: float
 
 
 def _beyond(score: FloatArray, k: int) -> float:
-    """Samples from a highest place to the top of the parabola through its neighbours."""
+    """Samples from a maximum to the vertex of the parabola through its neighbours."""
     if not 0 < k < len(score) - 1:
         return 0.0
     before, top, after = score[k - 1 : k + 2]
@@ -196,7 +196,7 @@ def _beyond(score: FloatArray, k: int) -> float:
 def _over_lags(
     column: FloatArray, other: FloatArray, dt: float, *, centred: bool
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Times by which a column may come late, s, and its correlation and ratio at each."""
+    """Possible delays of a column, s, with its correlation and ratio at each."""
     most = min(round(FARTHEST_S / dt), len(column) // 3)
     length = fft.next_fast_len(len(column) + most, real=True)
     places = np.arange(-most, most + 1)
@@ -217,25 +217,25 @@ def _over_lags(
     aa, bb = np.maximum(aa, 1e-30), np.maximum(bb, 1e-30)
     alike = np.clip(ab / np.sqrt(aa * bb), -1.0, 1.0)
     alike[count * dt < ENOUGH_S] = 0.0
-    # A value has its level; a change is as large as its rms, whatever noise takes of the slope.
+    # Values are compared by their level; changes by their rms, since noise reduces the slope.
     ratios = np.sign(alike) * np.sqrt(aa / bb) if centred else ab / bb
     return (places * dt).astype(float), alike, ratios.astype(float)
 
 
 def _filled(side: FloatArray, *, centred: bool) -> tuple[FloatArray, FloatArray]:
-    """A side with 0 in its gaps, without its mean if `centred`, and 1 where it is there."""
+    """One side with 0 in its gaps, without its mean if `centred`, and its mask of samples."""
     there = np.asarray(np.isfinite(side).all(axis=1, keepdims=True))
     off = side - (side[there.ravel()].mean(axis=0) if centred else 0.0)
     return np.where(there, off, 0.0), there.astype(float)
 
 
 class Cure(NamedTuple):
-    """A change of columns that may mend a log."""
+    """A change of columns that may correct a log."""
 
     columns: tuple[str, ...]
     words: str
     apply: Callable[[Given], Given]
-    cost: float  # the less likely, the higher
+    cost: float  # higher for a less likely change
 
 
 def _scaled(names: Sequence[str], factor: float) -> Callable[[Given], Given]:
@@ -247,7 +247,7 @@ def _exchanged(a: str, b: str) -> Callable[[Given], Given]:
 
 
 def _moved(names: Sequence[str], by: int) -> Callable[[Given], Given]:
-    """Columns whose samples come later by a number of samples."""
+    """Columns delayed by a number of samples."""
 
     def moved(column: FloatArray) -> FloatArray:
         late = np.full(len(column), np.nan)
@@ -271,7 +271,7 @@ def _turned(name: str, by: float) -> Callable[[Given], Given]:
 
 
 def _with_gravity(name: str, *, along: bool) -> Callable[[Given], Given]:
-    """A load with that of level flight, or with gravity along the body's axis."""
+    """A load factor plus 1 g, or plus gravity along the body's axis."""
 
     def apply(given: Given) -> Given:
         up = np.cos(given["phi"]) * np.cos(given.get("theta", 0.0)) if along else 1.0
@@ -281,7 +281,7 @@ def _with_gravity(name: str, *, along: bool) -> Callable[[Given], Given]:
 
 
 def _without(name: str) -> Callable[[Given], Given]:
-    """Columns without one; without a roll there is no log, so that it is empty."""
+    """Columns without one column; roll is emptied instead, because every log needs it."""
 
     def apply(given: Given) -> Given:
         empty = {name: np.full_like(given[name], np.nan)} if name == "phi" else {}
@@ -291,7 +291,7 @@ def _without(name: str) -> Callable[[Given], Given]:
 
 
 def _factor(kind: str, ratio: float) -> tuple[float, str]:
-    """Factor of a known mistake that brings a ratio to 1, and its words; none: the ratio's own."""
+    """Factor of a known mistake that brings a ratio to 1, with its words; else the ratio's own."""
     known = MISTAKEN.get(kind, {})
     swapped = {" read as ".join(reversed(x.split(" read as "))): 1 / f for x, f in known.items()}
     off = {words: abs(math.log(abs(ratio) * f)) for words, f in {**known, **swapped}.items()}
@@ -302,7 +302,7 @@ def _factor(kind: str, ratio: float) -> tuple[float, str]:
 
 
 def _cures(motion: Motion, relation: Relation, match: Match) -> Iterator[Cure]:
-    """What may mend a relation that does not hold."""
+    """Changes that may correct a relation that does not hold."""
     given, own = motion.given, {relation.name} | motion.sources(relation.name)
     for name in sorted(match.used):
         kind, stated = KIND.get(name, ""), name in own
@@ -340,7 +340,7 @@ def _cures(motion: Motion, relation: Relation, match: Match) -> Iterator[Cure]:
 
 
 def _changed(name: str, match: Match, *, stated: bool) -> Iterator[Cure]:
-    """Constants that a column may lack."""
+    """Constant offsets that a column may lack."""
     if name in ("n_z", "n_z_cmd", "f_z"):
         said = "a change by +1 would do (gravity is left out)"
         yield Cure((name,), said, _with_gravity(name, along=False), 0.2)
@@ -374,16 +374,16 @@ class _Judgement:
 
     @property
     def broken(self) -> list[int]:
-        """Places of relations that do not hold."""
+        """Indices of relations that do not hold."""
         return [k for k, x in enumerate(self.matches) if x.status in ("contradicts", "unlike")]
 
     @property
     def rank(self) -> tuple[int, int]:
-        """Relations that do not hold, and, less than none, those that do."""
+        """Number of relations that do not hold, and minus the number that hold."""
         return len(self.broken), -sum(match.status == "agrees" for match in self.matches)
 
     @property
-    def told(self) -> set[str]:
+    def confirmed(self) -> set[str]:
         """Columns that agree with others."""
         pairs = zip(RELATIONS, self.matches, strict=True)
         agree = [relation for relation, match in pairs if match.status == "agrees"]
@@ -391,7 +391,7 @@ class _Judgement:
 
     @property
     def likeness(self) -> float:
-        """Sum of correlations: of a command at its time, of others at the same time."""
+        """Sum of correlations: of commands at their delay, of others without a delay."""
         return sum(
             abs(match.alike) if relation.rests_on == "loop" else match.at_once
             for relation, match in zip(RELATIONS, self.matches, strict=True)
@@ -400,15 +400,15 @@ class _Judgement:
 
 
 class Verdicts(NamedTuple):
-    """What is said of the columns of a log."""
+    """The verdicts on the columns of a log."""
 
     wrong: list[str]
     notes: list[str]
-    columns: set[str]  # that something is said of
+    columns: set[str]  # columns with a verdict
 
 
 def judged(given: Given, dt: float) -> Verdicts:
-    """Sentences on columns that others contradict, that are unlike, and that cannot be told."""
+    """Sentences on columns that contradict others, differ from them, or cannot be judged."""
     said = Verdicts([], [], set())
     # Telemetry has zeros where an autopilot sends no rates.
     silent = [x for x in given if KIND.get(x) == "rate" and not np.nan_to_num(given[x]).any()]
@@ -434,7 +434,7 @@ def judged(given: Given, dt: float) -> Verdicts:
 
 
 def _best(now: _Judgement) -> tuple[Cure | None, _Judgement]:
-    """The change of columns after which the most relations hold, and what they are then."""
+    """The change of columns after which the most relations hold, and the judgement after it."""
     tried: list[tuple[tuple[float, ...], Cure, _Judgement]] = []
     seen: set[tuple[tuple[str, ...], str]] = set()
     for k in now.broken:
@@ -444,10 +444,10 @@ def _best(now: _Judgement) -> tuple[Cure | None, _Judgement]:
                 continue
             seen.add(key)
             after = _Judgement(cure.apply(now.motion.given), now.motion.dt, now)
-            # A cure makes a relation hold; without a column it only cannot be told.
+            # A cure makes a relation hold; dropping a column only makes it impossible to judge.
             holds = not cure.words or any(after.matches[x].status == "agrees" for x in now.broken)
             if "exchanged" in cure.words:
-                holds &= {*cure.columns} <= after.told
+                holds &= {*cure.columns} <= after.confirmed
             if len(after.broken) < len(now.broken) and holds:
                 broken, agree = after.rank
                 far = OTHERS * (RELATIONS[k].name not in cure.columns)
@@ -456,7 +456,7 @@ def _best(now: _Judgement) -> tuple[Cure | None, _Judgement]:
     if not tried:
         return None, now
     rank, cure, after = min(tried, key=lambda x: x[0])
-    if not cure.words:  # others without which as much agrees may be the ones that are wrong
+    if not cure.words:  # another column may be wrong if dropping it helps as much
         alike = [x for x in tried if x[0][1] == rank[1] and x[0][2] <= rank[2] + 1]
         alike.sort(key=lambda x: x[0])
         cure = cure._replace(columns=tuple(x[1].columns[0] for x in alike))
@@ -464,7 +464,7 @@ def _best(now: _Judgement) -> tuple[Cure | None, _Judgement]:
 
 
 def _say_clock(said: Verdicts, now: _Judgement) -> None:
-    """Say a clock by which rates and speeds are all too fast or too slow by one factor."""
+    """Report a clock by which all rates and speeds are wrong by the same factor."""
     ratios = [
         1.0 / match.ratio if relation.name in ("h", "down") else match.ratio
         for relation, match in zip(RELATIONS, now.matches, strict=True)
@@ -487,7 +487,7 @@ def _say_clock(said: Verdicts, now: _Judgement) -> None:
 
 
 def _say_rest(said: Verdicts, now: _Judgement, given: Given) -> None:
-    """Say which of the other columns agree, and why the rest cannot be told."""
+    """Report which other columns agree, and why the rest cannot be judged."""
     agree, why = dict[str, list[str]](), dict[str, list[str]]()
     for name in (name for name in given if name not in said.columns):
         about = [
@@ -532,13 +532,13 @@ def _say(said: Verdicts, now: _Judgement, after: _Judgement, k: int, cure: Cure 
         text = f"{label} is {match.ratio:.3g} times the value from {relation.others}"
     said.columns.update(cure.columns if cure else (relation.name,))
     if cure is not None and cure.words:
-        # An error in another unit still says when it is large.
+        # An error in another unit still shows when it is large.
         other_unit = relation.name.endswith("_err") and match.ratio > 0.0
         (said.notes if other_unit else said.wrong).append(f"{text}: {cure.words}")
         return
     columns = cure.columns if cure else (relation.name,)
     text += f": {' or '.join(columns)} is something else, and no factor, shift or exchange mends it"
-    # An identity of motion that holds with the column, and tells nothing without it.
+    # An identity of motion that holds with the column and cannot be judged without it.
     vouched = any(
         relation.rests_on == "motion" and match.status == "agrees" != without.status
         for relation, match, without in zip(RELATIONS, now.matches, after.matches, strict=True)
@@ -548,7 +548,7 @@ def _say(said: Verdicts, now: _Judgement, after: _Judgement, k: int, cure: Cure 
 
 
 def coarse(given: Given, dt: float) -> tuple[Given, float]:
-    """Columns at about `COARSE_S`, as means; angles are turned on before."""
+    """Columns averaged to about `COARSE_S`, with angles unwrapped first."""
     step = max(1, round(COARSE_S / dt), math.ceil(len(given["phi"]) / MAX_SAMPLES))
     if step == 1:
         return given, dt
@@ -566,7 +566,7 @@ def coarse(given: Given, dt: float) -> tuple[Given, float]:
 def checked(
     raw: Given, t: FloatArray, said: Mapping[str, str]
 ) -> tuple[dict[str, FloatArray], list[str], list[str]]:
-    """Signals of a run from raw ones on one time base, notes, and contradictions of columns."""
+    """Signals of a run from raw signals on one time base, notes, and contradictions of columns."""
     dt = float(t[1] - t[0])
     values, notes = completed(raw, dt)
     wrong = list(said.values())
@@ -587,7 +587,7 @@ def checked(
 
 
 def check_flight(place: str, signals: Mapping[str, FloatArray], vehicle: str) -> None:
-    """Refuse the log of a multicopter, and of what did not fly."""
+    """Refuse the log of a multicopter, and of a vehicle that did not fly."""
     speed = signals.get("V_g", signals.get("V_a"))
     fastest = math.inf if speed is None else float(np.nanmax(np.append(speed, 0.0)))
     if fastest < SLOWEST:

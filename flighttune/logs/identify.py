@@ -1,4 +1,4 @@
-"""Lags of roll and load factor from the logs of real flights, scored on what was not fitted."""
+"""Lags of roll and load factor from logs of real flights, scored on data that was not fitted."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -33,24 +33,24 @@ from flighttune.vehicles.plants.point_mass import turn_rates
 
 CHANNELS: tuple[model_file.Channel, ...] = ("phi", "n_z")
 
-# Change of a command within a stretch from which on the stretch shows the response, rad and 1.
+# Minimum change of a command within a stretch that shows the response, rad and 1.
 EXCITED = {"phi": 5.0 * DEG, "n_z": 0.1}
 
-STRETCH_S = 5.0  # of a stretch, whose errors are taken as independent of those of others
-SETTLED_S = 3.0  # time after a gap in which the response still remembers what came before
+STRETCH_S = 5.0  # length of a stretch; errors of different stretches count as independent
+SETTLED_S = 3.0  # time after a gap in which the response still depends on the flight before
 MIN_STRETCHES = 4
-SLOW = 0.5  # part of the median speed below which a vehicle is taken to be on its way up or down
+SLOW = 0.5  # share of the median speed below which a vehicle counts as taking off or landing
 
-HELD_S = 0.02  # commands are held for about so long: a sample of one may be so old
+HELD_S = 0.02  # hold time of commands, which is also the largest age of a sample
 
-MEMORY_S = 0.1  # time over which what is left of a residual is foreseen, and not fitted
+MEMORY_S = 0.1  # a residual is predicted over this time, and only the rest is fitted
 
 CONFIDENCE = 0.95
-CLEAR = 1.5  # standard errors by which an order must fit better than the other to count as distinct
-COARSE = 1.0  # rad: of a lag's frequency over a sample, from which on samples do not show it
-WIDEST = 3.0  # ratio of the ends of an interval of the frequency that tells nothing
-ALIKE = 1e-6  # share of its effect that a parameter must have apart from the others, squared
-STEP = 1e-4  # of the parameters, for the slopes of the response
+CLEAR = 1.5  # standard errors by which one order must fit better to count as distinct
+COARSE = 1.0  # rad: a lag with a larger frequency times sample time is invisible
+WIDEST = 3.0  # an interval of the frequency with a larger ratio of its ends is useless
+ALIKE = 1e-6  # squared share of a parameter's effect that must be independent of the others
+STEP = 1e-4  # step of the parameters for the slopes of the response
 
 MAX_DAMPING = 5.0
 BOUNDS: fit.Bounds = (
@@ -60,7 +60,7 @@ BOUNDS: fit.Bounds = (
 UNITS = {"phi": DEG, "n_z": 1.0}
 NAMES = {"phi": "roll", "n_z": "load-factor"}
 
-# Limits and rate limit, deg and 1, of a channel of which the logs have neither command nor response
+# Limits and rate limit, deg and 1, of a channel without command and response in the logs
 UNSEEN = {"phi": ((-45.0, 45.0), 60.0), "n_z": ((0.5, 1.5), 2.0)}
 SHOWN_S = 40.0
 
@@ -68,19 +68,19 @@ SHOWN_S = 40.0
 class Section(NamedTuple):
     """Samples without a gap, in which a vehicle flies."""
 
-    run: int  # place of its log
+    run: int  # index of its log
     t: FloatArray  # s
     dt: float  # s
-    commanded: FloatArray  # straight from each sample to the next
+    commanded: FloatArray  # linear between samples
     measured: FloatArray
-    stretch: FloatArray  # number of the stretch of each sample; NaN where it is not used
+    stretch: FloatArray  # number of the stretch of each sample; NaN if the sample is not used
 
     def residual(self, lag: InnerLag) -> FloatArray:
         """Response of a lag minus that measured."""
         return response(lag, self.dt, self.commanded, float(self.measured[0])) - self.measured
 
     def fresh(self, lag: InnerLag, carried: float) -> FloatArray:
-        """Residual without the share of it that is `carried` over from `MEMORY_S` before."""
+        """Residual without the share that is `carried` over from `MEMORY_S` earlier."""
         residual, count = self.residual(lag), max(1, round(MEMORY_S / self.dt))
         return np.append(residual[:count], residual[count:] - carried * residual[:-count])
 
@@ -89,8 +89,8 @@ class ChannelOfLogs(NamedTuple):
     """The lag of one channel."""
 
     lag: InnerLag
-    fit_percent: float  # %: share of the variance explained in stretches not used for a fit
-    by_log: tuple[float, ...]  # %: of each log by the lag of the others; empty for one log
+    fit_percent: float  # %: explained share of the variance in stretches that were not fitted
+    by_log: tuple[float, ...]  # %: for each log, by the lag of the other logs; empty for one log
     # rad/s and s: intervals of natural frequency and delay; None with a reason
     frequency: tuple[float, float] | None
     delay: tuple[float, float] | None
@@ -101,14 +101,14 @@ class ChannelOfLogs(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LogIdentification(Drawn):
-    """The response of an inner loop as logs show it."""
+    """The response of an inner loop from logs."""
 
-    # Content of a model file; None where a channel has no lag
+    # Content of a model file; None if a channel has no lag
     identified: model_file.IdentifiedAircraft | None
     # Lags by channel, with their intervals
     channels: Mapping[model_file.Channel, ChannelOfLogs]
-    untold: Mapping[str, str]  # why the logs cannot tell a channel, by its name
-    names: tuple[str, ...]  # of the logs
+    untold: Mapping[str, str]  # why a channel cannot be identified, by its name
+    names: tuple[str, ...]  # names of the logs
 
     @property
     def title(self) -> str:
@@ -136,53 +136,54 @@ def identify(
 ) -> AircraftIdentification | LogIdentification:
     """Identify the inner loop of an aircraft, by flying it or from logs of real flights.
 
-    An aircraft flies multisines and a manoeuvre at every airspeed with every flight-path angle; the
-    lags of a channel are of one order, the one that suits all conditions together.
+    An aircraft flies multisines and a manoeuvre at every airspeed with every flight-path angle. The
+    lags of a channel have the same order at all conditions, the order that fits them best together.
 
     Logs take seconds for minutes of flight. Lags are fitted to every stretch in which the command
-    changes by 5 deg or 0.1 within 5 s. Their score is of stretches that were not fitted: of each
-    log by the lag of the others, or of every second stretch of one log. Their intervals, at 95 %,
-    are those of the jackknife over stretches, to first order; there are none, with a reason, where
-    samples are too coarse for the lag, or where first and second order fit alike.
+    changes by 5 deg or 0.1 within 5 s. The score uses stretches that were not fitted: each log by
+    the lag of the others, or every second stretch of one log. The intervals, at 95 %, come from the
+    jackknife over stretches, to first order. If samples are too coarse for the lag, or if first and
+    second order fit alike, there is a reason instead of an interval.
 
     Parameters
     ----------
     source : str, Path or Run
-        A shipped aircraft, or the folder of one; or the log of a real flight (.ulg, .bin, .tlog,
-        .csv), ``@START:END`` for a part of it in s.
+        A shipped aircraft or the folder of an aircraft; or the log of a real flight (.ulg, .bin,
+        .tlog, .csv), ``@START:END`` for a part of it in s.
     logs : str, Path or Run
         Further logs of the same aircraft.
     V_a : sequence of float, m/s
-        Airspeeds, by default the one the inner loop was designed for. The first is the nominal one.
+        Airspeeds, by default the design airspeed of the inner loop. The first is the nominal
+        airspeed.
     gamma : sequence of float, rad
         Flight-path angles, climb positive, by default level flight, or the glide of an aircraft
-        without an engine. The first is the nominal one.
+        without an engine. The first is the nominal angle.
     h : float, m
         Height above sea level.
     seed : int
         Seed of the excitation.
     columns : mapping or sequence
-        Where logs have their signals, as for `load_log`.
+        Columns of the signals in the logs, as for `load_log`.
     assume : mapping of str to float, rad/s
-        Bandwidth of a first-order lag of ``phi`` or ``n_z`` where logs cannot tell.
+        Bandwidth of a first-order lag of ``phi`` or ``n_z`` if the logs cannot identify it.
 
     Returns
     -------
     AircraftIdentification or LogIdentification
-        Its `save` writes a model file and a figure. Conditions without steady flight, and channels
-        that logs cannot tell, are listed.
+        Its `save` writes a model file and a figure. It lists conditions without steady flight, and
+        channels that the logs cannot identify.
 
     Raises
     ------
     InputError, ScenarioError
         If there is no such aircraft, a condition lies outside its envelope, a column is not in a
-        log, a channel assumed is not ``phi`` or ``n_z``, or a value is not for such a source.
+        log, an assumed channel is not ``phi`` or ``n_z``, or a value does not suit the source.
     TrimError
         If there is no steady flight at any of the conditions.
     PlantError
         If the aircraft cannot be built or excited.
     RecordingError
-        If a file is no log of a flight.
+        If a file is not the log of a flight.
 
     Examples
     --------
@@ -241,12 +242,12 @@ def _identify_logs(
 
 
 def speed_of(run: Run) -> FloatArray:
-    """Airspeed, or ground speed where there is none, m/s."""
+    """Airspeed, or ground speed without an airspeed, m/s."""
     return run.signals["V_a" if "V_a" in run.signals else "V_g"].to_numpy(dtype=float)
 
 
 def flying(run: Run, *columns: FloatArray) -> npt.NDArray[np.bool_]:
-    """Samples at which a vehicle is neither on its way up or down, nor in a gap of `columns`."""
+    """Whether a vehicle flies at each sample, without take-off, landing and gaps of `columns`."""
     speed = speed_of(run)
     return np.isfinite([*columns, speed]).all(axis=0) & (speed > SLOW * np.nanmedian(speed))
 
@@ -270,20 +271,20 @@ def _sections(run: Run, number: int, name: model_file.Channel, first: int) -> It
 
 
 def response(lag: InnerLag, dt: float, commanded: FloatArray, start: float) -> FloatArray:
-    """Response of a lag, at rest at `start`, to commands that are held about every `HELD_S`."""
-    # Control loops are faster than logs: their commands between samples are taken from the straight
-    # line. Each is held from half its time before to half after, for a sample may have any age.
+    """Response of a lag, at rest at `start`, to commands that are held for about `HELD_S`."""
+    # Control loops are faster than logs, so commands between samples are interpolated. Each command
+    # is held from half its time before to half after, since a sample may have any age.
     parts, count = math.ceil(dt / HELD_S - 1e-6), len(commanded)
     held = np.interp(np.arange(parts * (count - 1) + 1) / parts, np.arange(count), commanded)
     return fit.lag_response(lag, 0.5 * dt / parts, np.repeat(held, 2)[1:], start)[:: 2 * parts]
 
 
-# Which samples are fitted; None for all.
+# Mask of the fitted samples; None for all.
 Side: TypeAlias = npt.NDArray[np.bool_] | None
 
 
 class _Excited:
-    """All sections of a channel, their samples one after the other, and lags fitted to them."""
+    """All sections of a channel, with their samples concatenated, and lags fitted to them."""
 
     def __init__(self, sections: Sequence[Section]) -> None:
         self.sections = sections
@@ -291,8 +292,8 @@ class _Excited:
         self.used = np.isfinite(self.stretch)
         self.count = 1 + int(np.nanmax(self.stretch))
         self._carried = 0.0
-        # Turbulence lasts, and the autopilot answers it: only what is fresh in a residual does not
-        # depend on the commands before it.
+        # Turbulence lasts, and the autopilot responds to it. Only the fresh part of a residual is
+        # independent of the commands before it.
         self._carried = self._share_carried(self.fitted(2))
 
     def residual(self, lag: InnerLag) -> FloatArray:
@@ -300,11 +301,11 @@ class _Excited:
         return np.concatenate([section.residual(lag) for section in self.sections])
 
     def fresh(self, lag: InnerLag) -> FloatArray:
-        """Residual of a lag without what is carried over."""
+        """Residual of a lag without the part carried over."""
         return np.concatenate([section.fresh(lag, self._carried) for section in self.sections])
 
     def _share_carried(self, lag: InnerLag) -> float:
-        """Share of the residual of a lag that is still there after `MEMORY_S`."""
+        """Share of the residual of a lag that remains after `MEMORY_S`."""
         both = whole = 0.0
         for section in self.sections:
             used = np.isfinite(section.stretch)
@@ -314,14 +315,14 @@ class _Excited:
         return both / whole if whole > 0.0 else 0.0
 
     def fitted(self, order: Order, side: Side = None, damping: float = MAX_DAMPING) -> InnerLag:
-        """The lag of the least squares over stretches on a side, damped by `damping` at most."""
+        """The least-squares lag over stretches of one side, with at most the damping `damping`."""
         lower, (frequency, delay, _, after) = BOUNDS
         bounds = lower, (frequency, delay, math.log(damping), after)
         used = self.used if side is None else self.used & side
         return fit.best_lag(lambda lag: self.fresh(lag)[used], order, fit.TIME_STARTS, bounds)[0]
 
     def chosen(self) -> tuple[InnerLag, bool]:
-        """The lag of the order that the stretches show, and whether they tell it from the other."""
+        """The lag of the order that fits best, and whether the other order fits clearly worse."""
 
         def clear(worse: InnerLag, better: InnerLag) -> bool:
             gain = (self.fresh(worse) ** 2 - self.fresh(better) ** 2)[self.used]
@@ -331,7 +332,7 @@ class _Excited:
         first, second = (self.fitted(order) for order in (1, 2))
         if clear(first, second):
             return second, True
-        # The second order approaches the first as its damping grows: other is what is damped less.
+        # The second order approaches the first as damping grows, so only less damping is distinct.
         return first, clear(self.fitted(2, damping=1.0), first)
 
     def interval(self, lag: InnerLag) -> FloatArray:
@@ -347,7 +348,7 @@ class _Excited:
 
 
 def _channel(runs: Sequence[Run], name: model_file.Channel) -> ChannelOfLogs | str:
-    """The lag of a channel, or why the logs cannot tell it."""
+    """The lag of a channel, or why the logs cannot identify it."""
     if not (there := [run for run in runs if {name, f"{name}_cmd"} <= set(run.signals)]):
         return f"the logs have no {NAMES[name]} commands"
     sections: list[Section] = []
@@ -371,7 +372,7 @@ def _channel(runs: Sequence[Run], name: model_file.Channel) -> ChannelOfLogs | s
     sides = [numbers == log for log in logs]
     if len(logs) == 1:
         sides = [excited.stretch % 2 == fold for fold in (0, 1)]
-    shares = []  # of every log, or of every second stretch of one: variance missed, and all of it
+    shares = []  # unexplained and total variance of every log, or of half the stretches of one
     for side in sides:
         missed = excited.residual(excited.fitted(lag.order, ~side))[side & excited.used]
         shares.append((float(np.sum(missed**2)), _variation(measured[side & excited.used])))
@@ -395,9 +396,9 @@ def _channel(runs: Sequence[Run], name: model_file.Channel) -> ChannelOfLogs | s
 
 
 def _why_no_range(lag: InnerLag, dt: float, width: float, *, distinct: bool) -> str:
-    """Why logs of this sample time (s) give no range of a lag; empty if they do.
+    """Why logs of this sample time (s) give no interval of a lag; empty if they do.
 
-    `width`: logarithm of the ratio of both ends of the natural frequency.
+    `width`: logarithm of the ratio of the ends of the natural frequency's interval.
     """
     at_end = np.isclose(lag.natural_frequency, np.exp([edge[0] for edge in BOUNDS]), rtol=0.01)
     if at_end.any() or lag.delay > 0.99 * BOUNDS[1][1]:
@@ -421,11 +422,11 @@ def interval_of(
 ) -> FloatArray:
     """Ends of the interval of each of n parameters, shape (2, n), at `CONFIDENCE`.
 
-    The jackknife over stretches, whose errors are independent while those of samples are not: one
-    step of Gauss and Newton from the `best` to all stretches but one, and Student's t for as many
-    stretches as share the information. `normal` and `slope`, shapes (stretches, n, n) and
-    (stretches, n): sums over a stretch. `late`, shape (n,): change of each parameter with commands
-    that come a second later. Infinite for a parameter without an effect of its own.
+    A jackknife over stretches, since errors of stretches are independent and errors of samples are
+    not. It takes one Gauss-Newton step from `best` to all stretches but one, and Student's t with
+    the effective number of stretches. `normal` and `slope`, shapes (stretches, n, n) and
+    (stretches, n): sums over a stretch. `late`, shape (n,): change of each parameter if commands
+    come one second later. Infinite for a parameter without an effect of its own.
     """
     from scipy.stats import t as student
 
@@ -440,7 +441,7 @@ def interval_of(
     information = np.diagonal(normal, axis1=1, axis2=2)
     shares = information / np.maximum(information.sum(axis=0), tiny)
     freedom = np.maximum(1.0, 1.0 / np.maximum((shares**2).sum(axis=0), 1.0 / count) - 1.0)
-    # The age of the samples of a command is one number, alike anywhere up to `HELD_S`.
+    # The age of command samples is one unknown number, uniform up to `HELD_S`.
     aged = 0.5 * CONFIDENCE * HELD_S * late
     width = np.hypot(student.ppf(0.5 + 0.5 * CONFIDENCE, freedom) * error, aged)
     width = np.where(alike, np.inf, width)
@@ -453,7 +454,7 @@ def _aircraft(
     channels: Mapping[model_file.Channel, ChannelOfLogs],
     assume: Mapping[str, float],
 ) -> model_file.IdentifiedAircraft:
-    """The content of a model file: lags, limits as seen, and where they are from."""
+    """The content of a model file: lags, observed limits, and their source."""
     tables: dict[model_file.Channel, model_file.IdentifiedChannel] = {}
     lags: list[InnerLag] = []
     for name in CHANNELS:
@@ -492,7 +493,7 @@ def _aircraft(
 
 
 def _missed(run: Run, lags: Sequence[InnerLag]) -> FloatArray:
-    """Largest mean rates over 1 s that the lags miss in each stretch, shape (stretches, 2), rad/s.
+    """Largest 1 s means of the residual rates in each stretch, shape (stretches, 2), rad/s.
 
     The exact point mass flies at the airspeed of the log.
     """
@@ -514,7 +515,7 @@ def _missed(run: Run, lags: Sequence[InnerLag]) -> FloatArray:
         gamma = columns[5, piece]
         rates = np.array(turn_rates(V_a[piece], gamma, phi, n_z, turn="exact", g=G_0))
         angles = np.array([np.unwrap(columns[4, piece]), gamma])
-        turned = dt * (np.cumsum(rates, axis=1) - 0.5 * rates)  # trapezoids, but for a constant
+        turned = dt * (np.cumsum(rates, axis=1) - 0.5 * rates)  # trapezoidal rule, up to a constant
         missed = angles[:, span:] - angles[:, :-span] - (turned[:, span:] - turned[:, :-span])
         mean = np.abs(missed[:, wait:]) / (span * dt)
         count = mean.shape[1] // size
@@ -523,7 +524,7 @@ def _missed(run: Run, lags: Sequence[InnerLag]) -> FloatArray:
 
 
 def _range(runs: Sequence[Run], name: str, unit: float) -> tuple[tuple[float, float], float]:
-    """Range of a command, or of the response without one, and the fastest response, as seen."""
+    """Observed range of a command, else of the response, and the fastest observed response."""
     values, rates = [np.zeros(0)], [np.zeros(0)]
     for run in runs:
         key = f"{name}_cmd" if f"{name}_cmd" in run.signals else name

@@ -1,4 +1,4 @@
-"""A log of a real flight as a run: our signals, units and signs on one time base, gaps as NaN."""
+"""A log of a real flight as a run: its signals, units and signs on one time base, NaN in gaps."""
 
 import math
 import re
@@ -27,7 +27,7 @@ from flighttune.logs.read import Column, read_log
 from flighttune.logs.streams import EVENTS, Phase, in_words, inside, on_one_base, phases
 from flighttune.routes.maps import TOO_LARGE
 
-# Value of each unit that a log may have, in SI.
+# SI value of each unit that a log may have.
 UNITS = (
     dict.fromkeys(("", "1", "rad", "rad/s", "s", "m", "m/s", "m/s^2", "m/s2", "m/s²"), 1.0)
     | {"deg": DEG, "deg/s": DEG, "°": DEG, "°/s": DEG, "cdeg": 0.01 * DEG, "1e-7deg": 1e-7 * DEG}
@@ -35,28 +35,28 @@ UNITS = (
     | {"ft": FT, "ft/s": FT, "km/h": 1.0 / 3.6, "kn": KNOT, "kt": KNOT, "g": G_0, "mG": 1e-3 * G_0}
 )
 
-# What a log may have besides signals of a run; `sources.toml` says what they are.
+# Signals that a log may have besides the signals of a run; `sources.toml` explains them.
 RAW = (
     *("t", "f_z", "lat", "lon", "v_north", "v_east", "v_down", "wind_speed", "wind_from"),
     *(f"{attitude}_{part}" for attitude in ("q", "q_cmd", "q_enu") for part in "wxyz"),
     *("phi_err", "theta_err", "n_z_err", "vehicle", "trusted", *EVENTS),
 )
 
-# Columns of a table that say their unit: by their ending, such as `chi_deg`, or as `chi [deg]` and
-# `chi (deg)`. Of a signal with several columns the first of these is read.
+# Columns of a table that name their unit: by their ending, such as `chi_deg`, or as `chi [deg]` and
+# `chi (deg)`. If a signal has several columns, the first of these is read.
 ENDINGS = (
     *("_ms:ms", "_s:s", "_m:m", "_mps:m/s", "_rad:rad", "_deg:deg", ""),
     *("_ft:ft", "_fps:ft/s", "_kt:kn", "_kmh:km/h"),
 )
 WITH_UNIT = re.compile(r"(\w+) ?[\[(](.+)[\])]")
 
-# Columns that a message lists.
+# Maximum number of columns in a message.
 MAX_SHOWN = 8
 
-# Names of the clock of a table; the first that it has is read.
+# Names of the clock of a table; the first match is read.
 CLOCKS = "t", "time", "timestamp"
 
-# Columns as a user gives them: NAME=SOURCE[:UNIT], files of such, or a mapping.
+# A user's columns: NAME=SOURCE[:UNIT], files of these, or a mapping.
 Columns: TypeAlias = str | Path | Sequence[str | Path] | Mapping[str, str]
 
 
@@ -74,7 +74,7 @@ def _column(name: str, source: str, place: str) -> Column:
             f"{', '.join(filter(None, UNITS))}, with a minus in front for the other sign, got "
             f"{shown(unit)!r}."
         )
-    # A load factor counts g, an acceleration m/s2.
+    # The unit of a load factor is g, and of an acceleration m/s2.
     load_factor = name.startswith("n_") and unit.endswith(("g", "G"))
     return Column(field, sign * UNITS[unit.removeprefix("-")] / (G_0 if load_factor else 1.0))
 
@@ -84,7 +84,7 @@ def _columns(name: str, sources: Iterable[str], place: str) -> list[Column]:
 
 
 def given_columns(columns: Columns) -> dict[str, Column]:
-    """The columns that a user gives; an InputError names a signal or unit that there is not."""
+    """The user's columns; InputError for an unknown signal or unit."""
     pairs: dict[str, tuple[str, str]] = {}
     if isinstance(columns, Mapping):
         pairs = {name: (source, "columns") for name, source in columns.items()}
@@ -109,10 +109,10 @@ def _tables() -> Mapping[str, Mapping[str, Any]]:
 def columns_of(
     given: Mapping[str, Column], place: str, kind: str, header: Sequence[str]
 ) -> dict[str, list[Column]]:
-    """Places of every signal in a log of a kind; a table has `header`, and a clock first."""
+    """Sources of every signal in a log of a kind; a table has `header`, with a clock first."""
     stated = {name: [column] for name, column in given.items()}
     if kind != "csv":
-        stated.pop("t", None)  # messages have their clock
+        stated.pop("t", None)  # messages have their own clock
         return {x: _columns(x, sources, kind) for x, sources in _tables()[kind].items()} | stated
     for name, column in given.items():
         if column.source not in header:
@@ -120,7 +120,7 @@ def columns_of(
                 f"{place}: the column of `{name}` must be one of the file's, got "
                 f"{column.source!r}{nearest_name(column.source, header)}"
             )
-    # Properties also stand without the path that JSBSim's own output puts before them.
+    # JSBSim's own output puts a path before properties; they also match without it.
     shipped = {
         x: [*sources, *(source.removeprefix("/fdm/jsbsim/") for source in sources)]
         for x, sources in _tables()["JSBSim"].items()
@@ -129,7 +129,7 @@ def columns_of(
     of_jsbsim = shipped if rolls & {*header} else {}
     labelled, places = defaultdict[str, list[str]](list), {}
     for column in header:
-        if match := WITH_UNIT.fullmatch(column):  # a dash is the unit of a number without one
+        if match := WITH_UNIT.fullmatch(column):  # a dash is the unit of a dimensionless number
             labelled[match[1]].append(f"{column}:{'1' if match[2] == '-' else match[2]}")
     for name in (name for name in (*SIGNAL_UNITS, *RAW) if name not in stated):
         sources = [*of_jsbsim.get(name, ())]
@@ -148,14 +148,14 @@ def columns_of(
 
 
 def _named(columns: Sequence[str]) -> str:
-    """Columns of a table as a message lists them."""
+    """Columns of a table, listed for a message."""
     return listed([shown(column) for column in columns], most=MAX_SHOWN)
 
 
-PLANT = "log"  # label of the plant of a run that is a log
+PLANT = "log"  # plant label of a run from a log
 
 
-# Signals whose absence is said.
+# Signals whose absence is reported.
 WANTED = ("chi", "gamma", "phi", "n_z", "V_a", "north", "h", "phi_cmd", "n_z_cmd", "wind_north")
 
 
@@ -175,30 +175,30 @@ def load_log(
     ----------
     path : str or Path
         A ULog (PX4), a DataFlash log (ArduPilot), a telemetry log (MAVLink) or a table (.csv); the
-        first three are known by their content.
+        first three are recognised by content.
     columns : mapping of str to str, str, Path, or sequence of these two
-        Where the log has signals, over what is known of its kind: ``{"chi": "COLUMN:UNIT"}``,
-        ``"chi=COLUMN:UNIT"``, or TOML files of such pairs. In a binary log a column is
-        ``TOPIC.FIELD``. Signals are those of runs and, as `sources.toml` says, attitude
-        quaternions, velocities over ground, specific force, latitude and longitude.
-        ``trusted=NAME,NAME`` passes contradictions of these signals with others.
+        Columns of signals, which replace the defaults for this kind of log: ``{"chi":
+        "COLUMN:UNIT"}``, ``"chi=COLUMN:UNIT"``, or TOML files of such pairs. In a binary log a
+        column is ``TOPIC.FIELD``. Possible signals are the signals of runs and, from
+        `sources.toml`, attitude quaternions, velocities over ground, specific force, latitude and
+        longitude. ``trusted=NAME,NAME`` accepts contradictions of these signals with others.
     start, end : float, s
         Part of the log, from its first attitude on.
     mode : str
-        Flight mode whose time is kept, such as ``AUTO`` of ArduPlane or ``MISSION`` of PX4; also
-        ``armed`` and ``airborne``. Between two times in the mode there is a gap.
+        Keep only this flight mode, such as ``AUTO`` of ArduPlane or ``MISSION`` of PX4, or the
+        state ``armed`` or ``airborne``. The time between two phases of the mode is a gap.
 
     Returns
     -------
     Run
         Its signals are in SI and radians at one sample time; north, east and down count from its
-        start, and NaN stands where the log has a gap. ``provenance.scenario["log"]`` lists the
-        flight modes, what is odd or missing, and the checks of units and signs.
+        start, and gaps of the log are NaN. ``provenance.scenario["log"]`` lists the flight modes,
+        odd or missing signals, and the checks of units and signs.
 
     Raises
     ------
     RecordingError
-        If the file is no log, is damaged, or holds no flight of an aeroplane.
+        If the file is not a log, is damaged, or has no flight of an aeroplane.
     InputError
         If a column, unit or mode is not there, or pyulog or pymavlink is missing.
 
@@ -215,16 +215,16 @@ def load_log(
     path, given = Path(path), given_columns(columns)
     trusted = given.pop("trusted", Column("", 1.0)).source.replace(",", " ").split()
     for name in trusted:
-        _column(name, "", "trusted")  # refuses what is no signal
+        _column(name, "", "trusted")  # refuses unknown signals
     kind, raw, vehicle, unread = read_log(path, partial(columns_of, given, str(path)))
-    if "vehicle" in raw:  # PX4: of a VTOL it changes
+    if "vehicle" in raw:  # PX4: the type of a VTOL changes in flight
         vehicle = f"type {np.max(raw.pop('vehicle')[1]):g} of PX4"
     large = []
     for name, (times, column) in raw.items():
         if number := np.count_nonzero(wrong := np.abs(column) >= TOO_LARGE):
             raw[name] = times, np.where(wrong, np.nan, column)
             large.append(f"{name}: samples of {TOO_LARGE:g} or more left out, {number}")
-    said = degrees_as_radians(raw)  # before angles are brought into one turn
+    said = degrees_as_radians(raw)  # before angles are wrapped
     modes = {**_tables()["modes"], "csv": {}}
     named = {**modes["DataFlash"], **modes[kind]} if kind == "MAVLink" else modes[kind]
     listed, odd = phases(str(path), raw, named, _tables()["states"].get(kind, {}))
@@ -242,7 +242,7 @@ def load_log(
     there = inside(t + start, chosen) if mode else np.ones(len(t))
     values = {name: column * there for name, column in values.items()}
     signals, notes, wrong = checked(values, t, said)
-    # Behind the colon are units, such as km/h.
+    # Units, such as km/h, may follow a colon.
     passed = [x for x in wrong if {*trusted} & {*re.findall(r"\w+", x.partition(":")[0])}]
     wrong = [line for line in wrong if line not in passed]
     notes += [f"{line}, which --column trusted= passes" for line in passed]
@@ -283,7 +283,7 @@ def load_log(
 
 
 def load_part(name: str, columns: Columns) -> Run:
-    """The log of a file, or the part ``LOG@START:END`` (s, either may be empty) or ``LOG@MODE``."""
+    """A log, or its part ``LOG@START:END`` (s, either may be empty) or ``LOG@MODE``."""
     place, _, part = (name, "", "") if Path(name).exists() else name.partition("@")
     if ":" not in part:
         return load_log(place, columns=columns, mode=part)

@@ -15,11 +15,11 @@ from flighttune.base.words import listed
 from flighttune.control.laws.autopilot import Autopilot, guidance, period_among
 from flighttune.logs.read import read_parameters
 
-# Aeroplanes and VTOLs in the head of files of QGroundControl and in logs, with their MAV_TYPE.
+# Aeroplanes and VTOLs, by their MAV_TYPE or name in QGroundControl's files and in logs.
 WITH_WINGS = re.compile(r"fixed.?wing|vtol|plane|MAV_TYPE (1|19|2[0-5])$", re.IGNORECASE)
 
-# Beginnings of the names of parameters that only vehicles of other kinds have. Those of ArduPlane
-# for hover begin with Q_; a VTOL of PX4 has those of copters.
+# Prefixes of parameters that only other kinds of vehicles have. ArduPlane's parameters for hover
+# begin with Q_; a VTOL of PX4 has a copter's parameters.
 OF_OTHERS = {
     "a rover or boat": (
         "CRUISE_SPEED", "CRUISE_THROTTLE", "TURN_RADIUS", "TURN_MAX_G", "STEER2SRV_", "ATC_STR_",
@@ -35,48 +35,48 @@ OF_OTHERS = {
 }  # fmt: skip
 OF_COPTERS_OF_PX4, OF_VTOLS_OF_PX4 = ("MPC_", "MC_"), ("VT_",)
 
-# PX4 without a gain of NPFG_PERIOD and NPFG_DAMPING: builds from its pull request 24056 (May 2025)
-# to 26765 (March 2026), whose versions are those before 1.17.0, and what they fly in their place.
+# PX4 builds that ignore NPFG_PERIOD and NPFG_DAMPING: from pull request 24056 (May 2025) to 26765
+# (March 2026), with versions before 1.17.0, and the values that they use instead.
 UNFINISHED = re.compile(r"v?1\.17\b.*(dev|alpha|beta)", re.IGNORECASE)
 OLD_TECS = re.compile(r"v?1\.(\d|1[0-2])(\.|$)")
 BEFORE_NPFG = re.compile(r"v?1\.(\d|1[0-3])(\.|$)")
 HELD = {"NPFG_PERIOD": 10.0, "NPFG_DAMPING": 0.7071}
 
-# Component of the autopilot among those of a vehicle, by MAVLink.
+# MAVLink's component number of the autopilot.
 AUTOPILOT = 1
 
 # Largest limit of roll or pitch, deg.
 RIGHT_ANGLE_DEG = 90.0
 
-# A name of a parameter, and what ArduPilot's own files may have behind a value.
+# A name of a parameter, and text that ArduPilot's own files may have after a value.
 NAME, READ_ONLY = re.compile("[A-Z][A-Z0-9_]{0,15}"), "@READONLY"
 
 
 class Flown(NamedTuple):
     """The guidance that a user flies now."""
 
-    law: Autopilot  # by the parameters that it uses
+    law: Autopilot  # with the parameters that it uses
     name: str  # guidance, autopilot and version in words
-    # every parameter used, with its ``value``, its ``range`` as published, and where it is ``from``
+    # every used parameter, with its ``value``, its published ``range`` and its source ``from``
     rows: list[dict[str, Any]]
     unused: list[str]  # other parameters of the guidance
-    rest: int  # number of the parameters of the file that are of no guidance
-    notes: list[str]  # sentences about what the version changes, and what the file leaves open
-    beyond: list[str]  # parameters beyond their published ranges, with both
+    rest: int  # number of parameters in the file that do not belong to the guidance
+    notes: list[str]  # sentences about changes by the version, and about gaps in the file
+    beyond: list[str]  # parameters beyond their published ranges, with value and range
 
 
 class Stated(NamedTuple):
-    """What a file says."""
+    """The content of a file."""
 
     values: Mapping[str, float]
     vehicle: str
     version: str
-    # values of parameters that the file states otherwise, too, with where
+    # parameters that the file states a second time with another value, with the place
     others: Mapping[str, list[str]]
 
 
 def flown_now(path: str | Path, version: str | None = None) -> Flown:
-    """The guidance of a parameter file or log; `version` of the autopilot where it says none."""
+    """The guidance of a parameter file or log; `version`: the autopilot's, if the file has none."""
     path = Path(path)
     if not path.is_file():
         raise InputError(f"{path}: must be a file of parameters or a log, got no such file.")
@@ -126,7 +126,7 @@ def flown_now(path: str | Path, version: str | None = None) -> Flown:
 def _rows(
     table: Mapping[str, Any], used: Mapping[str, tuple[float, str]], missing: str
 ) -> list[dict[str, Any]]:
-    """Each parameter of the guidance that flies: its value, where that is from, and its range."""
+    """Each parameter of the used guidance: its value, source and range."""
     return [
         {
             "name": name,
@@ -138,7 +138,7 @@ def _rows(
 
 
 def _period(path: Path, values: Mapping[str, float], vehicle: str, version: str) -> str:
-    """The parameter of the period of the guidance that flies; InputError if none does."""
+    """The period parameter of the used guidance; InputError without it."""
     stated = vehicle or "plane", f"MAV_TYPE {values.get('MAV_TYPE', 1):g}"
     got = next((x for x in stated if not WITH_WINGS.search(x)), "")
     tables = guidance()
@@ -157,7 +157,7 @@ def _period(path: Path, values: Mapping[str, float], vehicle: str, version: str)
     no_vtol = [name for name in values if not name.startswith(vtol)]
     others = {kind: _beginning(no_vtol, names) for kind, names in OF_OTHERS.items()}
     kind = max(others, key=lambda kind: len(others[kind]))
-    # Rovers and boats have the period of L1 too.
+    # Rovers and boats also have the period of L1.
     if not got and len(others[kind]) > len({x for x in own if not x.startswith("NAVL1_")}):
         some = listed(others[kind], most=3)
         own = {name for name in own if not name.startswith("NAVL1_")}
@@ -193,9 +193,9 @@ def _beginning(values: Iterable[str], beginnings: tuple[str, ...]) -> list[str]:
 def _used(
     path: Path, values: Mapping[str, float], table: Mapping[str, Any]
 ) -> tuple[dict[str, tuple[float, str]], list[str]]:
-    """Parameters that the guidance uses with where they are from, and those beyond their ranges."""
+    """Parameters of the guidance with their sources, and parameters beyond their ranges."""
     ranges = {name: (unit, low, high) for name, _, _, unit, low, high in table["parameters"]}
-    # By the name of today: value in its unit, name in the file, and the factor between both.
+    # By present name: value in its unit, name in the file, and conversion factor.
     found = {
         now: (values[was] * by, was, by)
         for was, (now, by) in table.get("former", {}).items()
@@ -223,7 +223,7 @@ def _used(
 
 
 def _in_hundredths(unit: str, value: float, low: float, high: float) -> str:
-    """What an angle is in hundredths of a degree, if it fits then."""
+    """An angle read in hundredths of a degree, if it then fits its range."""
     fits = unit == "deg" and abs(value) > RIGHT_ANGLE_DEG and low <= 0.01 * value <= high
     return f"; {0.01 * value:g} in hundredths of a degree" if fits else ""
 
@@ -236,7 +236,7 @@ def _range_words(unit: str, low: float, high: float) -> str:
 def _contradictions(
     values: Mapping[str, float], others: Mapping[str, list[str]], table: Mapping[str, Any]
 ) -> Iterator[str]:
-    """Sentences about parameters of the guidance that the file states more than once."""
+    """Sentences about parameters that the file states more than once."""
     for name, stated in others.items():
         if name.startswith(tuple(table["group"])):
             used = f"{values[name]:g} is used" if name in values else "none is used"
@@ -247,7 +247,7 @@ def _contradictions(
 
 
 def _read_text(path: Path) -> Stated:
-    """What a file of QGroundControl or Mission Planner states."""
+    """The content of a parameter file of QGroundControl or Mission Planner."""
     try:
         lines = path.read_text(encoding="utf-8-sig").splitlines()
     except (OSError, UnicodeDecodeError) as error:
@@ -270,7 +270,7 @@ def _row(text: str, place: str) -> tuple[int, int, str, float]:
     """Vehicle, component, name and value of a line."""
     fields = [field for field in re.split(r"[\s,]+", text.strip()) if field != READ_ONLY]
     vehicle, component = 0, AUTOPILOT
-    # QGroundControl: with the type of the value behind it
+    # QGroundControl: the type of the value follows
     if len(fields) in (4, 5) and fields[0].isdecimal() and fields[1].isdecimal():
         vehicle, component, fields = int(fields[0][:9]), int(fields[1][:9]), fields[2:4]
     with suppress(ValueError):
@@ -287,7 +287,7 @@ def _row(text: str, place: str) -> tuple[int, int, str, float]:
 def _of_autopilot(
     rows: Iterable[tuple[int, int, str, float]],
 ) -> tuple[dict[str, float], dict[str, list[str]]]:
-    """Values of the autopilot of the first vehicle; what else is stated of the same names."""
+    """Values of the first vehicle's autopilot, and other values of the same names."""
     stated: dict[tuple[int, int], dict[str, list[float]]] = defaultdict(lambda: defaultdict(list))
     for vehicle, component, name, value in rows:
         stated[vehicle, component][name].append(value)

@@ -1,7 +1,7 @@
-"""The file of a log to streams of numbers; the only place that knows pyulog and pymavlink.
+"""Log files to streams of numbers; the only module that imports pyulog and pymavlink.
 
-A log is a stranger's file, and its libraries raise what they please at a damaged one, take any
-memory and print: it is read in a copy of this process, with bounds on memory and time.
+A log may come from anybody. At a damaged file its libraries raise any error, use any amount of
+memory and print. It is therefore read in a copy of this process, with bounds on memory and time.
 """
 
 import math
@@ -29,38 +29,38 @@ Stream: TypeAlias = tuple[FloatArray, FloatArray]
 
 
 class Column(NamedTuple):
-    """One place where a log may have a signal."""
+    """One possible source of a signal in a log."""
 
-    source: str  # TOPIC.FIELD, or the column of a table
-    factor: float  # SI value of its unit, with the sign
+    source: str  # TOPIC.FIELD, or the name of a column in a table
+    factor: float  # SI value of its unit, with its sign
 
 
-# Places of each signal, from the kind of a log and the columns of a table.
+# Sources of each signal, from the kind of a log and the columns of a table.
 Places: TypeAlias = Callable[[str, list[str]], Mapping[str, list[Column]]]
 
-# Memory that reading a log may take besides that of this process, bytes.
+# Memory for reading a log, on top of the memory of this process, bytes.
 MAX_MEMORY = 900_000_000
 
-# Time in which nothing comes back after which a log is given up, s, and more for each byte.
+# Time limit without a result, s, and its increase per byte.
 PATIENCE_S, PATIENCE_PER_BYTE = 10.0, 1e-5
 
-# Stages of a version of PX4 by their least number: version.h.
+# Stages of a PX4 version by their smallest number: version.h.
 STAGES = ((255, ""), (192, "rc"), (128, "beta"), (64, "alpha"), (0, "dev"))
 
-MAV_PARAM_TYPE_REAL32 = 9  # of MAVLink; smaller types are integers
+MAV_PARAM_TYPE_REAL32 = 9  # MAVLink's number of the type; smaller types are integers
 
-MAX_CELLS = 50_000_000  # numbers of a table, rows times columns
+MAX_CELLS = 50_000_000  # maximum numbers of a table, rows times columns
 
-# Exceptions that this module raises by a mistake in it; others come from damaged files too.
+# Exceptions that only a mistake in this module raises; damaged files raise others too.
 OWN = (AttributeError, NameError)
 
 
 class _OwnFaultError(RuntimeError):
-    """A mistake in this module, which is no damage of the file."""
+    """A mistake in this module, not damage of the file."""
 
 
 def _kind_of(path: Path) -> str:
-    """Kind of a log by its first bytes, ``csv`` by its ending; empty for another file."""
+    """Kind of a log by its first bytes, or ``csv`` by its ending; empty for other files."""
     with allowed(path, "readable"), path.open("rb") as file:
         head = file.read(16)
     kind, table = kind_of_log(head), path.suffix.lower() == ".csv"
@@ -68,7 +68,7 @@ def _kind_of(path: Path) -> str:
 
 
 def read_log(path: Path, places: Places) -> tuple[str, dict[str, Stream], str, list[str]]:
-    """Kind of a log, its signals in SI, each from its first place, vehicle and unread columns."""
+    """Kind of a log, its signals in SI, each from its first source, vehicle and unread columns."""
     kind = _kind_of(path)
     if not kind:
         raise RecordingError(
@@ -101,8 +101,8 @@ def read_log(path: Path, places: Places) -> tuple[str, dict[str, Stream], str, l
 
 
 def _contradict(values: FloatArray, others: FloatArray, *, angle: bool) -> bool:
-    """Whether two columns differ in the median by over 1 %; angles may be whole turns apart."""
-    both = (np.abs(values) < 1e9) & (np.abs(others) < 1e9)  # false for NaN
+    """Whether two columns differ in the median by over 1 %, apart from whole turns of angles."""
+    both = (np.abs(values) < 1e9) & (np.abs(others) < 1e9)  # NaN counts as no contradiction
     values, others = values[both], others[both]
     gap = values - others
     if angle:
@@ -111,7 +111,7 @@ def _contradict(values: FloatArray, others: FloatArray, *, angle: bool) -> bool:
 
 
 def read_parameters(path: Path) -> tuple[dict[str, float], str, str] | None:
-    """Last values of the parameters in a log, vehicle and version; None for a file without them."""
+    """Last values of the parameters in a log, vehicle and version; None for another file."""
     kind = _kind_of(path)
     if kind not in _PARAMETERS:
         return None
@@ -120,7 +120,7 @@ def read_parameters(path: Path) -> tuple[dict[str, float], str, str] | None:
 
 
 def _confined(path: Path, kind: str, read: Callable[[], Any]) -> Any:
-    """What a reader returns in a copy of this process; a RecordingError says why it does not."""
+    """The result of a reader in a copy of this process; RecordingError if it fails."""
 
     def confined(_: object) -> Any:
         _confine()
@@ -153,8 +153,8 @@ def _confined(path: Path, kind: str, read: Callable[[], Any]) -> Any:
 
 
 def _confine() -> None:
-    """Bound the memory of this copy, and drop what libraries print."""
-    import resource  # Windows has none
+    """Bound the memory of this copy, and discard the output of libraries."""
+    import resource  # Windows lacks the module
 
     used = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0])
     most = used * resource.getpagesize() + MAX_MEMORY
@@ -179,19 +179,19 @@ def _read_ulog(path: Path, sources: Sequence[str]) -> tuple[dict[str, Stream], s
 
     fields, streams = _by_topic(sources), {}
     log = ULog(str(path), [*fields], True)
-    for data in sorted(log.data_list, key=lambda data: -data.multi_id):  # the first one stays
+    for data in sorted(log.data_list, key=lambda data: -data.multi_id):  # the first stays
         t = 1e-6 * data.data["timestamp"].astype(float)
         for field in fields[data.name].keys() & data.data.keys():
             streams[fields[data.name][field]] = t, data.data[field].astype(float)
     return streams, ""
 
 
-# Topic, time (s) and content of a message; without a topic it is the name of the vehicle.
+# Topic, time (s) and content of a message; without a topic, the name of the vehicle.
 Message: TypeAlias = tuple[str, float, Any]
 
 
 def _dataflash_log(path: Path) -> Any:
-    """A DataFlash log, also one that was converted to text."""
+    """A DataFlash log, also if converted to text."""
     from pymavlink.DFReader import DFReader_binary, DFReader_text
 
     with path.open("rb") as file:
@@ -204,7 +204,7 @@ def _dataflash(path: Path, topics: Collection[str]) -> Iterator[Message]:
     while (message := log.recv_match(type=[*topics, "MSG"])) is not None:
         topic = message.get_type()
         if topic == "MSG":
-            text = str(message.Message).replace("APM:", "Ardu")  # as logs before 2016 have it
+            text = str(message.Message).replace("APM:", "Ardu")  # name in logs before 2016
             yield "", 0.0, text.split()[0] if text.startswith("Ardu") else ""
             continue
         instance = message.fmt.instance_field
@@ -214,7 +214,7 @@ def _dataflash(path: Path, topics: Collection[str]) -> Iterator[Message]:
 
 
 def _dataflash_clock(message: Any) -> float:
-    """Time since boot, s. Logs from before 2015 have it in ms, those of GPS as ``T``."""
+    """Time since boot, s. Logs before 2015 have ms; their GPS messages have it as ``T``."""
     if (stamp := getattr(message, "TimeUS", None)) is not None:
         return 1e-6 * stamp
     named = (getattr(message, name, None) for name in ("T", "TimeMS"))
@@ -227,13 +227,13 @@ def _mavlink(path: Path, topics: Collection[str]) -> Iterator[Message]:
     log, system, clock = mavlogfile(str(path)), None, math.nan
     while (message := log.recv_msg()) is not None:
         topic = message.get_type()
-        other = topic == "HEARTBEAT" and message.autopilot == 8  # that of a camera or a radio
+        other = topic == "HEARTBEAT" and message.autopilot == 8  # a message of a camera or a radio
         if topic == "HEARTBEAT" and not other and system is None:
             system = message.get_srcSystem()
             yield "", 0.0, f"type {message.type}"
         if topic in topics and not other and system in (None, message.get_srcSystem()):
-            # The stamp of the file is that of the ground station, at which messages come in
-            # bursts. Those without the vehicle's clock were sent with the one before.
+            # The time stamp of the file comes from the ground station, where messages arrive in
+            # bursts. A message without the vehicle's clock was sent with the message before.
             clock = 1e-3 * getattr(message, "time_boot_ms", 1e3 * clock)
             yield topic, clock, message
 
@@ -243,7 +243,7 @@ def _read_messages(
     path: Path,
     sources: Sequence[str],
 ) -> tuple[dict[str, Stream], str]:
-    """Streams of messages, and the vehicle; a field that a message has not is left out."""
+    """Streams of messages, and the vehicle; a field that a message lacks is left out."""
     fields, vehicle = _by_topic(sources), ""
     t: dict[str, list[float]] = defaultdict(list)
     values: dict[str, list[float]] = defaultdict(list)
@@ -260,7 +260,7 @@ def _read_messages(
 
 
 def _table(path: Path, **options: Any) -> Any:
-    """Columns of a table. JSBSim's socket sends a mark before its labels, which no row has."""
+    """Columns of a table; JSBSim's socket sends a mark before its labels but not before rows."""
     import pandas as pd
 
     encoding = _encoding(path)
@@ -279,13 +279,13 @@ def _table(path: Path, **options: Any) -> Any:
             f"labels and {cells} cells; with decimal commas, semicolons must be between cells."
         )
     table = pd.read_csv(path, **form, **options)
-    if mark == ";":  # then commas are decimal
+    if mark == ";":  # commas are decimal then
         table = table.replace({r"^(.*),(.*)$": r"\1.\2"}, regex=True)
     return table
 
 
 def _encoding(path: Path) -> str:
-    """Encoding of a table by its labels: UTF-8, UTF-16 with a mark, or that of older programs."""
+    """Encoding of a table by its labels: UTF-8, UTF-16 with a mark, or else Latin-1."""
     with path.open("rb") as file:
         first = file.readline()
     if first.startswith((BOM_UTF16_LE, BOM_UTF16_BE)):
@@ -307,8 +307,8 @@ def _read_csv(path: Path, sources: Sequence[str]) -> tuple[dict[str, Stream], st
         for name in sources
     }
     clock, t = table[sources[0]], values[sources[0]]
-    if np.isfinite(t).sum() < 0.5 * clock.count():  # dates
-        # Day and month are read in the order by which the log is whole and short.
+    if np.isfinite(t).sum() < 0.5 * clock.count():  # the column has dates
+        # Day and month are read in the order that makes the log complete and short.
         readings = (pd.to_datetime(clock, errors="coerce", dayfirst=x) for x in (False, True))
         stamps = min(readings, key=lambda t: (t.isna().sum(), t.max() - t.min()))
         t = ((stamps - stamps.min()) / pd.Timedelta(seconds=1)).to_numpy(float)
@@ -343,7 +343,7 @@ def _mavlink_parameters(path: Path) -> tuple[dict[str, float], str, str]:
             vehicle = f"MAV_{message.upper()}"
             continue
         value, whole = message.param_value, message.param_type < MAV_PARAM_TYPE_REAL32
-        if whole and not value.is_integer():  # PX4 sends the bytes of an integer, not its value
+        if whole and not value.is_integer():  # PX4 sends the bytes of an integer
             (value,) = struct.unpack("<i", struct.pack("<f", value))
         components[message.get_srcComponent()][message.param_id] = float(value)
     # The autopilot is component 1; a camera or gimbal has parameters of its own.

@@ -1,4 +1,4 @@
-"""What columns of a log make of each other: motion, its frames, and one table of relations."""
+"""Relations between columns of a log: motion, its frames, and one table of relations."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -11,17 +11,17 @@ from flighttune.base.arrays import FloatArray, Floats
 from flighttune.base.units import DEG, DEG_PER_RAD, G_0
 from flighttune.routes.maps import north_east
 
-SLOWEST = 5.0  # ground speed below which a vehicle does not fly, m/s
-STEEP = 0.35  # cosine of the path angle below which a course says little
+SLOWEST = 5.0  # a vehicle below this ground speed does not fly, m/s
+STEEP = 0.35  # a course is meaningless below this cosine of the path angle
 SMOOTH_S = 1.0  # time over which both sides of a relation are averaged
-STILL = 1.0 * DEG  # rms of angles and rates from which on they are compared, rad and rad/s
+STILL = 1.0 * DEG  # minimum rms of angles and rates for a comparison, rad and rad/s
 
-TRAILING = 4.0 * DEG  # constant angle between course and path that is taken as none, rad
-UNSTEADY = 0.5  # m/s by which wind changes in any air
-COPIED = 0.02  # part of the ground speed by which an airspeed that is it may differ
+TRAILING = 4.0 * DEG  # a smaller constant angle between course and path counts as zero, rad
+UNSTEADY = 0.5  # change of wind in any air, m/s
+COPIED = 0.02  # an airspeed within this share of the ground speed is a copy of it
 DRIFTING = 40.0 * DEG  # largest drift angle between nose and course, rad
 
-# Columns that may be each other's, and units that may be taken for each other.
+# Columns that may be exchanged, and units that may be mistaken for each other.
 KINDS = {
     "angle": ("phi", "theta", "psi", "chi", "phi_cmd", "theta_cmd"),
     "rate": ("p", "q", "r"),
@@ -38,7 +38,7 @@ Sides: TypeAlias = tuple[FloatArray, FloatArray]
 
 
 class Motion:
-    """Columns of a log at one sample time with what they make of motion; it notes what is read."""
+    """Columns of a log at one sample time, and the motion that follows; used columns are noted."""
 
     def __init__(self, given: Mapping[str, FloatArray], dt: float) -> None:
         self.given, self.dt = given, dt
@@ -55,7 +55,7 @@ class Motion:
         return self.values[name]
 
     def sources(self, name: str) -> set[str]:
-        """Given columns that a signal is made of."""
+        """Given columns from which a signal is made."""
         if name in ("V_g", "chi", "gamma"):
             axes = ("v_north", "v_east", *(("v_down",) if name == "gamma" else ()))
             return {source for axis in axes for source in self.sources(axis)}
@@ -67,15 +67,15 @@ class Motion:
         places |= {wind: {"wind_speed", "wind_from"} for wind in ("wind_north", "wind_east")}
         axis = name.removeprefix("v_")
         made = {axis} if axis in self.given else places.get(axis, set()) & self.given.keys()
-        # A position without one of its own is the integral of the velocity.
+        # Without a position column the velocity is integrated.
         return made or ({f"v_{axis}"} & self.given.keys() if axis == name else made)
 
     def rate(self, values: FloatArray) -> FloatArray:
-        """Slope from the sample before to that after."""
+        """Slope from the sample before to the sample after."""
         return np.gradient(values, self.dt, axis=0)
 
     def slow_rate(self, values: FloatArray) -> FloatArray:
-        """Slope between means that are apart by more than twice their time."""
+        """Slope between means that are more than twice their length apart."""
         smooth, rate, half = self.smooth(values), np.full(len(values), np.nan), self.span + 1
         rate[half:-half] = (smooth[2 * half :] - smooth[: -2 * half]) / (2 * half * self.dt)
         return rate
@@ -88,7 +88,7 @@ class Motion:
 
     @cached_property
     def flying(self) -> FloatArray:
-        """1 where a vehicle flies, at half its usual speed at least; NaN elsewhere."""
+        """1 while a vehicle flies, at least at half its usual speed; else NaN."""
         values = self.values
         speed = values.get("V_a", values.get("V_g", np.full(len(values["phi"]), np.nan)))
         fast = max(SLOWEST, 0.5 * median(speed[speed > SLOWEST]))
@@ -102,14 +102,14 @@ class Motion:
 
     @property
     def force(self) -> FloatArray:
-        """Specific force to north, east and down that the velocity shows, shape (n, 3), m/s2."""
+        """Specific force to north, east and down from the velocity, shape (n, 3), m/s2."""
         return self.rate(self.velocity) - np.array([0.0, 0.0, G_0])
 
     @property
     def across(self) -> Sides:
-        """Specific force to the right of the nose and above it, m/s2; of the path without a nose.
+        """Specific force right of and above the nose, m/s2; without a heading, of the path.
 
-        In wind they differ, and what a loop adds is not small against a turn.
+        In wind the two differ, and the force of a looping is not small compared to a turn.
         """
         force = self.force
         if "psi" in self and "theta" in self:
@@ -125,12 +125,12 @@ class Motion:
 
     @property
     def heading(self) -> FloatArray:
-        """Of the nose; that of the path without one, rad."""
+        """Heading of the nose, or course of the path without a heading, rad."""
         return self["psi"] if "psi" in self else self["chi"]
 
     @property
     def axes(self) -> FloatArray:
-        """Axes of the body in north, east and down, shape (n, 3, 3), by column."""
+        """Axes of the body in north, east and down, as columns, shape (n, 3, 3)."""
         zero = 0.0 * self["phi"]
         pitch = next((self[name] for name in ("theta", "gamma") if name in self), zero)
         yaw = self.heading if "psi" in self or "chi" in self else zero
@@ -146,7 +146,7 @@ class Motion:
         return 2 * max(1, round(0.5 * SMOOTH_S / self.dt)) + 1
 
     def smooth(self, values: FloatArray) -> FloatArray:
-        """Means over `SMOOTH_S`; NaN where one of the samples is."""
+        """Means over `SMOOTH_S`; NaN if a sample is NaN."""
         pad, shape = self.span // 2, (self.span, *values.shape[1:])
         total = np.cumsum(
             np.concatenate([np.zeros((1, *shape[1:])), np.nan_to_num(values)]), axis=0
@@ -161,7 +161,7 @@ class Motion:
 
 
 def median(values: FloatArray) -> float:
-    """Median of the finite values; NaN without one."""
+    """Median of the finite values; NaN without any."""
     there = values[np.isfinite(values)]
     return float(np.median(there)) if len(there) else math.nan
 
@@ -169,7 +169,7 @@ def median(values: FloatArray) -> float:
 def completed(
     given: Mapping[str, FloatArray], dt: float
 ) -> tuple[dict[str, FloatArray], list[str]]:
-    """Signals with what is missing of position, velocity, course, wind and load; and notes."""
+    """Signals completed by position, velocity, course, wind and load factor; and notes."""
     values, notes = dict(given), []
     if "north" not in values and {"lat", "lon"} <= values.keys():
         values["north"], values["east"] = plane(values["lat"], values["lon"])
@@ -196,7 +196,7 @@ def completed(
 
 
 def _with_air(values: dict[str, FloatArray], notes: list[str]) -> None:
-    """Add wind and load factor by what a log has in their place."""
+    """Add wind and load factor from other signals of a log."""
     if {"wind_speed", "wind_from"} <= values.keys():
         for name, part in (("wind_north", np.cos), ("wind_east", np.sin)):
             values[name] = -values["wind_speed"] * part(values["wind_from"])
@@ -206,7 +206,7 @@ def _with_air(values: dict[str, FloatArray], notes: list[str]) -> None:
         up = np.cos(values["phi"]) * np.cos(values.get("theta", 0.0))
         flying = values.get("V_g", values.get("V_a", np.full(len(up), np.inf))) > SLOWEST
         values["n_z"] = -values["f_z"] / G_0
-        # The mean of the vertical force is the weight, upright and inverted.
+        # The mean vertical force is the weight, upright and inverted.
         weight = values["n_z"] * up * flying
         if np.nansum(weight) < -0.5 * np.nansum(np.abs(weight)):
             values["n_z"] = -values["n_z"]
@@ -214,7 +214,7 @@ def _with_air(values: dict[str, FloatArray], notes: list[str]) -> None:
 
 
 def plane(lat: FloatArray, lon: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """North and east (m) of places on Earth (rad), linear about the first one."""
+    """North and east (m) of places on Earth (rad), linear about the first place."""
     first = int(np.argmax(np.isfinite(lat) & np.isfinite(lon)))
     origin = float(lat[first]) * DEG_PER_RAD, float(lon[first]) * DEG_PER_RAD
     step = 0.01  # deg
@@ -269,7 +269,7 @@ def _path(motion: Motion) -> Sides:
 
 
 def _stated_velocity(motion: Motion) -> Sides:
-    """Speed and course as they are given against those of the velocity."""
+    """Given speed and course against speed and course of the velocity."""
     level = motion.given.get("V_g", motion["V_g"]), motion.given.get("chi", motion["chi"])
     motion.used |= {"V_g", "chi"} & motion.given.keys()
     stated = np.column_stack([level[0] * np.cos(level[1]), level[0] * np.sin(level[1])])
@@ -290,13 +290,13 @@ def _heights(motion: Motion) -> Sides:
 
 
 def _turn(motion: Motion) -> Sides:
-    """No force along the wings: the tangent of roll, times its cosine and the force above."""
+    """Turn without a side force: the tangent of roll, times its cosine and the force above."""
     right, up = motion.across
     return np.sin(motion["phi"]) * up, np.cos(motion["phi"]) * right
 
 
 def _lift(motion: Motion) -> FloatArray:
-    """Load factor that path and attitude show."""
+    """Load factor from path and attitude."""
     phi = motion["phi"]
     if "v_north" not in motion or "v_down" not in motion:
         up = np.cos(phi) * (np.cos(motion["theta"]) if "theta" in motion else 1.0)
@@ -326,7 +326,7 @@ def _along(axis: int) -> Callable[[Motion], Sides]:
 
 
 def _pitch(motion: Motion) -> Sides | str:
-    """Pitch and path angle without what goes with the angle of attack in a steady flight."""
+    """Pitch and path angle without their part from the angle of attack in steady flight."""
     level = np.cos(motion["phi"])
     speed = motion["V_a"] if "V_a" in motion else motion["V_g"]
     # The nose is above the path by about alpha cos(phi), and alpha grows with n_z over V_a^2.
@@ -344,7 +344,7 @@ def _pitch(motion: Motion) -> Sides | str:
 
 
 def _by_nose(motion: Motion, level: Floats, over: FloatArray) -> Sides:
-    """Rows and values of the equations over = factor * air * nose + wind, at times without gaps."""
+    """Rows and values of the equations ground = factor * air * nose + wind, without gaps."""
     nose = np.column_stack([np.cos(motion["psi"]), np.sin(motion["psi"])])
     air = motion["V_a"] * level * motion.flying
     through = motion.smooth(air[:, None] * nose)
@@ -356,7 +356,7 @@ def _by_nose(motion: Motion, level: Floats, over: FloatArray) -> Sides:
 
 
 def _by_speed(motion: Motion, level: Floats, over: FloatArray) -> Sides:
-    """The same of |over - wind| = factor * air, which needs no nose, by Gauss and Newton."""
+    """The same for |ground - wind| = factor * air, which needs no nose, by Gauss-Newton."""
     air = motion.smooth(motion["V_a"] * level * motion.flying)
     there = np.isfinite(np.column_stack([air, over])).all(axis=1)
     fit, rows, size = np.array([1.0, 0.0, 0.0]), np.zeros((0, 3)), np.zeros(0)
@@ -374,9 +374,9 @@ def _by_speed(motion: Motion, level: Floats, over: FloatArray) -> Sides:
 
 
 def wind_triangle(motion: Motion) -> tuple[float, FloatArray] | str:
-    """Ground speed over airspeed in still air, and the wind (m/s); or why not.
+    """Ratio of ground speed to airspeed in still air, and the wind (m/s); or why not.
 
-    A constant wind and one factor make the velocity through the air that over ground.
+    A constant wind and one factor convert the velocity through the air to the ground velocity.
     """
     level = np.cos(motion["gamma"]) if "gamma" in motion else 1.0
     equations = _by_nose if "psi" in motion else _by_speed
@@ -409,7 +409,7 @@ def copied(motion: Motion) -> bool:
 
 
 def _head_wind(motion: Motion) -> Sides | str:
-    """Ground speed less airspeed, and the wind along the course that nose and course show."""
+    """Ground speed less airspeed, and the wind along the course from nose and course."""
     usual = Motion({**motion.given, "V_a": 0.0 * motion["V_a"] + median(motion["V_a"])}, motion.dt)
     triangle = wind_triangle(usual)
     motion.used |= usual.used
@@ -432,7 +432,7 @@ def _wind(motion: Motion) -> Sides | str:
 
 
 def _speed_error(motion: Motion) -> Sides | str:
-    """Changes of the error of airspeed, without those that wind makes, and those of the speed."""
+    """Changes of the airspeed error, without changes by wind, and changes of the speed."""
     error = motion["V_err"] * motion.flying
     if not {"V_a", "V_g"} & motion.values.keys():
         return "the log has no speed"
@@ -446,7 +446,7 @@ def _speed_error(motion: Motion) -> Sides | str:
     there = np.asarray(np.isfinite(rates).all(axis=1))
     if np.count_nonzero(there) < 50:
         return "the log has too little of it without a gap"
-    # A new reference is no error of the speed, and wind changes the ground speed with the course.
+    # A new reference is not a speed error, and wind changes the ground speed with the course.
     usual = 3.0 * np.median(np.abs(rates[there, :2]), axis=0)
     changes, turns = np.clip(rates[:, :2], -usual, usual), rates[:, 2:]
     weights = np.linalg.lstsq(turns[there], changes[there], rcond=None)[0]
@@ -463,30 +463,30 @@ def _command(name: str) -> Callable[[Motion], Sides]:
 
 
 class Relation(NamedTuple):
-    """One column against what others make of it."""
+    """One column against its value from other columns."""
 
-    name: str  # of the column that is judged
-    needs: tuple[str, ...]  # columns that must be given, or made of given ones
-    sides: Callable[[Motion], Sides | str]  # the column and its value from others; or why not
-    others: str  # in words
-    within: tuple[float, float]  # range of the ratio that is taken as one of equal units
-    still: float  # rms of the value from others from which on it is compared
-    # How sure it is that a column is wrong that is unlike: an identity of motion; a coordinated
+    name: str  # name of the judged column
+    needs: tuple[str, ...]  # columns that must be given or derivable
+    sides: Callable[[Motion], Sides | str]  # column and value from others; or why not
+    others: str  # the value from others, in words
+    within: tuple[float, float]  # range of the ratio that counts as equal units
+    still: float  # minimum rms of the value from others for a comparison
+    # Strength of the evidence against a differing column: an identity of motion; a coordinated
     # flight without a stall; a loop that may be open.
     rests_on: Literal["motion", "flight", "loop"]
-    about: Literal["changes", "values"] = "changes"  # without their means, or with them
-    lag: tuple[float, float] = (-1.0, 1.0)  # s by which the column may come late
-    label: str = ""  # of the column in a sentence
-    turned: float = math.inf  # rad by which a vector may be turned
-    also: tuple[str, ...] = ()  # other columns that are right where it holds
+    about: Literal["changes", "values"] = "changes"  # compared without or with their means
+    lag: tuple[float, float] = (-1.0, 1.0)  # s: possible delays of the column
+    label: str = ""  # name of the column in a sentence
+    turned: float = math.inf  # rad: possible turn of a vector
+    also: tuple[str, ...] = ()  # other columns that are right if it holds
 
 
 OVER_GROUND = ("v_north", "v_east", "V_g", "chi")
 EQUAL = (0.7, 1.4)
-TURNS = (0.4, 2.0)  # of what steps, lags and wind disturb more
-LEVEL = (0.6, 1.6)  # of load factors
+TURNS = (0.4, 2.0)  # ratios under steps, lags and wind
+LEVEL = (0.6, 1.6)  # ratios of load factors
 IN_TURNS = (0.55, 1.8)  # speeds in knots give 0.51 or 1.94, flights of ALFA 0.6 to 1.2
-FOLLOWED = (-2.0, 0.05)  # s by which a command is late against its response
+FOLLOWED = (-2.0, 0.05)  # s: delay of a command against its response
 
 RELATIONS = (
     *(

@@ -1,4 +1,4 @@
-"""Streams with their own clocks and rates on one time base, gaps as NaN, and in flight modes."""
+"""Streams with their own clocks and rates on one time base, gaps as NaN, and flight modes."""
 
 import math
 from collections.abc import Iterator, Mapping
@@ -11,15 +11,15 @@ from flighttune.base.arrays import FloatArray
 from flighttune.base.errors import RecordingError
 from flighttune.logs.read import Stream
 
-# Ending of the angles by quaternion, and whether it is one from front-left-up to east-north-up.
+# Ending of the angles by quaternion, and whether it rotates front-left-up to east-north-up.
 QUATERNIONS = {"q": ("", False), "q_enu": ("", True), "q_cmd": ("_cmd", False)}
 
-# Cost of a turn between two samples over that of a nose that is off the course.
+# Cost of a rotation between two samples, relative to the cost of a nose off the course.
 SMOOTH = 20.0
 
 
 def with_angles(raw: dict[str, Stream]) -> None:
-    """Put roll, pitch and yaw (rad, north-east-down) in the place of quaternions."""
+    """Replace quaternions by roll, pitch and yaw (rad, north-east-down)."""
     for name, (ending, enu) in QUATERNIONS.items():
         phi, theta, psi = (f"{angle}{ending}" for angle in ("phi", "theta", "psi"))
         parts = {part: raw.pop(f"{name}_{part}") for part in "wxyz" if f"{name}_{part}" in raw}
@@ -27,8 +27,8 @@ def with_angles(raw: dict[str, Stream]) -> None:
             continue
         t = parts["x"][0]
         x, y, z = (np.interp(t, *parts[part]) for part in "xyz")
-        # The sign of a part w that the log has not is the one that keeps attitude steady and nose
-        # ahead.
+        # If the log lacks the part w, its sign is chosen so that attitude is steady and the nose
+        # points ahead.
         if "w" in parts:
             w = np.interp(t, *parts["w"])
         else:
@@ -67,22 +67,22 @@ def _signs(w: FloatArray, vector: FloatArray, course: FloatArray) -> FloatArray:
     return 1.0 - 2.0 * state
 
 
-# Sample time of the run, s: that of the log's fastest stream within this range.
+# Sample time of the run, s: the fastest stream's sample time within this range.
 FINEST_DT, COARSEST_DT = 0.02, 0.2
 
-# A stream has a gap where its samples are further apart than this many of its periods.
+# A stream has a gap if its samples are further apart than this number of periods.
 GAP = 4.0
 
-SLOWEST_S = 5.0  # longest period of roll in a log of a flight, s
+SLOWEST_S = 5.0  # maximum sample time of roll, s
 
-USUAL = 0.99  # share of the steps between samples that make a period
+USUAL = 0.99  # share of the steps between samples from which the period is computed
 
 MAX_SAMPLES = 1_000_000
-MAX_BACK = 5.0  # a stamp may be this much before the one in front of it, s: messages overtake
-MAX_AHEAD = 3600.0  # longest break of a log, s
+MAX_BACK = 5.0  # a time stamp may be earlier than the previous one by this, s: messages overtake
+MAX_AHEAD = 3600.0  # maximum break of a log, s
 
 ANGLES = ("chi", "chi_ref", "psi", "phi", "theta", "gamma", "gamma_ref", "phi_cmd", "theta_cmd")
-# Rows of a table for which a slow signal may be repeated.
+# Maximum number of rows of a table that repeat a slow signal.
 LONGEST_HOLD = 20
 
 COMMANDS = ("phi_cmd", "theta_cmd", "n_z_cmd", "chi_ref", "gamma_ref")
@@ -91,7 +91,7 @@ COMMANDS = ("phi_cmd", "theta_cmd", "n_z_cmd", "chi_ref", "gamma_ref")
 def on_one_base(
     place: str, raw: dict[str, Stream], start: float, end: float, *, table: bool
 ) -> tuple[FloatArray, dict[str, FloatArray]]:
-    """Times from `start` to `end` (s) after the first attitude, and the streams; NaN in gaps."""
+    """Times from `start` to `end` (s) after the first attitude, and the streams, NaN in gaps."""
     if table and "phi" in raw:
         _check_clock(place, *raw["phi"])
     raw = {name: in_order(place, name, stream) for name, stream in raw.items()}
@@ -111,7 +111,7 @@ def on_one_base(
             f"{place}: must have roll every {SLOWEST_S:g} s, got one every {period:.3g} s; if the "
             f"clock of a table counts {unit}, give --column t=COLUMN:{unit}."
         )
-    # The fastest stream sets the sample time: on a slower base its samples would be means.
+    # The fastest stream sets the sample time; a slower base would average its samples.
     dt = min(max(min(periods.values()), FINEST_DT), COARSEST_DT)
     first, last = t_phi[0] + start, min(t_phi[-1], t_phi[0] + end)
     if not last - first > 10 * dt:
@@ -127,7 +127,7 @@ def on_one_base(
             f"{MAX_AHEAD:g} s, got {(last - first) / dt:.3g} samples and a break of {ahead:.3g} s "
             f"at {at:.1f} s; a part of it is LOG@START:END, in s."
         )
-    # Rounding must not take away the sample at the end of the part.
+    # Rounding must not drop the last sample of the part.
     t: FloatArray = first + dt * np.arange(math.floor((last - first) / dt + 1e-6) + 1)
     values = {}
     for name, (times, samples) in raw.items():
@@ -141,7 +141,7 @@ def on_one_base(
 
 
 def _with_commands(place: str, raw: dict[str, Stream]) -> None:
-    """Put commands in the place of errors: the last measured value, plus its error."""
+    """Replace errors by commands: the last measured value plus its error."""
     for name in ("phi", "theta", "n_z"):
         if f"{name}_err" in raw and name in raw:
             (t, error), (times, measured) = raw.pop(f"{name}_err"), raw[name]
@@ -151,7 +151,7 @@ def _with_commands(place: str, raw: dict[str, Stream]) -> None:
 
 
 def _check_clock(place: str, t: FloatArray, phi: FloatArray) -> None:
-    """Refuse a clock too coarse for the samples: most would be lost, and the others come late."""
+    """Refuse a clock too coarse for the samples, which would lose most and delay the rest."""
     there = np.isfinite(t) & np.isfinite(phi)
     t, phi = t[there], phi[there]
     same = int(np.count_nonzero((np.diff(t) == 0.0) & (np.diff(phi) != 0.0)))
@@ -163,7 +163,7 @@ def _check_clock(place: str, t: FloatArray, phi: FloatArray) -> None:
 
 
 def in_order(place: str, name: str, stream: Stream) -> Stream:
-    """A stream without its empty samples, in the order of time."""
+    """A stream without its empty samples, in order of time."""
     t, values = stream
     there = np.isfinite(t) & np.isfinite(values)
     t, values = t[there], values[there]
@@ -184,18 +184,18 @@ def _period(t: FloatArray) -> float:
 
 
 def _fresh(values: FloatArray) -> npt.NDArray[np.intp]:
-    """Places of samples that are new, in a table that repeats slow signals in every row."""
+    """Indices of new samples in a table that repeats slow signals in every row."""
     new = np.append(True, np.diff(values) != 0.0)
     starts = np.flatnonzero(new)
     length = np.diff(np.append(starts, len(values)))
     if len(starts) * LONGEST_HOLD < len(values):
         return np.arange(len(values))
-    # A signal that rests for long does not wait for a sample.
+    # A signal that is constant for long counts as sampled.
     return np.flatnonzero(new | np.repeat(length > 3.0 * np.median(length), length))
 
 
 def _between(t: FloatArray, times: FloatArray, values: FloatArray, dt: float) -> FloatArray:
-    """Values at each time: means of a stream that is faster, straight lines of a slower one."""
+    """Values at each time: means of a faster stream, linear interpolation of a slower stream."""
     if len(times) < 2 or _period(times) > 0.5 * dt:
         return np.interp(t, times, values)
     total = np.concatenate([[0.0], np.cumsum(values)])
@@ -205,7 +205,7 @@ def _between(t: FloatArray, times: FloatArray, values: FloatArray, dt: float) ->
 
 
 def _far(t: FloatArray, times: FloatArray, gap: float) -> npt.NDArray[np.bool_]:
-    """Which times lie in a gap of a stream, or outside it."""
+    """Whether each time lies in a gap of a stream, or outside the stream."""
     after = np.searchsorted(times, t)
     inside = (after > 0) & (after < len(times))
     right = np.minimum(after, len(times) - 1)
@@ -218,9 +218,9 @@ def _far(t: FloatArray, times: FloatArray, gap: float) -> npt.NDArray[np.bool_]:
 CLIPS, VIBRATIONS = ("clip_x", "clip_y", "clip_z"), ("vibe_x", "vibe_y", "vibe_z")
 EVENTS = ("mode", "armed", "airborne", "fix", *CLIPS, *VIBRATIONS)
 
-FIX_3D = 3  # fix of a receiver of satellites from which on it has a position with height
-MAX_VIBRATION = 30.0  # m/s2, up to which ArduPilot's documentation takes vibration as acceptable
-SHOWN = 6  # intervals of a mode that are listed
+FIX_3D = 3  # satellite fix type from which the position includes height
+MAX_VIBRATION = 30.0  # m/s2: largest vibration that ArduPilot's documentation calls acceptable
+SHOWN = 6  # maximum number of listed intervals of a mode
 NOTHING = np.zeros(0), np.zeros(0)  # an empty stream
 
 
@@ -235,7 +235,7 @@ class Phase(NamedTuple):
 def phases(
     place: str, raw: dict[str, Stream], modes: dict[str, str], states: dict[str, list[float]]
 ) -> tuple[list[Phase], list[str]]:
-    """Phases of a log, and sentences on what is odd; their streams are taken out of `raw`."""
+    """Phases of a log, and sentences on oddities; their streams are removed from `raw`."""
     events = {name: raw.pop(name) for name in EVENTS if name in raw}
     attitude = raw.get("phi", raw.get("q_x", raw.get("q_enu_x")))
     if attitude is None or not np.isfinite(attitude[0]).any():
@@ -265,7 +265,7 @@ def in_words(listed: list[Phase]) -> list[str]:
 
 
 def _intervals(stream: Stream, last: float) -> Iterator[tuple[float, float, float]]:
-    """Start and end (s) of each value of a stream that holds it until the next; none below 0 s."""
+    """Start and end (s) of each value of a stream that holds its values; none below 0 s."""
     t, values = stream
     changes = np.flatnonzero(np.diff(values, prepend=np.nan) != 0.0)
     starts = np.maximum(t[changes], 0.0)
@@ -296,6 +296,6 @@ def _odd(events: Mapping[str, Stream], last: float) -> list[str]:
 
 
 def inside(t: FloatArray, chosen: list[Phase]) -> FloatArray:
-    """1 where a time (s) lies in one of some phases, NaN elsewhere."""
+    """1 for a time (s) in one of the phases, else NaN."""
     there = np.any([(t >= start) & (t <= end) for _, start, end in chosen], axis=0)
     return np.where(there, 1.0, np.nan)

@@ -170,7 +170,7 @@ def test_a_factor_without_an_effect_of_its_own_has_no_interval():
     ],
 )
 def test_what_a_log_cannot_tell_of_a_factor_has_its_reason(name, fitted, says):
-    said = FACTORS[name].untold(*fitted)
+    said = FACTORS[name].unidentifiable(*fitted)
 
     assert said.startswith(says)
     assert bool(said) == bool(says)
