@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal, Self, TypeAlias, get_args
 import numpy as np
 import numpy.typing as npt
 from pydantic import Field, field_validator, model_validator
-from scipy.special import ndtri
+from scipy.special import log1p, log_ndtr, logsumexp, ndtr, ndtri, ndtri_exp
 
 from flighttune.base.arrays import FloatArray
 from flighttune.base.files.table import abridged, refused_in_a_line
@@ -81,6 +81,21 @@ class DisperseTable(Table):
         """Values at points `u` of the open unit interval, shape as `u`."""
 
 
+def truncated_quantiles(u: FloatArray, a: float, b: float) -> FloatArray:
+    """Quantiles of the standard normal distribution between `a` and `b`."""
+    # SciPy's `truncnorm` to the bit, whose import takes as long as a hundred flights.
+    if b <= 0.0 or a > 0.0:  # a tail; of the right one as much as of its mirror image
+        more, less = log_ndtr([b, a] if b <= 0.0 else [-a, -b])
+        mass = np.real(logsumexp([more, less + np.pi * 1j]))
+    else:
+        mass = log1p(-ndtr(a) - ndtr(-b))
+    left = a < 0.0
+    inside = (np.log(u) if left else np.log1p(-u)) + mass
+    outside = np.full_like(u, log_ndtr(a if left else -b))
+    x = ndtri_exp(logsumexp([outside, inside], axis=0))
+    return x if left else -x
+
+
 class Normal(DisperseTable):
     """Normal distribution, `sd` that before truncation; truncated where a bound is given."""
 
@@ -112,10 +127,8 @@ class Normal(DisperseTable):
             return self.mean + self.sd * ndtri(u)
         low, high = self._bounds
         a, b = (low - self.mean) / self.sd, (high - self.mean) / self.sd
-        from scipy.stats import truncnorm
-
         # clipped: in the tail rounding may put a value outside its bound
-        return np.clip(self.mean + self.sd * truncnorm.ppf(u, a, b), low, high)
+        return np.clip(self.mean + self.sd * truncated_quantiles(u, a, b), low, high)
 
 
 class LogNormal(DisperseTable):

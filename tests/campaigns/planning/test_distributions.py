@@ -7,7 +7,7 @@ import pytest
 from scipy import stats
 
 from flighttune.campaigns.planning import draws
-from flighttune.campaigns.planning.schema import DISTRIBUTIONS
+from flighttune.campaigns.planning.schema import DISTRIBUTIONS, truncated_quantiles
 
 POINTS = 4000
 CHANCE = 1e-3
@@ -79,3 +79,11 @@ def test_the_cells_of_a_grid_share_the_unit_interval():
     assert grid.at((np.arange(3) + 0.5) / 3).tolist() == grid.values
     assert grid.at(np.array([draws.SMALLEST_POINT, draws.LARGEST_POINT])).tolist() == [18.0, 30.0]
     assert grid.central == 22.0
+
+
+@pytest.mark.parametrize("a", [-math.inf, -3.0, -0.5, 0.0, 4.0])
+@pytest.mark.parametrize("width", [0.4, 2.0, 8.0, math.inf])
+def test_truncated_draws_are_those_of_scipy_to_the_bit(a, width):
+    u, b = np.linspace(0.0, 1.0, 101)[1:-1], (-1.0 if a == -math.inf else a) + width
+
+    assert (truncated_quantiles(u, a, b) == stats.truncnorm.ppf(u, a, b)).all()

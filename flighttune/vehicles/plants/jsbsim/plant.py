@@ -403,9 +403,9 @@ def steps_for(config: AircraftConfig, rate: float) -> int:
 def check_off_nominal(config: AircraftConfig) -> None:
     """Refuse an aircraft that cannot be off the nominal as `config` says; name the factor's key."""
     from flighttune.vehicles.plants.jsbsim.fdm import weigh
-    from flighttune.vehicles.plants.jsbsim.model_files import main_file_text, unchanged
+    from flighttune.vehicles.plants.jsbsim.model_files import template_and_values, unchanged
 
-    main_file_text(unchanged(config), weigh)
+    template_and_values(unchanged(config), weigh)
 
 
 def _not_started(*_: object) -> NoReturn:
