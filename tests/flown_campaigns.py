@@ -18,6 +18,7 @@ import flighttune as ft
 from flighttune.base.files.table import toml_text
 from flighttune.campaigns.engine.fliers import Fliers
 from flighttune.campaigns.engine.pool import WorkerPool
+from flighttune.campaigns.flying.compiled import compiled_in
 from flighttune.campaigns.flying.rows import fly_runs, rows_flown
 
 SCENARIO = """
@@ -250,8 +251,10 @@ def one_worker(**by):
 def flown_here(rows=rows_flown):
     """Fly in this process, without workers."""
 
-    def in_order(_pool, plan, runs, doing, **options):
-        return list(rows(plan, runs, **options))
+    def in_order(pool, plan, runs, doing, **options):
+        made = list(rows(plan, runs, **options))
+        pool.progress.compiled += compiled_in(made)
+        return made
 
     with mock.patch.object(WorkerPool, "in_order", in_order):
         yield WorkerPool(Fliers())

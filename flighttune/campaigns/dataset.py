@@ -28,6 +28,7 @@ from flighttune.base.files.load import CAMPAIGN
 from flighttune.base.files.table import hash_of
 from flighttune.base.files.whole import allowed, reason_of, whole_file
 from flighttune.campaigns.flying.columns import NOT_REPRODUCIBLE, Row, table_of
+from flighttune.campaigns.flying.compiled import COMPILED, CompiledFlights, compiled_in
 from flighttune.campaigns.planning.plan import FORMAT, Plan, recorded_plan
 
 LOCK = "campaign.lock"
@@ -130,7 +131,8 @@ class Dataset:
         """Write the rows of these runs, and take them out of those that wait."""
         # consecutive runs have the same difference from their place in the list
         for _, span in groupby(enumerate(runs), key=lambda place: place[1] - place[0]):
-            self.write_part(table_of(self.plan, [waiting.pop(run) for _, run in span]))
+            rows = [waiting.pop(run) for _, run in span]
+            self.write_part(_counting(table_of(self.plan, rows), compiled_in(rows)))
 
     def write_part(self, rows: pa.Table) -> None:
         """Write the rows of consecutive runs, in order of `run`."""
@@ -163,10 +165,11 @@ class Dataset:
             raise RecordingError(f"{path}: must hold rows of a campaign, got {error}.") from error
 
     def rows(self, columns: Sequence[str] | None = None) -> pa.Table:
-        """All rows that are there, in order of `run`."""
+        """All rows that are there, in order of `run`, with the count of `compiled_of`."""
         if not (tables := [self.read_part(part, columns) for part in self.parts]):
             raise RecordingError(f"{self.folder}: no run has been flown yet.")
-        return pa.concat_tables(tables)
+        compiled = sum((compiled_of(table) for table in tables), CompiledFlights())
+        return _counting(pa.concat_tables(tables), compiled)
 
     def keep_signals(
         self, fly: Callable[[Plan, Sequence[int]], Iterable[tuple[int, bytes]]]
@@ -214,6 +217,18 @@ def parquet_bytes(rows: pa.Table) -> bytes:
     sink = pa.BufferOutputStream()
     pq.write_table(rows, sink, compression="zstd", write_page_checksum=True)
     return sink.getvalue().to_pybytes()
+
+
+def compiled_of(rows: pa.Table) -> CompiledFlights:
+    """How many flights of aircraft in rows of a campaign were compiled, by their metadata."""
+    return CompiledFlights.stated((rows.schema.metadata or {}).get(COMPILED.encode()))
+
+
+def _counting(rows: pa.Table, compiled: CompiledFlights) -> pa.Table:
+    """The rows with this count in their metadata, if there are flights of aircraft."""
+    if compiled == CompiledFlights():
+        return rows
+    return rows.replace_schema_metadata({COMPILED: compiled.text})
 
 
 def open_dataset(folder: str | Path) -> Dataset:

@@ -106,6 +106,8 @@ class Band(SignalBounds):
     endings : sequence of mapping
         ``run``, ``status`` and ``reason`` of the flights counted that did not complete, as they
         were flown; none of a file of version 0.3.0.
+    compiled : CompiledFlights
+        How many flights were compiled, and how many JSBSim flew, again or alone.
     scores : ndarray, shape (N,)
         Scale at which each flight is just inside.
     scale : float

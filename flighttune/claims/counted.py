@@ -16,6 +16,7 @@ from flighttune.base.errors import InputError
 from flighttune.base.files.array import write_sealed
 from flighttune.base.files.table import tables_of
 from flighttune.base.words import listed, number, quoted
+from flighttune.campaigns.flying.compiled import COMPILED, CompiledFlights
 from flighttune.claims.about import About, Of, Over
 from flighttune.claims.distribution import Distribution
 from flighttune.claims.ending import Ending, Shared
@@ -127,6 +128,7 @@ class Counted(Answering):
     extremes: Extremes
     wind: FloatArray
     endings: Sequence[Mapping[str, Any]] = ()
+    compiled: CompiledFlights = field(default_factory=CompiledFlights)
     scores: FloatArray = field(init=False)
     scale: float = field(init=False)
 
@@ -311,6 +313,8 @@ class Counted(Answering):
         # First, as its `format` says what the file is.
         arrays: dict[str, Any] = {"band": np.array(json.dumps(tables_of(self.about)))}
         arrays |= {"extremes": self.extremes, "wind": self.wind}
+        if self.compiled != CompiledFlights():
+            arrays[COMPILED] = np.array(self.compiled.text)
         if self.endings:
             said = {str(x["run"]): "{status}: {reason}".format(**x) for x in self.endings}
             arrays["endings"] = np.array(json.dumps(said))

@@ -10,13 +10,15 @@ from flighttune.base.errors import InputError, naming
 from flighttune.base.files import array, load
 from flighttune.base.files.table import abridged, json_object, value_of
 from flighttune.base.signals import SIGNAL_UNITS
+from flighttune.campaigns.flying.compiled import COMPILED, CompiledFlights
 from flighttune.claims.about import About
 from flighttune.claims.counted import BandFlights, Counted
 from flighttune.claims.counted_flights import check_one_path, flights_of, plan_in
 from flighttune.claims.ending import Ending
 from flighttune.claims.shape import MAX_NUMBERS
 
-ARRAYS = {"band": array.TEXT, "extremes": array.SINGLE, "wind": array.FLOAT, "endings": array.TEXT}
+ARRAYS = {"band": array.TEXT, "extremes": array.SINGLE, "wind": array.FLOAT}
+ARRAYS |= {"endings": array.TEXT, COMPILED: array.TEXT}
 
 
 def load_counted(path: str | Path) -> Counted:
@@ -55,6 +57,8 @@ def read_counted(path: str | Path, flights_of: Callable[[About], BandFlights]) -
         arrays = array.read_arrays(Path(path), "band", ARRAYS, size, size, ("extremes",))
         about = value_of(json_object(str(arrays.pop("band")), "`band`"), About)
         endings = _endings_of(str(arrays.pop("endings", "{}")))
+        compiled = arrays.pop(COMPILED, None)
+        compiled = CompiledFlights.stated(None if compiled is None else str(compiled))
         flights = flights_of(about)
         _check(about, flights, arrays)
         ending, n = Ending.of(about), len(arrays["extremes"])
@@ -65,7 +69,9 @@ def read_counted(path: str | Path, flights_of: Callable[[About], BandFlights]) -
                 "`extremes` must be of as many flights as were planned, or of 2, 4, 8 ... times as "
                 f"many, got {n} for {ending.flights}."
             )
-        counted = about.kind(about=about, flights=flights, endings=endings, **arrays)
+        counted = about.kind(
+            about=about, flights=flights, endings=endings, compiled=compiled, **arrays
+        )
         if not {x["run"] for x in endings} <= {*counted.draws[np.isinf(counted.scores)].tolist()}:
             raise InputError("`endings` must be of draws counted that did not complete.")
     return counted

@@ -15,6 +15,7 @@ from flighttune.base.files import code
 from flighttune.base.files.load import BAND, written
 from flighttune.campaigns.engine.fliers import Fliers
 from flighttune.campaigns.engine.pool import WorkerPool
+from flighttune.campaigns.flying.compiled import CompiledFlights
 from flighttune.campaigns.flying.rows import NEAR
 from flighttune.campaigns.planning.plan import Plan
 from flighttune.campaigns.planning.source import Flights
@@ -25,7 +26,6 @@ from flighttune.claims.band import Band
 from flighttune.claims.counted import Counted, axis_of, wind_at_start
 from flighttune.claims.ending import Ending
 from flighttune.claims.measured import SAME, Measured
-from flighttune.flight.loop.loop import COMPILED_FROM
 from flighttune.flight.loop.run import Run
 from flighttune.flight.scenario.schema import Scenario
 
@@ -144,21 +144,20 @@ def counted_on(
             counted = counted.with_flights(*_flown(pool, plan, kept, runs))
             if certain is not None and certain(counted):
                 break
-        _check_deciding(counted, plan, pool)
-    return replace(counted, endings=[x for x in pool.progress.endings if x["run"] >= learn])
+        _check_deciding(counted, pool)
+    endings = [x for x in pool.progress.endings if x["run"] >= learn]
+    return replace(counted, endings=endings, compiled=pool.progress.compiled)
 
 
-def _check_deciding(counted: Counted, plan: Plan, pool: WorkerPool) -> None:
-    """Fly flights that decide a count by JSBSim too, if compiled ones may be among them.
+def _check_deciding(counted: Counted, pool: WorkerPool) -> None:
+    """Fly flights that decide a count by JSBSim too, if compiled ones are among them.
 
     These are the flights outside, the nearest to leaving, and all within a tenth of it. A
     PlantError names the first that differs.
     """
-    flight, rate = plan.scenario.flight, plan.scenario.controller.rate_hz
-    samples = plan.runs * flight.duration_s * rate
-    on_aircraft = plan.entry(plan.groups[0]).plant.aircraft
+    compiled = pool.progress.compiled
     completed = counted.scores[np.isfinite(counted.scores)]
-    if not on_aircraft or samples < COMPILED_FROM or code.jsbsim_flies() or not len(completed):
+    if not (compiled.flights and len(completed)):
         return
     near = (1.0 - NEAR) * min(counted.scale, completed.max())
     draws = counted.draws[np.isfinite(counted.scores) & (counted.scores >= near)].tolist()
@@ -166,8 +165,9 @@ def _check_deciding(counted: Counted, plan: Plan, pool: WorkerPool) -> None:
         if differ := differing(counted, draws, pool):
             raise PlantError(
                 f"the compiled flight of draw {differ[0]} must be that of JSBSim, and differs; "
-                f"with {code.JSBSIM}=1 in the environment JSBSim flies."
+                "with --jsbsim JSBSim flies."
             )
+    pool.progress.compiled = compiled + CompiledFlights(flown_again=len(draws))
 
 
 def _check_flights(plan: Plan, place: str, *, windy: bool) -> None:
@@ -226,8 +226,8 @@ def count_more(band: C, flights: int, pool: WorkerPool) -> C:
     plan = counted_flights.plan_of(band).with_runs(runs[-1] + 1)
     more = _flown(pool, plan, kept_of(band), runs)
     grown = band.with_flights(*more, pool.progress.endings)
-    _check_deciding(grown, plan, pool)
-    return grown
+    _check_deciding(grown, pool)
+    return replace(grown, compiled=grown.compiled + pool.progress.compiled)
 
 
 def kept_of(band: Counted) -> Kept:

@@ -201,7 +201,8 @@ class Monitor(Counted, Watching):
 
     Attributes
     ----------
-    about, flights, extremes, wind, endings, scores, scale : as of a `Band`, for one window
+    about, flights, extremes, wind, endings, compiled, scores, scale : as of a `Band`
+        Of one window.
     watch : Watch
         The models and their limits; its `scores` and `alarm` take a run.
 

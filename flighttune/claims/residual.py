@@ -64,7 +64,7 @@ class Residual(SignalBounds):
 
     Attributes
     ----------
-    about, flights, extremes, wind, endings, scores, scale : as of a `Band`
+    about, flights, extremes, wind, endings, compiled, scores, scale : as of a `Band`
 
     Examples
     --------

@@ -540,6 +540,7 @@ def meet(
         },
         notes=notes if dispersed else (*notes, *nearest.held),
         endings=pool.progress.endings,
+        compiled=pool.progress.compiled,
     )
 
 

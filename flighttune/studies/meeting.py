@@ -11,6 +11,7 @@ import numpy.typing as npt
 from flighttune.base.answering import Answering
 from flighttune.base.arguments import checked_class
 from flighttune.base.arrays import FloatArray
+from flighttune.campaigns.flying.compiled import CompiledFlights
 from flighttune.campaigns.planning.schema import Campaign
 from flighttune.control.gains import PIGains
 from flighttune.flight.flown import BoundCheck
@@ -105,6 +106,8 @@ class Meeting(Answering):
         command that a limit holds to the end.
     endings : sequence of mapping
         ``run``, ``status`` and ``reason`` of the flights that were not completed.
+    compiled : CompiledFlights
+        How many flights were compiled, and how many JSBSim flew, again or alone.
 
     Examples
     --------
@@ -132,3 +135,4 @@ class Meeting(Answering):
     tuned_for: Mapping[str, Any]
     notes: tuple[str, ...]
     endings: Sequence[Mapping[str, Any]]
+    compiled: CompiledFlights = field(default_factory=CompiledFlights)

@@ -3,7 +3,7 @@
 import math
 import warnings
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial, singledispatch
 from itertools import product
 from pathlib import Path
@@ -28,6 +28,7 @@ from flighttune.base.units import DEG_PER_RAD, Degrees, RadiansPerSecond
 from flighttune.campaigns.engine.fliers import Fliers, FlownBy
 from flighttune.campaigns.engine.pool import WorkerPool
 from flighttune.campaigns.flying.columns import measured_in
+from flighttune.campaigns.flying.compiled import CompiledFlights
 from flighttune.campaigns.flying.rows import Drawn, Probes, scenario_of_run
 from flighttune.campaigns.planning.draws import LARGEST_POINT, SEED, SMALLEST_POINT, correlated
 from flighttune.campaigns.planning.plan import Plan, plan_campaign
@@ -123,6 +124,8 @@ class WorstFlight(Answering):
         of this flight and of all flights of the search; below 1 the tube is left.
     endings : sequence of mapping
         ``run``, ``status`` and ``reason`` of the flights of the search that were not completed.
+    compiled : CompiledFlights
+        How many flights of the search were compiled, and how many JSBSim flew, again or alone.
     contradicts : bool
         Whether the flight leaves a tube that is proven for it, which is then wrong.
 
@@ -150,6 +153,7 @@ class WorstFlight(Answering):
     ratio_of_search: Mapping[str, float] | None = None
     contradicts: bool = False
     endings: Sequence[Mapping[str, Any]] = ()
+    compiled: CompiledFlights = field(default_factory=CompiledFlights)
 
     def save(self, path: str | Path) -> None:
         """Write the flight as a scenario (.toml)."""
@@ -265,7 +269,8 @@ def worst(
     with WorkerPool(fliers) as pool:
         searched = StatedSet(plan.of_group(group), pool, completed=completed, **searched_in)
         flight = searched.find_worst(budget=budget, seed=seed)
-        flight = replace(flight, endings=pool.progress.endings)
+        of_pool = pool.progress
+        flight = replace(flight, endings=of_pool.endings, compiled=of_pool.compiled)
     if tube is None or bounds is None:
         return flight
     of_search = {

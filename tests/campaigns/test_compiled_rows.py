@@ -6,7 +6,6 @@ from flown_campaigns import flown_here
 
 import flighttune as ft
 from flighttune.campaigns.flying import rows
-from flighttune.claims import counting
 from flighttune.flight.loop import aircraft, loop
 
 pytest.importorskip("numba")
@@ -65,7 +64,6 @@ def test_flights_that_decide_a_count_are_flown_by_jsbsim_too(monkeypatch, right)
         return motion
 
     monkeypatch.setattr(aircraft, "motion_of", off)
-    monkeypatch.setattr(counting, "COMPILED_FROM", 0)
     # only draw 0 is flown again for its number; it is among those learned from
     monkeypatch.setattr(rows, "check_compiled", lambda *_: None)
     turn = ft.load_scenario("level_turn", changes={"flight.duration_s": 4.0}).as_dict()

@@ -13,10 +13,18 @@ from flighttune.base.arrays import check_at_least
 from flighttune.base.errors import InputError, RecordingError, StoppedError
 from flighttune.base.files import code
 from flighttune.base.files.load import CAMPAIGN
-from flighttune.campaigns.dataset import RUNS, Dataset, locked, open_dataset, parquet_bytes
+from flighttune.campaigns.dataset import (
+    RUNS,
+    Dataset,
+    compiled_of,
+    locked,
+    open_dataset,
+    parquet_bytes,
+)
 from flighttune.campaigns.engine.fliers import Fliers, FlownBy
 from flighttune.campaigns.engine.pool import WorkerPool
 from flighttune.campaigns.flying.columns import table_of
+from flighttune.campaigns.flying.compiled import CompiledFlights
 from flighttune.campaigns.planning.plan import Group, Plan, plan_campaign
 from flighttune.campaigns.planning.source import load_campaign
 from flighttune.campaigns.statistics.count import looks
@@ -102,6 +110,7 @@ class CampaignOutcome(Answering):
     until_sure: float | None = None  # share of flights that was asked for
     interrupted: bool = False  # stopped before its end
     assumed: tuple[str, ...] = ()  # what its scenario assumes, a sentence each
+    compiled: CompiledFlights = field(default_factory=CompiledFlights)
 
 
 @code.flies
@@ -186,6 +195,7 @@ def run_campaign(
         rate_per_s=progress.flown / wall,
         interrupted=interrupted,
         assumed=plan.scenario.assumptions,
+        compiled=progress.compiled,
     )
 
 
@@ -265,3 +275,4 @@ def _count(dataset: Dataset, pool: WorkerPool) -> None:
             dataset.remove(part.path)
         else:
             pool.progress.add(rows.to_pylist())
+            pool.progress.compiled += compiled_of(rows)

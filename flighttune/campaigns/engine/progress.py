@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from flighttune.base.words import duration, rate
+from flighttune.campaigns.flying.compiled import CompiledFlights, compiled_in
 
 
 @dataclass(slots=True, kw_only=True)
@@ -19,6 +20,7 @@ class CampaignProgress:
     succeeded: int = 0  # of the runs that are there
     # ``run``, ``status`` and ``reason`` of those of all phases that were not completed
     endings: list[Mapping[str, Any]] = field(default_factory=list)
+    compiled: CompiledFlights = field(default_factory=CompiledFlights)  # of all phases
     flown: int = 0  # rows of all phases that were flown since the pool was made
     budget: int = 0  # most rows of all phases, where a search or count has several; else 0
     planned: int = 0  # runs of a campaign that may end before; else 0
@@ -29,6 +31,7 @@ class CampaignProgress:
         """Count runs by their rows."""
         self.statuses.update(row["status"] for row in rows)
         self.succeeded += sum(row["success"] for row in rows)
+        self.compiled += compiled_in(rows)
         self.endings += [
             {key: row[key] for key in ("run", "status", "reason")}
             for row in rows

@@ -20,7 +20,8 @@ UNITS_OF_ENDINGS = UNIT_OF_SUFFIX | {
     "_amplitude": "rad/s",
 }
 
-# Columns of one run, as in `row_schema`; a column that is not there is null
+# Columns of one run, as in `row_schema`; a column that is not there is null. A row of an aircraft
+# has its `CompiledFlights` too, which are no column of a table.
 Row = dict[str, Any]
 
 # Columns that differ each time a run is flown.

@@ -17,6 +17,7 @@ import pyarrow as pa
 
 from flighttune.base.errors import FlightTuneError, InputError, ending_of
 from flighttune.campaigns.flying.columns import NOT_REPRODUCIBLE, Row, table_of
+from flighttune.campaigns.flying.compiled import COMPILED, CompiledFlights
 from flighttune.campaigns.planning.plan import Group, Plan
 from flighttune.campaigns.planning.schema import MEASURES
 from flighttune.control.gains import PIGains
@@ -362,8 +363,13 @@ def _fly_alone(
         measured = measures(run)
         wall_s = time.perf_counter() - began
         columns = _outcome(plan, scenario, group, wall_s, (run.status, run.reason, measured))
-        if run.compiled and (number % EVERY == 0 or _decides(entry, columns["success"], measured)):
+        again = run.compiled and (
+            number % EVERY == 0 or _decides(entry, columns["success"], measured)
+        )
+        if again:
             check_compiled(entry, run)
+        if entry.plant.aircraft is not None:
+            columns[COMPILED] = CompiledFlights.of(run, again=again)
     except FlightTuneError as error:
         return _invalid(error, began)
     if run.status == "completed":

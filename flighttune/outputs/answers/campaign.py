@@ -61,7 +61,8 @@ def flown(outcome: CampaignOutcome) -> Answer:
     reached = all(said == "yes" for said in outcome.sure.values())
     kept = "planned runs completed failed crashed succeeded statuses flown kept"
     return Answer(
-        values=pick(outcome, f"{kept} wall_s rate_per_s interrupted{' sure' * bool(outcome.sure)}"),
+        values=pick(outcome, f"{kept} wall_s rate_per_s interrupted{' sure' * bool(outcome.sure)}")
+        | outcome.compiled.values,
         tables=[
             Table(columns(" ".join(outcome.by_group[0])), outcome.by_group),
             endings_table(outcome.endings),
@@ -69,6 +70,7 @@ def flown(outcome: CampaignOutcome) -> Answer:
         notes=[
             f"{outcome.runs}{most} flights = {draws_in_words(outcome.runs, outcome.groups)}",
             f"flown now: {outcome.flown} in {speed}" if outcome.flown else "nothing was missing",
+            *outcome.compiled.notes,
             *outcome.assumed,
         ],
         verdict=answered if reached else "",

@@ -28,6 +28,7 @@ def answer(counted: Counted, file: str | Path = "FILE") -> Answer:
             "flights": len(counted.scores),
             "nearest_draw": counted.nearest if counted.claims else None,
             **counted.own_values,
+            **counted.compiled.values,
         },
         tables=[
             Table(WIDTH_COLUMNS, widths(counted), title, name=name),
@@ -35,7 +36,12 @@ def answer(counted: Counted, file: str | Path = "FILE") -> Answer:
             gains_table("gains", counted.flights.gains),
             endings_table(counted.endings),
         ],
-        notes=[*counted.flights.gains_notes, *counted.own_notes, *nearest(counted, file)],
+        notes=[
+            *counted.flights.gains_notes,
+            *counted.own_notes,
+            *counted.compiled.notes,
+            *nearest(counted, file),
+        ],
         verdict=counted.sentence if counted.claims else "",
         failure="" if counted.claims else counted.sentence,
     )

@@ -55,6 +55,7 @@ def answer(meeting: Meeting) -> Answer:
             **gains_lists(meeting.gains),
             **figures,
             "certificate": certificate,
+            **meeting.compiled.values,
         },
         tables=[
             Table(shown, [*map(in_words, rows)], start_sentence(meeting) or scenario.title),
@@ -68,6 +69,7 @@ def answer(meeting: Meeting) -> Answer:
         ],
         notes=[
             *filter(None, [worse_sentence(meeting), *meeting.notes, *missed]),
+            *meeting.compiled.notes,
             *[BY_DEFAULT_NOTE] * any(row["run"].endswith(BY_DEFAULT) for row in rows),
         ],
         verdict=said,

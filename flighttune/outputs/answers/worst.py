@@ -15,7 +15,7 @@ WORST_COLUMNS = columns(
 def answer(worst: WorstFlight) -> Answer:
     """The flight and what was drawn for it; a failure if it contradicts the proof of a tube."""
     values = pick(worst, "metric value first flights family distance radius status missed plant")
-    values |= pick(worst, "gains drawn ratio ratio_of_search")
+    values |= pick(worst, "gains drawn ratio ratio_of_search") | worst.compiled.values
     drawn = [
         # A seed is no quantity: all its digits are needed to fly it again.
         {"key": key, "value": value if isinstance(value, float) else str(value)}
@@ -23,6 +23,7 @@ def answer(worst: WorstFlight) -> Answer:
     ]
     near = f"the worst flight uses {worst.value:.4g} of the {worst.metric}"
     notes = [*worst.scenario.gains_notes(worst.plant, worst.gains)]
+    notes += worst.compiled.notes
     notes += [near] * (worst.metric in (TUBE, BAND) and not worst.contradicts)
     return Answer(
         values=values,
