@@ -118,16 +118,18 @@ class CountedProbability:
     at_most: float
     confidence: float
 
+    _LEAVES: ClassVar[Mapping[str, str]] = {
+        "flight": "a flight of the distribution counted leaves the tube",
+        "residual_rates": (
+            "the residual rates of a flight of the distribution counted leave their boxes"
+        ),
+    }
+
     @property
     def sentence(self) -> str:
         """The probability in words."""
         chance = f"probability at most {at_most(self.at_most)}, confidence {self.confidence:.10g}"
-        if self.of == "flight":
-            return f"a flight of the distribution counted leaves the tube with {chance}"
-        return (
-            "the residual rates of a flight of the distribution counted leave their boxes with "
-            f"{chance}"
-        )
+        return f"{self._LEAVES[self.of]} with {chance}"
 
 
 @checked_class

@@ -7,7 +7,7 @@ and the function that computes its number, under the same name, into this module
 import math
 import operator
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from itertools import product
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, TypeAlias
@@ -158,13 +158,23 @@ def optimal_controller(study: Study) -> float:
     return study.indicators[printed.STAR].R_K / best if best else math.nan
 
 
+def _eigenfrequencies(study: Study) -> pd.Series:
+    """The largest imaginary part of the eigenvalues of each gain set."""
+    eigenvalues = (study.indicators[name].eigenvalues for name in study.from_high_to_low)
+    return pd.Series([float(np.max(values.imag)) for values in eigenvalues])
+
+
+# Quantities of the loop of a gain set; all others are measures of its flight.
+OF_LOOP: Mapping[str, Callable[[Study], pd.Series]] = {
+    "the spectral abscissa": lambda study: study.indicator("spectral_abscissa"),
+    "eigenfrequency": _eigenfrequencies,
+}
+
+
 def _of_gain_sets(study: Study, of: str) -> pd.Series:
     """A quantity of the gain sets, from the highest R_K to the lowest, such as ``ITAE of chi``."""
-    if of == "the spectral abscissa":
-        return study.indicator("spectral_abscissa")
-    if of == "eigenfrequency":
-        eigenvalues = (study.indicators[name].eigenvalues for name in study.from_high_to_low)
-        return pd.Series([float(np.max(values.imag)) for values in eigenvalues])
+    if of_loop := OF_LOOP.get(of):
+        return of_loop(study)
     measure, _, channel = of.partition(" of ")
     return study.of_gains(channel.removeprefix("e_"), MEASURES.get(measure, measure)).abs()
 

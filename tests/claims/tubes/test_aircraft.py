@@ -94,9 +94,14 @@ def test_starts_are_those_of_the_boxes(chi_deg):
 
 
 @pytest.mark.parametrize(
-    ("start_deg", "of"), [(1.9, "residual_rates"), (2.0, "flight"), (2.2, "flight")]
+    ("start_deg", "of", "words"),
+    [
+        (1.9, "residual_rates", "the residual rates of a flight .* leave their boxes with "),
+        (2.0, "flight", "a flight of .* leaves the tube with "),
+        (2.2, "flight", "a flight of .* leaves the tube with "),
+    ],
 )
-def test_only_a_tube_from_all_starts_counted_bounds_flights(start_deg, of):
+def test_only_a_tube_from_all_starts_counted_bounds_flights(start_deg, of, words):
     """The course starts 2 deg to either side, and so does the path angle."""
     scenario = aircraft_scenario(duration_s=0.1)
     starts = uniform("flight.chi_deg", 2.0, 6.0), uniform("flight.gamma_deg", -2.0, 2.0)
@@ -108,6 +113,7 @@ def test_only_a_tube_from_all_starts_counted_bounds_flights(start_deg, of):
     counted = Tube.probability.fget(SimpleNamespace(problem=problem, status="bounded"))
 
     assert (counted.of, counted.at_most) == (of, 0.05)
+    assert re.fullmatch(f"{words}probability at most 0.05, confidence 0.99", counted.sentence)
 
 
 @pytest.fixture(scope="module")
