@@ -26,7 +26,12 @@ FORKS = hasattr(os, "fork")
 
 def printable(text: str) -> str:
     """Text with a space for each character that steers a terminal or that XML does not allow."""
-    return "".join(char if char.isprintable() or char in "\n\u00a0" else " " for char in text)
+    return "\n".join(
+        line  # a picture has 100,000 characters, and a line of it no such one
+        if line.isprintable()
+        else "".join(char if char.isprintable() or char == "\u00a0" else " " for char in line)
+        for line in text.split("\n")
+    )
 
 
 class FlightTuneError(Exception):
