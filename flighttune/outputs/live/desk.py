@@ -5,6 +5,7 @@ import shlex
 import threading
 from collections import OrderedDict
 from collections.abc import Mapping
+from contextlib import suppress
 from contextvars import copy_context
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -16,7 +17,6 @@ from flighttune.base.files.whole import together, write_text
 from flighttune.campaigns.engine.progress import CampaignObserver, CampaignProgress
 from flighttune.campaigns.planning.plan import plan_campaign
 from flighttune.campaigns.planning.source import airframes
-from flighttune.flight.flown import FlownScenario
 from flighttune.flight.fly import fly
 from flighttune.flight.gains import tune
 from flighttune.flight.loop.loop import compile_at_once
@@ -31,7 +31,6 @@ from flighttune.outputs.live.sliders import (
     sliders_of,
     with_one_gain_set,
 )
-from flighttune.studies.meet import meet
 
 # Flights kept in memory, ghosts of a page, windows told apart, and aircraft that differ.
 MAX_FLOWN, MAX_GHOSTS, MAX_WINDOWS, AIRCRAFT = 12, 5, 50, 20
@@ -90,11 +89,17 @@ class Desk:
         self.search = Search("", "")
         self._folder, self._claims, self._budget = folder, claims, budget
         self._flown: OrderedDict[str, Flown] = OrderedDict()
-        self._cloud: tuple[str, list[FlownScenario]] = ("", [])
+        self._cloud: tuple[str, list[Flown]] = ("", [])
         self._newest: OrderedDict[str, int] = OrderedDict()
         self._flying, self._searching = threading.Lock(), threading.Lock()
         self._context = copy_context()  # of the verb: what it may run, and who flies
         compile_at_once()
+        threading.Thread(target=self._fly_ahead, daemon=True).start()
+
+    def _fly_ahead(self) -> None:
+        """Fly the start before a browser has asked for it: the first flight loads libraries."""
+        with suppress(FlightTuneError), self._flying:  # the page says why
+            self._context.copy().run(self._flights, {})
 
     def picture(self, asked: Mapping[str, Any]) -> dict[str, str] | None:
         """Pieces of the page for a move in a window; None if a later move came meanwhile."""
@@ -126,7 +131,7 @@ class Desk:
         flown = self._flown.pop(key, None)
         if flown is None:
             flights = fly(moved(self.scenario, self.sliders, values))
-            flown = Flown.of(flights.within(*self._claims))
+            flown = Flown(flights.within(*self._claims))
         self._flown[key] = flown
         if len(self._flown) > MAX_FLOWN:
             self._flown.popitem(last=False)
@@ -166,6 +171,8 @@ class Desk:
         return f"R_K is {result.R_K:.4g} 1/s.", gain_values(result.gains)
 
     def _meet(self, scenario: Scenario, _: Any, search: Search) -> tuple[str, Found]:
+        from flighttune.studies.meet import meet  # here: the page must be there soon
+
         (entry,), law = scenario.gains, scenario.laws[0]
         gains = None if isinstance(entry, str) else entry.gains(law.kind)
         meeting = meet(scenario, start=gains, budget=self._budget, observer=search)
@@ -176,11 +183,11 @@ class Desk:
         self, scenario: Scenario, values: Any, search: Search
     ) -> tuple[str, dict[str, Any]]:
         """Fly aircraft that differ one after the other; moves of sliders go between them."""
-        plan, flown = plan_campaign(airframes(scenario), runs=AIRCRAFT), list[FlownScenario]()
+        plan, flown = plan_campaign(airframes(scenario), runs=AIRCRAFT), list[Flown]()
         for number in range(AIRCRAFT):
             search.go_on()
             with self._flying:
-                flown.append(fly(plan.scenario_of(number)))
+                flown.append(Flown(fly(plan.scenario_of(number))))
             search.show(f"{number + 1} of {AIRCRAFT} have flown", (number + 1) / AIRCRAFT)
         self._cloud = self._key(values), flown
         return f"{AIRCRAFT} that differ are drawn.", {}

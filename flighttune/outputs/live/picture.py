@@ -1,13 +1,14 @@
 """What the page shows of flights: charts, numbers and requirements, as pieces of HTML."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 from flighttune.base.errors import printable
 from flighttune.base.words import pick
 from flighttune.flight.entry import entry_of
-from flighttune.flight.flown import BoundCheck, FlownScenario
+from flighttune.flight.flown import BoundCheck, ClaimCheck, FlownScenario
 from flighttune.flight.models import loop_measures
 from flighttune.outputs.answers.answer import Table
 from flighttune.outputs.answers.flown import ROUTE_COLUMNS, RUN_COLUMNS
@@ -18,7 +19,6 @@ from flighttune.outputs.drawing.palette import HUES, PLANTS, LineStyle
 from flighttune.outputs.drawing.templates import page_template
 from flighttune.outputs.pages import panels
 from flighttune.outputs.pages.charts import route_charts
-from flighttune.outputs.pages.page import flown_in_words
 from flighttune.outputs.pages.panels import Drawn
 
 LOOP = "R_K I_K E_K gain_margin_dB phase_margin_rad delay_margin_s"
@@ -31,32 +31,39 @@ CLOUD = LineStyle(*HUES[0][1], 0.5, False)
 PIECES = "about", "verdict", "legend", "charts", "requirements", "numbers"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True)
 class Flown:
-    """Flights with what is shown of them as numbers."""
+    """Flights with what is shown of them, which is found once."""
 
     flights: FlownScenario
-    loop: Mapping[str, float] = field(default_factory=dict)  # indicators and margins
 
-    @classmethod
-    def of(cls, flights: FlownScenario) -> "Flown":
-        """Flights with the numbers of their linear loop."""
-        run = flights.runs[0].provenance
+    @cached_property
+    def claim(self) -> ClaimCheck:
+        """The flights against the requirements of the scenario."""
+        return self.flights.claim
+
+    @cached_property
+    def records(self) -> list[dict[str, Any]]:
+        """How each run ended, and its measures."""
+        return self.flights.records({})
+
+    @cached_property
+    def loop(self) -> dict[str, float]:
+        """Indicators and margins of the linear loop; empty of a law without gains."""
+        run = self.flights.runs[0].provenance
         if run.gains is None:
-            return cls(flights=flights)
-        entry = entry_of(flights.scenario, run.gains_name, run.gains)
-        return cls(flights=flights, loop=loop_measures(entry, LOOP.split()))
+            return {}
+        entry = entry_of(self.flights.scenario, run.gains_name, run.gains)
+        return loop_measures(entry, LOOP.split())
 
     def drawn(self, name: str, style: LineStyle) -> Drawn:
-        """The aircraft's flight, or that of the last plant, under a name of its own."""
+        """The flight of the last plant, an aircraft if there is one, under a name of its own."""
         run = self.flights.runs[-1]
         named = replace(run, provenance=replace(run.provenance, gains_name=name))
         return [(named, style)] if len(run.signals) > 1 else []
 
 
-def pieces(
-    now: Flown, ghosts: Mapping[str, Flown], cloud: Sequence[FlownScenario]
-) -> dict[str, str]:
+def pieces(now: Flown, ghosts: Mapping[str, Flown], cloud: Sequence[Flown]) -> dict[str, str]:
     """HTML of each piece of the page: flights of now, ghosts by name, and aircraft that differ."""
     flown, styles = now.flights, run_styles(now.flights.runs)
     flights = [(run, styles[run.label]) for run in flown.runs if len(run.signals) > 1]
@@ -65,16 +72,17 @@ def pieces(
         for (name, ghost), style in zip(ghosts.items(), GHOSTS, strict=False)
         for x in ghost.drawn(name, style)
     ]
-    crowd = [x for i, one in enumerate(cloud) for x in Flown(flights=one).drawn(f"{i}", CLOUD)]
+    crowd = [x for i, one in enumerate(cloud) for x in one.drawn(f"{i}", CLOUD)]
     early = [f"{x.label}: {x.outcome}." for x in flown.runs if x.status != "completed"]
     whole = {
-        "about": flown_in_words(flown.scenario, flown.runs),
-        "claim": flown.claim,
+        "about": panels.flown_in_words(flown.scenario, flown.runs),
+        "claim": now.claim,
+        "loop": [(x.heading, x.text(now.loop)) for x in columns(LOOP)] if now.loop else [],
         "sentences": [*early, *_differing(cloud)],
         "legend": [*((run.label, style) for run, style in (*flights, *beside)),
                    *([(f"{len(cloud)} aircraft that differ", CLOUD)] if cloud else [])],
         "charts": _charts([*crowd, *beside], flights) if flights else [],
-        "requirements": [_requirement(x) for x in flown.claim.bounds],
+        "requirements": [_requirement(x) for x in now.claim.bounds],
         "numbers": _tables({"now": now, **ghosts}),
     }  # fmt: skip
     template = page_template("flighttune.outputs.live", "pieces.html.jinja").module
@@ -87,12 +95,15 @@ def _requirement(check: BoundCheck) -> dict[str, Any]:
     return {**words, "sense": check.sense.replace("_", " ")}
 
 
-def _differing(cloud: Sequence[FlownScenario]) -> list[str]:
+def _differing(cloud: Sequence[Flown]) -> list[str]:
     """How many of the aircraft that differ do what is required, or else fly to the end."""
     if not cloud:
         return []
     tested = cloud[0].claim.verdict != "not tested"
-    ends = [x.claim.verdict == "met" if tested else x.runs[0].status == "completed" for x in cloud]
+    ends = [
+        x.claim.verdict == "met" if tested else x.flights.runs[0].status == "completed"
+        for x in cloud
+    ]
     what = "meet every requirement" if tested else "fly to the end"
     return [f"{sum(ends)} of {len(ends)} aircraft that differ {what}."]
 
@@ -103,7 +114,7 @@ def _tables(named: Mapping[str, Flown]) -> list[Table]:
     records = [
         {**record, "gains": name}
         for name, x in named.items()
-        for record in x.flights.records({})[0 if name == "now" else -1 :]
+        for record in x.records[0 if name == "now" else -1 :]
     ]
     route = any("along" in run.signals for x in named.values() for run in x.flights.runs)
     shown = [replace(x, name="at") if x.key == "gains" else x for x in RUN_COLUMNS]

@@ -37,7 +37,7 @@ from flighttune.outputs.drawing.chart import DASHED, Chart
 from flighttune.outputs.drawing.palette import HUES, INK, LIMIT, NEUTRAL
 from flighttune.outputs.pages import panels
 from flighttune.outputs.pages.frame import Report, Section, write_answer
-from flighttune.outputs.pages.page import flown_in_words, overview
+from flighttune.outputs.pages.page import overview
 from flighttune.outputs.pages.panels import TEXTS, by_plant, provenance_table
 from flighttune.studies.meet import stated
 from flighttune.studies.meeting import Meeting, Trial
@@ -184,7 +184,7 @@ def _write(
         path,
         title=title,
         summary=summary,
-        about=(flown_in_words(flown.scenario, flown.runs),),
+        about=(panels.flown_in_words(flown.scenario, flown.runs),),
         parts={**parts, "responses": replace(parts["responses"], charts=charts)},
         legend=[(run.label, style) for run, style in flights],
         styles=styles,

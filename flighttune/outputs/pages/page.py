@@ -4,9 +4,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
-
-from flighttune.base.arrays import FloatArray
 from flighttune.base.errors import FlightTuneError, RecordingError
 from flighttune.base.files.table import toml_text
 from flighttune.base.signals import CHANNEL_SYMBOLS
@@ -16,7 +13,6 @@ from flighttune.claims.linear_loop import linear_bound
 from flighttune.claims.monitor import LogMonitor, Monitor
 from flighttune.control.gains_keys import TUNED, TUNED_FED_BACK, TUNED_IDENTIFIED
 from flighttune.control.tuning.tune import frontier
-from flighttune.flight.conditions import reference_of, stated_condition
 from flighttune.flight.flown import check_claim
 from flighttune.flight.loop.run import COULD_NOT_SAY, Run
 from flighttune.flight.models import tuning_problem
@@ -42,8 +38,7 @@ from flighttune.outputs.drawing.palette import HUES, LIMIT
 from flighttune.outputs.drawing.templates import page_template
 from flighttune.outputs.pages import charts, panels
 from flighttune.outputs.pages.frame import Report, Section, write_answer, write_page
-from flighttune.outputs.pages.panels import TEXTS, by_plant, provenance_table
-from flighttune.vehicles.aircraft.aircraft import load_aircraft
+from flighttune.outputs.pages.panels import TEXTS, by_plant, flown_in_words, provenance_table
 
 STRONG, _ = (colour for colour, _ in HUES[0])
 
@@ -52,9 +47,6 @@ ABOVE, BELOW = "chi gamma", "phi phi_cmd n_z n_z_cmd V_a V_g"
 
 # Gain sets whose gap is drawn; the table has all of them.
 MAX_GAPS = 3
-
-# Samples of a reference that is described in words.
-ANGLES = 2001
 
 # Longest aircraft run for which the ladder is flown: beyond it a report would take minutes.
 LONGEST_LADDER = 6_000
@@ -267,39 +259,6 @@ def write_gap_page(gap: Gap, tables: Sequence[Table], path: Path) -> Report:
         commands=f"flighttune gap scenario.toml --gains {origin.gains_name}",
         texts={"scenario.toml": toml_text(origin.scenario)},
     )
-
-
-def flown_in_words(scenario: Scenario, runs: Sequence[Run]) -> str:
-    """Aircraft, airspeed, manoeuvre and weather of a scenario in one line."""
-    aircraft = []
-    for name in dict.fromkeys(filter(None, (run.provenance.aircraft for run in runs))):
-        try:
-            aircraft.append(load_aircraft(name).title)
-        except FlightTuneError:  # of somebody else's recording
-            aircraft.append(name)
-    start, subject = stated_condition(scenario), "; ".join(aircraft) or "Guidance law"
-    at = f"{subject}: at {scenario.airspeed_words} in {scenario.air}"
-    if scenario.route is not None:
-        return f"{at}, {len(scenario.route.waypoint)} waypoints."
-    t = np.linspace(0.0, scenario.flight.duration_s, ANGLES)
-    chi, gamma = reference_of(scenario).sampled(t)
-    course, climb = _moves("course", start.chi, chi), _moves("path angle", start.gamma, gamma)
-    if "goes from" in course:
-        climb = climb.replace("goes from", "from")  # the page has no room to say it twice
-    return f"{at}, {course} and {climb}."
-
-
-def _moves(name: str, start: float, reference: FloatArray) -> str:
-    """Words for the reference of an angle, in degrees, from the angle at the start."""
-    path = np.round(DEG_PER_RAD * np.append(start, reference), 1) + 0.0
-    first, last, low, high = (f"{end:g}°" for end in (path[0], path[-1], path.min(), path.max()))
-    if low == high:
-        return f"the {name} stays at {first}"
-    if {first, last} == {low, high}:
-        return f"the {name} goes from {first} to {last}"
-    if first == last and first in (low, high):
-        return f"the {name} goes from {first} to {high if first == low else low} and back"
-    return f"the {name} moves between {low} and {high}"
 
 
 def _gains_in_words(scenario: Scenario, runs: Sequence[Run]) -> str:

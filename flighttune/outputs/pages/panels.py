@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 
 from flighttune.base.arrays import FloatArray, true_spans
+from flighttune.base.errors import FlightTuneError
 from flighttune.base.signals import (
     CHANNEL_SYMBOLS,
     COMMAND_OF,
@@ -17,10 +18,11 @@ from flighttune.base.signals import (
     SUBJECTS,
     titles,
 )
-from flighttune.base.units import shown_unit
+from flighttune.base.units import DEG_PER_RAD, shown_unit
 from flighttune.base.words import MISSING
 from flighttune.claims.linear_loop import LinearBound
 from flighttune.control.gains import PIGains
+from flighttune.flight.conditions import reference_of, stated_condition
 from flighttune.flight.flown import ClaimCheck, envelopes
 from flighttune.flight.gains import certify_scenario
 from flighttune.flight.loop.run import Run, claims_around
@@ -33,6 +35,7 @@ from flighttune.outputs.drawing.chart import DASHED, DOTTED, MAX_DRAWN, Chart
 from flighttune.outputs.drawing.palette import LIMIT, NEUTRAL, LineStyle
 from flighttune.outputs.recording.plots import displayed, limits_of
 from flighttune.routes.follow import ROUTE_SIGNALS
+from flighttune.vehicles.aircraft.aircraft import load_aircraft
 
 # Words of the pages.
 TEXTS = tomllib.loads(Path(__file__).with_name("texts.toml").read_text(encoding="utf-8"))
@@ -53,6 +56,9 @@ FAR = 2.0
 FLOOR = 1e-4
 
 TINY = 1e-9
+
+# Samples of a reference that is described in words.
+ANGLES = 2001
 
 # Bars that fit next to each other in a flight.
 FINEST = 300
@@ -115,6 +121,39 @@ def draw_bounds(chart: Chart, run: Run, x: FloatArray, signal: str, colour: str)
             chart.line(x, edge, LIMIT, run=run.label, dash=DASHED, width=1.2, hover=False)
         if (entry := ("required envelope", LIMIT, DASHED)) not in chart.legend:
             chart.legend.append(entry)
+
+
+def flown_in_words(scenario: Scenario, runs: Sequence[Run]) -> str:
+    """Aircraft, airspeed, manoeuvre and weather of a scenario in one line."""
+    aircraft = []
+    for name in dict.fromkeys(filter(None, (run.provenance.aircraft for run in runs))):
+        try:
+            aircraft.append(load_aircraft(name).title)
+        except FlightTuneError:  # of somebody else's recording
+            aircraft.append(name)
+    start, subject = stated_condition(scenario), "; ".join(aircraft) or "Guidance law"
+    at = f"{subject}: at {scenario.airspeed_words} in {scenario.air}"
+    if scenario.route is not None:
+        return f"{at}, {len(scenario.route.waypoint)} waypoints."
+    t = np.linspace(0.0, scenario.flight.duration_s, ANGLES)
+    chi, gamma = reference_of(scenario).sampled(t)
+    course, climb = _moves("course", start.chi, chi), _moves("path angle", start.gamma, gamma)
+    if "goes from" in course:
+        climb = climb.replace("goes from", "from")  # the page has no room to say it twice
+    return f"{at}, {course} and {climb}."
+
+
+def _moves(name: str, start: float, reference: FloatArray) -> str:
+    """Words for the reference of an angle, in degrees, from the angle at the start."""
+    path = np.round(DEG_PER_RAD * np.append(start, reference), 1) + 0.0
+    first, last, low, high = (f"{end:g}°" for end in (path[0], path[-1], path.min(), path.max()))
+    if low == high:
+        return f"the {name} stays at {first}"
+    if {first, last} == {low, high}:
+        return f"the {name} goes from {first} to {last}"
+    if first == last and first in (low, high):
+        return f"the {name} goes from {first} to {high if first == low else low} and back"
+    return f"the {name} moves between {low} and {high}"
 
 
 def tracking(flights: Drawn) -> list[Chart]:
