@@ -1,1 +1,1 @@
-"""Many flights of one scenario, dispersed: planned, flown, stored and evaluated."""
+"""Dispersed flights of one scenario: planned, flown, stored and evaluated."""

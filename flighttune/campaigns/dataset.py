@@ -1,4 +1,4 @@
-"""A campaign on disk: ``campaign.json``, one Parquet file per chunk of runs, and kept signals.
+"""A campaign on disk: ``campaign.json``, one Parquet file per chunk of runs, and saved signals.
 
 Any reader of Parquet can read ``runs/`` at any time, because every file in it is complete. Hashes
 reveal damage: ``campaign.json`` holds its own, and a file of rows has its hash in its name.
@@ -37,8 +37,8 @@ RUNS, SIGNALS = "runs", "signals"
 # Folder of unfinished files: not in ``runs``, where a reader's ``*.parquet`` would find them.
 WRITING = ".writing"
 
-# Rows are written after a further twentieth of the time so far, but at least 0.25 s and at most 10
-# s apart: a killed campaign loses little, and a long one has few files.
+# Rows are written after another twentieth of the elapsed time, at least 0.25 s and at most 10 s
+# apart: a killed campaign loses little, and a long campaign has few files.
 KEEP_S, KEEP_SHARE, KEEP_MAX_S = 0.25, 0.05, 10.0
 
 # Statuses of runs without a time history.
@@ -66,14 +66,14 @@ class Part(NamedTuple):
 
 
 class Dataset:
-    """The folder of a campaign, its plan and the versions of the libraries that shape its rows."""
+    """The folder of a campaign, its plan and the versions of libraries that affect its rows."""
 
     def __init__(self, folder: str | Path, plan: Plan, versions: Mapping[str, str]) -> None:
         self.folder, self.plan, self.versions = Path(folder), plan, dict(versions)
 
     @property
     def parts(self) -> tuple[Part, ...]:
-        """The files of rows that are there, in order of their runs."""
+        """The existing files of rows, in order of runs."""
         names = self._matches(RUNS, _PART)
         all_parts = (Part(range(int(name[1]), int(name[2])), name[3]) for name in names)
         parts = sorted(all_parts, key=lambda part: part.path)
@@ -87,7 +87,7 @@ class Dataset:
 
     @property
     def missing(self) -> list[int]:
-        """The runs of the plan that are in no file."""
+        """The runs of the plan that no file has."""
         absent = np.ones(self.plan.runs, dtype=bool)
         for part in self.parts:
             absent[part.runs.start : part.runs.stop] = False
@@ -95,11 +95,11 @@ class Dataset:
 
     @property
     def kept(self) -> tuple[int, ...]:
-        """The runs whose signals are there, in order."""
+        """The runs with saved signals, in order."""
         return tuple(sorted(int(name[1]) for name in self._matches(SIGNALS, _SIGNALS)))
 
     def write_plan(self) -> None:
-        """Write ``campaign.json``; this and the other methods that write raise OutputError."""
+        """Write ``campaign.json``; OutputError on failure, as in the other methods that write."""
         tables = {"format": FORMAT, "versions": self.versions, "plan": self.plan.as_dict()}
         text = json.dumps({**tables, "sha256": hash_of(tables)}, indent=1)
         self._write(CAMPAIGN, f"{text}\n".encode())
@@ -124,12 +124,12 @@ class Dataset:
                 self._write_waiting(waiting, ready)
                 written = now
         finally:
-            # After a stop or an error, rows may be left behind a run that never came back.
+            # After a stop or an error, rows may still wait behind a run that never returned.
             self._write_waiting(waiting, sorted(waiting))
 
     def _write_waiting(self, waiting: dict[int, Row], runs: Sequence[int]) -> None:
-        """Write the rows of these runs, and take them out of those that wait."""
-        # consecutive runs have the same difference from their place in the list
+        """Write the rows of these runs, and remove them from the waiting rows."""
+        # consecutive runs have the same difference from their index in the list
         for _, span in groupby(enumerate(runs), key=lambda place: place[1] - place[0]):
             rows = [waiting.pop(run) for _, run in span]
             self.write_part(_counting(table_of(self.plan, rows), compiled_in(rows)))
@@ -140,7 +140,7 @@ class Dataset:
         self._write(Part.holding(range(first, first + len(rows)), data).path, data)
 
     def read_part(self, part: Part, columns: Sequence[str] | None = None) -> pa.Table:
-        """The rows of one file; RecordingError if they are not as they were written."""
+        """The rows of one file; RecordingError if the file was damaged or changed."""
         path = self.folder / part.path
         wanted = None if columns is None else [*dict.fromkeys(["run", *columns])]
         with allowed(path, "readable"):
@@ -157,7 +157,7 @@ class Dataset:
                     f"it must have the {len(part.runs)} runs of its name, got "
                     f"{file.metadata.num_rows}."
                 )
-            # a thread of Arrow that releases our bytes while Python exits would crash the process
+            # an Arrow thread that releases these bytes while Python exits would crash the process
             return file.read(wanted, use_threads=False)
         except RecordingError as error:
             raise RecordingError(f"{path}: {error}") from error
@@ -165,7 +165,7 @@ class Dataset:
             raise RecordingError(f"{path}: must hold rows of a campaign, got {error}.") from error
 
     def rows(self, columns: Sequence[str] | None = None) -> pa.Table:
-        """All rows that are there, in order of `run`, with the count of `compiled_of`."""
+        """All existing rows, in order of `run`, with the count of `compiled_of`."""
         if not (tables := [self.read_part(part, columns) for part in self.parts]):
             raise RecordingError(f"{self.folder}: no run has been flown yet.")
         compiled = sum((compiled_of(table) for table in tables), CompiledFlights())
@@ -174,11 +174,11 @@ class Dataset:
     def keep_signals(
         self, fly: Callable[[Plan, Sequence[int]], Iterable[tuple[int, bytes]]]
     ) -> None:
-        """Fly the runs worth keeping again, keep their recordings, and remove all others."""
+        """Fly the selected runs again, save their recordings, and remove all other recordings."""
         campaign, keep = self.plan.campaign, self.plan.campaign.keep
         rows = self.rows(["success", "status", keep.worst_by]).to_pandas()
         rows = rows.loc[~rows["status"].isin(NO_SIGNALS)]
-        # The first failures, the worst by a measure, and a sample are worth keeping.
+        # The selection: the first failures, the worst by a measure, and a random sample.
         failures = rows.loc[~rows["success"], "run"].head(keep.failures)
         measured = rows.dropna(subset=keep.worst_by)
         worst = measured.sort_values(keep.worst_by, ascending=False, kind="stable")["run"]
@@ -207,7 +207,7 @@ class Dataset:
                     yield match
 
     def _write(self, name: str, data: bytes) -> None:
-        """Write a file completely or not at all: it gets its name when it is finished."""
+        """Write a file completely or not at all: it gets its final name when it is finished."""
         with whole_file(self.folder / name, self.folder / WRITING) as unfinished:
             unfinished.write_bytes(data)
 
@@ -232,7 +232,7 @@ def _counting(rows: pa.Table, compiled: CompiledFlights) -> pa.Table:
 
 
 def open_dataset(folder: str | Path) -> Dataset:
-    """The campaign in a folder; RecordingError if there is none, or its plan was changed."""
+    """The campaign in a folder; RecordingError without a campaign or if its plan was changed."""
     return Dataset(folder, *recorded_plan(folder))
 
 
@@ -254,7 +254,7 @@ def _bits(column: pa.ChunkedArray) -> Iterator[bytes]:
     yield np.packbits(column.is_null().to_numpy()).tobytes()
     if not pa.types.is_primitive(column.type):
         for text in column.cast(pa.large_string()).fill_null("").to_pylist():
-            # the length keeps "ab", "c" apart from "a", "bc"
+            # the length distinguishes "ab", "c" from "a", "bc"
             yield f"{len(text)}:{text}".encode()
         return
     # Arrow does not define the bits of a missing value
@@ -269,7 +269,7 @@ def _signals_of(run: int) -> str:
 
 @contextmanager
 def locked(folder: Path) -> Iterator[None]:
-    """Lock a folder for the block; the system drops the lock of a process that was killed."""
+    """Lock a folder for the block; the system releases the lock of a killed process."""
     path, owner = folder / LOCK, ""
     lock = FileLock(path, timeout=0.0)
     try:

@@ -1,4 +1,4 @@
-"""Workers of a dask cluster elsewhere: the only importer of dask."""
+"""Workers of a remote dask cluster: the only module that imports dask."""
 
 import math
 import pickle
@@ -14,22 +14,22 @@ from flighttune.base.errors import CampaignError, InputError, PlantError, need
 from flighttune.campaigns.engine.flyer import Answer
 from flighttune.campaigns.flying.rows import Draw
 
-# Loggers that report what is an outcome here: lost workers and closed connections
+# Loggers that report lost workers and closed connections, which are outcomes here
 QUIET = ("distributed", "distributed.client", "tornado.application", "asyncio")
 
 CONNECT_S = 10.0
 
-# Time that workers may take to stop
+# Maximum time for workers to stop
 STOP_S = 5.0
 
-# Largest age of a count of the workers
+# Maximum age of a count of the workers
 COUNT_S = 1.0
 
 
 def check_scheduler(scheduler: str) -> tuple[str, int]:
     """Host and port of the address of a scheduler; InputError if it cannot be one."""
     need("`scheduler`", "dask", "distributed")
-    with suppress(ValueError):  # of a port that is no number
+    with suppress(ValueError):  # the port is not a number
         address = urlsplit(scheduler if "://" in scheduler else f"tcp://{scheduler}")
         if address.hostname and address.port:
             return address.hostname, address.port
@@ -37,12 +37,12 @@ def check_scheduler(scheduler: str) -> tuple[str, int]:
 
 
 class ClusterWorkers:
-    """Workers of the cluster of a scheduler; CampaignError if it does not answer."""
+    """Workers of a scheduler's cluster; CampaignError if the scheduler does not answer."""
 
     def __init__(self, scheduler: str) -> None:
         import dask.config
 
-        # before distributed is imported, which sets the levels of its loggers from this
+        # set before the import of distributed, which reads the levels of its loggers from it
         dask.config.set(logging=dict.fromkeys(QUIET, "critical"))
         from distributed import Client
 
@@ -70,19 +70,19 @@ class ClusterWorkers:
         return self._threads
 
     def submit(self, work: bytes, draw: Draw) -> Future[list[Answer]]:
-        """Hand out the arguments of `flighttune.campaigns.engine.flyer.fly`."""
-        # as bytes: a scheduler unpickles arguments, and needs no flighttune
+        """Submit the arguments of `flighttune.campaigns.engine.flyer.fly`."""
+        # as bytes, because a scheduler unpickles arguments but may lack flighttune
         return self._executor.submit(_fly, pickle.dumps((work, draw)))
 
     def stop(self) -> None:
-        """Take back all tasks and leave; flights in progress end where they are."""
+        """Cancel all tasks and disconnect; flights in progress are aborted."""
 
         def leave() -> None:
             with suppress(Exception):  # the workers may be gone
                 self._client.cancel(list(self._client.futures), force=True)
                 self._client.close()
 
-        # in a thread, because it waits for as long as a scheduler does not answer
+        # in a thread, because it waits until the scheduler answers
         thread = threading.Thread(target=leave, daemon=True)
         thread.start()
         thread.join(STOP_S)
@@ -107,10 +107,10 @@ def campaign_error(error: BaseException, scheduler: str | None) -> CampaignError
 def _fly(task: bytes) -> Any:
     from pickle import loads
 
-    from flighttune.campaigns.engine.flyer import fly  # first, so that what is missing is named
+    from flighttune.campaigns.engine.flyer import fly  # first, so that a missing module is named
 
     return fly(*loads(task))
 
 
-# Sent as code and not by name: a worker that cannot import what it is sent never answers.
+# Sent as code and not by name: a worker that cannot import a task never answers.
 _fly.__module__ = "__main__"

@@ -1,4 +1,4 @@
-"""Fly a plan into a folder, here or on a cluster, and forecast its flights, time and disk space."""
+"""Fly a plan into a folder, here or on a cluster; forecast its flights, time and disk space."""
 
 import time
 from collections.abc import Mapping, Sequence
@@ -36,26 +36,26 @@ from flighttune.flight.records.refly import changed_versions
 # A timing that takes at least this long is accurate enough, s
 ENOUGH_S = 0.25
 
-# Factor by which the number of runs grows from one timing to the next
+# Growth factor of the number of runs between timings
 MORE = 4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Forecast(Answering):
-    """A plan with what it will cost."""
+    """A plan with its expected cost."""
 
     plan: Plan
-    cost: Mapping[str, Any]  # as of `_cost`; empty for a plan that runs the code of a user
+    cost: Mapping[str, Any]  # as in `_cost`; empty for a plan that runs a user's code
 
 
 def forecast(plan: Plan, workers: int | None = None) -> Forecast:
-    """Flights, dispersions, signals kept and the cost of a plan: it flies a few runs."""
-    # Whoever asks what a campaign costs shall not run code of somebody else.
+    """Flights, dispersions, saved signals and cost of a plan, from a few flown runs."""
+    # A forecast must not run other people's code.
     return Forecast(plan=plan, cost={} if plan.code else _cost(plan, workers or cores()))
 
 
 def _cost(plan: Plan, workers: int) -> dict[str, Any]:
-    """Fly a few runs of a plan in one process and estimate what all of them will take."""
+    """Fly a few runs of a plan in one process and estimate the cost of all runs."""
     size = min(len(plan.groups), plan.runs)
     with WorkerPool(Fliers(workers=1)) as pool:
         list(pool.rows(plan, range(size)))  # untimed: starts the process
@@ -74,7 +74,7 @@ def _cost(plan: Plan, workers: int) -> dict[str, Any]:
     return {
         "groups": run_s.rename("run_s").reset_index().to_dict("records"),
         "timed_runs": size,
-        "core_s": core_s,  # of all runs on one core
+        "core_s": core_s,  # time of all runs on one core
         "workers": workers,
         "wall_s": core_s / workers,
         "rows_bytes": round(len(parquet_bytes(table)) / size * plan.runs),
@@ -82,34 +82,34 @@ def _cost(plan: Plan, workers: int) -> dict[str, Any]:
     }
 
 
-# Counts of the progress that the outcome has too
+# Counts of the progress that the outcome also has
 COUNTED = ("completed", "failed", "crashed", "succeeded", "flown")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CampaignOutcome(Answering):
-    """State of a campaign after it was flown or resumed."""
+    """State of a campaign after a command has flown or resumed it."""
 
-    dataset: str  # folder, as it was given
+    dataset: str  # folder, as the user gave it
     planned: int  # runs of the plan
-    runs: int  # runs that are there: completed + failed + crashed
+    runs: int  # existing runs: completed + failed + crashed
     completed: int  # flown to their end
-    failed: int  # ended early, never began, or took too long
-    crashed: int  # ended the process that flew them
-    succeeded: int  # met every requirement
+    failed: int  # runs that ended early, did not start, or took too long
+    crashed: int  # runs that crashed their process
+    succeeded: int  # runs that met every requirement
     statuses: dict[str, int]  # number of runs by status
-    flown: int  # rows that were flown this time
-    kept: int  # runs whose signals are kept
-    wall_s: float  # s, of this time
+    flown: int  # rows flown by this command
+    kept: int  # runs with saved signals
+    wall_s: float  # s, of this command
     rate_per_s: float  # 1/s, flown / wall_s
     groups: tuple[Group, ...]  # plants and gain sets that fly each draw
-    by_group: list[dict[str, Any]]  # the label of each, and numbers of its runs as above
-    endings: list[Mapping[str, Any]]  # run, status and reason of those that are not completed
-    # Of each group whether the share asked for succeeds: yes, no, or empty if it is not sure
+    by_group: list[dict[str, Any]]  # label of each group, and numbers of its runs as above
+    endings: list[Mapping[str, Any]]  # run, status and reason of runs that are not completed
+    # Whether the required share succeeds, by group: yes, no, or empty if it is not sure
     sure: Mapping[str, str] = field(default_factory=dict)
-    until_sure: float | None = None  # share of flights that was asked for
+    until_sure: float | None = None  # required share of successful flights
     interrupted: bool = False  # stopped before its end
-    assumed: tuple[str, ...] = ()  # what its scenario assumes, a sentence each
+    assumed: tuple[str, ...] = ()  # assumptions of its scenario, one sentence each
     compiled: CompiledFlights = field(default_factory=CompiledFlights)
 
 
@@ -127,11 +127,11 @@ def run_campaign(
     Parameters
     ----------
     campaign : Plan, str or Path
-        A campaign file, or the name of a shipped one.
+        A campaign file, or the name of a shipped campaign.
     out : str or Path
-        Folder of the rows. Only this process writes.
+        Folder of the rows. Only this process writes to it.
     runs : int, optional
-        Flights in total, by default the file's.
+        Flights in total, by default from the file.
     workers : int, optional
         Processes that fly on this machine; by default one per core.
     scheduler : str, optional
@@ -200,7 +200,7 @@ def run_campaign(
 
 
 def _by_group(dataset: Dataset, statuses: Sequence[str]) -> list[dict[str, Any]]:
-    """Numbers of runs of each plant and gain set, by how they ended."""
+    """Numbers of runs of each plant and gain set, by status."""
     names, counts = ["plant", "gains", "status", SUCCESS], []
     rows = dataset.rows(names).to_pandas() if dataset.parts else pd.DataFrame(columns=names)
     for group in dataset.plan.groups:
@@ -216,7 +216,7 @@ def _by_group(dataset: Dataset, statuses: Sequence[str]) -> list[dict[str, Any]]
 
 
 def _dataset(out: str | Path, plan: Plan, *, resume: bool) -> Dataset:
-    """The folder of a campaign with its ``campaign.json``, new or to be resumed."""
+    """The folder of a campaign with its ``campaign.json``, new or resumed."""
     folder, versions = Path(out), library_versions()
     if (folder / CAMPAIGN).exists():
         dataset = open_dataset(out)
@@ -246,7 +246,7 @@ def _dataset(out: str | Path, plan: Plan, *, resume: bool) -> Dataset:
 
 
 def _fly(dataset: Dataset, pool: WorkerPool) -> Answers:
-    """Fly all missing runs, or those until it is sure of every group; the answers."""
+    """Fly all missing runs, or until every group has an answer; returns the answers."""
     plan = dataset.plan
     if plan.campaign.until_sure is None:
         dataset.write_rows(pool.rows, plan.runs)
@@ -254,7 +254,7 @@ def _fly(dataset: Dataset, pool: WorkerPool) -> Answers:
     sure = {}
     pool.progress.planned = plan.runs
     for draws in looks(plan.draws):
-        # What a look counts must not depend on how many flights an earlier command has left.
+        # The runs at each check must not depend on the progress of an earlier command.
         end = min(draws * len(plan.groups), plan.runs)
         dataset.write_rows(pool.rows, end)
         rows = dataset.rows(["plant", "gains", SUCCESS]).to_pandas()

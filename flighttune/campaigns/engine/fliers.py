@@ -1,4 +1,4 @@
-"""Workers that fly the runs of a plan, and their observer: one value, made where a verb begins."""
+"""Workers that fly the runs of a plan, and their observer, as one value made by each verb."""
 
 from dataclasses import dataclass
 from typing import TypedDict
@@ -6,7 +6,7 @@ from typing import TypedDict
 from flighttune.base.errors import InputError
 from flighttune.campaigns.engine.progress import CampaignObserver
 
-# Most processes for each core of this machine.
+# Maximum number of processes for each core.
 MOST_PER_CORE = 16
 
 
@@ -27,7 +27,7 @@ class Fliers:
     observer: CampaignObserver | None = None
 
     def __post_init__(self) -> None:
-        # imported here: the help of a command knows the keywords, and must not wait for NumPy
+        # imported here: help pages need only the keywords, and must not wait for NumPy
         from flighttune.base.arrays import check_at_least
         from flighttune.campaigns.engine.cluster import check_scheduler
         from flighttune.flight.loop.batch import cores
@@ -35,7 +35,7 @@ class Fliers:
         if self.workers is not None and self.scheduler is not None:
             raise InputError("`workers` must not be given with `scheduler`, which has its own.")
         check_at_least(1, workers=self.workers)
-        # Each is a process of some 200 MB, which all start at once.
+        # Each worker is a process of about 200 MB, and all start at once.
         if (self.workers or 1) > (most := MOST_PER_CORE * cores()):
             raise InputError(
                 f"`workers` must be at most {most}, {MOST_PER_CORE} for each core, got "

@@ -1,7 +1,7 @@
-"""The work of a worker, here or on a cluster: each draw is flown by a process of its own.
+"""The task of a worker, here or on a cluster: a separate process flies each draw.
 
-A crash inside JSBSim therefore costs a row and not the campaign. The process answers run by run:
-where it ends, the run that it was flying is to blame, and the runs after it go to a new process.
+A crash inside JSBSim therefore costs one row and not the campaign. The process answers run by run.
+If it ends, the current run caused the crash, and a new process flies the runs after it.
 """
 
 import math
@@ -29,27 +29,27 @@ if TYPE_CHECKING:
 
 SERVER = "flighttune.campaigns.engine.server"
 
-# Set to 1 in each process: one flight uses one core, and BLAS gives the same bits everywhere
+# Set to 1 in each process: a flight uses one core, and BLAS gives the same bits everywhere
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 
-# File in the temporary folder of a process, locked until the process ends, however it ends
+# File in the temporary folder of a process, locked until the process ends in any way
 LOCK = "lock"
 
-# Longest time until a thread notices that the flights have been stopped, s
+# Maximum time until a thread notices that the flights have been stopped, s
 STOP_S = 0.1
 
 # Time beyond its own limit after which a process that does not answer is ended, s
 GRACE_S = 10.0
 
-# Row of a run or its recorded signals; for a run without them an error, or how its process ended
-# (the exit code, which is that of SIGALRM after the time limit).
+# Row of a run or its recorded signals; else an error or the exit code of its process, which is
+# SIGALRM's code after the time limit.
 Answer: TypeAlias = "Row | bytes | str | int"
 
 OF_THREAD = threading.local()
 
 
 class Flyer:
-    """Client of the process that flies for one thread; starts a new one after each crash."""
+    """Client of the process that flies for one thread; it starts a new process after each crash."""
 
     def __init__(self) -> None:
         need_fork("the flights of a campaign")
@@ -58,10 +58,10 @@ class Flyer:
         self._start()
 
     def fly(self, work: bytes, draw: "Draw") -> list[Answer]:
-        """An answer for each run of a draw; `work` is what `work_of` makes."""
+        """An answer for each run of a draw; `work` comes from `work_of`."""
         answers: list[Answer] = []
-        # Runs that a process ended in, or before: someone, or the system out of memory, may have
-        # ended it once.
+        # Runs during or before which a process ended. The first time, a user or the out-of-memory
+        # killer may have killed it.
         suspects: set[tuple[int, bool]] = set()
         while runs := draw.runs[len(answers) :]:
             ready = False
@@ -74,7 +74,7 @@ class Flyer:
                 for _ in runs:
                     answers.append(self._receive(limit + GRACE_S))
                     if isinstance(answers[-1], str):
-                        break  # the process does not go on with the runs after it
+                        break  # the process does not fly the remaining runs
             except (EOFError, OSError):
                 run, code = draw.runs[len(answers)], self.end()
                 self._start()
@@ -90,7 +90,7 @@ class Flyer:
         return answers
 
     def end(self) -> int:
-        """End the process and remove what it left; return its exit code."""
+        """End the process and remove its temporary files; return its exit code."""
         self._process.kill()
         code = self._process.wait()
         self._pipe.close()
@@ -112,7 +112,7 @@ class Flyer:
                     stdin=subprocess.DEVNULL,
                     stdout=subprocess.DEVNULL,
                     stderr=subprocess.DEVNULL,
-                    start_new_session=True,  # Ctrl-C is for the command, which ends its processes
+                    start_new_session=True,  # Ctrl-C goes to the command, which ends its processes
                     env=os.environ | settings,
                 )
         except OSError as error:
@@ -127,16 +127,16 @@ class Flyer:
         while not self._pipe.poll(STOP_S):
             if self.stopped:
                 raise PlantError("the flights have been stopped.")
-            if time.monotonic() > end:  # it hangs, and could not end itself
+            if time.monotonic() > end:  # it hangs and could not end itself
                 raise EOFError
         return self._pipe.recv()
 
 
 def _remove_abandoned() -> None:
-    """Remove temporary folders of processes that were killed together with their command."""
+    """Remove temporary folders of processes that were killed with their command."""
     for path in scratch_place().glob(f"flighttune-*/{LOCK}"):
-        with suppress(OSError):  # locked, of another user, or just removed
-            # The place is open to all users: a pipe of that name must not block the command.
+        with suppress(OSError):  # locked, owned by another user, or just removed
+            # All users can write there: a pipe with this name must not block the command.
             descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_NOFOLLOW)
             try:
                 lock(descriptor)
@@ -153,11 +153,11 @@ def fly(work: bytes, draw: "Draw") -> list[Answer]:
 
 
 def work_of(plan: "Plan", probes: "Probes", *, signals: bool = False) -> bytes:
-    """A plan and probes as processes get them; with `signals` flights are recorded."""
+    """A plan and probes, pickled for processes; with `signals` flights are recorded."""
     from flighttune.base.files.code import grant
     from flighttune.flight.fly import library_versions
 
-    # The versions are compared before the rest is read, which other versions may not be able to.
-    # A replaced plan is one without the draws that it has made so far.
+    # The versions are compared before the rest is read, because other versions may not be able to
+    # read it. A replaced plan has no cached draws.
     content = replace(plan), probes, signals, grant()
     return pickle.dumps((library_versions(), pickle.dumps(content)))

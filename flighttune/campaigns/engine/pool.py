@@ -1,4 +1,4 @@
-"""Runs of plans flown into rows by workers; a few kinematic flights in batches here."""
+"""Workers fly runs of plans into rows; this process flies a few kinematic flights in batches."""
 
 import time
 from collections.abc import Iterable, Iterator, Sequence
@@ -16,13 +16,13 @@ from flighttune.campaigns.planning.plan import Plan
 from flighttune.flight.loop.batch import cores
 from flighttune.flight.own import ask_to_fly
 
-# Tasks handed to each worker: one in flight, and one ready for when that ends
+# Tasks for each worker: one in flight and one waiting
 TASKS_PER_WORKER = 2
 
-# Kinematic flights that take this process less time than workers take to start
+# Number of kinematic flights that this process flies before workers have started
 FEW = 2000
 
-# Longest wait for a result before progress is shown and a stop is noticed, s
+# Maximum wait for a result before progress is shown and a stop is noticed, s
 POLL_S = 0.2
 
 
@@ -30,7 +30,7 @@ class Threads:
     """Threads of this process, each with a process that flies; used like `ClusterWorkers`."""
 
     def __init__(self, count: int) -> None:
-        # all at once: each takes a second to import what it needs
+        # all at once, because each takes a second for its imports
         self._flyers = [Flyer() for _ in range(count)]
         flyers = iter(self._flyers)
         self._executor = ThreadPoolExecutor(
@@ -38,7 +38,7 @@ class Threads:
         )
 
     def submit(self, work: bytes, draw: flying.Draw) -> Future[list[Answer]]:
-        """Hand out the arguments of `fly`."""
+        """Submit the arguments of `fly`."""
         return self._executor.submit(fly, work, draw)
 
     def threads(self) -> int:
@@ -46,7 +46,7 @@ class Threads:
         return len(self._flyers)
 
     def stop(self) -> None:
-        """Cancel the tasks that are waiting and end the flights in progress."""
+        """Cancel the waiting tasks and end the flights in progress."""
         for flyer in self._flyers:
             flyer.stopped = True
         self._executor.shutdown(cancel_futures=True)
@@ -57,8 +57,8 @@ class Threads:
 class WorkerPool:
     """Flies runs with the workers of a campaign, for an observer that may stop it."""
 
-    # Workers are started, or connected to, when there is something to fly, and stop at the end of
-    # the ``with`` block.
+    # Workers start, or are connected, with the first flight, and stop at the end of the ``with``
+    # block.
     def __init__(self, fliers: Fliers) -> None:
         self._count, self._scheduler = fliers.workers or cores(), fliers.scheduler
         self._workers: Threads | ClusterWorkers | None = None
@@ -99,7 +99,7 @@ class WorkerPool:
         flown_here: list[flying.Row] = []
 
         def alone_draws() -> Iterator[flying.Draw]:
-            """Work for the workers; a draw without runs after a batch that this process flew."""
+            """Draws for the workers; a draw without runs follows a batch that this process flew."""
             many = draws is None and len(runs) > FEW
             if many or len(work.batched) < len(plan.groups):
                 self._started()  # the processes get ready while the first batch is flown
@@ -131,7 +131,7 @@ class WorkerPool:
 
     def signals(self, plan: Plan, runs: Iterable[int]) -> Iterator[tuple[int, bytes]]:
         """Fly runs of a plan again for their signals: each with the bytes of its recording."""
-        self.progress.runs = self.progress.done  # the progress goes on to show the rows
+        self.progress.runs = self.progress.done  # the progress then shows the rows again
         draws, work = (flying.Draw((run,), {}) for run in runs), work_of(plan, {}, signals=True)
         for ((run,), _), (signals,) in self._answers("keeping signals", work, draws):
             if isinstance(signals, bytes):
@@ -144,7 +144,7 @@ class WorkerPool:
     def _answers(
         self, doing: str, work: bytes, draws: Iterator[flying.Draw]
     ) -> Iterator[tuple[flying.Draw, list[Any]]]:
-        """Draws with the answers of the workers, in any order; one without runs at once."""
+        """Draws with the answers of the workers, in any order; a draw without runs at once."""
         observer, progress, more = self.observer, self.progress, True
         if progress.began is None:
             observer.see(progress)
@@ -153,7 +153,7 @@ class WorkerPool:
         pending: dict[Future[list[Answer]], flying.Draw] = {}
         while more or pending:
             observer.see(progress)
-            # `<=` hands out a task even with no worker: some schedulers start workers for it
+            # `<=` submits a task even without a worker, because some schedulers then start workers
             room = len(pending) <= TASKS_PER_WORKER * progress.workers
             if more and room and not observer.stopped:
                 draw = next(draws, None)
@@ -163,7 +163,7 @@ class WorkerPool:
                 elif draw:
                     yield draw, []
                 continue
-            # results that are ready when the observer stops the flights are not lost
+            # results that are ready at a stop are not lost
             for future in wait(pending, 0.0 if observer.stopped else POLL_S, FIRST_COMPLETED).done:
                 try:
                     answers = future.result()

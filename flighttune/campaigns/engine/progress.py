@@ -1,4 +1,4 @@
-"""Progress of a campaign, and the observer that is informed of them."""
+"""Progress of a campaign, and the observer that receives it."""
 
 import time
 from collections import Counter
@@ -12,20 +12,20 @@ from flighttune.campaigns.flying.compiled import CompiledFlights, compiled_in
 
 @dataclass(slots=True, kw_only=True)
 class CampaignProgress:
-    """Progress of a campaign or a search, which the pool that flies it keeps up to date."""
+    """Progress of a campaign or a search, updated by its pool."""
 
     doing: str = "starting"  # flying, keeping signals, ...
-    runs: int = 0  # runs that are wanted
+    runs: int = 0  # requested runs
     statuses: Counter[str] = field(default_factory=Counter)  # of the runs that are there
     succeeded: int = 0  # of the runs that are there
-    # ``run``, ``status`` and ``reason`` of those of all phases that were not completed
+    # ``run``, ``status`` and ``reason`` of runs that were not completed, in all phases
     endings: list[Mapping[str, Any]] = field(default_factory=list)
-    compiled: CompiledFlights = field(default_factory=CompiledFlights)  # of all phases
-    flown: int = 0  # rows of all phases that were flown since the pool was made
-    budget: int = 0  # most rows of all phases, where a search or count has several; else 0
-    planned: int = 0  # runs of a campaign that may end before; else 0
-    workers: int = 1  # tasks that can run at a time; 0 while there is no worker
-    began: float | None = None  # s, of the performance counter, when the first flight began
+    compiled: CompiledFlights = field(default_factory=CompiledFlights)  # in all phases
+    flown: int = 0  # rows flown by this pool, in all phases
+    budget: int = 0  # maximum number of rows in all phases of a search or count; else 0
+    planned: int = 0  # maximum runs of a campaign that may end earlier; else 0
+    workers: int = 1  # number of parallel tasks; 0 without a worker
+    began: float | None = None  # s: performance counter at the start of the first flight
 
     def add(self, rows: Sequence[Mapping[str, Any]]) -> None:
         """Count runs by their rows."""
@@ -40,48 +40,48 @@ class CampaignProgress:
 
     @property
     def done(self) -> int:
-        """Runs that are there: completed, crashed and failed ones."""
+        """Existing runs: completed, crashed and failed."""
         return self.statuses.total()
 
     @property
     def completed(self) -> int:
-        """Runs flown to their end."""
+        """Runs that flew to their end."""
         return self.statuses["completed"]
 
     @property
     def crashed(self) -> int:
-        """Runs that ended the process that flew them."""
+        """Runs that crashed their process."""
         return self.statuses["crashed"]
 
     @property
     def failed(self) -> int:
-        """All others: they ended early, never began, or took too long."""
+        """All other runs, which ended early, did not start, or took too long."""
         return self.done - self.completed - self.crashed
 
     @property
     def rate_per_s(self) -> float:
-        """Rows flown a second; 0 before the first one."""
+        """Rows flown per second; 0 before the first row."""
         if self.began is None or not self.flown:
             return 0.0
         return self.flown / (time.perf_counter() - self.began)
 
     @property
     def left_s(self) -> float | None:
-        """Time left at this rate, s, of a search at most; None before the first row."""
+        """Time left at this rate, s, at most for a search; None before the first row."""
         done, runs = self.part
         return max(runs - done, 0) / self.rate_per_s if self.flown else None
 
     @property
     def part(self) -> tuple[int, int]:
-        """Runs that are there, and those wanted: of all phases where there is a budget."""
+        """Existing and requested runs; of all phases if there is a budget."""
         if self.budget:
             return self.flown, self.budget
         return self.done, self.planned or self.runs
 
     @property
     def sentence(self) -> str:
-        """How many runs are done, left and failed."""
-        # a search, or a campaign that flies until it is sure, may end before
+        """Numbers of runs that are done, left and failed."""
+        # a search, or a campaign that flies until it is sure, may end earlier
         most = "at most " if self.planned or self.doing == "searching" else ""
         done, runs = self.part
         parts = [f"{self.doing}: {done} of {most}{runs} runs"]
@@ -110,10 +110,10 @@ class CampaignObserver:
     7
     """
 
-    stopped = False  # set to True to stop; what has been flown stays
+    stopped = False  # set to True to stop; flown runs are kept
 
     def see(self, progress: CampaignProgress) -> None:
         """Report the progress of the campaign."""
 
     def hear(self, sentence: str) -> None:
-        """Report something out of the ordinary."""
+        """Report an unusual event."""

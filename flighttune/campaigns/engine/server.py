@@ -21,14 +21,14 @@ from flighttune.flight.records.parquet import parquet_bytes
 from flighttune.flight.records.refly import changed_versions
 from flighttune.vehicles.aircraft.aircraft import files_hash
 
-# Longest time to load a plan, s. The first samples of its flights have another limit: that of a
-# flight, and COMPILE_S: their code may have to be compiled.
+# Time limit to load a plan, s. The first samples of its flights have the limit of a flight plus
+# COMPILE_S, because their code may have to be compiled.
 PREPARE_S, COMPILE_S = 120.0, 120.0
 
 
 def serve(pipe: Connection) -> None:
-    """Fly what the pipe asks for until its other end is closed."""
-    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))  # no image of a crash in the working folder
+    """Fly the requests of the pipe until its other end is closed."""
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))  # no core dump in the working folder
     with suppress(EOFError, OSError):  # the parent was killed
         while True:
             work, draw = pipe.recv()
@@ -36,28 +36,28 @@ def serve(pipe: Connection) -> None:
                 with _time_limit(PREPARE_S):
                     plan, fly, granted = _prepared(work)
                     take(granted)
-                    with_own(plan.scenario, flown=plan.flown)  # refuses a file that has changed
+                    with_own(plan.scenario, flown=plan.flown)  # this refuses a changed file
             except Exception as error:
                 own = isinstance(error, FlightTuneError)
                 pipe.send(str(error) if own else f"{type(error).__name__}: {error}")
                 continue
-            together = len(draw.runs) if draw.drawn is None else 1  # flown before the first row
+            together = len(draw.runs) if draw.drawn is None else 1  # flown before a row
             limit = plan.campaign.time_limit_s * together
-            pipe.send(limit)  # from here on a crash is that of the flight
+            pipe.send(limit)  # from here on the flight causes a crash
             answers = fly(draw)
             try:
                 for _ in draw.runs:
                     with _time_limit(limit):
                         answer = next(answers)
                     pipe.send(answer)
-            except Exception as error:  # whatever a run does, it is the outcome of that run
+            except Exception as error:  # any error is the outcome of the run
                 pipe.send(f"{type(error).__name__}: {error}")
     shutil.rmtree(os.environ["TMPDIR"], ignore_errors=True)
 
 
 @lru_cache(maxsize=2)
 def _prepared(work: bytes) -> tuple[Plan, Callable[[Draw], Iterator[Row | bytes]], Grant]:
-    """The plan, a function that flies the runs of a draw, and what may run."""
+    """The plan, a function that flies the runs of a draw, and the permission to run code."""
     wanted, content = pickle.loads(work)
     if other := changed_versions(dict.fromkeys(library_versions(), "absent") | wanted):
         raise PlantError(
@@ -82,8 +82,8 @@ def _prepared(work: bytes) -> tuple[Plan, Callable[[Draw], Iterator[Row | bytes]
 @contextmanager
 def _time_limit(seconds: float) -> Iterator[None]:
     """End this process by SIGALRM if the block takes longer."""
-    # The system does it, by a signal without a handler: a thread of Python could not, while JSBSim
-    # computes and does not release the interpreter. So it ends in time without its parent too.
+    # The system ends it by a signal without a handler, since a Python thread cannot run while
+    # JSBSim computes without releasing the interpreter. This also works if the parent is gone.
     signal.setitimer(signal.ITIMER_REAL, seconds)
     try:
         yield

@@ -1,1 +1,1 @@
-"""Runs of a plan, flown to rows."""
+"""Flies runs of a plan to rows."""

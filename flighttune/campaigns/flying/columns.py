@@ -11,7 +11,7 @@ from flighttune.campaigns.planning.plan import Plan
 from flighttune.campaigns.planning.schema import MEASURES, Choice, Dispersion, Grid
 from flighttune.flight.metrics import AIRSPEED, AIRSPEED_METRICS, ENVELOPES, required_names, unit_of
 
-# Unit of a key of a scenario by how it ends, longest ending first
+# Unit of a key of a scenario by its ending, longest ending first
 UNITS_OF_ENDINGS = UNIT_OF_SUFFIX | {
     "_mps2": "m/s^2",
     "_rad": "rad",
@@ -20,11 +20,11 @@ UNITS_OF_ENDINGS = UNIT_OF_SUFFIX | {
     "_amplitude": "rad/s",
 }
 
-# Columns of one run, as in `row_schema`; a column that is not there is null. A row of an aircraft
-# has its `CompiledFlights` too, which are no column of a table.
+# Columns of one run, as in `row_schema`; a missing column is null. A row of an aircraft has its
+# `CompiledFlights` too, which are no column of a table.
 Row = dict[str, Any]
 
-# Columns that differ each time a run is flown.
+# Columns that differ between flights of the same run.
 NOT_REPRODUCIBLE = ("wall_s",)
 
 # Columns before the dispersed keys
@@ -54,7 +54,7 @@ AFTER = {
 
 
 def table_of(plan: Plan, rows: Iterable[Row]) -> pa.Table:
-    """Rows of a plan as a table, in order of `run`, without what probes kept."""
+    """Rows of a plan as a table, in order of `run`, without the results of probes."""
     return pa.Table.from_pylist(sorted(rows, key=lambda row: row["run"]), schema=row_schema(plan))
 
 
@@ -96,9 +96,9 @@ def _field(name: str, kind: pa.DataType, unit: str | None) -> pa.Field:
 
 
 def measured_in(row: Mapping[str, Any]) -> dict[str, dict[str, float]]:
-    """The measures of a row by their subject, as `flighttune.flight.metrics.measures` has them."""
+    """The measures of a row by subject, as `flighttune.flight.metrics.measures` returns them."""
     measured: dict[str, dict[str, float]] = {}
-    # Settling times and envelopes of the scenario's own, and the airspeed where it is a channel.
+    # Additional settling times and envelopes of the scenario, and the airspeed if it is a channel.
     more = (column for column in row if column.split(".")[0] in ENVELOPES)
     for column in dict.fromkeys((*MEASURES, *more)):
         subject, name = column.split(".", 1)

@@ -1,7 +1,7 @@
-"""Fly runs of a plan into rows, one per run: the same bits whoever flies them.
+"""Fly runs of a plan into rows, one per run, with the same bits on any worker.
 
-Kinematic flights go through the compiled kernel many at a time; all others are flown one by one, a
-draw at a time.
+The compiled kernel flies many kinematic flights at a time; all others are flown one by one, draw by
+draw.
 """
 
 import signal
@@ -43,13 +43,13 @@ from flighttune.flight.scenario.load import scenario_from
 from flighttune.flight.scenario.schema import Scenario
 from flighttune.vehicles.plants.point_mass import rolled_over
 
-# Draws whose kinematic flights are flown together: their signals stay in the processor's cache, and
-# nothing else is done here meanwhile.
+# Number of draws whose kinematic flights are flown together: their signals fit the processor's
+# cache, and the process does not block for long.
 BLOCK = 64
 
-# One in so many compiled flights, and each that is nearer to a bound than this part of it, or
-# beyond, is flown by JSBSim too. The number is prime: runs take turns at the groups of a plan, and
-# so do those that are flown again.
+# JSBSim also flies every n-th compiled flight, and every flight that is beyond a bound or within
+# this share of it. The number n is prime, so that the repeated flights cycle through the groups of
+# a plan.
 EVERY, NEAR = 101, 0.1
 
 # `BatchResult.ends` of a flight that ended at 90 deg of roll
@@ -65,24 +65,25 @@ UNKNOWN: Indicators = (None, None, None)
 # Values of a draw, as `Plan.values_of` returns them
 Drawn = Mapping[str, Any]
 
-# More columns: numbers of each completed flight. With any, all flights are flown one by one.
+# Additional columns: numbers of each completed flight. With probes all flights are flown one by
+# one.
 Probes = Mapping[str, Callable[[Run, Scenario], Sequence[float]]]
 
 
 class Draw(NamedTuple):
-    """Some runs of one draw and its drawn values, or runs of several draws without them."""
+    """Some runs of one draw with its drawn values, or runs of several draws without values."""
 
     runs: tuple[int, ...]
     drawn: Drawn | None
 
 
 def fly_group(plan: Plan, scenario: Scenario, group: Group) -> Run:
-    """One flight: a group of a plan in a scenario, and that whose wind it replays."""
+    """One flight: a group of a plan in a scenario, and the group whose wind it replays."""
     return fly_in_wind(plan.entry(group, scenario))
 
 
 def fly_in_wind(entry: Entry, wind_runs: dict[str, Run] | None = None) -> Run:
-    """One flight; `wind_runs` have, by label, the wind that others replay."""
+    """One flight; `wind_runs` have, by label, the wind that other flights replay."""
     wind_runs = {} if wind_runs is None else wind_runs
     source, wind_run = entry.wind_from, None
     if source is not None:
@@ -94,7 +95,7 @@ def fly_in_wind(entry: Entry, wind_runs: dict[str, Run] | None = None) -> Run:
 
 
 def scenario_of_run(plan: Plan, run: int, drawn: Mapping[str, Any] | None = None) -> Scenario:
-    """The scenario of one run of a plan, which `fly` flies to the same bits: gains are numbers."""
+    """The scenario of one run of a plan, with numbers as gains: `fly` gives the same bits."""
     if not 0 <= run < plan.runs:
         raise InputError(f"`run` must be 0 to {plan.runs - 1}, got {run}.")
     group, draw = plan.group_of(run), plan.draw_of(run)
@@ -109,13 +110,13 @@ def scenario_of_run(plan: Plan, run: int, drawn: Mapping[str, Any] | None = None
     tuned_for = {x.name: x.tuned_for for x in scenario.gains if isinstance(x, GainsTable)}
     tables["gains"] = [{"name": name, **gains.as_lists(), "tuned_for": tuned_for.get(name)}]
     tables["title"] = f"{scenario.title}, run {run}"
-    tables.pop("verifies", None)  # a claim of the undispersed flight
+    tables.pop("verifies", None)  # a claim about the undispersed flight
     tables["expect"] = scenario.expected(group.plant, group.gains)
     return scenario_from(tables)
 
 
 def fly_again(plan: Plan, run: int, *, progress: Progress | None = None) -> FlownScenario:
-    """Fly one run of a plan again, and the aircraft whose wind it replays."""
+    """Fly one run of a plan again, with the aircraft whose wind it replays."""
     return fly(scenario_of_run(plan, run), progress=progress)
 
 
@@ -132,8 +133,8 @@ def rows_flown(
     draws: Sequence[Drawn] | None = None,
 ) -> Iterator[Row]:
     """Fly runs of a plan, in rising order, in this process; their rows, draw by draw."""
-    # All columns but ``wall_s`` depend only on the plan and the run, to the bit. Draws that replace
-    # those of the design may set keys that the campaign does not disperse.
+    # All columns but ``wall_s`` depend, to the bit, only on the plan and the run. Draws that
+    # replace the design's draws may set keys that the campaign does not disperse.
     ask_to_fly(plan.scenario, plan.flown)
     work = Work(plan, probes or {}, draws)
     for together, alone in work.blocks(runs):
@@ -143,12 +144,12 @@ def rows_flown(
 
 
 def row_differences(plan: Plan, run: int, row: Mapping[str, Any]) -> tuple[Difference, ...]:
-    """Every column in which a run that is flown again differs from its row, to the bit."""
-    # flown as rows are: a kinematic flight of a batch and a single one differ by rounding
+    """Every column in which a repeated run differs from its row, to the bit."""
+    # flown like rows, because a kinematic flight in a batch and alone differ by rounding
     return tuple(
         Difference(name, None, row[name], value)
         for name, value in fly_runs(plan, [run]).to_pylist()[0].items()
-        # as text: zeros of either sign are two numbers, and NaN equals itself
+        # as text: +0 and -0 count as different, and NaN equals itself
         if name not in NOT_REPRODUCIBLE and repr(row[name]) != repr(value)
     )
 
@@ -161,7 +162,7 @@ class Work(NamedTuple):
     draws: Sequence[Drawn] | None = None  # in place of those of the design
 
     def blocks(self, runs: Iterable[int]) -> Iterator[tuple[list[Draw], list[Draw]]]:
-        """The draws for `fly_together` and those left to `fly_draw`, block by block."""
+        """The draws for `fly_together`, and the draws for `fly_draw`, block by block."""
         plan, in_batch = self.plan, self.batched
         for _, block in groupby(runs, key=lambda run: plan.draw_of(run) // BLOCK):
             together: list[Draw] = []
@@ -189,7 +190,7 @@ class Work(NamedTuple):
 
 
 def batchable(scenario: Scenario, entry: Entry) -> bool:
-    """Whether an entry's law and plant, air, disturbance and reference are for the kernel."""
+    """Whether the kernel can fly an entry's law, plant, air, disturbance and reference."""
     parts = entry.law, entry.plant.family, _acting(scenario), scenario.reference or scenario.route
     return not scenario.windy and all(part is not None and part.batched for part in parts)
 
@@ -200,7 +201,7 @@ def _acting(scenario: Scenario) -> Sinusoid:
 
 
 def alike(scenario: Scenario) -> Hashable:
-    """Key of the scenarios that one call of the kernel can fly: controller, time axis, inputs."""
+    """Key of scenarios that share one call of the kernel: controller, time axis, inputs."""
     sensed = scenario.sensors is not None
     return scenario.controller, scenario.flight.duration_s, _moving(scenario), sensed
 
@@ -230,8 +231,8 @@ def fly_batch(
         rates = np.array([np.column_stack(reference.rates(t)) for reference in references])
     else:
         ref, rates = np.array([[reference.initial] for reference in references]), None
-    # The bits of each flight do not depend on the others. A flight without a result has to be flown
-    # alone to know why it ended.
+    # The bits of each flight do not depend on the others. A flight without a result is flown alone
+    # to find the reason of its end.
     batch = fly_sampled(
         laws,
         conditions,
@@ -251,8 +252,7 @@ def fly_batch(
             continue
         n = batch.samples[i]
         columns = dict(zip(SIGNALS, batch.trajectories[i, :, :n], strict=True))
-        # What a flight does not change has one sample: the airspeed, which the law assumes, and a
-        # reference that is at rest.
+        # Constants have one sample: the airspeed, which the law assumes, and a constant reference.
         columns["V_a"] = np.array([conditions[i].V_a])
         columns["n_z"] = np.append(conditions[i].n_z_start, columns["n_z_cmd"][:-1])
         for channel, values in zip(CHANNELS, ref[i].T, strict=True):
@@ -266,11 +266,11 @@ def fly_batch(
 
 
 def fly_together(plan: Plan, draws: Sequence[Draw]) -> list[Row]:
-    """Rows of kinematic flights, those of each group in one batch."""
+    """Rows of kinematic flights, one batch for each group."""
     rows: list[Row] = []
     batches: dict[tuple[Group, Law, Hashable], list[tuple[int, Drawn, Scenario]]] = {}
     for draw in draws:
-        alone = [*draw.runs]  # what the kernel does not fly, or the scenario refuses
+        alone = [*draw.runs]  # runs that the kernel cannot fly, or that the scenario refuses
         drawn = draw.drawn
         assert drawn is not None  # runs of several draws are not flown together
         with suppress(FlightTuneError):
@@ -302,7 +302,7 @@ def fly_together(plan: Plan, draws: Sequence[Draw]) -> list[Row]:
 
 
 def fly_draw(plan: Plan, draw: Draw, probes: Probes) -> Iterator[Row]:
-    """Rows of runs of one draw, each as soon as it is flown; of several draws in order."""
+    """Rows of the runs of one draw, each as soon as it is flown; of several draws in order."""
     (runs, drawn), began = draw, time.perf_counter()
     if drawn is None:
         yield from sorted(rows_flown(plan, runs), key=lambda row: row["run"])
@@ -320,7 +320,7 @@ def fly_draw(plan: Plan, draw: Draw, probes: Probes) -> Iterator[Row]:
 
 
 def lost_row(plan: Plan, run: int, drawn: Drawn | None, ending: int | str) -> Row:
-    """Row of a run that ended the process that flew it, with this exit code or error."""
+    """Row of a run that crashed its process, with this exit code or error."""
     status, reason = "crashed", str(ending)
     drawn = plan.values_of(plan.draw_of(run)) if drawn is None else drawn
     if ending == -signal.SIGALRM:
@@ -336,7 +336,7 @@ def lost_row(plan: Plan, run: int, drawn: Drawn | None, ending: int | str) -> Ro
 
 
 def warm_up(plan: Plan) -> None:
-    """Load what the flights of a plan need, before the time of its runs is taken."""
+    """Load the code for the flights of a plan before its runs are timed."""
     flight, rate = plan.scenario.flight, plan.scenario.controller.rate_hz
     if plan.runs * flight.duration_s * rate > COMPILED_FROM * cores():
         compile_at_once()  # not in a run
@@ -348,7 +348,7 @@ def warm_up(plan: Plan) -> None:
 
 
 def _end(_label: str, _part: float) -> None:
-    """End a flight at its first sample: a shorter one of a route would be refused."""
+    """End a flight at its first sample, because a shorter flight of a route would be refused."""
     raise InputError("A flight of `warm_up` ends here.")
 
 
@@ -374,7 +374,7 @@ def _fly_alone(
         return _invalid(error, began)
     if run.status == "completed":
         columns |= {name: probe(run, scenario) for name, probe in probes.items()}
-    elif probes and "along" in run.signals and len(run.signals):  # rows of campaigns stay the same
+    elif probes and "along" in run.signals and len(run.signals):  # rows of campaigns stay unchanged
         along = float(run.signals["along"].iloc[-1])
         stretch = planned_route(scenario).reference.path.stretch_at(along).words
         columns["reason"] += f" It was on the {stretch}, {along:.0f} m along."
@@ -382,7 +382,7 @@ def _fly_alone(
 
 
 def _decides(entry: Entry, success: bool, measured: Measured) -> bool:
-    """Whether a flight misses a requirement, or is near its bound."""
+    """Whether a flight misses a requirement or is close to its bound."""
     tables = entry.scenario.expected(entry.plant.label, entry.name)
     margins = (check.margin for check in bound_checks(tables, measured) if check.subject != "loop")
     return not (success and all(margin < -NEAR for margin in margins))
@@ -403,9 +403,9 @@ def _outcome(
     return columns | {"wall_s": wall_s}
 
 
-@lru_cache(maxsize=32)  # the same for all draws, and slower than a flight of the kernel
+@lru_cache(maxsize=32)  # equal for all draws, and slower than a flight of the kernel
 def _of_loop(plan: Plan, group: Group) -> Mapping[str, Mapping[str, float]]:
-    """Measures of the undispersed loop of a group, where its requirements bound them."""
+    """Measures of the undispersed loop of a group that its requirements bound."""
     return bounded_loop(plan.scenario.expected(group.plant, group.gains), plan.entry(group))
 
 
@@ -434,7 +434,7 @@ def _indicators(plan: Plan, group: Group, scenarios: Sequence[Scenario]) -> list
     law, gains = plan.entry(group).law, plan.gain_sets[group.gains]
     if gains is None or not law.by_gains:
         return [UNKNOWN] * len(scenarios)
-    # what the loop of a draw depends on: often it is not dispersed, and all draws share a loop
+    # key of a draw's loop: often it is not dispersed, and all draws share a loop
     keys = [
         (s.flight.V_a_mps, s.flight.g_mps2, reference_of(s).initial[1], s.controller)
         for s in scenarios
@@ -454,5 +454,5 @@ def _indicators(plan: Plan, group: Group, scenarios: Sequence[Scenario]) -> list
 
 @lru_cache(maxsize=32)
 def _indicators_known(_plan: Plan, _group: Group) -> dict[Hashable, Indicators]:
-    """Indicators of the last loops of a group, for draws that do not disperse its loop."""
+    """Cached indicators of the last loops of a group, for draws that do not disperse its loop."""
     return {}

@@ -1,1 +1,1 @@
-"""Campaign files, and the runs they plan."""
+"""Campaign files, and the runs that they plan."""

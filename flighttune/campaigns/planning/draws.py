@@ -1,6 +1,6 @@
-"""Draws: what the dispersed keys mean, and their values and the seed of every draw.
+"""Draws: the places of the dispersed keys, their values and the seed of every draw.
 
-A draw depends on the campaign's seed and its number alone, so that any process makes the draws of
+A draw depends only on the campaign's seed and its number, so that any process makes the draws of
 its own chunk, to the bit.
 """
 
@@ -26,16 +26,16 @@ from flighttune.vehicles.plants.jsbsim.plant import LARGEST_SEED
 # Column of the seeds
 SEED = "seed"
 
-# Points of the unit interval are kept this far from 0, and `1 - LARGEST_POINT` from 1: an inverse
-# CDF is infinite there.
+# Points of the unit interval stay this far from 0, and `1 - LARGEST_POINT` from 1, where an inverse
+# CDF is infinite.
 SMALLEST_POINT = 2.0**-54
 
 LARGEST_POINT = 1.0 - 2.0**-53
 
-# Bits of a coordinate of a Sobol point: the most with which scipy can skip points
+# Bits of a coordinate of a Sobol point: the maximum with which SciPy can skip points
 SOBOL_BITS = 32
 
-# Tables and keys of a scenario that are the same for all draws; each draw has its own seed
+# Tables and keys of a scenario that are equal for all draws; each draw has its own seed
 NOT_DISPERSED = (
     *("plant.kind", "plant.aircraft", "plant.name", "gains", "tuning", "envelope", "expect"),
     *("seed", "title", "verifies", "source"),
@@ -48,7 +48,7 @@ INSTEAD = {"plant": "give each plant in a [[plant]]", "gains": "give each gain s
 def dispersed_places(
     disperse: Sequence[Dispersion], scenario: Scenario, source: str
 ) -> dict[str, tuple[Place, ...]]:
-    """Every place that each dispersed key means, in the undispersed scenario."""
+    """All places in the undispersed scenario that each dispersed key refers to."""
     values = scenario.as_dict()
     places_by_key: dict[str, tuple[Place, ...]] = {}
     for table in disperse:
@@ -58,7 +58,7 @@ def dispersed_places(
         if {named, top} & {*NOT_DISPERSED}:
             why = INSTEAD.get(top, "it is the same for all draws")
             raise ScenarioError(f"{where} must not be dispersed: {why}.")
-        # a value by which to see which plants have the key
+        # a trial value shows which plants have the key
         tried = {"sets": table.central, "adds": 0.0, "multiplies": 1.0}[table.acts]
         try:
             places = places_of(table.key, values, tried)
@@ -85,7 +85,7 @@ def with_drawn(
     places: Mapping[str, tuple[Place, ...]],
     values: Mapping[str, Any],
 ) -> dict[str, Any]:
-    """The tables of a scenario with the drawn values of each key set, added or multiplied by."""
+    """The tables of a scenario after drawn values have been set, added or multiplied."""
     entries: list[tuple[Place, Any]] = []
     for table in disperse:
         for place in places[table.key]:
@@ -99,7 +99,7 @@ def with_drawn(
 
 
 def cycle(campaign: Campaign) -> int:
-    """Draws that belong together: the cells of the grid."""
+    """Number of draws that belong together: the cells of the grid."""
     return math.prod(len(grid.levels) for grid in campaign.grids)
 
 
@@ -124,7 +124,7 @@ def drawn(campaign: Campaign, first: int, end: int, *, draws: int) -> pd.DataFra
         columns[grid.key] = grid.at((cell + 0.5) / count)
     columns[SEED] = run_seeds(campaign.seed, low, high)[point - low]
     for name, values in columns.items():
-        if values.dtype == object:  # a type that does not depend on how many values there are
+        if values.dtype == object:  # a type that does not depend on the number of values
             columns[name] = pd.array(values, dtype="str")
     index = pd.RangeIndex(first, max(end, first), name="draw")
     return pd.DataFrame({name: columns[name] for name in (*campaign.keys, SEED)}, index=index)
@@ -134,8 +134,8 @@ def unit_points(
     design: str, keys: Sequence[str], *, seed: int, first: int, end: int, points: int
 ) -> FloatArray:
     """Points `first` to `end` of a design of `points`, in (0, 1): (end - first, len(keys))."""
-    # A coordinate of a random or Latin hypercube point depends on the seed, the point and the key
-    # alone, not on the other keys; a Sobol point on the seed and the set of keys.
+    # A coordinate of a random or Latin hypercube point depends only on the seed, the point and the
+    # key; a Sobol point depends on the seed and the set of keys.
     if end <= first or not keys:
         return np.empty((max(end - first, 0), len(keys)))
     match design:
@@ -145,7 +145,7 @@ def unit_points(
             u = np.column_stack([_strata(seed, key, points)[first:end] for key in keys])
         case _:
             u = _sobol(seed, len(keys), first, end)
-            u = u[:, np.argsort(np.argsort(np.array(keys)))]  # coordinates go by sorted keys
+            u = u[:, np.argsort(np.argsort(np.array(keys)))]  # coordinates in order of sorted keys
     return np.clip(u, SMALLEST_POINT, LARGEST_POINT)
 
 
@@ -158,7 +158,7 @@ def run_seeds(seed: int, first: int, end: int) -> npt.NDArray[np.int64]:
 def correlated(
     u: FloatArray, keys: Sequence[str], correlations: Sequence[CorrelationTable]
 ) -> FloatArray:
-    """Independent uniform coordinates, (n, keys), made dependent by a Gaussian copula."""
+    """Uniform coordinates, (n, keys), correlated by a Gaussian copula."""
     # Normal scores with the correlation ``2 sin(pi rho / 6)`` have Spearman's rank correlation
     # ``rho``: W. H. Kruskal, "Ordinal measures of association", J. Am. Stat. Assoc. 53 (1958)
     # 814-861.
@@ -170,7 +170,7 @@ def correlated(
         if not np.any(lower[i, :i]):
             continue
         mixed = np.zeros(len(u))
-        for j in range(i + 1):  # not one product of matrices: a chunk must have the bits of all
+        for j in range(i + 1):  # not a matrix product: a chunk must have the same bits as all draws
             mixed += lower[i, j] * scores[j]
         result[:, column] = np.clip(ndtr(mixed), SMALLEST_POINT, LARGEST_POINT)
     return result
@@ -194,13 +194,13 @@ def copula_factor(correlations: Sequence[CorrelationTable]) -> tuple[FloatArray,
 
 
 def _stream(seed: int, key: str, skipped: int) -> np.random.Generator:
-    """The random numbers of one key, from its number `skipped` on."""
+    """The random numbers of one key, after the first `skipped`."""
     words = np.frombuffer(hashlib.sha256(key.encode()).digest()[:16], dtype="<u4")
     bits = np.random.PCG64(np.random.SeedSequence(seed, spawn_key=tuple(words.tolist())))
     return np.random.Generator(bits.advance(skipped))
 
 
-@lru_cache(maxsize=256)  # a chunk needs a few points of a permutation of all of them
+@lru_cache(maxsize=256)  # a chunk needs a few points of a permutation of all points
 def _strata(seed: int, key: str, points: int) -> FloatArray:
     """One coordinate of a Latin hypercube: its coordinates are independent permutations."""
     from scipy.stats import qmc
@@ -218,6 +218,6 @@ def _sobol(seed: int, keys: int, first: int, end: int) -> FloatArray:
     if first:
         u = engine.fast_forward(first).random(end - first)
     else:
-        head = engine.random(1)  # alone, as the engine warns of a number that is no power of two
+        head = engine.random(1)  # alone: the engine warns unless it is a power of two
         u = np.vstack([head, engine.random(end - 1)]) if end > 1 else head
-    return np.maximum(u, 2.0 ** -(SOBOL_BITS + 1))  # 0 stands for the lowest cell: its middle
+    return np.maximum(u, 2.0 ** -(SOBOL_BITS + 1))  # 0 is the lowest cell: take its middle

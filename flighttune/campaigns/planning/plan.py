@@ -25,7 +25,7 @@ from flighttune.flight.scenario.load import Place, as_recorded, leaves, with_val
 from flighttune.flight.scenario.schema import Scenario
 from flighttune.vehicles.aircraft.aircraft import files_hash
 
-# Version of the plain values of a plan; other versions are refused
+# Version of a plan's plain values; other versions are refused
 VERSION = 1
 
 # The file of the plan in the folder of a campaign, and the version of such folders
@@ -36,7 +36,7 @@ TUNED_SETS = TUNED, *TUNED_FOR_AIRCRAFT
 # Largest difference between two tunings of the same problem, as a share of the largest gain
 TUNING_ROUNDING = 1e-6
 
-# Number of draws made at a time when they are requested one by one
+# Number of draws made at once when they are requested one by one
 BLOCK = 1024
 
 
@@ -53,7 +53,7 @@ class Group(NamedTuple):
 
 
 def draws_in_words(flights: int, groups: Sequence[Group]) -> str:
-    """``7.5 draws, each by 4 gain sets on 2 plants``: what a number of flights is."""
+    """A number of flights in words: ``7.5 draws, each by 4 gain sets on 2 plants``."""
     plants, gains = map(set, zip(*groups, strict=True))
     counts = {"draw": round(flights / len(groups), 1), "gain set": len(gains), "plant": len(plants)}
     draws, sets, on = (f"{n:.12g} {what}{'s' * (n != 1)}" for what, n in counts.items())
@@ -63,10 +63,10 @@ def draws_in_words(flights: int, groups: Sequence[Group]) -> str:
 @checked_class
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Plan:
-    """Flights of a campaign; the same plan gives the same draws to the bit anywhere.
+    """Flights of a campaign; the same plan gives the same draws on any machine, to the bit.
 
-    Run ``r`` is the flight of draw ``r // len(groups)`` by group ``r % len(groups)``: every draw is
-    flown by every group, so that groups differ by nothing else.
+    Run ``r`` is the flight of draw ``r // len(groups)`` by group ``r % len(groups)``. Every group
+    flies every draw, so that groups differ in nothing else.
 
     Attributes
     ----------
@@ -75,11 +75,11 @@ class Plan:
     gain_sets : mapping of str to PIGains or None
         Gain sets by name; None where tuning was infeasible.
     groups : tuple of Group
-        Plant by plant; in wind aircraft first, as the other plants replay the wind they met.
+        Plant by plant; in wind aircraft first, because the other plants replay their wind.
     runs : int
         Flights in total.
     aircraft : mapping of str to str
-        Hash of the files of every aircraft, by the name or folder in the scenario.
+        Hash of the files of every aircraft, by its name or folder in the scenario.
 
     Raises
     ------
@@ -110,13 +110,13 @@ class Plan:
 
     @property
     def code(self) -> tuple[str, ...]:
-        """Python files of its laws and plants, which run when one of its runs is flown."""
+        """Python files of its laws and plants, which run during its flights."""
         listed = self.scenario.of_files(self.flown)
         return tuple(dict.fromkeys(table.module or "" for _, table in listed))
 
     @property
     def flown(self) -> frozenset[str]:
-        """Names of its laws and labels of its plants, without those that no group flies."""
+        """Names of its laws and labels of its plants, if a group flies them."""
         laws = {self.entry(group).law.name for group in self.groups}
         return frozenset(laws | {group.plant for group in self.groups})
 
@@ -127,12 +127,12 @@ class Plan:
 
     @property
     def draws(self) -> int:
-        """Number of draws; the last one may be flown by the first groups only."""
+        """Number of draws; only the first groups may fly the last draw."""
         return -(-self.runs // len(self.groups))
 
     @property
     def extendable(self) -> bool:
-        """Whether draws are independent of `runs`: a longer campaign then begins with the same."""
+        """Whether draws are independent of `runs`: a longer campaign begins with the same draws."""
         return self.campaign.design != "latin_hypercube"
 
     @cached_property
@@ -141,7 +141,7 @@ class Plan:
         return cycle(self.campaign)
 
     def chosen_group(self, plant: str | None, gains: str | None) -> Group:
-        """The group asked for; by default the first plant with its default gains."""
+        """The requested group; by default the first plant with its default gains."""
         plants = [table.label for table in self.scenario.plant]
         chosen = plant or plants[0]
         if chosen not in plants:
@@ -154,7 +154,7 @@ class Plan:
         return Group(chosen, name)
 
     def entry(self, group: Group, scenario: Scenario | None = None) -> Entry:
-        """A group in the scenario of a draw, by default in the undispersed one."""
+        """A group in the scenario of a draw, by default in the undispersed scenario."""
         entry = _entry(self, group)
         return entry if scenario is None else entry.within(scenario)
 
@@ -163,11 +163,11 @@ class Plan:
         return replace(self, groups=(group,), gain_sets={group.gains: self.gain_sets[group.gains]})
 
     def with_runs(self, runs: int) -> "Plan":
-        """The same plan for another number of flights."""
+        """The same plan with another number of flights."""
         return replace(self, runs=runs)
 
     def with_tuned_gains_of(self, other: "Plan") -> "Plan":
-        """The same plan with the tuned gains of `other` where they agree to rounding."""
+        """The same plan with the tuned gains of `other` if they agree to rounding."""
         # The last digits of tuned gains depend on the number of BLAS threads.
         gain_sets = dict(self.gain_sets)
         for name, mine in self.gain_sets.items():
@@ -187,7 +187,7 @@ class Plan:
         return self.groups[run % len(self.groups)]
 
     def parameters(self, first: int = 0, end: int | None = None) -> pd.DataFrame:
-        """Drawn values of draws `first` up to, but not including, `end`; by default of all.
+        """Drawn values of draws `first` up to, but not including, `end`; by default of all draws.
 
         Columns are the dispersed keys, in their units, and ``seed``; a key that ``adds`` or
         ``multiplies`` has the addends or the factors.
@@ -214,12 +214,12 @@ class Plan:
     def dispersed(self, drawn: Mapping[str, Any], draw: int) -> Scenario:
         """The scenario with drawn values in it; `draw` is named in errors."""
         tables = with_drawn(self._tables, self.campaign.disperse, self.places, drawn)
-        # the seed, and keys that only a search sets, e.g. the switching times of a disturbance
+        # the seed, and keys that only a search sets, such as switching times of a disturbance
         others = [key for key in drawn if key not in self.places]
         tables = with_values(tables, [((*key.split("."),), drawn[key]) for key in others])
-        if self.scenario.turn_back is None:  # which may change any table
+        if self.scenario.turn_back is None:  # these may change any table
             for key, table in tables.items():
-                if table is self._tables.get(key):  # as it was checked before
+                if table is self._tables.get(key):  # it has been checked before
                     tables[key] = getattr(self.scenario, key)
         scenario = validated(Scenario, tables, f"draw {draw}")
         check_scenario(scenario, f"draw {draw}")
@@ -251,7 +251,7 @@ class Plan:
         return hash_of(self.as_dict())
 
     def differences(self, other: "Plan") -> tuple[str, ...]:
-        """Changes from this plan to a later one, as ``key: was X, is Y``; empty if equal."""
+        """Changes from this plan to a later plan, as ``key: was X, is Y``; empty if equal."""
         was, now = _leaves(self), _leaves(other)
         pairs = {key: (was.get(key), now.get(key)) for key in was | now}
         return tuple(
@@ -277,13 +277,13 @@ def plan_campaign(campaign: Campaign, *, runs: int | None = None) -> Plan:
     campaign : Campaign
         The campaign that `load_campaign` returns.
     runs : int, optional
-        Total number of flights; by default that of the file, or for a grid without one, one flight
-        per cell and group.
+        Total number of flights; by default from the file, or one flight per cell and group of a
+        grid.
 
     Returns
     -------
     Plan
-        A gain set that tuning did not find is None; its runs get a status that says so.
+        A gain set that tuning did not find is None; the status of its runs reports this.
 
     Raises
     ------
@@ -298,7 +298,7 @@ def plan_campaign(campaign: Campaign, *, runs: int | None = None) -> Plan:
     """
     scenario = campaign.nominal
     sets, _ = gain_sets(scenario)
-    windy = campaign.central.windy  # then aircraft fly first, as the others replay their wind
+    windy = campaign.central.windy  # aircraft then fly first; others replay their wind
     plants = sorted(scenario.plant, key=lambda plant: windy and plant.aircraft is None)
     groups = tuple(Group(plant.label, name) for plant in plants for name in scenario.gain_names)
     if runs is None:
@@ -307,7 +307,7 @@ def plan_campaign(campaign: Campaign, *, runs: int | None = None) -> Plan:
     return Plan(campaign=campaign, gain_sets=sets, groups=groups, runs=runs, aircraft=hashes)
 
 
-@lru_cache(maxsize=64)  # asked for by every draw
+@lru_cache(maxsize=64)  # cached, since every draw needs it
 def _entry(plan: Plan, group: Group) -> Entry:
     return entry_of(plan.scenario, group.gains, plan.gain_sets[group.gains], group.plant)
 
@@ -319,7 +319,7 @@ def aircraft_hashes(scenario: Scenario) -> dict[str, str]:
 
 
 def plan_from(tables: Mapping[str, Any], source: str = "plan") -> Plan:
-    """The plan that `Plan.as_dict` wrote, with the same bits; `source` names its file in errors."""
+    """The plan that `Plan.as_dict` wrote, to the bit; `source` names its file in errors."""
     if tables.get("version") != VERSION:
         got = abridged(tables.get("version"))
         raise ScenarioError(f"{source}: `version` of a plan must be {VERSION}, got {got}.")
@@ -340,7 +340,7 @@ def plan_from(tables: Mapping[str, Any], source: str = "plan") -> Plan:
 
 
 def recorded_plan(folder: str | Path) -> tuple[Plan, dict[str, str]]:
-    """The plan in the folder of a campaign, and versions of the libraries that shape its rows."""
+    """The plan in a campaign's folder, and versions of the libraries that affect its rows."""
     path = Path(folder) / CAMPAIGN
     if not path.exists():
         raise RecordingError(f"{folder}: must hold a campaign, got no {CAMPAIGN}.")
@@ -362,17 +362,17 @@ def recorded_plan(folder: str | Path) -> tuple[Plan, dict[str, str]]:
 
 
 def plain(table: Table) -> dict[str, Any]:
-    """The tables of a campaign or scenario as plain values, without defaults that are None."""
-    # `Plan.as_dict` has the two scenarios of a campaign by themselves
+    """The tables of a campaign or scenario as plain values, without defaults of None."""
+    # `Plan.as_dict` writes the two scenarios of a campaign separately
     return table.model_dump(mode="python", exclude={"nominal", "central"}, exclude_none=True)
 
 
 def _leaves(plan: Plan) -> dict[str, Any]:
-    """Values of a plan that change its rows, by name."""
+    """Values of a plan that affect its rows, by name."""
     tables = plan.as_dict()
     campaign, scenario = tables["campaign"], tables["nominal"]
     campaign["disperse"] = {table["key"]: table for table in campaign["disperse"]}
-    for name in ("runs", "title", "verifies", "source"):  # the last three are for the reader
+    for name in ("runs", "title", "verifies", "source"):  # the last three are only notes for people
         campaign.pop(name, None)
         scenario.pop(name, None)
     return {

@@ -29,13 +29,13 @@ Key: TypeAlias = Annotated[str, Field(min_length=1, max_length=MAX_KEY)]
 Design: TypeAlias = Literal["random", "latin_hypercube", "sobol", "grid"]
 Count: TypeAlias = Annotated[int, Field(ge=0)]
 
-# Measures of a run, as the columns of rows are named
+# Measures of a run, by column name
 MEASURES = (
     *(f"{channel}.{name}" for channel in ("chi", "gamma") for name in CHANNEL_MEASURES),
     *(f"flight.{name}" for name in FLIGHT_METRICS),
 )
 
-# Kinds of values that are no numbers
+# Kinds of values other than numbers
 KINDS = {bool: "boolean", str: "string"}
 
 # Values of one grid key
@@ -48,7 +48,7 @@ MAX_SD = 8.0
 
 
 class DisperseTable(Table):
-    """``[[disperse]]``: one key of the scenario that differs from draw to draw."""
+    """``[[disperse]]``: one key of the scenario that varies from draw to draw."""
 
     # Dotted path of a key of the scenario; [0] is a position in a list, plant[LABEL] a plant
     key: Key
@@ -57,7 +57,7 @@ class DisperseTable(Table):
 
     @model_validator(mode="after")
     def _can_be_drawn(self) -> Self:
-        if self.key.endswith("module"):  # `Plan.code` must be all that runs
+        if self.key.endswith("module"):  # no code may run that `Plan.code` does not list
             raise ValueError(f"`key` must not name a file of code, got {self.key}")
         low, high, values = (getattr(self, name, None) for name in ("lower", "upper", "values"))
         if low is not None and high is not None and not low < high:
@@ -97,7 +97,7 @@ def truncated_quantiles(u: FloatArray, a: float, b: float) -> FloatArray:
 
 
 class Normal(DisperseTable):
-    """Normal distribution, `sd` that before truncation; truncated where a bound is given."""
+    """Normal distribution, truncated at given bounds; `sd` applies before truncation."""
 
     distribution: Literal["normal"] = "normal"
     mean: Finite
@@ -132,14 +132,14 @@ class Normal(DisperseTable):
 
 
 class LogNormal(DisperseTable):
-    """Log-normal distribution; `sd_log` is that of the natural logarithm."""
+    """Log-normal distribution; `sd_log` is the standard deviation of the natural logarithm."""
 
     distribution: Literal["log_normal"] = "log_normal"
     median: Positive
     sd_log: Positive  # of the natural logarithm: 0.1 is about 10 %
 
     def at(self, u: FloatArray) -> FloatArray:
-        with np.errstate(over="ignore"):  # a drawn infinity is refused by its key
+        with np.errstate(over="ignore"):  # the key itself refuses a drawn infinity
             return self.median * np.exp(self.sd_log * ndtri(u))
 
 
@@ -158,7 +158,7 @@ class Choice(DisperseTable):
     """One of some values, in proportion to their weights."""
 
     distribution: Literal["choice"] = "choice"
-    values: Values  # numbers, texts or booleans
+    values: Values  # numbers, strings or booleans
     weights: list[NotNegative] | None = None  # equal if left out
 
     @model_validator(mode="after")
@@ -173,7 +173,7 @@ class Choice(DisperseTable):
 
     @property
     def central(self) -> Value:
-        """The likeliest value that is not NaN; the first of several."""
+        """The most likely value that is not NaN; the first of several."""
         weights = self.weights or [1.0] * len(self.values)
         numbers = [(v, w) for v, w in zip(self.values, weights, strict=True) if v == v]
         return max(numbers, key=lambda pair: pair[1], default=(self.values[0], 0.0))[0]
@@ -184,10 +184,10 @@ class Choice(DisperseTable):
 
 
 class Grid(DisperseTable):
-    """Values that are all flown, each as often as any other: nothing is left to chance."""
+    """Values that are all flown equally often, without chance."""
 
     distribution: Literal["grid"] = "grid"
-    values: Values | None = None  # every value is flown; or lower, upper and count in place of them
+    values: Values | None = None  # every value is flown; lower, upper and count may replace them
     lower: Finite | None = None
     upper: Finite | None = None
     count: Annotated[int, Field(ge=2, le=MAX_POINTS)] | None = None
@@ -226,21 +226,21 @@ DISTRIBUTIONS: dict[str, type[Dispersion]] = {
 
 
 class CorrelationTable(Table):
-    """``[[correlation]]``: rank correlation of two keys that are drawn."""
+    """``[[correlation]]``: rank correlation of two drawn keys."""
 
-    # Each normal, log_normal or uniform
+    # Both with the distribution normal, log_normal or uniform
     keys: Annotated[list[Key], Field(min_length=2, max_length=2)]
     # Rank correlation (Spearman's), by a Gaussian copula
     rank: Annotated[float, Field(gt=-1.0, lt=1.0)]
 
 
 class KeepTable(Table):
-    """``[keep]``: of which runs the whole time history is kept."""
+    """``[keep]``: runs whose whole time history is saved."""
 
-    failures: Count = 20  # the first ones
-    worst: Count = 5  # by worst_by
+    failures: Count = 20  # number of first failures
+    worst: Count = 5  # number of worst flights by worst_by
     worst_by: str = "chi.ITAE"
-    sample: Count = 5  # drawn at random
+    sample: Count = 5  # number of random runs
 
     @field_validator("worst_by")
     @classmethod
@@ -257,24 +257,24 @@ class CampaignTable(Table):
     verifies: str = ""  # for the reader
     source: str = ""  # for the reader
     scenario: PathName  # a shipped name, or a file in the campaign's folder
-    seed: Seed = 0  # of all random numbers
-    # Flights over all draws, gain sets and plants; of a grid one per cell and group if left out
+    seed: Seed = 0  # seed of all random numbers
+    # Flights over all draws, gain sets and plants; if left out, one per cell and group of a grid
     runs: Annotated[int, Field(ge=1, le=10**9)] | None = None
     design: Design = "random"
-    # Fly no further once it is sure for every group whether at least this share of flights succeeds
+    # End once it is sure for every group whether at least this share of flights succeeds
     until_sure: Annotated[float, Field(gt=0.0, lt=1.0)] | None = None
     time_limit_s: Positive = 60.0  # wall time after which a run is aborted
     # In place of the scenario's
     gains: Annotated[list[str | GainsTable], Field(min_length=1)] | None = None
     # In place of the scenario's
     plant: Annotated[list[PlantTable], Field(min_length=1)] | None = None
-    # Other values for keys of the scenario; a path into a list is quoted
+    # Values that replace keys of the scenario; a path into a list is quoted
     overrides: dict[str, Any] = Field(default_factory=dict)
     disperse: list[Annotated[Dispersion, Field(discriminator="distribution")]] = Field(
         default_factory=list
     )
     correlation: list[CorrelationTable] = Field(default_factory=list)
-    # What a run must achieve, with the keys of [[expect]]; the scenario's if left out
+    # Requirements of a run, with the keys of [[expect]]; if left out, the scenario's requirements
     success: list[ExpectTable] = Field(default_factory=list)
     keep: KeepTable = KeepTable()
 
@@ -317,11 +317,11 @@ class CampaignTable(Table):
 
 @refused_in_a_line
 class Campaign(CampaignTable):
-    """A campaign whose file, scenario and aircraft have been checked against each other.
+    """A campaign with its file, scenario and aircraft checked against each other.
 
-    ``nominal`` is the scenario with the gains, plants, overrides and requirements of the campaign
-    put in, undispersed; ``central`` the same at the median of everything dispersed. `load_campaign`
-    makes it.
+    ``nominal`` is the undispersed scenario with the gains, plants, overrides and requirements of
+    the campaign. ``central`` is the same at the median of all dispersed keys. `load_campaign` makes
+    a campaign.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Campaign files, checked against their scenarios; and what is flown, as a value."""
+"""Campaign files, checked against their scenarios, and sources of flights as a value."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -50,24 +50,24 @@ def load_campaign(
     path : path-like
         A TOML file, or the name of a campaign that ships with the package.
     scenario : Scenario, optional
-        A scenario in place of the one that the file names.
+        A scenario that replaces the scenario in the file.
     changes : mapping of str to value, optional
-        Values of the scenario to set by dotted key, besides those of ``[overrides]``.
+        Values of the scenario to set by dotted key, besides ``[overrides]``.
     gains : sequence of str, optional
-        Gain sets in place of the campaign's, as of `load_scenario`.
+        Gain sets that replace the campaign's, as in `load_scenario`.
     until_sure : float, 1, optional
-        Share of successful flights to ask for, in place of the file's.
+        Required share of successful flights, which replaces the value in the file.
 
     Returns
     -------
     Campaign
-        Frozen and valid: at the median of everything dispersed the scenario can be flown.
+        Frozen and valid: the scenario can be flown at the median of all dispersed keys.
 
     Raises
     ------
     ScenarioError
         If the file or its scenario cannot be read, a key is unknown, missing or impossible, or the
-        scenario refuses a dispersion. One line that names file and key.
+        scenario refuses a dispersion. One line names file and key.
 
     Examples
     --------
@@ -84,7 +84,7 @@ def load_campaign(
 def campaign_table(
     path: str | Path, changes: Mapping[str, Any] | None = None, until_sure: float | None = None
 ) -> tuple[CampaignTable, Path]:
-    """The tables of a campaign file with values to set, and the file; its scenario is not read."""
+    """The tables of a campaign file with values set, and the file; its scenario is not read."""
     folders = "campaigns", "scenarios/campaigns"
     file = load.existing_file(path, "campaign", campaign_files(), folders)
     tables = load.with_code(toml_tables(file), file)
@@ -108,7 +108,7 @@ def campaign_table(
 def campaign_about(
     table: CampaignTable, file: Path, scenario: Scenario | None, gains: Sequence[str] = ()
 ) -> Campaign:
-    """The campaign of a file's tables, about a scenario in place of the one that they name."""
+    """The campaign of a file's tables, with a scenario that replaces the file's scenario."""
     base = scenario or load_scenario(_scenario_of(table.scenario, file))
     nominal = _nominal(table, base, str(file))
     if gains:
@@ -118,7 +118,7 @@ def campaign_about(
 
 
 def campaign_on(table: CampaignTable, nominal: Scenario, source: str) -> Campaign:
-    """The campaign of tables about a scenario that has the gains, plants and overrides already."""
+    """The campaign of tables for a scenario that already has gains, plants and overrides."""
     with naming(source, ScenarioError):
         copula_factor(table.correlation)
     places = dispersed_places(table.disperse, nominal, source)
@@ -145,10 +145,10 @@ def _scenario_of(name: str, file: Path) -> Path:
 
 
 def _nominal(table: CampaignTable, base: Scenario, source: str) -> Scenario:
-    """The scenario with gains, plants, overrides and requirements of a campaign put in."""
+    """The scenario with the gains, plants, overrides and requirements of a campaign."""
     own = {entry.name: entry for entry in base.gains if isinstance(entry, GainsTable)}
     entries = table.gains or []
-    if any(isinstance(entry, str) and ":" in entry for entry in entries):  # LAW:GAINS, as of `fly`
+    if any(isinstance(entry, str) and ":" in entry for entry in entries):  # LAW:GAINS, as in `fly`
         tables_given = [entry for entry in entries if isinstance(entry, GainsTable)]
         names = [entry if isinstance(entry, str) else entry.name for entry in entries]
         base, entries = load.with_gains(base, names, source, tables_given), []
@@ -174,7 +174,7 @@ def _plain(tables: list[Any]) -> list[Any]:
 
 
 def _expectations(tables: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """The scenario's requirements, without those of gains and plants that are not flown."""
+    """The scenario's requirements for the flown gains and plants."""
     gains = [entry if isinstance(entry, str) else entry["name"] for entry in tables["gains"]]
     plants = [PlantTable.model_validate(plant).label for plant in tables["plant"]]
     return [
@@ -186,7 +186,7 @@ def _expectations(tables: Mapping[str, Any]) -> list[dict[str, Any]]:
 
 
 def _check_disperse(tables: Any, source: str) -> None:
-    """Check each [[disperse]] separately, so that a mistake in it names its key."""
+    """Check each [[disperse]] separately, so that a message names its key."""
     for table in tables if isinstance(tables, list) else []:
         if not isinstance(table, Mapping):
             continue
@@ -200,37 +200,37 @@ def _check_disperse(tables: Any, source: str) -> None:
         validated(DISTRIBUTIONS[kind], table, where)
 
 
-# Campaign whose air and dispersions a mission has by default, and dispersions in m, which are right
-# for the size of its aircraft alone.
+# Default campaign for the air and dispersions of a mission, and its dispersions in m, which suit
+# only the size of its own aircraft.
 LIKE, SHIFTS = "circuit_in_wind", ("cg_aft_m", "cg_right_m", "cg_down_m")
 
 INERTIAS = "ixx_factor", "iyy_factor", "izz_factor"
 
-# Angular frequencies of a disturbance without a stated one, rad/s, and its phases, deg.
+# Default range of angular frequencies of a disturbance, rad/s, and its phases, deg.
 FREQUENCIES, PHASES_DEG = (0.05, 6.0), (-180.0, 180.0)
 
 
 @checked_class
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Flights:
-    """Flights that can be flown, drawn and counted, whatever they were read from.
+    """Flights that can be flown, drawn and counted, from any source.
 
     Attributes
     ----------
     place : str
-        The source that they were read from, for messages and names of files.
+        The source of the flights, for messages and names of files.
     scenario : Scenario
-        The scenario without what is drawn.
+        The undispersed scenario.
     campaign : Campaign or None
-        The campaign with what is drawn; none of a scenario alone.
+        The campaign with its dispersions; None for a scenario alone.
     recorded : Plan or None
-        The plan of a campaign that was flown.
+        The plan of a flown campaign.
     mission : Path or None
         The file of a mission.
     start_deg : float, deg
-        Starts of a scenario are off by up to this in course and path angle.
+        Half-width of the drawn starts of a scenario, in course and path angle.
     disturbance : tuple of two float, rad/s
-        Square waves of up to these sizes disturb the rates of course and path angle of a scenario.
+        Maximum size of square waves that disturb the rates of course and path angle.
 
     Examples
     --------
@@ -253,13 +253,13 @@ class Flights:
         return () if self.mission is None else own_fence(self.mission)
 
     def starting(self, within_deg: float) -> "Flights":
-        """Flights of a scenario from starts drawn within this half-width, deg; 0 keeps theirs."""
+        """Flights of a scenario from starts drawn within this half-width, deg; 0: no change."""
         check_not_negative(start_deg=within_deg)
         self._check_scenario("start_deg", within_deg)
         return replace(self, start_deg=within_deg or self.start_deg)
 
     def disturbed(self, largest: float) -> "Flights":
-        """Flights of a scenario with both rates disturbed by up to this, rad/s; 0 keeps theirs."""
+        """Flights of a scenario with both rates disturbed by up to this, rad/s; 0: no change."""
         check_not_negative(disturbance=largest)
         self._check_scenario("disturbance", largest)
         return replace(self, disturbance=(largest, largest) if largest else self.disturbance)
@@ -274,9 +274,9 @@ class Flights:
     def plan(
         self, *, plant: str | None = None, gains: str | None = None, kind: str | None = None
     ) -> Plan:
-        """The plan of these flights, with gains tuned; of a scenario for its first plant of a kind.
+        """The plan with tuned gains. For a scenario: of its first plant of this kind.
 
-        `gains` that are not of the source, by name or file, take the place of its own.
+        `gains` by name or file, if unknown to the source, replace its own gains.
         """
         if self.mission and plant is not None:
             raise InputError(f"{self.place}: `plant` must be absent for a mission.")
@@ -294,7 +294,7 @@ class Flights:
             campaign = campaign_on(table, scenario, self.place)
         plan = self.recorded or plan_campaign(campaign)
         if self.mission or self.recorded:
-            plan.chosen_group(None, gains)  # refuses others than its own
+            plan.chosen_group(None, gains)  # this refuses other gains
         return plan
 
 
@@ -306,23 +306,22 @@ def flights(
     terrain: str | Path | None = None,
     changes: Mapping[str, Any] | None = None,
 ) -> Flights:
-    """The flights that a source states: the only place that asks what a source is.
+    """The flights of a source: the only function that asks for the kind of a source.
 
     Parameters
     ----------
     source : Flights, Scenario, Campaign, Plan, str or Path
-        A scenario or campaign, its file, or the name of a shipped one; the folder of a campaign
-        that was flown; or a mission: ``.plan`` of QGroundControl, ``.waypoints`` of Mission
-        Planner, KML or GeoJSON.
+        A scenario or campaign, its file, or its name if shipped; the folder of a flown campaign; or
+        a mission: ``.plan`` of QGroundControl, ``.waypoints`` of Mission Planner, KML or GeoJSON.
     aircraft : str, optional
         Aircraft that flies a mission; by default ``aerosonde``.
     like : str, optional
-        Campaign whose air and dispersions the flights of a mission have; by default light
-        turbulence, wind to 8 m/s and the dispersions of the aircraft.
+        Campaign with the air and dispersions for a mission; by default light turbulence, wind to 8
+        m/s and the dispersions of the aircraft.
     terrain : str or Path, optional
-        Raster of heights (GeoTIFF, .hgt) by which heights above terrain of a mission are flown.
+        Raster of heights (GeoTIFF, .hgt) for a mission's heights above terrain.
     changes : mapping of str to value, optional
-        Values to set in what is read from a file, by dotted key.
+        Values to set by dotted key in a source that is read from a file.
 
     Returns
     -------
@@ -331,7 +330,7 @@ def flights(
     Raises
     ------
     InputError, ScenarioError
-        If there is no such source, it cannot be read, or an argument is not for its kind.
+        If the source does not exist or cannot be read, or an argument does not suit its kind.
 
     Examples
     --------
@@ -369,7 +368,7 @@ def _of(stated: Scenario | Campaign | Plan, place: str = "") -> Flights:
 
 
 def _is_scenario(source: str | Path) -> bool:
-    """Whether a file or name is that of a scenario; if not, of a campaign."""
+    """Whether a file or name belongs to a scenario; if not, to a campaign."""
     path = Path(source)
     if path.is_file() and path.suffix == ".toml":
         return "scenario" not in toml_tables(path)
@@ -378,7 +377,7 @@ def _is_scenario(source: str | Path) -> bool:
 
 
 def _about_mission(scenario: Scenario, aircraft: str, like: str | None) -> Campaign:
-    """Flights of a mission that are drawn as those of the campaign `like`."""
+    """Flights of a mission with the draws of the campaign `like`."""
     table, file, words = _dispersed(aircraft, like)
     title = f"{scenario.title}, flown as {file.stem}{words}"
     return campaign_about(table, file, scenario).model_copy(update={"title": title})
@@ -422,11 +421,11 @@ def airframes(scenario: Scenario) -> Campaign:
 
 
 def _possible_inertias(aircraft: str, drawn: Sequence[Dispersion]) -> bool:
-    """Whether an aircraft can have the least and largest inertias that are drawn."""
+    """Whether an aircraft can have the smallest and largest drawn inertias."""
     config = load_aircraft(aircraft)
     of = {x.key.rpartition(".")[2]: x for x in drawn if x.key.endswith(INERTIAS)}
-    # The models of some are flat: their inertias about two axes add up to that about the third.
-    for largest in of:  # that about one axis, with the least about the two others
+    # Some models are flat: their inertias about two axes add up to the inertia about the third.
+    for largest in of:  # the inertia about one axis, with the smallest about the other two
         ends = {key: x.at(np.array([float(key == largest)])).item() for key, x in of.items()}
         off = OffNominal.model_validate(ends)
         try:
@@ -443,16 +442,16 @@ def about(
     start_deg: float,
     disturbance: tuple[float, float],
 ) -> Campaign:
-    """Starts and disturbances of one plant of a scenario, all equally likely."""
-    if plant in [table.label for table in scenario.plant]:  # callers refuse an unknown one
-        # another may not stand the disturbance
+    """A campaign of one plant of a scenario, with uniform starts and disturbances."""
+    if plant in [table.label for table in scenario.plant]:  # callers refuse an unknown plant
+        # another plant may not allow the disturbance
         kept = [table for table in scenario.plant if table.label == plant]
         expect = [x for x in scenario.expect if goes_by(plant, x.plant)]
         tuning = scenario.tuning
         stated = tuning.model, *scenario.gains
         tuned_on = any(name in stated for name in ("identified", *TUNED_FOR_AIRCRAFT))
         if tuned_on and scenario.aircraft and not kept[0].aircraft:
-            # Gains stay tuned on the first aircraft, which is no longer among the plants.
+            # Gains stay tuned for the first aircraft, even if it is no longer among the plants.
             first = tuning.identified or scenario.aircraft[0].aircraft
             tuning = tuning.model_copy(update={"identified": first})
         scenario = scenario.model_copy(update={"plant": kept, "expect": expect, "tuning": tuning})

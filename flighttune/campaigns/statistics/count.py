@@ -1,4 +1,4 @@
-"""Claims from counted flights: order statistics, whatever the distribution of the flights.
+"""Claims from counted flights by order statistics, for any distribution of the flights.
 
 S. S. Wilks, "Determination of sample sizes for setting tolerance limits", Annals of Mathematical
 Statistics 12 (1941).
@@ -16,28 +16,28 @@ from scipy.special import bdtr, bdtri, betainc, betaln, xlog1py, xlogy
 from flighttune.base.arrays import FloatArray, Floats, check_between
 from flighttune.base.errors import InputError
 
-# Flights that may lie outside by default: the scale depends less on a single one of them.
+# Default number of flights that may lie outside, so that the scale depends less on one flight.
 OUTSIDE = 5
 
-# Ratio of the largest probability to epsilon that evidence of a no counts.
+# Largest probability, relative to epsilon, in the evidence for a no.
 WIDEST = 20.0
 
-# Flights of a count in two steps, at most, over those of a count in one.
+# Maximum flights of a two-step count, relative to a count in one step.
 LONGER = 1.15
 
-# A count that may end at any number of flights is looked at each time after so many.
+# An any-time count is checked after each of this number of flights.
 LOOK = 12
 
-# Largest chance of missing a forgery among flights that are flown again by default.
+# Default chance that repeated flights miss a forgery.
 MISSED = 0.05
 
 
 def chance(outside: Floats, flights: int, epsilon: Floats, early: int = 0) -> FloatArray:
-    """Chance that at most so many of `flights` are outside, if each is so with `epsilon`.
+    """Chance that at most `outside` of `flights` are outside, each with probability `epsilon`.
 
     With `early` it is the chance that none of the first `early` flights, or at most `outside` of
-    all, are outside. A count that ends at either of both numbers is wrong with at most this chance,
-    whatever decides where it ends.
+    all, are outside. A count that may end at either number is wrong with at most this chance, for
+    any rule of ending.
     """
     if not early:
         return bdtr(outside, flights, epsilon)
@@ -49,9 +49,10 @@ def chance(outside: Floats, flights: int, epsilon: Floats, early: int = 0) -> Fl
 def allowed_outside(flights: int, epsilon: float, confidence: float, early: int = 0) -> int:
     """Largest number r of independent flights that may lie outside; -1 if `flights` are too few.
 
-    Bounds that a flight leaves with probability above `epsilon` are left by at most r of `flights`
-    with probability ``P(Bin(flights, epsilon) <= r) <= 1 - confidence``. If the count could end
-    after `early` flights, that is the `chance` of both ends, and none may be outside at the first.
+    If a flight leaves the bounds with probability above `epsilon`, then at most r of `flights`
+    leave them with probability ``P(Bin(flights, epsilon) <= r) <= 1 - confidence``. If the count
+    could end after `early` flights, this is the `chance` of both ends, and none may be outside at
+    the first end.
     """
     check_between(0.0, 1.0, epsilon=epsilon, confidence=confidence)
     numbers = range(1 if flights == early else math.ceil(epsilon * flights) + 1)
@@ -60,7 +61,7 @@ def allowed_outside(flights: int, epsilon: float, confidence: float, early: int 
 
 
 def supported_epsilon(outside: int, flights: int, confidence: float, early: int = 0) -> float:
-    """Smallest epsilon that so many `outside` support: the bound of Clopper and Pearson."""
+    """Smallest epsilon that `outside` supports: the bound of Clopper and Pearson."""
     if outside == flights:
         return 1.0
     if not early:
@@ -69,7 +70,7 @@ def supported_epsilon(outside: int, flights: int, confidence: float, early: int 
 
 
 def flights_needed(epsilon: float, confidence: float, outside: int = 0, early: int = 0) -> int:
-    """Fewest flights of which `outside` may lie outside, see `allowed_outside`."""
+    """Smallest number of flights of which `outside` may lie outside, see `allowed_outside`."""
     allowed = partial(allowed_outside, epsilon=epsilon, confidence=confidence, early=early)
     least = max(early, outside) + 1
     most = least
@@ -79,10 +80,10 @@ def flights_needed(epsilon: float, confidence: float, outside: int = 0, early: i
 
 
 def flights_in_two_steps(epsilon: float, confidence: float) -> tuple[int, int]:
-    """Flights after which a count ends if none is outside, and those of which one may be.
+    """The two sample sizes of a two-step count: the first allows no flight outside, the second one.
 
     The first number is the smallest for which the second is at most `LONGER` times the flights of a
-    count in one step. Where one of 1000 flights is outside, both say yes about as often.
+    count in one step. If one of 1000 flights is outside, both counts say yes about equally often.
     """
     most = int(LONGER * flights_needed(epsilon, confidence, 1))
     first = range(flights_needed(epsilon, confidence), most)
@@ -91,7 +92,7 @@ def flights_in_two_steps(epsilon: float, confidence: float) -> tuple[int, int]:
 
 
 def fresh_flights(flights: int | None, epsilon: float, confidence: float) -> int:
-    """Number of flights to count, by default the fewest of which `OUTSIDE` may lie outside."""
+    """Number of flights to count, by default the smallest that allows `OUTSIDE` flights outside."""
     if flights is None:
         return flights_needed(epsilon, confidence, OUTSIDE)
     if allowed_outside(flights, epsilon, confidence) < 0:
@@ -105,12 +106,12 @@ def fresh_flights(flights: int | None, epsilon: float, confidence: float) -> int
 def counted_scale(
     scores: FloatArray, epsilon: float, confidence: float, early: int = 0
 ) -> tuple[float, int]:
-    """Scale that a new score exceeds with probability at most `epsilon`, and how many exceed it.
+    """Scale that a new score exceeds with probability at most `epsilon`, and number of excesses.
 
-    `scores`, shape (N,): of independent flights that played no part in how they are scored; a
-    flight that was not completed has an infinite one. The scale is the (r + 1)-th largest score,
-    with r of `allowed_outside`: it is infinite if more than r flights were not completed. Raises
-    InputError if there are too few scores.
+    `scores`, shape (N,): scores of independent flights that did not affect the scoring; infinite
+    for a flight that was not completed. The scale is the (r + 1)-th largest score, with r from
+    `allowed_outside`; it is infinite if more than r flights were not completed. Raises InputError
+    if there are too few scores.
     """
     flights = fresh_flights(len(scores), epsilon, confidence)
     if (r := allowed_outside(flights, epsilon, confidence, early)) < 0:
@@ -122,16 +123,17 @@ def counted_scale(
 def log_evidence(
     outside: Floats, flights: Floats, epsilon: Floats
 ) -> tuple[FloatArray, FloatArray]:
-    """Evidence that a probability is below, and that it is above, `epsilon`, at any time.
+    """Any-time evidence that a probability is below `epsilon`, and that it is above.
 
     Returns, shape (...), the natural logarithms of two mixtures of likelihood ratios against
-    `epsilon`: of probabilities below it, half of the weight on 0 and half uniform, and of uniform
-    ones from it to 20 times as much, at most 1. With ``k`` of ``n`` independent flights outside, a
-    mixture over ``q`` is the integral of ``(q / epsilon)^k ((1 - q) / (1 - epsilon))^(n - k)``.
-    Where the probability is at least `epsilon`, ``below`` is a supermartingale (``above`` where it
-    is at most `epsilon`), and exceeds 1/alpha at any of all times with a probability of at most
-    alpha: Ville's inequality, eq. (2) of S. R. Howard, A. Ramdas, J. McAuliffe and J. Sekhon,
-    "Time-uniform Chernoff bounds via nonnegative supermartingales", Probability Surveys 17 (2020).
+    `epsilon`. The first covers probabilities below it, with half of the weight on 0 and half
+    uniform; the second is uniform from `epsilon` to 20 times `epsilon`, at most 1. With ``k`` of
+    ``n`` independent flights outside, a mixture over ``q`` is the integral of ``(q / epsilon)^k ((1
+    - q) / (1 - epsilon))^(n - k)``. If the probability is at least `epsilon`, ``below`` is a
+    supermartingale (``above`` if it is at most `epsilon`), and it ever exceeds 1/alpha with a
+    probability of at most alpha: Ville's inequality, eq. (2) of S. R. Howard, A. Ramdas, J.
+    McAuliffe and J. Sekhon, "Time-uniform Chernoff bounds via nonnegative supermartingales",
+    Probability Surveys 17 (2020).
     """
     k, n = np.asarray(outside, dtype=float), np.asarray(flights, dtype=float)
     epsilon, top = np.asarray(epsilon), np.minimum(1.0, WIDEST * np.asarray(epsilon))
@@ -147,8 +149,8 @@ def log_evidence(
 def sure(outside: int, flights: int, epsilon: float, confidence: float) -> Literal["yes", "no", ""]:
     """Whether flights are outside with a probability of at most `epsilon`; empty if it is not sure.
 
-    It may be asked after every flight: over all times each answer is false with a probability of at
-    most half of ``1 - confidence`` (`log_evidence`).
+    It may be called after every flight: over all times each answer is false with a probability of
+    at most half of ``1 - confidence`` (`log_evidence`).
     """
     check_between(0.0, 1.0, epsilon=epsilon, confidence=confidence)
     below, above = (
@@ -159,9 +161,9 @@ def sure(outside: int, flights: int, epsilon: float, confidence: float) -> Liter
 
 
 def looks(draws: int) -> list[int]:
-    """Numbers of draws, the last one `draws`, after which it is asked whether an answer is sure.
+    """Numbers of draws, ending with `draws`, after which the answer is checked.
 
-    Workers wait for the last flight before each, so that later ones are an eighth apart.
+    Workers wait for the last flight before each check, so later checks are an eighth apart.
     """
     numbers = [LOOK]
     while numbers[-1] < draws:
@@ -170,10 +172,10 @@ def looks(draws: int) -> list[int]:
 
 
 def flights_again(epsilon: float) -> int:
-    """Flights to fly again so that as many forged ones as double epsilon are missed by `MISSED`."""
+    """Number of flights to repeat, so that forgeries that double epsilon are missed by `MISSED`."""
     return math.ceil(math.log(MISSED) / math.log1p(-epsilon))
 
 
 def chance_missed(forged: int, flights: int, again: int) -> float:
-    """Chance that `again` of `flights`, chosen at random, have none of those `forged`."""
+    """Chance that `again` of `flights`, chosen at random, include none of the `forged`."""
     return math.prod(max(flights - forged - i, 0) / (flights - i) for i in range(again))

@@ -1,4 +1,4 @@
-"""Statistics of a campaign: results of each group, and what matters, as numbers."""
+"""Statistics of a campaign: results of each group, and influences of the parameters."""
 
 import math
 from collections.abc import Iterator, Mapping
@@ -34,7 +34,7 @@ from flighttune.campaigns.statistics.intervals import (
 from flighttune.flight.flown import bound_checks, bounded_loop
 from flighttune.flight.requirement_keys import in_rad
 
-# Columns that may be null, which then are empty.
+# Columns in which null becomes an empty text.
 TEXTS = ("reason", "missed")
 
 SUCCESS = "success"
@@ -44,45 +44,45 @@ PERCENTILES = {"p05": 0.05, "p50": 0.5, "p95": 0.95}
 # Smallest number of flights on a convergence curve, and the maximum number of its points.
 FIRST_PREFIX, POINTS = 10, 25
 
-# Classes of the most important parameter for which a success rate is given.
+# Maximum number of classes of the most influential parameter with a success rate.
 SPLIT_INTO = 5
 
-# Worst flights that are listed of a group.
+# Number of worst flights in the list of a group.
 WORST = 5
 
-# Answers about the share of flights that succeed, by label of group; empty if it is not sure.
+# Answers about the share of successful flights, by label of group; empty if not sure.
 Answers: TypeAlias = dict[str, Literal["yes", "no", ""]]
 
 # A statistic and its p-value, both NaN if it is undefined.
 Test: TypeAlias = tuple[float, float]
 
-# Sentences of an answer about the share of flights that succeed.
+# Sentences for an answer about the share of successful flights.
 ANSWERS = {
     "yes": "At least {share} of the flights of {groups} succeed.",
     "no": "Fewer than {share} of the flights of {groups} succeed.",
     "": "It is not sure whether at least {share} of the flights of {groups} succeed.",
 }
 
-# Classes of equal size that a number with many values is cut into.
+# Number of equal classes of a number with many values.
 CLASSES = 10
 
-# Flights in a class on average: the test by ranks needs them.
+# Minimum average of flights per class, which the rank test needs.
 MIN_IN_CLASS = 5
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Findings:
-    """Rows of a campaign, finished or not, with the plan that made them, and their statistics."""
+    """Rows of a campaign, finished or not, with their plan and statistics."""
 
-    url: str  # folder of the campaign, as it was named by the caller
+    url: str  # folder of the campaign, as the caller named it
     plan: Plan
-    rows: pd.DataFrame  # a row for each run that was flown, in order of run
-    versions: Mapping[str, str]  # of the libraries that shaped the rows
-    method: Method = "wilson"  # interval of shares
-    confidence: float = CONFIDENCE  # 1; of all intervals
+    rows: pd.DataFrame  # a row for each flown run, in order of run
+    versions: Mapping[str, str]  # versions of the libraries that affected the rows
+    method: Method = "wilson"  # method for intervals of shares
+    confidence: float = CONFIDENCE  # 1: confidence of all intervals
 
     def by(self, method: Method | None, confidence: float = CONFIDENCE) -> "Findings":
-        """The same with all intervals by one method, by default the one of the campaign."""
+        """The same with all intervals by one method, by default the campaign's method."""
         rows, design = self.rows, self.plan.campaign.design
         until_sure = self.plan.campaign.until_sure is not None
         method = method or ("any-time" if until_sure else "wilson")
@@ -92,7 +92,8 @@ class Findings:
         if method == "any-time":
             if design != "random" or self.plan.cycle > 1:
                 raise InputError(f"`interval` any-time must be with {INDEPENDENT}, got {design}.")
-            # A stop leaves rows behind runs that had not ended, and how a run ends decides when.
+            # A stop leaves rows after unfinished runs, and the outcome of a run affects when it
+            # finishes.
             rows = rows[rows["run"].to_numpy() == np.arange(len(rows))]
             if rows.empty:
                 raise InputError(f"{self.url}: `interval` any-time must be with run 0, got none.")
@@ -100,13 +101,13 @@ class Findings:
 
     @cached_property
     def measures(self) -> tuple[str, ...]:
-        """Measures that at least one flight has."""
+        """Measures with a value for at least one flight."""
         recorded = [name for name in MEASURES if name in self.rows]
         return tuple(name for name in recorded if self.rows[name].notna().to_numpy().any())
 
     @property
     def measure(self) -> str | None:
-        """The measure that orders and compares flights; None where no flight has any."""
+        """The measure that orders and compares flights; None if no flight has a measure."""
         worst_by = self.plan.campaign.keep.worst_by
         return worst_by if worst_by in self.measures else next(iter(self.measures), None)
 
@@ -115,19 +116,19 @@ class Findings:
         return rows["draw"].to_numpy() // self.plan.cycle
 
     def successes(self, rows: pd.DataFrame) -> Estimate:
-        """Share of flights that succeed."""
-        # Points of a Latin hypercube or Sobol sequence are taken as if they were independent: their
-        # intervals are wider than they need be.
+        """Share of successful flights."""
+        # Points of a Latin hypercube or Sobol sequence count as independent, so their intervals are
+        # wider than necessary.
         flags, method = rows[SUCCESS].to_numpy(dtype=bool), self.method
         return share(flags, self.clusters(rows), method=method, confidence=self.confidence)
 
     def percentile(self, rows: pd.DataFrame, measure: str, q: float) -> Estimate:
-        """Quantile of a measure of flights that have it."""
+        """Quantile of a measure over the flights that have it."""
         values = rows[measure].to_numpy(dtype=float)
         return percentile(values, q, self.clusters(rows), confidence=self.confidence)
 
     def groups(self) -> Iterator[tuple[Group, pd.DataFrame]]:
-        """Rows of every group that has some, in the order of the plan."""
+        """Rows of every group with rows, in the order of the plan."""
         plant, gains = (self.rows[name].to_numpy(dtype=object) for name in ("plant", "gains"))
         for group in self.plan.groups:
             rows = self.rows.loc[(plant == group.plant) & (gains == group.gains)]
@@ -155,7 +156,7 @@ class Findings:
         }
 
     def _summary(self, group: Group, rows: pd.DataFrame) -> dict[str, Any]:
-        """Counts, rates and metrics of the flights of a group, and what matters for them."""
+        """Counts, rates and metrics of the flights of a group, and influences on them."""
         completed, drawn = _completed(rows), rows[[*self.plan.keys]]
         rate = self.successes(rows)
         failed = completed.loc[~completed[SUCCESS].to_numpy(dtype=bool), ["run", "missed"]]
@@ -197,7 +198,7 @@ class Findings:
         return spread
 
     def _worst(self, completed: pd.DataFrame, measure: str) -> list[dict[str, Any]]:
-        """The worst completed flights, with all that was drawn."""
+        """The worst completed flights, with all drawn values."""
         measured = completed.dropna(subset=measure)
         worst = measured.sort_values([measure, "run"], ascending=[False, True]).head(WORST)
         return [
@@ -207,7 +208,7 @@ class Findings:
         ]
 
     def _requirements(self) -> list[dict[str, Any]]:
-        """Bounds of success in the units of the columns, the one most missed or nearest first."""
+        """Bounds of success in the units of the columns, ordered by misses, then by distance."""
         completed, stated = _completed(self.rows), []
         groups = list(zip(completed["plant"], completed["gains"], strict=True))
         for table in self.plan.scenario.expect:
@@ -217,7 +218,7 @@ class Findings:
             for check in bound_checks([table], {}):
                 measure = f"{check.subject}.{in_rad(check.measure)}"
                 bound = check.bound * (DEG if check.measure.endswith("_deg") else 1.0)
-                if check.subject == "loop":  # of the undispersed loop: no flight has a column of it
+                if check.subject == "loop":  # a measure of the undispersed loop has no column
                     key = in_rad(check.measure)
                     of_gains = {name: loop["loop"].get(key) for name, loop in loops.items() if loop}
                     values = rows["gains"].map(of_gains).to_numpy(dtype=float)
@@ -241,7 +242,7 @@ class Findings:
 
     @cached_property
     def splits(self) -> list[dict[str, Any]]:
-        """Success rate over classes of the most influential parameter, for groups that have one."""
+        """Success rate over classes of the most influential parameter, for groups with any."""
         splits = []
         for (group, rows), values in zip(self.groups(), self.values["groups"], strict=True):
             ranks = values["sensitivity"][SUCCESS]["ranks"]
@@ -259,7 +260,7 @@ class Findings:
             "group": group.label,
             "parameter": parameter,
             "labels": _ranges(values) if numeric else [str(of_class[0]) for of_class in values],
-            # median of the parameter in each class; the position of a class that is no number
+            # median of the parameter in each class; for categories, the position of the class
             "centres": [
                 float(np.median(of_class.astype(float))) if numeric else float(place)
                 for place, of_class in enumerate(values)
@@ -274,7 +275,7 @@ class Findings:
         if measure is None:
             return []
         for group, rows in self.groups():
-            # from 10, or a quarter of the flights if less, evenly spaced in their logarithm
+            # from 10, or a quarter of the flights if that is less, evenly spaced in the logarithm
             first = max(1, min(FIRST_PREFIX, len(rows) // 4))
             counts = np.unique(np.geomspace(first, len(rows), POINTS).round().astype(int))
             places = np.flatnonzero((rows["status"] == "completed") & rows[measure].notna())
@@ -289,7 +290,7 @@ class Findings:
 
 
 def load_findings(url: str | Path) -> Findings:
-    """Read the rows that a campaign has written so far."""
+    """Read the existing rows of a campaign."""
     dataset = open_dataset(url)
     rows = dataset.rows().to_pandas()
     return findings_of(rows, dataset.plan, url=str(dataset.folder), versions=dataset.versions)
@@ -298,7 +299,7 @@ def load_findings(url: str | Path) -> Findings:
 def findings_of(
     rows: pd.DataFrame, plan: Plan, *, url: str = "", versions: Mapping[str, str] | None = None
 ) -> Findings:
-    """Put rows, in order of run, and their plan together."""
+    """Findings from rows, in order of run, and their plan."""
     rows = rows.reset_index(drop=True)
     texts = {name: rows[name].fillna("").astype(str) for name in TEXTS}
     numbers = {
@@ -310,9 +311,9 @@ def findings_of(
 
 
 def answers(rows: pd.DataFrame, plan: Plan, confidence: float = CONFIDENCE) -> Answers:
-    """Whether the share asked for succeeds in each group, empty if it is not sure.
+    """Whether the required share succeeds in each group, empty if it is not sure.
 
-    `rows` have plant, gains and success of the first runs. There is no answer without a question.
+    `rows` have plant, gains and success of the first runs. Empty without a required share.
     """
     if (wanted := plan.campaign.until_sure) is None:
         return {}
@@ -324,7 +325,7 @@ def answers(rows: pd.DataFrame, plan: Plan, confidence: float = CONFIDENCE) -> A
 
 
 def answer_words(answers: Mapping[str, str], wanted: float | None) -> str:
-    """The answers about a share in sentences, one for all groups that have the same."""
+    """The answers about a share, one sentence for all groups with the same answer."""
     return " ".join(
         text.format(share=f"{100.0 * (wanted or 0.0):.10g} %", groups=listed(groups))
         for kind, text in ANSWERS.items()
@@ -337,7 +338,7 @@ def _completed(rows: pd.DataFrame) -> pd.DataFrame:
 
 
 def values_of(rows: pd.DataFrame, name: str) -> FloatArray:
-    """Success as 0 and 1, or a measure: NaN where the flight was not completed."""
+    """Success as 0 and 1, or a measure; NaN if the flight was not completed."""
     if name == SUCCESS:
         return rows[SUCCESS].to_numpy(dtype=float)
     values = scores(rows, name)
@@ -345,7 +346,7 @@ def values_of(rows: pd.DataFrame, name: str) -> FloatArray:
 
 
 def _ranges(values: list[np.ndarray]) -> list[str]:
-    """Ranges of neighbouring classes, each ending where the next begins."""
+    """Ranges of adjacent classes without gaps."""
     if all(of_class.min() == of_class.max() for of_class in values):
         return [f"{of_class[0]:.4g}" for of_class in values]
     edges = [values[0].min(), *(0.5 * (a.max() + b.min()) for a, b in pairwise(values))]
@@ -354,27 +355,27 @@ def _ranges(values: list[np.ndarray]) -> list[str]:
 
 
 def is_number(column: pd.Series) -> bool:
-    """Whether the values of a parameter have an order that correlation can use."""
+    """Whether the values of a parameter are ordered, as a correlation requires."""
     return pd.api.types.is_numeric_dtype(column) and not pd.api.types.is_bool_dtype(column)
 
 
 def influences(
     parameters: pd.DataFrame, measure: npt.ArrayLike, *, confidence: float = CONFIDENCE
 ) -> list[dict[str, Any]]:
-    """Influence of every parameter on a measure, the strongest first.
+    """Influence of every parameter on a measure, strongest first.
 
     A record has the `parameter`; the number `n` of flights; Spearman's rank correlation `rho` from
-    `lo` to `hi`, NaN where the parameter is no number; `partial`, the same with the ranks of all
-    other parameters fixed, NaN if they are collinear; `share` of the variance of the measure's
-    ranks explained, 0 by chance; `p_rho` and `p_share`, corrected probabilities of such values
-    without any influence; and whether it is `apart`: chance is refused as the explanation of one of
-    them. Flights without a value of the measure or a parameter are left out, and so are parameters
-    that do not vary; infinite values count by their rank. There are none of fewer than 10 flights.
+    `lo` to `hi`, NaN if the parameter is not a number; `partial`, the same with the ranks of all
+    other parameters fixed, NaN if they are collinear; the explained `share` of the variance of the
+    measure's ranks, 0 by chance; `p_rho` and `p_share`, corrected probabilities of such values
+    without any influence; and whether it is `apart`: at least one of the two is significant.
+    Flights without a value of the measure or a parameter are left out, and so are constant
+    parameters; infinite values count by their rank. Fewer than 10 flights give no records.
 
-    The interval of `rho` is that of [1]_. `share` is epsilon squared of the Kruskal-Wallis test
-    [2]_ over the values of the parameter, or over ten classes of equal size where it has more than
-    ten, less what chance explains: ``(H - k + 1) / (n - k)`` for k classes. P-values are corrected
-    together by Holm's method [3]_.
+    The interval of `rho` follows [1]_. `share` is epsilon squared of the Kruskal-Wallis test [2]_
+    over the values of the parameter, or over ten classes of equal size if it has more than ten. The
+    part explained by chance is subtracted: ``(H - k + 1) / (n - k)`` for k classes. P-values are
+    corrected together by Holm's method [3]_.
 
     .. [1] D. G. Bonett, T. A. Wright, "Sample size requirements for estimating Pearson, Kendall and
        Spearman correlations", Psychometrika 65 (2000) 23-28.
@@ -390,7 +391,7 @@ def influences(
     ranks = rankdata(values[kept])
     table, n = parameters[kept], len(ranks)
     table = table.loc[:, table.nunique() > 1]
-    # fewer flights than 10 tell no ranks
+    # too few flights for ranks
     if n < 10 or ranks.min() == ranks.max() or table.empty:
         return []
     columns = [column for _, column in table.items()]
@@ -418,13 +419,13 @@ def influences(
 def strength(influence: Mapping[str, Any]) -> float:
     """The larger of `share` and the square of `rho`, to nine digits; it orders influences."""
     strengths = [influence["share"], influence["rho"] ** 2]
-    # Two parameters that are drawn together have the same share but for rounding, and then stay in
-    # the order of the campaign.
+    # Two parameters that are drawn together have equal shares up to rounding, and keep the order of
+    # the campaign.
     return round(max((each for each in strengths if math.isfinite(each)), default=0.0), 9)
 
 
 def holm(p: npt.ArrayLike) -> FloatArray:
-    """P-values corrected together; those that are NaN take no part and become 1."""
+    """P-values corrected together; NaN values are ignored and become 1."""
     values = np.asarray(p, dtype=float)
     tests = np.flatnonzero(~np.isnan(values))
     order = tests[np.argsort(values[tests], kind="stable")]
@@ -435,7 +436,7 @@ def holm(p: npt.ArrayLike) -> FloatArray:
 
 
 def classes_of(column: pd.Series, most: int = CLASSES) -> npt.NDArray[np.intp]:
-    """Class of each flight by its value of a parameter, from 0 on, rising with a number."""
+    """Class of each flight by its value of a parameter, from 0 on, in rising order of numbers."""
     from scipy.stats import rankdata
 
     codes, distinct = pd.factorize(column, sort=True)
@@ -456,7 +457,7 @@ def _spearman(column: pd.Series, ranks: FloatArray) -> Test:
 
 
 def _share(column: pd.Series, ranks: FloatArray) -> Test:
-    """Epsilon squared less what chance explains, and the p-value of Kruskal and Wallis."""
+    """Epsilon squared less the part explained by chance, and the p-value of Kruskal-Wallis."""
     from scipy.stats import kruskal
 
     codes = classes_of(column)
@@ -475,7 +476,7 @@ def _partial(table: pd.DataFrame, ranks: FloatArray) -> FloatArray:
     columns = columns.rank()
     correlations = np.corrcoef(columns.to_numpy().T, ranks)
     partials = np.full(len(numeric), np.nan)
-    # collinear ranks tell no partial correlations
+    # collinear ranks have no partial correlations
     if len(ranks) > columns.shape[1] + 2 and np.linalg.cond(correlations) < 1e10:
         inverse = np.linalg.inv(correlations)
         scale = np.sqrt(np.diag(inverse))
@@ -487,5 +488,5 @@ def _interval(rho: FloatArray, n: int, confidence: float) -> tuple[FloatArray, F
     """Intervals of rank correlations, by the normal distribution of their area tangents."""
     half = ndtri(0.5 + 0.5 * confidence) * np.sqrt((1.0 + 0.5 * rho**2) / (n - 3))
     with np.errstate(divide="ignore"):
-        middle = np.arctanh(rho)  # infinite where |rho| = 1, which then is both ends
+        middle = np.arctanh(rho)  # infinite if |rho| = 1, which then is both ends
     return np.tanh(middle - half), np.tanh(middle + half)

@@ -1,7 +1,7 @@
 """Shares and percentiles with their intervals, and gain sets compared on the same draws.
 
-SciPy's intervals of a proportion take whole counts; those of draws that belong together are
-effective ones, which are not whole.
+SciPy's intervals of a proportion need whole counts. Clustered draws have effective counts, which
+are not whole.
 """
 
 import math
@@ -23,7 +23,7 @@ CONFIDENCE = 0.95
 # Halvings of the range of a probability, down to rounding.
 BISECTIONS = 50
 
-# Relative difference up to which two values of a measure are the same.
+# Values of a measure within this relative difference count as equal.
 TIED = 1e-9
 
 
@@ -36,15 +36,15 @@ def rate_interval(
 ) -> tuple[FloatArray, FloatArray]:
     """Interval of the probability behind a count of successes; 0 to 1 without trials.
 
-    Trials are independent; `successes` and `n`, shape (...), are not whole where they are effective
-    numbers. Wilson's score interval is
-    ``(p + z^2/2n ± z sqrt(p (1-p)/n + z^2/4n^2)) / (1 + z^2/n)`` with ``p = successes / n`` and
-    ``z`` the normal quantile of ``(1 + confidence) / 2``: E. B. Wilson, "Probable inference, the
-    law of succession, and statistical inference", J. Am. Stat. Assoc. 22 (1927) 209-212. That of
-    Clopper and Pearson, by quantiles of beta distributions, never covers less often than it claims:
-    "The use of confidence or fiducial limits illustrated in the case of the binomial", Biometrika
-    26 (1934) 404-413. The any-time one does not even if earlier trials decide whether there is
-    another: it holds the probabilities that the evidence of `log_evidence` does not refuse.
+    Trials are independent; `successes` and `n`, shape (...), may be effective numbers, which are
+    not whole. Wilson's score interval is ``(p + z^2/2n ± z sqrt(p (1-p)/n + z^2/4n^2)) / (1 +
+    z^2/n)`` with ``p = successes / n`` and ``z`` the normal quantile of ``(1 + confidence) / 2``:
+    E. B. Wilson, "Probable inference, the law of succession, and statistical inference", J. Am.
+    Stat. Assoc. 22 (1927) 209-212. The interval of Clopper and Pearson, by quantiles of beta
+    distributions, never covers less often than it claims: "The use of confidence or fiducial limits
+    illustrated in the case of the binomial", Biometrika 26 (1934) 404-413. The any-time interval
+    keeps this property even if earlier trials decide whether another follows: it contains the
+    probabilities that `log_evidence` does not reject.
     """
     k, trials = np.broadcast_arrays(np.asarray(successes, dtype=float), np.asarray(n, dtype=float))
     check_between(0.0, 1.0, confidence=confidence)
@@ -64,9 +64,9 @@ def rate_interval(
 
 
 def _not_refused(k: FloatArray, n: FloatArray, tail: float) -> tuple[FloatArray, FloatArray]:
-    """Ends of the probabilities of success that neither evidence of failures refuses."""
+    """Range of the probabilities of success that neither evidence about failures rejects."""
     ends = []
-    for side in (0, 1):  # evidence that failures are rarer, and that they are more frequent
+    for side in (0, 1):  # evidence for rarer, then for more frequent failures
         low, high = np.zeros(k.shape), np.ones(k.shape)
         for _ in range(BISECTIONS):
             middle = 0.5 * (low + high)
@@ -84,13 +84,13 @@ def quantile_interval(
     *,
     effective: float | None = None,
 ) -> tuple[float, float]:
-    """Interval of a quantile of `values` (no NaN) by order statistics, whatever the distribution.
+    """Interval of a quantile of `values` (no NaN) by order statistics, for any distribution.
 
     The number of values below the quantile is binomial: ``lo`` is the largest order statistic that
     is above the quantile with a probability of at most ``(1 - confidence) / 2``, ``hi`` the
-    smallest that is below it; infinite where there are too few values to bound that side. The
-    interval therefore covers at least as often as it says. `effective`: number of independent
-    values with as much information (`effective_size`), by default all.
+    smallest that is below it; a side with too few values is infinite. The interval therefore covers
+    at least as often as it claims. `effective`: the effective number of values (`effective_size`),
+    by default all.
     """
     check_between(0.0, 1.0, q=q, confidence=confidence)
     tail = 0.5 - 0.5 * confidence
@@ -110,11 +110,11 @@ def quantile_interval(
 def effective_size(values: npt.ArrayLike, clusters: npt.ArrayLike) -> float:
     """Effective sample size of clustered values, finite or booleans, of independent clusters.
 
-    n over the design effect of L. Kish, *Survey Sampling*, Wiley 1965, sections 6.4 and 8.2: the
-    variance of the mean as a ratio of totals over clusters, over that of n independent values. It
-    is n where every cluster holds one value or there is only one cluster, and the number of
-    clusters where no value differs. c clusters of one size whose members are all alike count
-    as c - 1.
+    n divided by the design effect of L. Kish, *Survey Sampling*, Wiley 1965, sections 6.4 and 8.2.
+    The design effect is the variance of the mean, as a ratio of totals over clusters, relative to n
+    independent values. The size is n if every cluster has one value or there is only one cluster,
+    and the number of clusters if all values are equal. c clusters of equal size, each with equal
+    members, count as c - 1.
     """
     x = np.asarray(values, dtype=float)
     place = np.unique(np.asarray(clusters), return_inverse=True)[1]
@@ -130,12 +130,12 @@ def effective_size(values: npt.ArrayLike, clusters: npt.ArrayLike) -> float:
 
 
 class Estimate(NamedTuple):
-    """A number with its interval; all NaN where there is no value."""
+    """A number with its interval; all NaN without a value."""
 
     value: float
     lo: float
     hi: float
-    n: int  # number of flights behind it
+    n: int  # number of flights
 
 
 def share(
@@ -162,8 +162,8 @@ def percentile(
     if not len(values):
         return Estimate(value=np.nan, lo=np.nan, hi=np.nan, n=0)
     value = float(np.quantile(values, q))
-    # Flights from one start have the same largest error, but for the last bits: which of them lie
-    # below it by a bit or two must not decide how wide an interval is.
+    # Flights from one start have the same largest error up to the last bits, and these bits must
+    # not decide the width of an interval.
     size = effective_size(values <= value + TIED * abs(value), clusters)
     lo, hi = quantile_interval(values, q, confidence, effective=size)
     return Estimate(value=value, lo=lo, hi=hi, n=len(values))
@@ -184,11 +184,11 @@ def paired(
             ok_a, ok_b = (both["success", name].to_numpy(dtype=bool) for name in (a, b))
             wins_a, wins_b = int(np.sum(x < y)), int(np.sum(y < x))
             lo, hi = rate_interval(wins_a, wins_a + wins_b, confidence)
-            # Two lost flights are tied: infinite less infinite would be no number.
+            # Two lost flights are tied: infinity minus infinity would be NaN.
             apart = np.subtract(x, y, out=np.zeros(len(x)), where=x != y)
             median_lo, median_hi = quantile_interval(apart, 0.5, confidence)
             only_a, only_b = int(np.sum(ok_a & ~ok_b)), int(np.sum(ok_b & ~ok_a))
-            # exact McNemar test: both sides of the binomial distribution
+            # exact two-sided McNemar test
             p = 2.0 * float(bdtr(min(only_a, only_b), only_a + only_b, 0.5))
             won = wins_a / (wins_a + wins_b) if wins_a + wins_b else 0.5
             # an order statistic: infinite values need no mean
@@ -203,6 +203,6 @@ def paired(
 
 
 def scores(rows: pd.DataFrame, measure: str) -> FloatArray:
-    """The measure of every flight, infinite where it was not completed or has no value."""
+    """The measure of every flight, infinite if it was not completed or has no value."""
     values = rows[measure].to_numpy(dtype=float)
     return np.where((rows["status"] == "completed").to_numpy() & ~np.isnan(values), values, np.inf)
