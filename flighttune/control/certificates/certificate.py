@@ -17,6 +17,7 @@ from flighttune.base.arrays import FloatArray, check_positive, set_read_only
 from flighttune.base.errors import InputError
 from flighttune.base.files.table import STRICT, read, write
 from flighttune.base.words import listed, pick, quoted
+from flighttune.control.certificates.estimates import estimate_gains, gains_checks
 from flighttune.control.certificates.exact_rate import SAME_MODEL, ExactRate, lag_units
 from flighttune.control.certificates.lag_box import NOT_ENCLOSED, LagBox, boxes_checks
 from flighttune.control.gains import ERRORS_WITH_AIRSPEED, PIGains
@@ -136,6 +137,10 @@ class Certificate(Answering):
     boxes : tuple of LagBox
         Rates of each channel for ranges of its lag and delay; empty if not requested, and in files
         of version 0.3.0.
+    peak_gains : ndarray, shape (p, p), or None
+        Largest true error (rows) for an error of the estimate of 1 (columns), in the units of the
+        errors, at the trim and without a disturbance; None if not requested, and in files of
+        version 0.4.0.
     assumed : tuple of str
         Assumptions of the identified model, one sentence each: a note of its maker.
 
@@ -159,6 +164,7 @@ class Certificate(Answering):
     files: Mapping[str, str] = field(default_factory=dict)
     exact_rates: tuple[ExactRate, ...] = ()
     boxes: tuple[LagBox, ...] = ()
+    peak_gains: FloatArray | None = None
     assumed: tuple[str, ...] = ()
 
     kind: ClassVar[Literal["proven"]] = "proven"
@@ -172,6 +178,7 @@ class Certificate(Answering):
         "claim.radius": "norm of s: states' units per second and errors' units (rad/s and rad)",
         "claim.L_d": "norm of the disturbance's derivative: states' units per second^2",
         "claim.conditions": "V_a and gamma of each of `models`",
+        "peak_gains": "largest true error of each row for an error of 1 of each column's estimate",
         "hull": "ranges of a, b1, b2, b3 of the chi/gamma law's Jacobians, over those of `factor`",
     }
 
@@ -187,7 +194,7 @@ class Certificate(Answering):
                     f"got {', '.join(names)}."
                 )
         n, _, p = model.shape
-        set_read_only(self, Q=(n + p, n + p), W=(n + p, n + p))
+        set_read_only(self, Q=(n + p, n + p), W=(n + p, n + p), peak_gains=(p, p))
         if len({x is None for x in (claim.radius, self.W, self.multiplier)}) > 1:
             raise InputError("`radius`, `W` and `multiplier` must be given together.")
         if self.multiplier is not None and not math.isfinite(self.multiplier):
@@ -336,6 +343,11 @@ class Certificate(Answering):
             checks += proven.checks(model, self.gains)
         if self.boxes:
             checks += boxes_checks(self.boxes, (model, *self.models), self.gains)
+        if self.peak_gains is not None and all(check.exact for check in checks):
+            # The rate, which is proven above, bounds what the enclosure leaves out.
+            trim = vertex_matrices(model, self.gains, None)[0]
+            computed = estimate_gains(trim, model, self.gains, self.Q, rate=claim.rate)
+            checks += gains_checks(model.errors, self.peak_gains, computed)
         return rational.Verification.of(checks)
 
 

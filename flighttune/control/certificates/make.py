@@ -15,6 +15,7 @@ from flighttune.base.errors import InputError
 from flighttune.base.words import pick
 from flighttune.control.certificates import exact_rate, lag_box
 from flighttune.control.certificates.certificate import Certificate, Claim, vertex_matrices
+from flighttune.control.certificates.estimates import ROOM, estimate_gains
 from flighttune.control.gains import PIGains
 from flighttune.control.linear_model import (
     Envelope,
@@ -125,6 +126,7 @@ def certify_model(
     scenario_sha256: str | None = None,
     rates: Sequence[exact_rate.ExactRate] = (),
     boxes: Sequence[lag_box.LagBox] = (),
+    estimates: bool = False,
 ) -> Certification:
     """Certify the rate of gains, and the ultimate radius for a disturbance bound.
 
@@ -132,7 +134,8 @@ def certify_model(
     computed values to leave room for the proof. `model` is the model at the trim; an `envelope` of
     the chi/gamma law contains it, and needs `g`. `L_d` (unit of x' per second) bounds the norm of
     the disturbance's derivative. The claim also holds at `conditions`, each (V_a, gamma) with a
-    model, and for every mixture of their loops. `rates` and `boxes` go into the certificate.
+    model, and for every mixture of their loops. `rates` and `boxes` go into the certificate. With
+    `estimates` the certificate states the peak gains from errors of the estimates too.
     """
     models = tuple(model for _, model in conditions)
     if any(other.states != model.states for other in models):
@@ -155,6 +158,10 @@ def certify_model(
     ellipsoid, reason = (None, "") if L_d is None else _ellipsoid(model, loops, L_d)
     if reason:
         return refused(reason=reason)
+    peaks = None
+    if estimates:
+        trim = vertex_matrices(model, gains, None)[0]
+        peaks = estimate_gains(trim, model, gains, proven[0], rate=proven[1]).upper * (1.0 + ROOM)
     solvers = {"solver": "Clarabel", "clarabel": version("clarabel")}
     if alone:
         solvers = {"Lyapunov equation": f"numpy {np.__version__}"}
@@ -178,6 +185,7 @@ def certify_model(
         scenario_sha256=scenario_sha256,
         exact_rates=tuple(rates),
         boxes=tuple(boxes),
+        peak_gains=peaks,
     )
     verification = certificate.verify()
     if not verification.valid:
