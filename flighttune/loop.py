@@ -6,7 +6,7 @@ flight. The names stand in ``loop.pyi``; each is imported on first use.
 
 from typing import Any
 
-from flighttune import modules_of, public_value
+from flighttune.base.public import modules_of, public_value
 
 
 def __getattr__(name: str) -> Any:

@@ -4,6 +4,7 @@ import io
 import shlex
 import sys
 from contextvars import copy_context
+from importlib.metadata import version
 from itertools import islice
 from types import MethodType
 from typing import Annotated, Any
@@ -11,7 +12,6 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from flighttune import __version__
 from flighttune.base.errors import FlightTuneError, InfeasibleError, InputError, missing_extra
 from flighttune.base.files.code import BY_JSBSIM
 from flighttune.base.files.whole import reason_of
@@ -93,7 +93,7 @@ for panel, commands in COMMANDS.items():
 
 def _show_version(asked: bool) -> None:
     if asked:
-        typer.echo(f"flighttune {__version__}")
+        typer.echo(f"flighttune {version('flighttune')}")
         raise typer.Exit
 
 

@@ -12,8 +12,8 @@ from inspect import cleandoc
 from pathlib import Path
 from typing import Any, Literal, get_origin
 
-from flighttune import modules_of
 from flighttune.base import units
+from flighttune.base.public import modules_of
 from flighttune.campaigns.engine.fliers import FlownBy
 
 # Types by their names in signatures; other values, and functions, have none on a command line.

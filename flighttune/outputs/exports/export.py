@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from importlib.metadata import version
 from itertools import accumulate, count
 from pathlib import Path
 from string import Template
@@ -10,7 +11,6 @@ from typing import Any, Literal, TypeAlias
 
 import numpy as np
 
-from flighttune import __version__
 from flighttune.base.answering import Answering
 from flighttune.base.errors import InputError
 from flighttune.base.files.load import BAND, MONITOR, load_one
@@ -103,7 +103,7 @@ def c_source(
         title=_comment(title),
         gains=_comment(gains),
         notes="".join(f"\n * {_comment(note)}" for note in notes),
-        version=__version__,
+        version=version("flighttune"),
         speed_priority=_speed_priority(law.gains.airspeed, speed_priority, g),
         dt=_number(law.dt),
         lead_phi=_number(lead[0]),
@@ -179,7 +179,7 @@ def monitor_source(monitor: Watching, *, title: str, dt: float, no_claim: str = 
     keep_past = [math.exp(-dt / model.past_s) if model.past_s else 1.0 for model in models]
     return Template((_FOLDER / "monitor.c").read_text(encoding="utf-8")).substitute(
         title=_comment(title),
-        version=__version__,
+        version=version("flighttune"),
         claim=_comment(
             f"No claim about flights of this scenario: {no_claim}. It was counted on others: "
             f"{monitor.sentence}"

@@ -16,7 +16,6 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
-from flighttune import __version__
 from flighttune.base.answering import Answering
 from flighttune.base.arrays import FloatArray
 from flighttune.base.errors import InputError, printable
@@ -227,7 +226,7 @@ def _write_readme(entry: Entry, file: Path, own: Mapping[str, Any]) -> None:
         **own,
         title=printable(scenario.title),
         gains=entry.name,
-        version=__version__,
+        version=version("flighttune"),
         jsbsim=version("jsbsim"),
         csv=CSV,
         rate=scenario.controller.rate_hz,
