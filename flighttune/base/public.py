@@ -66,9 +66,7 @@ def modules_of(namespace: str) -> dict[str, str]:
     text = Path(__file__).parents[1].joinpath(stub).read_text(encoding="utf-8")
     return {
         alias.name: f"{PACKAGE}.{alias.name}" if line.module == PACKAGE else str(line.module)
-        for line in ast.parse(
-            Path(__file__).parents[1].joinpath(stub).read_text(encoding="utf-8")
-        ).body
+        for line in ast.parse(text).body
         if isinstance(line, ast.ImportFrom)
         for alias in line.names
     }
