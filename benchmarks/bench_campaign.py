@@ -32,12 +32,12 @@ from bench_jsbsim import bare
 
 from flighttune import load_scenario, run_campaign, scenario_from
 from flighttune.base.files.code import JSBSIM
+from flighttune.base.processors import cores
 from flighttune.campaigns.flying import rows
 from flighttune.campaigns.planning.plan import Plan, plan_campaign
 from flighttune.campaigns.planning.schema import Campaign, CampaignTable
 from flighttune.flight.conditions import start_condition
 from flighttune.flight.loop import kernel
-from flighttune.flight.loop.batch import cores
 
 STEPS, BARE_SECONDS = 4000, 60.0
 BLOCK, REPEATS = (1, 1) if running.QUICK else (25, 8)

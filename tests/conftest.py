@@ -11,9 +11,9 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
-from flighttune.campaigns.engine import pool
+from flighttune.base.processors import cores
+from flighttune.campaigns.engine import flyer, pool
 from flighttune.campaigns.engine.flyer import Flyer
-from flighttune.flight.loop.batch import cores
 
 settings.register_profile("here", deadline=None, derandomize=True, database=None)
 settings.load_profile("here")
@@ -73,7 +73,9 @@ class KeptFlyer(Flyer):
                 super()._start()
 
 
+get_ready = flyer.get_ready
 pool.Flyer = KeptFlyer
+flyer.get_ready = lambda workers: None  # those that are kept are ready
 pool.cores = lambda: 1  # the other workers of xdist use the other cores
 
 
@@ -84,6 +86,7 @@ def own_workers(monkeypatch):
         KeptFlyer().end_process()
     monkeypatch.setattr(pool, "Flyer", Flyer)
     monkeypatch.setattr(pool, "cores", cores)
+    monkeypatch.setattr(flyer, "get_ready", get_ready)
 
 
 @pytest.fixture(scope="session")

@@ -10,6 +10,7 @@ from flighttune.base import errors
 from flighttune.base.files import shipped
 from flighttune.base.files.whole import together
 from flighttune.base.screen import LOCAL
+from flighttune.campaigns.engine import flyer
 from flighttune.cli.explain import page_note
 from flighttune.cli.options import WORKERS, Verb, check_ending
 from flighttune.cli.show import fail, on_interrupt, say, show
@@ -51,10 +52,14 @@ def mission(
     does not support a probability of at most epsilon; 2 if the mission cannot be flown.
     """
     from flighttune.base.files.load import BAND, kind_of
+
+    settings = count_mission.keywords
+    flies = not plan and kind_of(source) != BAND
+    if flies and settings.get("scheduler") is None:
+        flyer.get_ready(settings.get("workers"))  # they import meanwhile what this process does
     from flighttune.claims.mission import mission_plan
     from flighttune.outputs.pages.claim import write_claim_page
 
-    settings = count_mission.keywords
     of_route = "fences", "aircraft", "terrain", "changes", "out"
     if plan:
         check_ending(out, ".geojson", ".kml", ".plan")
@@ -62,7 +67,7 @@ def mission(
             raise errors.InputError(f"`{name}` must be absent with --plan, which flies nothing.")
         return mission_plan(source, **settings).answer()
     check_ending(out, ".npz")
-    if kind_of(source) != BAND:
+    if flies:
         out = out or Path("runs") / f"{Path(source).stem}-band.npz"
     try:
         with together():

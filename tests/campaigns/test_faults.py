@@ -38,7 +38,7 @@ from flown_campaigns import (
 from fuzzing import first_or_all
 
 import flighttune as ft
-from flighttune.campaigns.engine import flyer
+from flighttune.campaigns.engine import flyer, pool
 from flighttune.campaigns.engine.flyer import Flyer
 from tests.cli.test_code_of_files import LAW
 
@@ -450,3 +450,27 @@ def test_an_aircraft_that_is_another_one_now_is_one_line(tmp_path, address):
 
     with pytest.raises(ft.FlightTuneError, match=r"files of aircraft .*planned"):
         ft.run_campaign(ours, tmp_path / "out", scheduler=address)
+
+
+def test_processes_that_are_ready_fly_for_the_next_pool():
+    flyer.get_ready(1)
+    (ready,) = flyer._READY
+    workers = pool.Threads(1)
+
+    assert workers._flyers == [ready]
+    assert flyer.take_ready() is None
+    workers.stop()
+
+
+def test_processes_that_were_ready_end_with_a_command_that_flies_nothing():
+    program = (
+        "from flighttune.campaigns.engine import flyer\n"
+        "flyer.get_ready(1)\n"
+        "print(flyer._READY[0]._process.pid)"
+    )
+    ended = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True
+    )
+
+    with pytest.raises(ProcessLookupError):
+        os.kill(int(ended.stdout), 0)

@@ -13,6 +13,7 @@ from flighttune.base.arrays import check_at_least
 from flighttune.base.errors import InputError, RecordingError, StoppedError
 from flighttune.base.files import code
 from flighttune.base.files.load import CAMPAIGN
+from flighttune.base.processors import cores
 from flighttune.campaigns.dataset import (
     RUNS,
     Dataset,
@@ -30,7 +31,6 @@ from flighttune.campaigns.planning.source import load_campaign
 from flighttune.campaigns.statistics.count import looks
 from flighttune.campaigns.statistics.findings import SUCCESS, Answers, answers
 from flighttune.flight.fly import library_versions
-from flighttune.flight.loop.batch import cores
 from flighttune.flight.records.refly import changed_versions
 
 # A timing that takes at least this long is accurate enough, s

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import TypedDict
 
 from flighttune.base.errors import InputError
+from flighttune.base.processors import cores
 from flighttune.campaigns.engine.progress import CampaignObserver
 
 # Maximum number of processes for each core.
@@ -30,7 +31,6 @@ class Fliers:
         # imported here: help pages need only the keywords, and must not wait for NumPy
         from flighttune.base.arrays import check_at_least
         from flighttune.campaigns.engine.cluster import check_scheduler
-        from flighttune.flight.loop.batch import cores
 
         if self.workers is not None and self.scheduler is not None:
             raise InputError("`workers` must not be given with `scheduler`, which has its own.")

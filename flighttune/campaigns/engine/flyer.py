@@ -4,6 +4,7 @@ A crash inside JSBSim therefore costs one row and not the campaign. The process 
 If it ends, the current run caused the crash, and a new process flies the runs after it.
 """
 
+import atexit
 import math
 import os
 import pickle
@@ -19,9 +20,10 @@ from multiprocessing import Pipe
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from flighttune.base.errors import PlantError, ending_of, need_fork
+from flighttune.base.errors import FORKS, PlantError, ending_of, need_fork
 from flighttune.base.files.shipped import TRUST_AIRCRAFT
 from flighttune.base.files.whole import lock, reason_of, scratch_folder, scratch_place
+from flighttune.base.processors import cores
 
 if TYPE_CHECKING:
     from flighttune.campaigns.flying.rows import Draw, Probes, Row
@@ -130,6 +132,22 @@ class Flyer:
             if time.monotonic() > end:  # it hangs and could not end itself
                 raise EOFError
         return self._pipe.recv()
+
+
+# Processes that were started before there was work for them
+_READY: list[Flyer] = []
+
+
+def get_ready(workers: int | None) -> None:
+    """Start processes, by default one a core, while their command reads what they shall fly."""
+    if FORKS:
+        atexit.register(lambda: [flyer.end() for flyer in _READY])
+        _READY.extend(Flyer() for _ in range(min(workers or cores(), cores())))
+
+
+def take_ready() -> Flyer | None:
+    """One of them, if there is one."""
+    return _READY.pop() if _READY else None
 
 
 def _remove_abandoned() -> None:

@@ -7,13 +7,13 @@ from itertools import chain
 from typing import Any
 
 from flighttune.base.errors import StoppedError
+from flighttune.base.processors import cores
 from flighttune.campaigns.engine.cluster import ClusterWorkers, campaign_error
 from flighttune.campaigns.engine.fliers import Fliers
-from flighttune.campaigns.engine.flyer import OF_THREAD, Answer, Flyer, fly, work_of
+from flighttune.campaigns.engine.flyer import OF_THREAD, Answer, Flyer, fly, take_ready, work_of
 from flighttune.campaigns.engine.progress import CampaignObserver, CampaignProgress
 from flighttune.campaigns.flying import rows as flying
 from flighttune.campaigns.planning.plan import Plan
-from flighttune.flight.loop.batch import cores
 from flighttune.flight.own import ask_to_fly
 
 # Tasks for each worker: one in flight and one waiting
@@ -31,7 +31,7 @@ class Threads:
 
     def __init__(self, count: int) -> None:
         # all at once, because each takes a second for its imports
-        self._flyers = [Flyer() for _ in range(count)]
+        self._flyers = [take_ready() or Flyer() for _ in range(count)]
         flyers = iter(self._flyers)
         self._executor = ThreadPoolExecutor(
             count, initializer=lambda: setattr(OF_THREAD, "flyer", next(flyers))

@@ -16,6 +16,7 @@ import numpy as np
 import pyarrow as pa
 
 from flighttune.base.errors import FlightTuneError, InputError, ending_of
+from flighttune.base.processors import cores
 from flighttune.campaigns.flying.columns import NOT_REPRODUCIBLE, Row, table_of
 from flighttune.campaigns.flying.compiled import COMPILED, CompiledFlights
 from flighttune.campaigns.planning.plan import Group, Plan
@@ -30,7 +31,7 @@ from flighttune.flight.conditions import command_limits, reference_of, start_con
 from flighttune.flight.entry import Entry
 from flighttune.flight.flown import FlownScenario, Measured, bound_checks, bounded_loop, missed
 from flighttune.flight.fly import Progress, check_compiled, fly, fly_alone
-from flighttune.flight.loop.batch import SIGNALS, cores, fly_sampled
+from flighttune.flight.loop.batch import SIGNALS, fly_sampled
 from flighttune.flight.loop.disturbance import Sinusoid
 from flighttune.flight.loop.loop import COMPILED_FROM, compile_at_once
 from flighttune.flight.loop.run import Run

@@ -1,7 +1,6 @@
 """Thousands of kinematic flights at once: the sampled controller on the paper's law."""
 
 import math
-import os
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -206,10 +205,3 @@ def numbers_of(law: PILaw | RateLaw) -> list[float]:
     for value in others:
         numbers += value if isinstance(value, tuple) else (value,)
     return numbers
-
-
-def cores() -> int:
-    """Processor cores this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1

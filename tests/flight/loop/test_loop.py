@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import flighttune as ft
+from flighttune.base.processors import cores
 from flighttune.base.signals import SIGNAL_UNITS
 from flighttune.control.mimo_pi import INTEGRAL_SIGNALS
-from flighttune.flight.loop.batch import cores
 from flighttune.flight.loop.loop import LOOP_SIGNALS, Flight, simulate
 from flighttune.routes.segments import Segment
 from flighttune.studies.paper import parameters as printed
