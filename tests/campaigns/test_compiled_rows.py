@@ -20,6 +20,15 @@ def bounded(settling_s):
     return plan_of(nominal, uniform("flight.V_a_mps", 24.0, 26.0), runs=2)
 
 
+def in_wind():
+    """One draw of an aircraft in turbulence, and of a point mass that meets its wind."""
+    nominal = ft.load_scenario("exact_law").as_dict()
+    nominal |= {"plant": [{"kind": "jsbsim", "aircraft": "aerosonde"}, {"kind": "kinematic"}]}
+    nominal |= {"law": ["exact"], "turbulence": {"intensity": "light"}, "expect": []}
+    nominal["flight"]["duration_s"] = 4.0
+    return plan_of(nominal, uniform("flight.V_a_mps", 24.0, 26.0), runs=2)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("settling_s", "again"), [(9.9, [0]), (0.5, [0, 1])], ids=["far inside", "outside"]
@@ -78,6 +87,37 @@ def test_flights_that_decide_a_count_are_flown_by_jsbsim_too(monkeypatch, right)
     else:
         with pytest.raises(ft.loop.PlantError, match="must be that of JSBSim"):
             count()
+
+
+@pytest.mark.slow
+def test_others_of_a_draw_meet_the_wind_of_jsbsim_after_a_wrong_flight(monkeypatch):
+    monkeypatch.setattr(loop, "COMPILED_FROM", 0)
+    made, plan = aircraft.motion_of, in_wind()
+    right = rows.fly_runs(plan, [0, 1]).to_pylist()
+
+    def wrong(*given):
+        motion = made(*given)
+        motion.states[:] *= 1.0 + 1e-7
+        return motion
+
+    monkeypatch.setattr(aircraft, "motion_of", wrong)
+    flown, replayed = rows.fly_runs(plan, [0, 1]).to_pylist()
+
+    assert flown["status"] == "invalid"
+    assert {**replayed, "wall_s": 0.0} == {**right[1], "wall_s": 0.0}
+
+
+@pytest.mark.parametrize(
+    ("change", "differ"), [(lambda x: -x, 0), (lambda x: x + 5e-324, 1)], ids=["sign", "value"]
+)
+def test_a_row_flown_again_may_have_a_zero_of_the_other_sign(change, differ):
+    north = {"key": "flight.chi_deg", "distribution": "choice", "values": [0.0]}
+    plan = plan_of(ft.load_scenario("exact_law").as_dict(), north, runs=1)
+    (row,) = rows.fly_runs(plan, [0]).to_pylist()
+
+    found = rows.row_differences(plan, 0, row | {"flight.chi_deg": change(row["flight.chi_deg"])})
+
+    assert [x.what for x in found] == ["flight.chi_deg"] * differ
 
 
 @pytest.mark.slow

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pyarrow as pa
 
-from flighttune.base.errors import FlightTuneError, InputError, ending_of
+from flighttune.base.errors import FlightTuneError, InputError, PlantError, ending_of
 from flighttune.base.processors import cores
 from flighttune.campaigns.flying.columns import NOT_REPRODUCIBLE, Row, table_of
 from flighttune.campaigns.flying.compiled import COMPILED, CompiledFlights
@@ -145,13 +145,13 @@ def rows_flown(
 
 
 def row_differences(plan: Plan, run: int, row: Mapping[str, Any]) -> tuple[Difference, ...]:
-    """Every column in which a repeated run differs from its row, to the bit."""
+    """Every column in which a repeated run differs from its row; zeros of either sign are equal."""
     # flown like rows, because a kinematic flight in a batch and alone differ by rounding
     return tuple(
         Difference(name, None, row[name], value)
         for name, value in fly_runs(plan, [run]).to_pylist()[0].items()
-        # as text: +0 and -0 count as different, and NaN equals itself
-        if name not in NOT_REPRODUCIBLE and repr(row[name]) != repr(value)
+        # a compiled flight may have a zero of the other sign; NaN equals itself
+        if name not in NOT_REPRODUCIBLE and row[name] != value and repr(row[name]) != repr(value)
     )
 
 
@@ -368,7 +368,7 @@ def _fly_alone(
             number % EVERY == 0 or _decides(entry, columns["success"], measured)
         )
         if again:
-            check_compiled(entry, run)
+            _check_compiled(entry, run, wind_runs)
         if entry.plant.aircraft is not None:
             columns[COMPILED] = CompiledFlights.of(run, again=again)
     except FlightTuneError as error:
@@ -380,6 +380,16 @@ def _fly_alone(
         stretch = planned_route(scenario).reference.path.stretch_at(along).words
         columns["reason"] += f" It was on the {stretch}, {along:.0f} m along."
     return columns
+
+
+def _check_compiled(entry: Entry, run: Run, wind_runs: dict[str, Run]) -> None:
+    """`check_compiled`; after a difference the others of the draw meet the wind of JSBSim."""
+    try:
+        check_compiled(entry, run)
+    except PlantError:
+        if entry.label in wind_runs:
+            wind_runs[entry.label] = fly_alone(entry, compiled=False)
+        raise
 
 
 def _decides(entry: Entry, success: bool, measured: Measured) -> bool:

@@ -178,9 +178,9 @@ def _in_signals(recorded: Run, reflown: Run) -> Iterator[Difference]:
         run.signals[names].reset_index().to_numpy(dtype=float)[:n]
         for run, names in zip((recorded, reflown), columns, strict=True)
     )
-    # Bits, not values: a NaN equals itself, and zeros of either sign are two numbers.
-    bits = [np.ascontiguousarray(table).view(np.uint64) for table in (then, now)]
-    for row, column in np.argwhere(bits[0] != bits[1])[:1].tolist():
+    # A NaN equals itself. A compiled flight may have a zero of the other sign than JSBSim.
+    differ = (then != now) & ~(np.isnan(then) & np.isnan(now))
+    for row, column in np.argwhere(differ)[:1].tolist():
         what = ["t", *columns[0]][column]
         entry = (row, column)
         yield Difference(what, float(then[row, 0]), float(then[entry]), float(now[entry]))

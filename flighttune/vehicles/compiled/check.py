@@ -62,15 +62,17 @@ class Verdict:
         return asdict(self)
 
 
+class Unchecked(Exception):
+    """Why an aircraft with these numbers cannot be flown to check its step."""
+
+
 def check_flight(step: CompiledStep, config: AircraftConfig) -> Verdict:
-    """Fly both and compare them."""
+    """Fly both and compare them; raises `Unchecked` if there is too little to compare."""
     try:
         first, second = (_started(step, config) for _ in range(2))
         expected, ends, constants = _flown_by_jsbsim(step, first, config)
     except FlightTuneError as error:
-        return Verdict(
-            steps=0, compared=0, difference=f"there is no flight to check it in: {error}"
-        )
+        raise Unchecked(f"there is no flight to check it in: {error}") from error
     return _compared(step, second, config, expected, ends, constants)
 
 
@@ -170,8 +172,7 @@ def _compared(
             difference=f"`{name}`, taken for constant, is moved by JSBSim by t = {t:.3f} s",
         )
     if steps < _SHORTEST * fdm.rate:
-        reason = f"the check flight left the envelope after {steps} steps"
-        return Verdict(steps=steps, compared=len(places), difference=reason)
+        raise Unchecked(f"the check flight left the envelope after {steps} steps")
     actual = _flown_compiled(step, plant, config, steps)[:, places]
     same = _same(actual, expected)
     names = [step.names.properties[i] for i in places]

@@ -14,16 +14,20 @@ from flighttune.vehicles.aircraft.aircraft import AircraftConfig
 from flighttune.vehicles.compiled import machine
 from flighttune.vehicles.compiled.aircraft import CompiledStep as CompiledStep
 from flighttune.vehicles.compiled.cache import Kept, kept_or_made
-from flighttune.vehicles.compiled.check import Verdict, check_flight
+from flighttune.vehicles.compiled.check import Unchecked, Verdict, check_flight
 from flighttune.vehicles.compiled.model import Air, Source
 from flighttune.vehicles.compiled.properties import Unsupported
 from flighttune.vehicles.compiled.signals import shown_signals
-from flighttune.vehicles.compiled.step import traced
+from flighttune.vehicles.compiled.step import Names, traced
 from flighttune.vehicles.plants.jsbsim.model_files import Unchanged
 from flighttune.vehicles.plants.weather import TurbulenceModel
 
 # Versions of JSBSim whose step this is.
 KNOWN_VERSIONS = ("1.3.3",)
+
+
+# Flights with other numbers in which a step is tried to be checked
+MAX_UNCHECKED = 5
 
 
 @dataclass(frozen=True)
@@ -50,7 +54,14 @@ def compiled(
         return Refusal(why)
     if (found := jsbsim_version()) not in KNOWN_VERSIONS:
         return Refusal(f"JSBSim must be of version {' or '.join(KNOWN_VERSIONS)}, got {found}")
-    return _compiled(Source(config, steps, files), Air(turbulence, gust))
+    source, air = Source(config, steps, files), Air(turbulence, gust)
+    if len(reasons := _unchecked(source, air)) >= MAX_UNCHECKED:
+        return Refusal(reasons[-1])
+    try:
+        return _compiled(source, air)
+    except Unchecked as why:
+        reasons.append(str(why))
+        return Refusal(str(why))
 
 
 @cache
@@ -63,6 +74,12 @@ def not_compiled(config: AircraftConfig) -> str:
     """Why JSBSim flies all flights of an aircraft itself; empty if long ones are compiled."""
     step = compiled(config)
     return step.reason if isinstance(step, Refusal) else ""
+
+
+@lru_cache(maxsize=32)
+def _unchecked(_source: Source, _air: Air) -> list[str]:
+    """Why flights on a step could not check it, to be continued: others may have other numbers."""
+    return []
 
 
 @lru_cache(maxsize=32)
@@ -79,11 +96,16 @@ def _compiled(source: Source, air: Air) -> CompiledStep | Refusal:
 
 def _made(source: Source, air: Air) -> Kept:
     """Trace, compile and check the step of an aircraft."""
+    names, code = _code(source, air)
+    verdict = check_flight(CompiledStep(source, air, names, code), source.config)
+    return Kept(names=names, code=code, verdict=verdict.record())
+
+
+@lru_cache(maxsize=4)
+def _code(source: Source, air: Air) -> tuple[Names, bytes]:
     model, config = source.model(air), source.config
     names, text = traced(model, lambda now: shown_signals(now, model.engines, config))
-    code = machine.object_code(text)
-    verdict = check_flight(CompiledStep(source, air, names, code), config)
-    return Kept(names=names, code=code, verdict=verdict.record())
+    return names, machine.object_code(text)
 
 
 def _key(source: Source, air: Air) -> str:

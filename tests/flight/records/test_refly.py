@@ -20,3 +20,14 @@ def test_one_flight_of_many_that_differs_is_told(different):
     assert [bool(run.differences) for run in again.runs] == [different == 0, different == 1]
     assert not again.equal
     assert runs[different].label in again.answer().failure
+
+
+def test_a_flight_that_differs_by_the_sign_of_a_zero_is_equal():
+    (run,) = ft.fly(made_up_scenario(flight={"duration_s": 1.0})).runs
+    zeros = run.signals["phi_limited"] == 0.0
+    signs = run.signals["phi_limited"].where(~zeros, -0.0)
+
+    again = ft.refly([replace(run, signals=run.signals.assign(phi_limited=signs))])
+
+    assert zeros.any()
+    assert again.equal

@@ -20,6 +20,9 @@ def _own_cache(shared_cache, monkeypatch):
 def empty_cache(tmp_path, monkeypatch):
     """A new folder, and nothing kept in the process."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    face._compiled.cache_clear()
+    kept = face._compiled, face._code, face._unchecked
+    for cached in kept:
+        cached.cache_clear()
     yield tmp_path / "cache" / "flighttune" / "compiled"
-    face._compiled.cache_clear()
+    for cached in kept:
+        cached.cache_clear()

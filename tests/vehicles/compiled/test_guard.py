@@ -11,7 +11,7 @@ import pytest
 from airframes import changed_aerosonde
 
 from flighttune.base.files.table import toml_tables
-from flighttune.vehicles.aircraft.aircraft import aircraft_from, load_aircraft
+from flighttune.vehicles.aircraft.aircraft import OffNominal, aircraft_from, load_aircraft
 from flighttune.vehicles.compiled import cache, components, face, machine, rigid_body, run
 from flighttune.vehicles.compiled.face import CompiledStep, Refusal, compiled
 from flighttune.vehicles.compiled.model import Air, Source
@@ -245,3 +245,24 @@ def test_a_step_is_made_once_though_many_processes_ask(empty_cache):
     ]
 
     assert sorted(one.communicate()[0] for one in asking) == ["", "", "", "made\n"]
+
+
+def test_a_step_that_one_draw_cannot_check_is_checked_by_another(empty_cache):
+    weak, strong = (
+        load_aircraft("aerosonde").with_off_nominal(OffNominal(thrust_factor=factor))
+        for factor in (0.05, 0.9)
+    )
+
+    assert compiled(weak).reason.startswith("there is no flight to check it in: ")
+    assert isinstance(compiled(strong), CompiledStep)
+    assert isinstance(compiled(weak), CompiledStep)
+
+
+def test_a_step_that_no_draw_can_check_is_refused(empty_cache, monkeypatch):
+    checked, check = [], face.check_flight
+    monkeypatch.setattr(face, "check_flight", lambda *x: checked.append(x) or check(*x))
+    for factor in (0.05, 0.04, 0.06, 0.03, 0.07, 0.08, 0.09):
+        weak = load_aircraft("aerosonde").with_off_nominal(OffNominal(thrust_factor=factor))
+
+        assert compiled(weak).reason.startswith("there is no flight to check it in: ")
+    assert len(checked) == face.MAX_UNCHECKED
