@@ -81,7 +81,7 @@ class CompiledAircraft(WrappedPlant):
         self._step = step
         try:
             self._motion = motion_of(self.plant, step, weather)
-        except NotCompiled as what:
+        except (NotCompiled, face.Unsupported) as what:
             self.refused = f"{UNKNOWN} {what}"
             self.start_in_jsbsim(condition)
             return

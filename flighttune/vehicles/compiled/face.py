@@ -16,7 +16,7 @@ from flighttune.vehicles.compiled.aircraft import CompiledStep as CompiledStep
 from flighttune.vehicles.compiled.cache import Kept, kept_or_made
 from flighttune.vehicles.compiled.check import Unchecked, Verdict, check_flight
 from flighttune.vehicles.compiled.model import Air, Source
-from flighttune.vehicles.compiled.properties import Unsupported
+from flighttune.vehicles.compiled.properties import Unsupported as Unsupported
 from flighttune.vehicles.compiled.signals import shown_signals
 from flighttune.vehicles.compiled.step import Names, traced
 from flighttune.vehicles.plants.jsbsim.model_files import Unchanged

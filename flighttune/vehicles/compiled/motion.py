@@ -4,18 +4,26 @@
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from operator import itemgetter
 
 import numpy as np
 
 from flighttune.base.arrays import FloatArray
-from flighttune.vehicles.compiled.properties import INERTIAL_RATES, INERTIAL_VELOCITY, named
+from flighttune.vehicles.compiled.properties import (
+    INERTIAL_RATES,
+    INERTIAL_VELOCITY,
+    Unsupported,
+    named,
+)
 from flighttune.vehicles.compiled.rigid_body import quaternion_rate
 from flighttune.vehicles.compiled.vectors import matrix_of, quaternion_of
 from flighttune.vehicles.plants.jsbsim.fdm import Fdm
 
-# Doubles on each side of a guess that are tried, for quaternions and for an acceleration.
-_NEAR, _TRIED = 4, 64
+# Doubles on each side of a guess that are tried: for the largest component of a quaternion, and the
+# most for smaller ones, whose doubles lie closer; for an acceleration.
+_NEAR, _TRIED = ((2, 2), (4, 4), (2, 64), (2, 256)), 64
+
+# Most quaternions that are tried at once, which take 100 MB, and most steps until one is left.
+_MOST, _STEPS = 1_000_000, 200
 
 
 def neighbours(x: float, count: int) -> list[float]:
@@ -50,36 +58,50 @@ def motion_reader(fdm: Fdm) -> Callable[[], Motion]:
     return motion
 
 
-def quaternion_from(motions: Sequence[Motion], dt: float) -> list[float]:
-    """The quaternion that gives the rotations of JSBSim to the bit, now and in the steps after."""
+def quaternion_from(
+    motions: Sequence[Motion], dt: float, more: Callable[[], Motion]
+) -> list[float]:
+    """The quaternion that gives the rotations of JSBSim to the bit, now and in the steps after.
+
+    `more` makes another step where several quaternions give those of `motions`.
+    """
+    motions = list(motions)
     guess = [float(x) for x in quaternion_of(motions[0].rotation.tolist())]
-    found = [_nearest(guess, _NEAR // 2, motions, dt)]
-    if found[0][1]:  # not exact: it lies further away
-        found.append(_nearest(guess, _NEAR, motions, dt))
-    return min(found, key=itemgetter(1))[0]
+    widest = max(map(math.ulp, guess))
+    for count, most in _NEAR:
+        counts = [min(count * round(widest / math.ulp(x)), most) for x in guess]
+        few = math.prod(2 * n + 1 for n in counts) <= _MOST
+        if few and (found := _nearest(guess, counts, motions, dt, more)) is not None:
+            return found
+    raise Unsupported("the attitude at this start")
 
 
 def _nearest(
-    guess: Sequence[float], count: int, motions: Sequence[Motion], dt: float
-) -> tuple[list[float], int]:
-    """The best quaternion near a guess, and how many entries of its first rotation are wrong."""
+    guess: Sequence[float],
+    counts: Sequence[int],
+    motions: list[Motion],
+    dt: float,
+    more: Callable[[], Motion],
+) -> list[float] | None:
+    """The exact quaternion among so many doubles on each side of a guess; None if none is."""
     # All combinations of near doubles, a column each; arithmetic of NumPy is that of JSBSim.
-    near = np.meshgrid(*(neighbours(x, count) for x in guess), indexing="ij")
+    near = np.meshgrid(*map(neighbours, guess, counts), indexing="ij")
     starts = now = np.array([values.ravel() for values in near])
-    first: int | None = None
-    for motion in motions:
-        wrong = np.zeros(now.shape[1], dtype=int)
+    for k in range(_STEPS):
+        if k == len(motions):
+            if starts.shape[1] == 1:
+                break
+            motions.append(more())
+        motion, wrong = motions[k], np.zeros(now.shape[1], dtype=int)
         for row, wanted in zip(matrix_of(list(now)), motion.rotation, strict=True):
             for a, b in zip(row, wanted, strict=True):
                 wrong += np.not_equal(a, b)
-        fewest = int(wrong.min())
-        first = fewest if first is None else first
-        starts, now = starts[:, wrong == fewest], now[:, wrong == fewest]
-        if starts.shape[1] == 1:  # further steps cannot choose any more
-            break
+        starts, now = starts[:, wrong == 0], now[:, wrong == 0]
+        if not starts.shape[1]:
+            return None
         moved = now + dt * np.array(quaternion_rate(list(now), motion.rates))
         now = _normalized(moved)
-    return starts[:, 0].tolist(), first or 0
+    return starts[:, 0].tolist()
 
 
 def _normalized(q: FloatArray) -> FloatArray:
@@ -101,5 +123,7 @@ def acceleration_before(motions: Sequence[Motion], dt: float) -> list[float]:
             for a_1 in (a_0, *neighbours(wanted, _TRIED))
             if v_0 + dt * (1.5 * a_0 - 0.5 * a_1) == v_1
         )
-        found.append(next(near, a_0))
+        if (a_1 := next(near, None)) is None:
+            raise Unsupported("the acceleration before this start")
+        found.append(a_1)
     return found

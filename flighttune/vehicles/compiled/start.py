@@ -90,7 +90,13 @@ def start_values(
     sums = _sums(fdm, integrators)
     for part, last in zip(integrators, sums, strict=True):
         values[f"_sum:{part.name}"] = part.settled(rows, last, dt)
-    q = quaternion_from(motions, dt)
+
+    def more() -> Motion:
+        # Gains are away, but attitude follows the rates that are shown as before.
+        fdm.run()
+        return motion()
+
+    q = quaternion_from(motions, dt, more)
     values |= dict(zip(QUATERNION, q, strict=True))
     values |= dict(zip(QUATERNION_RATE, quaternion_rate(q, motions[0].rates), strict=True))
     return values | dict(zip(ACCELERATION_1, acceleration_before(motions, dt), strict=True))

@@ -81,6 +81,13 @@ def test_flights_in_all_directions_are(chi_deg):
     assert differing(flown_by_both("aerosonde", 1.0, condition=condition)) == []
 
 
+def test_so_is_one_whose_hidden_attitude_lies_far_from_what_is_shown():
+    # A component of its quaternion is a hundredth of the others: its doubles lie that much closer.
+    condition = FlightCondition(V_a=27.0, h=800.0, chi=math.radians(170.0), gamma=0.03, phi=-0.2)
+
+    assert differing(flown_by_both("aerosonde", 1.0, condition=condition)) == []
+
+
 @pytest.mark.slow
 def test_slow_computers_ground_and_shifted_air_are():
     assert differing(flown_by_both("c172p", 2.0, steps=3, ground=430.0)) == []
