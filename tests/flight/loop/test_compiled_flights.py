@@ -1,5 +1,9 @@
 """Flights by the compiled step of an aircraft: their tables are those of JSBSim, to the bit."""
 
+from copy import deepcopy
+from itertools import product
+from pathlib import Path
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -8,6 +12,8 @@ import flighttune as ft
 from flighttune.base.files.code import JSBSIM
 from flighttune.flight.loop import loop
 from flighttune.flight.loop.aircraft import CompiledAircraft
+from flighttune.vehicles.aircraft.aircraft import load_aircraft
+from flighttune.vehicles.compiled import motion
 
 pytest.importorskip("numba")
 
@@ -93,17 +99,61 @@ LAWS = {
 }
 
 
+# A gentle turn that every aircraft flies at its own airspeed
+TURN = {"reference": {"chi_deg": 0.0, "gamma_deg": 1.0},
+        "limits": {"phi_deg": [-25.0, 25.0], "phi_rate_dps": 10.0, "n_z": [0.7, 1.4],
+                   "n_z_rate_per_s": 0.5}}  # fmt: skip
+
+
+def turning(aircraft, case):
+    """A case of the turn on another aircraft, which has no coefficient of the Aerosonde's name."""
+    design, changes = load_aircraft(aircraft).design, deepcopy(CASES[case])
+    airframe = changes.get("plant", {}).get("airframe", {})
+    airframe.pop("coefficient_factors", None)
+    if aircraft == "x8":  # it has no rudder
+        airframe.get("fault", {}).pop("rudder_stuck_deg", None)
+    start = {"V_a_mps": design.V_a, "h_m": design.h, "chi_deg": 8.0, "gamma_deg": 0.0}
+    flight = start | changes.pop("flight", {})
+    return TURN | changes | {"aircraft": str(aircraft), "flight": flight}
+
+
+def assert_compiled(monkeypatch, made):
+    compiled, by_jsbsim, started = flown(monkeypatch, made)
+
+    assert [plane.refused for plane in started if plane.compiles] == [""] * len(compiled)
+    assert all(run.compiled for run in compiled)
+    assert_same(compiled, by_jsbsim)
+    assert all(len(run.signals) > 20 for run in compiled)
+    assert all(np.isfinite(run.signals.to_numpy()).all() for run in compiled)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("law", LAWS)
 @pytest.mark.parametrize("case", CASES)
 def test_a_flight_is_that_of_jsbsim(monkeypatch, case, law):
-    made = tables(**CASES[case], **LAWS[law])
+    assert_compiled(monkeypatch, tables(**CASES[case], **LAWS[law]))
 
-    compiled, by_jsbsim, started = flown(monkeypatch, made)
 
-    assert [plane.refused for plane in started if plane.compiles] == [""] * len(compiled)
-    assert_same(compiled, by_jsbsim)
-    assert all(np.isfinite(run.signals.to_numpy()).all() for run in compiled)
+# Each shipped aircraft in each of these; the others of the table are flown in `make soak`.
+FEW = {("turbulence in wind", "paper"), ("gust", "exact"), ("airframe", "fed back")}
+ADOPTED = Path(__file__).parents[2] / "adopted"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("case", "law"),
+    [pytest.param(*x, marks=[pytest.mark.soak] * (x not in FEW)) for x in product(CASES, LAWS)],
+)
+@pytest.mark.parametrize("aircraft", ["x8", "a4", "c172p"])
+def test_so_is_that_of_each_shipped_aircraft(monkeypatch, aircraft, case, law):
+    assert_compiled(monkeypatch, tables(**turning(aircraft, case), **LAWS[law]))
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize("case", ["turbulence in wind", "gust", "actuators slow down"])
+@pytest.mark.parametrize("aircraft", ["J3Cub", "T38", "B747", "DHC6"])
+def test_so_is_that_of_adopted_ones(monkeypatch, aircraft, case):
+    assert_compiled(monkeypatch, tables(**turning(ADOPTED / aircraft, case), **LAWS["exact"]))
 
 
 def test_a_flight_that_leaves_its_envelope_ends_at_the_same_sample(monkeypatch):
@@ -113,6 +163,17 @@ def test_a_flight_that_leaves_its_envelope_ends_at_the_same_sample(monkeypatch):
     compiled, by_jsbsim, _ = flown(monkeypatch, made)
 
     assert {run.status for run in by_jsbsim} == {"left_envelope"}
+    assert_same(compiled, by_jsbsim)
+
+
+def test_a_flight_whose_hidden_start_is_not_found_is_flown_by_jsbsim(monkeypatch):
+    monkeypatch.setattr(motion, "_NEAR", ())
+
+    compiled, by_jsbsim, _ = flown(monkeypatch, tables(duration_s=1.0))
+
+    assert {run.why_jsbsim for run in compiled} == {
+        "its loop does not know the attitude at this start"
+    }
     assert_same(compiled, by_jsbsim)
 
 
