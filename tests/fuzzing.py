@@ -25,6 +25,12 @@ from flighttune.campaigns.planning.schema import CampaignTable
 from flighttune.vehicles.aircraft.aircraft import AircraftConfig
 
 
+def slow(*cases):
+    """Cases that take long where shorter ones beside them cover the module."""
+    values = [case if isinstance(case, tuple) else (case,) for case in cases]
+    return [pytest.param(*case, marks=pytest.mark.slow) for case in values]
+
+
 def first_or_all(cases):
     """Of cases that take long the first one; all others in `make counts`."""
     first, *others = cases

@@ -3,6 +3,7 @@
 import ast
 import re
 from collections import defaultdict
+from functools import cache
 from graphlib import CycleError, TopologicalSorter
 from importlib import import_module
 from pathlib import Path
@@ -34,9 +35,16 @@ ONLY_IN = {
 }  # a file, or the folder it may be used in
 
 
+@cache
+def nodes_of(path):
+    """Statements and definitions of a file, at any depth."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    return [x for x in ast.walk(tree) if isinstance(x, ast.stmt)]
+
+
 def imported_modules(path):
     """Every module that a file names, in functions and under TYPE_CHECKING too."""
-    for node in ast.walk(ast.parse(path.read_text())):
+    for node in nodes_of(path):
         if isinstance(node, ast.ImportFrom):
             assert node.level == 0, f"{path} has a relative import"
             yield node.module
@@ -130,7 +138,7 @@ def lines_of_results():
     """Each class of results that no other is made of, with the classes that it is made of."""
     bases = {}
     for path in MODULES.values():
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        for node in nodes_of(path):
             if isinstance(node, ast.ClassDef):
                 bases[node.name] = {ast.unparse(base).split(".")[-1] for base in node.bases}
 
@@ -162,7 +170,7 @@ def test_only_outputs_and_commands_speak(imports):
         if room in ("outputs", "cli"):
             continue
         assert not [x for x in others if x.startswith("flighttune.outputs.")], module
-        for node in ast.walk(ast.parse(MODULES[module].read_text(encoding="utf-8"))):
+        for node in nodes_of(MODULES[module]):
             if isinstance(node, ast.ClassDef) and node.name != "Answering":
                 methods = {x.name for x in node.body if isinstance(x, ast.FunctionDef)}
                 assert "answer" not in methods, f"{module}: {node.name}"

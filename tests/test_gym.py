@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from fuzzing import slow
 from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AsyncVectorEnv, SyncVectorEnv
 
@@ -63,7 +64,7 @@ def test_the_law_has_gains_tuned_for_the_aircraft_where_others_are_listed_before
     assert actions[None] == actions[FED] != actions["exact:paper"]
 
 
-@pytest.mark.parametrize("world", ["mission", "circuit_in_wind", "speed_change_in_turn"])
+@pytest.mark.parametrize("world", ["mission", *slow("circuit_in_wind", "speed_change_in_turn")])
 def test_it_keeps_the_rules_of_gymnasium(world):
     with warnings.catch_warnings():
         # commands are in their units, and no error of a flight has a bound

@@ -55,6 +55,7 @@ def test_of_a_sensor_that_errs_what_it_measures_is_watched(turning):
     assert airspeed == pytest.approx(22.0, rel=ROUNDING)
 
 
+@pytest.mark.slow
 def test_a_step_that_is_not_expected_alarms_when_its_lag_reaches_the_limit(turning):
     models = watching.models_of(turning().signals)
     models = watching.taught(models, [watching.moments(watching.columns_of(models, turning()))])
@@ -105,6 +106,7 @@ def test_a_score_is_the_largest_so_far_by_the_watch_for_which_it_is_least(turnin
     assert score[-1] == pytest.approx(0.2 / 0.4, abs=1e-3)
 
 
+@pytest.mark.slow
 def test_a_residual_less_its_past_forgets_an_offset_and_then_a_step(turning):
     """A step behind the lag, less itself behind the lag of the past, in continuous time."""
     past_s, step, offset, began = 5.0, 0.2, 0.3, 40.0
@@ -124,6 +126,7 @@ def test_a_residual_less_its_past_forgets_an_offset_and_then_a_step(turning):
     assert missing[T[: len(missing)] < began] == pytest.approx(0.0, abs=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mean_s", [0.0, 2.0])
 def test_a_model_of_a_loss_counts_only_what_is_less_than_expected(turning, mean_s):
     models = watching.models_of(turning().signals)

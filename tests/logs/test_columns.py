@@ -4,6 +4,7 @@ import re
 
 import numpy as np
 import pytest
+from fuzzing import slow
 from log_columns import ERRORS, RIGHT, sampled
 from log_files import heavy_cessna
 
@@ -11,10 +12,11 @@ import flighttune as ft
 from flighttune.logs import relations
 from flighttune.logs.checks import _rotated, checked
 
-FEW = (
-    *("p sign", "n_z without gravity", "V_a in kn", "phi and theta", "phi and phi_cmd"),
-    *("n_z and n_z_cmd", "theta as 1/57", "commands 1 s late", "p is another", "V_err sign"),
-    *("psi rests", "V_a of the ground", "clock times 1.1", "chi magnetic", "psi by 90"),
+FEW = ("p sign", "n_z without gravity", "V_a in kn", "V_err sign")
+MORE = (
+    *("phi and theta", "phi and phi_cmd", "n_z and n_z_cmd", "theta as 1/57", "commands 1 s late"),
+    *("p is another", "psi rests", "V_a of the ground", "clock times 1.1", "chi magnetic"),
+    "psi by 90",
 )
 FLIGHTS = {
     "still air": RIGHT["turns and climbs"],
@@ -54,7 +56,7 @@ def check_error(log_of, flight, rate, name):
     assert any(re.search(says, line) for line in log["checks"]), log["checks"]
 
 
-@pytest.mark.parametrize("name", FEW)
+@pytest.mark.parametrize("name", [*FEW, *slow(*MORE)])
 def test_an_error_of_a_column_is_said_with_its_cure(log_of, name):
     check_error(log_of, "still air", 25, name)
 
@@ -77,7 +79,7 @@ def test_every_error_is_said_of_every_flight_at_every_rate(log_of, flight, name,
     check_error(log_of, flight, rate, name)
 
 
-@pytest.mark.parametrize("flight", ["turns and climbs", "long inverted", "loops in wind"])
+@pytest.mark.parametrize("flight", ["turns and climbs", *slow("long inverted", "loops in wind")])
 def test_a_right_log_is_not_accused(log_of, flight):
     log = log_of(RIGHT[flight], 25)
 
@@ -122,6 +124,7 @@ def test_a_circle_shows_wind_and_unit_of_the_airspeed_with_and_without_a_nose(no
     assert found[1] == pytest.approx(wind, abs=0.01)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["phi and phi_cmd", "n_z and n_z_cmd"])
 def test_a_command_in_the_place_of_its_response_is_not_identified(tmp_path, log_of, name):
     log = sampled(FLIGHTS["still air"](), 25)
@@ -131,6 +134,7 @@ def test_a_command_in_the_place_of_its_response_is_not_identified(tmp_path, log_
         ft.identify(tmp_path / "flight.csv")
 
 
+@pytest.mark.slow
 def test_a_flight_that_is_inverted_for_most_of_its_time_is_identified_or_said_why(tmp_path):
     """It has no commands, which is the reason, and no other."""
     sampled(RIGHT["long inverted"](), 25).to_csv(tmp_path / "flight.csv", index=False)

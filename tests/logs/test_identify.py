@@ -107,6 +107,7 @@ def test_of_an_aircraft_nothing_is_assumed():
         ft.identify("aerosonde", assume={"n_z": 5.0})
 
 
+@pytest.mark.slow
 def test_what_the_logs_cannot_tell_is_said(flight, tmp_path):
     t, signals = sampled(flight)
     calm = {**signals, "phi_cmd": 0.03 * signals["phi_cmd"], "phi": 0.03 * signals["phi"]}

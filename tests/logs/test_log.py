@@ -214,6 +214,7 @@ def test_units_in_the_labels_of_a_table_are_read(clean, tmp_path, label, value, 
     assert read["n_z"].to_numpy() == pytest.approx(signals["n_z"], abs=1e-9)
 
 
+@pytest.mark.slow
 def test_a_clock_of_whole_seconds_is_refused(table):
     """Of 25 samples with one time the first would be kept, and a fast lag taken for a slow one."""
     path = table()
@@ -223,6 +224,7 @@ def test_a_clock_of_whole_seconds_is_refused(table):
         ft.load_log(path)
 
 
+@pytest.mark.slow
 def test_two_signals_may_have_one_field_of_a_message(clean, tmp_path):
     path = write_dataflash(tmp_path / "flight.bin", *clean)
 
@@ -424,6 +426,7 @@ def test_a_column_that_others_contradict_is_said_with_its_factor(clean, table, c
             refuse(wrong)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("columns", "says"),
     [
@@ -449,6 +452,7 @@ def test_pitch_and_height_without_a_vertical_speed_are_checked(table, columns, s
     assert re.search(f"{says}.*, which --column trusted= passes", str(passed["checks"]))
 
 
+@pytest.mark.slow
 def test_only_what_is_said_of_a_trusted_signal_passes(table):
     path, speed = table(), {"V_a": "V_a_mps:km/h"}
 

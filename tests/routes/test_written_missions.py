@@ -129,6 +129,7 @@ def area_of(fence, origin):
     return inside, sum(len(one["polygon"]) for one in fence["polygons"])
 
 
+@pytest.mark.slow
 def test_the_corridor_of_a_plan_fits_a_vehicle_and_holds_all_of_it(route, corridor, tmp_path):
     """PX4 takes 64 vertices. The loss is at least how far the area goes beyond the corridor."""
     square = [[8.45, 47.35], [8.6, 47.35], [8.6, 47.5], [8.45, 47.5], [8.45, 47.35]]
@@ -148,6 +149,7 @@ def test_the_corridor_of_a_plan_fits_a_vehicle_and_holds_all_of_it(route, corrid
     assert not line.buffer(3.0 + 0.8 * loss).covers(area)
 
 
+@pytest.mark.slow
 def test_a_fence_of_too_many_vertices_becomes_smaller_and_its_zones_larger(fenced_leg):
     """100 corners 2 km around the start, in and out by 4 m, and a zone like it 400 m wide."""
 

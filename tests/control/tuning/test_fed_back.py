@@ -90,6 +90,7 @@ def test_the_largest_sensitivity_at_the_commands_is_at_most_the_bound_and_named(
     assert any("its bound of 1.4 holds the gains" in note for note in result.answer().notes)
 
 
+@pytest.mark.slow
 def test_the_feedback_makes_errors_smaller_and_the_decay_faster():
     with_it, without = tuned("rms"), tuned("rms", feedback=False)
     assert max(with_it.errors_in_gusts) < 0.92 * max(without.errors_in_gusts)

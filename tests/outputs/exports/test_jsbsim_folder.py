@@ -337,6 +337,7 @@ def test_the_command_of_the_readme_flies_the_folder_wherever_it_was_moved(tmp_pa
     assert max(values["differences"].values()) < SAME
 
 
+@pytest.mark.slow
 def test_a_title_with_control_characters_is_written_as_xml(tmp_path):
     title = '\x1b[31mred\x07\x9b\u202e <&> "end"'
     tables = ft.load_scenario("level_turn").as_dict() | {"title": title, "expect": []}

@@ -294,6 +294,7 @@ def test_fixed_gear_is_not_called_out(own, surveyed, retractable):
     assert notes.count("gear/gear-pos-norm is 1: it is out") == retractable
 
 
+@pytest.mark.slow
 def test_a_model_whose_aerodynamics_read_no_rudder_has_none(own, surveyed):
     file = own()
     file.write_text(file.read_text().replace("fcs/rudder-pos-rad", "fcs/elevator-pos-rad"))
@@ -313,6 +314,7 @@ FLY_BY_WIRE = """<integrator name="fcs/fbw/horz-tail-pos-rad"><input>fcs/elevato
 </pure_gain>"""
 
 
+@pytest.mark.slow
 def test_what_a_fly_by_wire_moves_besides_the_surfaces_is_held(own, surveyed):
     file = own(*more(system(FLY_BY_WIRE)))
     positions = "<property>fcs/fbw/slat-norm</property><property>fcs/fbw/droop</property>"
@@ -460,6 +462,7 @@ def test_controls_are_found_by_what_they_move(renamed, surveyed, tmp_path, parts
         assert (moved - neutral) * slugs * 1.35582 == pytest.approx(0.1 * moment, rel=0.05)
 
 
+@pytest.mark.slow
 def test_commands_of_surfaces_can_be_named(renamed, tmp_path, refusal):
     file = renamed(NAMED_OTHERWISE)
     left, right = "fcs/posAilL_ext_rad", "fcs/posAilR_ext_rad"
@@ -550,6 +553,7 @@ def test_drag_is_that_at_the_throttle_that_drives_an_aeroplane(surveyed):
     assert found.largest_drag[0] == "aero/coefficient/dCDprop"  # of the glide
 
 
+@pytest.mark.slow
 def test_engines_stay_off_in_a_glide_and_inertias_that_no_body_has_are_named(own, surveyed):
     found = surveyed(own(r'(<ixx unit="KG.M2">)[^<]*', r"\1 3.5 "), glide=True)
 
@@ -575,6 +579,7 @@ def test_empty_tanks_are_said_unless_a_value_fills_them(tmp_path, surveyed):
     assert filled.lift.V_s > empty.lift.V_s
 
 
+@pytest.mark.slow
 def test_a_propeller_that_makes_the_airframe_a_gyroscope_is_named(own, surveyed):
     note = surveyed(own(power=1500, ixx=0.02)).notes[-1]
 
@@ -661,6 +666,7 @@ def test_a_light_propeller_flies_in_finer_steps(own, surveyed):
     assert found.spare_thrust == pytest.approx(heavier.spare_thrust, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_engines_are_found_beside_a_main_file_without_a_folder_for_them(own, surveyed):
     folder = own().parent
     for part in (folder / "Engines").iterdir():
@@ -706,6 +712,7 @@ def test_thrust_of_an_electric_engine_depends_on_the_throttle_alone(own, tmp_pat
     assert (from_rest, closed_again) == pytest.approx((full, closed), rel=1e-6)
 
 
+@pytest.mark.slow
 def test_a_link_that_leads_nowhere_is_no_fault(own, surveyed):
     file = own()
     for name, target in ((".#lost.xml", "nowhere"), (".#itself.xml", ".#itself.xml")):
@@ -724,6 +731,7 @@ def test_a_pipe_is_no_part_of_a_model(own, tmp_path):
     assert "`file` must name a file" in found.reason
 
 
+@pytest.mark.slow
 def test_parts_are_named_from_the_folder_of_flightgears_aircraft(own, surveyed):
     file = own()
     text = file.read_text()
@@ -737,6 +745,7 @@ def test_parts_are_named_from_the_folder_of_flightgears_aircraft(own, surveyed):
     assert surveyed(below / file.name).V_a > 0.0
 
 
+@pytest.mark.slow
 def test_what_adopt_is_told_is_kept_in_the_file_of_a_refused_model(own, tmp_path, refusal):
     file = own(*WINGLESS)
     told = "--set", "fcs/flap-cmd-norm=0.25", "--set", "/a/b=2", "--throttle", "a/lever"

@@ -153,6 +153,7 @@ def test_what_rests_on_an_assumption_says_so(kind, folder):
         assert SAID in (folder / page).read_text(encoding="utf-8")
 
 
+@pytest.mark.slow
 def test_files_carry_it(folder, tmp_path):
     assert SAID in json.loads((folder / "gains.json").read_text())["tuned_for"]["assumed"]
     assert SAID in json.loads((folder / "proof.json").read_text())["assumed"]
@@ -161,13 +162,14 @@ def test_files_carry_it(folder, tmp_path):
         assert SAID in run.provenance.scenario["assumed"]
 
 
+@pytest.mark.slow
 def test_the_json_object_of_a_flight_carries_it(folder):
     said = answer("fly", "own.toml", "--out", "json", cwd=folder)
 
     assert SAID in said["notes"]
 
 
-def test_a_model_that_assumes_nothing_says_nothing(folder):
+def test_a_model_that_assumes_nothing_says_nothing():
     assert ft.loop.load_identified("aerosonde").assumptions == ()
     assert ft.load_scenario("circuit").assumptions == ()
     assert "assumed" not in ft.load_scenario("circuit").as_dict()
