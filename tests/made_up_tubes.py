@@ -8,8 +8,8 @@ import numpy as np
 from made_up import made_up_scenario
 
 import flighttune as ft
+from flighttune.claims.tubes import tube as tubes
 from flighttune.claims.tubes.enclosure import Settings
-from flighttune.claims.tubes.tube import stated_problem, tube_of
 from flighttune.flight import conditions
 from flighttune.flight.loop.loop import simulate
 
@@ -54,7 +54,7 @@ def tube_scenario(
 
 def tube(scenario, gains, *, for_ever=True, **flights):
     """The tube of a scenario's flights, with what follows its end or without, which is faster."""
-    return tube_of(stated_problem(scenario, gains, **flights), for_ever=for_ever)
+    return tubes.tube_of(tubes.stated_problem(scenario, gains, **flights), for_ever=for_ever)
 
 
 def bang_bang(disturbance, held_s, rng):

@@ -11,7 +11,7 @@ from dispersed import AEROSONDE, KINEMATIC, SOFT, WIND, one_of, plan_of, tables_
 from flown_campaigns import Notes, flown_here, write_campaign
 
 import flighttune as ft
-from flighttune.campaigns.flying.rows import fly_group, rows_flown, scenario_of_run
+from flighttune.campaigns.flying import rows as flying
 from flighttune.claims import counting
 from flighttune.claims.band import RecordedSignals
 from flighttune.claims.counted_flights import flights_of
@@ -28,7 +28,7 @@ def test_fresh_flights_are_counted_and_none_is_flown_twice():
 
     def rows(plan, runs, probes):
         flown.append((plan.campaign.design, list(runs)))
-        return rows_flown(plan, runs, probes=probes)
+        return flying.rows_flown(plan, runs, probes=probes)
 
     counted = count(small_plan(design="sobol"), rows)
 
@@ -44,7 +44,9 @@ def test_the_flights_inside_are_those_whose_errors_are(counted):
     (group,) = plan.groups
     bounds = counted.bounds(np.arange(26) / 50.0)
 
-    runs = [fly_group(plan, plan.scenario_of(draw), group) for draw in range(10, 10 + WITH_FIVE)]
+    runs = [
+        flying.fly_group(plan, plan.scenario_of(draw), group) for draw in range(10, 10 + WITH_FIVE)
+    ]
 
     inside = [bounds.contain(run.signals) for run in runs]
     assert inside == (counted.scores <= counted.scale).tolist()
@@ -214,7 +216,7 @@ def test_a_band_on_a_route_follows_the_distance_along_it():
     ranks = np.argsort(band.scores)
     for i in ranks[[0, -7, -6, -5, -1]]:  # the five of the highest scores are outside
         scenario = plan_of_band(band).scenario_of(band.about.learned + int(i))
-        signals = fly_group(plan, scenario, plan.groups[0]).signals
+        signals = flying.fly_group(plan, scenario, plan.groups[0]).signals
         inside = band.bounds(signals["along"].to_numpy()).contain(signals)
         assert inside == (i not in ranks[-5:]) == (band.scores[i] <= band.scale)
 
@@ -231,7 +233,7 @@ def test_a_route_shorter_than_a_window_of_each_metre_is_counted():
 def test_a_band_is_not_drawn_around_a_run_of_another_airframe_or_with_sensors():
     counted = count(small_plan(plants=(AEROSONDE,)))
     plan = plan_of_band(counted)
-    tables = scenario_of_run(plan, counted.nearest).as_dict()
+    tables = flying.scenario_of_run(plan, counted.nearest).as_dict()
     label = plan.groups[0].plant
 
     def flown(**changes):
@@ -257,7 +259,7 @@ def test_residual_signals_of_an_aircraft_are_counted_like_any_other():
     bounds = counted.bounds(np.arange(25) / 50.0)
 
     for run, score in enumerate(counted.scores, start=counted.about.learned):
-        flown = fly_group(plan, plan.scenario_of(run), plan.groups[0])
+        flown = flying.fly_group(plan, plan.scenario_of(run), plan.groups[0])
         signals = residuals_of(model, flown, conditions.start_condition(plan.scenario_of(run)))
         residuals = dict(zip(counted.about.signals, signals.T, strict=True))
         assert bounds.contain(residuals) == (score <= counted.scale)

@@ -5,7 +5,7 @@ from counted_turns import START
 from dispersed import AEROSONDE, SOFT, TURBULENCE, WIND, plan_of, tables_of
 
 import flighttune as ft
-from flighttune.claims.counted_flights import air_of, distribution_of, in_air
+from flighttune.claims import counted_flights
 
 
 def small_campaign(**tables):
@@ -15,7 +15,7 @@ def small_campaign(**tables):
 def test_a_wind_that_is_drawn_may_be_stated():
     plan = ft.plan_campaign(ft.load_campaign("light_turbulence"))
     (plant,) = plan.scenario.plant
-    known = distribution_of(plan.campaign, plant.label)
+    known = counted_flights.distribution_of(plan.campaign, plant.label)
 
     def difference(**wind):
         scenario = ft.scenario_from({**plan.scenario.as_dict(), "wind": wind})
@@ -31,9 +31,9 @@ def test_air_is_taken_apart():
     campaign = small_campaign(wind=WIND, turbulence=TURBULENCE)
     words = small_campaign(wind=WIND, turbulence={"intensity": "light"})
 
-    assert air_of(campaign.central).startswith("severity")
-    assert air_of(in_air(campaign, "calm").nominal) == "calm"
-    assert air_of(in_air(campaign, "wind").nominal) == "wind"
-    assert air_of(in_air(words, "severe").nominal) == "severe"
+    assert counted_flights.air_of(campaign.central).startswith("severity")
+    assert counted_flights.air_of(counted_flights.in_air(campaign, "calm").nominal) == "calm"
+    assert counted_flights.air_of(counted_flights.in_air(campaign, "wind").nominal) == "wind"
+    assert counted_flights.air_of(counted_flights.in_air(words, "severe").nominal) == "severe"
     with pytest.raises(ft.InputError, match=r"`air`.*'stormy'"):
-        in_air(campaign, "stormy")
+        counted_flights.in_air(campaign, "stormy")

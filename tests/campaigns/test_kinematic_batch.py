@@ -7,7 +7,7 @@ from dispersed import WIND, one_of, plan_of, tables_of, uniform
 
 import flighttune as ft
 from flighttune.campaigns.flying import columns
-from flighttune.campaigns.flying.rows import batchable, rows_flown
+from flighttune.campaigns.flying import rows as flying
 from flighttune.campaigns.planning.schema import MEASURES
 
 pytestmark = pytest.mark.slow
@@ -29,7 +29,7 @@ FAR_ROUND = 1e-10
 
 def rows_of(plan, **probes):
     """The rows of a plan without the time flights took; with a probe all are flown alone."""
-    rows = rows_flown(plan, range(plan.runs), probes=probes)
+    rows = flying.rows_flown(plan, range(plan.runs), probes=probes)
     return columns.table_of(plan, rows).drop_columns(["wall_s"]).to_pylist()
 
 
@@ -115,7 +115,7 @@ DISTURBED_BY = {"disturbance": WAVE, "expect": [SUCCESS]}
 )
 def test_draws_of_everything_at_once_are_flown_as_flights_alone(tables, dispersed, runs):
     plan = plan_of(tables_of(**tables), *dispersed, runs=runs)
-    assert batchable(plan.scenario_of(0), plan.entry(plan.groups[0]))
+    assert flying.batchable(plan.scenario_of(0), plan.entry(plan.groups[0]))
 
     rows = rows_of(plan)
 

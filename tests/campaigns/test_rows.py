@@ -26,7 +26,7 @@ from hypothesis import strategies as st
 
 import flighttune as ft
 from flighttune.campaigns.flying import columns
-from flighttune.campaigns.flying.rows import lost_row, scenario_of_run, warm_up
+from flighttune.campaigns.flying import rows as flying
 from flighttune.control.margins import channel_margins
 from flighttune.flight import models
 
@@ -146,9 +146,9 @@ def test_gains_that_tuning_did_not_find_are_rows_too():
     assert [row["status"] for row in rows] == ["no_gains", "completed"] * 2
     assert rows[0]["R_K"] is None
     with pytest.raises(ft.InputError, match=r"`gains` .* none for tuned"):
-        scenario_of_run(plan, 0)
+        flying.scenario_of_run(plan, 0)
     with pytest.raises(ft.InputError, match=r"`run` .*3.* 4"):
-        scenario_of_run(plan, 4)
+        flying.scenario_of_run(plan, 4)
 
 
 def test_a_start_without_steady_flight_and_a_flight_into_the_ground_are_rows():
@@ -174,15 +174,15 @@ def test_a_start_without_steady_flight_and_a_flight_into_the_ground_are_rows():
 @pytest.mark.parametrize("run", [-1, 16])
 def test_a_run_that_is_not_of_the_plan_is_refused(run):
     with pytest.raises(ft.InputError, match=rf"`run` must be 0 to 15, got {run}\."):
-        scenario_of_run(still_plan(), run)
+        flying.scenario_of_run(still_plan(), run)
 
 
 def test_the_row_of_a_crashed_run_is_a_row_of_the_plan():
     plan = still_plan()
 
-    row = lost_row(plan, 7, plan.values_of(plan.draw_of(7)), -signal.SIGSEGV)
+    row = flying.lost_row(plan, 7, plan.values_of(plan.draw_of(7)), -signal.SIGSEGV)
 
-    assert lost_row(plan, 7, None, -signal.SIGSEGV) == row  # as of a batch of many draws
+    assert flying.lost_row(plan, 7, None, -signal.SIGSEGV) == row  # as of a batch of many draws
     (found,) = columns.table_of(plan, [row]).to_pylist()
     whole = table_flown(plan, [7]).to_pylist()[0]
     assert found["status"] == "crashed"
@@ -191,7 +191,7 @@ def test_the_row_of_a_crashed_run_is_a_row_of_the_plan():
     assert found["chi.ITAE"] is found["wall_s"] is None
     for name in ("run", "draw", "plant", "gains", "seed", *plan.keys, "R_K", "I_K", "E_K"):
         assert found[name] == whole[name]
-    refused = lost_row(plan, 0, dict.fromkeys(plan.values_of(0), -1.0), -signal.SIGSEGV)
+    refused = flying.lost_row(plan, 0, dict.fromkeys(plan.values_of(0), -1.0), -signal.SIGSEGV)
     assert refused["status"] == "crashed"
     assert refused["R_K"] is refused["I_K"] is refused["E_K"] is None
 
@@ -203,7 +203,7 @@ def test_the_scenario_of_a_run_has_gains_as_numbers_whatever_their_name():
     ])  # fmt: skip
     plan = plan_of(tables, *START, runs=4)
 
-    scenario = scenario_of_run(plan, 2)
+    scenario = flying.scenario_of_run(plan, 2)
 
     (gains,) = scenario.gains
     assert gains.name == "tuned"
@@ -255,6 +255,6 @@ def test_the_compiled_samples_of_a_route_are_loaded_before_its_runs_are_timed(mo
     parts, fly = [], compiled.fly_samples
     monkeypatch.setattr(compiled, "fly_samples", lambda *x: parts.append(x[6][:2]) or fly(*x))
 
-    warm_up(ft.plan_campaign(ft.load_campaign("circuit_in_wind", gains=["paper"])))
+    flying.warm_up(ft.plan_campaign(ft.load_campaign("circuit_in_wind", gains=["paper"])))
 
     assert parts == [(0, 0)]

@@ -22,7 +22,7 @@ from shapely.geometry import shape
 
 import flighttune as ft
 from flighttune.campaigns.flying.rows import fly_group
-from flighttune.claims.counted_flights import distribution_of, plan_in, room_of, turning_back
+from flighttune.claims import counted_flights
 from flighttune.claims.counting import drawn
 from flighttune.claims.mission import MissionOdds
 from flighttune.claims.turn_back import TurnBack, TurnRoom
@@ -59,9 +59,14 @@ def few_learned(monkeypatch):
     monkeypatch.setattr("flighttune.claims.mission.LEARN_TURNS", 10)
 
 
+def turned_back(plan, bank=BANK):
+    """The plan of flights that turn back with this bank at any place of a route."""
+    return counted_flights.turning_back(plan, bank)
+
+
 @pytest.fixture(scope="module")
 def turning():
-    return turning_back(ft.flights("circuit").plan(plant="kinematic"), BANK)
+    return turned_back(ft.flights("circuit").plan(plant="kinematic"))
 
 
 def flown(turning, **values):
@@ -99,7 +104,7 @@ def test_a_flight_comes_as_far_as_its_course_says(turning, side):
     line = LineString(np.column_stack([path.north, path.east])[path.s <= path.length])
     across = distance(line, points(north, east)).max()
 
-    room = room_of(run, turn_back)[-1]
+    room = counted_flights.room_of(run, turn_back)[-1]
 
     # the bank is reached in the wind of the plan from behind
     fastest = SPEED + ft.route("circuit").wind
@@ -125,7 +130,7 @@ def test_a_flight_turns_and_climbs_as_its_route_does_until_it_turns_back(turning
 
 
 def test_a_circle_turns_once(turning):
-    circling = turning_back(ft.flights("circuit").plan(plant="kinematic"), f"circle:{BANK}")
+    circling = turned_back(ft.flights("circuit").plan(plant="kinematic"), f"circle:{BANK}")
     run, _ = flown(circling, at_m=200.0)
 
     assert np.rad2deg(np.ptp(run.signals["chi"])) == pytest.approx(360.0, abs=1.0)
@@ -137,9 +142,9 @@ def test_a_flight_from_level_flight_is_on_the_slope_as_long_as_on_its_route(at_m
     corners = [(0.0, 0.0), (300.0, 0.0), (1300.0, 70.0 * sign)]
     waypoints = [{"north_m": n, "east_m": 0.0, "up_m": up} for n, up in corners]
     changes = {"route.waypoint": waypoints, "flight.h_m": 1100.0}
-    plan = turning_back(ft.flights("circuit", changes=changes).plan(plant="kinematic"), BANK)
+    plan = turned_back(ft.flights("circuit", changes=changes).plan(plant="kinematic"))
     steady, run = flown(plan, at_m=at_m), flown(plan, at_m=at_m, sloped_s=(at_m - 300.0) / SPEED)
-    rooms, (run, table) = [room_of(*steady), room_of(*run)], run
+    rooms, (run, table) = [counted_flights.room_of(*steady), counted_flights.room_of(*run)], run
 
     found = int(np.searchsorted(run.t, table.found_s))
     gamma = np.rad2deg(run.signals["gamma"].to_numpy())
@@ -162,7 +167,7 @@ def test_only_flights_of_a_route_with_slopes_may_begin_level():
     def start(up):
         legs = [{"north_m": n, "east_m": 0.0, "up_m": up * n} for n in (0.0, 800.0)]
         plan = ft.flights("circuit", changes={"route.waypoint": legs}).plan(plant="kinematic")
-        return turning_back(plan, BANK).as_dict()["nominal"]["turn_back"].get("or_level")
+        return turned_back(plan).as_dict()["nominal"]["turn_back"].get("or_level")
 
     assert [start(0.0), start(0.02)] == [None, True]
 
@@ -180,7 +185,7 @@ def steep(tmp_path_factory):
 @pytest.mark.slow
 def test_a_flight_without_steady_flight_comes_to_its_place_as_its_mission_does(steep):
     mission = drawn(ft.flights(steep, aircraft="aerosonde"), None, None, "wind", None)
-    plan = turning_back(mission, BANK)
+    plan = turned_back(mission)
     values = {**plan.values_of(0), "turn_back.at_m": 950.0}
     scenario = plan.dispersed(values, 0)
     back = fly_group(plan, scenario, plan.groups[0])
@@ -204,7 +209,7 @@ def test_a_flight_without_steady_flight_comes_to_its_place_as_its_mission_does(s
 
 def test_flights_of_older_files_begin_in_steady_flight_and_those_that_have_one_stay_the_same(steep):
     """Files of flighttune 0.4.0 do not have the key."""
-    plan = turning_back(ft.flights(steep, aircraft="aerosonde").plan(kind="jsbsim"), BANK)
+    plan = turned_back(ft.flights(steep, aircraft="aerosonde").plan(kind="jsbsim"))
 
     def runs(at_m):
         now = plan.dispersed({**plan.values_of(0), "turn_back.at_m": at_m}, 0)
@@ -228,7 +233,7 @@ def test_the_room_of_a_mission_with_a_steep_leg_is_claimed_of_all_its_flights(st
 
     assert room.claims
     assert not room.endings
-    plan = plan_in(room.about).with_runs(int(room.draws[-1]) + 1)
+    plan = counted_flights.plan_in(room.about).with_runs(int(room.draws[-1]) + 1)
     runs = [fly_group(plan, plan.scenario_of(x), plan.groups[0]) for x in room.draws.tolist()]
     assert any(scenario_of(run).turn_back.sloped_s is not None for run in runs)
     condition = "or, where there is none on a slope, in level flight before it"
@@ -265,9 +270,9 @@ def test_the_side_that_allows_less_bank_and_roll_rate_holds(low, high):
     changes = {"limits.phi_deg": [-low, high], "limits.phi_rate_dps": [-low, high]}
     plan = ft.flights("circuit", changes=changes).plan(plant="kinematic")
 
-    assert turning_back(plan, 40.0).scenario.turn_back.roll_rate_dps == pytest.approx(45.0)
+    assert turned_back(plan, 40.0).scenario.turn_back.roll_rate_dps == pytest.approx(45.0)
     with pytest.raises(ft.InputError, match="a bank of 1 to 45 deg, got 47"):
-        turning_back(plan, 47.0)
+        turned_back(plan, 47.0)
 
 
 def test_the_areas_are_as_wide_as_they_say_or_wider():
@@ -313,7 +318,7 @@ def test_a_climb_and_a_descent_after_detection_both_take_room(turning):
     for sign in (1.0, -1.0):
         down = sign * np.array([50.0, 0.0, -7.0, 3.0])
         signals = pd.DataFrame({"north": 0.0, "east": 0.0, "down": down})
-        room = room_of(SimpleNamespace(t=t, signals=signals), table)
+        room = counted_flights.room_of(SimpleNamespace(t=t, signals=signals), table)
         assert room[:, 1].tolist() == [0.0, 0.0, 7.0, 7.0]
 
 
@@ -337,7 +342,7 @@ def test_volumes_are_over_the_ground_and_their_room_is_in_whole_metres(away, mid
     changes = {"route.waypoint": waypoints, "flight.ground_m": 900.0}
     plan = ft.flights("circuit", changes=changes).plan(plant="kinematic", gains="paper")
     corridor = count_on(ft.Band, plan, away, middle)
-    room = count_on(TurnBack, turning_back(plan, BANK), [271.2, 3.4])
+    room = count_on(TurnBack, turned_back(plan), [271.2, 3.4])
 
     assert "at most 5 m wide to either side of the path, and 2 m high" in summary(corridor)[2]
     said = MissionOdds(band=corridor, room=room, files={}).answer()
@@ -377,7 +382,7 @@ def test_fresh_flights_keep_to_the_volume_that_is_written():
 
     path, fresh, left, by_ahead = where[0], 20, 0, 0
     line = LineString(np.column_stack([path.north, path.east])[path.s <= path.length])
-    plan = plan_in(room.about)
+    plan = counted_flights.plan_in(room.about)
     plan = replace(plan, campaign=plan.campaign.model_copy(update={"seed": 5}), runs=fresh)
     edge = [(width * np.cos(x), width * np.sin(x)) for x in np.arange(0.0, 2.0 * np.pi, 0.5)]
     for run in range(fresh):
@@ -405,7 +410,7 @@ def test_a_flight_turns_back_at_the_airspeed_of_its_place(tmp_path):
         waypoint(47.406, 8.5, 80), speed(27, -1, 0, 0, 0, 0), waypoint(47.406, 8.508, 80),
         speed(23, -1, 0, 0, 0, 0), waypoint(47.4, 8.508, 60),
     )  # fmt: skip
-    plan = turning_back(ft.flights(file).plan(), BANK)
+    plan = turned_back(ft.flights(file).plan())
     route = ft.route(file).reference
     for at_m, stated in ((300.0, 20.0), (1150.0, 27.0), (1700.0, 23.0)):  # legs of some 600 m
         V = float(np.interp(at_m, route.path.s, route.V))
@@ -416,7 +421,9 @@ def test_a_flight_turns_back_at_the_airspeed_of_its_place(tmp_path):
         assert run.signals["V_a"][back].iloc[:50].mean() == pytest.approx(V, abs=SPEEDS)
         rate = scenario.turn_back.here[-1]
         assert np.deg2rad(rate) * (V + 9.0) / G == pytest.approx(np.tan(np.deg2rad(BANK)), rel=0.01)
-    assert "at 20 to 27 m/s" in distribution_of(plan.campaign, plan.groups[0].plant).sentence("x")
+    assert "at 20 to 27 m/s" in counted_flights.distribution_of(
+        plan.campaign, plan.groups[0].plant
+    ).sentence("x")
 
 
 def test_the_room_of_another_route_or_of_a_distance_ahead_is_refused(tmp_path):
@@ -426,7 +433,7 @@ def test_the_room_of_another_route_or_of_a_distance_ahead_is_refused(tmp_path):
         return ft.flights("circuit", changes=changes).plan(plant="kinematic", gains="paper")
 
     own = plan((0.0, 0.0), (300.0, 0.0))
-    room = count_on(TurnBack, turning_back(own, BANK), [271.2, 3.4])
+    room = count_on(TurnBack, turned_back(own), [271.2, 3.4])
     turned = plan((0.0, 0.0), (0.0, 300.0))  # as long, to the east
     longer = plan((0.0, 0.0), (300.0, 0.0), (400.0, 0.0))
     for other, says in ((longer, r"along 300 m .*along 400 m"), (turned, "on one route")):

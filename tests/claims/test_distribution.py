@@ -5,8 +5,8 @@ import pytest
 from dispersed import AEROSONDE, WIND, campaign_of, one_of, plan_of, tables_of, uniform
 
 import flighttune as ft
+from flighttune.claims import counted_flights
 from flighttune.claims.band import RecordedSignals
-from flighttune.claims.counted_flights import at_random, distribution_of, flights_of
 from flighttune.claims.monitor import FAULTS
 
 # 2 m/s^2 from 1 s on, for 1.5 s: from 25 to 28 m/s.
@@ -25,7 +25,9 @@ def route_at(*airspeeds, holds_airspeed=True):
 
 def distribution(*disperse, plants=(AEROSONDE,), **tables):
     campaign = campaign_of(ft.scenario_from(tables_of(plants, **tables)), *disperse)
-    return distribution_of(at_random(campaign), campaign.nominal.plant[0].label)
+    return counted_flights.distribution_of(
+        counted_flights.at_random(campaign), campaign.nominal.plant[0].label
+    )
 
 
 def spoken(*disperse, **tables):
@@ -68,7 +70,7 @@ def test_the_sentence_names_the_air_the_airspeed_and_ranges_with_units(disperse,
 
 def test_many_keys_stand_in_the_table_with_their_units_and_the_sentence_counts_them():
     campaign = ft.load_campaign("mission_in_wind")
-    known = distribution_of(campaign, campaign.nominal.plant[0].label)
+    known = counted_flights.distribution_of(campaign, campaign.nominal.plant[0].label)
 
     sentence, records = known.sentence("x"), known.records("x")
     rows = {row["quantity"]: (row["values"], row["drawn"]) for row in records}
@@ -144,7 +146,7 @@ def test_a_flight_of_others_than_those_counted_is_named_with_both_values(
 ):
     tables, own = tables_of((AEROSONDE,), gains=["paper"], **counted), flown.copy()
     plan = plan_of(tables, *disperse, gains=["paper"], design="random")
-    flights = flights_of(plan, RecordedSignals.chosen(plan, None), 7)
+    flights = counted_flights.flights_of(plan, RecordedSignals.chosen(plan, None), 7)
     other = ft.scenario_from(tables_of(own.pop("plants", (AEROSONDE,)), **own))
     name = "exact:paper" if "law" in flown else "paper"
 

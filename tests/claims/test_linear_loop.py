@@ -9,7 +9,7 @@ from printed import A_K, E
 from scipy.linalg import expm
 
 import flighttune as ft
-from flighttune.claims.linear_loop import bound_of, error_states, linear_bound
+from flighttune.claims import linear_loop
 from flighttune.control.linear_model import disturbance_entry
 from flighttune.control.theory.lyapunov import invariant_ellipsoid
 from tests.outputs.recording.conftest import LAW, SCENARIO, flown
@@ -50,7 +50,7 @@ def linear_flight(v, s_0, *, moved_at=None, by=(0.0, 0.0), limited_until=0.0, L_
         "phi_limited": np.where(t < limited_until, 2.0, 0.0),
     }
     run = made_up_run(signals, t)
-    return bound_of(run, FIGURES, UNIT, L_d), run
+    return linear_loop.bound_of(run, FIGURES, UNIT, L_d), run
 
 
 def exceeded(flight):
@@ -85,7 +85,7 @@ def test_a_linear_loop_under_its_worst_disturbance_stays_below_its_bound(directi
 
 def test_the_bound_is_the_exponential_and_what_the_disturbance_can_add():
     check, run = linear_flight(random_pushes(), [0.3, -0.2, -1.0, 0.5])
-    s_0, since = error_states(run)[0][0], check.t - check.t[0]
+    s_0, since = linear_loop.error_states(run)[0][0], check.t - check.t[0]
 
     start = np.sqrt(s_0 @ FIGURES.Q @ s_0 / np.linalg.eigvalsh(FIGURES.Q)[0])
     exponential = start * np.exp(-0.5 * FIGURES.R_K * since)
@@ -112,7 +112,7 @@ def test_there_is_no_bound_while_a_limit_holds_a_command_and_it_starts_anew_behi
 
     assert np.isnan(check.bound[:first]).all()
     assert np.isfinite(check.bound[first:]).all()
-    Q, s = FIGURES.Q, error_states(run)[0][first]
+    Q, s = FIGURES.Q, linear_loop.error_states(run)[0][first]
     assert check.bound[first] == pytest.approx(np.sqrt(s @ Q @ s / np.linalg.eigvalsh(Q)[0]))
 
 
@@ -131,7 +131,7 @@ def test_a_loop_slower_than_its_gains_exceeds_the_bound():
     (slow,) = flown(plant=[LAW], gains=[{"name": "lame", **lame.as_lists()}])
     pretended = replace(slow, provenance=replace(slow.provenance, gains=ft.PAPER_GAINS))
 
-    found = linear_bound(pretended)
+    found = linear_loop.linear_bound(pretended)
 
     assert exceeded(found)
 
@@ -142,7 +142,7 @@ def test_there_is_a_bound_only_of_what_the_statement_is_about():
 
     def check(signals=run.signals, scenario=SCENARIO, **made):
         made_by = replace(run.provenance, scenario=scenario, **made)
-        return linear_bound(replace(run, signals=signals, provenance=made_by))
+        return linear_loop.linear_bound(replace(run, signals=signals, provenance=made_by))
 
     assert check() is not None
     assert check(gains=None) is None
@@ -168,7 +168,11 @@ def test_there_is_a_bound_only_of_what_the_statement_is_about():
 def test_an_aircraft_has_no_bound_and_the_law_beside_it_the_one_of_its_stated_disturbance():
     stall = ft.fly(shortened("weak_engine", 13.0)).runs
     assert {run.status for run in stall if run.provenance.aircraft} == {"left_envelope"}
-    assert all((linear_bound(run) is None) == bool(run.provenance.aircraft) for run in stall)
+    assert all(
+        (linear_loop.linear_bound(run) is None) == bool(run.provenance.aircraft) for run in stall
+    )
 
     (disturbed,) = ft.fly(shortened("paper_as_printed", 10.0)).runs
-    assert linear_bound(disturbed).radius == pytest.approx(0.1 * 0.15 * unit_radius(15.0))
+    assert linear_loop.linear_bound(disturbed).radius == pytest.approx(
+        0.1 * 0.15 * unit_radius(15.0)
+    )

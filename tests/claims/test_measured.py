@@ -13,7 +13,7 @@ from made_up import made_up_run, made_up_scenario
 
 import flighttune as ft
 from flighttune.campaigns.engine.fliers import Fliers
-from flighttune.campaigns.flying.rows import fly_group, rows_flown
+from flighttune.campaigns.flying import rows as flying
 from flighttune.claims import about, counting
 from flighttune.claims.counted import Counted
 from flighttune.claims.counted_flights import plan_of, turning_back
@@ -80,7 +80,7 @@ def test_a_new_kind_of_count_is_flown_saved_read_and_verified(kinds, tmp_path):
 
     plan = plan_of(counted)
     draws = counted.draws.tolist()
-    flown = [fly_group(plan, plan.scenario_of(draw), plan.groups[0]) for draw in draws]
+    flown = [flying.fly_group(plan, plan.scenario_of(draw), plan.groups[0]) for draw in draws]
     largest = [np.abs(np.gradient(x.signals["phi"].to_numpy(), x.t)).max() for x in flown]
     assert isinstance(counted, RollSpeed)
     assert counted.extremes[:, 0, 0, 1] == pytest.approx(largest, rel=SINGLE)
@@ -122,7 +122,7 @@ def test_half_of_the_flights_that_a_monitor_learns_from_teach_weights_and_half_l
 
     def rows(plan, runs, probes):
         parts.append((*probes, list(runs)))
-        return rows_flown(plan, runs, probes=probes)
+        return flying.rows_flown(plan, runs, probes=probes)
 
     plan = small_plan(plants=[AEROSONDE])
     with flown_here(rows):

@@ -11,12 +11,14 @@ from hypothesis import strategies as st
 from scipy.optimize import linprog
 
 import flighttune as ft
-from flighttune.control.linear_model import Envelope, jacobian_hull, loops_of
+from flighttune.control import linear_model
 
 G = 9.81
 ROUNDING = 1e-12
-WIDE = Envelope(V_a=(20.0, 30.0), gamma=(-0.35, 0.785), phi=(-0.52, 0.7), n_z=(-0.5, 1.5))
-TRIM = Envelope.at(V_a=25.0, gamma=math.pi / 12)
+WIDE = linear_model.Envelope(
+    V_a=(20.0, 30.0), gamma=(-0.35, 0.785), phi=(-0.52, 0.7), n_z=(-0.5, 1.5)
+)
+TRIM = linear_model.Envelope.at(V_a=25.0, gamma=math.pi / 12)
 
 
 def entries_at(V_a, gamma, phi, n_z):
@@ -37,7 +39,9 @@ def inside(point, corners):
 def test_every_jacobian_of_the_envelope_lies_in_the_polytope(at):
     low, high = WIDE.ranges.T
 
-    assert inside(entries_at(*(low + at * (high - low))), jacobian_hull(WIDE, g=G).corners)
+    assert inside(
+        entries_at(*(low + at * (high - low))), linear_model.jacobian_hull(WIDE, g=G).corners
+    )
 
 
 def test_the_polytope_holds_what_the_corners_of_the_conditions_miss():
@@ -46,24 +50,26 @@ def test_the_polytope_holds_what_the_corners_of_the_conditions_miss():
     level = entries_at(25.0, 0.0, 0.0, 1.0)
 
     assert not inside(level, corners)
-    assert inside(level, jacobian_hull(WIDE, g=G).corners)
+    assert inside(level, linear_model.jacobian_hull(WIDE, g=G).corners)
 
 
 def test_the_entries_range_over_hand_computed_ends():
-    hull = jacobian_hull(WIDE, g=G)
+    hull = linear_model.jacobian_hull(WIDE, g=G)
 
     assert hull.factor == pytest.approx((G / 30.0, G / 20.0), rel=ROUNDING)
     lower = [-math.sin(0.35), 1.0, -1.5 * math.sin(0.52), math.cos(0.7)]
     upper = [math.sin(0.785), math.cos(0.7) ** -2, 1.5 * math.sin(0.7), 1.0]
     assert hull.lower == pytest.approx(lower, rel=ROUNDING)
     assert hull.upper == pytest.approx(upper, rel=ROUNDING)
-    assert loops_of(hull.models(), ft.PAPER_GAINS).shape == (32, 4, 4)
+    assert linear_model.loops_of(hull.models(), ft.PAPER_GAINS).shape == (32, 4, 4)
 
 
 def test_roll_on_one_side_has_its_extremes_at_the_ends():
-    turning = Envelope(V_a=(25.0, 25.0), gamma=(0.0, 0.0), phi=(0.2, 0.6), n_z=(1.0, 1.0))
+    turning = linear_model.Envelope(
+        V_a=(25.0, 25.0), gamma=(0.0, 0.0), phi=(0.2, 0.6), n_z=(1.0, 1.0)
+    )
 
-    hull = jacobian_hull(turning, g=G)
+    hull = linear_model.jacobian_hull(turning, g=G)
 
     assert hull.lower[3] == pytest.approx(math.cos(0.6), rel=ROUNDING)
     assert hull.upper[3] == pytest.approx(math.cos(0.2), rel=ROUNDING)
@@ -105,4 +111,4 @@ def test_an_envelope_must_be_one_a_law_can_fly_in(change, message):
     ranges = {"V_a": (20.0, 30.0), "gamma": (0.0, 0.1), "phi": (0.0, 0.1), "n_z": (0.9, 1.1)}
 
     with pytest.raises(ft.InputError, match=message):
-        Envelope(**(ranges | change))
+        linear_model.Envelope(**(ranges | change))

@@ -8,13 +8,7 @@ import pytest
 from printed import MODEL
 
 import flighttune as ft
-from flighttune.control.inner_loop import (
-    inner_loop_scaling,
-    sampled_loop,
-    with_inner_loop,
-    with_input_delay,
-    with_input_lag,
-)
+from flighttune.control import inner_loop
 
 ROUNDING = 1e-12
 SLOW, FAST = (
@@ -29,7 +23,7 @@ def response(model, s):
 
 @pytest.mark.parametrize("s", [0.3j, 2.0j, 1.0 + 5.0j])
 def test_each_input_is_multiplied_by_its_own_transfer_function(s):
-    lagged = response(with_inner_loop(MODEL, (SLOW, FAST)), s)
+    lagged = response(inner_loop.with_inner_loop(MODEL, (SLOW, FAST)), s)
 
     second = 36.0 / (s * s + 8.4 * s + 36.0)
     pade = (1.0 - 0.025 * s) / (1.0 + 0.025 * s)
@@ -40,7 +34,10 @@ def test_each_input_is_multiplied_by_its_own_transfer_function(s):
 def test_first_order_without_delay_is_the_plain_input_lag():
     lags = [ft.loop.InnerLag(order=1, natural_frequency=w) for w in (4.0, 8.0)]
 
-    lagged, plain = with_inner_loop(MODEL, lags), with_input_lag(MODEL, [4.0, 8.0])
+    lagged, plain = (
+        inner_loop.with_inner_loop(MODEL, lags),
+        inner_loop.with_input_lag(MODEL, [4.0, 8.0]),
+    )
 
     for name in "ABC":
         assert getattr(lagged, name) == pytest.approx(getattr(plain, name))
@@ -51,7 +48,7 @@ def test_first_order_without_delay_is_the_plain_input_lag():
 def test_a_delay_is_all_pass_and_its_phase_error_falls_with_the_sections(sections):
     omega, delay, delayed = 2.0, np.array([0.1, 0.3]), MODEL
     for _ in range(sections):
-        delayed = with_input_delay(delayed, delay / sections)
+        delayed = inner_loop.with_input_delay(delayed, delay / sections)
 
     ratio = np.diag(response(delayed, 1j * omega)) / np.diag(response(MODEL, 1j * omega))
 
@@ -80,7 +77,7 @@ def test_bandwidth_is_where_half_the_power_is_lost(order, damping, bandwidth):
 
 
 def test_a_lag_counts_by_the_turn_it_causes():
-    scaling = inner_loop_scaling(MODEL, (SLOW, FAST))
+    scaling = inner_loop.inner_loop_scaling(MODEL, (SLOW, FAST))
 
     assert scaling == pytest.approx([1.0, 1.0, *[25.0 / 9.81] * 6, 1.0, 1.0])
 
@@ -89,8 +86,8 @@ def test_a_lag_counts_by_the_turn_it_causes():
     ("made", "words"),
     [
         (lambda: ft.loop.InnerLag(order=4, natural_frequency=1.0), "`order` must be 1, 2"),
-        (lambda: with_inner_loop(MODEL, (SLOW,)), "`lags` must be 2"),
-        (lambda: with_input_lag(MODEL, [4.0, 0.0]), "`bandwidths` must be positive"),
+        (lambda: inner_loop.with_inner_loop(MODEL, (SLOW,)), "`lags` must be 2"),
+        (lambda: inner_loop.with_input_lag(MODEL, [4.0, 0.0]), "`bandwidths` must be positive"),
     ],
     ids=["order", "one lag", "bandwidth"],
 )
@@ -151,7 +148,7 @@ def test_the_paper_s_law_flies_the_map_of_its_loop(lags):
     model = ft.loop.kinematic_model(V_a=V_a, gamma=0.0, g=9.81)
     law = ft.loop.MimoPI(gains, dt=DT, feed_forward=True)
 
-    loop, _ = sampled_loop(model, lags, gains, dt=DT)
+    loop, _ = inner_loop.sampled_loop(model, lags, gains, dt=DT)
 
     # The law integrates nothing over its first sample: as after an error of the other sign.
     flight = flown(law, lags, 150)
@@ -164,7 +161,7 @@ def test_the_exact_law_flies_the_map_of_its_loop(lags, feedback):
     gains = replace(ft.loop.rate_gains(ft.PAPER_GAINS, V_a=V_a), feedback=feedback)
     law = ft.loop.ExactLaw(gains, dt=DT, g=9.81, braking=None)
 
-    loop, _ = sampled_loop(law.linear()[0], lags, gains, dt=DT, trapezoidal=False)
+    loop, _ = inner_loop.sampled_loop(law.linear()[0], lags, gains, dt=DT, trapezoidal=False)
 
     flight = flown(law, lags, 150)
     assert np.abs(flight - mapped(loop, 150, 0.0)).max() < NEAR * SMALL

@@ -5,13 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from flighttune.control.wind import (
-    WIND_ESTIMATE_S,
-    WindEstimate,
-    climb_through_air,
-    path_over_ground,
-    speed_in_wind,
-)
+from flighttune.control import wind as winds
 
 # Of two ways to compute the same in doubles.
 ROUNDING = 1e-12
@@ -37,37 +31,37 @@ def test_thrust_bears_the_climb_through_the_air_of_a_path_over_ground():
     for V_a, air, wind in flights():
         chi, gamma = course_and_path(air + wind)
 
-        sine = climb_through_air(chi, gamma, V_a, wind)
+        sine = winds.climb_through_air(chi, gamma, V_a, wind)
 
         assert sine == pytest.approx(-air[2] / V_a, abs=ROUNDING)
-        assert path_over_ground(chi, sine, V_a, wind) == pytest.approx(gamma, abs=ROUNDING)
+        assert winds.path_over_ground(chi, sine, V_a, wind) == pytest.approx(gamma, abs=ROUNDING)
 
 
 @pytest.mark.parametrize("gamma", [-0.5, -0.0, 0.1, 1.5])
 def test_still_air_changes_no_bit_of_a_path(gamma):
     calm = (0.0, 0.0, 0.0)
 
-    assert climb_through_air(0.3, gamma, 25.0, calm) == math.sin(gamma)
-    assert path_over_ground(0.3, math.sin(gamma), 25.0, calm) == math.asin(math.sin(gamma))
-    assert speed_in_wind(0.3, gamma, 25.0, calm) == 25.0
+    assert winds.climb_through_air(0.3, gamma, 25.0, calm) == math.sin(gamma)
+    assert winds.path_over_ground(0.3, math.sin(gamma), 25.0, calm) == math.asin(math.sin(gamma))
+    assert winds.speed_in_wind(0.3, gamma, 25.0, calm) == 25.0
 
 
 @pytest.mark.parametrize("wind", [(0.0, 40.0, 0.0), (-60.0, 0.0, 0.0), (0.0, 0.0, 45.0)])
 def test_a_wind_that_no_heading_holds_a_course_in_leaves_angles_that_can_be_flown(wind):
     for sine in (-0.5, 0.0, 1.0):
-        assert abs(path_over_ground(0.0, sine, 25.0, wind)) <= math.pi
-    assert math.isfinite(climb_through_air(0.0, 0.1, 25.0, wind))
+        assert abs(winds.path_over_ground(0.0, sine, 25.0, wind)) <= math.pi
+    assert math.isfinite(winds.climb_through_air(0.0, 0.1, 25.0, wind))
 
 
 def test_the_wind_that_an_aircraft_knows_lags_behind_the_one_there_is():
     """Expected: the step response of a lag of first order, which holds still at the start."""
     dt = 0.02
-    estimate = WindEstimate(dt)
+    estimate = winds.WindEstimate(dt)
     assert estimate(None) is None
     assert estimate((1.0, 2.0, 3.0)) == (1.0, 2.0, 3.0)
 
-    for _ in range(round(WIND_ESTIMATE_S / dt)):
+    for _ in range(round(winds.WIND_ESTIMATE_S / dt)):
         known = estimate((2.0, 2.0, 0.0))
 
     left = math.exp(-1.0)
-    assert known == pytest.approx((2.0 - left, 2.0, 3.0 * left), abs=dt / WIND_ESTIMATE_S)
+    assert known == pytest.approx((2.0 - left, 2.0, 3.0 * left), abs=dt / winds.WIND_ESTIMATE_S)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from made_up import made_up_run, made_up_scenario
 
+from flighttune.flight import flown as checks
 from flighttune.flight import metrics
-from flighttune.flight.flown import BoundCheck, ClaimCheck, Counts, check_claim
 
 T = np.linspace(0.0, 10.0, 101)
 
@@ -43,7 +43,7 @@ def flown(chi_err=0.0, n_z=1.0, gains="paper", status="completed", reason="", tu
 )  # fmt: skip
 def test_a_bound_is_met_or_missed_by_so_much(bounds, missed):
     # 2 deg of error for 10 s: the integral of t |e| is 50 s^2 times 0.0349 rad.
-    found = check_claim(scenario(bounds), [flown(np.deg2rad(2.0), n_z=1.2)]).missed
+    found = checks.check_claim(scenario(bounds), [flown(np.deg2rad(2.0), n_z=1.2)]).missed
 
     assert found == (() if missed is None else (f"kinematic / paper: {missed}",))
 
@@ -67,7 +67,7 @@ def test_a_response_that_never_settles_is_said_why_and_may_have_a_band_of_its_ow
     run = flown(np.deg2rad(swing), turn_deg=0.0)
     made = dataclasses.replace(run.provenance, scenario=of.as_dict())
 
-    found = check_claim(of, [dataclasses.replace(run, provenance=made)]).missed
+    found = checks.check_claim(of, [dataclasses.replace(run, provenance=made)]).missed
 
     assert found == (() if missed is None else (f"kinematic / paper: {missed}",))
 
@@ -75,7 +75,7 @@ def test_a_response_that_never_settles_is_said_why_and_may_have_a_band_of_its_ow
 def test_without_a_word_a_run_must_be_completed():
     run = flown(status="left_envelope", reason="t = 3 s: too slow.")
 
-    assert check_claim(scenario(), [flown(), run]).missed == (
+    assert checks.check_claim(scenario(), [flown(), run]).missed == (
         "kinematic / paper: left_envelope: t = 3 s: too slow.",
     )
 
@@ -84,8 +84,8 @@ def test_an_end_that_was_expected_is_none_to_complain_of_and_its_absence_is():
     wanted = scenario({"gains": "paper", "status": "left_envelope"})
 
     ended = flown(status="left_envelope", reason="t = 3 s: too slow.")
-    assert check_claim(wanted, [ended]).missed == ()
-    assert check_claim(wanted, [flown()]).missed == (
+    assert checks.check_claim(wanted, [ended]).missed == ()
+    assert checks.check_claim(wanted, [flown()]).missed == (
         "kinematic / paper: completed, must be left_envelope: flown to its end",
     )
 
@@ -112,7 +112,7 @@ def test_a_flight_with_requirements_follows_its_reference_to_the_end(late_deg, e
     swing = np.where(T < 7.5, 0.0, np.deg2rad(late_deg + 9.0 * np.cos(2.0 * np.pi * T / 0.5)))
     swing[0], swing[-1] = 0.0, np.deg2rad(late_deg)  # whole periods
 
-    claim = check_claim(scenario(*expect), [flown(swing)])
+    claim = checks.check_claim(scenario(*expect), [flown(swing)])
 
     said = "kinematic / paper: chi does not follow its reference to the end: the mean error there "
     assert claim.missed == (() if missed is None else (f"{said}must be {missed}",))
@@ -125,19 +125,24 @@ def test_expectations_hold_for_the_runs_they_name():
     wanted = scenario({"gains": "K5", "at_most": {"chi": {"peak_deg": 1.0}}})
     off = np.deg2rad(2.0)
 
-    assert check_claim(wanted, [flown(off)]).missed == ()
-    assert len(check_claim(wanted, [flown(off, gains="K5")]).missed) == 1
+    assert checks.check_claim(wanted, [flown(off)]).missed == ()
+    assert len(checks.check_claim(wanted, [flown(off, gains="K5")]).missed) == 1
     # gains that fly beside those that are judged may end early, where all requirements name gains
     early = [flown(gains="K5"), flown(status="left_envelope", reason="t = 3 s.")]
-    assert check_claim(wanted, early).short == "Claim met: 1 of 1 requirement"
-    assert len(check_claim(scenario(*wanted.expect, {"status": "completed"}), early).missed) == 1
+    assert checks.check_claim(wanted, early).short == "Claim met: 1 of 1 requirement"
+    assert (
+        len(checks.check_claim(scenario(*wanted.expect, {"status": "completed"}), early).missed)
+        == 1
+    )
 
 
 def test_runs_that_end_early_are_no_requirements_of_the_user():
     runs = [flown(), flown(status="law_failed", reason="t = 3 s.")] * 6
 
-    claim = check_claim(scenario(), runs)
-    bounded = check_claim(scenario({"gains": "K5", "status": "completed"}), [flown(gains="K5")])
+    claim = checks.check_claim(scenario(), runs)
+    bounded = checks.check_claim(
+        scenario({"gains": "K5", "status": "completed"}), [flown(gains="K5")]
+    )
 
     assert claim.total[:3] == (0, 0, 0)
     assert claim.short == (
@@ -179,7 +184,7 @@ MANY = {"chi": {"peak_deg": 2.1, "ITAE": 3.0, "MS_deg": 3.0, "ST_deg": 3.0, "sat
 )  # fmt: skip
 def test_a_claim_is_met_or_not_in_one_sentence(expect, run, verdict, told):
     # 2 deg of error for 10 s: the integral of t |e| is 50 s^2 times 0.034907 rad, 1.74533.
-    found = check_claim(scenario(*expect), [flown(np.deg2rad(2.0), **run)])
+    found = checks.check_claim(scenario(*expect), [flown(np.deg2rad(2.0), **run)])
 
     assert found.verdict == verdict
     assert found.sentence.startswith(found.short)
@@ -199,7 +204,7 @@ def test_a_claim_is_met_or_not_in_one_sentence(expect, run, verdict, told):
 def test_every_requirement_is_met_or_missed_or_was_not_flown(expect, counts):
     runs = [flown(np.deg2rad(2.0)), flown(gains="K5", status="diverged", reason="t = 0 s.")]
 
-    claim = check_claim(scenario(*expect), runs)
+    claim = checks.check_claim(scenario(*expect), runs)
 
     assert claim.total == (*counts, 0)
     assert (f", {counts[2]} not flown" in claim.short) == (counts[2] > 0)
@@ -212,11 +217,13 @@ def test_every_requirement_is_met_or_missed_or_was_not_flown(expect, counts):
 def test_a_bound_above_a_measure_of_one_run_is_none_of_another():
     """Of both bounds of a, the lower is no poor one; b has no other."""
     bounds = tuple(
-        BoundCheck(run=run, subject="chi", measure="MO_deg", sense=sense, bound=2.0, value=2.0)
+        checks.BoundCheck(
+            run=run, subject="chi", measure="MO_deg", sense=sense, bound=2.0, value=2.0
+        )
         for run, sense in (("a", "at_least"), ("a", "at_most"), ("b", "at_least"))
     )
-    counts = Counts(requirements=2, met=2), Counts(requirements=1, met=1)
-    claim = ClaimCheck(verdict="met", counts=counts, bounds=bounds, missed=())
+    counts = checks.Counts(requirements=2, met=2), checks.Counts(requirements=1, met=1)
+    claim = checks.ClaimCheck(verdict="met", counts=counts, bounds=bounds, missed=())
 
     assert [check.run for check in claim.lower] == ["b"]
     assert claim.short == "Claim met: 3 of 3 requirements (1 lower bound)"

@@ -29,8 +29,8 @@ from made_up_tubes import (
 import flighttune as ft
 from flighttune.claims.counted_flights import plan_of
 from flighttune.claims.shape import LEAST
+from flighttune.claims.tubes import tube as tubes
 from flighttune.claims.tubes.enclosure import Tube, load_tube
-from flighttune.claims.tubes.tube import flights_inside, stated_problem, tube_of
 from flighttune.gaps.residual import residual_rates
 
 
@@ -42,7 +42,7 @@ def test_the_aircraft_flies_inside_its_tube_which_is_proven_again(tmp_path, feed
     found = tube(scenario, ft.PAPER_GAINS, band=counted_boxes(scenario), for_ever=False)
 
     assert found.status == "bounded"
-    assert flights_inside(found)
+    assert tubes.flights_inside(found)
     assert "probability at most 0.05" in found.problem.model
     found.save(tmp_path / "tube.npz")
     assert ft.verify(tmp_path / "tube.npz").valid
@@ -320,8 +320,8 @@ def conformant(draw):
 
 def check_conformant(case, seed):
     scenario, known = case
-    problem = stated_problem(scenario, ft.PAPER_GAINS, band=known)
-    found = tube_of(problem, attempts=FEW_PIECES, for_ever=False)
+    problem = tubes.stated_problem(scenario, ft.PAPER_GAINS, band=known)
+    found = tubes.tube_of(problem, attempts=FEW_PIECES, for_ever=False)
     rng, model = np.random.default_rng(seed), known.model
     boxes = known.bounds(problem.t)
     low, high = boxes.low[:-1, :2], boxes.high[:-1, :2]

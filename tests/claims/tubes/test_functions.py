@@ -14,8 +14,8 @@ from scipy.linalg import expm
 
 import flighttune as ft
 from flighttune.claims.tubes import forms, proof
+from flighttune.claims.tubes import interval as intervals
 from flighttune.claims.tubes.dynamics import SampledLag
-from flighttune.claims.tubes.interval import LARGEST_ANGLE, Interval, cosine, sine_and_cosine
 from flighttune.control.theory import exact
 from flighttune.vehicles.plants.lagged import LaggedChannel
 
@@ -119,7 +119,7 @@ def test_fewer_symbols_make_no_range_smaller(pieces):
 def test_a_constraint_cuts_the_range_to_what_it_says(pieces):
     form = pieces.forms()[0]
     whole = pieces.plain_range(form)
-    half = Interval(whole.low, whole.middle)
+    half = intervals.Interval(whole.low, whole.middle)
     every = np.arange(PIECES)
 
     pieces.constrain(every, np.zeros(PIECES, dtype=int), form, half)
@@ -133,7 +133,7 @@ NUMBER = st.floats(-1e3, 1e3)
 SMALLEST_DIVISOR = 1e-300
 """A quotient of `NUMBER` by less may be larger than any float."""
 
-ANGLE = st.floats(-LARGEST_ANGLE, LARGEST_ANGLE)
+ANGLE = st.floats(-intervals.LARGEST_ANGLE, intervals.LARGEST_ANGLE)
 
 
 def holds(interval, number):
@@ -142,7 +142,7 @@ def holds(interval, number):
 
 @given(a=NUMBER, b=NUMBER)
 def test_sums_and_products_contain_the_exact_ones(a, b):
-    one, other = Interval.point(a), Interval.point(b)
+    one, other = intervals.Interval.point(a), intervals.Interval.point(b)
 
     assert holds(one + other, Fraction(a) + Fraction(b))
     assert holds(one - other, Fraction(a) - Fraction(b))
@@ -154,7 +154,7 @@ def test_sums_and_products_contain_the_exact_ones(a, b):
 def test_a_radius_reaches_both_ends_from_the_middle():
     """Over 1000 intervals whose middles and differences are not floats, in rational numbers."""
     ends = np.sort(np.random.default_rng(5).normal(size=(2, 1000)), axis=0)
-    interval = Interval(*ends)
+    interval = intervals.Interval(*ends)
 
     for low, high, middle, radius in zip(*ends, interval.middle, interval.radius, strict=True):
         assert Fraction(middle) + Fraction(radius) >= Fraction(high)
@@ -212,13 +212,13 @@ def test_a_parallelotope_contains_the_corners_of_its_set_exactly():
 
 
 def sine(angle):
-    return sine_and_cosine(angle)[0]
+    return intervals.sine_and_cosine(angle)[0]
 
 
 @given(angle=ANGLE)
 def test_sine_and_cosine_contain_the_exact_ones(angle):
-    for ours, theirs in ((sine, exact.sine), (cosine, exact.cosine)):
-        found, (low, high) = ours(Interval.point(angle)), theirs(angle)
+    for ours, theirs in ((sine, exact.sine), (intervals.cosine, exact.cosine)):
+        found, (low, high) = ours(intervals.Interval.point(angle)), theirs(angle)
 
         assert holds(found, low)
         assert holds(found, high)
@@ -228,10 +228,10 @@ def test_sine_and_cosine_contain_the_exact_ones(angle):
 def test_ranges_of_angles_contain_every_value(a, b, part):
     low, high = min(a, b), max(a, b)
     angle = min(max(low + part * (high - low), low), high)
-    whole = Interval(np.asarray(low), np.asarray(high))
+    whole = intervals.Interval(np.asarray(low), np.asarray(high))
 
     assert all(holds(sine(whole), end) for end in exact.sine(angle))
-    assert all(holds(cosine(whole), end) for end in exact.cosine(angle))
+    assert all(holds(intervals.cosine(whole), end) for end in exact.cosine(angle))
 
 
 DT = 0.02
@@ -268,8 +268,8 @@ def test_a_step_is_answered_as_in_flight_at_every_sample_and_on_average(lag):
 @pytest.mark.parametrize("lag", LAGS)
 def test_values_within_a_sample_contain_the_response_and_little_more(lag):
     sampled = SampledLag.of(lag, DT)
-    start = [Interval(np.array([-0.1]), np.array([0.1])) for _ in range(sampled.order)]
-    command = Interval(np.array([0.9]), np.array([1.0]))
+    start = [intervals.Interval(np.array([-0.1]), np.array([0.1])) for _ in range(sampled.order)]
+    command = intervals.Interval(np.array([0.9]), np.array([1.0]))
 
     A, B = lag.undelayed
     still = sampled.rest
@@ -279,7 +279,7 @@ def test_values_within_a_sample_contain_the_response_and_little_more(lag):
         for u in (0.9, 1.0)
         for y in product((-0.1, 0.1), repeat=sampled.order)
     ]
-    end = Interval(np.array([min(ends)]), np.array([max(ends)]))
+    end = intervals.Interval(np.array([min(ends)]), np.array([max(ends)]))
 
     values = sampled.values_within(start, end, command, DT)
 

@@ -9,8 +9,8 @@ from fuzzing import first_or_all
 from made_up_tubes import arrays_of, claim_of, disturbed_flight, rewritten, tube, tube_scenario
 
 import flighttune as ft
+from flighttune.claims.tubes import tube as tubes
 from flighttune.claims.tubes.problem import QUANTITIES
-from flighttune.claims.tubes.tube import stated_problem, tube_of
 from flighttune.flight.loop.disturbance import Sinusoid
 
 pytestmark = pytest.mark.slow
@@ -63,8 +63,8 @@ WIDER = 1.25
 
 @pytest.mark.counts
 def test_bounds_for_ever_are_those_of_the_tube_of_a_longer_flight(scenario, found):
-    problem = stated_problem(lasting(scenario, 3.0), ft.PAPER_GAINS, disturbance=D)
-    longer = tube_of(problem, for_ever=False)
+    problem = tubes.stated_problem(lasting(scenario, 3.0), ft.PAPER_GAINS, disturbance=D)
+    longer = tubes.tube_of(problem, for_ever=False)
 
     after = longer.bounds.pairs[longer.bounds.t > scenario.flight.duration_s, :2]
     widths = after[..., 1].max(axis=0) - after[..., 0].min(axis=0)

@@ -9,10 +9,10 @@ from hypothesis import strategies as st
 from made_up_tubes import BRAKING_LATE, DEG, EXACT_PAPER, FEW_PIECES, all_stay, tube, tube_scenario
 
 import flighttune as ft
+from flighttune.claims.tubes import tube as tubes
 from flighttune.claims.tubes.exact import enclosure_of
 from flighttune.claims.tubes.sample import start_set
 from flighttune.claims.tubes.search import Search
-from flighttune.claims.tubes.tube import stated_problem, tube_of
 
 RAMP = {"shape": "ramp", "start_s": 0.2, "duration_s": 1.0, "roll_in_s": 0.3}
 PLANNED = {"chi_deg": [RAMP | {"rate_dps": 12.0}], "gamma_deg": [RAMP | {"rate_dps": -4.0}]}
@@ -91,8 +91,8 @@ def exact_problems(draw):
 def check(case, seed):
     rng = np.random.default_rng(seed)
     start, disturbance = rng.choice([0.0, 0.2, 2.0]) * DEG, rng.choice([0.0, 0.002, 0.02])
-    problem = stated_problem(*case, start=start, disturbance=disturbance or None)
-    found = tube_of(problem, attempts=FEW_PIECES, for_ever=False)
+    problem = tubes.stated_problem(*case, start=start, disturbance=disturbance or None)
+    found = tubes.tube_of(problem, attempts=FEW_PIECES, for_ever=False)
     assert all_stay(found, disturbance, rng)
 
 
@@ -104,7 +104,7 @@ def test_no_flight_leaves_the_tube(count):
 def test_the_margin_between_samples_is_at_both_ends_of_an_interval():
     D, h, k = 0.02, 0.02, 5
     level = tube_scenario(chi_err_deg=0.0, gamma_deg=0.0, gamma_ref_deg=0.0)
-    problem = stated_problem(level, ft.PAPER_GAINS, disturbance=D)
+    problem = tubes.stated_problem(level, ft.PAPER_GAINS, disturbance=D)
     only_k = (np.arange(len(problem.t)) == k)[:, np.newaxis, np.newaxis]
     loop = replace(problem.loop, boxes=problem.loop.boxes * only_k)
     starts = start_set(loop, 0.0, sides=1, symbols=660)

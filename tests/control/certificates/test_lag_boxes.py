@@ -13,7 +13,7 @@ from scipy.linalg import expm
 
 import flighttune as ft
 from flighttune.control.certificates import lag_box
-from flighttune.flight.models import gain_set, identified_models, lag_problems, late_ranges
+from flighttune.flight import models
 
 # Relative distance between a proven rate and the least over the points of a grid: four digits.
 FOUR_DIGITS = 5e-5
@@ -61,7 +61,9 @@ def test_ranges_of_lags_and_delays_hold_those_of_every_condition_identified():
     scenario = ft.load_scenario("paper_identified", changes={"tuning.model": "identified"})
     law, identified = scenario.laws[0], ft.loop.load_identified("aerosonde")
 
-    ranges = late_ranges(scenario, law, None, identified_models(scenario, law, everywhere=True))
+    ranges = models.late_ranges(
+        scenario, law, None, models.identified_models(scenario, law, everywhere=True)
+    )
 
     for i, name in enumerate(("phi", "n_z")):
         lags = [condition.channels[name].lag for condition in identified.conditions]
@@ -85,7 +87,7 @@ def test_gains_are_tuned_for_lags_evenly_in_each_range_behind_the_delay(lag, exp
     changes = IDENTIFIED | {"gains": ["paper"]} | asked
     scenario = ft.load_scenario("paper_identified", changes={**changes, "expect": []})
 
-    problems = lag_problems(scenario, scenario.laws[0], lag)
+    problems = models.lag_problems(scenario, scenario.laws[0], lag)
 
     for i, seconds in enumerate(expected):
         name, first = ("phi", "n_z")[i], [problem.model for problem in problems]
@@ -110,7 +112,7 @@ def test_gains_are_tuned_for_lags_evenly_in_each_range_behind_the_delay(lag, exp
 def test_no_gains_are_tuned_for_a_range_of_lags_that_is_none(lag, says):
     scenario = ft.load_scenario("paper_identified", changes=IDENTIFIED)
     with pytest.raises(ft.InputError, match=f"`lag` {says}"):
-        lag_problems(scenario, scenario.laws[0], lag)
+        models.lag_problems(scenario, scenario.laws[0], lag)
 
 
 @pytest.mark.soak
@@ -206,9 +208,9 @@ def test_boxes_are_of_the_gains_and_of_every_channel_of_their_certificate():
 @pytest.mark.parametrize("factors", [(1.0, 1.0), (1.1, 1.0), (1.0, 1.1)])
 def test_boxes_hold_the_law_of_every_model_of_their_certificate(factors):
     certificate = behind_lags()
-    models = [replace(certificate.model, B=factor * certificate.model.B) for factor in factors]
+    varied = [replace(certificate.model, B=factor * certificate.model.B) for factor in factors]
 
-    law, *_ = lag_box.boxes_checks(certificate.boxes, models, GAINS)
+    law, *_ = lag_box.boxes_checks(certificate.boxes, varied, GAINS)
 
     assert law.exact == (max(factors) == 1.0)
 
@@ -253,10 +255,12 @@ def test_the_range_of_lags_that_a_scenario_states_is_that_of_its_gains_named_tun
 
     tuned = ft.tune("mission", lag=(0.2, 0.6), starts=1)
 
-    assert gain_set(stated, "tuned") == ft.tune("mission", changes=changes).gains == tuned.gains
+    assert (
+        models.gain_set(stated, "tuned") == ft.tune("mission", changes=changes).gains == tuned.gains
+    )
     without = ft.load_scenario("mission", changes={"tuning.starts": 1})
-    identified = gain_set(without, "tuned_identified")
-    assert gain_set(stated, "tuned_identified") == identified != tuned.gains
+    identified = models.gain_set(without, "tuned_identified")
+    assert models.gain_set(stated, "tuned_identified") == identified != tuned.gains
 
 
 @pytest.mark.parametrize(

@@ -10,14 +10,7 @@ import pytest
 import flighttune as ft
 from flighttune.control.linear_model import Envelope, jacobian_hull
 from flighttune.control.theory.lyapunov import common_Q
-from flighttune.control.tuning.envelope import (
-    ascend,
-    envelope_rate,
-    largest_factor,
-    point,
-    rate_curve,
-    tune_over_envelope,
-)
+from flighttune.control.tuning import envelope as tuning
 from flighttune.control.tuning.program import stabilising_starts
 from flighttune.control.tuning.tune import smallest_radius
 from tests.control.tuning.conftest import relaxed
@@ -70,14 +63,14 @@ def corner_rate(gains, envelope):
 @pytest.mark.parametrize(("over", "corners", "polytope"), TABLE)
 def test_rates_fall_from_corners_to_the_polytope(over, corners, polytope):
     for gains, at_corners, inside in zip(SETS, corners, polytope, strict=True):
-        rates = corner_rate(gains, over), envelope_rate(gains, over, g=G).R
+        rates = corner_rate(gains, over), tuning.envelope_rate(gains, over, g=G).R
         expected = [0.0 if rate is None else rate for rate in (at_corners, inside)]
         assert rates == pytest.approx(expected, rel=SHOWN, abs=5e-5)
         assert rates[0] * (1.0 + SOLVER) >= rates[1]
 
 
 def test_one_common_Q_holds_at_a_thousand_conditions_drawn_from_the_envelope():
-    Q = envelope_rate(TUNED, GENTLE, g=G).Q
+    Q = tuning.envelope_rate(TUNED, GENTLE, g=G).Q
     rng = np.random.default_rng(0)
     low, high = np.array([GENTLE.V_a, GENTLE.gamma, GENTLE.phi, GENTLE.n_z]).T
 
@@ -90,14 +83,14 @@ def test_one_common_Q_holds_at_a_thousand_conditions_drawn_from_the_envelope():
 
 @pytest.mark.soak
 def test_the_papers_gains_certify_a_narrower_envelope_than_the_tuned_ones():
-    factors = [largest_factor(gains, MODERATE, TRIM, g=G) for gains in SETS]
+    factors = [tuning.largest_factor(gains, MODERATE, TRIM, g=G) for gains in SETS]
 
     assert factors == pytest.approx([0.822, 1.410, 1.994], abs=2e-3)
 
 
 @pytest.mark.soak
 def test_a_curve_of_rates_starts_at_that_of_the_trim_and_falls(model):
-    _, rates = rate_curve(TUNED, MODERATE, TRIM, g=G, up_to=1.2)
+    _, rates = tuning.rate_curve(TUNED, MODERATE, TRIM, g=G, up_to=1.2)
 
     at_trim = ft.loop.indicators(ft.loop.closed_loop(model, TUNED)).R_K
     assert rates[0] == pytest.approx(at_trim, rel=10.0 * SOLVER)
@@ -112,8 +105,8 @@ def test_the_ascent_over_one_condition_ends_at_the_largest_rate(model, printed, 
     problem = replace(printed, limits=None) if factor == math.inf else relaxed(printed, factor)
     smallest = smallest_radius(problem, stabilising_starts(problem, 4))
 
-    start = point(problem, [model], smallest.K[problem.free])
-    best = ascend(problem, [model], start)
+    start = tuning.point(problem, [model], smallest.K[problem.free])
+    best = tuning.ascend(problem, [model], start)
 
     assert start.common.R < 0.95 * R_K
     assert best.common.R == pytest.approx(R_K, rel=1e-3)
@@ -125,19 +118,23 @@ def test_gains_that_break_a_constraint_are_no_point_of_the_search(model, printed
     free = replace(printed, limits=None)
     k = ft.PAPER_GAINS.K[free.free]
 
-    assert point(free, [model], k) is not None
-    assert point(replace(free, I_star=4.9), [model], k) is None  # its I_K is 4.916
-    assert point(printed, [model], k) is None  # its first commands need 7 times the limits
-    assert point(replace(free, K_max=np.full((2, 4), 3.0)), [model], k) is None  # K_I is 3.49
-    assert point(free, [model], -k) is None  # unstable
+    assert tuning.point(free, [model], k) is not None
+    assert tuning.point(replace(free, I_star=4.9), [model], k) is None  # its I_K is 4.916
+    assert tuning.point(printed, [model], k) is None  # its first commands need 7 times the limits
+    assert (
+        tuning.point(replace(free, K_max=np.full((2, 4), 3.0)), [model], k) is None
+    )  # K_I is 3.49
+    assert tuning.point(free, [model], -k) is None  # unstable
     # two models without a common Q
     other = ft.loop.kinematic_model(V_a=25.0, gamma=np.pi / 12, phi=1.5, n_z=0.1, g=G)
-    assert point(free, [model, other], k) is None
+    assert tuning.point(free, [model, other], k) is None
 
 
 @pytest.fixture(scope="module")
 def tuned(model):
-    return tune_over_envelope(ft.loop.TuningProblem(model=model, I_star=10.0), MODERATE, TRIM, g=G)
+    return tuning.tune_over_envelope(
+        ft.loop.TuningProblem(model=model, I_star=10.0), MODERATE, TRIM, g=G
+    )
 
 
 @pytest.mark.counts
@@ -149,9 +146,9 @@ def test_gains_tuned_for_the_envelope_beat_those_tuned_for_the_trim_and_keep_the
     assert ft.loop.indicators(ft.loop.closed_loop(model, tuned.gains)).I_K == pytest.approx(
         tuned.I_K
     )
-    assert envelope_rate(tuned.gains, MODERATE, g=G).R == pytest.approx(tuned.R_envelope)
+    assert tuning.envelope_rate(tuned.gains, MODERATE, g=G).R == pytest.approx(tuned.R_envelope)
     nominal = ft.tune(ft.loop.TuningProblem(model=model, I_star=10.0))
-    assert tuned.R_envelope > 1.005 * envelope_rate(nominal.gains, MODERATE, g=G).R
+    assert tuned.R_envelope > 1.005 * tuning.envelope_rate(nominal.gains, MODERATE, g=G).R
     assert tuned.R_K < nominal.R_K
 
 
@@ -163,7 +160,7 @@ def test_no_gains_nearby_are_better(model, tuned):
     rng = np.random.default_rng(0)
     sizes = 10.0 ** rng.uniform(-4.0, -0.7, size=(150, 1))
 
-    nearby = [point(problem, models, k + step) for step in sizes * rng.normal(size=(150, 8))]
+    nearby = [tuning.point(problem, models, k + step) for step in sizes * rng.normal(size=(150, 8))]
 
     feasible = [one.common.R for one in nearby if one is not None]
     assert len(feasible) > 10
@@ -175,7 +172,7 @@ def test_input_limits_hold_at_the_gains_tuned_for_an_envelope(printed):
     problem = replace(relaxed(printed, 8.0), I_star=10.0)
     limits, x_0 = problem.limits, problem.x_0
 
-    found = tune_over_envelope(problem, GENTLE, TRIM, g=G, starts=0)
+    found = tuning.tune_over_envelope(problem, GENTLE, TRIM, g=G, starts=0)
 
     u = found.gains.K @ np.concatenate([x_0, 0.1 * x_0])
     u_dot = found.gains.K @ np.concatenate([np.zeros(2), x_0])
@@ -189,7 +186,7 @@ def test_input_limits_hold_at_the_gains_tuned_for_an_envelope(printed):
 def test_an_envelope_out_of_reach_is_a_result_that_says_how_far_gains_got(model):
     wide = envelope((15.0, 40.0), (-30.0, 60.0), (-60.0, 60.0), (-1.0, 3.0))
 
-    found = tune_over_envelope(
+    found = tuning.tune_over_envelope(
         ft.loop.TuningProblem(model=model, I_star=5.0), wide, TRIM, g=G, starts=0
     )
 
@@ -201,7 +198,9 @@ def test_an_envelope_out_of_reach_is_a_result_that_says_how_far_gains_got(model)
 
 @pytest.mark.soak
 def test_a_problem_without_feasible_gains_is_infeasible_here_too(model):
-    found = tune_over_envelope(ft.loop.TuningProblem(model=model, I_star=4.0), GENTLE, TRIM, g=G)
+    found = tuning.tune_over_envelope(
+        ft.loop.TuningProblem(model=model, I_star=4.0), GENTLE, TRIM, g=G
+    )
 
     assert found.status == "infeasible"
     assert "`I_star` must be at least 4.85" in found.reason
@@ -214,15 +213,15 @@ OUTSIDE = Envelope.at(V_a=40.0, gamma=0.0)
 @pytest.mark.parametrize(
     ("asked", "words"),
     [
-        (lambda _: largest_factor(TUNED, GENTLE, OUTSIDE, g=G), "`envelope` must contain"),
+        (lambda _: tuning.largest_factor(TUNED, GENTLE, OUTSIDE, g=G), "`envelope` must contain"),
         (
-            lambda model: tune_over_envelope(
+            lambda model: tuning.tune_over_envelope(
                 ft.loop.TuningProblem(model=model), GENTLE, OUTSIDE, g=G
             ),
             "`envelope` must contain",
         ),
         (
-            lambda model: tune_over_envelope(
+            lambda model: tuning.tune_over_envelope(
                 ft.loop.TuningProblem(model=model, scaling=np.array([1.0, 1.0, 2.0, 2.0])),
                 GENTLE, TRIM, g=G,
             ),

@@ -17,7 +17,7 @@ import flighttune as ft
 from flighttune.base.files import parquet
 from flighttune.base.files.load import BLANK, seal
 from flighttune.base.signals import SIGNAL_UNITS
-from flighttune.flight.records.parquet import SEAL, parts_of, record_bytes
+from flighttune.flight.records import parquet as records
 
 
 def read(path):
@@ -67,7 +67,7 @@ def test_units_and_a_description_in_json_are_in_the_file_for_others(four_runs, t
 def test_the_sha_256_of_a_run_is_that_of_its_description_and_signals(four_runs):
     # Computed with sha256sum of a file with both, one behind the other.
     run = four_runs[0]
-    description, _, sha256 = parts_of(run)
+    description, _, sha256 = records.parts_of(run)
     values = np.column_stack([run.signals.index.to_numpy(), run.signals.to_numpy()])
     digest = hashlib.sha256(description.encode() + values.astype("<f8").tobytes())
 
@@ -99,7 +99,7 @@ def of_another_program():
 def of_an_older_version():
     """It is sealed too."""
     written = pa.BufferOutputStream()
-    stated = {b"flighttune.run": '{"format": 99}', SEAL: BLANK}
+    stated = {b"flighttune.run": '{"format": 99}', records.SEAL: BLANK}
     pq.write_table(pa.table({"t": [0.0, 1.0]}).replace_schema_metadata(stated), written)
     return seal(written.getvalue().to_pybytes())
 
@@ -141,7 +141,11 @@ def test_a_file_in_another_unit_is_refused(four_runs, tmp_path, monkeypatch):
 def large(columns, rows, **changed):
     """A file of equal numbers, with its right seal, whose bytes are few."""
     described = {"format": 3, "status": "completed", "reason": "", "columns": {"t": "s"}, **changed}
-    metadata = {b"flighttune.run": json.dumps(described), b"flighttune.flight": "[]", SEAL: BLANK}
+    metadata = {
+        b"flighttune.run": json.dumps(described),
+        b"flighttune.flight": "[]",
+        records.SEAL: BLANK,
+    }
     names = [f"c{i}" for i in range(columns)]
     schema = pa.schema([pa.field(name, pa.float64()) for name in names], metadata=metadata)
     column = pa.array(np.zeros(rows))
@@ -164,7 +168,7 @@ def test_texts_that_unpack_to_much_are_refused_unread(tmp_path, monkeypatch):
     monkeypatch.setattr(parquet, "MAX_BYTES", 100_000)
     table = pa.table({"t": pa.array(["x" * 1000] * 300)})
     sink = pa.BufferOutputStream()
-    made = table.replace_schema_metadata({SEAL: BLANK})
+    made = table.replace_schema_metadata({records.SEAL: BLANK})
     pq.write_table(made, sink, compression="zstd", use_dictionary=False)
     (tmp_path / "run.parquet").write_bytes(seal(sink.getvalue().to_pybytes()))
 
@@ -173,7 +177,7 @@ def test_texts_that_unpack_to_much_are_refused_unread(tmp_path, monkeypatch):
 
 
 def test_no_run_is_written_that_could_not_be_read(four_runs):
-    text, _, digest = parts_of(four_runs[0])
+    text, _, digest = records.parts_of(four_runs[0])
 
     with pytest.raises(ft.RecordingError, match="at most 30000000 numbers, got 40000000 rows of 1"):
-        record_bytes((text, np.broadcast_to(0.0, (40_000_000, 1)), digest))
+        records.record_bytes((text, np.broadcast_to(0.0, (40_000_000, 1)), digest))

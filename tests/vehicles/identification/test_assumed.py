@@ -7,12 +7,7 @@ import pytest
 from commands import answer, flighttune
 
 import flighttune as ft
-from flighttune.vehicles.identification.file import (
-    IdentifiedAircraft,
-    IdentifiedChannel,
-    IdentifiedCondition,
-    LogEvidence,
-)
+from flighttune.vehicles.identification import file as model_file
 
 SAID = "Assumed, not measured: n_z of kite follows its command at 4 rad/s."
 
@@ -62,13 +57,15 @@ def folder(tmp_path_factory):
     folder = tmp_path_factory.mktemp("assumed")
     lags = {"phi": 5.0, "n_z": 4.0}
     channels = {
-        name: IdentifiedChannel.of(
+        name: model_file.IdentifiedChannel.of(
             ft.loop.InnerLag(order=1, natural_frequency=w), fit_percent=0.0, residual=1.0
         )
         for name, w in lags.items()
     }
-    condition = IdentifiedCondition.model_construct(V_a=25.0, gamma=0.0, h=500.0, channels=channels)
-    evidence = LogEvidence.model_construct(
+    condition = model_file.IdentifiedCondition.model_construct(
+        V_a=25.0, gamma=0.0, h=500.0, channels=channels
+    )
+    evidence = model_file.LogEvidence.model_construct(
         logs=("kite",),
         assumed=("n_z",),
         frequency_95_rad_s={},
@@ -79,7 +76,7 @@ def folder(tmp_path_factory):
         n_z=(0.5, 1.9),
         n_z_rate_per_s=1.5,
     )
-    model = IdentifiedAircraft.model_construct(
+    model = model_file.IdentifiedAircraft.model_construct(
         aircraft="kite", conditions=(condition,), log=evidence
     )
     model.save(folder / "mine.json")
