@@ -15,7 +15,7 @@ from scipy import stats
 import flighttune as ft
 from flighttune.campaigns.dataset import dataset_hash
 from flighttune.campaigns.statistics import findings
-from flighttune.outputs.pages.campaign import notes, write_campaign_report
+from flighttune.outputs.pages import campaign
 
 pytestmark = pytest.mark.slow
 
@@ -48,7 +48,7 @@ def made_up():
 @pytest.fixture(scope="module")
 def page(made_up, tmp_path_factory):
     """Their page."""
-    return write_campaign_report(made_up, tmp_path_factory.mktemp("page") / "report.html")
+    return campaign.write_campaign_report(made_up, tmp_path_factory.mktemp("page") / "report.html")
 
 
 def test_the_page_counts_each_gain_set_on_each_plant_apart(made_up, page):
@@ -114,7 +114,7 @@ def test_a_campaign_that_is_not_over_says_how_much_is_there(tmp_path, flown_fold
     found = findings.load_findings(out)
 
     assert 0 < len(found.rows) < RUNS
-    said = notes(found)[0]
+    said = campaign.notes(found)[0]
     assert f"{len(found.rows)} of {RUNS} flights" in said
     for path in first[: len(first) // 2]:
         path.unlink()
@@ -154,6 +154,8 @@ def test_a_bound_of_zero_is_drawn_and_says_whose_it_is(completed, tmp_path):
     if not completed:
         rows["status"] = "diverged"
 
-    made_page = write_campaign_report(findings.findings_of(rows, made), tmp_path / "page.html")
+    made_page = campaign.write_campaign_report(
+        findings.findings_of(rows, made), tmp_path / "page.html"
+    )
 
     assert "at most 0 rad\u00a0s² (K3)</span>" in made_page.path.read_text(encoding="utf-8")

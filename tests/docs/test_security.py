@@ -4,7 +4,7 @@ import re
 from pathlib import Path
 
 import flighttune as ft
-from flighttune.cli.options import COMMANDS, FORMER
+from flighttune.cli import options
 
 ROOT = Path(__file__).parents[2]
 TEXT = (ROOT / "SECURITY.md").read_text(encoding="utf-8")
@@ -13,7 +13,7 @@ ROWS = [
     for line in TEXT.splitlines()
     if line.startswith("| ") and not line.startswith("| promise")
 ]
-VERBS = {name for panel in COMMANDS.values() for name in panel}
+VERBS = {name for panel in options.COMMANDS.values() for name in panel}
 
 # Words in backticks that are no commands: ends of files, and what a row says of one.
 WORDS = re.compile(r"\.\w+|SCENARIO@GAINS|my_law\.py")
@@ -48,7 +48,9 @@ def test_promises_are_about_todays_verbs():
 
 def test_no_command_of_an_earlier_version_is_named():
     # some are names of Python, which stand behind `ft.`
-    gone = [name for name in FORMER if re.search(rf"`(flighttune )?{re.escape(name)}\b", TEXT)]
+    gone = [
+        name for name in options.FORMER if re.search(rf"`(flighttune )?{re.escape(name)}\b", TEXT)
+    ]
     assert gone == []
 
 

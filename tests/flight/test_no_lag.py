@@ -11,7 +11,7 @@ from flighttune.campaigns.flying.rows import fly_batch
 from flighttune.control.inner_loop import sampled_loop
 from flighttune.control.law import Trim
 from flighttune.flight.models import gain_set
-from flighttune.vehicles.plants.base import GuardedPlant, follows_at_once
+from flighttune.vehicles.plants import base
 
 # Sampled at 50 Hz without lag, (z - 1)(z + k) + dt (1 + k) K_P z has a root beyond -1 if
 # dt (1 + k) K_P exceeds 2 (1 - k): 0.37 and 0.1 here.
@@ -104,8 +104,8 @@ def test_which_plants_follow_at_once():
     lag = ft.loop.InnerLag(order=1, natural_frequency=5.0)
     point = ft.loop.PointMassPlant()
 
-    assert follows_at_once(point)
-    assert follows_at_once(GuardedPlant(point, "own"))
-    assert not follows_at_once(ft.loop.PointMassPlant((lag, lag)))
-    assert not follows_at_once(ft.loop.LaggedPlant(point, (lag, lag)))
-    assert not follows_at_once(ft.loop.JSBSimPlant("aerosonde"))
+    assert base.follows_at_once(point)
+    assert base.follows_at_once(base.GuardedPlant(point, "own"))
+    assert not base.follows_at_once(ft.loop.PointMassPlant((lag, lag)))
+    assert not base.follows_at_once(ft.loop.LaggedPlant(point, (lag, lag)))
+    assert not base.follows_at_once(ft.loop.JSBSimPlant("aerosonde"))

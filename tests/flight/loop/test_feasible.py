@@ -12,7 +12,7 @@ import flighttune as ft
 from flighttune.flight import conditions
 from flighttune.flight.load import check_scenario
 from flighttune.flight.loop.loop import simulate
-from flighttune.routes.feasible import Manoeuvre, feasible_reference
+from flighttune.routes import feasible
 
 DEG = math.pi / 180.0
 
@@ -20,7 +20,7 @@ LAGS = (
     ft.loop.InnerLag(order=2, natural_frequency=9.0, damping=0.8, delay=0.03),
     ft.loop.InnerLag(order=1, natural_frequency=12.0, delay=0.013),
 )
-PAPER = Manoeuvre(
+PAPER = feasible.Manoeuvre(
     V_a=25.0,
     g=9.81,
     start=(60.0 * DEG, 45.0 * DEG),
@@ -38,7 +38,7 @@ HUNDREDTH_DEG = 0.01 * DEG
 
 @pytest.fixture(scope="module")
 def found():
-    return feasible_reference(PAPER)
+    return feasible.feasible_reference(PAPER)
 
 
 def test_it_ends_where_it_shall_and_stays_there(found):
@@ -80,7 +80,7 @@ def test_a_change_of_path_angle_takes_as_long_as_the_rate_of_load_factor_says(ch
     pull = replace(PAPER, start=(0.0, -half), end=(0.0, half), u_0=(0.0, math.cos(half)), lags=None)
 
     triangle = 2.0 * math.sqrt(abs(change_deg) * DEG * 25.0 / (9.81 * 0.8))
-    assert feasible_reference(pull).duration == pytest.approx(triangle, rel=0.01)
+    assert feasible.feasible_reference(pull).duration == pytest.approx(triangle, rel=0.01)
 
 
 def test_the_point_mass_behind_the_lag_flies_it_without_the_help_of_feedback(found):
@@ -102,7 +102,7 @@ def test_the_point_mass_behind_the_lag_flies_it_without_the_help_of_feedback(fou
 def test_the_shorter_way_round_is_flown():
     turn = replace(PAPER, start=(170.0 * DEG, 0.0), end=(-170.0 * DEG, 0.0), u_0=(0.0, 1.0))
 
-    chi, _ = feasible_reference(turn).sampled(np.array([0.0, 60.0]))
+    chi, _ = feasible.feasible_reference(turn).sampled(np.array([0.0, 60.0]))
 
     assert chi / DEG == pytest.approx([170.0, 190.0], abs=0.01)
 
@@ -110,7 +110,7 @@ def test_the_shorter_way_round_is_flown():
 def test_nothing_to_change_takes_no_time():
     still = replace(PAPER, end=PAPER.start)
 
-    assert feasible_reference(still).duration < 0.5
+    assert feasible.feasible_reference(still).duration < 0.5
 
 
 TABLES = scenario_tables(
@@ -194,7 +194,7 @@ def test_what_cannot_be_is_one_line_and_takes_no_time(tables, message):
 def test_a_fast_controller_does_not_make_the_plan_slow(found):
     manoeuvre, began = replace(PAPER, dt=0.001), time.process_time()
 
-    duration = feasible_reference(manoeuvre).duration
+    duration = feasible.feasible_reference(manoeuvre).duration
 
     assert duration == pytest.approx(found.duration, abs=0.01)
     assert time.process_time() - began < 4.0
