@@ -293,10 +293,10 @@ class _Episode:
         m, ref, _, place, _ = self.sample
         chi_err, gamma_err = wrap_angle(ref.chi - m.chi), ref.gamma - m.gamma
         speed = () if m.n_x is None or ref.V is None else (ref.V - m.V_a, *m.n_x)
+        # Where the autopilot takes itself to be
+        aside = ref.path[1:3] if self.entry.scenario.navigation and ref.path else place[1:]
         flying = m.gamma, m.phi, m.n_z, m.V_a, *self._actions.limiter.u
-        return np.array(
-            [chi_err, gamma_err, ref.chi_dot, ref.gamma_dot, *flying, *place[1:], *speed]
-        )
+        return np.array([chi_err, gamma_err, ref.chi_dot, ref.gamma_dot, *flying, *aside, *speed])
 
     def loss(self) -> float:
         """Share of the reward lost at this sample, 0 to 1."""
@@ -317,7 +317,7 @@ class _Episode:
             setup = law_setup(entry.scenario, gains, self.limits, at_once=at_once)
             controller = entry.law.controller(setup)
             controller.start(self._condition)
-            self._step = step_of(controller, self._plant)
+            self._step = step_of(controller, self.flight.plant)
         if self._law_action is None:
             self._law_action = np.array(self._step(*self.sample[:3])[: len(self.limits.lower)])
         return self._law_action.copy()

@@ -30,6 +30,7 @@ from flighttune.vehicles.plants.base import Plant as Plant
 from flighttune.vehicles.plants.base import Stop as Stop
 from flighttune.vehicles.plants.jsbsim.plant import JSBSimPlant as JSBSimPlant
 from flighttune.vehicles.plants.lagged import LaggedPlant as LaggedPlant
+from flighttune.vehicles.plants.navigation import Navigation as Navigation
 from flighttune.vehicles.plants.point_mass import PointMassPlant as PointMassPlant
 from flighttune.vehicles.plants.point_mass import PoweredPointMass as PoweredPointMass
 from flighttune.vehicles.plants.sensors import Sensors as Sensors

@@ -43,7 +43,7 @@ TURNS = {"reversal": 180.0, "circle": 360.0}
 def check_random(source: str, distribution: Distribution, central: Scenario) -> None:
     """Refuse flights of a source that are all the same."""
     drawn = any(len({*values}) > 1 for values in distribution.dispersed.values())
-    if not (drawn or central.turbulence or central.sensors):
+    if not (drawn or central.turbulence or central.sensors or central.navigation):
         raise InputError(
             f"{source}: `start_deg` must be given for a scenario in which nothing is random: all "
             "its flights are the same."

@@ -22,7 +22,10 @@ from flighttune.vehicles.weather_keys import SensorsTable
 FLOWN_ALIKE = ("flight", "reference", "route", "limits", "controller")
 
 # Tables that a scenario may leave out; keys that it does have must match those flights.
-AIR_AND_AIRFRAME = ("disturbance", "wind", "gust", "turbulence", "sensors", "plant")
+AIR_AND_AIRFRAME = (
+    *("disturbance", "wind", "gust", "turbulence", "sensors", "navigation"),
+    "plant",
+)
 
 # Keys of the start of a flight.
 STARTS = ("flight.chi_deg", "flight.gamma_deg")

@@ -73,7 +73,7 @@ def stated_L_d(run: Run) -> float | None:
     """L_d of the disturbance in the scenario of a run; None where there is no such bound."""
     scenario, law = run.provenance.scenario, run.provenance.law
     kind = run.provenance.plant.partition(":")[0]
-    others = ("wind", "gust", "turbulence", "sensors")
+    others = ("wind", "gust", "turbulence", "sensors", "navigation")
     if kind != law.plant or any(scenario.get(key) for key in others):
         return None
     stated = scenario.get("disturbance") or {}

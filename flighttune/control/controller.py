@@ -67,7 +67,7 @@ class FlightCondition:
 
 
 class Measured(NamedTuple):
-    """Measurements for a law at a sample; sensors, if any, measure course, path angle and airspeed.
+    """Measurements of a law at a sample, through sensors and navigation that err, if any.
 
     Attributes
     ----------
@@ -92,6 +92,12 @@ class Measured(NamedTuple):
     theta, elevator : float or None, rad
         Pitch, nose up positive, and the position of the elevator, trailing edge down positive; None
         from a plant without them, such as a point mass.
+    V_g : float or None, m/s
+        Level speed over ground.
+    velocity : tuple of three floats or None, m/s
+        Velocity over ground, north, east and down.
+    acceleration : float or None, m/s^2
+        Acceleration along the path through the air.
 
     Examples
     --------
@@ -111,6 +117,9 @@ class Measured(NamedTuple):
     n_x: tuple[float, ...] | None = None
     theta: float | None = None
     elevator: float | None = None
+    V_g: float | None = None
+    velocity: tuple[float, float, float] | None = None
+    acceleration: float | None = None
 
 
 class Followed(Protocol):

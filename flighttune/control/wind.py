@@ -38,6 +38,18 @@ def filtered(
     )
 
 
+def speed_over(north: float, east: float, dt: float) -> float:
+    """Speed, m/s, of a move north and east (m) in `dt` (s)."""
+    return math.sqrt(north * north + east * east) / dt
+
+
+def level_speed(chi: float, gamma: float, V_a: float, wind: Sequence[float]) -> float:
+    """Level speed over ground (m/s) on a course through moving air."""
+    c, s, level = math.cos(chi), math.sin(chi), V_a * math.cos(gamma)
+    along, across = wind[0] * c + wind[1] * s, wind[1] * c - wind[0] * s
+    return along + math.sqrt(max(level * level - across * across, 0.0))
+
+
 def wind_triangle(
     chi: float, gamma: float, V_a: float, wind: Sequence[float]
 ) -> tuple[float, float]:

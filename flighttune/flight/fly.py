@@ -328,13 +328,14 @@ def check_compiled(entry: Entry, run: Run) -> None:
 
 
 def manoeuvre(entry: Entry, plant: Plant, label: str) -> dict[str, Any]:
-    """Reference, start, duration and sensors of a flight of a plant, as `simulate` takes them."""
+    """Reference, start, duration and errors of a flight of a plant, as `simulate` takes them."""
     scenario, flies_in_wind = entry.scenario, WIND[0] in plant.signals
     return {
         "reference": entry.reference,
         "condition": entry.condition if flies_in_wind else conditions.stated_condition(scenario),
         "duration": scenario.flight.duration_s,
         "sensors": scenario.sensors_on(label),
+        "navigation": scenario.navigation and scenario.navigation.navigation(scenario.seed),
         # Other plants hold their airspeed whatever the path.
         "speed_priority": bool(scenario.controller.speed_priority)
         and N_X_SIGNALS[0] in plant.signals,

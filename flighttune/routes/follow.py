@@ -18,6 +18,9 @@ from flighttune.vehicles.plants.base import Stop
 # Signals of a flight along a route, and their units.
 ROUTE_SIGNALS = {"along": "m", "cross_track": "m", "height_err": "m"}
 
+# The same distances of where the guidance takes the aircraft to be.
+SEEN_SIGNALS = "cross_track_seen", "height_err_seen"
+
 # Distances along the route, to the right of it, and below it, m.
 Place = tuple[float, float, float]
 
@@ -184,20 +187,19 @@ class Follower:
     def __init__(
         self, reference: RouteReference, dt: float, h_0: float, lead: tuple[float, float]
     ) -> None:
-        self._rows, self._dt = reference.rows, dt
+        self._rows = reference.rows
         self._settings = h_0, reference.look_ahead, *lead
         self._plan = Planner(dt, reference.g)
-        self._nearest = path_at(self._rows, 0.0)
-        self._before: tuple[float, float] | None = None
-        self._V_g = reference.start_speed
+        self._nearest = self._nearest_true = path_at(self._rows, 0.0)
+        self._begun, self._V_g = False, reference.start_speed
         self._V = None if reference.airspeeds is None else reference.airspeeds.tolist()
 
     def __call__(self, m: Measured) -> tuple[ReferenceSample, Place]:
         """Return the reference at a sample, and the place of the aircraft on the route."""
         chi, gamma, _, _, _, h, (north, east, _), *_ = m
-        if self._before is not None:
-            self._V_g = speed_over(north - self._before[0], east - self._before[1], self._dt)
-        self._before = north, east
+        if self._begun and m.V_g is not None:
+            self._V_g = m.V_g
+        self._begun = True
         ref, place, path, planned, self._nearest = guidance(
             self._rows, self._nearest, self._V_g, (chi, gamma, north, east, h), self._settings
         )
@@ -205,6 +207,12 @@ class Follower:
         V, V_dot = (None, 0.0) if self._V is None else self._airspeed(self._V, place[0], forward)
         commands = self._plan(m, turn_rate, climb_rate, ref[1])
         return tuple.__new__(ReferenceSample, (*ref, commands, V, V_dot, path)), place
+
+    def placed(self, north: float, east: float, h: float) -> Place:
+        """Where an aircraft is that takes itself to be elsewhere (m)."""
+        position = north, east, h - self._settings[0]
+        self._nearest_true, place = placed(self._rows, self._nearest_true, position)
+        return place
 
     def _airspeed(self, V: list[float], s: float, forward: float) -> tuple[float, float]:
         """The airspeed at a distance (m), and its rate at a speed along the route (m/s)."""
@@ -286,11 +294,6 @@ def steepest_sine(n_x_max: float, V_a: float, V_low: float, per_g: float) -> flo
     return min(max(n_x_max + per_g * (V_a - V_low), STEEPEST_DIVE), 1.0)
 
 
-def speed_over(north: float, east: float, dt: float) -> float:
-    """Speed, m/s, of a displacement north and east (m) in `dt` (s)."""
-    return math.sqrt(north * north + east * east) / dt
-
-
 def path_at(rows: Sequence[Sequence[float]], s: float) -> tuple[float, ...]:
     """The path at s (m): s, north, east, course, its cosine and sine, curvature, height, slope."""
     part = s / STEP
@@ -331,20 +334,8 @@ def guidance(
     """
     chi, gamma, north, east, h = now
     h_0, T, roll_lead, lift_lead = settings
-    s, n, e, course, c_n, c_e, curvature, up, slope = nearest
-    ahead = e_y = spread = 0.0
-    # The last nearest point starts the next search, so that each search reads the path once.
-    for search in range(SEARCHES + 1):
-        ahead, e_y = (north - n) * c_n + (east - e) * c_e, (east - e) * c_n - (north - n) * c_e
-        spread = 1.0 - curvature * e_y
-        if spread < MIN_SPREAD:
-            spread = MIN_SPREAD
-        if search < SEARCHES:
-            s += ahead / spread
-            if s < 0.0:
-                s = 0.0
-            nearest = path_at(rows, s)
-            s, n, e, course, c_n, c_e, curvature, up, slope = nearest
+    nearest, ahead, e_y, spread = nearest_point(rows, nearest, north, east)
+    s, _, _, course, _, _, curvature, up, slope = nearest
     e_h, L = up - (h - h_0), max(V_g, MIN_SPEED) * T
     side, below = e_y / L, e_h / L
     forward = V_g * math.cos(chi - course) / spread
@@ -360,9 +351,47 @@ def guidance(
         turn_rate - aside / (L * (1.0 + side * side)),
         climb_rate + sinking / (L * (1.0 + below * below)),
     )
-    # Behind the start the distance from the route counts from the start.
-    off = e_y
-    if abs(ahead) >= SAME_PLACE:
-        off = math.copysign(math.sqrt(e_y * e_y + ahead * ahead), e_y)
     path = course, e_y, e_h, curvature, slope
-    return ref, (s, off, e_h), path, (turn_rate, climb_rate, forward), nearest
+    place = s, off_route(ahead, e_y), e_h
+    return ref, place, path, (turn_rate, climb_rate, forward), nearest
+
+
+def nearest_point(
+    rows: Sequence[Sequence[float]], nearest: tuple[float, ...], north: float, east: float
+) -> tuple[tuple[float, ...], float, float, float]:
+    """The point of the path nearest to a position (m), from that of the sample before.
+
+    Returns the point, how far the position is ahead of it and to the right (m), and how far the
+    position moves with each metre of the point.
+    """
+    s, n, e, _, c_n, c_e, curvature, _, _ = nearest
+    ahead = e_y = spread = 0.0
+    # The last nearest point starts the next search, so that each search reads the path once.
+    for search in range(SEARCHES + 1):
+        ahead, e_y = (north - n) * c_n + (east - e) * c_e, (east - e) * c_n - (north - n) * c_e
+        spread = 1.0 - curvature * e_y
+        if spread < MIN_SPREAD:
+            spread = MIN_SPREAD
+        if search < SEARCHES:
+            s += ahead / spread
+            if s < 0.0:
+                s = 0.0
+            nearest = path_at(rows, s)
+            s, n, e, _, c_n, c_e, curvature, _, _ = nearest
+    return nearest, ahead, e_y, spread
+
+
+def off_route(ahead: float, e_y: float) -> float:
+    """Distance from the route, m, right positive; behind the start it counts from the start."""
+    if abs(ahead) >= SAME_PLACE:
+        return math.copysign(math.sqrt(e_y * e_y + ahead * ahead), e_y)
+    return e_y
+
+
+def placed(
+    rows: Sequence[Sequence[float]], nearest: tuple[float, ...], position: tuple[float, ...]
+) -> tuple[tuple[float, ...], Place]:
+    """The nearest point and the place of a position: north, east, and up from the start (m)."""
+    north, east, up = position
+    nearest, ahead, e_y, _ = nearest_point(rows, nearest, north, east)
+    return nearest, (nearest[0], off_route(ahead, e_y), nearest[7] - up)

@@ -33,9 +33,10 @@ def commanded(
     across = wind[1] * c - wind[0] * s
     V_g = wind[0] * c + wind[1] * s + math.sqrt(V * V - across * across)
     law.start(ft.loop.FlightCondition(V_a=V_sp or V, chi=chi))
+    motion = {"V_g": V_g, "velocity": (V_g * c, V_g * s, 0.0), "acceleration": 0.0, "theta": 0.0}
     for k in range(samples):
         place = V_g * k * DT * c, V_g * k * DT * s, 0.0
-        measured = ft.loop.Measured(chi, 0.0, V, 0.0, 1.0, 100.0, place, (*wind, 0.0), theta=0.0)
+        measured = ft.loop.Measured(chi, 0.0, V, 0.0, 1.0, 100.0, place, (*wind, 0.0), **motion)
         answer = law.step(measured, ft.loop.ReferenceSample(0.0, 0.0, path=path), k * DT)
     return answer
 
@@ -241,8 +242,21 @@ def climbed(
     for k in range(samples):
         V_a, moves = V + speeding * k * DT, DT * (k > 0)
         x, h = x + V_a * math.cos(gamma) * moves, h + V_a * math.sin(gamma) * moves
+        V_g, climb = V_a * math.cos(gamma), V_a * math.sin(gamma)
+        motion = V_g, (V_g, 0.0, -climb), speeding * (k > 0)
         measured = ft.loop.Measured(
-            0.0, gamma, V_a, phi, 1.0, h, (x, 0.0, 100.0 - h), None, theta=gamma + alpha
+            0.0,
+            gamma,
+            V_a,
+            phi,
+            1.0,
+            h,
+            (x, 0.0, 100.0 - h),
+            None,
+            None,
+            gamma + alpha,
+            0.0,
+            *motion,
         )
         path = None if track is None else (0.0, 0.0, track - h, 0.0, 0.0)
         answer = law.step(measured, ft.loop.ReferenceSample(0.0, math.atan(slope), path=path), 0.0)

@@ -31,8 +31,10 @@ def biased_point(reference, bias, *, aside=0.0, wind=0.0, seconds=120.0):
     follow, chi, gamma = reference.follower(DT, 1000.0), *reference.initial
     north, east, h = 0.0, aside, 1000.0
     places, courses = [], []
+    V_g = V_A + wind * math.cos(chi)
     for _ in range(round(seconds / DT)):
-        seen = ft.loop.Measured(chi, gamma, V_A, 0.0, 1.0, h, (north, east, 1000.0 - h), None)
+        place = north, east, 1000.0 - h
+        seen = ft.loop.Measured(chi, gamma, V_A, 0.0, 1.0, h, place, None, V_g=V_g)
         asked, place = follow(seen)
         chi, gamma = asked.chi - bias[0], asked.gamma - bias[1]
         V_g = V_A + wind * math.cos(chi)

@@ -193,7 +193,8 @@ class Work(NamedTuple):
 def batchable(scenario: Scenario, entry: Entry) -> bool:
     """Whether the kernel can fly an entry's law, plant, air, disturbance and reference."""
     parts = entry.law, entry.plant.family, _acting(scenario), scenario.reference or scenario.route
-    return not scenario.windy and all(part is not None and part.batched for part in parts)
+    exact = not (scenario.windy or scenario.navigation)
+    return exact and all(part is not None and part.batched for part in parts)
 
 
 def _acting(scenario: Scenario) -> Sinusoid:

@@ -92,7 +92,8 @@ class TubeProblem:
         moving = scenario.windy and not aircraft
         swings = scenario.disturbance is not None and scenario.disturbance.as_wind
         sensors = scenario.sensors_on(self.table.label)
-        for key, value in {"sensors": sensors, "wind": moving or swings}.items():
+        inside = {"sensors": sensors, "navigation": scenario.navigation, "wind": moving or swings}
+        for key, value in inside.items():
             if value:
                 raise InputError(
                     f"`{key}` must not be in the scenario of a tube: it is not enclosed."

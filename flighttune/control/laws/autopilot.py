@@ -324,8 +324,6 @@ class Guidance:
     def start(self, condition: FlightCondition, /) -> None:
         """Prepare for a flight."""
         self.V_sp, self.phi = condition.V_a, condition.phi
-        self.before: tuple[float, ...] | None = None
-        self.velocity: tuple[float, ...] | None = None
         self.trim: float | None = None
 
     def step(self, m: Measured, r: ReferenceSample, _t: float, /) -> tuple[float, float, float]:
@@ -353,24 +351,14 @@ class Guidance:
         return phi, lift / math.cos(limited(m.phi, -STEEPEST, STEEPEST)), angle
 
     def _motion(self, m: Measured) -> Motion:
-        """The estimated motion, with velocity and acceleration from positions."""
+        """The motion that the estimator of an autopilot knows."""
+        if m.V_g is None or m.velocity is None or m.acceleration is None:
+            raise InputError("`velocity`, `V_g` and `acceleration` must be measured, got none.")
+        north, east, down = m.velocity
         wind = (0.0, 0.0, 0.0) if m.wind is None else m.wind
-        if self.before is None:
-            along, across = _parts((wind[0], wind[1]), m.chi)
-            level = m.V_a * math.cos(m.gamma)
-            V_g = along + math.sqrt(max(level * level - across * across, 0.0))
-            climb = V_g * math.tan(m.gamma)
-        else:
-            moved = [x - y for x, y in zip(m.position, self.before, strict=True)]
-            V_g, climb = math.hypot(*moved[:2]) / self.dt, -moved[2] / self.dt
-        velocity = V_g * math.cos(m.chi), V_g * math.sin(m.chi), -climb
-        air = [x - y for x, y in zip(velocity, wind, strict=True)]
-        change = zip(velocity, self.velocity or velocity, air, strict=True)
-        V_dot = sum((x - y) * z for x, y, z in change) / (self.dt * max(math.hypot(*air), 1.0))
-        self.before, self.velocity = m.position, velocity
+        level, steady = (north - wind[0], east - wind[1]), (wind[0], wind[1])
         theta = m.gamma if m.theta is None else m.theta
-        level, steady = (air[0], air[1]), (wind[0], wind[1])
-        return Motion(m.chi, V_g, level, steady, m.V_a, V_dot, climb, m.h, theta)
+        return Motion(m.chi, m.V_g, level, steady, m.V_a, m.acceleration, -down, m.h, theta)
 
     def linear(self, V_a: float) -> tuple[list[float], list[float], list[float], list[float]]:
         """Gains of the linear loops about a straight level leg in still air, course and path angle.

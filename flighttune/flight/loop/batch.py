@@ -54,15 +54,16 @@ class Flights(NamedTuple):
 
 
 # Numbers of the memory that `law_sample` goes through a flight with.
-MEMORY = 20
+MEMORY = 21
 
 
 class SampledLaw(NamedTuple):
     """A law and its reference, as `law_sample` takes them behind a sample and its load factor."""
 
     numbers: FloatArray  # of a `RateLaw`, or of a `PILaw`, which are fewer
-    # Places of the course, path angle, airspeed, height and wind that it sees, and the number of
-    # signals; that of the wind is -1 where it sees none
+    # Places of the course, path angle, airspeed, roll, load factor, north, east and height that it
+    # sees, of the true height, of wind and speed over ground, and the number of signals; that of a
+    # wind that it does not see is -1, and that of a speed that is the difference of positions
     places: tuple[int, ...]
     dt: float  # s: sample time
     settings: tuple[float, ...]  # those of `guidance`
@@ -74,8 +75,8 @@ class SampledLaw(NamedTuple):
     # where the load factor is the vertical lift
     ahead: FloatArray
     # (`MEMORY`,): state of the law, the distance along the route (m), the speed over ground (m/s),
-    # the position (m) at the sample before, the estimate of the wind (m/s), and whether the first
-    # sample is over
+    # the position (m) at the sample before, the estimate of the wind (m/s), whether the first
+    # sample is over, and the true distance along the route (m)
     memory: FloatArray
 
 

@@ -9,6 +9,7 @@ import math
 from flighttune.base.units import FT
 from flighttune.flight.loop.batch import ARRIVED, BESIDE, BEYOND, GOES_ON, OUTSIDE
 from flighttune.flight.loop.kernel import law_sample, register_jitable, sample_kernel
+from flighttune.vehicles.plants.sensors import N_Z_ERROR, sense
 
 # Integration steps between two instants at which a changing wind is computed.
 REFRESH = 4
@@ -17,23 +18,25 @@ inlined = register_jitable(inline="always")  # a call hands on some hundred numb
 
 
 @sample_kernel
-def fly_samples(step, normals, motion, law, fed_back, errors, part, rows):
+def fly_samples(step, normals, motion, law, fed_back, seen, part, rows):
     """Fly the samples of a part into `rows`, of which the first has its signals.
 
     `step` and `normals`: functions of the compiled step. `fed_back`: whether the law sees the load
-    factor that the inner loop follows. `errors`: those of the sensors at each sample, or none.
-    `part`: the first sample, the one after the last, and the length of the route (m). Returns the
-    samples in the rows, how the flight stands, and the integration steps flown.
+    factor that the inner loop follows. `seen`: errors of what it sees at each sample, or none, and
+    what `sense` takes with them. `part`: the first sample, the one after the last, and the length
+    of the route (m). Returns the samples in the rows, how the flight stands, and the integration
+    steps flown.
     """
     first, last, end = part
-    shown, m = motion.shown, motion.signals
-    final, sensed = len(rows) - 1, m + motion.further
+    shown, m, final = motion.shown, motion.signals, len(rows) - 1
+    errors, places, numbers = seen
     for k in range(first, last):
         row = rows[k]
-        if len(errors):
-            row[sensed], row[sensed + 1] = row[0] + errors[k, 0], row[1] + errors[k, 1]
-            row[sensed + 2] = row[4] + errors[k, 2]
         n_z = shown[m + 3] if fed_back else row[3]
+        if len(errors):
+            sense(row, rows[k - 1], k > 0, errors[k], places, numbers)
+        if errors.shape[1] > N_Z_ERROR:
+            n_z += errors[k, N_Z_ERROR]
         phi_cmd, n_z_cmd, along = law_sample(k, n_z, law, rows)
         clock = k * motion.steps
         if k == final or along >= end:

@@ -21,11 +21,11 @@ from flighttune.base.units import wrap_angle
 from flighttune.control import exact_law, limits, mimo_pi, wind
 from flighttune.control.exact_law import LAW_NUMBERS, RateLaw
 from flighttune.control.mimo_pi import ChannelLaw, PILaw, PIState
-from flighttune.control.wind import filtered, path_over_ground, speed_in_wind
+from flighttune.control.wind import filtered, path_over_ground, speed_in_wind, speed_over
 from flighttune.flight.loop import measures
 from flighttune.routes import follow, path
-from flighttune.routes.follow import guidance, path_at, speed_over, steepest_sine
-from flighttune.vehicles.plants import point_mass
+from flighttune.routes.follow import guidance, path_at, placed, steepest_sine
+from flighttune.vehicles.plants import point_mass, sensors
 from flighttune.vehicles.plants.point_mass import LOST
 
 try:
@@ -49,7 +49,10 @@ SOURCES = (
     *(Path(__file__).with_name(name) for name in ("batch.py", "compiled.py")),
     *(
         Path(str(module.__file__))
-        for module in (exact_law, follow, limits, mimo_pi, path, point_mass, units, measures, wind)
+        for module in (
+            *(exact_law, follow, limits, mimo_pi, path),
+            *(point_mass, sensors, units, measures, wind),
+        )
     ),
 )
 DIGEST = sha256(b"".join(path.read_bytes() for path in SOURCES)).hexdigest()[:12]
@@ -64,8 +67,11 @@ register_jitable(wrap_angle)
 for of_law in (
     *(limits.limit_command, exact_law.with_feedback),
     *(exact_law.braked_rate, exact_law.roll_of_lift),
-    *(wind.wind_triangle, wind.speed_in_wind, wind.filtered, wind.path_over_ground),
-    *(follow.steepest_sine, follow.speed_over, follow.path_at, follow.column_at, follow.guidance),
+    *(wind.speed_over, wind.level_speed, wind.wind_triangle, wind.speed_in_wind),
+    *(wind.filtered, wind.path_over_ground),
+    *(follow.steepest_sine, follow.path_at, follow.column_at, follow.nearest_point),
+    *(follow.off_route, follow.placed, follow.guidance),
+    *(sensors.motion_seen, sensors.sense),
 ):
     register_jitable(of_law)
 exact_step = register_jitable(inline="always")(exact_law.exact_step)
@@ -159,20 +165,12 @@ def law_sample(k, n_z, law, rows):
     `n_z`: the load factor that the law sees. Returns both commands and the distance along the
     route, m.
     """
-    numbers, places, dt, settings, priority, refs, path, ahead, memory = law
-    row, wind, m = rows[k], places[4], places[5]
-    chi, gamma, V_a = row[places[0]], row[places[1]], row[places[2]]
-    phi, north, east = row[2], row[5], row[6]
+    numbers, places, _, _, priority, refs, path, ahead, memory = law
+    row, wind, m = rows[k], places[9], places[11]
+    chi, gamma, V_a, phi = row[places[0]], row[places[1]], row[places[2]], row[places[3]]
     held = m + 10  # where the row says which limits hold: behind the place, on a route
     if len(path):
-        if k:
-            memory[13] = speed_over(north - memory[14], east - memory[15], dt)
-        memory[14], memory[15] = north, east
-        now = chi, gamma, north, east, row[places[3]]
-        nearest = path_at(path, memory[12])
-        ref, place, _, _, _ = guidance(path, nearest, memory[13], now, settings)
-        memory[12], held = place[0], m + 13
-        row[m + 10], row[m + 11], row[m + 12] = place
+        ref, held = _guided(k, row, law)
     else:
         ref = refs[k, 0], refs[k, 1], refs[k, 2], refs[k, 3]
     asked, engines = ref[1], priority[3]
@@ -204,7 +202,30 @@ def law_sample(k, n_z, law, rows):
     for j in range(2):
         row[m + 4 + j], row[m + 6 + j], row[m + 8 + j] = u[j], u_unsat[j], integral[j]
         row[held + j] = memory[8 + j]
-    return u[0], u[1], memory[12]
+    return u[0], u[1], memory[20]
+
+
+@njit
+def _guided(k, row, law):
+    """What to follow on a route, and where the row ends that has the places on it."""
+    _, places, dt, settings, _, _, path, _, memory = law
+    V_g, m = places[10], places[11]
+    north, east = row[places[5]], row[places[6]]
+    if k and V_g >= 0:
+        memory[13] = row[V_g]
+    elif k:
+        memory[13] = speed_over(north - memory[14], east - memory[15], dt)
+    memory[14], memory[15] = north, east
+    now = row[places[0]], row[places[1]], north, east, row[places[7]]
+    ref, place, _, _, _ = guidance(path, path_at(path, memory[12]), memory[13], now, settings)
+    memory[12], held = place[0], m + 13
+    if V_g >= 0:
+        row[m + 13], row[m + 14], held = place[1], place[2], m + 15
+        position = row[5], row[6], row[places[8]] - settings[0]
+        _, place = placed(path, path_at(path, memory[20]), position)
+    memory[20] = place[0]
+    row[m + 10], row[m + 11], row[m + 12] = place
+    return ref, held
 
 
 @njit

@@ -5,7 +5,6 @@ import struct
 from collections.abc import Callable, Generator, Iterable, Sequence
 from functools import cache
 from itertools import chain, repeat
-from operator import itemgetter
 from typing import TypeAlias
 
 import numpy as np
@@ -26,11 +25,13 @@ from flighttune.control.gains import COMMANDS, ERRORS_WITH_AIRSPEED, WITH_AIRSPE
 from flighttune.control.mimo_pi import MimoPI
 from flighttune.flight.loop.aircraft import OTHER_LAW, CompiledAircraft, compiled_aircraft
 from flighttune.flight.loop.batch import ARRIVED, GOES_ON, MEMORY, SampledLaw, numbers_of
+from flighttune.flight.loop.measured import measured_of, seen_names
 from flighttune.routes import follow as following
 from flighttune.routes.feasible import FeasibleReference
 from flighttune.routes.segments import Reference
 from flighttune.vehicles.plants.base import COMMON_SIGNALS, N_X_SIGNALS, OVER_GROUND, Plant, Stop
-from flighttune.vehicles.plants.sensors import MEASURED, SensedPlant, Sensors
+from flighttune.vehicles.plants.navigation import ERRORS, Navigation
+from flighttune.vehicles.plants.sensors import SENSED, SensedPlant, Sensors
 from flighttune.vehicles.plants.weather import WIND
 
 # Signals that the loop adds to those of the plant, one row per sample of the controller.
@@ -46,9 +47,6 @@ LOOP_SIGNALS = (
 # the reference where thrust is short. Where the airspeed is a channel also its reference and error.
 GIVEN = "gamma_given"
 AIRSPEED_SIGNALS = (GIVEN, "V_ref", "V_err")
-
-_V_A, _PHI, _N_Z, _DOWN = map(COMMON_SIGNALS.index, ("V_a", "phi", "n_z", "down"))
-_POSITION = slice(COMMON_SIGNALS.index("north"), _DOWN + 1)
 
 PROGRESS_EVERY = 50
 
@@ -77,6 +75,7 @@ def simulate(
     condition: FlightCondition,
     duration: float,
     sensors: Sensors | None = None,
+    navigation: Navigation | None = None,
     lead: tuple[float, float] | None = None,
     speed_priority: bool = False,
     progress: Callable[[float], None] | None = None,
@@ -88,12 +87,13 @@ def simulate(
     its sample time is the step of the loop. It may have a third command, n_x, where the plant takes
     it and the reference has an airspeed; the signals then also hold `AIRSPEED_SIGNALS`. A flight
     along a route ends at its end and has `ROUTE_SIGNALS`. With `sensors` the controller sees
-    course, climb and airspeed through them, and the signals hold `MEASURED`; the errors are the
-    true ones. `lead`: lags of roll and lift (s) by which they are planned ahead where the reference
-    rolls in or is a route. `speed_priority`: the path angle gives way where the airspeed would fall
-    too far below that of `condition`, as it does under a third command; the plant shows n_x, and
-    the signals then hold `GIVEN`. `progress` is called with the time flown (s), about once a second
-    of flight.
+    course, climb and airspeed through them, and the signals hold `MEASURED`; with `navigation` all
+    that it sees errs, and the signals hold it (``*_meas``, and on a route `SEEN_SIGNALS`). Errors
+    and places on the route are the true ones. `lead`: lags of roll and lift (s) by which they are
+    planned ahead where the reference rolls in or is a route. `speed_priority`: the path angle gives
+    way where the airspeed would fall too far below that of `condition`, as it does under a third
+    command; the plant shows n_x, and the signals then hold `GIVEN`. `progress` is called with the
+    time flown (s), about once a second of flight.
 
     Returns one row a sample, indexed by `t` in s, SI and radians, read-only: signals of the plant,
     then `LOOP_SIGNALS` with those of the controller. The table ends with the last sample before the
@@ -101,11 +101,11 @@ def simulate(
     raises, or whose commands cannot be used, ends it with ``law_failed``. Raises TrimError if the
     plant finds no steady flight at `condition`.
     """
-    settings = sensors, lead, speed_priority
+    settings = sensors, lead, speed_priority, navigation
     flight = Flight(plant, controller, reference, condition, duration, *settings)
     if (flown := flight.fly_compiled(progress)) is not None:
         return flown
-    advance, step = flight.samples.send, step_of(controller, plant)
+    advance, step = flight.samples.send, step_of(controller, flight.plant)
     commands, k = None, 0
     while True:
         try:
@@ -140,7 +140,7 @@ class Flight:
     Parameters are those of `simulate`; whoever flies calls the controller's `step`, or takes
     commands from elsewhere. `samples` yields each `Sample`, receives what `Controller.step` returns
     at it, and returns why the flight ended early, or None. Its first one starts plant and
-    controller.
+    controller. `plant` is the one given, with the errors of what is seen of it.
     """
 
     # Samples of all flights of this process that compiled code could have flown
@@ -156,6 +156,7 @@ class Flight:
         sensors: Sensors | None = None,
         lead: tuple[float, float] | None = None,
         speed_priority: bool = False,
+        navigation: Navigation | None = None,
     ) -> None:
         dt = controller.dt
         if not (math.isfinite(duration) and duration >= dt):
@@ -166,11 +167,10 @@ class Flight:
             )
         last = round(duration / dt)
         self._t = t = np.arange(last + 1, dtype=np.float64) * dt
-        measured_of = _measured(plant.signals, condition.h, sensed=sensors is not None)
-        self._errors = np.empty((0, 3))
-        if sensors is not None:
-            self._errors = sensors.errors(last + 1, dt)
-            plant = SensedPlant(plant, self._errors)
+        self._errors = _errors(sensors, navigation, last + 1, dt, condition.V_a)
+        if len(self._errors):
+            share = 1.0 if navigation is None else navigation.wind_share(dt)
+            plant = SensedPlant(plant, self._errors, dt, condition.h, share)
         self._wrapped = getattr(controller, "wrapped", (True,))[0]
         route = reference if isinstance(reference, following.RouteReference) else None
         airspeed = priority = plan = None
@@ -193,9 +193,12 @@ class Flight:
                 f"{len(controller.limiter.u_unsat)}."
             )
         further = () if route is None else tuple(following.ROUTE_SIGNALS)
+        if route is not None and navigation is not None:
+            further += following.SEEN_SIGNALS
         further += AIRSPEED_SIGNALS if airspeed else (GIVEN,) * speed_priority
         self._columns = _columns(plant.signals, (*controller.signals, *further), m)
         self._rows = bytearray()
+        self.plant = plant  # as the law sees it
         self._given = plant, controller, condition, reference, lead or NOT_LATE
         self._priority = priority if airspeed is None else None  # of a plant that holds its own
         self._planned = plan is not None
@@ -203,7 +206,8 @@ class Flight:
         self._of_matrices: ExactLaw | MimoPI | None = None
         if isinstance(controller, ExactLaw | MimoPI) and type(controller) in (ExactLaw, MimoPI):
             self._of_matrices = controller
-        self.samples = self._samples(measured_of, plan, priority, airspeed)
+        measured = measured_of(plant, condition.h, dt)
+        self.samples = self._samples(measured, plan, priority, airspeed)
 
     def fly_compiled(
         self, progress: Callable[[float], None] | None
@@ -257,10 +261,13 @@ class Flight:
         controller = self._of_matrices
         assert controller is not None  # others have no numbers
         shown = plant.signals
-        angles = MEASURED if MEASURED[0] in shown else ("chi", "gamma", "V_a")
+        navigated = isinstance(plant, SensedPlant) and plant.navigated
+        suffix = "_meas" * navigated
         air = WIND[0] in shown and OVER_GROUND[0] not in shown
-        wind = shown.index(WIND[0]) if air else -1
-        places = *map(shown.index, (*angles, "h")), wind, len(shown)
+        wind = shown.index(WIND[0] + suffix) if air else -1
+        V_g = shown.index("V_g_meas") if navigated else -1
+        position = (name + suffix for name in ("north", "east", "h"))
+        places = *map(shown.index, (*seen_names(shown), *position, "h")), wind, V_g, len(shown)
         state = controller.state
         end, ahead, speed = math.inf, 0.0, 0.0
         path, refs, further = np.empty((0, 0)), np.empty((0, 4)), np.empty((0, 2))
@@ -295,7 +302,8 @@ class Flight:
 
         (plant, controller, *_), t = self._given, self._t
         observe, advance, dt, shown = plant.observe, plant.advance, controller.dt, plant.signals
-        followed = _fed_back(controller, plant) or (lambda: signals[_N_Z])
+        n_z = shown.index(seen_names(shown)[-1])
+        followed = _fed_back(controller, plant) or (lambda: signals[n_z])
         pack, bytes_of = struct.Struct(f"{len(shown)}d").pack_into, rows.data.cast("B")
         width, last, (law, end) = 8 * rows.shape[1], len(t) - 1, self._sampled_law()
         for k, now in enumerate(t.tolist()):
@@ -319,17 +327,20 @@ class Flight:
         plant, controller, *_ = self._given
         (law, end), (functions, motion) = self._sampled_law(), aircraft.sampled(controller.dt)
         fed_back = _fed_back(controller, plant) is not None
+        seen = self._errors, (0, 0, 0), (0.0, 0.0, 0.0)
+        if isinstance(plant, SensedPlant):
+            seen = self._errors, plant.places, plant.numbers
         rows[0, : len(aircraft.signals)] = aircraft.observe()
         first, last = 0, len(rows)
         if progress is not None:  # which may end the flight: compiled code is loaded before
-            fly_samples(*functions, *(motion, law, fed_back, self._errors), (0, 0, end), rows)
+            fly_samples(*functions, *(motion, law, fed_back, seen), (0, 0, end), rows)
         while True:
             until = last
             if progress is not None:
                 progress(float(self._t[first]))
                 until = min(first + PROGRESS_EVERY, last)
             n, how, steps = fly_samples(
-                *functions, *(motion, law, fed_back, self._errors), (first, until, end), rows
+                *functions, *(motion, law, fed_back, seen), (first, until, end), rows
             )
             if how == ARRIVED:
                 return n, self._not_arrived(rows[:n])
@@ -370,9 +381,11 @@ class Flight:
             controller.start(condition)
         except LawError as error:
             return Stop("law_failed", str(error))
-        dt, limiter, place, speed = controller.dt, controller.limiter, (), ()
+        dt, limiter, place, seen, speed = controller.dt, controller.limiter, (), (), ()
         references = _references(reference, self._t, lead)
         follow = None if route is None else route.follower(dt, condition.h, lead)
+        navigated = isinstance(plant, SensedPlant) and plant.navigated
+        true = _true_place(plant.signals, condition.h)
         u_unsat, limited, m = limiter.u_unsat, limiter.limited, 2 if airspeed is None else 3
         speeds = None if airspeed is None else np.stack(airspeed, axis=1).tolist()
         gave_way = False
@@ -387,6 +400,8 @@ class Flight:
             measured = measured_of(signals)
             if follow is not None:
                 ref, place = follow(measured)
+                if navigated:
+                    seen, place = place[1:], follow.placed(*true(signals))
             elif plan is not None:
                 _, gamma_ref, chi_dot, gamma_dot, *_ = ref
                 ref = ref._replace(planned=plan(measured, chi_dot, gamma_dot, gamma_ref))
@@ -402,7 +417,7 @@ class Flight:
             assert commands is not None  # None only starts the flight
             # The errors follow when all is flown: those of the signals, not those a sensor shows.
             loop = asked[0], asked[1], 0.0, 0.0, *commands[:m]
-            rows += pack(*signals, *loop, *u_unsat, *commands[m:], *place, *speed, *limited)
+            rows += pack(*signals, *loop, *u_unsat, *commands[m:], *place, *seen, *speed, *limited)
             if ends:
                 if route is None or not place:
                     return None
@@ -417,29 +432,28 @@ class Flight:
         return _table(values, self._columns, self._t, self._wrapped)
 
 
-def _measured(
-    signals: tuple[str, ...], h_0: float, *, sensed: bool
-) -> Callable[[tuple[float, ...]], Measured]:
-    """A function that makes `Measured` of a plant's signals, which those of sensors follow."""
-    n = len(signals)
-    chi, gamma, V_a = range(n, n + len(MEASURED)) if sensed else (0, 1, _V_A)
-    new = tuple.__new__  # a third of the time of the call of the class
-    # Steered by its path through the air, a plant moves as in still air.
-    angles = itemgetter(chi, gamma, V_a, _PHI, _N_Z)
+def _errors(
+    sensors: Sensors | None, navigation: Navigation | None, n: int, dt: float, V_a: float
+) -> FloatArray:
+    """Errors of sensors and navigation at each sample, as `SensedPlant` takes them."""
+    if sensors is None and navigation is None:
+        return np.empty((0, len(SENSED)))
+    errors = np.zeros((n, len(SENSED))) if sensors is None else sensors.errors(n, dt)
+    if navigation is None:
+        return errors
+    # The first of those of navigation is the last of those of sensors.
+    errors = np.hstack([errors, np.zeros((n, len(ERRORS) - 1))])
+    errors[:, len(SENSED) - 1 :] += navigation.errors(n, dt, V_a)
+    return errors
+
+
+def _true_place(
+    signals: tuple[str, ...], h_0: float
+) -> Callable[[tuple[float, ...]], tuple[float, float, float]]:
+    """A reader of north, east and height above sea level (m)."""
+    north, east, down = map(signals.index, ("north", "east", "down"))
     h = signals.index("h") if "h" in signals else None
-    n_x = signals.index(N_X_SIGNALS[0]) if N_X_SIGNALS[0] in signals else None
-    air = signals.index(WIND[0]) if WIND[0] in signals and "chi_ground" not in signals else None
-    has_body = {"theta", "elevator"} <= {*signals}
-    body = itemgetter(*map(signals.index, ("theta", "elevator"))) if has_body else None
-
-    def measured(seen: tuple[float, ...]) -> Measured:
-        height = h_0 - seen[_DOWN] if h is None else seen[h]
-        wind = None if air is None else seen[air : air + len(WIND)]
-        along = None if n_x is None else seen[n_x : n_x + len(N_X_SIGNALS)]
-        pitched = (None, None) if body is None else body(seen)
-        return new(Measured, (*angles(seen), height, seen[_POSITION], wind, along, *pitched))
-
-    return measured
+    return lambda shown: (shown[north], shown[east], h_0 - shown[down] if h is None else shown[h])
 
 
 def _references(

@@ -17,6 +17,7 @@ from flighttune.routes.reference_keys import ReferenceTable
 from flighttune.routes.route_keys import RouteTable
 from flighttune.routes.turn_back_keys import TurnBackTable
 from flighttune.vehicles.flight_keys import FlightTable
+from flighttune.vehicles.navigation_keys import NavigationTable
 from flighttune.vehicles.plant_keys import PlantTable
 from flighttune.vehicles.weather_keys import (
     GustTable,
@@ -52,6 +53,8 @@ class ScenarioKeys(Table):
     gust: GustTable | None = None
     turbulence: TurbulenceTable | None = None
     sensors: SensorsTable | None = None
+    # What the autopilot knows of its motion; exactly what is, if left out
+    navigation: NavigationTable | None = None
     # Conditions over which `certify --envelope` looks for one proof
     envelope: EnvelopeTable | None = None
     expect: list[ExpectTable] = Field(default_factory=list)  # what the runs must achieve

@@ -274,6 +274,11 @@ RULES: tuple[Rule, ...] = (
         when=lambda scenario: scenario.aircraft and not scenario.swinging,
     ),
     a_disturbance_through_the_air_is_alone,
+    excludes(
+        "navigation",
+        'with path = "air" of [disturbance]: an autopilot knows its path over ground',
+        when=lambda scenario: scenario.disturbance and scenario.disturbance.path == "air",
+    ),
     a_disturbance_is_a_wind_that_blows,
     an_airspeed_is_bounded_where_followed,
     no_cost_of_an_airspeed,

@@ -166,8 +166,9 @@ class Scenario(ScenarioKeys):
 
     @property
     def calm(self) -> bool:
-        """Whether neither air nor sensors move a command all the time."""
-        return not (self.turbulence or self.gust or self.sensors or self.disturbance)
+        """Whether neither air nor errors of what is seen move a command all the time."""
+        seen = self.sensors or self.navigation
+        return not (self.turbulence or self.gust or seen or self.disturbance)
 
     @cached_property
     def identified_model(self) -> IdentifiedAircraft:

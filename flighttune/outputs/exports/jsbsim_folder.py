@@ -139,7 +139,12 @@ def _sha256(file: Path) -> str:
 
 
 def _check_air(scenario: Scenario) -> None:
-    """Refuse air that moves in other ways than JSBSim's script knows."""
+    """Refuse air that moves in other ways than JSBSim's script knows, and errors of navigation."""
+    if scenario.navigation:
+        raise InputError(
+            "`navigation` must be absent from a scenario that is exported: in JSBSim the law sees "
+            "its motion exactly."
+        )
     if weather := conditions.weather_of(scenario):
         moves = {
             "gust": weather.gust,

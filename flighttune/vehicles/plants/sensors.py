@@ -1,6 +1,7 @@
-"""Imperfect sensors: the controller sees course, climb and airspeed with an error."""
+"""Imperfect sensors: the controller sees signals with an error."""
 
 import math
+from collections.abc import MutableSequence, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,15 +10,24 @@ from flighttune.base.arguments import checked_class
 from flighttune.base.arrays import FloatArray, check_not_negative
 from flighttune.base.errors import InputError
 from flighttune.base.signals import SIGNALS
-from flighttune.vehicles.plants.base import COMMON_SIGNALS, Plant, WrappedPlant
+from flighttune.control.wind import level_speed, speed_over
+from flighttune.vehicles.plants.base import Plant, WrappedPlant
+from flighttune.vehicles.plants.navigation import ERRORS
+from flighttune.vehicles.plants.weather import WIND
 
 # Signals that the controller sees through sensors, in the order of every array of them.
-SENSED = tuple(name for name, signal in SIGNALS.items() if signal.measured)
+SENSED = "chi", "gamma", "V_a"
 
-# Names of the same signals as the controller saw them.
-MEASURED = tuple(SIGNALS[name].measured for name in SENSED)
+# Names of the same signals as the controller saw them, of those that navigation errs in besides,
+# and of the wind.
+MEASURED, NAVIGATED, WIND_MEASURED = (
+    tuple(SIGNALS[name].measured for name in names)
+    for names in (SENSED, ("phi", "n_z", "north", "east", "h", "V_g"), WIND)
+)
 
-_CHI, _GAMMA, _V_A = (COMMON_SIGNALS.index(name) for name in SENSED)
+# Place of the error of the load factor among those of sensors and navigation, whose first is that
+# of the airspeed too.
+N_Z_ERROR = len(SENSED) - 1 + ERRORS.index("n_z")
 
 # Share of a sample by which rounding may put a time after it
 ON_SAMPLE = 1e-6
@@ -99,15 +109,93 @@ class Sensors:
 
 
 class SensedPlant(WrappedPlant):
-    """A plant that also shows its course, climb and airspeed as sensors have them, `MEASURED`."""
+    """A plant that also shows its signals as the controller has them.
 
-    # `errors`, shape (n, 3), rad, rad and m/s, are measured minus true value at each of the n times
-    # the plant is observed.
-    def __init__(self, plant: Plant, errors: FloatArray) -> None:
-        super().__init__(plant, MEASURED)
-        self._errors = zip(*errors.T.tolist(), strict=True)
+    `errors` are seen minus true at each of the times the plant is observed, `dt` s apart: those of
+    sensors, shape (n, 3), rad, rad and m/s, or with those of navigation, which `navigation.ERRORS`
+    follow. `h_0` (m) is the height of the start, `share` that of the wind in its estimate.
+    """
+
+    def __init__(
+        self, plant: Plant, errors: FloatArray, dt: float, h_0: float, share: float = 1.0
+    ) -> None:
+        signals = plant.signals
+        self.navigated = errors.shape[1] > len(SENSED)
+        wind = signals.index(WIND[0]) if WIND[0] in signals else -1
+        further = (
+            (*MEASURED, *NAVIGATED, *WIND_MEASURED * (wind >= 0)) if self.navigated else MEASURED
+        )
+        super().__init__(plant, further)
+        height = signals.index("h") if "h" in signals else -1
+        # What `sense` takes, in compiled flights too.
+        self.places, self.numbers = (len(signals), height, wind), (dt, h_0, share)
+        self.error: Sequence[float] = ()
+        self._errors, self._blank = iter(errors.tolist()), [0.0] * len(further)
+        self._before: list[float] | None = None
+        if self.navigated and (followed := self.n_z_followed) is not None:
+            self.n_z_followed = lambda: followed() + self.error[N_Z_ERROR]
 
     def observe(self) -> tuple[float, ...]:
         """Return the values of `signals` now, SI and radians; each call takes one sample."""
-        signals, (chi, gamma, V_a) = self._observe(), next(self._errors)
-        return (*signals, signals[_CHI] + chi, signals[_GAMMA] + gamma, signals[_V_A] + V_a)
+        row, self.error = [*self._observe(), *self._blank], next(self._errors)
+        before = self._before
+        sense(row, before or row, before is not None, self.error, self.places, self.numbers)
+        self._before = row
+        return tuple(row)
+
+
+# What follows is written so that Numba compiles it too.
+
+
+def sense(
+    row: MutableSequence[float],
+    before: Sequence[float],
+    begun: bool,
+    error: Sequence[float],
+    places: tuple[int, int, int],
+    numbers: tuple[float, float, float],
+) -> None:
+    """Write what is seen of the signals of a row behind them, `before` that of the sample before.
+
+    `places`: that of what is seen, of the height and of the wind, -1 without one. `numbers`: the
+    sample time (s), the height of the start (m), and the share of the wind in its estimate.
+    """
+    (at, h, wind), (dt, h_0, share) = places, numbers
+    chi, gamma, V_a = row[0], row[1], row[4]
+    row[at], row[at + 1], row[at + 2] = chi + error[0], gamma + error[1], V_a + error[2]
+    if len(error) == 3:
+        return
+    air = (row[wind], row[wind + 1], row[wind + 2]) if wind >= 0 else (0.0, 0.0, 0.0)
+    if begun:
+        V_g = speed_over(row[5] - before[5], row[6] - before[6], dt)
+    else:
+        V_g = level_speed(chi, gamma, V_a, air)
+    turned, climbed, V_g = motion_seen(chi, gamma, V_g, (error[8], error[9], error[10]))
+    row[at] += turned
+    row[at + 1] += climbed
+    row[at + 3], row[at + 4] = row[2] + error[3], row[3] + error[4]
+    row[at + 5], row[at + 6] = row[5] + error[5], row[6] + error[6]
+    row[at + 7] = (row[h] if h >= 0 else h_0 - row[7]) + error[7]
+    row[at + 8] = V_g
+    if wind >= 0:
+        for j in range(3):
+            last = before[at + 9 + j] if begun else air[j]
+            row[at + 9 + j] = share * air[j] + (1.0 - share) * last + error[11 + j]
+
+
+def motion_seen(
+    chi: float, gamma: float, V_g: float, error: tuple[float, float, float]
+) -> tuple[float, float, float]:
+    """Errors of course and path angle (rad), and the level speed seen (m/s), of a velocity's error.
+
+    `error`: north, east and up, m/s. Without one the errors are zero, and the speed that of the
+    aircraft, to the bit.
+    """
+    north, east, up = error
+    c, s = math.cos(chi), math.sin(chi)
+    along, aside = V_g + (north * c + east * s), east * c - north * s
+    seen = math.sqrt(along * along + aside * aside)
+    level, rise = math.cos(gamma), math.sin(gamma)
+    faster = seen - V_g
+    ahead = V_g / level + faster * level + up * rise
+    return math.atan2(aside, along), math.atan2(up * level - faster * rise, ahead), seen

@@ -83,6 +83,7 @@ CASES = {
     "wind that oscillates": {"disturbance": OSCILLATION},
     "path through the air": {"disturbance": OSCILLATION | {"path": "air"}},
     "sensors": {"sensors": {"chi_noise_sd_deg": 0.5, "V_a_noise_sd_mps": 0.3, "chi_bias_deg": 1.0}},
+    "navigation": {"navigation": {"grade": "poor"}, "sensors": {"chi_bias_deg": 1.0}} | WIND,
     "airframe": {"plant": {"airframe": AIRFRAME}},
     "throttle fails": {"plant": {"throttle_max": 0.2, "throttle_max_from_s": 1.0}},
     "actuators slow down": fault(actuator_lag_factor=4.0),

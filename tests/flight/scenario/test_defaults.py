@@ -16,6 +16,7 @@ SCENARIO = {
     "flight": {"h_m": 1000.0, "start": "course", "duration_s": 20.0, "g_mps2": 9.81},
     "route": {"margin": 0.2, "gamma_deg": (-10.0, 10.0), "look_ahead_s": 3.0},
     "turn_back": {"side": 1, "turn_deg": 180.0, "detected_s": 10.0, "reaction_s": 1.0},
+    "navigation": {"grade": "standard"},
     "controller": {"rate_hz": 50.0, "anti_windup": "conditional"},
     "tuning": {
         "I_star": 5.0, "model": "kinematic", "structure": "full", "objective": "R_K", "starts": 12

@@ -1,0 +1,73 @@
+"""``[navigation]`` of a scenario."""
+
+from typing import Annotated, TypeAlias
+
+from pydantic import Field
+
+from flighttune.base import quantities as q
+from flighttune.base.units import DEG
+from flighttune.vehicles.plants.navigation import Grade, Navigation
+
+Distance: TypeAlias = Annotated[q.NotNegative, Field(le=1000.0)]  # m: standard deviation
+Assumed: TypeAlias = Annotated[q.Finite, Field(ge=1e-4, le=1000.0)]  # noise that a filter assumes
+Share: TypeAlias = Annotated[q.NotNegative, Field(le=1.0)]
+Density: TypeAlias = Annotated[q.NotNegative, Field(le=100.0)]  # of noise, per root Hz
+Period: TypeAlias = Annotated[q.Finite, Field(ge=0.01, le=10.0)]  # s
+Lag: TypeAlias = Annotated[q.NotNegative, Field(le=1e4)]  # s
+
+
+class NavigationTable(q.Table):
+    """``[navigation]``: what the autopilot knows of its motion, by a grade and its numbers."""
+
+    grade: Grade = "standard"  # a number left out below is that of the grade
+    position_sd_m: Distance | None = None  # slow error of the receiver, per horizontal axis
+    position_time_constant_s: q.TimeConstant | None = None  # of this error
+    position_fast_sd_m: Distance | None = None  # faster error of the receiver
+    position_fast_time_constant_s: q.TimeConstant | None = None  # of the faster error
+    position_noise_m: Distance | None = None  # of each fix
+    velocity_noise_mps: q.WindSpeed | None = None  # of each fix
+    velocity_sd_mps: q.WindSpeed | None = None  # slow error of the receiver's velocity
+    velocity_time_constant_s: q.TimeConstant | None = None  # of this error of velocity
+    height_sd_m: Distance | None = None  # slow error of the barometer
+    height_time_constant_s: q.TimeConstant | None = None  # of this error of height
+    height_noise_m: Distance | None = None  # of the barometer
+    height_of_q: Share | None = None  # part of the dynamic pressure that the static port sees
+    climb_noise_mps: q.WindSpeed | None = None  # of a fix, upwards; half of it is slow besides
+    climb_time_constant_s: q.TimeConstant | None = None  # of the slow half
+    period_s: Period | None = None  # from fix to fix
+    accelerometer_noise: Density | None = None  # m/s^2 per root Hz
+    gyro_noise: Density | None = None  # deg/s per root Hz
+    gyro_walk: Density | None = None  # of the bias, deg/s^2 per root Hz
+    roll_bias_sd_deg: q.AngularSpread | None = None  # of installation and accelerometer
+    roll_noise_deg: q.AngularSpread | None = None  # of the filter's roll, at 0.05 s
+    n_z_bias_sd: Share | None = None  # and in g of the acceleration along the path
+    n_z_noise: Share | None = None  # of both, at each sample
+    airspeed_scale_sd: Share | None = None  # of the airspeed at the start
+    airspeed_sd_mps: q.WindSpeed | None = None  # slow error of the airspeed
+    airspeed_time_constant_s: q.TimeConstant | None = None  # of this error of airspeed
+    airspeed_noise_mps: q.WindSpeed | None = None  # of the airspeed, at 0.1 s
+    wind_sd_mps: q.WindSpeed | None = None  # error of the estimated wind, per horizontal axis
+    wind_time_constant_s: q.TimeConstant | None = None  # of this error of wind
+    wind_lag_s: Lag | None = None  # of the estimate behind the wind
+    filter_position_m: Assumed | None = None  # noise of position that the filter assumes
+    filter_velocity_mps: Assumed | None = None  # noise of velocity that the filter assumes
+    filter_height_m: Assumed | None = None  # noise of height that the filter assumes
+    filter_climb_mps: Assumed | None = None  # noise of climb that the filter assumes
+
+    def navigation(self, seed: int) -> Navigation:
+        """The errors in SI, drawn from the scenario's `seed`."""
+        stated = self.model_dump(exclude_none=True, exclude={"grade"})
+        numbers = {_name(key): value * _unit(key) for key, value in stated.items()}
+        return Navigation.of(self.grade, seed=seed, **numbers)
+
+
+def _name(key: str) -> str:
+    """The attribute of `Navigation` behind a key."""
+    for unit in ("_m", "_mps", "_s", "_deg"):
+        key = key.removesuffix(unit)
+    return key
+
+
+def _unit(key: str) -> float:
+    """The unit of a key in that of its attribute."""
+    return DEG if key.endswith("_deg") or key.startswith("gyro_") else 1.0

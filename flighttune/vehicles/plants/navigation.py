@@ -1,0 +1,434 @@
+"""Navigation: errors of what an autopilot knows of its motion, as its estimator leaves them."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from functools import cached_property, lru_cache
+from types import MappingProxyType
+from typing import Any, Literal, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from flighttune.base.arguments import checked_class
+from flighttune.base.arrays import FloatArray, check_not_negative, check_positive
+from flighttune.base.errors import InputError
+from flighttune.base.units import DEG, G_0
+
+# Errors at a sample, seen minus true: airspeed (m/s), roll (rad), load factor, position and height
+# (m), velocity over ground (m/s), what is added to the estimate of the wind (m/s), and acceleration
+# along the path (m/s^2).
+ERRORS = (
+    *("V_a", "phi", "n_z", "north", "east", "h", "v_north", "v_east", "v_up"),
+    *("wind_north", "wind_east", "wind_down", "acceleration"),
+)
+
+Complexes: TypeAlias = npt.NDArray[np.complex128]
+Grade: TypeAlias = Literal["rtk", "standard", "poor"]
+
+# Key of the seed's child that the errors are drawn from, which has one child for each signal.
+_STREAM = 0x4A71
+
+# Noise that PX4's EKF2 assumes of its inertial sensors (EKF2_ACC_NOISE, EKF2_GYR_NOISE) and of the
+# walk of their biases (EKF2_GYR_B_NOISE, EKF2_ACC_B_NOISE), a prediction of 0.01 s, and the time
+# in which corrections reach the output (EKF2_TAU_VEL, EKF2_TAU_POS): docs/navigation.md.
+ACC_NOISE, GYR_NOISE, GYR_B_NOISE, ACC_B_NOISE = 0.35, 0.015, 1e-3, 3e-3
+PREDICTION_S, OUTPUT_S = 0.01, 0.25
+
+# Vertical accelerometers see the vibration of wing and engine, and err twice as much; the slow
+# part of an error of climb is half the fast one.
+VERTICAL, SLOW_CLIMB = 2.0, 0.5
+
+# Time constants of noise of roll and of airspeed behind their filters, s.
+FAST_ROLL_S, FAST_AIRSPEED_S = 0.05, 0.1
+
+
+@checked_class
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Navigation:
+    """What an estimator of position, velocity and attitude leaves unknown.
+
+    Deviations (``_sd``) of slow errors go with a time constant (s), ``_noise`` is drawn anew at
+    every fix or sample. docs/navigation.md has the source of each number.
+
+    Attributes
+    ----------
+    position_sd, position_time_constant, position_fast_sd, position_fast_time_constant : float
+        Two slow errors of the receiver, m and s, in each horizontal axis.
+    position_noise, velocity_noise, velocity_sd, velocity_time_constant : float
+        Its noise, m and m/s, and the slow error of its velocity.
+    height_sd, height_time_constant, height_noise : float
+        Error of the barometer, m and s.
+    height_of_q : float
+        Deviation of the part of the dynamic pressure that the static port sees.
+    climb_noise, climb_time_constant : float
+        Vertical velocity of the receiver, m/s, and its slow part, of half the deviation.
+    period : float, s
+        Time between two fixes.
+    accelerometer_noise, gyro_noise, gyro_walk : float
+        Densities, (m/s^2, rad/s and rad/s^2) per root Hz.
+    roll_bias_sd, roll_noise : float, rad
+        Installation and accelerometer bias, and noise.
+    n_z_bias_sd, n_z_noise : float, 1
+        Load factor; the acceleration along the path errs by as much, in g.
+    airspeed_scale_sd, airspeed_sd, airspeed_time_constant, airspeed_noise : float
+        Share of the airspeed at the start, and errors in m/s.
+    wind_sd, wind_time_constant, wind_lag : float
+        Horizontal wind, m/s and s.
+    filter_position, filter_velocity, filter_height, filter_climb : float
+        Noise of the fixes that the filter assumes, m and m/s, which makes its gain.
+    seed : int
+        The errors are a function of it alone, the same whatever else is drawn from that seed.
+
+    Examples
+    --------
+    >>> ft.loop.Navigation.of("standard", seed=1).position_sd
+    1.5
+    """
+
+    position_sd: float
+    position_time_constant: float
+    position_fast_sd: float
+    position_fast_time_constant: float
+    position_noise: float
+    velocity_noise: float
+    velocity_sd: float
+    velocity_time_constant: float
+    height_sd: float
+    height_time_constant: float
+    height_noise: float
+    height_of_q: float
+    climb_noise: float
+    climb_time_constant: float
+    period: float
+    accelerometer_noise: float
+    gyro_noise: float
+    gyro_walk: float
+    roll_bias_sd: float
+    roll_noise: float
+    n_z_bias_sd: float
+    n_z_noise: float
+    airspeed_scale_sd: float
+    airspeed_sd: float
+    airspeed_time_constant: float
+    airspeed_noise: float
+    wind_sd: float
+    wind_time_constant: float
+    wind_lag: float
+    filter_position: float
+    filter_velocity: float
+    filter_height: float
+    filter_climb: float
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        check_not_negative(seed=self.seed)
+        for field in fields(self)[:-1]:
+            check = check_positive if field.name in POSITIVE else check_not_negative
+            check(**{field.name: getattr(self, field.name)})
+
+    @classmethod
+    def of(cls, grade: Grade, *, seed: int = 0, **numbers: float) -> "Navigation":
+        """The errors of a grade, with other `numbers` in the place of some of it."""
+        if grade not in GRADES:
+            raise InputError(f"`grade` must be one of {', '.join(GRADES)}, got {grade!r}.")
+        return cls(**{**GRADES[grade], **numbers}, seed=seed)
+
+    def errors(self, samples: int, dt: float, V_a: float) -> FloatArray:
+        """`ERRORS` at each of the samples, `dt` s apart, shape (samples, 13).
+
+        `V_a` (m/s): the airspeed at the start. The same bits for the same seed; a longer flight
+        begins as a shorter one.
+        """
+        n, (level, vertical) = samples, axes(replace(self, seed=0), dt)
+        (north, v_north, _), (east, v_east, tilt) = (level.drawn(n, self._rng(i)) for i in (0, 1))
+        h, v_up = vertical.drawn(n, self._rng(2))
+        scale, roll_bias, n_z_bias, along_bias, of_q = self._rng(3).standard_normal(5).tolist()
+        # Pressure that is taken for height: a share of q over the weight of the air.
+        h += self.height_of_q * of_q * V_a * V_a / (2.0 * G_0)
+        airspeed = self.airspeed_scale_sd * scale * V_a + self._wander(
+            4, n, dt, self.airspeed_sd, self.airspeed_time_constant
+        )
+        airspeed += self._wander(5, n, dt, self.airspeed_noise, FAST_AIRSPEED_S)
+        roll = tilt + self.roll_bias_sd * roll_bias
+        roll += self._wander(6, n, dt, self.roll_noise, FAST_ROLL_S)
+        n_z = self.n_z_bias_sd * n_z_bias + self._wander(7, n, dt, self.n_z_noise)
+        along = self.n_z_bias_sd * along_bias + self._wander(8, n, dt, self.n_z_noise)
+        wind = np.zeros((3, n))
+        for i in range(2):
+            wind[i] = self._wander(9 + i, n, dt, self.wind_sd, self.wind_time_constant)
+        wind[:, 1:] -= (1.0 - self.wind_share(dt)) * wind[:, :-1]
+        columns = airspeed, roll, n_z, north, east, h, v_north, v_east, v_up, *wind, G_0 * along
+        return np.stack(columns, axis=1)
+
+    def wind_share(self, dt: float) -> float:
+        """Share of the wind of a sample in its estimate."""
+        return dt / (self.wind_lag + dt)
+
+    def _wander(self, signal: int, n: int, dt: float, sd: float, tau: float = 0.0) -> FloatArray:
+        """A Gauss-Markov sequence of a signal, white without a time constant."""
+        decay = math.exp(-dt / tau) if tau else 0.0
+        return wander(self._rng(signal).standard_normal(n), sd, decay)
+
+    def _rng(self, signal: int) -> np.random.Generator:
+        stream = np.random.SeedSequence(self.seed, spawn_key=(_STREAM, signal))
+        return np.random.default_rng(stream)
+
+
+# Numbers that divide: time constants, the period and the noise that the filter assumes.
+POSITIVE = frozenset(
+    field.name
+    for field in fields(Navigation)
+    if field.name.endswith("time_constant") or field.name.startswith(("period", "filter_"))
+)
+
+# Numbers of the grades, in the order of `Navigation`.
+_GRADES = {
+    "rtk": (
+        *(0.01, 60.0, 0.0, 30.0, 0.005, 0.03, 0.01, 60.0),
+        *(0.02, 60.0, 0.01, 0.0, 0.05, 60.0, 0.1),
+        *(0.01, 0.01 * DEG, 3e-6, 0.2 * DEG, 0.01 * DEG, 0.004, 0.01),
+        *(0.01, 0.1, 60.0, 0.1, 0.3, 30.0, 5.0, 0.05, 0.3, 0.1, 0.5),
+    ),
+    "standard": (
+        *(1.5, 300.0, 0.3, 30.0, 0.1, 0.05, 0.03, 60.0),
+        *(1.0, 600.0, 0.2, 0.02, 0.1, 60.0, 0.2),
+        *(0.03, 0.05 * DEG, 1e-5, 0.55 * DEG, 0.04 * DEG, 0.011, 0.03),
+        *(0.02, 0.3, 60.0, 0.2, 0.7, 30.0, 10.0, 0.5, 0.3, 3.5, 0.5),
+    ),
+    "poor": (
+        *(4.0, 120.0, 1.0, 20.0, 0.5, 0.15, 0.1, 30.0),
+        *(3.0, 600.0, 0.5, 0.05, 0.3, 60.0, 0.2),
+        *(0.107, 0.5 * DEG, 3e-5, 1.4 * DEG, 0.1 * DEG, 0.032, 0.08),
+        *(0.05, 0.8, 60.0, 0.5, 1.5, 30.0, 10.0, 0.5, 0.3, 3.5, 0.5),
+    ),
+}
+GRADES: Mapping[str, Mapping[str, float]] = MappingProxyType(
+    {
+        grade: MappingProxyType(
+            {field.name: x for field, x in zip(fields(Navigation)[:-1], numbers, strict=True)}
+        )
+        for grade, numbers in _GRADES.items()
+    }
+)
+
+
+@lru_cache(maxsize=64)
+def axes(of: Navigation, dt: float) -> tuple["Axis", "Axis"]:
+    """Errors along a horizontal axis (position, velocity, tilt) and the vertical one."""
+    every = max(round(of.period / dt), 1)
+    level = np.eye(4)  # position, velocity, tilt, and bias of the gyro
+    level[0, 1:3], level[1, 2], level[2, 3] = (dt, 0.5 * G_0 * dt * dt), G_0 * dt, -dt
+    up = np.eye(3)  # height, climb, and bias of the accelerometer
+    up[0, 1:], up[1, 2] = (dt, 0.5 * dt * dt), dt
+    root = math.sqrt(dt)
+    return (
+        _axis(
+            level,
+            (0.0, ACC_NOISE, GYR_NOISE, GYR_B_NOISE),
+            (of.filter_position, of.filter_velocity),
+            {1: of.accelerometer_noise * root, 2: of.gyro_noise * root, 3: of.gyro_walk * root},
+            (of.position_noise, of.velocity_noise),
+            (
+                (0, of.position_sd, of.position_time_constant),
+                (0, of.position_fast_sd, of.position_fast_time_constant),
+                (1, of.velocity_sd, of.velocity_time_constant),
+            ),
+            (every, dt, 3),
+        ),
+        _axis(
+            up,
+            (0.0, ACC_NOISE, ACC_B_NOISE),
+            (of.filter_height, of.filter_climb),
+            {1: VERTICAL * of.accelerometer_noise * root},
+            (of.height_noise, of.climb_noise),
+            (
+                (0, of.height_sd, of.height_time_constant),
+                (1, SLOW_CLIMB * of.climb_noise, of.climb_time_constant),
+            ),
+            (every, dt, 2),
+        ),
+    )
+
+
+def _axis(
+    motion: FloatArray,
+    assumed: Sequence[float],
+    assumed_of_fix: Sequence[float],
+    driven: Mapping[int, float],
+    noise: Sequence[float],
+    slow: Sequence[tuple[int, float, float]],
+    numbers: tuple[int, float, int],
+) -> "Axis":
+    """The errors of a filter with the gain of the noise that it assumes.
+
+    `driven` and `noise` are true deviations; `slow` has the fix, the deviation and the time
+    constant of each slow error; `numbers` are samples from fix to fix, a sample (s), and how many
+    errors are shown.
+    """
+    (every, dt, shown), m, q = numbers, len(motion), len(slow)
+    gain = _gain(motion, np.square(assumed) * PREDICTION_S * dt, np.square(assumed_of_fix), every)
+    share, of = min(dt / OUTPUT_S, 1.0), slice(m, 2 * m)
+    before, fix, after = (np.eye(2 * m + q) for _ in range(3))
+    before[:m, :m] = motion
+    fix[of, :2] -= gain
+    fix[of, m : m + 2] -= gain
+    for j, (which, *_) in enumerate(slow, 2 * m):
+        fix[of, j] = gain[:, which]
+    after[:m, of], after[of, of] = share * np.eye(m), (1.0 - share) * np.eye(m)
+    of_fix = np.zeros((2 * m + q, 2))
+    of_fix[of] = gain * noise
+    decays = tuple((sd, math.exp(-every * dt / tau)) for _, sd, tau in slow)
+    return Axis(
+        before=before,
+        fix=fix,
+        after=after,
+        every=every,
+        driven=dict(driven),
+        noise=of_fix,
+        slow=decays,
+        shown=shown,
+    )
+
+
+def _gain(motion: FloatArray, q: FloatArray, r: FloatArray, every: int) -> FloatArray:
+    """Steady gain of the Kalman filter that a fix of the first two states corrects."""
+    from scipy.linalg import solve_discrete_are
+
+    H, Q = np.eye(2, len(motion)), np.zeros_like(motion)
+    for _ in range(every):
+        Q = motion @ Q @ motion.T + np.diag(q)
+    A = np.linalg.matrix_power(motion, every)
+    P = solve_discrete_are(A.T, H.T, Q, np.diag(r))
+    return P @ H.T @ np.linalg.inv(H @ P @ H.T + np.diag(r))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Axis:
+    """Errors of a filter along an axis, which a fix corrects every few samples.
+
+    The state has m errors of the filter: those of its output, and the corrections that are still to
+    reach it. Behind them stand the q slow errors of the fixes.
+    """
+
+    before: FloatArray  # the motion of a sample, a map of the state
+    fix: FloatArray  # what a fix makes of it
+    after: FloatArray  # what of the corrections reaches the output in a sample
+    every: int  # samples from fix to fix
+    driven: dict[int, float]  # states that the noise of a sample drives, and its deviation
+    noise: FloatArray  # what the noise of a fix adds to the state, a column for each
+    slow: tuple[tuple[float, float], ...]  # deviation of each slow error, and its decay in a period
+    shown: int  # states of the output that are returned
+
+    @cached_property
+    def maps(self) -> list[FloatArray]:
+        """From the state before a fix to that after each sample of its period."""
+        maps, step = [self.after @ self.fix @ self.before], self.after @ self.before
+        while len(maps) < self.every:
+            maps.append(step @ maps[-1])
+        return maps
+
+    @cached_property
+    def covariance(self) -> FloatArray:
+        """Covariance of the state before a fix, of a filter that has run for long."""
+        from scipy.linalg import solve_discrete_lyapunov
+
+        n, q = len(self.before), len(self.slow)
+        total = np.zeros((n, n))
+        for i in range(self.every):
+            total = self.before @ total @ self.before.T
+            for j, sd in self.driven.items():
+                total[j, j] += sd * sd
+            if i == 0:
+                total = self.fix @ total @ self.fix.T + self.noise @ self.noise.T
+            total = self.after @ total @ self.after.T
+        decays = np.diag([1.0] * (n - q) + [decay for _, decay in self.slow])
+        total = decays @ total @ decays
+        for j, (sd, decay) in enumerate(self.slow, n - q):
+            total[j, j] += sd * sd * (1.0 - decay * decay)
+        return solve_discrete_lyapunov(decays @ self.maps[-1], total)
+
+    @cached_property
+    def start(self) -> FloatArray:
+        """A square root of `covariance`."""
+        values, vectors = np.linalg.eigh(self.covariance)
+        return vectors * np.sqrt(np.maximum(values, 0.0))
+
+    @cached_property
+    def modes(self) -> tuple[Complexes, ...]:
+        """Factors of the modes from fix to fix, the errors of each, and the modes of the errors."""
+        m = len(self.before) - len(self.slow)
+        factors, errors = np.linalg.eig(self.maps[-1][:m, :m])
+        of_modes = factors, errors, np.linalg.inv(errors)
+        return tuple(np.asarray(x, dtype=np.complex128) for x in of_modes)
+
+    def drawn(self, samples: int, rng: np.random.Generator) -> FloatArray:
+        """Errors of the output at each sample, shape (shown, samples)."""
+        n, q, r, w = len(self.before), len(self.slow), self.noise.shape[1], len(self.driven)
+        first, fixes = (
+            _mapped(self.start, rng.standard_normal(n).tolist()),
+            -(-samples // self.every),
+        )
+        white = rng.standard_normal((fixes, q + r + self.every * w)).T
+        slow = [
+            wander(noise, sd, decay, float(at))
+            for noise, (sd, decay), at in zip(white[:q], self.slow, first[n - q :], strict=True)
+        ]
+        parts = self._periods(slow, white[q : q + r], white[q + r :].reshape(self.every, w, fixes))
+        factors, errors, inverse = self.modes
+        pushed = zip(*(_mapped(x, parts[-1]) for x in (inverse.real, inverse.imag)), strict=True)
+        begun = inverse @ first[: n - q]
+        moved = [_recursion(*x) for x in zip(factors, begun, pushed, strict=True)]
+        real, imag = [x.real for x in moved], [x.imag for x in moved]
+        out = np.empty((self.shown, fixes, self.every))
+        for i, part in enumerate(parts):
+            of_modes = self.maps[i][: self.shown, : n - q] @ errors
+            free = zip(_mapped(of_modes.real, real), _mapped(of_modes.imag, imag), strict=True)
+            for j, (a, b) in enumerate(free):
+                out[j, :, i] = part[j] + (a - b)
+        return out.reshape(self.shown, -1)[:, :samples]
+
+    def _periods(
+        self, slow: Sequence[FloatArray], of_fix: FloatArray, of_steps: FloatArray
+    ) -> list[list[FloatArray]]:
+        """Errors after each sample of a period that began without any, for every period at once."""
+        n, q = len(self.before), len(self.slow)
+        parts, z = [], [np.zeros(of_steps.shape[-1])] * (n - q) + [*slow]
+        added = _mapped(self.noise, [*of_fix])
+        for i in range(self.every):
+            z = _mapped(self.before, z)
+            for (j, sd), noise in zip(self.driven.items(), of_steps[i], strict=True):
+                z[j] = z[j] + sd * noise
+            if i == 0:
+                z = [x + y for x, y in zip(_mapped(self.fix, z), added, strict=True)]
+            z = _mapped(self.after, z)
+            parts.append(z[: n - q])
+        return parts
+
+
+def _mapped(matrix: FloatArray, values: Sequence[Any]) -> list[Any]:
+    """A matrix times rows of values."""
+    # Sums of products one by one: a product of NumPy may differ in the last bit with the length.
+    zero = 0.0 * values[0]
+    rows = matrix.tolist()
+    return [
+        sum((x * value for x, value in zip(row, values, strict=True) if x), zero) for row in rows
+    ]
+
+
+def wander(white: FloatArray, sd: float, decay: float, start: float | None = None) -> FloatArray:
+    """A first-order Gauss-Markov sequence of white noise, stationary if it has no other start."""
+    from scipy.signal import lfilter
+
+    fresh = white * (sd * math.sqrt(1.0 - decay * decay))
+    begun = sd * white[0] if start is None else start
+    return lfilter([1.0], [1.0, -decay], np.concatenate(([begun], fresh[1:])))
+
+
+def _recursion(factor: complex, start: complex, pushed: tuple[FloatArray, FloatArray]) -> Complexes:
+    """A mode over the periods, pushed in each of them."""
+    from scipy.signal import lfilter
+
+    real, imag = pushed
+    driven = np.concatenate(([start], real[:-1] + 1j * imag[:-1]))
+    return lfilter([1.0], [1.0, -factor], driven)

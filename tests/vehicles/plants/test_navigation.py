@@ -1,0 +1,282 @@
+"""Navigation: what an estimator leaves unknown, and flights of an autopilot that knows no more."""
+
+import math
+
+import numpy as np
+import pandas as pd
+import pytest
+from places import ROOT
+from scipy.linalg import solve_discrete_are
+from scipy.spatial import cKDTree
+
+import flighttune as ft
+from flighttune.base.files.code import JSBSIM
+from flighttune.flight.loop import loop
+from flighttune.vehicles.navigation_keys import NavigationTable
+from flighttune.vehicles.plants.navigation import ERRORS, GRADES, POSITIVE, axes
+from flighttune.vehicles.plants.sensors import motion_seen
+
+DT, V = 0.02, 25.0
+G, DEG = 9.80665, math.pi / 180.0
+ZERO = {name: 0.0 for name in GRADES["standard"] if name not in POSITIVE}
+SMALL = np.finfo(float).eps * 1000.0
+
+# EKF2_ACC_NOISE, EKF2_GYR_NOISE, EKF2_GYR_B_NOISE, EKF2_GPS_P_NOISE, EKF2_GPS_V_NOISE, EKF2_TAU_POS
+ACC, GYR, GYR_B, GPS_P, GPS_V, TAU = 0.35, 0.015, 1e-3, 0.5, 0.3, 0.25
+
+
+def standard(**numbers):
+    return ft.loop.Navigation.of("standard", **numbers)
+
+
+def pairs(n):
+    """Errors of position, velocity and tilt along both axes in n flights."""
+    (level, _), rng = axes(standard(), DT), np.random.default_rng(1)
+    return [[level.drawn(1, rng)[:, 0] for _ in range(2)] for _ in range(n)]
+
+
+def test_deviations_of_a_level_axis_are_those_of_the_covariance_recursion():
+    """Sample by sample, without a random number, 200 s from an exact start."""
+    x = GRADES["standard"]
+    slow = [
+        (0, x["position_sd"], x["position_time_constant"]),
+        (0, x["position_fast_sd"], x["position_fast_time_constant"]),
+        (1, x["velocity_sd"], x["velocity_time_constant"]),
+    ]
+    every = round(x["period"] / DT)
+    A = np.array([[1, DT, G * DT * DT / 2, 0], [0, 1, G * DT, 0], [0, 0, 1, -DT], [0, 0, 0, 1]])
+    Q, H = np.diag(np.square([0.0, ACC, GYR, GYR_B])) * 0.01 * DT, np.eye(2, 4)
+    powers = [np.linalg.matrix_power(A, i) for i in range(every)]
+    Q = sum(p @ Q @ p.T for p in powers)
+    R = np.diag([GPS_P**2, GPS_V**2])
+    P = solve_discrete_are(np.linalg.matrix_power(A, every).T, H.T, Q, R)
+    K = P @ H.T @ np.linalg.inv(H @ P @ H.T + R)
+
+    n, of_slow = 11, slice(8, 11)
+    step, fix, output = np.eye(n), np.eye(n), np.eye(n)
+    step[:4, :4] = A
+    drive = np.square([0, x["accelerometer_noise"], x["gyro_noise"], x["gyro_walk"]]) * DT
+    fix[4:8] -= K @ np.hstack([H, H, np.zeros((2, 3))])
+    fix[4:8, of_slow] += K @ [[1, 1, 0], [0, 0, 1]]
+    output[:4, 4:8], output[4:8, 4:8] = DT / TAU * np.eye(4), (1.0 - DT / TAU) * np.eye(4)
+    white = np.zeros((n, n))
+    white[4:8, 4:8] = K @ np.diag(np.square([x["position_noise"], x["velocity_noise"]])) @ K.T
+    decay = np.array([math.exp(-x["period"] / tau) for _, _, tau in slow])
+    sd = np.array([s for _, s, _ in slow])
+    P, total, count = np.zeros((n, n)), np.zeros(3), 0
+    P[of_slow, of_slow] = np.diag(sd**2)
+    P[0, 0] = sd[0] ** 2 + sd[1] ** 2
+    for k in range(round(200 / DT)):
+        P = step @ P @ step.T
+        P[range(4), range(4)] += drive
+        if k % every == 0:
+            P = fix @ P @ fix.T + white
+        P = output @ P @ output.T
+        if k % every == every - 1:
+            D = np.diag([*np.ones(8), *decay])
+            P = D @ P @ D
+            P[range(8, n), range(8, n)] += (1.0 - decay**2) * sd**2
+        if k >= round(150 / DT):
+            total, count = total + np.diag(P)[:3], count + 1
+    position, velocity, tilt = np.sqrt(total / count)
+
+    assert (position, velocity, tilt / DEG) == pytest.approx((1.527, 0.0657, 0.133), rel=0.005)
+    sd = np.std([pair[0] for pair in pairs(2000)], axis=0)
+    five_sigma = 5.0 / math.sqrt(2.0 * 2000)
+    assert sd == pytest.approx((position, velocity, tilt), rel=five_sigma)
+
+
+def test_half_of_the_fixes_are_within_the_circular_error_probable():
+    """CEP is 1.1774 deviations: the median of a Rayleigh distribution."""
+    places = np.array(pairs(2000))[:, :, 0]
+
+    cep = np.median(np.hypot(*places.T)) / np.std(places)
+
+    assert cep == pytest.approx(1.1774, rel=0.05)  # 3 sigma of a median of 2000
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize("grade", GRADES)
+def test_the_page_has_the_deviations_of_a_moment(grade):
+    drawn = np.array(
+        [ft.loop.Navigation.of(grade, seed=seed).errors(1, DT, V)[0] for seed in range(1000)]
+    )
+    sd = dict(zip(ERRORS, np.std(drawn, axis=0), strict=True))
+    sd |= {"phi": sd["phi"] / DEG}
+
+    text = (ROOT / "docs/navigation.md").read_text().partition("| at a moment")[2]
+    rows = [line.split("|") for line in text.partition("\n\n")[0].splitlines()[2:]]
+    names = "north", "v_east", "h", "v_up", "phi", "n_z", "V_a", "wind_east"
+    four_sigma = 4.0 / math.sqrt(2.0 * len(drawn))
+    for name, row in zip(names, rows, strict=True):
+        written = float(row[2 + [*GRADES].index(grade)].split()[0])
+        assert sd[name] == pytest.approx(written, rel=four_sigma), name
+
+
+def test_errors_are_a_function_of_their_seed_and_a_longer_flight_begins_as_a_shorter_one():
+    long = standard(seed=4).errors(1000, DT, V)
+
+    for samples in (1, 7, 333):
+        assert np.array_equal(standard(seed=4).errors(samples, DT, V), long[:samples])
+    louder = standard(seed=4, wind_sd=3.0).errors(1000, DT, V)
+    same = [i for i, name in enumerate(ERRORS) if not name.startswith("wind")]
+    assert np.array_equal(louder[:, same], long[:, same])
+    assert not np.any(long == standard(seed=5).errors(1000, DT, V), axis=0)[:10].any()
+
+
+@pytest.mark.parametrize("gamma", [-0.3, 0.0, 0.2])
+def test_the_motion_seen_is_the_velocity_with_its_error(gamma):
+    chi, V_g, error = 2.8, 21.0, (0.7, -1.1, 0.4)
+    true = V_g * np.array([math.cos(chi), math.sin(chi), math.tan(gamma)])
+    north, east, up = true + error
+
+    turned, climbed, seen = motion_seen(chi, gamma, V_g, error)
+
+    assert seen == pytest.approx(math.hypot(north, east), rel=SMALL)
+    assert chi + turned == pytest.approx(math.atan2(east, north) % math.tau, rel=SMALL)
+    assert gamma + climbed == pytest.approx(math.atan2(up, seen), abs=SMALL)
+    assert motion_seen(chi, gamma, V_g, (0.0, 0.0, 0.0)) == (0.0, 0.0, V_g)
+
+
+TURNS = [
+    {"north_m": 0.0, "east_m": 0.0},
+    {"north_m": 400.0, "east_m": 0.0},
+    {"north_m": 600.0, "east_m": 400.0, "up_m": 10.0},
+    {"north_m": 200.0, "east_m": 700.0, "up_m": 10.0},
+]
+WIND = {"wind": {"speed_mps": 4.0, "from_deg": 70.0}}
+
+
+def flown(navigation=None, gains="tuned_fed_back", **tables):
+    made = ft.load_scenario("circuit").as_dict()
+    made["plant"] = [{"kind": "jsbsim", "aircraft": "aerosonde"}]
+    made |= {"gains": [gains], "expect": [], "navigation": navigation, **tables}
+    made["route"] |= {"waypoint": TURNS}
+    (run,) = ft.fly(ft.scenario_from(made)).runs
+    assert run.status == "completed", run.reason
+    return run
+
+
+NUMBERS = NavigationTable.model_fields.keys() - {"grade", "period_s"}
+EXACT = {"grade": "poor"} | {
+    key: 0.0
+    for key in NUMBERS
+    if not (key.endswith("time_constant_s") or key.startswith("filter_"))
+}
+NPFG = {"kind": "autopilot", "name": "px4", "parameters": {"NPFG_PERIOD": 10.0}}
+PX4 = {"law": [NPFG], "gains": "paper"}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("made_by", [{}, PX4])
+def test_a_grade_scaled_to_zero_is_the_exact_flight_to_the_bit(made_by):
+    exact = flown(**made_by, **WIND)
+
+    scaled = flown(EXACT, **made_by, **WIND).signals
+
+    assert len(scaled) == len(exact.signals)
+    for name, values in exact.signals.items():
+        assert np.array_equal(scaled[name], values, equal_nan=True), name
+    for name in ("chi", "n_z", "north", "h", "wind_east"):
+        assert np.array_equal(scaled[f"{name}_meas"], scaled[name])
+
+
+@pytest.mark.slow
+def test_a_compiled_route_is_that_of_jsbsim(monkeypatch):
+    pytest.importorskip("numba")
+    air = WIND | {"turbulence": {"intensity": "light"}}
+    monkeypatch.setattr(loop, "COMPILED_FROM", 0)
+    compiled = flown({"grade": "standard"}, **air)
+    monkeypatch.setenv(JSBSIM, "1")
+    by_jsbsim = flown({"grade": "standard"}, **air)
+    monkeypatch.setattr(loop, "COMPILED_FROM", math.inf)
+    plain = flown({"grade": "standard"}, **air)
+
+    assert (compiled.compiled, by_jsbsim.compiled) == (True, False)
+    pd.testing.assert_frame_equal(compiled.signals, by_jsbsim.signals, check_exact=True)
+    pd.testing.assert_frame_equal(plain.signals, by_jsbsim.signals, check_exact=True)
+
+
+@pytest.mark.slow
+def test_places_are_true_and_what_the_guidance_saw_stands_beside():
+    """The distance from the track of an exact flight, which is within 0.04 m of its route."""
+    track = flown().signals[["north", "east", "down"]].to_numpy()
+    fine = np.column_stack(
+        [np.interp(np.arange(0.0, len(track) - 1, 0.1), np.arange(len(track)), x) for x in track.T]
+    )
+
+    signals = flown({"grade": "standard"}).signals
+
+    places = signals[["north", "east"]].to_numpy()
+    distance, nearest = cKDTree(fine[:, :2]).query(places)
+    within = nearest < len(fine) - 1
+    assert np.abs(signals["cross_track"].to_numpy())[within] == pytest.approx(
+        distance[within], abs=0.08
+    )
+    seen = signals[["north_meas", "east_meas"]].to_numpy()
+    distance, nearest = cKDTree(fine[:, :2]).query(seen)
+    within = (nearest > 100) & (nearest < len(fine) - 1)
+    assert np.abs(signals["cross_track_seen"].to_numpy())[within] == pytest.approx(
+        distance[within], abs=0.08
+    )
+    below = signals["height_err_seen"] - signals["height_err"]
+    assert below.to_numpy() == pytest.approx(
+        (signals["h"] - signals["h_meas"]).to_numpy(),
+        abs=0.2,  # the route climbs by 1 in 40
+    )
+    late = signals[signals.index > 15.0]  # the error at the start is flown off
+    assert np.abs(late["cross_track_seen"]).max() < 1.0 < np.abs(late["cross_track"]).max()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("gains", "feels"), [("tuned_fed_back", True), ("tuned", False)])
+def test_gains_that_feed_the_load_factor_back_get_the_measured_one(gains, feels):
+    exact = flown(gains=gains).signals
+    biased = flown(EXACT | {"n_z_bias_sd": 0.1}, gains=gains).signals
+
+    assert bool(np.abs(biased["n_z_cmd"] - exact["n_z_cmd"]).max() > 0.001) is feels
+
+
+@pytest.mark.soak
+def test_the_emulated_px4_arrives():
+    """Positions that wander by 1.5 m were differences of 1.9 m/s to it, and their differences."""
+    air = WIND | {"turbulence": {"intensity": "light"}}
+
+    runs = [flown({"grade": "standard"}, seed=seed, **PX4, **air) for seed in range(20)]
+
+    assert max(abs(run.signals["height_err"]).max() for run in runs) < 25.0
+
+
+@pytest.mark.parametrize(
+    ("tables", "message"),
+    [
+        ({"grade": "exact"}, "`grade` .*'rtk', 'standard' or 'poor'"),
+        ({"position_sd_m": -1.0}, "`position_sd_m` .*greater than or equal to 0"),
+        ({"velocity_time_constant_s": 0.0}, "`velocity_time_constant_s` .*got 0"),
+        ({"filter_height_m": 0.0}, "`filter_height_m` .*got 0"),
+    ],
+)
+def test_numbers_that_cannot_be_used_are_refused(tables, message):
+    made = ft.load_scenario("circuit").as_dict() | {"navigation": tables}
+
+    with pytest.raises(ft.ScenarioError, match=message):
+        ft.scenario_from(made)
+
+
+def test_a_path_through_the_air_is_refused():
+    made = ft.load_scenario("paper").as_dict() | {"navigation": {}}
+    made["disturbance"] = made.get("disturbance") or {}
+    made["disturbance"] |= {"path": "air", "as_wind": True}
+
+    with pytest.raises(ft.ScenarioError, match="`navigation` must be absent with path"):
+        ft.scenario_from(made)
+
+
+def test_every_number_of_a_grade_has_its_key():
+    for grade, numbers in GRADES.items():
+        made = NavigationTable(grade=grade).navigation(7)
+        assert {name: getattr(made, name) for name in numbers} == dict(numbers)
+    table = NavigationTable(roll_noise_deg=1.0, gyro_noise=2.0, wind_lag_s=3.0, position_sd_m=4.0)
+    made = table.navigation(0)
+    assert (made.roll_noise, made.gyro_noise) == pytest.approx((DEG, 2.0 * DEG), rel=SMALL)
+    assert (made.wind_lag, made.position_sd, made.period) == (3.0, 4.0, 0.2)
