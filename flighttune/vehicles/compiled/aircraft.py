@@ -35,6 +35,8 @@ class CompiledStep:
 
     Attributes
     ----------
+    source : Source
+        The aircraft that it is of.
     air : Air
         The kind of air that it is for.
     steps : int
@@ -46,7 +48,7 @@ class CompiledStep:
     """
 
     def __init__(self, source: Source, air: Air, names: Names, code: bytes) -> None:
-        self.air, self.steps = air, source.steps
+        self.source, self.air, self.steps = source, air, source.steps
         self._model = source.model(air)
         self._machine = machine = MachineStep(names, code)
         self.names, self.functions = names, machine.functions

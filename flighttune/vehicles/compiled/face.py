@@ -18,7 +18,7 @@ from flighttune.vehicles.compiled.check import Unchecked, Verdict, check_flight
 from flighttune.vehicles.compiled.model import Air, Source
 from flighttune.vehicles.compiled.properties import Unsupported as Unsupported
 from flighttune.vehicles.compiled.signals import shown_signals
-from flighttune.vehicles.compiled.step import Names, traced
+from flighttune.vehicles.compiled.step import MachineStep, Names, traced
 from flighttune.vehicles.plants.jsbsim.model_files import Unchanged
 from flighttune.vehicles.plants.weather import TurbulenceModel
 
@@ -76,6 +76,21 @@ def not_compiled(config: AircraftConfig) -> str:
     return step.reason if isinstance(step, Refusal) else ""
 
 
+def sloped(step: CompiledStep) -> MachineStep:
+    """The same step with slopes behind its states, parameters and signals."""
+    return _sloped(step.source, step.air)
+
+
+@lru_cache(maxsize=32)
+def _sloped(source: Source, air: Air) -> MachineStep:
+    def made() -> Kept:
+        names, code = _code(source, air, sloped=True)
+        return Kept(names=names, code=code, verdict={})
+
+    kept = kept_or_made(_key(source, air, "slopes"), made)
+    return MachineStep(kept.names, kept.code)
+
+
 @lru_cache(maxsize=32)
 def _unchecked(_source: Source, _air: Air) -> list[str]:
     """Why flights on a step could not check it, to be continued: others may have other numbers."""
@@ -102,13 +117,16 @@ def _made(source: Source, air: Air) -> Kept:
 
 
 @lru_cache(maxsize=4)
-def _code(source: Source, air: Air) -> tuple[Names, bytes]:
+def _code(source: Source, air: Air, *, sloped: bool = False) -> tuple[Names, bytes]:
+    """The names and the machine code of a step."""
     model, config = source.model(air), source.config
-    names, text = traced(model, lambda now: shown_signals(now, model.engines, config))
+    names, text = traced(
+        model, lambda now: shown_signals(now, model.engines, config), sloped=sloped
+    )
     return names, machine.object_code(text)
 
 
-def _key(source: Source, air: Air) -> str:
+def _key(source: Source, air: Air, kind: str = "") -> str:
     """Digest of all that makes a step: the model and its parts, JSBSim, the machine, our code."""
     digest = sha256()
 
@@ -117,7 +135,7 @@ def _key(source: Source, air: Air) -> str:
             data = text.encode() if isinstance(text, str) else text
             digest.update(len(data).to_bytes(8, "little") + data)
 
-    add(*source.stated, air.turbulence or "", str(air.gust))
+    add(*source.stated, air.turbulence or "", str(air.gust), kind)
     for name, content in source.parts():
         add(name, content)
     add(jsbsim_version(), version("llvmlite"), platform.platform(), *machine.processor())

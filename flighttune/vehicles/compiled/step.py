@@ -3,7 +3,7 @@
 
 import ctypes
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -15,6 +15,7 @@ from flighttune.vehicles.compiled.ir import step_ir
 from flighttune.vehicles.compiled.machine import Loaded
 from flighttune.vehicles.compiled.properties import Properties
 from flighttune.vehicles.compiled.run import Model, run
+from flighttune.vehicles.compiled.slopes import SLOPE, slopes
 from flighttune.vehicles.compiled.trace import Graph, Number
 
 # Further values of the last step by name, from the properties after it.
@@ -32,8 +33,11 @@ class Names:
     properties: tuple[str, ...]
 
 
-def traced(model: Model, shown: Shown) -> tuple[Names, str]:
-    """The names and the IR of a step."""
+def traced(model: Model, shown: Shown, *, sloped: bool = False) -> tuple[Names, str]:
+    """The names and the IR of a step.
+
+    `sloped`: behind its states, parameters and signals stand their slopes; it has no properties.
+    """
     graph = Graph()
     now = Properties(graph)
     run(now, model)
@@ -48,11 +52,33 @@ def traced(model: Model, shown: Shown) -> tuple[Names, str]:
         signals=tuple(signals),
         properties=tuple(name for name in now.now if not name.startswith("_")),
     )
+    new = [now.now[name] for name in states]
+    properties = [now.now[name] for name in names.properties]
+    if sloped:
+        names, new, signals = _with_slopes(graph, names, new, signals)
+        properties = []
     arrays = {"s": names.states, "p": names.parameters, "u": names.stream}
     places = {name: (array, i) for array, of in arrays.items() for i, name in enumerate(of)}
-    updates, properties = ([now.now[name] for name in of] for of in (states, names.properties))
-    text = step_ir(graph, places, updates, list(signals.values()), properties, len(stream))
+    text = step_ir(graph, places, new, list(signals.values()), properties, len(stream))
     return names, text + normals.NORMALS
+
+
+def _with_slopes(
+    graph: Graph, names: Names, new: list[Number], signals: dict[str, Number]
+) -> tuple[Names, list[Number], dict[str, Number]]:
+    """Names, new states and signals, each with its slopes behind it."""
+    inputs = *names.states, *names.parameters
+    known = {name: graph.node("input", f"{SLOPE}{name}") for name in inputs}
+    values = [*new, *signals.values()]
+    found = slopes(graph, known, values)
+    of_states, of_signals = found[: len(new)], found[len(new) :]
+    behind = dict(zip((f"{SLOPE}{name}" for name in signals), of_signals, strict=True))
+    every = {
+        kind: (*own, *(f"{SLOPE}{name}" for name in own))
+        for kind in ("states", "parameters", "signals")
+        for own in [getattr(names, kind)]
+    }
+    return replace(names, properties=(), **every), new + of_states, signals | behind
 
 
 class MachineStep:
