@@ -37,6 +37,8 @@ from flighttune.flight.fly import fly as fly
 from flighttune.flight.gains import certify as certify
 from flighttune.flight.gains import frontier as frontier
 from flighttune.flight.gains import tune as tune
+from flighttune.flight.gradient import Gradient as Gradient
+from flighttune.flight.gradient import gradient as gradient
 from flighttune.flight.load import load_scenario as load_scenario
 from flighttune.flight.loop.run import Run as Run
 from flighttune.flight.records.parquet import Recording as Recording

@@ -30,6 +30,7 @@ SPEAKERS = {
     "Forecast": "flighttune.outputs.answers.campaign:planned",
     "Frontier": "flighttune.outputs.answers.frontier:answer",
     "Gap": "flighttune.outputs.answers.gap:answer",
+    "Gradient": "flighttune.outputs.answers.gradient:answer",
     "LogGap": "flighttune.outputs.answers.log_gap:answer",
     "LogIdentification": "flighttune.outputs.answers.log_identification:answer",
     "LogMonitor": "flighttune.outputs.answers.monitor:answer",

@@ -16,7 +16,7 @@ from flighttune.base.errors import FlightTuneError, InfeasibleError, InputError,
 from flighttune.base.files.code import BY_JSBSIM
 from flighttune.base.files.whole import reason_of
 from flighttune.cli.aircraft import adopt, design, identify, trim
-from flighttune.cli.explain import band, compare, gap, monitor, tube, worst
+from flighttune.cli.explain import band, compare, gap, gradient, monitor, tube, worst
 from flighttune.cli.flights import campaign, fly, list_shipped, mission, new, open_page, view
 from flighttune.cli.gains import certify, meet, tune, verify
 from flighttune.cli.options import COMMANDS, FORMER, RUN_CODE, WORKERS, command
@@ -76,8 +76,8 @@ app = typer.Typer(
     "run.",
 )
 NAMED_AS_FUNCTION = (
-    *(adopt, band, campaign, certify, compare, design, export, fly, gap, identify, meet),
-    *(mission, monitor, new, report, reproduce, trim, tube, tune, verify, view, worst),
+    *(adopt, band, campaign, certify, compare, design, export, fly, gap, gradient, identify),
+    *(meet, mission, monitor, new, report, reproduce, trim, tube, tune, verify, view, worst),
 )
 BODIES = {
     "list": list_shipped,

@@ -52,6 +52,15 @@ def gap(explain_gap: Verb, scenario: str, out: Path | None, claims: list[Path] |
     return replace(answer, files=files)
 
 
+def gradient(slopes: Verb) -> Answer:
+    """Compute slopes of measures of a flight by gains, or by numbers of SCENARIO.
+
+    Law, limits and aircraft are differentiated step by step. Exit status 2 if what is asked for has
+    no slope: a settling time counts samples.
+    """
+    return slopes().answer()
+
+
 def compare(compare_runs: Verb, autopilot: Path | None, out: Path | None) -> Answer:
     """Compare runs, or gains with what an autopilot flies now.
 

@@ -17,7 +17,7 @@ import pandas as pd
 from flighttune.base.errors import InputError, PlantError, TrimError
 from flighttune.base.files import code
 from flighttune.base.signals import SIGNAL_UNITS
-from flighttune.control.controller import MAX_LAG_S, LawError
+from flighttune.control.controller import MAX_LAG_S, Controller, LawError
 from flighttune.control.gains import PIGains
 from flighttune.control.gains_keys import TUNED
 from flighttune.control.linear_model import LinearModel, closed_loop
@@ -273,13 +273,10 @@ def fly_once(
     """
     started = time.perf_counter()
     entry = entry.bound("law")
-    scenario, gains = entry.scenario, entry.found_gains
     made_by = provenance(entry, beside)
-    label, duration = f"{made_by.plant} / {entry.name}", scenario.flight.duration_s
-    limits = entry.limits.within(plant.limits)
+    label, duration = f"{made_by.plant} / {entry.name}", entry.scenario.flight.duration_s
     try:
-        setup = models.law_setup(scenario, gains, limits, at_once=follows_at_once(plant))
-        controller = entry.law.controller(setup)
+        controller = controller_on(entry, plant)
         signals, stop = simulate(
             plant,
             controller,
@@ -307,6 +304,15 @@ def fly_once(
         compiled=compiled,
         why_jsbsim="" if aircraft is None or compiled else aircraft.refused,
     )
+
+
+def controller_on(entry: Entry, plant: Plant) -> Controller:
+    """The law of an entry with its gains, within the limits of a plant."""
+    limits = entry.limits.within(plant.limits)
+    setup = models.law_setup(
+        entry.scenario, entry.found_gains, limits, at_once=follows_at_once(plant)
+    )
+    return entry.law.controller(setup)
 
 
 def check_compiled(entry: Entry, run: Run) -> None:

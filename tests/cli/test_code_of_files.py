@@ -130,6 +130,11 @@ READS = {
     "list": ["0 list"],
     "campaign": ["0 campaign campaign.toml --dry-run", "2 campaign run", "2 campaign band.npz"],
     "gap": ["0 gap with_aircraft.toml --gains paper --out gap", "2 gap run", "2 gap band.npz"],
+    "gradient": [
+        "0 gradient with_aircraft.toml --gains paper --by K_P --measure chi.ITAE",
+        "2 gradient with_aircraft.toml --gains mine:paper",
+        "2 gradient run",
+    ],
     "compare": [
         "0 compare run",
         "0 compare run/run.rrd run@mine:paper",

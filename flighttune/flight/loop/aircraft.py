@@ -87,6 +87,14 @@ class CompiledAircraft(WrappedPlant):
             return
         self._observe = self._shown
 
+    @property
+    def sloped(self) -> tuple[Any, Any]:
+        """The functions of the compiled step that has slopes, as long as this aircraft lives."""
+        from flighttune.vehicles.compiled import face
+
+        self._with_slopes = face.sloped(self._step)
+        return self._with_slopes.functions
+
     def start_in_jsbsim(self, condition: FlightCondition) -> None:
         """Start the plant, and let JSBSim fly it to its end."""
         self.plant.start(condition)

@@ -5,7 +5,7 @@ import struct
 from collections.abc import Callable, Generator, Iterable, Sequence
 from functools import cache
 from itertools import chain, repeat
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 import pandas as pd
@@ -24,7 +24,7 @@ from flighttune.control.exact_law import ExactLaw
 from flighttune.control.gains import COMMANDS, ERRORS_WITH_AIRSPEED, WITH_AIRSPEED, PIGains
 from flighttune.control.mimo_pi import MimoPI
 from flighttune.flight.loop.aircraft import OTHER_LAW, CompiledAircraft, compiled_aircraft
-from flighttune.flight.loop.batch import ARRIVED, GOES_ON, MEMORY, SampledLaw, numbers_of
+from flighttune.flight.loop.batch import ARRIVED, GOES_ON, MEMORY, Motion, SampledLaw, numbers_of
 from flighttune.flight.loop.measured import measured_of, seen_names
 from flighttune.routes import follow as following
 from flighttune.routes.feasible import FeasibleReference
@@ -61,6 +61,9 @@ def compile_at_once() -> None:
     """Let compiled code fly from the next flight on: this process will fly many."""
     Flight.flown = max(Flight.flown, COMPILED_FROM)
 
+
+# Errors of what the law sees at each sample, or none; and the places and numbers that `sense` takes.
+Seen: TypeAlias = tuple[FloatArray, tuple[int, int, int], tuple[float, float, float]]
 
 # What a law is given at a sample, with its time; the place on a route, if there is one; whether
 # the flight ends with this sample.
@@ -230,7 +233,7 @@ class Flight:
             aircraft.compiles = True
         from flighttune.flight.loop import kernel
 
-        if not (kernel.COMPILED and self._law_compiles(controller)):
+        if not (kernel.COMPILED and self.law_compiles):
             return None
         plant.start(condition)
         controller.start(condition)
@@ -242,12 +245,13 @@ class Flight:
                 plant.start(condition)
         if not n:
             n, stop = self._fly_steps(rows, progress)
-        return _table(rows[:n], self._columns, t, self._wrapped), stop
+        return self.table(rows[:n]), stop
 
-    def _law_compiles(self, controller: ExactLaw | MimoPI) -> bool:
+    @property
+    def law_compiles(self) -> bool:
         """Whether compiled code has the law of this flight, to the bit."""
-        reference = self._given[3]
-        if controller.gains.airspeed:
+        controller, reference = self._of_matrices, self._given[3]
+        if controller is None or controller.gains.airspeed:
             return False
         if isinstance(controller, ExactLaw) or not controller.feed_forward:
             return True
@@ -324,30 +328,44 @@ class Flight:
         """Fly law and aircraft by compiled code; no samples where JSBSim has to tell the end."""
         from flighttune.flight.loop.compiled import fly_samples
 
-        plant, controller, *_ = self._given
-        (law, end), (functions, motion) = self._sampled_law(), aircraft.sampled(controller.dt)
-        fed_back = _fed_back(controller, plant) is not None
-        seen = self._errors, (0, 0, 0), (0.0, 0.0, 0.0)
-        if isinstance(plant, SensedPlant):
-            seen = self._errors, plant.places, plant.numbers
+        (functions, *sampled), end = self.sampled(aircraft)
         rows[0, : len(aircraft.signals)] = aircraft.observe()
         first, last = 0, len(rows)
         if progress is not None:  # which may end the flight: compiled code is loaded before
-            fly_samples(*functions, *(motion, law, fed_back, seen), (0, 0, end), rows)
+            fly_samples(*functions, *sampled, (0, 0, end), rows)
         while True:
             until = last
             if progress is not None:
                 progress(float(self._t[first]))
                 until = min(first + PROGRESS_EVERY, last)
-            n, how, steps = fly_samples(
-                *functions, *(motion, law, fed_back, seen), (first, until, end), rows
-            )
+            n, how, steps = fly_samples(*functions, *sampled, (first, until, end), rows)
             if how == ARRIVED:
                 return n, self._not_arrived(rows[:n])
             if how != GOES_ON:
                 stop = aircraft.stop(how, steps)
                 return (n if stop else 0), stop
             first = until
+
+    def sampled(
+        self, aircraft: CompiledAircraft
+    ) -> tuple[tuple[tuple[Any, Any], Motion, SampledLaw, bool, Seen], float]:
+        """The first arguments of `fly_samples` for a flight that has started, and the last part."""
+        plant, controller, *_ = self._given
+        (law, end), (functions, motion) = self._sampled_law(), aircraft.sampled(controller.dt)
+        fed_back = _fed_back(controller, plant) is not None
+        seen = self._errors, (0, 0, 0), (0.0, 0.0, 0.0)
+        if isinstance(plant, SensedPlant):
+            seen = self._errors, plant.places, plant.numbers
+        return (functions, motion, law, fed_back, seen), end
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Samples of a whole flight, and columns of its table."""
+        return len(self._t), len(self._columns)
+
+    def table(self, rows: FloatArray) -> pd.DataFrame:
+        """The table of `simulate` of rows of samples, whose errors are written into them."""
+        return _table(rows, self._columns, self._t, self._wrapped)
 
     def _not_arrived(self, rows: FloatArray) -> Stop | None:
         """Why a flight of these samples did not fly all of its route; None without one."""
@@ -429,7 +447,7 @@ class Flight:
     def signals(self) -> pd.DataFrame:
         """The table of `simulate`, of the samples so far; the flight cannot go on after it."""
         values = np.frombuffer(self._rows, dtype=np.float64).reshape(-1, len(self._columns))
-        return _table(values, self._columns, self._t, self._wrapped)
+        return self.table(values)
 
 
 def _errors(

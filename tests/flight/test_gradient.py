@@ -1,0 +1,148 @@
+"""Slopes of flights against central differences of flights by JSBSim."""
+
+import numpy as np
+import pytest
+
+import flighttune as ft
+from flighttune.base.errors import InputError
+from flighttune.base.files.code import JSBSIM
+from flighttune.flight.fly import fly_alone
+from flighttune.flight.gradient import _measured, _value, _with
+from flighttune.flight.load import chosen_entry
+
+# Five digits, and by how much differences of these widths differ among themselves: narrow ones are
+# noise, as JSBSim keeps positions at 2e9 ft, and in wide ones a limit is met at another sample.
+DIGITS, WIDTHS = 1e-5, (3e-4, 1e-4, 3e-5, 1e-5)
+
+MEASURES = [
+    *("chi.ITAE", "gamma.ITAE", "chi.MO_deg", "gamma.MO_deg", "chi.rise_s", "chi.MS_rad"),
+    *("gamma.ST_rad", "chi.effort_rms", "flight.n_z_max", "flight.V_a_dev_mps"),
+]
+TURBULENCE = {"turbulence": {"intensity": "light"}}
+LEVELS = [{"h_m": h, "speed_mps": V, "from_deg": 30.0} for h, V in ((900.0, 2.0), (1200.0, 6.0))]
+OSCILLATION = {
+    "chi_amplitude": 0.03, "chi_omega_rad_s": 0.5,
+    "gamma_amplitude": 0.02, "gamma_omega_rad_s": 0.4, "as_wind": True,
+}  # fmt: skip
+FED_BACK = {"law": ["exact"], "gains": ["tuned_fed_back"]}
+
+
+def scenario(aircraft="aerosonde", V_a_mps=25.0, h_m=1000.0, duration_s=6.0, **changes):
+    """A turn into a climb that meets no limit."""
+    made = ft.load_scenario("exact_law").as_dict()
+    made["plant"] = [{"kind": "jsbsim", "aircraft": aircraft}]
+    made["flight"] = {"V_a_mps": V_a_mps, "h_m": h_m, "duration_s": duration_s}
+    made["reference"] = {"chi_deg": 3.0, "gamma_deg": 0.5}
+    return ft.scenario_from(made | {"expect": []} | changes)
+
+
+CASES = {
+    "the paper's law in still air": ({}, ["K_P", "K_I", "flight.V_a_mps"]),
+    "the exact law in turbulence": (
+        TURBULENCE | {"law": ["exact"]},
+        ["K_P", "K_I", "plant.airframe.mass_factor"],
+    ),
+    "feedback in turbulence": (
+        TURBULENCE | FED_BACK | {"wind": {"speed_mps": 3.0, "from_deg": 70.0}},
+        ["feedback.phi", "K_P.chi_dot.chi"],
+    ),
+    "a jet": (
+        {"aircraft": "a4", "V_a_mps": 190.0, **FED_BACK},
+        ["K_P", "plant.airframe.actuator_lag_factor", "reference.chi_deg"],
+    ),
+    "a propeller aircraft": (
+        {"aircraft": "c172p", "V_a_mps": 50.0, "law": ["exact"]},
+        ["K_P", "plant.airframe.cg_aft_m", "plant.airframe.mass_factor"],
+    ),
+    "a flying wing": ({"aircraft": "x8", "V_a_mps": 18.0, **FED_BACK}, ["K_P", "K_I"]),
+    "wind over height": ({"wind": {"level": LEVELS}}, ["K_P"]),
+    "wind that oscillates": (
+        {"disturbance": OSCILLATION},
+        ["K_P.n_z.gamma", "disturbance.chi_amplitude"],
+    ),
+    "sensors": ({"sensors": {"gamma_noise_sd_deg": 0.02, "chi_bias_deg": 0.2}}, ["K_P.phi.chi"]),
+}
+
+
+def differences(entry, name, value, width):
+    """Slopes of measures by flights on both sides."""
+    half = width * (abs(value) or 1.0)
+    ends = [fly_alone(_with(entry, name, value + side)).signals for side in (-half, half)]
+    low, high = (_measured(entry, signals) for signals in ends)
+    return [(_value(x, high) - _value(x, low)) / (2.0 * half) for x in MEASURES]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("case", CASES)
+def test_slopes_are_central_differences_where_those_are_good(case):
+    changes, by = CASES[case]
+    flown = scenario(**changes)
+    entry = chosen_entry(flown, None)
+
+    gradient = ft.gradient(flown, by=by, measures=MEASURES)
+
+    good = 0
+    for name in dict.fromkeys(row["parameter"] for row in gradient.slopes):
+        rows = [row for row in gradient.slopes if row["parameter"] == name]
+        slopes, value = np.array([row["slope"] for row in rows]), rows[0]["value"]
+        tried = np.array([differences(entry, name, value, width) for width in WIDTHS])
+        spread, size = np.ptp(tried, axis=0), np.abs(slopes)
+        off = np.abs(tried - slopes).min(axis=0)
+        assert (off <= DIGITS * size + spread)[np.isfinite(slopes)].all()
+        good += int(np.count_nonzero((off <= DIGITS * size) & (size > 0.0)))
+    assert good > 0.3 * len(gradient.slopes)
+
+
+REFUSED = {
+    "a measure that counts samples": ({}, {"measures": ["chi.settling_s"]}, "must have slopes"),
+    "one of the linear loop": ({}, {"measures": ["loop.R_K"]}, "of the linear loop"),
+    "an unknown measure": ({}, {"measures": ["chi.wobble"]}, "got chi.wobble"),
+    "an unknown gain": ({}, {"by": ["K_P.phi.V"]}, "got K_P.phi.V"),
+    "feedback that is zero": ({}, {"by": ["feedback"]}, "a gain that is not zero, got feedback"),
+    "no number": ({}, {"by": ["title"]}, "title must be one number"),
+    "a count": ({}, {"by": ["seed"]}, "and not a count, got 1"),
+    "a key that is not there": ({}, {"by": ["flight.wings"]}, "got nothing"),
+    "a time of samples": ({}, {"by": ["flight.duration_s"]}, "falls on samples"),
+    "another plant": ({}, {"plant": "kinematic"}, "must be an aircraft"),
+    "a third command": (
+        {
+            "reference": {"chi_deg": 3.0, "gamma_deg": 0.5, "V_mps": 25.0},
+            "limits": {"n_x": [-0.3, 0.3]},
+        },
+        {},
+        "must be compiled to have slopes",
+    ),
+    "a path through the air": (
+        {"disturbance": OSCILLATION | {"path": "air"}},
+        {},
+        "must be compiled to have slopes",
+    ),
+    "a flight that ends early": (
+        {"h_m": 60.0, "reference": {"chi_deg": 0.0, "gamma_deg": -30.0}},
+        {},
+        "must be completed, got ground contact",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_what_has_no_slope_is_refused(case):
+    changes, asked, message = REFUSED[case]
+    with pytest.raises(InputError, match=message):
+        ft.gradient(scenario(**changes), **asked)
+
+
+def test_slopes_need_compiled_code(monkeypatch):
+    monkeypatch.setenv(JSBSIM, "1")
+    with pytest.raises(InputError, match=f"{JSBSIM} must be absent"):
+        ft.gradient(scenario(duration_s=2.0))
+
+
+def test_the_answer_has_a_table_for_each_measure():
+    measures = ["chi.ITAE", "gamma.peak_rad"]
+    gradient = ft.gradient(scenario(duration_s=2.0), by=["K_P"], measures=measures)
+
+    answer = gradient.answer()
+
+    assert [len(table.records) for table in answer.tables] == [2, 2]
+    assert answer.values["values"].keys() == set(measures)
