@@ -7,7 +7,20 @@ import numpy as np
 
 from flighttune.base.units import FT, G_0
 from flighttune.control.controller import FlightCondition
-from flighttune.flight.loop.batch import BESIDE, BEYOND, GOES_ON, Motion
+from flighttune.flight.loop.batch import (
+    ALPHA,
+    BESIDE,
+    BEYOND,
+    CHI,
+    GOES_ON,
+    HEIGHT,
+    LIFT,
+    N_Z_SEEN,
+    PSI,
+    THETA,
+    V_FPS,
+    Motion,
+)
 from flighttune.vehicles.plants.base import Stop, WrappedPlant
 from flighttune.vehicles.plants.jsbsim import properties
 from flighttune.vehicles.plants.jsbsim.plant import JSBSimPlant
@@ -18,8 +31,6 @@ if TYPE_CHECKING:
     from flighttune.vehicles.compiled.face import CompiledStep
 
 _G_0_FPS2 = G_0 / FT
-
-_CHI, _PSI = (properties.SIGNALS.index(name) for name in ("chi", "psi"))
 
 # Heights between which the compiled step knows air and forces: above the ground, m, and up to the
 # tropopause.
@@ -141,11 +152,11 @@ class CompiledAircraft(WrappedPlant):
             return None
         shown, m = motion.shown.tolist(), motion.signals
         if how == BEYOND:
-            low, high = shown[m + 2] <= motion.floor, shown[m + 2] >= motion.ceiling
+            low, high = shown[m + HEIGHT] <= motion.floor, shown[m + HEIGHT] >= motion.ceiling
             self.refused = LOW if low else HIGH if high else NOT_FINITE
             return None
-        state = {"alpha": shown[8], "V_a": shown[m] * FT, "theta": shown[10]}
-        state["n_z"] = shown[m + 1] / motion.weight
+        state = {"alpha": shown[ALPHA], "V_a": shown[m + V_FPS] * FT, "theta": shown[THETA]}
+        state["n_z"] = shown[m + LIFT] / motion.weight
         if not all(map(math.isfinite, shown)):
             self.refused = NOT_FINITE
             return None
@@ -159,7 +170,7 @@ class CompiledAircraft(WrappedPlant):
         """The load factor that the inner loop sees, a step of its computer old."""
         if (motion := self._motion) is None:
             return self.plant.n_z_followed()
-        return float(motion.shown[motion.signals + 3])
+        return float(motion.shown[motion.signals + N_Z_SEEN])
 
     def _shown(self) -> tuple[float, ...]:
         """Signals of the last step; course and heading run on without a jump."""
@@ -168,7 +179,7 @@ class CompiledAircraft(WrappedPlant):
         if self._clock:
             shown, m = motion.shown.tolist(), motion.signals
             signals = shown[:m] + shown[m + BESIDE : m + BESIDE + motion.further]
-            for i in (_CHI, _PSI):
+            for i in (CHI, PSI):
                 before = self._first[i]
                 signals[i] = before + math.remainder(signals[i] - before, math.tau)
             self._first = signals
@@ -216,7 +227,7 @@ def motion_of(plant: JSBSimPlant, step: "CompiledStep", weather: Weather) -> Mot
     h_ft, weight = fdm.reader("position/h-sl-ft")(), fdm.reader("inertia/mass-slugs")() * _G_0_FPS2
     shown = np.zeros(len(names.signals))
     guarded = len(properties.SIGNALS)
-    shown[guarded + 2], shown[guarded + 3] = h_ft, plant.n_z_followed()
+    shown[guarded + HEIGHT], shown[guarded + N_Z_SEEN] = h_ft, plant.n_z_followed()
     e, wind = config.envelope, weather.deterministic(0.0, h_ft * FT + fdm.ground)
     start = step.start_from(plant)
     turbulent = weather.turbulence is not None

@@ -13,6 +13,7 @@ from flighttune.control.exact_law import LAW_NUMBERS, ExactLaw, RateLaw
 from flighttune.control.mimo_pi import MimoPI, PILaw
 from flighttune.flight.loop.disturbance import Sinusoid
 from flighttune.vehicles.plants import base, point_mass
+from flighttune.vehicles.plants.jsbsim import properties
 from flighttune.vehicles.plants.sensors import SENSED, Sensors
 
 # Columns of a trajectory: as in a run, and the rates of the errors by the law, rad/s.
@@ -26,8 +27,12 @@ SIGNALS = (
 # where only JSBSim knows the forces, such as near the ground.
 GOES_ON, ARRIVED, OUTSIDE, BEYOND = 0, 1, 2, 3
 
-# Numbers that a step shows between the signals of an aircraft and further ones
-BESIDE = 4
+# Places of signals of an aircraft, and behind all of them of what its compiled step shows besides
+CHI, GAMMA, PHI, N_Z, V_A, NORTH, EAST, ALPHA, THETA, PSI = map(
+    properties.SIGNALS.index,
+    ("chi", "gamma", "phi", "n_z", "V_a", "north", "east", "alpha", "theta", "psi"),
+)
+V_FPS, LIFT, HEIGHT, N_Z_SEEN = range(BESIDE := len(properties.GUARDED))
 
 # Flights whose errors of sensors are in memory at the same time
 SENSED_AT_ONCE = 256

@@ -7,7 +7,22 @@ Without Numba it is interpreted.
 import math
 
 from flighttune.base.units import FT
-from flighttune.flight.loop.batch import ARRIVED, BESIDE, BEYOND, GOES_ON, OUTSIDE
+from flighttune.flight.loop.batch import (
+    ALPHA,
+    ARRIVED,
+    BESIDE,
+    BEYOND,
+    CHI,
+    GOES_ON,
+    HEIGHT,
+    LIFT,
+    N_Z,
+    N_Z_SEEN,
+    OUTSIDE,
+    PSI,
+    THETA,
+    V_FPS,
+)
 from flighttune.flight.loop.kernel import law_sample, register_jitable, sample_kernel
 from flighttune.vehicles.plants.sensors import N_Z_ERROR, sense
 
@@ -32,7 +47,7 @@ def fly_samples(step, normals, motion, law, fed_back, seen, part, rows):
     errors, places, numbers = seen
     for k in range(first, last):
         row = rows[k]
-        n_z = shown[m + 3] if fed_back else row[3]
+        n_z = shown[m + N_Z_SEEN] if fed_back else row[N_Z]
         if len(errors):
             sense(row, rows[k - 1], k > 0, errors[k], places, numbers)
         if errors.shape[1] > N_Z_ERROR:
@@ -53,8 +68,8 @@ def fly_samples(step, normals, motion, law, fed_back, seen, part, rows):
             after[j] = shown[j]
         for j in range(motion.further):
             after[m + j] = shown[m + BESIDE + j]
-        after[0] = row[0] + _remainder(shown[0] - row[0])
-        after[11] = row[11] + _remainder(shown[11] - row[11])
+        after[CHI] = row[CHI] + _remainder(shown[CHI] - row[CHI])
+        after[PSI] = row[PSI] + _remainder(shown[PSI] - row[PSI])
     return last, GOES_ON, last * motion.steps
 
 
@@ -71,7 +86,7 @@ def _fly_steps(step, normals, motion, clock, steps):
         n = min(motion.between, steps - flown)
         _advance(step, normals, motion, clock + flown, n)
         flown += n
-        if not motion.floor < shown[m + 2] < motion.ceiling:
+        if not motion.floor < shown[m + HEIGHT] < motion.ceiling:
             return BEYOND, flown
         if not _inside(shown, m, motion.low, motion.high):
             return OUTSIDE, flown
@@ -80,11 +95,11 @@ def _fly_steps(step, normals, motion, clock, steps):
 
 @inlined
 def _inside(shown, m, low, high):
-    alpha, theta = shown[8], shown[10]
+    alpha, theta = shown[ALPHA], shown[THETA]
     return (
         low[0] < alpha < high[0]
-        and low[1] < shown[m] < high[1]
-        and low[2] < shown[m + 1] < high[2]
+        and low[1] < shown[m + V_FPS] < high[1]
+        and low[2] < shown[m + LIFT] < high[2]
         and low[3] < theta < high[3]
     )
 
@@ -146,7 +161,7 @@ def _blow(motion, now):
     """Write the wind of the end of the next step, linear between instants where it is exact."""
     wind = motion.wind
     if now % REFRESH == 0:
-        h = motion.shown[motion.signals + 2]
+        h = motion.shown[motion.signals + HEIGHT]
         after = _wind_at(motion, (now + REFRESH) / motion.rate, 2.0 * h - wind[6])
         for j in range(3):
             wind[3 + j] = (after[j] - wind[j]) / REFRESH

@@ -25,7 +25,8 @@ from flighttune.control.wind import filtered, path_over_ground, speed_in_wind, s
 from flighttune.flight.loop import measures
 from flighttune.routes import follow, path
 from flighttune.routes.follow import guidance, path_at, placed, steepest_sine
-from flighttune.vehicles.plants import point_mass, sensors
+from flighttune.vehicles.plants import base, point_mass, sensors
+from flighttune.vehicles.plants.jsbsim import properties
 from flighttune.vehicles.plants.point_mass import LOST
 
 try:
@@ -50,8 +51,8 @@ SOURCES = (
     *(
         Path(str(module.__file__))
         for module in (
-            *(exact_law, follow, limits, mimo_pi, path),
-            *(point_mass, sensors, units, measures, wind),
+            *(exact_law, follow, limits, mimo_pi, path, point_mass, units, measures, wind),
+            *(properties, base, sensors),
         )
     ),
 )

@@ -11,11 +11,7 @@ from flighttune.vehicles.compiled.trace import Number, cos, sin
 from flighttune.vehicles.compiled.vectors import Vector
 from flighttune.vehicles.plants.base import N_X_SIGNALS
 from flighttune.vehicles.plants.jsbsim import properties
-from flighttune.vehicles.plants.jsbsim.properties import SIGNALS
-
-# Behind the signals: airspeed (ft/s), lift (lbf), height above the ground (ft), and the load
-# factors that the inner loop sees. `N_X_SIGNALS` follow.
-GUARDED = ("vt-fps", "lift-lbs", "h-sl-ft", "n_z-followed")
+from flighttune.vehicles.plants.jsbsim.properties import GUARDED, SIGNALS
 
 # Height above the ground (m) at the start, and that of the ground.
 HEIGHT_0, GROUND = "_height-0", "_ground"

@@ -10,6 +10,10 @@ SIGNALS = (
     *weather.WIND,
 )
 
+# Behind them a compiled step shows airspeed (ft/s), lift (lbf), height above the ground (ft) and
+# the load factor that the inner loop sees.
+GUARDED = ("vt-fps", "lift-lbs", "h-sl-ft", "n_z-followed")
+
 PHI_CMD, N_Z_CMD, V_A_CMD = "ft/phi-cmd-rad", "ft/n_z-cmd", "ft/V_a-cmd-mps"
 N_X_CMD, N_X_FOLLOWED, N_X_SHOWN = "ft/n_x-cmd", "ft/n_x-followed", "ft/n_x-shown"
 
