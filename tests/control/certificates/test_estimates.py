@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from fuzzing import slow
 from printed import MODEL
 from scipy.linalg import expm
 
@@ -19,7 +20,7 @@ TAKEN_FOR_WHOLE = 1e-3  # relative: a flight of 40 s with an input held for 2 ms
 DT, SAMPLES = 0.002, 20_000
 
 
-@pytest.fixture(scope="module", params=["paper", "identified"])
+@pytest.fixture(scope="module", params=["paper", *slow("identified")])
 def certified(request):
     if request.param == "paper":
         return certify_model(MODEL, ft.PAPER_GAINS, estimates=True).certificate
@@ -51,7 +52,7 @@ def test_no_input_makes_a_larger_error_and_the_worst_one_attains_it(certified):
     assert attained == pytest.approx(certified.peak_gains, rel=TAKEN_FOR_WHOLE, abs=1e-3)
 
 
-@pytest.mark.parametrize("certified", ["identified"], indirect=True)
+@pytest.mark.parametrize("certified", slow("identified"), indirect=True)
 def test_the_law_behind_the_identified_lag_is_off_by_a_quarter_more_than_its_estimate(certified):
     # Total variations of the responses to a step, found by a simulation outside of the package;
     # it held the commands for a sample, which adds a hundredth.

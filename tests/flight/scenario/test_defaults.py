@@ -42,7 +42,7 @@ AIRCRAFT = {
 OPTIONS = {
     "frontier": {"points": 25}, "identify": {"h": 1000.0}, "load_log": {"end": math.inf},
     "monitor": {"epsilon": 0.05, "confidence": 0.95, "learn": 100}, "report": {"confidence": 0.95},
-    "residual": {"epsilon": 0.01, "confidence": 0.999, "learn": 500},
+    "open": {"budget": 400}, "residual": {"epsilon": 0.01, "confidence": 0.999, "learn": 500},
     "show": {"width": 1280, "height": 720}, "trim": {"h": 1000.0},
     "worst": {"budget": 2000, "seed": 1},
 }  # fmt: skip
