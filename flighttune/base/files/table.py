@@ -361,7 +361,9 @@ def value_of(tables: Mapping[str, Any], kind: type[V]) -> V:
         raise InputError(
             f"`format` must be {kind.FORMAT!r}, got {abridged(written)}; make the file again."
         )
-    if fields.pop("units", None) != kind.UNITS:
+    units = fields.pop("units", None) or {}
+    # An earlier version of a format has neither a field that came later nor its unit.
+    if units != {name: x for name, x in kind.UNITS.items() if name in fields or name in units}:
         raise InputError("`units` must be those of this format: nothing is converted.")
     try:
         # From text, because pydantic's strict mode accepts an array as a tuple only there.
