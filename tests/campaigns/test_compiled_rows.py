@@ -11,6 +11,14 @@ from flighttune.flight.loop import aircraft, loop
 pytest.importorskip("numba")
 
 
+@pytest.fixture(autouse=True)
+def _own_starts():
+    """Starts of tests that make them wrong are theirs alone."""
+    aircraft._kept_start.cache_clear()
+    yield
+    aircraft._kept_start.cache_clear()
+
+
 def bounded(settling_s):
     """Two flights whose settling time is bounded."""
     nominal = ft.load_scenario("exact_law").as_dict()
@@ -94,6 +102,7 @@ def test_others_of_a_draw_meet_the_wind_of_jsbsim_after_a_wrong_flight(monkeypat
     monkeypatch.setattr(loop, "COMPILED_FROM", 0)
     made, plan = aircraft.motion_of, in_wind()
     right = rows.fly_runs(plan, [0, 1]).to_pylist()
+    aircraft._kept_start.cache_clear()
 
     def wrong(*given):
         motion = made(*given)

@@ -1,7 +1,9 @@
 """An aircraft of JSBSim flown by its compiled step, or by JSBSim where there is none: same bits."""
 
 import math
-from typing import TYPE_CHECKING, Any
+from collections.abc import Hashable
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -68,6 +70,10 @@ class CompiledAircraft(WrappedPlant):
 
     def start(self, condition: FlightCondition) -> None:
         """Put the aircraft into `condition` at t = 0, as the plant does."""
+        kept = _kept_start(self.plant.key_of_start(condition)) if self.compiles else []
+        if kept:
+            self._begin(condition, kept[0])
+            return
         self.start_in_jsbsim(condition)
         if not self.compiles:
             return
@@ -87,15 +93,21 @@ class CompiledAircraft(WrappedPlant):
         if isinstance(step, face.Refusal):
             self.refused = step.reason
             return
-        self._condition, self._clock, self._given = condition, 0, []
-        self._first = list(self._observe())
-        self._step = step
+        first = self._observe()
         try:
-            self._motion = motion_of(self.plant, step, weather)
+            kept.append(KeptStart(step, motion_of(self.plant, step, weather), first))
         except (NotCompiled, face.Unsupported) as what:
             self.refused = f"{UNKNOWN} {what}"
             self.start_in_jsbsim(condition)
             return
+        self._begin(condition, kept[0])
+
+    def _begin(self, condition: FlightCondition, start: "KeptStart") -> None:
+        """Begin a compiled flight at its start."""
+        self._condition, self._clock, self._given = condition, 0, []
+        self._step, self._first = start.step, list(start.first)
+        arrays = {k: x for k, x in start.motion._asdict().items() if isinstance(x, np.ndarray)}
+        self._motion = start.motion._replace(**{k: x.copy() for k, x in arrays.items()})
         self._observe = self._shown
 
     @property
@@ -193,6 +205,20 @@ class CompiledAircraft(WrappedPlant):
             self._observe()  # course and heading follow sample by sample
             stop = self.plant.advance(phi_cmd, n_z_cmd, duration, *n_x)
         return stop
+
+
+class KeptStart(NamedTuple):
+    """The start of a flight; each flight changes a copy of its motion."""
+
+    step: "CompiledStep"
+    motion: Motion
+    first: tuple[float, ...]  # signals
+
+
+@lru_cache(maxsize=64)
+def _kept_start(_key: Hashable) -> list[KeptStart]:
+    """The start of a key, to be kept here: searches fly other gains from the same starts."""
+    return []
 
 
 def compiled_aircraft(plant: object) -> CompiledAircraft | None:

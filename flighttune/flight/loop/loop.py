@@ -62,7 +62,7 @@ def compile_at_once() -> None:
     Flight.flown = max(Flight.flown, COMPILED_FROM)
 
 
-# Errors of what the law sees at each sample, or none, and the places and numbers `sense` takes.
+# Errors of what the law sees at each sample, or none; places and numbers that `sense` takes.
 Seen: TypeAlias = tuple[FloatArray, tuple[int, int, int], tuple[float, float, float]]
 
 # What a law is given at a sample, with its time; the place on a route, if there is one; whether

@@ -10,7 +10,7 @@ import pytest
 
 import flighttune as ft
 from flighttune.base.files.code import JSBSIM
-from flighttune.flight.loop import loop
+from flighttune.flight.loop import aircraft, loop
 from flighttune.flight.loop.aircraft import CompiledAircraft
 from flighttune.vehicles.aircraft.aircraft import load_aircraft
 from flighttune.vehicles.compiled import motion
@@ -155,6 +155,35 @@ def test_so_is_that_of_each_shipped_aircraft(monkeypatch, aircraft, case, law):
 @pytest.mark.parametrize("aircraft", ["J3Cub", "T38", "B747", "DHC6"])
 def test_so_is_that_of_adopted_ones(monkeypatch, aircraft, case):
     assert_compiled(monkeypatch, tables(**turning(ADOPTED / aircraft, case), **LAWS["exact"]))
+
+
+@pytest.mark.parametrize(
+    ("change", "starts"),
+    [
+        ({"reference": {"chi_deg": 20.0, "gamma_deg": 0.0}}, 1),
+        ({"seed": 2}, 2),
+        ({"flight": {"V_a_mps": 26.0}}, 2),
+        ({"wind": {"speed_mps": 4.0, "from_deg": 71.0}}, 2),
+        ({"plant": {"airframe": {"mass_factor": 1.01}}}, 2),
+        ({"turbulence": {"intensity": "moderate", "model": "milspec"}}, 2),
+    ],
+    ids=["reference", "seed", "airspeed", "wind", "mass", "turbulence"],
+)
+def test_flights_that_begin_alike_are_started_once(monkeypatch, change, starts):
+    started, start = [], CompiledAircraft.start_in_jsbsim
+    monkeypatch.setattr(
+        CompiledAircraft, "start_in_jsbsim", lambda *x: started.append(x) or start(*x)
+    )
+    monkeypatch.setattr(loop, "COMPILED_FROM", 0)
+    aircraft._kept_start.cache_clear()
+    cases = [tables(duration_s=1.0, **TURBULENCE, **WIND, **LAWS["exact"])]
+    cases.append(tables(duration_s=1.0, **{**TURBULENCE, **WIND, **LAWS["exact"], **change}))
+    flights = [ft.fly(ft.scenario_from(case)).runs for case in (*cases, *cases)]
+
+    assert len(started) == starts
+    assert_same(flights[0], flights[2])
+    monkeypatch.setenv(JSBSIM, "1")
+    assert_same(flights[3], ft.fly(ft.scenario_from(cases[1])).runs)
 
 
 def test_a_flight_that_leaves_its_envelope_ends_at_the_same_sample(monkeypatch):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
 from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
@@ -208,6 +208,15 @@ class JSBSimPlant:
         if self.weather is not None:
             self._run = air.weather_step(fdm, self.weather, self.rate)
         self._observe = observe
+
+    def key_of_start(self, condition: FlightCondition) -> Hashable:
+        """All that a start at `condition` depends on: starts of one key are equal to the bit."""
+        from flighttune.vehicles.plants.jsbsim.model_files import unchanged
+
+        config = self.config
+        given = config.model_dump_json(), repr(config.gains), repr(config.off_nominal)
+        of_plant = self.steps, self.seed, self.weather, self._ground, tuple(self._later)
+        return unchanged(config, *given).key, of_plant, self.signals, self._takes_n_x, condition
 
     def observe(self) -> tuple[float, ...]:
         """Return the values of `signals` now, SI and radians.
