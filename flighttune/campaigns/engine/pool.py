@@ -57,8 +57,8 @@ class Threads:
 class WorkerPool:
     """Flies runs with the workers of a campaign, for an observer that may stop it."""
 
-    # Workers start, or are connected, with the first flight, and stop at the end of the ``with``
-    # block.
+    # A scheduler is connected to at once, so that nothing is written where none answers; processes
+    # start with the first flight. Both stop at the end of the ``with`` block.
     def __init__(self, fliers: Fliers) -> None:
         self._count, self._scheduler = fliers.workers or cores(), fliers.scheduler
         self._workers: Threads | ClusterWorkers | None = None
@@ -66,6 +66,8 @@ class WorkerPool:
         self.progress = CampaignProgress()
 
     def __enter__(self) -> "WorkerPool":
+        if self._scheduler is not None:
+            self._started()
         return self
 
     def __exit__(self, *_: object) -> None:
