@@ -1,6 +1,7 @@
 """The commands, and how errors end them."""
 
 import io
+import re
 import shlex
 import sys
 from contextvars import copy_context
@@ -25,6 +26,15 @@ from flighttune.cli.show import COULD_NOT_RUN, INTERRUPTED, NO, cleaning_up, cle
 
 # Options of the group that may also stand behind a command, with a value and without one.
 WITH_VALUE, FLAGS = ("--workers", "--scheduler"), ("--run-code", "--jsbsim")
+
+# What Pydantic says of the value of an option, and what we do.
+OF_PYDANTIC = {
+    "Value error, ": "",
+    r"Input should be greater than or equal to (\S+)": r"it must be at least \1",
+    r"Input should be less than or equal to (\S+)": r"it must be at most \1",
+    "Input should be a valid integer.*": "it must be an integer",
+    "Input should be a valid number.*": "it must be a number",
+}
 
 # Characters of the first sentence of a command's help.
 LONGEST_SENTENCE = 200
@@ -172,7 +182,8 @@ def _run() -> None:
                 sys.exit(COULD_NOT_RUN)
             command = " ".join(["flighttune", *sys.argv[1:2]])
             path = getattr(getattr(error, "ctx", None), "command_path", command)
-            message = message.replace("Value error, ", "")
+            for words, ours in OF_PYDANTIC.items():
+                message = re.sub(words, ours, message)
             fail(f"{message}; `{path} --help` lists what there is.", COULD_NOT_RUN)
         if "--debug" in sys.argv:
             raise

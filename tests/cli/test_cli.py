@@ -107,8 +107,15 @@ def test_infeasible_gains_are_not_flown_and_say_so(tmp_path):
         ("tune paper --nope", "flighttune tune --help"),
         ("fly", "SCENARIO"),
         ("fliy paper", "fliy"),
-        ("--workers 0 band paper", "'--workers'"),
-        ("band paper --workers=0", "'--workers'"),
+        ("--workers 0 band paper", "'--workers': it must be at least 1;"),
+        ("band paper --workers=0", "'--workers': it must be at least 1;"),
+        ("band paper --workers x", "'--workers': it must be an integer;"),
+        ("tune paper --points 1001", "'--points': it must be at most 1000;"),
+        ("band paper --epsilon x", "'--epsilon': it must be a number;"),
+        (
+            "campaign first_campaign --scheduler tcp://127.0.0.1:1",
+            "tcp://127.0.0.1:1: no scheduler answers there: [Errno 111] Connection refused\n",
+        ),
         # of an earlier version
         ("route circuit --out x.kml", "is `flighttune mission circuit --plan` now"),
         ("band m.plan --fence=f.kml", "is `flighttune mission m.plan --fence` now"),
