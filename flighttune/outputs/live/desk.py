@@ -4,10 +4,10 @@ import json
 import shlex
 import threading
 from collections import OrderedDict
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from contextvars import copy_context
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -16,13 +16,14 @@ from flighttune.base.files.table import toml_text
 from flighttune.base.files.whole import together, write_text
 from flighttune.campaigns.engine.progress import CampaignObserver, CampaignProgress
 from flighttune.campaigns.planning.plan import plan_campaign
-from flighttune.campaigns.planning.source import airframes
+from flighttune.campaigns.planning.source import Flights, airframes
+from flighttune.claims.band import Band
 from flighttune.flight.fly import fly
 from flighttune.flight.gains import tune
 from flighttune.flight.loop.loop import compile_at_once
-from flighttune.flight.loop.run import Claim
+from flighttune.flight.loop.run import Run
 from flighttune.flight.scenario.schema import Scenario
-from flighttune.outputs.live.picture import Flown, pieces
+from flighttune.outputs.live.picture import Beside, Flown, pieces
 from flighttune.outputs.live.sliders import (
     Slider,
     checked,
@@ -31,6 +32,7 @@ from flighttune.outputs.live.sliders import (
     sliders_of,
     with_one_gain_set,
 )
+from flighttune.routes.fence import Fence, fence_tables, read_fence
 
 # Flights kept in memory, ghosts of a page, windows told apart, and aircraft that differ.
 MAX_FLOWN, MAX_GHOSTS, MAX_WINDOWS, AIRCRAFT = 12, 5, 50, 20
@@ -81,15 +83,18 @@ class Desk:
     """A scenario with one gain set, its sliders, and what the buttons of the page do."""
 
     def __init__(
-        self, scenario: Scenario, gains: str | None, folder: Path, claims: tuple[Claim, ...] = (),
-        budget: int = BUDGET,
+        self, flights: Flights, gains: str | None, folder: Path, budget: int = BUDGET,
+        beside: Sequence[Run] = (),
     ) -> None:  # fmt: skip
-        self.scenario, self.gains = with_one_gain_set(scenario, gains)
+        self.scenario, self.gains = with_one_gain_set(flights.scenario, gains)
         self.sliders: list[Slider] = sliders_of(self.scenario, self.gains)
         self.search = Search("", "")
-        self._folder, self._claims, self._budget = folder, claims, budget
+        self._stated, self._folder, self._budget, self._beside = flights, folder, budget, beside
+        self._fence = _fence_of(flights)
         self._flown: OrderedDict[str, Flown] = OrderedDict()
+        # Values for which a cloud or a corridor was flown, and that.
         self._cloud: tuple[str, list[Flown]] = ("", [])
+        self._corridor: tuple[str, Band | None] = ("", None)
         self._newest: OrderedDict[str, int] = OrderedDict()
         self._flying, self._searching = threading.Lock(), threading.Lock()
         self._context = copy_context()  # of the verb: what it may run, and who flies
@@ -115,12 +120,17 @@ class Desk:
 
     def _pieces(self, asked: Mapping[str, Any]) -> dict[str, str]:
         ghosts = [(str(x["name"]), x["values"]) for x in asked["ghosts"][:MAX_GHOSTS]]
-        key, cloud = self._cloud
-        return pieces(
-            self._flights(asked["values"]),
-            {name: self._flights(values) for name, values in ghosts},
-            cloud if key == self._key(asked["values"]) else [],
+        now, key = self._flights(asked["values"]), self._key(asked["values"])
+        (of_cloud, cloud), (of_corridor, band) = self._cloud, self._corridor
+        if band is not None and key == of_corridor:
+            now = Flown(now.flights.within(band))
+        shown = Beside(
+            ghosts={name: self._flights(values) for name, values in ghosts},
+            cloud=cloud if key == of_cloud else [],
+            runs=self._beside,
+            fence=self._fence,
         )
+        return pieces(now, shown)
 
     def _key(self, values: Mapping[str, Any]) -> str:
         return json.dumps(checked(self.sliders, values))
@@ -130,8 +140,7 @@ class Desk:
         key = self._key(values)
         flown = self._flown.pop(key, None)
         if flown is None:
-            flights = fly(moved(self.scenario, self.sliders, values))
-            flown = Flown(flights.within(*self._claims))
+            flown = Flown(fly(moved(self.scenario, self.sliders, values)))
         self._flown[key] = flown
         if len(self._flown) > MAX_FLOWN:
             self._flown.popitem(last=False)
@@ -140,7 +149,12 @@ class Desk:
     def begin(self, asked: Mapping[str, Any]) -> None:
         """Begin a search for a window; an InputError says that one is under way."""
         doing, values = str(asked["doing"]), dict(asked["values"])
-        work = {"tune": self._tune, "meet": self._meet, "aircraft": self._differ}[doing]
+        work = {
+            "tune": self._tune,
+            "meet": self._meet,
+            "aircraft": self._differ,
+            "corridor": self._count,
+        }[doing]
         scenario = moved(self.scenario, self.sliders, values)
         if not self._searching.acquire(blocking=False):
             raise InputError("another search is under way: stop it first.")
@@ -192,6 +206,15 @@ class Desk:
         self._cloud = self._key(values), flown
         return f"{AIRCRAFT} that differ are drawn.", {}
 
+    def _count(self, scenario: Scenario, values: Any, search: Search) -> tuple[str, Found]:
+        """Count the corridor of a mission, and the odds of leaving its fence, in the page's air."""
+        from flighttune.claims.mission import mission
+
+        drawn = replace(self._stated, scenario=scenario, campaign=airframes(scenario))
+        odds = mission(drawn, observer=search)
+        self._corridor = self._key(values), odds.band
+        return " ".join(odds.answer().summary[:2]), {}
+
     def save(self, asked: Mapping[str, Any]) -> dict[str, str]:
         """Write scenario and gains, or a recording, into a new folder inside the page's own."""
         values = asked["values"]
@@ -213,6 +236,12 @@ class Desk:
             if not isinstance(entry, str):
                 entry.gains(scenario.laws[0].kind).save(folder / "gains.json")
         return {"said": "saved", "command": f"flighttune fly {shlex.quote(str(file))}"}
+
+
+def _fence_of(flights: Flights) -> Fence | None:
+    """The fence of a mission, if it has one."""
+    tables, route = fence_tables(flights.fences), flights.scenario.route
+    return read_fence(flights.fences[0], route.origin, tables) if tables and route else None
 
 
 def _from_anywhere(tables: dict[str, Any]) -> dict[str, Any]:

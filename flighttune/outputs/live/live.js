@@ -5,9 +5,10 @@
   const of = (key) => inputs.filter((input) => input.dataset.key === key);
   const read = (input) => input.tagName === "SELECT" ? input.value : Number(input.value);
   const keys = [...new Set(inputs.map((input) => input.dataset.key))];
-  // The number beside a slider is what counts: a slider has ends.
+  // What counts is `now`: a slider has ends, and the number beside it is rounded.
   const values = () => Object.fromEntries(keys.map((key) => [key, now[key]]));
-  const start = Object.fromEntries(keys.map((key) => [key, read(of(key).at(-1))])), now = { ...start };
+  const exact = (input) => "value" in input.dataset ? Number(input.dataset.value) : read(input);
+  const start = Object.fromEntries(keys.map((key) => [key, exact(of(key).at(-1))])), now = { ...start };
   let ghosts = [{ name: "start", values: start }], snapshots = 0;
 
   const set = (key, value, from) => {
@@ -18,7 +19,7 @@
         input.min = Math.min(input.min, value);
         input.max = Math.max(input.max, value);
       }
-      input.value = value;
+      input.value = input.type === "number" ? Number(value.toPrecision(5)) : value;
     }
     of(key)[0].closest(".row").classList.toggle("moved", now[key] !== start[key]);
   };

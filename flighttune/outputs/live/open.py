@@ -2,7 +2,7 @@
 
 import time
 import webbrowser
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from html import escape
 from pathlib import Path
 from typing import Any
@@ -11,7 +11,6 @@ from flighttune.base.arrays import check_at_least
 from flighttune.base.files import code
 from flighttune.base.screen import has_screen
 from flighttune.campaigns.planning.source import flights
-from flighttune.flight.loop.run import Claim
 from flighttune.flight.scenario.schema import Scenario
 from flighttune.outputs.live.desk import BUDGET, Desk
 
@@ -80,7 +79,6 @@ def open(
     port: int | None = None,
     budget: int = BUDGET,
     browser: bool = True,
-    claims: Sequence[Claim] = (),
     changes: Mapping[str, Any] | None = None,
 ) -> Opened:
     """Open a page in the browser on which gains are moved and the flights follow.
@@ -105,8 +103,6 @@ def open(
         Flights of the page's search for gains that meet the requirements, by default 400.
     browser : bool
         Open a browser, by default where there is a screen.
-    claims : sequence of Claim, optional
-        Tubes and bands, drawn around the flights that they cover.
     changes : mapping of str to value, optional
         Values to set in a scenario that is read from a file, by dotted key.
 
@@ -128,7 +124,7 @@ def open(
     check_at_least(1, budget=budget)
     flown = flights(source, aircraft=aircraft, changes=changes)
     folder = Path("runs/open" if out is None else out)
-    desk = Desk(flown.scenario, gains, folder, tuple(claims), budget)
+    desk = Desk(flown, gains, folder, budget)
     page = Opened(desk, port or 0)
     if browser and has_screen():
         webbrowser.open(page.url)

@@ -9,6 +9,7 @@ from flighttune.base.errors import printable
 from flighttune.base.words import pick
 from flighttune.flight.entry import entry_of
 from flighttune.flight.flown import BoundCheck, ClaimCheck, FlownScenario
+from flighttune.flight.loop.run import Run
 from flighttune.flight.models import loop_measures
 from flighttune.outputs.answers.answer import Table
 from flighttune.outputs.answers.flown import ROUTE_COLUMNS, RUN_COLUMNS
@@ -18,14 +19,18 @@ from flighttune.outputs.drawing.chart import Chart
 from flighttune.outputs.drawing.palette import HUES, PLANTS, LineStyle
 from flighttune.outputs.drawing.templates import page_template
 from flighttune.outputs.pages import panels
-from flighttune.outputs.pages.charts import route_charts
+from flighttune.outputs.pages.charts import draw_edges, draw_ends, planned_path, route_charts
 from flighttune.outputs.pages.panels import Drawn
+from flighttune.routes.fence import Fence
 
 LOOP = "R_K I_K E_K gain_margin_dB phase_margin_rad delay_margin_s"
 
 # Styles of ghosts in turn, the start first, and of aircraft that differ.
 GHOSTS = tuple(LineStyle(*shade, 1.5, True) for shade in (PLANTS[0], *(hue[1] for hue in HUES[2:])))
 CLOUD = LineStyle(*HUES[0][1], 0.5, False)
+
+# Style of runs that were recorded, and signals that a path needs.
+RECORDED, PLACE = LineStyle(*HUES[1][0], 1.6, False), {"north", "east", "down"}
 
 # What is shown, by the id of its place on the page.
 PIECES = "about", "verdict", "legend", "charts", "requirements", "numbers"
@@ -63,28 +68,40 @@ class Flown:
         return [(named, style)] if len(run.signals) > 1 else []
 
 
-def pieces(now: Flown, ghosts: Mapping[str, Flown], cloud: Sequence[Flown]) -> dict[str, str]:
-    """HTML of each piece of the page: flights of now, ghosts by name, and aircraft that differ."""
-    flown, styles = now.flights, run_styles(now.flights.runs)
+@dataclass(frozen=True, kw_only=True)
+class Beside:
+    """What is drawn beside the flights of now."""
+
+    ghosts: Mapping[str, Flown]  # by name, the start first
+    cloud: Sequence[Flown]  # aircraft that differ
+    runs: Sequence[Run] = ()  # recorded, or the log of a real flight
+    fence: Fence | None = None
+
+    @property
+    def lines(self) -> Drawn:
+        """Recorded runs and ghosts in their styles."""
+        styles = zip(self.ghosts.items(), GHOSTS, strict=False)
+        ghosts = [x for (name, ghost), style in styles for x in ghost.drawn(name, style)]
+        return [*((run, RECORDED) for run in self.runs), *ghosts]
+
+
+def pieces(now: Flown, beside: Beside) -> dict[str, str]:
+    """HTML of each piece of the page."""
+    flown, styles, lines = now.flights, run_styles(now.flights.runs), beside.lines
     flights = [(run, styles[run.label]) for run in flown.runs if len(run.signals) > 1]
-    beside = [
-        x
-        for (name, ghost), style in zip(ghosts.items(), GHOSTS, strict=False)
-        for x in ghost.drawn(name, style)
-    ]
-    crowd = [x for i, one in enumerate(cloud) for x in one.drawn(f"{i}", CLOUD)]
+    names = [(run.label, style) for run, style in (*flights, *lines)]
+    crowd = [x for i, one in enumerate(beside.cloud) for x in one.drawn(f"{i}", CLOUD)]
     early = [f"{x.label}: {x.outcome}." for x in flown.runs if x.status != "completed"]
     whole = {
         "about": panels.flown_in_words(flown.scenario, flown.runs),
         "claim": now.claim,
         "loop": [(x.heading, x.text(now.loop)) for x in columns(LOOP)] if now.loop else [],
-        "sentences": [*early, *_differing(cloud)],
-        "legend": [*((run.label, style) for run, style in (*flights, *beside)),
-                   *([(f"{len(cloud)} aircraft that differ", CLOUD)] if cloud else [])],
-        "charts": _charts([*crowd, *beside], flights) if flights else [],
+        "sentences": [*early, *_differing(beside.cloud)],
+        "legend": [*names, *([(f"{len(crowd)} aircraft that differ", CLOUD)] if crowd else [])],
+        "charts": _charts([*crowd, *lines], flights, beside.fence) if flights else [],
         "requirements": [_requirement(x) for x in now.claim.bounds],
-        "numbers": _tables({"now": now, **ghosts}),
-    }  # fmt: skip
+        "numbers": _tables({"now": now, **beside.ghosts}),
+    }
     template = page_template("flighttune.outputs.live", "pieces.html.jinja").module
     return {name: printable(getattr(template, name)(whole)) for name in PIECES}
 
@@ -122,10 +139,17 @@ def _tables(named: Mapping[str, Flown]) -> list[Table]:
     return [Table(columns(f"which {LOOP}"), loops, "Linear loop"), *tables] if loops else tables
 
 
-def _charts(beside: Drawn, flights: Drawn) -> list[Chart]:
+def _charts(beside: Drawn, flights: Drawn, fence: Fence | None) -> list[Chart]:
     """Responses, commands and paths of flights, with others beside them."""
     every = [*beside, *flights]
-    if along := route_charts(every):
-        return [*along, *panels.commands(flights)]
-    bounds = panels.errors(every) if any(run.claims for run, _ in flights) else []
-    return [*panels.tracking(every), *bounds, *panels.commands(flights), *panels.paths(every)]
+    path = planned_path(flights)
+    if path is None:
+        placed = [x for x in every if PLACE <= {*x[0].signals}]
+        return [*panels.tracking(every), *panels.commands(flights), *panels.paths(placed)]
+    # The route is that of the first: ghosts may have another airspeed.
+    along = [x for x in beside if "along" in x[0].signals]
+    above, height, *errors = route_charts([*flights, *along])
+    if fence is not None:
+        draw_edges(above, fence)
+        draw_ends(height, fence, path)
+    return [above, height, *errors, *panels.commands(flights)]

@@ -1,7 +1,8 @@
 """Charts of a gap, of a linear loop (Bode, Nyquist, eigenvalues) and of a route."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -26,6 +27,7 @@ from flighttune.outputs.drawing.chart import DASHED, DOTTED, Chart, Sheet
 from flighttune.outputs.drawing.palette import HUES, INK, LIMIT, NEUTRAL
 from flighttune.outputs.pages.panels import Drawn, draw_bounds, most_points
 from flighttune.outputs.recording.plots import displayed
+from flighttune.routes.fence import Fence
 from flighttune.routes.follow import RouteReference
 from flighttune.routes.path import Path
 
@@ -130,6 +132,26 @@ def route_map(
         vector = np.array(scenario.wind.profile().at(scenario.flight.h_m)[:2])
         _wind_arrow(chart, vector, wind or f"at the start {np.hypot(*vector):.3g} m/s")
     return chart
+
+
+def draw_rings(
+    chart: Chart, lines: Iterable[FloatArray], colour: str, name: str, dash: str, **more: Any
+) -> None:
+    """Draw lines of north and east on a map as one that is broken between them."""
+    north, east = np.vstack([part for x in lines for part in (x, [[np.nan, np.nan]])]).T
+    chart.line(east, north, colour, name=name, dash=dash, most=len(north), hover=False, **more)
+
+
+def draw_edges(chart: Chart, fence: Fence, name: str = "fence", dash: str = "") -> None:
+    """Draw the edges of a fence on a map."""
+    draw_rings(chart, np.stack([fence.start, fence.end], axis=1), LIMIT, name, dash)
+
+
+def draw_ends(chart: Chart, fence: Fence, path: Path) -> None:
+    """Draw floor and ceiling of a fence over the heights along a route."""
+    for height, name, dash in ((fence.high, "ceiling", ""), (fence.low, "floor", DASHED)):
+        if np.isfinite(height):
+            chart.line([0.0, path.length / KM], [height, height], LIMIT, name=name, dash=dash)
 
 
 def _wind_arrow(chart: Chart, wind: FloatArray, words: str) -> None:

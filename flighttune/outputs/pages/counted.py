@@ -1,9 +1,7 @@
 """The pages of counted claims: charts of bands, the map of a mission and the room to turn back."""
 
-from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -20,7 +18,16 @@ from flighttune.claims.verify import stale_notes
 from flighttune.outputs.answers.answer import Answer
 from flighttune.outputs.drawing.chart import DASHED, DOTTED, HEIGHT, LONG, Chart
 from flighttune.outputs.drawing.palette import HUES, LIMIT, NEUTRAL, PLANTS
-from flighttune.outputs.pages.charts import APART, DISTANCE_AXIS, KM, heights, route_map
+from flighttune.outputs.pages.charts import (
+    APART,
+    DISTANCE_AXIS,
+    KM,
+    draw_edges,
+    draw_ends,
+    draw_rings,
+    heights,
+    route_map,
+)
 from flighttune.outputs.pages.claim import Asked, Parts
 from flighttune.outputs.pages.panels import TEXTS
 from flighttune.routes.fence import read_fence
@@ -105,16 +112,11 @@ def _map(band: Band, room: TurnBack | None) -> Chart:
     wind = band.flights.distribution.air_words.get("wind", "")
     chart = route_map(band.flights.central, path, s, _corridor(band, "cross_track", s), wind)
 
-    def rings(lines: Iterable[FloatArray], colour: str, name: str, dash: str, **more: Any) -> None:
-        """Lines of north and east as one that is broken between them."""
-        north, east = np.vstack([part for x in lines for part in (x, [[np.nan, np.nan]])]).T
-        chart.line(east, north, colour, name=name, dash=dash, most=len(north), hover=False, **more)
-
     fences = band.about.fences
     for number, tables in enumerate(fences, start=1):
         fence, name = read_fence(KEPT, origin, tables), f"fence {number}" * (len(fences) > 1)
         dash = FENCES[(number - 1) % len(FENCES)]
-        rings(np.stack([fence.start, fence.end], axis=1), LIMIT, name or "fence", dash)
+        draw_edges(chart, fence, name or "fence", dash)
         if (rows := band.inside(tables).nearest) and np.isfinite(rows[0]["margin_m"]):
             nearest = min(rows, key=lambda row: row["margin_m"])
             ((at, across, _),) = path.beside(np.array([nearest["along_m"]]))
@@ -123,7 +125,7 @@ def _map(band: Band, room: TurnBack | None) -> Chart:
     if room is not None and room.claims and band.claims:
         for (name, volume), look in zip(room.volumes(band).items(), VOLUMES, strict=True):
             colour, dash = look
-            rings(rings_around(path, volume.width), colour, name, dash, width=1.2)
+            draw_rings(chart, rings_around(path, volume.width), colour, name, dash, width=1.2)
     return chart
 
 
@@ -137,11 +139,7 @@ def _heights(band: Band, terrain: str | Path | None) -> Chart:
         ground = ground_at(terrain, on_earth(path.beside(s), origin)) - h_0
         chart.line(s / KM, ground, NEUTRAL, name="ground")
     for tables in band.about.fences:
-        fence = read_fence(KEPT, origin, tables)
-        for height, name, dash in ((fence.high, "ceiling", ""), (fence.low, "floor", DASHED)):
-            if np.isfinite(height):
-                ends = [0.0, path.length / KM]
-                chart.line(ends, [height, height], LIMIT, name=name, dash=dash)
+        draw_ends(chart, read_fence(KEPT, origin, tables), path)
     return chart
 
 
