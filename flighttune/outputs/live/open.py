@@ -2,16 +2,24 @@
 
 import time
 import webbrowser
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from html import escape
 from pathlib import Path
 from typing import Any
 
 from flighttune.base.arrays import check_at_least
+from flighttune.base.errors import RecordingError
 from flighttune.base.files import code
+from flighttune.base.files.load import LOG, RECORDING, kind_of, written
+from flighttune.base.files.shipped import scenario_files
 from flighttune.base.screen import has_screen
-from flighttune.campaigns.planning.source import flights
+from flighttune.campaigns.planning.source import Flights, flights
+from flighttune.flight.loop.run import Run
+from flighttune.flight.route import AIRCRAFT
+from flighttune.flight.scenario.load import scenario_of
 from flighttune.flight.scenario.schema import Scenario
+from flighttune.logs.followed import followed
 from flighttune.outputs.live.desk import BUDGET, Desk
 
 # How often a command looks whether the last window was closed, s.
@@ -88,12 +96,13 @@ def open(
     Parameters
     ----------
     source : Scenario, str or Path
-        A scenario or campaign, its file or name; or a mission: ``.plan`` of QGroundControl,
-        ``.waypoints`` of Mission Planner, KML or GeoJSON; by default ``level_turn``.
+        A scenario or campaign, its file or name; a mission: ``.plan`` of QGroundControl,
+        ``.waypoints`` of Mission Planner, KML or GeoJSON; a recording or its folder, flown again;
+        or the log of a real flight, whose path is flown beside it; by default ``level_turn``.
     gains : str, optional
         Gain set to begin with, by name or file, by default the first of the scenario.
     aircraft : str, optional
-        Aircraft that flies a mission, by default ``aerosonde``.
+        Aircraft that flies a mission or the path of a log, by default ``aerosonde``.
     out : str or Path, optional
         Folder into which the page saves, by default ``runs/open``. Each time it makes a new folder
         in it, and it writes nowhere else.
@@ -113,7 +122,7 @@ def open(
 
     Raises
     ------
-    InputError, ScenarioError
+    InputError, RecordingError, ScenarioError
         If the source or gain set cannot be read, or the port is taken.
 
     Examples
@@ -122,10 +131,34 @@ def open(
     >>> page.close()
     """
     check_at_least(1, budget=budget)
-    flown = flights(source, aircraft=aircraft, changes=changes)
+    stated, beside = _stated(source, aircraft, changes)
     folder = Path("runs/open" if out is None else out)
-    desk = Desk(flown, gains, folder, budget)
+    desk = Desk(stated, gains, folder, budget, beside)
     page = Opened(desk, port or 0)
     if browser and has_screen():
         webbrowser.open(page.url)
     return page
+
+
+def _stated(
+    source: Scenario | str | Path, aircraft: str | None, changes: Mapping[str, Any] | None
+) -> tuple[Flights, Sequence[Run]]:
+    """The flights that a source states, and runs that were recorded or logged."""
+    kind = ""
+    if not isinstance(source, Scenario) and str(source) not in scenario_files():
+        kind = kind_of(source)
+    if kind == LOG:
+        log = written(source, LOG)
+        return flights(followed(log, aircraft or AIRCRAFT), changes=changes), [log]
+    if kind != RECORDING:
+        return flights(source, aircraft=aircraft, changes=changes), []
+    recorded = [run for run in written(source, RECORDING).runs if len(run.signals) > 1]
+    if not recorded:
+        raise RecordingError(f"{source}: a run must have flown, got none.")
+    first = recorded[0].provenance.gains_name
+    runs = [
+        replace(run, provenance=replace(run.provenance, gains_name="recorded"))
+        for run in recorded
+        if run.provenance.gains_name == first
+    ]
+    return flights(scenario_of(recorded[0]), aircraft=aircraft, changes=changes), runs

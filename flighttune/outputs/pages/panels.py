@@ -89,8 +89,9 @@ def panel(
     (title, label), ends = titles(signal, si_unit), (0.0, longest.duration)
     chart = Chart(title=f"{title}{note}", y=label, x_range=ends, linked=True)
     most = most_points(len(flights))
-    # The reference is the same for all runs.
-    if reference:
+    # The reference is the same for all runs; the log of a real flight may not say it.
+    if told := [run for run, _ in flights if reference in run.signals]:
+        longest = max(told, key=lambda run: run.duration)
         chart.line(longest.t, displayed(longest.signals, reference), NEUTRAL, width=2.2, most=most)
     for limit in limits_of(flights[0][0].provenance.scenario, limits) or ():
         chart.level(limit)
@@ -158,11 +159,10 @@ def _moves(name: str, start: float, reference: FloatArray) -> str:
 
 def tracking(flights: Drawn) -> list[Chart]:
     """Course, path angle and airspeed with the references that there are."""
-    longest = max((run for run, _ in flights), key=lambda run: run.duration)
     return [
         panel(flights, signal, "; reference grey", reference=reference)
         for signal, reference in REFERENCES.items()
-        if reference in longest.signals
+        if any(reference in run.signals for run, _ in flights)
     ]
 
 

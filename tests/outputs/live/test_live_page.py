@@ -8,6 +8,7 @@ from contextlib import contextmanager
 import psutil
 import pytest
 from browser import DESK, NARROW, OVERLAPS, PHONE, SCREEN, WIDE, chromium_at_real_speed
+from logged_turns import logged_turn
 from plans import plan_file, waypoint
 
 import flighttune as ft
@@ -257,6 +258,26 @@ def test_words_of_a_scenario_are_text_and_no_markup(browser, tmp_path):
     with ft.open(evil, out=tmp_path, browser=False) as page, window(browser, page) as tab:
         assert tab.run("document.querySelectorAll('img').length") == 0
         assert tab.run("document.querySelector('h1').textContent") == title
+
+
+def test_a_recording_is_drawn_beside_the_flight_that_it_is_of(browser, tmp_path):
+    ft.record(ft.fly("paper_as_printed", "paper"), tmp_path / "run")
+    with ft.open(tmp_path / "run", browser=False) as page, window(browser, page) as tab:
+        assert "kinematic / recorded" in tab.run("document.querySelector('#legend').textContent")
+        lines = tab.run(
+            "[...document.querySelectorAll('#charts figure:first-of-type path[data-run]')]"
+            ".map(x => [x.dataset.run, x.getAttribute('d')])"
+        )
+    drawn = dict(lines)
+    assert drawn["kinematic / recorded"] == drawn["kinematic / paper"]
+
+
+def test_a_log_is_flown_beside(browser, tmp_path):
+    log = logged_turn(tmp_path / "flight.csv")
+    with ft.open(log, aircraft="aerosonde", browser=False) as page, window(browser, page) as tab:
+        legend = tab.run("document.querySelector('#legend').textContent")
+        assert "log / flight" in legend
+        assert "jsbsim:aerosonde" in legend
 
 
 BOX = [[47.397, 8.496], [47.397, 8.51], [47.407, 8.51], [47.407, 8.496]]

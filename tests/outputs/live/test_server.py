@@ -11,6 +11,8 @@ import psutil
 import pytest
 
 import flighttune as ft
+from flighttune.base.files import code
+from flighttune.base.files.table import toml_text
 
 # A number that no float holds, beside what a page sends.
 HUGE = b'{"window": "w", "number": 1, "ghosts": [], "values": {"flight.V_a_mps": 1%s}}' % (
@@ -157,6 +159,42 @@ def test_a_page_names_no_file_to_save(page, folder, name):
     assert "failed" not in json.loads(ask(page, "save", {"values": {}, **names})[2])
     assert elsewhere() == before
     assert not Path("/tmp/flighttune_evil").exists()
+
+
+LAW = """
+from pathlib import Path
+
+Path(__file__).with_name("ran").write_text("x")
+
+
+class Mine:
+    signals = {}
+
+    def __init__(self, setup):
+        self.dt = setup.dt
+
+    def start(self, condition):
+        pass
+
+    def step(self, measured, reference, t):
+        return 0.0, 1.0
+"""
+
+
+def test_a_recording_runs_no_code_that_it_names(tmp_path, monkeypatch):
+    (tmp_path / "law.py").write_text(LAW)
+    scenario = ft.load_scenario("paper_as_printed", changes={"flight.duration_s": 0.5}).as_dict()
+    own = {"name": "mine", "kind": "python", "module": str(tmp_path / "law.py"), "class": "Mine"}
+    text = toml_text({**scenario, "law": [own], "gains": ["paper"], "expect": []})
+    (tmp_path / "own.toml").write_text(text)
+    ft.record(ft.fly(tmp_path / "own.toml"), tmp_path / "run")
+    (tmp_path / "ran").unlink()
+    monkeypatch.setattr(code, "_NAMED", set())
+    code._run.cache_clear()
+    with ft.open(tmp_path / "run", out=tmp_path / "saved", browser=False) as page:
+        told = json.loads(ask(page, "picture", MOVE)[2])
+        assert "law.py, which must be allowed by `--run-code`" in told["failed"]
+    assert not (tmp_path / "ran").exists()
 
 
 def test_a_port_that_is_taken_is_told_in_a_line(page):
