@@ -37,7 +37,7 @@ MAX_FEEDBACK = 0.95
 MAX_NUMBER = 1e6
 
 # Tables that only aircraft meet or have.
-OF_AIRCRAFT = ("plant", "seed", "turbulence", "wind")
+OF_AIRCRAFT = ("navigation", "plant", "seed", "turbulence", "wind")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -32,6 +32,7 @@ def test_a_page_begins_with_the_flights_of_its_scenario(name):
         ("limits.phi_rate_dps", 20.0, {"limits.phi_rate_dps": 20.0}),
         ("wind.speed_mps", 4.0, {"wind.speed_mps": 4.0, "wind.from_deg": 270.0}),
         ("turbulence.intensity", "light", {"turbulence.intensity": "light"}),
+        ("navigation.grade", "standard", {"navigation.grade": "standard"}),
         ("seed", 7, {"seed": 7}),
         ("plant.airframe.mass_factor", 1.1, {"plant.airframe.mass_factor": 1.1}),
         ("reference.gamma_deg", 3.0, {"reference.gamma_deg": 3.0}),

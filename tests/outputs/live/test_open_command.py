@@ -1,0 +1,53 @@
+"""`flighttune open`: an address is printed soon, and Ctrl-C ends the page and what it flies."""
+
+import re
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import urllib.request
+
+import psutil
+import pytest
+
+pytestmark = pytest.mark.slow
+
+COMMAND = [sys.executable, "-u", "-m", "flighttune", "open", "paper_as_printed"]
+LONGEST_S = 120.0
+
+
+@pytest.fixture
+def opened(tmp_path, monkeypatch):
+    """The command with its page up: process, and the line it printed."""
+    for name in ("DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET"):
+        monkeypatch.delenv(name, raising=False)
+    with subprocess.Popen(COMMAND, stdout=subprocess.PIPE, text=True, cwd=tmp_path) as running:
+        watchdog = threading.Timer(LONGEST_S, running.kill)
+        watchdog.start()
+        yield running, running.stdout.readline()
+        running.kill()
+        watchdog.cancel()
+
+
+def test_it_prints_an_address_and_the_way_to_it_from_elsewhere(opened, tmp_path):
+    _, line = opened
+    url, port = re.search(
+        r"open (http://127\.0\.0\.1:(\d+)/[\w-]{32}/) in a browser", line
+    ).groups()
+    assert f"ssh -L {port}:127.0.0.1:{port} HOST" in line
+    with urllib.request.urlopen(url, timeout=LONGEST_S) as answer:
+        assert answer.status == 200
+    assert [*tmp_path.iterdir()] == []
+
+
+@pytest.mark.parametrize("number", ["SIGINT", "SIGTERM"])
+def test_a_signal_ends_the_page(opened, number):
+    running, line = opened
+    port = int(re.search(r":(\d+)/", line)[1])
+    children = psutil.Process(running.pid).children(recursive=True)
+    running.send_signal(signal.Signals[number])
+    assert running.wait(LONGEST_S) == 0
+    with socket.socket() as probe:
+        assert probe.connect_ex(("127.0.0.1", port)) != 0
+    assert not any(child.is_running() for child in children)
