@@ -1,4 +1,4 @@
-"""The command line: the only place that prints and exits."""
+"""The command line: the only room that prints and exits."""
 
 from flighttune.cli.app import main
 

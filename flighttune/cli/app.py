@@ -1,4 +1,4 @@
-"""The commands, and how errors end them."""
+"""The commands, and their ends by errors."""
 
 import io
 import re
@@ -36,15 +36,15 @@ OF_PYDANTIC = {
     "Input should be a valid number.*": "it must be a number",
 }
 
-# Characters of the first sentence of a command's help.
+# Maximum length of the first sentence of a command's help, characters.
 LONGEST_SENTENCE = 200
 
 
 class Grouped(TyperGroup):
-    """A group of commands whose help lists them under headings, in the order they were added."""
+    """A group of commands whose help lists them under headings, in order of definition."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Parse the options of the group, wherever those that may stand anywhere do."""
+        """Parse the options of the group, some of which may stand anywhere."""
         first, others, words = [], [], iter(args)
         for word in words:
             if word.partition("=")[0] in WITH_VALUE + FLAGS:
@@ -55,7 +55,7 @@ class Grouped(TyperGroup):
         return super().parse_args(ctx, first + others)
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
-        """Find the command; one of an earlier version, or its option, is refused with the new."""
+        """Find the command; refuse an earlier version's command or option with its replacement."""
         name, *words = args
         sources = [word for word in words if not word.startswith("-")]
         source = next(iter(sources[args[:2] == ["campaign", "run"] :]), "FILE")
@@ -79,7 +79,7 @@ app = typer.Typer(
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     context_settings={"max_content_width": 100, "help_option_names": ["-h", "--help"]},
-    rich_markup_mode=None,  # Rich would take "[default: ...]" in a help text for markup and drop it
+    rich_markup_mode=None,  # Rich would read "[default: ...]" in a help text as markup and drop it
     help="Tune a fixed-wing outer loop with a certificate, fly it on the kinematic law and on "
     "JSBSim, and compare both in one recording.",
     epilog="Begin with: flighttune fly paper. Exit status: 0 fine, 1 the answer is no, 2 could not "
@@ -175,9 +175,9 @@ def _run() -> None:
     try:
         sys.exit(app(prog_name="flighttune", standalone_mode=False))
     except Exception as error:
-        if isinstance(show := getattr(error, "show", None), MethodType):  # of Typer, about usage
+        if isinstance(show := getattr(error, "show", None), MethodType):  # Typer's usage errors
             message = str(getattr(error, "format_message", str)()).rstrip(".?")
-            if "\n" in message:  # the help, where a group was given no command
+            if "\n" in message:  # the help, if a group has no command
                 show()
                 sys.exit(COULD_NOT_RUN)
             command = " ".join(["flighttune", *sys.argv[1:2]])
@@ -190,7 +190,7 @@ def _run() -> None:
         fail(_reason(error), NO if isinstance(error, InfeasibleError) else COULD_NOT_RUN)
     finally:
         with output():
-            clear()  # and what help and completion left in the buffer is written
+            clear()  # also write the buffered output of help and completion
 
 
 def _reason(error: Exception) -> str:

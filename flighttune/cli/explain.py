@@ -12,7 +12,7 @@ from flighttune.outputs.answers.answer import Answer
 
 
 def page_note(file: Path) -> str:
-    """How to make the page of a count in a file."""
+    """The command that makes the page of a count."""
     return f"A page with its flights: flighttune report {file}"
 
 

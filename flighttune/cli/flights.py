@@ -75,7 +75,7 @@ def mission(
             answer, file = odds.answer(), out or Path(source)
             if page is not None:
                 write_claim_page(odds.band, str(file), page, odds.room, odds.terrain, answer)
-    except errors.InfeasibleError:  # what is planned says why
+    except errors.InfeasibleError:  # the plan tells the reason
         of_plan = {key: settings[key] for key in of_route[:3] if key in settings}
         return mission_plan(source, changes=changes, **of_plan).answer()
     notes = [*answer.notes, *([] if page else [page_note(file)])]
@@ -90,13 +90,13 @@ def new(new_scenario: Verb, like: str | None) -> Answer:
             f"`--like` must be absent: copy {file}, and set its aircraft, [flight] and [limits]; "
             "`flighttune list` has all."
         )
-    from flighttune.flight.load import load_scenario  # after its imports, --help is late
+    from flighttune.flight.load import load_scenario  # imported here, because --help must be quick
 
     file = new_scenario()
     return Answer(notes=load_scenario(file).assumptions, files={"scenario": file})
 
 
-# Scenarios that `list` shows first: one of each kind of question.
+# Scenarios that `list` shows first, one for each kind of question.
 BEGIN_WITH = "level_turn", "paper", "mission", "gust_in_turn", "circuit", "survey"
 
 
@@ -122,8 +122,8 @@ def list_shipped() -> Answer:
 
 
 def _heading(path: Path) -> dict[str, str]:
-    """Name, title and claim of a shipped file; the whole file is checked by a test, not here."""
-    # Only the part before the first table is parsed: the rest takes ten times as long.
+    """Name, title and claim of a shipped file; a test checks the whole file."""
+    # Only the part before the first table is parsed; the rest would take ten times as long.
     tables = tomllib.loads(path.read_text(encoding="utf-8").partition("\n[")[0])
     return {"name": path.stem, "title": tables["title"], "verifies": tables.get("verifies", "")}
 
@@ -193,7 +193,7 @@ def campaign(
     planned = load_campaign(campaign, changes=changes, gains=gains or (), until_sure=until_sure)
     plan, file_of_plan = plan_campaign(planned, runs=runs), out / CAMPAIGN
     if resume and runs is None and file_of_plan.exists():
-        # a campaign that was extended by --runs keeps its length
+        # a campaign extended by --runs keeps its length
         plan = plan.with_runs(max(plan.runs, open_dataset(out).plan.runs))
     if dry_run:
         return forecast(plan, WORKERS.get().get("workers")).answer()

@@ -1,6 +1,6 @@
 """Commands made of the verbs of the package.
 
-``cli/verbs.py`` reads the parameters of a verb and their sentences; ``commands.toml`` has what a
+``cli/verbs.py`` reads the parameters of a verb and their sentences; ``commands.toml`` adds what a
 signature cannot state.
 """
 
@@ -28,14 +28,14 @@ from flighttune.cli.show import campaign_display, emit, progress_bar, working
 from flighttune.cli.verbs import Argument, arguments_of
 from flighttune.outputs.answers.answer import Answer
 
-# Texts of all commands by their heading in the help, and of options that are alike.
+# Texts of all commands by their heading in the help, and of shared options.
 COMMANDS = tomllib.loads(Path(__file__).with_name("commands.toml").read_text(encoding="utf-8"))
 ALIKE, FORMER = COMMANDS.pop("alike"), COMMANDS.pop("former")
 
 # `--workers` and `--scheduler`, which every command takes.
 WORKERS: ContextVar[FlownBy] = ContextVar("workers")
 
-# `--run-code` of a command that flies what a file written by flighttune holds.
+# `--run-code` of a command that flies the content of a file written by flighttune.
 RUN_CODE: ContextVar[bool] = ContextVar("run_code", default=False)
 
 # The command's verb, bound to the options that the user gave.
@@ -43,7 +43,7 @@ Verb: TypeAlias = partial[Any]
 
 
 def this_command() -> str:
-    """The command as it was given."""
+    """The command as the user typed it."""
     return shlex.join(["flighttune", *sys.argv[1:]])
 
 
@@ -60,7 +60,7 @@ def changes(settings: list[str]) -> dict[str, Any]:
     return values
 
 
-# Functions that read the words of an option, and those that list what a shell completes.
+# Functions that read the words of an option, and functions that list shell completions.
 READ: dict[str, Callable[[list[str]], Any]] = {
     "changes": changes,
     "numbers": lambda words: {name: float(x) for name, _, x in (w.partition("=") for w in words)},
@@ -79,7 +79,7 @@ OF_FILES = ".csv", ".html", ".json", ".npz", ".parquet", ".rrd", ".svg", ".toml"
 # Parameters that the command line supplies.
 SUPPLIED = {"progress": progress_bar, "observer": campaign_display}
 
-# Options of every command, last in its help after the changes.
+# Options of every command, listed last in its help.
 OF_ALL = {"as_json": bool, "quiet": bool}
 
 
@@ -88,8 +88,8 @@ class Option:
     """An option or argument of a command; ``commands.toml`` tells what each key means."""
 
     name: str
-    argument: Argument  # of the verb; an empty one of an option that only the command has
-    own: Any = None  # its type, if only the command has it
+    argument: Argument  # parameter of the verb; empty for an option of the command alone
+    own: Any = None  # its type, for an option of the command alone
     help: str = ""
     sentence: str = ""
     metavar: str | None = None
@@ -126,7 +126,7 @@ class Option:
         return None if self.own else self.argument.default
 
     def parameter(self, *, positional: bool, flags: Mapping[str, str]) -> Parameter:
-        """The parameter from which Typer makes it; `flags` are those that its help may name."""
+        """Typer's parameter for the option; `flags`: flags that its help may name."""
         kind, value = self.kind, self.value
         kept = {key: getattr(self, key) for key in ("metavar", "min", "max")}
         more = {key: x for key, x in kept.items() if x is not None}
@@ -159,7 +159,7 @@ class Option:
         return _in_first_sentence(text, unit + "; repeatable" * repeatable, self.sentence)
 
     def words(self, words: list[str]) -> Any:
-        """The value that the words of an option state."""
+        """The value of an option from its words."""
         try:
             return READ[self.read](words)
         except InputError:
@@ -175,44 +175,44 @@ class Option:
         check_ending(file, *self.ending, option=self.flag)
         if file or not self.default:
             return file
-        whole_log = re.sub(r"@[\d.:]*$", "", Path(str(source)).name)  # without the part of it
+        whole_log = re.sub(r"@[\d.:]*$", "", Path(str(source)).name)  # without the selected part
         return Path(self.default.replace("NAME", Path(whole_log).stem))
 
 
 def _in_first_sentence(text: str, more: str, sentence: str = "") -> str:
-    """The text with `more` at the end of its first sentence, or of `sentence` in its place."""
+    """The text with `more` at the end of its first sentence, or of `sentence` instead."""
     first, bracket, others = re.split(r"( \[default: |\.(?= |$))", text, maxsplit=1)
     return f"{sentence or first}{more}{bracket}{others}"
 
 
 def _radians(value: Any) -> Any:
-    """Radians of an angle, or of several, that the command line has in degrees."""
+    """Radians of one or several angles that the command line states in degrees."""
     return [x * DEG for x in value] if isinstance(value, list) else value and value * DEG
 
 
 @contextmanager
 def flown_by() -> Iterator[FlownBy]:
-    """The keywords of a verb that flies many runs, with the display of its progress."""
+    """The keywords of a verb that flies many runs, with a display of its progress."""
     with campaign_display() as observer:
         yield {**WORKERS.get(), "observer": observer}
 
 
 def check_ending(out: Path | None, *endings: str, option: str = "--out") -> None:
-    """Refuse a file that does not end in one of `endings`, before anything is computed."""
+    """Refuse a file without one of the `endings` before any computation."""
     if out is not None and endings and out.suffix.lower() not in endings:
         raise InputError(f"{out}: {option} must end in {' or '.join(endings)}.")
 
 
 class Command:
-    """A command: a body, and the verb of its `texts`, which the body takes before its options.
+    """A command: a body that takes the verb of its `texts`, and then its options.
 
-    The options are those of the verb and those of the body with help in ``commands.toml``.
+    Its options are the verb's options and the body's options with help in ``commands.toml``.
     """
 
     def __init__(self, body: Callable[..., Answer | None], texts: Mapping[str, Any]) -> None:
         self.body, self.place, self.doing = body, texts.get("verb", ""), texts["doing"]
         self.verb, own = arguments_of(self.place), signature(body).parameters
-        # A command without a verb takes the values of its options alone.
+        # A command without a verb takes only the values of its options.
         self.own = {x.name: x.annotation for x in [*own.values()][bool(self.place) :]}
         self.source = next(iter([*self.verb, *self.own]), "")
         self.several = next((x.name for x in self.verb.values() if x.several), "")
@@ -229,7 +229,7 @@ class Command:
         }
 
     def _known(self, spelled: Mapping[str, Any]) -> Iterator[Option]:
-        """Parameters of verb and body; a help may name those that are no options too."""
+        """Parameters of verb and body; a help may also name parameters that are not options."""
         own = self.own | OF_ALL
         names = dict.fromkeys([*self.verb, *own])
         for name in sorted(names, key=lambda x: (x in OF_ALL, x == "changes")):
@@ -239,7 +239,7 @@ class Command:
             yield Option(name=name, argument=argument, own=only_here, **keys)
 
     def function(self) -> Callable[..., None]:
-        """The function whose parameters Typer takes for the options."""
+        """The function whose parameters become Typer's options."""
 
         def run(*, quiet: bool, as_json: bool = False, **values: Any) -> None:
             self.run(values, quiet=quiet, as_json=as_json)
@@ -268,7 +268,7 @@ class Command:
                 emit(answer, source)
 
     def _read(self, given: Mapping[str, Any], source: Any) -> dict[str, Any]:
-        """Values of the options: words are read, and files to write are checked and named."""
+        """Values of the options, with words read and output files checked and named."""
         values = dict(given)
         for name, option in self.options.items():
             if option.read:
@@ -296,7 +296,7 @@ class Command:
 
 
 def command(body: Callable[..., Answer | None], texts: Mapping[str, Any]) -> Callable[..., None]:
-    """The function of a command, as Typer takes it."""
+    """The function of a command for Typer."""
     return Command(body, texts).function()
 
 

@@ -24,21 +24,21 @@ from flighttune.outputs.answers.answer import Answer
 
 FINE, NO, COULD_NOT_RUN, INTERRUPTED = 0, 1, 2, 130
 
-# Width of a table that goes to a file or a pipe, characters.
+# Width of a table in a file or pipe, characters.
 PLAIN_WIDTH = 120
 
-# Characters of a line about a failure.
+# Maximum length of a line about a failure, characters.
 MAX_REASON = 680
 
 LINE_EVERY_S = 10.0
 
-# Ctrl-C, the end that a system asks for, and that of the terminal.
+# Ctrl-C, a request to end from the system, and the end of the terminal.
 SIGNALS = (signal.SIGINT, signal.SIGTERM, *([signal.SIGHUP] if FORKS else []))
 
 _QUIET: ContextVar[bool] = ContextVar("quiet", default=False)
 _JSON: ContextVar[bool] = ContextVar("as_json", default=False)
 
-# Status on the last line of a terminal's stderr until something else is printed.
+# Status on the last line of a terminal's stderr until the next output.
 _DOING: ContextVar[str] = ContextVar("doing", default="")
 
 
@@ -47,7 +47,7 @@ def working(doing: str, *, quiet: bool, as_json: bool = False) -> Iterator[None]
     """Show a status line on a terminal while the command runs, such as ``tuning ...``."""
     _QUIET.set(quiet)
     _JSON.set(as_json)
-    # Once a file, and with -q too: the file may be a stranger's.
+    # Once per file, and with -q too, because the file may come from somebody else.
     NOTICE.set(cache(lambda file: tell(f"runs the Python code of {file}")))
     if watched():
         _DOING.set(f"{doing} ...")
@@ -64,12 +64,12 @@ def watched() -> bool:
 
 
 def quiet() -> bool:
-    """Whether the command has -q."""
+    """Whether the command was given -q."""
     return _QUIET.get()
 
 
 def clear() -> None:
-    """Clear the status from the terminal before something else is printed."""
+    """Clear the status from the terminal before the next output."""
     if doing := _DOING.get():
         print(f"\r{' ' * len(doing)}\r", end="", file=sys.stderr, flush=True)
         _DOING.set("")
@@ -91,18 +91,18 @@ def show(answer: Answer) -> None:
             print(answer.json())
         elif not quiet():
             for part in answer.text(get_terminal_size((PLAIN_WIDTH, 0)).columns):
-                clear()  # the text may take its time
+                clear()  # making the text may take long
                 print(printable(part))
 
 
 @contextmanager
 def output() -> Iterator[None]:
-    """Write what the block prints on stdout; a full disk ends the command, not a closed pipe."""
+    """Write the block's output to stdout; a full disk ends the command, a closed pipe does not."""
     try:
         yield
         sys.stdout.flush()
     except OSError as error:
-        # what is left cannot be written: Python would complain about it once more
+        # the rest cannot be written, and Python would complain again
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         if isinstance(error, BrokenPipeError):
             return
@@ -117,14 +117,14 @@ def say(line: str) -> None:
 
 
 def tell(line: str) -> None:
-    """Print one line on stderr, for someone who watches; a campaign goes on where nobody does."""
+    """Print one line on stderr at a terminal; a campaign continues without a terminal."""
     with suppress(BrokenPipeError):
         clear()
         print(printable(line), file=sys.stderr, flush=True)
 
 
 def fail(reason: str, status: int) -> NoReturn:
-    """Print the reason in one line on stderr and exit with `status`; a long one is cut."""
+    """Print the reason, cut to one line, on stderr and exit with `status`."""
     line = " ".join(reason.split())
     if len(line) > MAX_REASON:
         half = MAX_REASON // 2
@@ -134,7 +134,7 @@ def fail(reason: str, status: int) -> NoReturn:
 
 
 def _bar(*, sentences: bool) -> Any:
-    """A bar of Rich on stderr where someone watches, else a context of None."""
+    """A bar of Rich on stderr at a terminal, else a context of None."""
     if not watched():
         return nullcontext()
     from rich.console import Console
@@ -147,7 +147,7 @@ def _bar(*, sentences: bool) -> Any:
 
 @contextmanager
 def progress_bar() -> Iterator[Callable[[str, float], None] | None]:
-    """A bar on stderr where someone watches, nothing elsewhere."""
+    """A bar on stderr at a terminal, else nothing."""
     with _bar(sentences=False) as bar:
         tasks: dict[str, Any] = {}
 
@@ -171,7 +171,7 @@ class CampaignDisplay(CampaignObserver):
         self._warned = False
 
     def see(self, progress: CampaignProgress) -> None:
-        """Show how far the campaign is."""
+        """Show the progress of the campaign."""
         if progress.doing == "flying" and not progress.workers and not self._warned:
             self._warned = True
             self.hear("no worker is there yet; waiting for one")
@@ -192,7 +192,7 @@ class CampaignDisplay(CampaignObserver):
             tell(sentence)
 
     def stop(self) -> None:
-        """Ask the campaign to end; a signal handler must not print, stderr may be in use."""
+        """Request the end; a signal handler must not print, because stderr may be in use."""
         self.stopped = True
 
 
@@ -210,7 +210,7 @@ def campaign_display() -> Iterator[CampaignDisplay]:
 
 @contextmanager
 def cleaning_up() -> Iterator[None]:
-    """End the process by a SIGTERM or SIGHUP in the block after what is unfinished is removed."""
+    """End the process by a SIGTERM or SIGHUP in the block after unfinished files are removed."""
     ended_by: list[int] = []
     default = [number for number in SIGNALS[1:] if signal.getsignal(number) == signal.SIG_DFL]
 
@@ -233,16 +233,16 @@ def cleaning_up() -> Iterator[None]:
     finally:
         restore()
     if ended_by:
-        os.kill(os.getpid(), ended_by[0])  # who waits for it learns how it ended
+        os.kill(os.getpid(), ended_by[0])  # the parent process learns the signal
 
 
 @contextmanager
 def on_interrupt(stop: Callable[[], object] | None = None) -> Iterator[None]:
     """Call `stop` at the first of `SIGNALS` in the block; without it, raise KeyboardInterrupt."""
-    # Later signals are handled as before the block. As a signal handler, `stop` only asks for the
-    # end. Shells start commands in the background with SIGINT ignored; in the block it is not.
+    # Later signals are handled as before the block. As a signal handler, `stop` only requests the
+    # end. Shells start background commands with SIGINT ignored; the block does not ignore it.
     before = {number: signal.getsignal(number) for number in SIGNALS}
-    if FORKS and before[signal.SIGHUP] == signal.SIG_IGN:  # nohup wants it to be ignored
+    if FORKS and before[signal.SIGHUP] == signal.SIG_IGN:  # nohup ignores SIGHUP on purpose
         del before[signal.SIGHUP]
 
     def restore() -> None:

@@ -1,4 +1,4 @@
-"""Signatures and docstrings of verbs, read from source: a help starts without importing NumPy.
+"""Signatures and docstrings of verbs, read from source, so that a help does not import NumPy.
 
 The signature gives types, units and defaults, the docstring only the sentences of the help.
 """
@@ -16,7 +16,7 @@ from flighttune.base import units
 from flighttune.base.public import modules_of
 from flighttune.campaigns.engine.fliers import FlownBy
 
-# Types by their names in signatures; other values, and functions, have none on a command line.
+# Types by their names in signatures; other types have no form on a command line.
 KINDS: dict[str, Any] = {x.__name__: x for x in (str, int, float, bool, Path)}
 UNITS = {name: x.__metadata__[0] for name, x in vars(units).items() if hasattr(x, "__metadata__")}
 KINDS |= {"Columns": list[str], **dict.fromkeys(UNITS, float)}
@@ -25,18 +25,18 @@ SEQUENCES = "Iterable", "Sequence"
 
 @dataclass(frozen=True, kw_only=True)
 class Argument:
-    """A parameter of a verb, of which an option may be made."""
+    """A parameter of a verb, which may become an option."""
 
     name: str
-    kind: Any = None  # type on a command line; None if it has none there
+    kind: Any = None  # type on a command line; None without a form there
     unit: str = ""
-    default: Any = None  # None too if it is not a literal
+    default: Any = None  # also None if it is not a literal
     several: bool = False  # takes any number of values
     text: str = ""  # its sentences in the docstring
 
 
 def arguments_of(place: str) -> dict[str, Argument]:
-    """Parameters of a verb, ``module:function`` below flighttune; none of an empty place."""
+    """Parameters of a verb, ``module:function`` below flighttune; empty for an empty place."""
     if not place:
         return {}
     module, _, name = f"flighttune.{place}".partition(":")
@@ -63,7 +63,7 @@ def _source(module: str) -> str:
 
 
 def _stated(stated: ast.arguments, module: str) -> Iterator[Argument]:
-    """Parameters of a signature; the one that takes any number of values is last."""
+    """Parameters of a signature; a parameter for any number of values comes last."""
     parameters = [*stated.args, *stated.kwonlyargs]
     defaults = [*stated.defaults, *stated.kw_defaults]
     required: list[ast.expr | None] = [None] * (len(parameters) - len(defaults))
@@ -78,7 +78,7 @@ def _stated(stated: ast.arguments, module: str) -> Iterator[Argument]:
 
 
 def _kind(annotation: ast.expr | None, module: str) -> Any:
-    """Type of a value on a command line, a list for a sequence; None if it has no form there."""
+    """Type of a value on a command line, a list for a sequence; None without a form there."""
     match annotation:
         case ast.BinOp(left=left, right=right):
             kinds = [x for x in (_kind(left, module), _kind(right, module)) if x]
@@ -99,7 +99,7 @@ def _unit(annotation: ast.expr) -> str:
 
 
 def _choices(name: str, module: str) -> ast.expr | None:
-    """The `Literal` of that name in a module, or in the one that it imports the name from."""
+    """The `Literal` with this name in a module, or in the module from which it is imported."""
     text = _source(module)
     if alias := re.search(rf"^{name}(?:: TypeAlias)? = (Literal\[[^\]]*\])", text, re.MULTILINE):
         return ast.parse(alias[1], mode="eval").body
@@ -110,7 +110,7 @@ def _choices(name: str, module: str) -> ast.expr | None:
 
 
 def _texts(verb: ast.FunctionDef) -> dict[str, str]:
-    """Text of each parameter in a NumPy docstring, or in that of the verb it refers to."""
+    """Text of each parameter in a NumPy docstring, or in the docstring that it refers to."""
     text = cleandoc(ast.get_docstring(verb) or "")
     section = re.search(r"Parameters\n-+\n(.*?)(?=\n\n\w+\n-+\n|\Z)", text, re.DOTALL)
     entry = re.compile(r"^(\w[\w, ]*) : ([^\n]*)\n?((?:    .*\n?)*)", re.MULTILINE)

@@ -273,7 +273,7 @@ def pi_step(
     V_a: float,
     e_V: float = 0.0,
 ) -> None:
-    """One sample of the controller `MimoPI`, written so that Numba compiles it too.
+    """One sample of the controller `MimoPI`; Numba compiles this too.
 
     `ref` and `y` begin with course and flight-path angle; `u_ff` (length m, input unit) is the
     feed-forward, and scheduled gains use `V_a` (m/s). `e_V` (1) is the third error, if any. Writes

@@ -1,1 +1,1 @@
-"""What leaves the program: pages, recordings and exports."""
+"""Outputs of the program: answers, pages, recordings and exports."""

@@ -156,11 +156,11 @@ def row_differences(plan: Plan, run: int, row: Mapping[str, Any]) -> tuple[Diffe
 
 
 class Work(NamedTuple):
-    """What is flown of a plan: its flights, numbers kept of each, and draws in place of its own."""
+    """The work of a plan: its flights, the numbers kept of each, and draws that replace its own."""
 
     plan: Plan
     probes: Probes
-    draws: Sequence[Drawn] | None = None  # in place of those of the design
+    draws: Sequence[Drawn] | None = None  # replace the draws of the design
 
     def blocks(self, runs: Iterable[int]) -> Iterator[tuple[list[Draw], list[Draw]]]:
         """The draws for `fly_together`, and the draws for `fly_draw`, block by block."""

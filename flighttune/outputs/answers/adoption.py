@@ -10,7 +10,7 @@ from flighttune.studies.adoption.adopt import TURN, Adoption
 
 
 def answer(adoption: Adoption) -> Answer:
-    """How the aircraft flies its turn; a failure unless it is adopted."""
+    """The aircraft's flight of the turn; a failure unless it is adopted."""
     folder = adoption.folder
     (drag, share), glide = adoption.largest_drag, ""
     if math.isfinite(adoption.glide_ratio):

@@ -1,4 +1,4 @@
-"""Advice for runs that miss an upper bound, and likely mistakes in laws of a user."""
+"""Advice for runs that exceed an upper bound, and likely mistakes in a user's law."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -15,20 +15,20 @@ from flighttune.flight.scenario.schema import Scenario
 
 # Time that a command spends at a limit, s, from which the limit counts as a cause.
 AT_LIMIT_S = 0.5
-# Relative difference of airspeeds from which gains count as those of another airspeed.
+# Gains count as tuned for another airspeed from this relative difference on.
 OTHER_AIRSPEED = 0.15
-# A mistake in a law shows in this time from the first error of this size on, s and rad.
+# A mistake in a law shows within this time, s, after the first error of this size, rad.
 FIRST_S, FIRST_ERROR = 1.0, 1.0 * DEG
-# Roll commands beyond half a turn and so many times the error are degrees: laws have gains of 1 to
-# 5, which become 57 to 290.
+# Roll commands beyond half a turn and this many times the error must be degrees: usual gains are 1
+# to 5, and become 57 to 290 in degrees.
 NO_ROLL, NO_GAIN = math.pi, 20.0
 
 
 def advice(scenario: Scenario, runs: Sequence[Run], source: str, slopes: Sequence[str] = ()) -> str:
-    """One line with what may help the runs that miss an upper bound; empty if nothing is known to.
+    """One line of advice for runs that exceed an upper bound; empty without advice.
 
-    It begins with likely mistakes in laws of the user. `source` is the scenario as commands name
-    it, `slopes` are sentences on those of the reference that cannot be held.
+    It begins with likely mistakes in a user's law. `source` is the scenario as commands name it,
+    and `slopes` are sentences on slopes of the reference that cannot be held.
     """
     lines, sound = dict[str, None](), list[Run]()
     for run in runs:
@@ -44,7 +44,7 @@ def advice(scenario: Scenario, runs: Sequence[Run], source: str, slopes: Sequenc
 
 
 def mistake(run: Run) -> str:
-    """A likely mistake in the law of a run: its sign, or degrees; empty if none shows."""
+    """A likely mistake in the law of a run, such as its sign or degrees; else empty."""
     columns = run.signals
     if len(columns) < 2:
         return ""
@@ -69,7 +69,7 @@ def mistake(run: Run) -> str:
 def ways_of(
     scenario: Scenario, run: Run, runs: Sequence[Run], source: str, slopes: Sequence[str]
 ) -> Iterator[str]:
-    """Phrases that name what may help a run that misses an upper bound."""
+    """Phrases of advice for a run that exceeds an upper bound."""
     made_by, reference, V_a = run.provenance, scenario.reference, scenario.flight.V_a_mps
     tables = scenario.expected(made_by.plant, made_by.gains_name)
     ends = [table.status for table in tables if table.status] or ["completed"]

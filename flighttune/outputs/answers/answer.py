@@ -24,7 +24,7 @@ GAP = "  "
 # Width to which a column of words may be wrapped before the table is cut in two, characters.
 NARROWEST = 16
 
-# Characters of a cell from which on a page may wrap the last column.
+# Length of a cell from which a page may wrap the last column, characters.
 LONG_WORDS = 40
 
 
@@ -36,7 +36,7 @@ class Column:
     name: str = ""
     unit: str = ""
     digits: str | Callable[[float], str] = "z.4g"  # how its numbers are written
-    factor: float = 1.0  # from the value to the unit shown
+    factor: float = 1.0  # factor from the value to the shown unit
     ends: tuple[str, str] | None = None  # keys of the interval around its numbers
     missing: str = MISSING
 
@@ -46,7 +46,7 @@ class Column:
         return f"{self.name} [{self.unit}]" if self.unit else self.name
 
     def text(self, record: Mapping[str, Any]) -> str:
-        """The value as it is written."""
+        """The formatted value."""
         if (value := _value(record, self.key)) is None:
             return self.missing
         if isinstance(value, bool):
@@ -64,26 +64,26 @@ class Column:
         return interval(value, *ends, written=self.written)
 
     def written(self, value: float) -> str:
-        """A number as it is written, in the unit shown."""
+        """A formatted number in the shown unit."""
         value = value * self.factor
         return self.digits(value) if callable(self.digits) else number(value, self.digits)
 
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """Records and the columns that are shown of them."""
+    """Records and the columns to show."""
 
     columns: Sequence[Column]
     records: Sequence[Mapping[str, Any]]
     title: str = ""
     _: KW_ONLY
-    name: str = ""  # key of the records in a JSON object; empty where its values have them
-    label: str = ""  # key of the run whose colour a row has on a page
-    grouped: bool = False  # the first column repeats: it heads a table each where room is short
+    name: str = ""  # key of the records in a JSON object; empty if its values already have them
+    label: str = ""  # key of the run whose colour marks a row on a page
+    grouped: bool = False  # whether the first column heads separate tables if room is short
 
     @property
     def filled(self) -> "Table":
-        """The table without columns that have no value; the first one stays."""
+        """The table without empty columns, except the first."""
         columns = [
             column
             for place, column in enumerate(self.columns)
@@ -94,7 +94,7 @@ class Table:
 
     @property
     def head(self) -> list[str]:
-        """Headings; none where no column has a name."""
+        """Headings; empty if no column has a name."""
         return (
             [column.heading for column in self.columns] if any(c.name for c in self.columns) else []
         )
@@ -124,7 +124,7 @@ class Table:
 
     def text(self, width: int) -> str:
         """The table in lines of at most `width` characters; words are wrapped, numbers are not."""
-        # one line, for a title of a file must not look like a line of ours
+        # in one line, because a title from a file must not imitate other lines
         title = [" ".join(self.title.split())] if self.title else []
         first, *others = shown = self.filled.columns
         least = dict(zip(shown, replace(self, columns=shown)._least(), strict=True))
@@ -148,7 +148,7 @@ class Table:
         return "\n".join([*title, *lines])
 
     def _least(self) -> list[int]:
-        """Width to which each column may be wrapped: numbers are never broken, words may be."""
+        """Minimum width of each column: only words may be wrapped."""
         widths = []
         columns = zip([column.heading for column in self.columns], *self.rows, strict=True)
         for place, ((heading, *cells), words) in enumerate(
@@ -156,7 +156,7 @@ class Table:
         ):
             if not words:
                 widths.append(max(map(len, (*heading.split(), *cells)), default=0))
-            elif not place:  # it names the rows
+            elif not place:  # the first column names the rows
                 widths.append(min(max(map(len, (heading, *cells))), 2 * NARROWEST))
             else:
                 parts = " ".join([heading, *cells]).split()
@@ -211,13 +211,13 @@ class Table:
 
 
 def facts_table(title: str, facts: Mapping[str, str]) -> Table:
-    """A table of words: a name and what is said of it in each row."""
+    """A table of words, with a name and its text in each row."""
     records = [{"what": name, "value": value} for name, value in facts.items()]
     return Table(title=title, columns=(Column("what"), Column("value")), records=records)
 
 
 def _value(record: Any, key: str) -> Any:
-    """A value of a record, None where it has none; both keys and ways into values have dots."""
+    """Value at a dotted key of a record; None if missing. Keys may contain dots themselves."""
     if isinstance(record, list | tuple):
         record = {str(place): value for place, value in enumerate(record)}
     if not isinstance(record, Mapping):
@@ -242,8 +242,8 @@ READ_BY = {"recording": "view", "dataset": "report", "proof": "verify", "scenari
 class Answer:
     """The result of a command: values, tables, sentences, a command to copy, files, failure."""
 
-    summary: Sequence[str] = ()  # the answer in a few lines, before everything else
-    changed: Sequence[str] = ()  # what of the question was changed or left out, after them
+    summary: Sequence[str] = ()  # the answer in a few lines, at the top
+    changed: Sequence[str] = ()  # changes and omissions of the question, after these lines
     values: Mapping[str, Any] = field(default_factory=dict)
     tables: Sequence[Table] = ()
     notes: Sequence[str] = ()
@@ -251,14 +251,14 @@ class Answer:
     command: str = ""  # to copy
     files: Mapping[str, Path | str | None] = field(default_factory=dict)
     failure: str = ""  # reason for an exit status other than 0
-    status: int = 1  # exit status of a failure: 1 where the answer is no
+    status: int = 1  # exit status of a failure: 1 if the answer is no
 
     def json(self) -> str:
-        """One JSON object; numbers that JSON has no word for become null."""
+        """One JSON object; infinite numbers and NaN become null."""
         from pydantic_core import to_jsonable_python  # here: --help must be quick
 
         records = {table.name: table.records for table in self.tables if table.name}
-        verdict = self.verdict or self.failure  # an answer that is no says so here too
+        verdict = self.verdict or self.failure  # a negative answer is marked here too
         sentences = {"notes": [*self.changed, *self.notes], "verdict": verdict}
         if self.summary:
             sentences["summary"] = self.summary
@@ -307,5 +307,5 @@ class Answer:
 
 
 def _plain(value: Any) -> Any:
-    """A mapping that is no dictionary, an array or a scalar of NumPy's as what pydantic knows."""
+    """A mapping, array or NumPy scalar converted to a type that pydantic knows."""
     return dict(value) if isinstance(value, Mapping) else value.tolist()

@@ -20,8 +20,8 @@ NEAREST_COLUMNS = columns("what margin_m side edge along_m stretch", of="fence")
 def answer(band: Band, file: str | Path = "FILE") -> Answer:
     """The half-widths of the band in a file and its claim; a failure if nothing is claimed.
 
-    Along a route it has the length and the time too. The claim about its last fence, if any, is
-    the verdict then, and a failure if the count does not support it.
+    Along a route it also has the length and the time. The claim about its last fence, if any, is
+    then the verdict, and a failure if the count does not support it.
     """
     answer = counted.answer(band, file)
     try:
@@ -59,7 +59,7 @@ def along_route(band: Band, answer: Answer) -> Answer:
 
 
 def summary(band: Band, room: Counted | None = None, room_words: str = "") -> list[str]:
-    """The answer of a mission in four lines: whether, the odds, how wide, and for what.
+    """The answer of a mission in four lines: verdict, probability, width and conditions.
 
     The room to turn back, if it was counted, shares the confidence.
     """
@@ -88,7 +88,7 @@ def summary(band: Band, room: Counted | None = None, room_words: str = "") -> li
 
 
 def in_fence(band: Band, fenced: Fenced, sure: str) -> tuple[str, str]:
-    """Sentences that say whether the mission stays inside its fence, and with which odds."""
+    """Sentences on whether the mission stays inside its fence, with the probability."""
     flights, slower = len(band.scores), band.flights.route.except_slopes
     nearest = min(fenced.nearest, key=lambda row: row["margin_m"])
     margin = nearest["margin_m"]

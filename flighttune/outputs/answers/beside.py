@@ -1,4 +1,4 @@
-"""The answer of the guidance of a user beside our gains."""
+"""The answer of the comparison between a user's guidance and our gains."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -30,7 +30,7 @@ TRACKING = columns("of log low high unit", of="beside_log")
 
 
 def answer(beside: Beside) -> Answer:
-    """Accuracy, losses, margins and what was emulated, in four lines; then the tables."""
+    """Accuracy, losses, margins and the emulation in four lines; then the tables."""
     accuracy, now = beside.accuracy, beside.now
     ended = beside.rows[beside.rows["status"] != "completed"].assign(run=lambda x: x["draw"])
     lost = {x: ended[ended["gains"] == x].to_dict(orient="records") for x in (YOURS, OURS)}
@@ -73,7 +73,7 @@ def answer(beside: Beside) -> Answer:
 
 
 def kept_errors(beside: Beside) -> tuple[str, str]:
-    """Words for the errors that a new flight keeps, in short and as a bound with its confidence."""
+    """Words for the bounds on errors of a new flight, in short and with the confidence."""
     if (n := beside.plan.draws) < (needed := flights_needed(EPSILON, CONFIDENCE)):
         return f"Largest errors of {n}", f"Largest errors of {n}; {needed} are needed for a bound"
     kept = f"Errors that {percent(1.0 - EPSILON)} % of flights keep to"
@@ -81,7 +81,7 @@ def kept_errors(beside: Beside) -> tuple[str, str]:
 
 
 def summary(beside: Beside, kept: str, accuracy: Rows, lost: Mapping[str, Rows]) -> list[str]:
-    """The errors `kept`, flights lost, draws in which ours is better, the loops, and the basis."""
+    """Bounds on errors, lost flights, draws in which ours is better, the loops, and the basis."""
     n, both, better, said = beside.plan.draws, [], [], []
     for x in accuracy[:3]:  # cross track, height and airspeed of a route
         yours, ours = (number(x[name], ".3g") for name in (YOURS, OURS))
@@ -103,7 +103,7 @@ def summary(beside: Beside, kept: str, accuracy: Rows, lost: Mapping[str, Rows])
 
 
 def in_your_terms(beside: Beside) -> str:
-    """The gain of the course in the name of the user's parameter, and the margins."""
+    """The gain of the course as the user's parameter, and the margins."""
     law, period = beside.now.law, beside.now.law.period
     K_P = our_rate_gains(beside.plan).K_P[0, 0]
     same = 4.0 * math.pi * law.roles["damping"] / K_P

@@ -1,4 +1,4 @@
-"""The answers of a campaign: before it is flown, and after."""
+"""The answers of a campaign, before and after its flights."""
 
 from flighttune.base.words import duration, pick, rate
 from flighttune.campaigns.engine.engine import CampaignOutcome, Forecast
@@ -47,9 +47,9 @@ def planned(forecast: Forecast) -> Answer:
 
 
 def flown(outcome: CampaignOutcome) -> Answer:
-    """Flights by their status, and the time they took; status 130 if they were interrupted.
+    """Flights by status, and their time; exit status 130 after an interrupt.
 
-    Status 1 if the share asked for is not surely reached by all groups.
+    Exit status 1 unless all groups surely reach the required share.
     """
     speed = f"{duration(outcome.wall_s)}, {rate(outcome.rate_per_s)} a second"
     interrupted = (

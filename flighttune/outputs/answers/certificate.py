@@ -14,7 +14,7 @@ BOX_COLUMNS = columns("error lag delay rate norm_rate growth", of="lag_boxes")
 
 
 def answer(certificate: Certificate) -> Answer:
-    """The claim with the gains and the model that it is about."""
+    """The claim with its gains and model."""
     values = {
         **certificate.values,
         **pick(certificate.claim, "envelope g"),

@@ -21,7 +21,7 @@ CERTIFICATE_COLUMNS = columns("in_words rate growth radius L_d largest_factor", 
 
 
 def answer(certification: Certification) -> Answer:
-    """Indicators, eigenvalues, margins and certificate; a failure if the loop has none."""
+    """Indicators, eigenvalues, margins and certificate; a failure without a certificate."""
     loop, values, proven = certification.indicators, certification.values, certification.certificate
     units = indicators_by_units(certification)
     poles = [{"real": pole.real, "imaginary": pole.imag} for pole in loop.eigenvalues]
@@ -55,7 +55,7 @@ def answer(certification: Certification) -> Answer:
 
 
 def indicators_by_units(certification: Certification) -> list[dict[str, Any]]:
-    """Indicators in plain units of state, and in those in which the gains were tuned."""
+    """Indicators in plain units of state, and in the units of the tuning."""
     plain = pick(certification.indicators, "R_K I_K E_K scaling spectral_abscissa")
     rows = [{"units": "plain", **plain}]
     if certification.scaling is not None:
@@ -66,7 +66,7 @@ def indicators_by_units(certification: Certification) -> list[dict[str, Any]]:
 
 
 def notes(certification: Certification) -> list[str]:
-    """Where the certificate holds, what it lacks and what it assumes."""
+    """Validity, gaps and assumptions of the certificate."""
     certificate = certification.certificate
     everywhere = certification.over_envelope and certification.largest_factor is None
     identified = certificate is not None and certificate.claim.conditions

@@ -16,7 +16,7 @@ PAIR_COLUMNS = columns(
 
 
 def answer(comparison: Comparison) -> Answer:
-    """Pairs and metrics side by side; status 2 where the runs cannot be compared."""
+    """Pairs and metrics side by side; exit status 2 if the runs cannot be compared."""
     differs = {
         f"not the same: {key}: {first} and {second}"
         for pair in comparison.pairs
@@ -60,7 +60,7 @@ def comparison_table(title: str, metrics: pd.DataFrame) -> Table:
 
 
 def pairs_table(comparison: Comparison) -> Table:
-    """Which runs were compared, how far apart they flew, and in how many metrics each is better."""
+    """The compared runs, their distance, and the number of metrics in which each is better."""
     better = comparison.metrics.groupby(["pair", "better"]).size()
     records = [
         {

@@ -14,7 +14,7 @@ WIDTH_COLUMNS = columns("signal largest last_quarter end low high unit", of="wid
 
 
 def answer(counted: Counted, file: str | Path = "FILE") -> Answer:
-    """The flights that were counted, and their claim; a failure if nothing is claimed."""
+    """The counted flights and their claim; a failure without a claim."""
     law = counted.flights.scenario.law_table(counted.flights.gains_name)
     title, name = counted.title
     return Answer(
@@ -48,7 +48,7 @@ def answer(counted: Counted, file: str | Path = "FILE") -> Answer:
 
 
 def widths(counted: Counted) -> list[dict[str, Any]]:
-    """The sizes that are claimed of each signal, in the units shown; none without a claim."""
+    """The claimed bounds of each signal, in the shown units; empty without a claim."""
     if not counted.claims:
         return []
     rows = []
@@ -61,7 +61,7 @@ def widths(counted: Counted) -> list[dict[str, Any]]:
 
 
 def nearest(counted: Counted, file: str | Path) -> list[str]:
-    """The flight inside that is nearest to leaving, and how to fly it again."""
+    """The inside flight nearest to leaving, and the command that repeats it."""
     if not counted.claims:
         return []
     seed = counted.about.plan["campaign"]["seed"]

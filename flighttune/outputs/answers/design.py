@@ -18,7 +18,7 @@ STEP_COLUMNS = columns("name t90_s t90_allowed_s overshoot overshoot_allowed met
 
 
 def answer(designed: DesignedAircraft) -> Answer:
-    """Gains designed and before, and the steps; a failure if a step misses."""
+    """Designed and earlier gains, and the steps; a failure if a step misses a requirement."""
     compared = [
         {"gain": name, "designed": value, "before": designed.before.get(name)}
         for name, value in designed.gains.gains.items()
@@ -29,7 +29,7 @@ def answer(designed: DesignedAircraft) -> Answer:
 
 
 def steps_table(steps: Sequence[StepResponse]) -> Table:
-    """Steps flown against what was asked for."""
+    """Flown steps against the requirements."""
     records = [
         pick(step, "name channel overshoot overshoot_allowed met")
         | {"V_a_mps": step.V_a, "step": step.size}
@@ -40,7 +40,7 @@ def steps_table(steps: Sequence[StepResponse]) -> Table:
 
 
 def sheet(designed: DesignedAircraft) -> Sheet:
-    """The step responses that were flown, and the load factor on the way into a level bank."""
+    """The flown step responses, and the load factor during a roll into a level bank."""
     config, steps = designed.config, designed.steps
     roll = Chart(title="Roll, step of 30°", y="φ [deg]")
     load = Chart(title="Load factor, steps of 0.5", y="n_z [1]")
@@ -52,7 +52,7 @@ def sheet(designed: DesignedAircraft) -> Sheet:
         name = f"{V_a:g} m/s"
         for step in (step for step in steps if step.V_a == V_a):
             signals, rate = step.signals, rates[step.channel]
-            # The command behind the rate limit of the inner loop, the same at every airspeed.
+            # The command behind the rate limit of the inner loop, equal at every airspeed.
             ramp = np.sign(step.size) * np.minimum(abs(step.size), rate * signals["t"])
             if step.channel == "phi":
                 chart, unit, start, label = roll, DEG, 0.0, f"command, {rate / DEG:g}°/s"

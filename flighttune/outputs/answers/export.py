@@ -6,14 +6,14 @@ from flighttune.outputs.exports.jsbsim_folder import COLUMNS, CSV, README, SCRIP
 
 
 def source(exported: ExportedSource) -> Answer:
-    """The files and their folder."""
+    """The written files and their folder."""
     monitor = {"monitor": exported.monitor} if exported.monitor else {}
     files = {"folder": exported.source.parent, "source": exported.source, **monitor}
     return Answer(notes=exported.notes, files=files)
 
 
 def flight(exported: ExportedFlight) -> Answer:
-    """The command that flies the folder; a failure if its flight is not that of `fly`."""
+    """The command that flies the folder; a failure if its flight differs from `fly`."""
     folder = exported.folder
     return Answer(
         values={

@@ -25,7 +25,7 @@ BOUND_KEYS = "run subject measure sense bound value met flown"
 
 
 def answer(flown: FlownScenario, signals: Mapping[str, Path] | None = None) -> Answer:
-    """How each run ended and what was measured; a failure names the requirements missed.
+    """End and measures of each run; a failure names the missed requirements.
 
     `signals`: files of recorded runs by label.
     """
@@ -39,7 +39,7 @@ def answer(flown: FlownScenario, signals: Mapping[str, Path] | None = None) -> A
     claim, missed = flown.claim, flown.claim.missed
     slopes = slopes_not_held(scenario)
     next_step = advice(scenario, flown.runs, flown.source, slopes)
-    # how a flight ended is a note already
+    # a note already tells how a flight ended
     sentence = claim.short if failed(flown) else claim.sentence
     more = f" ({len(missed) - 1} more)" if missed[1:] else ""
     return Answer(
@@ -73,7 +73,7 @@ def failed(flown: FlownScenario) -> bool:
 
 
 def loop_in_words(scenario: Scenario) -> str:
-    """The linear loop whose indicators are shown."""
+    """The linear loop of the indicators, in words."""
     tuning, place = scenario.tuning, "steady flight on the first reference"
     if tuning.model != "identified":
         return f"linear loop on the kinematic law, {place}"
@@ -82,7 +82,7 @@ def loop_in_words(scenario: Scenario) -> str:
 
 
 def notes(flown: FlownScenario) -> list[str]:
-    """How flights ended, gains without indicators, who had priority, and where to look next."""
+    """Ends of flights, gains without indicators, priority of channels, and the next command."""
     told = [f"{run.label}: {run.outcome}" for run in flown.runs if run.status != "completed"]
     told += [
         f"{name}: R_K none: its law states no linear model that its gains act on."

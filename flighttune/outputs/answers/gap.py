@@ -74,7 +74,7 @@ def answer(gap: Gap, signals: Mapping[str, Path] | None = None) -> Answer:
 
 
 def planning(gap: Gap) -> list[str]:
-    """A sentence on what planning takes away; none where nothing is planned."""
+    """A sentence on the reduction of errors by planning; empty without planning."""
     errors = " and that of ".join(
         f"{CHANNEL_NAMES[channel]} from {largest['unplanned'] * DEG_PER_RAD:.3g} to "
         f"{largest['planned'] * DEG_PER_RAD:.3g} deg"

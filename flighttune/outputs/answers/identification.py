@@ -40,7 +40,7 @@ FIT_NOTE = (
 
 
 def answer(identification: AircraftIdentification) -> Answer:
-    """Lags with their fits, and modes; a failure where a lag explains too little."""
+    """Lags with their fits, and modes; a failure if a lag explains too little."""
     conditions = model_file.identified_tables(identification.identified)["conditions"]
     poor = [
         f"{channel} at {point.V_a:g} m/s, {point.gamma / DEG:g} deg: {fitted.fit_percent:.1f} %"
@@ -61,7 +61,7 @@ def answer(identification: AircraftIdentification) -> Answer:
 
 
 def sheet(identification: AircraftIdentification) -> Sheet:
-    """Bode diagrams, coupling and held-out manoeuvre of the first condition, a column a channel."""
+    """Bode diagrams, coupling and validation manoeuvre of the first condition, by channel."""
     flights = identification.conditions[0]
     columns = [
         (*bode(flights.channels[name], NAMES[i], COUPLINGS[i]), held_out(flights, i))
@@ -73,9 +73,9 @@ def sheet(identification: AircraftIdentification) -> Sheet:
 def bode(
     channel: ChannelIdentification, name: str, coupling: tuple[str, str]
 ) -> tuple[Chart, Chart, Chart]:
-    """Magnitude and phase of a channel as flown and fitted, and the magnitude of its coupling."""
+    """Measured and fitted magnitude and phase of a channel, and the magnitude of its coupling."""
     response, lag = channel.frequency, channel.candidates[0].lag
-    assert response.other is not None  # of two channels
+    assert response.other is not None  # one magnitude per channel
     omega = np.geomspace(response.omega[0], response.omega[-1], 300)
     magnitude, phase, other = (
         Chart(title=title, x="frequency [rad/s]", y=unit, log="x")

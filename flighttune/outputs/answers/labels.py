@@ -1,4 +1,4 @@
-"""Labels of columns: name, unit and format of what stands in files and rows, by key."""
+"""Labels of columns: name, unit and format of the values in files and rows, by key."""
 
 import tomllib
 from collections.abc import Iterable, Mapping
@@ -15,7 +15,7 @@ from flighttune.outputs.answers.answer import Column, Table
 
 
 def endings_table(rows: Iterable[Mapping[str, Any]]) -> Table:
-    """How often, why and where flights did not complete."""
+    """Number, reasons and places of flights that did not complete."""
     records = [{"ended": row["status"].replace("_", " "), **row} for row in endings(rows)]
     shown = columns("ended count reason run", of="endings")
     return Table(shown, records, "flights that did not complete", name="endings")
@@ -63,7 +63,7 @@ def metric_label(key: str, channels: Mapping[str, str] = SYMBOLS) -> Column:
         return replace(label, unit=label.unit.replace("rad", "m/s"))
     if metric != "effort_rms":
         return label
-    # The effort is that of the command: roll for the course, load factor for the path angle.
+    # The effort belongs to the command: roll for the course, load factor for the path angle.
     unit, factor = ("deg", DEG_PER_RAD) if channel == "chi" else ("1", 1.0)
     return replace(label, unit=unit, factor=factor)
 
@@ -74,7 +74,7 @@ def measure_words(key: str) -> str:
 
 
 def in_words(requirement: Mapping[str, Any]) -> dict[str, Any]:
-    """A requirement with its measure in words, and all its values in the `unit` that is shown."""
+    """A requirement with its measure in words, and all its values in the shown `unit`."""
     label = metric_label(requirement["measure"])
     values = {
         key: label.factor * requirement[key]
@@ -88,7 +88,7 @@ def in_words(requirement: Mapping[str, Any]) -> dict[str, Any]:
 def columns(keys: str, of: str = "") -> list[Column]:
     """Columns of a table by the keys of its records, separated by spaces.
 
-    Labels that only one table has are in ``[tables.NAME]``; `of` is that name.
+    Labels of a single table are in ``[tables.NAME]``; `of` is the name.
     """
     own = {key: _labelled(key, *row) for key, row in TABLES["tables"][of].items()} if of else {}
     return [own.get(key) or _column(key) for key in keys.split()]

@@ -29,7 +29,7 @@ PART_COLUMNS = [Column("from_s", "from", "s", ".1f"), *RUNG_COLUMNS[1:]]
 
 
 def answer(gap: LogGap) -> Answer:
-    """Differences of each model that flew the commands, their causes, factors and places."""
+    """Differences of each model that flew the commands, with causes, factors and stretches."""
     apart = {name: difference(gap.t, gap.logged, flown) for name, flown in gap.flights.items()}
     chi, t = np.abs(np.nan_to_num(apart[gap.aircraft]["chi"])), compared(gap.t, gap.t)
     worst = np.unravel_index(np.argmax(chi), chi.shape)
@@ -53,7 +53,7 @@ def answer(gap: LogGap) -> Answer:
 
 
 def tables(gap: LogGap, apart: Mapping[str, Mapping[str, FloatArray]]) -> list[Table]:
-    """The differences `apart` of what flew the commands, the causes, factors and stretches."""
+    """The differences `apart` by model, the causes, factors and stretches."""
     rungs = [
         {"flown": name, **{key: rms(values) for key, values in each.items()}}
         for name, each in apart.items()

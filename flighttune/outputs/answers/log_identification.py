@@ -16,7 +16,7 @@ CHANNEL_COLUMNS = columns_by(
 
 
 def answer(found: LogIdentification) -> Answer:
-    """Lags with intervals; a failure where a channel has none."""
+    """Lags with intervals; a failure if a channel has no lag."""
     records = [
         {
             "channel": name,
@@ -43,7 +43,7 @@ def answer(found: LogIdentification) -> Answer:
 
 
 def notes(found: LogIdentification) -> list[str]:
-    """What the logs cannot tell, how logs agree, and what no lag explains."""
+    """Unidentifiable channels, agreement of the logs, and residuals of the lags."""
     told = [f"{name}: {reason}" for name, reason in found.untold.items()]
     told += [
         f"{name} of each log by the lag of the others: "

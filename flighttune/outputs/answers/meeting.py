@@ -28,7 +28,7 @@ BY_DEFAULT_NOTE = (
     "Margins of the linear loop of 6 dB and 35 deg are required by default: others under "
     "at_least.loop of [[expect]] replace them."
 )
-# What is claimed, by what decides it or by the answer that is sure.
+# Claims, by the rule that decides or by the sure answer.
 AT_ANY = f"confidence {CONFIDENCE:g} at any number of draws"
 DECIDED = {
     "lo": "{} are wanted, by the lower end of the interval",
@@ -78,7 +78,7 @@ def answer(meeting: Meeting) -> Answer:
 
 
 def drawn(meeting: Meeting) -> list[Table]:
-    """What was drawn for each plant; none without a campaign."""
+    """The dispersions of each plant; empty without a campaign."""
     if meeting.campaign is None:
         return []
     labels = [plant.label for plant in meeting.scenario.plant]
@@ -86,14 +86,14 @@ def drawn(meeting: Meeting) -> list[Table]:
 
 
 def start_sentence(meeting: Meeting) -> str:
-    """A note that the gains of the start need no search; empty if they do."""
+    """A note that the initial gains already meet all requirements; else empty."""
     n = len(meeting.requirements)
     met = f"the gains of the start, {meeting.start}, already meet all {n} requirements"
     return met if meeting.start_met else ""
 
 
 def worse_sentence(meeting: Meeting) -> str:
-    """Measures that are worse than with the gains of the start; empty if there are none."""
+    """Measures that are worse than with the initial gains; else empty."""
     worse = [
         f"{row['words']} {row['value']:.3g} {row['unit']} (was {row['start']:.3g})"
         for row in map(in_words, meeting.worse)

@@ -9,7 +9,7 @@ from flighttune.outputs.answers.turn_back import ended
 
 
 def answer(mission: MissionOdds) -> Answer:
-    """The answer of the band, with the room to turn back beside it; a failure if one fails."""
+    """The answer of the band and of the room to turn back; a failure if one fails."""
     band, room, files = mission.band, mission.room, mission.files
     seen = over_ground(band.flights.route, mission.terrain, band)
     answer = beside_terrain(band.answer(mission.file or "FILE"), seen)
@@ -36,10 +36,10 @@ def answer(mission: MissionOdds) -> Answer:
 
 
 def planned(mission: PlannedMission) -> Answer:
-    """The planned route, with what fences and terrain say of it."""
+    """The planned route, with its clearance from fences and terrain."""
     seen, nearest = mission.seen, mission.nearest
     answer = beside_terrain(mission.route.answer([*mission.outside, *seen.faults]), seen)
-    if answer.failure:  # what is well does not come before what is not
+    if answer.failure:  # problems come first
         answer = replace(answer, changed=[*mission.inside, *answer.changed])
     else:
         answer = replace(answer, summary=[*mission.inside, *answer.summary])
@@ -53,7 +53,7 @@ def planned(mission: PlannedMission) -> Answer:
 
 
 def beside_terrain(answer: Answer, seen: OverGround) -> Answer:
-    """An answer with what the terrain says beside it."""
+    """An answer with the clearance over terrain."""
     return replace(
         answer,
         values={**answer.values, **seen.values},

@@ -14,7 +14,7 @@ COLUMNS = columns("name seconds score why", of="healthy_logs")
 
 
 def answer(monitor: LogMonitor, _: str | Path = "FILE") -> Answer:
-    """The logs, what is watched and what is not, and the claim."""
+    """The logs, the watched and unwatched signals, and the claim."""
     models = monitor.logs[0].models
     seen, possible = {x.name for x in models}, {x.name: x for x in watching.OF_LOGS[::-1]}
     lacking = [x for name, x in possible.items() if name not in seen]

@@ -1,4 +1,4 @@
-"""The answer of runs that were flown again."""
+"""The answer of repeated runs."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -14,10 +14,10 @@ DIFFERENCE_COLUMNS = columns("run what t recorded reflown", of="differences")
 
 
 def answer(reflown: Reflown, signals: Mapping[str, Path] | None = None) -> Answer:
-    """Each run with what differs; `signals` are files of recorded flights by label."""
+    """Each run with its differences; `signals` are files of recorded flights by label."""
     records = [run.record for run in reflown.runs]
     differences = [{"run": r["run"], **other} for r in records for other in r["differences"]]
-    # All digits: whoever flies the draw again by --set types them.
+    # All digits, because users repeat a draw by typing them after --set.
     drawn = [
         {"parameter": key, "value": str(value)} for key, value in reflown.runs[0].drawn.items()
     ]

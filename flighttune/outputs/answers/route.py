@@ -14,7 +14,7 @@ COLUMNS = columns(
 def answer(route: PlannedRoute, faults: Sequence[str] = ()) -> Answer:
     """The stretches, the length and the time in still air and in wind.
 
-    With `faults` of the path, a sentence each, the answer is no: they are its first lines.
+    If the path has `faults`, one sentence each, the answer is no and begins with them.
     """
     path, slowest, time = route.reference.path, float(route.reference.V.min()), route.time
     stretches, in_wind, wind = route.stretches, "", f"a wind of {route.wind:.3g} m/s"

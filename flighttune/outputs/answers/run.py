@@ -12,7 +12,7 @@ from flighttune.outputs.drawing.palette import LineStyle, line_styles
 
 
 def facts(run: Run) -> Table:
-    """How a run ended, how long it flew, and with which gains."""
+    """End, duration and gains of a run."""
     said = {"outcome": run.outcome, "flown": f"{run.duration:g} s, {len(run.signals)} samples"}
     if len(run.signals) and {"chi_err", "gamma_err"} <= set(run.signals):
         chi, gamma = (float(run.signals[f"{n}_err"].iloc[-1]) / DEG for n in ("chi", "gamma"))
@@ -26,7 +26,7 @@ def facts(run: Run) -> Table:
 
 
 def priority_notes(runs: Iterable[Run]) -> list[str]:
-    """From when on the airspeed had priority in a run, and what it took from the path angle."""
+    """Time of airspeed priority in a run, and its effect on the path angle."""
     notes = []
     for run in runs:
         less = given_way(run)
@@ -45,7 +45,7 @@ def priority_notes(runs: Iterable[Run]) -> list[str]:
 
 
 def claim_notes(runs: Iterable[Run]) -> list[str]:
-    """Whether runs are inside what is claimed of them, and the claims in words."""
+    """Whether runs are inside their claims, and the claims in words."""
     runs = list(runs)
     said = [f"{run.label}: {claim.said(run.signals)}" for run in runs for claim in run.claims]
     claims = [
@@ -58,7 +58,7 @@ def claim_notes(runs: Iterable[Run]) -> list[str]:
 
 
 def not_claimed(runs: Iterable[Run]) -> list[str]:
-    """A sentence for each claim beside a run that says nothing of it."""
+    """A sentence for each claim that does not cover a run."""
     return [
         f"{run.label}: {claim.said(run.signals)}"
         for run in runs
@@ -68,7 +68,7 @@ def not_claimed(runs: Iterable[Run]) -> list[str]:
 
 
 def run_styles(runs: Iterable[Run]) -> dict[str, LineStyle]:
-    """Line style of every run by its label, the same in every picture of these runs."""
+    """Line style of every run by label, equal in all pictures of these runs."""
     pairs = [(run.provenance.plant, run.provenance.gains_name) for run in runs]
     return {f"{plant} / {name}": style for (plant, name), style in line_styles(pairs).items()}
 
@@ -87,7 +87,7 @@ def claimed(runs: Sequence[Run]) -> Answer:
             if SCORE in claim.units:
                 row["alarm"] = alarm and alarm._asdict()
             claims.append(row)
-            # A flight that leaves a proven tube is a failure, and so is an alarm.
+            # A flight outside a proven tube is a failure, and so is an alarm.
             if claim.no_claim:
                 continue
             if alarm is not None:

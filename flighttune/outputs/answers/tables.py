@@ -23,7 +23,7 @@ MARGIN_COLUMNS = columns(
 
 
 def margins_table(margins: Sequence[Margins]) -> Table:
-    """Stability margins: a row for each channel, and one for all channels at once."""
+    """Stability margins: a row for each channel, and a row for all channels together."""
     records = [
         {
             **pick(row, "loop gain_decrease gain_increase"),
@@ -32,7 +32,7 @@ def margins_table(margins: Sequence[Margins]) -> Table:
         }
         for row in margins
     ]
-    if margins:  # the last row is that of all channels at once
+    if margins:  # the last row is for all channels together
         last = margins[-1]
         records[-1] |= {"lag_margin_s": last.lag_margin, "disk_margin": last.disk_margin}
     return Table(MARGIN_COLUMNS, records, "stability margins", name="margins")
@@ -50,13 +50,13 @@ def lags_table(aircraft: IdentifiedAircraft) -> Table:
 
 
 def dispersions_table(distribution: Distribution, flown: str) -> Table:
-    """Plant, airspeed, start, air, and every key that is drawn with its range and unit."""
+    """Plant, airspeed, start, air, and every drawn key with its range and unit."""
     records = distribution.records(flown)
     return Table(columns(" ".join(DRAWN)), records, "flights", name="dispersions")
 
 
 def gains_table(title: str, gains: PIGains | None) -> Table:
-    """Gains as a table with a row for each command; no rows where there are no gains."""
+    """Gains as a table with a row for each command; empty without gains."""
     columns = [Column("command", "command")]
     for part, of in (("P", "e_"), ("I", "int e_")):
         errors = enumerate(ERRORS if gains is None else gains.errors)

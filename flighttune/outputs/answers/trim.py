@@ -19,7 +19,7 @@ SPEED_COLUMNS = columns("V_a_mps gamma throttle reason", of="trims")
 def answer(trims: Trims, *, every_condition: bool = False) -> Answer:
     """A row for each airspeed, or for every condition."""
     records, columns = trims.records, COLUMNS
-    # With one path angle for each airspeed the table of all conditions is as short.
+    # With one path angle per airspeed the table of all conditions is equally short.
     if not every_condition and len({row["V_a_mps"] for row in records}) < len(records):
         records, columns = list(speeds(records)), SPEED_COLUMNS
     reason = trims.records[0]["reason"]
@@ -40,7 +40,7 @@ def who_flies(not_compiled: str) -> str:
 
 
 def speeds(records: Sequence[Mapping[str, Any]]) -> Iterator[dict[str, Any]]:
-    """A row for each airspeed: where flight is steady, and why not at the other path angles."""
+    """A row for each airspeed: path angles with steady flight, and why others have none."""
     for V_a, group in groupby(records, key=lambda record: record["V_a_mps"]):
         climbs = sorted(group, key=lambda record: record["gamma_deg"])
         steady = [record for record in climbs if record["trim"]]

@@ -1,4 +1,4 @@
-"""The answers of a tube, and of the disturbances that were tried for one."""
+"""The answers of a tube, and of a search for the largest disturbance."""
 
 from typing import Any
 
@@ -23,9 +23,9 @@ LIMIT_COLUMNS = [*columns(f"command {' '.join(LIMIT_KEYS)}"), Column("held_s", "
 
 
 def answer(tube: Tube, gains: str = "") -> Answer:
-    """The flights enclosed and the widths; a failure if the set is not bounded.
+    """The enclosed flights and the widths; a failure if the set is not bounded.
 
-    `gains` is their name, if it is known.
+    `gains`: name of the gains, if known.
     """
     problem, widths = tube.problem, tube.half_widths
     counted, family = problem.band, problem.table.family.enclosed
@@ -75,7 +75,7 @@ def disturbances(problem: TubeProblem) -> tuple[Any, Any]:
 
 
 def flights(problem: TubeProblem) -> dict[str, Any]:
-    """The flights that are enclosed."""
+    """The enclosed flights."""
     scenario = problem.scenario
     return {
         "plant": problem.plant,
@@ -88,7 +88,7 @@ def flights(problem: TubeProblem) -> dict[str, Any]:
 
 
 def limits(tube: Tube) -> list[dict[str, Any]]:
-    """The limits of each command, and when they can hold it."""
+    """The limits of each command, and the times at which they may act."""
     units = (("phi_cmd [deg]", DEG_PER_RAD), ("n_z_cmd", 1.0))
     return [
         {
@@ -101,7 +101,7 @@ def limits(tube: Tube) -> list[dict[str, Any]]:
 
 
 def notes(tube: Tube) -> list[str]:
-    """What holds after the end, what was counted, and where the disturbance is from."""
+    """Validity after the end, counted boxes, and the source of the disturbance."""
     problem = tube.problem
     told = [*problem.scenario.gains_notes(problem.plant)]
     if tube.status != "bounded":
@@ -128,7 +128,7 @@ def notes(tube: Tube) -> list[str]:
 
 
 def tried(found: TriedDisturbances) -> Answer:
-    """The disturbances that were tried; a failure if the set is bounded for none of them."""
+    """The tried disturbances; a failure if the set is bounded for none of them."""
     records = [
         {"disturbance": size, **pick(tube, "status reason")} for size, tube in found.tried.items()
     ]

@@ -21,7 +21,7 @@ from flighttune.outputs.drawing.palette import HUES, INK, NEUTRAL, LineStyle
 if TYPE_CHECKING:
     import pandas as pd
 
-# Radii of a figure beyond whose ratio its axis is logarithmic.
+# Ratio of radii from which the axis of a figure is logarithmic.
 DECADE = 10.0
 # Title and horizontal axis of the figure over each indicator
 AXES = {
@@ -34,7 +34,7 @@ AXES = {
         "E_K, largest error per L_d [s²]; smaller is better",
     ),
 }
-# Part of the height left for names above and below the marks
+# Share of the height reserved for names above and below the marks
 ROOM = 0.08
 
 RESULT_COLUMNS = columns("status R_K I_K E_K spectral_abscissa active method starts wall_s")
@@ -46,7 +46,7 @@ SCALED = "units of state: scaled by [tuning]; `certify` gives R_K in plain ones 
 
 
 def answer(result: TuningResult) -> Answer:
-    """Indicators, gains and margins; a failure with the nearest problem if there are none."""
+    """Indicators, gains and margins; without gains a failure with the nearest feasible problem."""
     nearest = result.diagnosis and pick(
         result.diagnosis, "smallest_I_K largest_R_K common_factor binding limits"
     )
@@ -116,18 +116,18 @@ def frontier_chart(
     *,
     against: Literal["I_K", "E_K"] = "I_K",
 ) -> Chart:
-    """Draw the frontier and the marked gains, each with its name, over I_K or over E_K."""
+    """Draw the frontier and the named gains over I_K or E_K."""
     title, x = AXES[against]
     along, marks = (table[(table["name"] == "frontier") == yes] for yes in (True, False))
     marks = marks[marks["R_K"] > 0.0]
     radii = np.concatenate([np.asarray(table[against], dtype=float) for table in (along, marks)])
-    # The axis is logarithmic where it spans more than one decade.
+    # The axis is logarithmic if it spans more than one decade.
     spread = len(radii) > 1 and radii.max() > DECADE * radii.min()
     chart = Chart(title=title, x=x, y="R_K, guaranteed rate [1/s]", log="x" if spread else "")
     chart.line(along[against], along["R_K"], NEUTRAL, width=2.4, name="largest R_K found")
     columns = (np.asarray(marks[key]) for key in ("name", against, "R_K", "within_limits"))
     points = list(zip(*columns, strict=True))
-    # A mark that breaks the input limits is hollow. Gains without a style are dark.
+    # The mark of gains outside the input limits is hollow. Gains without a style are dark.
     for name, size, R_K, within in points:
         tip = f"{name}: R_K {R_K:.4f} 1/s, {against} {size:.3f} s²" + (
             "" if within else ", beyond the limits"
@@ -144,7 +144,7 @@ def frontier_chart(
 
 
 def rate_chart(curves: Mapping[str, tuple[FloatArray, FloatArray]], envelope: Envelope) -> Chart:
-    """Draw each `rate_curve` by the name of its gains; `envelope` is the one at 100 %."""
+    """Draw each `rate_curve` by the name of its gains; `envelope` is the envelope at 100 %."""
     chart = Chart(
         title="Rate certified over an envelope",
         x="size of the envelope about the trim [%]",

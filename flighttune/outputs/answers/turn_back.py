@@ -8,6 +8,6 @@ from flighttune.outputs.answers.labels import endings_table
 
 
 def ended(room: TurnBack) -> Table:
-    """How flights that turn back did not complete, beside those of the mission."""
+    """Incomplete flights that turn back, beside incomplete flights of the mission."""
     title = "flights that turn back and did not complete"
     return replace(endings_table(room.endings), title=title, name="turn_back_endings")

@@ -14,9 +14,9 @@ CHECK_COLUMNS = [Column("name", "check"), *columns("margin exact")]
 
 
 def answer(verified: Verified) -> Answer:
-    """The checks and the claim; a failure if one of them does not hold."""
+    """The checks and the claim; a failure if a check fails."""
     value, valid, kind = verified.claim, verified.valid, verified.claim.kind
-    file = verified.source or "FILE"  # in a command of the note of a count
+    file = verified.source or "FILE"  # part of the command in a count's note
     claim = value.answer(file) if isinstance(value, Counted) else value.answer()
     checks = [asdict(check) for check in verified.verification.checks]
     notes = *verified.verification.notes, *claim.notes

@@ -13,11 +13,11 @@ WORST_COLUMNS = columns(
 
 
 def answer(worst: WorstFlight) -> Answer:
-    """The flight and what was drawn for it; a failure if it contradicts the proof of a tube."""
+    """The flight with its drawn values; a failure if it contradicts the proof of a tube."""
     values = pick(worst, "metric value first flights family distance radius status missed plant")
     values |= pick(worst, "gains drawn ratio ratio_of_search") | worst.compiled.values
     drawn = [
-        # A seed is no quantity: all its digits are needed to fly it again.
+        # A seed is not a quantity: a repeated flight needs all its digits.
         {"key": key, "value": value if isinstance(value, float) else str(value)}
         for key, value in worst.drawn.items()
     ]

@@ -29,13 +29,13 @@ WIDTH, HEIGHT = 460.0, 236.0
 LEFT, RIGHT, TOP, BOTTOM = 58.0, 10.0, 8.0, 36.0
 HEAD_AND_FOOT = TOP + BOTTOM
 
-# Part of the height of an axis left free above and below what is drawn.
+# Share of an axis that stays free above and below the data.
 ROOM = 0.05
 
-# Pixels between two labels of the x and of the y axis, roughly.
+# Approximate distance of labels on the x and the y axis, pixels.
 GAPS = 64.0, 42.0
 
-# Samples up to which a line is drawn as it is: four minutes at 50 Hz.
+# A line with at most this number of samples is not thinned: four minutes at 50 Hz.
 MOST = 12_000
 
 # Points of a line in a chart.
@@ -49,14 +49,14 @@ Shape: TypeAlias = Literal["dot", "cross", "plus"]
 # Name, colour, and dashes of a line, or `band` or a `Shape`.
 LegendEntry: TypeAlias = tuple[str, str, str]
 
-# A letter with a letter or digit as its index, such as `n_z`; `tuned_identified` is none.
+# A letter with a letter or digit as its index, such as `n_z` but not `tuned_identified`.
 SYMBOL = re.compile(r"\b([^\W\d_])_(cmd|\w,cmd|\w)\b")
 
-# Text after a lowered index in SVG stays down unless an empty space lifts it.
+# In SVG, text after a subscript stays lowered unless an empty span raises it.
 SVG_INDEX = '<tspan dy="3" font-size=".8em">{}</tspan><tspan dy="-3">\u200b</tspan>'
 
 
-# Attribute of a text that names what stands beside it.
+# Attribute of a text that names its neighbour.
 NAMED = ' class="named"'
 
 
@@ -69,22 +69,22 @@ def style() -> str:
 
 @dataclass(slots=True, kw_only=True)
 class Chart:
-    """One panel, filled by its methods in the order of drawing."""
+    """One panel, filled by its methods in drawing order."""
 
     title: str
     x: str = "t [s]"  # label of the axis, with unit
     y: str = ""
-    height: float = HEIGHT  # of the whole chart, pixels
-    log: str = ""  # the logarithmic axes, any of x and y
-    x_range: Range | None = None  # ends of the axis; by default around all that is drawn
+    height: float = HEIGHT  # size of the whole chart, pixels
+    log: str = ""  # logarithmic axes: x, y or both
+    x_range: Range | None = None  # ends of the axis; by default around all data
     y_range: Range | None = None
-    x_ticks: Ticks | None = None  # labels of the axis and where they stand
+    x_ticks: Ticks | None = None  # labels of the axis and their positions
     y_ticks: Ticks | None = None
-    x_room: float = 0.0  # share of the width left free at both ends, so that a point there is whole
-    linked: bool = False  # its cursor is at the same x as in the other linked charts of a page
-    equal: bool = False  # a metre is as long to the right as upwards
+    x_room: float = 0.0  # share of the width left free at both ends
+    linked: bool = False  # its cursor follows the x of other linked charts on a page
+    equal: bool = False  # equal scales on both axes
     downwards: bool = False  # y grows downwards
-    # Entries named in this chart alone.
+    # Legend entries of this chart alone.
     legend: list[LegendEntry] = field(default_factory=list)
     _marks: list["_Mark"] = field(default_factory=list)
     _seen: list[tuple[FloatArray, FloatArray]] = field(default_factory=list)
@@ -92,7 +92,7 @@ class Chart:
     def _add(
         self, mark: "_Mark", *seen: tuple[FloatArray, FloatArray], entry: LegendEntry = ("", "", "")
     ) -> None:
-        """Add a mark, the places that the axes make room for, and an entry in the legend."""
+        """Add a mark, its extent for the axes, and an entry in the legend."""
         self._marks.append(mark)
         self._seen += seen
         if entry[0]:
@@ -113,7 +113,7 @@ class Chart:
     ) -> None:
         """Draw a line through points, broken at NaN, of at most `most` points with every peak."""
         xs, ys = thinned(np.asarray(x, dtype=float), np.asarray(y, dtype=float), most)
-        # a path in space has no single value at a place
+        # a path may have several values at one x
         label = (run or name) if hover and not self.equal else ""
         look = _stroke(colour, width, dash) + _owner(run, label)
         self._add(_outline(xs, ys, look), (xs, ys), entry=(name, colour, dash))
@@ -121,7 +121,7 @@ class Chart:
     def run_line(
         self, x: npt.ArrayLike, y: npt.ArrayLike, style: LineStyle, run: str, **more: Any
     ) -> None:
-        """Draw a line of a run in its style, or with what `more` of `line` says instead."""
+        """Draw a line of a run in its style; `more` options of `line` override it."""
         look = {"dash": dashes(style), "width": 0.85 * style.width, **more}
         self.line(x, y, style.colour, run=run, **look)
 
@@ -135,7 +135,7 @@ class Chart:
         run: str = "",
         name: str = "",
     ) -> None:
-        """Fill between two lines; nothing where either is NaN."""
+        """Fill between two lines, with gaps at NaN."""
         xs, ends = np.asarray(x, dtype=float), np.column_stack([low, high]).astype(float)
         ends[np.isnan(ends).any(axis=1)] = np.nan
         samples = peaks(ends, most=MAX_DRAWN)
@@ -156,7 +156,7 @@ class Chart:
         self._add(drawn, (xs, lows), (xs, highs), entry=(name, colour, "band"))
 
     def area(self, x: npt.ArrayLike, y: npt.ArrayLike, colour: str, *, name: str = "") -> None:
-        """Fill a closed line, and draw it thin: an area narrower than a pixel is seen too."""
+        """Fill a closed line and draw a thin outline, so that a narrow area is visible."""
         xs, ys = np.asarray(x, dtype=float), np.asarray(y, dtype=float)
         look = f' style="fill:{css_colour(colour)}" fill-opacity="0.3"{_stroke(colour, 0.6)}'
         self._add(_outline(xs, ys, look, "Z"), (xs, ys), entry=(name, colour, "band"))
@@ -164,7 +164,7 @@ class Chart:
     def level(
         self, value: float, colour: str = LIMIT, *, dash: str = LONG, run: str = "", name: str = ""
     ) -> None:
-        """Draw a horizontal line across the chart that the y axis makes room for."""
+        """Draw a horizontal line across the chart, inside the y axis."""
         look = _stroke(colour, 1.2, dash) + _owner(run)
         self._add(
             lambda a: f'<path d="M0,{a.sy(value):.1f}H{a.width:.1f}"{look}/>',
@@ -191,7 +191,7 @@ class Chart:
         opacity: float = 1.0,
         tips: Sequence[str] = (),
     ) -> None:
-        """Draw points; `size` is half the width in pixels, `tips` are for the pointer."""
+        """Draw points; `size` is half the width in pixels, and `tips` appear under the pointer."""
         xs, ys = (np.atleast_1d(np.asarray(values, dtype=float)) for values in (x, y))
         full = [filled] * len(xs) if isinstance(filled, bool) else filled
         look = f' fill="{css_colour(colour)}" opacity="{opacity}"'
@@ -237,7 +237,7 @@ class Chart:
         self._add(drawn, (places - 0.5, lows), (places + 0.5, highs))
 
     def spans(self, pairs: Sequence[Range], lane: float, colour: str, *, run: str = "") -> None:
-        """Draw a thick line from each start to its end, `lane` (a part of the height) up."""
+        """Draw a thick line from each start to its end, at the height `lane` (a share)."""
         look = _stroke(colour, 4.0) + _owner(run)
 
         def drawn(a: "_Axes") -> str:
@@ -257,7 +257,7 @@ class Chart:
         anchor: Literal["start", "middle", "end"] = "start",
         shift: tuple[float, float] = (0.0, 0.0),
     ) -> None:
-        """Write at a point, `shift` pixels to the right and down."""
+        """Write text at a point, shifted by `shift` pixels to the right and down."""
 
         def drawn(a: "_Axes") -> str:
             right, down = float(a.sx(x)) + shift[0], float(a.sy(y)) + shift[1]
@@ -270,7 +270,7 @@ class Chart:
         self._add(lambda a: _label(2.0, float(a.sy(y)), name, NAMED))
 
     def label_points(self, points: Sequence[tuple[float, float, str]]) -> None:
-        """Name points (x, y, name), each where its name covers neither a point nor another name."""
+        """Name points (x, y, name) so that no name covers a point or another name."""
 
         def drawn(a: "_Axes") -> str:
             dots = [(float(a.sx(x)), float(a.sy(y)), name) for x, y, name in points]
@@ -280,13 +280,13 @@ class Chart:
                 wide = LETTER * len(name)
                 right, left, middle = x + 9.0, x - 9.0 - wide, x - wide / 2.0
                 places = [(right, y - 6.0), (left, y - 6.0), (middle, y - 22.0), (middle, y + 9.0)]
-                # then further and further off, with a thin line to the point
+                # then at growing distances, with a thin line to the point
                 places += [
                     (side, y + up) for up in (-24, 12, -40, 28, -56, 44) for side in (right, left)
                 ]
                 boxes = [(u, v, u + wide, v + 12.0) for u, v in places]
                 box = next((place for place in boxes if _free(place, occupied, a)), None)
-                if box is None:  # two names on one place are none
+                if box is None:  # two names in one place are unreadable
                     continue
                 occupied.append(box)
                 if boxes.index(box) > 3:
@@ -300,11 +300,11 @@ class Chart:
         self._add(drawn)
 
     def y_ends(self) -> Range:
-        """Ends of the y axis around what has been drawn so far."""
+        """Ends of the y axis around the data so far."""
         return self._axes().y
 
     def x_ends(self) -> Range:
-        """Ends of the x axis around what has been drawn so far."""
+        """Ends of the x axis around the data so far."""
         return self._axes().x
 
     def svg(self) -> str:
@@ -363,7 +363,7 @@ class Sheet:
     charts: Sequence[Chart]  # row by row
     columns: int = 2
     title: str = ""
-    # entries shared by several charts, drawn once above all of them
+    # entries shared by several charts, drawn once at the top
     legend: Sequence[LegendEntry] = ()
 
     def save(self, path: str | Path) -> None:
@@ -371,7 +371,7 @@ class Sheet:
         write_text(Path(path), self.svg())
 
     def svg(self) -> str:
-        """The picture as an SVG file that needs no other."""
+        """The picture as a self-contained SVG file."""
         width = self.columns * WIDTH
         parts, top = [], 26.0 if self.title else 0.0
         if self.legend:
@@ -391,7 +391,7 @@ class Sheet:
                 parts.append(chart.svg().replace("<svg ", f"<svg {place} {size} ", 1))
             top += above + max(chart.height for chart in row) + 8.0
         title = _label(8.0, 17.0, self.title, ' class="title"')
-        # its colours are its own: a notebook puts it into a page with other ones
+        # with its own colours, because a notebook shows it on a page with others
         rules = style().replace(":root", "svg.sheet")
         return printable(
             f'<svg xmlns="http://www.w3.org/2000/svg" class="chart sheet" '
@@ -405,7 +405,7 @@ class Sheet:
 
 
 def ticks(ends: Range, count: float, log: bool = False) -> list[tuple[float, str]]:
-    """Round values along an axis with their labels, at least two of them and about `count`."""
+    """Round values along an axis with labels, about `count` and at least two."""
     low, high = sorted(ends)
     if log:
         values = _log_ticks(low, high, count)
@@ -426,7 +426,7 @@ def ticks(ends: Range, count: float, log: bool = False) -> list[tuple[float, str
 
 
 def _log_ticks(low: float, high: float, count: float) -> list[tuple[float, str]]:
-    """Decades; with 2 and 5 between them where there are few."""
+    """Decades, with 2 and 5 between them if there are few."""
     exponents = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
     decades = math.log10(high / low)
     steps = (1, 2, 5) if decades * 3.0 <= 1.5 * count else (1,)
@@ -509,7 +509,7 @@ def _path(x: FloatArray, y: FloatArray) -> str:
     parts = []
     for piece in _pieces(x, y):
         points = np.column_stack([x[piece], y[piece]])
-        # One format of all points takes two thirds of the time of one each.
+        # One format for all points takes two thirds of the time of one per point.
         parts.append("M" + " ".join(["%.1f,%.1f"] * len(points)) % tuple(points.ravel().tolist()))
     return "".join(parts)
 
@@ -534,17 +534,17 @@ def _stroke(colour: str, width: float, dash: str = "") -> str:
 
 
 def _owner(run: str, name: str = "") -> str:
-    """Attributes that tell the run of a mark, and its name for the pointer."""
+    """Attributes with the run of a mark, and its name under the pointer."""
     owner = f' data-run="{escape(run)}"' if run else ""
     return owner + (f' data-name="{escape(name)}"' if name else "")
 
 
 def dashes(style: LineStyle) -> str:
-    """Dashes of a run: light shades are broken, so that a printed page tells them apart."""
+    """Dashes of a run; light shades are dashed to be distinct in print."""
     return DASHED if style.dashed else ""
 
 
-# Width of a letter in pixels, roughly.
+# Approximate width of a letter, pixels.
 LETTER = 6.7
 
 
@@ -552,7 +552,7 @@ Box: TypeAlias = tuple[float, float, float, float]
 
 
 def _free(box: Box, occupied: Sequence[Box], a: _Axes) -> bool:
-    """Whether a box lies in the plot and meets none of the others."""
+    """Whether a box lies in the plot and overlaps no other box."""
     x0, y0, x1, y1 = box
     inside = x0 >= 0.0 and y0 >= 0.0 and x1 <= a.width and y1 <= a.height
     return inside and not any(
@@ -561,19 +561,19 @@ def _free(box: Box, occupied: Sequence[Box], a: _Axes) -> bool:
 
 
 def marked_up(text: str, index: str = SVG_INDEX) -> str:
-    """`text` for markup, each `SYMBOL` in it with its index lowered."""
+    """`text` as markup, with the index of each `SYMBOL` as a subscript."""
     return SYMBOL.sub(lambda symbol: symbol[1] + index.format(symbol[2]), escape(text))
 
 
 # Height of a row of names, pixels.
 LEGEND_ROW = 15.0
 
-# Pixels before a name in a legend, and in all that it takes besides its letters.
+# Pixels before a name in a legend, and total extra width of a name.
 SIGN, NEXT_SIGN = 28.0, 42.0
 
 
 def _legend(legend: Sequence[LegendEntry], width: float, top: float) -> tuple[str, float]:
-    """The names in rows that fit a width, and the height of the rows."""
+    """The names in rows of a given width, and the height of the rows."""
     parts, left, height = [], width, 0.0
     for name, colour, dash in legend:
         needed = NEXT_SIGN + LETTER * len(name)
@@ -587,7 +587,7 @@ def _legend(legend: Sequence[LegendEntry], width: float, top: float) -> tuple[st
 
 
 def key(colour: str, dash: str = "", width: float = 2.0) -> str:
-    """The sign of a line, a band or a point in a legend, 24 pixels wide about its left middle."""
+    """The legend symbol of a line, band or point, 24 pixels wide."""
     if dash == "band":
         fill = f'fill="{css_colour(colour)}" fill-opacity="0.3"'
         return f'<rect x="0" y="-5" width="24" height="10" {fill}/>'
@@ -599,7 +599,7 @@ def key(colour: str, dash: str = "", width: float = 2.0) -> str:
 
 
 def peaks(values: FloatArray, *, most: int = MOST) -> np.ndarray:
-    """Samples to draw of a long flight: the lowest and the highest of every stretch, in order."""
+    """Samples of a long flight to draw: minimum and maximum of every stretch, in order."""
     if (n := len(values)) <= most:
         return np.arange(n)
     edges = np.linspace(0, n, most // 2 + 1).astype(int)
@@ -608,19 +608,19 @@ def peaks(values: FloatArray, *, most: int = MOST) -> np.ndarray:
     samples = [np.array([0, n - 1])]
     for line in values.reshape(n, -1).T:
         stretches = line[inside]
-        # In each stretch with a gap one sample of the gap is kept too.
+        # In each stretch with a gap, one sample of the gap is kept.
         gap = np.isnan(stretches)
         for extreme, missing in ((np.argmin, np.inf), (np.argmax, -np.inf)):
             filled = np.where(gap, missing, stretches)
             samples.append(inside[np.arange(len(inside)), extreme(filled, axis=1)])
-        # Without one missing sample the line would be drawn straight across a short gap.
+        # Without a missing sample the line would cross a short gap.
         broken = np.flatnonzero(gap.any(axis=1))
         samples.append(inside[broken, gap[broken].argmax(axis=1)])
     return np.unique(np.concatenate(samples))
 
 
 def thinned(x: FloatArray, y: FloatArray, most: int = MAX_DRAWN) -> tuple[FloatArray, FloatArray]:
-    """At most about `most` points of a line that keep every peak and every gap."""
+    """About `most` points of a line at most, with every peak and every gap."""
     if len(x) <= most:
         return x, y
     samples = peaks(y, most=most)
@@ -628,5 +628,5 @@ def thinned(x: FloatArray, y: FloatArray, most: int = MAX_DRAWN) -> tuple[FloatA
 
 
 def evenly(n: int, *, most: int = MOST) -> np.ndarray:
-    """Samples to draw of `n` where peaks do not matter: every one, or evenly spaced ones."""
+    """Samples of `n` to draw if peaks do not matter: all, or evenly spaced."""
     return np.unique(np.linspace(0, n - 1, min(n, most)).astype(int))

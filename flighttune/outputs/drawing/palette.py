@@ -1,11 +1,11 @@
-"""Line style of each run: one in 3D, plots, figures and text, safe for colour-blind readers."""
+"""Line style of each run, equal in 3D, plots, figures and text, safe for colour-blind readers."""
 
 from collections.abc import Iterable
 from typing import NamedTuple
 
-# A strong and a light shade of each hue, for the dark and the light ground of the viewer and for
-# paper: any two of twelve differ by 19 or more (CIE 1976) as seen with normal sight, protanopia,
-# deuteranopia and tritanopia, and all stand out from black by 3 and from white by 2.5 (WCAG).
+# A strong and a light shade of each hue, for dark and light backgrounds of the viewer and for
+# paper. Any two of twelve differ by 19 or more (CIE 1976) for normal sight, protanopia,
+# deuteranopia and tritanopia. All have a contrast of at least 3 to black and 2.5 to white (WCAG).
 HUES = (
     (("#354FD8", "blue"), ("#8AA0EB", "light blue")),
     (("#9F4338", "rust"), ("#D88F59", "apricot")),
@@ -15,7 +15,7 @@ HUES = (
     (("#7807FF", "violet"), ("#A07CFF", "lavender")),
 )
 
-# For more than twelve runs: at least 12 from the twelve and from each other.
+# For more than twelve runs: they differ by at least 12 from the twelve and from each other.
 MORE = (
     ("#C9459F", "pink"),
     ("#C318FF", "purple"),
@@ -25,24 +25,24 @@ MORE = (
     ("#A58829", "brass"),
 )
 
-# For one gain set on more than two plants, such as the rungs from the law to an aircraft: no colour
-# of a gain set.
+# For one gain set on more than two plants, such as the rungs from law to aircraft: colours that no
+# gain set has.
 PLANTS = (("#7C8794", "grey"), ("#A99BC9", "lilac"), ("#8A5FBF", "plum"), ("#C77700", "amber"))
 
-# References: readable on a dark and on a white ground.
+# References: readable on dark and white backgrounds.
 NEUTRAL = "#8C8C8C"
 
 # Limit lines.
 LIMIT = "#E0475B"
 
-# Colour of marks that stand out without being a run: sums, the reach of a loop.
+# Colour of emphasised marks that are not runs: sums, the reach of a loop.
 INK = "#222222"
 
-# Contrast of a line on the ground of a page. A dark page takes more, or strong shades look like
-# shadows of the light ones.
+# Contrast of a line on the background of a page. A dark page needs more, or strong shades look like
+# shadows of the light shades.
 MIN_CONTRAST, ON_DARK = 2.5, 3.6
 
-# Grounds and texts of the two themes of a page.
+# Background and text colours of the two themes of a page.
 LIGHT = {"paper": "#FFFFFF", "ink": "#1D2329", "soft": "#56606A", "grid": "#E4E7EA"}
 DARK = {"paper": "#14181C", "ink": "#E6E9EC", "soft": "#A3ADB6", "grid": "#2A3138"}
 
@@ -51,9 +51,9 @@ class LineStyle(NamedTuple):
     """Style of the line of one run."""
 
     colour: str  # #RRGGBB
-    name: str  # the colour in a word or two, for text
-    width: float  # points; the last plant of a scenario is drawn strongest
-    dashed: bool  # a figure on white paper should break the line, because the shade is light
+    name: str  # name of the colour
+    width: float  # line width, points; the last plant of a scenario has the widest line
+    dashed: bool  # whether figures on white paper dash the line, because the shade is light
 
     @property
     def rgb(self) -> tuple[int, int, int]:
@@ -114,7 +114,7 @@ def css_variables() -> str:
 
 
 def visible(colour: str, ground: str) -> str:
-    """`colour`, darkened or lightened until a line of it can be seen on a ground."""
+    """`colour`, darkened or lightened until its line is visible on a background."""
     below, channels = _luminance(rgb(ground)), tuple(map(float, rgb(colour)))
     # Contrast of WCAG 2: (lighter + 0.05) / (darker + 0.05).
     if below < 0.2:

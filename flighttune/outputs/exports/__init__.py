@@ -1,1 +1,1 @@
-"""Export of gains: a flight for JSBSim alone, the outer loop as a C file."""
+"""Exports of gains: a flight for JSBSim alone, or the outer loop as a C file."""

@@ -39,7 +39,7 @@ from flighttune.routes.follow import (
 
 SOURCE, MONITOR_SOURCE = "ft_outer_loop.c", "ft_monitor.c"
 
-# Quantities of a monitor's terms besides the signals, in C
+# C expressions of a monitor's quantities that are not signals
 _QUANTITIES = {
     "1": "1.0",
     "cos_phi": "cos(s->phi)",
@@ -55,7 +55,7 @@ _FOLDER = Path(__file__).parent
 _USED = "V_a is the airspeed."
 _UNUSED = "V_a is not used: the gains are not scheduled."
 
-# Words of the head of the file, for two channels and for three.
+# Words for the head of the file, with two and with three channels.
 _HEAD = (
     {"airspeed_error": "", "n_x_command": "", "or_along": " (or ft_outer_loop_step_along)"},
     {"airspeed_error": " and of airspeed", "n_x_command": " and n_x", "or_along": ""},
@@ -63,7 +63,7 @@ _HEAD = (
 
 
 def export_c(entry: Entry, folder: Path) -> Path:
-    """Write the outer loop of one gain set as a C file, limited as its plant is."""
+    """Write the outer loop of one gain set as a C file, with the limits of its plant."""
     scenario, law = entry.scenario, entry.law
     setup = law_setup(scenario, entry.found_gains, entry.limits)
     if (controller := law.in_c(setup)) is None:
@@ -91,10 +91,10 @@ def c_source(
     notes: Sequence[str] = (),
     speed_priority: bool = False,
 ) -> str:
-    """The C99 text of a controller, whose lags are `lead` (s); it needs ``math.h`` alone.
+    """The C99 text of a controller with lags `lead` (s); it needs only ``math.h``.
 
-    The `notes` stand in its head. `speed_priority`: with the function that gives a path angle way
-    to the airspeed, as three channels have it in any case.
+    Its head has the `notes`. `speed_priority`: include the function that reduces the path angle to
+    keep airspeed, which three channels always have.
     """
     values, channels = law.law, law.law.channels
     form = "exact_law.c" if isinstance(law, ExactLaw) else "outer_loop.c"
@@ -134,7 +134,7 @@ def _of_pi(law: MimoPI, g: float) -> dict[str, Any]:
 
 
 def _speed_priority(channel: bool, beside: bool, g: float) -> str:
-    """The path angle that gives way to the airspeed, in C, where it does."""
+    """The C function that reduces the path angle to keep airspeed, if it is used."""
     if not (channel or beside):
         return ""
     return Template((_FOLDER / "speed_priority.c").read_text(encoding="utf-8")).substitute(
@@ -153,7 +153,7 @@ def _of_exact_law(law: RateLaw) -> dict[str, Any]:
 
 
 def _not_counted(monitor: Watching, entry: Entry) -> str:
-    """First difference of a scenario's flights from those of a monitor; empty if there is none."""
+    """First difference between a scenario's flights and a monitor's; empty if equal."""
     if not isinstance(monitor, Monitor):
         return ""
     label = entry.plant.label if entry.plant.aircraft else "no aircraft"
@@ -163,9 +163,9 @@ def _not_counted(monitor: Watching, entry: Entry) -> str:
 
 
 def monitor_source(monitor: Watching, *, title: str, dt: float, no_claim: str = "") -> str:
-    """The C99 text of a monitor that takes a sample every `dt` (s); it needs ``math.h`` alone.
+    """The C99 text of a monitor, sampled every `dt` (s); it needs only ``math.h``.
 
-    `no_claim` is why its claim is not about flights of the scenario.
+    `no_claim`: why its claim does not cover flights of the scenario.
     """
     watches, lags = monitor.watches, count()
     models, from_s = watches[0].models, watches[0].from_s
@@ -208,7 +208,7 @@ def monitor_source(monitor: Watching, *, title: str, dt: float, no_claim: str = 
 
 
 def _term(text: str, lags: Iterator[int]) -> str:
-    """A term of a monitor in C, behind its lag: a rate has one of its own."""
+    """A term of a monitor in C, behind its lag; a rate has a lag of its own."""
     product, is_rate = "1.0", False
     for operation, rate, name in FACTOR.findall(text):
         value = _QUANTITIES.get(name, f"s->{name}")
@@ -219,7 +219,7 @@ def _term(text: str, lags: Iterator[int]) -> str:
 
 
 def _rows(rows: Iterable[Iterable[float]]) -> str:
-    """The rows of a matrix, those of C."""
+    """The rows of a matrix in C."""
     return ", ".join(f"{{{_numbers(row)}}}" for row in rows)
 
 
@@ -244,7 +244,7 @@ class ExportedSource(Answering):
 
     source: Path
     notes: tuple[str, ...] = ()
-    monitor: Path | None = None  # of C99 too
+    monitor: Path | None = None  # valid in C99 too
 
 
 def export(
@@ -259,13 +259,13 @@ def export(
 ) -> ExportedFlight | ExportedSource:
     """Write one flight of a scenario for JSBSim alone, or its outer loop in C.
 
-    JSBSim flies the folder at once, in a process of its own, and its flight is compared with that
-    of `fly`; this takes seconds.
+    JSBSim flies the folder at once in a separate process, and its flight is compared with `fly`.
+    This takes seconds.
 
     Parameters
     ----------
     scenario : Scenario, str or Path
-        A scenario, a file, or the name of a shipped one.
+        A scenario, its file, or the name of a shipped scenario.
     gains : PIGains or str, optional
         Gains, or a gain set by name or file; by default the first of the scenario.
     out : str or Path
@@ -275,7 +275,7 @@ def export(
     form : {"jsbsim", "c"}
         A folder that JSBSim flies by itself, or one C99 file.
     claim : Monitor, LogMonitor, Path or str, optional
-        A monitor, or its file, to write in C too.
+        A monitor, or its file, which is also written in C.
     changes : mapping of str to value, optional
         Values to set in the scenario by dotted key.
 
@@ -287,8 +287,8 @@ def export(
     Raises
     ------
     InputError
-        If the scenario has no such aircraft, a wind that changes, or a law that has no such form,
-        or the claim is no monitor, or not for C.
+        If the scenario has no such aircraft, a wind that changes, or a law without this form, or if
+        the claim is not a monitor or not for C.
     InfeasibleError
         If tuning finds no such gains.
     PlantError

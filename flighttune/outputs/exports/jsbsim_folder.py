@@ -55,29 +55,28 @@ from flighttune.vehicles.plants.sensors import Sensors
 SCRIPT, CSV, START, OUTER_LOOP = "flight.xml", "flight.csv", "start", "ft_outer_loop"
 README, SUMS = "README.md", "SHA256SUMS"
 
-# Time for which the aircraft is held still before the flight, plus that of its engine, s: delays of
-# sensors fill, gear and flaps move, and filters of the model's own flight control settle.
+# Time at rest before the flight, in addition to its engine's start, s: sensor delays fill, gear and
+# flaps move, and filters of the model's flight control settle.
 AT_REST = 40.0
 
-# Share of a sample that is rounding.
+# A smaller share of a sample counts as rounding.
 SAME_TIME = 1e-6
 
-# Largest difference between two flights that are the same but for rounding, rad and 1; that of the
-# airspeed is relative.
+# Flights within this difference are equal up to rounding, rad and 1; relative for the airspeed.
 TOLERANCE = 1e-9
 
-# Wall time after which JSBSim is stopped, s, and more for each second of flight; it takes 2 s.
+# Time limit of JSBSim, s, plus an allowance per second of flight; it takes 2 s.
 TIME_LIMIT_S, TIME_LIMIT_PER_S = 60.0, 2.0
 
-# Signals of a run by column of the file; the airspeed is compared where the flight follows one.
+# Signals of a run by column of the file; the airspeed is compared if the flight follows it.
 COLUMNS = {"chi": "chi_rad", "gamma": "gamma_rad", "phi": "phi_rad", "n_z": "n_z", "V_a": "V_a_mps"}
 
-# Departure from a straight line above which a sample of a reference has a row of its own.
+# A sample of a reference gets its own row if it departs from a straight line by more.
 STRAIGHT = 1e-15
 
 _README = Path(__file__).with_name("readme.md")
 
-# Commands of the outer loop, by the names of their rows, and what stands for no limit.
+# Commands of the outer loop, by the names of their rows, and the value for no limit.
 _COMMANDS = {"phi": properties.PHI_CMD, "n_z": properties.N_Z_CMD, "n_x": properties.N_X_CMD}
 _UNLIMITED = -1e300, 1e300
 
@@ -87,15 +86,15 @@ WIND = [f"atmosphere/gust-{axis}-fps" for axis in ("north", "east", "down")]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExportedFlight(Answering):
-    """A folder that JSBSim flew, and how its flight compares with that of `fly`."""
+    """A folder that JSBSim flew, and the comparison of its flight with `fly`."""
 
     folder: Path
-    command: str  # flies the folder, from any working directory
+    command: str  # the command that flies the folder from any working directory
     start: float  # s: JSBSim's time at the start of the flight
-    # Largest difference by signal, rad, 1 and m/s; empty if JSBSim did not fly it to the end
+    # Largest difference by signal, rad, 1 and m/s; empty if JSBSim did not complete the flight
     differences: Mapping[str, float]
     verdict: str  # sentence about the comparison
-    same: bool  # whether the flights are the same but for rounding
+    same: bool  # whether the flights are equal up to rounding
     notes: tuple[str, ...] = ()
 
 
@@ -111,14 +110,14 @@ def export_jsbsim(entry: Entry, folder: Path) -> ExportedFlight:
 
 
 def _put(built: Path, folder: Path) -> None:
-    """Put the files of an export in place together; those of an earlier one are removed."""
+    """Put the files of an export in place together, and remove the files of an earlier export."""
     names = [file.relative_to(built) for file in sorted(built.rglob("*")) if file.is_file()]
-    # JSBSim writes its flight again whenever somebody flies the folder.
+    # JSBSim overwrites its flight every time somebody flies the folder.
     sums = {name.as_posix(): _sha256(built / name) for name in names if name != Path(CSV)}
     with together(folder):
         for name, digest in _sums_in(folder / SUMS).items():
             file = (folder / name).resolve()
-            below = file.is_relative_to(folder.resolve())  # the list may be a stranger's
+            below = file.is_relative_to(folder.resolve())  # the list may come from somebody else
             if below and name not in sums and _sha256(file) == digest:
                 remove_file(folder / name)
         for name in names:
@@ -172,7 +171,7 @@ def _built(entry: Entry, folder: Path) -> ExportedFlight:
     fdm = aircraft_plant.fdm
     assert fdm is not None
     frames = round(fdm.rate * setup.dt)
-    # Whole samples of both computers, so that both have one at the start.
+    # A multiple of both sample times, so that both have a sample at the start.
     whole = frames * fdm.steps
     still = AT_REST + 4.0 * fdm.engine_settles
     t_0 = math.ceil(still * fdm.rate / whole) * whole / fdm.rate
@@ -193,7 +192,7 @@ def _built(entry: Entry, folder: Path) -> ExportedFlight:
     write_text(aircraft / f"{START}.xml", _start(fdm))
     script = _script(scenario, setup, aircraft_plant, folders.name, t_0, values, declared, sampled)
     write_text(folder / SCRIPT, script)
-    # The console command takes no step from a script, and writes to its root.
+    # The console command ignores the script's time step, and writes to its root.
     options = [f"--simulation-rate={fdm.rate!r}", f"--script={SCRIPT}"]
     at_folder = [f"--root={folder}", *options]
     run = fly.fly_once(entry, aircraft_plant, lead=entry.lead)
@@ -215,7 +214,7 @@ def _built(entry: Entry, folder: Path) -> ExportedFlight:
 
 
 def _written(trees: Mapping[Path, Element], values: Mapping[str, float]) -> set[str]:
-    """Write systems with these values; return the names of the properties that they declare."""
+    """Write systems with these values; return the names of their declared properties."""
     declared: set[str] = set()
     for file, tree in trees.items():
         declared |= _declare(tree, values)
@@ -225,7 +224,7 @@ def _written(trees: Mapping[Path, Element], values: Mapping[str, float]) -> set[
 
 
 def _write_readme(entry: Entry, file: Path, own: Mapping[str, Any]) -> None:
-    """Write what the folder is, how it is flown and how its flight compares."""
+    """Write a description of the folder, its command and the comparison of its flight."""
     scenario = entry.scenario
     text = _README.read_text(encoding="utf-8").format(
         **own,
@@ -241,7 +240,7 @@ def _write_readme(entry: Entry, file: Path, own: Mapping[str, Any]) -> None:
 
 
 def _verdict(entry: Entry, run: Run, largest: Mapping[str, float], differs: str) -> str:
-    """How JSBSim's flight compares with the run, in words."""
+    """The comparison of JSBSim's flight with the run, in words."""
     verdict = f"JSBSim's flight is not that of `flighttune fly`: {differs}."
     if not differs:
         verdict = (
@@ -260,7 +259,7 @@ def _differences(
     """Largest difference (rad, 1, m/s) of a run's signals from JSBSim's `csv`; what differs."""
     import pandas as pd
 
-    write_text(csv, "")  # so that no flight of before is compared
+    write_text(csv, "")  # so that no earlier flight is compared
     time_limit = TIME_LIMIT_S + TIME_LIMIT_PER_S * (start + run.t[-1])
     if failure := model_files.failure_of_python(
         "-m", "jsbsim.script", *options, time_limit=time_limit
@@ -268,7 +267,7 @@ def _differences(
         return {}, f"JSBSim must fly it, but {failure.replace(f'{csv.parent}/', '')}"
     try:
         written = pd.read_csv(csv, usecols=[*COLUMNS.values()], dtype=float)
-    except ValueError:  # those of pandas are such errors
+    except ValueError:  # pandas raises subclasses of these errors
         return {}, f"JSBSim's {csv.name} cannot be read"
     if len(written) < len(run.t):
         return {}, f"JSBSim's flight ends after {len(written)} of {len(run.t)} samples"
@@ -277,13 +276,13 @@ def _differences(
         for name, column in COLUMNS.items()
         if name != "V_a" or "V_ref" in run.signals
     }
-    # One of the two courses is modulo a turn.
+    # One of the two courses wraps.
     distances["chi"] = np.abs((distances["chi"] + np.pi) % (2.0 * np.pi) - np.pi)
     largest = {name: float(values.max()) for name, values in distances.items()}
     allowed = dict.fromkeys(largest, TOLERANCE)
     if "V_a" in allowed:
         allowed["V_a"] *= run.signals["V_a"].iloc[0]
-    # With "not", because NaN is a difference too.
+    # With "not", because NaN counts as a difference.
     first = {name: np.argmax(~(values <= allowed[name])) for name, values in distances.items()}
     if not (differing := [name for name, value in largest.items() if not value <= allowed[name]]):
         return largest, ""
@@ -292,7 +291,7 @@ def _differences(
 
 
 def _outer_loop(loop: OuterLoop, frames: int, scenario: Scenario) -> Element:
-    """The law as a system: the paper's, or another one behind the same measurements."""
+    """The law as a system, with the same measurements for every law."""
     airspeed, priority = scenario.airspeed, scenario.speed_priority
     name = f"{loop.components or 'outer_loop.xml'}.jinja"
     template = page_template("flighttune.outputs.exports", name)
@@ -309,11 +308,11 @@ def _outer_loop(loop: OuterLoop, frames: int, scenario: Scenario) -> Element:
 
 
 def _values(scenario: Scenario, setup: LawSetup, loop: OuterLoop, fdm: Fdm) -> dict[str, float]:
-    """Properties of the aircraft at rest before the flight, and those of the law."""
+    """Properties of the aircraft at rest before the flight, and properties of the law."""
     condition, limits, gains = conditions.start_condition(scenario), setup.limits, setup.gains
     assert gains is not None
-    # An actuator with hysteresis begins where its input is in the first evaluation, and JSBSim runs
-    # the flight control after the systems.
+    # An actuator with hysteresis begins at its first input, and JSBSim runs the flight control
+    # after the systems.
     own = fdm.names("fcs/") if fdm.own_flight_control else []
     read = _read(fdm, filter(fdm.has, own))
     moved = {name: at for name, at in read.items() if at and math.isfinite(at)}
@@ -339,7 +338,7 @@ def _values(scenario: Scenario, setup: LawSetup, loop: OuterLoop, fdm: Fdm) -> d
         if scenario.airspeed:
             share, per_g = LEAST_SHARE, APPROACH / f.g_mps2
         values |= {
-            "ft/outer/V-ref-mps": f.V_a_mps,  # of a third channel it is sampled
+            "ft/outer/V-ref-mps": f.V_a_mps,  # the reference of a third channel is sampled
             "ft/outer/n_x/priority-per-g": per_g,
             "ft/outer/n_x/steepest-dive": STEEPEST_DIVE,
             "ft/outer/V-least-share": share,
@@ -375,7 +374,7 @@ def _sampled(
     lead: tuple[float, float],
     sensors: Sensors | None,
 ) -> dict[str, FloatArray]:
-    """Inputs of the law at every sample that are not measured, by property."""
+    """Unmeasured inputs of the law at every sample, by property."""
     t, followed = _times(scenario, setup), conditions.reference_of(scenario)
     chi, gamma = followed.sampled(t)
     sampled = {"ft/outer/chi-ref-rad": chi, "ft/outer/gamma-ref-rad": gamma}
@@ -469,7 +468,7 @@ def _script(
 def _engine_events(
     fdm: Fdm, throttle_trim: float
 ) -> list[tuple[str, float, bool, Mapping[str, float]]]:
-    """Events that start engines: name, time, whether an engine must have stopped, and values."""
+    """Events that start engines: name, time, condition of a stopped engine, and values."""
     if not fdm.config.engines.count:
         return []
     piston = fdm.has("propulsion/magneto_cmd")
@@ -480,10 +479,11 @@ def _engine_events(
             ("starter", 0.0, True, STARTER),
             ("starter off", starting, False, {"propulsion/starter_cmd": 0.0}),
         ]
-    # JSBSim's own start stops some propellers: it comes last.
+    # JSBSim's own engine start stops some propellers, so it comes last.
     events += [("engines that did not start", starting, True, {"propulsion/set-running": -1.0})]
     if settle := fdm.engine_settles:
-        # Some propellers have two steady states at one throttle. The trim comes from full throttle.
+        # Some propellers have two steady states at one throttle; the trim approaches from full
+        # throttle.
         trims = (("full throttle", 0.0, 1.0), ("trim", starting + settle, throttle_trim))
         events += [(name, t, False, {properties.THROTTLE_TRIM: x}) for name, t, x in trims]
     return events
@@ -496,7 +496,7 @@ def _parsed(text: str | bytes) -> Element:
 
 
 def _declare(root: Element, values: Mapping[str, float]) -> set[str]:
-    """Give the properties that systems declare their values; return their names."""
+    """Set the values of properties that systems declare; return their names."""
     names = set()
     for system in (*root.iter("system"), *root.iter("flight_control")):
         for declared in system.iterfind("property"):
@@ -507,7 +507,7 @@ def _declare(root: Element, values: Mapping[str, float]) -> set[str]:
 
 
 def _copy_parts(config: AircraftConfig, folder: Path) -> None:
-    """Copy all files of a model but the main one to where JSBSim finds them in the folder."""
+    """Copy all files of a model, except its main file, to their places in the folder."""
     folders = model_files.source_folders(config)
     shared = folder / "engine", folder / "systems"
     places = {

@@ -1,1 +1,1 @@
-"""Figures and pages to send to a colleague."""
+"""Figures and pages for colleagues."""

@@ -1,4 +1,4 @@
-"""One page on an adopted aircraft: whether it is adopted, how it flies, what was measured."""
+"""One page on the adoption of an aircraft: verdict, flights and measurements."""
 
 import tomllib
 from importlib.metadata import version
@@ -32,7 +32,7 @@ def write_adoption(adoption: Adoption) -> Path:
     assert adoption.folder is not None
     assert adoption.identified is not None
     assert adoption.turn is not None
-    tables = tomllib.loads(adoption.texts[AIRCRAFT])  # its file may not have its place yet
+    tables = tomllib.loads(adoption.texts[AIRCRAFT])  # its file may still be staged
     answer = adoption.answer()
     styles = run_styles(adoption.turn.runs)
     flights = [(run, styles[run.label]) for run in adoption.turn.runs if len(run.signals)]

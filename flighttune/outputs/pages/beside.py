@@ -1,4 +1,4 @@
-"""The page of the guidance of a user beside the gains of a scenario."""
+"""The page that compares a user's guidance with the gains of a scenario."""
 
 from pathlib import Path
 
@@ -11,7 +11,7 @@ from flighttune.studies.beside import Beside
 def write_beside_page(beside: Beside, path: str | Path, command: str) -> Report:
     """Write the answer as one self-contained page; `command` repeats it."""
     answer, ours = beside.answer(), beside.plan.groups[-1].gains
-    # margins, if there are any, are the tables from the fifth on
+    # tables of margins, if any, start at the fifth table
     (*notes, unused), (*found, parameters) = answer.notes, answer.tables
     return write_answer(
         path,

@@ -1,4 +1,4 @@
-"""The report of a campaign as one HTML file that needs nothing else, and its tables."""
+"""The report of a campaign as one self-contained HTML file, and its tables."""
 
 from collections import Counter, defaultdict
 from collections.abc import Mapping, Sequence
@@ -22,7 +22,7 @@ from flighttune.outputs.pages.frame import Report, Section, write_page
 from flighttune.outputs.pages.panels import TEXTS
 from flighttune.vehicles.plants.base import goes_by
 
-# Metrics of the page; the JSON object has all.
+# Metrics on the page; the JSON object has all.
 METRICS = (
     *(f"{channel}.{metric}" for metric in ("ITAE", "MO_rad") for channel in ("chi", "gamma")),
     *(f"{channel}.{metric}" for metric in ("settling_s", "ST_rad") for channel in ("chi", "gamma")),
@@ -108,7 +108,7 @@ def _sections(findings: Findings, tables: Mapping[str, Sequence[Table]]) -> list
 
 
 def summary(findings: Findings) -> tuple[str, ...]:
-    """The answer if there is a question, the number of flights that succeed, and what matters."""
+    """The answer about the required share, if any, the number of successes, and main influences."""
     groups = findings.values["groups"]
     succeeded = [f"{group['group']} {group['successes']}/{group['n']}" for group in groups]
     strongest = Counter(
@@ -128,7 +128,7 @@ def summary(findings: Findings) -> tuple[str, ...]:
 
 
 def notes(findings: Findings) -> tuple[str, ...]:
-    """Number of flights, what success is, and effect of the design on the intervals."""
+    """Number of flights, definition of success, and effect of the design on the intervals."""
     plan = findings.plan
     lines = [*plan.scenario.gains_notes()]
     answers, flown = findings.values.get("sure", {}), f"{len(findings.rows)} of {plan.runs} flights"
@@ -158,7 +158,7 @@ def notes(findings: Findings) -> tuple[str, ...]:
 
 
 def _success_sentences(findings: Findings) -> str:
-    """What makes a flight succeed: a sentence for each set of groups with the same requirements."""
+    """Definition of success, one sentence for all groups with the same requirements."""
     plan, groups_of = findings.plan, defaultdict[str, list[str]](list)
     for group in plan.groups:
         ends_stated = [table.status for table in plan.scenario.expected(group.plant, group.gains)]
@@ -200,7 +200,7 @@ def _provenance(findings: Findings, sha256: str) -> Table:
 
 
 def success_table(findings: Findings) -> Table:
-    """Success rate of each group, ends of its flights, and the metric that ranks them."""
+    """Success rate of each group, statuses of its flights, and the ranking metric."""
     groups = findings.values["groups"]
     statuses = {x: x.replace("_", " ") for group in groups for x in group["statuses"]}
     layout = [
@@ -223,7 +223,7 @@ def success_table(findings: Findings) -> Table:
 
 
 def reasons_table(findings: Findings) -> Table:
-    """Why flights failed; sentences that differ only in numbers are counted as one."""
+    """Reasons of failed flights; sentences that differ only in numbers are counted together."""
     records = [
         {
             "group": group["group"],
@@ -271,13 +271,13 @@ def metrics_table(findings: Findings) -> Table:
 
 
 def influence_table(findings: Findings, name: str) -> Table:
-    """Influence of each parameter on success or on a metric, the strongest first."""
+    """Influence of each parameter on success or a metric, strongest first."""
     records = [
         {
             "group": group["group"],
             **rank,
             "parameter": key_words(rank["parameter"]),
-            "share": max(rank["share"], 0.0),  # below 0 it explains less than chance would
+            "share": max(rank["share"], 0.0),  # a value below 0 explains less than chance
             "p": min(rank["p_rho"], rank["p_share"]),
         }
         for group in findings.values["groups"]

@@ -17,20 +17,20 @@ from flighttune.outputs.answers.labels import measure_words, metric_label
 from flighttune.outputs.drawing.chart import DASHED, HEAD_AND_FOOT, HEIGHT, Chart
 from flighttune.outputs.drawing.palette import LIMIT, LineStyle, line_styles
 
-# Least height of a row with a name and a share, and how far the share is below it, pixels.
+# Minimum height of a row with a name and a share, and offset of the share, pixels.
 ROW, BELOW = 30.0, 9.0
 
-# Measures whose distributions are drawn.
+# Measures with a chart of their distribution.
 SPREAD = ("chi.ITAE", "gamma.ITAE", "chi.MO_rad", "gamma.MO_rad")
 
-# Ratio of the largest to the smallest value from which on an axis is logarithmic.
+# Ratio of the largest to the smallest value from which an axis is logarithmic.
 MANY_TIMES = 30.0
 
-# Flights of a group in a chart of dots.
+# Maximum number of flights of a group in a scatter chart.
 DOTS = 400
 
-# Parameters that are listed with a flight, and those over which a measure is drawn: the most
-# influential ones.
+# Numbers of most influential parameters that are listed with a flight, and that have a scatter
+# chart.
 PARAMETERS, SCATTERED = 5, 2
 
 
@@ -42,7 +42,7 @@ def styles_of(findings: Findings) -> dict[str, LineStyle]:
 
 
 def influential_parameters(findings: Findings) -> list[str]:
-    """The most influential parameters of any group, the strongest first."""
+    """The most influential parameters of any group, strongest first."""
     strongest: dict[str, float] = {}
     for group in findings.values["groups"]:
         for sensitivity in group["sensitivity"].values():
@@ -59,7 +59,7 @@ def parameter(key: str) -> Column:
 
 
 def bound_words(bound: Mapping[str, Any]) -> str:
-    """A requirement as it is read, such as ``overshoot of course at most 12 deg``."""
+    """A requirement in words, such as ``overshoot of course at most 12 deg``."""
     label = metric_label(bound["measure"])
     unit = "" if label.unit in ("", "1") else f" {label.unit}"
     sense = bound["sense"].replace("_", " ")
@@ -67,14 +67,14 @@ def bound_words(bound: Mapping[str, Any]) -> str:
 
 
 def rates(findings: Findings) -> list[Chart]:
-    """Success rate of every group, and the measure that decides it."""
+    """Success rate of every group, and the measure that decides success."""
     bounds = [bound["measure"] for bound in findings.values["requirements"]]
     decides = next((name for name in bounds if name in findings.measures), findings.measure)
     return [_shares(findings), *([_distribution(findings, decides)] if decides else [])]
 
 
 def _shares(findings: Findings) -> Chart:
-    """A row a group, from the top: its name, and below it the share with its interval."""
+    """A row for each group, from the top: its name, and below it the share with its interval."""
     groups, styles = findings.values["groups"], styles_of(findings)
     height = max(HEIGHT, HEAD_AND_FOOT + ROW * len(groups))
     row = (height - HEAD_AND_FOOT) / len(groups)
@@ -102,14 +102,14 @@ def _shares(findings: Findings) -> Chart:
 
 
 def distributions(findings: Findings) -> list[Chart]:
-    """Cumulative distribution of a metric over all flights, a panel a metric."""
+    """Cumulative distribution of metrics over all flights, with a panel for each metric."""
     names = dict.fromkeys([findings.measure, *SPREAD])
     measures = [name for name in names if name and name in findings.measures]
     return [_distribution(findings, name) for name in measures]
 
 
 def _distribution(findings: Findings, measure: str) -> Chart:
-    """Curves end below 100 % where flights were not completed or have no value."""
+    """A curve ends below 100 % if flights were not completed or have no value."""
     how, styles = metric_label(measure), styles_of(findings)
     curves, bounds = {}, {}
     for group, rows in findings.groups():
@@ -198,7 +198,7 @@ def split_panels(findings: Findings) -> list[Chart]:
                 charts[key].x_ticks = list(zip(split["centres"], split["labels"], strict=True))
                 charts[key].x_range = (centres.min() - 0.5, centres.max() + 0.5)
         rate, lo, hi = _arrays(split["success"], 100.0)
-        # each interval a line of its own: NaN between them
+        # NaN separates the lines of the intervals
         across = np.column_stack([centres, centres, np.full(len(centres), np.nan)]).ravel()
         up = np.column_stack([lo, hi, np.full(len(centres), np.nan)]).ravel()
         charts[key].line(across, up, styles[label].colour, run=label, width=1.2, hover=False)
@@ -208,7 +208,7 @@ def split_panels(findings: Findings) -> list[Chart]:
 
 
 def scatter_panels(findings: Findings) -> list[Chart]:
-    """The metric over the most influential parameters, a dot a flight."""
+    """The metric over the most influential parameters, with a dot for each flight."""
     if findings.measure is None:
         return []
     how, styles, charts = metric_label(findings.measure), styles_of(findings), []
@@ -225,13 +225,13 @@ def scatter_panels(findings: Findings) -> list[Chart]:
             label, some = group.label, rows.iloc[:: len(rows) // DOTS + 1]
             across = some[key].to_numpy(dtype=float)
             up = how.factor * values_of(some, findings.measure)
-            # commands that fly each row again, as tips under the pointer
+            # commands that repeat each row, shown under the pointer
             again = f"flighttune verify {findings.url} --run"
             tips = np.array([f"run {run}: {again} {run}" for run in some["run"]])
             finite = np.isfinite(up)
             dots = {"size": 2.6, "opacity": 0.6, "tips": tips[finite].tolist()}
             chart.points(across[finite], up[finite], styles[label].colour, run=label, **dots)
-            # flights that ended early have no value: they stand as high as the worst one
+            # flights that ended early have no value and are drawn at the worst value
             lost = {"shape": "cross", "tips": tips[~finite].tolist()}
             top = np.full(np.count_nonzero(~finite), highest)
             chart.points(across[~finite], top, LIMIT, run=label, **lost)

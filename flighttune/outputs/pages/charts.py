@@ -31,7 +31,7 @@ from flighttune.routes.fence import Fence
 from flighttune.routes.follow import RouteReference
 from flighttune.routes.path import Path
 
-# The three charts along the route stand beside the map, in three rows of the page.
+# The map stands beside three charts along the route, in three rows of the page.
 ROW_HEIGHT, MAP_HEIGHT = 150.0, 510.0
 
 DISTANCE_AXIS, KM = "along the route [km]", 1000.0
@@ -39,7 +39,7 @@ DISTANCE_AXIS, KM = "along the route [km]", 1000.0
 # Distance between points of the corridor's edges, m.
 APART = 10.0
 
-# Factors on the width of a corridor, and its largest width then as a share of the map.
+# Factors that widen a drawn corridor, and its maximum width as a share of the map.
 CORRIDOR_FACTORS, MAX_CORRIDOR_SHARE = (2, 5, 10, 20, 50, 100), 0.02
 
 # Length of the wind arrow as a share of the map.
@@ -57,7 +57,7 @@ def route_charts(flights: Drawn) -> list[Chart]:
     if (path := planned_path(flights)) is None:
         return []
     s, most = path.points(APART), most_points(len(flights))
-    # of each signal the first band around it
+    # the first band around each signal
     sides, ends = (
         next((ends for run, _ in flights for ends in claimed_along(run, signal, s)), None)
         for signal in OFF_ROUTE
@@ -104,9 +104,9 @@ def heights(path: Path, s: FloatArray, corridor: FloatArray | None, height: floa
 def route_map(
     scenario: Scenario, path: Path, s: FloatArray, corridor: FloatArray | None, wind: str = ""
 ) -> Chart:
-    """Seen from above, north up: planned path, waypoints, wind, and a corridor at distances `s`.
+    """Map with north up: planned path, waypoints, wind, and a corridor at distances `s`.
 
-    `wind`: of flights with winds of their own, which the scenario's does not tell.
+    `wind`: winds of the flights, if they differ from the scenario's wind.
     """
     chart = Chart(title="Map", x="east [m]", y="north [m]", equal=True, height=MAP_HEIGHT)
     inside = path.s <= path.length
@@ -155,7 +155,7 @@ def draw_ends(chart: Chart, fence: Fence, path: Path) -> None:
 
 
 def _wind_arrow(chart: Chart, wind: FloatArray, words: str) -> None:
-    """The wind in words: beside an arrow in the upper left corner, or, of any direction, below."""
+    """The wind in words: beside an arrow in the upper left corner, or below for any direction."""
     if (speed := float(np.hypot(*wind))) == 0.0:
         return
     if words.endswith("anywhere"):
@@ -173,15 +173,15 @@ def _wind_arrow(chart: Chart, wind: FloatArray, words: str) -> None:
     chart.text(left + 1.4 * size, top - 0.7 * size, f"wind {words}", shift=(0.0, 4.0))
 
 
-# Colours of the loops cut at roll and at load factor, if no gains are compared.
+# Colours of the loops cut at roll and at load factor, without a comparison of gains.
 COLOURS = (HUES[0][0][0], HUES[1][0][0])
 
 POINTS = 1200
 
-# Frequencies shown below the slowest and above the fastest eigenvalue.
+# Factors for the shown frequencies below the slowest and above the fastest eigenvalue.
 DECADES = 1.5
 
-# Part of the plane that a Nyquist diagram shows.
+# Ranges of a Nyquist diagram.
 WINDOW = (-3.0, 1.5), (-2.0, 2.0)
 
 # Height of a chart of the plane, pixels.
@@ -205,7 +205,7 @@ def loop_charts(model: LinearModel, gains: PIGains, margins: Sequence[Margins]) 
     speeds = np.abs(eigenvalues)
     low, high = math.log10(speeds[speeds > 0.0].min()), math.log10(speeds.max())
     omega = np.logspace(low - DECADES, high + DECADES, POINTS)
-    # The loop is cut at each input with the other closed. An unstable one has no `margins` to mark.
+    # The loop is cut at each input with the other closed. An unstable loop has no `margins`.
     responses = channel_responses(model, gains, omega)
     title = "Loop cut at one input, the other closed: magnitude"
     x = "frequency [rad/s]"
@@ -226,7 +226,7 @@ def loop_charts(model: LinearModel, gains: PIGains, margins: Sequence[Margins]) 
         nyquist.line(response.real, -response.imag, colour, dash=DOTTED, width=1.0)
         if not margins:
             continue
-        # each margin: where the response comes to it, its words, its chart and place, its level
+        # each margin: its crossing, words, chart, position and level
         disk, marks = margins[i], []
         if math.isfinite(disk.phase_margin):
             at = np.exp(1j * (disk.phase_margin - math.pi))
@@ -263,7 +263,7 @@ def _nyquist(margins: Sequence[Margins]) -> Chart:
     chart.line(np.cos(turn), np.sin(turn), NEUTRAL, width=1.0)
     chart.points(-1.0, 0.0, LIMIT, shape="cross", size=6)
     if margins and math.isfinite(margins[-1].gain_increase):
-        # the disk meets the real axis at minus the gains that all loops survive at once
+        # the disk meets the real axis at minus the gain margins of all loops together
         near, far = margins[-1].gain_decrease, margins[-1].gain_increase
         middle, radius = -(near + far) / 2.0, (far - near) / 2.0
         across, up = middle + radius * np.cos(turn), radius * np.sin(turn)
@@ -292,7 +292,7 @@ BAR_NAMES = ("kinematic", "+ actual\nlift", "+ lag of\ninner loop", "+ six\nd.o.
 
 
 def colours(gap: Gap) -> tuple[str, ...]:
-    """Colour of each rung, lowest first, as in the recording; a step has that of its upper rung."""
+    """Colour of each rung, lowest first, as in the recording; a step has its upper rung's."""
     styles = run_styles(gap.runs)
     return tuple(styles[run.label].colour for run in gap.runs)
 
@@ -309,7 +309,7 @@ def gap_sheet(gap: Gap) -> Sheet:
 
 
 def itae_chart(gap: Gap, channel: str) -> Chart:
-    """A bar for the kinematic plant, one for what each step adds, one for the aircraft."""
+    """Bars for the kinematic plant, the contribution of each step, and the aircraft."""
     title = f"{gap.name}: {CHANNEL_NAMES[channel]}, ITAE from law to aircraft"
     places = [(float(i), name) for i, name in enumerate(BAR_NAMES)]
     chart = Chart(title=title, x="", y="ITAE [rad s²]", x_ticks=places)
@@ -351,11 +351,11 @@ def steps_chart(gap: Gap, channel: str) -> Chart:
 
 
 def bound_chart(gap: Gap, channel: str) -> Chart:
-    """The error on the aircraft with what is claimed of it, and whether the flight is inside."""
+    """The error on the aircraft with the claims about it, and whether the flight is inside."""
     run, colour = gap.aircraft, colours(gap)[-1]
     signal, factor = f"{channel}_err", DEG_PER_RAD
     distance = ""
-    if gap.scenario.route is not None:  # the error that the channel corrects
+    if gap.scenario.route is not None:  # the error of the channel
         signal, factor = OFF_ROUTE[list(CHANNEL_SYMBOLS).index(channel)], 1.0
         distance = "distance "
     title, label = titles(signal)

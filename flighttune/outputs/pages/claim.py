@@ -1,4 +1,4 @@
-"""The page of the claim in a file, and plots of claims and flights."""
+"""The page of a claim file, and plots of claims and flights."""
 
 import hashlib
 from collections.abc import Iterable, Mapping, Sequence
@@ -44,26 +44,26 @@ CHARTS = {
 
 
 class Asked(NamedTuple):
-    """What the page of a claim shows beside the claim."""
+    """Context of the page of a claim."""
 
     source: str  # file of the claim
-    room: TurnBack | None = None  # in which flights turn back, whose volumes the map has
+    room: TurnBack | None = None  # room of flights that turn back, drawn on the map as volumes
     terrain: str | Path | None = None  # raster of heights below the route
-    said: Answer | None = None  # of a mission; its lines replace those of its band
+    said: Answer | None = None  # answer of a mission, whose lines replace the band's lines
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Parts:
-    """The parts of the page of a claim, and the files that it was made of."""
+    """The parts of the page of a claim, and its source files."""
 
     title: str
     sentences: Sequence[str]  # at the top
     notes: Sequence[str]
     tables: Sequence[Table]
     charts: Sequence[Chart] = ()
-    changed: Sequence[str] = ()  # notes of the charts
-    facts: Mapping[str, str] = field(default_factory=dict)  # of its provenance
-    texts: Mapping[str, str] = field(default_factory=dict)  # files that it was made of
+    changed: Sequence[str] = ()  # notes for the charts
+    facts: Mapping[str, str] = field(default_factory=dict)  # rows of its provenance
+    texts: Mapping[str, str] = field(default_factory=dict)  # source files
 
 
 def certificate(claim: Certificate, _: Asked) -> Parts:
@@ -77,7 +77,7 @@ def bound(claim: RateBound, _: Asked) -> Parts:
 
 
 def log_monitor(claim: LogMonitor, _: Asked) -> Parts:
-    """The page of a monitor that learned from logs."""
+    """The page of a monitor learned from logs."""
     return _stated(claim, "Monitor of logs")
 
 
@@ -97,8 +97,8 @@ def write_claim_page(
 ) -> Report:
     """Write one self-contained page about the claim in the file `source`.
 
-    Its map has the volumes in which flights turn back in their `room`. `said` is the answer of a
-    mission, whose lines stand on the page in place of those of its band.
+    Its map has the volumes of flights that turn back in their `room`. `said` is the answer of a
+    mission, whose lines replace the band's lines on the page.
     """
     parts: Parts = function_for(claim, PAGES)(claim, Asked(source, room, terrain, said))
     digest = hashlib.sha256(current(Path(source)).read_bytes()).hexdigest()
@@ -123,14 +123,14 @@ def write_claim_page(
 
 
 def plot(value: FlownScenario | Run | Iterable[Run] | SignalBounds | Tube) -> Sheet:
-    """Draw flights or what is claimed of them.
+    """Draw flights or claims about them.
 
     Parameters
     ----------
     value : FlownScenario, Run or iterable of Run; Band or Residual; Tube
         Flights: both errors, roll and load factor over time, with their limits and claims. A band:
-        each signal with the flights that were counted, on a route its map before them. A tube: the
-        bounds of both errors.
+        each signal with the counted flights, and first a map if it has a route. A tube: the bounds
+        of both errors.
 
     Returns
     -------

@@ -33,33 +33,33 @@ from flighttune.outputs.pages.panels import TEXTS
 from flighttune.routes.fence import read_fence
 from flighttune.routes.maps import NOT_SEEN, ground_at, on_earth, rings_around
 
-# Fewest flights drawn inside the band, if so many are.
+# Minimum number of drawn flights inside the band, if there are enough.
 MIN_DRAWN = 100
 
 STRONG, LIGHT = (colour for colour, _ in HUES[0])
 
-# Lines of a map, each with a look of its own, also without colours: the volumes around a route from
-# inside out, and its fences in turn.
+# Line styles of a map, distinct even without colours: the volumes around a route from inside out,
+# and its fences in turn.
 VOLUMES = (HUES[2][0][0], ""), (PLANTS[3][0], DASHED), (HUES[3][0][0], DOTTED)
 FENCES = "", LONG, DASHED, DOTTED
 
 
 def band_charts(band: SignalBounds) -> list[Chart]:
-    """Each signal with the flights that were counted."""
+    """Each signal with the counted flights."""
     return [chart_of(band, i) for i in range(len(band.about.signals))]
 
 
 def mission_charts(
     band: Band, room: TurnBack | None = None, terrain: str | Path | None = None
 ) -> list[Chart]:
-    """Each signal with the flights that were counted; on a route its map and heights first."""
+    """Each signal with the counted flights; for a route, first a map and heights."""
     if band.flights.over != "along":
         return band_charts(band)
     return [_map(band, room), _heights(band, terrain), *band_charts(band)]
 
 
 def chart_of(band: SignalBounds, i: int) -> Chart:
-    """One signal: the band, and flights in it, outside of it and nearest to leaving it."""
+    """One signal: the band, and flights inside, outside and nearest to leaving it."""
     about = band.about
     name, si = list(about.signals.items())[i]
     (title, label), (_, factor) = titles(name, si), shown_unit(si)
@@ -70,7 +70,7 @@ def chart_of(band: SignalBounds, i: int) -> Chart:
     middle = predicted(band.wind, about.coefficients)[..., i]
     if about.predicted_from:
         flights, middle = flights - middle[..., None], np.zeros_like(middle)
-    # both extremes of a window, one after the other
+    # minimum and maximum of a window in turn
     flights = factor * flights.reshape(len(flights), -1)
     x = np.linspace(edges[0], edges[-1], flights.shape[1])
     low, high = (
@@ -86,7 +86,7 @@ def chart_of(band: SignalBounds, i: int) -> Chart:
         (flights[chosen], LIGHT, f"{len(chosen)} of {len(inside)} inside", 0.5),
         (flights[outside], LIMIT, f"{len(outside)} outside", 0.9),
     ):
-        if len(drawn):  # all as one line that is broken between them
+        if len(drawn):  # all flights as one line with gaps
             ys = np.pad(drawn, ((0, 0), (0, 1)), constant_values=np.nan).ravel()
             xs = np.tile(np.append(x, np.nan), len(drawn))
             chart.line(xs, ys, colour, name=words, width=width, most=len(xs), hover=False)
@@ -97,7 +97,7 @@ def chart_of(band: SignalBounds, i: int) -> Chart:
 
 
 def _corridor(band: Band, signal: str, s: FloatArray) -> FloatArray | None:
-    """The claim of a band about a signal at distances along the route, if it has one."""
+    """The claim of a band about a signal at distances along the route, if any."""
     about = band.about
     if signal not in about.signals or not band.claims or about.predicted_from:
         return None
@@ -106,7 +106,7 @@ def _corridor(band: Band, signal: str, s: FloatArray) -> FloatArray | None:
 
 
 def _map(band: Band, room: TurnBack | None) -> Chart:
-    """The route from above with the corridor that the band claims, if it does, and its fences."""
+    """The route from above with the claimed corridor, if any, and its fences."""
     path, origin, _ = band.flights.route.where
     s = path.points(APART)
     wind = band.flights.distribution.air_words.get("wind", "")
@@ -144,7 +144,7 @@ def _heights(band: Band, terrain: str | Path | None) -> Chart:
 
 
 def _room(room: TurnBack) -> Chart:
-    """How far from the route and from its height each counted flight came that turned back."""
+    """Largest distances from the route and its height of each counted flight that turned back."""
     x, y = "largest distance from the route [m]", "largest difference of height [m]"
     chart = Chart(title="Room to turn back", x=x, y=y)
     flights, inside = room.extremes[:, 0, :, 1].astype(float), room.scores <= room.scale

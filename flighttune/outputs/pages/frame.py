@@ -24,23 +24,23 @@ class Section:
     """A part of the page."""
 
     id: str = "runs"  # its anchor
-    title: str = ""  # of all sections but the first it is all that is seen at first
-    note: str | Sequence[str] = ""  # how to read it: prose, or sentences for a list
+    title: str = ""  # the only visible part of a closed section
+    note: str | Sequence[str] = ""  # how to read the section: prose, or sentences for a list
     charts: Sequence[Chart] = ()
     tables: Sequence[Table] = ()
-    legend: bool = True  # whether the runs are named above the charts
+    legend: bool = True  # whether a legend of runs stands above the charts
     columns: int = 2  # charts side by side on a wide screen, 2 or 3
-    open: bool = False  # whether it is seen at first
+    open: bool = False  # whether it is open at first
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """The sentences of its list, each with its capital and full stop; or its prose."""
+        """The sentences of its list, each with a capital and a full stop; or its prose."""
         if isinstance(self.note, str):
             return (self.note,) if self.note else ()
         return tuple(sentence(part) for note in self.note for part in SENTENCES.split(note))
 
 
-# Parts of a page that answers, in this order: anchor, title, whether it is seen at first.
+# Parts of an answer's page, in this order: anchor, title, whether it is open at first.
 PARTS = (
     ("accuracy", "Accuracy", True),
     ("requirements", "Requirements", True),
@@ -52,31 +52,31 @@ PARTS = (
 )
 
 
-# Where a sentence of a note ends and another one begins.
+# The end of one sentence of a note and the beginning of the next.
 SENTENCES = re.compile(r"(?<=[\w)])\. (?=[A-Z])")
 
-# A first word that takes a capital: no symbol, and no name of a file, plant or run.
+# A first word that takes a capital: neither a symbol nor the name of a file, plant or run.
 WORD = re.compile(r"[a-z]+(?=[,;:]? (?!/))")
 
-# A command at the end of a note, of which a full stop would look like a part.
+# A command at the end of a note; a full stop would look like part of it.
 COMMAND = re.compile(r"(?<=: )flighttune \w+ \S+(?: --\S+(?: [^-\s]\S*)?)*$")
 
 
 def sentence(note: str) -> str:
-    """A note of a terminal as a sentence of a page."""
+    """A terminal's note as a sentence of a page."""
     note = COMMAND.sub(lambda command: f"`{command[0]}`", note.rstrip(". "))
     return f"{note[:1].upper() if WORD.match(note) else note[:1]}{note[1:]}."
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Report(Answering):
-    """A page that was written."""
+    """A written page."""
 
     path: Path
     summary: tuple[str, ...]  # sentences at its top
     sections: tuple[str, ...]  # titles
     tables: tuple[Table, ...]
-    shown: Answer = field(default_factory=Answer, repr=False)  # what a terminal shows
+    shown: Answer = field(default_factory=Answer, repr=False)  # the answer for a terminal
 
 
 def answer(report: Report) -> Answer:
@@ -92,7 +92,7 @@ def write_page(
     sections: Sequence[Section] = (),
     **more: Any,
 ) -> Report:
-    """Write a page, without tables that have no row and sections that have nothing to show."""
+    """Write a page without empty tables and sections."""
     filled = (
         replace(section, tables=[table for table in section.tables if table.records])
         for section in sections
@@ -102,7 +102,7 @@ def write_page(
         Path(__file__).with_name(name).read_text(encoding="utf-8")
         for name in ("page.css", "page.js")
     )
-    # The content security policy of the page allows this script alone.
+    # The page's content security policy allows only this script.
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
     page = template.render(
         **{"claim": "", "about": (), "legend": (), "styles": {}, **more},
@@ -112,7 +112,7 @@ def write_page(
         script=script,
         script_hash=f"sha256-{digest}",
     )
-    write_text(path, printable(page))  # a title may have characters that steer a terminal
+    write_text(path, printable(page))  # a title may have control characters
     titles = tuple(section.title for section in sections if section.title)
     tables = tuple(table for section in sections for table in section.tables)
     return Report(path=path, summary=summary, sections=titles, tables=tables)
@@ -128,7 +128,7 @@ def write_answer(
     texts: Mapping[str, str] | None = None,
     **more: Any,
 ) -> Report:
-    """Write a page that answers: a sentence, `parts` as far as there are any, how to repeat it."""
+    """Write the page of an answer: a sentence, the existing `parts`, and how to repeat it."""
     # Parts that are not in `PARTS` come last.
     names = {key: {"id": key, "title": name, "open": seen} for key, name, seen in PARTS}
     ordered = [*(x for x in names if x in parts), *(x for x in parts if x not in names)]

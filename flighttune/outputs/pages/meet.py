@@ -1,4 +1,4 @@
-"""Pages of gains: of a search that flies candidates, and of a tuning."""
+"""Pages of gains, from a search that flies candidates or from a tuning."""
 
 import json
 import math
@@ -43,21 +43,21 @@ from flighttune.studies.meet import stated
 from flighttune.studies.meeting import Meeting, Trial
 from flighttune.vehicles.plants.base import goes_by
 
-# A tuning has no search that a requirement could stop; beside its gains stand the paper's.
+# A tuning is not a search with requirements; its page compares its gains with the paper's.
 CHECKED_COLUMNS = [
     Column("start", "with the paper's gains") if column.key == "start" else column
     for column in REQUIREMENT_COLUMNS
     if column.key != "active"
 ]
 
-# Charts on the page: pairs of the requirements that are met worst
+# Maximum number of charts: pairs of the requirements with the smallest margins
 PAIRS = 3
 
 PAPER = "paper"
 
 
 def write_meet_page(path: Path, meeting: Meeting, command: str) -> Report:
-    """Write a page of a search, which `command` repeats; it flies start and result once more."""
+    """Write the page of a search, which `command` repeats; this flies start and result again."""
     rows, trials, counted = meeting.requirements, meeting.trials, meeting.success
     required, trades, gains, *drawn, loop, margins, certificate, ended = meeting.answer().tables
     note = ""
@@ -98,7 +98,7 @@ def write_meet_page(path: Path, meeting: Meeting, command: str) -> Report:
 
 
 def write_tune_page(path: Path, scenario: Scenario, result: TuningResult, command: str) -> Report:
-    """Write a page of tuned gains, which `command` repeats, beside the paper's."""
+    """Write the page of tuned gains, which `command` repeats, beside the paper's gains."""
     if result.gains is None:
         raise InputError(f"{path}: `gains` must be there for a page, got none: {result.reason}")
     law = scenario.laws[0]
@@ -140,7 +140,7 @@ def write_tune_page(path: Path, scenario: Scenario, result: TuningResult, comman
 
 
 def _flown(scenario: Scenario, sets: Mapping[str, PIGains]) -> FlownScenario:
-    """Flights of a scenario by gain sets of its first law, held to what it expects of any gains."""
+    """Flights of a scenario by gain sets of its first law, with its requirements for all gains."""
     tables = [GainsTable(name=name, **gains.as_lists()) for name, gains in sets.items()]
     expect = [table for table in scenario.expect if table.gains is None or table.gains in sets]
     flown = {"gains": tables, "law": [scenario.law_tables[0]], "expect": expect}
@@ -148,7 +148,7 @@ def _flown(scenario: Scenario, sets: Mapping[str, PIGains]) -> FlownScenario:
 
 
 def _without_code(scenario: Scenario, path: Path) -> tuple[Scenario, str]:
-    """The scenario without plants in Python files, and a note of those left out."""
+    """The scenario without plants in Python files, and a note on omitted plants."""
     files = scenario.of_files((scenario.laws[0].name, *(plant.label for plant in scenario.plant)))
     plants = [plant for plant in scenario.plant if not plant.module]
     names, how = listed([table.module or "" for _, table in files]), "`flighttune fly` runs it"
@@ -160,7 +160,7 @@ def _without_code(scenario: Scenario, path: Path) -> tuple[Scenario, str]:
 
 
 def _about(check: BoundCheck) -> tuple[str, ...]:
-    """The plant of a requirement and what it bounds, whatever the gains."""
+    """The plant and the bounded measure of a requirement, for any gains."""
     return check.run.partition(" / ")[0], check.subject, check.measure, check.sense
 
 
@@ -176,7 +176,7 @@ def _write(
     commands: str,
     campaign: str = "",
 ) -> Report:
-    """Write a page of flights by gain sets; `scenario` is the one to repeat."""
+    """Write the page of flights by gain sets; the command repeats `scenario`."""
     styles = run_styles(flown.runs)
     flights = [(run, styles[run.label]) for run in flown.runs if len(run.signals) > 1]
     charts = [*overview(flights), *panels.commands(flights)] if flights else []
@@ -199,7 +199,7 @@ def _write(
 
 
 def chart(trials: Sequence[Trial], rows: Sequence[Mapping[str, Any]], i: int, k: int) -> Chart:
-    """All candidates by the values of two requirements, with the bounds of these."""
+    """All candidates by the values of two requirements, with their bounds."""
     across, up = rows[i], rows[k]
     x, y = (np.array([trial.checks[0][j].value for trial in trials]) for j in (i, k))
     met = [np.delete(trial.excess[0], [i, k]).max(initial=-1.0) <= 0.0 for trial in trials]
@@ -219,7 +219,7 @@ def chart(trials: Sequence[Trial], rows: Sequence[Mapping[str, Any]], i: int, k:
 
 
 def share_chart(trials: Sequence[Trial], share: float) -> Chart:
-    """Share of the draws of a search on which each candidate meets all, in the order of flying."""
+    """Share of a search's draws on which each candidate meets all, in flown order."""
     chart = Chart(
         title="Flights that meet all requirements",
         x="gain set, in the order of the search",
@@ -234,11 +234,11 @@ def share_chart(trials: Sequence[Trial], share: float) -> Chart:
 
 
 def _range(values: FloatArray, row: Mapping[str, Any]) -> tuple[float, float]:
-    """From the best value to a little beyond bound, start and result: others are further off."""
+    """Axis from the best value to a little beyond bound, start and result."""
     marked = [row[key] for key in ("bound", "start", "value") if math.isfinite(row[key])]
     finite = values[np.isfinite(values)]
     least, most = min([*marked, *finite]), max([*marked, *finite])
     wide = max(marked) - min(marked) or abs(row["bound"]) or 1.0
     low, high = max(least, min(marked) - wide), min(most, max(marked) + wide)
-    room = 0.05 * (high - low) or wide  # no candidate has a value: the bound stands alone
+    room = 0.05 * (high - low) or wide  # no candidate has a value, so only the bound is drawn
     return low - room, high + room

@@ -1,4 +1,4 @@
-"""Reports as self-contained HTML files: on the runs of a scenario, a comparison of runs, a log."""
+"""Reports as self-contained HTML files on runs of a scenario, a comparison or a log."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -45,20 +45,20 @@ STRONG, _ = (colour for colour, _ in HUES[0])
 # Signals of logs, at the top and below.
 ABOVE, BELOW = "chi gamma", "phi phi_cmd n_z n_z_cmd V_a V_g"
 
-# Gain sets whose gap is drawn; the table has all of them.
+# Maximum number of gain sets with a chart of their gap; the table has all.
 MAX_GAPS = 3
 
-# Longest aircraft run for which the ladder is flown: beyond it a report would take minutes.
+# Longest aircraft run for which a report flies the ladder: longer runs would take minutes.
 LONGEST_LADDER = 6_000
 
-# Tables of runs that a terminal shows too; ``--json`` has the records of all.
+# Tables of runs that a terminal also shows; ``--json`` has all records.
 PRINTED = ("convergence", "certificates", "aircraft")
 
 
 def write_log_page(
     source: compare.Source, path: Path, monitors: Sequence[Monitor | LogMonitor] = ()
 ) -> Report:
-    """Write one self-contained page about the log of a real flight; parent folders are made."""
+    """Write one self-contained page about the log of a real flight, with its parent folders."""
     (run,), styles = source.runs, run_styles(source.runs)
     log = run.provenance.log or {}
     stated = {key: log.get(key, ()) for key in ("phases", "odd", "missing", "gaps", "checks")}
@@ -107,7 +107,7 @@ def write_log_page(
 
 
 def _of_logs(flights: panels.Drawn, table: Table) -> list[Section]:
-    """Sections about flights of which one at least is a log: signals that any of them has."""
+    """Sections about flights with at least one log: signals of any of them."""
     there = {name for run, _ in flights for name in run.signals}
     above, below = (
         panels.flown_signals(flights, " ".join(x for x in signals.split() if x in there))
@@ -162,7 +162,7 @@ def write_report(source: compare.Source, path: Path) -> Report:
 
 
 def _of_one_scenario(source: compare.Source) -> list[Run]:
-    """The runs that flew; a RecordingError if there is none, or they are of several scenarios."""
+    """The runs that flew; RecordingError without any, or if they belong to several scenarios."""
     runs = [run for run in source.runs if len(run.signals) > 1]
     if not runs:
         raise RecordingError(f"{source.name}: a run must have flown, got none.")
@@ -177,7 +177,7 @@ def _of_one_scenario(source: compare.Source) -> list[Run]:
 
 
 def _converged(source: compare.Source, convergence: Table) -> str:
-    """How many runs converge, by plant."""
+    """Number of runs that converge, by plant."""
     return by_plant(
         (run.provenance.plant, record["converges"], 1)
         for run, record in zip(source.runs, convergence.records, strict=True)
@@ -187,7 +187,7 @@ def _converged(source: compare.Source, convergence: Table) -> str:
 def _sections(
     source: compare.Source, flights: panels.Drawn, convergence: Table, gaps: Sequence[Gap]
 ) -> list[Section]:
-    """The flights with their errors and commands, the gaps and what is certified."""
+    """Sections on flights with errors and commands, gaps and certificates."""
     runs = [run for run, _ in flights]
     below = [panels.tracking_table(runs), panels.runs_table(source.runs)]
     return [
@@ -198,7 +198,7 @@ def _sections(
 
 
 def _shown(source: compare.Source, page: Report, around: Answer, notes: Sequence[str]) -> Answer:
-    """What a terminal shows of a page: `around` is what is claimed of its runs."""
+    """The answer of a page for a terminal; `around` are the claims about its runs."""
     named = [table for table in page.tables if table.name]
     return Answer(
         values={
@@ -312,7 +312,7 @@ def _of_flights(
     """Sections about flights: overview, errors with metrics, commands."""
     runs = [run for run, _ in flights]
     first, areas = priority_notes(runs), claim_notes(runs)
-    # Of a route, tubes and bands are drawn at the top, and so is the path.
+    # For a route, the top shows tubes, bands and the path.
     path = [] if charts.planned_path(flights) else panels.paths(flights)
     on_route = "along" in runs[0].signals
     return [
@@ -352,7 +352,7 @@ def _gap_section(gaps: Sequence[Gap], runs: Sequence[Run]) -> Section:
 
 
 def _certificate_section(scenario: Scenario, flights: panels.Drawn) -> Section:
-    """Certificates of the gains, bounds of flights of the law, and the frontier with the gains."""
+    """Certificates of the gains, bounds on flights of the law, and the frontier with the gains."""
     sets = {run.provenance.gains_name: run.provenance.gains for run, _ in flights}
     gains = {name: gain_set for name, gain_set in sets.items() if gain_set is not None}
     bounds = {run.label: bound for run, _ in flights if (bound := linear_bound(run)) is not None}
@@ -360,9 +360,9 @@ def _certificate_section(scenario: Scenario, flights: panels.Drawn) -> Section:
         tuning_problem(scenario),
         points=9,
         marked=gains,
-        starts=0,  # drawn gains find the same curve in twice the time
+        starts=0,  # searches from random gains find the same curve in twice the time
     )
-    # A gain set has the style of its run on the last plant, the strongest.
+    # A gain set has the style of its run on the last plant, which is the strongest.
     marks = {run.provenance.gains_name: style for run, style in flights}
     curves, notes = panels.certificate_panels(flights, bounds), ["bound" if bounds else "no_bound"]
     if "frontier" in set(curve["name"]):

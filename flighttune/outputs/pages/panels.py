@@ -40,16 +40,16 @@ from flighttune.vehicles.aircraft.aircraft import load_aircraft
 # Words of the pages.
 TEXTS = tomllib.loads(Path(__file__).with_name("texts.toml").read_text(encoding="utf-8"))
 
-# Signals with the reference that they follow, errors, and commands.
+# Signals with their references, errors, and commands.
 REFERENCES = {name: signal.reference for name, signal in SIGNALS.items() if signal.reference}
 ERRORS = tuple(SUBJECTS[channel].error for channel in COMMAND_OF)
 
-# Height of the bar of one run as a part of the panel.
+# Height of one run's bar as a share of the panel.
 LANE = 0.035
 
 FEW_RUNS = 4
 
-# An envelope is drawn where its bound is at most so many times the largest error.
+# An envelope is drawn if its bound is at most this factor times the largest error.
 FAR = 2.0
 
 # Lower end of the logarithmic axis of ``||s||``.
@@ -57,19 +57,19 @@ FLOOR = 1e-4
 
 TINY = 1e-9
 
-# Samples of a reference that is described in words.
+# Number of samples for the description of a reference in words.
 ANGLES = 2001
 
-# Bars that fit next to each other in a flight.
+# Maximum number of bars side by side in a flight.
 FINEST = 300
 
 
-# Runs that flew and are drawn together, each with its line.
+# Runs that are drawn together, with their lines.
 Drawn: TypeAlias = Sequence[tuple[Run, LineStyle]]
 
 
 def most_points(runs: int) -> int:
-    """Points a line may have, so that the page of many long runs stays small."""
+    """Maximum points of a line, so that the page of many long runs stays small."""
     return MAX_DRAWN * FEW_RUNS // max(FEW_RUNS, runs)
 
 
@@ -84,7 +84,7 @@ def panel(
     bounds: bool = False,
     si_unit: str = "",
 ) -> Chart:
-    """A signal over time, as far as the longest flight, of the runs that have it."""
+    """A signal over time for the runs that have it, to the end of the longest flight."""
     longest = max((run for run, _ in flights), key=lambda run: run.duration)
     (title, label), ends = titles(signal, si_unit), (0.0, longest.duration)
     chart = Chart(title=f"{title}{note}", y=label, x_range=ends, linked=True)
@@ -106,7 +106,7 @@ def panel(
 
 
 def draw_bounds(chart: Chart, run: Run, x: FloatArray, signal: str, colour: str) -> None:
-    """Bounds of a signal: a tube in the colour of its run, a band grey, envelopes required red."""
+    """Bounds of a signal: a tube in its run's colour, a band grey, required envelopes red."""
     for claim, ends in claims_around(run.claims, signal):
         low, high = shown_unit(claim.units[signal])[1] * ends
         counted = claim.kind == "counted"
@@ -116,7 +116,7 @@ def draw_bounds(chart: Chart, run: Run, x: FloatArray, signal: str, colour: str)
     for bound in envelopes(run, signal):
         factor = shown_unit(SIGNAL_UNITS[signal])[1]
         error = run.signals[signal].abs().max()
-        # A bound far beyond all errors would leave no room for them.
+        # A bound far beyond all errors would hide them.
         shown = factor * np.where(bound > FAR * max(error, bound.min()), np.nan, bound)
         for edge in (-shown, shown):
             chart.line(x, edge, LIMIT, run=run.label, dash=DASHED, width=1.2, hover=False)
@@ -158,7 +158,7 @@ def _moves(name: str, start: float, reference: FloatArray) -> str:
 
 
 def tracking(flights: Drawn) -> list[Chart]:
-    """Course, path angle and airspeed with the references that there are."""
+    """Course, path angle and airspeed with their references, if any."""
     return [
         panel(flights, signal, "; reference grey", reference=reference)
         for signal, reference in REFERENCES.items()
@@ -167,11 +167,11 @@ def tracking(flights: Drawn) -> list[Chart]:
 
 
 def errors(flights: Drawn) -> list[Chart]:
-    """Both errors with what is claimed of them, and other signals of which something is claimed."""
+    """Both errors with their claims, and other signals with claims."""
     charts = [
         panel(flights, signal, zero=True, bounds=True)
         for signal in ERRORS
-        # logs of real flights may not say what they follow
+        # logs of real flights may lack references
         if any(signal in run.signals for run, _ in flights)
     ]
     claimed = {
@@ -188,7 +188,7 @@ def errors(flights: Drawn) -> list[Chart]:
 
 
 def commands(flights: Drawn) -> list[Chart]:
-    """Commands after their limits, the limits, and bars while a command is limited."""
+    """Commands after limits, the limits, and bars while a command is limited."""
     charts = []
     for name in COMMAND_OF.values():
         if not all(f"{name}_cmd" in run.signals for run, _ in flights):
@@ -205,12 +205,12 @@ def commands(flights: Drawn) -> list[Chart]:
 
 
 def flown_signals(flights: Drawn, signals: str = "phi n_z") -> list[Chart]:
-    """Signals of flights over time, with their limits; names are separated by spaces."""
+    """Signals of flights over time, with limits; names are separated by spaces."""
     return [panel(flights, signal, limits=signal) for signal in signals.split()]
 
 
 def paths(flights: Drawn) -> list[Chart]:
-    """The paths from above, north up or, of a long way north, to the right; and their heights."""
+    """The paths from above, with north up, or to the right for a long way north; and heights."""
     ned = [run.signals[["north", "east", "down"]].to_numpy() for run, _ in flights]
     extent = np.ptp(np.vstack(ned), axis=0)
     across, up = (0, 1) if extent[0] > extent[1] else (1, 0)
@@ -220,7 +220,7 @@ def paths(flights: Drawn) -> list[Chart]:
         x=f"{names[across]} [m]",
         y=f"{names[up]} [m]",
         equal=True,
-        downwards=across == 0,  # with north to the right, east is down
+        downwards=across == 0,  # with north to the right, east points down
     )
     longest, most = max(run.duration for run, _ in flights), most_points(len(flights))
     title, unit = "Height over the start", "height [m]"
@@ -233,7 +233,7 @@ def paths(flights: Drawn) -> list[Chart]:
 
 
 def certificate_panels(flights: Drawn, bounds: Mapping[str, LinearBound]) -> list[Chart]:
-    """The norm of s against its bound on the linear loop, a chart per gain set."""
+    """The norm of s against its bound on the linear loop, with a chart per gain set."""
     sets: dict[str, list[tuple[Run, LineStyle]]] = {}
     for run, style in flights:
         if run.label in bounds:
@@ -261,7 +261,7 @@ def certificate_panels(flights: Drawn, bounds: Mapping[str, LinearBound]) -> lis
 
 
 def _spans(t: FloatArray, flag: np.ndarray) -> Sequence[tuple[float, float]]:
-    """Start and end of every stretch in which `flag` is true; close ones are joined."""
+    """Start and end of every stretch in which `flag` is true; close stretches are joined."""
     times = np.append(t, t[-1]).tolist()
     spans: list[tuple[float, float]] = []
     for first, after in true_spans(flag):
@@ -272,12 +272,12 @@ def _spans(t: FloatArray, flag: np.ndarray) -> Sequence[tuple[float, float]]:
     return spans
 
 
-# An error has converged where, over the last quarter of the flight, it stays within 5 % of its
-# largest or within 0.5 deg.
+# An error has converged if, over the last quarter of the flight, it stays within 5 % of its largest
+# value or within 0.5 deg.
 CONVERGED_PART = 0.05
 CONVERGED_AT_LEAST = np.deg2rad(0.5)
 
-# Part of the flight after which its last quarter begins.
+# Share of the flight before its last quarter.
 LATE = 0.75
 
 TRACKING = "run channel ITAE_mean MO_rad PT_s rise_s MS_rad ST_rad effort_rms saturation_s"
@@ -296,7 +296,7 @@ CERTIFICATE_COLUMNS = columns(
 
 
 def tracking_table(runs: Sequence[Run]) -> Table:
-    """Tracking of the reference by each run, a row per channel."""
+    """Tracking of the reference by each run, with a row per channel."""
     records = [
         {"run": run.label, "channel": CHANNEL_SYMBOLS[str(channel)], **metrics}
         for run in runs
@@ -315,7 +315,7 @@ def by_plant(counts: Iterable[tuple[str, int, int]]) -> str:
 
 
 def convergence_table(runs: Sequence[Run], claim: ClaimCheck) -> Table:
-    """How each run ended: requirements met, ITAE, largest errors of the last quarter and limits."""
+    """End of each run: met requirements, ITAE, largest errors of the last quarter and limits."""
     records = []
     for run, (n, met, not_flown, *_) in zip(runs, claim.counts, strict=True):
         record = {"run": run.label, "converges": False, "flight": run.status.replace("_", " ")}
@@ -352,7 +352,7 @@ def final_errors(run: Run) -> dict[str, Any]:
 
 
 def runs_table(runs: Sequence[Run]) -> Table:
-    """End of each run, those that did not fly last, and metrics of the whole flight."""
+    """End of each run and metrics of the whole flight; runs that did not fly come last."""
     records = [
         {
             "run": run.label,
@@ -367,7 +367,7 @@ def runs_table(runs: Sequence[Run]) -> Table:
 
 
 def gains_table(gains: Mapping[str, PIGains], curve: pd.DataFrame) -> Table:
-    """Gains with their indicators, which `curve` (from `frontier`) has."""
+    """Gains with their indicators from `curve` (the result of `frontier`)."""
     marks = curve.set_index("name")
     records = [
         {"gains": name, **marks.loc[name, ["R_K", "I_K", "E_K"]].to_dict(), **gain_set.as_lists()}
@@ -381,7 +381,7 @@ def certificates_table(scenario: Scenario, gains: Mapping[str, PIGains]) -> Tabl
     records = []
     for name, gain_set in gains.items():
         proofs = [certify_scenario(scenario, gain_set)]
-        if scenario.envelope and scenario.tuning.model == "kinematic":  # the law's ranges
+        if scenario.envelope and scenario.tuning.model == "kinematic":  # ranges of the law
             proofs.append(certify_scenario(scenario, gain_set, envelope=True))
         claim = proofs[0].values
         proven = [proof.certificate for proof in proofs[1:] if proof.certificate]
@@ -399,7 +399,7 @@ def certificates_table(scenario: Scenario, gains: Mapping[str, PIGains]) -> Tabl
 
 
 def paths_table(runs: Sequence[Run]) -> Table:
-    """Largest distance of each aircraft from the first plant that is none, with the same gains."""
+    """Largest distance of each aircraft from the first point mass with the same gains."""
     laws = [run for run in runs if run.provenance.aircraft is None]
     first = {
         run.provenance.gains_name: run

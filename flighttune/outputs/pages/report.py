@@ -1,4 +1,4 @@
-"""The page of anything: of runs, of a campaign, of a log, or of the claim in a file."""
+"""The page of any source: runs, a campaign, a log or a claim file."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -29,31 +29,31 @@ def report(
     interval: Method | None = None,
     confidence: float = CONFIDENCE,
 ) -> Report:
-    """Write one page about runs, a campaign or a claim, which needs no network.
+    """Write one self-contained page about runs, a campaign or a claim.
 
-    It takes seconds: a page about runs of an aircraft flies the plants below it too.
+    It takes seconds, because a page about runs of an aircraft also flies the plants below it.
 
     Parameters
     ----------
     source : str, Path or FlownScenario
         A run folder, a recording or a Parquet file; ``SCENARIO@GAINS``, which is flown; the folder
         of a campaign, which may be running; the file of a claim; or the log of a real flight (.ulg,
-        .bin, .tlog, .csv), ``@START:END`` for a part of it in s. What a file is, is read from its
-        content. Also flights that `fly` returned.
+        .bin, .tlog, .csv), ``@START:END`` for a part of it in s. The kind of a file is read from
+        its content. Also flights that `fly` returned.
     path : str or Path, optional
         HTML file to write or replace; by default ``report.html``, in the folder of a campaign.
         Parent folders are made.
     claims : sequence of str or Path
-        Files of tubes and bands to draw around runs; of a log monitors, which say when it alarms.
+        Files of tubes and bands to draw around runs; for a log, monitors, which report alarms.
     changes : mapping of str to value, optional
-        Values to set in a scenario that is flown, by dotted key.
+        Values to set by dotted key in a scenario that is flown.
     columns : mapping or sequence
         Where a log has its signals, as for `load_log`.
     interval : {"wilson", "clopper-pearson", "any-time"}
         Confidence interval of the success rates of a campaign, by default wilson, and any-time if
-        it flies until it is sure; any-time is for independent draws (``design`` random) and holds
-        however often the page is made while they are flown, so that the campaign may be stopped by
-        what it says. It counts the flights before the first gap.
+        it flies until it is sure. The any-time interval needs independent draws (``design``
+        random). It holds for any number of pages during the flights, so that the page may decide
+        when to stop the campaign. It counts the flights before the first gap.
     confidence : float
         Confidence of the intervals of a campaign, 0 to 1, by default 0.95.
 
@@ -68,8 +68,8 @@ def report(
     OutputError
         If the page cannot be written.
     InputError
-        If a claim does not cover a run, claims or changes are given for anything but runs, or an
-        interval at any time for draws that are not independent.
+        If a claim does not cover a run, if claims or changes are given without runs, or if an
+        any-time interval is requested for draws that are not independent.
 
     Examples
     --------

@@ -14,7 +14,7 @@ STRONG = HUES[0][0][0]
 
 
 def tube(claim: Tube, _: Asked) -> Parts:
-    """The page of a tube, with its scenario and how it was enclosed."""
+    """The page of a tube, with its scenario and enclosure."""
     problem, settings, answer = claim.problem, claim.settings, claim.answer()
     return Parts(
         title=f"Tube: {problem.scenario.title}",

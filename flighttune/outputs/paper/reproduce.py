@@ -52,13 +52,13 @@ and computation disagree, both are given. `flighttune reproduce` makes this file
 printed parameters.
 """
 
-# Functions by name: an item is made by that of its own name.
+# Functions by name: the function with an item's name makes it.
 MAKERS = {**vars(theory), **vars(flights)}
 
 # Verdicts in the order in which the page lists its claims.
 READ_FIRST = ("not reproduced", "partly", "reproduced", "not checkable")
 
-# Called with what is being made and the part of it that is done, 0 to 1.
+# Called with the present item and its finished share, 0 to 1.
 Progress = Callable[[str, float], None]
 
 
@@ -77,7 +77,7 @@ def answer(made: Reproduction) -> Answer:
     keys = "id text where verdict expected computed"
     findings = [pick(finding, keys) for finding in made.findings]
     counts = Counter(finding.verdict for finding in made.findings)
-    # The claims of some items alone are few of many: the page lists them.
+    # For some items the page lists their few claims.
     listed = findings if len(made.items) == len(ITEMS) else []
     return Answer(
         values={
@@ -166,7 +166,7 @@ def _written(item: Item, output: Made, folder: Path) -> list[Path]:
 
 
 def errata(study: Study) -> list[Table]:
-    """All errata by part, in the order of ``errata.toml``: where, what is printed, what holds."""
+    """All errata by part, in the order of ``errata.toml``: place, printed text, correct text."""
     named, tables = numbers(study), []
     for part, entries in ERRATA.items():
         records = [{k: text.format(**named) for k, text in entry.items()} for entry in entries]
@@ -175,7 +175,7 @@ def errata(study: Study) -> list[Table]:
 
 
 def numbers(study: Study) -> dict[str, Any]:
-    """Every name that stands in braces in ``errata.toml``."""
+    """Values of all names in braces in ``errata.toml``."""
     star, flight, model = study.indicators[printed.STAR], study.flights[printed.STAR], study.model
     _, rate_limited, anti_windup, unlimited = study.readings.values()
     L_d = printed.disturbance(printed.PRINTED_DISTURBANCE).rate_bound

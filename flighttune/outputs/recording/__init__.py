@@ -1,5 +1,5 @@
-"""Runs to Parquet and Rerun, and back.
+"""Writes runs to Parquet and Rerun, and reads them.
 
-``parquet`` is the record, ``record`` writes it with the Rerun recording drawn from it, and
-``viewer`` opens that.
+``parquet`` keeps the data, ``record`` writes it together with a Rerun recording drawn from it, and
+``viewer`` opens the recording.
 """

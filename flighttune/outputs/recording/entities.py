@@ -13,7 +13,7 @@ from flighttune.flight.loop.run import Run
 from flighttune.outputs.answers.run import run_styles
 from flighttune.outputs.drawing.palette import LineStyle
 
-TIMELINE = "flight_time"  # since the start of the flight
+TIMELINE = "flight_time"  # time since the start of the flight
 
 PAGE = "page"
 WORLD = "world"
@@ -27,8 +27,8 @@ ROUTE = f"{WORLD}/route"  # planned path, waypoints and corridor
 MAP = "map"
 PLOTS = "plots"
 
-# Lines that belong to no run, and measured signals. The viewer draws in the order of names: with
-# the underscore these are below the lines of the runs.
+# Lines without a run, and measured signals. The viewer draws in the order of names: the underscore
+# puts them below the lines of the runs.
 REFERENCE = "_reference"
 LIMITS = "_limits"
 MEASURED = "_measured"
@@ -38,22 +38,22 @@ OVERVIEW_TAB, PAGE_TAB = "Overview", "Scenario and metrics"
 
 LEGEND = "runs"  # number, colour and outcome of each run
 
-END = 1.1  # where time axes end, over the longest flight
+END = 1.1  # end of time axes, relative to the longest flight
 
 
 def application(title: str) -> str:
-    """Application of a recording: the viewer keeps one layout for each, so scenarios differ."""
-    name = plain_name(title).lower().replace(".", "_")  # Rerun warns of most dots
+    """Application of a recording: the viewer keeps one layout for each scenario."""
+    name = plain_name(title).lower().replace(".", "_")  # Rerun warns of most characters
     return f"flighttune-{name}"[:80].rstrip("-_")
 
 
 def plain_name(text: str) -> str:
-    """`text` in letters, digits, dots and underscores, as names in Rerun want them."""
+    """`text` in letters, digits, dots and underscores, as Rerun's names require."""
     return re.sub(r"[^A-Za-z0-9.]+", "_", text).strip("_") or "unnamed"
 
 
 def reading(tab: str) -> str:
-    """Entity of the sentence of what a tab shows."""
+    """Entity of the sentence that explains a tab."""
     return f"how_to_read/{plain_name(tab)}"
 
 
@@ -77,12 +77,12 @@ def log_lines(
 
 
 def log_still(stream: rr.RecordingStream, path: str, *drawing: rr.AsComponents) -> None:
-    """Log what is there at all times."""
+    """Log timeless data."""
     stream.log(path, *drawing, static=True)
 
 
 def on_screen(width: float) -> Any:
-    """Thickness of a line or dot in points of the screen, at any distance."""
+    """Thickness of a line or dot in screen points, at any distance."""
     return rr.components.Radius.ui_points(width)
 
 
@@ -92,7 +92,7 @@ class DrawnRun(NamedTuple):
     run: Run  # with at least two samples
     key: str  # its name in the tree of the recording, unique
     style: LineStyle
-    number: int  # its place among the runs drawn, from 1 on
+    number: int  # its number among the drawn runs, from 1
 
 
 def runs_to_draw(runs: Sequence[Run]) -> list[DrawnRun]:

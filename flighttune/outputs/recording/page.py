@@ -28,15 +28,15 @@ from flighttune.outputs.recording.plots import TEXTS, Plot, value_range
 from flighttune.outputs.recording.scene import all_positions, drawn_scale, ground_grid
 
 ERRORS = ("chi_err", "gamma_err")  # plots on Overview
-AIRSPEED = "V_a"  # a plot on Overview too, where a flight ended early
+AIRSPEED = "V_a"  # additional plot on Overview if a flight ended early
 
-# Share of a tab's height, for a window of 1280 by 720, the smallest in which everything must fit.
-READING = 0.05  # the line on how to read the picture
+# Shares of a tab's height for a window of 1280 by 720, the smallest in which everything fits.
+READING = 0.05  # the line that explains the picture
 
-# Columns over rows of a grid of plots, nine make 3 rows of three; titles are cut in five columns.
+# Ratio of columns to rows of a grid of plots: nine make 3 by 3; five columns would cut titles.
 COLUMNS_PER_ROW, MOST_COLUMNS = 1.36, 4
 
-SHARED_AXIS_S = 60.0  # longest flight that an axis shared by all plots shows whole
+SHARED_AXIS_S = 60.0  # longest flight that a shared axis shows whole
 
 SIDE, MIDDLE = 0.23, 0.31  # shares of the width of Overview: the view from behind, the plots
 
@@ -44,7 +44,7 @@ SIDE, MIDDLE = 0.23, 0.31  # shares of the width of Overview: the view from behi
 def blueprint(
     flights: Sequence[DrawnRun], plots: Mapping[str, Sequence[Plot]], *, on_map: bool = False
 ) -> rrb.Blueprint:
-    """Lay out the runs that flew, with the plots of each tab; without runs only the page."""
+    """Layout of the runs that flew, with the plots of each tab; without runs only the page."""
     page = rrb.TextDocumentView(origin=entities.PAGE, name=entities.PAGE_TAB)
     tabs: list[rrb.Container | rrb.View] = [page]
     if flights:
@@ -54,7 +54,7 @@ def blueprint(
             entities.PAGE_TAB: page,
         }
         tabs = [_below_sentence(name, view) for name, view in views.items()]
-    # The panels of the viewer are closed, and it adds nothing itself.
+    # The viewer's panels are closed, and it adds no views itself.
     return rrb.Blueprint(
         rrb.Tabs(*tabs, active_tab=0),
         rrb.BlueprintPanel(state="collapsed"),
@@ -66,7 +66,7 @@ def blueprint(
 
 
 def _below_sentence(name: str, tab: rrb.Container | rrb.View) -> rrb.Container:
-    """A tab below the sentence of what it shows."""
+    """A tab below the sentence that explains it."""
     sentence = rrb.TextDocumentView(origin=entities.reading(name), name="About", titlebar=False)
     # The line is on top: the viewer panics at a screenshot with an untitled view at its lower edge.
     return rrb.Vertical(sentence, tab, row_shares=[READING, 1.0 - READING], name=name)
@@ -99,7 +99,7 @@ def _overview(
 
 
 def leader(flights: Sequence[DrawnRun]) -> DrawnRun:
-    """The run that the view follows: the first that ended early, else the last of the longest."""
+    """The run that the view follows: the first that ended early, else the longest."""
     for drawn_run in flights:
         if drawn_run.run.status != "completed":
             return drawn_run
@@ -107,7 +107,7 @@ def leader(flights: Sequence[DrawnRun]) -> DrawnRun:
 
 
 def _tab(plots: Sequence[Plot], flights: Sequence[DrawnRun]) -> rrb.Grid:
-    """A grid of plots; two stand one above the other, on one time axis."""
+    """A grid of plots; two plots are stacked on one time axis."""
     columns = (
         min(round(math.sqrt(COLUMNS_PER_ROW * len(plots))), MOST_COLUMNS) if len(plots) > 2 else 1
     )
@@ -118,8 +118,8 @@ def _tab(plots: Sequence[Plot], flights: Sequence[DrawnRun]) -> rrb.Grid:
 def _plot(plot: Plot, flights: Sequence[DrawnRun], share: float) -> rrb.TimeSeriesView:
     runs = [flight.run for flight in flights]
     longest, span = max(run.duration for run in runs), value_range(plot, runs, share=share)
-    # One axis for all plots of short flights; of longer ones, each plot shows all of the flight:
-    # the viewer opens a shared axis with no more than half a minute to each side of now.
+    # Plots of short flights share one axis. For longer flights each plot has its own axis, because
+    # the viewer opens a shared axis with only half a minute to each side of now.
     axis = rrb.TimeAxis(link=LinkAxis.LinkToGlobal)
     if longest > SHARED_AXIS_S:
         start, end = (rr.TimeRangeBoundary.absolute(seconds=s) for s in (0.0, longest))
@@ -165,7 +165,7 @@ def scenario_page(
     scenario: Mapping[str, Any],
     indicators: Mapping[str, Indicators] | None = None,
 ) -> str:
-    """The page of text in a recording, as Markdown; `indicators` are by name of the gain set."""
+    """The page of text in a recording, as Markdown; `indicators` by name of gain set."""
     metrics, flight = metric_tables(runs)
     parts = [f"# {scenario.get('title', 'Flight')}"]
     parts += [f"**{word}:** {scenario[key]}" for key, word in ABOUT.items() if scenario.get(key)]
@@ -215,7 +215,7 @@ def _metrics(heading: str, labels: Sequence[str], metrics: pd.DataFrame) -> str:
 
 
 def log_legends(stream: rr.RecordingStream, flights: Sequence[DrawnRun]) -> None:
-    """Log what each tab shows, and which run has which number and colour."""
+    """Log the sentence of each tab, and the number and colour of each run."""
     texts = {entities.reading(tab): about["shows"] for tab, about in TEXTS["tabs"].items()}
     texts[entities.reading(entities.OVERVIEW_TAB)] += f" {reading_line(flights)}"
     texts[entities.LEGEND] = "".join(

@@ -31,14 +31,14 @@ FLOWN = ("phi", "n_z", "phi_cmd", "n_z_cmd", "V_a", "gamma")
 class Plot:
     """One plot over time: the same signals of every run."""
 
-    signal: str  # drawn strong, one line for each run; gives the plot its unit and its folder
+    signal: str  # one strong line for each run; sets the plot's unit and folder
     title: str
     thin: str = ""  # second signal of each run, drawn thin in the same colour
-    common: str = ""  # signal that is the same for every run, drawn once in grey
+    common: str = ""  # signal shared by all runs, drawn once in grey
     limit: str = ""  # key of the scenario's [limits] without unit, drawn as two lines
-    claims: tuple[str, ...] = ()  # titles of the claims that bound it, drawn in the same colour
-    measured: str = ""  # what sensors gave, drawn faintly behind it in the same colour
-    unit: str | None = None  # of a signal of the user's own law; not converted
+    claims: tuple[str, ...] = ()  # titles of the claims that bound it, in the same colour
+    measured: str = ""  # sensor signal, drawn faintly behind it in the same colour
+    unit: str | None = None  # unit of a signal of the user's own law; not converted
 
     @property
     def heading(self) -> str:
@@ -53,12 +53,12 @@ class Plot:
         return (self.signal, self.thin) if self.thin else (self.signal,)
 
 
-WEATHER = "wind", "disturbance"  # groups left out in calm air
+WEATHER = "wind", "disturbance"  # groups omitted in calm air
 CALMEST = 1e-6  # wind (m/s) and disturbance (rad/s) below this are rounding
 
-ROOM = 0.05  # part of the range by which an axis extends beyond it at each end
-LABELS = 28.0  # an axis as high as a tab of a small window has room for so many
-LONGEST = 2.2  # an axis longer than this, over the range drawn, gets no second label
+ROOM = 0.05  # share of the range by which an axis extends at each end
+LABELS = 28.0  # number of labels on an axis as high as a small window's tab
+LONGEST = 2.2  # an axis longer than this, relative to the drawn range, gets no second label
 SMALLEST_SPAN = 1e-6
 
 # Sentences of a recording, and tabs of plots, in order.
@@ -76,7 +76,7 @@ TABS: dict[str, tuple[Plot, ...]] = {
 
 
 def shown_plots(runs: Sequence[Run]) -> dict[str, tuple[Plot, ...]]:
-    """The plots of each tab that at least one run has a signal for; no wind in calm air."""
+    """The plots of each tab with a signal of at least one run; no wind in calm air."""
     aircraft = any(run.provenance.aircraft for run in runs)
 
     def shows(plot: Plot) -> bool:
@@ -102,7 +102,7 @@ def shown_plots(runs: Sequence[Run]) -> dict[str, tuple[Plot, ...]]:
 
 
 def _as_flown(plot: Plot, runs: Sequence[Run]) -> Plot:
-    """The plot with the measured signal and the claims that a run has."""
+    """The plot with the measured signal and the claims of a run."""
     recorded = {name for run in runs for name in run.signals}
     measured = SIGNALS[plot.signal].measured if plot.signal in SIGNALS else ""
     claims = {
@@ -114,7 +114,7 @@ def _as_flown(plot: Plot, runs: Sequence[Run]) -> Plot:
 
 
 def displayed(signals: pd.DataFrame, name: str) -> FloatArray:
-    """Values of a signal in the unit shown: degrees for angles, courses without jumps at +-180."""
+    """Values of a signal in the shown unit: degrees for angles, courses without jumps at +-180."""
     values = signals[name].to_numpy(dtype=float)
     if name in ("chi", "chi_ref"):
         values, there = values.copy(), np.isfinite(values)
@@ -131,7 +131,7 @@ def unit_of(name: str) -> str:
 
 
 def value_range(plot: Plot, runs: Sequence[Run], *, share: float) -> tuple[float, float] | None:
-    """Range of the vertical axis in the unit shown, or None where nothing varies."""
+    """Range of the vertical axis in the shown unit; None without variation."""
     having = [run for run in runs if plot.signal in run.signals]
     names = [*plot.signals, *filter(None, (plot.common, plot.measured))]
     values = [
@@ -147,8 +147,8 @@ def value_range(plot: Plot, runs: Sequence[Run], *, share: float) -> tuple[float
     low, high = (everything.min(), everything.max()) if len(everything) else (0.0, 0.0)
     if not high - low > SMALLEST_SPAN * max(1.0, abs(low), abs(high)):
         return None
-    # The viewer labels multiples of a power of ten: between -9 and 9 that is a lonely 0. In steps
-    # between two labels; at least one label more than there are steps.
+    # The viewer labels multiples of a power of ten: between -9 and 9 only 0. Steps between two
+    # labels need at least one more label.
     step = 10.0 ** math.ceil(math.log10((high - low) / max(LABELS * share - 2.0, 2.0)))
     lower, upper = low / step, high / step
     while math.floor(upper) - math.ceil(lower) < 1:
@@ -178,7 +178,7 @@ def positions(signals: pd.DataFrame) -> FloatArray:
 
 
 def with_derived(flights: "Sequence[DrawnRun]") -> "list[DrawnRun]":
-    """The runs with the derived signals that they have; and height and speed over ground."""
+    """The runs with their derived signals, height and speed over ground."""
     before: dict[str, list[Run]] = {}
     extended = []
     for drawn_run in flights:
@@ -192,7 +192,7 @@ def with_derived(flights: "Sequence[DrawnRun]") -> "list[DrawnRun]":
 
 
 def _over_ground(run: Run) -> dict[str, FloatArray]:
-    """Height and speed over ground of a plant that gives neither, from its path."""
+    """Height and speed over ground from the path of a plant that lacks them."""
     signals, derived = run.signals, {}
     flight = run.provenance.scenario.get("flight") or {}
     if "h" not in signals and "h_m" in flight:
@@ -204,7 +204,7 @@ def _over_ground(run: Run) -> dict[str, FloatArray]:
 
 
 def _parts(run: Run) -> dict[str, FloatArray]:
-    """Rates that each part of an aircraft adds to those of the law under the same commands."""
+    """Rates that each part of an aircraft adds to the law's rates under the same commands."""
     trim, signals = trim_of(run), run.signals
     if run.provenance.aircraft is None or trim is None or not set(FLOWN) <= set(signals):
         return {}
@@ -215,7 +215,7 @@ def _parts(run: Run) -> dict[str, FloatArray]:
     behind = point_mass.turn_rates(V_a, gamma, phi, n_z, turn="exact", g=trim.g)
     kinematic = point_mass.turn_rates(trim.V_a, gamma, phi_cmd, n_z_cmd, turn="paper", g=trim.g)
     modelled = {"kinematic": kinematic, "point_mass": exact}[run.provenance.law.plant]
-    # lift: exact less modelled; inner loop: behind it less commanded; rest: flown less that
+    # lift: exact minus modelled; inner loop: response minus command; rest: flown minus all these
     steps = modelled, exact, behind, actual
     return {
         f"{part}_{channel}": steps[k + 1][i] - steps[k][i]

@@ -31,12 +31,12 @@ from flighttune.outputs.recording.page import blueprint, log_legends, scenario_p
 from flighttune.outputs.recording.plots import Plot, displayed, limits_of, shown_plots, with_derived
 from flighttune.outputs.recording.scene import log_route, log_scene, route_of, somewhere
 
-# Port of the page where a browser is served and no other port was asked for; Rerun's own default
+# Default port of the page for a browser, as in Rerun
 PORT = 9090
 
 
 def rerun_program() -> str:
-    """Path of Rerun itself: ending the script `rerun` would leave the program running."""
+    """Path of Rerun's program itself, because ending the script `rerun` would leave it running."""
     import rerun_cli
 
     return str(Path(next(iter(rerun_cli.__path__))) / "rerun")
@@ -61,7 +61,7 @@ def viewer(path: str | Path, *, port: int | None = None) -> tuple[list[str], str
 
 
 def _check_free(port: int) -> None:
-    """Raise unless `port` can be listened on; Rerun waits for ever where its data port is taken."""
+    """Raise unless `port` is free, because Rerun waits for ever if its data port is taken."""
     with socket.socket() as probe:
         probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
@@ -74,7 +74,7 @@ def _check_free(port: int) -> None:
 
 
 def run_viewer(path: str | Path, command: list[str]) -> None:
-    """Run a command of `viewer` until it ends; Rerun prints on stderr why it could not go on."""
+    """Run a command of `viewer` until it ends; Rerun prints the reason of a failure on stderr."""
     # Rerun sends usage statistics to its makers unless it believes that it runs in CI.
     environment = {"RUST_LOG": "warn", "CI": "true"} | os.environ
     if status := subprocess.run(command, env=environment, check=False).returncode:
@@ -104,8 +104,8 @@ def record(flown: FlownScenario, folder: str | Path, *, name: str = "flight") ->
     flown : FlownScenario
         Result of `flighttune.fly`.
     folder : path-like
-        Made if need be; files of the same name are replaced together, after all have been written,
-        and Parquet files that a replaced recording was drawn from are removed.
+        Made if needed. Files of the same name are replaced together after all have been written,
+        and Parquet files of a replaced recording are removed.
     name : str
         Stem of the recording's name.
 
@@ -117,9 +117,9 @@ def record(flown: FlownScenario, folder: str | Path, *, name: str = "flight") ->
     Raises
     ------
     OutputError
-        If a file cannot be written; what stood in the folder still does.
+        If a file cannot be written; the folder is then unchanged.
     RecordingError
-        If the scenario holds what JSON cannot.
+        If the scenario has a value that JSON cannot represent.
 
     Examples
     --------
@@ -136,7 +136,7 @@ def record(flown: FlownScenario, folder: str | Path, *, name: str = "flight") ->
         flown.runs,
         page=page_of(flown),
         title=flown.scenario.title,
-        # Without the private part of the path.
+        # without the private part of the path
         origin={"folder": folder.name if folder.is_absolute() else str(folder), "sha256": flight},
     )
     with together(folder):
@@ -164,7 +164,7 @@ def write_recording(runs: Sequence[Run], path: str | Path, *, page: str, title: 
 
 
 def write_log(run: Run, path: str | Path) -> None:
-    """Write the log of a flight to a recording; a RecordingError names what it lacks for it."""
+    """Write the log of a flight to a recording; RecordingError names missing signals."""
     if lacking := [name for name in POSE if name not in run.signals]:
         raise RecordingError(f"{run.label}: must have {', '.join(lacking)} to be seen in 3D.")
     scenario = run.provenance.scenario
@@ -179,16 +179,16 @@ def recording_bytes(
     try:
         return _bytes(runs, page, title, origin)
     finally:
-        # Rerun keeps every stream in a list, and with it two threads and what was logged: of the
-        # recording and of its blueprint. This is its own way to drop those that nobody uses.
+        # Rerun keeps every stream, of recordings and blueprints, in a list with two threads and all
+        # logged data. This is its own way to drop unused streams.
         rerun_bindings.flush_and_cleanup_orphaned_recordings()  # pyright: ignore[reportAttributeAccessIssue]
 
 
-@np.errstate(over="ignore")  # a law may command 1e308, which has no value in degrees
-@catch_and_log_exceptions(strict=True)  # Rerun raises on wrong data, and drops none of it
+@np.errstate(over="ignore")  # a law may command 1e308, which overflows in degrees
+@catch_and_log_exceptions(strict=True)  # Rerun raises on wrong data instead of dropping it
 def _bytes(runs: Sequence[Run], page: str, title: str, origin: Mapping[str, Any] | None) -> bytes:
-    # In memory: Rerun raises nothing where the disk is full, but logs it, or never returns.
-    # A new id each time: of two files with one id the viewer would keep one.
+    # In memory, because on a full disk Rerun only logs an error or never returns.
+    # A new id each time, because the viewer keeps only one of two files with the same id.
     stream = rr.RecordingStream(entities.application(title), recording_id=uuid.uuid4())
     try:
         memory = stream.memory_recording()
@@ -215,7 +215,7 @@ def _bytes(runs: Sequence[Run], page: str, title: str, origin: Mapping[str, Any]
 
 
 def _send_layout(stream: rr.RecordingStream, layout: rrb.Blueprint) -> None:
-    """Do as ``stream.send_blueprint`` does, which keeps the stream of the layout for ever."""
+    """Like ``stream.send_blueprint``, which would keep the layout's stream for ever."""
     native = rerun_bindings.new_blueprint(
         application_id=str(stream.get_application_id()),
         make_default=False,
@@ -226,10 +226,10 @@ def _send_layout(stream: rr.RecordingStream, layout: rrb.Blueprint) -> None:
     layout_stream.set_time("blueprint", sequence=0)
     layout._log_to_stream(layout_stream)
     storage = layout_stream.memory_recording().storage
-    # Active as well as default: the viewer makes a layout of its own while data stream in, which
-    # the default does not replace.
+    # Active as well as default, because the default does not replace the layout that the viewer
+    # makes while data arrive.
     rerun_bindings.send_blueprint(storage, True, True, recording=stream.to_native())
-    layout_stream.disconnect()  # the sink holds the stream, and the stream the sink
+    layout_stream.disconnect()  # sink and stream refer to each other
 
 
 def _log_plot(stream: rr.RecordingStream, plot: Plot, flights: Sequence[entities.DrawnRun]) -> None:
@@ -270,7 +270,7 @@ def _log_plot(stream: rr.RecordingStream, plot: Plot, flights: Sequence[entities
             )
         for place, (claim, ends) in enumerate(claims_around(run.claims, plot.signal)):
             values = shown_unit(claim.units[plot.signal])[1] * ends.T
-            # dashed where they are counted, thin where they are proven
+            # dashed for counted bounds, thin for proven bounds
             samples, counted = peaks(values), claim.kind == "counted"
             t, values = run.t[samples], values[samples]
             if counted:
@@ -296,7 +296,7 @@ def _log_plot(stream: rr.RecordingStream, plot: Plot, flights: Sequence[entities
 
 
 def show(flown: FlownScenario, *, width: int = 1280, height: int = 720) -> None:
-    """Show the recording of flights in the output of a notebook's cell.
+    """Show the recording of flights in a notebook's cell.
 
     Parameters
     ----------
@@ -318,7 +318,7 @@ def show(flown: FlownScenario, *, width: int = 1280, height: int = 720) -> None:
     from rerun.notebook import Viewer
 
     picture = recording_bytes(flown.runs, page=page_of(flown), title=flown.scenario.title)
-    # A viewer of a stream would keep the stream and its threads for as long as the notebook runs.
+    # A streaming viewer would keep the stream and its threads as long as the notebook runs.
     viewer = Viewer(width=width, height=height, use_global_recording=False)
     viewer._viewer.send_rrd(picture)
     viewer.display()

@@ -33,15 +33,15 @@ from flighttune.vehicles.plants.jsbsim.model_files import wing_span
 from flighttune.vehicles.plants.weather import WIND
 
 APART = 5.0  # distance between points of the planned path and of the corridor, m
-RIB = 5  # points of the corridor from one cross-section that is outlined to the next
+RIB = 5  # points of the corridor between two outlined cross-sections
 WALL = 15  # opacity of a wall of the corridor, of 255
 
 GREY = [rgb(NEUTRAL)]
-TO_NED = np.array([1.0, 1.0, -1.0])  # of north, east and up
+TO_NED = np.array([1.0, 1.0, -1.0])  # axes: north, east and up
 
 
 def route_of(flights: Sequence[DrawnRun]) -> tuple[RoutePath, RouteTable] | None:
-    """Path and table of the route of the runs of one scenario; None if they fly none."""
+    """Path and table of the route of one scenario's runs; None without a route."""
     if not flights or "route" not in flights[0].run.provenance.scenario:
         return None
     scenario = scenario_of(flights[0].run)
@@ -54,7 +54,7 @@ def route_of(flights: Sequence[DrawnRun]) -> tuple[RoutePath, RouteTable] | None
 def log_route(
     stream: rr.RecordingStream, flights: Sequence[DrawnRun], path: RoutePath, table: RouteTable
 ) -> None:
-    """Log path, waypoints and corridors; on a map too, with fences, where the place is known."""
+    """Log path, waypoints and corridors; also on a map, with fences, if the place is known."""
     line = path.beside(path.points(APART)) * TO_NED
     waypoints = np.array([[p.north, p.east, -p.up] for p in table.waypoints()])
     corridors = {
@@ -64,7 +64,7 @@ def log_route(
     }
     log_still(stream, f"{ROUTE}/path", rr.LineStrips3D([line], colors=GREY, radii=on_screen(1.0)))
     names: dict[tuple[float, ...], str] = {}
-    for number, point in enumerate(map(tuple, waypoints), start=1):  # it may end at its start
+    for number, point in enumerate(map(tuple, waypoints), start=1):  # a route may end at its start
         names[point] = f"{names[point]}, {number}" if point in names else f"WP{number}"
     labels = {"labels": [*names.values()], "show_labels": True, "colors": GREY}
     points = rr.Points3D([*names], radii=on_screen(3.0), **labels)
@@ -135,28 +135,28 @@ def _corners(run: Run, path: RoutePath) -> FloatArray | None:
 
 # Made by ``docs/figures/aircraft_glb.py``; body axes, m.
 MODEL = Path(__file__).with_name("aircraft.glb")
-MODEL_SPAN = 2.9  # m, of the aircraft in ``aircraft.glb``
+MODEL_SPAN = 2.9  # m: wing span of the aircraft in ``aircraft.glb``
 
-FIELD_OF_VIEW = math.radians(52.0)  # vertical, that the flight should fill; the viewer's is 55 deg
+FIELD_OF_VIEW = math.radians(52.0)  # vertical field of view for the flight; the viewer's is 55 deg
 ASPECT = 0.85  # width over height of the view, or less
 VIEWED_FROM = math.radians(-120.0)  # azimuth of the camera, clockwise from the direction of flight
-ELEVATION = math.radians(22.0)  # of the camera
+ELEVATION = math.radians(22.0)  # elevation of the camera
 
 SHARE_OF_FLIGHT = 1.0 / 10.0  # width of a drawn aircraft over the size of the flight
 ROUND = (1.0, 2.0, 5.0)
 FINELY_ROUND = (1.0, 1.5, 2.0, 3.0, 5.0, 7.0)
-AXES = 2.0  # length of the arrows that name the axes, in spacings of the grid
+AXES = 2.0  # length of the axis arrows, in spacings of the grid
 GROUND_LINES = 12  # approximate number along the longer side of the ground grid
 
-Eye: TypeAlias = tuple[FloatArray, FloatArray]  # of a camera: where it is and where it looks, m
+Eye: TypeAlias = tuple[FloatArray, FloatArray]  # position and target of a camera, m
 
 PATH_POINTS = 4000  # maximum number of points of a path; longer flights are thinned
 INSTANTS = 500  # maximum number of instants at which arrows are drawn
-NUMBERS = 12  # places of the numbers of runs along their paths
+NUMBERS = 12  # positions of run numbers along their paths
 DASHES = 60  # number of dashes in the path of a law
-WIND_TIMES = 4.0  # scale of the wind arrow over that of the velocity arrow, as the page says
+WIND_TIMES = 4.0  # scale of the wind arrow relative to the velocity arrow, as the page says
 REACH = 0.9  # length of the velocity arrow at the start, in drawn widths of the aircraft
-STILL_AIR = 1e-3  # wind (m/s) up to which there is no arrow
+STILL_AIR = 1e-3  # smaller winds (m/s) have no arrow
 SHADOW = 90  # opacity of a shadow, of 255
 
 
@@ -180,7 +180,7 @@ def attitudes(signals: pd.DataFrame) -> FloatArray:
 
 
 def span_of(run: Run) -> float:
-    """Wing span of the run's aircraft, else of the first of its scenario, else `MODEL_SPAN`, m."""
+    """Wing span, m, of the run's aircraft, else of its scenario's first, else `MODEL_SPAN`."""
     tables = run.provenance.scenario.get("plant") or []
     names = [run.provenance.aircraft, *(table.get("aircraft") for table in tables)]
     return next((_span(name) for name in names if name), MODEL_SPAN)
@@ -190,12 +190,12 @@ def span_of(run: Run) -> float:
 def _span(aircraft: str) -> float:
     try:
         return wing_span(load_aircraft(aircraft)) or MODEL_SPAN
-    except FlightTuneError:  # the aircraft of an old recording may be gone
+    except FlightTuneError:  # the aircraft of an old recording may be missing
         return MODEL_SPAN
 
 
 def drawn_scale(flights: Sequence[DrawnRun]) -> float:
-    """Factor by which all aircraft are drawn larger than they are."""
+    """Enlargement of all drawn aircraft."""
     return enlargement(all_positions(flights), max(span_of(flight.run) for flight in flights))
 
 
@@ -206,7 +206,7 @@ def enlargement(points: FloatArray, span: float) -> float:
 
 
 def ground_grid(points: FloatArray) -> tuple[list[FloatArray], float]:
-    """Lines (2, 3) of a level grid below the flight and as wide as it, and their spacing, m."""
+    """Lines (2, 3) of a level grid below the flight, as wide as the flight, and its spacing, m."""
     longest = float(np.ptp(points[:, :2], axis=0).max())
     spacing = round_below(max(longest, 1.0) * 2.0 / GROUND_LINES)
     low = np.floor(points[:, :2].min(axis=0) / spacing) * spacing
@@ -239,7 +239,7 @@ def overview(flights: Sequence[DrawnRun]) -> Eye:
 def overview_eye(points: FloatArray, *, margin: float) -> Eye:
     """Camera that sees all `points` and `margin` (m) around them, from the left and above."""
     low, high = points.min(axis=0), points.max(axis=0)
-    # The direction of flight is that diagonal of the box around it which it takes.
+    # The direction of flight is a diagonal of its bounding box.
     moved = (low + high) / 2.0 - points[0]
     north, east = (high - low)[:2] * np.where(moved[:2] < 0.0, -1.0, 1.0)
     azimuth = math.atan2(east, north) + VIEWED_FROM
@@ -247,7 +247,7 @@ def overview_eye(points: FloatArray, *, margin: float) -> Eye:
     back = np.array([level * math.cos(azimuth), level * math.sin(azimuth), -math.sin(ELEVATION)])
     right = np.array([-math.sin(azimuth), math.cos(azimuth), 0.0])
     up = np.cross(right, back)
-    # A point is in the picture if its distance from the axis is at most that of the edge there.
+    # A point is in the picture if it is no further from the axis than the edge there.
     centre = (low + high) / 2.0
     depth, across = (points - centre) @ back, (points - centre) @ np.column_stack([right, up])
     slopes = math.tan(FIELD_OF_VIEW / 2.0) * np.array([ASPECT, 1.0])
@@ -261,7 +261,7 @@ def chase_eye(width: float) -> Eye:
 
 
 def somewhere(drawn_run: DrawnRun) -> DrawnRun:
-    """The run where its pose is finite: in a plot a NaN is a gap, but it breaks a camera."""
+    """The run at finite poses only: NaN is a gap in a plot but breaks a camera."""
     signals = drawn_run.run.signals
     pose = [positions(signals), signals[["chi", "gamma", "phi"]].to_numpy(dtype=float)]
     signals = signals.loc[np.isfinite(np.hstack(pose)).all(axis=1)]
@@ -271,7 +271,7 @@ def somewhere(drawn_run: DrawnRun) -> DrawnRun:
 def log_scene(stream: rr.RecordingStream, flights: Sequence[DrawnRun]) -> None:
     """Log world axes (x north, y east, z down), paths and moving aircraft of all runs."""
     factor, (lines, spacing) = drawn_scale(flights), ground_grid(all_positions(flights))
-    # x forward, y right, z down: north, east, down. Rerun's RIGHT_HAND_Z_DOWN is another frame.
+    # x forward, y right, z down: north, east, down. Rerun's RIGHT_HAND_Z_DOWN is a different frame.
     log_still(stream, entities.WORLD, rr.ViewCoordinates.FRD)
     grid = rr.LineStrips3D(lines, radii=on_screen(0.5), colors=[(88, 88, 88)])
     log_still(stream, entities.GROUND, grid)
@@ -292,12 +292,12 @@ def log_scene(stream: rr.RecordingStream, flights: Sequence[DrawnRun]) -> None:
 def _log_path(stream: rr.RecordingStream, flight: DrawnRun, *, floor: float) -> None:
     path, colour = positions(flight.run.signals), flight.style.rgb
     path = path[evenly(len(path), most=PATH_POINTS)]
-    # A law is dashed, so that both show where its path lies on that of an aircraft.
+    # The path of a law is dashed, so that it does not hide an aircraft's path.
     pieces = [path] if _is_aircraft(flight) else dashes(path)
     width = on_screen(flight.style.width if _is_aircraft(flight) else 1.0)
     entity = f"{entities.PATHS}/{flight.key}"
     log_still(stream, entity, rr.LineStrips3D(pieces, radii=width, colors=[colour]))
-    # Paths often end together: each number stands a little before the one of the run above.
+    # Paths often end together, so each number stands a little before the next run's number.
     place = len(path) - 1 - (flight.number - 1) * len(path) // NUMBERS % len(path)
     number = rr.Points3D(
         path[place : place + 1],
@@ -329,7 +329,7 @@ def _log_aircraft(stream: rr.RecordingStream, flight: DrawnRun, width: float) ->
     turned = rr.Transform3D.columns(quaternion=attitudes(signals))
     stream.send_columns(f"{frame}/{entities.BODY}", time, turned)
     if _is_aircraft(flight):
-        # The scale is set on the instance, because the transform of the entity holds the attitude.
+        # The scale is set on the instance, because the entity's transform has the attitude.
         size = rr.InstancePoses3D(scales=[[width / MODEL_SPAN] * 3])
         shape = rr.Asset3D(path=MODEL, albedo_factor=colour), size
     else:
@@ -338,7 +338,7 @@ def _log_aircraft(stream: rr.RecordingStream, flight: DrawnRun, width: float) ->
 
 
 def _is_aircraft(drawn_run: DrawnRun) -> bool:
-    """Whether a run is of an aircraft; a law is drawn as an outline and dashes."""
+    """Whether a run flew an aircraft; a law is drawn as an outline and dashes."""
     made_by = drawn_run.run.provenance
     return made_by.aircraft is not None or made_by.log is not None
 
@@ -362,17 +362,17 @@ def dashes(path: FloatArray) -> list[FloatArray]:
 
 def _arrows(run: Run, signals: pd.DataFrame, width: float) -> dict[str, FloatArray]:
     """Arrows of velocity and wind at samples of a run, in axes that turn with its course, m."""
-    airspeed = "V_a" if "V_a" in signals else "V_g"  # the log of a flight may have no airspeed
+    airspeed = "V_a" if "V_a" in signals else "V_g"  # a log may lack airspeed
     V = float(run.signals[airspeed].iloc[0])
     scale = REACH * width / V if math.isfinite(V) and V > 0.0 else 0.0  # m per m/s
     chi, gamma = (signals[name].to_numpy(dtype=float) for name in ("chi", "gamma"))
-    # With columns over ground beside them, `chi` and `gamma` are through the air: so is the speed.
+    # If columns over ground exist, `chi` and `gamma`, and so the speed, are through the air.
     over_ground = "V_g" in signals and OVER_GROUND[0] not in signals
     speed = signals["V_g" if over_ground else airspeed].to_numpy(dtype=float)
     ahead = np.column_stack([np.cos(gamma), np.zeros_like(gamma), -np.sin(gamma)])
     arrows = {"velocity": ahead * (scale * speed)[:, None]}
     if set(WIND) <= set(signals) and np.abs(signals[list(WIND)].to_numpy()).max() > STILL_AIR:
         north, east, down = (signals[name].to_numpy(dtype=float) for name in WIND)
-        level = (north + 1j * east) * np.exp(-1j * chi)  # turned back by the course
+        level = (north + 1j * east) * np.exp(-1j * chi)  # rotated back by the course
         arrows["wind"] = np.column_stack([level.real, level.imag, down]) * (WIND_TIMES * scale)
     return arrows

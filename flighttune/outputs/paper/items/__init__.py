@@ -1,1 +1,1 @@
-"""The items that can be made again: figures and tables of the paper by the labels of its source."""
+"""The reproducible figures and tables of the paper, by the labels of its source."""

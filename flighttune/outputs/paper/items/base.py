@@ -1,4 +1,4 @@
-"""Items of the paper: what is said of them, what they come to, and the parts of their figures."""
+"""Items of the paper: their texts, results, and parts of their figures."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -28,29 +28,29 @@ class Made:
     """An item as computed."""
 
     figures: Mapping[str, Sheet]  # by file name; the first bears the item's name
-    # Content of the figures, by file name; the first bears the item's name. Columns carry units
+    # Tables of the figures, by file name; the first has the item's name. Columns have units
     tables: Mapping[str, pd.DataFrame]
     values: Mapping[str, Any]  # the numbers of the item, plain: ``--json`` prints them
-    # Further numbers, which only its sentences name
+    # Additional numbers for its sentences
     numbers: Mapping[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Item:
-    """A table or figure of the paper that can be made again."""
+    """A reproducible table or figure of the paper."""
 
-    name: str  # as on the command line: the label in the paper's source
+    name: str  # name on the command line: the label in the paper's source
     title: str
-    printed: str  # where it stands in the paper
-    make: Callable[[Study], Made]  # from a study to the item as computed
-    parameters: list[str]  # the printed parameters used, a line each
-    # What the paper does not print: what is missing, what was taken instead, and why
+    printed: str  # its place in the paper
+    make: Callable[[Study], Made]  # computes the item from a study
+    parameters: list[str]  # the used printed parameters, one line each
+    # Values that the paper does not print: assumption and reason
     assumed: list[dict[str, str]]
-    outcome: list[str]  # the results, a sentence each, with braces where `Made` has the numbers
+    outcome: list[str]  # the results, one sentence each, with braces for the numbers of `Made`
     captions: Mapping[str, str]  # captions of the figures by file name, with braces as well
 
     def filled_in(self, text: str, output: Made) -> str:
-        """A caption or a sentence of the outcome with the numbers as computed."""
+        """A caption or sentence with the computed numbers."""
         return text.format(printed=printed, values=output.values, **output.numbers)
 
     def text(self, output: Made) -> str:
@@ -67,7 +67,7 @@ class Item:
 
 
 def sheet(charts: Sequence[Chart], *, legend: Sequence[LegendEntry] = ()) -> Sheet:
-    """Charts as one figure, lettered like the panels of the paper where there are several."""
+    """Charts as one figure; several panels have letters as in the paper."""
     if len(charts) > 1:
         for letter, chart in zip("abcdefgh", charts, strict=False):
             chart.title = f"({letter}) {chart.title}"

@@ -30,7 +30,7 @@ PROFILES = ("chi", "gamma", "chi_dot", "gamma_dot")
 
 MEASURES = ["ITAE", "MO_rad", "PT_s", "MS_rad", "ST_rad", "mean", "std"]
 
-# Readings of the limits that are drawn; without any limit the loop diverges off the page.
+# Drawn readings of the limits; without any limit the loop diverges.
 READING_LOOKS = {
     "ranges only": (INK, ""),
     "ranges and rate limits": (GAMMA, ""),
@@ -50,14 +50,14 @@ LOOKS = {
     for channel in CHANNEL_LABELS
 }
 
-# Of the disturbances the hue tells the amplitude L_d, the dashes the frequency omega_d.
+# For disturbances the hue tells the amplitude L_d, and the dashes the frequency omega_d.
 AMPLITUDE_COLOURS = {0.1: CHI, 0.2: GREEN, 0.3: base.MAGENTA}
 OMEGA_DASHES = {0.1: "", 0.15: DASHED, 0.2: DOTTED}
 
 FIG_7 = {"ITAE": "ITAE [rad s², rad s]", "MO_rad": "MO [rad, rad/s]", "PT_s": "PT [s]"}
 FIG_13 = {"MS_rad": "MS [rad]", "ST_rad": "ST [rad]"}
 
-# Panels: the measure, its channels where they differ, the title, and the label of the axis.
+# Panels: the measure, its channels if they differ, the title, and the label of the axis.
 FIG_9 = (
     ("mean", PROFILES[:2], "mean of e", "mean [rad]"),
     ("std", PROFILES[:2], "deviation of e", "deviation [rad]"),
@@ -108,7 +108,7 @@ def _over_time(
     x_range: tuple[float, float] = (0.0, DURATION),
     y_range: tuple[float, float] | None = None,
 ) -> list[Chart]:
-    """Each channel of all flights over time, in the look of its name."""
+    """Each channel of all flights over time, in the style of its name."""
     charts = []
     for channel in channels:
         name, symbol, unit = CHANNEL_LABELS[channel]
@@ -121,7 +121,7 @@ def _over_time(
 
 
 def fig5(study: Study) -> Made:
-    """Draw errors and rates with K*, and the peaks against what the text says of them."""
+    """Draw errors and rates with K*, and the peaks against the values in the text."""
     flight, looks = study.flights[STAR], {STAR: (INK, "")}
     profiles, peaks = (_over_time({STAR: flight}, looks, x) for x in (PROFILES, ("chi", "gamma")))
     for chart, (channel, overshoot) in zip(peaks, printed.LARGEST_OVERSHOOT.items(), strict=True):
@@ -137,7 +137,7 @@ def fig5(study: Study) -> Made:
 
 
 def fig12(study: Study) -> Made:
-    """Draw the commands with K*, and what the printed rate limits do to the manoeuvre."""
+    """Draw the commands with K*, and the effect of the printed rate limits."""
     flight, readings = study.flights[STAR], {name: study.readings[name] for name in READING_LOOKS}
     looks = {"after limits": (INK, ""), "before limits": (NEUTRAL, "")}
     commands = {"before limits": flight.unlimited, "after limits": flight.u}
@@ -189,7 +189,7 @@ def _named(looks: Mapping[str, Look]) -> list[LegendEntry]:
 def _command_charts(
     t: FloatArray, commands: Mapping[str, FloatArray], looks: Mapping[str, Look]
 ) -> list[Chart]:
-    """Roll and load factor of each of some commands, shape (k, 2), with their printed ranges."""
+    """Roll and load factor of commands, shape (k, 2), with their printed ranges."""
     limits, charts = printed_limits(), []
     for i, (name, label) in enumerate((("roll", "φ [rad]"), ("load factor", "n_z [1]"))):
         chart = Chart(title=f"commanded {name}", y=label, x_range=(0.0, DURATION))
@@ -244,7 +244,7 @@ def fig11(study: Study) -> Made:
 def _over(
     study: Study, indicator: str, measure: str, channels: Sequence[str], *, title: str, y: str
 ) -> Chart:
-    """A measure of some channels over an indicator, gain sets in its order."""
+    """A measure of some channels over an indicator, which orders the gain sets."""
     values, label = study.indicator(indicator).sort_values(), base.INDICATOR_LABELS[indicator]
     chart = Chart(title=f"{title} against {indicator}", x=label, y=y, x_room=0.05)
     for channel in channels:
@@ -318,7 +318,7 @@ def fig9(study: Study) -> Made:
 
 
 def fig10(study: Study) -> Made:
-    """Draw ITAE, MS and ST of K*: hue for the amplitude, dashes for the channel."""
+    """Draw ITAE, MS and ST of K*, with hue for the amplitude and dashes for the channel."""
     charts, legend = [], []
     for measure, channels, title, label in FIG_10:
         chart = Chart(title=f"{title} with K*", x="ω_d [rad/s]", y=label, x_room=0.05)

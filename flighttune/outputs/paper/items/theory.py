@@ -51,7 +51,7 @@ def fig3(study: Study) -> base.Made:
 
 
 def _strips(model: Duffing) -> pd.DataFrame:
-    """Rate and bound of Theorem 1 when it is to hold in ``|x1| <= c``."""
+    """Rate and bound of Theorem 1 for the region ``|x1| <= c``."""
     widths = np.linspace(0.0, 1.0, 200) * WIDEST_STRIP * model.region
     bounds = [model.bound(printed.DUFFING_L_D, half_width=c) for c in widths.tolist()]
     R_f, I_f = zip(*bounds, strict=True)
